@@ -97,7 +97,7 @@ class CameraTiming:
         return (
             f"MuJoCo {self.mujoco.version}, the same triangles, cameras and number of processes: "
             f"{self.mujoco.wall_ratio:.2f} times our time, {self.mujoco.cpu_ratio:.2f} times our CPU time; "
-            "flat colours, depth and segmentation in three passes; no sky, textures, occlusion, anti-aliasing or flow"
+            "flat colors, depth and segmentation in three passes; no sky, textures, occlusion, anti-aliasing or flow"
         )
 
 

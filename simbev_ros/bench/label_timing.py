@@ -94,7 +94,7 @@ class LabelTiming:
     def comparison(self) -> str:
         """A sentence on the comparison with the plain grid."""
         return (
-            f"The same triangles asked in shapely for the cell centres in them: {self.ratio:.0f} times our time; "
+            f"The same triangles asked in shapely for the cell centers in them: {self.ratio:.0f} times our time; "
             f"{100 * self.agreement:.3f} % of the cells have the same labels"
         )
 

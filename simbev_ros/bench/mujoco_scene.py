@@ -1,6 +1,6 @@
 """The same triangles in MuJoCo's off-screen renderer, for comparison; MuJoCo is an optional package.
 
-What it draws is less: one colour per mesh and no sky, textures, lamps, wetness or optical flow. It draws colour, depth
+What it draws is less: one color per mesh and no sky, textures, lamps, wetness or optical flow. It draws color, depth
 and segmentation in three passes; the segmentation tells tags and actors apart, as ours does.
 """
 

@@ -17,6 +17,7 @@ from simbev_ros.cli.output_file import require_place, writing
 from simbev_ros.errors import BagError
 from simbev_ros.recording.layout import PARTIAL_SUFFIX, additional_bags, is_dataset, is_scene, scenes_of
 from simbev_ros.scene.ending import DURATION
+from simbev_ros.units import NS_PER_S
 
 _STATE_STYLES = {"finished": "green", "unfinished": "yellow", "cut off": "red", "damaged": "red"}
 _MAX_PROBLEMS = 5
@@ -111,7 +112,7 @@ def _fact_table(facts: dict[str, Any]) -> Table:
         table.add_row("", f"[red]{escape(problem)}[/]")
     if len(facts["problems"]) > _MAX_PROBLEMS:
         table.add_row("", f"[red]and {len(facts['problems']) - _MAX_PROBLEMS} topics more[/]")
-    table.add_row("length", f"{facts['duration_s']:.2f} s from stamp {facts['start_ns'] / 1e9:.2f} s")
+    table.add_row("length", f"{facts['duration_s']:.2f} s from stamp {facts['start_ns'] / NS_PER_S:.2f} s")
     table.add_row("size", f"{format_size(facts['file_bytes'])}, {facts['messages']} messages")
     if scene := facts["scene"]:
         table.add_row("map", f"{scene['map']}, split {scene['split']}, seed {scene['seed']}")

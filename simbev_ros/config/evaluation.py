@@ -51,8 +51,8 @@ class Evaluation(Model):
     range_m: float | None = Field(
         None, gt=0, description="maximum distance of evaluated boxes and cells; none: no limit"
     )
-    least_points: int = Field(0, ge=0, description="minimum number of lidar and radar points in an evaluated box")
-    least_visibility: float = Field(0.0, ge=0, le=1, description="minimum visibility of an evaluated box")
+    min_points: int = Field(0, ge=0, description="minimum number of lidar and radar points in an evaluated box")
+    min_visibility: float = Field(0.0, ge=0, le=1, description="minimum visibility of an evaluated box")
     classes: tuple[str, ...] | None = Field(
         None, min_length=1, description="classes of boxes and cells that are evaluated; none: all"
     )

@@ -1,13 +1,12 @@
 """Rotating lidars of a rig: ray directions, ranges, noise, losses and weather effects."""
 
 from functools import lru_cache
-from importlib.resources import files
 from typing import Annotated, Any, Literal, Self
 
-import yaml
 from pydantic import Field, model_validator
 
 from simbev_ros.config.sensor import Sensor
+from simbev_ros.tables import load_table
 
 _Elevation = Annotated[float, Field(ge=-90, le=90)]
 _AzimuthOffset = Annotated[float, Field(ge=-180, le=180)]
@@ -148,8 +147,7 @@ class Lidar(Sensor):
 @lru_cache(maxsize=1)
 def load_lidar_presets() -> dict[str, dict[str, Any]]:
     """Load lidar_presets.yaml: properties by model name."""
-    text = files("simbev_ros.config").joinpath("lidar_presets.yaml").read_text(encoding="utf-8")
-    return yaml.safe_load(text)
+    return load_table("simbev_ros.config", "lidar_presets.yaml")
 
 
 def _is_elevation(given: Any) -> bool:

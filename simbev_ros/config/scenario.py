@@ -14,6 +14,7 @@ from simbev_ros.config.lights import Lights
 from simbev_ros.config.positioning import Imu
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.rig import Rig
+from simbev_ros.units import NS_PER_S
 
 Split = Literal["train", "val", "test"]
 SPLITS: tuple[Split, ...] = ("train", "val", "test")
@@ -59,7 +60,7 @@ class Timing(Model):
     @property
     def tick_ns(self) -> int:
         """Length of a tick, ns."""
-        return round(self.tick_s * 1e9)
+        return round(self.tick_s * NS_PER_S)
 
 
 def _is_whole(ratio: float) -> bool:
@@ -208,7 +209,7 @@ class Recording(Model):
         None, ge=1, description="file size at which the bag continues in a new file; none: a single file"
     )
     sync_mib: int = Field(32, ge=1, le=4096, description="amount of messages that is synced to disk together")
-    least_free_mib: int = Field(512, ge=0, description="free disk space below which recording ends")
+    min_free_mib: int = Field(512, ge=0, description="free disk space below which recording ends")
 
 
 class GraphConfig(Model):

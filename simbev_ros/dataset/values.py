@@ -24,6 +24,7 @@ from simbev_ros.errors import BagError
 from simbev_ros.geometry.transforms import matrices_from_xyz_quaternion
 from simbev_ros.recording.arrays import image_array, point_array
 from simbev_ros.types import AnyArray, Float64Array, Table
+from simbev_ros.units import NS_PER_S
 
 _TYPES = get_typestore(Stores.ROS2_JAZZY)
 
@@ -133,7 +134,7 @@ def _text(message: Any) -> Any:
 
 
 def _nanoseconds(stamp: Any) -> int:
-    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+    return int(stamp.sec) * NS_PER_S + int(stamp.nanosec)
 
 
 def _numbers(vector: Any, names: str) -> tuple[float, ...]:

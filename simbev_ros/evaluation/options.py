@@ -46,8 +46,8 @@ def options_of(section: Evaluation) -> EvaluationOptions:
     """Options that the ``evaluation`` section of a configuration asks for."""
     boxes = BoxFilter(
         range_m=(0.0, math.inf if section.range_m is None else section.range_m),
-        visibility=(section.least_visibility, math.inf),
-        points=(section.least_points, math.inf),
+        visibility=(section.min_visibility, math.inf),
+        points=(section.min_points, math.inf),
     )
     chosen = (*BOX_CLASSES, *BEV_CLASSES) if section.classes is None else section.classes
     return EvaluationOptions(

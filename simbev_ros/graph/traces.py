@@ -9,6 +9,7 @@ from pathlib import Path
 import psutil
 
 from simbev_ros.graph.shared_memory import held_files, remove_orphans
+from simbev_ros.recording.whole_files import write_whole
 
 _PREFIX = "simbev_ros-"
 _FILE = "traces.json"
@@ -45,11 +46,9 @@ class Traces:
         sweep()
 
     def _write(self) -> None:
-        written = self.folder / f"{_FILE}.part"
         process = psutil.Process()
         record = {"pid": process.pid, "started_s": process.create_time(), "files": sorted(map(str, self._files))}
-        written.write_text(json.dumps(record))
-        written.rename(self.folder / _FILE)
+        write_whole(self.folder / _FILE, json.dumps(record).encode())
 
 
 def sweep() -> None:

@@ -1,1 +1,1 @@
-"""What must be on a machine besides Python's packages, and what of it is missing."""
+"""The system's libraries that the Python packages need, and those of them that a machine lacks."""

@@ -8,14 +8,12 @@ import ctypes
 import os
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
-from importlib import resources
 from pathlib import Path
 from typing import NamedTuple
 
-import yaml
-
 from simbev_ros.installation.distributions import DistributionGraph
 from simbev_ros.installation.linkage import read_linkage
+from simbev_ros.tables import load_table
 
 _ROOT, _EXTRAS = "simbev_ros", ("wheels",)
 _PROGRAMS = ("sumo/bin/netconvert",)
@@ -40,8 +38,7 @@ class SystemLibrary(NamedTuple):
 
 def load_packages() -> dict[str, dict[str, str]]:
     """Load the table of packages: ``linked`` and ``opened``, each library → Debian package."""
-    text = resources.files(__package__).joinpath("system_libraries.yaml").read_text(encoding="utf-8")
-    return yaml.safe_load(text)
+    return load_table("simbev_ros.installation", "system_libraries.yaml")
 
 
 def find_missing_libraries() -> list[SystemLibrary]:

@@ -25,10 +25,10 @@ from simbev_ros.evaluation.predictions.prediction_messages import (
 from simbev_ros.evaluation.predictions.score_grid import ScoreGrid
 from simbev_ros.msgs.message_types import message_class
 from simbev_ros.semantics import BEV_CLASSES
+from simbev_ros.units import NS_PER_S
 
 Answer = PredictedBoxes | ScoreGrid
 _DEPTH = 64
-_NS_PER_S = 1e9
 
 TickOf = Callable[[int, str], int | None]
 """Maps a stamp, ns, and a topic (for error messages) to a tick; None if the stamp belongs to no known tick."""
@@ -124,4 +124,4 @@ class AnswerTopics:
 
 def received_s(info: Any) -> float:
     """Time at which the middleware received a message, s since 1970."""
-    return float(info["received_timestamp"]) / _NS_PER_S
+    return float(info["received_timestamp"]) / NS_PER_S

@@ -36,6 +36,7 @@ from simbev_ros.msgs.world import map_from_ego
 from simbev_ros.nodes.answer_topics import Answer, AnswerTopics, received_s
 from simbev_ros.nodes.graph_node import GraphNode
 from simbev_ros.recording.bag_files import disk_errors
+from simbev_ros.recording.whole_files import write_whole
 from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import Table
@@ -249,9 +250,5 @@ def _boxes(message: PointCloud2) -> Table:
 
 
 def _write(path: Path, figures: dict[str, Any]) -> None:
-    """Write a file completely or not at all."""
-    part = path.with_name(f"{path.name}.part")
     with disk_errors(path.parent):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        part.write_text(json.dumps(figures, indent=1), encoding="utf-8")
-        part.replace(path)
+        write_whole(path, json.dumps(figures, indent=1).encode())

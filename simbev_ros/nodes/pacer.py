@@ -2,6 +2,8 @@
 
 import time
 
+from simbev_ros.units import NS_PER_S
+
 
 class Pacer:
     """Paces the ticks of the world node.
@@ -38,5 +40,5 @@ class Pacer:
         if now_s < self._next_s:
             return False
         # After a stall the pace continues from now, without rushing to catch up.
-        self._next_s = now_s + tick_ns / 1e9 if now_s - self._next_s > 0.5 else self._next_s + tick_ns / 1e9
+        self._next_s = now_s + tick_ns / NS_PER_S if now_s - self._next_s > 0.5 else self._next_s + tick_ns / NS_PER_S
         return True

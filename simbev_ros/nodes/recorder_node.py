@@ -236,7 +236,7 @@ def bag_writer(path: Path, recording: Recording) -> SceneBagWriter:
         zstd_level=recording.zstd_level,
         split_bytes=None if recording.split_mib is None else recording.split_mib << 20,
         sync_bytes=recording.sync_mib << 20,
-        min_free_bytes=recording.least_free_mib << 20,
+        min_free_bytes=recording.min_free_mib << 20,
     )
 
 

@@ -19,7 +19,7 @@ Numbers = Sequence[int | range]
 
 @dataclass(frozen=True, slots=True)
 class DatasetResult:
-    """What ``make_dataset`` did.
+    """The result of ``make_dataset``: which scenes were made, skipped, failed or found damaged.
 
     Attributes:
         path: The dataset's folder.

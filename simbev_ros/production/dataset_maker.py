@@ -150,4 +150,4 @@ class DatasetMaker:
             DiskError: Less is free than the largest scene so far takes plus what must stay free.
         """
         largest = max((row["bytes"] for row in self._rows.values()), default=0)
-        check_space(self._dataset, self._scenario.recording.least_free_mib << 20, largest)
+        check_space(self._dataset, self._scenario.recording.min_free_mib << 20, largest)

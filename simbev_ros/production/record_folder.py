@@ -48,7 +48,7 @@ def hold_record_folder(
             shutil.rmtree(partial)
             observer.leftover_removed(spec)
         _make_writable(dataset)
-        check_space(dataset, scenario.recording.least_free_mib << 20)
+        check_space(dataset, scenario.recording.min_free_mib << 20)
         yield
 
 

@@ -157,5 +157,5 @@ def check_space(folder: Path, min_free_bytes: int, scene_bytes: int = 0) -> None
         needed = f"a scene takes up to {decimal(scene_bytes)}, and " if scene_bytes else ""
         raise DiskError(
             f"{folder}: the disk is nearly full: {decimal(free_bytes)} are free, {needed or 'and '}"
-            f"{decimal(min_free_bytes)} must stay free (recording.least_free_mib)"
+            f"{decimal(min_free_bytes)} must stay free (recording.min_free_mib)"
         )

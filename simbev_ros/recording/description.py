@@ -15,6 +15,7 @@ from simbev_ros.recording.digest import scene_digest, topic_digests
 from simbev_ros.recording.layout import bytes_of
 from simbev_ros.recording.reader import SceneBag, Topic
 from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.units import NS_PER_S
 
 _ABBREVIATIONS = {"gnss": "GNSS", "imu": "IMU"}
 """Spelling in prose of the sensor kinds whose names are abbreviations."""
@@ -51,7 +52,7 @@ def describe_bag(path: Path, *, digest: bool, progress: Callable[[int, int], Non
             "file_bytes": bytes_of(path),
             "messages": sum(len(topic.stamps_ns) for topic in bag.topics.values()),
             "start_ns": start_ns,
-            "duration_s": (end_ns - start_ns) / 1e9,
+            "duration_s": (end_ns - start_ns) / NS_PER_S,
             "scene": _scene(bag.spec) if bag.spec else None,
             "attachments": {name: len(data) for name, data in bag.attachments.items()},
             "topics": [_topic(topic, bag, digests) for topic in bag.topics.values()],
@@ -75,7 +76,7 @@ def _digests(bag: SceneBag, progress: Callable[[int, int], None]) -> dict[str, s
 
 def _topic(topic: Topic, bag: SceneBag, digests: Mapping[str, str]) -> dict[str, Any]:
     count = len(topic.stamps_ns)
-    span_s = float(np.ptp(topic.stamps_ns)) / 1e9 if count else 0.0
+    span_s = float(np.ptp(topic.stamps_ns)) / NS_PER_S if count else 0.0
     facts: dict[str, Any] = {
         "name": topic.name,
         "type": topic.type_name,
@@ -93,7 +94,7 @@ def _scene(spec: SceneSpec) -> dict[str, Any]:
         "split": spec.split,
         "seed": spec.seed,
         "ticks": spec.ticks,
-        "tick_s": spec.tick_ns / 1e9,
+        "tick_s": spec.tick_ns / NS_PER_S,
         "vehicles": len(spec.vehicles),
         "pedestrians": len(spec.pedestrians),
         "weather": spec.weather.model_dump(),

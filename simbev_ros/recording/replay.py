@@ -31,6 +31,7 @@ from simbev_ros.scene.ending import DURATION
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, Event, Light, WorldState
 from simbev_ros.types import Table
+from simbev_ros.units import NS_PER_S
 from simbev_ros.world.lights import needs_low_beam
 
 _TABLES = {"/world/actors": ACTOR_DTYPE, "/world/signals": SIGNAL_DTYPE}
@@ -209,7 +210,9 @@ def replayed_spec(bag: SceneBag, scenario: Scenario, network: RoadNetwork) -> Sc
     """
     spec = recorded_spec(bag)
     if spec.tick_ns != scenario.time.tick_ns:
-        raise InputError(f"time.tick_s: {scenario.time.tick_s:g}, but {bag.path} has ticks of {spec.tick_ns / 1e9:g} s")
+        raise InputError(
+            f"time.tick_s: {scenario.time.tick_s:g}, but {bag.path} has ticks of {spec.tick_ns / NS_PER_S:g} s"
+        )
     recorded_map = bag.attachments.get(MAP_ATTACHMENT)
     if recorded_map is not None and recorded_map != network.opendrive.encode():
         raise BagError(f"{bag.path}: was recorded on other roads than map {spec.map.name} has now")

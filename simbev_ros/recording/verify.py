@@ -23,6 +23,7 @@ from simbev_ros.recording.layout import (
 )
 from simbev_ros.recording.mcap.mcap_check import McapContent, check_mcap
 from simbev_ros.recording.reader import SceneBag
+from simbev_ros.units import NS_PER_S
 
 _TYPES = get_typestore(Stores.ROS2_JAZZY)
 
@@ -115,7 +116,7 @@ def embedded_stamp_ns(message: Any) -> int | None:
             return None if found is None else int(found)
         case _:
             return None
-    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+    return int(stamp.sec) * NS_PER_S + int(stamp.nanosec)
 
 
 def _accounting_faults(path: Path, last: Path) -> Iterator[tuple[str, str]]:

@@ -5,17 +5,16 @@ A ``StreetView`` enters; single pictures, and sheets with captions, leave. ``sim
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
-import yaml
 
 from simbev_ros.config.camera import MODALITIES
 from simbev_ros.errors import InputError
 from simbev_ros.scene.weather import Weather
+from simbev_ros.tables import load_table
 from simbev_ros.types import UInt8Array
 from simbev_ros.viz.canvas import BACKGROUND, BOLD, DIM, draw_label, draw_picture, draw_text
 from simbev_ros.viz.sheet.layout import Block, Column, Row, Tile, place_in_width
@@ -48,8 +47,7 @@ class Section(NamedTuple):
 @lru_cache(maxsize=1)
 def weathers() -> Mapping[str, Mapping[str, Any]]:
     """The gallery's weathers by name: title, bearing of the sun, and the fields of a ``Weather``."""
-    text = files("simbev_ros.viz").joinpath("gallery.yaml").read_text(encoding="utf-8")
-    return yaml.safe_load(text)
+    return load_table("simbev_ros.viz", "gallery.yaml")
 
 
 def fair_weather_picture(view: StreetView, name: str, size_px: tuple[int, int]) -> Picture:

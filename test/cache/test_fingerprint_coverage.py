@@ -47,7 +47,7 @@ PROGRAMS = {
     ("simbev_ros.assets.actors.catalogue",): MODEL,
     ("simbev_ros.maps.build", "simbev_ros.scene.streets.tight_turns"): MAP + TURNS,
 }
-"""What builds the content of each cache, by the root modules whose fingerprints are in its key."""
+"""The program that builds the content of each cache, by the root modules whose fingerprints are in its key."""
 WATCHED = """
 import builtins, json, sys
 from pathlib import Path

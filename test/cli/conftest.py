@@ -10,7 +10,7 @@ from simbev_ros.cli.main import main
 
 
 class Answer(NamedTuple):
-    """What a command leaves: its exit code and what it wrote."""
+    """The result of a command: its exit code and its output."""
 
     code: int
     out: str

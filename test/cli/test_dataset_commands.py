@@ -1,4 +1,4 @@
-"""What generate, its dry run and verify say of datasets that are not as they should be; no graph is started."""
+"""Messages of generate, its dry run and verify about incomplete or damaged datasets; no graph is started."""
 
 import json
 import signal

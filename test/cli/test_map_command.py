@@ -23,7 +23,7 @@ LAUGHS = '<!DOCTYPE a [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;">]>\n<osm>&b;</o
 
 @pytest.fixture(scope="module", autouse=True)
 def own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Of maps, surroundings and models; shaders need not be compiled once more."""
+    """A fresh cache of maps, surroundings and models, in which shaders need not be compiled again."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("MESA_SHADER_CACHE_DIR", str(default_cache_dir().parent))
         patch.setenv("XDG_CACHE_HOME", str(tmp_path_factory.mktemp("cache")))

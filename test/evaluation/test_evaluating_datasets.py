@@ -218,7 +218,7 @@ def test_nuscenes_metrics_need_the_legend(dataset: Path, tmp_path: Path) -> None
 
 
 def test_options_follow_the_configuration() -> None:
-    section = {"range_m": 50, "least_points": 5, "least_visibility": 0.2, "classes": ["car", "road"], "by": ["weather"]}
+    section = {"range_m": 50, "min_points": 5, "min_visibility": 0.2, "classes": ["car", "road"], "by": ["weather"]}
     options = options_of(EvaluationSection.model_validate(section))
     assert (options.box_classes, options.bev_classes) == (("car",), ("road", "car"))
     base = options.slices[0].boxes

@@ -80,11 +80,6 @@ class Command:
                 found["+".join(names)] = pid
         return found
 
-    def cpu_s(self, label: str) -> float:
-        """Processor time of a node process, s; more than start-up takes means that the scene is running."""
-        fields = Path(f"/proc/{self.nodes()[label]}/stat").read_text().rpartition(")")[2].split()
-        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
     def wait_for(self, condition: Callable[[], bool], timeout_s: float = 60) -> None:
         """Wait until a condition holds; fail if the command ends earlier."""
         end_s = time.monotonic() + timeout_s

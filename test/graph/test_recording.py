@@ -28,7 +28,7 @@ recording:
   split_mib: 1
 """
 GREEDY = """
-recording: {chunk_kib: 256, sync_mib: 1, least_free_mib: 1}
+recording: {chunk_kib: 256, sync_mib: 1, min_free_mib: 1}
 """
 
 
@@ -72,7 +72,7 @@ def test_a_full_disk_ends_the_recording_with_one_message(
     with SceneBag(small_disk / "a" / f"{SCENE}.partial") as bag:
         assert bag.custom_data["complete"] == "false" and len(list(bag.messages(["/world/actors"]))) > 3
     code, output = simbev("run", config, "--record", small_disk / "b").finish()
-    assert code == 1 and "error: " in output and "must stay free (recording.least_free_mib)" in output
+    assert code == 1 and "error: " in output and "must stay free (recording.min_free_mib)" in output
 
 
 def test_the_same_command_records_a_scene_anew_after_a_kill(

@@ -1,4 +1,4 @@
-"""What dpkg's own database knows: which installed packages others pull in, and which package a file belongs to."""
+"""Queries to dpkg's own database: the packages that others pull in, and the package that a file belongs to."""
 
 import re
 import subprocess

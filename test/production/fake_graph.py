@@ -25,7 +25,7 @@ class FakeGraph:
         self.log: list[str] = []
 
     def session(self, scenario: Scenario, *, dataset: Path) -> Any:
-        """What is called instead of ``GraphSession``."""
+        """Called instead of ``GraphSession``."""
         assert scenario.evaluation is None
         return FakeSession(self, dataset)
 

@@ -29,7 +29,7 @@ def spec(tmp_path: Path) -> SceneSpec:
 
 
 def killed(dataset: Path, scenario: Scenario, spec: SceneSpec) -> Path:
-    """What a recorder leaves that was killed: a file that ends somewhere, with the scene and the configuration."""
+    """The remains of a recorder that was killed: a truncated file with the scene and the configuration."""
     writer = SceneBagWriter(scene_folder(dataset, spec.split, spec.name))
     writer.add_attachment("scene.json", "application/json", spec.model_dump_json().encode())
     writer.add_attachment("config.yaml", "application/yaml", scenario.as_yaml().encode())

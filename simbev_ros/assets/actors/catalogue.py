@@ -27,7 +27,7 @@ def load_models() -> tuple[ActorModel, ...]:
 
 
 def _coarser(index: int) -> tuple[CoarserMesh, ...]:
-    """Of one model; see ``ActorModel.build_coarser``."""
+    """Return the coarser meshes of one model; see ``ActorModel.build_coarser``."""
     return _all_coarser()[index]
 
 

@@ -63,7 +63,7 @@ def load_streetside(
     *,
     reach: Reach | None = None,
 ) -> Streetside:
-    """What stands beside the streets of the scene that ``load_static_scene`` gives; takes and raises the same."""
+    """Load only the objects beside a map's streets. Arguments and errors as for ``load_static_scene``."""
     cache = StaticCache(spec, network, cache_dir)
     regions = [cache.streetside(region) for region in regions_of(network.layout, reach)]
     return Streetside(
@@ -84,23 +84,23 @@ class StaticCache:
         self._folder = entry_path(root, spec.name, fingerprint(__name__), key)
 
     def missing(self, regions: Sequence[Region]) -> tuple[Region, ...]:
-        """Those that are not there yet."""
+        """The regions that the cache does not hold yet."""
         return tuple(region for region in regions if not self._path(region).is_file())
 
     def region(self, region: Region) -> RegionScene:
-        """A region, built if it is not there; raises as ``load_static_scene``."""
+        """Load a region, building it if it is not cached. Errors as for ``load_static_scene``."""
         return self._read_region(region, read_region)
 
     def streetside(self, region: Region) -> Streetside:
-        """A region's part of it; raises as ``load_static_scene``."""
+        """Load only the objects beside the streets of a region. Errors as for ``load_static_scene``."""
         return self._read_region(region, read_streetside)
 
     def _read_region(self, region: Region, read: Callable[[Path], _T]) -> _T:
-        """Of a region, built if it is not there."""
+        """Read a region's file, building it if it is not cached."""
         return read_cached(self._path(region), _KIND, read, partial(self._write_region, region=region))
 
     def far_land(self) -> FarLand:
-        """What lies beyond the regions; raises as ``load_static_scene``."""
+        """Load the land beyond the regions. Errors as for ``load_static_scene``."""
         return read_cached(self._folder / "far_land.npz", _KIND, _read_far_land, self._write_far_land)
 
     @cached_property

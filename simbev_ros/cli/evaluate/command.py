@@ -89,8 +89,8 @@ def evaluate(
     Every frame of the chosen scenes counts; one without a prediction is missed. Classes without ground truth are not
     part of any mean.
     Conditions: rain from a precipitation of 10 % on, else fog from a density of 20 %, else cloudy from 60 %; twilight
-    while the sun is within 6° of the horizon. Rows of a table are parts of the whole: what is predicted in vain counts
-    in each row that its distance and frame belong to, and in none farther away than boxes are labelled.
+    while the sun is within 6° of the horizon. Each row of a table covers a part of the data: a false positive counts
+    in every row that its distance and frame belong to, and in none beyond the range within which boxes are labeled.
 
     [bold]Examples[/]
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from simbev_ros.evaluation.metrics.boxes import Boxes
+from simbev_ros.geometry.ragged import ragged_indices
 from simbev_ros.semantics import BOX_CLASSES
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
@@ -72,9 +73,8 @@ def near_pairs(truth: Boxes, predictions: Boxes, max_distance_m: Float64Array) -
     group_m = predicted_group * (extent_m + 4.0)
     first = np.searchsorted(position_m[order], group_m + low_m)
     counts = np.where(known, np.searchsorted(position_m[order], group_m + high_m) - first, 0)
-    prediction = np.repeat(np.arange(len(predictions)), counts)
-    within = np.arange(len(prediction)) - np.repeat(np.cumsum(counts) - counts, counts)
-    return prediction, order[first[prediction] + within]
+    prediction, offset = ragged_indices(counts)
+    return prediction, order[first[prediction] + offset]
 
 
 def ranks(score: Float64Array) -> Int64Array:

@@ -18,6 +18,7 @@ from simbev_ros.evaluation.predictions.predicted_boxes import (
     Rows,
     predictions_from_columns,
 )
+from simbev_ros.geometry.ragged import ragged_indices
 from simbev_ros.types import AnyArray, Int64Array, UInt8Array
 
 FRAME_COLUMNS = ("tick", "stamp_ns")
@@ -68,8 +69,8 @@ class SceneRows:
         index = self._scene_index[scene]
         chosen = slice(self._first[index], self._first[index + 1])
         start, length = self._start[chosen], self._stop[chosen] - self._start[chosen]
-        before = np.cumsum(length) - length
-        return np.repeat(start - before, length) + np.arange(length.sum())
+        run, offset = ragged_indices(length)
+        return start[run] + offset
 
 
 def runs(values: AnyArray) -> tuple[Int64Array, Int64Array]:

@@ -41,6 +41,7 @@ from simbev_ros.evaluation.predictions.predicted_boxes import (
 from simbev_ros.recording.arrays import point_array
 from simbev_ros.semantics import BEV_CLASSES
 from simbev_ros.types import AnyArray, Float32Array, Float64Array, UInt8Array
+from simbev_ros.units import NS_PER_S
 
 _CUBE, _ADD = 1, 0
 _FULL_PERCENT = 100
@@ -62,7 +63,7 @@ def header_of(message: Any) -> Any | None:
 def stamp_ns_of(message: Any) -> int | None:
     """Stamp of the frame that a message answers, ns; None if it has none."""
     header = header_of(message)
-    return None if header is None else int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec)
+    return None if header is None else int(header.stamp.sec) * NS_PER_S + int(header.stamp.nanosec)
 
 
 def message_boxes(type_name: str, message: Any, tick: int, source: str) -> PredictedBoxes:

@@ -6,15 +6,14 @@ Rows of /ego/boxes enter; names and tokens leave. The assignment is in ``taxonom
 import hashlib
 from collections.abc import Collection, Sequence
 from functools import lru_cache
-from importlib.resources import files
 from typing import Any
 
 import numpy as np
-import yaml
 
 from simbev_ros.annotation.boxes.boxes import NO_BLUEPRINT
 from simbev_ros.scene.state import SignalState
 from simbev_ros.semantics import BOX_CLASSES, SIGN_TYPES
+from simbev_ros.tables import load_table
 from simbev_ros.types import AnyArray, Table
 
 _MIN_MOVING_MPS = 0.2
@@ -116,5 +115,4 @@ def _named(table: str, name: str, description: str) -> Record:
 
 @lru_cache(maxsize=1)
 def _taxonomy() -> dict[str, Any]:
-    text = files("simbev_ros.export.nuscenes").joinpath("taxonomy.yaml").read_text(encoding="utf-8")
-    return yaml.safe_load(text)
+    return load_table("simbev_ros.export.nuscenes", "taxonomy.yaml")

@@ -30,7 +30,7 @@ _CLEARANCE_FACTOR = 0.99  # of the waypoint spacing: no other vehicle starts clo
 
 @dataclass(frozen=True, slots=True)
 class SceneDrawer:
-    """What all actors of one scene are drawn from; draw the hazards first, then the vehicles, then the pedestrians.
+    """Draws the actors of one scene; draw the hazards first, then the vehicles, then the pedestrians.
 
     Attributes:
         scenario: The configuration.

@@ -4,17 +4,16 @@ A road network enters; an RGB picture, north up, leaves. Colors come from ``map_
 """
 
 from functools import lru_cache
-from importlib.resources import files
 
 import cv2
 import numpy as np
 import shapely
-import yaml
 
 from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Strip
+from simbev_ros.tables import load_table
 from simbev_ros.types import Float32Array, Float64Array, Int32Array, UInt8Array
 from simbev_ros.viz.canvas import Color
 
@@ -123,7 +122,7 @@ class MapPlan:
 @lru_cache(maxsize=1)
 def palette() -> dict[str, Color]:
     """Colors of the plan by name; those of land by ``SurroundingsRecipe.use``."""
-    table = yaml.safe_load(files("simbev_ros.viz.maps").joinpath("map_plan.yaml").read_text(encoding="utf-8"))
+    table = load_table("simbev_ros.viz.maps", "map_plan.yaml")
     return {name: (color[0], color[1], color[2]) for name, color in {**table.pop("land"), **table}.items()}
 
 

@@ -14,6 +14,7 @@ from simbev_ros.evaluation.scene_boxes import Outcomes
 from simbev_ros.geometry.camera import PinholeCamera
 from simbev_ros.geometry.transforms import apply, inverse
 from simbev_ros.types import AnyArray, Float64Array, Table, UInt8Array
+from simbev_ros.units import NS_PER_S
 from simbev_ros.viz.box_lines import wireframes
 from simbev_ros.viz.reports.evaluation_pictures import MarkedBoxes
 from simbev_ros.viz.reports.svg_drawing import Drawing, jpeg
@@ -61,7 +62,7 @@ def camera_picture(frame: Frame, outcomes: Outcomes, boxes: Sequence[MarkedBoxes
     missed = outcomes.table[outcomes.counted & ~outcomes.found]
     missed = missed[np.nan_to_num(missed["visibility"]) >= MIN_VISIBILITY]
     sight = max(sights, key=lambda each: _visible_count(each, missed))
-    age_s = (frame.stamp_ns - sight.frame.stamp_ns) / 1e9
+    age_s = (frame.stamp_ns - sight.frame.stamp_ns) / NS_PER_S
     sheet, camera = Drawing(_WIDTH_PX, _WIDTH_PX * sight.camera.height_px / sight.camera.width_px), sight.camera
     sheet.photo(0, 0, (sheet.width, sheet.height), jpeg(_shrink(sight.frame[sight.key])))
     for each in boxes:

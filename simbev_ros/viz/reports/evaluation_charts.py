@@ -5,15 +5,14 @@ An ``Evaluation`` or its figures enter; HTML figures with SVG charts leave.
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
-from importlib.resources import files
 
 import numpy as np
-import yaml
 
 from simbev_ros.evaluation.evaluation import Evaluation
 from simbev_ros.evaluation.metrics.detection import Method
 from simbev_ros.evaluation.tables import METHOD_NAMES, Figures, at_table_threshold, measured_methods
 from simbev_ros.semantics import BOX_CLASSES
+from simbev_ros.tables import load_table
 from simbev_ros.types import Float64Array
 from simbev_ros.viz.reports.svg_charts import Series, figure, legend, words
 from simbev_ros.viz.reports.svg_drawing import Color, Size
@@ -107,5 +106,5 @@ def _numbers(values: Iterable[float | None]) -> Float64Array:
 @lru_cache(maxsize=1)
 def class_colors() -> dict[str, Color]:
     """Chart colors of all box and bird's-eye-view classes by name."""
-    codes = yaml.safe_load(files("simbev_ros.viz.reports").joinpath("class_colors.yaml").read_text(encoding="utf-8"))
+    codes = load_table("simbev_ros.viz.reports", "class_colors.yaml")
     return {name: (code >> 16, code >> 8 & 255, code & 255) for name, code in codes.items()}

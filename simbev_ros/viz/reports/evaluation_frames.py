@@ -19,6 +19,7 @@ from simbev_ros.evaluation.worst_frames import WorstFrame, worst_frames, worst_g
 from simbev_ros.palette import class_color
 from simbev_ros.semantics import BOX_CLASSES
 from simbev_ros.types import Table
+from simbev_ros.units import NS_PER_S
 from simbev_ros.viz.reports.evaluation_cameras import camera_picture
 from simbev_ros.viz.reports.evaluation_grids import FALSE, MISSED, RIGHT, grid_pictures
 from simbev_ros.viz.reports.evaluation_pictures import marked_boxes, picture_half_extent_m, top_view
@@ -73,7 +74,8 @@ def _chosen_frames(
     choose: _Choice, count: int, evaluation: Evaluation, scenes: Sequence[Scene], predictions: PredictionSet
 ) -> Iterator[tuple[WorstFrame, Frame, PredictedScene]]:
     by_name, predicted = {scene.name: scene for scene in scenes}, dict[str, PredictedScene]()
-    for each in choose(evaluation.frames, count, lambda name: round(_MIN_INTERVAL_S * 1e9 / by_name[name].tick_ns)):
+    min_interval_ns = _MIN_INTERVAL_S * NS_PER_S
+    for each in choose(evaluation.frames, count, lambda name: round(min_interval_ns / by_name[name].tick_ns)):
         scene = by_name[each.scene]
         if each.scene not in predicted:
             predicted[each.scene] = predictions.scene(scene.name, scene.stamps_ns)
@@ -108,7 +110,7 @@ def _class_table(outcomes: Outcomes) -> str:
 
 def _card(frame: Frame, note: str, body: str) -> str:
     scene = frame.scene
-    time_s = (frame.stamp_ns - int(scene.stamps_ns[0])) / 1e9
+    time_s = (frame.stamp_ns - int(scene.stamps_ns[0])) / NS_PER_S
     where = (
         f"tick {frame.tick}, {time_s:.2f} s, {', '.join(Conditions.from_weather(scene.spec.weather_at(frame.tick)))}"
     )

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from simbev_ros.types import UInt8Array
+from simbev_ros.units import NS_PER_S
 from simbev_ros.viz.canvas import ACCENT, BACKGROUND, BOLD, DIM, LINE, SURFACE, draw_label, draw_picture, draw_text
 from simbev_ros.viz.sheet import panels
 from simbev_ros.viz.sheet.frames import SheetFrame
@@ -96,7 +97,7 @@ class ContactSheet:
         baseline = 44 * scale
         end = draw_text(sheet, captions.title, left, baseline, size=30 * scale, weight=BOLD)
         draw_text(sheet, captions.facts, end + 20 * scale, baseline, size=18 * scale, color=DIM)
-        seconds = (frame.stamp_ns - captions.start_ns) / 1e9
+        seconds = (frame.stamp_ns - captions.start_ns) / NS_PER_S
         start = draw_text(sheet, f"{seconds:.2f} s", right, baseline, size=24 * scale, weight=BOLD, right=True)
         position = f"frame {frame.index + 1} of {captions.frames}"
         draw_text(sheet, position, start - 16 * scale, baseline, size=18 * scale, color=DIM, right=True)

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from simbev_ros.assets.placement.region_ground import CURB_HEIGHT_M
+from simbev_ros.geometry.ragged import ragged_indices
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.polylines import Polylines
@@ -70,9 +71,8 @@ def _actors_on_lanes(
     """Actors of random blueprints at a share of evenly spaced positions on lanes of a kind, outside junctions."""
     lines = Polylines.from_lines([lane.centerline_m for lane in network.lanes_of(kind) if not lane.junction])
     count = np.floor(lines.length_m / spacing_m).astype(np.int64)
-    row = np.repeat(np.arange(len(lines)), count)
-    s_m: Float64Array = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count) + np.float64(0.5)
-    s_m *= spacing_m
+    row, number = ragged_indices(count)
+    s_m: Float64Array = (number + np.float64(0.5)) * spacing_m
     distance_m = np.hypot(*(lines.values(lines.parameter(row, s_m))[:, :2] - position_m[:2]).T)
     chosen = np.flatnonzero((distance_m > _MIN_DISTANCE_M) & (distance_m < _MAX_DISTANCE_M))
     chosen = chosen[rng.random(len(chosen)) < share]

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from simbev_ros.assets.placement.static_scene import Tile
+from simbev_ros.geometry.ragged import ragged_indices
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.semantics import Tag
 from simbev_ros.types import BoolArray, Float64Array
@@ -134,7 +135,8 @@ def _along_edges(tile: Tile, chosen: BoolArray) -> Float64Array:
     corners_m = tile.mesh.vertices[tile.mesh.triangles[chosen]].astype(np.float64)
     starts_m, ends_m = corners_m.reshape(-1, 3), np.roll(corners_m, -1, axis=1).reshape(-1, 3)
     count = np.ceil(np.hypot(*(ends_m - starts_m)[:, :2].T) / _CELL_M).astype(int) + 1
-    share = (np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)) / np.repeat(count, count)
-    points_m: Float64Array = np.repeat(starts_m, count, axis=0)
-    points_m += share[:, None] * np.repeat(ends_m - starts_m, count, axis=0)
+    edge, number = ragged_indices(count)
+    share = number / count[edge]
+    points_m: Float64Array = starts_m[edge]
+    points_m += share[:, None] * (ends_m - starts_m)[edge]
     return points_m + tile.origin_m

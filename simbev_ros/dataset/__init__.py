@@ -19,9 +19,25 @@ To read a dataset, call ``open_dataset``; it needs neither ROS nor a graphics ca
 ``simbev_ros.dataset.torch_dataset`` serves frames to a torch training loop.
 """
 
-from simbev_ros.dataset.frame import Frame
-from simbev_ros.dataset.opened import Dataset, Frames, open_dataset
-from simbev_ros.dataset.scene import Scene
-from simbev_ros.dataset.values import columns
+from typing import TYPE_CHECKING
+
+from simbev_ros.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from simbev_ros.dataset.frame import Frame
+    from simbev_ros.dataset.opened import Dataset, Frames, open_dataset
+    from simbev_ros.dataset.scene import Scene
+    from simbev_ros.dataset.values import columns
 
 __all__ = ["Dataset", "Frame", "Frames", "Scene", "columns", "open_dataset"]
+__getattr__ = lazy_names(
+    __name__,
+    {
+        "Dataset": "opened",
+        "Frame": "frame",
+        "Frames": "opened",
+        "Scene": "scene",
+        "columns": "values",
+        "open_dataset": "opened",
+    },
+)

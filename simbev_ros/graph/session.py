@@ -167,8 +167,7 @@ class GraphSession:
         return self.monitor.world.finished_by_all()
 
     def _check(self, tick: int | None) -> None:
-        for pid in (os.getpid(), *(process.pid for process in self._processes)):
-            self._traces.note(pid)
+        self._traces.note([os.getpid(), *(process.pid for process in self._processes)])
         where = "while the scene was loading" if tick is None else f"after tick {tick}"
         for process in self._processes:
             if process.exit_code is not None:
@@ -188,8 +187,8 @@ class GraphSession:
 
     def close(self) -> None:
         """Stop all processes, with time for the recorder to finish, and remove all traces except logs of a failure."""
+        self._traces.note(process.pid for process in self._processes)
         for process in self._processes:
-            self._traces.note(process.pid)
             process.terminate()
         end_s = time.monotonic() + _STOP_TIMEOUT_S
         for process in self._processes:

@@ -4,15 +4,19 @@ import json
 import os
 import shutil
 import tempfile
+import time
+from collections.abc import Iterable
 from pathlib import Path
 
 import psutil
 
-from simbev_ros.graph.shared_memory import held_files, remove_orphans
+from simbev_ros.graph.shared_memory import held_files, middleware_files, remove_orphans
 from simbev_ros.recording.whole_files import write_whole
 
 _PREFIX = "simbev_ros-"
 _FILE = "traces.json"
+_SETTLING_S = 1.0
+"""Time after which a process has surely mapped a file that it has made."""
 _MAX_CLOCK_STEP_S = 60.0
 """Start times this close are equal: the system derives them from a wall clock that may be adjusted in between."""
 
@@ -28,11 +32,22 @@ class Traces:
         sweep()
         self.folder = Path(tempfile.mkdtemp(prefix=_PREFIX))
         self._files: set[Path] = set()
+        self._present: frozenset[Path] | None = None
+        self._changed_s = 0.0
         self._write()
 
-    def note(self, pid: int) -> None:
-        """Add the files that a process currently has in shared memory to the record."""
-        files = held_files(pid) - self._files
+    def note(self, pids: Iterable[int]) -> None:
+        """Add the files that processes currently have in shared memory to the record.
+
+        To find them is slow, so processes are only looked at for a while after files have come or gone; call this
+        several times per second.
+        """
+        present, now_s = frozenset(middleware_files()), time.monotonic()
+        if present != self._present:
+            self._present, self._changed_s = present, now_s
+        if now_s - self._changed_s > _SETTLING_S:
+            return
+        files = {file for pid in pids for file in held_files(pid)} - self._files
         if files:
             self._files |= files
             self._write()

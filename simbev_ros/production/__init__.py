@@ -6,8 +6,17 @@
 True
 """
 
-from simbev_ros.production.dataset import DatasetResult, make_dataset
-from simbev_ros.production.observer import ProductionObserver
-from simbev_ros.production.play import play_scenes
+from typing import TYPE_CHECKING
+
+from simbev_ros.lazy import lazy_names
+
+if TYPE_CHECKING:
+    from simbev_ros.production.dataset import DatasetResult, make_dataset
+    from simbev_ros.production.observer import ProductionObserver
+    from simbev_ros.production.play import play_scenes
 
 __all__ = ["DatasetResult", "ProductionObserver", "make_dataset", "play_scenes"]
+__getattr__ = lazy_names(
+    __name__,
+    {"DatasetResult": "dataset", "ProductionObserver": "observer", "make_dataset": "dataset", "play_scenes": "play"},
+)

@@ -1,6 +1,7 @@
 """The house has floors: imports point upward in the list, and each foreign library has its rooms."""
 
 import ast
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -93,3 +94,9 @@ def test_imports_point_upward_and_foreign_libraries_stay_in_their_rooms(path: Pa
 def test_every_package_has_a_floor() -> None:
     rooms = {_room(path.relative_to(PACKAGE).parts) for path in MODULES}
     assert rooms == set().union(*FLOORS)
+
+
+def test_the_architecture_page_lists_these_floors() -> None:
+    page = (PACKAGE.parent / "docs" / "architecture.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| (?:\d+|–) \| (`[^|]*`) \|", page, re.MULTILINE)
+    assert [set(re.findall(r"`(\w+)`", row)) for row in rows] == [floor - {"__init__"} for floor in FLOORS]

@@ -117,23 +117,24 @@ _VEHICLE_FIELDS = (
 PLANNED = PlannedScene(0, MapSpec(name="Blocks"), "train")
 
 
-def small_scenes(scenario: Scenario) -> Iterator[SceneSpec]:
+def small_scenes(scenario: Scenario, count: int = SCENES) -> Iterator[SceneSpec]:
     network = load_network(PLANNED.map)
     starts = start_positions(scenario, network)
-    for number in range(SCENES):
+    for number in range(count):
         yield draw_scene(scenario, PLANNED._replace(number=number), network, starts)
 
 
-def test_the_ego_its_driver_signals_and_duration() -> None:
+@pytest.mark.parametrize("count", [400, pytest.param(SCENES, marks=pytest.mark.slow)])
+def test_the_ego_its_driver_signals_and_duration(count: int) -> None:
     time = Timing(duration_s=Distribution(uniform=(4, 20)))
     empty = {"traffic": Traffic(vehicles=0, pedestrians=0), "hazards": Hazards(count=0), "time": time}
     scenario = load_scenario("paper").model_copy(update=empty)
     starts = start_positions(scenario, load_network(PLANNED.map))
     ids = [starts.vehicles.waypoint(index) for index in np.flatnonzero(starts.usable(20.0)["vehicle.sedan"])]
     rank = {(waypoint.lane, waypoint.s_m): index for index, waypoint in enumerate(ids)}
-    specs = list(small_scenes(scenario))
+    specs = list(small_scenes(scenario, count))
     egos = [spec.vehicles[0] for spec in specs]
-    dither = np.random.default_rng(1).random(SCENES)  # makes integers continuous
+    dither = np.random.default_rng(1).random(count)  # makes integers continuous
     ranks = np.array([rank[ego.start.lane, ego.start.s_m] for ego in egos])
     assert agrees((ranks + dither) / len(ids), UNIFORM)
     ticks = np.array([spec.ticks for spec in specs])
@@ -141,7 +142,7 @@ def test_the_ego_its_driver_signals_and_duration() -> None:
     assert agrees(np.array([ego.speed_factor for ego in egos]), stats.uniform(0.8, 0.6))
     assert agrees_clipped(np.array([ego.min_gap_m for ego in egos]), stats.norm(3.2, 1.0), 0.5, 10)
     assert agrees(np.concatenate([spec.green_time_s for spec in specs]), stats.uniform(4, 24))
-    assert is_share(sum(ego.reckless for ego in egos), SCENES, 0.01)
+    assert is_share(sum(ego.reckless for ego in egos), count, 0.01)
     assert agrees(np.array([spec.walker_cross_factor for spec in specs]), stats.beta(2.4, 1.6))
 
 

@@ -9,7 +9,18 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "simbev_ros"
 FLOORS = [
-    {"types", "units", "tables", "lazy", "errors", "semantics", "palette", "installation", "process_memory", "__init__"},
+    {
+        "types",
+        "units",
+        "tables",
+        "lazy",
+        "errors",
+        "semantics",
+        "palette",
+        "installation",
+        "process_memory",
+        "__init__",
+    },
     {"geometry"},
     {"config", "random"},
     {"cache"},

@@ -67,7 +67,7 @@ def test_a_stationary_ego_ends_the_scene_and_the_bag_states_it(
     simbev: Simbev, small_config: Config, tmp_path: Path
 ) -> None:
     # Nobody drives the ego; the second scene follows on the same processes.
-    config = small_config(30, "ego: {driver: twist}\n")
+    config = small_config(30, "ego: {driver: twist}\n", without=["camera", "radar"])
     text = config.read_text().replace("duration_s: 30", "duration_s: 30, end_after_standing_s: 0.4")
     config.write_text(text.replace("train: 1", "train: 2"))
     code, output = simbev("run", config, "--record", tmp_path / "out").finish()

@@ -27,6 +27,15 @@ Simbev = Callable[..., Command]
 Config = Callable[..., Path]
 
 
+SMALL_CHUNKS = "recording: {chunk_kib: 64}\n"
+"""With it, a bag grows as soon as ticks are played."""
+
+
+def size_of(bag: Path) -> int:
+    """Size of the files of an unfinished bag, in bytes."""
+    return sum(file.stat().st_size for file in bag.glob("*.mcap"))
+
+
 def digests(folder: Path) -> dict[str, str]:
     with SceneBag(folder) as bag:
         return topic_digests(bag)
@@ -131,9 +140,9 @@ def test_another_seed_changes_all_topics_that_are_not_static(
 def test_killed_node_is_named_and_the_partial_bag_stays_readable(
     simbev: Simbev, small_config: Config, tmp_path: Path, node: str
 ) -> None:
-    command = simbev("run", small_config(60), "--record", tmp_path / "out")
+    command = simbev("run", small_config(60, SMALL_CHUNKS), "--record", tmp_path / "out")
     bag = tmp_path / "out" / f"{SCENE}.partial"
-    command.wait_for(lambda: any(file.stat().st_size > 800_000 for file in bag.glob("*.mcap")))
+    command.wait_for(lambda: size_of(bag) > 200_000)
     os.kill(command.nodes()[node], signal.SIGKILL)
     killed_s = time.monotonic()
     code, output = command.finish(timeout_s=10)
@@ -151,9 +160,9 @@ def test_killed_node_is_named_and_the_partial_bag_stays_readable(
 def test_interrupt_closes_the_bag_and_exits_130(
     simbev: Simbev, small_config: Config, tmp_path: Path, number: signal.Signals
 ) -> None:
-    command = simbev("run", small_config(60), "--record", tmp_path / "out")
+    command = simbev("run", small_config(60, SMALL_CHUNKS, without=["camera"]), "--record", tmp_path / "out")
     bag = tmp_path / "out" / f"{SCENE}.partial"
-    command.wait_for(lambda: any(file.stat().st_size > 800_000 for file in bag.glob("*.mcap")))
+    command.wait_for(lambda: size_of(bag) > 200_000)
     os.kill(command.process.pid, number)
     code, output = command.finish(timeout_s=20)
     assert code == 130
@@ -166,9 +175,10 @@ def test_interrupt_closes_the_bag_and_exits_130(
 def test_stopped_node_is_named_when_it_has_been_silent_for_too_long(
     simbev: Simbev, small_config: Config, tmp_path: Path
 ) -> None:
-    command = simbev("run", small_config(600, "graph: {silence_timeout_s: 20}"), "--record", tmp_path / "out")
+    config = small_config(600, f"{SMALL_CHUNKS}graph: {{silence_timeout_s: 20}}\n", without=["camera"])
+    command = simbev("run", config, "--record", tmp_path / "out")
     bag = tmp_path / "out" / f"{SCENE}.partial"
-    command.wait_for(lambda: any(file.stat().st_size > 400_000 for file in bag.glob("*.mcap")))  # ticks are played
+    command.wait_for(lambda: size_of(bag) > 100_000)  # ticks are played
     os.kill(command.nodes()["annotator"], signal.SIGSTOP)
     code, output = command.finish(timeout_s=60)
     assert code == 1

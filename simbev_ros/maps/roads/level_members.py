@@ -44,6 +44,7 @@ class LevelMembers:
 
     Attributes:
         piece: (N,) pieces of strips, at most about 6 m long, as indices into those of ``LevelGraph``.
+        strip: (N,) id of the strip of each piece.
         level: (N,) level of each piece.
         belongs: (N,) whether the piece is on the level of the position.
         hidden: (H,) rows of pieces that belong, except for the part above or below which another piece lies ...
@@ -52,6 +53,7 @@ class LevelMembers:
     """
 
     piece: Int64Array
+    strip: AnyArray
     level: Int64Array
     belongs: BoolArray
     hidden: Int64Array
@@ -84,6 +86,7 @@ class LevelGraph:
         self.polygons = self._pieces.polygons
         self.reaches = self._pieces.widen(_SURFACE_MARGIN_M).polygons
         self.level: Int64Array = np.array([strip.level for strip in strips], np.int64)[self._pieces.row]
+        self._strip = np.array([strip.id for strip in strips], object)[self._pieces.row]
         self._overpass_pairs = self._pieces.overpass_pairs(CLEARANCE_M)
         count = self._block.max(initial=-1) + 1
         self._center_m = np.zeros((count, 3))
@@ -131,7 +134,7 @@ class LevelGraph:
         hidden, hiding = self._hidden_pairs(piece, belongs, path_m[block_of_piece])
         areas = shapely.intersection(self.reaches[piece[hidden]], self.polygons[piece[hiding]])
         centers = cKDTree(_stretch_height(self._pieces.center_m[piece]))
-        return LevelMembers(piece, level, belongs, hidden, hiding, areas, centers)
+        return LevelMembers(piece, self._strip[piece], level, belongs, hidden, hiding, areas, centers)
 
     def _hidden_pairs(
         self, piece: Int64Array, belongs: BoolArray, path_m: Float64Array

@@ -56,7 +56,7 @@ def generate(simbev: Simbev, config: Path, dataset: Path, *more: object) -> str:
 
 @pytest.mark.parametrize(
     ("scenes", "kills"),
-    [(SMALL, 2), pytest.param(f"{LARGE}, {{map: Town07, test: 3}}", 10, marks=pytest.mark.slow)],
+    [(SMALL, 1), pytest.param(f"{LARGE}, {{map: Town07, test: 3}}", 10, marks=pytest.mark.slow)],
     ids=["small", "four towns"],
 )
 def test_killed_at_random_moments_it_ends_with_the_same_bytes(

@@ -36,7 +36,9 @@ def stamp_ns(clock: Clock) -> int:
     [
         ([], "only a live scene can start again; in lockstep all nodes are in the middle of this one"),
         (["--live"], "restarted"),
-        (["--live", "--record", "out"], "a scene that is recorded cannot start again"),
+        pytest.param(
+            ["--live", "--record", "out"], "a scene that is recorded cannot start again", marks=pytest.mark.slow
+        ),
     ],
     ids=["lockstep", "live", "recorded"],
 )

@@ -90,6 +90,7 @@ def test_a_stationary_ego_ends_the_scene_and_the_bag_states_it(
     assert facts(twice)["ended"] == bag_facts["ended"]
 
 
+@pytest.mark.slow
 def test_replaying_with_the_same_configuration_repeats_every_byte_and_merges_into_the_dataset(
     recorded: Path, simbev: Simbev, tmp_path: Path
 ) -> None:

@@ -206,6 +206,7 @@ def test_two_graphs_do_not_share_a_domain(simbev: Simbev, small_config: Config) 
     assert f"ROS domain {DOMAIN} is in use by another simbev graph" in output
 
 
+@pytest.mark.slow
 def test_bench_reports_the_time_of_every_process(simbev: Simbev, small_config: Config) -> None:
     code, output = simbev("bench", small_config(), "--ticks", 5, "--json").finish()
     assert code == 0, output

@@ -75,6 +75,7 @@ def test_a_full_disk_ends_the_recording_with_one_message(
     assert code == 1 and "error: " in output and "must stay free (recording.min_free_mib)" in output
 
 
+@pytest.mark.slow
 def test_the_same_command_records_a_scene_anew_after_a_kill(
     simbev: Simbev, small_config: Config, tmp_path: Path
 ) -> None:

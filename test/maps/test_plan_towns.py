@@ -55,7 +55,10 @@ class Net:
         return [lane for lane, kind in self.kind.items() if kind == "driving" and lane.startswith(":") == internal]
 
 
-@pytest.fixture(scope="module", params=TOWNS)
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param(town, marks=pytest.mark.slow if town == "Town12" else ()) for town in TOWNS],
+)
 def net(request: pytest.FixtureRequest, built_town: Callable[[str], MapParts]) -> Net:
     return read(built_town(request.param))
 

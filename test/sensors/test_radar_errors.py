@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import yaml
 from pydantic import ValidationError
 from synthetic_world import actor, box, box_model, mesh, sheet, static_scene, world
 
@@ -15,6 +14,7 @@ from simbev_ros.scene.state import WorldState
 from simbev_ros.semantics import Tag
 from simbev_ros.sensors import radar_amplitude
 from simbev_ros.sensors.radar import RadarModel, scan_radars
+from simbev_ros.tables import load_table
 from simbev_ros.types import Float64Array, Table
 
 EGO = box_model(Tag.CAR, (4.0, 2.0, 1.5))
@@ -52,7 +52,7 @@ def errors_of(sensor: Radar, static: StaticScene) -> tuple[Table, dict[str, Floa
 
 
 def test_every_material_has_one_surface() -> None:
-    data = yaml.safe_load(radar_amplitude.files("simbev_ros.sensors").joinpath("radar_surfaces.yaml").read_text())
+    data = load_table("simbev_ros.sensors", "radar_surfaces.yaml")
     named = [material for surface in data["surfaces"].values() for material in surface["materials"]]
     assert sorted(named) == sorted(material.name for material in Material)
 

@@ -25,6 +25,15 @@ def test_named_paths_exist(page: Path) -> None:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=IDS)
+def test_named_tests_exist(page: Path) -> None:
+    modules = sorted((ROOT / "test").rglob("test_*.py"))
+    known = {name for module in modules for name in re.findall(r"def (test_\w+)", module.read_text())}
+    text = page.read_text()
+    new = set(re.findall(r"(?:def |test/\w+/)(test_\w+)", text))  # that the page tells readers to write
+    assert set(re.findall(r"\btest_\w+", text)) <= known | new | {module.stem for module in modules}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=IDS)
 def test_headings_have_the_same_anchor_on_forges_and_on_the_site(page: Path) -> None:
     for heading in headings(page.read_text()):
         on_site = re.sub(r"[-\s]+", "-", re.sub(r"[^\w\s-]", "", heading.replace("`", "")).strip().lower())

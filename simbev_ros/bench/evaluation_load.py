@@ -41,7 +41,7 @@ def _boxes(rng: np.random.Generator, frame: Int64Array) -> Boxes:
     vehicles = [BOX_CLASSES.index(name) for name in ("car", "car", "car", "truck", "bus", "motorcycle", "bicycle")]
     label = np.where(is_person, BOX_CLASSES.index("pedestrian"), rng.choice(vehicles, count))
     size_m = np.where(is_person[:, None], [0.6, 0.6, 1.8], [4.6, 1.9, 1.7]) * rng.uniform(0.8, 1.4, (count, 3))
-    yaw_rad = np.where(is_across, np.pi / 2, 0.0) + rng.choice([0.0, np.pi], count)
+    yaw_rad = np.where(is_across, np.pi / 2, 0.0) + rng.choice(np.array([0.0, np.pi]), count)
     speed_mps = rng.uniform(0, 12, count)
     velocity_mps = np.column_stack([np.cos(yaw_rad) * speed_mps, np.sin(yaw_rad) * speed_mps, np.zeros(count)])
     attribute = np.full(count, NO_ATTRIBUTE, np.uint8)

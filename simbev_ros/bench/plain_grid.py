@@ -39,7 +39,7 @@ class PlainGrid:
         for name, corners_m in (*self._static, *self._actors(state)):
             corners_ego = apply(ego_from_map, corners_m.reshape(-1, 3)).reshape(-1, 3, 3)[:, :, :2]
             near = (np.abs(corners_ego).min(axis=1) <= self._reach_m).all(axis=1)
-            triangles = shapely.polygons(corners_ego[near])
+            triangles = np.asarray(shapely.polygons(corners_ego[near]))
             triangles = triangles[shapely.area(triangles) > 0.0]
             _, cell = self._centers.query(triangles, predicate="intersects")
             labels[cell] |= np.uint16(1 << BEV_CLASSES.index(name))

@@ -117,4 +117,4 @@ def _caps(edges: _OpenEdges) -> tuple[Int32Array, Int64Array]:
 def _areas(points: Float32Array, triangles: Int32Array) -> Float32Array:
     """(T,) triangle areas, m²."""
     a, b, c = (points[triangles[:, corner]] for corner in range(3))
-    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0
+    return (np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2.0).astype(np.float32, copy=False)

@@ -53,7 +53,7 @@ def far_land(network: RoadNetwork, terrain: Terrain) -> FarLand:
     columns_rows = np.array(regions_of(network.layout))
     first = Region(*(columns_rows.min(axis=0) - _HORIZON).tolist())
     count = (np.ptp(columns_rows, axis=0) + 1 + 2 * _HORIZON) * _CELLS
-    corner_m = node_positions_m(np.array(first) * REGION_M, TILE_M, count + 1)
+    corner_m = node_positions_m(np.array(first) * REGION_M, TILE_M, (count + 1).tolist())
     height_m = terrain.far_m(corner_m.reshape(-1, 2)).reshape(count + 1) + LAND_HEIGHT_M
     finishes = [_WATER]
     middle_m = (corner_m[:-1, :-1] + TILE_M / 2.0).reshape(-1, 2)

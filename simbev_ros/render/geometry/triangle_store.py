@@ -1,6 +1,7 @@
 """Triangle meshes on the GPU, from which any runs of triangles are drawn by one indirect call, each run instanced."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -92,7 +93,7 @@ class TriangleStore:
         }
 
 
-def _layout(dtype: np.dtype[np.void], program: moderngl.Program, divisor: str = "") -> tuple[str, ...]:
+def _layout(dtype: np.dtype[Any], program: moderngl.Program, divisor: str = "") -> tuple[str, ...]:
     """Buffer layout for a program that uses some fields of a dtype: format string, then the names of the fields."""
     formats, used = [], []
     for name in dtype.names or ():

@@ -175,9 +175,8 @@ def _second_order(
 def _lut_axes() -> tuple[Float64Array, Float64Array]:
     """(heights, cosines) radii and cosines of the table entries; finer near the ground and near the horizon."""
     height = np.linspace(0.0, 1.0, _LUT_HEIGHTS) ** 2 * (TOP_KM - GROUND_KM)
-    cosine = np.linspace(-1.0, 1.0, _LUT_COSINES)
-    cosine = np.sign(cosine) * cosine**2
-    radius, cosine = np.meshgrid(GROUND_KM + height, cosine, indexing="ij")
+    root = np.linspace(-1.0, 1.0, _LUT_COSINES)
+    radius, cosine = np.meshgrid(GROUND_KM + height, np.sign(root) * root**2, indexing="ij")
     return radius, cosine
 
 

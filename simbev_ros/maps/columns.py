@@ -20,7 +20,7 @@ _NONE = -1  # number of rows of an array that is None
 def to_columns(kind: type[_T], items: Sequence[_T]) -> _Columns:
     """Convert instances of a dataclass to columns, keyed by field name.
 
-    Fields may be text_index, booleans, strings without line breaks, enums, tuples and sets of strings without tabs,
+    Fields may be numbers, booleans, strings without line breaks, enums, tuples and sets of strings without tabs,
     float64 arrays (of any length, or None; their other axes the same for all instances), polygons, pydantic models, and
     dataclasses of these.
     """

@@ -1,4 +1,4 @@
-"""The recorder node: writes all_topics message that a scene must have into its bag, tick by tick, in one fixed order.
+"""The recorder node: writes every message that a scene must have into its bag, tick by tick, in one fixed order.
 
 Messages wait until their tick is complete, so that the bytes of a bag do not depend on the order of arrival.
 """
@@ -138,7 +138,7 @@ class RecorderNode(GraphNode):
         return receive
 
     def _report_loaded(self) -> None:
-        """Report the scene as loaded once all_topics topic has a publisher; called by a timer until then."""
+        """Report the scene as loaded once every topic has a publisher; called by a timer until then."""
         if self._spec is None or self._loaded_reported:
             return
         if all(subscription.get_publisher_count() > 0 for subscription in self._subscriptions_by_topic.values()):

@@ -119,6 +119,7 @@ def test_a_node_that_is_at_odds_with_the_manifest_is_found(copy: Path, forgotten
     assert failures(copy, CHECKS[2]) == named(row(forgotten))
 
 
+@pytest.mark.slow
 def test_nothing_complains_when_the_page_has_been_followed(copy: Path) -> None:
     follow(copy, 1, 2, 3, 4, 5)
     assert mypy_errors(copy, *(file for file, _, _ in STEPS)) == set()

@@ -26,9 +26,9 @@ from simbev_ros.types import Float64Array
 CENTIMETER = 0.01
 CARLA = Path(__file__).parents[3] / "shared" / "maps" / "carla" / "Town01.xodr"
 TOWNS = [
-    ("Town03", Region(-1, -1)),
+    pytest.param("Town03", Region(-1, -1), marks=pytest.mark.slow),
     ("Town04", Region(-2, -2)),
-    ("Town10HD", Region(-1, -1)),
+    pytest.param("Town10HD", Region(-1, -1), marks=pytest.mark.slow),
     pytest.param(str(CARLA), Region(0, -1), marks=pytest.mark.skipif(not CARLA.exists(), reason="no CARLA maps")),
 ]
 CAR = box_model(Tag.CAR, (4.0, 2.0, 1.5))

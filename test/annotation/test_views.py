@@ -108,7 +108,10 @@ def check(state: WorldState) -> int:
     return compared
 
 
-@pytest.mark.parametrize(("seed", "spread_m"), [(1, 60.0), (2, 12.0), (3, 5.0)])
+@pytest.mark.parametrize(
+    ("seed", "spread_m"),
+    [pytest.param(1, 60.0, marks=pytest.mark.slow), (2, 12.0), pytest.param(3, 5.0, marks=pytest.mark.slow)],
+)
 def test_silhouettes_agree_with_rays_through_all_pixels_of_the_canvas(seed: int, spread_m: float) -> None:
     assert check(crowd(seed, 30, spread_m)) > 10
 

@@ -1,6 +1,7 @@
 """Plazas as stored in region files agree with the meshes of the region."""
 
 import numpy as np
+import pytest
 import shapely
 
 from simbev_ros.assets.land.plazas import plaza_arrays, plazas_from
@@ -9,6 +10,7 @@ from simbev_ros.maps.build import load_network
 from simbev_ros.maps.source import map_spec
 
 
+@pytest.mark.slow
 def test_no_object_stands_where_pedestrians_may_walk() -> None:
     spec = map_spec("Town15")
     network = load_network(spec)

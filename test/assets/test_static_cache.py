@@ -97,6 +97,7 @@ def test_a_cache_that_cannot_be_written_is_reported(network: RoadNetwork, tmp_pa
         StaticCache(SPEC, network, blocker).region(EAST)
 
 
+@pytest.mark.slow
 def test_regions_built_in_parallel_are_those_built_one_by_one(tmp_path: Path) -> None:
     spec = MapSpec(name="Blocks", seed=0)
     network = load_network(spec, tmp_path)

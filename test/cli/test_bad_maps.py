@@ -243,6 +243,7 @@ def test_a_map_that_goes_or_changes_while_scenes_are_drawn_is_said(
     assert f"{path}: {message}" in error
 
 
+@pytest.mark.slow
 def test_60_mib_of_the_same_road_are_refused_soon_in_bounded_memory(tmp_path: Path) -> None:
     path = tmp_path / "long.xodr"
     road = ROAD.format(id=1, x=0, lanes=LANE.format(kind="driving", width=3.5))

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 def test_a_frame_is_its_parts(simbev: Callable[..., Any]) -> None:
     small = ("--map", "Blocks", "--actors", 10, "--size", "64x36", "--frames", 2, "--processes", 2)

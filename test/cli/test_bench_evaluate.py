@@ -18,6 +18,7 @@ def run(*words: str) -> str:
     return result.output
 
 
+@pytest.mark.slow
 def test_bench_evaluate_counts_all_boxes_and_says_that_there_is_no_devkit(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(evaluate_timing, "devkit_python", lambda: None)
     timing = json.loads(run("--jobs", "1", "--json"))

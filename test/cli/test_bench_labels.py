@@ -8,6 +8,7 @@ from simbev_ros.cli.main import app
 RUNNER = CliRunner()
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 def test_bench_labels_compares_with_a_plain_grid_that_is_the_same() -> None:
     arguments = ["bench", "labels", "--map", "Blocks", "--actors", "12", "--radius", "100", "--frames", "2", "--json"]

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 
+@pytest.mark.slow
 def test_bench_record_compares_with_the_mcap_package(tmp_path: Path) -> None:
     command = ["bench", "record", "--folder", str(tmp_path), "--ticks", "2", "--rounds", "1", "--json"]
     result = subprocess.run(

@@ -44,7 +44,7 @@ def building(tmp_path: Path, streets: Path) -> Iterator[subprocess.Popen[str]]:
             os.killpg(process.pid, signal.SIGKILL)
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGTERM, pytest.param(signal.SIGINT, marks=pytest.mark.slow)])
 def test_an_interrupt_ends_all_processes_and_leaves_nothing(
     building: subprocess.Popen[str], tmp_path: Path, number: signal.Signals
 ) -> None:

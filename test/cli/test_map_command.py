@@ -47,6 +47,7 @@ def test_json_has_the_figures_of_the_map(simbev: Callable[..., Any], streets: Pa
     assert facts["notes"] == ["it has no buildings: they are generated"]
 
 
+@pytest.mark.slow
 @pytest.mark.gl
 def test_pictures_are_taken_from_above_and_from_the_street(
     simbev: Callable[..., Any], streets: Path, tmp_path: Path

@@ -34,16 +34,22 @@ def test_kind_and_name_are_enough_for_a_sensor_in_a_rig(kind: str) -> None:
     assert sensor.type == kind
 
 
-def matches() -> list[tuple[str, ast.Match]]:
-    return [
-        (f"{path.relative_to(PACKAGE)}:{node.lineno}", node)
-        for path in sorted(PACKAGE.rglob("*.py"))
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+def matches() -> dict[str, ast.Match]:
+    """Every ``match`` of the package, by file and line."""
+    texts = {path: path.read_text(encoding="utf-8") for path in sorted(PACKAGE.rglob("*.py"))}
+    return {
+        f"{path.relative_to(PACKAGE)}:{node.lineno}": node
+        for path, text in texts.items()
+        if " match " in text
+        for node in ast.walk(ast.parse(text))
         if isinstance(node, ast.Match)
-    ]
+    }
 
 
-@pytest.mark.parametrize(("location", "match"), matches(), ids=[location for location, _ in matches()])
+MATCHES = matches()
+
+
+@pytest.mark.parametrize(("location", "match"), MATCHES.items(), ids=MATCHES)
 def test_every_match_has_a_default_case(location: str, match: ast.Match) -> None:
     """A match that must be exhaustive ends with ``assert_never``, so mypy reports a new member of the union."""
     last = match.cases[-1]

@@ -67,6 +67,7 @@ def test_every_class_of_a_town(name: str, near_m: tuple[float, float] | None, fr
     assert sum(told_apart) >= (3 if near_m else 0)
 
 
+@pytest.mark.slow
 def test_every_class_on_and_beneath_a_motorway() -> None:
     grids = tuple(GRIDS[k % len(GRIDS)] for k in range(4))
     centers, _, told_apart = tallies(load_town("Town04", (0.0, 0.0)), grids)

@@ -106,6 +106,7 @@ def test_views_of_a_small_town_are_those_of_rays(blocks: Studio) -> None:
     assert ((large["truncation"] > 0.05) & (large["truncation"] < 0.95)).sum() >= 1
 
 
+@pytest.mark.slow
 def test_views_through_a_lens_are_those_of_its_rays(blocks: Studio) -> None:
     assert sum(map(len, check(blocks, random_views(blocks.state, LENS, 3, 5)))) > 20
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from commands import SMALL, Command
+from commands import SMALL, Command, record
 from rosbags.highlevel import AnyReader
 
 from simbev_ros.dataset import open_dataset
@@ -48,9 +48,9 @@ def write_config(folder: Path, text: str, name: str) -> Path:
 
 
 @pytest.fixture(scope="module")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def first_of_two(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The first bag of two in a dataset."""
-    folder = tmp_path_factory.mktemp("recorded")
+    folder = tmp_path_factory.mktemp("first_of_two")
     config = write_config(folder, SMALL.replace("train: 1", "train: 2"), "a.yaml")
     code, output = Command("run", config, "--record", folder / "dataset").finish()
     assert code == 0, output
@@ -63,13 +63,18 @@ def replay(simbev: Simbev, bag: Path, config: Path, dataset: Path) -> Path:
     return dataset / SCENE
 
 
+def ending_early(small_config: Config, *without: str) -> Path:
+    """A configuration whose scenes end after 8 ticks, because nobody drives the ego."""
+    config = small_config(30, "ego: {driver: twist}\n", without=without)
+    config.write_text(config.read_text().replace("duration_s: 30", "duration_s: 30, end_after_standing_s: 0.4"))
+    return config
+
+
 def test_a_stationary_ego_ends_the_scene_and_the_bag_states_it(
     simbev: Simbev, small_config: Config, tmp_path: Path
 ) -> None:
-    # Nobody drives the ego; the second scene follows on the same processes.
-    config = small_config(30, "ego: {driver: twist}\n", without=["camera", "radar"])
-    text = config.read_text().replace("duration_s: 30", "duration_s: 30, end_after_standing_s: 0.4")
-    config.write_text(text.replace("train: 1", "train: 2"))
+    config = ending_early(small_config, "camera", "radar")  # the second scene follows on the same processes
+    config.write_text(config.read_text().replace("train: 1", "train: 2"))
     code, output = simbev("run", config, "--record", tmp_path / "out").finish()
     assert code == 0, output
     for name in ("Blocks-0000", "Blocks-0001"):
@@ -84,18 +89,26 @@ def test_a_stationary_ego_ends_the_scene_and_the_bag_states_it(
             assert reader.topics["/ego/lidar/points"].msgcount == 8
     code, shown = simbev("info", bag).finish()
     assert code == 0 and bag_facts["ended"] in shown
-    again = replay(simbev, tmp_path / "out" / SCENE, config, tmp_path / "again")
+
+
+@pytest.mark.slow
+def test_a_scene_that_ended_early_is_replayed_to_the_same_bytes_even_from_a_replay(
+    simbev: Simbev, small_config: Config, tmp_path: Path
+) -> None:
+    config = ending_early(small_config, "camera", "radar")
+    bag = record(simbev, config, tmp_path / "out")
+    again = replay(simbev, bag, config, tmp_path / "again")
     twice = replay(simbev, again, config, tmp_path / "twice")
-    assert digests(again) == digests(twice) == digests(tmp_path / "out" / SCENE)
-    assert facts(twice)["ended"] == bag_facts["ended"]
+    assert digests(again) == digests(twice) == digests(bag)
+    assert facts(twice)["ended"] == facts(bag)["ended"] == "ego stood still for 0.4 s at tick 7"
 
 
 @pytest.mark.slow
 def test_replaying_with_the_same_configuration_repeats_every_byte_and_merges_into_the_dataset(
-    recorded: Path, simbev: Simbev, tmp_path: Path
+    first_of_two: Path, simbev: Simbev, tmp_path: Path
 ) -> None:
     dataset = tmp_path / "dataset"
-    shutil.copytree(recorded.parents[2], dataset)
+    shutil.copytree(first_of_two.parents[2], dataset)
     config = write_config(tmp_path, SMALL.replace("channels: 8", "channels: 4"), "other.yaml")
     for label, text in (("again", SMALL), ("rear", config.read_text())):
         code, output = simbev(
@@ -106,7 +119,7 @@ def test_replaying_with_the_same_configuration_repeats_every_byte_and_merges_int
         bag = dataset / "scenes/train" / name
         again, rear = (bag.with_name(f"{name}.{label}") for label in ("again", "rear"))
         assert facts(again)["ended"] == facts(bag)["ended"] == "duration"
-        assert digests(again) == digests(bag) == digests(recorded.with_name(name))
+        assert digests(again) == digests(bag) == digests(first_of_two.with_name(name))
         before, after = digests(bag), digests(rear)
         assert {topic for topic in before if before[topic] != after[topic]} == CHANGED_WITH_LIDAR
         assert not [fault for each in (bag, again, rear) for fault in verify_bag(each)]

@@ -106,6 +106,7 @@ def test_a_stack_that_hangs_is_named(simbev: Simbev, lidar_config: Config) -> No
     assert "error: node echo has been silent for 15 s, after tick 2" in output
 
 
+@pytest.mark.slow
 def test_a_stack_that_dies_ends_the_run(simbev: Simbev, lidar_config: Config) -> None:
     stack = echo("--reports", "--die-at", "3")
     code, output = simbev("run", lidar_config(PARTICIPANT), "--stack", stack).finish()

@@ -35,6 +35,7 @@ def test_a_missing_gpu_is_named_with_the_available_ones(simbev: Simbev, small_co
     assert "rendering.gpus: []" in message
 
 
+@pytest.mark.slow
 def test_low_quality_rendering_on_the_cpu_plays_a_scene(simbev: Simbev, small_config: Config) -> None:
     code, output = simbev("run", small_config(0.5, "rendering: {gpus: [], quality: low}\n")).finish()
     assert code == 0, output

@@ -78,6 +78,7 @@ def test_its_metadata_are_those_of_the_manifest(wheel: Path) -> None:
     assert "# simbev_ros" in metadata.partition("\n\n")[2]
 
 
+@pytest.mark.slow
 @pytest.mark.graph
 def test_it_finds_nothing_missing_on_this_machine(
     simbev: Callable[..., "subprocess.CompletedProcess[str]"],
@@ -87,6 +88,7 @@ def test_it_finds_nothing_missing_on_this_machine(
     assert "rclpy from" in answer.stdout
 
 
+@pytest.mark.slow
 @pytest.mark.graph
 def test_it_records_a_scene(simbev: Callable[..., "subprocess.CompletedProcess[str]"], tmp_path: Path) -> None:
     (tmp_path / "short.yaml").write_text(SCENE)

@@ -47,6 +47,7 @@ def test_netconvert_failure_includes_its_message(tmp_path: Path) -> None:
         netconvert.build_from_plain_xml(nodes, edges, connections, tmp_path / "net.xml", tmp_path / "map.xodr")
 
 
+@pytest.mark.slow
 def test_concurrent_processes_build_the_same_bytes_as_a_single_one(tmp_path: Path) -> None:
     shared, alone = tmp_path / "shared", tmp_path / "alone"
     processes = [

@@ -57,7 +57,7 @@ class Net:
 
 @pytest.fixture(
     scope="module",
-    params=[pytest.param(town, marks=pytest.mark.slow if town == "Town12" else ()) for town in TOWNS],
+    params=[pytest.param(town, marks=pytest.mark.slow if town in ("Town12", "Town13") else ()) for town in TOWNS],
 )
 def net(request: pytest.FixtureRequest, built_town: Callable[[str], MapParts]) -> Net:
     return read(built_town(request.param))

@@ -67,6 +67,7 @@ def is_share(count: int, of: int, probability: float) -> bool:
     return bool(binomtest(int(count), int(of), probability).pvalue > MIN_P)
 
 
+@pytest.mark.slow
 def test_kinds_emergency_vehicles_and_missing_cones_have_the_papers_frequencies() -> None:
     hazards = many_hazards()
     assert len(hazards) > 500

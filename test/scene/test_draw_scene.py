@@ -149,6 +149,7 @@ def test_pedestrians_faster_than_walking_speed_run_in_sports_clothes(network: Ro
         assert runner.max_speed_mps == (2.2 if expected == "pedestrian.wheelchair" else 5.0)
 
 
+@pytest.mark.slow
 def test_paper_draws_up_to_three_less_than_the_free_positions(network: RoadNetwork) -> None:
     traffic = Traffic(spawn_radius_m=150, pedestrians=0)
     counts = []

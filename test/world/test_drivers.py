@@ -126,6 +126,7 @@ def test_in_heavy_rain_drivers_are_slower_and_keep_more_distance():
     assert puddles.headway == pytest.approx(1 / 0.945)
 
 
+@pytest.mark.slow
 def test_vehicles_drive_on_when_their_routes_end():
     spec = scene(vehicles=12, pedestrians=0, ticks=20)
     with Simulation(spec, blocks()) as simulation:

@@ -49,7 +49,15 @@ def drive(folder: Path, planned: PlannedScene) -> list[WorldState]:
         return [simulation.step() for _ in range(spec.warm_up_ticks + spec.ticks)]
 
 
-@pytest.mark.parametrize("options", ["sample", "--grid", "--spider", "--rand --rand.iterations 40 --seed 4"])
+@pytest.mark.parametrize(
+    "options",
+    [
+        "sample",
+        "--spider",
+        pytest.param("--grid", marks=pytest.mark.slow),
+        pytest.param("--rand --rand.iterations 40 --seed 4", marks=pytest.mark.slow),
+    ],
+)
 def test_a_scene_on_a_file_spawns_and_drives(tmp_path: Path, options: str) -> None:
     planned = configured(tmp_path, map_file(tmp_path, options))
     assert re.fullmatch(r"riverside|made_by_sumo", planned.map.name)

@@ -63,6 +63,7 @@ def test_a_careful_driver_brakes_gently_for_a_jaywalker_and_then_drives_on():
     assert gap_m[crossing].min() > car["length"][0] / 2.0 + 1.0
 
 
+@pytest.mark.slow
 def test_a_reckless_driver_runs_over_a_jaywalker():
     meetings = [meeting(car_m, reckless=True) for car_m in (37.0, 38.0, 39.0, 40.0, 41.0)]
     for actors, events in meetings:
@@ -125,6 +126,7 @@ def test_other_pedestrians_keep_their_routes_when_some_may_jaywalk():
         assert [leg.excursion is None for leg in legs] == [False] * (len(legs) - 1) + [True]
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bytes_with_jaywalkers():
     spec = scene(vehicles=20, pedestrians=30, ticks=120)
     all_jaywalkers = tuple(each.model_copy(update={"jaywalks": True}) for each in spec.pedestrians)

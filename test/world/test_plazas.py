@@ -116,6 +116,7 @@ def test_visitors_neither_jump_nor_spin():
     assert np.abs(visitors["wz"]).max() < 2.5
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bytes_with_plazas():
     spec = draw_town(32, 8.0, plaza_probability=1.0)
     first, second = simulate(spec), simulate(spec)

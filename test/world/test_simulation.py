@@ -246,6 +246,7 @@ def test_ticks_of_fractional_milliseconds_are_refused():
         Simulation(spec, blocks())
 
 
+@pytest.mark.slow
 def test_reckless_drivers_get_farther_than_those_who_stop_at_lights():
     spec = scene(pedestrians=0, ticks=300)
     reckless = tuple(vehicle.model_copy(update={"reckless": True}) for vehicle in spec.vehicles)

@@ -87,6 +87,7 @@ setup(
         "rich>=13.9",
         "rosbags>=0.10",
         "scipy>=1.14",
+        "setproctitle>=1.3",
         "shapely>=2.0",
         "simplejpeg>=1.8",
         "typer>=0.15",

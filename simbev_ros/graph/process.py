@@ -14,6 +14,7 @@ import psutil
 import yaml
 
 from simbev_ros.errors import DiskError, InputError, SimbevError
+from simbev_ros.graph.node_starter import NodeStarter, RunningProcess, describe_exit
 from simbev_ros.nodes.lifeline import SUPERVISOR_VARIABLE
 from simbev_ros.nodes.main import DISK_EXIT_CODE, ERROR_MARK
 
@@ -35,28 +36,15 @@ class GraphProcess:
     """A process of the graph.
 
     Args:
-        label: Short name, also the file name of its log.
+        label: Short name.
         title: Kind and name, for messages.
-        command: The command and its arguments.
-        folder: Folder for its log.
-        environment: Variables added to the current ones.
+        process: The process.
+        log: The file of its output.
     """
 
-    def __init__(
-        self, label: str, title: str, command: Sequence[str], folder: Path, environment: Mapping[str, str]
-    ) -> None:
-        self.label, self.title = label, title
-        self.log = folder / f"{label}.log"
+    def __init__(self, label: str, title: str, process: RunningProcess, log: Path) -> None:
+        self.label, self.title, self._process, self.log = label, title, process, log
         self._read_bytes = 0
-        with self.log.open("wb") as log:
-            self._process = subprocess.Popen(
-                command,
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=subprocess.STDOUT,
-                env={**os.environ, **environment, SUPERVISOR_VARIABLE: str(os.getpid())},
-                start_new_session=True,
-            )
 
     @property
     def pid(self) -> int:
@@ -85,6 +73,8 @@ class GraphProcess:
 
     def new_output(self) -> str:
         """Return the output since the last call."""
+        if not self.log.exists():
+            return ""
         with self.log.open("rb") as log:
             log.seek(self._read_bytes)
             written = log.read()
@@ -93,16 +83,11 @@ class GraphProcess:
 
     def describe_end(self) -> str:
         """Describe why the process ended, with the last line of its log."""
-        code = self.exit_code
-        reason = f"exit code {code}"
-        if code is not None and code < 0:
-            reason = f"killed by {signal.Signals(-code).name}"
-        words = [line for line in self.log.read_text(errors="replace").splitlines() if line.strip()]
-        return f"{reason}: {words[-1]}" if words else reason
+        return describe_exit(self.exit_code, self._output().splitlines())
 
     def refusal(self) -> SimbevError | None:
         """The error to report if input, machine or disk made the process end; None if the process itself failed."""
-        _, mark, words = f"\n{self.log.read_text(errors='replace')}".rpartition(f"\n{ERROR_MARK}")
+        _, mark, words = f"\n{self._output()}".rpartition(f"\n{ERROR_MARK}")
         kind = _REFUSALS.get(self.exit_code)
         return kind(f"{self.title}: {words.strip()}") if mark and kind else None
 
@@ -118,32 +103,34 @@ class GraphProcess:
             self._process.wait(timeout_s)
             return True
         except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+            self._process.send_signal(signal.SIGKILL)
+            self._process.wait(timeout_s)
             return False
+
+    def _output(self) -> str:
+        return self.log.read_text(errors="replace") if self.log.exists() else ""
 
 
 class NodeProcess(GraphProcess):
     """A process that runs one or several nodes.
 
     Args:
+        starter: What starts the process.
         kinds: Kind of each node, in the order of ``parameters``.
         parameters: ROS parameters of each node, by node name.
         folder: Folder for its parameter file and its log.
-        environment: Variables added to the current ones.
     """
 
-    def __init__(
-        self, kinds: Sequence[str], parameters: NodeParameters, folder: Path, environment: Mapping[str, str]
-    ) -> None:
+    def __init__(self, starter: NodeStarter, kinds: Sequence[str], parameters: NodeParameters, folder: Path) -> None:
         names = tuple(parameters)
         label = "+".join(names)
         file = folder / f"{label}.yaml"
         text = yaml.dump({name: {"ros__parameters": dict(p)} for name, p in parameters.items()}, Dumper=_Plain)
         file.write_text(text)
         nodes = [f"{kind}:{name}" for kind, name in zip(kinds, names, strict=True)]
-        command = [sys.executable, "-m", "simbev_ros.nodes.main", *nodes, "--ros-args", "--params-file", str(file)]
-        super().__init__(label, f"node {label}", command, folder, environment)
+        log = folder / f"{label}.log"
+        process = starter.start([*nodes, "--ros-args", "--params-file", str(file)], log)
+        super().__init__(label, f"node {label}", process, log)
 
 
 class StackProcess(GraphProcess):
@@ -161,8 +148,17 @@ class StackProcess(GraphProcess):
     def __init__(self, command: Sequence[str], folder: Path, environment: Mapping[str, str]) -> None:
         if shutil.which(command[0]) is None:
             raise InputError(f"evaluation.stack: there is no command {command[0]!r}")
-        supervised = [sys.executable, "-m", "simbev_ros.nodes.lifeline", *command]
-        super().__init__("stack", f"stack {shlex.join(command)}", supervised, folder, environment)
+        path = folder / "stack.log"
+        with path.open("wb") as log:
+            process = subprocess.Popen(
+                [sys.executable, "-m", "simbev_ros.nodes.lifeline", *command],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                env={**os.environ, **environment, SUPERVISOR_VARIABLE: str(os.getpid())},
+                start_new_session=True,
+            )
+        super().__init__("stack", f"stack {shlex.join(command)}", process, path)
 
     def terminate(self) -> None:
         """Ask the whole process group to end."""

@@ -14,6 +14,7 @@ from simbev_ros.graph.domain import DomainLock
 from simbev_ros.graph.environment import graph_environment
 from simbev_ros.graph.loading_watch import LoadingWatch
 from simbev_ros.graph.monitor import GraphMonitor
+from simbev_ros.graph.node_starter import NodeStarter
 from simbev_ros.graph.plan import plan_processes, stack_command
 from simbev_ros.graph.process import GraphProcess, NodeProcess, StackProcess
 from simbev_ros.graph.traces import Traces
@@ -56,6 +57,7 @@ class GraphSession:
         self._lock = DomainLock(domain)
         self.domain = self._lock.domain
         self._traces = Traces()
+        self._starter: NodeStarter | None = None
         self._processes: list[GraphProcess] = []
         self._monitor: GraphMonitor | None = None
         self._loading: LoadingWatch | None = None
@@ -88,10 +90,11 @@ class GraphSession:
         cameras = camera_processes(self._scenario.rendering, len(self._scenario.rig.of_type(Camera)))
         environment |= drawing_environment(cameras)
         plans = plan_processes(self._scenario, cameras, live=self._live, dataset=self._dataset, figures=self._figures)
+        self._starter = NodeStarter((node.kind for nodes in plans for node in nodes), self._traces.folder, environment)
         for nodes in plans:
             parameters = {node.name: node.parameters for node in nodes}
             kinds = [node.kind for node in nodes]
-            self._processes.append(NodeProcess(kinds, parameters, self._traces.folder, environment))
+            self._processes.append(NodeProcess(self._starter, kinds, parameters, self._traces.folder))
         if stack := stack_command(self._scenario):
             self._processes.append(StackProcess(stack, self._traces.folder, environment))
         names = [node.name for nodes in plans for node in nodes]
@@ -169,6 +172,8 @@ class GraphSession:
     def _check(self, tick: int | None) -> None:
         self._traces.note([os.getpid(), *(process.pid for process in self._processes)])
         where = "while the scene was loading" if tick is None else f"after tick {tick}"
+        if self._starter is not None and (failure := self._starter.failure()):
+            self._fail(f"{failure}, {where}")
         for process in self._processes:
             if process.exit_code is not None:
                 if refusal := process.refusal():
@@ -193,6 +198,8 @@ class GraphSession:
         end_s = time.monotonic() + _STOP_TIMEOUT_S
         for process in self._processes:
             process.join(max(end_s - time.monotonic(), 0.1))
+        if self._starter is not None:
+            self._starter.close()
         if self._figures.is_file():
             self.figures = json.loads(self._figures.read_text(encoding="utf-8"))
         if self._monitor is not None:

@@ -5,7 +5,10 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
+
+import psutil
 
 from simbev_ros.graph.shared_memory import held_files, middleware_files
 
@@ -70,14 +73,12 @@ class Command:
     def nodes(self) -> dict[str, int]:
         """Pid of each node process, by label (such as ``gnss+imu``)."""
         found = {}
-        for pid in children_of(self.process.pid):
-            words = Path(f"/proc/{pid}/cmdline").read_text().split("\0")
-            if "simbev_ros.nodes.main" in words:
-                names = [
-                    w.partition(":")[2]
-                    for w in words[words.index("simbev_ros.nodes.main") + 1 : words.index("--ros-args")]
-                ]
-                found["+".join(names)] = pid
+        for process in psutil.Process(self.process.pid).children(recursive=True):
+            with suppress(psutil.NoSuchProcess):
+                words = " ".join(process.cmdline()).split()
+                if words[:1] == ["simbev_ros.nodes.main"]:
+                    names = [word.partition(":")[2] for word in words[1 : words.index("--ros-args")]]
+                    found["+".join(names)] = process.pid
         return found
 
     def wait_for(self, condition: Callable[[], bool], timeout_s: float = 60) -> None:
@@ -94,11 +95,6 @@ def record(simbev: Callable[..., Command], config: Path, dataset: Path) -> Path:
     code, output = simbev("run", config, "--record", dataset).finish()
     assert code == 0, output
     return dataset / SCENE
-
-
-def children_of(pid: int) -> list[int]:
-    """Direct children of a process."""
-    return [int(word) for word in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
 def wait_until(condition: Callable[[], bool], timeout_s: float = 10) -> None:

@@ -1,0 +1,105 @@
+"""Forked node processes have an output, a session and an exit code of their own, and end with whoever started them."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import psutil
+import pytest
+from commands import DOMAIN, wait_until
+
+from simbev_ros.graph.environment import graph_environment
+from simbev_ros.graph.node_starter import ForkedProcess, NodeStarter
+from simbev_ros.graph.shared_memory import middleware_files, remove_orphans
+
+pytestmark = pytest.mark.graph
+
+SUPERVISOR = """
+import sys, time
+from pathlib import Path
+from simbev_ros.graph.environment import graph_environment
+from simbev_ros.graph.node_starter import NodeStarter
+folder = Path(sys.argv[1])
+starter = NodeStarter(["imu", "gnss"], folder, graph_environment(int(sys.argv[2])))
+print(*(starter.start([f"{kind}:{kind}"], folder / f"{kind}.log").pid for kind in ("imu", "gnss")), flush=True)
+time.sleep(60)
+"""
+
+
+@pytest.fixture(autouse=True)
+def shared_memory_of_killed_nodes() -> Iterator[None]:
+    """Remove what killed processes leave; a session does so itself."""
+    before = set(middleware_files())
+    yield
+    remove_orphans(set(middleware_files()) - before)
+
+
+@pytest.fixture
+def starter(tmp_path: Path) -> Iterator[NodeStarter]:
+    started = NodeStarter(["imu"], tmp_path, graph_environment(DOMAIN))
+    yield started
+    started.close()
+
+
+def running(starter: NodeStarter, folder: Path) -> ForkedProcess:
+    """A node that is ready for signals."""
+    process = starter.start(["imu:mine"], folder / "mine.log")
+    wait_until(lambda: "mine" in psutil.Process(process.pid).name())
+    wait_until(lambda: psutil.Process(process.pid).num_threads() > 5)  # the middleware runs
+    return process
+
+
+def test_a_node_has_a_session_and_a_name_of_its_own_and_ends_in_order(starter: NodeStarter, tmp_path: Path) -> None:
+    process = running(starter, tmp_path)
+    assert os.getsid(process.pid) == process.pid
+    assert psutil.Process(process.pid).cmdline()[0].startswith("simbev_ros.nodes.main imu:mine")
+    assert process.poll() is None
+    with pytest.raises(subprocess.TimeoutExpired):
+        process.wait(0.1)
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(10) == 0 == process.poll()
+    process.send_signal(signal.SIGTERM)  # nobody is left
+
+
+def test_exit_code_and_output_are_those_of_the_process(starter: NodeStarter, tmp_path: Path) -> None:
+    refused, killed = starter.start(["x:x"], tmp_path / "x.log"), running(starter, tmp_path)
+    os.kill(killed.pid, signal.SIGKILL)
+    assert (refused.wait(10), killed.wait(10)) == (2, -signal.SIGKILL)
+    assert (tmp_path / "x.log").read_text().startswith("error: there is no node kind 'x'")
+    assert starter.failure() is None
+
+
+def test_all_nodes_end_when_the_server_is_killed_even_a_stopped_one(starter: NodeStarter, tmp_path: Path) -> None:
+    process = running(starter, tmp_path)
+    server = psutil.Process(process.pid).parent()
+    assert server is not None
+    os.kill(process.pid, signal.SIGSTOP)
+    server.kill()
+    assert process.wait(20) == -signal.SIGKILL
+    assert starter.failure() == "the process that starts nodes died: killed by SIGKILL"
+    wait_until(lambda: not psutil.pid_exists(process.pid))  # until whoever adopted it has noticed
+
+
+def test_a_server_whose_imports_fail_says_why(tmp_path: Path) -> None:
+    starter = NodeStarter(["sonar"], tmp_path, graph_environment(DOMAIN))
+    assert starter.start(["sonar:sonar"], tmp_path / "sonar.log").pid == 0
+    assert str(starter.failure()).endswith("ModuleNotFoundError: No module named 'simbev_ros.nodes.sonar_node'")
+    starter.close()
+
+
+@pytest.mark.parametrize("stopped", ["node", "server"])
+def test_nodes_end_with_a_killed_supervisor_even_if_something_is_stopped(tmp_path: Path, stopped: str) -> None:
+    command = [sys.executable, "-c", SUPERVISOR, str(tmp_path), str(DOMAIN)]
+    supervisor = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True)
+    assert supervisor.stdout is not None
+    nodes = [psutil.Process(int(word)) for word in supervisor.stdout.readline().split()]
+    server = nodes[0].parent()
+    assert server is not None and len(nodes) == 2
+    (nodes[0] if stopped == "node" else server).suspend()
+    supervisor.kill()
+    supervisor.communicate()
+    gone, _ = psutil.wait_procs([server, *nodes], timeout=15)
+    assert len(gone) == 3

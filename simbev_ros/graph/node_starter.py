@@ -26,8 +26,8 @@ class RunningProcess(Protocol):
     """A process as the graph handles it, such as ``subprocess.Popen``."""
 
     @property
-    def pid(self) -> int:
-        """Process id."""
+    def pid(self) -> int | None:
+        """Process id; None before the process has been started."""
 
     def poll(self) -> int | None:
         """Exit code; None while the process runs, negative if a signal killed it."""
@@ -148,8 +148,14 @@ class ForkedProcess:
         self._exit_code = exit_code
 
     @property
-    def pid(self) -> int:
-        """Process id, for which it waits; 0 if the process could not be started."""
+    def pid(self) -> int | None:
+        """Process id; None before the process has been started."""
+        if self._pid is None:
+            self._starter.handle_answers()
+        return self._pid
+
+    def await_start(self) -> int:
+        """Wait until the process has been started; return its id, or 0 if it could not be started."""
         while self._pid is None and self._exit_code is None:
             self._starter.handle_answers(1.0)
         return self._pid or 0
@@ -171,7 +177,7 @@ class ForkedProcess:
         return code
 
     def send_signal(self, number: int) -> None:
-        """Send a signal, if the process runs."""
-        if self.poll() is None:
+        """Send a signal, if the process runs; wait until it does."""
+        if self.poll() is None and (pid := self.await_start()):
             with suppress(ProcessLookupError):
-                os.kill(self.pid, number)
+                os.kill(pid, number)

@@ -47,8 +47,8 @@ class GraphProcess:
         self._read_bytes = 0
 
     @property
-    def pid(self) -> int:
-        """Process id."""
+    def pid(self) -> int | None:
+        """Process id; None before the process has been started."""
         return self._process.pid
 
     @property
@@ -58,17 +58,19 @@ class GraphProcess:
 
     @property
     def cpu_s(self) -> float:
-        """User and system time up to now, s; 0 when the process has ended."""
+        """User and system time up to now, s; 0 when the process does not run."""
         with suppress(psutil.NoSuchProcess):
-            times = psutil.Process(self.pid).cpu_times()
-            return float(times.user + times.system)
+            if (pid := self.pid) is not None:
+                times = psutil.Process(pid).cpu_times()
+                return float(times.user + times.system)
         return 0.0
 
     @property
     def memory_mib(self) -> float:
-        """Resident memory, MiB; 0 when the process has ended."""
+        """Resident memory, MiB; 0 when the process does not run."""
         with suppress(psutil.NoSuchProcess):
-            return float(psutil.Process(self.pid).memory_info().rss / 2**20)
+            if (pid := self.pid) is not None:
+                return float(psutil.Process(pid).memory_info().rss / 2**20)
         return 0.0
 
     def new_output(self) -> str:
@@ -150,7 +152,7 @@ class StackProcess(GraphProcess):
             raise InputError(f"evaluation.stack: there is no command {command[0]!r}")
         path = folder / "stack.log"
         with path.open("wb") as log:
-            process = subprocess.Popen(
+            self._popen = subprocess.Popen(
                 [sys.executable, "-m", "simbev_ros.nodes.lifeline", *command],
                 stdin=subprocess.DEVNULL,
                 stdout=log,
@@ -158,7 +160,7 @@ class StackProcess(GraphProcess):
                 env={**os.environ, **environment, SUPERVISOR_VARIABLE: str(os.getpid())},
                 start_new_session=True,
             )
-        super().__init__("stack", f"stack {shlex.join(command)}", process, path)
+        super().__init__("stack", f"stack {shlex.join(command)}", self._popen, path)
 
     def terminate(self) -> None:
         """Ask the whole process group to end."""
@@ -173,4 +175,4 @@ class StackProcess(GraphProcess):
 
     def _signal(self, number: signal.Signals) -> None:
         with suppress(ProcessLookupError):
-            os.killpg(self.pid, number)
+            os.killpg(self._popen.pid, number)

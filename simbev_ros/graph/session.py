@@ -170,7 +170,7 @@ class GraphSession:
         return self.monitor.world.finished_by_all()
 
     def _check(self, tick: int | None) -> None:
-        self._traces.note([os.getpid(), *(process.pid for process in self._processes)])
+        self._traces.note(self._pids())
         where = "while the scene was loading" if tick is None else f"after tick {tick}"
         if self._starter is not None and (failure := self._starter.failure()):
             self._fail(f"{failure}, {where}")
@@ -186,13 +186,17 @@ class GraphSession:
             early = self.monitor.behind_world.describe_early_reports()
             self._fail("; ".join([f"{_nodes_have(silent)} been silent for {timeout_s:g} s, {where}", *early]))
 
+    def _pids(self) -> list[int]:
+        """Ids of this process and of those that have been started."""
+        return [os.getpid(), *(process.pid for process in self._processes if process.pid is not None)]
+
     def _fail(self, message: str) -> None:
         self._failed = True
         raise GraphError(f"{message}\nlogs: {self._traces.folder}")
 
     def close(self) -> None:
         """Stop all processes, with time for the recorder to finish, and remove all traces except logs of a failure."""
-        self._traces.note(process.pid for process in self._processes)
+        self._traces.note(self._pids())
         for process in self._processes:
             process.terminate()
         end_s = time.monotonic() + _STOP_TIMEOUT_S

@@ -19,6 +19,7 @@ import socket
 import sys
 import time
 import traceback
+import warnings
 from contextlib import suppress
 from typing import NoReturn
 
@@ -30,7 +31,7 @@ from simbev_ros.nodes.lifeline import SUPERVISOR_VARIABLE, wake_at_end_of_superv
 MAX_MESSAGE_BYTES = 1 << 16
 """Length of the longest request or answer."""
 
-_STOP_TIMEOUT_S = 8.0
+_STOP_TIMEOUT_S = 15.0
 """Time that processes have to end after the death of the supervisor, before they are killed."""
 
 
@@ -82,7 +83,7 @@ class _ForkServer:
                 self._child_ended.recv(MAX_MESSAGE_BYTES)
                 self._report_ended()
             if self._channel in ready:
-                request = self._channel.recv(MAX_MESSAGE_BYTES)
+                request = self._receive()
                 if not request:
                     self._end_all()
                     return None
@@ -90,10 +91,18 @@ class _ForkServer:
                 if arguments is not None:
                     return arguments
 
+    def _receive(self) -> bytes:
+        """The next request; empty when the supervisor is gone."""
+        with suppress(ConnectionResetError):  # it was killed before it had read the last answer
+            return self._channel.recv(MAX_MESSAGE_BYTES)
+        return b""
+
     def _start(self, arguments: list[str], log: str) -> list[str] | None:
         """Fork; return None in this process, and the arguments in the new one."""
         server = os.getpid()
-        pid = os.fork()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)  # of threads: LTTng has some, which wait for a tracer
+            pid = os.fork()
         if pid == 0:
             self._leave(log)
             os.environ[SUPERVISOR_VARIABLE] = str(server)

@@ -196,8 +196,8 @@ def test_nodes_end_when_the_command_is_killed(simbev: Simbev, small_config: Conf
     command.process.kill()
     command.process.wait()
     wait_until(lambda: not node_processes())
-    # The killed process could not remove its own shared memory; its nodes could.
-    assert len(remove_orphans(set(middleware_files()) - before)) <= 2
+    # The killed process could not remove its own two segments and their lock files; its nodes could.
+    assert len(remove_orphans(set(middleware_files()) - before)) <= 4
 
 
 def test_two_graphs_do_not_share_a_domain(simbev: Simbev, small_config: Config) -> None:

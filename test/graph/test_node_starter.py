@@ -24,7 +24,8 @@ from simbev_ros.graph.environment import graph_environment
 from simbev_ros.graph.node_starter import NodeStarter
 folder = Path(sys.argv[1])
 starter = NodeStarter(["imu", "gnss"], folder, graph_environment(int(sys.argv[2])))
-print(*(starter.start([f"{kind}:{kind}"], folder / f"{kind}.log").pid for kind in ("imu", "gnss")), flush=True)
+nodes = [starter.start([f"{kind}:{kind}"], folder / f"{kind}.log") for kind in ("imu", "gnss")]
+print(*(node.await_start() for node in nodes), flush=True)
 time.sleep(60)
 """
 
@@ -44,18 +45,19 @@ def starter(tmp_path: Path) -> Iterator[NodeStarter]:
     started.close()
 
 
-def running(starter: NodeStarter, folder: Path) -> ForkedProcess:
-    """A node that is ready for signals."""
+def running(starter: NodeStarter, folder: Path) -> tuple[ForkedProcess, psutil.Process]:
+    """A node that is ready for signals, and what the system says of it."""
     process = starter.start(["imu:mine"], folder / "mine.log")
-    wait_until(lambda: "mine" in psutil.Process(process.pid).name())
-    wait_until(lambda: psutil.Process(process.pid).num_threads() > 5)  # the middleware runs
-    return process
+    seen = psutil.Process(process.await_start())
+    wait_until(lambda: "mine" in seen.name())
+    wait_until(lambda: seen.num_threads() > 5)  # the middleware runs
+    return process, seen
 
 
 def test_a_node_has_a_session_and_a_name_of_its_own_and_ends_in_order(starter: NodeStarter, tmp_path: Path) -> None:
-    process = running(starter, tmp_path)
-    assert os.getsid(process.pid) == process.pid
-    assert psutil.Process(process.pid).cmdline()[0].startswith("simbev_ros.nodes.main imu:mine")
+    process, seen = running(starter, tmp_path)
+    assert os.getsid(seen.pid) == seen.pid == process.pid
+    assert seen.cmdline()[0].startswith("simbev_ros.nodes.main imu:mine")
     assert process.poll() is None
     with pytest.raises(subprocess.TimeoutExpired):
         process.wait(0.1)
@@ -65,27 +67,28 @@ def test_a_node_has_a_session_and_a_name_of_its_own_and_ends_in_order(starter: N
 
 
 def test_exit_code_and_output_are_those_of_the_process(starter: NodeStarter, tmp_path: Path) -> None:
-    refused, killed = starter.start(["x:x"], tmp_path / "x.log"), running(starter, tmp_path)
-    os.kill(killed.pid, signal.SIGKILL)
+    refused = starter.start(["x:x"], tmp_path / "x.log")
+    killed, seen = running(starter, tmp_path)
+    seen.kill()
     assert (refused.wait(10), killed.wait(10)) == (2, -signal.SIGKILL)
     assert (tmp_path / "x.log").read_text().startswith("error: there is no node kind 'x'")
     assert starter.failure() is None
 
 
 def test_all_nodes_end_when_the_server_is_killed_even_a_stopped_one(starter: NodeStarter, tmp_path: Path) -> None:
-    process = running(starter, tmp_path)
-    server = psutil.Process(process.pid).parent()
+    process, seen = running(starter, tmp_path)
+    server = seen.parent()
     assert server is not None
-    os.kill(process.pid, signal.SIGSTOP)
+    seen.suspend()
     server.kill()
     assert process.wait(20) == -signal.SIGKILL
     assert starter.failure() == "the process that starts nodes died: killed by SIGKILL"
-    wait_until(lambda: not psutil.pid_exists(process.pid))  # until whoever adopted it has noticed
+    wait_until(lambda: not psutil.pid_exists(seen.pid))  # until whoever adopted it has noticed
 
 
 def test_a_server_whose_imports_fail_says_why(tmp_path: Path) -> None:
     starter = NodeStarter(["sonar"], tmp_path, graph_environment(DOMAIN))
-    assert starter.start(["sonar:sonar"], tmp_path / "sonar.log").pid == 0
+    assert starter.start(["sonar:sonar"], tmp_path / "sonar.log").await_start() == 0
     assert str(starter.failure()).endswith("ModuleNotFoundError: No module named 'simbev_ros.nodes.sonar_node'")
     starter.close()
 
@@ -101,5 +104,5 @@ def test_nodes_end_with_a_killed_supervisor_even_if_something_is_stopped(tmp_pat
     (nodes[0] if stopped == "node" else server).suspend()
     supervisor.kill()
     supervisor.communicate()
-    gone, _ = psutil.wait_procs([server, *nodes], timeout=15)
+    gone, _ = psutil.wait_procs([server, *nodes], timeout=30)
     assert len(gone) == 3

@@ -26,10 +26,11 @@ from simbev_ros.graph.process import NodeProcess
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.message_types import message_class
 from simbev_ros.msgs.qos import LATCHED, qos_of, rclpy_qos
-from simbev_ros.msgs.stamps import stamp_of
+from simbev_ros.msgs.signing import Signer
 from simbev_ros.msgs.tables import message_from_table
 from simbev_ros.msgs.world import record_message
 from simbev_ros.nodes.lockstep import Lockstep
+from simbev_ros.nodes.reports import read_report
 from simbev_ros.scene.ending import DURATION, SceneEnd
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import ACTOR_DTYPE
@@ -151,4 +152,4 @@ class _Sender:
                 raise SimbevError(f"recorder: silent for {_PATIENCE_S:g} s before tick {tick}")
 
     def _on_ready(self, message: Header) -> None:
-        self._lockstep.record_report(message.frame_id, stamp_of(message.stamp))
+        self._lockstep.record_report(read_report(message, Signer(None), ()))

@@ -40,6 +40,10 @@ class MapDisplay(ProductionObserver):
             self._status.stop()
             self._status = None
 
+    def graph_warned(self, node: str, message: str) -> None:
+        """Print the warning."""
+        self.console.print(f"warning: {node}: {message}", markup=False, soft_wrap=True)
+
     def map_noted(self, map_name: str, note: str) -> None:
         """Print the note."""
         self.console.print(f"map {map_name}: {note}", style="dim", markup=False, highlight=False, soft_wrap=True)

@@ -1,7 +1,9 @@
 """Watches a running graph over ROS: requests scenes, follows the finished ticks of every node and its diagnostics."""
 
+import math
 import time
 from collections.abc import Iterable
+from contextlib import suppress
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
@@ -11,9 +13,11 @@ from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Header, String
 
 from simbev_ros.msgs import topics
-from simbev_ros.msgs.qos import LATCHED, rclpy_qos
-from simbev_ros.msgs.stamps import stamp_of
+from simbev_ros.msgs.qos import LATCHED, STEERING, rclpy_qos
+from simbev_ros.msgs.signing import Signer, content_of, signed_json
+from simbev_ros.nodes.graph_node import MALFORMED
 from simbev_ros.nodes.lockstep import Lockstep
+from simbev_ros.nodes.reports import read_report
 from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.request import SceneRequest
 
@@ -28,6 +32,7 @@ class GraphMonitor:
         domain: ROS domain of the graph.
         nodes: Names of simbev's own nodes, which also send diagnostics.
         participants: Names of all nodes that report finished ticks to the world, including outside nodes.
+        signer: Signs requests, and tells the nodes' messages from those of others.
 
     Attributes:
         behind_world: Ticks finished by the participants.
@@ -36,9 +41,11 @@ class GraphMonitor:
         end: How the current scene ends; set just before its last tick.
     """
 
-    def __init__(self, domain: int, nodes: Iterable[str], participants: Iterable[str]) -> None:
+    def __init__(self, domain: int, nodes: Iterable[str], participants: Iterable[str], signer: Signer) -> None:
         self._nodes = tuple(nodes)
+        self._signer, self._requests = signer, 0
         self.behind_world = Lockstep(participants, window_ticks=1)
+        self._outside = frozenset(self.behind_world.participants) - frozenset(self._nodes)
         self.world = Lockstep(["world"], window_ticks=1)
         self.writers = Lockstep([name for name in _WRITERS if name in self._nodes], window_ticks=1)
         self.end: SceneEnd | None = None
@@ -51,11 +58,9 @@ class GraphMonitor:
         self._node = rclpy.create_node("supervisor", context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
-        ready_qos = rclpy_qos(LATCHED)
-        ready_qos.depth = 64
         self._request = self._node.create_publisher(String, topics.REQUEST, rclpy_qos(LATCHED))
-        self._node.create_subscription(String, topics.END, self._on_end, rclpy_qos(LATCHED))
-        self._node.create_subscription(Header, topics.READY, self._on_ready, ready_qos)
+        self._node.create_subscription(String, topics.END, self._on_end, rclpy_qos(STEERING))
+        self._node.create_subscription(Header, topics.READY, self._on_ready, rclpy_qos(STEERING))
         self._node.create_subscription(DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, 64)
 
     def request(self, request: SceneRequest) -> None:
@@ -65,7 +70,9 @@ class GraphMonitor:
         self._scene, self.end = request.spec.name, None
         self._progress_s = time.monotonic()
         self._heard_s = dict.fromkeys(self._nodes, self._progress_s)
-        self._request.publish(String(data=request.model_dump_json()))
+        self._requests += 1
+        request = request.model_copy(update={"number": self._requests})
+        self._request.publish(String(data=signed_json(request, self._signer)))
 
     def spin(self, duration_s: float) -> None:
         """Handle messages for a given time."""
@@ -106,26 +113,28 @@ class GraphMonitor:
         self._context.shutdown()
 
     def _on_ready(self, message: Header) -> None:
-        stamp_ns = stamp_of(message.stamp)
-        groups = (self.behind_world, self.world, self.writers)
-        counts = [each.record_report(message.frame_id, stamp_ns) for each in groups]
-        if any(counts):
-            self._progress_s = time.monotonic()
-        self._note_sign_of_life(message.frame_id.partition(":")[0])
+        with suppress(*MALFORMED):  # the world node logs it
+            report = read_report(message, self._signer, self._outside)
+            counts = [each.record_report(report) for each in (self.behind_world, self.world, self.writers)]
+            if any(counts):
+                self._progress_s = time.monotonic()
+            self._note_sign_of_life(report.node)
 
     def _on_end(self, message: String) -> None:
-        end = SceneEnd.model_validate_json(message.data)
-        if end.scene == self._scene:
-            self.end = end
+        with suppress(*MALFORMED):
+            end = content_of(SceneEnd, message.data, self._signer)
+            if end.scene == self._scene:
+                self.end = end
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
             self._note_sign_of_life(status.hardware_id)
-            load = {entry.key: entry.value for entry in status.values}
-            if {"ticks", "busy_ms"} <= load.keys():
+            with suppress(KeyError, ValueError):  # others may use the topic, too
+                load = {entry.key: float(entry.value) for entry in status.values if entry.key in ("ticks", "busy_ms")}
                 ticks, busy_ms = self._busy.get(status.hardware_id, (0.0, 0.0))
-                new_ticks = float(load["ticks"])
-                self._busy[status.hardware_id] = ticks + new_ticks, busy_ms + new_ticks * float(load["busy_ms"])
+                busy = ticks + load["ticks"], busy_ms + load["ticks"] * load["busy_ms"]
+                if status.hardware_id in self._heard_s and all(map(math.isfinite, busy)):
+                    self._busy[status.hardware_id] = busy
 
     def _note_sign_of_life(self, name: str) -> None:
         if name in self._heard_s:

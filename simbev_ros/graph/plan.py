@@ -66,6 +66,7 @@ def plan_processes(
         "live": live,
         "recorded": dataset is not None,
         "participants": [*names, *scenario.participants],
+        "outside_participants": list(scenario.participants),
         "state_readers": state_readers,
         "window_ticks": scenario.graph.window_ticks,
     }

@@ -1,6 +1,7 @@
 """Runs a process of the graph: started in its own session, stopped by SIGTERM, then by force, with output in a log."""
 
 import os
+import re
 import shlex
 import shutil
 import signal
@@ -19,6 +20,10 @@ from simbev_ros.nodes.lifeline import SUPERVISOR_VARIABLE
 from simbev_ros.nodes.main import DISK_EXIT_CODE, ERROR_MARK
 
 _REFUSALS: Mapping[int | None, type[SimbevError]] = {InputError.exit_code: InputError, DISK_EXIT_CODE: DiskError}
+
+
+_WARNING = re.compile(r"^\[WARN\] \[[\d.]+\] \[([^\]]+)\]: (.*)$", re.MULTILINE)
+"""A line of a node's log, as rcl writes it."""
 
 
 class _Plain(yaml.SafeDumper):
@@ -44,7 +49,7 @@ class GraphProcess:
 
     def __init__(self, label: str, title: str, process: RunningProcess, log: Path) -> None:
         self.label, self.title, self._process, self.log = label, title, process, log
-        self._read_bytes = 0
+        self._returned = self._warnings = 0
 
     @property
     def pid(self) -> int | None:
@@ -75,13 +80,17 @@ class GraphProcess:
 
     def new_output(self) -> str:
         """Return the output since the last call."""
-        if not self.log.exists():
-            return ""
-        with self.log.open("rb") as log:
-            log.seek(self._read_bytes)
-            written = log.read()
-        self._read_bytes += len(written)
-        return written.decode(errors="replace")
+        output = self._output()
+        new = output[self._returned :]
+        self._returned = len(output)
+        return new
+
+    def new_warnings(self) -> list[tuple[str, str]]:
+        """Node and text of the warnings that have been logged since the last call."""
+        found = _WARNING.findall(self._output())
+        new = found[self._warnings :]
+        self._warnings = len(found)
+        return new
 
     def describe_end(self) -> str:
         """Describe why the process ended, with the last line of its log."""

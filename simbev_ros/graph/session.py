@@ -18,6 +18,9 @@ from simbev_ros.graph.node_starter import NodeStarter
 from simbev_ros.graph.plan import plan_processes, stack_command
 from simbev_ros.graph.process import GraphProcess, NodeProcess, StackProcess
 from simbev_ros.graph.traces import Traces
+from simbev_ros.msgs.signing import KEY_VARIABLE, Signer, make_key
+from simbev_ros.recording.layout import scene_folder
+from simbev_ros.recording.reader import SceneBag
 from simbev_ros.render.shares import camera_processes, drawing_environment
 from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.request import SceneRequest
@@ -90,7 +93,9 @@ class GraphSession:
         cameras = camera_processes(self._scenario.rendering, len(self._scenario.rig.of_type(Camera)))
         environment |= drawing_environment(cameras)
         plans = plan_processes(self._scenario, cameras, live=self._live, dataset=self._dataset, figures=self._figures)
-        self._starter = NodeStarter((node.kind for nodes in plans for node in nodes), self._traces.folder, environment)
+        key = make_key()
+        kinds_of_all = (node.kind for nodes in plans for node in nodes)
+        self._starter = NodeStarter(kinds_of_all, self._traces.folder, {**environment, KEY_VARIABLE: key})
         for nodes in plans:
             parameters = {node.name: node.parameters for node in nodes}
             kinds = [node.kind for node in nodes]
@@ -98,7 +103,8 @@ class GraphSession:
         if stack := stack_command(self._scenario):
             self._processes.append(StackProcess(stack, self._traces.folder, environment))
         names = [node.name for nodes in plans for node in nodes]
-        self._monitor = GraphMonitor(self.domain, names, [*names[1:], *self._scenario.participants])
+        reporting = [*names[1:], *self._scenario.participants]
+        self._monitor = GraphMonitor(self.domain, names, reporting, Signer(key))
 
     def play(self, spec: SceneSpec, progress: Progress, replay: Path | None = None) -> SceneEnd:
         """Play a scene to its end and return the end.
@@ -122,7 +128,18 @@ class GraphSession:
             self._check(tick)
         progress(end.tick)
         self._await_files(end.tick)
+        if self._dataset is not None and not self._live:
+            self._check_bag(scene_folder(self._dataset, spec.split, spec.name), end)
         return end
+
+    def _check_bag(self, folder: Path, end: SceneEnd) -> None:
+        """Fail unless the recorder has left the whole scene, which its reports alone do not prove."""
+        if not folder.is_dir():
+            self._fail(f"node recorder has not left a bag: {folder}")
+        with SceneBag(folder) as bag:
+            facts = bag.custom_data
+        if (facts.get("complete"), facts.get("ticks")) != ("true", str(end.tick + 1)):
+            self._fail(f"{folder} is not complete: {facts.get('problems', 'nothing is known of its messages')}")
 
     def _finished(self, tick: int) -> bool:
         done = self._finished_tick()
@@ -154,6 +171,10 @@ class GraphSession:
     def new_output(self) -> dict[str, str]:
         """Return the output of every process since the last call, by process label."""
         return {process.label: process.new_output() for process in self._processes}
+
+    def new_warnings(self) -> list[tuple[str, str]]:
+        """Node and text of the warnings that the nodes have logged since the last call."""
+        return [warning for process in self._processes for warning in process.new_warnings()]
 
     def cpu_s(self) -> dict[str, float]:
         """Processor time of every process, s, by process label."""

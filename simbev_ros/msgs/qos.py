@@ -11,9 +11,13 @@ _DEPTH = 16
 """More than the lockstep window can fill: at most 8 ticks are in flight."""
 
 LATCHED = QosProfile(reliability="reliable", durability="transient_local", depth=1)
+STEERING = replace(LATCHED, depth=4000)
+"""Subscriptions to latched topics that steer the graph: a busy node must not lose one among messages of others."""
 STATE = QosProfile(reliability="reliable", durability="volatile", depth=_DEPTH)
 EVENTS = QosProfile(reliability="reliable", durability="volatile", depth=1000)
 """A pile-up causes many events at once, none of which may be lost."""
+STATE_READER = replace(STATE, depth=1000)
+"""Subscriptions to the world state in lockstep, in which a busy node must not lose a message among those of others."""
 SENSOR_LOCKSTEP = QosProfile(reliability="reliable", durability="volatile", depth=_DEPTH)
 SENSOR_LIVE = QosProfile(reliability="best_effort", durability="volatile", depth=5)
 
@@ -28,6 +32,12 @@ def qos_of(topic: Topic, *, live: bool) -> QosProfile:
         profile = SENSOR_LIVE if live else SENSOR_LOCKSTEP
         return replace(profile, depth=profile.depth * topic.messages_per_tick)
     return STATE
+
+
+def reader_qos_of(topic: Topic, *, live: bool) -> QosProfile:
+    """QoS profile with which the graph's own nodes subscribe to a topic."""
+    profile = qos_of(topic, live=live)
+    return STATE_READER if profile == STATE and not live else profile
 
 
 def rclpy_qos(profile: QosProfile) -> QoSProfile:

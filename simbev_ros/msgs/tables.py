@@ -47,7 +47,13 @@ def message_from_table(table: Table, stamp_ns: int, frame: str, *, is_dense: boo
 
 
 def table_from_message(message: PointCloud2) -> Table:
-    """(N,) structured array that shares the message's data."""
+    """(N,) structured array that shares the message's data.
+
+    Raises:
+        ValueError: The message contradicts itself, or has columns of an unknown type.
+    """
+    if unknown := [field.name for field in message.fields if field.datatype not in _CODE]:
+        raise ValueError(f"column {unknown[0]} has an unknown type")
     dtype = np.dtype(
         {
             "names": [field.name for field in message.fields],

@@ -11,8 +11,9 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
 from simbev_ros.geometry.transforms import matrices_from_xyz_quaternion, quaternion_from_rpy, rotations_from_rpy
-from simbev_ros.msgs.stamps import header, stamp_of
+from simbev_ros.msgs.stamps import header
 from simbev_ros.msgs.tables import message_from_table, table_from_message
+from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.lights import BuildingLightSpec
 from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, Event, WorldState
 from simbev_ros.scene.weather import Weather
@@ -59,23 +60,46 @@ def event_message(event: Event, state: WorldState) -> String:
     )
 
 
-def weather_stamp_ns(message: String) -> int:
-    """Stamp inside a weather message, ns."""
-    return int(json.loads(message.data)["stamp_ns"])
+def actors_from_message(message: PointCloud2) -> Table:
+    """(N,) ``ACTOR_DTYPE`` from an ``actors_message``.
+
+    Raises:
+        ValueError: It is no such table, or one that no world has: without an ego, with ids that do not ascend, with
+            unknown blueprints, or with numbers that are not finite.
+    """
+    actors = _rows(message, ACTOR_DTYPE)
+    ids = actors["id"]
+    if not (ids[1:] > ids[:-1]).all() or EGO_ID not in ids:
+        raise ValueError("its ids must ascend and contain the ego's")
+    if not (actors["blueprint"] < len(load_blueprints())).all():
+        raise ValueError("it has an unknown blueprint")
+    if not all(np.isfinite(actors[name]).all() for name in _FLOATS):
+        raise ValueError("it has numbers that are not finite")
+    return actors
 
 
-def world_state_from_messages(actors: PointCloud2, signals: PointCloud2, weather: String, tick: int) -> WorldState:
-    """World state at one tick from its three messages, which have the same stamp."""
-    fields = json.loads(weather.data)
-    del fields["stamp_ns"]
-    return WorldState(
-        stamp_ns=stamp_of(actors.header.stamp),
-        tick=tick,
-        ego_id=EGO_ID,
-        actors=table_from_message(actors).astype(ACTOR_DTYPE, copy=False),
-        signals=table_from_message(signals).astype(SIGNAL_DTYPE, copy=False),
-        weather=Weather(**fields),
-    )
+def signals_from_message(message: PointCloud2) -> Table:
+    """(S,) ``SIGNAL_DTYPE`` from a ``signals_message``; raises ValueError if it is no such table."""
+    return _rows(message, SIGNAL_DTYPE)
+
+
+def weather_from_message(message: String) -> tuple[int, Weather]:
+    """Stamp, ns, and weather from a ``weather_message``; raises ValueError if it is none."""
+    fields = json.loads(message.data)
+    if not isinstance(fields, dict) or not isinstance(stamp_ns := fields.pop("stamp_ns", None), int):
+        raise ValueError("it has no stamp_ns")
+    return stamp_ns, Weather.model_validate(fields)
+
+
+_FLOATS = [name for name in ACTOR_DTYPE.names or () if ACTOR_DTYPE[name].kind == "f"]
+
+
+def _rows(message: PointCloud2, dtype: np.dtype[np.void]) -> Table:
+    """The rows of a table that must have these columns."""
+    table = table_from_message(message)
+    if table.dtype.names != dtype.names:
+        raise ValueError(f"its columns are {', '.join(table.dtype.names or ())}")
+    return table.astype(dtype, copy=False)
 
 
 def odometry_message(actor: Table, stamp_ns: int, child_frame: str) -> Odometry:

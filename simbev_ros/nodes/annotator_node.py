@@ -7,6 +7,7 @@ hit them and how visible they are to the cameras, so they wait for the clouds an
 import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Any, NamedTuple
 
 from rclpy.serialization import deserialize_message
@@ -16,6 +17,7 @@ from simbev_ros.annotation.boxes.points import add_point_counts, map_points
 from simbev_ros.annotation.scene_annotator import Labels, MeshAnnotators, SceneAnnotator, meshes_radius_m
 from simbev_ros.annotation.visibility.views import ViewAnnotator, visibility
 from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.radar import Radar
 from simbev_ros.config.sensor import Sensor
@@ -107,7 +109,7 @@ class AnnotatorNode(Participant):
 
     def _make_callback(self, sensor: str, topic: Topic) -> Callable[[bytes], None]:
         def receive(payload: bytes) -> None:
-            spec, stamp_ns = self.spec, serialized_stamp_ns(payload, topic.type)
+            spec, stamp_ns = self.spec, self.read(topic.name, partial(serialized_stamp_ns, payload, topic.type))
             if spec is not None and stamp_ns is not None:
                 self._join.add_message(sensor, spec.tick_of(stamp_ns), payload)
                 self._publish_ready_boxes(spec)
@@ -185,25 +187,40 @@ class AnnotatorNode(Participant):
         clouds = []
         for sensor in sensors:
             if sensor.name in messages:
-                table = table_from_message(deserialize_message(messages[sensor.name], PointCloud2))
                 carrier = state.ego if isinstance(sensor, Lidar) and sensor.rolling else None
-                clouds.append(map_points(table, map_from_sensor(sensor.pose, state), carrier))
+                pose, payload = map_from_sensor(sensor.pose, state), messages[sensor.name]
+                points = self.read(self._sensors[sensor.name].name, partial(_map_points, payload, pose, carrier))
+                clouds.extend([] if points is None else [points])
         return clouds or None
 
     def _visible_boxes(self, spec: SceneSpec, tick: _Tick, messages: dict[str, bytes]) -> dict[str, Table]:
         """For each camera that has sent an image, its table of visible boxes."""
-        cameras = [camera for camera in viewing_cameras(spec) if camera.name in messages]
-        images = self._decoders.map(self._decode_image, [messages[camera.name] for camera in cameras])
-        views = [CameraView(camera.model, camera.pose.ego_from_sensor, ("instance",)) for camera in cameras]
-        tables = self._views.views(tick.state, tick.boxes, views, list(images))
-        return dict(zip((camera.name for camera in cameras), tables, strict=True))
+        sent = [camera for camera in viewing_cameras(spec) if camera.name in messages]
+        images = self._decoders.map(lambda camera: self._decode_image(camera, messages[camera.name]), sent)
+        seen = {camera: image for camera, image in zip(sent, images, strict=True) if image is not None}
+        views = [CameraView(camera.model, camera.pose.ego_from_sensor, ("instance",)) for camera in seen]
+        tables = self._views.views(tick.state, tick.boxes, views, list(seen.values()))
+        return dict(zip((camera.name for camera in seen), tables, strict=True))
 
-    def _decode_image(self, payload: bytes) -> UInt16Array:
-        """(H, W) object ids of an instance image."""
-        if self._compressed:
-            return decode_labels(bytes(deserialize_message(payload, CompressedImage).data))
-        return labels_from_image(deserialize_message(payload, Image))
+    def _decode_image(self, camera: Camera, payload: bytes) -> UInt16Array | None:
+        """(H, W) object ids of a camera's instance image; None if the message is none."""
+
+        def decode() -> UInt16Array:
+            if self._compressed:
+                ids = decode_labels(bytes(deserialize_message(payload, CompressedImage).data))
+            else:
+                ids = labels_from_image(deserialize_message(payload, Image))
+            if ids.shape != (camera.height_px, camera.width_px):
+                raise ValueError(f"has {ids.shape[1]} x {ids.shape[0]} pixels")
+            return ids
+
+        return self.read(self._sensors[camera.name].name, decode)
 
     def close(self) -> None:
         """Stop the decoding threads."""
         self._decoders.shutdown()
+
+
+def _map_points(payload: bytes, map_from_sensor: Float64Array, carrier: Table | None) -> Float64Array:
+    """(N, 3) points of a serialized cloud, map frame."""
+    return map_points(table_from_message(deserialize_message(payload, PointCloud2)), map_from_sensor, carrier)

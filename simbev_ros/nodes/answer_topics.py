@@ -5,6 +5,7 @@ scores come out with the topic, the tick and the time of reception.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -30,8 +31,9 @@ from simbev_ros.units import NS_PER_S
 Answer = PredictedBoxes | ScoreGrid
 _DEPTH = 64
 
-TickOf = Callable[[int, str], int | None]
-"""Maps a stamp, ns, and a topic (for error messages) to a tick; None if the stamp belongs to no known tick."""
+TickOf = Callable[[int], int | None]
+"""Maps a stamp, ns, to a tick; None if the stamp belongs to no known tick."""
+Read = Callable[[str, Callable[[], tuple[int, Answer] | None]], tuple[int, Answer] | None]
 Take = Callable[[str, int, Answer, float], None]
 """Receives topic, tick, answer and time of reception, s since 1970."""
 
@@ -45,13 +47,14 @@ class AnswerTopics:
         grids_topic: Topic of cell scores for all classes; topics of single classes are ``<grids_topic>/<class>``.
         tick_of: Finds the tick of a stamp.
         take: Called with every decoded answer.
+        read: Calls a function that reads a message of a topic; returns None if it raises an error of a malformed one.
 
     Attributes:
         found: Subscriptions by topic.
     """
 
-    def __init__(self, node: Node, boxes_topic: str, grids_topic: str, tick_of: TickOf, take: Take) -> None:
-        self._node, self._tick_of, self._take = node, tick_of, take
+    def __init__(self, node: Node, boxes_topic: str, grids_topic: str, tick_of: TickOf, take: Take, read: Read) -> None:
+        self._node, self._tick_of, self._take, self._read = node, tick_of, take, read
         self._grids_topic = grids_topic
         self._classes = {f"{grids_topic}/{name}": name for name in BEV_CLASSES}
         self._types: dict[str, tuple[str, ...]] = {boxes_topic: tuple(BOX_TYPES), grids_topic: (IMAGE_TYPE,)}
@@ -104,17 +107,20 @@ class AnswerTopics:
 
     def _make_callback(self, name: str, kind: str) -> Callable[[Any, Any], None]:
         def receive(message: Any, info: Any) -> None:
-            stamp_ns = stamp_ns_of(message)
-            if stamp_ns is None:
-                return
-            tick = self._tick_of(stamp_ns, name)
-            if tick is not None:
-                self._take(name, tick, self._decode(name, kind, message, tick), received_s(info))
+            if (answer := self._read(name, partial(self._answer, name, kind, message))) is not None:
+                tick, content = answer
+                self._take(name, tick, content, received_s(info))
 
         return receive
 
+    def _answer(self, name: str, kind: str, message: Any) -> tuple[int, Answer] | None:
+        """Tick and content of an answer; None if it belongs to no tick of this scene."""
+        stamp_ns = stamp_ns_of(message)
+        tick = None if stamp_ns is None else self._tick_of(stamp_ns)
+        return None if tick is None else (tick, self._decode(name, kind, message, tick))
+
     def _decode(self, name: str, kind: str, message: Any, tick: int) -> Answer:
-        source = f"{name}: tick {tick}"
+        source = f"tick {tick}"
         if kind in BOX_TYPES:
             return message_boxes(kind, message, tick, source)
         if kind == IMAGE_TYPE:

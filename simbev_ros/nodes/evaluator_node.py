@@ -8,6 +8,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +28,7 @@ from simbev_ros.msgs import topics
 from simbev_ros.msgs.annotation_topics import annotation_topics
 from simbev_ros.msgs.images import labels_from_image
 from simbev_ros.msgs.message_types import message_class
-from simbev_ros.msgs.qos import LATCHED, qos_of, rclpy_qos
+from simbev_ros.msgs.qos import STEERING, qos_of, rclpy_qos
 from simbev_ros.msgs.sensor_topics import sensor_topics
 from simbev_ros.msgs.stamps import header, serialized_stamp_ns, stamp_of
 from simbev_ros.msgs.tables import table_from_message
@@ -35,9 +36,9 @@ from simbev_ros.msgs.topic import Topic
 from simbev_ros.msgs.world import map_from_ego
 from simbev_ros.nodes.answer_topics import Answer, AnswerTopics, received_s
 from simbev_ros.nodes.graph_node import GraphNode
+from simbev_ros.nodes.reports import read_report
 from simbev_ros.recording.bag_files import disk_errors
 from simbev_ros.recording.whole_files import write_whole
-from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import Table
 
@@ -82,22 +83,20 @@ class EvaluatorNode(GraphNode):
         self._polls_connected, self._loaded_reported, self._scene_since_s = 0, False, 0.0
         self._next_figures_s = 0.0
         self._answers = AnswerTopics(
-            self, self._evaluation.boxes_topic, self._evaluation.grids_topic, self._tick_of, self._on_answer
+            self, self._evaluation.boxes_topic, self._evaluation.grids_topic, self._tick_of, self._on_answer, self.read
         )
         self._figures = self.create_publisher(DiagnosticArray, topics.EVALUATION, 10)
-        self.create_subscription(String, topics.SCENE, self._on_scene, rclpy_qos(LATCHED))
-        self.create_subscription(String, topics.END, self._on_end, rclpy_qos(LATCHED))
+        self.follow_scenes(self._on_scene)
+        self.create_subscription(String, topics.END, self._on_end, rclpy_qos(STEERING))
         if stack:
-            qos = rclpy_qos(LATCHED)
-            qos.depth = _DEPTH
-            self.create_subscription(Header, topics.READY, self._on_ready, qos)
+            self.create_subscription(Header, topics.READY, self._on_ready, rclpy_qos(STEERING))
         self.create_wall_timer(0.05, self._report_loaded)
         self.create_wall_timer(0.1, self._advance)
         self.create_wall_timer(0.5, self._look_for_answers)
 
-    def _on_scene(self, message: String) -> None:
+    def _on_scene(self, specification: str, _: bytes) -> None:
         """Start evaluating a scene; if the same scene starts again, its earlier frames do not count."""
-        spec = SceneSpec.model_validate_json(message.data)
+        spec = SceneSpec.model_validate_json(specification)
         answered = self._answered_topic(spec)
         self._input_type = answered.type
         self._join = AnswerJoin(lambda tick: tick % answered.period_ticks == 0, self._patience)
@@ -135,14 +134,14 @@ class EvaluatorNode(GraphNode):
     def _truth(self, part: str, value_of: Callable[[Any], Any]) -> Callable[[Any], None]:
         def receive(message: Any) -> None:
             tick = self._tick(stamp_of(message.header.stamp))
-            if tick is not None:
-                self._join.add_truth(part, tick, value_of(message))
+            if tick is not None and (value := self.read(part, partial(value_of, message))) is not None:
+                self._join.add_truth(part, tick, value)
                 self._advance()
 
         return receive
 
     def _on_input(self, payload: bytes, info: Any) -> None:
-        stamp_ns = serialized_stamp_ns(payload, self._input_type)
+        stamp_ns = self.read(self._input, partial(serialized_stamp_ns, payload, self._input_type))
         tick = None if stamp_ns is None else self._tick(stamp_ns)
         if tick is not None:
             self._join.add_input(tick, received_s(info))
@@ -152,32 +151,46 @@ class EvaluatorNode(GraphNode):
         tick = -1 if self._spec is None else self._spec.tick_of(stamp_ns)
         return tick if self._spec is not None and 0 <= tick < self._spec.ticks else None
 
-    def _tick_of(self, stamp_ns: int, topic: str) -> int | None:
+    def _tick_of(self, stamp_ns: int) -> int | None:
         """Tick of an answer, whose stamp must be exactly that of a tick; None for the lead-in and earlier scenes."""
-        if self._spec is None:
-            return None
-        try:
-            return answered_tick(stamp_ns, self._spec, self._numbers)
-        except InputError as error:
-            raise InputError(f"{topic}: {error}") from None
+        return None if self._spec is None else answered_tick(stamp_ns, self._spec, self._numbers)
 
     def _on_answer(self, topic: str, tick: int, answer: Answer, at_s: float) -> None:
-        self._join.add_answer(topic, tick, answer, at_s)
+        try:
+            self._join.add_answer(topic, tick, answer, at_s)
+        except InputError as error:
+            self.ignore(topic, error)
         self._advance()
 
+    def ignore(self, topic: str, reason: Exception) -> None:
+        """Count an answer that cannot be used also in the figures."""
+        super().ignore(topic, reason)
+        if topic in self._answers.found and self._spec is not None:
+            self._join.counts.malformed += 1
+
     def _on_ready(self, message: Header) -> None:
-        name, _, scene = message.frame_id.partition(":")
-        if self._spec is not None and scene == self._spec.name and name in self._evaluation.participants:
-            self._join.mark_stack_finished(self._spec.tick_of(stamp_of(message.stamp)))
+        stack = self._evaluation.participants
+        report = self.read(topics.READY, partial(read_report, message, self.signer, stack))
+        if report is None or self._spec is None or report.scene != self._spec.name or report.node not in stack:
+            return
+        if (tick := self._spec.tick_of(report.stamp_ns)) < self._spec.ticks:
+            self._join.mark_stack_finished(tick)
 
     def _on_end(self, message: String) -> None:
-        end = SceneEnd.model_validate_json(message.data)
-        if self._spec is not None and end.scene == self._spec.name:
+        end = self.read_end(message)
+        if end is not None and self._spec is not None and end.scene == self._spec.name:
             self._join.end_scene(end.tick)
             self._advance()
 
     def _look_for_answers(self) -> None:
-        for name in self._answers.subscribe_to_new():
+        try:
+            new = self._answers.subscribe_to_new()
+        except InputError as error:
+            if not self._loaded_reported:
+                raise
+            self.ignore(self._evaluation.boxes_topic, error)  # somebody has joined a graph that works
+            return
+        for name in new:
             if self._spec is not None:
                 self._join.add_topic(name)
 
@@ -246,7 +259,10 @@ class EvaluatorNode(GraphNode):
 
 
 def _boxes(message: PointCloud2) -> Table:
-    return table_from_message(message).astype(BOX_DTYPE, copy=False)
+    table = table_from_message(message)
+    if table.dtype.names != BOX_DTYPE.names:
+        raise ValueError(f"its columns are {', '.join(table.dtype.names or ())}")
+    return table.astype(BOX_DTYPE, copy=False)
 
 
 def _write(path: Path, figures: dict[str, Any]) -> None:

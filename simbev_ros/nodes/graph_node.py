@@ -1,5 +1,8 @@
 """The base class of all nodes of the graph: parameters with descriptors, reports of finished ticks, diagnostics."""
 
+import struct
+from collections.abc import Callable
+from functools import partial
 from typing import Any, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -9,19 +12,34 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from std_msgs.msg import Header
+from rclpy.serialization import deserialize_message
+from std_msgs.msg import Header, String
 
 from simbev_ros.config.base import Model
-from simbev_ros.errors import InputError
+from simbev_ros.errors import InputError, SimbevError
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.message_types import message_class
-from simbev_ros.msgs.qos import LATCHED, qos_of, rclpy_qos
+from simbev_ros.msgs.qos import LATCHED, STEERING, qos_of, rclpy_qos
+from simbev_ros.msgs.signing import Signer, content_of
 from simbev_ros.msgs.stamps import header
 from simbev_ros.msgs.topic import Topic
 from simbev_ros.nodes.load_meter import LoadMeter
+from simbev_ros.nodes.reports import Report, report_message
+from simbev_ros.nodes.scene_inbox import SceneInbox
+from simbev_ros.scene.ending import SceneEnd
+from simbev_ros.scene.request import SceneRequest
 from simbev_ros.scene.spec import SceneSpec
 
+_MAX_REASON_CHARACTERS = 300
+
 Section = TypeVar("Section", bound=Model)
+_Content = TypeVar("_Content")
+
+MALFORMED = (
+    *(SimbevError, ValueError, KeyError, TypeError, AttributeError),
+    *(IndexError, OverflowError, RecursionError, struct.error),
+)
+"""What reading a malformed message may raise."""
 
 
 class GraphNode(Node):
@@ -38,12 +56,15 @@ class GraphNode(Node):
     reuses_large_buffers = False
 
     def __init__(self, name: str) -> None:
-        use_sim_time = Parameter("use_sim_time", Parameter.Type.BOOL, True)
-        super().__init__(name, parameter_overrides=[use_sim_time])
+        super().__init__(name)
         self.live: bool = self.declare_read_only(
             "live", False, "Paced by the wall clock; sensor topics are best effort"
         )
         self.meter = LoadMeter()
+        self.signer = Signer.from_environment()
+        self._simulated_ns = 0
+        self._ignored: set[str] = set()
+        self._last_request = -1
         self._topic_publishers: dict[str, Any] = {}
         self._ready = self.create_publisher(Header, topics.READY, rclpy_qos(LATCHED))
         self._diagnostics = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, 10)
@@ -94,16 +115,75 @@ class GraphNode(Node):
 
     def report_finished(self, spec: SceneSpec, tick: int) -> None:
         """Report on /sync/ready that this node has finished a tick."""
-        self._ready.publish(header(spec.stamp_ns(tick), f"{self.get_name()}:{spec.name}"))
+        self._simulated_ns = spec.stamp_ns(tick)
+        self._ready.publish(report_message(Report(self.get_name(), spec.name, self._simulated_ns), self.signer))
+
+    def follow_scenes(self, start: Callable[[str, bytes], None]) -> None:
+        """Subscribe to scenes; ``start`` receives the JSON of each specification, and the serialized message.
+
+        In a graph with a key these are the scenes that the supervisor has asked for, otherwise all that are announced.
+        """
+
+        def announce(payload: bytes) -> None:
+            if (specification := self.read(topics.SCENE, partial(_specification, payload))) is not None:
+                inbox.announce(specification, payload)
+                if not self.signer.checks:
+                    inbox.request(specification)
+
+        def request(message: String) -> None:
+            if (asked := self.read_request(message)) is not None:
+                inbox.request(asked.spec.model_dump_json())
+
+        inbox = SceneInbox(start)
+        self.create_subscription(String, topics.SCENE, announce, rclpy_qos(STEERING), raw=True)
+        if self.signer.checks:
+            self.create_subscription(String, topics.REQUEST, request, rclpy_qos(STEERING))
+
+    def read_request(self, message: String) -> SceneRequest | None:
+        """The supervisor's request in a message from /world/request; None if it is somebody else's, or an old one."""
+        request = self.read(topics.REQUEST, partial(content_of, SceneRequest, message.data, self.signer))
+        if request is None or (self.signer.checks and request.number <= self._last_request):
+            return None
+        self._last_request = request.number
+        return request
+
+    def read_end(self, message: String) -> SceneEnd | None:
+        """The world node's message from /world/end; None if it is somebody else's."""
+        return self.read(topics.END, partial(content_of, SceneEnd, message.data, self.signer))
+
+    def read(self, topic: str, read: Callable[[], _Content]) -> _Content | None:
+        """Read a message that anybody may have sent; None if it is malformed or forged.
+
+        Such messages are counted in /diagnostics; the first one on each topic is logged.
+        """
+        try:
+            return read()
+        except MALFORMED as error:
+            self.ignore(topic, error)
+            return None
+
+    def ignore(self, topic: str, reason: Exception) -> None:
+        """Count a message that cannot be used; log the first one on a topic."""
+        self.meter.count_ignored()
+        if topic not in self._ignored:
+            self._ignored.add(topic)
+            words = " ".join(str(reason).split())[:_MAX_REASON_CHARACTERS]
+            self.get_logger().warning(f"ignored messages on {topic}: {words}")
 
     def _publish_diagnostics(self) -> None:
         load = self.meter.read()
         status = DiagnosticStatus(
-            level=DiagnosticStatus.WARN if load["dropped"] else DiagnosticStatus.OK,
+            level=DiagnosticStatus.WARN if load["dropped"] or load["ignored_total"] else DiagnosticStatus.OK,
             name=f"simbev: {self.get_name()}",
             message=f"{load['rate_hz']:.1f} Hz, {load['busy_ms']:.1f} ms a tick",
             hardware_id=self.get_name(),
             values=[KeyValue(key=key, value=f"{value:g}") for key, value in load.items()],
         )
-        stamp = self.get_clock().now().to_msg()
-        self._diagnostics.publish(DiagnosticArray(header=Header(stamp=stamp), status=[status]))
+        self._diagnostics.publish(DiagnosticArray(header=header(self._simulated_ns, ""), status=[status]))
+
+
+def _specification(payload: bytes) -> str:
+    """The JSON in a message from /world/scene; raises ValueError if it is no specification."""
+    text: str = deserialize_message(payload, String).data
+    SceneSpec.model_validate_json(text)
+    return text

@@ -9,12 +9,16 @@ class LoadMeter:
     """Counts a node's ticks and the time they take, between two readings."""
 
     def __init__(self) -> None:
-        self._dropped_total = 0
+        self._dropped_total = self._ignored_total = 0
         self._reset()
 
     def count_dropped(self, ticks: int) -> None:
         """Count ticks that were due and skipped."""
         self._dropped += ticks
+
+    def count_ignored(self) -> None:
+        """Count a message that was malformed or came from elsewhere."""
+        self._ignored_total += 1
 
     @contextmanager
     def busy(self, ticks: int = 1) -> Iterator[None]:
@@ -25,7 +29,7 @@ class LoadMeter:
         self._ticks += ticks
 
     def read(self) -> dict[str, float]:
-        """Return rate, load and drops since the last reading, and drops in total."""
+        """Return rate, load and drops since the last reading, and the totals of drops and of ignored messages."""
         elapsed_s = max(time.perf_counter() - self._since_s, 1e-9)
         self._dropped_total += self._dropped
         load = {
@@ -34,6 +38,7 @@ class LoadMeter:
             "busy_ms": 1000 * self._busy_s / max(self._ticks, 1),
             "dropped": float(self._dropped),
             "dropped_total": float(self._dropped_total),
+            "ignored_total": float(self._ignored_total),
         }
         self._reset()
         return load

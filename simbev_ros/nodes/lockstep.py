@@ -5,6 +5,7 @@ It is pure: the world node and the graph's monitor feed it the reports on /sync/
 
 from collections.abc import Iterable
 
+from simbev_ros.nodes.reports import Report
 from simbev_ros.scene.spec import SceneSpec
 
 
@@ -14,10 +15,13 @@ class Lockstep:
     Args:
         participants: Names of the nodes that must report.
         window_ticks: Tick t may start when every participant has finished tick t - window_ticks.
+
+    Attributes:
+        participants: Names of the nodes that must report.
     """
 
     def __init__(self, participants: Iterable[str], window_ticks: int) -> None:
-        self._participants = tuple(participants)
+        self.participants = tuple(participants)
         self._window_ticks = window_ticks
         self._spec: SceneSpec | None = None
         self._finished: dict[str, int] = {}
@@ -28,16 +32,19 @@ class Lockstep:
         self._spec = spec
         self._finished, self._early_stamps_ns = {}, {}
 
-    def record_report(self, frame_id: str, stamp_ns: int) -> bool:
-        """Record a report ``name:scene`` of the tick at a stamp; return whether it counts.
+    def record_report(self, report: Report) -> bool:
+        """Record a report; return whether it counts.
 
-        Reports of other scenes and from unknown nodes are ignored, and so are those of ticks so early that the scene
-        could not even start: they do not mean that the participant has loaded it (see ``describe_early_reports``).
+        Reports of other scenes and from unknown nodes are ignored. So are those of ticks that the scene does not have:
+        early ones do not mean that the participant has loaded the scene (see ``describe_early_reports``), and after the
+        last tick there is one more, for the files that are written then.
         """
-        name, _, scene = frame_id.partition(":")
-        if self._spec is None or scene != self._spec.name or name not in self._participants:
+        name, stamp_ns = report.node, report.stamp_ns
+        if self._spec is None or report.scene != self._spec.name or name not in self.participants:
             return False
         tick = self._spec.tick_of(stamp_ns)
+        if tick > self._spec.ticks:
+            return False
         if tick < -self._spec.lead_in_ticks - self._window_ticks:
             self._early_stamps_ns[name] = stamp_ns
             return False
@@ -58,7 +65,7 @@ class Lockstep:
     @property
     def all_loaded(self) -> bool:
         """Whether every participant has reported at least once, which means that it has loaded the scene."""
-        return len(self._finished) == len(self._participants)
+        return len(self._finished) == len(self.participants)
 
     def may_start(self, tick: int) -> bool:
         """Whether all participants have loaded the scene and are at most the window behind."""
@@ -66,7 +73,7 @@ class Lockstep:
 
     def laggards(self) -> list[str]:
         """The participants with the lowest finished tick, which hold up the others."""
-        last = {name: self._finished.get(name, -(2**62)) for name in self._participants}
+        last = {name: self._finished.get(name, -(2**62)) for name in self.participants}
         return [name for name, tick in last.items() if tick == min(last.values())]
 
     def finished_by_all(self) -> int | None:

@@ -4,6 +4,8 @@ A participant receives each scene, then the world state of every tick in order, 
 finished on /sync/ready. In lockstep the world waits for these reports.
 """
 
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from sensor_msgs.msg import PointCloud2
@@ -11,12 +13,14 @@ from std_msgs.msg import String
 
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.annotation_topics import annotator_inputs
-from simbev_ros.msgs.qos import LATCHED, STATE, rclpy_qos
+from simbev_ros.msgs.qos import STATE, STATE_READER, rclpy_qos
 from simbev_ros.msgs.stamps import stamp_of
-from simbev_ros.msgs.world import weather_stamp_ns, world_state_from_messages
+from simbev_ros.msgs.world import actors_from_message, signals_from_message, weather_from_message
 from simbev_ros.nodes.graph_node import GraphNode
 from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.scene.state import WorldState
+from simbev_ros.scene.state import EGO_ID, WorldState
+from simbev_ros.scene.weather import Weather
+from simbev_ros.types import Table
 
 
 class Participant(GraphNode):
@@ -50,13 +54,11 @@ class Participant(GraphNode):
         self._awaited_readers: dict[str, int] = {}
         self._loaded_reported = False
         self._last_tick = 0
-        self._actors: dict[int, PointCloud2] = {}
-        self._signals: dict[int, PointCloud2] = {}
-        self._weather: dict[int, String] = {}
-        state_qos = rclpy_qos(STATE)
-        if self.live:
-            state_qos.depth = 1
-        self.create_subscription(String, topics.SCENE, self._on_scene, rclpy_qos(LATCHED))
+        self._actors: dict[int, Table] = {}
+        self._signals: dict[int, Table] = {}
+        self._weather: dict[int, Weather] = {}
+        state_qos = rclpy_qos(replace(STATE, depth=1) if self.live else STATE_READER)
+        self.follow_scenes(self._on_scene)
         self.inputs = [
             self.create_subscription(PointCloud2, topics.ACTORS, self._on_actors, state_qos),
             self.create_subscription(PointCloud2, topics.SIGNALS, self._on_signals, state_qos),
@@ -80,11 +82,11 @@ class Participant(GraphNode):
         """Report a processed tick; override it if the node has more to do before the tick is finished."""
         self.report_finished(spec, state.tick)
 
-    def _on_scene(self, message: String) -> None:
+    def _on_scene(self, specification: str, _: bytes) -> None:
         self.spec = None
         for waiting in (self._actors, self._signals, self._weather):
             waiting.clear()
-        spec = SceneSpec.model_validate_json(message.data)
+        spec = SceneSpec.model_validate_json(specification)
         self._awaited_readers = self._expected_readers(spec, self.start_scene(spec))
         self._last_tick = spec.loaded_tick
         self.spec = spec
@@ -114,26 +116,28 @@ class Participant(GraphNode):
         }
 
     def _on_actors(self, message: PointCloud2) -> None:
-        self._store(self._actors, stamp_of(message.header.stamp), message)
+        if (actors := self.read(topics.ACTORS, partial(actors_from_message, message))) is not None:
+            self._store(self._actors, stamp_of(message.header.stamp), actors)
 
     def _on_signals(self, message: PointCloud2) -> None:
-        self._store(self._signals, stamp_of(message.header.stamp), message)
+        if (signals := self.read(topics.SIGNALS, partial(signals_from_message, message))) is not None:
+            self._store(self._signals, stamp_of(message.header.stamp), signals)
 
     def _on_weather(self, message: String) -> None:
-        self._store(self._weather, weather_stamp_ns(message), message)
+        if (weather := self.read(topics.WEATHER, partial(weather_from_message, message))) is not None:
+            self._store(self._weather, *weather)
 
-    def _store(self, waiting: dict[int, Any], stamp_ns: int, message: Any) -> None:
-        """Store a message; process every tick that it completes (live: only the newest complete tick)."""
-        waiting[stamp_ns] = message
+    def _store(self, waiting: dict[int, Any], stamp_ns: int, part: Any) -> None:
+        """Store a part of the state; process every tick that it completes (live: only the newest complete tick)."""
+        waiting[stamp_ns] = part
         while self.spec is not None:
             complete = self._actors.keys() & self._signals.keys() & self._weather.keys()
             if not complete:
                 return
             stamp_ns = max(complete) if self.live else min(complete)
             tick = self.spec.tick_of(stamp_ns)
-            state = world_state_from_messages(
-                self._actors[stamp_ns], self._signals[stamp_ns], self._weather[stamp_ns], tick
-            )
+            parts = self._actors[stamp_ns], self._signals[stamp_ns], self._weather[stamp_ns]
+            state = WorldState(stamp_ns, tick, EGO_ID, *parts)
             for table in (self._actors, self._signals, self._weather):
                 for old in [key for key in table if key <= stamp_ns]:
                     del table[old]

@@ -4,10 +4,11 @@ Messages wait until their tick is complete, so that the bytes of a bag do not de
 """
 
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from nav_msgs.msg import Odometry
 from rclpy.serialization import deserialize_message
@@ -20,11 +21,12 @@ from simbev_ros.errors import DiskError
 from simbev_ros.maps.build import load_source
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.message_types import message_class
-from simbev_ros.msgs.qos import LATCHED, qos_of, rclpy_qos
+from simbev_ros.msgs.qos import STEERING, qos_of, rclpy_qos, reader_qos_of
 from simbev_ros.msgs.stamps import serialized_stamp_ns
 from simbev_ros.msgs.tables import table_from_message
 from simbev_ros.msgs.topic import Topic
 from simbev_ros.msgs.transforms import ego_transform, serialize_transforms, static_transforms
+from simbev_ros.msgs.world import actors_from_message, signals_from_message, weather_from_message
 from simbev_ros.nodes.graph_node import GraphNode
 from simbev_ros.recording.accounting import Accounting, Schedule, Verdict
 from simbev_ros.recording.bag_writer import SceneBagWriter
@@ -44,6 +46,12 @@ from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.spec import SceneSpec
 
 _REPLAYED = (topics.ACTORS, topics.SIGNALS)
+_READERS: Mapping[str, Callable[[Any], object]] = {
+    topics.ACTORS: actors_from_message,
+    topics.SIGNALS: signals_from_message,
+    topics.WEATHER: weather_from_message,
+}
+"""Readers of the topics that a replay is made from, which check their content."""
 _LIVE_GRACE_TICKS = 40
 """Live: number of ticks after which a tick is written although messages are missing."""
 
@@ -70,13 +78,12 @@ class RecorderNode(GraphNode):
         self._lead_in: list[RawMessage] = []
         self._writer: SceneBagWriter | None = None
         self._loaded_reported = False
-        self.create_subscription(String, topics.SCENE, self._on_scene, rclpy_qos(LATCHED), raw=True)
-        self.create_subscription(String, topics.END, self._on_end, rclpy_qos(LATCHED))
+        self.follow_scenes(self._on_scene)
+        self.create_subscription(String, topics.END, self._on_end, rclpy_qos(STEERING))
         self.create_wall_timer(0.05, self._report_loaded)
 
-    def _on_scene(self, payload: bytes) -> None:
+    def _on_scene(self, scene_json: str, payload: bytes) -> None:
         self.close()
-        scene_json: str = deserialize_message(payload, String).data
         self._spec = spec = SceneSpec.model_validate_json(scene_json)
         self._end, self._lead_in = None, []
         self._loaded_reported = False
@@ -85,7 +92,7 @@ class RecorderNode(GraphNode):
         self._manifest = {topic.name: topic for topic in all_topics if topic.name in chosen}
         schedules = {name: _schedule(topic) for name, topic in self._manifest.items()}
         self._accounting = Accounting(schedules, start_ns=spec.start_ns, tick_ns=spec.tick_ns, ticks=spec.ticks)
-        self._waiting: defaultdict[int, defaultdict[str, list[tuple[int, bytes]]]] = defaultdict(_message_lists)
+        self._waiting: defaultdict[int, defaultdict[str, list[tuple[int, memoryview]]]] = defaultdict(_message_lists)
         self._next_tick = 0
         self._tracker = TrackRecorder(spec.tick_ns)
         self._writer = bag_writer(scene_folder(self._dataset, spec.split, spec.name), self._recording)
@@ -99,8 +106,8 @@ class RecorderNode(GraphNode):
         for topic in all_topics:
             if topic.name in self._manifest or (topic.name == odometry and topics.TF in self._manifest):
                 self._subscribe(topic)
-        self._record(topics.SCENE, spec.start_ns, payload)
-        self._record(topics.TF_STATIC, spec.start_ns, serialize_transforms(static_transforms(spec)))
+        self._record_own(topics.SCENE, spec.start_ns, payload)
+        self._record_own(topics.TF_STATIC, spec.start_ns, serialize_transforms(static_transforms(spec)))
 
     def _subscribe(self, topic: Topic) -> None:
         """Subscribe to a topic, once; to a latched topic anew for each scene, to receive its current value only."""
@@ -110,7 +117,7 @@ class RecorderNode(GraphNode):
             if topic.period_ticks > 0:
                 return
             self.destroy_subscription(self._subscriptions_by_topic[topic.name])
-        qos = rclpy_qos(qos_of(topic, live=self.live))
+        qos = rclpy_qos(reader_qos_of(topic, live=self.live))
         callback = self._make_callback(topic)
         self._subscriptions_by_topic[topic.name] = self.create_subscription(
             message_class(topic.type), topic.name, callback, qos, raw=True
@@ -120,20 +127,17 @@ class RecorderNode(GraphNode):
         def receive(payload: bytes) -> None:
             if self._spec is None:
                 return
-            latched = topic.period_ticks == 0
-            stamp_ns = self._spec.start_ns if latched else serialized_stamp_ns(payload, topic.type)
-            if stamp_ns is None:
+            message = self.read(topic.name, partial(_stamped, payload, topic, self._spec))
+            if message is None or message.stamp_ns is None:
                 return
-            if stamp_ns < self._spec.start_ns and topic.name in _REPLAYED:
-                self._lead_in.append(
-                    RawMessage(topic.name, stamp_ns, topic.type, bytes(canonical_cdr(payload, topic.type)))
-                )
-            elif stamp_ns >= self._spec.start_ns:
+            if message.stamp_ns < self._spec.start_ns and topic.name in _REPLAYED:
+                self._lead_in.append(RawMessage(topic.name, message.stamp_ns, topic.type, bytes(message.payload)))
+            elif message.stamp_ns >= self._spec.start_ns:
                 odometry = topics.odometry_name(self._spec.rig.agent)
-                self._record(topic.name, stamp_ns, payload)  # the last message of a scene ends it
+                self._record(topic.name, message.stamp_ns, message.payload)  # the last message of a scene ends it
                 if topic.name == odometry:
                     transform = ego_transform(deserialize_message(payload, Odometry))
-                    self._record(topics.TF, stamp_ns, serialize_transforms([transform]))
+                    self._record_own(topics.TF, message.stamp_ns, serialize_transforms([transform]))
 
         return receive
 
@@ -145,8 +149,13 @@ class RecorderNode(GraphNode):
             self._loaded_reported = True
             self.report_finished(self._spec, -1)  # nothing of the lead-in is recorded
 
-    def _record(self, topic: str, stamp_ns: int, payload: bytes) -> None:
-        """Account for a message and write all ticks that are complete now."""
+    def _record_own(self, topic: str, stamp_ns: int, payload: bytes) -> None:
+        """Record a message that this node has made or checked itself."""
+        if topic in self._manifest:
+            self._record(topic, stamp_ns, canonical_cdr(payload, self._manifest[topic].type))
+
+    def _record(self, topic: str, stamp_ns: int, payload: memoryview) -> None:
+        """Account for a message in canonical form and write all ticks that are complete now."""
         spec = self._spec
         if spec is None or self._writer is None or topic not in self._manifest:
             return
@@ -154,7 +163,7 @@ class RecorderNode(GraphNode):
             return
         tick = spec.publishing_tick_of(stamp_ns)
         if tick < self._next_tick and topic == topics.EVENTS:  # its tick has already been written
-            self._writer.write(topic, stamp_ns, canonical_cdr(payload, self._manifest[topic].type))
+            self._writer.write(topic, stamp_ns, payload)
             return
         self._waiting[tick][topic].append((stamp_ns, payload))
         last_tick = self._accounting.finished_tick
@@ -164,8 +173,8 @@ class RecorderNode(GraphNode):
         self._finish_after_last(spec)
 
     def _on_end(self, message: String) -> None:
-        end = SceneEnd.model_validate_json(message.data)
-        if self._spec is not None and end.scene == self._spec.name:
+        end = self.read_end(message)
+        if end is not None and self._spec is not None and end.scene == self._spec.name:
             self._end = end
             self._accounting.end_at(end.tick + 1, {topics.EVENTS: end.events})
             self._finish_after_last(self._spec)
@@ -182,7 +191,7 @@ class RecorderNode(GraphNode):
         if tick == 0:
             writer.add_attachment(LEAD_IN_ATTACHMENT, "application/json", lead_in_attachment(self._lead_in))
         if topics.MAP in messages:
-            map_text = deserialize_message(messages[topics.MAP][0][1], String).data
+            map_text = deserialize_message(bytes(messages[topics.MAP][0][1]), String).data
             writer.add_attachment(MAP_ATTACHMENT, "application/xml", map_text.encode())
         entries = [
             (stamp_ns, topic, payload)
@@ -190,9 +199,9 @@ class RecorderNode(GraphNode):
             for stamp_ns, payload in messages[topic.name]
         ]
         for stamp_ns, payload in messages[topics.ACTORS]:
-            self._tracker.add_frame(stamp_ns, table_from_message(deserialize_message(payload, PointCloud2)))
+            self._tracker.add_frame(stamp_ns, table_from_message(deserialize_message(bytes(payload), PointCloud2)))
         for stamp_ns, topic, payload in sorted(entries, key=lambda entry: entry[0]):
-            writer.write(topic.name, stamp_ns, canonical_cdr(payload, topic.type))
+            writer.write(topic.name, stamp_ns, payload)
 
     def _finish_after_last(self, spec: SceneSpec) -> None:
         """Finish the bag if it contains the last tick and all events, which may arrive after their tick."""
@@ -240,9 +249,25 @@ def bag_writer(path: Path, recording: Recording) -> SceneBagWriter:
     )
 
 
+class _Stamped(NamedTuple):
+    """A message in canonical form, with its stamp, ns; None: it has none."""
+
+    stamp_ns: int | None
+    payload: memoryview
+
+
+def _stamped(payload: bytes, topic: Topic, spec: SceneSpec) -> _Stamped:
+    """Check a message of a scene; raises what malformed ones do."""
+    message = canonical_cdr(payload, topic.type)
+    if topic.name in _READERS:
+        _READERS[topic.name](deserialize_message(payload, message_class(topic.type)))
+    latched = topic.period_ticks == 0
+    return _Stamped(spec.start_ns if latched else serialized_stamp_ns(payload, topic.type), message)
+
+
 def _schedule(topic: Topic) -> Schedule:
     return Schedule(0, topic.period_ticks, topic.sporadic, topic.messages_per_tick)
 
 
-def _message_lists() -> defaultdict[str, list[tuple[int, bytes]]]:
+def _message_lists() -> defaultdict[str, list[tuple[int, memoryview]]]:
     return defaultdict(list)

@@ -6,6 +6,7 @@ clock says so (live).
 
 import json
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +21,9 @@ from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.markers import world_markers
-from simbev_ros.msgs.qos import LATCHED, rclpy_qos
-from simbev_ros.msgs.stamps import stamp_of, time_message
+from simbev_ros.msgs.qos import STEERING, rclpy_qos
+from simbev_ros.msgs.signing import signed_json
+from simbev_ros.msgs.stamps import time_message
 from simbev_ros.msgs.transforms import TransformBroadcaster
 from simbev_ros.msgs.world import (
     actors_message,
@@ -35,6 +37,7 @@ from simbev_ros.msgs.world import (
 from simbev_ros.nodes.graph_node import GraphNode
 from simbev_ros.nodes.lockstep import Lockstep
 from simbev_ros.nodes.pacer import Pacer
+from simbev_ros.nodes.reports import read_report
 from simbev_ros.process_memory import freeze_after_loading
 from simbev_ros.recording.replay import Replay
 from simbev_ros.scene.ending import SceneEnd, SceneEndDetector
@@ -78,6 +81,9 @@ class WorldNode(GraphNode):
         participants = self.declare_read_only(
             "participants", [], "Names of nodes that must report each tick on /sync/ready"
         )
+        self._outside = frozenset(
+            self.declare_read_only("outside_participants", [], "Those of them whose reports need no signature")
+        )
         self._recorded = self.declare_read_only("recorded", False, "A recorder writes each scene into a bag")
         self._state_readers = self.declare_read_only(
             "state_readers", 0, "Number of readers of /world/actors to wait for before a scene"
@@ -91,17 +97,16 @@ class WorldNode(GraphNode):
         self._commands: dict[str, Any] = {}
         self._next_tick = 0
         self._transforms = TransformBroadcaster(self)
-        ready_qos = rclpy_qos(LATCHED)
-        ready_qos.depth = 64
-        self.create_subscription(String, topics.REQUEST, self._on_request, rclpy_qos(LATCHED))
-        self.create_subscription(Header, topics.READY, self._on_ready, ready_qos)
+        self.create_subscription(String, topics.REQUEST, self._on_request, rclpy_qos(STEERING))
+        self.create_subscription(Header, topics.READY, self._on_ready, rclpy_qos(STEERING))
         self.create_service(SetBool, "/world/pause", self._pause)
         self.create_service(Trigger, "/world/step", self._step)
         self.create_service(Trigger, "/world/reset", self._reset)
         self.create_wall_timer(0.005 if self.live else 0.02, self.advance)
 
     def _on_request(self, message: String) -> None:
-        self.start(SceneRequest.model_validate_json(message.data))
+        if (request := self.read_request(message)) is not None:
+            self.start(request)
 
     def start(self, request: SceneRequest) -> None:
         """Load a scene, announce it and simulate its warm-up; ticks start when all participants are connected."""
@@ -141,8 +146,10 @@ class WorldNode(GraphNode):
             self._scene.source.drive_ego(message.linear.x, message.angular.z)
 
     def _on_ready(self, message: Header) -> None:
-        self._lockstep.record_report(message.frame_id, stamp_of(message.stamp))
-        self.advance()
+        report = self.read(topics.READY, partial(read_report, message, self.signer, self._outside))
+        if report is not None:
+            self._lockstep.record_report(report)
+            self.advance()
 
     def advance(self) -> None:
         """Start all ticks that participants, pause and the wall clock (live) allow."""
@@ -171,7 +178,7 @@ class WorldNode(GraphNode):
             state = scene.source.step()
             scene.end = scene.ending.end_at(state)
             if scene.end is not None:  # published first: all nodes know it before they can finish the last tick
-                self.publish(topics.END, String(data=scene.end.model_dump_json()))
+                self.publish(topics.END, String(data=signed_json(scene.end, self.signer)))
             self._publish_state(scene.spec, state)
         self.report_finished(scene.spec, self._next_tick)
         self._next_tick += 1

@@ -58,6 +58,9 @@ class ProductionObserver:
     def scene_ended(self, spec: SceneSpec, end: SceneEnd | None) -> None:
         """A scene was played to its end; None: it failed or was interrupted."""
 
+    def graph_warned(self, node: str, message: str) -> None:
+        """A node of the graph has logged a warning."""
+
     def dataset_started(self, scenes: int, dataset_bytes: int) -> None:
         """A number of scenes is about to be made; those that exist take this much space."""
 

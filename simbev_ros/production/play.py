@@ -6,7 +6,7 @@ from itertools import zip_longest
 from pathlib import Path
 
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.errors import SimbevError
+from simbev_ros.errors import GraphError, SimbevError
 from simbev_ros.graph.session import GraphSession
 from simbev_ros.production.drawing import draw_scenes
 from simbev_ros.production.observer import SILENT, ProductionObserver
@@ -43,7 +43,11 @@ def play_scenes(
     """
     specs = draw_scenes(scenario, observer)
     bags = list(play_specs(scenario, specs, live=live, dataset=dataset, domain=domain, observer=observer))
-    return bags if dataset is not None else []
+    if dataset is None:
+        return []
+    if lost := [bag for bag in bags if not bag.is_dir()]:  # live, where the graph does not wait for the recorder
+        raise GraphError(f"node recorder has not left a bag: {lost[0]}")
+    return bags
 
 
 def play_specs(
@@ -120,6 +124,8 @@ def play_on(
         end = session.play(spec, progress, replay)
     finally:
         observer.scene_ended(spec, end)
+        for node, message in session.new_warnings():
+            observer.graph_warned(node, message)
     return end
 
 

@@ -3,11 +3,19 @@
 CDR aligns numbers with padding bytes, which middleware leaves with whatever its memory held before.
 """
 
+from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 
 _TYPES = get_typestore(Stores.ROS2_JAZZY)
 
 
 def canonical_cdr(payload: bytes, type_name: str) -> memoryview:
-    """A serialized message as little-endian CDR with zeros as padding; it shares no memory with ``payload``."""
-    return _TYPES.serialize_cdr(_TYPES.deserialize_cdr(payload, type_name), type_name)
+    """A serialized message as little-endian CDR with zeros as padding; it shares no memory with ``payload``.
+
+    Raises:
+        ValueError: The bytes are no message of this type.
+    """
+    try:
+        return _TYPES.serialize_cdr(_TYPES.deserialize_cdr(payload, type_name), type_name)
+    except SerdeError as error:
+        raise ValueError(str(error)) from None

@@ -11,3 +11,4 @@ class SceneRequest(Model):
 
     spec: SceneSpec
     replay: str | None = Field(None, description="absolute path of the bag to replay; none: simulate the scene")
+    number: int = Field(0, ge=0, description="one more with each request of a graph: earlier ones do not count again")

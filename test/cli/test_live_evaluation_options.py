@@ -68,11 +68,11 @@ def test_the_command_line_hands_them_over(refused: Refused) -> None:
 
 def test_what_does_not_count_is_said() -> None:
     counts = {"evaluated": 3, "scenes": 1, "answered_boxes": 2, "answered_grids": 0, "missed": 1, "late": 4}
-    frames = {**counts, "without_input": 5, "without_truth": 0}
+    frames = {**counts, "without_input": 5, "without_truth": 0, "malformed": 0}
     latency_ms = {"p50": 12.34, "p90": None, "p99": None}
     text = StringIO()
     print_live_tables({"frames": frames, "latency_ms": latency_ms}, Console(file=text, width=60))
     assert text.getvalue().splitlines()[-2:] == [
-        "1 frames missed, 4 answers late; latency: p50 12.3 ms",
+        "1 frames missed, 4 answers late, 0 unusable; latency: p50 12.3 ms",
         "5 frames do not count, as their input was left out or lost",
     ]

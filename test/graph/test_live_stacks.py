@@ -54,7 +54,7 @@ def test_ground_truth_as_answers_is_perfect_in_every_frame(
     assert code == 0, output
     figures = figures_of(tmp_path / "figures/Blocks-0000.json")
     frames = {"evaluated": 10, "scenes": 1, "answered_boxes": 10, "answered_grids": 10, "missed": 0, "late": 0}
-    assert figures["frames"] == {**frames, "without_input": 0, "without_truth": 0}
+    assert figures["frames"] == {**frames, "without_input": 0, "without_truth": 0, "malformed": 0}
     assert figures["scenes"] == ["Blocks-0000"]
     for method in ("iou", "distance"):
         assert figures["detection"][method]["mAP"] == figures["detection"][method]["SDS"] == 1.0

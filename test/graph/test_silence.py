@@ -11,6 +11,7 @@ from simbev_ros.errors import GraphError
 from simbev_ros.graph import monitor as monitor_module
 from simbev_ros.graph.monitor import GraphMonitor
 from simbev_ros.graph.session import GraphSession
+from simbev_ros.msgs.signing import Signer
 from simbev_ros.msgs.stamps import header
 from simbev_ros.scene.request import SceneRequest
 
@@ -38,7 +39,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> FakeClock:
 @pytest.fixture
 def monitor(clock: FakeClock) -> Iterator[GraphMonitor]:
     """A monitor that has requested a scene which the own node has loaded."""
-    made = GraphMonitor(DOMAIN, OWN_NODES, ["gnss", "planner"])
+    made = GraphMonitor(DOMAIN, OWN_NODES, ["gnss", "planner"], Signer(None))
     made.request(SceneRequest(spec=SPEC))
     report(made, "gnss", SPEC.stamp_ns(SPEC.loaded_tick))
     yield made

@@ -45,6 +45,9 @@ class FakeSession:
     def new_output(self) -> dict[str, str]:
         return {"world": "a line of the world node\n"}
 
+    def new_warnings(self) -> list[tuple[str, str]]:
+        return []
+
     def play(self, spec: SceneSpec, progress: Progress, replay: Path | None = None) -> SceneEnd:
         self._graph.log.append(spec.name)
         bag = scene_folder(self._dataset, spec.split, spec.name)

@@ -63,7 +63,8 @@ def print_live_tables(figures: Mapping[str, Any], console: Console) -> None:
     print_tables(figures, console)
     frames, latency_ms = figures["frames"], figures["latency_ms"]
     latency = ", ".join(f"{name} {value:.1f} ms" for name, value in latency_ms.items() if value is not None)
-    words = [f"{frames['missed']} frames missed, {frames['late']} answers late; latency: {latency or 'unknown'}"]
+    counts = f"{frames['missed']} frames missed, {frames['late']} answers late, {frames['malformed']} unusable"
+    words = [f"{counts}; latency: {latency or 'unknown'}"]
     for what in ("input", "truth"):
         if count := frames[f"without_{what}"]:
             words.append(f"{count} frames do not count, as their {what} was left out or lost")

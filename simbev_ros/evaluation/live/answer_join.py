@@ -69,12 +69,14 @@ class JoinCounts:
         late: Answers that arrived after their frame had left.
         without_input: Live: frames that are not evaluated as a sensor dropped its message and nothing was answered.
         without_truth: Live: frames that are not evaluated because their ground truth was lost.
+        malformed: Answers that could not be used: their content, or their stamp, is not as it must be.
     """
 
     missed: int = 0
     late: int = 0
     without_input: int = 0
     without_truth: int = 0
+    malformed: int = 0
 
 
 class AnswerJoin:

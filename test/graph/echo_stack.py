@@ -73,7 +73,9 @@ class EchoStack(Node):
         for name in set(table.dtype.names) - {"score"}:
             table[name] = truth[name]
         table["score"] = 0.5
-        if not self.skips(tick):
+        if tick == self.options.garble:
+            self.boxes.publish(PointCloud2(header=message.header, width=3, height=1, point_step=4))
+        elif not self.skips(tick):
             self.boxes.publish(message_from_table(table, stamp_of(message.header.stamp), "map"))
         self.finish(tick)
 
@@ -92,6 +94,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--skip", type=int, default=0, help="leave every Nth tick unanswered")
     parser.add_argument("--die-at", type=int, default=-1)
+    parser.add_argument("--garble", type=int, default=-1, help="tick whose boxes are sent without columns")
     parser.add_argument("--hang-at", type=int, default=-1)
     parser.add_argument("--reports", action="store_true")
     rclpy.init()

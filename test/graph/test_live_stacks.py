@@ -99,6 +99,18 @@ def test_frames_without_an_answer_are_missed(simbev: Simbev, lidar_config: Confi
 
 
 @pytest.mark.slow
+def test_an_answer_without_columns_is_counted_and_the_run_goes_on(
+    simbev: Simbev, lidar_config: Config, tmp_path: Path
+) -> None:
+    config, file = lidar_config(PARTICIPANT), tmp_path / "figures.json"
+    code, output = simbev("run", config, "--stack", echo("--reports", "--garble", "4"), "--evaluate", file).finish()
+    assert code == 0, output
+    frames = figures_of(file)["frames"]
+    assert (frames["evaluated"], frames["missed"], frames["malformed"], frames["answered_boxes"]) == (10, 1, 1, 9)
+    assert "warning: evaluator: ignored messages on /prediction/boxes: tick 4: " in " ".join(output.split())
+
+
+@pytest.mark.slow
 def test_a_stack_that_hangs_is_named(simbev: Simbev, lidar_config: Config) -> None:
     config = lidar_config(PARTICIPANT + "\ngraph: {silence_timeout_s: 15}")
     code, output = simbev("run", config, "--stack", echo("--reports", "--hang-at", "3")).finish()

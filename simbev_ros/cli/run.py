@@ -9,7 +9,6 @@ from rich.console import Console
 
 from simbev_ros.cli.evaluate.live import FiguresOption, StackOption, with_evaluation
 from simbev_ros.config.load import load_scenario
-from simbev_ros.config.paths import shipped_config_dir
 
 
 def run(
@@ -19,6 +18,9 @@ def run(
     domain: Annotated[
         int | None, typer.Option(help="ROS domain; default: ROS_DOMAIN_ID, or 0.", min=0, max=232)
     ] = None,
+    network: Annotated[
+        bool, typer.Option("--network", help="Let other hosts take part; by default the graph is on this one alone.")
+    ] = False,
     evaluate: FiguresOption = None,
     stack: StackOption = None,
 ) -> None:
@@ -33,13 +35,15 @@ def run(
     simbev run my.yaml --stack reference --evaluate figures.json
     """
     from simbev_ros.cli.production_display import SceneDisplay
+    from simbev_ros.graph.environment import profile_file
     from simbev_ros.production.play import play_scenes
 
     scenario = with_evaluation(load_scenario(config), evaluate, stack)
     console = Console()
     if domain is None and not os.environ.get("ROS_DOMAIN_ID"):
         domain = 0
-    profile = shipped_config_dir() / "fastdds.xml"
+    profile = profile_file(network=network)
     console.print(f"subscribers: export FASTRTPS_DEFAULT_PROFILES_FILE={profile}", style="dim", soft_wrap=True)
-    for bag in play_scenes(scenario, live=live, dataset=record, domain=domain, observer=SceneDisplay(console)):
+    display = SceneDisplay(console)
+    for bag in play_scenes(scenario, live=live, dataset=record, domain=domain, network=network, observer=display):
         console.print(f"recorded {bag}", soft_wrap=True)

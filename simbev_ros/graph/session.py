@@ -46,15 +46,22 @@ class GraphSession:
         live: Whether the world is paced by the wall clock and sensor topics are best effort.
         dataset: Folder into which scenes are recorded; None: they are not recorded.
         domain: ROS domain; None: that of the environment, else a free one.
+        network: Whether nodes on other hosts may take part.
 
     Attributes:
         figures: After ``close``, figures of the evaluated stack (``evaluation.live.live_figures``), if there is one.
     """
 
     def __init__(
-        self, scenario: Scenario, *, live: bool = False, dataset: Path | None = None, domain: int | None = None
+        self,
+        scenario: Scenario,
+        *,
+        live: bool = False,
+        dataset: Path | None = None,
+        domain: int | None = None,
+        network: bool = False,
     ) -> None:
-        self._scenario = scenario
+        self._scenario, self._network = scenario, network
         self._live = live
         self._dataset = dataset
         self._lock = DomainLock(domain)
@@ -88,7 +95,7 @@ class GraphSession:
             raise
 
     def _start_processes(self) -> None:
-        environment = graph_environment(self.domain)
+        environment = graph_environment(self.domain, network=self._network)
         os.environ.update(environment)  # for the monitor: the middleware reads them when the first node is created
         cameras = camera_processes(self._scenario.rendering, len(self._scenario.rig.of_type(Camera)))
         environment |= drawing_environment(cameras)

@@ -23,6 +23,7 @@ def play_scenes(
     live: bool = False,
     dataset: Path | None = None,
     domain: int | None = None,
+    network: bool = False,
     observer: ProductionObserver = SILENT,
 ) -> list[Path]:
     """Play every scene of a configuration and return the folders of the recorded bags.
@@ -34,6 +35,7 @@ def play_scenes(
         live: Paced by the wall clock instead of as fast as possible.
         dataset: Folder to record into; None: nothing is recorded.
         domain: ROS domain; None: that of the environment, else a free one.
+        network: Whether nodes on other hosts may take part.
         observer: Receives the progress.
 
     Raises:
@@ -42,7 +44,8 @@ def play_scenes(
         GraphError: A node died or fell silent.
     """
     specs = draw_scenes(scenario, observer)
-    bags = list(play_specs(scenario, specs, live=live, dataset=dataset, domain=domain, observer=observer))
+    played = play_specs(scenario, specs, live=live, dataset=dataset, domain=domain, network=network, observer=observer)
+    bags = list(played)
     if dataset is None:
         return []
     if lost := [bag for bag in bags if not bag.is_dir()]:  # live, where the graph does not wait for the recorder
@@ -57,6 +60,7 @@ def play_specs(
     live: bool = False,
     dataset: Path | None = None,
     domain: int | None = None,
+    network: bool = False,
     replays: Sequence[Path] = (),
     observer: ProductionObserver = SILENT,
 ) -> Generator[Path, None, None]:
@@ -71,6 +75,7 @@ def play_specs(
         live: Paced by the wall clock instead of as fast as possible.
         dataset: Folder to record into; None: nothing is recorded.
         domain: ROS domain; None: that of the environment, else a free one.
+        network: Whether nodes on other hosts may take part.
         replays: For each scene a bag to take all motion from; empty: motion is simulated.
         observer: Receives the progress.
 
@@ -83,7 +88,7 @@ def play_specs(
         if dataset is not None:
             held.enter_context(hold_record_folder(dataset, scenario, specs, live=live, observer=observer))
         build_surroundings(specs, observer)
-        session = GraphSession(scenario, live=live, dataset=dataset, domain=domain)
+        session = GraphSession(scenario, live=live, dataset=dataset, domain=domain, network=network)
         held.enter_context(_run_graph(session, observer))
         observer.graph_started(session.domain)
         for spec, replay in zip_longest(specs, replays):

@@ -37,6 +37,13 @@ class InputError(SimbevError):
         self.parameter = parameter
 
 
+class LimitError(InputError, ValueError):
+    """Foreign data exceed one of the ``limits``; the message names value and limit. Exit code 2.
+
+    It is also a ValueError, so that readers treat it as damage where they skip or report damaged parts.
+    """
+
+
 class GraphError(SimbevError):
     """A node died, stopped responding or could not start; the message names it. Exit code 1."""
 

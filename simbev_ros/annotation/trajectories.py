@@ -32,6 +32,7 @@ from simbev_ros.errors import NPZ_DAMAGE, BagError, InputError
 from simbev_ros.semantics import BOX_CLASSES
 from simbev_ros.types import BoolArray, Float32Array, Float64Array, Int64Array, Table, UInt8Array, UInt32Array
 from simbev_ros.units import NS_PER_S
+from simbev_ros.unpacking import NpzReader
 
 HORIZON_S = 6.0
 
@@ -170,13 +171,13 @@ def tracks_from_npz(file: bytes) -> Tracks:
     """Read tracks from the bytes of an ``.npz`` file.
 
     Raises:
-        BagError: The file is damaged or was not written by ``tracks_to_npz``.
+        BagError: The file is damaged, exceeds a limit, or was not written by ``tracks_to_npz``.
     """
     try:
-        with np.load(io.BytesIO(file), allow_pickle=False) as arrays:
-            class_names = arrays["class_names"].tolist()
-            values = {field.name: arrays[field.name] for field in fields(Tracks) if field.name != "box_class"}
-            box_class = np.array([BOX_CLASSES.index(name) for name in class_names], np.uint8)[arrays["class"]]
+        arrays = NpzReader(io.BytesIO(file))
+        class_names = arrays["class_names"].tolist()
+        values = {field.name: arrays[field.name] for field in fields(Tracks) if field.name != "box_class"}
+        box_class = np.array([BOX_CLASSES.index(name) for name in class_names], np.uint8)[arrays["class"]]
     except NPZ_DAMAGE as error:
         raise BagError(f"the trajectories are damaged: {error}") from None
     return Tracks(**{**values, "tick_ns": int(values["tick_ns"]), "box_class": box_class})

@@ -12,6 +12,7 @@ from simbev_ros.config.optics import Optics
 from simbev_ros.config.sensor import Sensor
 from simbev_ros.errors import InputError
 from simbev_ros.geometry.camera import MAX_RAY_ANGLE_RAD, LensCamera, PinholeCamera
+from simbev_ros.limits import MAX_IMAGE_SIDE_PX
 
 Modality = Literal["rgb", "semantic", "instance", "depth", "flow"]
 MODALITIES: tuple[Modality, ...] = ("rgb", "semantic", "instance", "depth", "flow")
@@ -27,8 +28,8 @@ class Camera(Sensor, Optics):
     """
 
     type: Literal["camera"]
-    width_px: int = Field(1600, ge=16, le=8192, description="image width")
-    height_px: int = Field(900, ge=16, le=8192, description="image height")
+    width_px: int = Field(1600, ge=16, le=MAX_IMAGE_SIDE_PX, description="image width")
+    height_px: int = Field(900, ge=16, le=MAX_IMAGE_SIDE_PX, description="image height")
     horizontal_fov_deg: float | None = Field(
         None,
         gt=1,

@@ -12,6 +12,7 @@ from simbev_ros.annotation.trajectories import Tracks, tracks_from_npz
 from simbev_ros.dataset.calibration import Calibration, calibrations
 from simbev_ros.dataset.values import decode_message, value_of
 from simbev_ros.errors import BagError
+from simbev_ros.limits import MAX_SCENE_TICKS
 from simbev_ros.recording.indexed_bag import IndexedBag, IndexedTopic
 from simbev_ros.recording.layout import SCENE_ATTACHMENT, TRAJECTORIES_ATTACHMENT
 from simbev_ros.recording.mcap.chunk_cache import ChunkCache
@@ -108,7 +109,7 @@ class Content:
         bag = _open(path, cache, may_be_cut_off)
         spec = read_spec(bag)
         sources, calibration = _sources(bag, spec), calibrations(spec.rig)
-        stamps_ns = _stamps_ns(spec, sources)
+        stamps_ns = _stamps_ns(bag, spec, sources)
         for label, other_path in sorted(additional.items()):
             other = _open(other_path, cache, may_be_cut_off)
             other_spec = read_spec(other)
@@ -174,7 +175,13 @@ def _sources(bag: IndexedBag, spec: SceneSpec) -> dict[str, Source]:
     }
 
 
-def _stamps_ns(spec: SceneSpec, sources: Mapping[str, Source]) -> Int64Array:
-    """(T,) stamps of all ticks up to that of the last message."""
-    lasts = [spec.publishing_tick_of(int(each.stamps_ns[-1])) for each in sources.values() if len(each.stamps_ns)]
-    return spec.start_ns + spec.tick_ns * np.arange(max(lasts, default=-1) + 1, dtype=np.int64)
+def _stamps_ns(bag: IndexedBag, spec: SceneSpec, sources: Mapping[str, Source]) -> Int64Array:
+    """(T,) stamps of all ticks up to that of the last message. Raises BagError if that is beyond any scene's end."""
+    ticks = 0
+    for source in sources.values():
+        if len(source.stamps_ns):
+            last_ns = int(source.stamps_ns[-1])
+            ticks = max(ticks, spec.publishing_tick_of(last_ns) + 1)
+            if ticks > MAX_SCENE_TICKS:
+                raise BagError(f"{bag.file}: {source.topic.name}: a message of {last_ns} ns is beyond the scene's end")
+    return spec.start_ns + spec.tick_ns * np.arange(ticks, dtype=np.int64)

@@ -7,11 +7,13 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from simbev_ros import __version__
 from simbev_ros.config.camera import Camera
 from simbev_ros.errors import BagError, InputError
+from simbev_ros.limits import MAX_ACTORS, MAX_SCENE_NUMBER, MAX_SCENE_TICKS, require_unpacked_size
 from simbev_ros.recording.arrays import point_array
 from simbev_ros.recording.layout import CONFIG_ATTACHMENT, bytes_of, mcap_files, scene_folder
 from simbev_ros.recording.reader import SceneBag
@@ -23,6 +25,13 @@ from simbev_ros.units import NS_PER_S
 
 INDEX_FILE = "index.parquet"
 _HASHED_BYTES = 1 << 22
+_MAX_ROWS = MAX_SCENE_NUMBER + 1
+_LARGEST = {
+    **dict.fromkeys(("ticks", "recorded_ticks"), MAX_SCENE_TICKS),
+    **dict.fromkeys(("vehicles", "pedestrians"), MAX_ACTORS),
+    "number": MAX_SCENE_NUMBER,
+}
+"""Largest value of columns that others count with."""
 _REBUILD_HINT = "delete it, and simbev generate rebuilds it"
 
 Row = dict[str, Any]
@@ -32,20 +41,46 @@ def read_index(dataset: Path) -> list[Row]:
     """Read the rows of a dataset's index, by ascending scene number; an empty list if the dataset has no index.
 
     Raises:
-        InputError: The file is damaged, or of another version.
+        InputError: The file is damaged, of another version, or exceeds a limit.
     """
     path = dataset / INDEX_FILE
     if not path.exists():
         return []
     try:
-        table = pq.read_table(path)
+        _require_columns(path, pq.ParquetFile(path))
+        table = pq.read_table(path, columns=_schema().names)
     except (pa.ArrowException, OSError) as error:
         raise InputError(f"{path}: {error}; {_REBUILD_HINT}") from None
-    if missing := sorted(set(_schema().names) - set(table.column_names)):
-        raise InputError(
-            f"{path}: it is not an index of this version, which has a column {missing[0]}; {_REBUILD_HINT}"
-        )
+    for name, largest in _LARGEST.items():
+        _require_range(path, name, table.column(name), largest)
     return table.to_pylist()
+
+
+def _require_columns(path: Path, file: pq.ParquetFile) -> None:
+    """Raise InputError if an index lacks a column, has one of another type, or is too large to be read."""
+    found = {field.name: field.type for field in file.schema_arrow}
+    for column in _schema():
+        if found.get(column.name) != column.type:
+            raise InputError(
+                f"{path}: it is not an index of this version, which has a column {column.name} of the type "
+                f"{column.type}; {_REBUILD_HINT}"
+            )
+    if file.metadata.num_rows > _MAX_ROWS:
+        raise InputError(
+            f"{path}: it has {file.metadata.num_rows:,} rows; a dataset has at most {_MAX_ROWS:,} scenes; "
+            f"{_REBUILD_HINT}"
+        )
+    groups = range(file.metadata.num_row_groups)
+    require_unpacked_size(sum(file.metadata.row_group(group).total_byte_size for group in groups), f"{path}: it")
+
+
+def _require_range(path: Path, name: str, values: pa.ChunkedArray, largest: int) -> None:
+    """Raise InputError if a number of an index is missing, negative or too large."""
+    if values.null_count:
+        raise InputError(f"{path}: {name}: a value is missing; {_REBUILD_HINT}")
+    wrong = values.filter(pc.or_(pc.less(values, 0), pc.greater(values, largest)))
+    if len(wrong):
+        raise InputError(f"{path}: {name}: is {wrong[0].as_py()}; allowed: 0 to {largest}; {_REBUILD_HINT}")
 
 
 def write_index(dataset: Path, rows: Iterable[Row]) -> None:
@@ -104,7 +139,7 @@ def index_row(bag_path: Path, dataset: Path) -> Row:
             **_content(bag),
             "ended": facts.get("ended", ""),
             "complete": facts.get("complete") == "true",
-            "recorded_ticks": int(bag.fact("ticks") or spec.ticks),
+            "recorded_ticks": bag.recorded_ticks or spec.ticks,
             "bytes": bytes_of(bag_path),
             "sha256": sha256_of(bag_path),
             "config_sha256": hashlib.sha256(bag.attachments.get(CONFIG_ATTACHMENT, b"")).hexdigest(),

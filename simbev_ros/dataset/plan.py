@@ -11,11 +11,12 @@ from itertools import islice
 from pathlib import Path
 from typing import Self
 
-from pydantic import ValidationError
+from pydantic import Field, ValidationError
 
 from simbev_ros.config.base import Model
 from simbev_ros.config.scenario import SPLITS, Scenario, Split
 from simbev_ros.errors import InputError
+from simbev_ros.limits import MAX_SCENE_NUMBER
 from simbev_ros.maps.source import map_spec
 from simbev_ros.recording.layout import scene_folder
 from simbev_ros.recording.whole_files import write_errors, write_whole
@@ -28,7 +29,7 @@ _MAX_NAMED = 5
 class PlannedEntry(Model):
     """A planned scene: its number, the name of its map, and its split."""
 
-    number: int
+    number: int = Field(ge=0, le=MAX_SCENE_NUMBER)
     map: str
     split: Split
 
@@ -54,7 +55,8 @@ class Plan(Model):
         try:
             plan = cls.model_validate_json(path.read_bytes()) if path.exists() else cls()
         except ValidationError as error:
-            raise InputError(f"{path}: {error.errors()[0]['msg']}") from None
+            field = ".".join(map(str, error.errors()[0]["loc"]))
+            raise InputError(f"{path}: {field}: {error.errors()[0]['msg']}") from None
         except OSError as error:
             raise InputError(f"{path}: cannot be read: {error.strerror}") from None
         known = {entry.number for entry in plan.scenes}
@@ -73,7 +75,7 @@ class Plan(Model):
         empty dataset they are the scenes of ``planned_scenes``.
 
         Raises:
-            InputError: There is no such map.
+            InputError: There is no such map, or a dataset cannot have that many scenes.
         """
         have = Counter((entry.map, entry.split) for entry in self.scenes)
         number = max((entry.number for entry in self.scenes), default=-1) + 1
@@ -84,6 +86,8 @@ class Plan(Model):
                 count = getattr(wanted, split)
                 enough = min(have[name, split], count)
                 have[name, split] -= enough
+                if number + count - enough > MAX_SCENE_NUMBER + 1:
+                    raise InputError(f"scenes: a dataset has at most {MAX_SCENE_NUMBER + 1:,} scenes")
                 added += [PlannedEntry(number=number + k, map=name, split=split) for k in range(count - enough)]
                 number += count - enough
         return self.with_entries(added)
@@ -142,5 +146,5 @@ def _recorded_entries(dataset: Path) -> Iterator[PlannedEntry]:
     for split in SPLITS:
         for folder in sorted((dataset / "scenes" / split).glob("*")):
             match = _SCENE.fullmatch(folder.name)
-            if match and folder.is_dir():
+            if match and folder.is_dir() and int(match["number"]) <= MAX_SCENE_NUMBER:
                 yield PlannedEntry(number=int(match["number"]), map=match["map"], split=split)

@@ -12,7 +12,6 @@
 | others | the message as rosbags decodes it |
 """
 
-import json
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -23,6 +22,7 @@ from rosbags.typesys import Stores, get_typestore
 from simbev_ros.errors import BagError
 from simbev_ros.geometry.transforms import matrices_from_xyz_quaternion
 from simbev_ros.recording.arrays import image_array, point_array
+from simbev_ros.structured_text import parse_json
 from simbev_ros.types import AnyArray, Float64Array, Table
 from simbev_ros.units import NS_PER_S
 
@@ -128,7 +128,7 @@ def _transforms(message: Any) -> dict[tuple[str, str], Float64Array]:
 
 def _text(message: Any) -> Any:
     try:
-        return json.loads(message.data)
+        return parse_json(message.data)
     except ValueError:
         return message.data
 

@@ -11,10 +11,8 @@ from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
 from simbev_ros.errors import InputError
+from simbev_ros.limits import MAX_MAP_BYTES, MAX_XML_DEPTH, MAX_XML_ELEMENTS
 
-_MAX_BYTES = 128 << 20
-_MAX_DEPTH = 64
-_MAX_ELEMENTS = 2_500_000
 _CHUNK_BYTES = 1 << 20
 
 
@@ -39,7 +37,7 @@ def parse(path: Path, root_tag: str) -> Element:
         InputError: The file cannot be read, is too large, is not well-formed, has a document type declaration, is too
             deeply nested, or has another root.
     """
-    check_readable(path, _MAX_BYTES)
+    check_readable(path, MAX_MAP_BYTES)
     reader = _Reader(path, root_tag)
     try:
         with path.open("rb") as stream:
@@ -70,7 +68,7 @@ _TRUNCATED_CODES = (
 )
 
 
-def check_readable(path: Path, max_bytes: int = _MAX_BYTES) -> None:
+def check_readable(path: Path, max_bytes: int = MAX_MAP_BYTES) -> None:
     """Raise InputError unless a path is a regular, non-empty file of at most ``max_bytes``; reads metadata only."""
     try:
         status = path.stat()
@@ -119,10 +117,10 @@ class _Reader:
             self.refuse(f"the root element must be <{self._root_tag}>, not <{tag:.40}>", line)
         self._depth += 1
         self._elements += 1
-        if self._depth > _MAX_DEPTH:
-            self.refuse(f"elements are nested more than {_MAX_DEPTH} deep", line)
-        if self._elements > _MAX_ELEMENTS:
-            self.refuse(f"has more than {_MAX_ELEMENTS} elements", line)
+        if self._depth > MAX_XML_DEPTH:
+            self.refuse(f"elements are nested more than {MAX_XML_DEPTH} deep", line)
+        if self._elements > MAX_XML_ELEMENTS:
+            self.refuse(f"has more than {MAX_XML_ELEMENTS} elements", line)
         element: LinedElement = self.builder.start(tag, attributes)  # type: ignore[assignment]
         element.line = line
 

@@ -44,20 +44,26 @@ def point_array(message: Any) -> Table:
     """(N,) structured array of a ``sensor_msgs/msg/PointCloud2``, one row per point, with the fields at their offsets.
 
     Raises:
-        BagError: A field lies outside its point, or the size of the data does not match the message's fields.
+        BagError: A field lies outside its point or has an unknown type, or the size of the data does not match the
+            message's fields.
     """
     order = ">" if message.is_bigendian else "<"
-    formats = [(order + _POINT_FIELD_TYPES[f.datatype], (f.count,) if f.count > 1 else ()) for f in message.fields]
     try:
+        kinds = [_POINT_FIELD_TYPES[field.datatype] for field in message.fields]
+        counts = [(field.count,) if field.count > 1 else () for field in message.fields]
         dtype = np.dtype(
             {
-                "names": [f.name for f in message.fields],
-                "formats": formats,
-                "offsets": [f.offset for f in message.fields],
+                "names": [field.name for field in message.fields],
+                "formats": [(order + kind, count) for kind, count in zip(kinds, counts, strict=True)],
+                "offsets": [field.offset for field in message.fields],
                 "itemsize": message.point_step,
             }
         )
-    except ValueError as error:
+        if not dtype.itemsize:
+            raise ValueError("a point has 0 bytes")
+    except KeyError as error:
+        raise BagError(f"point cloud: a field has the unknown data type {error}") from None
+    except (ValueError, OverflowError) as error:
         raise BagError(f"point cloud: {error}") from None
     row_bytes = message.width * message.point_step
     data = np.frombuffer(message.data, np.uint8)

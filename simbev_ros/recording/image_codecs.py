@@ -17,7 +17,8 @@ import numpy as np
 import simplejpeg
 
 from simbev_ros.config.scenario import Recording
-from simbev_ros.errors import BagError
+from simbev_ros.errors import BagError, LimitError
+from simbev_ros.limits import MAX_IMAGE_SIDE_PX
 from simbev_ros.types import AnyArray, Float32Array, UInt8Array
 
 _JPEG_QUALITY = Recording().jpeg_quality
@@ -25,6 +26,8 @@ _JPEG_QUALITY = Recording().jpeg_quality
 # row, which takes three times as long and gains little on these images, which are smooth or flat.
 _PNG = (cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_DEFAULT)
 
+_PNG_START = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR"
+_PNG_SIZE = struct.Struct(">II")
 _DEPTH_HEAD = struct.Struct("<iff")  # compression kind, quantization parameters a and b: level = a / depth + b
 _INVERSE_DEPTH = 0
 _MAX_LEVEL = 65535
@@ -41,6 +44,8 @@ def encode_rgb(image: UInt8Array, quality: int = _JPEG_QUALITY) -> bytes:
 
 def decode_rgb(data: bytes) -> UInt8Array:
     """(H, W, 3) uint8 RGB image decoded from a JPEG."""
+    height_px, width_px, *_ = simplejpeg.decode_jpeg_header(data)
+    _require_size(width_px, height_px)
     return simplejpeg.decode_jpeg(data, colorspace="RGB")
 
 
@@ -165,7 +170,15 @@ def _encode_png(image: AnyArray) -> bytes:
 
 
 def _decode_png(data: bytes) -> AnyArray:
+    if data[: len(_PNG_START)] != _PNG_START:
+        raise ValueError("not a PNG")
+    _require_size(*_PNG_SIZE.unpack_from(data, len(_PNG_START)))
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if image is None:
         raise ValueError("not a PNG")
     return image
+
+
+def _require_size(width_px: int, height_px: int) -> None:
+    if max(width_px, height_px) > MAX_IMAGE_SIDE_PX:
+        raise LimitError(f"it has {width_px} x {height_px} pixels; at most {MAX_IMAGE_SIDE_PX} a side are decoded")

@@ -13,7 +13,8 @@ from mcap.records import Channel
 from simbev_ros.errors import BagError
 from simbev_ros.recording.layout import SCENE_ATTACHMENT, mcap_files
 from simbev_ros.recording.mcap.chunk_cache import ChunkCache
-from simbev_ros.recording.mcap.mcap_index import MESSAGE_HEAD, RECORD_HEAD, McapIndex, read_mcap_index
+from simbev_ros.recording.mcap.chunks import MESSAGE_HEAD, RECORD_HEAD
+from simbev_ros.recording.mcap.mcap_index import McapIndex, read_mcap_index
 from simbev_ros.recording.reader import attached_spec
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import Int64Array

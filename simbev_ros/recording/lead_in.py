@@ -9,6 +9,7 @@ from collections.abc import Iterable
 
 from simbev_ros.errors import BagError
 from simbev_ros.recording.reader import RawMessage
+from simbev_ros.structured_text import parse_json
 
 
 def lead_in_attachment(messages: Iterable[RawMessage]) -> bytes:
@@ -34,7 +35,7 @@ def lead_in_messages(attachment: bytes) -> list[RawMessage]:
     try:
         return [
             RawMessage(entry["topic"], int(entry["stamp_ns"]), entry["type"], base64.b64decode(entry["cdr"]))
-            for entry in json.loads(attachment)
+            for entry in parse_json(attachment)
         ]
     except (ValueError, KeyError, TypeError) as error:
         raise BagError(f"the lead-in is damaged: {error}") from None

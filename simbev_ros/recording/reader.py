@@ -1,7 +1,6 @@
 """Sequential reader of a scene's bag: topics, messages in the order of their stamps, attachments and metadata."""
 
 import heapq
-import json
 from collections import ChainMap
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack
@@ -11,16 +10,19 @@ from types import TracebackType
 from typing import Any, BinaryIO, NamedTuple, Self
 
 import numpy as np
-import yaml
+from mcap.opcode import Opcode
 from mcap.records import Message
 from pydantic import ValidationError
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 
 from simbev_ros.errors import BagError
+from simbev_ros.limits import MAX_SCENE_TICKS
 from simbev_ros.recording.layout import PARTIAL_SUFFIX, SCENE_ATTACHMENT, mcap_files
-from simbev_ros.recording.mcap.mcap_index import DAMAGE, McapIndex, read_chunk, read_mcap_index
+from simbev_ros.recording.mcap.chunks import message_at, read_chunk, records_in
+from simbev_ros.recording.mcap.mcap_index import DAMAGE, McapIndex, read_mcap_index
 from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.structured_text import parse_json, parse_yaml
 from simbev_ros.types import Int64Array
 
 _TYPES = get_typestore(Stores.ROS2_JAZZY)
@@ -96,7 +98,7 @@ class SceneBag:
     @property
     def payload_bytes(self) -> Mapping[str, int]:
         """Payload in bytes by topic; empty if the recorder left none."""
-        return self.fact("payload_bytes") or {}
+        return self.counts("payload_bytes") or {}
 
     def fact(self, name: str) -> Any:
         """A fact from ``custom_data``, parsed from its JSON; None if there is no such fact.
@@ -105,9 +107,34 @@ class SceneBag:
             BagError: The fact is damaged.
         """
         try:
-            return json.loads(self.custom_data.get(name, "null"))
+            return parse_json(self.custom_data.get(name, "null"))
         except ValueError as error:
             raise BagError(f"{self.path}: {name} in the bag's description is damaged: {error}") from None
+
+    def counts(self, name: str) -> Mapping[str, int] | None:
+        """A fact that is a number by topic; None if there is no such fact.
+
+        Raises:
+            BagError: The fact is damaged.
+        """
+        try:
+            return parse_counts(self.custom_data[name]) if name in self.custom_data else None
+        except ValueError as error:
+            raise BagError(f"{self.path}: {name} in the bag's description is damaged: {error}") from None
+
+    @property
+    def recorded_ticks(self) -> int | None:
+        """Number of recorded ticks as the recorder states it; None if it does not.
+
+        Raises:
+            BagError: The statement is damaged.
+        """
+        ticks = self.fact("ticks")
+        if ticks is not None and not (type(ticks) is int and 0 <= ticks <= MAX_SCENE_TICKS):
+            raise BagError(
+                f"{self.path}: ticks in the bag's description is {ticks!r:.40}; allowed: 0 to {MAX_SCENE_TICKS}"
+            )
+        return ticks
 
     @property
     def spec(self) -> SceneSpec | None:
@@ -150,13 +177,9 @@ class SceneBag:
         for start_ns, number, offset in sorted(chunks):
             while waiting and waiting[0][0] < start_ns:
                 yield self._raw_message(heapq.heappop(waiting))
-            for position, record in enumerate(self._records(number, offset)):
-                if (
-                    isinstance(record, Message)
-                    and record.channel_id in wanted[number]
-                    and first_ns <= record.log_time <= last_ns
-                ):
-                    heapq.heappush(waiting, (record.log_time, number, offset, position, record))
+            for position, message in enumerate(self._chunk_messages(number, offset)):
+                if message.channel_id in wanted[number] and first_ns <= message.log_time <= last_ns:
+                    heapq.heappush(waiting, (message.log_time, number, offset, position, message))
         while waiting:
             yield self._raw_message(heapq.heappop(waiting))
 
@@ -192,9 +215,11 @@ class SceneBag:
             stamps_ns = np.concatenate([index.locations[i].table()[:, 0] for index, i in found])
             yield Topic(name, schema.name if schema else "", channel.metadata.get("topic_type_hash", ""), stamps_ns)
 
-    def _records(self, number: int, offset: int) -> list[Any]:
+    def _chunk_messages(self, number: int, offset: int) -> list[Message]:
+        """Messages of the chunk at an offset of a file, in the order of the chunk."""
         try:
-            return list(read_chunk(self._parts[number].stream, offset))
+            data = read_chunk(self._parts[number].stream, offset)
+            return [message_at(data, start, end) for opcode, start, end in records_in(data) if opcode == Opcode.MESSAGE]
         except DAMAGE as error:
             raise BagError(f"{self._parts[number].stream.name}: damaged chunk at byte {offset}: {error}") from None
 
@@ -221,10 +246,29 @@ def attached_spec(attachments: Mapping[str, bytes], path: Path) -> SceneSpec | N
         raise BagError(f"{path}: {SCENE_ATTACHMENT}: {field}: {error.errors()[0]['msg']}") from None
 
 
+def parse_counts(text: str) -> dict[str, int]:
+    """Parse a fact that is a number by topic. Raises ValueError if it is not."""
+    counts = parse_json(text)
+    if not (isinstance(counts, dict) and all(type(count) is int and count >= 0 for count in counts.values())):
+        raise ValueError("it is no number by topic")
+    return counts
+
+
 def _custom_data(metadata: Mapping[str, Mapping[str, str]], path: Path) -> dict[str, str]:
     text = metadata.get("rosbag2", {}).get("serialized_metadata", "")
     try:
-        facts = (yaml.safe_load(text) or {}).get("custom_data") or {}
-        return {str(name): str(value) for name, value in facts.items()}
-    except (yaml.YAMLError, AttributeError):
-        raise BagError(f"{path}: the bag's description is damaged") from None
+        return custom_data_in(parse_yaml(text) or {})
+    except ValueError as error:
+        raise BagError(f"{path}: the bag's description is damaged: {error}") from None
+
+
+def custom_data_in(description: Any) -> dict[str, str]:
+    """The recorder's facts by name in a bag's parsed description; empty if there are none.
+
+    Raises:
+        ValueError: The description or the facts are not a mapping.
+    """
+    facts = description.get("custom_data") or {} if isinstance(description, dict) else None
+    if not isinstance(facts, dict):
+        raise ValueError("custom_data is not a mapping")
+    return {str(name): str(value) for name, value in facts.items()}

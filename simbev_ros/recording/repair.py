@@ -4,12 +4,10 @@ import json
 import shutil
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 
-import yaml
 from mcap.records import Channel, Message, Schema
 from rosbags.typesys import Stores, get_typestore
 
@@ -18,6 +16,8 @@ from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.layout import METADATA_FILE, numbered_files, partial_of
 from simbev_ros.recording.mcap.salvage import Salvage, salvage
 from simbev_ros.recording.qos import QosProfile
+from simbev_ros.recording.reader import custom_data_in, parse_counts
+from simbev_ros.structured_text import load_yaml, parse_yaml
 
 _KNOWN_TYPES = frozenset(get_typestore(Stores.ROS2_JAZZY).types)
 
@@ -96,29 +96,34 @@ def _salvage_files(files: Mapping[int, Path], found: Salvage) -> Iterator[tuple[
 def _qos(metadata: dict[str, str]) -> QosProfile:
     """The profile that a topic was offered with; the default one if it cannot be read."""
     try:
-        (offered, *_) = yaml.safe_load(metadata["offered_qos_profiles"])
+        (offered, *_) = parse_yaml(metadata["offered_qos_profiles"])
         return QosProfile(**{name: offered[name] for name in ("reliability", "durability", "history", "depth")})
-    except (KeyError, ValueError, TypeError, yaml.YAMLError):
+    except (KeyError, ValueError, TypeError):
         return QosProfile()
 
 
 def _recorded_facts(found: Salvage, folder: Path) -> dict[str, str]:
     """The recorder's facts from ``metadata.yaml`` or its copy in the file, whichever is intact; empty if neither is."""
-    description = folder / METADATA_FILE
-    texts: list[str | bytes] = [description.read_bytes()] if description.is_file() else []
-    for text in [*texts, found.metadata.get("rosbag2", {}).get("serialized_metadata", "")]:
-        with suppress(KeyError, TypeError, ValueError, AttributeError, yaml.YAMLError):
-            information = yaml.safe_load(text)
-            information = information.get("rosbag2_bagfile_information", information)
-            facts = {str(name): str(value) for name, value in information["custom_data"].items()}
-            json.loads(facts["expected"])
+    copy = found.metadata.get("rosbag2", {}).get("serialized_metadata", "")
+    problem = ""
+    for file in (folder / METADATA_FILE, None):
+        try:
+            description = (load_yaml(file) if file else parse_yaml(copy)) or {}
+            facts = custom_data_in(description.get("rosbag2_bagfile_information", description))
+            parse_counts(facts["expected"])
             return facts
+        except ValueError as error:
+            problem = str(error)
+        except (OSError, KeyError, AttributeError):
+            pass  # there is none, or one of another program
+    if problem:
+        found.lost.append(f"the recorder's accounts, whose description is damaged: {problem}")
     return {}
 
 
 def _missing_messages(old: Mapping[str, str], counts: dict[str, int]) -> list[str]:
     """A sentence for each topic with missing messages, as far as the recorder has left its accounts."""
-    expected: dict[str, int] = json.loads(old.get("expected", "{}"))
+    expected = parse_counts(old.get("expected", "{}"))
     return [
         f"{topic}: {count - counts.get(topic, 0)} of {count} messages"
         for topic, count in expected.items()

@@ -1,7 +1,5 @@
 """Replay of a recorded scene: its actors and signals again, tick by tick, with another rig or other weather."""
 
-import gzip
-import json
 import tempfile
 import zlib
 from collections import defaultdict
@@ -12,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.errors import BagError, InputError
+from simbev_ros.errors import BagError, InputError, LimitError
+from simbev_ros.limits import MAX_MAP_BYTES
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.recording.arrays import point_array
@@ -30,8 +29,10 @@ from simbev_ros.scene.drawing.starts import StartPositions
 from simbev_ros.scene.ending import DURATION
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, Event, Light, WorldState
+from simbev_ros.structured_text import parse_json
 from simbev_ros.types import Table
 from simbev_ros.units import NS_PER_S
+from simbev_ros.unpacking import gunzip
 from simbev_ros.world.lights import needs_low_beam
 
 _TABLES = {"/world/actors": ACTOR_DTYPE, "/world/signals": SIGNAL_DTYPE}
@@ -112,7 +113,7 @@ class Replay:
             ticks += 1
         if not ticks:
             raise BagError(f"{self._bag.path}: cannot be replayed: the first tick is not in the bag")
-        if ticks < int(self._bag.fact("ticks") or self._recorded.ticks):
+        if ticks < (self._bag.recorded_ticks or self._recorded.ticks):
             return ticks, f"the replayed bag ends at tick {ticks - 1}"
         return ticks, self._bag.custom_data.get("ended", DURATION)
 
@@ -132,10 +133,10 @@ class Replay:
         events: defaultdict[int, list[Event]] = defaultdict(list)
         for message in self._bag.messages([_EVENTS]):
             try:
-                fields = json.loads(self._bag.decode(message).data)
+                fields = parse_json(self._bag.decode(message).data)
                 position_m, ids = tuple(map(float, fields["position_m"])), tuple(map(int, fields["ids"]))
                 event = Event(fields["type"], ids, position_m, float(fields["relative_speed_mps"]))  # type: ignore[arg-type]
-            except (ValueError, KeyError, TypeError) as error:
+            except (ValueError, KeyError, TypeError, OverflowError) as error:
                 raise BagError(f"{self._bag.path}: {_EVENTS} at {message.stamp_ns} ns: {error!r}") from None
             events[message.stamp_ns].append(event)
         return events
@@ -177,7 +178,7 @@ def build_recorded_roads(bag: SceneBag) -> None:
     The network is then in the cache, where it is found by the content of the map file.
 
     Raises:
-        BagError: The map file in the bag is damaged.
+        BagError: The map file in the bag is damaged, or larger than a map file may be.
         InputError: The roads cannot be built from it.
     """
     source = bag.attachments.get(MAP_SOURCE_ATTACHMENT)
@@ -187,8 +188,8 @@ def build_recorded_roads(bag: SceneBag) -> None:
     with tempfile.TemporaryDirectory(prefix="simbev-") as folder:
         copy = Path(folder, Path(spec.path).name)
         try:
-            copy.write_bytes(gzip.decompress(source))
-        except (EOFError, OSError, zlib.error) as error:
+            copy.write_bytes(gunzip(source, MAX_MAP_BYTES))
+        except (EOFError, OSError, zlib.error, LimitError) as error:
             raise BagError(f"{bag.path}: {MAP_SOURCE_ATTACHMENT}: {error}") from None
         load_network(spec.model_copy(update={"path": str(copy)}))
 

@@ -1,13 +1,11 @@
 """Verification of a recorded bag: its MCAP files, messages, message counts, metadata and attachments."""
 
-import json
 from collections import ChainMap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
 from mcap.records import Message
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
@@ -23,6 +21,7 @@ from simbev_ros.recording.layout import (
 )
 from simbev_ros.recording.mcap.mcap_check import McapContent, check_mcap
 from simbev_ros.recording.reader import SceneBag
+from simbev_ros.structured_text import load_yaml, parse_json, parse_yaml
 from simbev_ros.units import NS_PER_S
 
 _TYPES = get_typestore(Stores.ROS2_JAZZY)
@@ -90,7 +89,7 @@ class _MessageChecker:
         kind = content.schemas[channel.schema_id].name
         try:
             stamp_ns = embedded_stamp_ns(_TYPES.deserialize_cdr(message.data, kind))
-        except (SerdeError, KeyError, ValueError, AssertionError) as error:
+        except (SerdeError, KeyError, ValueError, AssertionError, TypeError, OverflowError) as error:
             self.faults.append((channel.topic, f"at {message.log_time} ns: no {kind}: {error}"))
             return
         if stamp_ns not in (None, message.log_time):
@@ -111,7 +110,7 @@ def embedded_stamp_ns(message: Any) -> int | None:
         case object(transforms=[first, *_]) | object(markers=[first, *_]):
             stamp = first.header.stamp
         case object(data=str(text)):
-            record = json.loads(text) if text.startswith("{") else {}
+            record = parse_json(text) if text.startswith("{") else {}
             found = record.get("stamp_ns")
             return None if found is None else int(found)
         case _:
@@ -123,35 +122,40 @@ def _accounting_faults(path: Path, last: Path) -> Iterator[tuple[str, str]]:
     """Yield where the messages of a bag with intact files differ from the recorder's accounts, in the last file."""
     with SceneBag(path) as bag:
         facts, counts = bag.custom_data, {name: len(topic.stamps_ns) for name, topic in bag.topics.items()}
-    if "expected" not in facts:
+        try:
+            expected_counts = bag.counts("expected")
+        except BagError as error:
+            yield last.name, str(error).removeprefix(f"{path}: ")
+            return
+    if expected_counts is None:
         yield last.name, "the recorder's message counts are missing"
         return
     if facts.get("complete") != "true":
         yield last.name, f"the scene is incomplete ({facts.get('ended', 'for an unknown reason')})"
-    for topic, expected in json.loads(facts["expected"]).items():
+    for topic, expected in expected_counts.items():
         if counts.get(topic, 0) != expected:
             yield topic, f"{counts.get(topic, 0)} of {expected} messages"
-    for topic in counts.keys() - json.loads(facts["expected"]).keys():
+    for topic in counts.keys() - expected_counts.keys():
         yield topic, "a topic that the scene does not have"
 
 
 def _description_faults(files: Sequence[Path], last: McapContent) -> Iterator[str]:
     """Yield problems of ``metadata.yaml``: missing, different from its copy in the last file, or naming other files."""
     try:
-        described = yaml.safe_load((files[0].parent / METADATA_FILE).read_text(encoding="utf-8"))
+        described = load_yaml(files[0].parent / METADATA_FILE)
     except FileNotFoundError:
         yield "it is missing"
         return
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+    except (OSError, ValueError) as error:
         yield f"it cannot be read: {error}"
         return
-    copy = yaml.safe_load(last.metadata.get("rosbag2", {}).get("serialized_metadata", ""))
+    copy = parse_yaml(last.metadata.get("rosbag2", {}).get("serialized_metadata", ""))
     if not isinstance(described, dict) or described.get("rosbag2_bagfile_information") != copy:
         yield "it differs from its copy in the file"
-    elif copy is None:
+    elif not isinstance(copy, dict):
         yield "neither it nor the file describes a bag"
-    elif copy["relative_file_paths"] != [file.name for file in files]:
-        yield f"its files are {', '.join(copy['relative_file_paths'])}"
+    elif copy.get("relative_file_paths") != [file.name for file in files]:
+        yield f"its files are {copy.get('relative_file_paths')}"
 
 
 def _attachment_faults(attachments: Mapping[str, bytes]) -> Iterator[tuple[str, str]]:

@@ -12,6 +12,7 @@ from simbev_ros.config.annotation import Annotation
 from simbev_ros.config.base import Model
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import EgoDriverKind
+from simbev_ros.limits import MAX_ACTORS, MAX_SCENE_NUMBER, MAX_SCENE_TICKS, MAX_WARM_UP_TICKS
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.scene.hazards.hazard import HazardSpec
 from simbev_ros.scene.lights import LightSpec
@@ -19,6 +20,7 @@ from simbev_ros.scene.weather import Weather
 from simbev_ros.units import NS_PER_S
 
 _HOUR_NS = 3600 * NS_PER_S
+_MAX_SEED = (1 << 63) - 1
 
 
 class WaypointSpec(Model):
@@ -74,15 +76,18 @@ class PedestrianSpec(Model):
 class SceneSpec(Model):
     """Everything that was drawn for one scene."""
 
-    number: int = Field(ge=0, le=500_000)
+    number: int = Field(ge=0, le=MAX_SCENE_NUMBER)
     split: str
-    seed: int = Field(ge=0)
+    seed: int = Field(ge=0, le=_MAX_SEED)
     map: MapSpec
-    tick_ns: int = Field(gt=0)
-    warm_up_ticks: int = Field(ge=1)
-    ticks: int = Field(ge=1, description="number of recorded ticks")
+    tick_ns: int = Field(gt=0, le=NS_PER_S)
+    warm_up_ticks: int = Field(ge=1, le=MAX_WARM_UP_TICKS)
+    ticks: int = Field(ge=1, le=MAX_SCENE_TICKS, description="number of recorded ticks")
     end_after_standing_ticks: int | None = Field(
-        None, ge=1, description="the scene ends early once the ego has stood still for this number of ticks"
+        None,
+        ge=1,
+        le=MAX_SCENE_TICKS,
+        description="the scene ends early once the ego has stood still for this number of ticks",
     )
     weather: Weather = Field(description="until the first recorded tick")
     final_weather: Weather | None = Field(None, description="at the last tick; none: the weather does not change")
@@ -90,8 +95,8 @@ class SceneSpec(Model):
     ego_driver: EgoDriverKind = "traffic"
     rig: Rig
     annotation: Annotation
-    vehicles: tuple[VehicleSpec, ...] = Field(min_length=1)
-    pedestrians: tuple[PedestrianSpec, ...]
+    vehicles: tuple[VehicleSpec, ...] = Field(min_length=1, max_length=MAX_ACTORS)
+    pedestrians: tuple[PedestrianSpec, ...] = Field(max_length=MAX_ACTORS)
     walker_cross_factor: float = Field(0.0, ge=0, le=1, description="probability that a pedestrian may jaywalk")
     hazards: tuple[HazardSpec, ...] = Field((), description="their vehicles are the last entries of ``vehicles``")
     green_time_s: tuple[float, ...] = Field(description="one draw per traffic-light program, used in turn")

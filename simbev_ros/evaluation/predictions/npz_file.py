@@ -3,10 +3,9 @@
 from collections.abc import Collection
 from pathlib import Path
 
-from numpy.lib.npyio import NpzFile
-
 from simbev_ros.errors import NPZ_DAMAGE, InputError
 from simbev_ros.types import AnyArray
+from simbev_ros.unpacking import NpzReader
 
 
 def read_npz(path: Path, names: Collection[str] | None = None) -> dict[str, AnyArray]:
@@ -17,15 +16,15 @@ def read_npz(path: Path, names: Collection[str] | None = None) -> dict[str, AnyA
         names: Names of the arrays to read if present; None: all.
 
     Raises:
-        InputError: The file cannot be read, is no NPZ file, or is damaged; an array holds Python objects.
+        InputError: The file cannot be read, is no NPZ file, or is damaged; an array holds Python objects; the arrays
+            exceed ``limits.max_unpacked_bytes``.
     """
     name = ""
     try:
-        with path.open("rb") as stream, NpzFile(stream, allow_pickle=False) as file:
-            arrays = {}
-            for name in file.files:
-                if names is None or name in names:
-                    arrays[name] = file[name]
+        with path.open("rb") as stream:
+            file, arrays = NpzReader(stream, names), {}
+            for name in file.names:
+                arrays[name] = file[name]
             return arrays
     except NPZ_DAMAGE as error:
         prefix = f"{name}: " if name else ""

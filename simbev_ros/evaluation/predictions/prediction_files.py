@@ -33,10 +33,14 @@ from simbev_ros.evaluation.predictions.prediction_columns import (
     require_columns,
     runs,
 )
+from simbev_ros.limits import require_unpacked_size
 from simbev_ros.types import AnyArray, Int64Array, UInt8Array
 
 _MAX_CACHED_BYTES = 1 << 30
 """Size limit of one file's cached row groups; the last one read is always kept."""
+
+_NUMBER_BYTES = 8
+"""Size of a value in a column of numbers; texts are kept as numbers of a dictionary."""
 
 
 class ParquetBoxes:
@@ -46,7 +50,8 @@ class ParquetBoxes:
     little memory, whatever the order within scenes.
 
     Raises:
-        InputError: The file cannot be read, lacks a column, or has a column of a wrong type.
+        InputError: The file cannot be read, lacks a column, has a column of a wrong type, or exceeds
+            ``limits.max_unpacked_bytes`` in a row group or a scene.
     """
 
     def __init__(self, path: Path) -> None:
@@ -67,6 +72,7 @@ class ParquetBoxes:
     def boxes(self, scene: str, stamps_ns: Int64Array) -> tuple[PredictedBoxes, frozenset[int]]:
         """Boxes of a scene, and the ticks that were answered; see ``prediction_sources.BoxSource``."""
         number = self._rows.rows(scene)
+        self._require_size(len(number), f"scene {scene}")
         group = np.searchsorted(self._starts, number, side="right") - 1
         with _damage_as_input_error(self.path):
             parts = [self._part(int(group[a]), number[a:b]) for a, b in zip(*runs(group), strict=True)]
@@ -103,8 +109,18 @@ class ParquetBoxes:
     def _read_starts(self) -> None:
         """Read the (G + 1,) first row of each row group; the last entry is the number of rows."""
         metadata = self._file().metadata
-        counts = [metadata.row_group(group).num_rows for group in range(metadata.num_row_groups)]
+        groups = [metadata.row_group(group) for group in range(metadata.num_row_groups)]
+        counts = [group.num_rows for group in groups]
+        for number, group in enumerate(groups):
+            self._require_size(group.num_rows, f"row group {number}")
+            require_unpacked_size(group.total_byte_size, f"{self.path}: row group {number}")
+        if not self.has_scene_names:
+            self._require_size(sum(counts), "its only scene")
         self._starts: Int64Array = np.cumsum([0, *counts]).astype(np.int64)
+
+    def _require_size(self, rows: int, subject: str) -> None:
+        """Raise InputError if a number of rows takes too much memory."""
+        require_unpacked_size(rows * len(self._columns) * _NUMBER_BYTES, f"{self.path}: {subject} of {rows:,} rows")
 
     def _scene_rows(self) -> SceneRows:
         """Index of scenes, from the scene column alone, row group by row group."""

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from simbev_ros.errors import BagError
-from simbev_ros.recording.mcap.mcap_index import DAMAGE, chunk_data
+from simbev_ros.recording.mcap.chunks import read_chunk
+from simbev_ros.recording.mcap.mcap_index import DAMAGE
 
 _Key = tuple[Path, int]
 
@@ -81,7 +82,7 @@ class ChunkCache:
 def _read(file: Path, offset: int) -> bytes:
     try:
         with file.open("rb") as stream:
-            return chunk_data(stream, offset)
+            return read_chunk(stream, offset)
     except OSError as error:
         raise BagError(f"{file}: cannot be read: {error.strerror}") from None
     except DAMAGE as error:

@@ -7,12 +7,12 @@ from typing import BinaryIO
 
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, DataEnd, Message, MessageIndex, Metadata, Schema
-from mcap.stream_reader import get_chunk_data_stream
+from mcap.records import Channel, DataEnd, Message, MessageIndex, Metadata, Schema
 from mcap.writer import MCAP0_MAGIC
 from zlib_ng.zlib_ng import crc32
 
-from simbev_ros.recording.mcap.mcap_index import DAMAGE, FOOTER_BYTES, RECORD_HEAD, attachment_of, read_summary
+from simbev_ros.recording.mcap.chunks import RECORD_HEAD, message_at, records_in, unpack_chunk
+from simbev_ros.recording.mcap.mcap_index import DAMAGE, FOOTER_BYTES, attachment_of, read_summary
 
 _OPCODES = frozenset(int(opcode) for opcode in Opcode)
 
@@ -97,7 +97,7 @@ class _DataSectionChecker:
             self._expect_no_more_index(offset)
             self.chunks[offset] = len(record)
             self._expected_index = None
-            self._expected_index = self._enter_chunk(Chunk.read(body))
+            self._expected_index = self._enter_chunk(unpack_chunk(memoryview(record)[RECORD_HEAD.size :]))
             self.whole_chunks += 1
         elif opcode == Opcode.MESSAGE_INDEX:
             index = MessageIndex.read(body)
@@ -111,26 +111,22 @@ class _DataSectionChecker:
             metadata = Metadata.read(body)
             content.metadata[metadata.name] = metadata.metadata
 
-    def _enter_chunk(self, chunk: Chunk) -> dict[int, list[tuple[int, int]]]:
+    def _enter_chunk(self, data: bytes) -> dict[int, list[tuple[int, int]]]:
         """Enter a chunk's records; return its expected message indexes: log times in ns and offsets by channel id."""
-        stream, size = get_chunk_data_stream(chunk, validate_crc=True)
-        data, position = stream.read(size), 0
         index_entries: dict[int, list[tuple[int, int]]] = {}
-        while position < size:
-            opcode, length = RECORD_HEAD.unpack_from(data, position)
-            body = ReadDataStream(io.BytesIO(data[position + RECORD_HEAD.size : position + RECORD_HEAD.size + length]))
+        for opcode, start, end in records_in(data):
             if opcode == Opcode.MESSAGE:
-                message = Message.read(body, length)
-                index_entries.setdefault(message.channel_id, []).append((message.log_time, position))
+                message = message_at(data, start, end)
+                entry = message.log_time, start - RECORD_HEAD.size
+                index_entries.setdefault(message.channel_id, []).append(entry)
                 self.content.counts[message.channel_id] = self.content.counts.get(message.channel_id, 0) + 1
                 self._check_message(message, self.content)
             elif opcode == Opcode.SCHEMA:
-                schema = Schema.read(body)
+                schema = Schema.read(ReadDataStream(io.BytesIO(data[start:end])))
                 self.content.schemas[schema.id] = schema
             elif opcode == Opcode.CHANNEL:
-                channel = Channel.read(body)
+                channel = Channel.read(ReadDataStream(io.BytesIO(data[start:end])))
                 self.content.channels[channel.id] = channel
-            position += RECORD_HEAD.size + length
         return index_entries
 
     def _expect_no_more_index(self, offset: int) -> None:

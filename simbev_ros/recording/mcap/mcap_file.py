@@ -5,7 +5,6 @@ itself; this one receives complete chunks, so that the thread that collects mess
 """
 
 import os
-import struct
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -35,12 +34,9 @@ from mcap.writer import MCAP0_MAGIC
 from zlib_ng.zlib_ng import crc32
 
 from simbev_ros import __version__
-from simbev_ros.recording.mcap.mcap_index import MESSAGE_HEAD, RECORD_HEAD
+from simbev_ros.recording.mcap.chunks import CHUNK_DATA_LENGTH, CHUNK_HEAD, MESSAGE_HEAD, RECORD_HEAD
 
 _CRC_BYTES = 4
-_CHUNK_HEAD = struct.Struct("<QQQII")
-"""First and last log time, size and CRC before compression, length of the compression's name."""
-_LENGTH = struct.Struct("<Q")
 
 
 class Definition(NamedTuple):
@@ -112,10 +108,10 @@ class McapFile:
         stamps_ns = [stamp_ns for entries in chunk.index_entries.values() for stamp_ns, _ in entries]
         name = b"" if self._compressor is None else b"zstd"
         span_ns = min(stamps_ns), max(stamps_ns)
-        length = _CHUNK_HEAD.size + len(name) + _LENGTH.size + data_bytes
+        length = CHUNK_HEAD.size + len(name) + CHUNK_DATA_LENGTH.size + data_bytes
         opening = RECORD_HEAD.pack(Opcode.CHUNK, length)
-        opening += _CHUNK_HEAD.pack(*span_ns, records_bytes, records_crc, len(name))
-        opening += name + _LENGTH.pack(data_bytes)
+        opening += CHUNK_HEAD.pack(*span_ns, records_bytes, records_crc, len(name))
+        opening += name + CHUNK_DATA_LENGTH.pack(data_bytes)
         chunk_bytes = len(opening) + data_bytes
         indexes, offsets = b"", {}
         for channel_id, entries in chunk.index_entries.items():

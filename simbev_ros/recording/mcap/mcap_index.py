@@ -12,24 +12,19 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
-from mcap.records import Attachment, Channel, Chunk, ChunkIndex, Footer, McapRecord, Metadata, Schema, Statistics
-from mcap.stream_reader import breakup_chunk, get_chunk_data_stream
+from mcap.records import Attachment, Channel, ChunkIndex, Footer, Metadata, Schema, Statistics
 from mcap.summary import Summary
 from mcap.writer import MCAP0_MAGIC
 from zlib_ng.zlib_ng import crc32
 from zstandard import ZstdError
 
-from simbev_ros.errors import BagError
+from simbev_ros.errors import BagError, LimitError
+from simbev_ros.limits import require_unpacked_size
+from simbev_ros.recording.mcap.chunks import MESSAGE_HEAD, RECORD_HEAD, read_chunk, records_in
 from simbev_ros.types import Int64Array
 
 DAMAGE = (McapError, ZstdError, ValueError, KeyError, struct.error, OverflowError, MemoryError)
 """Exceptions that reading damaged records can raise."""
-
-RECORD_HEAD = struct.Struct("<BQ")
-"""Opcode and length; the record's content follows."""
-
-MESSAGE_HEAD = struct.Struct("<HIQQ")
-"""Channel id, sequence, log time, publish time; the payload follows."""
 
 _INDEX_HEAD = struct.Struct("<BQHI")
 """Opcode and length of the record, channel id, size of the entries in bytes."""
@@ -114,25 +109,12 @@ def read_mcap_index(stream: BinaryIO, name: str) -> McapIndex:
     stream.seek(max(0, size - len(MCAP0_MAGIC)))
     closed = size > 2 * len(MCAP0_MAGIC) and stream.read() == MCAP0_MAGIC
     if not closed:
-        return _scan(stream, size)
+        return _scan(stream, size, name)
     try:
         return _from_summary(stream, name)
     except DAMAGE as error:
         problem = str(error) or "a record ends too early"
         raise BagError(f"{name}: damaged: {problem}; simbev repair saves what is in it") from None
-
-
-def read_chunk(stream: BinaryIO, offset: int) -> list[McapRecord]:
-    """Read the records of the chunk at an offset and check its CRC. Raises one of ``DAMAGE``."""
-    stream.seek(offset + RECORD_HEAD.size)
-    return breakup_chunk(Chunk.read(ReadDataStream(stream)), validate_crc=True)
-
-
-def chunk_data(stream: BinaryIO, offset: int) -> bytes:
-    """Read the decompressed bytes of the chunk at an offset and check their CRC. Raises one of ``DAMAGE``."""
-    stream.seek(offset + RECORD_HEAD.size)
-    data, length = get_chunk_data_stream(Chunk.read(ReadDataStream(stream)), validate_crc=True)
-    return data.read(length)
 
 
 def read_summary(stream: BinaryIO) -> Summary | None:
@@ -141,11 +123,32 @@ def read_summary(stream: BinaryIO) -> Summary | None:
     end = stream.read(FOOTER_BYTES)
     footer = Footer.read(ReadDataStream(io.BytesIO(end[RECORD_HEAD.size :])))
     start = stream.seek(min(footer.summary_start or footer_offset, footer_offset))
-    covered = stream.read(footer_offset - start) + end[: -CRC.size]
-    if footer.summary_crc not in (0, crc32(covered)):
+    require_unpacked_size(footer_offset - start, "the summary")
+    section = stream.read(footer_offset - start)
+    if footer.summary_crc not in (0, crc32(section + end[: -CRC.size])):
         raise ValueError("the CRC of the summary is wrong")
+    if not _SUMMARY_OPCODES.issuperset(opcode for opcode, _, _ in records_in(section)):
+        raise ValueError("the summary contains a record that does not belong there")
     stream.seek(0)
-    return make_reader(stream).get_summary()
+    summary = make_reader(stream).get_summary()
+    if summary is not None and _listed_bytes(summary) > footer_offset:
+        raise ValueError("the summary lists more bytes than the file has")
+    return summary
+
+
+_SUMMARY_OPCODES = frozenset(
+    {
+        *(Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS, Opcode.CHUNK_INDEX, Opcode.ATTACHMENT_INDEX),
+        *(Opcode.METADATA_INDEX, Opcode.SUMMARY_OFFSET),
+    }
+)
+
+
+def _listed_bytes(summary: Summary) -> int:
+    """Size of all records that a summary lists."""
+    chunks = sum(chunk.chunk_length + chunk.message_index_length for chunk in summary.chunk_indexes)
+    attachments = sum(entry.length for entry in summary.attachment_indexes)
+    return chunks + attachments + sum(entry.length for entry in summary.metadata_indexes)
 
 
 def attachment_of(record: bytes) -> Attachment:
@@ -172,8 +175,9 @@ def _from_summary(stream: BinaryIO, name: str) -> McapIndex:
         stream.seek(attached.offset)
         index.attachments[attached.name] = attachment_of(stream.read(attached.length)).data
     for entry in summary.metadata_indexes:
-        stream.seek(entry.offset + RECORD_HEAD.size)
-        index.metadata[entry.name] = Metadata.read(ReadDataStream(stream)).metadata
+        stream.seek(entry.offset)
+        record = stream.read(entry.length)
+        index.metadata[entry.name] = Metadata.read(ReadDataStream(io.BytesIO(record[RECORD_HEAD.size :]))).metadata
     return index
 
 
@@ -202,45 +206,43 @@ def _check_locations(index: McapIndex, statistics: Statistics) -> None:
             raise ValueError(f"a message index of {index.channels[channel_id].topic}")
 
 
-def _scan(stream: BinaryIO, size: int) -> McapIndex:
+def _scan(stream: BinaryIO, size: int, name: str) -> McapIndex:
     """Index a file record by record, up to the first record that is cut off or damaged."""
     index = McapIndex(False)
     try:
-        for opcode, offset in _records(stream, size):
+        for opcode, offset, length in _records(stream, size):
             if opcode == Opcode.CHUNK:
-                _enter_chunk(index, offset, chunk_data(stream, offset))
+                _enter_chunk(index, offset, read_chunk(stream, offset))
             elif opcode in _READERS:
-                _enter(index, _READERS[opcode](ReadDataStream(stream)))
+                _enter(index, _READERS[opcode](ReadDataStream(io.BytesIO(stream.read(length)))))
+    except LimitError as error:
+        raise BagError(f"{name}: record at byte {offset:,}: {error}") from None
     except DAMAGE:
         pass  # the tail that was being written when the writer was stopped
     return index
 
 
-def _records(stream: BinaryIO, size: int) -> Iterator[tuple[int, int]]:
-    """Yield opcode and offset of each complete record; the stream is then positioned after the record's header."""
+def _records(stream: BinaryIO, size: int) -> Iterator[tuple[int, int, int]]:
+    """Yield opcode, offset and content's length of each complete record; the stream is then at its content."""
     offset = len(MCAP0_MAGIC)
     while offset + RECORD_HEAD.size <= size:
         stream.seek(offset)
         opcode, length = RECORD_HEAD.unpack(stream.read(RECORD_HEAD.size))
         if opcode in (0, Opcode.DATA_END) or offset + RECORD_HEAD.size + length > size:
             return
-        yield opcode, offset
+        yield opcode, offset, length
         offset += RECORD_HEAD.size + length
 
 
 def _enter_chunk(index: McapIndex, offset: int, data: bytes) -> None:
     stamps_ns: dict[int, list[int]] = {}
-    position = 0
-    while position < len(data):
-        opcode, length = RECORD_HEAD.unpack_from(data, position)
-        start, end = position + RECORD_HEAD.size, position + RECORD_HEAD.size + length
+    for opcode, start, end in records_in(data):
         if opcode == Opcode.MESSAGE:
             channel_id, _, stamp_ns, _ = MESSAGE_HEAD.unpack_from(data, start)
             stamps_ns.setdefault(channel_id, []).append(stamp_ns)
-            index.locations[channel_id].add_chunk(offset, _ENTRY.pack(stamp_ns, position))
+            index.locations[channel_id].add_chunk(offset, _ENTRY.pack(stamp_ns, start - RECORD_HEAD.size))
         elif opcode in _READERS:
             _enter(index, _READERS[opcode](ReadDataStream(io.BytesIO(data[start:end]))))
-        position = end
     all_stamps_ns = [stamp_ns for stamps in stamps_ns.values() for stamp_ns in stamps]
     index.chunks.append(ChunkEntry(offset, min(all_stamps_ns), max(all_stamps_ns), frozenset(stamps_ns)))
 

@@ -12,12 +12,12 @@ from typing import BinaryIO
 
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, McapRecord, Message, Metadata, Schema
-from mcap.stream_reader import breakup_chunk
+from mcap.records import Attachment, Channel, McapRecord, Message, Metadata, Schema
 from mcap.summary import Summary
 from mcap.writer import MCAP0_MAGIC
 
-from simbev_ros.recording.mcap.mcap_index import CRC, DAMAGE, FOOTER_BYTES, RECORD_HEAD, attachment_of, read_summary
+from simbev_ros.recording.mcap.chunks import RECORD_HEAD, message_at, records_in, unpack_chunk
+from simbev_ros.recording.mcap.mcap_index import CRC, DAMAGE, FOOTER_BYTES, attachment_of, read_summary
 
 _CHUNK_PATTERN = re.compile(rb"(?=(\x06.{5}\0{3}.{28}(?:\x04\0{3}zstd|\0{4})))", re.DOTALL)
 """Opcode, a length below one tebibyte, span, size, CRC and compression; the length of the compressed data follows."""
@@ -133,17 +133,17 @@ def _next_chunk(data: mmap.mmap, start: int) -> int:
 
 def _messages(opcode: int, record: bytes, found: Salvage) -> Iterator[Message]:
     """Yield the messages of a chunk; enter all other records into ``found``. Raises one of ``DAMAGE``."""
-    body = _body(record)
     if opcode == Opcode.CHUNK:
-        for inner in breakup_chunk(Chunk.read(body), validate_crc=True):
-            if isinstance(inner, Message):
-                yield inner
-            else:
-                _enter(inner, found)
+        data = unpack_chunk(memoryview(record)[RECORD_HEAD.size :])
+        for inner, start, end in list(records_in(data)):  # a chunk is saved as a whole or not at all
+            if inner == Opcode.MESSAGE:
+                yield message_at(data, start, end)
+            elif inner in _READERS:
+                _enter(_READERS[inner](ReadDataStream(io.BytesIO(data[start:end]))), found)
     elif opcode == Opcode.ATTACHMENT:
         _enter(attachment_of(record), found)
     elif opcode == Opcode.METADATA:
-        _enter(Metadata.read(body), found)
+        _enter(Metadata.read(_body(record)), found)
 
 
 def _body(record: bytes) -> ReadDataStream:

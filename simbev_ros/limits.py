@@ -1,0 +1,90 @@
+"""Limits of foreign input: how much a file may unpack to, contain or nest, checked before memory or time is spent.
+
+Files from elsewhere can be small and still demand gigabytes: compressed zeros, aliases in YAML, declared sizes and
+counts. Every reader of such a file compares what the file declares with these limits first, and stops unpacking at
+them. They are well above what this project writes; ``SIMBEV_MAX_UNPACKED_MIB`` raises the one that large predictions
+may reach.
+"""
+
+import os
+
+from simbev_ros.errors import InputError, LimitError
+
+MAX_UNPACKED_VARIABLE = "SIMBEV_MAX_UNPACKED_MIB"
+"""Environment variable that replaces the default of ``max_unpacked_bytes``, in MiB."""
+
+DEFAULT_MAX_UNPACKED_BYTES = 1 << 30
+"""Size after decompression of an MCAP chunk, of all arrays of an NPZ file, of the index of a dataset, and of one row
+group or one scene in a Parquet file of predictions. The largest message that a configuration allows, an optical flow
+image of 8192 x 8192 pixels, has 512 MiB; chunks without such a message have at most 32 MiB. `SIMBEV_MAX_UNPACKED_MIB`
+sets another limit."""
+
+MAX_CHUNK_RECORDS = 1 << 20
+"""Records in an MCAP chunk or in the summary of an MCAP file. A chunk of 32 MiB with nothing but /clock has 780,000."""
+
+MAX_MAP_BYTES = 128 << 20
+"""Size of a map file (OpenDRIVE, OpenStreetMap, SUMO), on disk or unpacked from a bag. The OpenStreetMap extract of a
+city district has about 50 MiB."""
+
+MAX_XML_DEPTH = 64
+"""Nesting of elements in a map file. OpenDRIVE nests 10 deep."""
+
+MAX_XML_ELEMENTS = 2_500_000
+"""Elements in a map file; a file of 128 MiB with short elements can reach it."""
+
+MAX_YAML_BYTES = 4 << 20
+"""Size of a YAML text: a configuration, or a bag's description. The description of a bag with 100 topics has 60 KiB."""
+
+MAX_YAML_VALUES = 200_000
+"""Values in a YAML text after its aliases are expanded. The description of a bag with 100 topics has 2,000."""
+
+MAX_YAML_DEPTH = 64
+"""Nesting of lists and mappings in a bag's description, which nests 5 deep."""
+
+MAX_YAML_NUMBER_CHARS = 64
+"""Characters of a number or date in a bag's description. Long base-60 numbers take time quadratic in their length."""
+
+MAX_IMAGE_SIDE_PX = 8192
+"""Width and height of a compressed image, and of a camera in a configuration."""
+
+MAX_SCENE_NUMBER = 500_000
+"""Highest number of a scene. Scenes are an hour apart, and stamps are int32 seconds."""
+
+MAX_SCENE_TICKS = 3_000_000
+"""Recorded ticks of a scene: 3000 s, the longest duration of a configuration, in ticks of 1 ms, the shortest ones."""
+
+MAX_WARM_UP_TICKS = 600_000
+"""Warm-up ticks of a scene: 600 s in ticks of 1 ms."""
+
+MAX_ACTORS = 20_000
+"""Vehicles in a scene, and pedestrians in a scene. A configuration allows 10,000 of each; hazard areas add vehicles."""
+
+_MIB = 1 << 20
+
+
+def max_unpacked_bytes() -> int:
+    """``DEFAULT_MAX_UNPACKED_BYTES``, or the value of ``SIMBEV_MAX_UNPACKED_MIB`` in bytes.
+
+    Raises:
+        InputError: The variable is not a positive integer.
+    """
+    text = os.environ.get(MAX_UNPACKED_VARIABLE)
+    if text is None:
+        return DEFAULT_MAX_UNPACKED_BYTES
+    if not (text.isascii() and text.isdecimal() and 0 < len(text) <= _MAX_DIGITS and int(text)):
+        raise InputError(f"{MAX_UNPACKED_VARIABLE}: is {text!r}; allowed: a positive integer, in MiB")
+    return int(text) * _MIB
+
+
+_MAX_DIGITS = 9
+
+
+def require_unpacked_size(size_bytes: int, subject: str = "it") -> None:
+    """Raise LimitError if something unpacks to more than ``max_unpacked_bytes``; ``subject`` begins the message."""
+    limit_bytes = max_unpacked_bytes()
+    if size_bytes > limit_bytes:
+        size_mib = -(-size_bytes // _MIB)
+        raise LimitError(
+            f"{subject} unpacks to {size_mib:,} MiB; at most {limit_bytes // _MIB:,} MiB are unpacked; "
+            f"{MAX_UNPACKED_VARIABLE}={size_mib} would allow it"
+        )

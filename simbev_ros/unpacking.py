@@ -1,0 +1,83 @@
+"""Unpacks gzip and NPZ data from elsewhere, which may not exceed the size that they declare, nor the limits."""
+
+import gzip
+import io
+import zipfile
+from collections.abc import Collection
+from typing import IO, BinaryIO
+
+import numpy as np
+from numpy.lib import format as npy
+
+from simbev_ros.errors import LimitError
+from simbev_ros.limits import require_unpacked_size
+from simbev_ros.types import AnyArray
+
+_SUFFIX = ".npy"
+_COMPRESSIONS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+"""Kinds of compression that numpy writes. zipfile unpacks them step by step, other kinds all at once."""
+
+
+def gunzip(data: bytes, max_bytes: int) -> bytes:
+    """Decompress gzip data of at most ``max_bytes`` after decompression.
+
+    Raises:
+        LimitError: The data unpack to more.
+        OSError, EOFError, zlib.error: The data are damaged.
+    """
+    with gzip.GzipFile(fileobj=io.BytesIO(data)) as file:
+        unpacked = file.read(max_bytes + 1)
+    if len(unpacked) > max_bytes:
+        raise LimitError(f"it unpacks to more than {max_bytes >> 20} MiB, which is not allowed")
+    return unpacked
+
+
+class NpzReader:
+    """Reads the arrays of an NPZ file by name; never a pickled object.
+
+    Attributes:
+        names: Names of the arrays that can be read.
+
+    Raises:
+        LimitError: The arrays unpack to more than ``max_unpacked_bytes`` together.
+        errors.NPZ_DAMAGE: The file is damaged.
+    """
+
+    def __init__(self, stream: BinaryIO, names: Collection[str] | None = None) -> None:
+        """Open a file, seekable, to read the arrays with the given names, if present; None: all."""
+        self._archive = zipfile.ZipFile(stream)
+        entries = {entry.filename.removesuffix(_SUFFIX): entry for entry in self._archive.infolist()}
+        self._entries = {name: entry for name, entry in entries.items() if names is None or name in names}
+        self.names = tuple(self._entries)
+        require_unpacked_size(sum(entry.file_size for entry in self._entries.values()))
+
+    def __getitem__(self, name: str) -> AnyArray:
+        """Read an array.
+
+        Raises:
+            KeyError: There is no such array.
+            errors.NPZ_DAMAGE: It is damaged, or holds Python objects.
+        """
+        entry = self._entries[name]
+        if entry.compress_type not in _COMPRESSIONS:
+            raise ValueError("it is compressed in another way than by numpy")
+        with self._archive.open(entry) as file:
+            _check_header(file, entry.file_size)
+        with self._archive.open(entry) as file:
+            array: AnyArray = npy.read_array(file, allow_pickle=False)
+        return array
+
+
+def _check_header(file: IO[bytes], size_bytes: int) -> None:
+    """Raise ValueError if the header of an NPY file promises more than the file holds."""
+    version = npy.read_magic(file)
+    if version not in _HEADERS:
+        raise ValueError(f"version {version} of NPY is not supported")
+    shape, _, dtype = _HEADERS[version](file)
+    if dtype.hasobject:
+        return  # read_array refuses it
+    if int(np.prod([*map(int, shape)], dtype=object)) * max(1, dtype.itemsize) > size_bytes:
+        raise ValueError(f"its header says {shape} of {dtype}, but it has only {size_bytes} bytes")
+
+
+_HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}

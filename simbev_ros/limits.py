@@ -23,23 +23,23 @@ MAX_CHUNK_RECORDS = 1 << 20
 """Records in an MCAP chunk or in the summary of an MCAP file. A chunk of 32 MiB with nothing but /clock has 780,000."""
 
 MAX_MAP_BYTES = 128 << 20
-"""Size of a map file (OpenDRIVE, OpenStreetMap, SUMO), on disk or unpacked from a bag. The OpenStreetMap extract of a
-city district has about 50 MiB."""
+"""Size of a map file (OpenDRIVE, OpenStreetMap, SUMO), on disk or unpacked from a bag. Of a
+larger area, the needed part must be extracted."""
 
 MAX_XML_DEPTH = 64
-"""Nesting of elements in a map file. OpenDRIVE nests 10 deep."""
+"""Nesting of elements in a map file. OpenDRIVE nests about 10 deep."""
 
 MAX_XML_ELEMENTS = 2_500_000
 """Elements in a map file; a file of 128 MiB with short elements can reach it."""
 
 MAX_YAML_BYTES = 4 << 20
-"""Size of a YAML text: a configuration, or a bag's description. The description of a bag with 100 topics has 60 KiB."""
+"""Size of a YAML text: a configuration, or a bag's description. The description of a bag with 100 topics has 80 KiB."""
 
 MAX_YAML_VALUES = 200_000
-"""Values in a YAML text after its aliases are expanded. The description of a bag with 100 topics has 2,000."""
+"""Values in a YAML text after its aliases are expanded. The description of a bag with 100 topics has 5,000."""
 
 MAX_YAML_DEPTH = 64
-"""Nesting of lists and mappings in a bag's description, which nests 5 deep."""
+"""Nesting of lists and mappings in a bag's description, which nests 8 deep."""
 
 MAX_YAML_NUMBER_CHARS = 64
 """Characters of a number or date in a bag's description. Long base-60 numbers take time quadratic in their length."""

@@ -24,6 +24,7 @@ pedestrian's stride.
 
 import io
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -176,7 +177,9 @@ def tracks_from_npz(file: bytes) -> Tracks:
     try:
         arrays = NpzReader(io.BytesIO(file))
         class_names = arrays["class_names"].tolist()
-        values = {field.name: arrays[field.name] for field in fields(Tracks) if field.name != "box_class"}
+        values: dict[str, Any] = {
+            field.name: arrays[field.name] for field in fields(Tracks) if field.name != "box_class"
+        }
         box_class = np.array([BOX_CLASSES.index(name) for name in class_names], np.uint8)[arrays["class"]]
     except NPZ_DAMAGE as error:
         raise BagError(f"the trajectories are damaged: {error}") from None

@@ -53,7 +53,8 @@ def repair_bag(path: Path, out: Path) -> Repair:
     messages = _salvage_files(files, found)
     first = next(messages, None)
     if first is None:
-        raise BagError(f"{path}: it contains no message that can be saved")
+        reason = f"; lost: {found.lost[0]}" if found.lost else ""
+        raise BagError(f"{path}: it contains no message that can be saved{reason}")
     with SceneBagWriter(out) as writer:
         try:
             for channel, schema, message in chain([first], messages):

@@ -3,13 +3,16 @@
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import recorded_scene as written
+from peak_memory import at_most
 
 from simbev_ros.dataset.check import dataset_faults
 from simbev_ros.dataset.index import read_index, update_index, write_index
+from simbev_ros.dataset.opened import open_dataset
 from simbev_ros.errors import InputError
 from simbev_ros.recording.layout import scenes_of
 
@@ -88,3 +91,21 @@ def test_rows_are_sorted_and_unknown_values_are_none(dataset: Path) -> None:
     write_index(dataset, reversed(rows))
     assert read_index(dataset) == rows
     assert [row["number"] for row in rows] == [0, 1, 2] and rows[0]["final_cloudiness"] is None
+
+
+@pytest.mark.parametrize(
+    ("column", "value"), [("recorded_ticks", 1 << 62), ("ticks", -1), ("number", 500_001), ("vehicles", None)]
+)
+def test_an_index_with_impossible_numbers_is_refused(dataset: Path, column: str, value: int | None) -> None:
+    write_index(dataset, [{**row, column: value} for row in read_index(dataset)[:1]])
+    with pytest.raises(InputError, match=rf"index\.parquet: {column}: .*; delete it, and simbev generate rebuilds it"):
+        open_dataset(dataset)
+
+
+def test_an_index_of_more_rows_than_scenes_is_refused_before_it_is_read(dataset: Path) -> None:
+    index = dataset / "index.parquet"
+    table = pq.read_table(index)
+    pq.write_table(table.slice(0, 1).take(pa.array(np.zeros(500_002, np.int8))), index)
+    assert index.stat().st_size < 1 << 18
+    with at_most(8), pytest.raises(InputError, match=r"it has 500,002 rows; a dataset has at most 500,001 scenes"):
+        read_index(dataset)

@@ -10,11 +10,13 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from made_up_boxes import some_boxes
+from peak_memory import at_most
 from prediction_data import OTHER, SCENE, STAMPS_NS, some_columns
 
 from simbev_ros.errors import InputError
 from simbev_ros.evaluation.metrics.boxes import Predictions
 from simbev_ros.evaluation.predictions.dataset_predictions import PredictedScene, open_predictions, write_predictions
+from simbev_ros.limits import MAX_UNPACKED_VARIABLE
 from simbev_ros.semantics import BOX_CLASSES
 from simbev_ros.types import AnyArray
 
@@ -305,3 +307,32 @@ def test_a_path_without_predictions_is_refused(tmp_path: Path) -> None:
         open_predictions(tmp_path / "nowhere")
     with pytest.raises(InputError, match=r"holds no predictions; allowed are \*.parquet, \*.npz, grids/ and bags"):
         open_predictions(tmp_path)
+
+
+def test_an_npz_bomb_is_refused_before_it_is_unpacked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(MAX_UNPACKED_VARIABLE, "8")
+    np.savez_compressed(tmp_path / "a.npz", **some_columns(score=np.zeros(4 << 20)))
+    assert (tmp_path / "a.npz").stat().st_size < 1 << 17
+    with (
+        at_most(8),
+        pytest.raises(InputError, match=r"a\.npz: .* NPZ: it unpacks to \d+ MiB; at most 8"),
+    ):
+        open_predictions(tmp_path / "a.npz")
+
+
+@pytest.mark.parametrize("rows_per_group", [1 << 21, 1 << 16])
+@pytest.mark.parametrize("named", [True, False])
+def test_a_parquet_bomb_is_refused_before_it_is_unpacked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rows_per_group: int, named: bool
+) -> None:
+    monkeypatch.setenv(MAX_UNPACKED_VARIABLE, "16")
+    columns = {name: np.broadcast_to(values[:1], 1 << 20) for name, values in some_columns().items()}
+    if not named:
+        del columns["scene"]
+    file = to_parquet(tmp_path / "a", columns, row_group_size=rows_per_group)
+    assert file.stat().st_size < 1 << 18
+    with (
+        at_most(32),
+        pytest.raises(InputError, match=r"a\.parquet: .* of 1,048,576 rows unpacks to .*; at most 16"),
+    ):
+        read(file).boxes()

@@ -1,4 +1,5 @@
 import struct
+import zlib
 
 import cv2
 import numpy as np
@@ -114,3 +115,38 @@ def test_flow_png_has_kittis_channels_in_order_u_v_valid() -> None:
 def test_damaged_data_are_a_bag_error() -> None:
     with pytest.raises(BagError, match="cannot be decoded"):
         decode_image(compressed_format("mono8"), b"not a png")
+
+
+def huge_png(width_px: int, height_px: int) -> bytes:
+    """A valid PNG of zeros, 16 bits a pixel, written without an image in memory."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    packer, rows = zlib.compressobj(), []
+    for _ in range(height_px):
+        rows.append(packer.compress(bytes(1 + 2 * width_px)))
+    head = struct.pack(">IIBBBBB", width_px, height_px, 16, 0, 0, 0, 0)
+    data = b"".join(rows) + packer.flush()
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", data) + chunk(b"IEND", b"")
+
+
+@pytest.mark.parametrize("encoding", ["mono8", "mono16", "32FC1", "32FC2"])
+def test_a_png_larger_than_any_camera_is_refused(encoding: str) -> None:
+    data = bytes(12 if encoding == "32FC1" else 0) + huge_png(8193, 2)
+    with pytest.raises(BagError, match="it has 8193 x 2 pixels; at most 8192 a side are decoded"):
+        decode_image(compressed_format(encoding), data)
+    assert decode_image(compressed_format("mono16"), huge_png(8192, 2)).shape == (2, 8192)
+
+
+def test_a_jpeg_larger_than_any_camera_is_refused() -> None:
+    data = encode_image("rgb8", np.zeros((1, 8193, 3), np.uint8))
+    with pytest.raises(BagError, match="it has 8193 x 1 pixels"):
+        decode_image(compressed_format("rgb8"), data)
+
+
+def test_other_formats_are_not_decoded_as_png() -> None:
+    done, data = cv2.imencode(".tiff", np.zeros((4, 4), np.uint8))
+    assert done
+    with pytest.raises(BagError, match="not a PNG"):
+        decode_image(compressed_format("mono8"), data.tobytes())

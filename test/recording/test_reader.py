@@ -222,6 +222,25 @@ def test_point_field_outside_its_point_is_refused() -> None:
         point_array(cloud)
 
 
+@pytest.mark.parametrize(("datatype", "count", "point_step"), [(99, 1, 4), (7, 1 << 31, 4), (2, 0, 0)])
+def test_point_fields_that_cannot_be_are_refused(datatype: int, count: int, point_step: int) -> None:
+    field = message("sensor_msgs/msg/PointField", name="v", offset=0, datatype=datatype, count=count)
+    cloud = message(
+        "sensor_msgs/msg/PointCloud2",
+        header=None,
+        height=1,
+        width=1 << 31,
+        fields=[field] if point_step else [],
+        is_bigendian=False,
+        point_step=point_step,
+        row_step=0,
+        data=np.zeros(0, np.uint8),
+        is_dense=True,
+    )
+    with pytest.raises(BagError, match="point cloud"):
+        point_array(cloud)
+
+
 def test_compressed_image_of_a_foreign_format_is_refused() -> None:
     foreign = message("sensor_msgs/msg/CompressedImage", header=None, format="webp", data=np.zeros(4, np.uint8))
     with pytest.raises(BagError, match="unknown format 'webp'"):

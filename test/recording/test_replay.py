@@ -1,5 +1,6 @@
 """Replay of a bag without a graph: states equal the recorded ones, and unsuitable bags are refused."""
 
+import gzip
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -7,6 +8,7 @@ from types import MappingProxyType
 
 import numpy as np
 import pytest
+from peak_memory import at_most
 from rosbags.typesys import Stores, get_typestore
 
 from simbev_ros.config.load import load_scenario
@@ -193,6 +195,22 @@ def test_the_roads_of_a_missing_map_file_come_from_the_bag(tmp_path: Path, monke
         assert replayed_spec(recorded, load_scenario("demo"), again).map == spec.map
     assert again.lanes.keys() == roads.lanes.keys()
     assert load_source(spec.map) == source
+
+
+def test_a_map_file_that_unpacks_to_more_than_a_map_may_have_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("simbev_ros.recording.replay.MAX_MAP_BYTES", 1 << 20)
+    with SceneBagWriter(tmp_path / "a") as writer:
+        writer.add_attachment("scene.json", "application/json", SPEC.model_dump_json().encode())
+        writer.add_attachment("map_source.gz", "application/gzip", gzip.compress(bytes(64 << 20)))
+        writer.finish({})
+    with (
+        SceneBag(tmp_path / "a") as bomb,
+        at_most(16),
+        pytest.raises(BagError, match=r"map_source\.gz: it unpacks to more"),
+    ):
+        build_recorded_roads(bomb)
 
 
 def test_bags_that_hold_no_scene_are_refused(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from tools.docs.commands import render_commands
 from tools.docs.configuration import render_configuration
+from tools.docs.limits import render_limits
 from tools.docs.tables import render_tables
 from tools.docs.topics import render_topics
 
@@ -16,6 +17,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "topics.md": render_topics,
     "commands.md": render_commands,
     "box-columns.md": render_tables,
+    "limits-of-input.md": render_limits,
 }
 """File name below docs/reference → function that renders the page."""
 

@@ -120,13 +120,13 @@ def embedded_stamp_ns(message: Any) -> int | None:
 
 def _accounting_faults(path: Path, last: Path) -> Iterator[tuple[str, str]]:
     """Yield where the messages of a bag with intact files differ from the recorder's accounts, in the last file."""
-    with SceneBag(path) as bag:
-        facts, counts = bag.custom_data, {name: len(topic.stamps_ns) for name, topic in bag.topics.items()}
-        try:
+    try:
+        with SceneBag(path) as bag:
+            facts, counts = bag.custom_data, {name: len(topic.stamps_ns) for name, topic in bag.topics.items()}
             expected_counts = bag.counts("expected")
-        except BagError as error:
-            yield last.name, str(error).removeprefix(f"{path}: ")
-            return
+    except BagError as error:
+        yield last.name, str(error).removeprefix(f"{path}: ")
+        return
     if expected_counts is None:
         yield last.name, "the recorder's message counts are missing"
         return
@@ -149,7 +149,11 @@ def _description_faults(files: Sequence[Path], last: McapContent) -> Iterator[st
     except (OSError, ValueError) as error:
         yield f"it cannot be read: {error}"
         return
-    copy = parse_yaml(last.metadata.get("rosbag2", {}).get("serialized_metadata", ""))
+    try:
+        copy = parse_yaml(last.metadata.get("rosbag2", {}).get("serialized_metadata", ""))
+    except ValueError as error:
+        yield f"its copy in the file cannot be read: {error}"
+        return
     if not isinstance(described, dict) or described.get("rosbag2_bagfile_information") != copy:
         yield "it differs from its copy in the file"
     elif not isinstance(copy, dict):

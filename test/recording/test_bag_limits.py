@@ -204,6 +204,10 @@ def test_a_description_that_expands_is_refused_and_its_loss_is_named(tmp_path: P
         writer.finish()
     with at_most(64):
         assert "the bag's description is damaged: line " in read_all(file)
+        assert "the bag's description is damaged: line " in verify(file)
+        (tmp_path / "metadata.yaml").write_text("rosbag2_bagfile_information: {}")
+        assert "its copy in the file cannot be read: line " in verify(file)
+        (tmp_path / "metadata.yaml").unlink()
         (loss,) = repair_bag(file, tmp_path / "d").lost
     assert loss.startswith("the recorder's accounts, whose description is damaged: line ")
 

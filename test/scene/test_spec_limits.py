@@ -9,9 +9,19 @@ from simbev_ros.scene.weather import Weather
 PEDESTRIAN = {"blueprint": "a", "color": 0, "start": {"lane": "a", "s_m": 0}, "max_speed_mps": 1}
 VEHICLE = {"blueprint": "a", "color": 0, "start": {"lane": "a", "s_m": 0}, "speed_factor": 1, "min_gap_m": 1}
 SPEC = {
-    "number": 0, "split": "train", "seed": 0, "map": {"name": "Blocks"}, "rig": {"sensors": []}, "annotation": {},
-    "tick_ns": 50_000_000, "warm_up_ticks": 1, "ticks": 1, "weather": dict.fromkeys(Weather.model_fields, 1.0),
-    "vehicles": [VEHICLE], "pedestrians": [PEDESTRIAN], "green_time_s": [9.0],
+    "number": 0,
+    "split": "train",
+    "seed": 0,
+    "map": {"name": "Blocks"},
+    "rig": {"sensors": []},
+    "annotation": {},
+    "tick_ns": 50_000_000,
+    "warm_up_ticks": 1,
+    "ticks": 1,
+    "weather": dict.fromkeys(Weather.model_fields, 1.0),
+    "vehicles": [VEHICLE],
+    "pedestrians": [PEDESTRIAN],
+    "green_time_s": [9.0],
 }
 
 

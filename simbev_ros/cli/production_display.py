@@ -73,9 +73,10 @@ class SceneDisplay(MapDisplay):
         super().__init__(console)
         self._ticks: Progress | None = None
 
-    def graph_started(self, domain_id: int) -> None:
-        """Print the ROS domain."""
-        self.console.print(f"ROS_DOMAIN_ID={domain_id}", style="dim")
+    def graph_started(self, domain_id: int, security_variables: Mapping[str, str]) -> None:
+        """Print the ROS domain, and what others need to take part in a secure graph."""
+        for name, value in {"ROS_DOMAIN_ID": str(domain_id), **security_variables}.items():
+            self.console.print(f"{name}={value}", style="dim", markup=False, highlight=False, soft_wrap=True)
 
     def stack_evaluated(self, figures: Mapping[str, Any]) -> None:
         """Print the figures as tables."""

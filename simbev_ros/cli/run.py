@@ -21,6 +21,9 @@ def run(
     network: Annotated[
         bool, typer.Option("--network", help="Let other hosts take part; by default the graph is on this one alone.")
     ] = False,
+    security: Annotated[
+        bool, typer.Option("--security", help="Encrypt with keys that are made for this run (needs SROS 2).")
+    ] = False,
     evaluate: FiguresOption = None,
     stack: StackOption = None,
 ) -> None:
@@ -35,15 +38,16 @@ def run(
     simbev run my.yaml --stack reference --evaluate figures.json
     """
     from simbev_ros.cli.production_display import SceneDisplay
-    from simbev_ros.graph.environment import profile_file
+    from simbev_ros.graph.exposure import Exposure
     from simbev_ros.production.play import play_scenes
 
     scenario = with_evaluation(load_scenario(config), evaluate, stack)
     console = Console()
     if domain is None and not os.environ.get("ROS_DOMAIN_ID"):
         domain = 0
-    profile = profile_file(network=network)
-    console.print(f"subscribers: export FASTRTPS_DEFAULT_PROFILES_FILE={profile}", style="dim", soft_wrap=True)
+    exposure = Exposure(network=network, security=security)
+    profile = f"FASTRTPS_DEFAULT_PROFILES_FILE={exposure.profile_file}"
+    console.print(f"subscribers: export {profile}", style="dim", soft_wrap=True)
     display = SceneDisplay(console)
-    for bag in play_scenes(scenario, live=live, dataset=record, domain=domain, network=network, observer=display):
+    for bag in play_scenes(scenario, live=live, dataset=record, domain=domain, exposure=exposure, observer=display):
         console.print(f"recorded {bag}", soft_wrap=True)

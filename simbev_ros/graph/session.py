@@ -7,11 +7,14 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Self
 
+from rclpy.impl.implementation_singleton import rclpy_implementation
+
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.errors import GraphError
+from simbev_ros.errors import GraphError, InputError
 from simbev_ros.graph.domain import DomainLock
 from simbev_ros.graph.environment import graph_environment
+from simbev_ros.graph.exposure import LOCAL, NEEDS_SROS, Exposure
 from simbev_ros.graph.loading_watch import LoadingWatch
 from simbev_ros.graph.monitor import GraphMonitor
 from simbev_ros.graph.node_starter import NodeStarter
@@ -46,9 +49,10 @@ class GraphSession:
         live: Whether the world is paced by the wall clock and sensor topics are best effort.
         dataset: Folder into which scenes are recorded; None: they are not recorded.
         domain: ROS domain; None: that of the environment, else a free one.
-        network: Whether nodes on other hosts may take part.
+        exposure: Who can take part in the graph.
 
     Attributes:
+        security_variables: Environment variables with which other nodes can take part in a secure graph.
         figures: After ``close``, figures of the evaluated stack (``evaluation.live.live_figures``), if there is one.
     """
 
@@ -59,9 +63,9 @@ class GraphSession:
         live: bool = False,
         dataset: Path | None = None,
         domain: int | None = None,
-        network: bool = False,
+        exposure: Exposure = LOCAL,
     ) -> None:
-        self._scenario, self._network = scenario, network
+        self._scenario, self._exposure = scenario, exposure
         self._live = live
         self._dataset = dataset
         self._lock = DomainLock(domain)
@@ -72,6 +76,7 @@ class GraphSession:
         self._monitor: GraphMonitor | None = None
         self._loading: LoadingWatch | None = None
         self._failed = False
+        self.security_variables: dict[str, str] = {}
         self._figures = self._traces.folder / "figures.json"
         self.figures: dict[str, Any] | None = None
 
@@ -86,6 +91,7 @@ class GraphSession:
         """Start the processes; if one of them fails to start, stop the others.
 
         Raises:
+            InputError: There is no SROS 2, and the graph is to be secure.
             RenderError: The configured devices cannot draw.
         """
         try:
@@ -95,7 +101,9 @@ class GraphSession:
             raise
 
     def _start_processes(self) -> None:
-        environment = graph_environment(self.domain, network=self._network)
+        environment = graph_environment(self.domain, self._exposure)
+        self.security_variables = self._exposure.security_environment(self._traces.folder)
+        environment |= self.security_variables
         os.environ.update(environment)  # for the monitor: the middleware reads them when the first node is created
         cameras = camera_processes(self._scenario.rendering, len(self._scenario.rig.of_type(Camera)))
         environment |= drawing_environment(cameras)
@@ -111,7 +119,12 @@ class GraphSession:
             self._processes.append(StackProcess(stack, self._traces.folder, environment))
         names = [node.name for nodes in plans for node in nodes]
         reporting = [*names[1:], *self._scenario.participants]
-        self._monitor = GraphMonitor(self.domain, names, reporting, Signer(key))
+        try:
+            self._monitor = GraphMonitor(self.domain, names, reporting, Signer(key))
+        except rclpy_implementation.RCLError as error:
+            if self.security_variables:
+                raise InputError(f"{str(error).splitlines()[0]}; {NEEDS_SROS}") from None
+            raise
 
     def play(self, spec: SceneSpec, progress: Progress, replay: Path | None = None) -> SceneEnd:
         """Play a scene to its end and return the end.

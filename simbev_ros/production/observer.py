@@ -40,8 +40,8 @@ class ProductionObserver:
     def surroundings_ended(self) -> None:
         """The building of surroundings has ended."""
 
-    def graph_started(self, domain_id: int) -> None:
-        """The node graph runs in a ROS domain."""
+    def graph_started(self, domain_id: int, security_variables: Mapping[str, str]) -> None:
+        """The node graph runs in a ROS domain; a secure one is open to processes with these environment variables."""
 
     def stack_evaluated(self, figures: Mapping[str, Any]) -> None:
         """The graph has ended, and these are the figures of the stack that ran with it (``live_figures``)."""

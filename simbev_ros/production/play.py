@@ -4,9 +4,11 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from itertools import zip_longest
 from pathlib import Path
+from typing import Any
 
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.errors import GraphError, SimbevError
+from simbev_ros.graph.exposure import LOCAL, Exposure
 from simbev_ros.graph.session import GraphSession
 from simbev_ros.production.drawing import draw_scenes
 from simbev_ros.production.observer import SILENT, ProductionObserver
@@ -23,7 +25,7 @@ def play_scenes(
     live: bool = False,
     dataset: Path | None = None,
     domain: int | None = None,
-    network: bool = False,
+    exposure: Exposure = LOCAL,
     observer: ProductionObserver = SILENT,
 ) -> list[Path]:
     """Play every scene of a configuration and return the folders of the recorded bags.
@@ -35,7 +37,7 @@ def play_scenes(
         live: Paced by the wall clock instead of as fast as possible.
         dataset: Folder to record into; None: nothing is recorded.
         domain: ROS domain; None: that of the environment, else a free one.
-        network: Whether nodes on other hosts may take part.
+        exposure: Who can take part in the graph.
         observer: Receives the progress.
 
     Raises:
@@ -44,8 +46,8 @@ def play_scenes(
         GraphError: A node died or fell silent.
     """
     specs = draw_scenes(scenario, observer)
-    played = play_specs(scenario, specs, live=live, dataset=dataset, domain=domain, network=network, observer=observer)
-    bags = list(played)
+    options: dict[str, Any] = {"live": live, "dataset": dataset, "domain": domain, "exposure": exposure}
+    bags = list(play_specs(scenario, specs, **options, observer=observer))
     if dataset is None:
         return []
     if lost := [bag for bag in bags if not bag.is_dir()]:  # live, where the graph does not wait for the recorder
@@ -60,7 +62,7 @@ def play_specs(
     live: bool = False,
     dataset: Path | None = None,
     domain: int | None = None,
-    network: bool = False,
+    exposure: Exposure = LOCAL,
     replays: Sequence[Path] = (),
     observer: ProductionObserver = SILENT,
 ) -> Generator[Path, None, None]:
@@ -75,7 +77,7 @@ def play_specs(
         live: Paced by the wall clock instead of as fast as possible.
         dataset: Folder to record into; None: nothing is recorded.
         domain: ROS domain; None: that of the environment, else a free one.
-        network: Whether nodes on other hosts may take part.
+        exposure: Who can take part in the graph.
         replays: For each scene a bag to take all motion from; empty: motion is simulated.
         observer: Receives the progress.
 
@@ -88,9 +90,9 @@ def play_specs(
         if dataset is not None:
             held.enter_context(hold_record_folder(dataset, scenario, specs, live=live, observer=observer))
         build_surroundings(specs, observer)
-        session = GraphSession(scenario, live=live, dataset=dataset, domain=domain, network=network)
+        session = GraphSession(scenario, live=live, dataset=dataset, domain=domain, exposure=exposure)
         held.enter_context(_run_graph(session, observer))
-        observer.graph_started(session.domain)
+        observer.graph_started(session.domain, session.security_variables)
         for spec, replay in zip_longest(specs, replays):
             play_on(session, spec, observer, replay=replay)
             yield scene_folder(dataset or Path(), spec.split, spec.name)

@@ -33,7 +33,7 @@ def test_a_scene_leaves_its_bar_and_why_it_ended_early(spec: SceneSpec) -> None:
     display.step_ended()
     display.map_noted("Blocks", "it has no [buildings]")
     display.leftover_removed(spec)
-    display.graph_started(42)
+    display.graph_started(42, {})
     display.scene_started(spec)
     for tick in (None, 0, 3):
         display.scene_progressed(spec, tick)

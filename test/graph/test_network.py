@@ -8,6 +8,7 @@ import psutil
 import pytest
 
 from simbev_ros.graph.environment import graph_environment
+from simbev_ros.graph.exposure import Exposure
 
 pytestmark = pytest.mark.graph
 
@@ -23,7 +24,7 @@ def listening(domain: int, *, network: bool) -> set[str]:
     with pytest.MonkeyPatch.context() as patch:
         for name in names:
             patch.delenv(name, raising=False)
-        environment = graph_environment(domain, network=network)
+        environment = graph_environment(domain, Exposure(network=network))
     command = [sys.executable, "-c", NODE]
     streams = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
     with subprocess.Popen(command, env={**inherited, **environment}, text=True, **streams) as process:

@@ -1,5 +1,6 @@
-"""Unpacks gzip and NPZ data from elsewhere, which may not exceed the size that they declare, nor the limits."""
+"""Unpacks gzip, bzip2 and NPZ data from elsewhere, which may not exceed the size that they declare, nor the limits."""
 
+import bz2
 import gzip
 import io
 import zipfile
@@ -26,7 +27,22 @@ def gunzip(data: bytes, max_bytes: int) -> bytes:
         OSError, EOFError, zlib.error: The data are damaged.
     """
     with gzip.GzipFile(fileobj=io.BytesIO(data)) as file:
-        unpacked = file.read(max_bytes + 1)
+        return _read_up_to(file, max_bytes)
+
+
+def bunzip2(data: bytes, max_bytes: int) -> bytes:
+    """Decompress bzip2 data of at most ``max_bytes`` after decompression.
+
+    Raises:
+        LimitError: The data unpack to more.
+        OSError, EOFError: The data are damaged.
+    """
+    with bz2.BZ2File(io.BytesIO(data)) as file:
+        return _read_up_to(file, max_bytes)
+
+
+def _read_up_to(file: gzip.GzipFile | bz2.BZ2File, max_bytes: int) -> bytes:
+    unpacked = file.read(max_bytes + 1)
     if len(unpacked) > max_bytes:
         raise LimitError(f"it unpacks to more than {max_bytes >> 20} MiB, which is not allowed")
     return unpacked

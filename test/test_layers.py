@@ -22,6 +22,7 @@ FLOORS = [
         "unpacking",
         "installation",
         "process_memory",
+        "confined_paths",
         "__init__",
     },
     {"geometry"},

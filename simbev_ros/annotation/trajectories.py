@@ -5,7 +5,7 @@ readers derive ``Futures`` from them. Storing each actor's motion once takes abo
 separate 6 s futures per frame would need.
 
 The file is an ``.npz``, readable without this package, with arrays like those of the Waymo Open Motion Dataset (A
-actors, T frames)::
+actors, T frames). It is not compressed, as zlib compresses differently from machine to machine::
 
     tick_ns        ()          length of a tick
     stamp_ns       (T,)        int64, frame stamps, ascending
@@ -160,11 +160,11 @@ def futures(
 
 
 def tracks_to_npz(tracks: Tracks) -> bytes:
-    """Serialize tracks as an ``.npz`` file; equal tracks give equal bytes."""
+    """Serialize tracks as an ``.npz`` file; equal tracks give equal bytes, on every machine."""
     arrays = {field.name: np.asarray(getattr(tracks, field.name)) for field in fields(Tracks)}
     arrays["class"] = arrays.pop("box_class")
     file = io.BytesIO()
-    np.savez_compressed(file, class_names=np.array(BOX_CLASSES), **arrays)  # type: ignore[arg-type]
+    np.savez(file, class_names=np.array(BOX_CLASSES), **arrays)  # type: ignore[arg-type]
     return file.getvalue()
 
 

@@ -14,6 +14,8 @@ from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
+from simbev_ros.confined_paths import path_inside
+
 KEPT_S = 14 * 86400.0
 """How long after its last use an entry of another version is kept."""
 
@@ -31,8 +33,12 @@ def entry_path(kind: Path, name: str, version: bytes, key: bytes) -> Path:
         name: Shown to users who look into the cache; it identifies nothing.
         version: Fingerprint of the code that builds the entry.
         key: All else that decides the content.
+
+    Raises:
+        InputError: The name leads out of the folder.
     """
-    return kind / f"{name}-{hashlib.sha256(version).hexdigest()[:8]}-{hashlib.sha256(version + key).hexdigest()[:20]}"
+    entry = f"{name}-{hashlib.sha256(version).hexdigest()[:8]}-{hashlib.sha256(version + key).hexdigest()[:20]}"
+    return path_inside(kind, entry)
 
 
 def hold_entry(entry: Path) -> None:

@@ -38,7 +38,7 @@ class Bar:
 
     def describe(self, label: str) -> None:
         """Change the label."""
-        self._progress.update(self._task, description=escape(label))
+        self._progress.update(self._task, description=literal(label))
 
 
 def table_console() -> Console:
@@ -68,14 +68,14 @@ def counting_bar(
     """
     times = [*([TimeElapsedColumn()] if elapsed else []), *([TimeRemainingColumn()] if remaining else [])]
     with counting_progress(console, *times) as progress:
-        yield Bar(progress, progress.add_task(escape(label), total=total))
+        yield Bar(progress, progress.add_task(literal(label), total=total))
 
 
 @contextmanager
 def percent_bar(label: str, console: Console, total: int | None = None, *, hidden: bool = False) -> Iterator[Bar]:
     """Show a short bar with a percentage while the context is open, and remove it at the end."""
     with Progress(console=console, transient=True, disable=hidden) as progress:
-        yield Bar(progress, progress.add_task(label, total=total))
+        yield Bar(progress, progress.add_task(literal(label), total=total))
 
 
 class TickRate(ProgressColumn):
@@ -85,6 +85,16 @@ class TickRate(ProgressColumn):
         """The text of the column."""
         speed = task.finished_speed or task.speed
         return Text("" if speed is None else f"{speed:.1f} ticks/s", style="progress.data.speed")
+
+
+def literal(text: object) -> str:
+    """Text from data or a path, to print among markup: as it is, with control characters as escape sequences."""
+    return escape(printable(str(text)))
+
+
+def printable(text: str) -> str:
+    """Text with control characters as escape sequences, so that it cannot control the terminal."""
+    return "".join(char if char.isprintable() or char == "\n" else ascii(char)[1:-1] for char in text)
 
 
 def plural(count: int, noun: str) -> str:

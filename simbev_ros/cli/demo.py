@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from simbev_ros.cli.console import literal
 from simbev_ros.config.load import load_scenario
 from simbev_ros.errors import InputError
 
@@ -40,17 +41,17 @@ def demo(
     preview = make_preview(bag, folder, console=console)
     command = os.environ.get("SIMBEV_COMMAND", "simbev")
     console.print()
-    console.print(f"bag      {bag}", soft_wrap=True)
+    console.print(f"bag      {literal(bag)}", soft_wrap=True)
     for path in preview:
-        console.print(f"preview  {path}", soft_wrap=True)
+        console.print(f"preview  {literal(path)}", soft_wrap=True)
     console.print(
         f"""
 [bold]What next[/]
-  {command} info {bag}
+  {literal(command)} info {literal(bag)}
       what is in it
-  ros2 bag play {bag}
+  ros2 bag play {literal(bag)}
       or open the .mcap file in Foxglove, Lichtblick or Rerun
-  {command} run live --live
+  {literal(command)} run live --live
       stream to your own nodes""",
         soft_wrap=True,
     )

@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from simbev_ros.cli.console import literal
 from simbev_ros.errors import SimbevError
 
 
@@ -36,7 +37,7 @@ def doctor() -> None:
         findings = list(_findings())
     for finding in findings:
         mark = {True: "[green]✓[/]", False: "[red]✗[/]", None: "·"}[finding.fine]
-        table.add_row(mark, finding.subject, finding.found)
+        table.add_row(mark, literal(finding.subject), literal(finding.found))
     Console().print(table)
     if any(finding.fine is False for finding in findings):
         raise typer.Exit(1)

@@ -6,7 +6,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from simbev_ros.cli.console import format_duration, format_size
+from simbev_ros.cli.console import format_duration, format_size, literal
 from simbev_ros.cli.production_display import SceneDisplay
 from simbev_ros.config.scenario import SPLITS, Scenario
 from simbev_ros.production.dataset import plan_scenes
@@ -26,13 +26,13 @@ def show_estimate(scenario: Scenario, dataset: Path, replace: Sequence[range], c
         console.print("nothing is missing")
         return
     estimate = estimate_dataset(scenario, dataset, entries, SceneDisplay(console))
-    console.print(_sentence(estimate, entries[0].name), highlight=False, soft_wrap=True)
+    console.print(_sentence(estimate, literal(entries[0].name)), highlight=False, soft_wrap=True)
 
 
 def _counts_table(existing: SceneCounts, missing: SceneCounts) -> Table:
     table = Table("map", *(f"{split}: {state}" for split in SPLITS for state in ("there", "to make")))
     for name in dict.fromkeys(name for name, _ in (*existing, *missing)):
-        table.add_row(name, *(str(counts[name, split]) for split in SPLITS for counts in (existing, missing)))
+        table.add_row(literal(name), *(str(counts[name, split]) for split in SPLITS for counts in (existing, missing)))
     return table
 
 

@@ -5,10 +5,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
-from simbev_ros.cli.console import plural
+from simbev_ros.cli.console import literal, plural
 from simbev_ros.cli.scene_numbers import scene_numbers
 from simbev_ros.config.load import load_scenario
 
@@ -59,7 +58,9 @@ def generate(
 
 def _show(result: "DatasetResult", console: Console) -> None:
     """Print how many scenes were made, and a table of those that failed or are damaged."""
-    console.print(f"{plural(len(result.made), 'scene')} made in {result.path}", highlight=False, soft_wrap=True)
+    console.print(
+        f"{plural(len(result.made), 'scene')} made in {literal(result.path)}", highlight=False, soft_wrap=True
+    )
     remedies = {
         name: f"damaged: {problem}; --replace {int(name.rpartition('-')[2])} makes it anew"
         for name, problem in result.damaged.items()
@@ -68,5 +69,5 @@ def _show(result: "DatasetResult", console: Console) -> None:
     if failed:
         table = Table("scene", "what is wrong", title=f"{len(failed)} failed")
         for name, problem in failed.items():
-            table.add_row(escape(name), escape(problem))
+            table.add_row(literal(name), literal(problem))
         console.print(table)

@@ -9,10 +9,9 @@ from typing import Annotated, Any
 import typer
 from rich import box
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
-from simbev_ros.cli.console import counting_bar, format_size, percent_bar, table_console
+from simbev_ros.cli.console import counting_bar, format_size, literal, percent_bar, table_console
 from simbev_ros.cli.output_file import require_place, writing
 from simbev_ros.errors import BagError
 from simbev_ros.recording.layout import PARTIAL_SUFFIX, additional_bags, is_dataset, is_scene, scenes_of
@@ -57,7 +56,7 @@ def info(
         additional = sum(len(additional_bags(bag)) for bag in bags if is_scene(bag))
         more = f", {additional} additional bags" if additional else ""
         parts: list[str | Table] = [
-            f"[bold]{escape(str(path))}[/]: {finished} of {len(own)} scenes finished{more}",
+            f"[bold]{literal(path)}[/]: {finished} of {len(own)} scenes finished{more}",
             _scene_table(scenes, digest),
         ]
     else:
@@ -82,7 +81,7 @@ def _write_report(path: Path, report: Path, jobs: int) -> None:
         statistics = statistics_of(open_dataset(path, threads=1), jobs, bar.show)
     with writing(report):
         report.write_text(dataset_report(statistics), encoding="utf-8")
-    console.print(f"statistics in {escape(str(report))}", highlight=False)
+    console.print(f"statistics in {literal(report)}", highlight=False)
 
 
 def _describe_any(bag: Path, digest: bool) -> dict[str, Any]:
@@ -104,25 +103,25 @@ def _fact_table(facts: dict[str, Any]) -> Table:
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(style="dim")
     table.add_column(overflow="fold")
-    table.add_row("scene", f"[bold]{escape(facts['name'])}[/]")
+    table.add_row("scene", f"[bold]{literal(facts['name'])}[/]")
     table.add_row("state", _state(facts))
     if facts["ended"]:
-        table.add_row("ended", escape(facts["ended"]))
+        table.add_row("ended", literal(facts["ended"]))
     for problem in facts["problems"][:_MAX_PROBLEMS]:
-        table.add_row("", f"[red]{escape(problem)}[/]")
+        table.add_row("", f"[red]{literal(problem)}[/]")
     if len(facts["problems"]) > _MAX_PROBLEMS:
         table.add_row("", f"[red]and {len(facts['problems']) - _MAX_PROBLEMS} topics more[/]")
     table.add_row("length", f"{facts['duration_s']:.2f} s from stamp {facts['start_ns'] / NS_PER_S:.2f} s")
     table.add_row("size", f"{format_size(facts['file_bytes'])}, {facts['messages']} messages")
     if scene := facts["scene"]:
-        table.add_row("map", f"{scene['map']}, split {scene['split']}, seed {scene['seed']}")
+        table.add_row("map", literal(f"{scene['map']}, split {scene['split']}, seed {scene['seed']}"))
         part = "" if facts["ticks"] in (None, scene["ticks"]) else f"{facts['ticks']} of "
         table.add_row("ticks", f"{part}{scene['ticks']}, each {scene['tick_s']:g} s")
         table.add_row("actors", f"{scene['vehicles']} vehicles, {scene['pedestrians']} pedestrians")
         table.add_row("weather", _weather(scene))
-        table.add_row("rig", "\n".join(scene["rig"]))
+        table.add_row("rig", literal("\n".join(scene["rig"])))
     attachments = ", ".join(f"{name} ({format_size(size)})" for name, size in facts["attachments"].items())
-    table.add_row("attached", attachments or "nothing")
+    table.add_row("attached", literal(attachments or "nothing"))
     if "digest" in facts:
         table.add_row("digest", facts["digest"][:_SHORT])
     return table
@@ -150,7 +149,9 @@ def _topic_table(topics: Sequence[dict[str, Any]], digest: bool) -> Table:
         rate = f"{topic['rate_hz']:.4g} Hz" if topic["rate_hz"] else ""
         size = format_size(topic["bytes"]) if topic["bytes"] is not None else ""
         hashes = [topic["digest"][:_SHORT]] if digest else []
-        table.add_row(topic["name"], topic["type"].replace("/msg/", "/"), messages, rate, size, *hashes)
+        table.add_row(
+            literal(topic["name"]), literal(topic["type"].replace("/msg/", "/")), messages, rate, size, *hashes
+        )
     return table
 
 
@@ -164,10 +165,10 @@ def _scene_table(scenes: Sequence[dict[str, Any]], digest: bool) -> Table:
         table.add_column("digest", no_wrap=True)
     for scene in scenes:
         where = Path(scene["path"])
-        name = escape(f"{where.parent.name}/{where.name}")
+        name = literal(f"{where.parent.name}/{where.name}")
         if scene["state"] == "damaged":
             problem = scene["problems"][0].removeprefix(str(where)).lstrip("/: ")
-            table.add_row(name, f"[red]damaged[/]: {escape(problem)}")
+            table.add_row(name, f"[red]damaged[/]: {literal(problem)}")
             continue
         length = f"{scene['duration_s']:.2f} s"
         hashes = [scene["digest"][:_SHORT]] if digest else []

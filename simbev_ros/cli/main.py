@@ -113,8 +113,10 @@ def main() -> None:
     except Exception as error:
         if os.environ.get(_TRACEBACK_VARIABLE) and not isinstance(error, InputError):
             raise
+        from simbev_ros.cli.console import printable
+
         stderr.print("[bold red]error:[/]", end=" ")
-        stderr.print(_message(error), markup=False, highlight=False)
+        stderr.print(printable(_message(error)), markup=False, highlight=False)
         sys.exit(error.exit_code if isinstance(error, SimbevError) else SimbevError.exit_code)
 
 

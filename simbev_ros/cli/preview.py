@@ -5,9 +5,8 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.markup import escape
 
-from simbev_ros.cli.console import percent_bar
+from simbev_ros.cli.console import literal, percent_bar
 from simbev_ros.cli.output_file import make_room
 from simbev_ros.config.rendering import Quality
 from simbev_ros.errors import InputError
@@ -74,7 +73,7 @@ def preview(
         assert bag is not None
         paths = make_preview(bag, out, frame=frame, labels=labels, video=video, overwrite=overwrite, console=console)
     for path in paths:
-        console.print(f"[green]wrote[/] {escape(str(path))}", highlight=False, soft_wrap=True)
+        console.print(f"[green]wrote[/] {literal(path)}", highlight=False, soft_wrap=True)
 
 
 def make_preview(

@@ -5,11 +5,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from rich.console import Console
-from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.status import Status
 
-from simbev_ros.cli.console import TickRate, counting_progress, format_size
+from simbev_ros.cli.console import TickRate, counting_progress, format_size, literal
 from simbev_ros.cli.evaluate.live import print_live_tables
 from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.production.observer import ProductionObserver
@@ -31,7 +30,7 @@ class MapDisplay(ProductionObserver):
 
     def step_started(self, step: str) -> None:
         """Show a spinner."""
-        self._status = self.console.status(escape(step))
+        self._status = self.console.status(literal(step))
         self._status.start()
 
     def step_ended(self) -> None:
@@ -51,7 +50,7 @@ class MapDisplay(ProductionObserver):
     def surroundings_started(self, map_name: str, regions: int) -> None:
         """Show a bar of regions."""
         self._regions = counting_progress(self.console, TextColumn("regions"))
-        self._regions.add_task(f"surroundings of {escape(map_name)}", total=regions)
+        self._regions.add_task(f"surroundings of {literal(map_name)}", total=regions)
         self._regions.start()
 
     def region_built(self) -> None:
@@ -141,7 +140,7 @@ class DatasetDisplay(MapDisplay):
         self._frames += max(done - self._last_tick, 0)
         self._last_tick = done
         speed = self._frames / (time.monotonic() - self._began_s)
-        what = escape(f"{spec.name} {done + 1}/{spec.ticks}")
+        what = literal(f"{spec.name} {done + 1}/{spec.ticks}")
         share = self._done + min((done + 1) / spec.ticks, 1.0)
         self._bars.update(self._task, completed=share, what=what, speed=f"{speed:.2f} frames/s")
 

@@ -5,7 +5,8 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.markup import escape
+
+from simbev_ros.cli.console import literal
 
 
 def repair(
@@ -26,9 +27,9 @@ def repair(
     folder = next(iter(numbered_files(bag).values())).resolve().parent
     target = out or folder.with_name(folder.name.removesuffix(PARTIAL_SUFFIX) + "-repaired")
     console = Console()
-    with console.status(f"reading {escape(folder.name)}"):
+    with console.status(f"reading {literal(folder.name)}"):
         repaired = repair_bag(bag, target)
     saved = f"{sum(repaired.counts.values()):,} messages of {len(repaired.counts)} topics saved in {target}"
-    console.print(escape(saved), highlight=False, soft_wrap=True)
+    console.print(literal(saved), highlight=False, soft_wrap=True)
     for loss in repaired.lost:
-        console.print(f"[yellow]lost:[/] {escape(loss)}", highlight=False, soft_wrap=True)
+        console.print(f"[yellow]lost:[/] {literal(loss)}", highlight=False, soft_wrap=True)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from simbev_ros.cli.console import plural
+from simbev_ros.cli.console import literal, plural
 from simbev_ros.cli.evaluate.live import FiguresOption, StackOption, with_evaluation
 from simbev_ros.config.load import load_scenario
 from simbev_ros.errors import InputError
@@ -77,7 +77,7 @@ def replay(
             for folder, recorded in zip(folders, scenes, strict=True):
                 bag = recorded if merge is None else recorded.rename(additional_folder(folder, merge))
                 if dataset is not None:
-                    console.print(f"recorded {bag}", highlight=False, soft_wrap=True)
+                    console.print(f"recorded {literal(bag)}", highlight=False, soft_wrap=True)
 
 
 def _bags_to_replay(paths: Sequence[Path], record: Path | None, merge: str | None, console: Console) -> list[Path]:

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
-from simbev_ros.cli.console import counting_bar, plural
+from simbev_ros.cli.console import counting_bar, literal, plural
 from simbev_ros.errors import InputError
 from simbev_ros.recording.layout import is_dataset, scenes_of
 
@@ -81,7 +80,7 @@ def _print(bags: int, faults: "Sequence[Fault]") -> None:
     for title in ("bag", "where", "what"):
         table.add_column(title, overflow="fold")
     for fault in faults[:_MAX_SHOWN]:
-        table.add_row(*map(escape, (str(fault.bag), fault.place, fault.problem)))
+        table.add_row(*map(literal, (str(fault.bag), fault.place, fault.problem)))
     console.print(table)
     more = len(faults) - _MAX_SHOWN
     if more > 0:

@@ -1,9 +1,31 @@
 """The base of all configuration models: frozen; unknown keys, NaN and infinity are refused."""
 
-from pydantic import BaseModel, ConfigDict
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+_VALUE_CHARS = 80
+_WITHOUT_VALUE = ("missing", "json_invalid", "extra_forbidden", "value_error")
+"""Kinds of errors whose message says what there is, or that concern no single value."""
 
 
 class Model(BaseModel):
     """Base of every configuration model."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+def first_problem(error: ValidationError) -> str:
+    """The first error of a validation as one line: field, requirement, and the value if there is one."""
+    entry = error.errors()[0]
+    field = ".".join(map(str, entry["loc"]))
+    message = entry["msg"].removeprefix("Value error, ")
+    if entry["type"] not in _WITHOUT_VALUE:
+        message = f"{message}, not {short_repr(entry['input'])}"
+    return f"{field}: {message}" if field else message
+
+
+def short_repr(value: Any) -> str:
+    """The ``repr`` of a value, cut if it is long."""
+    text = repr(value)
+    return text if len(text) <= _VALUE_CHARS else f"{text[: _VALUE_CHARS - 3]}…"

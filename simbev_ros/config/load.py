@@ -10,6 +10,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from simbev_ros.config.base import short_repr
 from simbev_ros.config.map_files import MAP_SUFFIXES
 from simbev_ros.config.paths import shipped_config_dir
 from simbev_ros.config.rig import SENSOR_KINDS
@@ -27,7 +28,7 @@ def load_scenario(path_or_name: str | Path) -> Scenario:
     file = YamlFile(find_config(path_or_name))
     data = file.data
     if not isinstance(data, dict):
-        raise InputError(f"{file.path}: must be a mapping of sections, not {_short_repr(data)}")
+        raise InputError(f"{file.path}: must be a mapping of sections, not {short_repr(data)}")
     data = _with_absolute_maps(data, file)
     rig = data.get("rig")
     if isinstance(rig, str):
@@ -139,7 +140,7 @@ def _explain(entry: Any, data: Any, file: YamlFile, rig_file: YamlFile | None) -
     elif entry["type"] == "too_long":
         message = f"must have at most {entry['ctx']['max_length']} items, not {entry['ctx']['actual_length']}"
     elif entry["type"] != "value_error":
-        message = f"{message}, not {_short_repr(entry['input'])}"
+        message = f"{message}, not {short_repr(entry['input'])}"
     return f"{source.path}:{line}: {field + ': ' if field else ''}{message}"
 
 
@@ -199,8 +200,3 @@ def _resolve(node: Any, schema: Any) -> Any:
 
 def _dotted_path(keys: Sequence[str | int]) -> str:
     return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in keys).lstrip(".")
-
-
-def _short_repr(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 80 else f"{text[:77]}…"

@@ -8,9 +8,10 @@ from pydantic import Field, model_validator
 from simbev_ros.config.base import Model
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar
+from simbev_ros.config.names import TopicName
 from simbev_ros.config.positioning import Gnss, Imu
 from simbev_ros.config.radar import Radar
-from simbev_ros.config.sensor import Name, Sensor
+from simbev_ros.config.sensor import Sensor
 
 AnySensor = Annotated[Camera | Lidar | Radar | Gnss | Imu, Field(discriminator="type")]
 """Union of all kinds of sensors. Code that depends on the kind is derived from this union or checked against it.
@@ -33,7 +34,7 @@ SENSOR_KINDS: Final[Mapping[str, type[Sensor]]] = _models_by_kind()
 class Rig(Model):
     """The sensors of one agent."""
 
-    agent: Name = Field("ego", description="name of the agent, the first part of its topics and frames")
+    agent: TopicName = Field("ego", description="name of the agent, the first part of its topics and frames")
     sensors: tuple[AnySensor, ...] = Field(description="list of sensors; `type` selects the kind")
 
     @model_validator(mode="after")

@@ -1,17 +1,14 @@
 """Base of all sensor models: name, pose on the agent, and rate."""
 
 from functools import cached_property
-from typing import Annotated
 
 import numpy as np
 from pydantic import Field
 
 from simbev_ros.config.base import Model
+from simbev_ros.config.names import TopicName
 from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
 from simbev_ros.types import Float64Array
-
-Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=40)]
-"""Name that can be part of a topic and of a frame."""
 
 
 class Pose(Model):
@@ -36,7 +33,7 @@ class Pose(Model):
 class Sensor(Model):
     """Properties that all sensors have."""
 
-    name: Name = Field(description="name of the sensor, part of its topics and frame, unique in the rig")
+    name: TopicName = Field(description="name of the sensor, part of its topics and frame, unique in the rig")
     pose: Pose = Pose()
     rate_hz: float | None = Field(
         None, gt=0, le=1000, description="publishing rate, which must divide the tick rate; none: every tick"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from simbev_ros.dataset.index import INDEX_FILE, Row, index_row, read_index, sha256_of
 from simbev_ros.dataset.parallel import map_in_processes
-from simbev_ros.dataset.plan import PLAN_FILE
+from simbev_ros.dataset.plan import PLAN_FILE, Plan
 from simbev_ros.dataset.staging import staging_of
 from simbev_ros.errors import BagError, InputError
 from simbev_ros.recording.layout import is_scene, mcap_files, scenes_of
@@ -26,12 +26,17 @@ def dataset_faults(dataset: Path, jobs: int = 1) -> list[Fault]:
         jobs: Number of processes that read bags.
     """
     bags = [bag for bag in scenes_of(dataset) if is_scene(bag)]
+    plan_file = dataset / PLAN_FILE
     empty = sorted(bag for bag in dataset.glob("scenes/*/*") if is_scene(bag) and bag.is_dir() and bag not in bags)
     faults = [Fault(bag, "", "there is no .mcap file in it") for bag in empty]
     if staging_of(dataset).exists():
         faults.append(Fault(dataset, staging_of(dataset).name, "a scene was interrupted; generate records it again"))
+    try:
+        Plan.load(dataset)
+    except InputError as error:
+        faults.append(Fault(dataset, PLAN_FILE, str(error).removeprefix(f"{plan_file}: ")))
     if not (dataset / INDEX_FILE).exists():
-        if bags and (dataset / PLAN_FILE).exists():
+        if bags and plan_file.exists():
             faults.append(Fault(dataset, INDEX_FILE, "it is missing; generate rebuilds it"))
         return faults
     try:

@@ -3,19 +3,24 @@
 import hashlib
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
+from pydantic import BaseModel, Field, ValidationError
 
 from simbev_ros import __version__
+from simbev_ros.config.base import first_problem
 from simbev_ros.config.camera import Camera
+from simbev_ros.config.names import NAME_PATTERN, Name
+from simbev_ros.config.scenario import Split
+from simbev_ros.confined_paths import path_inside
 from simbev_ros.errors import BagError, InputError
 from simbev_ros.limits import MAX_ACTORS, MAX_SCENE_NUMBER, MAX_SCENE_TICKS, require_unpacked_size
 from simbev_ros.recording.arrays import point_array
-from simbev_ros.recording.layout import CONFIG_ATTACHMENT, bytes_of, mcap_files, scene_folder
+from simbev_ros.recording.layout import CONFIG_ATTACHMENT, SCENES_FOLDER, bytes_of, mcap_files, scene_folder
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.recording.whole_files import whole_file, write_errors
 from simbev_ros.scene.spec import SceneSpec
@@ -37,13 +42,22 @@ _REBUILD_HINT = "delete it, and simbev generate rebuilds it"
 Row = dict[str, Any]
 
 
+class _RowNames(BaseModel):
+    """The columns of a row that paths and pages are made from."""
+
+    path: Annotated[str, Field(pattern=f"^{SCENES_FOLDER}/{NAME_PATTERN}/{NAME_PATTERN}$")]
+    name: Name
+    map: Name
+    split: Split
+
+
 def read_index(dataset: Path) -> list[Row]:
     """Read the rows of a dataset's index, by ascending scene number; an empty list if the dataset has no index.
 
     Raises:
-        InputError: The file is damaged, of another version, or exceeds a limit.
+        InputError: The file is damaged, of another version, exceeds a limit, or has a name that is not allowed.
     """
-    path = dataset / INDEX_FILE
+    path = path_inside(dataset, INDEX_FILE)
     if not path.exists():
         return []
     try:
@@ -53,7 +67,13 @@ def read_index(dataset: Path) -> list[Row]:
         raise InputError(f"{path}: {error}; {_REBUILD_HINT}") from None
     for name, largest in _LARGEST.items():
         _require_range(path, name, table.column(name), largest)
-    return table.to_pylist()
+    rows = table.to_pylist()
+    for row in rows:
+        try:
+            _RowNames.model_validate(row)
+        except ValidationError as error:
+            raise InputError(f"{path}: scene {row['number']}: {first_problem(error)}; {_REBUILD_HINT}") from None
+    return rows
 
 
 def _require_columns(path: Path, file: pq.ParquetFile) -> None:

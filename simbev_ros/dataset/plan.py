@@ -13,16 +13,18 @@ from typing import Self
 
 from pydantic import Field, ValidationError
 
-from simbev_ros.config.base import Model
+from simbev_ros.config.base import Model, first_problem
+from simbev_ros.config.names import NAME_PATTERN, Name
 from simbev_ros.config.scenario import SPLITS, Scenario, Split
+from simbev_ros.confined_paths import path_inside, refuse_links_out
 from simbev_ros.errors import InputError
 from simbev_ros.limits import MAX_SCENE_NUMBER
 from simbev_ros.maps.source import map_spec
-from simbev_ros.recording.layout import scene_folder
+from simbev_ros.recording.layout import SCENES_FOLDER, scene_folder
 from simbev_ros.recording.whole_files import write_errors, write_whole
 
 PLAN_FILE = "plan.json"
-_SCENE = re.compile(r"(?P<map>.+)-(?P<number>\d{4,})")
+_SCENE = re.compile(rf"(?P<map>{NAME_PATTERN})-(?P<number>\d{{4,}})")
 _MAX_NAMED = 5
 
 
@@ -30,7 +32,7 @@ class PlannedEntry(Model):
     """A planned scene: its number, the name of its map, and its split."""
 
     number: int = Field(ge=0, le=MAX_SCENE_NUMBER)
-    map: str
+    map: Name
     split: Split
 
     @property
@@ -51,12 +53,11 @@ class Plan(Model):
         Raises:
             InputError: The file is damaged, or cannot be read.
         """
-        path = dataset / PLAN_FILE
+        path = path_inside(dataset, PLAN_FILE)
         try:
             plan = cls.model_validate_json(path.read_bytes()) if path.exists() else cls()
         except ValidationError as error:
-            field = ".".join(map(str, error.errors()[0]["loc"]))
-            raise InputError(f"{path}: {field}: {error.errors()[0]['msg']}") from None
+            raise InputError(f"{path}: {first_problem(error)}") from None
         except OSError as error:
             raise InputError(f"{path}: cannot be read: {error.strerror}") from None
         known = {entry.number for entry in plan.scenes}
@@ -143,8 +144,9 @@ def bag_of(dataset: Path, entry: PlannedEntry) -> Path:
 
 def _recorded_entries(dataset: Path) -> Iterator[PlannedEntry]:
     """Yield the scenes that have finished bags."""
+    refuse_links_out(dataset, SCENES_FOLDER)
     for split in SPLITS:
-        for folder in sorted((dataset / "scenes" / split).glob("*")):
+        for folder in sorted((dataset / SCENES_FOLDER / split).glob("*")):
             match = _SCENE.fullmatch(folder.name)
             if match and folder.is_dir() and int(match["number"]) <= MAX_SCENE_NUMBER:
                 yield PlannedEntry(number=int(match["number"]), map=match["map"], split=split)

@@ -7,8 +7,9 @@ until its replacement is complete.
 import shutil
 from pathlib import Path
 
+from simbev_ros.confined_paths import refuse_links_out
 from simbev_ros.dataset.plan import PlannedEntry, bag_of
-from simbev_ros.recording.layout import REPLACED_SUFFIX, additional_bags
+from simbev_ros.recording.layout import REPLACED_SUFFIX, SCENES_FOLDER, additional_bags
 from simbev_ros.recording.mcap.syncing import sync_names
 
 _STAGING_FOLDER = ".making"
@@ -18,9 +19,13 @@ def clean_up_staging(dataset: Path) -> None:
     """Clean up after an interrupted run: delete unfinished scenes and restore scenes whose replacement did not finish.
 
     Call it before new scenes are recorded.
+
+    Raises:
+        InputError: A link leads out of the dataset.
     """
     shutil.rmtree(dataset / _STAGING_FOLDER, ignore_errors=True)
-    for old in (dataset / "scenes").glob(f"*/*{REPLACED_SUFFIX}"):
+    refuse_links_out(dataset, SCENES_FOLDER)
+    for old in (dataset / SCENES_FOLDER).glob(f"*/*{REPLACED_SUFFIX}"):
         bag = old.with_name(old.name.removesuffix(REPLACED_SUFFIX))
         if bag.exists():
             shutil.rmtree(old)

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from simbev_ros.confined_paths import path_inside
 from simbev_ros.errors import InputError
 from simbev_ros.recording.layout import PARTIAL_SUFFIX, bytes_of, locate_mcap
 from simbev_ros.recording.mcap.syncing import sync
@@ -88,7 +89,7 @@ class Part:
         Raises:
             InputError: The file cannot be written.
         """
-        file = self._staging / path
+        file = path_inside(self._staging, path)
         with write_errors(self.out / path):
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_bytes(content)
@@ -147,11 +148,11 @@ class Part:
 
     @property
     def _record_path(self) -> Path:
-        return self.out / PARTS_FOLDER / f"{self.name}{self.record_suffix}"
+        return path_inside(self.out, Path(PARTS_FOLDER, f"{self.name}{self.record_suffix}"))
 
     @property
     def _staging(self) -> Path:
-        return self.out / PARTS_FOLDER / f"{self.name}{PARTIAL_SUFFIX}"
+        return path_inside(self.out, Path(PARTS_FOLDER, f"{self.name}{PARTIAL_SUFFIX}"))
 
 
 def fingerprint_of(bag: Path) -> str:

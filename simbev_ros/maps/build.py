@@ -43,7 +43,7 @@ def load_datum(spec: MapSpec, cache_dir: Path | None = None) -> MapDatum:
 
 
 def load_source(spec: MapSpec) -> bytes:
-    """Load the gzipped source file of a map, even if the original is gone. Errors as of ``load_network``."""
+    """Load the bzip2-compressed source file of a map, even if the original is gone. Errors as of ``load_network``."""
     return _read(spec, None, read_source)
 
 

@@ -1,6 +1,6 @@
 """Builds the road network of a map, from the recipe of a town or from a map file, and writes it to a folder."""
 
-import gzip
+import bz2
 import logging
 import shutil
 from collections.abc import Callable
@@ -45,7 +45,7 @@ def build_map(spec: MapSpec, folder: Path) -> None:
     work = folder / "work"
     work.mkdir()
     if spec.path:
-        (folder / SOURCE).write_bytes(gzip.compress(file_of(spec).read_bytes(), mtime=0))
+        (folder / SOURCE).write_bytes(bz2.compress(file_of(spec).read_bytes()))
     parts = _parts_of(spec, work)
     for note in parts.notes:
         logging.getLogger(__name__).info("map %s: %s", spec.name, note)

@@ -20,7 +20,8 @@ from simbev_ros.types import AnyArray
 
 NET = "map.net.xml"
 OPENDRIVE = "map.xodr"
-SOURCE = "source.gz"
+SOURCE = "source.bz2"
+"""Compressed with bzip2, which has one implementation: the same bytes on every machine, unlike zlib's."""
 _STORE = "network.npz"
 _HEADER = "header"
 
@@ -71,7 +72,7 @@ def read_datum(folder: Path) -> MapDatum:
 
 
 def read_source(folder: Path) -> bytes:
-    """Read only the gzipped file that a stored map was made from; raises as ``read_network``."""
+    """Read only the compressed file that a stored map was made from; raises as ``read_network``."""
     with _damage_as_value_error(folder):
         return (folder / SOURCE).read_bytes()
 

@@ -99,7 +99,7 @@ class RecorderNode(GraphNode):
         self._writer.add_attachment(SCENE_ATTACHMENT, "application/json", scene_json.encode())
         self._writer.add_attachment(CONFIG_ATTACHMENT, "application/yaml", self._config.encode())
         if spec.map.path:
-            self._writer.add_attachment(MAP_SOURCE_ATTACHMENT, "application/gzip", load_source(spec.map))
+            self._writer.add_attachment(MAP_SOURCE_ATTACHMENT, "application/x-bzip2", load_source(spec.map))
         for topic in self._manifest.values():
             self._writer.add_topic(topic.name, topic.type, qos_of(topic, live=self.live), separate_chunks=topic.sensor)
         odometry = topics.odometry_name(spec.rig.agent)

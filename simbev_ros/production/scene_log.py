@@ -4,6 +4,8 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
+from simbev_ros.confined_paths import path_inside
+
 LOG_FOLDER = "logs"
 
 
@@ -11,7 +13,7 @@ class SceneLog:
     """Log of one attempt at a scene: ``logs/<scene>.log``, or ``logs/<scene>.failed-1.log`` if the attempt failed."""
 
     def __init__(self, dataset: Path, name: str, attempt: int) -> None:
-        self._folder, self._name, self._attempt = dataset / LOG_FOLDER, name, attempt
+        self._folder, self._name, self._attempt = path_inside(dataset, LOG_FOLDER), name, attempt
         self._began = time.time()
 
     def close(self, summary: str, output: Mapping[str, str], *, failed: bool = False) -> None:

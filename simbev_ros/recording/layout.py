@@ -5,14 +5,18 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
+from simbev_ros.confined_paths import path_inside, refuse_links_out
 from simbev_ros.errors import BagError, InputError
 
+SCENES_FOLDER = "scenes"
 PARTIAL_SUFFIX = ".partial"
 SCENE_ATTACHMENT = "scene.json"
 CONFIG_ATTACHMENT = "config.yaml"
 MAP_ATTACHMENT = "map.xodr"
-MAP_SOURCE_ATTACHMENT = "map_source.gz"
+MAP_SOURCE_ATTACHMENT = "map_source.bz2"
 """Compressed source file of the map, for maps that are loaded from files."""
+GZIPPED_MAP_SOURCE_ATTACHMENT = "map_source.gz"
+"""The same in bags of earlier versions."""
 LEAD_IN_ATTACHMENT = "lead_in.json"
 TRAJECTORIES_ATTACHMENT = "trajectories.npz"
 """Tracks of all actors; format in ``annotation/trajectories.py``."""
@@ -21,7 +25,7 @@ REPLACED_SUFFIX = ".replaced"
 """Suffix of the folder of a scene that is being replaced."""
 
 _SUFFIXES = (PARTIAL_SUFFIX, REPLACED_SUFFIX)
-_LABEL = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
+_LABEL = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,63}")
 _SCENE = re.compile(r".+-\d{4,}")
 
 
@@ -62,10 +66,13 @@ def numbered_files(path: Path) -> dict[int, Path]:
 
     Raises:
         BagError: There is nothing at this path, or not the files of one bag.
+        InputError: A file of the bag is a link that leads out of it.
     """
     if not path.exists():
         raise BagError(f"{path}: no such file or folder")
     found = [path] if path.is_file() else [file for file in path.glob("*.mcap") if file.is_file()]
+    for name in [METADATA_FILE, *(file.name for file in found)] if path.is_dir() else ():
+        refuse_links_out(path, name)
     if len(found) == 1 and (path.is_file() or not _NUMBERED.fullmatch(found[0].name)):
         return {0: found[0]}
     files = {int(match[2]): path / match[0] for match in (_NUMBERED.fullmatch(file.name) for file in found) if match}
@@ -94,12 +101,16 @@ def bytes_of(bag: Path) -> int:
 
 def scenes_folder(dataset: Path) -> Path:
     """Folder that contains a folder for each split; every dataset has it from the start."""
-    return dataset / "scenes"
+    return dataset / SCENES_FOLDER
 
 
 def scene_folder(dataset: Path, split: str, name: str) -> Path:
-    """Folder of a scene's finished bag in a dataset."""
-    return scenes_folder(dataset) / split / name
+    """Folder of a scene's finished bag in a dataset.
+
+    Raises:
+        InputError: The names, or links in the dataset, lead out of it.
+    """
+    return path_inside(dataset, Path(SCENES_FOLDER, split, name))
 
 
 def dataset_of(bag: Path) -> Path | None:
@@ -116,7 +127,9 @@ def additional_folder(bag: Path, label: str) -> Path:
     """
     if not _LABEL.fullmatch(label) or f".{label}" in _SUFFIXES:
         taken = ", ".join(suffix[1:] for suffix in _SUFFIXES)
-        raise InputError(f"label {label!r}: allowed are a letter, then letters, digits and underscores; not {taken}")
+        raise InputError(
+            f"label {label!r}: allowed are a letter, then up to 63 letters, digits and underscores; not {taken}"
+        )
     return bag.with_name(f"{bag.name}.{label}")
 
 
@@ -137,5 +150,10 @@ def is_dataset(path: Path) -> bool:
 
 
 def scenes_of(dataset: Path) -> list[Path]:
-    """Bags of a dataset, finished and unfinished, as ``scenes/<split>/<scene>``, sorted by name."""
+    """Bags of a dataset, finished and unfinished, as ``scenes/<split>/<scene>``, sorted by name.
+
+    Raises:
+        InputError: A link leads out of the dataset.
+    """
+    refuse_links_out(dataset, SCENES_FOLDER)
     return sorted({path.parent for path in scenes_folder(dataset).glob("*/*/*.mcap")})

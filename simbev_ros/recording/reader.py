@@ -16,6 +16,7 @@ from pydantic import ValidationError
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 
+from simbev_ros.config.base import first_problem
 from simbev_ros.errors import BagError
 from simbev_ros.limits import MAX_SCENE_TICKS
 from simbev_ros.recording.layout import PARTIAL_SUFFIX, SCENE_ATTACHMENT, mcap_files
@@ -242,8 +243,7 @@ def attached_spec(attachments: Mapping[str, bytes], path: Path) -> SceneSpec | N
     try:
         return SceneSpec.model_validate_json(text)
     except ValidationError as error:
-        field = ".".join(str(part) for part in error.errors()[0]["loc"])
-        raise BagError(f"{path}: {SCENE_ATTACHMENT}: {field}: {error.errors()[0]['msg']}") from None
+        raise BagError(f"{path}: {SCENE_ATTACHMENT}: {first_problem(error)}") from None
 
 
 def parse_counts(text: str) -> dict[str, int]:

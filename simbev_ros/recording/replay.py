@@ -14,8 +14,10 @@ from simbev_ros.errors import BagError, InputError, LimitError
 from simbev_ros.limits import MAX_MAP_BYTES
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.source import suffix_of
 from simbev_ros.recording.arrays import point_array
 from simbev_ros.recording.layout import (
+    GZIPPED_MAP_SOURCE_ATTACHMENT,
     LEAD_IN_ATTACHMENT,
     MAP_ATTACHMENT,
     MAP_SOURCE_ATTACHMENT,
@@ -32,7 +34,7 @@ from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, Event, Lig
 from simbev_ros.structured_text import parse_json
 from simbev_ros.types import Table
 from simbev_ros.units import NS_PER_S
-from simbev_ros.unpacking import gunzip
+from simbev_ros.unpacking import bunzip2, gunzip
 from simbev_ros.world.lights import needs_low_beam
 
 _TABLES = {"/world/actors": ACTOR_DTYPE, "/world/signals": SIGNAL_DTYPE}
@@ -181,17 +183,28 @@ def build_recorded_roads(bag: SceneBag) -> None:
         BagError: The map file in the bag is damaged, or larger than a map file may be.
         InputError: The roads cannot be built from it.
     """
-    source = bag.attachments.get(MAP_SOURCE_ATTACHMENT)
+    source = _map_source(bag)
     if source is None:
         return
     spec = recorded_spec(bag).map
     with tempfile.TemporaryDirectory(prefix="simbev-") as folder:
-        copy = Path(folder, Path(spec.path).name)
-        try:
-            copy.write_bytes(gunzip(source, MAX_MAP_BYTES))
-        except (EOFError, OSError, zlib.error, LimitError) as error:
-            raise BagError(f"{bag.path}: {MAP_SOURCE_ATTACHMENT}: {error}") from None
+        copy = Path(folder, f"{spec.name}{suffix_of(spec.path)}")
+        copy.write_bytes(source)
         load_network(spec.model_copy(update={"path": str(copy)}))
+
+
+def _map_source(bag: SceneBag) -> bytes | None:
+    """The map file in a bag; None if the map is a built-in town."""
+    for name, decompress in _DECOMPRESSORS.items():
+        if name in bag.attachments:
+            try:
+                return decompress(bag.attachments[name], MAX_MAP_BYTES)
+            except (EOFError, OSError, zlib.error, LimitError) as error:
+                raise BagError(f"{bag.path}: {name}: {error}") from None
+    return None
+
+
+_DECOMPRESSORS = {MAP_SOURCE_ATTACHMENT: bunzip2, GZIPPED_MAP_SOURCE_ATTACHMENT: gunzip}
 
 
 def replayed_spec(bag: SceneBag, scenario: Scenario, network: RoadNetwork) -> SceneSpec:

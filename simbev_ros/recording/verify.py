@@ -20,7 +20,7 @@ from simbev_ros.recording.layout import (
     mcap_files,
 )
 from simbev_ros.recording.mcap.mcap_check import McapContent, check_mcap
-from simbev_ros.recording.reader import SceneBag
+from simbev_ros.recording.reader import SceneBag, attached_spec
 from simbev_ros.structured_text import load_yaml, parse_json, parse_yaml
 from simbev_ros.units import NS_PER_S
 
@@ -65,7 +65,7 @@ def verify_bag(path: Path) -> list[Fault]:
     if not is_damaged:
         faults += _accounting_faults(path, files[-1])
         faults += [(METADATA_FILE, problem) for problem in _description_faults(files, contents[-1])]
-        faults += _attachment_faults(ChainMap(*(content.attachments for content in contents)))
+        faults += _attachment_faults(ChainMap(*(content.attachments for content in contents)), path)
     return [Fault(folder, place, problem) for place, problem in faults]
 
 
@@ -162,10 +162,13 @@ def _description_faults(files: Sequence[Path], last: McapContent) -> Iterator[st
         yield f"its files are {copy.get('relative_file_paths')}"
 
 
-def _attachment_faults(attachments: Mapping[str, bytes]) -> Iterator[tuple[str, str]]:
-    """Yield attachments that are missing or cannot be read."""
-    if SCENE_ATTACHMENT not in attachments:
-        yield SCENE_ATTACHMENT, "it is missing"
+def _attachment_faults(attachments: Mapping[str, bytes], path: Path) -> Iterator[tuple[str, str]]:
+    """Yield attachments of the bag at ``path`` that are missing or cannot be read."""
+    try:
+        if attached_spec(attachments, path) is None:
+            yield SCENE_ATTACHMENT, "it is missing"
+    except BagError as error:
+        yield SCENE_ATTACHMENT, str(error).removeprefix(f"{path}: {SCENE_ATTACHMENT}: ")
     if TRAJECTORIES_ATTACHMENT in attachments:
         try:
             tracks_from_npz(attachments[TRAJECTORIES_ATTACHMENT])

@@ -11,7 +11,7 @@ from pydantic import Field
 from simbev_ros.config.annotation import Annotation
 from simbev_ros.config.base import Model
 from simbev_ros.config.rig import Rig
-from simbev_ros.config.scenario import EgoDriverKind
+from simbev_ros.config.scenario import EgoDriverKind, Split
 from simbev_ros.limits import MAX_ACTORS, MAX_SCENE_NUMBER, MAX_SCENE_TICKS, MAX_WARM_UP_TICKS
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.scene.hazards.hazard import HazardSpec
@@ -77,7 +77,7 @@ class SceneSpec(Model):
     """Everything that was drawn for one scene."""
 
     number: int = Field(ge=0, le=MAX_SCENE_NUMBER)
-    split: str
+    split: Split
     seed: int = Field(ge=0, le=_MAX_SEED)
     map: MapSpec
     tick_ns: int = Field(gt=0, le=NS_PER_S)

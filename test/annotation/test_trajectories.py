@@ -2,6 +2,7 @@
 
 import io
 import random
+import zipfile
 from contextlib import suppress
 
 import numpy as np
@@ -114,6 +115,19 @@ def test_the_file_is_complete_and_readable_with_numpy() -> None:
     with np.load(io.BytesIO(file)) as arrays:
         assert arrays["class_names"][arrays["class"]].tolist() == ["car"] * len(PRESENT)
         assert arrays["position_m"].shape == (len(PRESENT), 40, 3)
+
+
+def test_the_bytes_do_not_depend_on_a_compressor() -> None:
+    with zipfile.ZipFile(io.BytesIO(tracks_to_npz(scene()))) as file:
+        assert {member.compress_type for member in file.infolist()} == {zipfile.ZIP_STORED}
+        assert {member.date_time for member in file.infolist()} == {(1980, 1, 1, 0, 0, 0)}
+
+
+def test_compressed_files_of_earlier_versions_are_read() -> None:
+    with np.load(io.BytesIO(tracks_to_npz(scene()))) as arrays:
+        np.savez_compressed(earlier := io.BytesIO(), **arrays)
+    assert len(earlier.getvalue()) < len(tracks_to_npz(scene()))
+    assert tracks_to_npz(tracks_from_npz(earlier.getvalue())) == tracks_to_npz(scene())
 
 
 @pytest.mark.parametrize("damage", [b"", b"PK\x03\x04", tracks_to_npz(scene())[:200], b"\x93NUMPY"])

@@ -11,6 +11,7 @@ import pytest
 from simbev_ros.cache import entries
 from simbev_ros.cache.entries import KEPT_S, entry_path, evict_unused, hold_entry
 from simbev_ros.cache.folders import ensure_folder
+from simbev_ros.errors import InputError
 
 
 def entry(cache: Path, name: str, version: bytes, *, unused_s: float) -> Path:
@@ -81,3 +82,10 @@ def test_a_found_entry_counts_as_used_and_one_that_is_gone_is_no_error(tmp_path:
     assert time.time() - again.stat().st_mtime < 60 < time.time() - found.stat().st_mtime
     hold_entry(tmp_path / "gone")
     evict_unused(found)
+
+
+@pytest.mark.parametrize("name", ["../x", "/x", "a/../../x"])
+def test_entries_stay_in_the_cache(tmp_path: Path, name: str) -> None:
+    with pytest.raises(InputError, match="leads out of"):
+        ensure_folder("maps", name, b"1", b"", lambda work: None, tmp_path / "cache")
+    assert list(tmp_path.iterdir()) == []

@@ -109,3 +109,18 @@ def test_a_report_that_cannot_be_written_is_refused_at_once(
     with pytest.raises(InputError, match=problem):
         info(write_words(tmp_path / "a"), report=tmp_path / report)
     assert capsys.readouterr().out == ""
+
+
+def test_names_in_a_bag_are_printed_as_they_are_and_cannot_control_the_terminal(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with SceneBagWriter(tmp_path / "[red]a") as writer:
+        writer.add_attachment("[/nope]", "text/plain", b"")
+        writer.add_topic("/[bold]words\x1b[2J", "std_msgs/msg/String", QosProfile())
+        writer.write("/[bold]words\x1b[2J", 0, string("word"))
+        path = writer.finish({"ended": "[/]", "problems": '["[/x]"]'})
+    info(path)
+    text = capsys.readouterr().out
+    assert "\x1b[2J" not in text
+    for shown in ("[red]a", "[/nope] (0 bytes)", r"/[bold]words\x1b[2J", "ended     [/]", "[/x]"):
+        assert shown in text

@@ -80,3 +80,9 @@ def test_a_dataset_has_one_writer(tmp_path: Path) -> None:
         DatasetLock(tmp_path / "set")
     with DatasetLock(tmp_path / "set"):
         pass
+
+
+def test_folders_that_are_no_scenes_of_ours_are_not_planned(tmp_path: Path) -> None:
+    for name in ("Blocks-0003", "a b-0004", "..-0005", "Blocks"):
+        (tmp_path / "scenes/train" / name).mkdir(parents=True)
+    assert [entry.name for entry in Plan.load(tmp_path).scenes] == ["Blocks-0003"]

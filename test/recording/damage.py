@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+from made_up_scene import SENSORS, made_up_spec
 from ros_messages import image, string
 
 from simbev_ros.recording.accounting import Accounting, Schedule
@@ -20,7 +21,7 @@ def intact_bag(path: Path, split_bytes: int | None = None) -> Path:
     topics = {"/cam/image_raw": "sensor_msgs/msg/Image", "/world/weather": "std_msgs/msg/String"}
     accounting = Accounting(dict.fromkeys(topics, Schedule()), start_ns=0, tick_ns=TICK_NS, ticks=TICKS)
     with SceneBagWriter(path, chunk_bytes=600, split_bytes=split_bytes) as writer:
-        writer.add_attachment("scene.json", "application/json", b"{}")
+        writer.add_attachment("scene.json", "application/json", made_up_spec(SENSORS).model_dump_json().encode())
         for topic, kind in topics.items():
             writer.add_topic(topic, kind, QosProfile(depth=7))
         for tick in range(TICKS):

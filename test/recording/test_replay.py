@@ -1,5 +1,6 @@
 """Replay of a bag without a graph: states equal the recorded ones, and unsuitable bags are refused."""
 
+import bz2
 import gzip
 import shutil
 from collections.abc import Callable, Mapping, Sequence
@@ -15,6 +16,8 @@ from simbev_ros.config.load import load_scenario
 from simbev_ros.errors import BagError, InputError
 from simbev_ros.maps.build import load_network, load_source
 from simbev_ros.maps.source import map_spec
+from simbev_ros.maps.spec import MapSpec
+from simbev_ros.recording import replay
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.lead_in import lead_in_attachment
 from simbev_ros.recording.qos import QosProfile
@@ -40,6 +43,7 @@ def small_spec() -> SceneSpec:
 
 
 SPEC = small_spec()
+COMPRESSED = [("map_source.bz2", bz2.compress), ("map_source.gz", gzip.compress)]
 
 
 def cloud(table: Table, stamp_ns: int) -> bytes:
@@ -183,7 +187,7 @@ def test_the_roads_of_a_missing_map_file_come_from_the_bag(tmp_path: Path, monke
     with SceneBagWriter(tmp_path / "bag") as writer:
         writer.add_attachment("scene.json", "application/json", spec.model_dump_json().encode())
         writer.add_attachment("map.xodr", "application/xml", roads.opendrive.encode())
-        writer.add_attachment("map_source.gz", "application/gzip", source)
+        writer.add_attachment("map_source.bz2", "application/x-bzip2", source)
         writer.finish({})
     file.unlink()
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "another"))
@@ -197,18 +201,54 @@ def test_the_roads_of_a_missing_map_file_come_from_the_bag(tmp_path: Path, monke
     assert load_source(spec.map) == source
 
 
+@pytest.mark.parametrize(("attachment", "compress"), COMPRESSED)
+def test_map_files_in_bags_of_all_versions_are_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, attachment: str, compress: Callable[[bytes], bytes]
+) -> None:
+    found: list[tuple[str, bytes]] = []
+    monkeypatch.setattr(replay, "load_network", lambda spec: found.append((spec.path, Path(spec.path).read_bytes())))
+    town = MapSpec(name="my_town", path="/gone/my town.osm.xml", sha256="0" * 64)
+    with SceneBagWriter(tmp_path / "bag") as writer:
+        spec = SPEC.model_copy(update={"map": town})
+        writer.add_attachment("scene.json", "application/json", spec.model_dump_json().encode())
+        writer.add_attachment(attachment, "application/octet-stream", compress(b"<osm/>"))
+        writer.finish({})
+    with SceneBag(tmp_path / "bag") as recorded:
+        build_recorded_roads(recorded)
+    ((path, content),) = found
+    assert Path(path).name == "my_town.osm.xml" and content == b"<osm/>"
+
+
+@pytest.mark.parametrize(
+    ("attachment", "content"),
+    [
+        ("map_source.bz2", b"not compressed"),
+        ("map_source.gz", b"not compressed"),
+        ("map_source.bz2", bz2.compress(b"<x/>")[:-1]),
+    ],
+)
+def test_a_damaged_map_file_in_a_bag_is_refused(tmp_path: Path, attachment: str, content: bytes) -> None:
+    with SceneBagWriter(tmp_path / "bag") as writer:
+        writer.add_attachment("scene.json", "application/json", SPEC.model_dump_json().encode())
+        writer.add_attachment(attachment, "application/octet-stream", content)
+        writer.finish({})
+    with SceneBag(tmp_path / "bag") as recorded, pytest.raises(BagError, match=f"bag: {attachment}: "):
+        build_recorded_roads(recorded)
+
+
+@pytest.mark.parametrize(("attachment", "compress"), COMPRESSED)
 def test_a_map_file_that_unpacks_to_more_than_a_map_may_have_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, attachment: str, compress: Callable[[bytes], bytes]
 ) -> None:
     monkeypatch.setattr("simbev_ros.recording.replay.MAX_MAP_BYTES", 1 << 20)
     with SceneBagWriter(tmp_path / "a") as writer:
         writer.add_attachment("scene.json", "application/json", SPEC.model_dump_json().encode())
-        writer.add_attachment("map_source.gz", "application/gzip", gzip.compress(bytes(64 << 20)))
+        writer.add_attachment(attachment, "application/octet-stream", compress(bytes(64 << 20)))
         writer.finish({})
     with (
         SceneBag(tmp_path / "a") as bomb,
         at_most(16),
-        pytest.raises(BagError, match=r"map_source\.gz: it unpacks to more"),
+        pytest.raises(BagError, match=f"{attachment}: it unpacks to more"),
     ):
         build_recorded_roads(bomb)
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 from damage import TICK_NS, intact_bag
+from made_up_scene import SENSORS, made_up_spec
 from mcap.writer import Writer
 from ros_messages import string
 
@@ -95,7 +96,7 @@ def test_an_unfinished_scene_is_found(bag: Path) -> None:
 
 def write(path: Path, messages: list[tuple[str, int, bytes]], **facts: str) -> Path:
     with SceneBagWriter(path) as writer:
-        writer.add_attachment("scene.json", "application/json", b"{}")
+        writer.add_attachment("scene.json", "application/json", made_up_spec(SENSORS).model_dump_json().encode())
         for topic in sorted({topic for topic, _, _ in messages}):
             writer.add_topic(topic, "std_msgs/msg/String", QosProfile())
         for topic, stamp_ns, payload in messages:

@@ -27,7 +27,7 @@ class Page(HTMLParser):
         self.close()
         assert self._open == []
         assert all(re.match(r"data:image/(png|jpeg);base64,", address) for address in self.pictures)
-        assert "http" not in re.sub(r"base64,[\w+/=]+", "", text) and "<script" not in text
+        assert "://" not in re.sub(r"base64,[\w+/=]+", "", text) and "<script" not in text
         self.drawings = [ElementTree.fromstring(svg) for svg in re.findall(r"<svg .*?</svg>", text)]
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:

@@ -1,5 +1,6 @@
 """Tests that a dataset report is one self-contained page and that its charts match the numbers."""
 
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -10,6 +11,9 @@ from made_up_scene import made_up_scene
 from typer.testing import CliRunner
 
 from simbev_ros.cli.main import app
+from simbev_ros.dataset import open_dataset
+from simbev_ros.dataset.statistics import statistics_of
+from simbev_ros.viz.reports.dataset_report import dataset_report
 from simbev_ros.viz.reports.svg_charts import Series, bars, curves, histogram
 from simbev_ros.viz.reports.svg_drawing import number, ticks
 
@@ -62,3 +66,26 @@ def test_numbers_and_ticks_are_round() -> None:
     ]
     assert ticks(0, 100) == [0, 20, 40, 60, 80, 100] and ticks(-90, 90) == [-50, 0, 50]
     assert ticks(0, 2, min_step=1) == [0, 1, 2]
+
+
+def test_names_from_data_are_shown_as_text(tmp_path: Path) -> None:
+    hostile = '<script>alert("&amp;")</script>'
+    bag = tmp_path / "<script>" / "Blocks-0000"
+    made_up_scene(bag)
+    statistics = statistics_of(open_dataset(bag))
+    (scene,) = statistics.scenes
+    statistics.tally.actors[hostile] = 10_000
+    page = Page(
+        dataset_report(
+            replace(
+                statistics,
+                path=bag.parent,
+                scenes=(replace(scene, name=hostile, map=hostile),),
+                visited={hostile: statistics.visited[scene.map]},
+            )
+        )
+    )
+    assert hostile in page.table("scene")
+    texts = [text for drawing in page.drawings for text in drawing.itertext()]
+    for shown in (hostile, f"{hostile}, actors: 10 k", f"{hostile}, train"):
+        assert shown in texts

@@ -23,7 +23,7 @@ from simbev_ros.evaluation.options import EvaluationOptions
 from simbev_ros.evaluation.predictions.dataset_predictions import open_predictions, write_grid, write_predictions
 from simbev_ros.evaluation.slices import GROUPS, TableSlice, table_slices
 from simbev_ros.semantics import BEV_CLASSES
-from simbev_ros.viz.reports.evaluation_report import write_evaluation_report
+from simbev_ros.viz.reports.evaluation_report import evaluation_report, write_evaluation_report
 from simbev_ros.viz.reports.svg_charts import Series
 from simbev_ros.viz.reports.svg_lines import share_profile
 
@@ -170,3 +170,16 @@ def test_profiles_have_a_dot_for_each_figure_and_gaps_where_there_is_none() -> N
     ]
     assert [len(line.attrib["points"].split()) for line in svg.iter("polyline")] == [2, 1]
     assert {"near", "mid", "far", "off", "AP"} <= {text.text for text in svg.iter("text")}
+
+
+def test_names_from_data_are_shown_as_text(dataset: Path, tmp_path: Path) -> None:
+    hostile = '<script>alert("&amp;")</script>'
+    folder = tmp_path / "<b>"
+    folder.mkdir()
+    write_predictions(folder / "boxes.parquet", [(made.NAMES[0], some_boxes())])
+    scenes, predictions = open_dataset(dataset).scenes, open_predictions(folder)
+    result = evaluate(scenes, predictions, None)
+    renamed = replace(result, frames={hostile: result.frames[made.NAMES[0]]})
+    figures = {"dataset": hostile, "predictions": str(folder), **figures_of(renamed)}
+    page = Page(evaluation_report(renamed, figures))
+    assert hostile in page.table("scene")

@@ -7,9 +7,8 @@ from typing import Annotated, Literal
 
 import typer
 from rich.console import Console
-from rich.markup import escape
 
-from simbev_ros.cli.console import counting_bar
+from simbev_ros.cli.console import counting_bar, literal
 from simbev_ros.cli.output_file import require_place, writing
 
 _WORDS = "with commas between"
@@ -144,11 +143,11 @@ def evaluate(
     if json_file is not None:  # before the tables, whose reader may close the pipe, as head does
         with writing(json_file):
             json_file.write_text(json.dumps(figures, indent=2) + "\n")
-        console.print(f"figures in {escape(str(json_file))}", soft_wrap=True)
+        console.print(f"figures in {literal(json_file)}", soft_wrap=True)
     print_tables(figures, console)
     if report is not None:
         from simbev_ros.viz.reports.evaluation_report import write_evaluation_report
 
         with Console(stderr=True).status("report"), writing(report):
             write_evaluation_report(report, result, chosen, predicted, figures)
-        console.print(f"report in {escape(str(report))}", soft_wrap=True)
+        console.print(f"report in {literal(report)}", soft_wrap=True)

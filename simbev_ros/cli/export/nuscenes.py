@@ -6,9 +6,8 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.markup import escape
 
-from simbev_ros.cli.console import counting_bar, plural
+from simbev_ros.cli.console import counting_bar, literal, plural
 from simbev_ros.errors import SimbevError
 
 
@@ -56,10 +55,10 @@ def export_nuscenes(
         )
     console = Console(soft_wrap=True, highlight=False)
     there = done.scenes - done.made
-    console.print(f"{done.samples} samples of {plural(done.scenes, 'scene')}, {done.files} files in {escape(str(out))}")
+    console.print(f"{done.samples} samples of {plural(done.scenes, 'scene')}, {done.files} files in {literal(out)}")
     if there:
         console.print(f"{plural(there, 'scene')} {'was' if there == 1 else 'were'} there already")
     for reason in done.failures.values():
-        console.print(f"[red]{escape(reason)}[/]")
+        console.print(f"[red]{literal(reason)}[/]")
     if done.failures:
         raise SimbevError(f"{len(done.failures)} of {plural(len(opened.scenes), 'scene')} could not be exported")

@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
-from rich.markup import escape
 
-from simbev_ros.cli.console import counting_bar, plural
+from simbev_ros.cli.console import counting_bar, literal, plural
 
 if TYPE_CHECKING:
     from simbev_ros.export.simbev.export import FramesPart
@@ -40,11 +39,11 @@ def export_simbev(
         missing = finish(opened, parts)
     frames = sum(part.count for part in parts)
     scenes = plural(len(opened.scenes), "scene")
-    console.print(f"{frames} frames of {scenes} in {escape(str(root))}", highlight=False)
+    console.print(f"{frames} frames of {scenes} in {literal(root)}", highlight=False)
     if made < frames:
         console.print(f"{frames - made} of them were there already", highlight=False)
     for line in missing:
-        console.print(f"[dim]{escape(line)}[/]", highlight=False)
+        console.print(f"[dim]{literal(line)}[/]", highlight=False)
 
 
 def _make(parts: "list[FramesPart]", jobs: int) -> int:

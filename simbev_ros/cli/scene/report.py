@@ -10,10 +10,9 @@ import numpy as np
 import typer
 from rich import box
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
-from simbev_ros.cli.console import counting_bar, table_console
+from simbev_ros.cli.console import counting_bar, literal, table_console
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.maps.build import load_network
@@ -47,7 +46,7 @@ def report_scenes(config: str, count: int | None, map_name: str | None, *, as_js
         typer.echo(json.dumps(_facts(statistics, scenario), indent=2))
         return
     output = table_console()
-    maps = ", ".join(f"{escape(name)} ({scenes})" for name, scenes in statistics.maps.items())
+    maps = ", ".join(f"{literal(name)} ({scenes})" for name, scenes in statistics.maps.items())
     output.print(f"[bold]{len(planned)} scenes[/]: {maps}")
     _print_numbers(output, statistics, scenario)
     output.print(_kinds_table(statistics))
@@ -68,7 +67,7 @@ def _draw(
 ) -> None:
     """Draw the scenes of one map."""
     name = planned[0].map.name
-    with console.status(f"roads of {escape(name)}"):
+    with console.status(f"roads of {literal(name)}"):
         network = load_network(planned[0].map)
         starts = start_positions(scenario, network)
     with counting_bar(f"scenes on {name}", console, len(planned)) as bar:
@@ -122,9 +121,9 @@ def _print_numbers(output: Console, statistics: SceneStatistics, scenario: Scena
     titles = "".join(f"{title:>{_FIGURE_WIDTH}}" for title in ("mean", "sd", "min", "max"))
     output.print(f"{'':{_NAME_WIDTH}}{titles}  from min to max", style="dim")
     for section, names in sections.items():
-        output.print(f"[bold]{escape(section)}[/]", highlight=False)
+        output.print(f"[bold]{literal(section)}[/]", highlight=False)
         for name in names:
-            tally, meaning = statistics.numbers[name], escape(configured_value(name, scenario))
+            tally, meaning = statistics.numbers[name], literal(configured_value(name, scenario))
             figures = "".join(map(_figure, (tally.mean, tally.sd, tally.min, tally.max)))
             line = f"  {name.rpartition('.')[2]:{_NAME_WIDTH - 2}}{figures}  {_histogram(tally):{BINS}}"
             between = "  " if output.width >= _WIDE else "\n    "
@@ -152,6 +151,6 @@ def _kinds_table(statistics: SceneStatistics) -> Table:
     table.add_column("parameter", no_wrap=True)
     table.add_column("shares", overflow="fold")
     for name, counts in statistics.kinds.items():
-        shares = (f"{escape(kind)} {100 * times / counts.total():.1f}%" for kind, times in counts.most_common())
+        shares = (f"{literal(kind)} {100 * times / counts.total():.1f}%" for kind, times in counts.most_common())
         table.add_row(name, ", ".join(shares))
     return table

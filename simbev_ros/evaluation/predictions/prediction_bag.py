@@ -15,6 +15,7 @@ from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
+from simbev_ros.config.base import first_problem
 from simbev_ros.errors import BagError, InputError
 from simbev_ros.evaluation.predictions.predicted_boxes import PredictedBoxes, Rows, join_boxes
 from simbev_ros.evaluation.predictions.prediction_columns import ticks_of_stamps
@@ -211,7 +212,7 @@ class PredictionBag:
                 SceneSpec.model_validate_json(self._message(topic, location).data) for location in locations if topic
             ]
         except ValidationError as error:
-            raise BagError(f"{self._bag.file}: {_SCENE_TOPIC}: {error.errors()[0]['msg']}") from None
+            raise BagError(f"{self._bag.file}: {_SCENE_TOPIC}: {first_problem(error)}") from None
 
     def __getstate__(self) -> dict[str, Any]:
         return {

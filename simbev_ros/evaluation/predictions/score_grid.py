@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from simbev_ros.confined_paths import path_inside
 from simbev_ros.errors import InputError
 from simbev_ros.evaluation.predictions.npz_file import read_npz
 from simbev_ros.semantics import BEV_CLASSES
@@ -92,7 +93,7 @@ class GridFolder:
 
 def grid_file(folder: Path, scene: str, tick: int) -> Path:
     """Path of the file with the grid of a frame."""
-    return folder / scene / f"{tick:06d}.npz"
+    return path_inside(folder, Path(scene, f"{tick:06d}.npz"))
 
 
 def read_grid(path: Path) -> ScoreGrid:

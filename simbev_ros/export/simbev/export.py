@@ -13,6 +13,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from simbev_ros.confined_paths import path_inside
 from simbev_ros.dataset import Dataset, Scene, open_dataset
 from simbev_ros.errors import InputError
 from simbev_ros.export.parts import Json, Part, fingerprint_of, part_names
@@ -173,7 +174,7 @@ def _write_config_and_log(dataset: Dataset, scene: Scene, root: Path) -> None:
         config = bag.attachments.get(CONFIG_ATTACHMENT)
     if config is not None:
         write_whole(root / "configs" / f"{name}.yaml", config)
-    log = dataset.path / "logs" / f"{scene.name}.log"
+    log = path_inside(dataset.path, Path("logs", f"{scene.name}.log"))
     if log.is_file():
         write_whole(root / "logs" / f"{name}.log", log.read_bytes())
 

@@ -4,6 +4,7 @@ A dataset's ``Statistics`` enter; HTML figures with SVG pictures leave.
 """
 
 from collections.abc import Iterator, Sequence
+from html import escape
 
 import cv2
 import numpy as np
@@ -69,7 +70,7 @@ def _map(cells: Int64Array, scenes: Sequence[SceneFacts]) -> str:
     for scene in scenes:
         points_px = ((scene.ego_m - middle_m) * [1.0, -1.0] + extent_m / 2.0) * scale
         points = " ".join(f"{x:.1f},{y:.1f}" for x, y in points_px.tolist())
-        color, title = css(SPLIT_COLORS[scene.split]), f"<title>{scene.name}, {scene.split}</title>"
+        color, title = css(SPLIT_COLORS[scene.split]), f"<title>{escape(f'{scene.name}, {scene.split}')}</title>"
         sheet.add(f'<polyline class="path" stroke="{color}" points="{points}">{title}</polyline>')
         x, y = points_px[0].tolist()
         sheet.add(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="5" fill="{color}">{title}</circle>')

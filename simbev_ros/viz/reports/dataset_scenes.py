@@ -104,7 +104,7 @@ def scene_table(statistics: Statistics) -> str:
             ),
         )
         cells = "".join(f"<td>{number(value)}</td>" for value in values)
-        split = f'<td><b style="color:{css(SPLIT_COLORS[scene.split])}">{scene.split}</b></td>'
+        split = f'<td><b style="color:{css(SPLIT_COLORS[scene.split])}">{escape(scene.split)}</b></td>'
         lines.append(f"<th>{escape(scene.name)}</th>{split}{cells}")
     return table(heads, lines)
 

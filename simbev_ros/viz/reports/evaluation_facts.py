@@ -34,7 +34,7 @@ def headline(figures: Figures) -> Iterator[tuple[str, str]]:
 
 def facts(figures: Figures, options: EvaluationOptions) -> str:
     """Source of the data, conditions on what counts, and the method of measurement, as an HTML list."""
-    lines = "".join(f"<dt>{label}</dt><dd>{escape(text)}</dd>" for label, text in _facts(figures, options))
+    lines = "".join(f"<dt>{escape(label)}</dt><dd>{escape(text)}</dd>" for label, text in _facts(figures, options))
     return f'<dl class="facts">{lines}</dl>'
 
 

@@ -7,6 +7,11 @@ from importlib.resources import files
 from simbev_ros import __version__
 
 _STYLE_FILE = "page.css"
+_POLICY = (
+    '<meta http-equiv="Content-Security-Policy" '
+    "content=\"default-src 'none'; style-src 'unsafe-inline'; img-src data:\">"
+)
+"""What browsers may load and run: no scripts, nothing from elsewhere."""
 
 
 def page(title: str, head: str, body: str, *style_files: str) -> str:
@@ -21,7 +26,7 @@ def page(title: str, head: str, body: str, *style_files: str) -> str:
     folder = files("simbev_ros.viz.reports")
     style = "".join(folder.joinpath(name).read_text(encoding="utf-8") for name in (_STYLE_FILE, *style_files))
     return (
-        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>'
+        f'<!doctype html><html lang="en"><head><meta charset="utf-8">{_POLICY}<title>{escape(title)}</title>'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<style>{style}</style></head><body><header><h1>{escape(title)}</h1>{head}</header>"
         f"<main>{body}</main><footer>simbev_ros {escape(__version__)}</footer></body></html>"

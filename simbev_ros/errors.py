@@ -3,6 +3,7 @@
 The command line turns each class into an exit code and prints the message without a traceback.
 """
 
+import errno
 import struct
 import tokenize
 import zipfile
@@ -13,6 +14,9 @@ NPZ_DAMAGE = (
     *(struct.error, tokenize.TokenError, zipfile.BadZipFile, zlib.error),
 )
 """Exceptions that numpy raises when it reads a damaged NPY or NPZ file, depending on which bytes are damaged."""
+
+DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""Numbers of the operating system's errors when there is no space for more on a disk."""
 
 
 class SimbevError(Exception):

@@ -21,6 +21,7 @@ FLOORS = [
         "structured_text",
         "unpacking",
         "installation",
+        "lock_file",
         "process_memory",
         "confined_paths",
         "__init__",

@@ -68,8 +68,7 @@ def replay(
         return
     folders = [locate_mcap(bag).resolve().parent for bag in found]
     display = SceneDisplay(console)
-    with _staging_folder(folders, merge) as staging:
-        dataset = record or staging
+    with _record_folder(record, folders, merge) as dataset:
         specs = [_replayed_spec(bag, scenario, display) for bag in found]
         _refuse_duplicates(specs, dataset)
         playing = play_specs(scenario, specs, live=live, dataset=dataset, replays=found, observer=display)
@@ -109,17 +108,25 @@ def _is_recorded(bag: Path, record: Path | None, merge: str | None) -> bool:
 
 
 @contextmanager
-def _staging_folder(folders: Sequence[Path], label: str | None) -> Iterator[Path | None]:
-    """Hold the dataset that contains all bags, if they get a label, and yield its folder for unfinished scenes.
+def _record_folder(record: Path | None, folders: Sequence[Path], label: str | None) -> Iterator[Path | None]:
+    """The folder to record into, None if there is none.
+
+    If the bags get a label, it is the folder for unfinished scenes of the dataset that contains them all, which is held
+    meanwhile.
 
     Raises:
+        DiskError: The disk is full, or nearly; the message says what was kept.
         InputError: A bag is not in the same dataset as the first one, or has an additional bag with this label.
     """
-    if label is None:
-        yield None
-        return
     from simbev_ros.dataset.lock import DatasetLock
-    from simbev_ros.dataset.staging import clean_up_staging, staging_of
+    from simbev_ros.dataset.staging import ON_FULL_DISK, clean_up_staging, staging_of
+    from simbev_ros.production.record_folder import keep_recorded
+    from simbev_ros.recording.bag_files import disk_error_consequence
+
+    if label is None:
+        with keep_recorded(record):
+            yield record
+        return
 
     for folder in folders:
         if not is_scene(folder) or dataset_of(folder) is None or dataset_of(folder) != dataset_of(folders[0]):
@@ -128,7 +135,7 @@ def _staging_folder(folders: Sequence[Path], label: str | None) -> Iterator[Path
             raise InputError(f"{additional_folder(folder, label)}: exists already; nothing was overwritten")
     dataset = dataset_of(folders[0])
     assert dataset is not None, "checked above"
-    with DatasetLock(dataset):
+    with DatasetLock(dataset), disk_error_consequence(ON_FULL_DISK):
         clean_up_staging(dataset)
         try:
             yield staging_of(dataset)

@@ -6,8 +6,10 @@ from pathlib import Path
 from typing import Self
 
 from simbev_ros.errors import InputError
+from simbev_ros.lock_file import open_lock_file
 
 _LOCK_FILE = ".lock"
+_MAX_PID_DIGITS = 10
 
 
 class DatasetLock:
@@ -22,16 +24,14 @@ class DatasetLock:
     def __init__(self, dataset: Path) -> None:
         try:
             dataset.mkdir(parents=True, exist_ok=True)
-            self._file = (dataset / _LOCK_FILE).open("a+")
-        except OSError as error:
-            raise InputError(f"{dataset}: cannot be written to: {error.strerror}") from None
-        try:
+            self._file = os.fdopen(open_lock_file(dataset / _LOCK_FILE), "r+", errors="replace")
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            self._file.seek(0)
-            holder = self._file.read().strip() or "unknown"
+        except BlockingIOError:
+            holder = self._file.read(_MAX_PID_DIGITS).strip() or "unknown"
             self._file.close()
             raise InputError(f"{dataset}: process {holder} is writing into it") from None
+        except OSError as error:
+            raise InputError(f"{dataset}: cannot be written to: {error.strerror}") from None
         self._file.truncate(0)
         self._file.write(str(os.getpid()))
         self._file.flush()

@@ -13,6 +13,8 @@ from simbev_ros.recording.layout import REPLACED_SUFFIX, SCENES_FOLDER, addition
 from simbev_ros.recording.mcap.syncing import sync_names
 
 _STAGING_FOLDER = ".making"
+ON_FULL_DISK = "finished scenes are in the dataset, nothing else is kept; given space, the same command makes the rest"
+"""What holds, for messages, when the disk is full while scenes are recorded in staging."""
 
 
 def clean_up_staging(dataset: Path) -> None:
@@ -23,7 +25,10 @@ def clean_up_staging(dataset: Path) -> None:
     Raises:
         InputError: A link leads out of the dataset.
     """
-    shutil.rmtree(dataset / _STAGING_FOLDER, ignore_errors=True)
+    staging = staging_of(dataset)
+    if staging.is_symlink():
+        staging.unlink()  # scenes would be recorded where it leads to
+    shutil.rmtree(staging, ignore_errors=True)
     refuse_links_out(dataset, SCENES_FOLDER)
     for old in (dataset / SCENES_FOLDER).glob(f"*/*{REPLACED_SUFFIX}"):
         bag = old.with_name(old.name.removesuffix(REPLACED_SUFFIX))

@@ -2,11 +2,16 @@
 
 import fcntl
 import os
+import re
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO, Self
+from typing import Self
 
 from simbev_ros.errors import InputError
+from simbev_ros.graph.private_folder import is_private_folder
+from simbev_ros.lock_file import open_lock_file
 
 _ISOLATED_DOMAINS = range(41, 101)
 """Domains that are safe with the default port mapping (below 102) and higher than those usually chosen by hand."""
@@ -19,16 +24,17 @@ class DomainLock:
         wanted: The domain; None: ``ROS_DOMAIN_ID`` if it is set, else the first free domain of a reserved range.
 
     Raises:
-        InputError: The domain is out of range, or another simbev graph runs in it.
+        InputError: The domain is out of range, another simbev graph runs in it, or the folder of lock files is not
+            this user's alone.
     """
 
     def __init__(self, wanted: int | None = None) -> None:
         if wanted is None and os.environ.get("ROS_DOMAIN_ID"):
             wanted = _domain_from_environment()
-        self._file: IO[str] | None = None
+        self._descriptor: int | None = None
         for domain in [wanted] if wanted is not None else _ISOLATED_DOMAINS:
-            self._file = _try_lock(domain)
-            if self._file is not None:
+            self._descriptor = _try_lock(domain)
+            if self._descriptor is not None:
                 self.domain = domain
                 return
         if wanted is not None:
@@ -43,25 +49,50 @@ class DomainLock:
 
     def close(self) -> None:
         """Release the domain for other graphs; further calls do nothing."""
-        if self._file is not None:
-            self._file.close()
-            self._file = None
+        if self._descriptor is not None:
+            os.close(self._descriptor)
+            self._descriptor = None
 
 
 def _domain_from_environment() -> int:
     text = os.environ["ROS_DOMAIN_ID"]
-    if not text.isdecimal() or int(text) > 232:
-        raise InputError(f"ROS_DOMAIN_ID: must be a number from 0 to 232, not {text!r}")
+    if not re.fullmatch(r"[0-9]{1,3}", text) or int(text) > 232:
+        raise InputError(f"ROS_DOMAIN_ID: must be a number from 0 to 232, not {text!r:.80}")
     return int(text)
 
 
-def _try_lock(domain: int) -> IO[str] | None:
-    folder = Path(tempfile.gettempdir()) / f"simbev_ros-{os.getuid()}"
-    folder.mkdir(mode=0o700, exist_ok=True)
-    file = (folder / f"domain-{domain}.lock").open("w")
+def _try_lock(domain: int) -> int | None:
+    """Descriptor of a domain's locked file; None if another process has locked it."""
+    with _lock_folder() as folder:
+        descriptor = open_lock_file(Path(f"domain-{domain}.lock"), folder)
     try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
-        file.close()
+        os.close(descriptor)
         return None
-    return file
+    return descriptor
+
+
+@contextmanager
+def _lock_folder() -> Iterator[int]:
+    """Descriptor of this user's folder of lock files.
+
+    Raises:
+        InputError: It cannot be used, or another user could write to it.
+    """
+    path = Path(tempfile.gettempdir()) / f"simbev_ros-{os.getuid()}"
+    remedy = "remove it, or set TMPDIR to a folder of your own"
+    try:
+        with suppress(FileExistsError):
+            path.mkdir(mode=0o700)
+        descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+    except OSError as error:
+        raise InputError(f"{path}: cannot hold locks of ROS domains: {error.strerror}; {remedy}") from None
+    try:
+        if not is_private_folder(os.fstat(descriptor)):
+            raise InputError(f"{path}: another user owns it or may write to it; {remedy}")
+        yield descriptor
+    except OSError as error:
+        raise InputError(f"{path}: cannot hold locks of ROS domains: {error.strerror}; {remedy}") from None
+    finally:
+        os.close(descriptor)

@@ -26,15 +26,27 @@ def held_files(pid: int) -> set[Path]:
 def remove_orphans(files: Iterable[Path]) -> list[Path]:
     """Remove the given files that no other running process has mapped; return the removed ones.
 
-    This process may still have a killed process's file mapped for reading; that does not keep the file.
+    Only files of the middleware that belong to this user are removed, whatever is given. This process may still have a
+    killed process's file mapped for reading; that does not keep the file.
     """
-    in_use = {file for pid in psutil.pids() if pid != os.getpid() for file in held_files(pid)}
-    removed = [file for file in sorted(set(files) - in_use) if file.exists()]
+    candidates = set(files) & set(middleware_files())
+    in_use = {file for pid in psutil.pids() if pid != os.getpid() for file in held_files(pid)} if candidates else set()
+    removed = sorted(candidates - in_use)
     for file in removed:
         file.unlink(missing_ok=True)
     return removed
 
 
 def middleware_files() -> list[Path]:
-    """All shared-memory files of the middleware on this machine."""
-    return [file for file in _FOLDER.iterdir() if "fastrtps" in file.name] if _FOLDER.is_dir() else []
+    """All shared-memory files of the middleware on this machine that belong to this user."""
+    if not _FOLDER.is_dir():
+        return []
+    with os.scandir(_FOLDER) as entries:
+        return [Path(entry) for entry in entries if "fastrtps" in entry.name and _is_own_file(entry)]
+
+
+def _is_own_file(entry: os.DirEntry[str]) -> bool:
+    try:
+        return entry.is_file(follow_symlinks=False) and entry.stat(follow_symlinks=False).st_uid == os.getuid()
+    except FileNotFoundError:
+        return False

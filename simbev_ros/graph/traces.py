@@ -1,7 +1,6 @@
 """Keeps a record of a graph's files on the machine, so that the next graph removes them if this one is killed."""
 
 import json
-import os
 import shutil
 import tempfile
 import time
@@ -10,6 +9,7 @@ from pathlib import Path
 
 import psutil
 
+from simbev_ros.graph.private_folder import is_private_folder
 from simbev_ros.graph.shared_memory import held_files, middleware_files, remove_orphans
 from simbev_ros.recording.whole_files import write_whole
 
@@ -68,11 +68,11 @@ class Traces:
 
 def sweep() -> None:
     """Remove what killed graphs of this user have left behind."""
-    for path in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*/{_FILE}"):
+    for folder in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*"):
         try:
-            if path.stat().st_uid != os.getuid():
+            if not is_private_folder(folder.lstat()):
                 continue
-            left = json.loads(path.read_text())
+            left = json.loads((folder / _FILE).read_text())
             if _is_alive(int(left["pid"]), left.get("started_s")):
                 continue
             files = [Path(file) for file in left["files"]]
@@ -80,8 +80,8 @@ def sweep() -> None:
             if any(file.exists() for file in files):
                 continue  # some processes of that graph have not ended yet
         except (OSError, ValueError, KeyError, TypeError):
-            continue  # another process is removing the folder
-        shutil.rmtree(path.parent, ignore_errors=True)
+            continue  # no folder of a graph, or another process is removing it
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _is_alive(pid: int, started_s: float | None) -> bool:

@@ -9,7 +9,7 @@ from typing import Self
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.index import Row, index_row, update_index, write_index
 from simbev_ros.dataset.plan import Plan, PlannedEntry, bag_of
-from simbev_ros.dataset.staging import move_into_dataset, staging_of
+from simbev_ros.dataset.staging import ON_FULL_DISK, move_into_dataset, staging_of
 from simbev_ros.errors import DiskError, GraphError, InputError, SimbevError
 from simbev_ros.graph.session import GraphSession
 from simbev_ros.graph.traces import sweep
@@ -18,7 +18,7 @@ from simbev_ros.production.observer import SILENT, ProductionObserver, observe_s
 from simbev_ros.production.play import play_on
 from simbev_ros.production.scene_log import SceneLog
 from simbev_ros.production.surroundings import build_surroundings
-from simbev_ros.recording.bag_files import check_space
+from simbev_ros.recording.bag_files import check_space, disk_error_consequence
 
 
 @dataclass(slots=True)
@@ -75,9 +75,10 @@ class DatasetMaker:
         outcome = Outcome()
         self._observer.dataset_started(len(entries), self._dataset_bytes)
         try:
-            for entry in entries:
-                self._check_space()
-                self._add_to(outcome, entry)
+            with disk_error_consequence(ON_FULL_DISK):
+                for entry in entries:
+                    self._check_space()
+                    self._add_to(outcome, entry)
         finally:
             self._observer.dataset_ended()
         outcome.damaged.update((bag.name, problem) for bag, problem in self._damaged.items())

@@ -12,7 +12,7 @@ from simbev_ros.graph.exposure import LOCAL, Exposure
 from simbev_ros.graph.session import GraphSession
 from simbev_ros.production.drawing import draw_scenes
 from simbev_ros.production.observer import SILENT, ProductionObserver
-from simbev_ros.production.record_folder import hold_record_folder
+from simbev_ros.production.record_folder import hold_record_folder, keep_recorded
 from simbev_ros.production.surroundings import build_surroundings
 from simbev_ros.recording.layout import scene_folder
 from simbev_ros.scene.ending import SceneEnd
@@ -47,7 +47,8 @@ def play_scenes(
     """
     specs = draw_scenes(scenario, observer)
     options: dict[str, Any] = {"live": live, "dataset": dataset, "domain": domain, "exposure": exposure}
-    bags = list(play_specs(scenario, specs, **options, observer=observer))
+    with keep_recorded(dataset):
+        bags = list(play_specs(scenario, specs, **options, observer=observer))
     if dataset is None:
         return []
     if lost := [bag for bag in bags if not bag.is_dir()]:  # live, where the graph does not wait for the recorder

@@ -2,14 +2,14 @@
 
 import shutil
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.errors import BagError, InputError
 from simbev_ros.production.observer import SILENT, ProductionObserver
-from simbev_ros.recording.bag_files import check_space
+from simbev_ros.recording.bag_files import check_space, disk_error_consequence
 from simbev_ros.recording.layout import CONFIG_ATTACHMENT, partial_of, scene_folder, scenes_folder
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.scene.spec import SceneSpec
@@ -49,6 +49,17 @@ def hold_record_folder(
             observer.leftover_removed(spec)
         _make_writable(dataset)
         check_space(dataset, scenario.recording.min_free_mib << 20)
+        yield
+
+
+@contextmanager
+def keep_recorded(dataset: Path | None) -> Iterator[None]:
+    """Context for recording into a folder from which nothing is removed when recording fails; None: without effect.
+
+    Raises:
+        DiskError: One was raised in the context; the message adds that everything is kept.
+    """
+    with nullcontext() if dataset is None else disk_error_consequence(f"what was recorded stays readable in {dataset}"):
         yield
 
 

@@ -1,6 +1,5 @@
 """Writer of a bag's MCAP files: receives chunks and attachments, starts new files at a size limit, syncs to disk."""
 
-import errno
 import os
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -11,12 +10,10 @@ from pathlib import Path
 from mcap.records import Attachment
 from rich.filesize import decimal
 
-from simbev_ros.errors import DiskError
+from simbev_ros.errors import DISK_FULL, DiskError
 from simbev_ros.recording.bag_metadata import RecordedFile
 from simbev_ros.recording.layout import mcap_in
 from simbev_ros.recording.mcap.mcap_file import ChunkInProgress, Definition, McapFile
-
-_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 class BagFiles:
@@ -136,8 +133,21 @@ def disk_errors(folder: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        problem = "the disk is full" if error.errno in _FULL else f"cannot be written: {error.strerror}"
-        raise DiskError(f"{folder}: {problem}; what was recorded before stays readable there") from None
+        problem = "the disk is full" if error.errno in DISK_FULL else f"cannot be written: {error.strerror}"
+        raise DiskError(f"{folder}: {problem}") from None
+
+
+@contextmanager
+def disk_error_consequence(consequence: str) -> Iterator[None]:
+    """Context that adds to a ``DiskError`` what became of the recorded data, which only those around it decide.
+
+    Raises:
+        DiskError: One was raised in the context.
+    """
+    try:
+        yield
+    except DiskError as error:
+        raise DiskError(f"{error}; {consequence}") from None
 
 
 def check_space(folder: Path, min_free_bytes: int, scene_bytes: int = 0) -> None:

@@ -71,7 +71,7 @@ def repair_bag(path: Path, out: Path) -> Repair:
             writer.abandon()
             shutil.rmtree(partial_of(out))  # its contents are all in the old bag
             if isinstance(error, DiskError):
-                raise DiskError(f"{str(error).partition(';')[0]}; nothing of the new bag is left") from None
+                raise DiskError(f"{error}; nothing of the new bag is left") from None
             raise
     return Repair(out, counts, lost)
 

@@ -2,14 +2,14 @@
 
 For all files that other processes may read while they are replaced, or whose writer may be killed: plans, indexes,
 records of exports, pictures. Content enters; one file leaves. A killed writer leaves ``NAME.part`` behind, which the
-next writer of the same file overwrites.
+next writer of the same file removes.
 """
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from simbev_ros.errors import InputError
+from simbev_ros.errors import DISK_FULL, DiskError, InputError
 from simbev_ros.recording.mcap.syncing import sync, sync_names
 
 _UNFINISHED_SUFFIX = ".part"
@@ -33,6 +33,7 @@ def whole_file(path: Path) -> Iterator[Path]:
     unfinished = path.with_name(path.name + _UNFINISHED_SUFFIX)
     has_new_folder = not path.parent.exists()
     path.parent.mkdir(parents=True, exist_ok=True)
+    unfinished.unlink(missing_ok=True)  # in a stranger's dataset it may be a link to any file
     try:
         yield unfinished
         sync(unfinished)
@@ -59,16 +60,19 @@ def write_whole(path: Path, content: bytes | Iterable[bytes]) -> None:
 
 @contextmanager
 def write_errors(path: Path) -> Iterator[None]:
-    """Turn errors of the operating system within a block into ``InputError`` for the user.
+    """Turn errors of the operating system within a block into errors for the user.
 
     Args:
         path: Path that the message names if the error names none.
 
     Raises:
-        InputError: A file cannot be written.
+        DiskError: The disk is full.
+        InputError: A file cannot be written for another reason.
     """
     try:
         yield
     except OSError as error:
         file = str(error.filename or path).removesuffix(_UNFINISHED_SUFFIX)
+        if error.errno in DISK_FULL:
+            raise DiskError(f"{file}: the disk is full") from None
         raise InputError(f"{file}: cannot be written: {error.strerror or error}") from None

@@ -1,5 +1,6 @@
 """The plan keeps assigned numbers, counts existing scenes, and lists exactly the missing ones."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -86,3 +87,17 @@ def test_folders_that_are_no_scenes_of_ours_are_not_planned(tmp_path: Path) -> N
     for name in ("Blocks-0003", "a b-0004", "..-0005", "Blocks"):
         (tmp_path / "scenes/train" / name).mkdir(parents=True)
     assert [entry.name for entry in Plan.load(tmp_path).scenes] == ["Blocks-0003"]
+
+
+def test_a_lock_file_that_is_a_link_or_no_file_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "precious").write_text("mine")
+    (tmp_path / "set").mkdir()
+    lock = tmp_path / "set/.lock"
+    lock.symlink_to(tmp_path / "precious")
+    with pytest.raises(InputError, match=r"set: cannot be written to: \.lock is a link"):
+        DatasetLock(tmp_path / "set")
+    assert (tmp_path / "precious").read_text() == "mine"
+    lock.unlink()
+    os.mkfifo(lock)
+    with pytest.raises(InputError, match=r"set: cannot be written to: \.lock is not a file"):
+        DatasetLock(tmp_path / "set")

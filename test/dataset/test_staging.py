@@ -63,3 +63,10 @@ def test_an_interruption_after_any_step_leaves_the_old_or_the_new_scene(
     clean_up_staging(dataset)
     assert bags(dataset) == (OLD if steps < 4 else NEW)
     assert {folder.name for folder in (dataset / "scenes/train").iterdir()} == bags(dataset).keys()
+
+
+def test_scenes_are_never_recorded_through_a_link(tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    staging_of(tmp_path).symlink_to(tmp_path / "elsewhere")
+    clean_up_staging(tmp_path)
+    assert not staging_of(tmp_path).is_symlink() and (tmp_path / "elsewhere").is_dir()

@@ -69,6 +69,7 @@ def test_a_full_disk_ends_the_recording_with_one_message(
     code, output = simbev("run", config, "--record", small_disk / "a").finish()
     assert code == 1 and "Traceback" not in output, output
     assert output.count("error: ") == 1 and "error: node recorder: " in output and "the disk is nearly full" in output
+    assert f"; what was recorded stays readable in {small_disk / 'a'}" in " ".join(output.split())
     with SceneBag(small_disk / "a" / f"{SCENE}.partial") as bag:
         assert bag.custom_data["complete"] == "false" and len(list(bag.messages(["/world/actors"]))) > 3
     code, output = simbev("run", config, "--record", small_disk / "b").finish()

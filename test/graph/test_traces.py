@@ -57,3 +57,21 @@ def test_records_that_cannot_be_read_are_left_alone(temporary_folder: Path) -> N
     graph = write_traces(temporary_folder, pid="?")
     sweep()
     assert graph.is_dir()
+
+
+def test_folders_that_others_may_write_to_and_links_are_left_alone(temporary_folder: Path, tmp_path: Path) -> None:
+    free_pid = max(psutil.pids()) + 1000
+    shared = write_traces(temporary_folder, pid=free_pid)
+    shared.chmod(0o777)
+    (elsewhere := tmp_path / "elsewhere").mkdir()
+    linked = write_traces(elsewhere, pid=free_pid)
+    (temporary_folder / "simbev_ros-link").symlink_to(linked)
+    sweep()
+    assert (shared / "traces.json").exists() and (linked / "traces.json").exists()
+
+
+def test_a_record_removes_no_files_but_those_of_the_middleware(temporary_folder: Path, tmp_path: Path) -> None:
+    (precious := tmp_path / "precious").write_text("mine")
+    write_traces(temporary_folder, pid=max(psutil.pids()) + 1000, files=[str(precious)])
+    sweep()
+    assert precious.read_text() == "mine"

@@ -1,5 +1,6 @@
 """Datasets made from Python: what is made, what is left, what is reported, and what stays when something fails."""
 
+import errno
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ from simbev_ros.dataset.index import read_index
 from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.errors import DiskError, GraphError, InputError
-from simbev_ros.production import DatasetResult, ProductionObserver, dataset_maker, make_dataset
+from simbev_ros.production import DatasetResult, ProductionObserver, dataset_maker, make_dataset, scene_log
 from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.spec import SceneSpec
 
@@ -145,6 +146,26 @@ def test_what_ends_production_ends_the_graph_and_frees_the_dataset(
     assert not (tmp_path / "set/.making").exists()
     with DatasetLock(tmp_path / "set"):
         assert len(read_index(tmp_path / "set")) == scene
+
+
+def test_the_message_of_a_full_disk_says_what_is_kept(graph: FakeGraph, scenario: Scenarios, tmp_path: Path) -> None:
+    graph.problems = {1: [DiskError("node recorder: the disk is full")]}
+    with pytest.raises(DiskError, match=r"is full; finished scenes are in the dataset, nothing else is kept; given"):
+        make_dataset(scenario(3), tmp_path / "set")
+    assert [path.name for path in (tmp_path / "set/scenes/train").iterdir()] == ["Blocks-0000"]
+    assert not (tmp_path / "set/.making").exists()
+    assert names(make_dataset(scenario(3), tmp_path / "set"))[0] == ["Blocks-0001", "Blocks-0002"]
+
+
+def test_a_log_that_finds_no_space_ends_production(
+    graph: FakeGraph, scenario: Scenarios, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(path: Path, content: bytes) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device", str(path))
+
+    monkeypatch.setattr(scene_log, "write_whole", fail)
+    with pytest.raises(DiskError, match=r"Blocks-0000\.log: the disk is full; finished scenes are in the dataset"):
+        make_dataset(scenario(1), tmp_path / "set")
 
 
 def test_a_damaged_scene_is_neither_made_nor_counted(graph: FakeGraph, scenario: Scenarios, tmp_path: Path) -> None:

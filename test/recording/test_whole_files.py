@@ -46,3 +46,10 @@ def test_errors_name_the_file(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"/a: cannot be written: Is a directory"), write_errors(tmp_path / "a"):
         write_whole(tmp_path / "a", b"")
     assert list(tmp_path.iterdir()) == [tmp_path / "a"]
+
+
+def test_a_link_in_place_of_the_unfinished_file_is_not_followed(tmp_path: Path) -> None:
+    (tmp_path / "precious").write_bytes(b"mine")
+    (tmp_path / "a.part").symlink_to(tmp_path / "precious")
+    write_whole(tmp_path / "a", b"content")
+    assert (tmp_path / "precious").read_bytes() == b"mine" and (tmp_path / "a").read_bytes() == b"content"

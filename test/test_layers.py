@@ -22,6 +22,7 @@ FLOORS = [
         "unpacking",
         "installation",
         "lock_file",
+        "input_file",
         "process_memory",
         "confined_paths",
         "__init__",

@@ -10,6 +10,7 @@ from simbev_ros.config.hazards import Hazards
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import MapScenes, Timing, Traffic, WeatherConfig
 from simbev_ros.maps.build import load_network
+from simbev_ros.maps.source import known_map
 from simbev_ros.process_memory import freeze_after_loading
 from simbev_ros.production.drawing import draw_scenes
 from simbev_ros.production.observer import SILENT, ProductionObserver, observe_step
@@ -82,7 +83,12 @@ def camera_scene(
         vehicles=vehicles, pedestrians=actors - vehicles, spawn_radius_m=spawn_radius_m, waypoint_spacing_m=spacing_m
     )
     time = Timing(warm_up_s=_WARM_UP_S, duration_s=4.0)
-    update = {"scenes": (MapScenes(map=map_name, train=1),), "traffic": traffic, "time": time, "weather": weather}
+    update = {
+        "scenes": (MapScenes(map=known_map(map_name), train=1),),
+        "traffic": traffic,
+        "time": time,
+        "weather": weather,
+    }
     scenario = load_scenario("paper").model_copy(update={**update, "hazards": Hazards(count=0)})
     [spec] = draw_scenes(scenario, observer)
     build_surroundings([spec], observer)

@@ -8,6 +8,7 @@ import numpy as np
 from simbev_ros.bench.world_node_timing import SceneTiming, timed_scenes
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import MapScenes, Scenario
+from simbev_ros.maps.source import known_map
 from simbev_ros.production.drawing import draw_scenes
 from simbev_ros.production.observer import SILENT, ProductionObserver, observe_step
 from simbev_ros.production.surroundings import build_surroundings
@@ -51,6 +52,6 @@ def _with_actors(scenario: Scenario, map_name: str, count: int) -> Scenario:
     vehicles = round(count / 3)
     places = {"vehicles": vehicles - 1, "pedestrians": count - vehicles, "spawn_radius_m": 10_000.0}
     timing = scenario.time.model_copy(update={"end_after_standing_s": None})
-    scenes = (MapScenes(map=map_name, train=1),)
+    scenes = (MapScenes(map=known_map(map_name), train=1),)
     traffic = scenario.traffic.model_copy(update=places)
     return scenario.model_copy(update={"scenes": scenes, "traffic": traffic, "rig": Rig(sensors=()), "time": timing})

@@ -2,10 +2,10 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderableType
 from rich.filesize import decimal
-from rich.markup import escape
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -13,13 +13,18 @@ from rich.progress import (
     ProgressColumn,
     Task,
     TaskID,
+    TaskProgressColumn,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
+from rich.segment import Segment
 from rich.text import Text
 
 _PIPE_WIDTH = 160
+_SPACE = "\n\t\N{NO-BREAK SPACE}"
+DESCRIPTION = TextColumn("{task.description}", markup=False)
+"""The label of a line of progress."""
 
 
 class Bar:
@@ -38,18 +43,49 @@ class Bar:
 
     def describe(self, label: str) -> None:
         """Change the label."""
-        self._progress.update(self._task, description=literal(label))
+        self._progress.update(self._task, description=label)
+
+
+class _Console(Console):
+    """A console that shows control characters in data as escape sequences, instead of sending them to the terminal."""
+
+    def render_str(self, text: str, **options: Any) -> Text:
+        return super().render_str(_printable(text), **options)  # before widths are measured
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterator[Segment]:
+        for segment in super().render(renderable, options):
+            yield segment if segment.control else segment._replace(text=_printable(segment.text))
+
+
+def _printable(text: str) -> str:
+    return text if text.isprintable() else "".join(map(_shown, text))
+
+
+def _shown(character: str) -> str:
+    return character if character.isprintable() or character in _SPACE else ascii(character)[1:-1]
+
+
+def make_console(**options: Any) -> Console:
+    """A console that shows strings as they are, as names of files and scenes may look like Rich's markup or emoji.
+
+    Control characters are shown as escape sequences. Styles are given with ``rich.text.Text``. Only the labels of
+    ``Console.status`` are markup nevertheless.
+
+    Args:
+        options: Further options of ``rich.console.Console``.
+    """
+    return _Console(markup=False, emoji=False, **options)
 
 
 def table_console() -> Console:
     """A console for tables on standard output; in a pipe or file it is wide enough for them."""
-    console = Console()
-    return console if console.is_terminal else Console(width=_PIPE_WIDTH)
+    console = make_console()
+    return console if console.is_terminal else make_console(width=_PIPE_WIDTH)
 
 
 def counting_progress(console: Console, *more: ProgressColumn, transient: bool = True) -> Progress:
     """A progress display over the full width that counts finished items, with further columns at its end."""
-    columns = (TextColumn("{task.description}"), BarColumn(bar_width=None), MofNCompleteColumn(), *more)
+    columns = (DESCRIPTION, BarColumn(bar_width=None), MofNCompleteColumn(), *more)
     return Progress(*columns, console=console, expand=True, transient=transient)
 
 
@@ -68,14 +104,15 @@ def counting_bar(
     """
     times = [*([TimeElapsedColumn()] if elapsed else []), *([TimeRemainingColumn()] if remaining else [])]
     with counting_progress(console, *times) as progress:
-        yield Bar(progress, progress.add_task(literal(label), total=total))
+        yield Bar(progress, progress.add_task(label, total=total))
 
 
 @contextmanager
 def percent_bar(label: str, console: Console, total: int | None = None, *, hidden: bool = False) -> Iterator[Bar]:
     """Show a short bar with a percentage while the context is open, and remove it at the end."""
-    with Progress(console=console, transient=True, disable=hidden) as progress:
-        yield Bar(progress, progress.add_task(literal(label), total=total))
+    columns = (DESCRIPTION, BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True, disable=hidden) as progress:
+        yield Bar(progress, progress.add_task(label, total=total))
 
 
 class TickRate(ProgressColumn):
@@ -85,16 +122,6 @@ class TickRate(ProgressColumn):
         """The text of the column."""
         speed = task.finished_speed or task.speed
         return Text("" if speed is None else f"{speed:.1f} ticks/s", style="progress.data.speed")
-
-
-def literal(text: object) -> str:
-    """Text from data or a path, to print among markup: as it is, with control characters as escape sequences."""
-    return escape(printable(str(text)))
-
-
-def printable(text: str) -> str:
-    """Text with control characters as escape sequences, so that it cannot control the terminal."""
-    return "".join(char if char.isprintable() or char == "\n" else ascii(char)[1:-1] for char in text)
 
 
 def plural(count: int, noun: str) -> str:

@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
-from simbev_ros.cli.console import literal
+from simbev_ros.cli.console import make_console
 from simbev_ros.config.load import load_scenario
 from simbev_ros.errors import InputError
+from simbev_ros.input_file import path_exists
 
 
 def demo(
@@ -30,28 +30,28 @@ def demo(
     from simbev_ros.cli.production_display import SceneDisplay
     from simbev_ros.production.play import play_scenes
 
-    console = Console()
+    console = make_console()
     scenario = load_scenario("demo")
     if seed is not None:
         scenario = scenario.model_copy(update={"seed": seed})
     folder = out or _free_folder(Path("out/demo"))
-    if folder.exists():
+    if path_exists(folder):
         raise InputError(f"--out {folder}: exists already; nothing was overwritten")
     (bag,) = play_scenes(scenario, dataset=folder, observer=SceneDisplay(console))
     preview = make_preview(bag, folder, console=console)
     command = os.environ.get("SIMBEV_COMMAND", "simbev")
     console.print()
-    console.print(f"bag      {literal(bag)}", soft_wrap=True)
+    console.print(f"bag      {bag}", soft_wrap=True)
     for path in preview:
-        console.print(f"preview  {literal(path)}", soft_wrap=True)
+        console.print(f"preview  {path}", soft_wrap=True)
+    console.print("\nWhat next", style="bold")
     console.print(
-        f"""
-[bold]What next[/]
-  {literal(command)} info {literal(bag)}
+        f"""\
+  {command} info {bag}
       what is in it
-  ros2 bag play {literal(bag)}
+  ros2 bag play {bag}
       or open the .mcap file in Foxglove, Lichtblick or Rerun
-  {literal(command)} run live --live
+  {command} run live --live
       stream to your own nodes""",
         soft_wrap=True,
     )

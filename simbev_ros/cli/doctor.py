@@ -8,10 +8,10 @@ from importlib import metadata, util
 from typing import NamedTuple
 
 import typer
-from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
-from simbev_ros.cli.console import literal
+from simbev_ros.cli.console import make_console
 from simbev_ros.errors import SimbevError
 
 
@@ -33,12 +33,12 @@ def doctor() -> None:
     simbev doctor
     """
     table = Table("", "part", "found", box=None)
-    with Console(stderr=True).status("looking at this machine"):
+    with make_console(stderr=True).status("looking at this machine"):
         findings = list(_findings())
     for finding in findings:
-        mark = {True: "[green]✓[/]", False: "[red]✗[/]", None: "·"}[finding.fine]
-        table.add_row(mark, literal(finding.subject), literal(finding.found))
-    Console().print(table)
+        mark = {True: Text("✓", "green"), False: Text("✗", "red"), None: Text("·")}[finding.fine]
+        table.add_row(mark, finding.subject, finding.found)
+    make_console().print(table)
     if any(finding.fine is False for finding in findings):
         raise typer.Exit(1)
 

@@ -6,33 +6,36 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from simbev_ros.cli.console import format_duration, format_size, literal
+from simbev_ros.cli.console import format_duration, format_size
 from simbev_ros.cli.production_display import SceneDisplay
 from simbev_ros.config.scenario import SPLITS, Scenario
 from simbev_ros.production.dataset import plan_scenes
 from simbev_ros.production.estimate import SAMPLE_TICKS, Estimate, SceneCounts, count_scenes, estimate_dataset
+from simbev_ros.recording.whole_files import require_writable
 
 
 def show_estimate(scenario: Scenario, dataset: Path, replace: Sequence[range], console: Console) -> None:
     """Print which scenes would be made and their estimated cost; nothing is written into the dataset.
 
     Raises:
-        InputError: The plan of the dataset or the configuration is wrong, or the sample cannot be played.
+        InputError: The folder cannot be written to, the plan of the dataset or the configuration is wrong, or the
+            sample cannot be played.
         GraphError: A node died or fell silent.
     """
+    require_writable(dataset)
     _, entries = plan_scenes(scenario, dataset, replace)
     console.print(_counts_table(*count_scenes(dataset, entries)))
     if not entries:
         console.print("nothing is missing")
         return
     estimate = estimate_dataset(scenario, dataset, entries, SceneDisplay(console))
-    console.print(_sentence(estimate, literal(entries[0].name)), highlight=False, soft_wrap=True)
+    console.print(_sentence(estimate, entries[0].name), highlight=False, soft_wrap=True)
 
 
 def _counts_table(existing: SceneCounts, missing: SceneCounts) -> Table:
     table = Table("map", *(f"{split}: {state}" for split in SPLITS for state in ("there", "to make")))
     for name in dict.fromkeys(name for name, _ in (*existing, *missing)):
-        table.add_row(literal(name), *(str(counts[name, split]) for split in SPLITS for counts in (existing, missing)))
+        table.add_row(name, *(str(counts[name, split]) for split in SPLITS for counts in (existing, missing)))
     return table
 
 

@@ -7,7 +7,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from simbev_ros.cli.console import literal, plural
+from simbev_ros.cli.console import make_console, plural
 from simbev_ros.cli.scene_numbers import scene_numbers
 from simbev_ros.config.load import load_scenario
 
@@ -44,7 +44,7 @@ def generate(
     from simbev_ros.cli.production_display import DatasetDisplay
     from simbev_ros.production.dataset import make_dataset
 
-    scenario, numbers, console = load_scenario(config), scene_numbers("--replace", replace or ()), Console()
+    scenario, numbers, console = load_scenario(config), scene_numbers("--replace", replace or ()), make_console()
     if dry_run:
         from simbev_ros.cli.estimate_table import show_estimate
 
@@ -58,9 +58,7 @@ def generate(
 
 def _show(result: "DatasetResult", console: Console) -> None:
     """Print how many scenes were made, and a table of those that failed or are damaged."""
-    console.print(
-        f"{plural(len(result.made), 'scene')} made in {literal(result.path)}", highlight=False, soft_wrap=True
-    )
+    console.print(f"{plural(len(result.made), 'scene')} made in {result.path}", highlight=False, soft_wrap=True)
     remedies = {
         name: f"damaged: {problem}; --replace {int(name.rpartition('-')[2])} makes it anew"
         for name, problem in result.damaged.items()
@@ -69,5 +67,5 @@ def _show(result: "DatasetResult", console: Console) -> None:
     if failed:
         table = Table("scene", "what is wrong", title=f"{len(failed)} failed")
         for name, problem in failed.items():
-            table.add_row(literal(name), literal(problem))
+            table.add_row(name, problem)
         console.print(table)

@@ -8,13 +8,14 @@ from typing import Annotated, Any
 
 import typer
 from rich import box
-from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
-from simbev_ros.cli.console import counting_bar, format_size, literal, percent_bar, table_console
-from simbev_ros.cli.output_file import require_place, writing
+from simbev_ros.cli.console import counting_bar, format_size, make_console, percent_bar, table_console
+from simbev_ros.cli.output_file import require_place
 from simbev_ros.errors import BagError
 from simbev_ros.recording.layout import PARTIAL_SUFFIX, additional_bags, is_dataset, is_scene, scenes_of
+from simbev_ros.recording.whole_files import write_errors
 from simbev_ros.scene.ending import DURATION
 from simbev_ros.units import NS_PER_S
 
@@ -55,8 +56,8 @@ def info(
         finished = sum(scene["state"] == "finished" and scene["path"] in own for scene in scenes)
         additional = sum(len(additional_bags(bag)) for bag in bags if is_scene(bag))
         more = f", {additional} additional bags" if additional else ""
-        parts: list[str | Table] = [
-            f"[bold]{literal(path)}[/]: {finished} of {len(own)} scenes finished{more}",
+        parts: list[Text | Table] = [
+            Text.assemble((str(path), "bold"), f": {finished} of {len(own)} scenes finished{more}"),
             _scene_table(scenes, digest),
         ]
     else:
@@ -76,12 +77,12 @@ def _write_report(path: Path, report: Path, jobs: int) -> None:
     from simbev_ros.dataset.statistics import statistics_of
     from simbev_ros.viz.reports.dataset_report import dataset_report
 
-    console = Console(stderr=True, soft_wrap=True)
+    console = make_console(stderr=True, soft_wrap=True)
     with counting_bar("frames", console) as bar:
         statistics = statistics_of(open_dataset(path, threads=1), jobs, bar.show)
-    with writing(report):
+    with write_errors(report):
         report.write_text(dataset_report(statistics), encoding="utf-8")
-    console.print(f"statistics in {literal(report)}", highlight=False)
+    console.print(f"statistics in {report}", highlight=False)
 
 
 def _describe_any(bag: Path, digest: bool) -> dict[str, Any]:
@@ -95,7 +96,7 @@ def _describe_any(bag: Path, digest: bool) -> dict[str, Any]:
 def _describe(path: Path, digest: bool) -> dict[str, Any]:
     from simbev_ros.recording.description import describe_bag
 
-    with percent_bar(path.name, Console(stderr=True), hidden=not digest) as bar:
+    with percent_bar(path.name, make_console(stderr=True), hidden=not digest) as bar:
         return describe_bag(path, digest=digest, progress=bar.show)
 
 
@@ -103,25 +104,25 @@ def _fact_table(facts: dict[str, Any]) -> Table:
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(style="dim")
     table.add_column(overflow="fold")
-    table.add_row("scene", f"[bold]{literal(facts['name'])}[/]")
+    table.add_row("scene", Text(facts["name"], "bold"))
     table.add_row("state", _state(facts))
     if facts["ended"]:
-        table.add_row("ended", literal(facts["ended"]))
+        table.add_row("ended", facts["ended"])
     for problem in facts["problems"][:_MAX_PROBLEMS]:
-        table.add_row("", f"[red]{literal(problem)}[/]")
+        table.add_row("", Text(problem, "red"))
     if len(facts["problems"]) > _MAX_PROBLEMS:
-        table.add_row("", f"[red]and {len(facts['problems']) - _MAX_PROBLEMS} topics more[/]")
+        table.add_row("", Text(f"and {len(facts['problems']) - _MAX_PROBLEMS} topics more", "red"))
     table.add_row("length", f"{facts['duration_s']:.2f} s from stamp {facts['start_ns'] / NS_PER_S:.2f} s")
     table.add_row("size", f"{format_size(facts['file_bytes'])}, {facts['messages']} messages")
     if scene := facts["scene"]:
-        table.add_row("map", literal(f"{scene['map']}, split {scene['split']}, seed {scene['seed']}"))
+        table.add_row("map", f"{scene['map']}, split {scene['split']}, seed {scene['seed']}")
         part = "" if facts["ticks"] in (None, scene["ticks"]) else f"{facts['ticks']} of "
         table.add_row("ticks", f"{part}{scene['ticks']}, each {scene['tick_s']:g} s")
         table.add_row("actors", f"{scene['vehicles']} vehicles, {scene['pedestrians']} pedestrians")
         table.add_row("weather", _weather(scene))
-        table.add_row("rig", literal("\n".join(scene["rig"])))
+        table.add_row("rig", "\n".join(scene["rig"]))
     attachments = ", ".join(f"{name} ({format_size(size)})" for name, size in facts["attachments"].items())
-    table.add_row("attached", literal(attachments or "nothing"))
+    table.add_row("attached", attachments or "nothing")
     if "digest" in facts:
         table.add_row("digest", facts["digest"][:_SHORT])
     return table
@@ -145,13 +146,11 @@ def _topic_table(topics: Sequence[dict[str, Any]], digest: bool) -> Table:
         table.add_column("digest", no_wrap=True)
     for topic in topics:
         count, expected = topic["count"], topic["expected"]
-        messages = str(count) if expected in (None, count) else f"[red]{count} of {expected}[/]"
+        messages = Text(str(count)) if expected in (None, count) else Text(f"{count} of {expected}", "red")
         rate = f"{topic['rate_hz']:.4g} Hz" if topic["rate_hz"] else ""
         size = format_size(topic["bytes"]) if topic["bytes"] is not None else ""
         hashes = [topic["digest"][:_SHORT]] if digest else []
-        table.add_row(
-            literal(topic["name"]), literal(topic["type"].replace("/msg/", "/")), messages, rate, size, *hashes
-        )
+        table.add_row(topic["name"], topic["type"].replace("/msg/", "/"), messages, rate, size, *hashes)
     return table
 
 
@@ -165,10 +164,10 @@ def _scene_table(scenes: Sequence[dict[str, Any]], digest: bool) -> Table:
         table.add_column("digest", no_wrap=True)
     for scene in scenes:
         where = Path(scene["path"])
-        name = literal(f"{where.parent.name}/{where.name}")
+        name = f"{where.parent.name}/{where.name}"
         if scene["state"] == "damaged":
             problem = scene["problems"][0].removeprefix(str(where)).lstrip("/: ")
-            table.add_row(name, f"[red]damaged[/]: {literal(problem)}")
+            table.add_row(name, Text.assemble(("damaged", "red"), f": {problem}"))
             continue
         length = f"{scene['duration_s']:.2f} s"
         hashes = [scene["digest"][:_SHORT]] if digest else []
@@ -176,8 +175,8 @@ def _scene_table(scenes: Sequence[dict[str, Any]], digest: bool) -> Table:
     return table
 
 
-def _state(facts: dict[str, Any]) -> str:
-    style = _STATE_STYLES[facts["state"]]
-    early = "" if facts["ended"] in (None, DURATION) else ", [yellow]ended early[/]"
-    books = {True: ", [green]complete[/]", False: ", [red]incomplete[/]", None: ""}[facts["complete"]]
-    return f"[{style}]{facts['state']}[/]{books}{early}"
+def _state(facts: dict[str, Any]) -> Text:
+    books = {True: [("complete", "green")], False: [("incomplete", "red")], None: []}[facts["complete"]]
+    early = [] if facts["ended"] in (None, DURATION) else [("ended early", "yellow")]
+    words = [(facts["state"], _STATE_STYLES[facts["state"]]), *books, *early]
+    return Text(", ").join(Text(word, style) for word, style in words)

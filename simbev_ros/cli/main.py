@@ -1,5 +1,7 @@
 """Entry point of the ``simbev`` command. Exit codes: 0 done, 1 failed, 2 bad input, 130 interrupted."""
 
+import errno
+import io
 import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
@@ -7,11 +9,11 @@ from importlib import import_module
 from typing import Any
 
 import typer
-from rich.console import Console
 from typer.core import TyperGroup
 
 from simbev_ros import __version__
-from simbev_ros.errors import InputError, SimbevError
+from simbev_ros.cli.console import make_console
+from simbev_ros.errors import DISK_FULL, InputError, SimbevError
 from simbev_ros.graph.interrupts import Interrupted, raising_interrupts
 
 VERBS = {
@@ -33,6 +35,8 @@ VERBS = {
 """Module and function, or group, of each verb, below ``simbev_ros.cli``, in the order of the help."""
 _TRACEBACK_VARIABLE = "SIMBEV_TRACEBACK"
 _MAX_LENGTH = 300
+_EXHAUSTED = (*DISK_FULL, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.EIO)
+"""Numbers of the operating system's errors that are no fault of the path that they name."""
 
 
 def load_verb(name: str) -> Callable[..., None] | typer.Typer:
@@ -103,7 +107,10 @@ def _options(
 
 def main() -> None:
     """Entry point: run a verb and turn errors into messages and exit codes."""
-    stderr = Console(stderr=True, soft_wrap=True)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # names of files need not be UTF-8
+    stderr = make_console(stderr=True, soft_wrap=True)
     try:
         with raising_interrupts():
             app(standalone_mode=True)
@@ -113,11 +120,16 @@ def main() -> None:
     except Exception as error:
         if os.environ.get(_TRACEBACK_VARIABLE) and not isinstance(error, InputError):
             raise
-        from simbev_ros.cli.console import printable
+        stderr.print("error:", style="bold red", end=" ")
+        stderr.print(_message(error), highlight=False)
+        sys.exit(_exit_code(error))
 
-        stderr.print("[bold red]error:[/]", end=" ")
-        stderr.print(printable(_message(error)), markup=False, highlight=False)
-        sys.exit(error.exit_code if isinstance(error, SimbevError) else SimbevError.exit_code)
+
+def _exit_code(error: Exception) -> int:
+    if isinstance(error, SimbevError):
+        return error.exit_code
+    is_input = isinstance(error, OSError) and error.filename is not None and error.errno not in _EXHAUSTED
+    return InputError.exit_code if is_input else SimbevError.exit_code
 
 
 def _message(error: Exception) -> str:
@@ -128,8 +140,13 @@ def _message(error: Exception) -> str:
     if isinstance(error, SimbevError):
         return str(error)
     while_what = "".join(f", {note}" for note in getattr(error, "__notes__", ()))
-    if isinstance(error, MemoryError):
+    if isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM):
         return f"memory ran out{while_what}"
+    if isinstance(error, OSError) and error.strerror:  # of this machine, its disks or its limits
+        where = "" if error.filename is None else f"{os.fsdecode(error.filename)!s:.{_MAX_LENGTH}}: "
+        return f"{where}{error.strerror}{while_what}"
+    if isinstance(error, ImportError):
+        return f"{error}{while_what}; simbev doctor says what this machine lacks"
     return (
         f"this is a bug in simbev: {type(error).__name__}: {error!s:.{_MAX_LENGTH}}{while_what}\n"
         f"Please report it. With {_TRACEBACK_VARIABLE}=1 the traceback is shown"

@@ -1,43 +1,47 @@
-"""Files that users ask for on the command line: checked before the work begins, written after it."""
+"""Files that users ask for on the command line: checked before the work begins."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from simbev_ros.errors import InputError
+from simbev_ros.input_file import is_folder
+from simbev_ros.recording.whole_files import require_writable, write_errors
 
 
 def require_place(file: Path) -> None:
     """Check that a file can be created in its folder, before hours are spent on its content.
 
     Raises:
-        InputError: The folder does not exist, or the file is a folder.
+        DiskError: The disk is full.
+        InputError: The folder does not exist or cannot be written to, or the file is a folder.
     """
-    if not file.absolute().parent.is_dir():
+    if not is_folder(file.absolute().parent):
         raise InputError(f"{file}: there is no folder {file.absolute().parent}")
     if file.is_dir():
         raise InputError(f"{file}: is a folder, not a file")
+    if not file.exists():
+        require_writable(file.parent)
 
 
 def make_room(out: Path, targets: list[Path], overwrite: bool) -> None:
     """Make the folder for some files.
 
     Raises:
-        InputError: The folder cannot be made, or a file exists and must not be overwritten.
+        DiskError: The disk is full.
+        InputError: The folder cannot be made or written to, or a file exists and must not be overwritten.
     """
-    try:
+    require_writable(out)
+    with write_errors(out):
         out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"--out {out}: cannot be created: {error.strerror}") from None
     taken = [path for path in targets if path.exists()]
     if taken and not overwrite:
         raise InputError(f"{taken[0]}: exists already; nothing was overwritten (--overwrite replaces it)")
 
 
-@contextmanager
-def writing(file: Path) -> Iterator[None]:
-    """Turn errors of the operating system while a file is written into ``InputError``."""
-    try:
-        yield
-    except OSError as error:
-        raise InputError(f"{file}: cannot be written: {error.strerror}") from None
+def require_name(path: Path) -> None:
+    """Check that a path ends in a name, from which other names are made.
+
+    Raises:
+        InputError: It does not, such as ``/``.
+    """
+    if path.name in ("", ".."):
+        raise InputError(f"{path}: must end in a name")

@@ -5,8 +5,9 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.text import Text
 
-from simbev_ros.cli.console import literal, percent_bar
+from simbev_ros.cli.console import make_console, percent_bar
 from simbev_ros.cli.output_file import make_room
 from simbev_ros.config.rendering import Quality
 from simbev_ros.errors import InputError
@@ -60,7 +61,7 @@ def preview(
     """
     from simbev_ros.cli.gallery import make_gallery
 
-    console = Console()
+    console = make_console()
     if (bag is not None) == gallery:
         raise InputError("give either a scene's bag, or --gallery")
     if gallery and (frame is not None or not video):
@@ -73,7 +74,7 @@ def preview(
         assert bag is not None
         paths = make_preview(bag, out, frame=frame, labels=labels, video=video, overwrite=overwrite, console=console)
     for path in paths:
-        console.print(f"[green]wrote[/] {literal(path)}", highlight=False, soft_wrap=True)
+        console.print(Text.assemble(("wrote", "green"), f" {path}"), soft_wrap=True)
 
 
 def make_preview(

@@ -5,10 +5,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.status import Status
 
-from simbev_ros.cli.console import TickRate, counting_progress, format_size, literal
+from simbev_ros.cli.console import TickRate, counting_progress, format_size
 from simbev_ros.cli.evaluate.live import print_live_tables
 from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.production.observer import ProductionObserver
@@ -30,7 +31,7 @@ class MapDisplay(ProductionObserver):
 
     def step_started(self, step: str) -> None:
         """Show a spinner."""
-        self._status = self.console.status(literal(step))
+        self._status = self.console.status(escape(step))
         self._status.start()
 
     def step_ended(self) -> None:
@@ -45,12 +46,12 @@ class MapDisplay(ProductionObserver):
 
     def map_noted(self, map_name: str, note: str) -> None:
         """Print the note."""
-        self.console.print(f"map {map_name}: {note}", style="dim", markup=False, highlight=False, soft_wrap=True)
+        self.console.print(f"map {map_name}: {note}", style="dim", highlight=False, soft_wrap=True)
 
     def surroundings_started(self, map_name: str, regions: int) -> None:
         """Show a bar of regions."""
         self._regions = counting_progress(self.console, TextColumn("regions"))
-        self._regions.add_task(f"surroundings of {literal(map_name)}", total=regions)
+        self._regions.add_task(f"surroundings of {map_name}", total=regions)
         self._regions.start()
 
     def region_built(self) -> None:
@@ -105,7 +106,7 @@ class SceneDisplay(MapDisplay):
             self._ticks.stop()
             self._ticks = None
         if end is not None and end.reason != DURATION:
-            self.console.print(f"{spec.name} ended early: {end.reason}", markup=False, highlight=False, soft_wrap=True)
+            self.console.print(f"{spec.name} ended early: {end.reason}", highlight=False, soft_wrap=True)
 
 
 class DatasetDisplay(MapDisplay):
@@ -121,7 +122,7 @@ class DatasetDisplay(MapDisplay):
     def dataset_started(self, scenes: int, dataset_bytes: int) -> None:
         """Show the bar, if there is something to make."""
         columns = (
-            TextColumn("{task.fields[what]}"),
+            TextColumn("{task.fields[what]}", markup=False),
             BarColumn(bar_width=None),
             TextColumn("{task.completed:.1f}/{task.fields[scenes]} scenes"),
             TextColumn("{task.fields[speed]}", style="progress.data.speed"),
@@ -140,13 +141,13 @@ class DatasetDisplay(MapDisplay):
         self._frames += max(done - self._last_tick, 0)
         self._last_tick = done
         speed = self._frames / (time.monotonic() - self._began_s)
-        what = literal(f"{spec.name} {done + 1}/{spec.ticks}")
+        what = f"{spec.name} {done + 1}/{spec.ticks}"
         share = self._done + min((done + 1) / spec.ticks, 1.0)
         self._bars.update(self._task, completed=share, what=what, speed=f"{speed:.2f} frames/s")
 
     def scene_retried(self, spec: SceneSpec, reason: str) -> None:
         """Print why the scene is tried again."""
-        self.console.print(f"{spec.name}: {reason}; once more", markup=False, soft_wrap=True)
+        self.console.print(f"{spec.name}: {reason}; once more", soft_wrap=True)
 
     def scene_made(self, entry: PlannedEntry, dataset_bytes: int) -> None:
         """Count the scene, and show the disk space."""

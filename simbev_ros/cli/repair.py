@@ -4,9 +4,11 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
+from rich.markup import escape
+from rich.text import Text
 
-from simbev_ros.cli.console import literal
+from simbev_ros.cli.console import make_console
+from simbev_ros.cli.output_file import require_name
 
 
 def repair(
@@ -23,13 +25,17 @@ def repair(
     """
     from simbev_ros.recording.layout import PARTIAL_SUFFIX, numbered_files
     from simbev_ros.recording.repair import repair_bag
+    from simbev_ros.recording.whole_files import require_writable
 
+    if out is not None:
+        require_name(out)
+        require_writable(out.parent)
     folder = next(iter(numbered_files(bag).values())).resolve().parent
     target = out or folder.with_name(folder.name.removesuffix(PARTIAL_SUFFIX) + "-repaired")
-    console = Console()
-    with console.status(f"reading {literal(folder.name)}"):
+    console = make_console()
+    with console.status(f"reading {escape(folder.name)}"):
         repaired = repair_bag(bag, target)
     saved = f"{sum(repaired.counts.values()):,} messages of {len(repaired.counts)} topics saved in {target}"
-    console.print(literal(saved), highlight=False, soft_wrap=True)
+    console.print(saved, highlight=False, soft_wrap=True)
     for loss in repaired.lost:
-        console.print(f"[yellow]lost:[/] {literal(loss)}", highlight=False, soft_wrap=True)
+        console.print(Text.assemble(("lost:", "yellow"), f" {loss}"), soft_wrap=True)

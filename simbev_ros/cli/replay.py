@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from simbev_ros.cli.console import literal, plural
+from simbev_ros.cli.console import make_console, plural
 from simbev_ros.cli.evaluate.live import FiguresOption, StackOption, with_evaluation
 from simbev_ros.config.load import load_scenario
 from simbev_ros.errors import InputError
@@ -22,6 +22,7 @@ from simbev_ros.recording.layout import (
     scene_folder,
     scenes_of,
 )
+from simbev_ros.recording.whole_files import require_writable
 
 if TYPE_CHECKING:
     from simbev_ros.config.scenario import Scenario
@@ -62,7 +63,9 @@ def replay(
 
     if merge is not None and (record is not None or live):
         raise InputError("--merge records beside the replayed bags; give neither --out nor --live with it")
-    scenario, console = with_evaluation(load_scenario(config), evaluate, stack), Console()
+    scenario, console = with_evaluation(load_scenario(config), evaluate, stack), make_console()
+    if record is not None:
+        require_writable(record)
     found = _bags_to_replay(bags, record, merge, console)
     if not found:
         return
@@ -76,7 +79,7 @@ def replay(
             for folder, recorded in zip(folders, scenes, strict=True):
                 bag = recorded if merge is None else recorded.rename(additional_folder(folder, merge))
                 if dataset is not None:
-                    console.print(f"recorded {literal(bag)}", highlight=False, soft_wrap=True)
+                    console.print(f"recorded {bag}", highlight=False, soft_wrap=True)
 
 
 def _bags_to_replay(paths: Sequence[Path], record: Path | None, merge: str | None, console: Console) -> list[Path]:

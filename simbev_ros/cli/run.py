@@ -5,9 +5,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
-from simbev_ros.cli.console import literal
+from simbev_ros.cli.console import make_console
 from simbev_ros.cli.evaluate.live import FiguresOption, StackOption, with_evaluation
 from simbev_ros.config.load import load_scenario
 
@@ -43,12 +42,12 @@ def run(
     from simbev_ros.production.play import play_scenes
 
     scenario = with_evaluation(load_scenario(config), evaluate, stack)
-    console = Console()
+    console = make_console()
     if domain is None and not os.environ.get("ROS_DOMAIN_ID"):
         domain = 0
     exposure = Exposure(network=network, security=security)
-    profile = f"FASTRTPS_DEFAULT_PROFILES_FILE={literal(exposure.profile_file)}"
+    profile = f"FASTRTPS_DEFAULT_PROFILES_FILE={exposure.profile_file}"
     console.print(f"subscribers: export {profile}", style="dim", soft_wrap=True)
     display = SceneDisplay(console)
     for bag in play_scenes(scenario, live=live, dataset=record, domain=domain, exposure=exposure, observer=display):
-        console.print(f"recorded {literal(bag)}", soft_wrap=True)
+        console.print(f"recorded {bag}", soft_wrap=True)

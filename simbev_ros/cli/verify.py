@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
-from simbev_ros.cli.console import counting_bar, literal, plural
+from simbev_ros.cli.console import counting_bar, make_console, plural
 from simbev_ros.errors import InputError
+from simbev_ros.input_file import path_exists
 from simbev_ros.recording.layout import is_dataset, scenes_of
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def verify(
     from simbev_ros.dataset.check import dataset_faults
 
     for path in paths:
-        if not path.exists():
+        if not path_exists(path):
             raise InputError(f"{path}: no such file or folder")
     bags = [bag for path in paths for bag in (scenes_of(path) if is_dataset(path) else [path])]
     jobs = jobs or os.cpu_count() or 1
@@ -60,7 +60,7 @@ def _faults(bags: Sequence[Path], jobs: int) -> "list[Fault]":
     from simbev_ros.recording.verify import verify_bag
 
     faults: list[Fault] = []
-    with counting_bar("bags", Console(stderr=True), len(bags)) as bar:
+    with counting_bar("bags", make_console(stderr=True), len(bags)) as bar:
         for found in map_in_processes(verify_bag, bags, min(jobs, max(len(bags), 1))):
             faults += found
             bar.advance()
@@ -72,17 +72,17 @@ def _plain(fault: "Fault") -> dict[str, str]:
 
 
 def _print(bags: int, faults: "Sequence[Fault]") -> None:
-    console = Console()
+    console = make_console()
     if not faults:
-        console.print(f"[green]{plural(bags, 'bag')}: nothing is wrong[/]")
+        console.print(f"{plural(bags, 'bag')}: nothing is wrong", style="green")
         return
     table = Table()
     for title in ("bag", "where", "what"):
         table.add_column(title, overflow="fold")
     for fault in faults[:_MAX_SHOWN]:
-        table.add_row(*map(literal, (str(fault.bag), fault.place, fault.problem)))
+        table.add_row(str(fault.bag), fault.place, fault.problem)
     console.print(table)
     more = len(faults) - _MAX_SHOWN
     if more > 0:
         console.print(f"and {more} more; --json has all")
-    console.print(f"[red]{plural(len(faults), 'fault')} in {plural(bags, 'bag')}[/]")
+    console.print(f"{plural(len(faults), 'fault')} in {plural(bags, 'bag')}", style="red")

@@ -11,12 +11,13 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from simbev_ros.config.base import short_repr
-from simbev_ros.config.map_files import MAP_SUFFIXES
+from simbev_ros.config.map_files import MAP_SUFFIXES, expand_home
 from simbev_ros.config.paths import shipped_config_dir
 from simbev_ros.config.rig import SENSOR_KINDS
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.config.yaml_file import YamlFile
 from simbev_ros.errors import InputError
+from simbev_ros.input_file import is_file, path_exists
 
 
 def load_scenario(path_or_name: str | Path) -> Scenario:
@@ -48,9 +49,9 @@ def find_config(path_or_name: str | Path) -> Path:
     """
     path = Path(path_or_name)
     shipped = {file.stem: file for file in sorted(shipped_config_dir().glob("*.yaml"))}
-    if path.is_file():
+    if is_file(path):
         return path
-    if path.exists():
+    if path_exists(path):
         raise InputError(f"{path}: is not a file")
     if str(path_or_name) in shipped:
         return shipped[str(path_or_name)]
@@ -71,12 +72,12 @@ def expand_rig(data: Any, path: Path) -> Any:
         raise InputError(f"{path}: defaults: must map sensor types to properties")
     sensors = data.get("sensors")
     if isinstance(sensors, list):
-        types = {sensor.get("type") for sensor in sensors if isinstance(sensor, dict)}
+        types = [sensor.get("type") for sensor in sensors if isinstance(sensor, dict)]
         unused = [kind for kind in defaults if kind not in types]
         if unused:
             raise InputError(f"{path}: defaults: no sensor of type {', '.join(map(str, unused))} is in the rig")
         data["sensors"] = [
-            {**defaults.get(sensor.get("type"), {}), **sensor} if isinstance(sensor, dict) else sensor
+            {**defaults.get(str(sensor.get("type")), {}), **sensor} if isinstance(sensor, dict) else sensor
             for sensor in sensors
         ]
     return data
@@ -92,18 +93,18 @@ def _with_absolute_maps(data: dict[str, Any], file: YamlFile) -> dict[str, Any]:
         name = entry.get("map") if isinstance(entry, dict) else None
         if not (isinstance(name, str) and name.lower().endswith(MAP_SUFFIXES)):
             continue
-        path = (file.path.parent / Path(name).expanduser()).resolve()
-        if not path.is_file():
+        path = file.path.parent / expand_home(name)
+        if not is_file(path):
             line = file.line_of(["scenes", index, "map"])
             raise InputError(f"{file.path}:{line}: scenes[{index}].map: no such file: {path}")
-        entries[index] = {**entry, "map": str(path)}
+        entries[index] = {**entry, "map": str(path.resolve())}
     return {**data, "scenes": entries}
 
 
 def _find_rig(name: str, config_path: Path) -> Path:
     candidates = [config_path.parent / name, shipped_config_dir() / name]
     for candidate in candidates:
-        if candidate.is_file():
+        if is_file(candidate):
             return candidate
     raise InputError(f"{config_path}: rig: no such file: {candidates[0]}")
 

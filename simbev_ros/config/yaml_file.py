@@ -1,15 +1,23 @@
 """Reader of YAML files written by users: safe, strict about repeated keys, and aware of the line of every value."""
 
+import re
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import yaml
+from yaml.composer import ComposerError
+from yaml.constructor import ConstructorError
 
 from simbev_ros.errors import InputError
+from simbev_ros.input_file import read_small_file
 
 _MAX_BYTES = 4 << 20
 _MAX_NODES = 200_000
+_MAX_DEPTH = 64
+_UNUSABLE = re.compile("[\0\ud800-\udfff]")
+"""Characters that escape sequences can produce, but that are in no name of a file and in no text."""
 
 
 class YamlFile:
@@ -20,25 +28,24 @@ class YamlFile:
         data: Its contents as mappings, lists and scalars.
 
     Raises:
-        InputError: The file cannot be read, is not YAML, repeats a key, or its aliases expand to too many values.
+        InputError: The file cannot be read, is not YAML, repeats a key, is nested too deeply, or has too many values,
+            also by its aliases.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         try:
-            if path.stat().st_size > _MAX_BYTES:
-                raise InputError(f"{path}: larger than {_MAX_BYTES >> 20} MiB; this is no configuration file")
-            text = path.read_text(encoding="utf-8")
-            self._root = yaml.compose(text, Loader=yaml.SafeLoader)
+            loader = _Loader(read_small_file(path, _MAX_BYTES).decode())
+            loader.name = path.name
+            self._root = loader.get_single_node()
+            self.data: Any = None
             if self._root is not None:
                 _check(self._root, path)
-            self.data: Any = yaml.safe_load(text)
-        except (OSError, UnicodeDecodeError) as error:
-            raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+                self.data = loader.construct_document(self._root)
+        except UnicodeDecodeError as error:
+            raise InputError(f"{path}: cannot be read: {error}") from None
         except yaml.YAMLError as error:
             raise InputError(f"{path}: not valid YAML: {' '.join(str(error).split())}") from None
-        except (ValueError, RecursionError) as error:
-            raise InputError(f"{path}: not valid YAML: {error}") from None
 
     def line_of(self, keys: Sequence[str | int]) -> int | None:
         """Line, counted from 1, of the value at a path of keys and indices, or of the deepest existing part of it."""
@@ -51,6 +58,35 @@ class YamlFile:
         return node.start_mark.line + 1 if node is not None else None
 
 
+class _Loader(yaml.SafeLoader):
+    """A safe loader with limits, all of whose errors are ``yaml.YAMLError`` and name a line."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self._depth = self._nodes = 0
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        """Compose a node with all that is in it; called by the base class."""
+        self._nodes += 1
+        where = None if parent is None else parent.start_mark
+        if self._nodes > _MAX_NODES:
+            raise ComposerError(None, None, f"more than {_MAX_NODES} values", where)
+        if self._depth == _MAX_DEPTH:
+            raise ComposerError(None, None, f"nested deeper than {_MAX_DEPTH} levels", where)
+        self._depth += 1
+        node: yaml.Node | None = super().compose_node(parent, index)
+        self._depth -= 1
+        return node
+
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
+        """Construct the value of a node; called by the base class, which raises what Python's conversions raise."""
+        try:
+            return super().construct_object(node, deep)
+        except (ArithmeticError, AttributeError, LookupError, ValueError):
+            kind, text = node.tag.rpartition(":")[2], f"{node.value!r:.80}"
+            raise ConstructorError(None, None, f"{text} is not a valid {kind}", node.start_mark) from None
+
+
 def _child(node: Any, key: str | int) -> Any:
     if isinstance(node, yaml.MappingNode):
         return next((value for name, value in node.value if name.value == str(key)), None)
@@ -60,7 +96,7 @@ def _child(node: Any, key: str | int) -> Any:
 
 
 def _check(root: yaml.Node, path: Path) -> None:
-    """Refuse repeated keys, cycles, and aliases that expand to more than ``_MAX_NODES`` values ("YAML bombs")."""
+    """Refuse repeated keys, unusable characters, cycles, and aliases that expand to too many values ("YAML bombs")."""
     sizes: dict[int, int] = {}
     open_nodes: set[int] = set()
 
@@ -73,13 +109,15 @@ def _check(root: yaml.Node, path: Path) -> None:
         open_nodes.add(id(node))
         total = 1
         if isinstance(node, yaml.MappingNode):
-            names = [name.value for name, _ in node.value if isinstance(name, yaml.ScalarNode)]
-            twice = sorted({name for name in names if names.count(name) > 1})
+            names = Counter(name.value for name, _ in node.value if isinstance(name, yaml.ScalarNode))
+            twice = sorted(name for name, count in names.items() if count > 1)
             if twice:
                 raise InputError(f"{where}: key {twice[0]} appears twice")
             total += sum(size(name) + size(value) for name, value in node.value)
         elif isinstance(node, yaml.SequenceNode):
             total += sum(size(item) for item in node.value)
+        elif _UNUSABLE.search(node.value):
+            raise InputError(f"{where}: a text contains a character that no text may contain")
         if total > _MAX_NODES:
             raise InputError(f"{where}: expands to more than {_MAX_NODES} values through its aliases")
         open_nodes.discard(id(node))

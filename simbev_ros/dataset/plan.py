@@ -18,6 +18,7 @@ from simbev_ros.config.names import NAME_PATTERN, Name
 from simbev_ros.config.scenario import SPLITS, Scenario, Split
 from simbev_ros.confined_paths import path_inside, refuse_links_out
 from simbev_ros.errors import InputError
+from simbev_ros.input_file import path_exists, read_small_file
 from simbev_ros.limits import MAX_SCENE_NUMBER
 from simbev_ros.maps.source import map_spec
 from simbev_ros.recording.layout import SCENES_FOLDER, scene_folder
@@ -26,6 +27,7 @@ from simbev_ros.recording.whole_files import write_errors, write_whole
 PLAN_FILE = "plan.json"
 _SCENE = re.compile(rf"(?P<map>{NAME_PATTERN})-(?P<number>\d{{4,}})")
 _MAX_NAMED = 5
+_MAX_BYTES = 64 << 20
 
 
 class PlannedEntry(Model):
@@ -55,11 +57,9 @@ class Plan(Model):
         """
         path = path_inside(dataset, PLAN_FILE)
         try:
-            plan = cls.model_validate_json(path.read_bytes()) if path.exists() else cls()
+            plan = cls.model_validate_json(read_small_file(path, _MAX_BYTES)) if path_exists(path) else cls()
         except ValidationError as error:
             raise InputError(f"{path}: {first_problem(error)}") from None
-        except OSError as error:
-            raise InputError(f"{path}: cannot be read: {error.strerror}") from None
         known = {entry.number for entry in plan.scenes}
         return plan.with_entries(entry for entry in _recorded_entries(dataset) if entry.number not in known)
 

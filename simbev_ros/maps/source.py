@@ -5,7 +5,7 @@ import re
 from importlib.resources import files
 from pathlib import Path
 
-from simbev_ros.config.map_files import MAP_SUFFIXES
+from simbev_ros.config.map_files import MAP_SUFFIXES, expand_home
 from simbev_ros.errors import InputError
 from simbev_ros.maps.safe_xml import check_readable
 from simbev_ros.maps.spec import MapSpec
@@ -27,7 +27,8 @@ def map_spec(name_or_path: str, seed: int = 0) -> MapSpec:
     """
     suffix = suffix_of(name_or_path)
     if suffix:
-        path = Path(name_or_path).expanduser().resolve()
+        path = expand_home(name_or_path).resolve()
+        _require_text(path)
         return MapSpec(name=_file_name(path, suffix), seed=seed, path=str(path), sha256=_sha256(path))
     if name_or_path in known_maps():
         return MapSpec(name=name_or_path, seed=seed)
@@ -35,6 +36,16 @@ def map_spec(name_or_path: str, seed: int = 0) -> MapSpec:
         f"map: no map is called {name_or_path!r}; towns: {', '.join(known_maps())}; "
         f"files end in {', '.join(MAP_SUFFIXES)}"
     )
+
+
+def known_map(name_or_path: str) -> str:
+    """The given name of a town or path of a map file, after a check that there is such a map.
+
+    Raises:
+        InputError: There is no such town or file, or the file cannot be read or is too large.
+    """
+    map_spec(name_or_path)
+    return name_or_path
 
 
 def suffix_of(name_or_path: str) -> str:
@@ -55,6 +66,14 @@ def file_of(spec: MapSpec) -> Path:
             "restore the original file, or draw the scene again"
         )
     return path
+
+
+def _require_text(path: Path) -> None:
+    """Refuse a path whose bytes are not UTF-8, because scenes store it as text."""
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        raise InputError(f"{path}: the path of a map must be valid UTF-8") from None
 
 
 def _sha256(path: Path) -> str:

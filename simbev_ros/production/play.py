@@ -15,6 +15,7 @@ from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.record_folder import hold_record_folder, keep_recorded
 from simbev_ros.production.surroundings import build_surroundings
 from simbev_ros.recording.layout import scene_folder
+from simbev_ros.recording.whole_files import require_writable
 from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.spec import SceneSpec
 
@@ -45,6 +46,8 @@ def play_scenes(
         DiskError: The disk is full, or nearly.
         GraphError: A node died or fell silent.
     """
+    if dataset is not None:
+        require_writable(dataset)
     specs = draw_scenes(scenario, observer)
     options: dict[str, Any] = {"live": live, "dataset": dataset, "domain": domain, "exposure": exposure}
     with keep_recorded(dataset):

@@ -12,6 +12,7 @@ from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.recording.bag_files import check_space, disk_error_consequence
 from simbev_ros.recording.layout import CONFIG_ATTACHMENT, partial_of, scene_folder, scenes_folder
 from simbev_ros.recording.reader import SceneBag
+from simbev_ros.recording.whole_files import require_writable, write_errors
 from simbev_ros.scene.spec import SceneSpec
 
 
@@ -47,7 +48,9 @@ def hold_record_folder(
         for partial, spec in leftovers:
             shutil.rmtree(partial)
             observer.leftover_removed(spec)
-        _make_writable(dataset)
+        require_writable(dataset)
+        with write_errors(dataset):
+            scenes_folder(dataset).mkdir(exist_ok=True)
         check_space(dataset, scenario.recording.min_free_mib << 20)
         yield
 
@@ -73,13 +76,3 @@ def _is_reproduced(partial: Path, scenario: Scenario, spec: SceneSpec) -> bool:
             return spec.ego_driver == "traffic" and bag.spec == spec and config == scenario.as_yaml().encode()
     except BagError:
         return False
-
-
-def _make_writable(dataset: Path) -> None:
-    try:
-        scenes_folder(dataset).mkdir(parents=True, exist_ok=True)
-        probe = dataset / ".writable"
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        raise InputError(f"{dataset}: cannot be written to: {error.strerror}") from None

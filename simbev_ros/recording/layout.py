@@ -7,6 +7,7 @@ from pathlib import Path
 
 from simbev_ros.confined_paths import path_inside, refuse_links_out
 from simbev_ros.errors import BagError, InputError
+from simbev_ros.input_file import is_folder, path_exists
 
 SCENES_FOLDER = "scenes"
 PARTIAL_SUFFIX = ".partial"
@@ -68,7 +69,7 @@ def numbered_files(path: Path) -> dict[int, Path]:
         BagError: There is nothing at this path, or not the files of one bag.
         InputError: A file of the bag is a link that leads out of it.
     """
-    if not path.exists():
+    if not path_exists(path):
         raise BagError(f"{path}: no such file or folder")
     found = [path] if path.is_file() else [file for file in path.glob("*.mcap") if file.is_file()]
     for name in [METADATA_FILE, *(file.name for file in found)] if path.is_dir() else ():
@@ -146,7 +147,7 @@ def is_scene(bag: Path) -> bool:
 
 def is_dataset(path: Path) -> bool:
     """Whether a path is a dataset's folder."""
-    return scenes_folder(path).is_dir()
+    return is_folder(scenes_folder(path))
 
 
 def scenes_of(dataset: Path) -> list[Path]:

@@ -5,8 +5,9 @@ records of exports, pictures. Content enters; one file leaves. A killed writer l
 next writer of the same file removes.
 """
 
+import tempfile
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from simbev_ros.errors import DISK_FULL, DiskError, InputError
@@ -56,6 +57,33 @@ def write_whole(path: Path, content: bytes | Iterable[bytes]) -> None:
     """
     with whole_file(path) as unfinished, unfinished.open("wb") as file:
         file.writelines([content] if isinstance(content, bytes) else content)
+
+
+def require_writable(folder: Path) -> None:
+    """Check that files can be written into a folder, or that it can be made, before time is spent on their content.
+
+    Nothing stays on the disk.
+
+    Raises:
+        DiskError: The disk is full.
+        InputError: It cannot be written to for another reason.
+    """
+    try:
+        with tempfile.TemporaryFile(dir=_nearest_existing(folder.absolute())):
+            pass
+    except OSError as error:
+        if error.errno in DISK_FULL:
+            raise DiskError(f"{folder}: the disk is full") from None
+        raise InputError(f"{folder}: cannot be written to: {error.strerror}") from None
+
+
+def _nearest_existing(folder: Path) -> Path:
+    """The path, or the nearest one above it at which there is something."""
+    for path in (folder, *folder.parents):
+        with suppress(FileNotFoundError, NotADirectoryError):
+            path.lstat()
+            return path
+    raise FileNotFoundError(folder)
 
 
 @contextmanager

@@ -90,7 +90,7 @@ def test_the_figures_are_of_what_is_asked_for(dataset: Path, predictions: Path, 
         (("--split", "train"), "there is no scene of the split 'train'"),
         (("--json", "/nowhere/a.json"), "/nowhere/a.json: there is no folder /nowhere"),
         (("--report", "/tmp"), "/tmp: is a folder, not a file"),
-        (("--json", "/proc/a.json"), "/proc/a.json: cannot be written"),
+        (("--json", "/proc/a.json"), "/proc: cannot be written to"),
         (("--daytime", "night", "--scenes", "Blocks-0000"), "no frame of 1 scenes is left to evaluate"),
     ],
 )

@@ -7,6 +7,7 @@ import pytest
 from made_up_scene import made_up_scene
 from rich.console import Console
 
+from simbev_ros.cli.console import make_console
 from simbev_ros.cli.production_display import DatasetDisplay, SceneDisplay
 from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.scene.ending import DURATION, SceneEnd
@@ -19,7 +20,7 @@ def spec(tmp_path: Path) -> SceneSpec:
 
 
 def console() -> Console:
-    return Console(file=io.StringIO(), width=100)
+    return make_console(file=io.StringIO(), width=100)
 
 
 def written(console: Console) -> str:

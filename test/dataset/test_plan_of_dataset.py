@@ -61,7 +61,7 @@ def test_a_damaged_plan_is_named(tmp_path: Path) -> None:
         Plan.load(tmp_path)
     (tmp_path / "plan.json").unlink()
     (tmp_path / "plan.json").mkdir()
-    with pytest.raises(InputError, match=r"plan\.json: cannot be read: Is a directory"):
+    with pytest.raises(InputError, match=r"plan\.json: is not a file"):
         Plan.load(tmp_path)
 
 

@@ -6,10 +6,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from simbev_ros.cli.bench.report import Json, show_timing
-from simbev_ros.cli.console import counting_bar
+from simbev_ros.cli.console import counting_bar, make_console
 
 
 def reading(
@@ -30,7 +29,7 @@ def reading(
     """
     from simbev_ros.bench.reading_timing import timed_reading
 
-    with counting_bar("frames", Console(stderr=True), 2 * frames) as bar:
+    with counting_bar("frames", make_console(stderr=True), 2 * frames) as bar:
         result = timed_reading(path, frames, bar.advance)
     show_timing(
         result,
@@ -62,7 +61,7 @@ def record(
     from simbev_ros.bench.record_timing import files_to_write, timed_recording
     from simbev_ros.cli.production_display import SceneDisplay
 
-    console = Console(stderr=True)
+    console = make_console(stderr=True)
     with counting_bar("files", console, files_to_write(rounds)) as bar:
         target = folder or Path(tempfile.gettempdir())
         result = timed_recording(target, ticks, rounds, bar.advance, SceneDisplay(console))
@@ -93,7 +92,7 @@ def evaluate(
     """
     from simbev_ros.bench.evaluate_timing import timed_evaluation
 
-    with counting_bar("scenes", Console(stderr=True), scenes) as bar:
+    with counting_bar("scenes", make_console(stderr=True), scenes) as bar:
         result = timed_evaluation(scenes, jobs or os.cpu_count() or 1, bar.advance)
     show_timing(
         result, result.title(), ("", "s", "CPU s"), result.rows(), as_json=as_json, comparison=result.comparison()

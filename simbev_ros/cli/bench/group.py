@@ -5,12 +5,12 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 from typer.core import TyperGroup
 
 from simbev_ros.cli.bench.data import evaluate, reading, record
 from simbev_ros.cli.bench.report import Json, show_timing
 from simbev_ros.cli.bench.sensing import cameras, labels, rays
+from simbev_ros.cli.console import make_console
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Scenario, Timing
 
@@ -69,7 +69,7 @@ def graph(
 
     with tempfile.TemporaryDirectory(prefix="simbev_ros-bench-") as folder:
         dataset = Path(folder) / "dataset" if record else None
-        result = timed_graph(_shortened(config, ticks), dataset, SceneDisplay(Console(stderr=True)))
+        result = timed_graph(_shortened(config, ticks), dataset, SceneDisplay(make_console(stderr=True)))
     show_timing(
         result,
         f"{result.ticks_per_s:.2f} ticks/s",
@@ -103,7 +103,7 @@ def world(
     from simbev_ros.bench.world_timing import timed_world
     from simbev_ros.cli.production_display import SceneDisplay
 
-    grown = timed_world(_shortened(config, ticks), map_name, observer=SceneDisplay(Console(stderr=True)))
+    grown = timed_world(_shortened(config, ticks), map_name, observer=SceneDisplay(make_console(stderr=True)))
     show_timing(
         grown,
         f"world node on {grown.map}, growth {grown.growth:.2f}",

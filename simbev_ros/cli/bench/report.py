@@ -6,8 +6,9 @@ from dataclasses import asdict
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.table import Table
+
+from simbev_ros.cli.console import make_console
 
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 
@@ -28,6 +29,6 @@ def show_timing(
     table = Table(*columns, title=title)
     for row in rows:
         table.add_row(*row)
-    Console().print(table)
+    make_console().print(table)
     if comparison:
-        Console(stderr=True).print(comparison, style="dim", highlight=False)
+        make_console(stderr=True).print(comparison, style="dim", highlight=False)

@@ -3,10 +3,9 @@
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from simbev_ros.cli.bench.report import Json, show_timing
-from simbev_ros.cli.console import counting_bar
+from simbev_ros.cli.console import counting_bar, make_console
 from simbev_ros.cli.picture_size import picture_size_px
 from simbev_ros.config.rendering import QUALITIES, Quality, Rendering
 
@@ -58,7 +57,7 @@ def cameras(
     from simbev_ros.bench.camera_timing import steps, timed_cameras
     from simbev_ros.cli.production_display import SceneDisplay
 
-    size_px, console = picture_size_px(size, _MIN_PX), Console(stderr=True)
+    size_px, console = picture_size_px(size, _MIN_PX), make_console(stderr=True)
     qualities = QUALITIES if quality is None else (quality,)
     scene = camera_scene(map_name, actors, frames + 2, SceneDisplay(console))
     rendering = Rendering(processes=processes or "auto")
@@ -94,7 +93,7 @@ def rays(
     from simbev_ros.bench.ray_timing import timed_rays
     from simbev_ros.cli.production_display import SceneDisplay
 
-    console = Console(stderr=True)
+    console = make_console(stderr=True)
     scene = camera_scene(
         map_name, actors, frames + 1, SceneDisplay(console), vehicle_share=1 / 3, spawn_radius_m=radius
     )
@@ -131,7 +130,7 @@ def labels(
     from simbev_ros.bench.label_timing import timed_labels
     from simbev_ros.cli.production_display import SceneDisplay
 
-    console = Console(stderr=True)
+    console = make_console(stderr=True)
     scene = camera_scene(
         map_name, actors, frames + 1, SceneDisplay(console), vehicle_share=1 / 3, spawn_radius_m=radius, spacing_m=12.0
     )

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import typer
-from rich.console import Console
 
-from simbev_ros.cli.console import counting_bar, literal
-from simbev_ros.cli.output_file import require_place, writing
+from simbev_ros.cli.console import counting_bar, make_console
+from simbev_ros.cli.output_file import require_place
+from simbev_ros.recording.whole_files import write_errors
 
 _WORDS = "with commas between"
 _COUNTED = "What counts"
@@ -133,21 +133,21 @@ def evaluate(
     )
     for file in filter(None, (report, json_file)):
         require_place(file)
-    opened, console = open_dataset(dataset, threads=1), Console(highlight=False)
+    opened, console = open_dataset(dataset, threads=1), make_console(highlight=False)
     chosen = parse.chosen_scenes(opened, split, scenes)
     predicted = open_predictions(predictions, boxes_topic, grids_topic).for_dataset([s.name for s in opened.scenes])
     frames = sum(len(range(0, len(scene), every)) for scene in chosen)
-    with counting_bar("frames", Console(stderr=True), frames) as bar:
+    with counting_bar("frames", make_console(stderr=True), frames) as bar:
         result = evaluate_dataset(chosen, predicted, options, jobs or os.cpu_count() or 1, bar.show)
     figures = {"dataset": str(dataset), "predictions": str(predictions), **figures_of(result)}
     if json_file is not None:  # before the tables, whose reader may close the pipe, as head does
-        with writing(json_file):
+        with write_errors(json_file):
             json_file.write_text(json.dumps(figures, indent=2) + "\n")
-        console.print(f"figures in {literal(json_file)}", soft_wrap=True)
+        console.print(f"figures in {json_file}", soft_wrap=True)
     print_tables(figures, console)
     if report is not None:
         from simbev_ros.viz.reports.evaluation_report import write_evaluation_report
 
-        with Console(stderr=True).status("report"), writing(report):
+        with make_console(stderr=True).status("report"), write_errors(report):
             write_evaluation_report(report, result, chosen, predicted, figures)
-        console.print(f"report in {literal(report)}", soft_wrap=True)
+        console.print(f"report in {report}", soft_wrap=True)

@@ -12,6 +12,7 @@ from rich.console import Console
 from simbev_ros.config.evaluation import Evaluation
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.errors import InputError
+from simbev_ros.recording.whole_files import require_writable, write_errors
 
 _PANEL = "Evaluation of a perception stack"
 
@@ -73,10 +74,9 @@ def print_live_tables(figures: Mapping[str, Any], console: Console) -> None:
 
 def _require_writable(figures: Path) -> None:
     folder = figures.parent if figures.suffix == ".json" else figures
-    try:
+    require_writable(folder)
+    with write_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"--evaluate: {folder}: cannot be made: {error.strerror}") from None
     if figures.suffix == ".json" and figures.is_dir():
         raise InputError(f"--evaluate: {figures}: is a folder; one for figures must not end in .json")
     if not os.access(folder, os.W_OK):

@@ -5,9 +5,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
-from simbev_ros.cli.console import counting_bar, literal, plural
+from simbev_ros.cli.console import counting_bar, make_console, plural
 from simbev_ros.errors import SimbevError
 
 
@@ -43,7 +42,7 @@ def export_nuscenes(
 
     opened = open_dataset(dataset, threads=1)
     rate_hz = None if all_frames else keyframe_hz
-    with counting_bar("frames", Console(stderr=True), elapsed=True) as bar:
+    with counting_bar("frames", make_console(stderr=True), elapsed=True) as bar:
         done = export_nuscenes(
             opened,
             out,
@@ -53,12 +52,12 @@ def export_nuscenes(
             jobs=jobs or os.cpu_count() or 1,
             report=bar.show,
         )
-    console = Console(soft_wrap=True, highlight=False)
+    console = make_console(soft_wrap=True, highlight=False)
     there = done.scenes - done.made
-    console.print(f"{done.samples} samples of {plural(done.scenes, 'scene')}, {done.files} files in {literal(out)}")
+    console.print(f"{done.samples} samples of {plural(done.scenes, 'scene')}, {done.files} files in {out}")
     if there:
         console.print(f"{plural(there, 'scene')} {'was' if there == 1 else 'were'} there already")
     for reason in done.failures.values():
-        console.print(f"[red]{literal(reason)}[/]")
+        console.print(reason, style="red")
     if done.failures:
         raise SimbevError(f"{len(done.failures)} of {plural(len(opened.scenes), 'scene')} could not be exported")

@@ -5,9 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
 
-from simbev_ros.cli.console import counting_bar, literal, plural
+from simbev_ros.cli.console import counting_bar, make_console, plural
 
 if TYPE_CHECKING:
     from simbev_ros.export.simbev.export import FramesPart
@@ -31,7 +30,7 @@ def export_simbev(
     from simbev_ros.dataset.lock import DatasetLock
     from simbev_ros.export.simbev.export import ROOT, finish, parts_of, remove_vanished
 
-    opened, root, console = open_dataset(dataset, threads=1), out / ROOT, Console()
+    opened, root, console = open_dataset(dataset, threads=1), out / ROOT, make_console()
     with DatasetLock(root):
         parts = parts_of(opened, root)
         remove_vanished(parts)
@@ -39,11 +38,11 @@ def export_simbev(
         missing = finish(opened, parts)
     frames = sum(part.count for part in parts)
     scenes = plural(len(opened.scenes), "scene")
-    console.print(f"{frames} frames of {scenes} in {literal(root)}", highlight=False)
+    console.print(f"{frames} frames of {scenes} in {root}", highlight=False)
     if made < frames:
         console.print(f"{frames - made} of them were there already", highlight=False)
     for line in missing:
-        console.print(f"[dim]{literal(line)}[/]", highlight=False)
+        console.print(line, style="dim", highlight=False)
 
 
 def _make(parts: "list[FramesPart]", jobs: int) -> int:
@@ -53,7 +52,7 @@ def _make(parts: "list[FramesPart]", jobs: int) -> int:
 
     todo = [part for part in parts if part.record() is None]
     frames = sum(part.count for part in todo)
-    with counting_bar("frames", Console(stderr=True), frames) as bar:
+    with counting_bar("frames", make_console(stderr=True), frames) as bar:
         for count in map_in_processes(make_part, todo, min(jobs, max(len(todo), 1))):
             bar.advance(count)
     return frames

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 
 def map_(
@@ -39,12 +38,17 @@ def map_(
     simbev map my_city.osm --fresh --json
     """
     from simbev_ros.cache.entries import default_cache_dir
-    from simbev_ros.cli.console import table_console
+    from simbev_ros.cli.console import make_console, table_console
     from simbev_ros.cli.map.exploration import build_roads, explore
     from simbev_ros.cli.map.report import map_table, towns_table
+    from simbev_ros.cli.output_file import require_name
     from simbev_ros.maps.source import known_maps, map_spec
+    from simbev_ros.recording.whole_files import require_writable
 
-    console = Console(stderr=True)
+    if out is not None:
+        require_name(out)
+        require_writable(out.parent)
+    console = make_console(stderr=True)
     with tempfile.TemporaryDirectory(prefix="simbev_ros-map-") if fresh else nullcontext() as folder:
         cache_dir = Path(folder) if folder else default_cache_dir()
         if name is None:

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
+from rich.markup import escape
 
 from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.assets.regions.static_cache import StaticCache, load_static_scene
-from simbev_ros.cli.console import literal
 from simbev_ros.cli.map.report import MapReport, Surroundings
 from simbev_ros.cli.production_display import MapDisplay
 from simbev_ros.errors import InputError
@@ -31,7 +31,7 @@ _VIEW_WITHIN_M = 260.0
 
 def build_roads(spec: MapSpec, cache_dir: Path, console: Console) -> tuple[MapReport, RoadNetwork]:
     """Build or load the roads of a map, and time it."""
-    with console.status(f"roads of {literal(spec.name)}"):
+    with console.status(f"roads of {escape(spec.name)}"):
         started_s = time.perf_counter()
         network = load_network(spec, cache_dir)
         seconds = time.perf_counter() - started_s
@@ -61,7 +61,7 @@ def explore(
     cache = StaticCache(spec, network, cache_dir)
     triangles = sum(len(tile.mesh.triangles) for region in wanted for tile in cache.region(region).tiles)
     if out is not None:
-        with console.status(f"pictures of {literal(spec.name)}"):
+        with console.status(f"pictures of {escape(spec.name)}"):
             shown = None if len(regions) <= _FEW_REGIONS else reach
             static = load_static_scene(spec, network, cache_dir, reach=shown)
             within_m = _VIEW_WITHIN_M if shown or at_m else math.inf

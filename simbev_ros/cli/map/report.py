@@ -6,8 +6,8 @@ from typing import Any
 
 from rich import box
 from rich.table import Table
+from rich.text import Text
 
-from simbev_ros.cli.console import literal
 from simbev_ros.geometry.geodesy import MapDatum
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.maps.statistics import MapStatistics
@@ -70,9 +70,9 @@ def map_table(report: MapReport) -> Table:
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(style="dim")
     table.add_column(overflow="fold")
-    table.add_row("map", f"[bold]{literal(report.spec.name)}[/], seed {report.spec.seed}")
+    table.add_row("map", Text.assemble((report.spec.name, "bold"), f", seed {report.spec.seed}"))
     if report.spec.path:
-        table.add_row("file", literal(report.spec.path))
+        table.add_row("file", report.spec.path)
     table.add_row("origin", f"{report.datum.latitude_deg:.6f}°, {report.datum.longitude_deg:.6f}°")
     table.add_row("size", f"{figures.width_m:.0f} × {figures.depth_m:.0f} m")
     lanes = ", ".join(f"{kind.replace('_', ' ')} {length_km:.1f} km" for kind, length_km in figures.lane_km.items())
@@ -91,7 +91,7 @@ def map_table(report: MapReport) -> Table:
         where = "" if built.regions == built.of_regions else f" of {built.regions} of {built.of_regions} regions"
         table.add_row("surroundings", f"{built.triangles:,} triangles{where}, ready after {built.seconds:.1f} s")
     for note in report.notes:
-        table.add_row("note", f"[dim]{literal(note)}[/]")
+        table.add_row("note", Text(note, "dim"))
     return table
 
 
@@ -116,7 +116,7 @@ def towns_table(reports: Sequence[MapReport]) -> Table:
         figures = report.statistics
         driving_km = figures.lane_km.get("driving", 0.0)
         table.add_row(
-            literal(report.spec.name),
+            report.spec.name,
             f"{figures.width_m:.0f} × {figures.depth_m:.0f}",
             f"{driving_km:.1f}",
             f"{sum(figures.lane_km.values()) - driving_km:.1f}",

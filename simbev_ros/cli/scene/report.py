@@ -10,9 +10,11 @@ import numpy as np
 import typer
 from rich import box
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
-from simbev_ros.cli.console import counting_bar, literal, table_console
+from simbev_ros.cli.console import counting_bar, make_console, table_console
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.maps.build import load_network
@@ -37,7 +39,7 @@ def report_scenes(config: str, count: int | None, map_name: str | None, *, as_js
     """
     scenario = load_scenario(config)
     planned = _planned(scenario, count, map_name)
-    console = Console(stderr=True)
+    console = make_console(stderr=True)
     statistics = SceneStatistics()
     with _counted_notes(console):
         for number, each in enumerate(dict.fromkeys(scene.map for scene in planned), 1):
@@ -46,8 +48,8 @@ def report_scenes(config: str, count: int | None, map_name: str | None, *, as_js
         typer.echo(json.dumps(_facts(statistics, scenario), indent=2))
         return
     output = table_console()
-    maps = ", ".join(f"{literal(name)} ({scenes})" for name, scenes in statistics.maps.items())
-    output.print(f"[bold]{len(planned)} scenes[/]: {maps}")
+    maps = ", ".join(f"{name} ({scenes})" for name, scenes in statistics.maps.items())
+    output.print(Text.assemble((f"{len(planned)} scenes", "bold"), f": {maps}"))
     _print_numbers(output, statistics, scenario)
     output.print(_kinds_table(statistics))
 
@@ -67,7 +69,7 @@ def _draw(
 ) -> None:
     """Draw the scenes of one map."""
     name = planned[0].map.name
-    with console.status(f"roads of {literal(name)}"):
+    with console.status(f"roads of {escape(name)}"):
         network = load_network(planned[0].map)
         starts = start_positions(scenario, network)
     with counting_bar(f"scenes on {name}", console, len(planned)) as bar:
@@ -89,7 +91,7 @@ def _counted_notes(console: Console) -> Iterator[None]:
     finally:
         logger.removeHandler(handler)
     if messages:
-        console.print(f"{len(messages)} notes, the first: {messages[0]}", style="dim", markup=False, soft_wrap=True)
+        console.print(f"{len(messages)} notes, the first: {messages[0]}", style="dim", soft_wrap=True)
 
 
 def _facts(statistics: SceneStatistics, scenario: Scenario) -> dict[str, Any]:
@@ -121,13 +123,13 @@ def _print_numbers(output: Console, statistics: SceneStatistics, scenario: Scena
     titles = "".join(f"{title:>{_FIGURE_WIDTH}}" for title in ("mean", "sd", "min", "max"))
     output.print(f"{'':{_NAME_WIDTH}}{titles}  from min to max", style="dim")
     for section, names in sections.items():
-        output.print(f"[bold]{literal(section)}[/]", highlight=False)
+        output.print(section, style="bold", highlight=False)
         for name in names:
-            tally, meaning = statistics.numbers[name], literal(configured_value(name, scenario))
+            tally, meaning = statistics.numbers[name], configured_value(name, scenario)
             figures = "".join(map(_figure, (tally.mean, tally.sd, tally.min, tally.max)))
             line = f"  {name.rpartition('.')[2]:{_NAME_WIDTH - 2}}{figures}  {_histogram(tally):{BINS}}"
             between = "  " if output.width >= _WIDE else "\n    "
-            output.print(line + (f"{between}[dim]{meaning}[/]" if meaning else ""), highlight=False, soft_wrap=True)
+            output.print(Text.assemble(line, (f"{between}{meaning}" if meaning else "", "dim")), soft_wrap=True)
 
 
 def _figure(value: float) -> str:
@@ -151,6 +153,6 @@ def _kinds_table(statistics: SceneStatistics) -> Table:
     table.add_column("parameter", no_wrap=True)
     table.add_column("shares", overflow="fold")
     for name, counts in statistics.kinds.items():
-        shares = (f"{literal(kind)} {100 * times / counts.total():.1f}%" for kind, times in counts.most_common())
+        shares = (f"{kind} {100 * times / counts.total():.1f}%" for kind, times in counts.most_common())
         table.add_row(name, ", ".join(shares))
     return table

@@ -60,6 +60,7 @@ from simbev_ros.evaluation.predictions.prediction_files import NpzBoxes, Parquet
 from simbev_ros.evaluation.predictions.prediction_sources import BoxSource, GridSource, PredictionSource
 from simbev_ros.evaluation.predictions.prediction_writer import write_grid, write_predictions
 from simbev_ros.evaluation.predictions.score_grid import GRIDS_FOLDER, GridFolder, ScoreGrid
+from simbev_ros.input_file import path_exists
 from simbev_ros.recording.layout import PARTIAL_SUFFIX, REPLACED_SUFFIX, is_dataset, numbered_files, scenes_of
 from simbev_ros.recording.mcap.chunk_cache import ChunkCache
 from simbev_ros.types import Int64Array
@@ -218,10 +219,12 @@ def open_predictions(path: Path | str, boxes_topic: str = BOXES_TOPIC, grids_top
         InputError: There is nothing, or it cannot be read, lacks a column, or has a column of a wrong type.
     """
     path = Path(path)
-    if not path.exists():
+    if not path_exists(path):
         raise InputError(f"{path}: no such file or folder")
     files = sorted(path.iterdir()) if path.is_dir() else [path]
-    boxes: list[BoxSource] = [_BOX_FILES[file.suffix](file) for file in files if file.suffix in _BOX_FILES]
+    boxes: list[BoxSource] = [
+        _BOX_FILES[file.suffix](file) for file in files if file.suffix in _BOX_FILES and file.is_file()
+    ]
     grids: list[GridSource] = [GridFolder(file) for file in files if file.name == GRIDS_FOLDER and file.is_dir()]
     cache = ChunkCache(_CACHE_BYTES)
     bags = [PredictionBag(bag, cache, boxes_topic, grids_topic) for bag in _bag_paths(path)]

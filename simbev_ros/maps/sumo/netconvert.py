@@ -110,7 +110,9 @@ def _reason(stderr: str) -> str:
 def _limit_process() -> None:
     """Fix addresses and limit memory; runs in the child process before netconvert."""
     _LIBC.personality(_ADDR_NO_RANDOMIZE)
-    resource.setrlimit(resource.RLIMIT_AS, (_MAX_MEMORY_BYTES, _MAX_MEMORY_BYTES))
+    limits = (limit for limit in resource.getrlimit(resource.RLIMIT_AS) if limit != resource.RLIM_INFINITY)
+    max_bytes = min((_MAX_MEMORY_BYTES, *limits))
+    resource.setrlimit(resource.RLIMIT_AS, (max_bytes, max_bytes))
 
 
 def _remove_time_stamps(xml: str) -> str:

@@ -13,6 +13,7 @@ from rich.text import Text
 
 from simbev_ros.cli.console import make_console
 from simbev_ros.errors import SimbevError
+from simbev_ros.process_memory import address_space_problem
 
 
 class Finding(NamedTuple):
@@ -47,6 +48,8 @@ def _findings() -> Iterator[Finding]:
     yield Finding("Python", platform.python_version(), True)
     memory_gib = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
     yield Finding("machine", f"{os.cpu_count()} cores, {memory_gib:.0f} GiB of memory")
+    if problem := address_space_problem():
+        yield Finding("memory", problem, False)
     yield from _libraries()
     yield _checked("ROS 2", _ros)
     for package, use in (("tf2_msgs", "/tf live"), ("vision_msgs", "Detection3DArray")):

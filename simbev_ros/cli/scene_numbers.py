@@ -5,7 +5,7 @@ from collections.abc import Iterable
 
 from simbev_ros.errors import InputError
 
-_RANGE = re.compile(r"(\d+)(?:-(\d+))?")
+_RANGE = re.compile(r"([0-9]{1,18})(?:-([0-9]{1,18}))?")
 
 
 def scene_numbers(option: str, words: Iterable[str]) -> list[range]:

@@ -12,10 +12,8 @@ from yaml.constructor import ConstructorError
 
 from simbev_ros.errors import InputError
 from simbev_ros.input_file import read_small_file
+from simbev_ros.limits import MAX_YAML_BYTES, MAX_YAML_DEPTH, MAX_YAML_VALUES
 
-_MAX_BYTES = 4 << 20
-_MAX_NODES = 200_000
-_MAX_DEPTH = 64
 _UNUSABLE = re.compile("[\0\ud800-\udfff]")
 """Characters that escape sequences can produce, but that are in no name of a file and in no text."""
 
@@ -35,7 +33,7 @@ class YamlFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         try:
-            loader = _Loader(read_small_file(path, _MAX_BYTES).decode())
+            loader = _Loader(read_small_file(path, MAX_YAML_BYTES).decode())
             loader.name = path.name
             self._root = loader.get_single_node()
             self.data: Any = None
@@ -69,10 +67,10 @@ class _Loader(yaml.SafeLoader):
         """Compose a node with all that is in it; called by the base class."""
         self._nodes += 1
         where = None if parent is None else parent.start_mark
-        if self._nodes > _MAX_NODES:
-            raise ComposerError(None, None, f"more than {_MAX_NODES} values", where)
-        if self._depth == _MAX_DEPTH:
-            raise ComposerError(None, None, f"nested deeper than {_MAX_DEPTH} levels", where)
+        if self._nodes > MAX_YAML_VALUES:
+            raise ComposerError(None, None, f"more than {MAX_YAML_VALUES} values", where)
+        if self._depth == MAX_YAML_DEPTH:
+            raise ComposerError(None, None, f"nested deeper than {MAX_YAML_DEPTH} levels", where)
         self._depth += 1
         node: yaml.Node | None = super().compose_node(parent, index)
         self._depth -= 1
@@ -118,8 +116,8 @@ def _check(root: yaml.Node, path: Path) -> None:
             total += sum(size(item) for item in node.value)
         elif _UNUSABLE.search(node.value):
             raise InputError(f"{where}: a text contains a character that no text may contain")
-        if total > _MAX_NODES:
-            raise InputError(f"{where}: expands to more than {_MAX_NODES} values through its aliases")
+        if total > MAX_YAML_VALUES:
+            raise InputError(f"{where}: expands to more than {MAX_YAML_VALUES} values through its aliases")
         open_nodes.discard(id(node))
         sizes[id(node)] = total
         return total

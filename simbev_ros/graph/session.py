@@ -22,6 +22,7 @@ from simbev_ros.graph.plan import plan_processes, stack_command
 from simbev_ros.graph.process import GraphProcess, NodeProcess, StackProcess
 from simbev_ros.graph.traces import Traces
 from simbev_ros.msgs.signing import KEY_VARIABLE, Signer, make_key
+from simbev_ros.process_memory import require_address_space
 from simbev_ros.recording.layout import scene_folder
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.render.shares import camera_processes, drawing_environment
@@ -91,10 +92,11 @@ class GraphSession:
         """Start the processes; if one of them fails to start, stop the others.
 
         Raises:
-            InputError: There is no SROS 2, and the graph is to be secure.
+            InputError: The limit of address space is too low, or there is no SROS 2 and the graph is to be secure.
             RenderError: The configured devices cannot draw.
         """
         try:
+            require_address_space()
             self._start_processes()
         except BaseException:
             self.close()

@@ -11,7 +11,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel
 
 from simbev_ros.errors import BagError
-from simbev_ros.recording.layout import SCENE_ATTACHMENT, mcap_files
+from simbev_ros.recording.layout import SCENE_ATTACHMENT, mcap_files, read_errors
 from simbev_ros.recording.mcap.chunk_cache import ChunkCache
 from simbev_ros.recording.mcap.chunks import MESSAGE_HEAD, RECORD_HEAD
 from simbev_ros.recording.mcap.mcap_index import McapIndex, read_mcap_index
@@ -106,11 +106,8 @@ class IndexedBag:
 
 
 def _index_of(file: Path) -> McapIndex:
-    try:
-        with file.open("rb") as stream:
-            return read_mcap_index(stream, str(file))
-    except OSError as error:
-        raise BagError(f"{file}: cannot be read: {error.strerror}") from None
+    with read_errors(file), file.open("rb") as stream:
+        return read_mcap_index(stream, str(file))
 
 
 def _topic(name: str, parts: Sequence[tuple[int, McapIndex, Channel]]) -> IndexedTopic:

@@ -2,7 +2,8 @@
 
 import glob
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 from simbev_ros.confined_paths import path_inside, refuse_links_out
@@ -98,6 +99,19 @@ def bytes_of(bag: Path) -> int:
         BagError: There is no bag.
     """
     return sum(file.stat().st_size for file in mcap_files(bag))
+
+
+@contextmanager
+def read_errors(bag: Path) -> Iterator[None]:
+    """Turn errors of the operating system while a bag is read into ``BagError``.
+
+    Raises:
+        BagError: A file cannot be read.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise BagError(f"{bag}: cannot be read: {error.strerror or error}") from None
 
 
 def scenes_folder(dataset: Path) -> Path:

@@ -19,7 +19,7 @@ from rosbags.typesys import Stores, get_typestore
 from simbev_ros.config.base import first_problem
 from simbev_ros.errors import BagError
 from simbev_ros.limits import MAX_SCENE_TICKS
-from simbev_ros.recording.layout import PARTIAL_SUFFIX, SCENE_ATTACHMENT, mcap_files
+from simbev_ros.recording.layout import PARTIAL_SUFFIX, SCENE_ATTACHMENT, mcap_files, read_errors
 from simbev_ros.recording.mcap.chunks import message_at, read_chunk, records_in
 from simbev_ros.recording.mcap.mcap_index import DAMAGE, McapIndex, read_mcap_index
 from simbev_ros.scene.spec import SceneSpec
@@ -85,7 +85,7 @@ class SceneBag:
         self.path = path
         files = mcap_files(path)
         self.name = files[0].stem.removesuffix("_0")
-        with ExitStack() as opened:
+        with read_errors(path), ExitStack() as opened:
             streams = [opened.enter_context(file.open("rb")) for file in files]
             self._parts = [_Part(stream, read_mcap_index(stream, str(stream.name))) for stream in streams]
             indexes = [part.index for part in self._parts]

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from simbev_ros.errors import InputError
-from simbev_ros.recording.whole_files import whole_file, write_errors, write_whole
+from simbev_ros.recording.whole_files import require_writable, whole_file, write_errors, write_whole
 
 
 def test_a_file_is_written_from_bytes_or_pieces_and_its_folder_is_made(tmp_path: Path) -> None:
@@ -53,3 +53,14 @@ def test_a_link_in_place_of_the_unfinished_file_is_not_followed(tmp_path: Path) 
     (tmp_path / "a.part").symlink_to(tmp_path / "precious")
     write_whole(tmp_path / "a", b"content")
     assert (tmp_path / "precious").read_bytes() == b"mine" and (tmp_path / "a").read_bytes() == b"content"
+
+
+def test_a_folder_for_files_is_tried_without_a_trace(tmp_path: Path) -> None:
+    require_writable(tmp_path / "new" / "folder")
+    assert list(tmp_path.iterdir()) == []
+    (tmp_path / "file").touch()
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    for folder in (tmp_path / "file", tmp_path / "file/x", tmp_path / "loop", Path("/proc"), Path("x" * 5000)):
+        with pytest.raises(InputError, match=f"^{folder}: cannot be written to: "):
+            require_writable(folder)
+    assert len(list(tmp_path.iterdir())) == 2

@@ -9,6 +9,7 @@ import typer
 
 from simbev_ros.cli.bench.report import Json, show_timing
 from simbev_ros.cli.console import counting_bar, make_console
+from simbev_ros.recording.whole_files import require_writable
 
 
 def reading(
@@ -62,8 +63,9 @@ def record(
     from simbev_ros.cli.production_display import SceneDisplay
 
     console = make_console(stderr=True)
+    target = folder or Path(tempfile.gettempdir())
+    require_writable(target)
     with counting_bar("files", console, files_to_write(rounds)) as bar:
-        target = folder or Path(tempfile.gettempdir())
         result = timed_recording(target, ticks, rounds, bar.advance, SceneDisplay(console))
     show_timing(
         result,

@@ -11,9 +11,7 @@ from simbev_ros.process_memory import require_address_space
 @pytest.mark.parametrize("limit_bytes", [1200000 << 10, 0])
 def test_a_low_limit_is_refused(monkeypatch: pytest.MonkeyPatch, limit_bytes: int) -> None:
     monkeypatch.setattr(resource, "getrlimit", lambda _: (limit_bytes, resource.RLIM_INFINITY))
-    with pytest.raises(
-        InputError, match=r"memory is short: .* GiB of address space \(ulimit -v\), and a graph needs 4"
-    ):
+    with pytest.raises(InputError, match=r"memory is short: .* GiB of address space \(ulimit -v\)"):
         require_address_space()
 
 

@@ -60,7 +60,6 @@ NUMBERS = [
     "info BAG --jobs NUMBER",
     "preview BAG --frame NUMBER --out OUT",
     "preview --gallery --seed NUMBER --out OUT",
-    "verify BAG --jobs NUMBER",
     "evaluate DATASET DATASET --every NUMBER",
     "evaluate DATASET DATASET --visibility NUMBER",
     "evaluate DATASET DATASET --points NUMBER",
@@ -105,7 +104,6 @@ def arguments(command: str, folder: Path, **values: object) -> list[str]:
         "CONFIG": folder / "good.yaml",
         "DATASET": folder / "set",
         "BAG": folder / "set/scenes/train/Blocks-0000",
-        "OUT": folder / "out",
         **values,
     }
     for name, value in known.items():
@@ -114,7 +112,7 @@ def arguments(command: str, folder: Path, **values: object) -> list[str]:
 
 
 @pytest.mark.parametrize("command", FILES)
-def test_a_bad_file_is_refused(simbev: Simbev, folder: Path, command: str) -> None:
+def test_a_bad_file_is_refused(simbev: Simbev, folder: Path, tmp_path: Path, command: str) -> None:
     names = (
         "pipe",
         "pipe.parquet",
@@ -122,16 +120,16 @@ def test_a_bad_file_is_refused(simbev: Simbev, folder: Path, command: str) -> No
         "binary",
         "caf\udce9.osm",
         "[red].yaml",
-        "[red].osm",
         "[/no]",
         "empty.mcap",
     )
     for bad in (*(folder / name for name in names), "x" * 5000, "/proc/self/mem", "/dev/zero", "~nobody/x.osm"):
-        answer = simbev(*arguments(command, folder, FILE=bad))
+        answer = simbev(*arguments(command, folder, FILE=bad, OUT=tmp_path / "out"))
         assert (answer.code, "this is a bug" in answer.err) in ((2, False), (1, False)), (bad, answer)
         assert answer.code == 2 or command.startswith("verify"), (bad, answer)
         assert answer.out or "error: " in answer.err or "Error" in answer.err
-    assert not (folder / "out").exists()
+        is_begun = command.startswith("export")  # content is read when the folder is held
+        assert is_begun or not (tmp_path / "out").exists(), (bad, answer)
 
 
 @pytest.mark.parametrize("command", OUTPUTS)
@@ -146,8 +144,8 @@ def test_an_output_that_cannot_be_written_is_refused_before_any_work(
 
 
 @pytest.mark.parametrize("command", NUMBERS)
-def test_a_bad_number_is_refused(simbev: Simbev, folder: Path, command: str) -> None:
+def test_a_bad_number_is_refused(simbev: Simbev, folder: Path, tmp_path: Path, command: str) -> None:
     for bad in ("nan", "inf", "-1", "1" + "0" * 30, "1" * 5000, "x", "", "[/no]"):
-        answer = simbev(*arguments(command, folder, NUMBER=bad))
+        answer = simbev(*arguments(command, folder, NUMBER=bad, OUT=tmp_path / "out"))
         assert answer.code in (0, 2) and "this is a bug" not in answer.err, (bad, answer)
-    assert not (folder / "out").exists()
+        assert not (tmp_path / "out").exists(), (bad, answer)

@@ -1,0 +1,66 @@
+"""Messages show names as they are, and errors of the machine are no bugs."""
+
+import errno
+import os
+import re
+from collections.abc import Callable
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.table import Table
+
+from simbev_ros.cli import console, main
+from simbev_ros.cli.console import counting_bar, make_console, percent_bar
+
+
+def test_strings_are_no_markup_and_no_emoji() -> None:
+    name, out = "[/nope] [red]x[/red] :smile:", StringIO()
+    shown = make_console(file=out, width=200, force_terminal=True, no_color=True)
+    table = Table(name, title=name)
+    table.add_row(name)
+    shown.print(name, highlight=False)
+    shown.print(table)
+    with counting_bar(name, shown) as bar:
+        bar.describe(name)
+    with percent_bar(name, shown):
+        pass
+    assert re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", out.getvalue()).count(name) >= 6
+
+
+def test_all_consoles_of_the_command_line_are_made_in_one_place() -> None:
+    folder = Path(console.__file__).parent
+    making = {path.name for path in folder.rglob("*.py") if re.search(r"(?<!make_)\bConsole\(", path.read_text())}
+    assert making == {"console.py"}
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "message"),
+    [
+        (
+            OSError(errno.ENAMETOOLONG, os.strerror(errno.ENAMETOOLONG), "x" * 5000),
+            2,
+            f"{'x' * 300}: File name too long",
+        ),
+        (OSError(errno.EACCES, "Permission denied", b"/caf\xe9"), 2, "/caf\\udce9: Permission denied"),
+        (OSError(errno.EMFILE, "Too many open files", "/a"), 1, "/a: Too many open files"),
+        (OSError(errno.ENOSPC, "No space left on device"), 1, "No space left on device"),
+        (OSError(errno.ENOMEM, "Cannot allocate memory"), 1, "memory ran out"),
+        (MemoryError(), 1, "memory ran out"),
+        (
+            ImportError("libGL.so.1: cannot open"),
+            1,
+            "libGL.so.1: cannot open; simbev doctor says what this machine lacks",
+        ),
+    ],
+)
+def test_errors_of_the_machine_are_said_in_one_line(
+    simbev: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, error: Exception, code: int, message: str
+) -> None:
+    def fail(**_: object) -> None:
+        raise error
+
+    monkeypatch.setattr(main, "app", fail)
+    answer = simbev("doctor")
+    assert (answer.code, answer.err) == (code, f"error: {message}\n")

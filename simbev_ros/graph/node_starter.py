@@ -66,12 +66,19 @@ class NodeStarter:
                 start_new_session=True,
             )
 
-    def start(self, arguments: Sequence[str], log: Path) -> "ForkedProcess":
-        """Start a process with arguments for ``nodes.main``, output in a log; return without waiting."""
+    def start(self, arguments: Sequence[str], log: Path, *, is_command: bool = False) -> "ForkedProcess":
+        """Start a process; return without waiting for it.
+
+        Args:
+            arguments: Arguments for ``nodes.main``, or a command and its arguments.
+            log: File for its output.
+            is_command: Whether it is a command.
+        """
         process = ForkedProcess(self)
         self._waiting.append(process)
         with suppress(OSError):  # the server has died, which the answer tells
-            self._channel.send(json.dumps({"arguments": list(arguments), "log": str(log)}).encode())
+            request = {"arguments": list(arguments), "log": str(log), "is_command": is_command}
+            self._channel.send(json.dumps(request).encode())
         return process
 
     def handle_answers(self, timeout_s: float = 0.0) -> None:

@@ -6,7 +6,6 @@ import shlex
 import shutil
 import signal
 import subprocess
-import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -16,7 +15,6 @@ import yaml
 
 from simbev_ros.errors import DiskError, InputError, SimbevError
 from simbev_ros.graph.node_starter import NodeStarter, RunningProcess, describe_exit
-from simbev_ros.nodes.lifeline import SUPERVISOR_VARIABLE
 from simbev_ros.nodes.main import DISK_EXIT_CODE, ERROR_MARK
 
 _REFUSALS: Mapping[int | None, type[SimbevError]] = {InputError.exit_code: InputError, DISK_EXIT_CODE: DiskError}
@@ -145,43 +143,26 @@ class NodeProcess(GraphProcess):
 
 
 class StackProcess(GraphProcess):
-    """A perception stack or its launcher, stopped together with all processes that it starts.
+    """A perception stack or its launcher; all processes that it starts end with it.
 
     Args:
+        starter: What starts the process.
         command: The command and its arguments.
         folder: Folder for its log.
-        environment: Variables added to the current ones.
 
     Raises:
         InputError: The command does not exist.
     """
 
-    def __init__(self, command: Sequence[str], folder: Path, environment: Mapping[str, str]) -> None:
+    def __init__(self, starter: NodeStarter, command: Sequence[str], folder: Path) -> None:
         if shutil.which(command[0]) is None:
             raise InputError(f"evaluation.stack: there is no command {command[0]!r}")
-        path = folder / "stack.log"
-        with path.open("wb") as log:
-            self._popen = subprocess.Popen(
-                [sys.executable, "-m", "simbev_ros.nodes.lifeline", *command],
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=subprocess.STDOUT,
-                env={**os.environ, **environment, SUPERVISOR_VARIABLE: str(os.getpid())},
-                start_new_session=True,
-            )
-        super().__init__("stack", f"stack {shlex.join(command)}", self._popen, path)
+        log = folder / "stack.log"
+        super().__init__("stack", f"stack {shlex.join(command)}", starter.start(command, log, is_command=True), log)
 
     def terminate(self) -> None:
-        """Ask the whole process group to end."""
-        self._signal(signal.SIGTERM)
-        self._signal(signal.SIGCONT)
-
-    def join(self, timeout_s: float) -> bool:
-        """Wait for the first process to end, then kill the group; return whether that process ended by itself."""
-        ended = super().join(timeout_s)
-        self._signal(signal.SIGKILL)
-        return ended
-
-    def _signal(self, number: signal.Signals) -> None:
-        with suppress(ProcessLookupError):
-            os.killpg(self._popen.pid, number)
+        """Ask all its processes to end."""
+        if self.exit_code is None and (pid := self.pid) is not None:
+            for number in (signal.SIGTERM, signal.SIGCONT):
+                with suppress(ProcessLookupError):
+                    os.killpg(pid, number)

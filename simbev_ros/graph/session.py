@@ -118,7 +118,7 @@ class GraphSession:
             kinds = [node.kind for node in nodes]
             self._processes.append(NodeProcess(self._starter, kinds, parameters, self._traces.folder))
         if stack := stack_command(self._scenario):
-            self._processes.append(StackProcess(stack, self._traces.folder, environment))
+            self._processes.append(StackProcess(self._starter, stack, self._traces.folder))
         names = [node.name for nodes in plans for node in nodes]
         reporting = [*names[1:], *self._scenario.participants]
         try:

@@ -4,9 +4,9 @@ Most of what the nodes import is the same, and importing it in each of seven pro
 start of a graph. A fork takes milliseconds, and the processes share the memory of what was imported.
 
 Usage: ``python -m simbev_ros.nodes.fork_server DESCRIPTOR KIND …``; ``graph.node_starter`` is the other end of the
-socket. Each request names the arguments of ``nodes.main`` and a file for the output. Answers are the pid of a started
-process, and later how it ended. The server ends with the socket, which the kernel closes when the supervisor dies, and
-then ends its processes.
+socket. Each request names the arguments of ``nodes.main``, or another command, and a file for the output. Answers are
+the pid of a started process, and later how it ended. The server ends with the socket, which the kernel closes when the
+supervisor dies, and then ends its processes and all that they have started.
 """
 
 import atexit
@@ -25,8 +25,9 @@ from typing import NoReturn
 
 from setproctitle import setproctitle, setthreadtitle
 
+from simbev_ros.msgs.signing import KEY_VARIABLE
 from simbev_ros.nodes import main as nodes
-from simbev_ros.nodes.lifeline import SUPERVISOR_VARIABLE, wake_at_end_of_supervisor
+from simbev_ros.nodes.lifeline import SUPERVISOR_VARIABLE, end_with_supervisor, wake_at_end_of_supervisor
 
 MAX_MESSAGE_BYTES = 1 << 16
 """Length of the longest request or answer."""
@@ -76,7 +77,10 @@ class _ForkServer:
         signal.set_wakeup_fd(self._waking.fileno(), warn_on_full_buffer=False)
 
     def serve(self) -> list[str] | None:
-        """Handle requests; return None when the supervisor is gone, and in a forked process the arguments for nodes."""
+        """Handle requests; return None when the supervisor is gone, and in a forked process the arguments for nodes.
+
+        A process that is to run another command does not return.
+        """
         while True:
             ready, _, _ = select.select([self._channel, self._child_ended], [], [])
             if self._child_ended in ready:
@@ -87,9 +91,9 @@ class _ForkServer:
                 if not request:
                     self._end_all()
                     return None
-                arguments: list[str] | None = self._start(**json.loads(request))
-                if arguments is not None:
-                    return arguments
+                fields = json.loads(request)
+                if self._fork(fields.pop("log")):
+                    return _become(**fields)
 
     def _receive(self) -> bytes:
         """The next request; empty when the supervisor is gone."""
@@ -97,8 +101,8 @@ class _ForkServer:
             return self._channel.recv(MAX_MESSAGE_BYTES)
         return b""
 
-    def _start(self, arguments: list[str], log: str) -> list[str] | None:
-        """Fork; return None in this process, and the arguments in the new one."""
+    def _fork(self, log: str) -> bool:
+        """Fork; return whether this is the new process."""
         server = os.getpid()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", DeprecationWarning)  # of threads: LTTng has some, which wait for a tracer
@@ -106,13 +110,10 @@ class _ForkServer:
         if pid == 0:
             self._leave(log)
             os.environ[SUPERVISOR_VARIABLE] = str(server)
-            words = ["simbev_ros.nodes.main", *arguments]
-            setproctitle(" ".join(words))  # as if it had been started by hand
-            setthreadtitle(arguments[0].partition(":")[2])
-            return words
+            return True
         self._running.add(pid)
         self._answer(started=pid)
-        return None
+        return False
 
     def _leave(self, log: str) -> None:
         """Make the new process one that was started by itself: a session, output and signals of its own."""
@@ -132,6 +133,7 @@ class _ForkServer:
             if pid == 0:
                 return
             self._running.discard(pid)
+            _signal_group(pid, signal.SIGKILL)  # what it has started and left
             self._answer(ended=pid, exit_code=os.waitstatus_to_exitcode(status))
 
     def _answer(self, **values: int) -> None:
@@ -139,7 +141,7 @@ class _ForkServer:
             self._channel.send(json.dumps(values).encode())
 
     def _end_all(self) -> None:
-        """Ask all processes to end, also those that are stopped; kill the ones that do not."""
+        """Ask all processes to end, also those that are stopped; kill the ones that do not, and what they left."""
         self._signal(signal.SIGTERM)
         self._signal(signal.SIGCONT)
         end_s = time.monotonic() + _STOP_TIMEOUT_S
@@ -150,7 +152,29 @@ class _ForkServer:
 
     def _signal(self, number: signal.Signals) -> None:
         for pid in self._running:
-            os.kill(pid, number)
+            _signal_group(pid, number)
+
+
+def _signal_group(leader: int, number: signal.Signals) -> None:
+    with suppress(ProcessLookupError):
+        os.killpg(leader, number)
+
+
+def _become(arguments: list[str], *, is_command: bool) -> list[str]:
+    """Return the arguments for ``nodes.main``, with a title for the process; or run another command."""
+    if not is_command:
+        words = ["simbev_ros.nodes.main", *arguments]
+        setproctitle(" ".join(words))  # as if it had been started by hand
+        setthreadtitle(arguments[0].partition(":")[2])
+        return words
+    for name in (KEY_VARIABLE, "SPT_NOENV"):
+        os.environ.pop(name, None)
+    end_with_supervisor()
+    try:
+        os.execvp(arguments[0], arguments)
+    except OSError as error:
+        print(f"{arguments[0]}: {error.strerror}", file=sys.stderr, flush=True)
+        os._exit(os.EX_OSERR)
 
 
 if __name__ == "__main__":

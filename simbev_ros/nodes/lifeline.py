@@ -1,8 +1,4 @@
-"""Ends a process together with its supervisor, however the supervisor dies.
-
-Node processes call ``end_with_supervisor``; other commands are started as
-``python -m simbev_ros.nodes.lifeline COMMAND …``.
-"""
+"""Ends a process together with its supervisor, however the supervisor dies."""
 
 import ctypes
 import os
@@ -35,8 +31,3 @@ def _signal_at_end_of_supervisor(number: signal.Signals) -> None:
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, number)
     if os.getppid() != int(supervisor):
         sys.exit(1)
-
-
-if __name__ == "__main__":
-    end_with_supervisor()
-    os.execvp(sys.argv[1], sys.argv[1:])

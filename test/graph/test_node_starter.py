@@ -14,6 +14,7 @@ from commands import DOMAIN, wait_until
 from simbev_ros.graph.environment import graph_environment
 from simbev_ros.graph.node_starter import ForkedProcess, NodeStarter
 from simbev_ros.graph.shared_memory import middleware_files, remove_orphans
+from simbev_ros.msgs.signing import KEY_VARIABLE
 
 pytestmark = pytest.mark.graph
 
@@ -106,3 +107,25 @@ def test_nodes_end_with_a_killed_supervisor_even_if_something_is_stopped(tmp_pat
     supervisor.communicate()
     gone, _ = psutil.wait_procs([server, *nodes], timeout=30)
     assert len(gone) == 3
+
+
+def test_a_command_does_not_know_the_key_and_ends_with_all_that_it_has_started(tmp_path: Path) -> None:
+    variables = {**graph_environment(DOMAIN), KEY_VARIABLE: "key"}
+    starter, log = NodeStarter([], tmp_path, variables), tmp_path / "stack.log"
+    script = f"echo ${KEY_VARIABLE} $ROS_DOMAIN_ID; sleep 1000 & sleep 1000"
+    leader = psutil.Process(starter.start(["sh", "-c", script], log, is_command=True).await_start())
+    wait_until(lambda: len(leader.children()) == 2)
+    everything = [leader, *leader.children()]
+    leader.suspend()
+    starter.close()
+    gone, _ = psutil.wait_procs(everything, timeout=10)
+    assert len(gone) == 3
+    assert log.read_text().split() == [str(DOMAIN)]
+
+
+def test_a_command_that_cannot_run_ends_at_once(starter: NodeStarter, tmp_path: Path) -> None:
+    (tmp_path / "stack").write_text("no program")
+    (tmp_path / "stack").chmod(0o755)
+    process = starter.start([str(tmp_path / "stack")], tmp_path / "stack.log", is_command=True)
+    assert process.wait(10) == os.EX_OSERR
+    assert (tmp_path / "stack.log").read_text() == f"{tmp_path}/stack: Exec format error\n"

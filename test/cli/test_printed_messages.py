@@ -30,9 +30,9 @@ def test_strings_are_no_markup_and_no_emoji() -> None:
 
 
 def test_all_consoles_of_the_command_line_are_made_in_one_place() -> None:
-    folder = Path(console.__file__).parent
-    making = {path.name for path in folder.rglob("*.py") if re.search(r"(?<!make_)\bConsole\(", path.read_text())}
-    assert making == {"console.py"}
+    home = Path(console.__file__)
+    making = {path.name for path in home.parent.rglob("*.py") if re.search(r"\bConsole\(", path.read_text())}
+    assert making <= {home.name}
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,9 @@
 """Entries of the cache: where they are, which are in use, and which are evicted.
 
 An entry is a folder below the folder of its kind. Its name contains a hash of the fingerprint of the code that built
-it. A process that uses an entry sets its modification time and holds a lock on it until the process ends, however that
-happens. Entries that other versions of the code built are evicted when no process has used them for a while.
+it. A process that uses an entry sets its modification time and holds a lock on it until it has used many others, or
+ends, however that happens. Entries that other versions of the code built are evicted when no process has used them for
+a while.
 """
 
 import fcntl
@@ -10,14 +11,20 @@ import hashlib
 import os
 import tempfile
 import time
+from collections import OrderedDict
 from contextlib import suppress
-from functools import cache
 from pathlib import Path
 
 from simbev_ros.confined_paths import path_inside
 
 KEPT_S = 14 * 86400.0
 """How long after its last use an entry of another version is kept."""
+
+_MAX_HELD = 64
+"""Number of entries that a process holds at once; each takes a descriptor, and each map has three entries."""
+
+_held: OrderedDict[tuple[Path, int], int] = OrderedDict()
+"""Descriptors of the locked entries by path and inode, in order of their last use."""
 
 
 def default_cache_dir() -> Path:
@@ -42,21 +49,29 @@ def entry_path(kind: Path, name: str, version: bytes, key: bytes) -> Path:
 
 
 def hold_entry(entry: Path) -> None:
-    """Protect an entry from eviction while this process lives; without effect if it is absent or read-only."""
+    """Protect an entry from eviction while this process uses it; without effect if it is absent or read-only.
+
+    A process holds a limited number of entries, those used last; earlier ones are young enough to be kept anyway.
+    """
     with suppress(OSError):
         os.utime(entry)
         _lock(entry, entry.stat().st_ino)
 
 
-@cache
-def _lock(entry: Path, _inode: int) -> None:
-    """Lock an entry until the process ends: the descriptor is never closed."""
-    descriptor = os.open(entry, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except OSError:  # another process is just removing it
-        os.close(descriptor)
-        raise
+def _lock(entry: Path, inode: int) -> None:
+    """Lock an entry, once; unlock the one that has not been used for the longest time if too many are locked."""
+    if (entry, inode) not in _held:
+        descriptor = os.open(entry, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except OSError:  # another process is just removing it
+            os.close(descriptor)
+            raise
+        _held[entry, inode] = descriptor
+    _held.move_to_end((entry, inode))
+    if len(_held) > _MAX_HELD:
+        _, oldest = _held.popitem(last=False)
+        os.close(oldest)
 
 
 def evict_unused(written: Path) -> None:

@@ -89,3 +89,18 @@ def test_entries_stay_in_the_cache(tmp_path: Path, name: str) -> None:
     with pytest.raises(InputError, match="leads out of"):
         ensure_folder("maps", name, b"1", b"", lambda work: None, tmp_path / "cache")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_entries_used_last_are_held_and_descriptors_do_not_run_out(tmp_path: Path) -> None:
+    held = 64
+    folders = [entry(tmp_path, f"Map{index}", b"1", unused_s=0) for index in range(3 * held)]
+    descriptors = Path("/proc/self/fd")
+    before = len(list(descriptors.iterdir()))
+    for folder in folders:
+        hold_entry(folder)
+        hold_entry(folders[0])  # used again and again
+    assert len(list(descriptors.iterdir())) - before <= held
+    for folder in folders:
+        aged(folder, 2 * KEPT_S)
+    written(tmp_path)  # and holds it
+    assert [folder for folder in folders if folder.exists()] == [folders[0], *folders[2 - held :]]

@@ -64,10 +64,10 @@ ROS = {
     "visualization_msgs",
 }
 STACK = tuple(f"reference_stack/{module}" for module in ("messages", "node", "__main__"))
-TIMING = ("bench/recorder_timing", "bench/world_node_timing")
+BENCH = ("bench/recorder_timing", "bench/world_node_timing", "bench/topic_reader")
 """They send to a node what the graph would send, and read what it answers."""
 HOMES = {
-    **dict.fromkeys(ROS, ("nodes", "graph", "msgs", *TIMING, *STACK)),
+    **dict.fromkeys(ROS, ("nodes", "graph", "msgs", *BENCH, *STACK)),
     "moderngl": ("render",),
     "open3d": ("raycast",),
     "libsumo": ("world/sumo/traffic", "world/sumo/libsumo_import"),

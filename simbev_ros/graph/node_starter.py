@@ -66,6 +66,11 @@ class NodeStarter:
                 start_new_session=True,
             )
 
+    @property
+    def pid(self) -> int:
+        """Process id of the server."""
+        return self._server.pid
+
     def start(self, arguments: Sequence[str], log: Path, *, is_command: bool = False) -> "ForkedProcess":
         """Start a process; return without waiting for it.
 

@@ -206,6 +206,17 @@ class GraphSession:
         """Resident memory of every process, MiB, by process label."""
         return {process.label: process.memory_mib for process in self._processes}
 
+    @property
+    def folder(self) -> Path:
+        """Temporary folder of the graph, with its logs."""
+        return self._traces.folder
+
+    def pids(self) -> dict[str, int]:
+        """Ids of all processes of the graph that have been started, by label, with supervisor and fork server."""
+        servers = {} if self._starter is None else {"fork server": self._starter.pid}
+        nodes = {process.label: process.pid for process in self._processes if process.pid is not None}
+        return {"supervisor": os.getpid(), **servers, **nodes}
+
     def _finished_tick(self) -> int | None:
         """The last tick finished by all participants; live, where they may skip ticks, by the world node alone."""
         if not self._live:

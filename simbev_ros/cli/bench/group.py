@@ -8,6 +8,7 @@ import typer
 from typer.core import TyperGroup
 
 from simbev_ros.cli.bench.data import evaluate, reading, record
+from simbev_ros.cli.bench.endurance import endurance
 from simbev_ros.cli.bench.report import Json, show_timing
 from simbev_ros.cli.bench.sensing import cameras, labels, rays
 from simbev_ros.cli.console import make_console
@@ -31,7 +32,7 @@ bench = typer.Typer(cls=_DefaultGroup, rich_markup_mode="rich")
 
 @bench.callback()
 def _bench() -> None:
-    """Time the whole graph, or only its cameras, rays, labels, recorder or world, or work on datasets.
+    """Time the whole graph, or only its cameras, rays, labels, recorder or world, or work on datasets; watch long runs.
 
     Without a command the whole graph is timed.
 
@@ -79,7 +80,7 @@ def graph(
     )
 
 
-for _command in (cameras, rays, labels, reading, record, evaluate):
+for _command in (cameras, rays, labels, reading, record, evaluate, endurance):
     bench.command()(_command)
 
 

@@ -1,0 +1,48 @@
+"""``simbev bench endurance``: watches what a graph holds during long runs."""
+
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from simbev_ros.cli.bench.report import Json, show_timing
+from simbev_ros.errors import InputError
+
+
+def endurance(
+    minutes: Annotated[
+        float, typer.Option(help="Duration of the live run; 0: none, else at least 0.5.", min=0, max=50)
+    ] = 30.0,
+    scenes: Annotated[int, typer.Option(help="Number of short scenes; 0: none, else at least 5.", min=0)] = 50,
+    as_json: Json = False,
+) -> None:
+    """Check that memory, descriptors, threads and files of every process stay flat when a graph runs for long.
+
+    One scene is streamed in real time to a subscriber of all sensors; then short scenes on alternating maps are
+    recorded by one graph. The first fifth of each run is warm-up; from then on, lines are fitted to the samples. Memory
+    means heap and stacks, without mapped files. If memory rises by more than 10 % and 16 MiB anywhere, or a number
+    of descriptors, threads or files by more than 2, the exit code is 1.
+
+    [bold]Example[/]
+
+    simbev bench endurance --minutes 5 --scenes 10
+    """
+    from simbev_ros.bench.endurance import MIN_DURATION_S, MIN_SCENES, measure_endurance
+    from simbev_ros.cli.production_display import SceneDisplay
+
+    duration_s = round(60 * minutes)
+    if 0 < duration_s < MIN_DURATION_S:
+        raise InputError(f"{minutes:g}; allowed: 0, or {MIN_DURATION_S / 60:g} to 50", parameter="minutes")
+    if 0 < scenes < MIN_SCENES:
+        raise InputError(f"{scenes}; allowed: 0, or at least {MIN_SCENES}", parameter="scenes")
+    result = measure_endurance(duration_s, scenes, SceneDisplay(Console(stderr=True)))
+    growth = result.growth()
+    show_timing(
+        result,
+        "what a graph holds after warm-up and at the end",
+        ("run", "", "MiB", "end", "MiB/h", "counts"),
+        result.rows(),
+        as_json=as_json,
+        comparison="\n".join(growth) or "nothing grows",
+    )
+    raise typer.Exit(1 if growth else 0)

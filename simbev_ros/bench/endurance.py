@@ -58,7 +58,7 @@ class EnduranceRun:
     def rows(self) -> list[tuple[str, ...]]:
         """For each process and folder: name, memory in MiB after warm-up, at the end, and per hour; then counts."""
         by_name = {name: list(group) for name, group in groupby(self.trends, key=lambda trend: trend.name)}
-        rows = []
+        rows: list[tuple[str, ...]] = []
         for name, (memory, *counts) in by_name.items():
             values = (f"{memory.start:.1f}", f"{memory.end:.1f}", f"{memory.per_h:+.1f}")
             rows.append((self.title, name, *values, ", ".join(map(_describe_count, counts))))

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import rclpy
+from rclpy.signals import SignalHandlerOptions
 
 from simbev_ros.msgs.message_types import message_class
 from simbev_ros.msgs.qos import rclpy_qos, reader_qos_of
@@ -19,7 +20,7 @@ def main() -> None:
     """Receive messages until the process or its supervisor ends."""
     end_with_supervisor()
     spec = SceneSpec.model_validate_json(Path(sys.argv[1]).read_text(encoding="utf-8"))
-    rclpy.init()
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)  # SIGTERM just ends the process
     node = rclpy.create_node("topic_reader")
     for topic in manifest(spec, compressed_images=False):
         if topic.sensor:

@@ -4,10 +4,11 @@ Usage: ``python -m simbev_ros.bench.topic_reader SCENE``, with a file that holds
 """
 
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import rclpy
-from rclpy.signals import SignalHandlerOptions
+from rclpy.executors import ExternalShutdownException
 
 from simbev_ros.msgs.message_types import message_class
 from simbev_ros.msgs.qos import rclpy_qos, reader_qos_of
@@ -20,13 +21,16 @@ def main() -> None:
     """Receive messages until the process or its supervisor ends."""
     end_with_supervisor()
     spec = SceneSpec.model_validate_json(Path(sys.argv[1]).read_text(encoding="utf-8"))
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)  # SIGTERM just ends the process
+    rclpy.init()
     node = rclpy.create_node("topic_reader")
     for topic in manifest(spec, compressed_images=False):
         if topic.sensor:
             qos = rclpy_qos(reader_qos_of(topic, live=True))
             node.create_subscription(message_class(topic.type), topic.name, lambda _: None, qos)
-    rclpy.spin(node)
+    with suppress(ExternalShutdownException):  # SIGTERM
+        rclpy.spin(node)
+    node.destroy_node()
+    rclpy.try_shutdown()
 
 
 if __name__ == "__main__":

@@ -70,6 +70,8 @@ NUMBERS = [
     "map Blocks --at NUMBER 0",
     "bench graph --ticks NUMBER",
     "bench reading BAG --frames NUMBER",
+    "bench endurance --minutes NUMBER --scenes 1",
+    "bench endurance --minutes 0 --scenes NUMBER",
     "export nuscenes DATASET --out OUT --keyframe-hz NUMBER",
 ]
 

@@ -15,7 +15,7 @@ MAX_WARM_UP_MIB = 400.0
 
 
 def test_descriptors_threads_and_files_stay_flat_in_a_live_scene_and_over_many_scenes() -> None:
-    command = [sys.executable, "-m", "simbev_ros.cli.main", "bench", "endurance", "--minutes", "0.5", "--scenes", "6"]
+    command = [sys.executable, "-m", "simbev_ros.cli.main", "bench", "endurance", "--minutes", "1", "--scenes", "6"]
     result = subprocess.run([*command, "--json"], capture_output=True, text=True, timeout=600, check=False)
     assert result.returncode in (0, 1), result.stderr
     live, scenes = json.loads(result.stdout)["runs"]

@@ -30,7 +30,7 @@ def main() -> None:
     with suppress(ExternalShutdownException):  # SIGTERM
         rclpy.spin(node)
     node.destroy_node()
-    rclpy.try_shutdown()
+    rclpy.utilities.try_shutdown()
 
 
 if __name__ == "__main__":

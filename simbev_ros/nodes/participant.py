@@ -22,6 +22,9 @@ from simbev_ros.scene.state import EGO_ID, WorldState
 from simbev_ros.scene.weather import Weather
 from simbev_ros.types import Table
 
+_MAX_WAITING = 64
+"""Number of ticks of which parts may wait for the others; the window allows 8."""
+
 
 class Participant(GraphNode):
     """Base of the sensor and annotation nodes.
@@ -130,6 +133,8 @@ class Participant(GraphNode):
     def _store(self, waiting: dict[int, Any], stamp_ns: int, part: Any) -> None:
         """Store a part of the state; process every tick that it completes (live: only the newest complete tick)."""
         waiting[stamp_ns] = part
+        if len(waiting) > _MAX_WAITING:  # somebody else sends ticks that are far ahead
+            del waiting[min(waiting) if self.live else max(waiting)]
         while self.spec is not None:
             complete = self._actors.keys() & self._signals.keys() & self._weather.keys()
             if not complete:

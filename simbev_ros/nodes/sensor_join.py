@@ -3,6 +3,9 @@
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Generic, TypeVar
 
+_MAX_TICKS_AHEAD = 1000
+"""Messages farther ahead than any node can be are somebody else's."""
+
 _Tick = TypeVar("_Tick")
 _Message = TypeVar("_Message")
 
@@ -36,8 +39,8 @@ class SensorJoin(Generic[_Tick, _Message]):
         self._waiting[tick] = item
 
     def add_message(self, sensor: str, tick: int, message: _Message) -> None:
-        """Store a message, which may precede its tick; it is dropped if the tick has already been released."""
-        if tick > self._last_tick:
+        """Store a message, which may precede its tick; it is dropped if the tick is over, or far ahead."""
+        if self._last_tick < tick <= self._last_tick + _MAX_TICKS_AHEAD:
             self._messages.setdefault(tick, {})[sensor] = message
 
     def release(self) -> Iterator[tuple[_Tick, dict[str, _Message]]]:

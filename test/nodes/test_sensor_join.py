@@ -70,3 +70,12 @@ def test_without_sensors_no_tick_waits() -> None:
     join: SensorJoin[int, str] = SensorJoin({})
     join.expect(7, 7)
     assert list(join.release()) == [(7, {})]
+
+
+def test_what_waits_is_bounded_although_somebody_sends_ticks_that_never_come() -> None:
+    join: SensorJoin[int, str] = SensorJoin({"lidar": 1})
+    for tick in range(0, 10**6, 100):
+        join.add_message("lidar", tick, "forged")
+    assert len(join._messages) <= 1000
+    join.expect(0, 0)
+    assert list(join.release()) == [(0, {"lidar": "forged"})]

@@ -23,6 +23,7 @@ pedestrian's stride.
 """
 
 import io
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -31,11 +32,13 @@ import numpy as np
 from simbev_ros.annotation.boxes.boxes import NO_CLASS, box_centers_m, class_of_blueprint
 from simbev_ros.errors import NPZ_DAMAGE, BagError, InputError
 from simbev_ros.semantics import BOX_CLASSES
-from simbev_ros.types import BoolArray, Float32Array, Float64Array, Int64Array, Table, UInt8Array, UInt32Array
+from simbev_ros.types import AnyArray, BoolArray, Float32Array, Float64Array, Int64Array, Table, UInt8Array, UInt32Array
 from simbev_ros.units import NS_PER_S
 from simbev_ros.unpacking import NpzReader
 
 HORIZON_S = 6.0
+_MIN_TICK_NS = 1_000_000
+"""Length of the shortest tick that a configuration allows."""
 
 _PER_FRAME = ("valid", "position_m", "yaw_rad", "velocity_mps")
 
@@ -180,11 +183,40 @@ def tracks_from_npz(file: bytes) -> Tracks:
         values: dict[str, Any] = {
             field.name: arrays[field.name] for field in fields(Tracks) if field.name != "box_class"
         }
-        box_class = np.array([BOX_CLASSES.index(name) for name in class_names], np.uint8)[arrays["class"]]
+        values["class"] = arrays["class"]
+        _require_layout(values)
+        box_class = np.array([BOX_CLASSES.index(name) for name in class_names], np.uint8)[values.pop("class")]
     except NPZ_DAMAGE as error:
         raise BagError(f"the trajectories are damaged: {error}") from None
     return Tracks(**{**values, "tick_ns": int(values["tick_ns"]), "box_class": box_class})
 
+
+def _require_layout(arrays: Mapping[str, AnyArray]) -> None:
+    """Raise ValueError unless the arrays of a file have types, shapes and orders as the module docstring says."""
+    sizes = {"A": arrays["id"].size, "T": arrays["stamp_ns"].size}
+    for name, (dtype, axes) in _LAYOUT.items():
+        array, shape = arrays[name], tuple(sizes.get(axis, 3) for axis in axes)
+        if array.dtype != dtype or array.shape != shape:
+            raise ValueError(f"{name} is {array.dtype} of the shape {array.shape}; it must be {dtype} of {shape}")
+    for name in ("id", "stamp_ns"):
+        if not (arrays[name][1:] > arrays[name][:-1]).all():
+            raise ValueError(f"{name} must ascend")
+    if not _MIN_TICK_NS <= arrays["tick_ns"] <= NS_PER_S:
+        raise ValueError(f"tick_ns is {arrays['tick_ns']}; allowed: {_MIN_TICK_NS} to {NS_PER_S}")
+
+
+_LAYOUT = {
+    "tick_ns": ("int64", ""),
+    "stamp_ns": ("int64", "T"),
+    "id": ("uint32", "A"),
+    "class": ("uint8", "A"),
+    "size_m": ("float32", "A3"),
+    "valid": ("bool", "AT"),
+    "position_m": ("float64", "AT3"),
+    "yaw_rad": ("float32", "AT"),
+    "velocity_mps": ("float32", "AT3"),
+}
+"""Type and axes of each array of the file: A actors, T frames, 3 components."""
 
 _ROW_DTYPE = np.dtype(
     [

@@ -5,6 +5,7 @@ Every error names file, line, field, value and what is allowed.
 
 import difflib
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -114,8 +115,14 @@ def _validate(data: dict[str, Any], file: YamlFile, rig_file: YamlFile | None) -
         return Scenario.model_validate(data)
     except ValidationError as error:
         entries = _deepest_errors(error.errors(), data)
-        lines = [_explain(entry, data, file, rig_file) for entry in entries]
+        lines = [_explain(entry, data, file, rig_file) for entry in entries[:_MAX_ERRORS]]
+        if len(entries) > _MAX_ERRORS:
+            lines.append(f"{file.path}: and {len(entries) - _MAX_ERRORS:,} more errors")
         raise InputError("\n".join(dict.fromkeys(lines))) from None
+
+
+_MAX_ERRORS = 50
+"""Number of errors that are explained."""
 
 
 def _deepest_errors(entries: Sequence[Any], data: Any) -> list[Any]:
@@ -172,7 +179,7 @@ def _suggestion(key: str, location: Sequence[str | int], data: Any) -> str:
 
 def _allowed_keys(model: type[BaseModel], location: Sequence[str | int]) -> list[str]:
     """Field names of the model at one of pydantic's locations."""
-    schema = model.model_json_schema()
+    schema = _schema_of(model)
     node: Any = schema
     for key in location:
         node = _resolve(node, schema)
@@ -186,6 +193,11 @@ def _allowed_keys(model: type[BaseModel], location: Sequence[str | int]) -> list
             node = _model_branch(node)
     node = _resolve(node, schema)
     return list(_resolve(_model_branch(node) if "anyOf" in node else node, schema).get("properties", {}))
+
+
+@cache
+def _schema_of(model: type[BaseModel]) -> Any:
+    return model.model_json_schema()
 
 
 def _model_branch(node: Any) -> Any:

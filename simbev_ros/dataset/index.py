@@ -63,11 +63,11 @@ def read_index(dataset: Path) -> list[Row]:
     try:
         _require_columns(path, pq.ParquetFile(path))
         table = pq.read_table(path, columns=_schema().names)
-    except (pa.ArrowException, OSError) as error:
+        for name, largest in _LARGEST.items():
+            _require_range(path, name, table.column(name), largest)
+        rows = table.to_pylist()
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: {error}; {_REBUILD_HINT}") from None
-    for name, largest in _LARGEST.items():
-        _require_range(path, name, table.column(name), largest)
-    rows = table.to_pylist()
     for row in rows:
         try:
             _RowNames.model_validate(row)

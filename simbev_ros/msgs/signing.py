@@ -13,6 +13,7 @@ import secrets
 from typing import Self, TypeVar
 
 from simbev_ros.config.base import Model
+from simbev_ros.structured_text import parse_json
 
 KEY_VARIABLE = "SIMBEV_GRAPH_KEY"
 """Environment variable with the key, for the processes of a graph; without it, as for nodes started by hand, all
@@ -72,7 +73,7 @@ def content_of(kind: type[_Content], text: str, signer: Signer) -> _Content:
     Raises:
         ValueError: The text is no such model, or somebody else has signed it.
     """
-    fields = json.loads(text)
+    fields = parse_json(text)
     if not isinstance(fields, dict):
         raise ValueError("is no JSON object")
     signature = fields.pop(_SIGNATURE, "")

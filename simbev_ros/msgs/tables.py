@@ -6,6 +6,7 @@ import numpy as np
 from sensor_msgs.msg import PointCloud2, PointField
 
 from simbev_ros.msgs.stamps import header
+from simbev_ros.recording.arrays import point_dtype
 from simbev_ros.types import Table
 
 _DATATYPE = {
@@ -18,7 +19,6 @@ _DATATYPE = {
     "f4": PointField.FLOAT32,
     "f8": PointField.FLOAT64,
 }
-_CODE = {datatype: code for code, datatype in _DATATYPE.items()}
 
 
 def message_from_table(table: Table, stamp_ns: int, frame: str, *, is_dense: bool = True) -> PointCloud2:
@@ -52,14 +52,4 @@ def table_from_message(message: PointCloud2) -> Table:
     Raises:
         ValueError: The message contradicts itself, or has columns of an unknown type.
     """
-    if unknown := [field.name for field in message.fields if field.datatype not in _CODE]:
-        raise ValueError(f"column {unknown[0]} has an unknown type")
-    dtype = np.dtype(
-        {
-            "names": [field.name for field in message.fields],
-            "formats": ["<" + _CODE[field.datatype] for field in message.fields],
-            "offsets": [field.offset for field in message.fields],
-            "itemsize": message.point_step,
-        }
-    )
-    return np.frombuffer(message.data, dtype, count=message.width * message.height)
+    return np.frombuffer(message.data, point_dtype(message), count=message.width * message.height)

@@ -17,6 +17,7 @@ from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.lights import BuildingLightSpec
 from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, Event, WorldState
 from simbev_ros.scene.weather import Weather
+from simbev_ros.structured_text import parse_json
 from simbev_ros.types import Float64Array, Table
 
 MAP_FRAME = "map"
@@ -85,7 +86,7 @@ def signals_from_message(message: PointCloud2) -> Table:
 
 def weather_from_message(message: String) -> tuple[int, Weather]:
     """Stamp, ns, and weather from a ``weather_message``; raises ValueError if it is none."""
-    fields = json.loads(message.data)
+    fields = parse_json(message.data)
     if not isinstance(fields, dict) or not isinstance(stamp_ns := fields.pop("stamp_ns", None), int):
         raise ValueError("it has no stamp_ns")
     return stamp_ns, Weather.model_validate(fields)

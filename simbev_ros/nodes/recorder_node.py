@@ -262,7 +262,7 @@ def _stamped(payload: bytes, topic: Topic, spec: SceneSpec) -> _Stamped:
     if topic.name in _READERS:
         _READERS[topic.name](deserialize_message(payload, message_class(topic.type)))
     latched = topic.period_ticks == 0
-    return _Stamped(spec.start_ns if latched else serialized_stamp_ns(payload, topic.type), message)
+    return _Stamped(spec.start_ns if latched else serialized_stamp_ns(message, topic.type), message)
 
 
 def _schedule(topic: Topic) -> Schedule:

@@ -47,23 +47,9 @@ def point_array(message: Any) -> Table:
         BagError: A field lies outside its point or has an unknown type, or the size of the data does not match the
             message's fields.
     """
-    order = ">" if message.is_bigendian else "<"
     try:
-        kinds = [_POINT_FIELD_TYPES[field.datatype] for field in message.fields]
-        counts = [(field.count,) if field.count > 1 else () for field in message.fields]
-        dtype = np.dtype(
-            {
-                "names": [field.name for field in message.fields],
-                "formats": [(order + kind, count) for kind, count in zip(kinds, counts, strict=True)],
-                "offsets": [field.offset for field in message.fields],
-                "itemsize": message.point_step,
-            }
-        )
-        if not dtype.itemsize:
-            raise ValueError("a point has 0 bytes")
-    except KeyError as error:
-        raise BagError(f"point cloud: a field has the unknown data type {error}") from None
-    except (ValueError, OverflowError) as error:
+        dtype = point_dtype(message)
+    except ValueError as error:
         raise BagError(f"point cloud: {error}") from None
     row_bytes = message.width * message.point_step
     data = np.frombuffer(message.data, np.uint8)
@@ -73,3 +59,31 @@ def point_array(message: Any) -> Table:
         )
     rows = data.reshape(message.height, message.row_step)[:, :row_bytes]
     return np.ascontiguousarray(rows).reshape(-1).view(dtype)
+
+
+def point_dtype(message: Any) -> np.dtype[np.void]:
+    """Data type of a point of a ``sensor_msgs/msg/PointCloud2``, with the fields at their offsets.
+
+    Raises:
+        ValueError: A field lies outside its point, which numpy checks in 32 bits only, or has an unknown type; a name
+            occurs twice; a point has 0 bytes.
+    """
+    order = ">" if message.is_bigendian else "<"
+    formats: list[tuple[str, tuple[int, ...]]] = []
+    for field in message.fields:
+        kind = _POINT_FIELD_TYPES.get(field.datatype)
+        if kind is None:
+            raise ValueError(f"field {field.name!r:.60} has the unknown data type {field.datatype}")
+        end = field.offset + int(kind[1:]) * max(1, field.count)
+        if end > message.point_step:
+            raise ValueError(f"field {field.name!r:.60} ends at byte {end} of a point of {message.point_step} bytes")
+        formats.append((order + kind, (field.count,) if field.count > 1 else ()))
+    if not message.point_step:
+        raise ValueError("a point has 0 bytes")
+    names, offsets = [field.name for field in message.fields], [field.offset for field in message.fields]
+    try:
+        return np.dtype(
+            {"names": names, "formats": formats, "offsets": offsets, "itemsize": message.point_step}  # type: ignore[call-overload]
+        )
+    except OverflowError as error:  # a point of more than 2 GiB
+        raise ValueError(str(error)) from None

@@ -27,7 +27,11 @@ _JPEG_QUALITY = Recording().jpeg_quality
 _PNG = (cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_DEFAULT)
 
 _PNG_START = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR"
-_PNG_SIZE = struct.Struct(">II")
+_PNG_HEAD = struct.Struct(">IIBB")
+"""Width, height, bits of a channel, and kind of color, after ``_PNG_START``."""
+_GRAY, _COLOR = 0, 2
+_CHANNELS = {_GRAY: 1, _COLOR: 3}
+_MAX_DEFLATE_RATIO = 1032  # of zlib's format, https://zlib.net/zlib_tech.html
 _DEPTH_HEAD = struct.Struct("<iff")  # compression kind, quantization parameters a and b: level = a / depth + b
 _INVERSE_DEPTH = 0
 _MAX_LEVEL = 65535
@@ -56,7 +60,7 @@ def encode_labels(image: AnyArray) -> bytes:
 
 def decode_labels(data: bytes) -> AnyArray:
     """(H, W) uint8 or uint16 image decoded from a PNG."""
-    return _decode_png(data)
+    return _decode_png(data, _GRAY, 8, 16)
 
 
 def encode_depth(depth_m: Float32Array) -> bytes:
@@ -88,7 +92,7 @@ def encode_depth(depth_m: Float32Array) -> bytes:
 def decode_depth(data: bytes) -> Float32Array:
     """(H, W) float32 depth in meters; +inf where the image had none (the standard decoder gives NaN there)."""
     _, scale, offset = _DEPTH_HEAD.unpack_from(data)
-    levels = _decode_png(data[_DEPTH_HEAD.size :])
+    levels = _decode_png(data[_DEPTH_HEAD.size :], _GRAY, 16)
     depth_m: Float32Array = levels - np.float32(offset)
     with np.errstate(divide="ignore"):  # level 0 means no depth and is overwritten below
         np.divide(np.float32(scale), depth_m, out=depth_m)
@@ -110,7 +114,7 @@ def encode_flow(flow_px: Float32Array) -> bytes:
 
 def decode_flow(data: bytes) -> Float32Array:
     """(H, W, 2) float32 flow in pixels, NaN where invalid."""
-    valid, v, u = cv2.split(_decode_png(data))
+    valid, v, u = cv2.split(_decode_png(data, _COLOR, 16))
     flow_px: Float32Array = cv2.merge([u, v]).astype(np.float32)
     flow_px -= np.float32(_FLOW_ZERO)
     flow_px *= np.float32(1 / _FLOW_UNITS_PER_PX)
@@ -169,10 +173,16 @@ def _encode_png(image: AnyArray) -> bytes:
     return data.tobytes()
 
 
-def _decode_png(data: bytes) -> AnyArray:
+def _decode_png(data: bytes, color: int, *bits: int) -> AnyArray:
+    """Decode a PNG that has this kind of color, and one of these numbers of bits a channel; no other is unpacked."""
     if data[: len(_PNG_START)] != _PNG_START:
         raise ValueError("not a PNG")
-    _require_size(*_PNG_SIZE.unpack_from(data, len(_PNG_START)))
+    width_px, height_px, *kind = _PNG_HEAD.unpack_from(data, len(_PNG_START))
+    _require_size(width_px, height_px)
+    if kind not in [[each, color] for each in bits]:
+        raise ValueError(f"its pixels have {kind[0]} bits and color type {kind[1]}")
+    if width_px * height_px * _CHANNELS[color] * kind[0] // 8 > _MAX_DEFLATE_RATIO * len(data):
+        raise ValueError(f"{len(data)} bytes cannot hold {width_px} x {height_px} pixels")
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if image is None:
         raise ValueError("not a PNG")

@@ -6,6 +6,7 @@ The attachment is JSON, a list of ``{"topic": …, "stamp_ns": …, "type": …,
 import base64
 import json
 from collections.abc import Iterable
+from typing import Any
 
 from simbev_ros.errors import BagError
 from simbev_ros.recording.reader import RawMessage
@@ -33,9 +34,13 @@ def lead_in_messages(attachment: bytes) -> list[RawMessage]:
         BagError: The attachment is damaged.
     """
     try:
-        return [
-            RawMessage(entry["topic"], int(entry["stamp_ns"]), entry["type"], base64.b64decode(entry["cdr"]))
-            for entry in parse_json(attachment)
-        ]
-    except (ValueError, KeyError, TypeError) as error:
+        return [_message(**entry) for entry in parse_json(attachment)]
+    except (ValueError, TypeError) as error:
         raise BagError(f"the lead-in is damaged: {error}") from None
+
+
+def _message(topic: Any, stamp_ns: Any, type: Any, cdr: Any) -> RawMessage:  # noqa: A002
+    """The message of an entry. Raises ValueError or TypeError if the entry is damaged."""
+    if not (isinstance(topic, str) and isinstance(stamp_ns, int) and isinstance(type, str)):
+        raise ValueError("a topic, stamp or type is missing")
+    return RawMessage(topic, stamp_ns, type, base64.b64decode(cdr))

@@ -11,7 +11,7 @@ from typing import Any, BinaryIO, NamedTuple, Self
 
 import numpy as np
 from mcap.opcode import Opcode
-from mcap.records import Message
+from mcap.records import Channel, Message
 from pydantic import ValidationError
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
@@ -212,9 +212,8 @@ class SceneBag:
         for name in {channel.topic for part in self._parts for channel in part.index.channels.values()}:
             found = [(part.index, i) for part in self._parts for i in part.channels_of([name])]
             index, channel = found[0][0], found[0][0].channels[found[0][1]]
-            schema = index.schemas.get(channel.schema_id)
             stamps_ns = np.concatenate([index.locations[i].table()[:, 0] for index, i in found])
-            yield Topic(name, schema.name if schema else "", channel.metadata.get("topic_type_hash", ""), stamps_ns)
+            yield Topic(name, _type_name(index, channel), channel.metadata.get("topic_type_hash", ""), stamps_ns)
 
     def _chunk_messages(self, number: int, offset: int) -> list[Message]:
         """Messages of the chunk at an offset of a file, in the order of the chunk."""
@@ -228,7 +227,13 @@ class SceneBag:
         _, number, _, _, message = entry
         index = self._parts[number].index
         channel = index.channels[message.channel_id]
-        return RawMessage(channel.topic, message.log_time, index.schemas[channel.schema_id].name, message.data)
+        return RawMessage(channel.topic, message.log_time, _type_name(index, channel), message.data)
+
+
+def _type_name(index: McapIndex, channel: Channel) -> str:
+    """Type of a channel's messages; empty if the file lacks its schema."""
+    schema = index.schemas.get(channel.schema_id)
+    return schema.name if schema else ""
 
 
 def attached_spec(attachments: Mapping[str, bytes], path: Path) -> SceneSpec | None:

@@ -137,7 +137,7 @@ def _require_centered(info: Any, source: str) -> None:
     origin_m = np.array([position.x, position.y])
     yaw_rad = np.arctan2(
         2 * (orientation.w * orientation.z + orientation.x * orientation.y),
-        1 - 2 * (orientation.y**2 + orientation.z**2),
+        1 - 2 * (orientation.y * orientation.y + orientation.z * orientation.z),  # ** would overflow
     )
     tolerance_m = 0.02 * float(np.abs(corner_m).max()) + info.resolution
     if not (np.abs(origin_m - corner_m).max() <= tolerance_m and abs(yaw_rad) <= _MAX_YAW_RAD):

@@ -101,8 +101,13 @@ setup(
         "carla": [
             "carla>=0.9.16; python_version < '3.13' and sys_platform == 'linux' and platform_machine == 'x86_64'",
         ],
+        # Newer versions of Python and other machines have no wheels of it.
+        "fuzz": [
+            "atheris>=3; python_version < '3.14' and sys_platform == 'linux' and platform_machine == 'x86_64'",
+        ],
         "docs": ["mkdocs-material>=9.5"],
         "test": [
+            "hypothesis>=6.100",
             "mypy>=1.15",
             "pytest>=8.3",
             "ruff>=0.9",

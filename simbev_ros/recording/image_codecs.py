@@ -26,9 +26,13 @@ _JPEG_QUALITY = Recording().jpeg_quality
 # row, which takes three times as long and gains little on these images, which are smooth or flat.
 _PNG = (cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_DEFAULT)
 
-_PNG_START = b"\x89PNG\r\n\x1a\n\0\0\0\x0dIHDR"
+_PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
+_PNG_START = _PNG_MAGIC + b"\0\0\0\x0dIHDR"
 _PNG_HEAD = struct.Struct(">IIBB")
 """Width, height, bits of a channel, and kind of color, after ``_PNG_START``."""
+_PNG_LENGTH = struct.Struct(">I")
+_PNG_CHUNK_BYTES = 12
+"""Size of a chunk's length, kind and CRC, around its content."""
 _GRAY, _COLOR = 0, 2
 _CHANNELS = {_GRAY: 1, _COLOR: 3}
 _MAX_DEFLATE_RATIO = 1032  # of zlib's format, https://zlib.net/zlib_tech.html
@@ -183,10 +187,21 @@ def _decode_png(data: bytes, color: int, *bits: int) -> AnyArray:
         raise ValueError(f"its pixels have {kind[0]} bits and color type {kind[1]}")
     if width_px * height_px * _CHANNELS[color] * kind[0] // 8 > _MAX_DEFLATE_RATIO * len(data):
         raise ValueError(f"{len(data)} bytes cannot hold {width_px} x {height_px} pixels")
+    _require_chunks(data)
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if image is None:
         raise ValueError("not a PNG")
     return image
+
+
+def _require_chunks(data: bytes) -> None:
+    """Raise ValueError if a chunk of a PNG ends after its data; OpenCV allocates first what a chunk says."""
+    position = len(_PNG_MAGIC)
+    while position < len(data):
+        (length,) = _PNG_LENGTH.unpack_from(data, position)
+        position += length + _PNG_CHUNK_BYTES
+    if position != len(data):
+        raise ValueError("it is cut off, or a chunk has a wrong length")
 
 
 def _require_size(width_px: int, height_px: int) -> None:

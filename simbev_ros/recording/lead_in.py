@@ -39,7 +39,7 @@ def lead_in_messages(attachment: bytes) -> list[RawMessage]:
         raise BagError(f"the lead-in is damaged: {error}") from None
 
 
-def _message(topic: Any, stamp_ns: Any, type: Any, cdr: Any) -> RawMessage:  # noqa: A002
+def _message(topic: Any, stamp_ns: Any, type: Any, cdr: Any) -> RawMessage:
     """The message of an entry. Raises ValueError or TypeError if the entry is damaged."""
     if not (isinstance(topic, str) and isinstance(stamp_ns, int) and isinstance(type, str)):
         raise ValueError("a topic, stamp or type is missing")

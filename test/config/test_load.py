@@ -1,5 +1,6 @@
 """An invalid configuration is refused with a message that names file, line, field and allowed values."""
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -128,3 +129,14 @@ def test_error_in_a_rig_file_names_the_rig_file_and_its_line(tmp_path: Path) -> 
     path.write_text("scenes: [{map: Blocks, train: 1}]\nrig: rig.yaml\n")
     with pytest.raises(InputError, match=r"rig.yaml:4: sensors\[0\].channels: .*greater than or equal to 1, not 0"):
         load_scenario(path)
+
+
+def test_of_thousands_of_errors_the_first_fifty_are_explained(tmp_path: Path) -> None:
+    path = tmp_path / "many.yaml"
+    path.write_text(BASE + "".join(f"key{number}: 1\n" for number in range(3000)))
+    started_s = time.process_time()
+    with pytest.raises(InputError) as raised:
+        load_scenario(path)
+    assert time.process_time() - started_s < 10  # an explanation each would take a minute
+    lines = str(raised.value).splitlines()
+    assert len(lines) == 51 and lines[-1] == f"{path}: and 2,950 more errors"

@@ -125,8 +125,8 @@ def _opendrive() -> dict[str, str]:
     turn = '<link><successor elementType="road" elementId="2" contactPoint="start"/></link>'
     objects = (
         '<objects><object id="1" type="crosswalk" s="50" t="0" zOffset="0" hdg="1.57" length="7" width="3"><outline>'
-        '<cornerLocal u="-1.5" v="-3.5" z="0"/><cornerLocal u="1.5" v="-3.5" z="0"/><cornerLocal u="1.5" v="3.5" z="0"/>'
-        '<cornerLocal u="-1.5" v="3.5" z="0"/></outline></object></objects>'
+        '<cornerLocal u="-1.5" v="-3.5" z="0"/><cornerLocal u="1.5" v="-3.5" z="0"/>'
+        '<cornerLocal u="1.5" v="3.5" z="0"/><cornerLocal u="-1.5" v="3.5" z="0"/></outline></object></objects>'
         '<signals><signal id="1" type="206" s="79" t="-5" orientation="+" dynamic="no"/>'
         '<signal id="2" type="1000001" s="95" t="-4" orientation="+" dynamic="yes" zOffset="3"/></signals>'
     )
@@ -187,8 +187,12 @@ def _scene_messages() -> Messages:
     for tick in range(_SPEC.ticks):
         stamp_ns = _SPEC.stamp_ns(tick)
         event = {
-            **{"type": "collision", "stamp_ns": stamp_ns, "tick": tick, "ids": [1, 2]},
-            **{"position_m": [1, 2, 3], "relative_speed_mps": 4.5},
+            "type": "collision",
+            "stamp_ns": stamp_ns,
+            "tick": tick,
+            "ids": [1, 2],
+            "position_m": [1, 2, 3],
+            "relative_speed_mps": 4.5,
         }
         turn = np.array([0, 0, 0.1])
         contents = {

@@ -19,7 +19,6 @@ import numpy as np
 from rclpy.serialization import deserialize_message
 from rosbags.typesys import Stores, get_typestore
 
-
 from simbev_ros.annotation.trajectories import futures, tracks_from_npz
 from simbev_ros.config.evaluation import BOXES_TOPIC, GRIDS_TOPIC
 from simbev_ros.config.load import load_scenario

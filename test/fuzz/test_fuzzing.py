@@ -1,4 +1,4 @@
-"""Whatever bytes a stranger sends, a reader refuses them with an error that it documents, or reads them consistently."""
+"""Whatever bytes arrive, a reader refuses them with an error that it documents, or reads them consistently."""
 
 import re
 from collections.abc import Iterator

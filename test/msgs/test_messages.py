@@ -10,6 +10,7 @@ from nav_msgs.msg import Odometry
 from rclpy.serialization import deserialize_message, serialize_message
 from rosbags.typesys import Stores, get_typestore
 from sensor_msgs.msg import CameraInfo, PointCloud2
+from std_msgs.msg import String
 from visualization_msgs.msg import Marker, MarkerArray
 
 from simbev_ros.annotation.boxes.boxes import BOX_DTYPE
@@ -157,3 +158,18 @@ def test_the_record_of_the_ego_lane_has_stamp_and_lane() -> None:
     record = json.loads(message.data)
     assert (record["id"], record["lane_type"]) == (strip.lane, "Driving")
     assert record["transform"]["location"] == pytest.approx(((before + after) / 2.0).tolist(), abs=0.01)
+
+
+def test_a_point_field_beyond_the_point_is_refused_wherever_it_is_said_to_be() -> None:
+    message = message_from_table(np.zeros(2, SIGNAL_DTYPE), 1, "map")
+    for offset in (SIGNAL_DTYPE.itemsize, 2**31 - 1, 2**32 - 1):  # numpy adds the size to it in 32 bits
+        message.fields[2].offset = offset
+        with pytest.raises(ValueError, match=f"'z' ends at byte {offset + 8} of a point of 45 bytes"):
+            table_from_message(message)
+
+
+@pytest.mark.parametrize("text", ["[1]", '{"stamp_ns": "now"}', '{"stamp_ns": 1.5}', "no JSON", "[" * 100_000])
+def test_a_text_without_a_valid_stamp_is_refused(text: str) -> None:
+    payload = serialize_message(String(data=text))
+    with pytest.raises(ValueError, match=r"\w"):
+        serialized_stamp_ns(payload, "std_msgs/msg/String")

@@ -150,3 +150,24 @@ def test_other_formats_are_not_decoded_as_png() -> None:
     assert done
     with pytest.raises(BagError, match="not a PNG"):
         decode_image(compressed_format("mono8"), data.tobytes())
+
+
+def test_a_png_with_a_chunk_longer_than_its_data_is_refused_before_opencv_makes_room_for_it() -> None:
+    data = bytearray(encode_image("mono16", np.zeros((2, 3), np.uint16)))
+    start = data.index(b"IDAT") - 4
+    data[start : start + 4] = struct.pack(">I", 0xF8000000)
+    with pytest.raises(BagError, match="a chunk has a wrong length"):
+        decode_image(compressed_format("mono16"), bytes(data))
+
+
+def test_a_png_with_more_pixels_than_its_bytes_can_hold_is_refused() -> None:
+    head = b"IHDR" + struct.pack(">II", 8192, 8192) + b"\x10\0\0\0\0"
+    data = b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + head + struct.pack(">I", zlib.crc32(head)) + bytes(100)
+    with pytest.raises(BagError, match="133 bytes cannot hold 8192 x 8192 pixels"):
+        decode_image(compressed_format("mono16"), data)
+
+
+def test_a_png_of_another_pixel_type_is_refused() -> None:
+    color = encode_image("32FC2", np.zeros((2, 3, 2), np.float32))
+    with pytest.raises(BagError, match="16 bits and color type 2"):
+        decode_image(compressed_format("mono16"), color)

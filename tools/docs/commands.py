@@ -19,11 +19,12 @@ _INTRODUCTION = """# Commands
 `./simbev` at the top of the repository is a start script. It sets the machine up once and then runs the command below.
 Inside an activated environment the same command is called `simbev`.
 
-The start script adds two verbs of its own, for developers:
+The start script adds three verbs of its own, for developers:
 
 | verb | what it does |
 |---|---|
 | `./simbev test [--all] [pytest options]` | Runs lint, type checks and tests; `--all` includes the slow tests. |
+| `./simbev fuzz [TARGET …] [--seconds N]` | Feeds damaged files and messages to their readers, guided by coverage. |
 | `./simbev docs` | Regenerates the reference pages and builds this documentation as a site. |
 
 Exit codes: 0 done, 1 failed, 2 bad input (the message names file, field and value), 130 interrupted. With the

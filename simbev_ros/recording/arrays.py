@@ -82,8 +82,6 @@ def point_dtype(message: Any) -> np.dtype[np.void]:
         raise ValueError("a point has 0 bytes")
     names, offsets = [field.name for field in message.fields], [field.offset for field in message.fields]
     try:
-        return np.dtype(
-            {"names": names, "formats": formats, "offsets": offsets, "itemsize": message.point_step}  # type: ignore[call-overload]
-        )
+        return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": message.point_step})
     except OverflowError as error:  # a point of more than 2 GiB
         raise ValueError(str(error)) from None

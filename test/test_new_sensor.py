@@ -109,7 +109,10 @@ def test_what_a_kind_needs_complains_by_itself(copy: Path) -> None:
     assert failures(copy, *CHECKS) == named(row("step 4")) | named(row("step 5")) | whole
 
 
-@pytest.mark.parametrize("forgotten", BLUNDERS)
+FIRST, *OTHERS = BLUNDERS
+
+
+@pytest.mark.parametrize("forgotten", [FIRST, *(pytest.param(each, marks=pytest.mark.slow) for each in OTHERS)])
 def test_a_node_that_is_at_odds_with_the_manifest_is_found(copy: Path, forgotten: str) -> None:
     follow(copy, 1, 2, 3, 4, 5)
     node, (right, wrong) = copy / STEPS[4][0], BLUNDERS[forgotten]

@@ -220,6 +220,7 @@ def test_covers_fill_the_land_and_overlap_nowhere(use: str) -> None:
     assert shapely.union_all(covers).symmetric_difference(land).area < 1e-4 * land.area
 
 
+@pytest.mark.slow
 def test_a_region_does_not_depend_on_regions_built_before() -> None:
     network = replace(blocks(), features=features("residential"))
     terrain = Terrain(network)

@@ -140,6 +140,7 @@ assert not {"rich.console", "typer", "simbev_ros.cli"} & sys.modules.keys()
 """
 
 
+@pytest.mark.slow
 def test_a_python_program_makes_a_dataset_without_a_console(tmp_path: Path) -> None:
     config, dataset = write(tmp_path, "{map: Blocks, train: 1}"), tmp_path / "set"
     done = subprocess.run(

@@ -221,6 +221,7 @@ def test_bench_reports_the_time_of_every_process(simbev: Simbev, small_config: C
     assert processes["camera"]["cpu_ms"] > 0  # the clock is too coarse for nodes with little load
 
 
+@pytest.mark.slow
 def test_world_bench_times_scenes_of_every_size() -> None:
     scenario = Scenario.model_validate(
         {"scenes": [{"map": "Blocks", "train": 1}], "rig": Rig(sensors=()), "time": {"duration_s": 1}}

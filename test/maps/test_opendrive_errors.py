@@ -103,6 +103,7 @@ def test_repairable_files_are_repaired_with_a_note(tmp_path: Path, old: str, new
     assert any(note in text for text in parts.notes)
 
 
+@pytest.mark.slow
 def test_mangled_numbers_result_in_a_map_or_an_input_error(tmp_path: Path) -> None:
     more = "<elevationProfile>" + sample.cubic("elevation", 1.0, 0.1) + "</elevationProfile>"
     signals = '<signals><signal id="1" type="206" s="95" t="-5" orientation="+"/></signals>'

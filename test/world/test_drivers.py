@@ -45,6 +45,7 @@ def red_light_runners(spec):
     return ran, gap_m
 
 
+@pytest.mark.slow
 def test_distracted_drivers_run_red_lights_but_keep_their_distance_to_leaders():
     spec = scene(pedestrians=0, ticks=400)
     assert not red_light_runners(spec)[0]

@@ -3,9 +3,9 @@
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from simbev_ros.cli.bench.report import Json, show_timing
+from simbev_ros.cli.console import make_console
 from simbev_ros.errors import InputError
 
 
@@ -32,7 +32,7 @@ def endurance(
 
     if 0 < scenes < MIN_SCENES:
         raise InputError(f"{scenes}; allowed: 0, or {MIN_SCENES} to 10000", parameter="scenes")
-    result = measure_endurance(60 * minutes, scenes, SceneDisplay(Console(stderr=True)))
+    result = measure_endurance(60 * minutes, scenes, SceneDisplay(make_console(stderr=True)))
     growth = result.growth()
     show_timing(
         result,

@@ -52,4 +52,7 @@ def table_from_message(message: PointCloud2) -> Table:
     Raises:
         ValueError: The message contradicts itself, or has columns of an unknown type.
     """
-    return np.frombuffer(message.data, point_dtype(message), count=message.width * message.height)
+    dtype, count = point_dtype(message), message.width * message.height
+    if count * dtype.itemsize > len(message.data):
+        raise ValueError(f"{len(message.data)} bytes do not hold {count} points of {dtype.itemsize} bytes")
+    return np.frombuffer(message.data, dtype, count=count)

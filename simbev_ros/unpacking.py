@@ -81,6 +81,7 @@ class NpzReader:
             _check_header(file, entry.file_size)
         with self._archive.open(entry) as file:
             array: AnyArray = npy.read_array(file, allow_pickle=False)
+        _check_texts(array)
         return array
 
 
@@ -96,4 +97,16 @@ def _check_header(file: IO[bytes], size_bytes: int) -> None:
         raise ValueError(f"its header says {shape} of {dtype}, but it has only {size_bytes} bytes")
 
 
+def _check_texts(array: AnyArray) -> None:
+    """Raise ValueError if an array has texts with numbers that are not characters, at which Python's strings fail."""
+    if array.dtype.names is not None:
+        raise ValueError("it is structured; such arrays are not read")
+    if array.dtype.kind == "U" and array.nbytes:
+        numbers = np.ascontiguousarray(array).reshape(-1).view(np.dtype("u4").newbyteorder(array.dtype.byteorder))
+        if ((numbers > _MAX_CHARACTER) | (numbers >> _SURROGATE_BITS == _SURROGATES)).any():
+            raise ValueError("it has texts with numbers that are not characters")
+
+
+_MAX_CHARACTER = 0x10FFFF
+_SURROGATE_BITS, _SURROGATES = 11, 0xD800 >> 11
 _HEADERS = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}

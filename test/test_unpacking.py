@@ -77,3 +77,16 @@ def test_an_array_that_promises_more_than_it_holds_is_refused(make: Callable[[],
     reader = NpzReader(make())
     with at_most(2), pytest.raises(ValueError, match=r"its header says|another way than by numpy|is not supported"):
         reader["a"]
+
+
+@pytest.mark.parametrize("number", [0x110000, 0xFFFFFFFF, 0xD800, 0xDFFF])
+@pytest.mark.parametrize("order", "<>")
+def test_texts_with_numbers_that_are_not_characters_are_refused(number: int, order: str) -> None:
+    for last, is_text in ((ord("€"), True), (number, False)):
+        stream = io.BytesIO()
+        np.savez(stream, names=np.array([[65, last]], f"{order}u4").view(f"{order}U2"))
+        if is_text:
+            assert NpzReader(stream)["names"].item() == "A€"
+        else:
+            with pytest.raises(ValueError, match="not characters"):
+                NpzReader(stream)["names"]

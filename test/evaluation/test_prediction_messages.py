@@ -233,3 +233,15 @@ def test_bad_occupancy_is_named() -> None:
     message.info.width = 6
     with pytest.raises(InputError, match=r"data: 15 cells do not form a grid of 6 x 3"):
         occupancy_scores(message, "/bev")
+
+
+def test_an_orientation_too_long_for_its_length_to_be_a_number_is_refused() -> None:
+    message = markers([("car", 0.5, (1, 2, 3), (4, 2, 1.5), (0, 0, 1e200, 1e200))], header(1))
+    with pytest.raises(InputError, match="orientation: row 0"):
+        message_boxes("visualization_msgs/msg/MarkerArray", message, 0, "topic")
+
+
+def test_a_grid_turned_by_a_huge_quaternion_is_refused() -> None:
+    turned = pose((-0.5, -0.5, 0), (0, 1e200, 1e200, 1))
+    with pytest.raises(InputError, match=r"info\.origin"):
+        occupancy_scores(occupancy(np.zeros((2, 2), np.int8), 1, turned), "topic")

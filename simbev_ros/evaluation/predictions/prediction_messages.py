@@ -207,7 +207,8 @@ def _box_columns(poses: list[tuple[Any, Any]], scores: list[float], classes: lis
 
 def _yaws_rad(xyzw: Float64Array, rows: Rows) -> Float64Array:
     """(N,) yaws of (N, 4) quaternions of any length but zero."""
-    length = np.linalg.norm(xyzw, axis=1)
+    with np.errstate(over="ignore"):  # an infinite length is refused
+        length = np.linalg.norm(xyzw, axis=1)
     rows.require("orientation", np.isfinite(length) & (length > 0), xyzw, "a quaternion x y z w other than 0")
     x, y, z, w = (xyzw / length[:, None]).T
     rows.require("orientation", 1 - 2 * (x * x + y * y) >= UPRIGHT, xyzw, "upright: x y z w of a turn about z")

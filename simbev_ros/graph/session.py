@@ -127,6 +127,7 @@ class GraphSession:
             if self.security_variables:
                 raise InputError(f"{str(error).splitlines()[0]}; {NEEDS_SROS}") from None
             raise
+        self._traces.note([os.getpid()])
 
     def play(self, spec: SceneSpec, progress: Progress, replay: Path | None = None) -> SceneEnd:
         """Play a scene to its end and return the end.

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import pytest
 
 from simbev_ros.cli.main import main
+from simbev_ros.graph.session import GraphSession
 
 
 class Answer(NamedTuple):
@@ -42,3 +43,13 @@ def refused(simbev: Callable[..., Answer]) -> Callable[..., str]:
         return answer.err
 
     return run
+
+
+@pytest.fixture
+def no_graph(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make the start of a graph a failure, where everything wrong must be found before."""
+
+    def refuse(*_: object, **__: object) -> None:
+        raise AssertionError("the graph was started")
+
+    monkeypatch.setattr(GraphSession, "start", refuse)

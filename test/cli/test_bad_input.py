@@ -6,22 +6,13 @@ from typing import Any
 
 import pytest
 
-from simbev_ros.graph import session
+pytestmark = pytest.mark.usefixtures("no_graph")
+
 
 GOOD = """scenes: [{map: Blocks, train: 1}]
 rig: {sensors: [{type: imu, name: imu}]}
 traffic: {vehicles: 1, pedestrians: 1}
 """
-
-
-@pytest.fixture(autouse=True)
-def no_graph(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Starting the graph would be a failure: everything wrong must be found before."""
-
-    def refuse(*_: object, **__: object) -> None:
-        raise AssertionError("the graph was started")
-
-    monkeypatch.setattr(session.GraphSession, "start", refuse)
 
 
 def config(tmp_path: Path, text: str) -> Path:

@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 from made_up_scene import made_up_scene
 
-from simbev_ros.graph import session
+pytestmark = pytest.mark.usefixtures("no_graph")
+
 
 Simbev = Callable[..., Any]
 
@@ -74,14 +75,6 @@ NUMBERS = [
     "bench endurance --minutes 0 --scenes NUMBER",
     "export nuscenes DATASET --out OUT --keyframe-hz NUMBER",
 ]
-
-
-@pytest.fixture(autouse=True)
-def no_graph(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_: object, **__: object) -> None:
-        raise AssertionError("the graph was started")
-
-    monkeypatch.setattr(session.GraphSession, "start", refuse)
 
 
 @pytest.fixture(scope="module")

@@ -15,10 +15,11 @@ from made_up_scene import SENSORS, made_up_scene, made_up_spec
 from ros_messages import string
 
 from simbev_ros.dataset.index import INDEX_FILE, update_index
-from simbev_ros.graph import session
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.layout import scenes_of
 from simbev_ros.recording.qos import QosProfile
+
+pytestmark = pytest.mark.usefixtures("no_graph")
 
 Simbev = Callable[..., Any]
 COMMANDS = (
@@ -29,14 +30,6 @@ COMMANDS = (
     "replay {bag} demo --out {out}/replayed",
     "evaluate {own} {bag}",
 )
-
-
-@pytest.fixture(autouse=True)
-def no_graph(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_: object, **__: object) -> None:
-        raise AssertionError("the graph was started")
-
-    monkeypatch.setattr(session.GraphSession, "start", refuse)
 
 
 @pytest.fixture

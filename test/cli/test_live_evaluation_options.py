@@ -11,17 +11,10 @@ from simbev_ros.cli.evaluate.live import print_live_tables, with_evaluation
 from simbev_ros.config.evaluation import Evaluation
 from simbev_ros.config.load import load_scenario
 from simbev_ros.errors import InputError
-from simbev_ros.graph import session
+
+pytestmark = pytest.mark.usefixtures("no_graph")
 
 Refused = Callable[..., str]
-
-
-@pytest.fixture(autouse=True)
-def no_graph(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_: object, **__: object) -> None:
-        raise AssertionError("the graph was started")
-
-    monkeypatch.setattr(session.GraphSession, "start", refuse)
 
 
 def test_without_options_nothing_changes() -> None:

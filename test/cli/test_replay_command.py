@@ -10,23 +10,16 @@ import pytest
 from ros_messages import point_cloud
 
 from simbev_ros.config.load import load_scenario
-from simbev_ros.graph import session
 from simbev_ros.maps.build import load_network
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.qos import QosProfile
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.scene.state import ACTOR_DTYPE, SIGNAL_DTYPE
 
+pytestmark = pytest.mark.usefixtures("no_graph")
+
 Refused = Callable[..., str]
 CLOUD = "sensor_msgs/msg/PointCloud2"
-
-
-@pytest.fixture(autouse=True)
-def no_graph(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_: object, **__: object) -> None:
-        raise AssertionError("the graph was started")
-
-    monkeypatch.setattr(session.GraphSession, "start", refuse)
 
 
 @pytest.fixture(scope="module")

@@ -1,9 +1,13 @@
 """Turns Ctrl-C and SIGTERM into one ``Interrupted`` exception in the main thread, so that the graph stops in order."""
 
 import signal
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
+
+_AGAIN_S = 0.01
+"""Time until an exception that was lost is raised again."""
 
 
 class Interrupted(BaseException):
@@ -12,17 +16,34 @@ class Interrupted(BaseException):
 
 @contextmanager
 def raising_interrupts() -> Iterator[None]:
-    """Let the first SIGINT or SIGTERM raise ``Interrupted``; further ones are ignored, so that clean-up completes."""
+    """Let the first SIGINT or SIGTERM raise ``Interrupted``; further ones are ignored, so that clean-up completes.
+
+    Python drops what is raised in a destructor or in a callback of C code. An interrupt that arrives there is raised
+    again by a timer (SIGALRM).
+    """
 
     def stop(_number: int, _frame: FrameType | None) -> None:
         for number in handled:
             signal.signal(number, signal.SIG_IGN)
         raise Interrupted
 
+    def stop_again(_number: int, _frame: FrameType | None) -> None:
+        raise Interrupted
+
+    def note_lost(unraisable: "sys.UnraisableHookArgs") -> None:
+        if issubclass(unraisable.exc_type, Interrupted):
+            signal.setitimer(signal.ITIMER_REAL, _AGAIN_S)
+        else:
+            hook_before(unraisable)
+
     handled = (signal.SIGINT, signal.SIGTERM)
+    hook_before, sys.unraisablehook = sys.unraisablehook, note_lost
     before = {number: signal.signal(number, stop) for number in handled}
+    before[signal.SIGALRM] = signal.signal(signal.SIGALRM, stop_again)
     try:
         yield
     finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
         for number, handler in before.items():
             signal.signal(number, handler)
+        sys.unraisablehook = hook_before

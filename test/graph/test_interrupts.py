@@ -1,0 +1,47 @@
+"""Interrupts that arrive where Python drops exceptions."""
+
+import os
+import signal
+import sys
+import time
+
+import pytest
+
+from simbev_ros.graph.interrupts import Interrupted, raising_interrupts
+
+
+class InterruptedWhileDestroyed:
+    """An object in whose destructor the user presses Ctrl-C."""
+
+    def __del__(self) -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(1.0)
+
+
+def test_an_interrupt_in_a_destructor_is_raised_after_it() -> None:
+    handlers = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM)]
+    hook = sys.unraisablehook
+    with pytest.raises(Interrupted), raising_interrupts():
+        dying = InterruptedWhileDestroyed()
+        start_s = time.monotonic()
+        del dying
+        time.sleep(10.0)
+    assert time.monotonic() - start_s < 5.0
+    assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGALRM)] == handlers
+    assert sys.unraisablehook is hook
+
+
+def test_other_exceptions_of_destructors_are_reported_as_before() -> None:
+    class Failing:
+        def __del__(self) -> None:
+            raise ValueError("made up")
+
+    seen: list[str] = []
+    before, sys.unraisablehook = sys.unraisablehook, lambda lost: seen.append(str(lost.exc_value))
+    try:
+        with raising_interrupts():
+            failing = Failing()
+            del failing
+    finally:
+        sys.unraisablehook = before
+    assert seen == ["made up"]

@@ -70,6 +70,7 @@ setup(
         "eclipse-sumo>=1.28",
         "libsumo>=1.28",
         "mapbox_earcut>=2.0",
+        "isal>=1.7",
         "lz4>=4",
         "mcap>=1.6",
         "moderngl>=5.12",

@@ -19,28 +19,19 @@ import simplejpeg
 from simbev_ros.config.scenario import Recording
 from simbev_ros.errors import BagError, LimitError
 from simbev_ros.limits import MAX_IMAGE_SIDE_PX
-from simbev_ros.types import AnyArray, Float32Array, UInt8Array
+from simbev_ros.recording.png import RowFilter, decode_png, encode_png
+from simbev_ros.types import AnyArray, BoolArray, Float32Array, UInt8Array
 
 _JPEG_QUALITY = Recording().jpeg_quality
-# Without a level, all versions of OpenCV use level 1 and the filter SUB. With a level, OpenCV chooses a filter for each
-# row, which takes three times as long and gains little on these images, which are smooth or flat.
-_PNG = (cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_DEFAULT)
-
-_PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
-_PNG_START = _PNG_MAGIC + b"\0\0\0\x0dIHDR"
-_PNG_HEAD = struct.Struct(">IIBB")
-"""Width, height, bits of a channel, and kind of color, after ``_PNG_START``."""
-_PNG_LENGTH = struct.Struct(">I")
-_PNG_CHUNK_BYTES = 12
-"""Size of a chunk's length, kind and CRC, around its content."""
-_GRAY, _COLOR = 0, 2
-_CHANNELS = {_GRAY: 1, _COLOR: 3}
-_MAX_DEFLATE_RATIO = 1032  # of zlib's format, https://zlib.net/zlib_tech.html
 _DEPTH_HEAD = struct.Struct("<iff")  # compression kind, quantization parameters a and b: level = a / depth + b
 _INVERSE_DEPTH = 0
 _MAX_LEVEL = 65535
 _FLOW_UNITS_PER_PX = 64.0
 _FLOW_ZERO = 32768
+_UNCHANGED_ORDER = (0, 0, 1, 1, 2, 2)
+"""Order of channels for OpenCV's ``mixChannels``, which is much faster than NumPy at images of few channels."""
+_FLOW_RANGE = ((-0.5,) * 2, (np.nextafter(np.float32(_MAX_LEVEL + 0.5), np.float32(0)).item(),) * 2)
+"""Lowest and highest u and v, in these units, that round to 16 bits."""
 
 
 def encode_rgb(image: UInt8Array, quality: int = _JPEG_QUALITY) -> bytes:
@@ -59,12 +50,12 @@ def decode_rgb(data: bytes) -> UInt8Array:
 
 def encode_labels(image: AnyArray) -> bytes:
     """Lossless PNG of an (H, W) uint8 or uint16 image."""
-    return _encode_png(image)
+    return encode_png(image, RowFilter.NONE)
 
 
 def decode_labels(data: bytes) -> AnyArray:
     """(H, W) uint8 or uint16 image decoded from a PNG."""
-    return _decode_png(data, _GRAY, 8, 16)
+    return decode_png(data, 1, 8, 16)
 
 
 def encode_depth(depth_m: Float32Array) -> bytes:
@@ -82,21 +73,30 @@ def encode_depth(depth_m: Float32Array) -> bytes:
         ValueError: A depth is not positive.
     """
     finite = np.isfinite(depth_m)
-    near_m = float(np.min(depth_m, where=finite, initial=np.inf))
+    parameters = _depth_parameters(depth_m, finite)
+    levels = parameters[0] / depth_m
+    levels += parameters[1]
+    levels = np.maximum(np.rint(levels, out=levels), 1, out=levels).astype(np.uint16)
+    np.multiply(levels, finite, out=levels)
+    return _DEPTH_HEAD.pack(_INVERSE_DEPTH, *parameters.tolist()) + encode_png(levels, RowFilter.UP)
+
+
+def _depth_parameters(depth_m: Float32Array, finite: BoolArray) -> Float32Array:
+    """The parameters a and b with which the farthest depth is level 1 and the nearest one the last level."""
+    if not finite.any():
+        return np.ones(2, np.float32)
+    near_m, far_m, _, _ = cv2.minMaxLoc(depth_m, finite.view(np.uint8))
     if near_m <= 0:
         raise ValueError(f"depth must be positive, not {near_m} m")
-    far_m = max(float(np.max(depth_m, where=finite, initial=0)), 2 * near_m)
-    scale = (_MAX_LEVEL - 1) / (1 / near_m - 1 / far_m) if finite.any() else 1.0
-    parameters = np.array([scale, 1 - scale / far_m], np.float32)
-    levels = np.rint(parameters[0] / depth_m + parameters[1])
-    levels = np.where(finite, np.clip(levels, 1, _MAX_LEVEL), 0).astype(np.uint16)
-    return _DEPTH_HEAD.pack(_INVERSE_DEPTH, *parameters.tolist()) + _encode_png(levels)
+    far_m = max(far_m, 2 * near_m)
+    scale = (_MAX_LEVEL - 1) / (1 / near_m - 1 / far_m)
+    return np.array([scale, 1 - scale / far_m], np.float32)
 
 
 def decode_depth(data: bytes) -> Float32Array:
     """(H, W) float32 depth in meters; +inf where the image had none (the standard decoder gives NaN there)."""
     _, scale, offset = _DEPTH_HEAD.unpack_from(data)
-    levels = _decode_png(data[_DEPTH_HEAD.size :], _GRAY, 16)
+    levels = decode_png(data[_DEPTH_HEAD.size :], 1, 16)
     depth_m: Float32Array = levels - np.float32(offset)
     with np.errstate(divide="ignore"):  # level 0 means no depth and is overwritten below
         np.divide(np.float32(scale), depth_m, out=depth_m)
@@ -110,19 +110,27 @@ def encode_flow(flow_px: Float32Array) -> bytes:
     Args:
         flow_px: (H, W, 2) float32, pixels; invalid where NaN or outside the range of 16 bits.
     """
-    u, v = (np.rint(channel * _FLOW_UNITS_PER_PX + _FLOW_ZERO) for channel in cv2.split(flow_px))
-    valid = (u >= 0) & (u <= _MAX_LEVEL) & (v >= 0) & (v <= _MAX_LEVEL)
-    blue_green_red = [valid, np.where(valid, v, 0), np.where(valid, u, 0)]
-    return _encode_png(cv2.merge([channel.astype(np.uint16) for channel in blue_green_red]))
+    levels = flow_px * _FLOW_UNITS_PER_PX
+    levels += _FLOW_ZERO
+    valid = cv2.inRange(levels, *_FLOW_RANGE)  # 255 where both are; NaN is not
+    if not valid.all():
+        levels[valid == 0] = 0
+    image = np.empty((*valid.shape, 3), np.uint16)
+    parts = np.rint(levels, out=levels).astype(np.uint16), np.not_equal(valid, 0).astype(np.uint16)
+    cv2.mixChannels(parts, [image], _UNCHANGED_ORDER)
+    return encode_png(image, RowFilter.UP)
 
 
 def decode_flow(data: bytes) -> Float32Array:
     """(H, W, 2) float32 flow in pixels, NaN where invalid."""
-    valid, v, u = cv2.split(_decode_png(data, _COLOR, 16))
-    flow_px: Float32Array = cv2.merge([u, v]).astype(np.float32)
+    image = decode_png(data, 3, 16)
+    levels, valid = np.empty((*image.shape[:2], 2), np.uint16), np.empty(image.shape[:2], np.uint16)
+    cv2.mixChannels([image], [levels, valid], _UNCHANGED_ORDER)
+    flow_px: Float32Array = levels.astype(np.float32)
     flow_px -= np.float32(_FLOW_ZERO)
     flow_px *= np.float32(1 / _FLOW_UNITS_PER_PX)
-    flow_px[valid == 0] = np.nan
+    if not valid.all():
+        flow_px[valid == 0] = np.nan
     return flow_px
 
 
@@ -168,40 +176,6 @@ def decode_image(image_format: str, data: bytes) -> AnyArray:
         return _DECODERS[image_format](data)
     except (ValueError, cv2.error, struct.error) as error:
         raise BagError(f"compressed image of format {image_format!r} cannot be decoded: {error}") from None
-
-
-def _encode_png(image: AnyArray) -> bytes:
-    done, data = cv2.imencode(".png", image, _PNG)
-    if not done:
-        raise ValueError(f"no PNG of an image of shape {image.shape} and type {image.dtype}")
-    return data.tobytes()
-
-
-def _decode_png(data: bytes, color: int, *bits: int) -> AnyArray:
-    """Decode a PNG that has this kind of color, and one of these numbers of bits a channel; no other is unpacked."""
-    if data[: len(_PNG_START)] != _PNG_START:
-        raise ValueError("not a PNG")
-    width_px, height_px, *kind = _PNG_HEAD.unpack_from(data, len(_PNG_START))
-    _require_size(width_px, height_px)
-    if kind not in [[each, color] for each in bits]:
-        raise ValueError(f"its pixels have {kind[0]} bits and color type {kind[1]}")
-    if width_px * height_px * _CHANNELS[color] * kind[0] // 8 > _MAX_DEFLATE_RATIO * len(data):
-        raise ValueError(f"{len(data)} bytes cannot hold {width_px} x {height_px} pixels")
-    _require_chunks(data)
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
-    if image is None:
-        raise ValueError("not a PNG")
-    return image
-
-
-def _require_chunks(data: bytes) -> None:
-    """Raise ValueError if a chunk of a PNG ends after its data; OpenCV allocates first what a chunk says."""
-    position = len(_PNG_MAGIC)
-    while position < len(data):
-        (length,) = _PNG_LENGTH.unpack_from(data, position)
-        position += length + _PNG_CHUNK_BYTES
-    if position != len(data):
-        raise ValueError("it is cut off, or a chunk has a wrong length")
 
 
 def _require_size(width_px: int, height_px: int) -> None:

@@ -71,7 +71,8 @@ def test_the_table_is_the_derived_one(needed: dict[str, list[str]]) -> None:
 @pytest.mark.gl
 def test_whatever_a_process_really_maps_is_in_a_package_that_set_up_installs() -> None:
     maps = _maps_after(
-        "import av, cv2, libsumo, pyarrow.parquet, pyproj, rclpy, scipy.spatial, shapely, simplejpeg, zlib_ng.zlib_ng",
+        "import av, cv2, isal.isal_zlib, libsumo, pyarrow.parquet, pyproj, rclpy, scipy.spatial, shapely, simplejpeg",
+        "import zlib_ng.zlib_ng",
         "from simbev_ros.raycast import embree",
         "from simbev_ros.render.gl import context",
         "context.describe_renderer()",

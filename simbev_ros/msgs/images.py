@@ -1,11 +1,10 @@
 """Converts between arrays and Image or CompressedImage messages, and makes the CameraInfo of a camera model."""
 
-from array import array
-
 import numpy as np
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from simbev_ros.geometry.camera import LensCamera, PinholeCamera
+from simbev_ros.msgs.arrays import bytes_field
 from simbev_ros.msgs.stamps import header
 from simbev_ros.types import AnyArray
 
@@ -38,7 +37,7 @@ def image_message(image: AnyArray, stamp_ns: int, frame: str) -> Image:
         encoding=encoding_of(image),
         is_bigendian=0,
         step=image.nbytes // height,
-        data=array("B", image.tobytes()),
+        data=bytes_field(image),
     )
 
 
@@ -50,7 +49,7 @@ def labels_from_image(message: Image) -> AnyArray:
 
 def compressed_image_message(data: bytes, image_format: str, stamp_ns: int, frame: str) -> CompressedImage:
     """CompressedImage message from encoded bytes."""
-    return CompressedImage(header=header(stamp_ns, frame), format=image_format, data=array("B", data))
+    return CompressedImage(header=header(stamp_ns, frame), format=image_format, data=bytes_field(data))
 
 
 def camera_info_message(camera: PinholeCamera, stamp_ns: int, frame: str) -> CameraInfo:

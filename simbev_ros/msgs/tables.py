@@ -1,10 +1,9 @@
 """Converts between structured arrays and sensor_msgs/PointCloud2: one point per row, one field per column."""
 
-from array import array
-
 import numpy as np
 from sensor_msgs.msg import PointCloud2, PointField
 
+from simbev_ros.msgs.arrays import bytes_field
 from simbev_ros.msgs.stamps import header
 from simbev_ros.recording.arrays import point_dtype
 from simbev_ros.types import Table
@@ -41,7 +40,7 @@ def message_from_table(table: Table, stamp_ns: int, frame: str, *, is_dense: boo
         is_bigendian=False,
         point_step=dtype.itemsize,
         row_step=dtype.itemsize * len(table),
-        data=array("B", np.ascontiguousarray(table).tobytes()),
+        data=bytes_field(np.ascontiguousarray(table)),
         is_dense=is_dense,
     )
 

@@ -1,11 +1,13 @@
 """The camera node: renders its cameras' images of each due tick and publishes them, raw and compressed.
 
-An image is drawn, read back, encoded and sent only if its topic has a reader; a recorder is a reader like any other.
+An image is drawn, read back, encoded and sent only if its topic has a reader; a recorder is a reader like any other. In
+lockstep, threads encode the images of a tick while those of the next one are drawn.
 """
 
 import os
+from collections import deque
 from collections.abc import Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 from itertools import groupby
 from typing import NamedTuple
@@ -39,6 +41,23 @@ class _Output(NamedTuple):
     image: AnyArray | None = None
 
 
+class _Frame(NamedTuple):
+    """The outputs of a tick, and their compressed forms as soon as they exist (None: it has no readers)."""
+
+    spec: SceneSpec
+    state: WorldState
+    outputs: list[_Output]
+    compressed: list[Future[bytes | None]]
+
+    @property
+    def is_compressed(self) -> bool:
+        return all(future.done() for future in self.compressed)
+
+
+_MAX_UNSENT_FRAMES = 1
+"""Lockstep: number of frames that may be in encoding while the next one is drawn."""
+
+
 class CameraNode(Participant):
     """Renders the images of the cameras that its parameter ``sensors`` names."""
 
@@ -62,6 +81,8 @@ class CameraNode(Participant):
         self._cameras: list[Camera] = []
         self._topics: dict[str, dict[Modality, CameraTopics]] = {}
         self._previous: dict[int, WorldState] = {}
+        self._outputs: list[_Output] = []
+        self._unsent: deque[_Frame] = deque()
         self._encoders = ThreadPoolExecutor(max_workers=os.cpu_count())
 
     def _make_renderer(self, static: StaticScene) -> Renderer:
@@ -74,6 +95,8 @@ class CameraNode(Participant):
         self._cameras = sorted(cameras, key=lambda camera: spec.period_ticks(camera.rate_hz))
         self._topics = {camera.name: camera_topics(spec, camera) for camera in self._cameras}
         self._previous.clear()
+        self._outputs.clear()
+        self._unsent.clear()
         return list(self._advertise())
 
     def is_due(self, spec: SceneSpec, tick: int) -> bool:
@@ -81,17 +104,41 @@ class CameraNode(Participant):
         return tick >= 0 and any(tick % spec.period_ticks(camera.rate_hz) == 0 for camera in self._cameras)
 
     def process(self, spec: SceneSpec, state: WorldState) -> None:
-        """Render and publish the images that are due; flow refers to the camera's own previous frame."""
+        """Render the images that are due; flow refers to the camera's own previous frame."""
         for period, cameras in groupby(self._cameras, key=lambda camera: spec.period_ticks(camera.rate_hz)):
             if state.tick % period:
                 continue
             frame = RenderFrame(state, self._previous.get(period))
-            outputs = self._render(spec, self._outputs(cameras), frame)
+            outputs = self._render(spec, self._due_outputs(cameras), frame)
             if state.tick >= 0:  # images of the lead-in only warm up the renderer
-                self._publish(spec, outputs, frame)
+                self._outputs += outputs
             self._previous[period] = state
 
-    def _outputs(self, cameras: Iterable[Camera]) -> list[_Output]:
+    def finish(self, spec: SceneSpec, state: WorldState) -> None:
+        """Start to compress the images of a tick, which is finished when they are published."""
+        encoders, outputs = self._encoders, self._outputs
+        frame = _Frame(spec, state, outputs, [encoders.submit(self._compress, output) for output in outputs])
+        self._outputs = []
+        self._unsent.append(frame)
+        self._send(0 if self.live else _MAX_UNSENT_FRAMES)
+        if self._unsent:
+            for future in frame.compressed:
+                future.add_done_callback(lambda _: self._send_soon(frame))
+
+    def _send_soon(self, frame: _Frame) -> None:
+        """Let the frame be sent if it is compressed; called by the encoding threads."""
+        if frame.is_compressed:
+            self.call_soon(self._send)
+
+    def _send(self, max_unsent: int = _MAX_UNSENT_FRAMES) -> None:
+        """Publish the compressed frames, in order; of others, leave at most this number."""
+        while self._unsent and (self._unsent[0].is_compressed or len(self._unsent) > max_unsent):
+            frame = self._unsent.popleft()
+            with self.meter.busy(ticks=0):
+                self._publish(frame)
+            self.report_finished(frame.spec, frame.state.tick)
+
+    def _due_outputs(self, cameras: Iterable[Camera]) -> list[_Output]:
         """All modalities of the given cameras, and whether their topics have readers now."""
         outputs = []
         for camera in cameras:
@@ -115,23 +162,23 @@ class CameraNode(Participant):
             output._replace(image=getattr(images.get(output.camera.name), output.modality, None)) for output in outputs
         ]
 
-    def _publish(self, spec: SceneSpec, outputs: list[_Output], frame: RenderFrame) -> None:
-        stamp_ns = frame.world.stamp_ns
-        encoded = self._encoders.map(self._encode, outputs)
-        for output, data in zip(outputs, encoded, strict=True):
-            frame_id = f"{spec.rig.agent}/{output.camera.name}_optical"
+    def _publish(self, frame: _Frame) -> None:
+        stamp_ns, agent = frame.state.stamp_ns, frame.spec.rig.agent
+        for output, compressed in zip(frame.outputs, frame.compressed, strict=True):
+            frame_id = f"{agent}/{output.camera.name}_optical"
             if output.raw and output.image is not None:
                 self.publish(output.topics.raw.name, image_message(output.image, stamp_ns, frame_id))
-            if data is not None:
-                self.publish(output.topics.compressed.name, compressed_image_message(*data, stamp_ns, frame_id))
+            if output.image is not None and (data := compressed.result()) is not None:
+                image_format = compressed_format(encoding_of(output.image))
+                message = compressed_image_message(data, image_format, stamp_ns, frame_id)
+                self.publish(output.topics.compressed.name, message)
             self.publish(output.topics.info.name, camera_info_message(output.camera.model, stamp_ns, frame_id))
 
-    def _encode(self, output: _Output) -> tuple[bytes, str] | None:
-        """Compress an image; return bytes and format, or None without readers of the compressed form."""
+    def _compress(self, output: _Output) -> bytes | None:
+        """Compress an image if its compressed form has readers."""
         if not output.compressed or output.image is None:
             return None
-        encoding = encoding_of(output.image)
-        return encode_image(encoding, output.image, self._jpeg_quality), compressed_format(encoding)
+        return encode_image(encoding_of(output.image), output.image, self._jpeg_quality)
 
     def _advertise(self) -> Iterator[str]:
         """Create the publishers; yield the names of the topics that can be recorded."""

@@ -65,6 +65,7 @@ class GraphNode(Node):
         self._simulated_ns = 0
         self._ignored: set[str] = set()
         self._last_request = -1
+        self._failure: Exception | None = None
         self._topic_publishers: dict[str, Any] = {}
         self._ready = self.create_publisher(Header, topics.READY, rclpy_qos(LATCHED))
         self._diagnostics = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, 10)
@@ -76,6 +77,23 @@ class GraphNode(Node):
     def create_wall_timer(self, period_s: float, callback: Any) -> None:
         """Create a timer on the wall clock, which also runs while simulated time stands still."""
         self.create_timer(period_s, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def call_soon(self, callback: Callable[[], None]) -> None:
+        """Let the executor call a function; other threads may ask for it."""
+        if self.executor is not None:
+            self.executor.create_task(self._call, callback)
+
+    def _call(self, callback: Callable[[], None]) -> None:
+        """Call a function; keep what it raises, as rclpy's events executor crashes if a task raises anything."""
+        try:
+            callback()
+        except Exception as error:
+            self._failure = error
+
+    def raise_failure(self) -> None:
+        """Raise what a function given to ``call_soon`` has raised."""
+        if self._failure is not None:
+            raise self._failure
 
     def declare_read_only(self, name: str, default: Any, description: str) -> Any:
         """Declare a read-only parameter and return its value; the default ``[]`` means a list of strings."""

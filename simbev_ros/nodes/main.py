@@ -48,6 +48,8 @@ def main(arguments: list[str] | None = None) -> int:
             executor.add_node(node)
         while not stop.requested:
             executor.spin_once(timeout_sec=0.1)
+            for node in nodes:
+                node.raise_failure()
     except SimbevError as error:
         print(f"{ERROR_MARK}{error}", file=sys.stderr)
         return DISK_EXIT_CODE if isinstance(error, DiskError) else error.exit_code

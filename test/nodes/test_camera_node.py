@@ -1,12 +1,14 @@
 """The camera node requests the right images from a fake renderer and publishes the right topics."""
 
 from collections.abc import Iterator, Sequence
+from threading import Event
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 import rclpy
+from rclpy.experimental.events_executor import EventsExecutor
 from sensor_msgs.msg import CompressedImage, Image
 
 from simbev_ros.config.scenario import Scenario
@@ -69,7 +71,9 @@ def node(spec: SceneSpec, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     made: Any = CameraNode("camera")
     made.sent = []
     made.recorded_topics = made.start_scene(spec)
+    made.reported = []
     monkeypatch.setattr(made, "publish", lambda name, message: made.sent.append((name, message)))
+    monkeypatch.setattr(made, "report_finished", lambda _, tick: made.reported.append(tick))
     yield made
     made.close()
     made.destroy_node()
@@ -82,7 +86,10 @@ def set_readers(node: Any, monkeypatch: pytest.MonkeyPatch, *names: str) -> None
 
 def play(node: Any, spec: SceneSpec, ticks: Sequence[int]) -> list[Any]:
     for tick in ticks:
-        node.process(spec, SimpleNamespace(tick=tick, stamp_ns=spec.stamp_ns(tick)))
+        state = SimpleNamespace(tick=tick, stamp_ns=spec.stamp_ns(tick))
+        node.process(spec, state)
+        node.finish(spec, state)
+    node._send(0)
     requests: list[Any] = node._surroundings.built.requests
     return requests
 
@@ -121,6 +128,54 @@ def test_images_of_the_lead_in_are_drawn_but_not_published(
     set_readers(node, monkeypatch, FAST)
     assert play(node, spec, [-1]) == [(16, ("rgb",), -1, None)]
     assert node.sent == []
+
+
+def test_a_frame_is_encoded_while_the_next_one_is_drawn_and_sent_in_order(
+    node: Any, spec: SceneSpec, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    set_readers(node, monkeypatch, FAST)
+    may_encode, drawn = Event(), node._surroundings.built.requests
+
+    def encode(*_: object) -> bytes:
+        may_encode.wait(10)
+        return b"made up"
+
+    monkeypatch.setattr(camera_node, "encode_image", encode)
+    executor = EventsExecutor()
+    executor.add_node(node)
+    for tick in (-1, 0, 1):
+        state = SimpleNamespace(tick=tick, stamp_ns=spec.stamp_ns(tick))
+        node.process(spec, state)
+        if tick == 1:
+            assert [tick for *_, tick, _ in drawn] == [-1, 0, 1] and node.reported == [-1]
+            may_encode.set()
+        node.finish(spec, state)
+    assert node.reported[:2] == [-1, 0]
+    while len(node.reported) < 3:  # the last frame is sent without another tick
+        executor.spin_once(timeout_sec=5.0)
+    assert node.reported == [-1, 0, 1]
+    stamps_s = [message.header.stamp.nanosec for name, message in node.sent if name == FAST]
+    assert stamps_s == sorted(stamps_s) and len(stamps_s) == 2
+
+
+def test_an_image_that_cannot_be_encoded_ends_the_process(
+    node: Any, spec: SceneSpec, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    set_readers(node, monkeypatch, FAST)
+
+    def fail(*_: object) -> bytes:
+        raise ValueError("made up")
+
+    monkeypatch.setattr(camera_node, "encode_image", fail)
+    executor = EventsExecutor()
+    executor.add_node(node)
+    state = SimpleNamespace(tick=0, stamp_ns=spec.stamp_ns(0))
+    node.process(spec, state)
+    with pytest.raises(ValueError, match="made up"):
+        node.finish(spec, state)
+        for _ in range(20):
+            executor.spin_once(timeout_sec=0.1)
+            node.raise_failure()
 
 
 def test_topics_follow_image_transport(node: Any) -> None:

@@ -33,7 +33,7 @@ from simbev_ros.nodes.lockstep import Lockstep
 from simbev_ros.nodes.reports import read_report
 from simbev_ros.scene.ending import DURATION, SceneEnd
 from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.scene.state import ACTOR_DTYPE
+from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE
 from simbev_ros.units import NS_PER_S
 
 _WINDOW_TICKS = 3
@@ -101,8 +101,10 @@ class _Sender:
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(node)
         node.create_subscription(Header, topics.READY, self._on_ready, rclpy_qos(LATCHED))
-        actors = message_from_table(np.zeros(100, ACTOR_DTYPE), 0, "map")
-        state = {topics.ACTORS: serialize_message(actors), topics.SIGNALS: serialize_message(actors)}
+        actors = np.zeros(100, ACTOR_DTYPE)
+        actors["id"] = EGO_ID + np.arange(len(actors))
+        tables = {topics.ACTORS: actors, topics.SIGNALS: np.zeros(100, SIGNAL_DTYPE)}
+        state = {name: serialize_message(message_from_table(table, 0, "map")) for name, table in tables.items()}
         self._tick = {name: bytearray(message) for name, message in {**state, **tick}.items()}
         self._publishers: dict[str, Any] = {topics.END: node.create_publisher(String, topics.END, rclpy_qos(LATCHED))}
         for topic in topics.manifest(spec, compressed_images=recording.images == "compressed"):
@@ -133,7 +135,7 @@ class _Sender:
 
     def _send(self, stamp_ns: int) -> int:
         """Send one tick and return its size in bytes."""
-        self._publishers[topics.WEATHER].publish(record_message({}, stamp_ns))
+        self._publishers[topics.WEATHER].publish(record_message(self._spec.weather.model_dump(), stamp_ns))
         for name, message in self._tick.items():
             _STAMP.pack_into(message, _STAMP_AT, *divmod(stamp_ns, NS_PER_S))
             self._publishers[name].publish(bytes(message))

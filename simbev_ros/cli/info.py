@@ -14,7 +14,7 @@ from rich.text import Text
 from simbev_ros.cli.console import counting_bar, format_size, make_console, percent_bar, table_console
 from simbev_ros.cli.output_file import require_place
 from simbev_ros.errors import BagError
-from simbev_ros.recording.layout import PARTIAL_SUFFIX, additional_bags, is_dataset, is_scene, scenes_of
+from simbev_ros.recording.layout import PARTIAL_SUFFIX, finished_scenes, is_dataset, is_scene, scenes_of
 from simbev_ros.recording.whole_files import write_errors
 from simbev_ros.scene.ending import DURATION
 from simbev_ros.units import NS_PER_S
@@ -54,7 +54,7 @@ def info(
         facts: dict[str, Any] = {"path": str(path), "scenes": scenes}
         own = {str(bag) for bag in bags if is_scene(bag) or bag.name.endswith(PARTIAL_SUFFIX)}
         finished = sum(scene["state"] == "finished" and scene["path"] in own for scene in scenes)
-        additional = sum(len(additional_bags(bag)) for bag in bags if is_scene(bag))
+        additional = sum(map(len, finished_scenes(path).values()))
         more = f", {additional} additional bags" if additional else ""
         parts: list[Text | Table] = [
             Text.assemble((str(path), "bold"), f": {finished} of {len(own)} scenes finished{more}"),

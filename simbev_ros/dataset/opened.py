@@ -12,7 +12,7 @@ from simbev_ros.dataset.index import read_index
 from simbev_ros.dataset.scene import Scene
 from simbev_ros.errors import InputError
 from simbev_ros.recording.indexed_bag import IndexedBag
-from simbev_ros.recording.layout import additional_bags, bytes_of, is_dataset, is_scene, locate_mcap, scenes_of
+from simbev_ros.recording.layout import bytes_of, finished_scenes, is_dataset, locate_mcap
 from simbev_ros.recording.mcap.chunk_cache import ChunkCache
 
 CACHE_BYTES = 256 << 20
@@ -127,15 +127,10 @@ def open_dataset(path: Path | str, *, cache_bytes: int = CACHE_BYTES, threads: i
         locate_mcap(path)
         return Dataset(path, [Scene(path, cache, threads=threads, may_be_cut_off=True)])
     rows = {row["path"]: row for row in read_index(path)}
-    bags = sorted(_bags(path).items(), key=lambda item: (int(item[0].name.rpartition("-")[2]), item[0]))
+    bags = sorted(finished_scenes(path).items(), key=lambda item: (int(item[0].name.rpartition("-")[2]), item[0]))
     return Dataset(
         path, [Scene(bag, cache, additional, _current_row(rows, path, bag), threads) for bag, additional in bags]
     )
-
-
-def _bags(dataset: Path) -> dict[Path, dict[str, Path]]:
-    """Finished bags of scenes, each with its additional bags by label."""
-    return {bag: additional_bags(bag) for bag in scenes_of(dataset) if is_scene(bag)}
 
 
 def _current_row(rows: Mapping[str, Mapping[str, Any]], dataset: Path, bag: Path) -> Mapping[str, Any] | None:

@@ -150,8 +150,12 @@ def additional_folder(bag: Path, label: str) -> Path:
 
 def additional_bags(bag: Path) -> dict[str, Path]:
     """Finished additional bags of a scene by label."""
-    found = {path.suffix[1:]: path for path in sorted(bag.parent.glob(f"{glob.escape(bag.name)}.*"))}
-    return {label: path for label, path in found.items() if _LABEL.fullmatch(label) and path.suffix not in _SUFFIXES}
+    found = sorted(bag.parent.glob(f"{glob.escape(bag.name)}.*"))
+    return {path.suffix[1:]: path for path in found if _is_additional(path)}
+
+
+def _is_additional(path: Path) -> bool:
+    return _LABEL.fullmatch(path.suffix[1:]) is not None and path.suffix not in _SUFFIXES
 
 
 def is_scene(bag: Path) -> bool:
@@ -172,3 +176,17 @@ def scenes_of(dataset: Path) -> list[Path]:
     """
     refuse_links_out(dataset, SCENES_FOLDER)
     return sorted({path.parent for path in scenes_folder(dataset).glob("*/*/*.mcap")})
+
+
+def finished_scenes(dataset: Path) -> dict[Path, dict[str, Path]]:
+    """Finished own bags of a dataset's scenes, sorted by name, each with its additional bags by label.
+
+    Raises:
+        InputError: A link leads out of the dataset.
+    """
+    bags = scenes_of(dataset)
+    found: dict[Path, dict[str, Path]] = {bag: {} for bag in bags if is_scene(bag)}
+    for bag in bags:
+        if (own := bag.with_suffix("")) in found and _is_additional(bag):
+            found[own][bag.suffix[1:]] = bag
+    return found

@@ -78,7 +78,7 @@ class ResourceSampler:
 
     def sample(self, pids: Mapping[str, int]) -> None:
         """Take a sample of these processes, by label; raises GraphError if one of them has ended."""
-        self._shared_files |= {file for pid in pids.values() for file in held_files(pid)}  # it may outlast its use
+        self._shared_files |= held_files(pids.values())  # it may outlast its use
         try:
             processes = {label: _process_use(pid) for label, pid in pids.items()}
         except (psutil.NoSuchProcess, ProcessLookupError, FileNotFoundError) as error:

@@ -1,26 +1,40 @@
 """Finds the shared-memory files of Fast DDS that a process holds, and removes those that killed processes left."""
 
 import os
+import re
 from collections.abc import Iterable
 from pathlib import Path
 
 import psutil
 
 _FOLDER = Path("/dev/shm")
+_MAPPED = re.compile(rb"/dev/shm/([^\s/]*fastrtps[^\s/]*)")
 
 
-def held_files(pid: int) -> set[Path]:
-    """The middleware's files in /dev/shm that a process has mapped, with the lock files that belong to them.
+def segment_names() -> frozenset[str]:
+    """Names of all files of the middleware in /dev/shm, of all users."""
+    return frozenset(name for name in os.listdir(_FOLDER) if "fastrtps" in name) if _FOLDER.is_dir() else frozenset()
+
+
+def held_files(pids: Iterable[int]) -> set[Path]:
+    """The middleware's files in /dev/shm that processes have mapped, with the lock files that belong to them.
 
     It reads /proc/PID/maps, because psutil's ``memory_maps`` also counts the pages of every mapping, which is slow.
     """
+    mapped = {_segment(name) for pid in pids for name in _MAPPED.findall(_mappings(pid))}
+    return {file for file in middleware_files() if _segment(file.name.encode()) in mapped} if mapped else set()
+
+
+def _mappings(pid: int) -> bytes:
     try:
-        lines = Path(f"/proc/{pid}/maps").read_text().splitlines()
+        return Path(f"/proc/{pid}/maps").read_bytes()
     except OSError:
-        return set()
-    mapped = {Path(line.split(maxsplit=5)[5]) for line in lines if "/dev/shm/" in line and "fastrtps" in line}
-    names = {path.name.removeprefix("sem.").removesuffix("_mutex").removesuffix("_el") for path in mapped}
-    return {file for file in middleware_files() if any(name in file.name for name in names)}
+        return b""
+
+
+def _segment(name: bytes) -> bytes:
+    """Name of the segment that a file contains, or whose lock it is."""
+    return name.removeprefix(b"sem.").removesuffix(b"_mutex").removesuffix(b"_el")
 
 
 def remove_orphans(files: Iterable[Path]) -> list[Path]:
@@ -30,7 +44,7 @@ def remove_orphans(files: Iterable[Path]) -> list[Path]:
     killed process's file mapped for reading; that does not keep the file.
     """
     candidates = set(files) & set(middleware_files())
-    in_use = {file for pid in psutil.pids() if pid != os.getpid() for file in held_files(pid)} if candidates else set()
+    in_use = held_files(pid for pid in psutil.pids() if pid != os.getpid()) if candidates else set()
     removed = sorted(candidates - in_use)
     for file in removed:
         file.unlink(missing_ok=True)

@@ -10,7 +10,7 @@ from pathlib import Path
 import psutil
 
 from simbev_ros.graph.private_folder import is_private_folder
-from simbev_ros.graph.shared_memory import held_files, middleware_files, remove_orphans
+from simbev_ros.graph.shared_memory import held_files, remove_orphans, segment_names
 from simbev_ros.recording.whole_files import write_whole
 
 _PREFIX = "simbev_ros-"
@@ -32,22 +32,24 @@ class Traces:
         sweep()
         self.folder = Path(tempfile.mkdtemp(prefix=_PREFIX))
         self._files: set[Path] = set()
-        self._present: frozenset[Path] | None = None
-        self._changed_s = 0.0
+        self._names: frozenset[str] = frozenset()
+        self._look_again_s: float | None = None
         self._write()
 
     def note(self, pids: Iterable[int]) -> None:
         """Add the files that processes currently have in shared memory to the record.
 
-        To find them is slow, so processes are only looked at for a while after files have come or gone; call this
-        several times per second.
+        To find them is slow, so processes are only looked at when files have come or gone, and once more a while
+        later; call this several times per second.
         """
-        present, now_s = frozenset(middleware_files()), time.monotonic()
-        if present != self._present:
-            self._present, self._changed_s = present, now_s
-        if now_s - self._changed_s > _SETTLING_S:
+        names, now_s = segment_names(), time.monotonic()
+        if names != self._names:
+            self._names, self._look_again_s = names, now_s + _SETTLING_S
+        elif self._look_again_s is not None and now_s >= self._look_again_s:
+            self._look_again_s = None
+        else:
             return
-        files = {file for pid in pids for file in held_files(pid)} - self._files
+        files = held_files(pids) - self._files
         if files:
             self._files |= files
             self._write()

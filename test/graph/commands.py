@@ -108,7 +108,7 @@ def wait_until(condition: Callable[[], bool], timeout_s: float = 10) -> None:
 def orphaned_files() -> set[str]:
     """Names of Fast DDS's shared-memory files that no process has mapped."""
     files = set(middleware_files())
-    held = {file for path in Path("/proc").iterdir() if path.name.isdecimal() for file in held_files(int(path.name))}
+    held = held_files(psutil.pids())
     return {path.name for path in files - held}
 
 

@@ -13,7 +13,9 @@ _MAPPED = re.compile(rb"/dev/shm/([^\s/]*fastrtps[^\s/]*)")
 
 def segment_names() -> frozenset[str]:
     """Names of all files of the middleware in /dev/shm, of all users."""
-    return frozenset(name for name in os.listdir(_FOLDER) if "fastrtps" in name) if _FOLDER.is_dir() else frozenset()
+    if not _FOLDER.is_dir():
+        return frozenset()
+    return frozenset(path.name for path in _FOLDER.iterdir() if "fastrtps" in path.name)
 
 
 def held_files(pids: Iterable[int]) -> set[Path]:

@@ -5,7 +5,8 @@ system as soon as it is complete, so it stays readable however the process ends.
 the file is synced to disk in the background; a power cut costs at most two such portions.
 
 Large topics, such as sensor data, can be written to chunks of their own. A reader that needs only labels or only the
-motion then has little else to read.
+motion then has little else to read. Topics whose messages are compressed already have chunks that are stored as they
+are.
 """
 
 import json
@@ -15,7 +16,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import NamedTuple, Self
 
 from mcap.records import Attachment, Channel, Schema
 from rosbags.typesys import Stores, get_typestore
@@ -31,6 +32,18 @@ from simbev_ros.recording.qos import QosProfile
 _TYPES = get_typestore(Stores.ROS2_JAZZY)
 _MAX_WAITING = 4
 """Maximum number of tasks that wait for the disk thread; beyond it ``write`` blocks."""
+
+
+class _Group(NamedTuple):
+    """Topics that share chunks."""
+
+    is_separate: bool
+    is_compressed: bool
+
+
+_COMPRESSED = ("sensor_msgs/msg/CompressedImage",)
+"""Types of messages that are compressed, so that compressing them again gains nothing."""
+_COMMON = _Group(is_separate=False, is_compressed=False)
 
 
 class SceneBagWriter:
@@ -88,8 +101,8 @@ class SceneBagWriter:
         self._schemas: dict[str, Schema] = {}
         self._chunk_bytes = min(chunk_bytes, sync_bytes)
         self._shares_chunks = split_bytes is not None
-        self._chunks: dict[bool, ChunkInProgress] = {}
-        self._separate_topics: set[str] = set()
+        self._chunks: dict[_Group, ChunkInProgress] = {}
+        self._groups: dict[str, _Group] = {}
         self._is_closed = False
         self._disk = ThreadPoolExecutor(1, thread_name_prefix="bag")
         self._waiting: deque[Future[None]] = deque()
@@ -103,8 +116,6 @@ class SceneBagWriter:
             qos: Quality of service that the publisher offers.
             separate_chunks: Whether to keep the topic, with others for which this is set, out of the common chunks.
         """
-        if separate_chunks and not self._shares_chunks:
-            self._separate_topics.add(name)
         if name in self._topics:
             raise ValueError(f"topic {name} was added before")
         if type_name not in self._schemas:
@@ -121,6 +132,7 @@ class SceneBagWriter:
             schema_id=schema.id,
         )
         self._topics[name] = RecordedTopic(name, type_name, type_hash, qos, channel.id)
+        self._groups[name] = _COMMON if self._shares_chunks else _Group(separate_chunks, type_name in _COMPRESSED)
         self._submit(self._files.define, Definition(channel, schema))
 
     def add_attachment(self, name: str, media_type: str, data: bytes) -> None:
@@ -137,13 +149,13 @@ class SceneBagWriter:
             stamp_ns: Simulated time of the message, ns; it becomes log time and publish time in the bag.
             data: The message, CDR with its encapsulation header; the caller must not modify it afterwards.
         """
-        entry, is_separate = self._topics[topic], topic in self._separate_topics
-        chunk = self._chunks.setdefault(is_separate, ChunkInProgress())
+        entry, group = self._topics[topic], self._groups[topic]
+        chunk = self._chunks.setdefault(group, ChunkInProgress(group.is_compressed))
         chunk.add_message(entry.channel_id, entry.count, stamp_ns, data)
         entry.count += 1
         entry.payload_bytes += len(data)
         if chunk.size > self._chunk_bytes:
-            self._submit(self._files.add_chunk, self._chunks.pop(is_separate))
+            self._submit(self._files.add_chunk, self._chunks.pop(group))
 
     def sync(self) -> None:
         """Close the chunks in progress and sync; all messages written so far are on disk when this returns."""
@@ -152,8 +164,8 @@ class SceneBagWriter:
         self._wait()
 
     def _flush_chunks(self) -> None:
-        for is_separate in sorted(self._chunks):
-            self._submit(self._files.add_chunk, self._chunks.pop(is_separate))
+        for group in sorted(self._chunks):
+            self._submit(self._files.add_chunk, self._chunks.pop(group))
 
     def _submit(self, work: Callable[..., None], *arguments: object) -> None:
         """Submit a task to the disk thread, which runs tasks in order; block while too many wait."""

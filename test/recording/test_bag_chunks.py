@@ -58,6 +58,25 @@ def test_chunks_have_the_requested_compression(tmp_path: Path, zstd_level: int |
         assert len(list(bag.messages())) == 50
 
 
+def test_compressed_images_are_not_compressed_again(tmp_path: Path) -> None:
+    topics = {"/picture": "sensor_msgs/msg/CompressedImage", "/words": "std_msgs/msg/String"}
+    with SceneBagWriter(tmp_path / "a") as writer:
+        for name, type_name in topics.items():
+            writer.add_topic(name, type_name, QosProfile())
+        for tick in range(50):
+            for name in topics:
+                writer.write(name, tick, string("word " * 100))
+        path = writer.finish({})
+    with (path / "a_0.mcap").open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        names = {channel.id: channel.topic for channel in reader.get_summary().channels.values()}
+        chunks = reader.get_summary().chunk_indexes
+        read = [(channel.topic, message.log_time) for _, channel, message in reader.iter_messages()]
+    found = {tuple(names[i] for i in chunk.message_index_offsets): chunk.compression for chunk in chunks}
+    assert found == {("/picture",): "", ("/words",): "zstd"}
+    assert sorted(read) == sorted((name, tick) for name in topics for tick in range(50))
+
+
 def split_bag(path: Path) -> Path:
     """An intact bag with several files."""
     return intact_bag(path, split_bytes=1500)

@@ -69,8 +69,8 @@ def test_what_others_write_is_read(
     shape: tuple[int, ...], dtype: type[np.uint8 | np.uint16], encode: Callable[[AnyArray], bytes]
 ) -> None:
     image = image_of(shape, dtype)
-    if encode is pillow and image.ndim == 3 and dtype is np.uint16:
-        pytest.skip("Pillow writes no such images")
+    if encode is pillow and dtype is np.uint16:  # it writes gray ones only
+        image = np.ascontiguousarray(image.reshape(*shape[:2], -1)[..., 0])
     read = decode_png(encode(image), channels_of(image), 8, 16)
     assert read.dtype == dtype and np.array_equal(read, image)
 

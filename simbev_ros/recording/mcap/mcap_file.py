@@ -51,12 +51,14 @@ class ChunkInProgress:
     """Messages collected for a chunk.
 
     Attributes:
+        is_compressed: Whether the messages are compressed already, so that the chunk is stored as it is.
         parts: Record headers and payloads, in turn.
         index_entries: Log time in ns and offset in the chunk of each message, by channel id.
         size: Size of all parts in bytes.
         payload_bytes: Size of all payloads.
     """
 
+    is_compressed: bool = False
     parts: list[bytes | memoryview] = field(default_factory=list)
     index_entries: dict[int, list[tuple[int, int]]] = field(default_factory=dict)
     size: int = 0
@@ -103,10 +105,11 @@ class McapFile:
         if not chunk.index_entries:
             return
         head = self._definitions(definitions)
-        records_bytes, records_crc, data = self._compress((head, *chunk.parts))
+        compressor = None if chunk.is_compressed else self._compressor
+        records_bytes, records_crc, data = _compress((head, *chunk.parts), compressor)
         data_bytes = sum(map(len, data))
         stamps_ns = [stamp_ns for entries in chunk.index_entries.values() for stamp_ns, _ in entries]
-        name = b"" if self._compressor is None else b"zstd"
+        name = b"" if compressor is None else b"zstd"
         span_ns = min(stamps_ns), max(stamps_ns)
         length = CHUNK_HEAD.size + len(name) + CHUNK_DATA_LENGTH.size + data_bytes
         opening = RECORD_HEAD.pack(Opcode.CHUNK, length)
@@ -157,16 +160,6 @@ class McapFile:
     def sync(self) -> None:
         """Sync everything to disk."""
         os.fsync(self._file.fileno())
-
-    def _compress(self, parts: Sequence[bytes | memoryview]) -> tuple[int, int, list[bytes | memoryview]]:
-        """Size, CRC and compressed stream of all parts; they are not joined first, which would take as long."""
-        size, crc = sum(map(len, parts)), 0
-        for part in parts:
-            crc = crc32(part, crc)
-        if self._compressor is None:
-            return size, crc, list(parts)
-        stream = self._compressor.compressobj(size)
-        return size, crc, [*filter(None, map(stream.compress, parts)), stream.flush()]
 
     def _definitions(self, definitions: Iterable[Definition]) -> bytes:
         """Records of the definitions that are new in this file; from now on they count as written."""
@@ -225,6 +218,19 @@ class McapFile:
         for record in records:
             self._crc = crc32(record, self._crc)
             self.size += len(record)
+
+
+def _compress(
+    parts: Sequence[bytes | memoryview], compressor: zstandard.ZstdCompressor | None
+) -> tuple[int, int, list[bytes | memoryview]]:
+    """Size, CRC and compressed stream of all parts; they are not joined first, which would take as long."""
+    size, crc = sum(map(len, parts)), 0
+    for part in parts:
+        crc = crc32(part, crc)
+    if compressor is None:
+        return size, crc, list(parts)
+    stream = compressor.compressobj(size)
+    return size, crc, [*filter(None, map(stream.compress, parts)), stream.flush()]
 
 
 def _to_bytes(*records: McapRecord) -> bytes:

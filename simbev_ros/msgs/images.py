@@ -30,15 +30,17 @@ def image_message(image: AnyArray, stamp_ns: int, frame: str) -> Image:
     """Image message from an (H, W) or (H, W, C) array."""
     height, width = image.shape[:2]
     image = np.ascontiguousarray(image)
-    return Image(
+    message = Image(
+        check_fields=True,
         header=header(stamp_ns, frame),
         height=height,
         width=width,
         encoding=encoding_of(image),
         is_bigendian=0,
         step=image.nbytes // height,
-        data=bytes_field(image),
     )
+    message.data = bytes_field(image)
+    return message
 
 
 def labels_from_image(message: Image) -> AnyArray:
@@ -49,7 +51,9 @@ def labels_from_image(message: Image) -> AnyArray:
 
 def compressed_image_message(data: bytes, image_format: str, stamp_ns: int, frame: str) -> CompressedImage:
     """CompressedImage message from encoded bytes."""
-    return CompressedImage(header=header(stamp_ns, frame), format=image_format, data=bytes_field(data))
+    message = CompressedImage(check_fields=True, header=header(stamp_ns, frame), format=image_format)
+    message.data = bytes_field(data)
+    return message
 
 
 def camera_info_message(camera: PinholeCamera, stamp_ns: int, frame: str) -> CameraInfo:

@@ -32,7 +32,8 @@ def message_from_table(table: Table, stamp_ns: int, frame: str, *, is_dense: boo
         PointField(name=name, offset=int(dtype.fields[name][1]), datatype=_DATATYPE[dtype[name].str[1:]], count=1)
         for name in dtype.names
     ]
-    return PointCloud2(
+    message = PointCloud2(
+        check_fields=True,
         header=header(stamp_ns, frame),
         height=1,
         width=len(table),
@@ -40,9 +41,10 @@ def message_from_table(table: Table, stamp_ns: int, frame: str, *, is_dense: boo
         is_bigendian=False,
         point_step=dtype.itemsize,
         row_step=dtype.itemsize * len(table),
-        data=bytes_field(np.ascontiguousarray(table)),
         is_dense=is_dense,
     )
+    message.data = bytes_field(np.ascontiguousarray(table))
+    return message
 
 
 def table_from_message(message: PointCloud2) -> Table:

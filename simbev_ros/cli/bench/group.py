@@ -63,7 +63,7 @@ def graph(
 
     [bold]Example[/]
 
-    simbev bench live --no-record --json
+    simbev bench graph live --no-record --json
     """
     from simbev_ros.bench.graph_timing import timed_graph
     from simbev_ros.cli.production_display import SceneDisplay

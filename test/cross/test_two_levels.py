@@ -225,9 +225,10 @@ def test_cars_and_pedestrians_are_labeled_on_their_level(crossing: Crossing, ego
         whole, cores = np.zeros((2, *points_m.shape[:2]), bool)
         for row in state.actors[(state.actors["tag"] == tag) & np.isin(state.actors["id"], sorted(counts))]:
             c, s = np.cos(row["yaw"]), np.sin(row["yaw"])
-            local = np.abs((points_m - [row["x"], row["y"]]) @ np.array([[c, -s], [s, c]]))
-            whole |= (local <= np.array([row["length"], row["width"]]) / 2.0 + 0.05).all(axis=-1)
-            cores |= (local <= core_m).all(axis=-1)
+            x_m, y_m = points_m[..., 0] - row["x"], points_m[..., 1] - row["y"]
+            along_m, across_m = np.abs(c * x_m + s * y_m), np.abs(c * y_m - s * x_m)
+            whole |= (along_m <= row["length"] / 2.0 + 0.05) & (across_m <= row["width"] / 2.0 + 0.05)
+            cores |= (along_m <= core_m[0]) & (across_m <= core_m[1])
         assert cores.any()
         assert not (labels[name] & ~whole).any()
         assert not (cores & ~labels[name]).any()

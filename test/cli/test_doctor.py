@@ -5,11 +5,18 @@ from typing import Any
 import pytest
 
 from simbev_ros.errors import RenderError
+from simbev_ros.installation import system_libraries
 from simbev_ros.render.gl import context
 from simbev_ros.render.gl.context import Survey
 from simbev_ros.render.gl.devices import EglDevice
 
 H200, MESA = EglDevice(0, "NVIDIA H200", software=False), EglDevice(2, "Mesa's software renderer", software=True)
+
+
+@pytest.fixture(autouse=True)
+def no_missing_libraries(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave out the search for libraries of the system, which takes long and has its own tests."""
+    monkeypatch.setattr(system_libraries, "find_missing_libraries", list)
 
 
 def lines(answer: Any) -> dict[str, str]:

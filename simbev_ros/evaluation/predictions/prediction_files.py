@@ -68,6 +68,7 @@ class ParquetBoxes:
         self.scenes = self._rows.scenes
         self._max_row_groups = self._rows.max_parts_per_scene(self._starts)
         self._kept: OrderedDict[int, pa.Table] = OrderedDict()
+        self._kept_bytes = 0
 
     def boxes(self, scene: str, stamps_ns: Int64Array) -> tuple[PredictedBoxes, frozenset[int]]:
         """Boxes of a scene, and the ticks that were answered; see ``prediction_sources.BoxSource``."""
@@ -75,8 +76,9 @@ class ParquetBoxes:
         self._require_size(len(number), f"scene {scene}")
         group = np.searchsorted(self._starts, number, side="right") - 1
         with _damage_as_input_error(self.path):
-            parts = [self._part(int(group[a]), number[a:b]) for a, b in zip(*runs(group), strict=True)]
-            table = pa.concat_tables(parts) if parts else self._file().schema_arrow.empty_table().select(self._columns)
+            file = self._file()
+            parts = [self._part(file, int(group[a]), number[a:b]) for a, b in zip(*runs(group), strict=True)]
+            table = pa.concat_tables(parts) if parts else file.schema_arrow.empty_table().select(self._columns)
             rows = Rows(str(self.path), number)
             label = _parquet_labels(table.column("class"), rows)
             columns = {name: table.column(name) for name in self._columns if name != "class"}
@@ -87,21 +89,19 @@ class ParquetBoxes:
             arrays = {name: column.to_numpy() for name, column in columns.items()}
         return parse_answers(arrays, label, rows, self.frame_id, scene, stamps_ns)
 
-    def _part(self, group: int, number: Int64Array) -> pa.Table:
+    def _part(self, file: pq.ParquetFile, group: int, number: Int64Array) -> pa.Table:
         """Rows of one row group, by their numbers in the file."""
         if group in self._kept:
             self._kept.move_to_end(group)
         else:
-            while self._kept and (len(self._kept) >= self._max_row_groups or self._kept_bytes() > _MAX_CACHED_BYTES):
-                self._kept.popitem(last=False)
-            self._kept[group] = self._file().read_row_group(group, columns=self._columns)
+            while self._kept and (len(self._kept) >= self._max_row_groups or self._kept_bytes > _MAX_CACHED_BYTES):
+                self._kept_bytes -= self._kept.popitem(last=False)[1].nbytes
+            self._kept[group] = file.read_row_group(group, columns=self._columns)
+            self._kept_bytes += self._kept[group].nbytes
         table, first, count = self._kept[group], int(number[0] - self._starts[group]), len(number)
         if number[-1] - number[0] == count - 1:
             return table.slice(first, count)
         return table.take(pa.array(number - self._starts[group]))
-
-    def _kept_bytes(self) -> int:
-        return sum(table.nbytes for table in self._kept.values())
 
     def _file(self) -> pq.ParquetFile:
         return pq.ParquetFile(self.path, read_dictionary=self._texts)
@@ -138,7 +138,7 @@ class ParquetBoxes:
         return SceneRows([*numbers], *(np.concatenate(each) for each in zip(*parts, strict=True)))
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_kept": OrderedDict()}
+        return {**self.__dict__, "_kept": OrderedDict(), "_kept_bytes": 0}
 
 
 class NpzBoxes:

@@ -111,7 +111,12 @@ def test_a_missing_library_is_named_with_its_package(
     assert "libarrow" in missing.needed_by
 
 
-def test_nothing_is_missing_here() -> None:
+def test_nothing_is_missing_here(needed: dict[str, list[str]], monkeypatch: pytest.MonkeyPatch) -> None:
+    def derived(graph: DistributionGraph) -> dict[str, list[str]]:
+        assert graph.distributions.keys() == DistributionGraph("simbev_ros", ["wheels"]).distributions.keys()
+        return needed
+
+    monkeypatch.setattr(system_libraries, "derive_needed_libraries", derived)
     assert find_missing_libraries() == []
 
 

@@ -1,17 +1,20 @@
 """Weather changes linearly from an initial to a final draw; the sun takes the shorter way around."""
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from simbev_ros.config.load import load_scenario
-from simbev_ros.config.scenario import WeatherConfig, WeatherParameters
+from simbev_ros.config.scenario import Traffic, WeatherConfig, WeatherParameters
 from simbev_ros.errors import InputError
 from simbev_ros.maps.build import load_network
+from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene
 from simbev_ros.scene.drawing.draw_weather import draw_weather, draw_weathers
+from simbev_ros.scene.drawing.starts import StartPositions
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.weather import Weather
 
@@ -27,10 +30,20 @@ def weather(**changes: float) -> Weather:
     return draw_weather(WeatherParameters(cloudiness=20, fog_density=0), 1, hilly=False).model_copy(update=changes)
 
 
+@cache
+def network() -> RoadNetwork:
+    return load_network(MapSpec(name="Blocks"))
+
+
+@cache
+def starts() -> StartPositions:
+    return StartPositions(network(), Traffic().waypoint_spacing_m)
+
+
 def draw(folder: Path, text: str = CONFIG, number: int = 0) -> SceneSpec:
     (folder / "config.yaml").write_text(text)
     planned = PlannedScene(number, MapSpec(name="Blocks"), "train")
-    return draw_scene(load_scenario(folder / "config.yaml"), planned, load_network(planned.map))
+    return draw_scene(load_scenario(folder / "config.yaml"), planned, network(), starts())
 
 
 def test_weather_is_constant_in_the_warm_up_and_final_at_the_last_tick(tmp_path: Path) -> None:

@@ -59,7 +59,7 @@ def test_world_is_at_most_the_window_ahead_of_a_listed_participant(simbev: Simbe
 
 
 def test_live_graph_serves_subscribers_and_services(simbev: Simbev, small_config: Config) -> None:
-    simbev("run", small_config(60), "--live")
+    simbev("run", small_config(60, without=["camera", "radar"]), "--live")
     clouds: list[PointCloud2] = []
     grids: list[OccupancyGrid] = []
     drawn: list[MarkerArray] = []
@@ -69,7 +69,7 @@ def test_live_graph_serves_subscribers_and_services(simbev: Simbev, small_config
         node.create_subscription(OccupancyGrid, "/ego/bev/road/grid", keep(grids), 10)
         node.create_subscription(MarkerArray, "/world/markers", keep(drawn), 10)
         node.create_subscription(Clock, "/clock", keep(clocks), 10)
-        spin_until(lambda: len(clouds) > 20 and len(grids) > 20 and len(drawn) > 20, 60)
+        spin_until(lambda: len(clouds) > 5 and len(grids) > 5 and len(drawn) > 5, 60)
         assert [field.name for field in clouds[0].fields] == ["x", "y", "z", "intensity", "ring", "time"]
         assert set(grids[0].data) == {0, 100}
         assert {"car", "pedestrian"} <= {marker.ns for marker in drawn[0].markers}
@@ -100,7 +100,7 @@ def test_subscriber_of_the_readme_works_unchanged(simbev: Simbev, small_config: 
     assert match is not None
     script = tmp_path / "subscriber.py"
     script.write_text(match[1])
-    command = simbev("run", small_config(60), "--live")
+    command = simbev("run", small_config(60, without=["radar", "gnss", "imu"]), "--live")
     with subprocess.Popen(
         [sys.executable, str(script)], stdout=subprocess.PIPE, text=True, env=command.environment
     ) as process:

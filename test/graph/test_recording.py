@@ -53,10 +53,10 @@ def test_a_bag_of_few_topics_is_enough_to_reproduce_all_others(
 
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """Mount point of a disk of 5 MiB."""
+    """Mount point of a disk of 3 MiB."""
     mount_point = tmp_path / "disk"
     mount_point.mkdir()
-    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=5m", "tmpfs", mount_point], capture_output=True).returncode:
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=3m", "tmpfs", mount_point], capture_output=True).returncode:
         pytest.skip("no disk can be mounted here")
     yield mount_point
     subprocess.run(["umount", mount_point], check=True)
@@ -65,7 +65,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
 def test_a_full_disk_ends_the_recording_with_one_message(
     simbev: Simbev, small_config: Config, small_disk: Path
 ) -> None:
-    config = small_config(120, GREEDY)
+    config = small_config(120, GREEDY, without=["camera"])
     code, output = simbev("run", config, "--record", small_disk / "a").finish()
     assert code == 1 and "Traceback" not in output, output
     assert output.count("error: ") == 1 and "error: node recorder: " in output and "the disk is nearly full" in output

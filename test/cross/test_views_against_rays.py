@@ -26,7 +26,7 @@ from simbev_ros.types import Table
 pytestmark = pytest.mark.gl
 
 FOV_RAD = float(np.radians(80.0))
-SMALL = PinholeCamera.from_field_of_view(480, 270, FOV_RAD)
+SMALL = PinholeCamera.from_field_of_view(320, 180, FOV_RAD)
 LARGE = PinholeCamera.from_field_of_view(800, 450, FOV_RAD)
 LENS = LensCamera(640, 360, 330.0, 320.0, 324.0, 170.0, distortion=(-0.25, 0.08, 0.001, -0.0005, -0.01))
 TOWNS = ("Town02", "Town03", "Town07", "Town10HD")

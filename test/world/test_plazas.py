@@ -6,7 +6,7 @@ import numpy as np
 import open3d as o3d
 import pytest
 import shapely
-from world_scenes import TICK_S, of_kind
+from world_scenes import of_kind
 
 from simbev_ros.assets.regions.static_cache import load_static_scene, load_streetside
 from simbev_ros.config.rig import Rig
@@ -19,6 +19,7 @@ from simbev_ros.world.demand import demand_of
 from simbev_ros.world.simulation import Simulation
 
 TOWN = "Town15"  # a campus in the hills
+TICK_S = 0.1
 
 
 @cache
@@ -32,7 +33,7 @@ def draw_town(seed, duration_s, **traffic):
             "seed": seed,
             "scenes": [{"map": TOWN, "train": 1}],
             "rig": Rig(sensors=()),
-            "time": {"duration_s": duration_s},
+            "time": {"tick_s": TICK_S, "duration_s": duration_s},
             "hazards": {"count": 0},
             "traffic": {"vehicles": 1, "pedestrians": 120, "walker_cross_factor": 0.0, **traffic},
         }

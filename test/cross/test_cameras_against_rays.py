@@ -50,11 +50,6 @@ def check(found: Sequence[Agreement], jointed_px: int) -> None:
     assert np.quantile(error_px, 0.99) < 0.2
 
 
-@pytest.fixture(scope="module")
-def blocks() -> Studio:
-    return Studio("Blocks", 3)
-
-
 def test_images_of_a_small_town_are_those_of_rays(blocks: Studio) -> None:
     check(agreements(blocks, random_views(blocks.state, MEDIUM, 4, 1)), 1000)
 

@@ -94,11 +94,6 @@ def agree(row: np.void, alone: Alone, visible_px: int, lens: bool) -> None:
         assert found == pytest.approx(around, abs=2.5)
 
 
-@pytest.fixture(scope="module")
-def blocks() -> Studio:
-    return Studio("Blocks", 3)
-
-
 def test_views_of_a_small_town_are_those_of_rays(blocks: Studio) -> None:
     rows = np.concatenate(check(blocks, [*random_views(blocks.state, SMALL, 3, 5), beside(blocks.state, SMALL)]))
     large = rows[rows["alone_px"] >= 50]

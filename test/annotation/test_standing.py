@@ -1,4 +1,5 @@
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -9,6 +10,7 @@ from synthetic_world import EGO_ID, actor, box_model, world
 
 from simbev_ros.annotation.boxes.boxes import LIGHT_IDS, NO_BLUEPRINT, SIGN_IDS, boxes_around_ego
 from simbev_ros.annotation.boxes.standing import find_static_objects
+from simbev_ros.assets.placement.static_scene import Tile
 from simbev_ros.assets.regions.build import build_region
 from simbev_ros.assets.street.signs import street_name_sign
 from simbev_ros.geometry.transforms import rotations_from_rpy
@@ -36,12 +38,12 @@ SEDAN = blueprint_index()["vehicle.sedan"]
 AT_M = (100.0, 50.0, 2.0)
 
 
-def vertices_of(network: RoadNetwork, region: Region, tag: Tag) -> Float64Array:
-    """(V, 3) all vertices of a tag in the region's tiles, map frame, except those of street name plates."""
+def vertices_of(tiles: Sequence[Tile], tag: Tag) -> Float64Array:
+    """(V, 3) all vertices of a tag in tiles, map frame, except those of street name plates."""
     names = street_name_sign((28, 92, 64))
     decoration = np.unique(names.color[names.tag == Tag.TRAFFIC_SIGN], axis=0)
     found = []
-    for tile in build_region(network, region, Terrain(network)).tiles:
+    for tile in tiles:
         chosen = tile.mesh.tag == tag
         chosen &= ~(tile.mesh.color[:, None] == decoration).all(axis=2).any(axis=1)
         found.append(tile.mesh.vertices[chosen] + tile.origin_m)
@@ -52,9 +54,10 @@ def vertices_of(network: RoadNetwork, region: Region, tag: Tag) -> Float64Array:
 def test_boxes_enclose_all_lights_and_signs_tightly(town: str, region: Region) -> None:
     network = load_network(map_spec(town))
     standing = find_static_objects(network)
+    tiles = build_region(network, region, Terrain(network)).tiles
     in_region = (np.floor(standing.foot_m[:, :2] / REGION_M) == region).all(axis=1)
     for tag in Tag.TRAFFIC_LIGHT, Tag.TRAFFIC_SIGN:
-        vertices_m = vertices_of(network, region, tag)
+        vertices_m = vertices_of(tiles, tag)
         enclosed = np.zeros(len(vertices_m), bool)
         table = standing.boxes[in_region & (standing.boxes["tag"] == tag)]
         assert len(table)

@@ -1,6 +1,7 @@
 """Renderer, ray caster and annotator read the same geometry, so their results for the same scene must agree."""
 
 from dataclasses import dataclass
+from functools import cache
 
 import cv2
 import numpy as np
@@ -69,15 +70,19 @@ def static_scene() -> StaticScene:
 
 
 @pytest.fixture(scope="module")
-def moments(static_scene: StaticScene) -> list[Moment]:
+def rays(static_scene: StaticScene) -> RayScene:
+    return RayScene(static_scene, load_models())
+
+
+@pytest.fixture(scope="module")
+def moments(static_scene: StaticScene, rays: RayScene) -> list[Moment]:
     scenario = load_scenario("demo").model_copy(
         update={"seed": 92, "traffic": Traffic(vehicles=60, pedestrians=150, spawn_radius_m=150)}
     )
     planned = next(planned_scenes(scenario))
     network = load_network(planned.map)
     spec = draw_scene(scenario, planned, network)
-    models = load_models()
-    renderer, rays = Renderer(static_scene, models), RayScene(static_scene, models)
+    renderer = Renderer(static_scene, load_models())
     views = [CameraView(camera.model, camera.pose.ego_from_sensor, camera.modalities) for camera in CAMERAS]
     result = []
     with Simulation(spec, network) as simulation:
@@ -96,6 +101,7 @@ def _map_from_optical(camera: Camera, state: WorldState) -> Float64Array:
     return map_from_sensor(camera.pose, state) @ SENSOR_FROM_OPTICAL
 
 
+@cache
 def _pixel_rays(camera: Camera) -> Float64Array:
     rows, columns = np.mgrid[: camera.height_px, : camera.width_px]
     return camera.model.rays(np.stack([columns.ravel(), rows.ravel()], axis=1))
@@ -193,9 +199,8 @@ def _where_before(points_map: Float64Array, object_id: np.ndarray, moment: Momen
     return result
 
 
-def test_lidar_points_lie_in_the_box_of_their_actor(moments: list[Moment], static_scene: StaticScene) -> None:
+def test_lidar_points_lie_in_the_box_of_their_actor(moments: list[Moment], rays: RayScene) -> None:
     lidar = Lidar(type="lidar", name="lidar", pose={"z_m": 1.8}, channels=64, columns=1024)
-    rays = RayScene(static_scene, load_models())
     checked = 0
     for moment in moments:
         state = moment.state
@@ -217,13 +222,10 @@ def test_lidar_points_lie_in_the_box_of_their_actor(moments: list[Moment], stati
 
 
 @pytest.mark.parametrize("index", [0, 3])
-def test_lidar_points_project_to_the_pixels_that_show_them(
-    moments: list[Moment], static_scene: StaticScene, index: int
-) -> None:
+def test_lidar_points_project_to_the_pixels_that_show_them(moments: list[Moment], rays: RayScene, index: int) -> None:
     """Projection as users do it: by the camera model, including distortion."""
     camera = CAMERAS[index]
     lidar = Lidar(type="lidar", name="lidar", pose=camera.pose, channels=64, columns=2048)
-    rays = RayScene(static_scene, load_models())
     for moment in moments:
         pose = map_from_sensor(lidar.pose, moment.state)
         rays.update(moment.state, pose[:3, 3], lidar.range_m, moment.state.ego_ids)
@@ -247,11 +249,10 @@ def test_lidar_points_project_to_the_pixels_that_show_them(
 
 @pytest.mark.parametrize("index", range(len(CAMERAS)))
 def test_the_roof_lidar_agrees_with_depth_images_where_the_camera_sees_its_points(
-    moments: list[Moment], static_scene: StaticScene, index: int
+    moments: list[Moment], rays: RayScene, index: int
 ) -> None:
     camera = CAMERAS[index]
     lidar = Lidar(type="lidar", name="lidar", pose={"z_m": 1.8}, channels=128, columns=2048)
-    rays = RayScene(static_scene, load_models())
     for moment in moments:
         pose, map_from_optical = map_from_sensor(lidar.pose, moment.state), _map_from_optical(camera, moment.state)
         rays.update(moment.state, pose[:3, 3], lidar.range_m + 5.0, moment.state.ego_ids)

@@ -1,5 +1,6 @@
 """A region's plan: the warp does not fold, all uses occur, streets are connected and clear of motorways and water."""
 
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -30,9 +31,14 @@ def pattern_of(town: str) -> Region:
     return pattern
 
 
+@cache
+def first_draft(town: str) -> Draft:
+    return draw_town(town, 1)
+
+
 @pytest.fixture(scope="module", params=TOWNS)
 def region(request: pytest.FixtureRequest) -> Draft:
-    return draw_town(request.param, 1)
+    return first_draft(request.param)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -77,7 +83,7 @@ def test_suburbs_have_culs_de_sac_and_are_reached_from_all_sides() -> None:
 
 
 def test_the_same_seed_gives_the_same_region_and_another_seed_another() -> None:
-    first, same, other = (draw_town("Town12", seed) for seed in (5, 5, 6))
+    first, same, other = first_draft("Town12"), draw_town("Town12", 1), draw_town("Town12", 2)
     assert [road.name for road in first.roads] == [road.name for road in same.roads]
     assert all(np.array_equal(a.line_m, b.line_m) for a, b in zip(first.roads, same.roads, strict=True))
     assert not np.array_equal(first.roads[0].line_m, other.roads[0].line_m)

@@ -72,6 +72,7 @@ def test_a_full_disk_ends_the_recording_with_one_message(
     assert f"; what was recorded stays readable in {small_disk / 'a'}" in " ".join(output.split())
     with SceneBag(small_disk / "a" / f"{SCENE}.partial") as bag:
         assert bag.custom_data["complete"] == "false" and len(list(bag.messages(["/world/actors"]))) > 3
+    config = small_config(1, GREEDY, without=["camera", "lidar", "radar", "imu"])
     code, output = simbev("run", config, "--record", small_disk / "b").finish()
     assert code == 1 and "error: " in output and "must stay free (recording.min_free_mib)" in output
 

@@ -23,6 +23,8 @@ MAP_OFFSET = (5000.0, -8000.0, 100.0)
 EGO = {"id": 1, "x": MAP_OFFSET[0], "y": MAP_OFFSET[1], "z": MAP_OFFSET[2]}
 OTHER = {**EGO, "id": 77, "x": EGO["x"] + 10, "y": EGO["y"] - 1, "yaw": 0.4, "steer": 0.3, "wheel": 0.5}
 VIEW = CameraView(CAMERA, front_pose(), MODALITIES)
+RAYS_AT_ONCE = 256
+"""Rays whose products with all triangles stay in the cache."""
 
 
 @pytest.fixture(scope="module", params=[False, True], ids=["drawn", "computed"])
@@ -48,13 +50,15 @@ def cast(
     origin: Float64Array, rays: Float64Array, corners: Float64Array
 ) -> tuple[Float64Array, AnyArray, Float64Array]:
     """Nearest depth, triangle and its barycentric margin (0 on an edge) per ray (Möller-Trumbore)."""
+    if len(rays) > RAYS_AT_ONCE:
+        parts = [cast(origin, part, corners) for part in np.array_split(rays, len(rays) // RAYS_AT_ONCE + 1)]
+        depth, nearest, margin = (np.concatenate(each) for each in zip(*parts, strict=True))
+        return depth, nearest, margin
     edge1, edge2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    p = np.cross(rays[:, None], edge2)
-    determinant = (p * edge1).sum(axis=-1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        inverse_determinant = 1.0 / determinant
+        inverse_determinant = 1.0 / (rays @ np.cross(edge2, edge1).T)
         s = origin - corners[:, 0]
-        u = (p * s).sum(axis=-1) * inverse_determinant
+        u = rays @ np.cross(edge2, s).T * inverse_determinant
         q = np.cross(s, edge1)
         v = rays @ q.T * inverse_determinant
         depth = (q * edge2).sum(axis=-1) * inverse_determinant

@@ -47,8 +47,10 @@ def load_yaml(path: Path) -> Any:
 
     Raises:
         OSError: The file cannot be read.
-        ValueError: As of ``parse_yaml``.
+        ValueError: It is no regular file, or as of ``parse_yaml``.
     """
+    if path.exists() and not path.is_file():
+        raise ValueError("it is not a file")  # opening a pipe may wait forever
     with path.open("rb") as file:
         return parse_yaml(file.read(MAX_YAML_BYTES + 1))
 

@@ -18,6 +18,7 @@ from simbev_ros.config.names import NAME_PATTERN, Name
 from simbev_ros.config.scenario import Split
 from simbev_ros.confined_paths import path_inside
 from simbev_ros.errors import BagError, InputError
+from simbev_ros.input_file import require_file
 from simbev_ros.limits import MAX_ACTORS, MAX_SCENE_NUMBER, MAX_SCENE_TICKS, require_unpacked_size
 from simbev_ros.recording.arrays import point_array
 from simbev_ros.recording.layout import CONFIG_ATTACHMENT, SCENES_FOLDER, bytes_of, mcap_files, scene_folder
@@ -60,6 +61,7 @@ def read_index(dataset: Path) -> list[Row]:
     path = path_inside(dataset, INDEX_FILE)
     if not path.exists():
         return []
+    require_file(path)
     try:
         _require_columns(path, pq.ParquetFile(path))
         table = pq.read_table(path, columns=_schema().names)

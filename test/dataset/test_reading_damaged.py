@@ -1,5 +1,6 @@
 """Bags that are cut off or damaged: intact parts can be read, and damage is reported."""
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +29,13 @@ def test_a_bag_that_is_cut_off_can_be_read_as_far_as_it_goes(content: bytes, tmp
         assert frame["lidar/points"].tobytes() == written.points(frame.tick).tobytes()
         assert frame["boxes"].tobytes() == written.boxes(frame.tick).tobytes()
         np.testing.assert_array_equal(frame.load()["cam_front/instance"], written.pixels("mono16", frame.tick))
+
+
+def test_a_pipe_in_place_of_the_index_is_refused_and_not_waited_for(tmp_path: Path) -> None:
+    written.record(tmp_path / "scenes/train/Blocks-0000", written.spec())
+    os.mkfifo(tmp_path / "index.parquet")
+    with pytest.raises(InputError, match="is not a file"):
+        open_dataset(tmp_path)
 
 
 @pytest.mark.parametrize("share", [0.5, 0.999])

@@ -1,6 +1,7 @@
 """An intact bag has no faults; every truncation, flipped bit and change is found."""
 
 import json
+import os
 import random
 from pathlib import Path
 
@@ -78,6 +79,12 @@ def test_missing_damaged_and_foreign_metadata_is_found(bag: Path) -> None:
     assert problems(bag) == ["metadata.yaml: it differs from its copy in the file"]
     description.unlink()
     assert problems(bag) == ["metadata.yaml: it is missing"]
+
+
+def test_a_pipe_in_place_of_the_metadata_is_found_and_not_waited_for(bag: Path) -> None:
+    (bag / "metadata.yaml").unlink()
+    os.mkfifo(bag / "metadata.yaml")
+    assert any("it is not a file" in problem for problem in problems(bag))
 
 
 def test_a_foreign_file_with_foreign_metadata_is_not_a_bag(tmp_path: Path) -> None:

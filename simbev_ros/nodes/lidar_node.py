@@ -1,7 +1,9 @@
 """The lidar node: casts the rays of the rig's lidars at each due tick and publishes their point clouds."""
 
 import math
+import os
 from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
 from itertools import groupby
 from typing import NamedTuple
 
@@ -48,6 +50,8 @@ class LidarNode(Participant):
         self._mounted: list[_Mounted] = []
         self._reach_m = 0.0
         self._states: list[WorldState] = []
+        self._cores = len(os.sched_getaffinity(0))
+        self._threads = ThreadPoolExecutor(self._cores)
 
     def start_scene(self, spec: SceneSpec) -> list[str]:
         """Load the meshes around the ego (kept while scenes stay there) and advertise the lidars' topics."""
@@ -58,7 +62,8 @@ class LidarNode(Participant):
         recorded = []
         for lidar in lidars:
             period = spec.period_ticks(lidar.rate_hz)
-            model = LidarModel(lidar, spec.seed, turn_s=period * spec.tick_ns / NS_PER_S)
+            turn_s = period * spec.tick_ns / NS_PER_S
+            model = LidarModel(lidar, spec.seed, turn_s, max_blocks=self._cores)
             topics = lidar_topics(spec, lidar)
             self._mounted.append(_Mounted(lidar, model, period, topics))
             for topic in topics:
@@ -89,11 +94,15 @@ class LidarNode(Participant):
         hidden_ids = frozenset() if settings.hits_own_vehicle else state.ego_ids
         rays.update(state, vector(state.ego, "x y z"), self._reach_m, hidden_ids, earlier)
         for lidar, model, _, topics in alike:
-            scan = model.scan(rays, state, earlier)
+            scan = model.scan(rays, state, earlier, self._threads)
             frame = f"{spec.rig.agent}/{lidar.name}"
             for topic, table in ((topics.points, scan.points), (topics.semantic_points, scan.semantic_points)):
                 if topic is not None and table is not None and state.tick >= 0:
                     self.publish(topic.name, message_from_table(table, state.stamp_ns, frame))
+
+    def close(self) -> None:
+        """Stop the threads."""
+        self._threads.shutdown()
 
 
 def _reach_m(lidar: Lidar) -> float:

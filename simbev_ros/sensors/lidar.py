@@ -5,10 +5,16 @@ rain and fog. By default all rays of a turn are cast at the time stamp, from the
 the cloud is already motion-compensated, and ``time`` must not be used to do so again. A rolling scan casts each column
 at its own ``time``, with the sensor and all actors at their poses of that time; its points are in the sensor frame of
 that time, as those of a real lidar.
+
+Threads can share a turn in blocks of columns. Every ray has its own random numbers, whether it returns or not, so that
+the clouds do not depend on blocks and threads.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import TypeVar
 
 import numpy as np
 
@@ -19,7 +25,7 @@ from simbev_ros.scene.interpolation import ActorHistory
 from simbev_ros.scene.state import WorldState, map_from_actors
 from simbev_ros.sensors.lidar_echo import echo_strength, intensity, is_lost_at_low_intensity
 from simbev_ros.sensors.lidar_pattern import ScanPattern
-from simbev_ros.sensors.lidar_weather import LidarWeather
+from simbev_ros.sensors.lidar_weather import Echoes, LidarWeather
 from simbev_ros.sensors.mount import map_from_sensor
 from simbev_ros.types import Float32Array, Float64Array, Int64Array, Table
 
@@ -72,6 +78,17 @@ class _Rays:
 
 
 @dataclass(frozen=True, slots=True)
+class _Draws:
+    """Random numbers of (N,) rays; None: not needed."""
+
+    drop_off: Float32Array
+    range_noise: Float32Array
+    intensity_drop_off: Float32Array | None
+    weather: Float32Array | None
+    air_echoes: Echoes | None
+
+
+@dataclass(frozen=True, slots=True)
 class _Echoes:
     """(M,) echoes: ray indices, ascending, ranges, and strengths as defined in ``lidar_echo``."""
 
@@ -80,93 +97,165 @@ class _Echoes:
     strength: Float32Array
 
 
+_MIN_RAYS_PER_BLOCK = 1 << 14
+"""Below it, the overhead of a block exceeds a twentieth of its time."""
+
+_Result = TypeVar("_Result")
+
+
 class LidarModel:
     """A lidar of the sensor rig, as configured."""
 
-    def __init__(self, lidar: Lidar, seed: int, turn_s: float) -> None:
+    def __init__(self, lidar: Lidar, seed: int, turn_s: float, max_blocks: int = 1) -> None:
         """Precompute the ray pattern.
 
         Args:
             lidar: Configuration of the lidar.
             seed: Seed of the scene.
             turn_s: Duration of a turn, from one cloud to the next.
+            max_blocks: Number of blocks into which a turn is divided, if it has enough rays; as many as threads.
         """
         self._lidar = lidar
         self._seed = seed
         self.pattern = ScanPattern.from_lidar(lidar, turn_s)
         self._time_s = self.pattern.time_s.astype(np.float32)
+        blocks = min(max(len(self._time_s) // _MIN_RAYS_PER_BLOCK, 1), max_blocks, lidar.columns)
+        edges = np.linspace(0, lidar.columns, blocks + 1).astype(int) * lidar.channels
+        self._blocks = [slice(start, stop) for start, stop in pairwise(edges.tolist())]
 
-    def scan(self, scene: RayScene, state: WorldState, earlier: Sequence[WorldState] = ()) -> LidarScan:
+    def scan(
+        self,
+        scene: RayScene,
+        state: WorldState,
+        earlier: Sequence[WorldState] = (),
+        threads: ThreadPoolExecutor | None = None,
+    ) -> LidarScan:
         """Scan one turn that ends at a tick.
 
         Args:
             scene: Ray scene, already updated with the same states.
             state: World state at the time stamp.
             earlier: World states at the preceding ticks of the turn; only a rolling scan needs them.
+            threads: Threads that share the work; None: the caller does it alone.
         """
-        lidar = self._lidar
-        rays = self._rolling_rays(state, earlier) if lidar.rolling else self._rays(state)
-        hits = scene.cast(rays.origins_m, rays.directions, rays.lag_s)
-        returned = np.flatnonzero((hits.range_m >= lidar.min_range_m) & (hits.range_m <= lidar.range_m))
-        return LidarScan(
-            self._points(hits, returned, rays, state) if lidar.points else None,
-            self._semantic_points(hits, returned) if lidar.semantic_points else None,
-        )
+        lidar, count = self._lidar, len(self._time_s)
+        rays_of = self._rolling_rays(state, earlier) if lidar.rolling else self._rays(state)
+        height_m = float(rays_of(slice(count - lidar.channels, count)).origins_m[-1, 2])
+        air = LidarWeather(lidar, state.weather, height_m)
+        draws_of = self._draw(air, state.tick, threads) if lidar.points else None
 
-    def _rays(self, state: WorldState) -> _Rays:
+        def scan_block(block: slice) -> LidarScan:
+            rays = rays_of(block)
+            hits = scene.cast(rays.origins_m, rays.directions, rays.lag_s)
+            returned = np.flatnonzero((hits.range_m >= lidar.min_range_m) & (hits.range_m <= lidar.range_m))
+            return LidarScan(
+                None if draws_of is None else self._points(hits, returned, rays, air, draws_of(block), block),
+                self._semantic_points(hits, returned, block) if lidar.semantic_points else None,
+            )
+
+        scans = list((map if threads is None else threads.map)(scan_block, self._blocks))
+        return LidarScan(_joined([scan.points for scan in scans]), _joined([scan.semantic_points for scan in scans]))
+
+    def _rays(self, state: WorldState) -> Callable[[slice], _Rays]:
+        """The function that returns some of the turn's rays."""
         pose = map_from_sensor(self._lidar.pose, state)
-        directions = np.einsum("ni,ji->nj", self.pattern.directions, pose[:3, :3].astype(np.float32))
-        return _Rays(pose[None, :3, 3], directions, None)
 
-    def _rolling_rays(self, state: WorldState, earlier: Sequence[WorldState]) -> _Rays:
+        def rays_of(block: slice) -> _Rays:
+            directions = np.einsum("ni,ji->nj", self.pattern.directions[block], pose[:3, :3].astype(np.float32))
+            return _Rays(pose[None, :3, 3], directions, None)
+
+        return rays_of
+
+    def _rolling_rays(self, state: WorldState, earlier: Sequence[WorldState]) -> Callable[[slice], _Rays]:
+        """The function that returns the rays of some whole columns."""
         pattern, channels = self.pattern, self._lidar.channels
         ego = ActorHistory.of(state, earlier).only(state.actors["id"] == state.ego_id)
         egos = ego.at(np.zeros(len(pattern.column_time_s), np.int64), -pattern.column_time_s)
-        poses = map_from_actors(egos) @ self._lidar.pose.ego_from_sensor
-        columns = pattern.directions.reshape(len(poses), channels, 3)
-        directions = np.einsum("cri,cji->crj", columns, poses[:, :3, :3].astype(np.float32))
-        origins_m = np.repeat(poses[:, :3, 3], channels, axis=0)
-        return _Rays(origins_m, directions.reshape(-1, 3), -pattern.time_s)
+        poses_of_columns = map_from_actors(egos) @ self._lidar.pose.ego_from_sensor
 
-    def _semantic_points(self, hits: Hits, returned: Int64Array) -> Table:
+        def rays_of(block: slice) -> _Rays:
+            poses = poses_of_columns[block.start // channels : block.stop // channels]
+            columns = pattern.directions[block].reshape(len(poses), channels, 3)
+            directions = np.einsum("cri,cji->crj", columns, poses[:, :3, :3].astype(np.float32))
+            origins_m = np.repeat(poses[:, :3, 3], channels, axis=0)
+            return _Rays(origins_m, directions.reshape(-1, 3), -pattern.time_s[block])
+
+        return rays_of
+
+    def _draw(self, air: LidarWeather, tick: int, threads: ThreadPoolExecutor | None) -> Callable[[slice], _Draws]:
+        """Start to draw the random numbers of all rays; the function that returns those of some rays."""
+        lidar, count = self._lidar, len(self._time_s)
+
+        def rng_of(name: str) -> np.random.Generator:
+            return stream(self._seed, f"lidar.{lidar.name}.{name}", tick)
+
+        def draw_weather() -> tuple[Float32Array, Echoes]:
+            rng = rng_of("weather")
+            return rng.random(count, np.float32), air.air_echoes(count, rng)
+
+        range_noise = _start(threads, lambda: rng_of("range_noise").standard_normal(count, np.float32))
+        drop_off = _start(threads, lambda: rng_of("drop_off").random(count, np.float32))
+        has_dropped = lidar.drop_off_at_zero_intensity > 0.0
+        dropped = _start(
+            threads, lambda: rng_of("intensity_drop_off").random(count, np.float32) if has_dropped else None
+        )
+        weather = _start(threads, lambda: None if air.is_clear else draw_weather())
+
+        def draws_of(block: slice) -> _Draws:
+            intensity_drop_off, of_weather = dropped(), weather()
+            return _Draws(
+                drop_off=drop_off()[block],
+                range_noise=range_noise()[block],
+                intensity_drop_off=None if intensity_drop_off is None else intensity_drop_off[block],
+                weather=None if of_weather is None else of_weather[0][block],
+                air_echoes=None if of_weather is None else of_weather[1].of(block),
+            )
+
+        return draws_of
+
+    def _semantic_points(self, hits: Hits, returned: Int64Array, block: slice) -> Table:
         cloud = np.empty(len(returned), SEMANTIC_POINT_DTYPE)
-        self._write_positions(cloud, returned, hits.range_m[returned])
+        self._write_positions(cloud, returned, hits.range_m[returned], block)
         cloud["cos_angle"] = hits.cos_angle[returned]
         cloud["object_id"] = hits.object_id[returned]
         cloud["tag"] = hits.tag[returned]
         return cloud
 
-    def _points(self, hits: Hits, returned: Int64Array, rays: _Rays, state: WorldState) -> Table:
-        """Returns that are not lost. Every ray has its own random numbers, whether it returns or not."""
-        lidar, count = self._lidar, len(self._time_s)
+    def _points(
+        self, hits: Hits, returned: Int64Array, rays: _Rays, air: LidarWeather, draws: _Draws, block: slice
+    ) -> Table:
+        """Returns of a block of rays that are not lost."""
+        lidar = self._lidar
         strength = echo_strength(hits.material[returned], hits.cos_angle[returned])
         echoes = _Echoes(returned, hits.range_m[returned], strength)
-        air = LidarWeather(lidar, state.weather, float(rays.origins_m[-1, 2]))
-        if not air.is_clear:
-            echoes = self._apply_weather(air, echoes, hits, rays, state.tick)
-        drop_off_rng, noise_rng = self._stream("drop_off", state.tick), self._stream("range_noise", state.tick)
-        kept = drop_off_rng.random(count, np.float32)[echoes.ray] >= lidar.drop_off
+        if draws.weather is not None and draws.air_echoes is not None:
+            echoes = self._apply_weather(air, echoes, hits, rays, draws.weather, draws.air_echoes)
+        kept = draws.drop_off[echoes.ray] >= lidar.drop_off
         intensities = intensity(lidar, echoes.strength, echoes.range_m)
-        if lidar.drop_off_at_zero_intensity > 0.0:
-            uniform = self._stream("intensity_drop_off", state.tick).random(count, np.float32)
-            kept &= ~is_lost_at_low_intensity(lidar, intensities, uniform[echoes.ray])
+        if draws.intensity_drop_off is not None:
+            kept &= ~is_lost_at_low_intensity(lidar, intensities, draws.intensity_drop_off[echoes.ray])
         ray = echoes.ray[kept]
-        noise_m = noise_rng.standard_normal(count, np.float32)[ray] * np.float32(lidar.range_noise_sigma_m)
+        noise_m = draws.range_noise[ray] * np.float32(lidar.range_noise_sigma_m)
         cloud = np.empty(len(ray), POINT_DTYPE)
-        self._write_positions(cloud, ray, np.maximum(echoes.range_m[kept] + noise_m, 0.0))
+        self._write_positions(cloud, ray, np.maximum(echoes.range_m[kept] + noise_m, 0.0), block)
         cloud["intensity"] = intensities[kept]
-        cloud["ring"] = self.pattern.ring[ray]
+        cloud["ring"] = self.pattern.ring[block][ray]
         return cloud
 
-    def _apply_weather(self, air: LidarWeather, echoes: _Echoes, hits: Hits, rays: _Rays, tick: int) -> _Echoes:
+    def _apply_weather(
+        self,
+        air: LidarWeather,
+        echoes: _Echoes,
+        hits: Hits,
+        rays: _Rays,
+        uniform: Float32Array,
+        echoes_of_air: Echoes,
+    ) -> _Echoes:
         """The strongest echo of each ray in rain or fog: the weakened echo of the target, or that of the air."""
-        rng, count = self._stream("weather", tick), len(self._time_s)
-        uniform = rng.random(count, np.float32)
         transmission = air.two_way_transmission(echoes.range_m, rays.directions[echoes.ray, 2])
         is_detected = air.are_detected(echoes.strength, transmission, echoes.range_m, uniform[echoes.ray])
-        strength, range_m = np.zeros(count, np.float32), hits.range_m.copy()
+        strength, range_m = np.zeros(len(uniform), np.float32), hits.range_m.copy()
         strength[echoes.ray] = np.where(is_detected, echoes.strength * transmission, 0.0)
-        echoes_of_air = air.air_echoes(count, rng)
         ahead = (echoes_of_air.range_m < range_m) & (echoes_of_air.range_m >= self._lidar.min_range_m)
         # Received power falls with the square of the range. Targets beyond the lidar's range were never received.
         near = np.flatnonzero(ahead)
@@ -176,10 +265,24 @@ class LidarModel:
         ray = np.flatnonzero(strength > 0.0)
         return _Echoes(ray, range_m[ray], strength[ray])
 
-    def _stream(self, name: str, tick: int) -> np.random.Generator:
-        return stream(self._seed, f"lidar.{self._lidar.name}.{name}", tick)
+    def _write_positions(self, cloud: Table, ray: Int64Array, range_m: Float32Array, block: slice) -> None:
+        """Write positions and times of points into the cloud of a block of rays."""
+        cloud["x"], cloud["y"], cloud["z"] = (self.pattern.directions[block][ray] * range_m[:, None]).T
+        cloud["time"] = self._time_s[block][ray]
 
-    def _write_positions(self, cloud: Table, ray: Int64Array, range_m: Float32Array) -> None:
-        """Write positions and times of points into a cloud."""
-        cloud["x"], cloud["y"], cloud["z"] = (self.pattern.directions[ray] * range_m[:, None]).T
-        cloud["time"] = self._time_s[ray]
+
+def _start(threads: ThreadPoolExecutor | None, work: Callable[[], _Result]) -> Callable[[], _Result]:
+    """Start work; the returned function waits for its result."""
+    if threads is not None:
+        return threads.submit(work).result
+    result = work()
+    return lambda: result
+
+
+def _joined(tables: Sequence[Table | None]) -> Table | None:
+    """The rows of all tables; None if there is none."""
+    present = [table for table in tables if table is not None]
+    if len(present) < 2:
+        return present[0] if present else None
+    rows: Table = np.concatenate([table.view(np.uint8) for table in present]).view(present[0].dtype)
+    return rows  # joined as bytes, because NumPy copies rows of several columns value by value

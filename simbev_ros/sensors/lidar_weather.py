@@ -53,6 +53,10 @@ class Echoes:
     range_m: Float32Array
     strength: Float32Array
 
+    def of(self, rays: slice) -> "Echoes":
+        """The echoes along some of the rays."""
+        return Echoes(self.range_m[rays], self.strength[rays])
+
 
 class LidarWeather:
     """Rain and fog during one scan, as seen from one lidar."""

@@ -1,3 +1,5 @@
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -11,6 +13,7 @@ from simbev_ros.scene.air import extinction_per_m, optical_depth
 from simbev_ros.scene.state import WorldState
 from simbev_ros.scene.weather import Weather
 from simbev_ros.semantics import Tag
+from simbev_ros.sensors import lidar as lidar_module
 from simbev_ros.sensors.lidar import LidarModel, LidarScan
 from simbev_ros.sensors.lidar_weather import LidarWeather, drop_slope_per_m
 from simbev_ros.types import Float64Array, Table
@@ -50,6 +53,23 @@ def test_without_rain_and_fog_nothing_changes() -> None:
     assert with_effects.tobytes() == without.tobytes()
     barely = scan(lidar(), state(fog_density=0.1)).points
     assert len(barely) == pytest.approx(len(without), rel=1e-4)
+
+
+@pytest.mark.parametrize("rolling", [False, True])
+def test_blocks_and_threads_change_nothing(rolling: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lidar_module, "_MIN_RAYS_PER_BLOCK", 1000)
+    sensor = lidar(
+        rolling=rolling, drop_off=0.3, drop_off_at_zero_intensity=0.4, range_noise_sigma_m=0.02, attenuation_per_m=0.01
+    )
+    for now in (state(), state(fog_density=60.0, precipitation=40.0)):
+        scene = RayScene(static_scene(GROUND), MODELS)
+        scene.update(now, np.zeros(3), sensor.range_m + 10.0, now.ego_ids)
+        alone = LidarModel(sensor, 3, 0.05).scan(scene, now)
+        with ThreadPoolExecutor(3) as threads:
+            shared = LidarModel(sensor, 3, 0.05, max_blocks=7).scan(scene, now, threads=threads)
+        assert alone.points is not None and len(alone.points) > 1000
+        assert shared.points.tobytes() == alone.points.tobytes()
+        assert shared.semantic_points.tobytes() == alone.semantic_points.tobytes()
 
 
 def test_semantic_points_ignore_the_weather() -> None:

@@ -24,6 +24,7 @@ FLOORS = [
         "lock_file",
         "input_file",
         "process_memory",
+        "threads",
         "confined_paths",
         "__init__",
     },

@@ -1,6 +1,8 @@
 """Converts between structured arrays and sensor_msgs/PointCloud2: one point per row, one field per column."""
 
 import numpy as np
+from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, get_typestore
 from sensor_msgs.msg import PointCloud2, PointField
 
 from simbev_ros.msgs.arrays import bytes_field
@@ -8,6 +10,7 @@ from simbev_ros.msgs.stamps import header
 from simbev_ros.recording.arrays import point_dtype
 from simbev_ros.types import Table
 
+_TYPES = get_typestore(Stores.ROS2_JAZZY)
 _DATATYPE = {
     "i1": PointField.INT8,
     "u1": PointField.UINT8,
@@ -45,6 +48,18 @@ def message_from_table(table: Table, stamp_ns: int, frame: str, *, is_dense: boo
     )
     message.data = bytes_field(np.ascontiguousarray(table))
     return message
+
+
+def table_from_cdr(payload: bytes) -> Table:
+    """(N,) structured array that shares the memory of a serialized PointCloud2.
+
+    Raises:
+        ValueError: It is no such message, or as of ``table_from_message``.
+    """
+    try:
+        return table_from_message(_TYPES.deserialize_cdr(payload, "sensor_msgs/msg/PointCloud2"))
+    except SerdeError as error:
+        raise ValueError(str(error)) from None
 
 
 def table_from_message(message: PointCloud2) -> Table:

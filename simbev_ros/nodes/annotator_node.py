@@ -4,20 +4,18 @@ Labels that follow from the world state alone are published at once. Boxes also 
 hit them and how visible they are to the cameras, so they wait for the clouds and instance images of their tick.
 """
 
-import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any, NamedTuple
 
 from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import CompressedImage, Image, PointCloud2
+from sensor_msgs.msg import CompressedImage, Image
 
 from simbev_ros.annotation.boxes.points import add_point_counts, map_points
 from simbev_ros.annotation.scene_annotator import Labels, MeshAnnotators, SceneAnnotator, meshes_radius_m
 from simbev_ros.annotation.visibility.views import ViewAnnotator, visibility
 from simbev_ros.assets.actors.catalogue import load_models
-from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.radar import Radar
 from simbev_ros.config.sensor import Sensor
@@ -30,7 +28,7 @@ from simbev_ros.msgs.message_types import message_class
 from simbev_ros.msgs.occupancy import occupancy_grid_message
 from simbev_ros.msgs.qos import qos_of, rclpy_qos
 from simbev_ros.msgs.stamps import serialized_stamp_ns
-from simbev_ros.msgs.tables import message_from_table, table_from_message
+from simbev_ros.msgs.tables import message_from_table, table_from_cdr
 from simbev_ros.msgs.topic import Topic
 from simbev_ros.msgs.world import MAP_FRAME, record_message
 from simbev_ros.nodes.participant import Participant
@@ -44,13 +42,18 @@ from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.semantics import BEV_CLASSES
 from simbev_ros.sensors.mount import map_from_sensor, vector
-from simbev_ros.types import Float64Array, Table, UInt16Array
+from simbev_ros.threads import usable_cores
+from simbev_ros.types import AnyArray, Float64Array, Table, UInt16Array
 
 _LIVE_PATIENCE_TICKS = 8
 """Live: ticks after which boxes are published without the messages still missing.
 
 Longer than the delay of a lidar or camera that keeps up.
 """
+
+
+_Reading = Callable[[], AnyArray]
+"""Waits until a sensor's message is read, and returns its array or raises what malformed messages do."""
 
 
 class _Tick(NamedTuple):
@@ -74,9 +77,9 @@ class AnnotatorNode(Participant):
         self._views = ViewAnnotator(load_models())
         self._sensors: dict[str, Topic] = {}
         self._subscriptions_of: dict[str, Any] = {}
-        self._join: SensorJoin[_Tick, bytes] = SensorJoin({})
+        self._join: SensorJoin[_Tick, _Reading] = SensorJoin({})
         self._has_begun = False
-        self._decoders = ThreadPoolExecutor(os.cpu_count())
+        self._threads = ThreadPoolExecutor(usable_cores())
 
     def start_scene(self, spec: SceneSpec) -> list[str]:
         """Load the meshes around the ego (kept while scenes stay there), advertise topics, subscribe to sensors."""
@@ -111,7 +114,8 @@ class AnnotatorNode(Participant):
         def receive(payload: bytes) -> None:
             spec, stamp_ns = self.spec, self.read(topic.name, partial(serialized_stamp_ns, payload, topic.type))
             if spec is not None and stamp_ns is not None:
-                self._join.add_message(sensor, spec.tick_of(stamp_ns), payload)
+                reading = self._threads.submit(self._read_sensor, spec, sensor, payload).result
+                self._join.add_message(sensor, spec.tick_of(stamp_ns), reading)
                 self._publish_ready_boxes(spec)
 
         return receive
@@ -167,11 +171,13 @@ class AnnotatorNode(Participant):
                 self._publish_boxes(spec, tick, messages)
             self.report_finished(spec, tick.state.tick)
 
-    def _publish_boxes(self, spec: SceneSpec, tick: _Tick, messages: dict[str, bytes]) -> None:
+    def _publish_boxes(self, spec: SceneSpec, tick: _Tick, messages: dict[str, _Reading]) -> None:
         topics, state = self._topics, tick.state
-        lidar_m, radar_m = (self._clouds(spec.rig.of_type(kind), state, messages) for kind in (Lidar, Radar))
-        boxes = add_point_counts(tick.boxes, lidar_m, radar_m)
-        seen = self._visible_boxes(spec, tick, messages)
+        readings = {sensor: self.read(self._sensors[sensor].name, reading) for sensor, reading in messages.items()}
+        arrays = {sensor: array for sensor, array in readings.items() if array is not None}
+        counting = self._threads.submit(_count_points, spec, tick, arrays)
+        seen = self._visible_boxes(spec, tick, arrays)
+        boxes = counting.result()
         boxes["visibility"] = visibility(boxes["id"], seen.values())
         self.publish(topics.boxes.name, message_from_table(boxes, state.stamp_ns, MAP_FRAME))
         if self.reader_count(topics.box_markers.name):
@@ -180,47 +186,45 @@ class AnnotatorNode(Participant):
             message = message_from_table(table, state.stamp_ns, f"{spec.rig.agent}/{camera}_optical")
             self.publish(topics.views[camera].name, message)
 
-    def _clouds(
-        self, sensors: Iterable[Sensor], state: WorldState, messages: dict[str, bytes]
-    ) -> list[Float64Array] | None:
-        """(N, 3) points of each sensor that has sent a cloud, map frame; None if none has."""
-        clouds = []
-        for sensor in sensors:
-            if sensor.name in messages:
-                carrier = state.ego if isinstance(sensor, Lidar) and sensor.rolling else None
-                pose, payload = map_from_sensor(sensor.pose, state), messages[sensor.name]
-                points = self.read(self._sensors[sensor.name].name, partial(_map_points, payload, pose, carrier))
-                clouds.extend([] if points is None else [points])
-        return clouds or None
-
-    def _visible_boxes(self, spec: SceneSpec, tick: _Tick, messages: dict[str, bytes]) -> dict[str, Table]:
+    def _visible_boxes(self, spec: SceneSpec, tick: _Tick, arrays: Mapping[str, AnyArray]) -> dict[str, Table]:
         """For each camera that has sent an image, its table of visible boxes."""
-        sent = [camera for camera in viewing_cameras(spec) if camera.name in messages]
-        images = self._decoders.map(lambda camera: self._decode_image(camera, messages[camera.name]), sent)
-        seen = {camera: image for camera, image in zip(sent, images, strict=True) if image is not None}
+        seen = [camera for camera in viewing_cameras(spec) if camera.name in arrays]
         views = [CameraView(camera.model, camera.pose.ego_from_sensor, ("instance",)) for camera in seen]
-        tables = self._views.views(tick.state, tick.boxes, views, list(seen.values()))
+        images = [arrays[camera.name] for camera in seen]
+        tables = self._views.views(tick.state, tick.boxes, views, images, self._threads)
         return dict(zip((camera.name for camera in seen), tables, strict=True))
 
-    def _decode_image(self, camera: Camera, payload: bytes) -> UInt16Array | None:
-        """(H, W) object ids of a camera's instance image; None if the message is none."""
-
-        def decode() -> UInt16Array:
-            if self._compressed:
-                ids = decode_labels(bytes(deserialize_message(payload, CompressedImage).data))
-            else:
-                ids = labels_from_image(deserialize_message(payload, Image))
-            if ids.shape != (camera.height_px, camera.width_px):
-                raise ValueError(f"has {ids.shape[1]} x {ids.shape[0]} pixels")
-            return ids
-
-        return self.read(self._sensors[camera.name].name, decode)
+    def _read_sensor(self, spec: SceneSpec, sensor: str, payload: bytes) -> AnyArray:
+        """The points of a serialized cloud, or the (H, W) object ids of a camera's instance image."""
+        camera = next((camera for camera in viewing_cameras(spec) if camera.name == sensor), None)
+        if camera is None:
+            return table_from_cdr(payload)
+        if self._compressed:
+            ids = decode_labels(bytes(deserialize_message(payload, CompressedImage).data))
+        else:
+            ids = labels_from_image(deserialize_message(payload, Image))
+        if ids.shape != (camera.height_px, camera.width_px):
+            raise ValueError(f"has {ids.shape[1]} x {ids.shape[0]} pixels")
+        return ids
 
     def close(self) -> None:
-        """Stop the decoding threads."""
-        self._decoders.shutdown()
+        """Stop the threads."""
+        self._threads.shutdown()
 
 
-def _map_points(payload: bytes, map_from_sensor: Float64Array, carrier: Table | None) -> Float64Array:
-    """(N, 3) points of a serialized cloud, map frame."""
-    return map_points(table_from_message(deserialize_message(payload, PointCloud2)), map_from_sensor, carrier)
+def _count_points(spec: SceneSpec, tick: _Tick, arrays: Mapping[str, AnyArray]) -> Table:
+    """The tick's boxes with the number of points in them."""
+    lidar_m, radar_m = (_clouds_m(spec.rig.of_type(kind), tick.state, arrays) for kind in (Lidar, Radar))
+    return add_point_counts(tick.boxes, lidar_m, radar_m)
+
+
+def _clouds_m(
+    sensors: Iterable[Sensor], state: WorldState, arrays: Mapping[str, AnyArray]
+) -> list[Float64Array] | None:
+    """(N, 3) points of each sensor that has sent a cloud, map frame; None if none has."""
+    clouds_m = []
+    for sensor in sensors:
+        if sensor.name in arrays:
+            carrier = state.ego if isinstance(sensor, Lidar) and sensor.rolling else None
+            clouds_m.append(map_points(arrays[sensor.name], map_from_sensor(sensor.pose, state), carrier))
+    return clouds_m or None

@@ -4,7 +4,6 @@ An image is drawn, read back, encoded and sent only if its topic has a reader; a
 lockstep, threads encode the images of a tick while those of the next one are drawn.
 """
 
-import os
 from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -27,6 +26,7 @@ from simbev_ros.render.gl.context import open_context
 from simbev_ros.render.renderer import Renderer
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
+from simbev_ros.threads import usable_cores
 from simbev_ros.types import AnyArray
 
 
@@ -83,7 +83,7 @@ class CameraNode(Participant):
         self._previous: dict[int, WorldState] = {}
         self._outputs: list[_Output] = []
         self._unsent: deque[_Frame] = deque()
-        self._encoders = ThreadPoolExecutor(max_workers=os.cpu_count())
+        self._encoders = ThreadPoolExecutor(usable_cores())
 
     def _make_renderer(self, static: StaticScene) -> Renderer:
         return Renderer(static, load_models(), self._open_context(), self._quality)

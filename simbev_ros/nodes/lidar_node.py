@@ -1,7 +1,6 @@
 """The lidar node: casts the rays of the rig's lidars at each due tick and publishes their point clouds."""
 
 import math
-import os
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from itertools import groupby
@@ -18,6 +17,7 @@ from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.sensors.lidar import LidarModel
 from simbev_ros.sensors.mount import vector
+from simbev_ros.threads import usable_cores
 from simbev_ros.units import NS_PER_S
 
 
@@ -50,8 +50,7 @@ class LidarNode(Participant):
         self._mounted: list[_Mounted] = []
         self._reach_m = 0.0
         self._states: list[WorldState] = []
-        self._cores = len(os.sched_getaffinity(0))
-        self._threads = ThreadPoolExecutor(self._cores)
+        self._threads = ThreadPoolExecutor(usable_cores())
 
     def start_scene(self, spec: SceneSpec) -> list[str]:
         """Load the meshes around the ego (kept while scenes stay there) and advertise the lidars' topics."""
@@ -63,7 +62,7 @@ class LidarNode(Participant):
         for lidar in lidars:
             period = spec.period_ticks(lidar.rate_hz)
             turn_s = period * spec.tick_ns / NS_PER_S
-            model = LidarModel(lidar, spec.seed, turn_s, max_blocks=self._cores)
+            model = LidarModel(lidar, spec.seed, turn_s, max_blocks=usable_cores())
             topics = lidar_topics(spec, lidar)
             self._mounted.append(_Mounted(lidar, model, period, topics))
             for topic in topics:

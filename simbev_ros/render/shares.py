@@ -4,6 +4,7 @@ import os
 
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.render.gl.devices import count_gpus, software_request
+from simbev_ros.threads import usable_cores
 
 _THREADS_VARIABLE = "LP_NUM_THREADS"
 """Variable with the number of threads that Mesa's llvmpipe renders with; each process reads it when it starts."""
@@ -23,17 +24,12 @@ def camera_processes(rendering: Rendering, cameras: int) -> int:
 
 def drawing_environment(processes: int) -> dict[str, str]:
     """Environment variables for each rendering process of a machine, unless the user has set them."""
-    threads = max(_cores() // max(processes, 1), 1)
+    threads = max(usable_cores() // max(processes, 1), 1)
     return {_THREADS_VARIABLE: os.environ.get(_THREADS_VARIABLE, str(threads))}
 
 
 def _default_processes(rendering: Rendering) -> int:
     """One process per GPU in use, or one per core."""
     if rendering.gpus != "auto":
-        return len(rendering.gpus) or _cores()
-    return (0 if software_request() else count_gpus()) or _cores()
-
-
-def _cores() -> int:
-    """Number of CPU cores that this process may use."""
-    return len(os.sched_getaffinity(0))
+        return len(rendering.gpus) or usable_cores()
+    return (0 if software_request() else count_gpus()) or usable_cores()

@@ -14,7 +14,6 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TypeVar
 
 import numpy as np
 
@@ -27,6 +26,7 @@ from simbev_ros.sensors.lidar_echo import echo_strength, intensity, is_lost_at_l
 from simbev_ros.sensors.lidar_pattern import ScanPattern
 from simbev_ros.sensors.lidar_weather import Echoes, LidarWeather
 from simbev_ros.sensors.mount import map_from_sensor
+from simbev_ros.threads import start
 from simbev_ros.types import Float32Array, Float64Array, Int64Array, Table
 
 POINT_DTYPE = np.dtype(
@@ -99,8 +99,6 @@ class _Echoes:
 
 _MIN_RAYS_PER_BLOCK = 1 << 14
 """Below it, the overhead of a block exceeds a twentieth of its time."""
-
-_Result = TypeVar("_Result")
 
 
 class LidarModel:
@@ -193,13 +191,13 @@ class LidarModel:
             rng = rng_of("weather")
             return rng.random(count, np.float32), air.air_echoes(count, rng)
 
-        range_noise = _start(threads, lambda: rng_of("range_noise").standard_normal(count, np.float32))
-        drop_off = _start(threads, lambda: rng_of("drop_off").random(count, np.float32))
+        range_noise = start(threads, lambda: rng_of("range_noise").standard_normal(count, np.float32))
+        drop_off = start(threads, lambda: rng_of("drop_off").random(count, np.float32))
         has_dropped = lidar.drop_off_at_zero_intensity > 0.0
-        dropped = _start(
+        dropped = start(
             threads, lambda: rng_of("intensity_drop_off").random(count, np.float32) if has_dropped else None
         )
-        weather = _start(threads, lambda: None if air.is_clear else draw_weather())
+        weather = start(threads, lambda: None if air.is_clear else draw_weather())
 
         def draws_of(block: slice) -> _Draws:
             intensity_drop_off, of_weather = dropped(), weather()
@@ -269,14 +267,6 @@ class LidarModel:
         """Write positions and times of points into the cloud of a block of rays."""
         cloud["x"], cloud["y"], cloud["z"] = (self.pattern.directions[block][ray] * range_m[:, None]).T
         cloud["time"] = self._time_s[block][ray]
-
-
-def _start(threads: ThreadPoolExecutor | None, work: Callable[[], _Result]) -> Callable[[], _Result]:
-    """Start work; the returned function waits for its result."""
-    if threads is not None:
-        return threads.submit(work).result
-    result = work()
-    return lambda: result
 
 
 def _joined(tables: Sequence[Table | None]) -> Table | None:

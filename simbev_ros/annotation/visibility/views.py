@@ -5,8 +5,10 @@ pixels are those of the instance image. Drawn alone, an object has the mesh (lev
 that distance. Anything in front of an object occludes it: vehicles, leaves, and also the rider on a bicycle.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -23,6 +25,7 @@ from simbev_ros.render.geometry.level_of_detail import LevelsOfDetail, bounding_
 from simbev_ros.render.view import NEAR_M, View
 from simbev_ros.scene.state import WorldState, map_from_actors
 from simbev_ros.semantics import BOX_CLASSES
+from simbev_ros.threads import start
 from simbev_ros.types import AnyArray, Float32Array, Float64Array, Int64Array, Table, UInt16Array
 
 VIEW_DTYPE = np.dtype(
@@ -67,7 +70,12 @@ class ViewAnnotator:
         self._shells: dict[tuple[int, int], Shell] = {}
 
     def views(
-        self, state: WorldState, boxes: Table, cameras: Sequence[CameraView], images: Sequence[UInt16Array]
+        self,
+        state: WorldState,
+        boxes: Table,
+        cameras: Sequence[CameraView],
+        images: Sequence[UInt16Array],
+        threads: ThreadPoolExecutor | None = None,
     ) -> list[Table]:
         """Visibility of objects in the cameras' images.
 
@@ -76,6 +84,7 @@ class ViewAnnotator:
             boxes: (N,) ``BOX_DTYPE`` of the requested objects; boxes that are not actors are ignored.
             cameras: Cameras of the ego; they do not show the ego.
             images: (H, W) per camera: id of the actor that a pixel shows, 0 = none.
+            threads: Threads that count the images' pixels while the caller projects the objects.
 
         Returns:
             (K,) ``VIEW_DTYPE`` per camera, ascending id.
@@ -85,20 +94,32 @@ class ViewAnnotator:
         objects = _PosedObjects.from_actors(
             self._skeletons, actors, np.array([state.ego["x"], state.ego["y"], state.ego["z"]])
         )
+        views = [View.from_camera(camera, state, None, objects.origin_m) for camera in cameras]
+        in_view = [np.flatnonzero(view.sees_spheres(objects.center_m, objects.radius_m)) for view in views]
+        visible = [
+            start(threads, partial(count_visible_pixels, image, objects.actors["id"][rows]))
+            for image, rows in zip(images, in_view, strict=True)
+        ]
         return [
-            self._view(View.from_camera(camera, state, None, objects.origin_m), camera.camera, objects, image)
-            for camera, image in zip(cameras, images, strict=True)
+            self._view(view, camera.camera, objects, rows, pixels)
+            for view, camera, rows, pixels in zip(views, cameras, in_view, visible, strict=True)
         ]
 
-    def _view(self, view: View, camera: PinholeCamera, objects: "_PosedObjects", image: UInt16Array) -> Table:
-        in_view = np.flatnonzero(view.sees_spheres(objects.center_m, objects.radius_m))
+    def _view(
+        self,
+        view: View,
+        camera: PinholeCamera,
+        objects: "_PosedObjects",
+        in_view: Int64Array,
+        visible: Callable[[], VisiblePixels],
+    ) -> Table:
         if not len(in_view):
             return np.zeros(0, VIEW_DTYPE)
         alone = measure_silhouettes(
             trace_contours(self._group_by_mesh(objects, in_view, view), NEAR_M), camera, len(in_view)
         )
         actors = objects.actors[in_view]
-        return _table(actors["id"], self._class[actors["blueprint"]], count_visible_pixels(image, actors["id"]), alone)
+        return _table(actors["id"], self._class[actors["blueprint"]], visible(), alone)
 
     def _group_by_mesh(self, objects: "_PosedObjects", in_view: Int64Array, view: View) -> list[MeshInstances]:
         """Group the objects in view by mesh; their slots are their positions in ``in_view``."""

@@ -21,10 +21,12 @@ class VisiblePixels(NamedTuple):
 
 
 def count_visible_pixels(instance: UInt16Array, ids: AnyArray) -> VisiblePixels:
-    """Visible pixels of objects with (N,) ascending ids, N > 0, in an (H, W) instance image.
+    """Visible pixels of objects with (N,) ascending ids in an (H, W) instance image.
 
     The image is processed in runs of equal pixels per row.
     """
+    if not len(ids):
+        return VisiblePixels(np.zeros(0, np.int64), np.zeros((0, 4)))
     width = instance.shape[1]
     labels = instance.ravel()
     is_run_start = np.ones(len(labels), bool)

@@ -1,7 +1,7 @@
 """Folders that are built once and then read by many processes. In: a key and a function that fills a folder."""
 
+import secrets
 import shutil
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -30,12 +30,13 @@ def ensure_folder(
     hold_entry(folder)
     if folder.is_dir():
         return folder
-    try:
-        parent.mkdir(parents=True, exist_ok=True)
-        work = Path(tempfile.mkdtemp(prefix=f".{name}-", dir=parent))
-    except OSError as error:
-        raise InputError(f"cache of {kind} {parent}: cannot be written: {error.strerror}") from error
-    try:
+    work = parent / f".{name}-{secrets.token_hex(8)}"
+    try:  # from here on, as an interrupt may come at any moment
+        try:
+            parent.mkdir(parents=True, exist_ok=True)
+            work.mkdir(mode=0o700)
+        except OSError as error:
+            raise InputError(f"cache of {kind} {parent}: cannot be written: {error.strerror}") from error
         build(work)
         _publish(work, folder)
     finally:

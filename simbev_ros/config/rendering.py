@@ -24,7 +24,9 @@ class Rendering(Model):
         "or EGL device numbers from `simbev doctor`",
     )
     processes: Literal["auto"] | Annotated[int, Field(ge=1, le=16)] = Field(
-        "auto", description="number of processes that share the rig's cameras; auto: one per GPU, or one per CPU core"
+        "auto",
+        description="number of processes that share the rig's cameras; auto: one per GPU, two with 8 or more CPU cores "
+        "per GPU; without a GPU one per CPU core",
     )
 
     @model_validator(mode="after")

@@ -1,6 +1,7 @@
 """Plans the processes of a graph: which nodes run in which process, and with which parameters.
 
-The plan follows from the configuration alone; the machine is not inspected.
+The plan follows from the configuration and from numbers of cores and camera processes; the machine is not inspected.
+What is recorded does not depend on it.
 """
 
 import sys
@@ -37,7 +38,9 @@ _STACK_PATIENCE_FRACTION = 0.8
 """Fraction of the silence timeout for which an evaluator waits for a stack, so that it can report what is missing."""
 
 _RAY_CASTING = (Lidar, Radar)
-"""Sensors whose nodes share a process: radars need a tenth of a lidar's time and the same meshes in memory."""
+"""Sensors whose nodes can share a process: radars need a tenth of a lidar's time and the same meshes in memory."""
+_MANY_CORES = 8
+"""Number of cores from which on time counts more than memory."""
 
 
 def plan_processes(
@@ -47,6 +50,7 @@ def plan_processes(
     live: bool,
     dataset: Path | None,
     figures: Path | None = None,
+    cores: int = 1,
 ) -> list[ProcessPlan]:
     """Plan every process of the graph, the world first.
 
@@ -56,8 +60,9 @@ def plan_processes(
         live: Whether the world is paced by the wall clock.
         dataset: Folder into which scenes are recorded; None: they are not recorded.
         figures: File for the evaluator's figures, if there is an evaluator.
+        cores: Number of CPU cores; with few of them, more nodes share a process.
     """
-    behind = list(_processes_behind_world(scenario, camera_processes, live=live, dataset=dataset))
+    behind = list(_processes_behind_world(scenario, camera_processes, live=live, dataset=dataset, cores=cores))
     state_readers = sum(map(len, behind))
     if scenario.evaluation is not None:
         behind.append((_evaluator(scenario, scenario.evaluation, live=live, figures=figures),))
@@ -74,7 +79,7 @@ def plan_processes(
 
 
 def _processes_behind_world(
-    scenario: Scenario, camera_processes: int, *, live: bool, dataset: Path | None
+    scenario: Scenario, camera_processes: int, *, live: bool, dataset: Path | None, cores: int
 ) -> Iterator[ProcessPlan]:
     chosen = scenario.recording.topics.model_dump(mode="json")
     patterns = {f"{name}_topics": list(words) for name, words in chosen.items() if words}
@@ -84,7 +89,7 @@ def _processes_behind_world(
         common["evaluated_topics"] = [boxes_name(agent), bev_labels_name(agent), read]
     compressed = scenario.recording.images == "compressed" and dataset is not None
     yield from _camera_processes(scenario, camera_processes, {**common, "compressed": compressed})
-    yield from _sensor_processes(scenario.rig, common)
+    yield from _sensor_processes(scenario.rig, common, cores)
     yield (NodePlan("annotator", "annotator", {**common, "annotated": False, "compressed": compressed}),)
     if dataset is not None:
         parameters = {
@@ -140,12 +145,13 @@ def _camera_processes(scenario: Scenario, processes: int, common: _Parameters) -
         yield (NodePlan("camera", "camera" if processes == 1 else f"camera_{index}", {**common, **parameters}),)
 
 
-def _sensor_processes(rig: Rig, common: _Parameters) -> Iterator[ProcessPlan]:
-    """Plan the nodes of all other sensors: ray casting ones share a process, light-weight ones another."""
+def _sensor_processes(rig: Rig, common: _Parameters, cores: int) -> Iterator[ProcessPlan]:
+    """Plan the nodes of all other sensors: light-weight ones share a process; with few cores, so do ray casting ones."""
     kinds = {kind: model for kind, model in SENSOR_KINDS.items() if model is not Camera and rig.of_type(model)}
     casting = [kind for kind, model in kinds.items() if model in _RAY_CASTING]
     light = [kind for kind in kinds if kind not in casting]
-    for together in (casting, light):
+    apart = [casting] if cores < _MANY_CORES else [[kind] for kind in casting]
+    for together in (*apart, light):
         if together:
             yield tuple(NodePlan(kind, kind, common) for kind in together)
 

@@ -29,6 +29,7 @@ from simbev_ros.render.shares import camera_processes, drawing_environment
 from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.request import SceneRequest
 from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.threads import usable_cores
 
 _POLL_S = 0.1
 _STOP_TIMEOUT_S = 8.0
@@ -109,7 +110,14 @@ class GraphSession:
         os.environ.update(environment)  # for the monitor: the middleware reads them when the first node is created
         cameras = camera_processes(self._scenario.rendering, len(self._scenario.rig.of_type(Camera)))
         environment |= drawing_environment(cameras)
-        plans = plan_processes(self._scenario, cameras, live=self._live, dataset=self._dataset, figures=self._figures)
+        plans = plan_processes(
+            self._scenario,
+            cameras,
+            live=self._live,
+            dataset=self._dataset,
+            figures=self._figures,
+            cores=usable_cores(),
+        )
         key = make_key()
         kinds_of_all = (node.kind for nodes in plans for node in nodes)
         self._starter = NodeStarter(kinds_of_all, self._traces.folder, {**environment, KEY_VARIABLE: key})

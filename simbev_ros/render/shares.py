@@ -6,6 +6,8 @@ from simbev_ros.config.rendering import Rendering
 from simbev_ros.render.gl.devices import count_gpus, software_request
 from simbev_ros.threads import usable_cores
 
+_CORES_FOR_TWO = 8
+"""Cores per GPU with which two processes are faster than one, as one prepares a frame while the other one waits."""
 _THREADS_VARIABLE = "LP_NUM_THREADS"
 """Variable with the number of threads that Mesa's llvmpipe renders with; each process reads it when it starts."""
 
@@ -29,7 +31,7 @@ def drawing_environment(processes: int) -> dict[str, str]:
 
 
 def _default_processes(rendering: Rendering) -> int:
-    """One process per GPU in use, or one per core."""
-    if rendering.gpus != "auto":
-        return len(rendering.gpus) or usable_cores()
-    return (0 if software_request() else count_gpus()) or usable_cores()
+    """One process per GPU in use, two if there are cores enough to keep it busy; without a GPU one per core."""
+    cores = usable_cores()
+    gpus = len(rendering.gpus) if rendering.gpus != "auto" else 0 if software_request() else count_gpus()
+    return gpus * (2 if cores >= _CORES_FOR_TWO * gpus else 1) or cores

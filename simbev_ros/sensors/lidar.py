@@ -97,8 +97,8 @@ class _Echoes:
     strength: Float32Array
 
 
-_MIN_RAYS_PER_BLOCK = 1 << 14
-"""Below it, the overhead of a block exceeds a twentieth of its time."""
+_MIN_RAYS_PER_BLOCK = 1 << 16
+"""With smaller blocks, threads wait longer for Python's global lock than they compute."""
 
 
 class LidarModel:
@@ -116,6 +116,7 @@ class LidarModel:
         self._lidar = lidar
         self._seed = seed
         self.pattern = ScanPattern.from_lidar(lidar, turn_s)
+        self._xyz = np.ascontiguousarray(self.pattern.directions.T)
         self._time_s = self.pattern.time_s.astype(np.float32)
         blocks = min(max(len(self._time_s) // _MIN_RAYS_PER_BLOCK, 1), max_blocks, lidar.columns)
         edges = np.linspace(0, lidar.columns, blocks + 1).astype(int) * lidar.channels
@@ -157,9 +158,13 @@ class LidarModel:
     def _rays(self, state: WorldState) -> Callable[[slice], _Rays]:
         """The function that returns some of the turn's rays."""
         pose = map_from_sensor(self._lidar.pose, state)
+        rotation = pose[:3, :3].astype(np.float32)
 
         def rays_of(block: slice) -> _Rays:
-            directions = np.einsum("ni,ji->nj", self.pattern.directions[block], pose[:3, :3].astype(np.float32))
+            x, y, z = self._xyz[:, block]
+            directions = np.empty((len(x), 3), np.float32)
+            for axis, (by_x, by_y, by_z) in enumerate(rotation):
+                directions[:, axis] = x * by_x + y * by_y + z * by_z
             return _Rays(pose[None, :3, 3], directions, None)
 
         return rays_of
@@ -265,7 +270,8 @@ class LidarModel:
 
     def _write_positions(self, cloud: Table, ray: Int64Array, range_m: Float32Array, block: slice) -> None:
         """Write positions and times of points into the cloud of a block of rays."""
-        cloud["x"], cloud["y"], cloud["z"] = (self.pattern.directions[block][ray] * range_m[:, None]).T
+        for name, directions in zip("xyz", self._xyz[:, block], strict=True):
+            cloud[name] = directions[ray] * range_m
         cloud["time"] = self._time_s[block][ray]
 
 

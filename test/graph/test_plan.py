@@ -30,6 +30,16 @@ def devices(nodes: Sequence[NodePlan]) -> list[Device]:
     return [rendering_of(node).device_of(int(str(node.parameters["process"]))) for node in nodes]
 
 
+def test_ray_casting_nodes_share_a_process_unless_there_are_many_cores() -> None:
+    scenario = load_scenario("paper")
+    few, many = (
+        [[node.kind for node in process] for process in plan_processes(scenario, 1, live=False, dataset=None, cores=n)]
+        for n in (2, 16)
+    )
+    assert few == [["world"], ["camera"], ["lidar", "radar"], ["gnss", "imu"], ["annotator"]]
+    assert many == [["world"], ["camera"], ["lidar"], ["radar"], ["gnss", "imu"], ["annotator"]]
+
+
 def test_one_camera_process_serves_the_whole_rig() -> None:
     [node] = cameras(1)
     assert (node.name, node.parameters["process"]) == ("camera", 0)

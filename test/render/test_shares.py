@@ -44,10 +44,15 @@ def test_on_the_cpu_there_is_one_process_per_core_up_to_the_number_of_cameras(ma
 
 
 def test_every_gpu_in_use_has_a_process(machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
-    machine(16, gpu(0), gpu(1))
-    assert (processes(), processes(gpus=[1]), processes(gpus=[]), processes(processes=3)) == (2, 1, 6, 3)
+    machine(15, gpu(0), gpu(1))
+    assert (processes(), processes(gpus=[0, 1]), processes(gpus=[]), processes(processes=3)) == (2, 2, 6, 3)
     monkeypatch.setenv("LIBGL_ALWAYS_SOFTWARE", "1")
     assert processes() == 6
+
+
+def test_a_gpu_with_many_cores_has_two_processes(machine: Machine) -> None:
+    machine(16, gpu(0), gpu(1))
+    assert (processes(), processes(gpus=[1]), processes(cameras=1)) == (4, 2, 1)
 
 
 def test_a_gpu_listed_by_two_drivers_counts_once_and_an_inaccessible_one_not_at_all(

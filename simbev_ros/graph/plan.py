@@ -146,7 +146,7 @@ def _camera_processes(scenario: Scenario, processes: int, common: _Parameters) -
 
 
 def _sensor_processes(rig: Rig, common: _Parameters, cores: int) -> Iterator[ProcessPlan]:
-    """Plan the nodes of all other sensors: light-weight ones share a process, and with few cores ray casting ones too."""
+    """Plan the nodes of all other sensors: light-weight ones share a process; with few cores ray casting ones, too."""
     kinds = {kind: model for kind, model in SENSOR_KINDS.items() if model is not Camera and rig.of_type(model)}
     casting = [kind for kind, model in kinds.items() if model in _RAY_CASTING]
     light = [kind for kind in kinds if kind not in casting]

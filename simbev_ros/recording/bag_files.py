@@ -2,7 +2,7 @@
 
 import os
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,7 +13,7 @@ from rich.filesize import decimal
 from simbev_ros.errors import DISK_FULL, DiskError
 from simbev_ros.recording.bag_metadata import RecordedFile
 from simbev_ros.recording.layout import mcap_in
-from simbev_ros.recording.mcap.mcap_file import ChunkInProgress, Definition, McapFile
+from simbev_ros.recording.mcap.mcap_file import ChunkInProgress, Definition, McapFile, PackedRecords
 
 
 class BagFiles:
@@ -64,14 +64,19 @@ class BagFiles:
         """Announce a topic."""
         self.definitions.append(definition)
 
-    def add_chunk(self, chunk: ChunkInProgress) -> None:
-        """Write a chunk of messages, in a new file if the current one has reached its size limit."""
+    def add_chunk(self, chunk: ChunkInProgress, packed: Callable[[], PackedRecords] | None = None) -> None:
+        """Write a chunk of messages, in a new file if the current one has reached its size limit.
+
+        Args:
+            chunk: The messages.
+            packed: Waits for ``chunk.pack`` with the bag's level, if somebody else is at it.
+        """
         with self._until_failure():
             if self._split_bytes is not None and self._file.size >= self._split_bytes:
                 self._join_sync()
                 self._file.close({}, self.definitions)
                 self._file = self._next_file()
-            self._file.add_chunk(chunk, self.definitions)
+            self._file.add_chunk(chunk, self.definitions, packed)
         self.counts.update({channel_id: len(entries) for channel_id, entries in chunk.index_entries.items()})
         self.files[-1].add_messages([stamp_ns for entries in chunk.index_entries.values() for stamp_ns, _ in entries])
         self._unsynced_bytes += chunk.payload_bytes

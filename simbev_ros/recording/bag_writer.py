@@ -28,8 +28,11 @@ from simbev_ros.recording.layout import METADATA_FILE, partial_of
 from simbev_ros.recording.mcap.mcap_file import ChunkInProgress, Definition
 from simbev_ros.recording.mcap.syncing import sync
 from simbev_ros.recording.qos import QosProfile
+from simbev_ros.threads import usable_cores
 
 _TYPES = get_typestore(Stores.ROS2_JAZZY)
+_MAX_PACKERS = 4
+"""Maximum number of threads that compress chunks."""
 _MAX_WAITING = 4
 """Maximum number of tasks that wait for the disk thread; beyond it ``write`` blocks."""
 
@@ -50,7 +53,7 @@ class SceneBagWriter:
     """Writes one scene's bag.
 
     As a context manager it abandons the bag unless ``finish`` was called. It is meant for one thread and passes
-    compression and disk access to another one, for which only a few chunks may wait.
+    compression and disk access to others, for which only a few chunks may wait.
 
     Args:
         path: The finished bag's folder.
@@ -104,6 +107,8 @@ class SceneBagWriter:
         self._chunks: dict[_Group, ChunkInProgress] = {}
         self._groups: dict[str, _Group] = {}
         self._is_closed = False
+        self._zstd_level = zstd_level
+        self._packers = ThreadPoolExecutor(min(usable_cores(), _MAX_PACKERS), thread_name_prefix="zstd")
         self._disk = ThreadPoolExecutor(1, thread_name_prefix="bag")
         self._waiting: deque[Future[None]] = deque()
 
@@ -155,7 +160,7 @@ class SceneBagWriter:
         entry.count += 1
         entry.payload_bytes += len(data)
         if chunk.size > self._chunk_bytes:
-            self._submit(self._files.add_chunk, self._chunks.pop(group))
+            self._submit_chunk(group)
 
     def sync(self) -> None:
         """Close the chunks in progress and sync; all messages written so far are on disk when this returns."""
@@ -165,7 +170,12 @@ class SceneBagWriter:
 
     def _flush_chunks(self) -> None:
         for group in sorted(self._chunks):
-            self._submit(self._files.add_chunk, self._chunks.pop(group))
+            self._submit_chunk(group)
+
+    def _submit_chunk(self, group: _Group) -> None:
+        """Let a chunk be compressed by one of several threads and then written by the disk thread."""
+        chunk = self._chunks.pop(group)
+        self._submit(self._files.add_chunk, chunk, self._packers.submit(chunk.pack, self._zstd_level).result)
 
     def _submit(self, work: Callable[..., None], *arguments: object) -> None:
         """Submit a task to the disk thread, which runs tasks in order; block while too many wait."""
@@ -210,6 +220,7 @@ class SceneBagWriter:
             self._flush_chunks()
             self._wait()
         self._disk.shutdown()
+        self._packers.shutdown()
         topics = list(self._topics.values())
         for topic in topics:
             topic.count = self._files.counts[topic.channel_id]

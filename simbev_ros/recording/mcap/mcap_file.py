@@ -6,7 +6,7 @@ itself; this one receives complete chunks, so that the thread that collects mess
 
 import os
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -46,6 +46,15 @@ class Definition(NamedTuple):
     schema: Schema
 
 
+class PackedRecords(NamedTuple):
+    """Records of a chunk as they are written: their size and CRC before compression, and the data."""
+
+    size: int
+    crc: int
+    data: Sequence[bytes | memoryview]
+    is_compressed: bool
+
+
 @dataclass(slots=True)
 class ChunkInProgress:
     """Messages collected for a chunk.
@@ -73,6 +82,18 @@ class ChunkInProgress:
         self.size += RECORD_HEAD.size + length
         self.payload_bytes += len(data)
 
+    def pack(self, zstd_level: int | None, head: bytes = b"") -> PackedRecords:
+        """Compress the records, after others; parts are not joined first, which would take as long."""
+        parts = [head, *self.parts]
+        size, crc = sum(map(len, parts)), 0
+        for part in parts:
+            crc = crc32(part, crc)
+        if zstd_level is None or self.is_compressed:
+            return PackedRecords(size, crc, parts, is_compressed=False)
+        stream = zstandard.ZstdCompressor(level=zstd_level).compressobj(size)
+        data = [*filter(None, map(stream.compress, parts)), stream.flush()]
+        return PackedRecords(size, crc, data, is_compressed=True)
+
 
 class McapFile:
     """Writes one MCAP file; for one thread at a time. When a method returns, the operating system has its data.
@@ -90,7 +111,7 @@ class McapFile:
     def __init__(self, path: Path, zstd_level: int | None) -> None:
         self.path, self.size = path, 0
         self._file = path.open("xb", buffering=0)
-        self._compressor = None if zstd_level is None else zstandard.ZstdCompressor(level=zstd_level)
+        self._zstd_level = zstd_level
         self._crc = 0
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
@@ -100,16 +121,28 @@ class McapFile:
         self._metadata: list[MetadataIndex] = []
         self._append(MCAP0_MAGIC, _to_bytes(Header("ros2", f"simbev_ros {__version__}")))
 
-    def add_chunk(self, chunk: ChunkInProgress, definitions: Iterable[Definition] = ()) -> None:
-        """Write messages as a chunk that starts with the definitions which the file does not have yet."""
+    def add_chunk(
+        self,
+        chunk: ChunkInProgress,
+        definitions: Iterable[Definition] = (),
+        packed: Callable[[], PackedRecords] | None = None,
+    ) -> None:
+        """Write messages as a chunk that starts with the definitions which the file does not have yet.
+
+        Args:
+            chunk: The messages.
+            definitions: Definitions of all topics.
+            packed: Waits for ``chunk.pack`` with this file's level, if somebody else is at it; it is of no use if the
+                chunk has to start with definitions.
+        """
         if not chunk.index_entries:
             return
         head = self._definitions(definitions)
-        compressor = None if chunk.is_compressed else self._compressor
-        records_bytes, records_crc, data = _compress((head, *chunk.parts), compressor)
+        records = chunk.pack(self._zstd_level, head) if head or packed is None else packed()
+        records_bytes, records_crc, data = records.size, records.crc, records.data
         data_bytes = sum(map(len, data))
         stamps_ns = [stamp_ns for entries in chunk.index_entries.values() for stamp_ns, _ in entries]
-        name = b"" if compressor is None else b"zstd"
+        name = b"zstd" if records.is_compressed else b""
         span_ns = min(stamps_ns), max(stamps_ns)
         length = CHUNK_HEAD.size + len(name) + CHUNK_DATA_LENGTH.size + data_bytes
         opening = RECORD_HEAD.pack(Opcode.CHUNK, length)
@@ -218,19 +251,6 @@ class McapFile:
         for record in records:
             self._crc = crc32(record, self._crc)
             self.size += len(record)
-
-
-def _compress(
-    parts: Sequence[bytes | memoryview], compressor: zstandard.ZstdCompressor | None
-) -> tuple[int, int, list[bytes | memoryview]]:
-    """Size, CRC and compressed stream of all parts; they are not joined first, which would take as long."""
-    size, crc = sum(map(len, parts)), 0
-    for part in parts:
-        crc = crc32(part, crc)
-    if compressor is None:
-        return size, crc, list(parts)
-    stream = compressor.compressobj(size)
-    return size, crc, [*filter(None, map(stream.compress, parts)), stream.flush()]
 
 
 def _to_bytes(*records: McapRecord) -> bytes:

@@ -1,7 +1,8 @@
 """All labels of a scene that can be computed from the world state alone, without sensor data.
 
-The annotation node calls ``SceneAnnotator.labels`` for each recorded tick: a ``WorldState`` enters, ``Labels`` leave
-(BEV grid, 3D boxes, occupancy voxels, vector map). Point counts and visibility need sensor data and are added later, by
+The annotation node calls ``SceneAnnotator`` for each recorded tick: a ``WorldState`` enters; 3D boxes and
+``SurroundingsLabels`` leave (BEV grid, occupancy voxels, vector map). Point counts and visibility of boxes need sensor
+data and are added later, by
 ``boxes.points`` and ``visibility``.
 """
 
@@ -34,18 +35,16 @@ _ROADS_MARGIN_M = 20.0  # lines that leave the vector map's patch are needed thi
 
 
 @dataclass(frozen=True, slots=True)
-class Labels:
-    """Ground-truth labels of one tick.
+class SurroundingsLabels:
+    """Labels of what surrounds the ego at one tick.
 
     Attributes:
         grid: (rows, columns) uint16 BEV labels, see ``BevAnnotator.labels``.
-        boxes: (N,) ``BOX_DTYPE``; the columns that depend on sensor data are not filled yet.
         voxels: (M,) ``VOXEL_DTYPE`` occupied voxels; None if no occupancy labels are due at this tick.
         roads: Vector map, see ``VectorMap.record``; None if none is due at this tick.
     """
 
     grid: UInt16Array
-    boxes: Table
     voxels: Table | None
     roads: dict[str, Any] | None
 
@@ -71,16 +70,17 @@ class SceneAnnotator:
         patch = spec.annotation.vector_map
         self._roads = None if patch is None else _vector_map(spec, network, patch)
 
-    def labels(self, state: WorldState) -> Labels:
-        """Labels of one recorded tick."""
+    def boxes(self, state: WorldState) -> Table:
+        """(N,) ``BOX_DTYPE`` around the ego; the columns that depend on sensor data are not filled yet."""
+        radius_m, ego_level = self._annotation.box_radius_m, self._levels.ego_level(state)
+        return boxes_around_ego(state, radius_m, ego_level, self._meshes.extents, self._standing)
+
+    def surroundings(self, state: WorldState) -> SurroundingsLabels:
+        """Labels of the ego's surroundings at a recorded tick."""
         ego_level = self._levels.ego_level(state)
-        grid = self._meshes.bev.labels(state, self._annotation.bev.grid, ego_level, self._hazards)
-        radius_m = self._annotation.box_radius_m
-        table = boxes_around_ego(state, radius_m, ego_level, self._meshes.extents, self._standing)
         occupancy, patch = self._annotation.occupancy, self._annotation.vector_map
-        return Labels(
-            grid,
-            table,
+        return SurroundingsLabels(
+            self._meshes.bev.labels(state, self._annotation.bev.grid, ego_level, self._hazards),
             self._voxels(occupancy, state) if occupancy and self._is_due(occupancy, state) else None,
             self._roads.record(state, ego_level) if self._roads and patch and self._is_due(patch, state) else None,
         )

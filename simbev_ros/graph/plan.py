@@ -90,7 +90,7 @@ def _processes_behind_world(
     compressed = scenario.recording.images == "compressed" and dataset is not None
     yield from _camera_processes(scenario, camera_processes, {**common, "compressed": compressed})
     yield from _sensor_processes(scenario.rig, common, cores)
-    yield (NodePlan("annotator", "annotator", {**common, "annotated": False, "compressed": compressed}),)
+    yield from _annotator_processes({**common, "annotated": False, "compressed": compressed}, cores)
     if dataset is not None:
         parameters = {
             "live": live,
@@ -154,6 +154,15 @@ def _sensor_processes(rig: Rig, common: _Parameters, cores: int) -> Iterator[Pro
     for together in (*apart, light):
         if together:
             yield tuple(NodePlan(kind, kind, common) for kind in together)
+
+
+def _annotator_processes(parameters: _Parameters, cores: int) -> Iterator[ProcessPlan]:
+    """Plan one annotator, or with many cores one for the boxes and one for all other labels."""
+    if cores < _MANY_CORES:
+        yield (NodePlan("annotator", "annotator", parameters),)
+    else:
+        for labels in ("boxes", "surroundings"):
+            yield (NodePlan("annotator", f"annotator_{labels}", {**parameters, "labels": labels}),)
 
 
 def _evaluator(scenario: Scenario, evaluation: Evaluation, *, live: bool, figures: Path | None) -> NodePlan:

@@ -48,6 +48,17 @@ class AnnotationTopics:
         asked = (topic for topic in (self.occupancy, self.vector_map) if topic is not None)
         return (*always, *self.views.values(), *asked)
 
+    @property
+    def of_boxes(self) -> tuple[Topic, ...]:
+        """Recorded topics that are about boxes."""
+        return (self.boxes, self.box_markers, *self.views.values())
+
+    @property
+    def of_surroundings(self) -> tuple[Topic, ...]:
+        """All other recorded topics."""
+        boxes = self.of_boxes
+        return tuple(topic for topic in self.recorded if topic not in boxes)
+
 
 def boxes_name(agent: str) -> str:
     """Name of the topic with the 3D boxes around an agent."""

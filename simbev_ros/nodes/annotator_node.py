@@ -1,7 +1,8 @@
 """The annotator node: publishes the labels of every tick, which are grids, boxes, occupancy, vector map and HD map.
 
 Labels that follow from the world state alone are published at once. Boxes also state how many lidar and radar points
-hit them and how visible they are to the cameras, so they wait for the clouds and instance images of their tick.
+hit them and how visible they are to the cameras, so they wait for the clouds and instance images of their tick. Where
+there are cores enough, two such nodes share the labels.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -13,12 +14,13 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import CompressedImage, Image
 
 from simbev_ros.annotation.boxes.points import add_point_counts, map_points
-from simbev_ros.annotation.scene_annotator import Labels, MeshAnnotators, SceneAnnotator, meshes_radius_m
+from simbev_ros.annotation.scene_annotator import MeshAnnotators, SceneAnnotator, SurroundingsLabels, meshes_radius_m
 from simbev_ros.annotation.visibility.views import ViewAnnotator, visibility
 from simbev_ros.assets.actors.catalogue import load_models
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.radar import Radar
 from simbev_ros.config.sensor import Sensor
+from simbev_ros.errors import InputError
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.hd_map import lane_record
 from simbev_ros.msgs.annotation_topics import annotation_topics, annotator_inputs, viewing_cameras
@@ -73,6 +75,10 @@ class AnnotatorNode(Participant):
         self._compressed = self.declare_read_only(
             "compressed", True, "Read the compressed instance images instead of the raw ones"
         )
+        labels = self.declare_read_only("labels", "all", "Labels that this node publishes: all, boxes or surroundings")
+        if labels not in ("all", "boxes", "surroundings"):
+            raise InputError(f"parameter labels: {labels!r}; allowed: all, boxes, surroundings")
+        self._has_boxes, self._has_surroundings = labels != "surroundings", labels != "boxes"
         self._surroundings = Surroundings(lambda static: MeshAnnotators(static, load_models()))
         self._views = ViewAnnotator(load_models())
         self._sensors: dict[str, Topic] = {}
@@ -87,11 +93,16 @@ class AnnotatorNode(Participant):
             meshes = self._surroundings.load(spec, meshes_radius_m(spec.annotation))
             self._network = load_network(spec.map)
             self._scene = SceneAnnotator(spec, self._network, meshes)
-        self._subscribe_to_sensors(spec)
-        self._topics = annotation_topics(spec)
-        for topic in (*self._topics.recorded, *self._topics.grids.values()):
+        self._topics = topics = annotation_topics(spec)
+        recorded: list[Topic] = []
+        if self._has_boxes:
+            self._subscribe_to_sensors(spec)
+            recorded.extend(topics.of_boxes)
+        if self._has_surroundings:
+            recorded.extend(topics.of_surroundings)
+        for topic in (*recorded, *(topics.grids.values() if self._has_surroundings else ())):
             self.advertise(topic)
-        return [topic.name for topic in self._topics.recorded]
+        return [topic.name for topic in recorded]
 
     def _subscribe_to_sensors(self, spec: SceneSpec) -> None:
         """Subscribe to the topics that the boxes need; subscriptions are kept for later scenes with the same topic."""
@@ -127,24 +138,22 @@ class AnnotatorNode(Participant):
         if not self._has_begun:  # a bag that is played back may lack topics of the scene's rig
             self._has_begun = True
             self._join.give_up(name for name, topic in self._sensors.items() if not self._is_sent(topic))
-        labels = self._scene.labels(state)
-        self._publish_labels(spec, state, labels)
-        position_m = vector(state.ego, "x y z")
-        lane = record_message(lane_record(self._network, position_m, float(state.ego["yaw"])), state.stamp_ns)
-        self.publish(self._topics.hd_map.name, lane)
-        self._join.expect(state.tick, _Tick(state, labels.boxes))
+        if self._has_surroundings:
+            self._publish_surroundings(spec, state, self._scene.surroundings(state))
+        if self._has_boxes:
+            self._join.expect(state.tick, _Tick(state, self._scene.boxes(state)))
 
     def _is_sent(self, topic: Topic) -> bool:
         return bool(self._subscriptions_of[topic.name].get_publisher_count())
 
     def finish(self, spec: SceneSpec, state: WorldState) -> None:
-        """Report ticks of the lead-in; other ticks are finished when their boxes are published."""
-        if state.tick < 0:
+        """Report ticks of the lead-in, and those without boxes; others are finished when their boxes are published."""
+        if state.tick < 0 or not self._has_boxes:
             super().finish(spec, state)
         else:
             self._publish_ready_boxes(spec)
 
-    def _publish_labels(self, spec: SceneSpec, state: WorldState, labels: Labels) -> None:
+    def _publish_surroundings(self, spec: SceneSpec, state: WorldState, labels: SurroundingsLabels) -> None:
         topics, stamp_ns, frame = self._topics, state.stamp_ns, f"{spec.rig.agent}/base_link"
         self.publish(topics.bev_labels.name, image_message(labels.grid, stamp_ns, frame))
         if self.reader_count(topics.bev_color.name):
@@ -154,6 +163,8 @@ class AnnotatorNode(Participant):
             self.publish(topics.occupancy.name, message_from_table(labels.voxels, stamp_ns, frame))
         if topics.vector_map is not None and labels.roads is not None:
             self.publish(topics.vector_map.name, record_message(labels.roads, stamp_ns))
+        lane = lane_record(self._network, vector(state.ego, "x y z"), float(state.ego["yaw"]))
+        self.publish(topics.hd_map.name, record_message(lane, stamp_ns))
 
     def _publish_grids(self, grid: UInt16Array, spec: SceneSpec, state: WorldState) -> None:
         geometry, frame = spec.annotation.bev.grid, f"{spec.rig.agent}/base_link"

@@ -30,14 +30,14 @@ def devices(nodes: Sequence[NodePlan]) -> list[Device]:
     return [rendering_of(node).device_of(int(str(node.parameters["process"]))) for node in nodes]
 
 
-def test_ray_casting_nodes_share_a_process_unless_there_are_many_cores() -> None:
+def test_with_many_cores_ray_casting_nodes_and_labels_have_processes_of_their_own() -> None:
     scenario = load_scenario("paper")
     few, many = (
         [[node.kind for node in process] for process in plan_processes(scenario, 1, live=False, dataset=None, cores=n)]
         for n in (2, 16)
     )
     assert few == [["world"], ["camera"], ["lidar", "radar"], ["gnss", "imu"], ["annotator"]]
-    assert many == [["world"], ["camera"], ["lidar"], ["radar"], ["gnss", "imu"], ["annotator"]]
+    assert many == [["world"], ["camera"], ["lidar"], ["radar"], ["gnss", "imu"], ["annotator"], ["annotator"]]
 
 
 def test_one_camera_process_serves_the_whole_rig() -> None:

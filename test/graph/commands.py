@@ -40,13 +40,21 @@ SCENE = Path("scenes/train/Blocks-0000")
 """Path of the first scene in its dataset."""
 
 
-class Command:
-    """A ``simbev`` command that runs in a session of its own."""
+_PRETEND_CORES = """
+import os
+os.sched_getaffinity = lambda _: set(range({}))
+from simbev_ros.cli.main import main
+main()
+"""
 
-    def __init__(self, *arguments: object) -> None:
+
+class Command:
+    """A ``simbev`` command that runs in a session of its own, on a machine with two cores or as many as it is told."""
+
+    def __init__(self, *arguments: object, cores: int = 2) -> None:
         self.environment = {**os.environ, "COLUMNS": "200", "ROS_DOMAIN_ID": str(DOMAIN)}
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "simbev_ros.cli.main", *map(str, arguments)],
+            [sys.executable, "-c", _PRETEND_CORES.format(cores), *map(str, arguments)],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,

@@ -39,8 +39,8 @@ def simbev() -> Iterator[Callable[..., Command]]:
     """Function that starts commands; those still running at the end of the test are ended."""
     commands: list[Command] = []
 
-    def start(*arguments: object) -> Command:
-        commands.append(Command(*arguments))
+    def start(*arguments: object, **machine: int) -> Command:
+        commands.append(Command(*arguments, **machine))
         return commands[-1]
 
     yield start

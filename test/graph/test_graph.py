@@ -211,6 +211,19 @@ def test_two_graphs_do_not_share_a_domain(simbev: Simbev, small_config: Config) 
 
 
 @pytest.mark.slow
+def test_more_cores_lead_to_more_processes_and_the_same_bytes(
+    recorded: Path, simbev: Simbev, small_config: Config, tmp_path: Path
+) -> None:
+    command = simbev("run", small_config(), "--record", tmp_path / "many", cores=16)
+    command.wait_for(lambda: len(command.nodes()) == 8)
+    nodes = {"world", "camera", "lidar", "radar", "gnss+imu", "annotator_boxes", "annotator_surroundings", "recorder"}
+    assert command.nodes().keys() == nodes
+    code, output = command.finish()
+    assert code == 0, output
+    assert digests(tmp_path / "many" / SCENE) == digests(recorded)
+
+
+@pytest.mark.slow
 def test_bench_reports_the_time_of_every_process(simbev: Simbev, small_config: Config) -> None:
     code, output = simbev("bench", small_config(), "--ticks", 5, "--json").finish()
     assert code == 0, output

@@ -157,12 +157,12 @@ def _sensor_processes(rig: Rig, common: _Parameters, cores: int) -> Iterator[Pro
 
 
 def _annotator_processes(parameters: _Parameters, cores: int) -> Iterator[ProcessPlan]:
-    """Plan one annotator, or with many cores one for the boxes and one for all other labels."""
+    """Plan one annotator, or with many cores one for the objects and one for the surroundings."""
     if cores < _MANY_CORES:
         yield (NodePlan("annotator", "annotator", parameters),)
     else:
-        for labels in ("boxes", "surroundings"):
-            yield (NodePlan("annotator", f"annotator_{labels}", {**parameters, "labels": labels}),)
+        for scope in ("objects", "surroundings"):
+            yield (NodePlan("annotator", f"annotator_{scope}", {**parameters, "scope": scope}),)
 
 
 def _evaluator(scenario: Scenario, evaluation: Evaluation, *, live: bool, figures: Path | None) -> NodePlan:

@@ -54,6 +54,7 @@ Longer than the delay of a lidar or camera that keeps up.
 """
 
 
+_SCOPES = ("all", "objects", "surroundings")
 _Reading = Callable[[], AnyArray]
 """Waits until a sensor's message is read, and returns its array or raises what malformed messages do."""
 
@@ -75,10 +76,10 @@ class AnnotatorNode(Participant):
         self._compressed = self.declare_read_only(
             "compressed", True, "Read the compressed instance images instead of the raw ones"
         )
-        labels = self.declare_read_only("labels", "all", "Labels that this node publishes: all, boxes or surroundings")
-        if labels not in ("all", "boxes", "surroundings"):
-            raise InputError(f"parameter labels: {labels!r}; allowed: all, boxes, surroundings")
-        self._has_boxes, self._has_surroundings = labels != "surroundings", labels != "boxes"
+        scope = self.declare_read_only("scope", "all", f"What this node labels: {', '.join(_SCOPES)}")
+        if scope not in _SCOPES:
+            raise InputError(f"parameter scope: {scope!r}; allowed: {', '.join(_SCOPES)}")
+        self._has_boxes, self._has_surroundings = scope != "surroundings", scope != "objects"
         self._surroundings = Surroundings(lambda static: MeshAnnotators(static, load_models()))
         self._views = ViewAnnotator(load_models())
         self._sensors: dict[str, Topic] = {}

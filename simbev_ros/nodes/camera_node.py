@@ -4,7 +4,6 @@ An image is drawn, read back, encoded and sent only if its topic has a reader; a
 lockstep, threads encode the images of a tick while those of the next one are drawn.
 """
 
-from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
@@ -41,23 +40,6 @@ class _Output(NamedTuple):
     image: AnyArray | None = None
 
 
-class _Frame(NamedTuple):
-    """The outputs of a tick, and their compressed forms as soon as they exist (None: it has no readers)."""
-
-    spec: SceneSpec
-    state: WorldState
-    outputs: list[_Output]
-    compressed: list[Future[bytes | None]]
-
-    @property
-    def is_compressed(self) -> bool:
-        return all(future.done() for future in self.compressed)
-
-
-_MAX_UNSENT_FRAMES = 1
-"""Lockstep: number of frames that may be in encoding while the next one is drawn."""
-
-
 class CameraNode(Participant):
     """Renders the images of the cameras that its parameter ``sensors`` names."""
 
@@ -82,7 +64,6 @@ class CameraNode(Participant):
         self._topics: dict[str, dict[Modality, CameraTopics]] = {}
         self._previous: dict[int, WorldState] = {}
         self._outputs: list[_Output] = []
-        self._unsent: deque[_Frame] = deque()
         self._encoders = ThreadPoolExecutor(usable_cores())
 
     def _make_renderer(self, static: StaticScene) -> Renderer:
@@ -96,7 +77,6 @@ class CameraNode(Participant):
         self._topics = {camera.name: camera_topics(spec, camera) for camera in self._cameras}
         self._previous.clear()
         self._outputs.clear()
-        self._unsent.clear()
         return list(self._advertise())
 
     def is_due(self, spec: SceneSpec, tick: int) -> bool:
@@ -116,27 +96,10 @@ class CameraNode(Participant):
 
     def finish(self, spec: SceneSpec, state: WorldState) -> None:
         """Start to compress the images of a tick, which is finished when they are published."""
-        encoders, outputs = self._encoders, self._outputs
-        frame = _Frame(spec, state, outputs, [encoders.submit(self._compress, output) for output in outputs])
-        self._outputs = []
-        self._unsent.append(frame)
-        self._send(0 if self.live else _MAX_UNSENT_FRAMES)
-        if self._unsent:
-            for future in frame.compressed:
-                future.add_done_callback(lambda _: self._send_soon(frame))
-
-    def _send_soon(self, frame: _Frame) -> None:
-        """Let the frame be sent if it is compressed; called by the encoding threads."""
-        if frame.is_compressed:
-            self.call_soon(self._send)
-
-    def _send(self, max_unsent: int = _MAX_UNSENT_FRAMES) -> None:
-        """Publish the compressed frames, in order; of others, leave at most this number."""
-        while self._unsent and (self._unsent[0].is_compressed or len(self._unsent) > max_unsent):
-            frame = self._unsent.popleft()
-            with self.meter.busy(ticks=0):
-                self._publish(frame)
-            self.report_finished(frame.spec, frame.state.tick)
+        outputs, self._outputs = self._outputs, []
+        compressed = [self._encoders.submit(self._compress, output) for output in outputs]
+        publish = partial(self._publish, spec, state.stamp_ns, outputs, compressed)
+        self.finish_after(spec, state.tick, compressed, publish)
 
     def _due_outputs(self, cameras: Iterable[Camera]) -> list[_Output]:
         """All modalities of the given cameras, and whether their topics have readers now."""
@@ -162,10 +125,11 @@ class CameraNode(Participant):
             output._replace(image=getattr(images.get(output.camera.name), output.modality, None)) for output in outputs
         ]
 
-    def _publish(self, frame: _Frame) -> None:
-        stamp_ns, agent = frame.state.stamp_ns, frame.spec.rig.agent
-        for output, compressed in zip(frame.outputs, frame.compressed, strict=True):
-            frame_id = f"{agent}/{output.camera.name}_optical"
+    def _publish(
+        self, spec: SceneSpec, stamp_ns: int, outputs: list[_Output], compressed_images: list[Future[bytes | None]]
+    ) -> None:
+        for output, compressed in zip(outputs, compressed_images, strict=True):
+            frame_id = f"{spec.rig.agent}/{output.camera.name}_optical"
             if output.raw and output.image is not None:
                 self.publish(output.topics.raw.name, image_message(output.image, stamp_ns, frame_id))
             if output.image is not None and (data := compressed.result()) is not None:

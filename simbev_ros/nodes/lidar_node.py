@@ -1,8 +1,12 @@
-"""The lidar node: casts the rays of the rig's lidars at each due tick and publishes their point clouds."""
+"""The lidar node: casts the rays of the rig's lidars at each due tick and publishes their point clouds.
+
+In lockstep, the clouds of a tick are published while threads cast the rays of the next one.
+"""
 
 import math
 from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
+from functools import partial
 from itertools import groupby
 from typing import NamedTuple
 
@@ -15,7 +19,7 @@ from simbev_ros.nodes.surroundings import Surroundings, predicted_position_m, ra
 from simbev_ros.raycast.scene import RayScene
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
-from simbev_ros.sensors.lidar import LidarModel
+from simbev_ros.sensors.lidar import LidarModel, LidarScanInProgress
 from simbev_ros.sensors.mount import vector
 from simbev_ros.threads import usable_cores
 from simbev_ros.units import NS_PER_S
@@ -39,6 +43,13 @@ class _Mounted(NamedTuple):
         return _RaySettings(self.lidar.hits_own_vehicle, self.period_ticks if self.lidar.rolling else 0)
 
 
+class _Scanning(NamedTuple):
+    """A lidar whose turn threads scan."""
+
+    mounted: _Mounted
+    scan: LidarScanInProgress
+
+
 class LidarNode(Participant):
     """Serves all lidars of the rig, which share one ray casting scene."""
 
@@ -50,6 +61,7 @@ class LidarNode(Participant):
         self._mounted: list[_Mounted] = []
         self._reach_m = 0.0
         self._states: list[WorldState] = []
+        self._scanning: list[_Scanning] = []
         self._threads = ThreadPoolExecutor(usable_cores())
 
     def start_scene(self, spec: SceneSpec) -> list[str]:
@@ -57,7 +69,7 @@ class LidarNode(Participant):
         lidars = spec.rig.of_type(Lidar)
         self._reach_m = max((_reach_m(lidar) for lidar in lidars), default=0.0)
         self._surroundings.load(spec, ray_view_radius_m(lidar.range_m for lidar in lidars))
-        self._mounted, self._states = [], []
+        self._mounted, self._states, self._scanning = [], [], []
         recorded = []
         for lidar in lidars:
             period = spec.period_ticks(lidar.rate_hz)
@@ -76,25 +88,41 @@ class LidarNode(Participant):
         return tick >= 0 and any(tick % mounted.period_ticks == 0 for mounted in self._mounted)
 
     def process(self, spec: SceneSpec, state: WorldState) -> None:
-        """Cast and publish the clouds that are due; clouds of the lead-in only warm up the ray caster."""
+        """Start to cast the clouds that are due; clouds of the lead-in only warm up the ray caster."""
+        self._wait_for_threads()
+        self._scanning = []
         due = [mounted for mounted in self._mounted if state.tick % mounted.period_ticks == 0]
         for settings, alike in groupby(
             sorted(due, key=lambda mounted: mounted.settings), key=lambda mounted: mounted.settings
         ):
-            self._scan(spec, state, settings, alike)
+            self._scan(state, settings, alike)
         expired_tick = state.tick - max((mounted.settings.turn_ticks for mounted in self._mounted), default=0)
         self._states = [each for each in (*self._states, state) if each.tick > expired_tick]
         self._surroundings.built.build_ahead(predicted_position_m(state), self._reach_m)
 
-    def _scan(self, spec: SceneSpec, state: WorldState, settings: _RaySettings, alike: Iterable[_Mounted]) -> None:
-        """Scan with the lidars of equal ray settings and publish their clouds."""
+    def finish(self, spec: SceneSpec, state: WorldState) -> None:
+        """Let the clouds be published as soon as they are complete, which finishes the tick."""
+        work = [block for scanning in self._scanning for block in scanning.scan.blocks]
+        self.finish_after(spec, state.tick, work, partial(self._publish, spec, state, self._scanning))
+
+    def _wait_for_threads(self) -> None:
+        """Wait until no thread uses the ray casting scene."""
+        wait(block for scanning in self._scanning for block in scanning.scan.blocks)
+
+    def _scan(self, state: WorldState, settings: _RaySettings, alike: Iterable[_Mounted]) -> None:
+        """Start to scan with the lidars of equal ray settings."""
+        self._wait_for_threads()
         rays = self._surroundings.built
         earlier = [each for each in self._states if each.tick >= state.tick - settings.turn_ticks]
         hidden_ids = frozenset() if settings.hits_own_vehicle else state.ego_ids
         rays.update(state, vector(state.ego, "x y z"), self._reach_m, hidden_ids, earlier)
-        for lidar, model, _, topics in alike:
-            scan = model.scan(rays, state, earlier, self._threads)
-            frame = f"{spec.rig.agent}/{lidar.name}"
+        for mounted in alike:
+            scan = mounted.model.start_scan(rays, state, earlier, self._threads)
+            self._scanning.append(_Scanning(mounted, scan))
+
+    def _publish(self, spec: SceneSpec, state: WorldState, scanning: list[_Scanning]) -> None:
+        for (lidar, _, _, topics), in_progress in scanning:
+            scan, frame = in_progress.result(), f"{spec.rig.agent}/{lidar.name}"
             for topic, table in ((topics.points, scan.points), (topics.semantic_points, scan.semantic_points)):
                 if topic is not None and table is not None and state.tick >= 0:
                     self.publish(topic.name, message_from_table(table, state.stamp_ns, frame))

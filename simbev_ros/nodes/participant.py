@@ -4,9 +4,12 @@ A participant receives each scene, then the world state of every tick in order, 
 finished on /sync/ready. In lockstep the world waits for these reports.
 """
 
+from collections import deque
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
@@ -24,6 +27,23 @@ from simbev_ros.types import Table
 
 _MAX_WAITING = 64
 """Number of ticks of which parts may wait for the others; the window allows 8."""
+
+
+_MAX_UNSENT = 1
+"""Lockstep: number of ticks whose messages threads may still prepare while the next tick is processed."""
+
+
+class _Unsent(NamedTuple):
+    """A tick whose messages threads prepare."""
+
+    spec: SceneSpec
+    tick: int
+    work: Sequence[Future[Any]]
+    send: Callable[[], None]
+
+    @property
+    def is_prepared(self) -> bool:
+        return all(future.done() for future in self.work)
 
 
 class Participant(GraphNode):
@@ -57,6 +77,7 @@ class Participant(GraphNode):
         self._awaited_readers: dict[str, int] = {}
         self._loaded_reported = False
         self._last_tick = 0
+        self._unsent: deque[_Unsent] = deque()
         self._actors: dict[int, Table] = {}
         self._signals: dict[int, Table] = {}
         self._weather: dict[int, Weather] = {}
@@ -85,8 +106,40 @@ class Participant(GraphNode):
         """Report a processed tick; override it if the node has more to do before the tick is finished."""
         self.report_finished(spec, state.tick)
 
+    def finish_after(self, spec: SceneSpec, tick: int, work: Sequence[Future[Any]], send: Callable[[], None]) -> None:
+        """Send a tick's messages and report it as soon as threads have done their work for it, in the order of ticks.
+
+        In lockstep the next tick may be processed meanwhile.
+
+        Args:
+            spec: The scene.
+            tick: The tick.
+            work: What threads do for it.
+            send: Publishes the messages.
+        """
+        unsent = _Unsent(spec, tick, work, send)
+        self._unsent.append(unsent)
+        self._send(0 if self.live else _MAX_UNSENT)
+        if self._unsent:
+            for future in work:
+                future.add_done_callback(lambda _: self._send_soon(unsent))
+
+    def _send_soon(self, unsent: _Unsent) -> None:
+        """Send a tick if it is prepared; called by the threads."""
+        if unsent.is_prepared:
+            self.call_soon(self._send)
+
+    def _send(self, max_unsent: int = _MAX_UNSENT) -> None:
+        """Send the ticks that are prepared, in order; of others, leave at most this number."""
+        while self._unsent and (self._unsent[0].is_prepared or len(self._unsent) > max_unsent):
+            unsent = self._unsent.popleft()
+            with self.meter.busy(ticks=0):
+                unsent.send()
+            self.report_finished(unsent.spec, unsent.tick)
+
     def _on_scene(self, specification: str, _: bytes) -> None:
         self.spec = None
+        self._unsent.clear()
         for waiting in (self._actors, self._signals, self._weather):
             waiting.clear()
         spec = SceneSpec.model_validate_json(specification)

@@ -11,8 +11,9 @@ the clouds do not depend on blocks and threads.
 """
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -69,6 +70,21 @@ class LidarScan:
 
 
 @dataclass(frozen=True, slots=True)
+class LidarScanInProgress:
+    """A turn that threads scan.
+
+    Attributes:
+        blocks: Its blocks of columns, in firing order.
+    """
+
+    blocks: Sequence[Future[LidarScan]]
+
+    def result(self) -> LidarScan:
+        """Wait for the whole turn."""
+        return _joined([block.result() for block in self.blocks])
+
+
+@dataclass(frozen=True, slots=True)
 class _Rays:
     """(N,) rays in the map frame; if all are cast at the time stamp, ``origins_m`` is (1, 3) and ``lag_s`` None."""
 
@@ -122,21 +138,30 @@ class LidarModel:
         edges = np.linspace(0, lidar.columns, blocks + 1).astype(int) * lidar.channels
         self._blocks = [slice(start, stop) for start, stop in pairwise(edges.tolist())]
 
-    def scan(
-        self,
-        scene: RayScene,
-        state: WorldState,
-        earlier: Sequence[WorldState] = (),
-        threads: ThreadPoolExecutor | None = None,
-    ) -> LidarScan:
+    def scan(self, scene: RayScene, state: WorldState, earlier: Sequence[WorldState] = ()) -> LidarScan:
         """Scan one turn that ends at a tick.
 
         Args:
             scene: Ray scene, already updated with the same states.
             state: World state at the time stamp.
             earlier: World states at the preceding ticks of the turn; only a rolling scan needs them.
-            threads: Threads that share the work; None: the caller does it alone.
         """
+        return _joined([scan_block() for scan_block in self._scan_blocks(scene, state, earlier, None)])
+
+    def start_scan(
+        self, scene: RayScene, state: WorldState, earlier: Sequence[WorldState], threads: ThreadPoolExecutor
+    ) -> LidarScanInProgress:
+        """Let threads scan one turn, as ``scan`` does; the scene must not be updated before they are done."""
+        return LidarScanInProgress(list(map(threads.submit, self._scan_blocks(scene, state, earlier, threads))))
+
+    def _scan_blocks(
+        self,
+        scene: RayScene,
+        state: WorldState,
+        earlier: Sequence[WorldState],
+        threads: ThreadPoolExecutor | None,
+    ) -> list[Callable[[], LidarScan]]:
+        """Functions that scan the blocks of a turn, which threads may call at the same time."""
         lidar, count = self._lidar, len(self._time_s)
         rays_of = self._rolling_rays(state, earlier) if lidar.rolling else self._rays(state)
         height_m = float(rays_of(slice(count - lidar.channels, count)).origins_m[-1, 2])
@@ -152,8 +177,7 @@ class LidarModel:
                 self._semantic_points(hits, returned, block) if lidar.semantic_points else None,
             )
 
-        scans = list((map if threads is None else threads.map)(scan_block, self._blocks))
-        return LidarScan(_joined([scan.points for scan in scans]), _joined([scan.semantic_points for scan in scans]))
+        return [partial(scan_block, block) for block in self._blocks]
 
     def _rays(self, state: WorldState) -> Callable[[slice], _Rays]:
         """The function that returns some of the turn's rays."""
@@ -275,7 +299,12 @@ class LidarModel:
         cloud["time"] = self._time_s[block][ray]
 
 
-def _joined(tables: Sequence[Table | None]) -> Table | None:
+def _joined(scans: Sequence[LidarScan]) -> LidarScan:
+    """The scan of a turn from those of its blocks."""
+    return LidarScan(_rows([scan.points for scan in scans]), _rows([scan.semantic_points for scan in scans]))
+
+
+def _rows(tables: Sequence[Table | None]) -> Table | None:
     """The rows of all tables; None if there is none."""
     present = [table for table in tables if table is not None]
     if len(present) < 2:

@@ -216,7 +216,7 @@ def test_more_cores_lead_to_more_processes_and_the_same_bytes(
 ) -> None:
     command = simbev("run", small_config(), "--record", tmp_path / "many", cores=16)
     command.wait_for(lambda: len(command.nodes()) == 8)
-    nodes = {"world", "camera", "lidar", "radar", "gnss+imu", "annotator_boxes", "annotator_surroundings", "recorder"}
+    nodes = {"world", "camera", "lidar", "radar", "gnss+imu", "annotator_objects", "annotator_surroundings", "recorder"}
     assert command.nodes().keys() == nodes
     code, output = command.finish()
     assert code == 0, output

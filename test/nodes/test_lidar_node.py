@@ -6,12 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 import rclpy
+from rclpy.experimental.events_executor import EventsExecutor
 from synthetic_world import actor, cart_model, mesh, sheet, static_scene, world
 
 from simbev_ros.assets.materials import Material
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.maps.build import load_network
+from simbev_ros.msgs.stamps import stamp_of
 from simbev_ros.msgs.tables import table_from_message
 from simbev_ros.nodes import lidar_node, surroundings
 from simbev_ros.nodes.lidar_node import LidarNode
@@ -53,7 +55,9 @@ def node(spec: SceneSpec, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     made: Any = LidarNode("lidar")
     made.sent = []
     made.recorded_topics = made.start_scene(spec)
+    made.reported = []
     monkeypatch.setattr(made, "publish", lambda name, message: made.sent.append((name, message)))
+    monkeypatch.setattr(made, "report_finished", lambda _, tick: made.reported.append(tick))
     yield made
     made.close()
     made.destroy_node()
@@ -63,6 +67,26 @@ def node(spec: SceneSpec, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
 def state_at(tick: int) -> WorldState:
     ego = actor(MODELS[0], x=0.6 * tick, y=3.0, yaw=0.1 * tick, vx=12.0)
     return world(ego, actor(MODELS[0], id=9, x=9.0 - 0.7 * tick, y=-1.0, yaw=3.0), tick=tick)
+
+
+def play(node: Any, spec: SceneSpec, tick: int) -> None:
+    node.process(spec, state_at(tick))
+    node.finish(spec, state_at(tick))
+    node._send(0)
+
+
+def test_clouds_are_published_in_order_while_the_next_turn_is_scanned(node: Any, spec: SceneSpec) -> None:
+    executor = EventsExecutor()
+    executor.add_node(node)
+    for tick in range(3):
+        node.process(spec, state_at(tick))
+        node.finish(spec, state_at(tick))
+        assert len(node.reported) >= tick, "at most one tick is not sent yet"
+    while len(node.reported) < 3:  # the last one is sent without another tick
+        executor.spin_once(timeout_sec=5.0)
+    assert node.reported == [0, 1, 2]
+    stamps_ns = [stamp_of(message.header.stamp) for name, message in node.sent if name == "/ego/fast/points"]
+    assert stamps_ns == [state_at(tick).stamp_ns for tick in range(3)]
 
 
 def test_each_lidar_publishes_at_its_rate_and_not_in_the_lead_in(node: Any, spec: SceneSpec) -> None:
@@ -75,7 +99,7 @@ def test_each_lidar_publishes_at_its_rate_and_not_in_the_lead_in(node: Any, spec
     names = []
     for tick in range(-2, 3):
         node.sent.clear()
-        node.process(spec, state_at(tick))
+        play(node, spec, tick)
         names.append(sorted(name for name, _ in node.sent))
     every_tick = ["/ego/fast/points", "/ego/own/semantic_points"]
     every_second_tick = sorted([*every_tick, "/ego/slow/points", "/ego/slow/semantic_points"])
@@ -87,7 +111,7 @@ def test_each_lidar_publishes_at_its_rate_and_not_in_the_lead_in(node: Any, spec
 def test_clouds_equal_those_of_the_models_over_the_states_of_a_turn(node: Any, spec: SceneSpec) -> None:
     for tick in range(-2, 3):
         node.sent.clear()
-        node.process(spec, state_at(tick))
+        play(node, spec, tick)
     sent = dict(node.sent)
     for properties in LIDARS:
         lidar = Lidar.model_validate(properties)

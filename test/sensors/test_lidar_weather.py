@@ -66,7 +66,7 @@ def test_blocks_and_threads_change_nothing(rolling: bool, monkeypatch: pytest.Mo
         scene.update(now, np.zeros(3), sensor.range_m + 10.0, now.ego_ids)
         alone = LidarModel(sensor, 3, 0.05).scan(scene, now)
         with ThreadPoolExecutor(3) as threads:
-            shared = LidarModel(sensor, 3, 0.05, max_blocks=7).scan(scene, now, threads=threads)
+            shared = LidarModel(sensor, 3, 0.05, max_blocks=7).start_scan(scene, now, (), threads).result()
         assert alone.points is not None and len(alone.points) > 1000
         assert shared.points.tobytes() == alone.points.tobytes()
         assert shared.semantic_points.tobytes() == alone.semantic_points.tobytes()

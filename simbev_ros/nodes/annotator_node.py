@@ -125,7 +125,7 @@ class AnnotatorNode(Participant):
     def _make_callback(self, sensor: str, topic: Topic) -> Callable[[bytes], None]:
         def receive(payload: bytes) -> None:
             spec, stamp_ns = self.spec, self.read(topic.name, partial(serialized_stamp_ns, payload, topic.type))
-            if spec is not None and stamp_ns is not None:
+            if spec is not None and stamp_ns is not None and self._join.is_awaited(sensor, spec.tick_of(stamp_ns)):
                 reading = self._threads.submit(self._read_sensor, spec, sensor, payload).result
                 self._join.add_message(sensor, spec.tick_of(stamp_ns), reading)
                 self._publish_ready_boxes(spec)

@@ -66,6 +66,7 @@ class LidarNode(Participant):
 
     def start_scene(self, spec: SceneSpec) -> list[str]:
         """Load the meshes around the ego (kept while scenes stay there) and advertise the lidars' topics."""
+        self._wait_for_threads()  # the scene before may have been reset
         lidars = spec.rig.of_type(Lidar)
         self._reach_m = max((_reach_m(lidar) for lidar in lidars), default=0.0)
         self._surroundings.load(spec, ray_view_radius_m(lidar.range_m for lidar in lidars))

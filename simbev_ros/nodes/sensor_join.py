@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Generic, TypeVar
 
-_MAX_TICKS_AHEAD = 1000
+_MAX_TICKS_AHEAD = 64
 """Messages farther ahead than any node can be are somebody else's."""
 
 _Tick = TypeVar("_Tick")
@@ -38,9 +38,14 @@ class SensorJoin(Generic[_Tick, _Message]):
         """Let a tick, later than all earlier ones, wait for its messages; ``item`` is released with them."""
         self._waiting[tick] = item
 
+    def is_awaited(self, sensor: str, tick: int) -> bool:
+        """Whether a sensor's message of a tick is still to come; it may precede the tick, but not by far."""
+        near = self._last_tick < tick <= self._last_tick + _MAX_TICKS_AHEAD
+        return near and sensor not in self._messages.get(tick, {})
+
     def add_message(self, sensor: str, tick: int, message: _Message) -> None:
-        """Store a message, which may precede its tick; it is dropped if the tick is over, or far ahead."""
-        if self._last_tick < tick <= self._last_tick + _MAX_TICKS_AHEAD:
+        """Store a message; it is dropped unless it is awaited."""
+        if self.is_awaited(sensor, tick):
             self._messages.setdefault(tick, {})[sensor] = message
 
     def release(self) -> Iterator[tuple[_Tick, dict[str, _Message]]]:

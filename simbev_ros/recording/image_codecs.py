@@ -174,7 +174,7 @@ def decode_image(image_format: str, data: bytes) -> AnyArray:
         raise BagError(f"compressed image of unknown format {image_format!r}")
     try:
         return _DECODERS[image_format](data)
-    except (ValueError, cv2.error, struct.error) as error:
+    except (ValueError, struct.error) as error:
         raise BagError(f"compressed image of format {image_format!r} cannot be decoded: {error}") from None
 
 

@@ -74,6 +74,8 @@ def decode_png(data: bytes, channels: int, *bits: int) -> AnyArray:
     """
     header, compressed = _read_chunks(data)
     width_px, height_px, depth, color, *methods = _HEADER.unpack(header)
+    if min(width_px, height_px) < 1:
+        raise ValueError("it has no pixels")
     if max(width_px, height_px) > MAX_IMAGE_SIDE_PX:
         raise LimitError(f"it has {width_px} x {height_px} pixels; at most {MAX_IMAGE_SIDE_PX} a side are decoded")
     if color != _COLOR_TYPES[channels] or depth not in bits:
@@ -140,7 +142,7 @@ def _inflate(compressed: bytes, size: int) -> bytes:
 
 
 def _decompress(compressed: bytes, size: int) -> bytes:
-    """At most ``size`` bytes of what is compressed."""
+    """At most ``size`` bytes, above 0, of what is compressed."""
     try:
         return zlib_ng.decompressobj().decompress(compressed, size)
     except zlib_ng.error as error:  # type: ignore[misc]  # the stubs declare an instance
@@ -163,7 +165,10 @@ def _unfiltered(rows: UInt8Array) -> UInt8Array:
 
 
 def _decode_by_opencv(data: bytes, shape: tuple[int, ...]) -> AnyArray:
-    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    try:
+        image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error as error:
+        raise ValueError(str(error)) from None
     if image is None or image.shape != shape:
         raise ValueError("not a PNG")
     return image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2RGB)

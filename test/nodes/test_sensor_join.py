@@ -72,10 +72,18 @@ def test_without_sensors_no_tick_waits() -> None:
     assert list(join.release()) == [(7, {})]
 
 
+def test_only_the_first_message_of_a_tick_is_awaited() -> None:
+    join: SensorJoin[int, str] = SensorJoin({"lidar": 1})
+    assert join.is_awaited("lidar", 3) and not join.is_awaited("lidar", 10**6)
+    join.add_message("lidar", 3, "first")
+    assert not join.is_awaited("lidar", 3) and join.is_awaited("radar", 3)
+
+
 def test_what_waits_is_bounded_although_somebody_sends_ticks_that_never_come() -> None:
     join: SensorJoin[int, str] = SensorJoin({"lidar": 1})
     for tick in range(0, 10**6, 100):
         join.add_message("lidar", tick, "forged")
-    assert len(join._messages) <= 1000
+    assert len(join._messages) <= 64
+    join.add_message("lidar", 0, "forged again")
     join.expect(0, 0)
     assert list(join.release()) == [(0, {"lidar": "forged"})]

@@ -107,6 +107,12 @@ def test_damage_is_refused() -> None:
             decode_png(whole[:length], 1, 8)
 
 
+@pytest.mark.parametrize("size", [(0, 3), (3, 0), (0, 0)])
+def test_images_without_pixels_are_refused_before_anything_is_unpacked(size: tuple[int, int]) -> None:
+    with pytest.raises(ValueError, match="no pixels"):
+        decode_png(png(bytes(1 << 20), *size), 1, 8)
+
+
 def test_too_few_rows_are_refused() -> None:
     with pytest.raises(ValueError, match="too few pixels"):
         decode_png(png(bytes(8), 3, 3), 1, 8)

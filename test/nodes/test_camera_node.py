@@ -131,7 +131,7 @@ def test_images_of_the_lead_in_are_drawn_but_not_published(
 
 
 def test_a_frame_is_encoded_while_the_next_one_is_drawn_and_sent_in_order(
-    node: Any, spec: SceneSpec, monkeypatch: pytest.MonkeyPatch
+    node: Any, executor: EventsExecutor, spec: SceneSpec, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     set_readers(node, monkeypatch, FAST)
     may_encode, drawn = Event(), node._surroundings.built.requests
@@ -141,8 +141,6 @@ def test_a_frame_is_encoded_while_the_next_one_is_drawn_and_sent_in_order(
         return b"made up"
 
     monkeypatch.setattr(camera_node, "encode_image", encode)
-    executor = EventsExecutor()
-    executor.add_node(node)
     for tick in (-1, 0, 1):
         state = SimpleNamespace(tick=tick, stamp_ns=spec.stamp_ns(tick))
         node.process(spec, state)
@@ -159,7 +157,7 @@ def test_a_frame_is_encoded_while_the_next_one_is_drawn_and_sent_in_order(
 
 
 def test_an_image_that_cannot_be_encoded_ends_the_process(
-    node: Any, spec: SceneSpec, monkeypatch: pytest.MonkeyPatch
+    node: Any, executor: EventsExecutor, spec: SceneSpec, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     set_readers(node, monkeypatch, FAST)
 
@@ -167,8 +165,6 @@ def test_an_image_that_cannot_be_encoded_ends_the_process(
         raise ValueError("made up")
 
     monkeypatch.setattr(camera_node, "encode_image", fail)
-    executor = EventsExecutor()
-    executor.add_node(node)
     state = SimpleNamespace(tick=0, stamp_ns=spec.stamp_ns(0))
     node.process(spec, state)
     with pytest.raises(ValueError, match="made up"):

@@ -75,9 +75,9 @@ def play(node: Any, spec: SceneSpec, tick: int) -> None:
     node._send(0)
 
 
-def test_clouds_are_published_in_order_while_the_next_turn_is_scanned(node: Any, spec: SceneSpec) -> None:
-    executor = EventsExecutor()
-    executor.add_node(node)
+def test_clouds_are_published_in_order_while_the_next_turn_is_scanned(
+    node: Any, executor: EventsExecutor, spec: SceneSpec
+) -> None:
     for tick in range(3):
         node.process(spec, state_at(tick))
         node.finish(spec, state_at(tick))

@@ -3,8 +3,6 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from simbev_ros.annotation.bev.bev_annotator import BevAnnotator
 from simbev_ros.annotation.bev.levels import Levels
 from simbev_ros.annotation.boxes.boxes import boxes_around_ego
@@ -118,11 +116,10 @@ def timed_labels(scene: CameraScene, progress: Callable[[], None] = lambda: None
         progress()
     watch, state = annotators.watch, scene.states[-1]
     grid, plain = watch.cost(_GRID), watch.cost(_PLAIN)
-    far_m = np.hypot(state.actors["x"] - state.ego["x"], state.actors["y"] - state.ego["y"])
     return LabelTiming(
         map=scene.map,
         actors=len(state.actors),
-        near_actors=int((far_m <= _NEAR_M).sum()),
+        near_actors=int((state.distance_to_ego_m <= _NEAR_M).sum()),
         boxes=annotators.boxes,
         points=annotators.points,
         frames=len(scene.states) - 1,

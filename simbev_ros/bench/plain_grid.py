@@ -49,7 +49,7 @@ class PlainGrid:
         """(T, 3, 3) corners of the triangles of each class, map frame."""
         actors = state.actors
         names = np.array([model.box_class or model.tag.name.lower() for model in self._models])[actors["blueprint"]]
-        far_m = np.hypot(actors["x"] - state.ego["x"], actors["y"] - state.ego["y"]) - actors["length"]
+        far_m = state.distance_to_ego_m - actors["length"]
         origin_m = np.array([state.ego["x"], state.ego["y"], state.ego["z"]])
         found = []
         for name in BEV_CLASSES:

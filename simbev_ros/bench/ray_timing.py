@@ -108,11 +108,10 @@ def timed_rays(scene: CameraScene, progress: Callable[[], None] = lambda: None) 
     parts = [_cost(watch, name, rays) for name in (_PLACED, _STATIC, _CAST, _REBUILT)]
     merged = [_cost(watch, name, rays) for name in (_BUILT, _PLAIN)]
     ours_ms = parts[0].wall_ms + parts[2].wall_ms
-    far_m = np.hypot(state.actors["x"] - state.ego["x"], state.actors["y"] - state.ego["y"])
     return RayTiming(
         map=scene.map,
         actors=len(state.actors),
-        near_actors=int((far_m < lidar.range_m).sum()),
+        near_actors=int((state.distance_to_ego_m < lidar.range_m).sum()),
         triangles=sensors.merged.triangles,
         rays=rays,
         frames=len(scene.states) - 1,

@@ -143,6 +143,13 @@ class WorldState:
         riders = self.actors["id"][self.actors["parent"] == self.ego_id]
         return frozenset([self.ego_id, *riders.tolist()])
 
+    @property
+    def distance_to_ego_m(self) -> Float64Array:
+        """(N,) horizontal distance from the ego of each actor, box center to box center."""
+        offset_x_m: Float64Array = self.actors["x"] - self.ego["x"]
+        offset_y_m: Float64Array = self.actors["y"] - self.ego["y"]
+        return np.hypot(offset_x_m, offset_y_m)
+
 
 def map_from_actors(actors: Table) -> Float64Array:
     """(N, 4, 4) transforms from each actor's frame to the map, for (N,) ``ACTOR_DTYPE`` rows."""

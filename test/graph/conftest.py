@@ -17,7 +17,7 @@ def small_config(tmp_path: Path) -> Callable[..., Path]:
     Kinds of sensors that a test does not need can be left out: their processes take the longest to start.
     """
 
-    def write(duration_s: float = 1.0, more: str = "", name: str = "small.yaml", without: Collection[str] = ()) -> Path:
+    def write(duration_s: float = 0.5, more: str = "", name: str = "small.yaml", without: Collection[str] = ()) -> Path:
         path = tmp_path / name
         lines = SMALL.replace("DURATION", f"{duration_s:g}").splitlines(keepends=True)
         path.write_text("".join(line for line in lines if not any(f"type: {kind}," in line for kind in without)) + more)
@@ -28,9 +28,9 @@ def small_config(tmp_path: Path) -> Callable[..., Path]:
 
 @pytest.fixture(scope="session")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The bag of a scene of one second with the small configuration."""
+    """The bag of a scene of half a second with the small configuration."""
     folder = tmp_path_factory.mktemp("recorded")
-    (folder / "small.yaml").write_text(SMALL.replace("DURATION", "1"))
+    (folder / "small.yaml").write_text(SMALL.replace("DURATION", "0.5"))
     return record(Command, folder / "small.yaml", folder / "dataset")
 
 

@@ -68,7 +68,7 @@ def test_labels_of_a_replayed_bag_equal_the_recorded_ones(recorded: Path) -> Non
             for message in tick:
                 publishers[message.topic].publish(message.data)
             spin_until(partial(holds, got["/ego/boxes"], number), 20)
-        assert number == 20
+        assert number == 10
         recorded_labels = {name: [each.data for each in messages if each.topic == name] for name in labels}
         spin_until(lambda: all(holds(got[name], len(data)) for name, data in recorded_labels.items()), 10)
     for name, kind in labels.items():

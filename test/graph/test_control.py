@@ -43,7 +43,7 @@ def facts(folder: Path) -> dict[str, str]:
 
 
 def write_config(folder: Path, text: str, name: str) -> Path:
-    (folder / name).write_text(text.replace("DURATION", "1"))
+    (folder / name).write_text(text.replace("DURATION", "0.5"))
     return folder / name
 
 

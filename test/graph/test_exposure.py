@@ -52,7 +52,7 @@ def test_a_command_that_fails_is_quoted(ros2: Path, tmp_path: Path) -> None:
 
 
 def test_without_sros_2_a_run_ends_with_one_message(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "a.yaml").write_text(SMALL.replace("DURATION", "1"))
+    (tmp_path / "a.yaml").write_text(SMALL.replace("DURATION", "0.5"))
     monkeypatch.setenv("PATH", "/usr/bin:/bin")
     code, output = Command("run", tmp_path / "a.yaml", "--security").finish()
     assert code == 2 and "Traceback" not in output
@@ -63,7 +63,7 @@ def test_without_sros_2_a_run_ends_with_one_message(tmp_path: Path, monkeypatch:
 def test_a_middleware_without_security_ends_the_run_with_one_message(tmp_path: Path) -> None:
     if not list(distributions(name="ros-rmw-fastrtps-cpp")):
         pytest.skip("the middleware is not that of the wheels")
-    (tmp_path / "a.yaml").write_text(SMALL.replace("DURATION", "1"))
+    (tmp_path / "a.yaml").write_text(SMALL.replace("DURATION", "0.5"))
     code, output = Command("run", tmp_path / "a.yaml", "--security").finish()
     assert code == 2 and "Traceback" not in output
     assert "Fast DDS version doesn't have the security libraries; a secure graph needs SROS 2" in output

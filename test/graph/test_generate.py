@@ -34,7 +34,7 @@ traffic: {vehicles: 8, pedestrians: 8, spawn_radius_m: 100}
 annotation: {bev: {rows: 60, columns: 60}}
 """
 SMALL, LARGE = (
-    "{map: Blocks, train: 2, val: 1}",
+    "{map: Blocks, train: 1, val: 1}",
     "{map: Blocks, train: 3}, {map: Town01, train: 3}, {map: Town02, val: 3}",
 )
 
@@ -91,9 +91,9 @@ def test_killed_at_random_moments_it_ends_with_the_same_bytes(
 @pytest.mark.slow
 def test_scenes_are_added_and_replaced_without_touching_others(simbev: Simbev, tmp_path: Path) -> None:
     dataset = tmp_path / "set"
-    generate(simbev, write(tmp_path, SMALL), dataset)
+    generate(simbev, write(tmp_path, "{map: Blocks, train: 2, val: 1}"), dataset)
     first = files(dataset)
-    config = write(tmp_path, SMALL.replace("train: 2", "train: 3"))
+    config = write(tmp_path, "{map: Blocks, train: 3, val: 1}")
     assert "1 scene made" in generate(simbev, config, dataset)
     more = files(dataset)
     assert first.items() < more.items() and more.keys() - first.keys() == {

@@ -94,9 +94,8 @@ class BevAnnotator:
         """Labeled actors that can touch the grid."""
         actors: Table = state.actors
         reach_m = radius_m + np.hypot(actors["length"], actors["width"])
-        distance_m = np.hypot(actors["x"] - state.ego["x"], actors["y"] - state.ego["y"])
         labeled = self._plane_of_blueprint[actors["blueprint"]] != _NO_PLANE
-        return actors[labeled & (distance_m < reach_m) & on_ego_level(state, ego_level)]
+        return actors[labeled & (state.distance_to_ego_m < reach_m) & on_ego_level(state, ego_level)]
 
 
 def _labels(corners_cells: Float64Array, planes: UInt8Array, grid: BevGrid) -> UInt16Array:

@@ -133,9 +133,9 @@ def boxes_around_ego(
 def _actor_boxes(state: WorldState, radius_m: float, ego_level: EgoLevel | None, extents: Extents | None) -> Table:
     """Boxes of actors, at least of all within the radius."""
     actors, classes = state.actors, class_of_blueprint()[state.actors["blueprint"]]
-    gap_m = np.hypot(actors["x"] - state.ego["x"], actors["y"] - state.ego["y"])
     counts = (classes != NO_CLASS) & (actors["id"] != state.ego_id)
-    selected = counts & (gap_m <= radius_m + state.ego["height"] + actors["length"] + actors["height"])
+    reach_m = radius_m + state.ego["height"] + actors["length"] + actors["height"]
+    selected = counts & (state.distance_to_ego_m <= reach_m)
     actors = actors[selected]
     result = blank_boxes(len(actors))
     for name in _SHARED_COLUMNS:

@@ -1,9 +1,9 @@
 import os
 import subprocess
 import threading
+from mmap import MAP_ANONYMOUS, MAP_PRIVATE, PAGESIZE, mmap
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from simbev_ros.bench.resource_use import ResourceSampler
@@ -14,7 +14,8 @@ def test_memory_descriptors_threads_and_files_that_a_process_takes_are_counted(t
     sampler, pids = ResourceSampler([tmp_path]), {"this": os.getpid()}
     stop = threading.Event()
     sampler.sample(pids)
-    array = np.ones(64 << 17)  # 64 MiB
+    memory = mmap(-1, 64 << 20, MAP_PRIVATE | MAP_ANONYMOUS)  # freed memory that is kept cannot serve for it
+    memory[::PAGESIZE] = bytes(len(memory) // PAGESIZE)
     thread = threading.Thread(target=stop.wait)
     thread.start()
     file = tmp_path / "nested" / "file"
@@ -26,7 +27,7 @@ def test_memory_descriptors_threads_and_files_that_a_process_takes_are_counted(t
     stop.set()
     thread.join()
     before, after = (sample.processes["this"] for sample in sampler.samples)
-    assert after.memory_mib - before.memory_mib == pytest.approx(array.nbytes / 2**20, abs=8)
+    assert after.memory_mib - before.memory_mib == pytest.approx(len(memory) / 2**20, abs=8)
     assert (after.descriptors - before.descriptors, after.threads - before.threads) == (1, 1)
     before, after = (sample.temporary for sample in sampler.samples)
     assert (before.files, after.files) == (0, 1)

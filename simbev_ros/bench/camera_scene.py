@@ -21,7 +21,7 @@ from simbev_ros.scene.state import WorldState
 from simbev_ros.world.simulation import Simulation
 
 _WARM_UP_S = 4.0
-_DAY = WeatherConfig(
+DAY = WeatherConfig(
     cloudiness=20,
     precipitation=0,
     precipitation_deposits=0,
@@ -57,7 +57,7 @@ def camera_scene(
     actors: int,
     moments: int,
     observer: ProductionObserver = SILENT,
-    weather: WeatherConfig = _DAY,
+    weather: WeatherConfig = DAY,
     *,
     vehicle_share: float = 0.5,
     spawn_radius_m: float = 400.0,

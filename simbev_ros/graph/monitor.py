@@ -2,8 +2,10 @@
 
 import math
 import time
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
+from typing import get_args
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
@@ -16,6 +18,7 @@ from simbev_ros.msgs import topics
 from simbev_ros.msgs.qos import LATCHED, STEERING, rclpy_qos
 from simbev_ros.msgs.signing import Signer, content_of, signed_json
 from simbev_ros.nodes.graph_node import MALFORMED
+from simbev_ros.nodes.load_meter import BUSY, Part, part_keys
 from simbev_ros.nodes.lockstep import Lockstep
 from simbev_ros.nodes.reports import read_report
 from simbev_ros.scene.ending import SceneEnd
@@ -23,6 +26,29 @@ from simbev_ros.scene.request import SceneRequest
 
 _WRITERS = ("recorder", "evaluator")
 """Nodes that report one tick more than a scene has, when their files are closed."""
+_TIMES = (BUSY, *(key for part in get_args(Part) for key in part_keys(part)))
+"""Names of the times in a node's diagnostics."""
+
+
+class _Load:
+    """Times of a node, summed over all ticks that it has reported."""
+
+    def __init__(self) -> None:
+        self._ticks, self._total_ms = 0.0, dict.fromkeys(_TIMES, 0.0)
+
+    def add(self, values: Mapping[str, str]) -> None:
+        """Add the values of a report; raises KeyError or ValueError if they are none."""
+        ticks = float(values["ticks"])
+        added_ms = {name: ticks * float(values.get(name, 0.0)) for name in _TIMES}
+        if not all(map(math.isfinite, (ticks, *added_ms.values()))):
+            raise ValueError("times must be finite")
+        self._ticks += ticks
+        for name, time_ms in added_ms.items():
+            self._total_ms[name] += time_ms
+
+    def mean_ms(self) -> dict[str, float]:
+        """Times per tick."""
+        return {name: time_ms / max(self._ticks, 1.0) for name, time_ms in self._total_ms.items()}
 
 
 class GraphMonitor:
@@ -50,7 +76,7 @@ class GraphMonitor:
         self.writers = Lockstep([name for name in _WRITERS if name in self._nodes], window_ticks=1)
         self.end: SceneEnd | None = None
         self._scene = ""
-        self._busy: dict[str, tuple[float, float]] = {}
+        self._loads = {name: _Load() for name in self._nodes}
         self._heard_s = dict.fromkeys(self._nodes, time.monotonic())
         self._progress_s = time.monotonic()
         self._context = Context()
@@ -102,9 +128,12 @@ class GraphMonitor:
             if name in self._heard_s:
                 self._heard_s[name] = self._progress_s = time.monotonic()
 
-    def busy_ms(self, names: Iterable[str]) -> float:
-        """Sum of the nodes' busy times per tick, ms, averaged since the graph started."""
-        return sum(self._busy[name][1] / max(self._busy[name][0], 1.0) for name in names if name in self._busy)
+    def load_ms(self, names: Iterable[str]) -> dict[str, float]:
+        """Times per tick as ``LoadMeter.read`` names them, summed over nodes and averaged since the graph started."""
+        total_ms: Counter[str] = Counter()
+        for name in names:
+            total_ms.update(self._loads[name].mean_ms())
+        return dict(total_ms)
 
     def close(self) -> None:
         """Leave the ROS graph."""
@@ -130,11 +159,7 @@ class GraphMonitor:
         for status in message.status:
             self._note_sign_of_life(status.hardware_id)
             with suppress(KeyError, ValueError):  # others may use the topic, too
-                load = {entry.key: float(entry.value) for entry in status.values if entry.key in ("ticks", "busy_ms")}
-                ticks, busy_ms = self._busy.get(status.hardware_id, (0.0, 0.0))
-                busy = ticks + load["ticks"], busy_ms + load["ticks"] * load["busy_ms"]
-                if status.hardware_id in self._heard_s and all(map(math.isfinite, busy)):
-                    self._busy[status.hardware_id] = busy
+                self._loads[status.hardware_id].add({entry.key: entry.value for entry in status.values})
 
     def _note_sign_of_life(self, name: str) -> None:
         if name in self._heard_s:

@@ -6,7 +6,6 @@ there are cores enough, two such nodes share the labels.
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -44,7 +43,6 @@ from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.semantics import BEV_CLASSES
 from simbev_ros.sensors.mount import map_from_sensor, vector
-from simbev_ros.threads import usable_cores
 from simbev_ros.types import AnyArray, Float64Array, Table, UInt16Array
 
 _LIVE_PATIENCE_TICKS = 8
@@ -86,7 +84,7 @@ class AnnotatorNode(Participant):
         self._subscriptions_of: dict[str, Any] = {}
         self._join: SensorJoin[_Tick, _Reading] = SensorJoin({})
         self._has_begun = False
-        self._threads = ThreadPoolExecutor(usable_cores())
+        self._threads = self.meter.pool("label")
 
     def start_scene(self, spec: SceneSpec) -> list[str]:
         """Load the meshes around the ego (kept while scenes stay there), advertise topics, subscribe to sensors."""
@@ -140,9 +138,13 @@ class AnnotatorNode(Participant):
             self._has_begun = True
             self._join.give_up(name for name, topic in self._sensors.items() if not self._is_sent(topic))
         if self._has_surroundings:
-            self._publish_surroundings(spec, state, self._scene.surroundings(state))
+            with self.meter.part("label"):
+                labels = self._scene.surroundings(state)
+            with self.meter.part("message"):
+                self._publish_surroundings(spec, state, labels)
         if self._has_boxes:
-            self._join.expect(state.tick, _Tick(state, self._scene.boxes(state)))
+            with self.meter.part("label"):
+                self._join.expect(state.tick, _Tick(state, self._scene.boxes(state)))
 
     def _is_sent(self, topic: Topic) -> bool:
         return bool(self._subscriptions_of[topic.name].get_publisher_count())
@@ -179,18 +181,20 @@ class AnnotatorNode(Participant):
     def _publish_ready_boxes(self, spec: SceneSpec) -> None:
         """Publish the boxes of all ticks that are complete or overdue."""
         for tick, messages in self._join.release():
-            with self.meter.busy(ticks=0):
+            with self.meter.busy(ticks=0), self.meter.part("message"):
                 self._publish_boxes(spec, tick, messages)
             self.report_finished(spec, tick.state.tick)
 
     def _publish_boxes(self, spec: SceneSpec, tick: _Tick, messages: dict[str, _Reading]) -> None:
         topics, state = self._topics, tick.state
-        readings = {sensor: self.read(self._sensors[sensor].name, reading) for sensor, reading in messages.items()}
-        arrays = {sensor: array for sensor, array in readings.items() if array is not None}
-        counting = self._threads.submit(_count_points, spec, tick, arrays)
-        seen = self._visible_boxes(spec, tick, arrays)
-        boxes = counting.result()
-        boxes["visibility"] = visibility(boxes["id"], seen.values())
+        with self.meter.part("receive"):
+            readings = {sensor: self.read(self._sensors[sensor].name, reading) for sensor, reading in messages.items()}
+            arrays = {sensor: array for sensor, array in readings.items() if array is not None}
+        with self.meter.part("label"):
+            counting = self._threads.submit(_count_points, spec, tick, arrays)
+            seen = self._visible_boxes(spec, tick, arrays)
+            boxes = counting.result()
+            boxes["visibility"] = visibility(boxes["id"], seen.values())
         self.publish(topics.boxes.name, message_from_table(boxes, state.stamp_ns, MAP_FRAME))
         if self.reader_count(topics.box_markers.name):
             self.publish(topics.box_markers.name, box_markers(boxes, state.stamp_ns))
@@ -208,6 +212,10 @@ class AnnotatorNode(Participant):
 
     def _read_sensor(self, spec: SceneSpec, sensor: str, payload: bytes) -> AnyArray:
         """The points of a serialized cloud, or the (H, W) object ids of a camera's instance image."""
+        with self.meter.part("receive"):
+            return self._decode(spec, sensor, payload)
+
+    def _decode(self, spec: SceneSpec, sensor: str, payload: bytes) -> AnyArray:
         camera = next((camera for camera in viewing_cameras(spec) if camera.name == sensor), None)
         if camera is None:
             return table_from_cdr(payload)

@@ -5,7 +5,8 @@ lockstep, threads encode the images of a tick while those of the next one are dr
 """
 
 from collections.abc import Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
+from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from itertools import groupby
 from typing import NamedTuple
@@ -22,10 +23,9 @@ from simbev_ros.nodes.surroundings import Surroundings
 from simbev_ros.recording.image_codecs import compressed_format, encode_image
 from simbev_ros.render.frame import CameraView, RenderFrame
 from simbev_ros.render.gl.context import open_context
-from simbev_ros.render.renderer import Renderer
+from simbev_ros.render.renderer import READ_BACK, Renderer
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
-from simbev_ros.threads import usable_cores
 from simbev_ros.types import AnyArray
 
 
@@ -64,10 +64,14 @@ class CameraNode(Participant):
         self._topics: dict[str, dict[Modality, CameraTopics]] = {}
         self._previous: dict[int, WorldState] = {}
         self._outputs: list[_Output] = []
-        self._encoders = ThreadPoolExecutor(usable_cores())
+        self._encoders = self.meter.pool("encode")
 
     def _make_renderer(self, static: StaticScene) -> Renderer:
-        return Renderer(static, load_models(), self._open_context(), self._quality)
+        return Renderer(static, load_models(), self._open_context(), self._quality, self._time_part)
+
+    def _time_part(self, name: str) -> AbstractContextManager[None]:
+        """Time the reading of images, which waits for OpenGL; all else that a renderer does counts as drawing."""
+        return self.meter.part("read back") if name == READ_BACK else nullcontext()
 
     def start_scene(self, spec: SceneSpec) -> list[str]:
         """Load the meshes around the ego (kept while scenes stay there) and advertise the cameras' topics."""
@@ -89,7 +93,8 @@ class CameraNode(Participant):
             if state.tick % period:
                 continue
             frame = RenderFrame(state, self._previous.get(period))
-            outputs = self._render(spec, self._due_outputs(cameras), frame)
+            with self.meter.part("draw"):
+                outputs = self._render(spec, self._due_outputs(cameras), frame)
             if state.tick >= 0:  # images of the lead-in only warm up the renderer
                 self._outputs += outputs
             self._previous[period] = state

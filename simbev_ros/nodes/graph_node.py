@@ -23,7 +23,7 @@ from simbev_ros.msgs.qos import LATCHED, STEERING, qos_of, rclpy_qos
 from simbev_ros.msgs.signing import Signer, content_of
 from simbev_ros.msgs.stamps import header
 from simbev_ros.msgs.topic import Topic
-from simbev_ros.nodes.load_meter import LoadMeter
+from simbev_ros.nodes.load_meter import BUSY, LoadMeter
 from simbev_ros.nodes.reports import Report, report_message
 from simbev_ros.nodes.scene_inbox import SceneInbox
 from simbev_ros.scene.ending import SceneEnd
@@ -125,7 +125,8 @@ class GraphNode(Node):
 
     def publish(self, name: str, message: Any) -> None:
         """Publish on an advertised topic."""
-        self._topic_publishers[name].publish(message)
+        with self.meter.part("send"):
+            self._topic_publishers[name].publish(message)
 
     def reader_count(self, name: str) -> int:
         """Number of subscriptions that an advertised topic is connected to."""
@@ -193,7 +194,7 @@ class GraphNode(Node):
         status = DiagnosticStatus(
             level=DiagnosticStatus.WARN if load["dropped"] or load["ignored_total"] else DiagnosticStatus.OK,
             name=f"simbev: {self.get_name()}",
-            message=f"{load['rate_hz']:.1f} Hz, {load['busy_ms']:.1f} ms a tick",
+            message=f"{load['rate_hz']:.1f} Hz, {load[BUSY]:.1f} ms a tick",
             hardware_id=self.get_name(),
             values=[KeyValue(key=key, value=f"{value:g}") for key, value in load.items()],
         )

@@ -5,7 +5,7 @@ In lockstep, the clouds of a tick are published while threads cast the rays of t
 
 import math
 from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import wait
 from functools import partial
 from itertools import groupby
 from typing import NamedTuple
@@ -62,7 +62,7 @@ class LidarNode(Participant):
         self._reach_m = 0.0
         self._states: list[WorldState] = []
         self._scanning: list[_Scanning] = []
-        self._threads = ThreadPoolExecutor(usable_cores())
+        self._threads = self.meter.pool("cast")
 
     def start_scene(self, spec: SceneSpec) -> list[str]:
         """Load the meshes around the ego (kept while scenes stay there) and advertise the lidars' topics."""
@@ -99,7 +99,8 @@ class LidarNode(Participant):
             self._scan(state, settings, alike)
         expired_tick = state.tick - max((mounted.settings.turn_ticks for mounted in self._mounted), default=0)
         self._states = [each for each in (*self._states, state) if each.tick > expired_tick]
-        self._surroundings.built.build_ahead(predicted_position_m(state), self._reach_m)
+        with self.meter.part("place"):
+            self._surroundings.built.build_ahead(predicted_position_m(state), self._reach_m)
 
     def finish(self, spec: SceneSpec, state: WorldState) -> None:
         """Let the clouds be published as soon as they are complete, which finishes the tick."""
@@ -116,7 +117,8 @@ class LidarNode(Participant):
         rays = self._surroundings.built
         earlier = [each for each in self._states if each.tick >= state.tick - settings.turn_ticks]
         hidden_ids = frozenset() if settings.hits_own_vehicle else state.ego_ids
-        rays.update(state, vector(state.ego, "x y z"), self._reach_m, hidden_ids, earlier)
+        with self.meter.part("place"):
+            rays.update(state, vector(state.ego, "x y z"), self._reach_m, hidden_ids, earlier)
         for mounted in alike:
             scan = mounted.model.start_scan(rays, state, earlier, self._threads)
             self._scanning.append(_Scanning(mounted, scan))

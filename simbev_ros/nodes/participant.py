@@ -133,7 +133,7 @@ class Participant(GraphNode):
         """Send the ticks that are prepared, in order; of others, leave at most this number."""
         while self._unsent and (self._unsent[0].is_prepared or len(self._unsent) > max_unsent):
             unsent = self._unsent.popleft()
-            with self.meter.busy(ticks=0):
+            with self.meter.busy(ticks=0), self.meter.part("message"):
                 unsent.send()
             self.report_finished(unsent.spec, unsent.tick)
 
@@ -210,4 +210,6 @@ class Participant(GraphNode):
                 self.process(spec, state)
         else:
             self.process(spec, state)
+        if state.tick < 0:
+            self.meter.discard_parts()
         self.finish(spec, state)

@@ -61,11 +61,14 @@ class RadarNode(Participant):
         due = [mounted for mounted in self._mounted if mounted.is_due(state.tick)]
         if due:
             rays = self._surroundings.built
-            rays.update(state, vector(state.ego, "x y z"), self._reach_m, state.ego_ids)
-            clouds = scan_radars([model for model, _ in due], rays, state, self._previous)
+            with self.meter.part("place"):
+                rays.update(state, vector(state.ego, "x y z"), self._reach_m, state.ego_ids)
+            with self.meter.part("cast"):
+                clouds = scan_radars([model for model, _ in due], rays, state, self._previous)
             if state.tick >= 0:  # scans of the lead-in only warm up the ray caster
                 for (model, topic), cloud in zip(due, clouds, strict=True):
                     frame = f"{spec.rig.agent}/{model.radar.name}"
                     self.publish(topic.name, message_from_table(cloud, state.stamp_ns, frame))
-            rays.build_ahead(predicted_position_m(state), self._reach_m)
+            with self.meter.part("place"):
+                rays.build_ahead(predicted_position_m(state), self._reach_m)
         self._previous = state

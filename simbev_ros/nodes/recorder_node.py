@@ -118,15 +118,15 @@ class RecorderNode(GraphNode):
                 return
             self.destroy_subscription(self._subscriptions_by_topic[topic.name])
         qos = rclpy_qos(reader_qos_of(topic, live=self.live))
-        callback = self._make_callback(topic)
         self._subscriptions_by_topic[topic.name] = self.create_subscription(
-            message_class(topic.type), topic.name, callback, qos, raw=True
+            message_class(topic.type), topic.name, partial(self._receive, topic), qos, raw=True
         )
 
-    def _make_callback(self, topic: Topic) -> Callable[[bytes], None]:
-        def receive(payload: bytes) -> None:
-            if self._spec is None:
-                return
+    def _receive(self, topic: Topic, payload: bytes) -> None:
+        """Record a message of the scene."""
+        if self._spec is None:
+            return
+        with self.meter.part("receive"):
             message = self.read(topic.name, partial(_stamped, payload, topic, self._spec))
             if message is None or message.stamp_ns is None:
                 return
@@ -138,8 +138,6 @@ class RecorderNode(GraphNode):
                 if topic.name == odometry:
                     transform = ego_transform(deserialize_message(payload, Odometry))
                     self._record_own(topics.TF, message.stamp_ns, serialize_transforms([transform]))
-
-        return receive
 
     def _report_loaded(self) -> None:
         """Report the scene as loaded once every topic has a publisher; called by a timer until then."""
@@ -181,7 +179,7 @@ class RecorderNode(GraphNode):
 
     def _write_until(self, spec: SceneSpec, writer: SceneBagWriter, last_tick: int) -> None:
         while self._next_tick <= last_tick:
-            with self.meter.busy():
+            with self.meter.busy(), self.meter.part("write"):
                 self._write_tick(writer, self._next_tick)
             self.report_finished(spec, self._next_tick)
             self._next_tick += 1

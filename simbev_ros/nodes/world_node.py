@@ -175,11 +175,13 @@ class WorldNode(GraphNode):
 
     def _tick(self, scene: _LoadedScene) -> None:
         with self.meter.busy():
-            state = scene.source.step()
-            scene.end = scene.ending.end_at(state)
+            with self.meter.part("simulate"):
+                state = scene.source.step()
+                scene.end = scene.ending.end_at(state)
             if scene.end is not None:  # published first: all nodes know it before they can finish the last tick
                 self.publish(topics.END, String(data=signed_json(scene.end, self.signer)))
-            self._publish_state(scene.spec, state)
+            with self.meter.part("message"):
+                self._publish_state(scene.spec, state)
         self.report_finished(scene.spec, self._next_tick)
         self._next_tick += 1
 

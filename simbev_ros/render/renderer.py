@@ -42,6 +42,9 @@ from simbev_ros.render.view import VIEW_BLOCK_BYTES, View
 from simbev_ros.scene.lights import LightSpec
 from simbev_ros.types import Float64Array
 
+READ_BACK = "read-back"
+"""The part of a frame, as timers see it, in which images are copied from OpenGL and waited for."""
+
 
 class Renderer:
     """Draws a static scene and its actors with OpenGL. Each instance must be used by a single thread."""
@@ -121,7 +124,7 @@ class Renderer:
                 self._render_view(camera, view, frame, table, origin_m)
                 for camera, view in zip(cameras, views, strict=True)
             ]
-            with self._timer("read-back"):
+            with self._timer(READ_BACK):
                 self._read_back.finish()
             return images
 
@@ -181,7 +184,7 @@ class Renderer:
             self._shading.draw(targets, crc32(camera.ego_from_sensor.tobytes()))
         with self._timer("lens"):
             images = self._lenses.images(camera, targets)
-        with self._timer("read-back"):
+        with self._timer(READ_BACK):
             return CameraImages(**{modality: self._read_back.begin(images[modality]) for modality in camera.modalities})
 
     def _draw_geometry(

@@ -233,6 +233,15 @@ def test_bench_reports_the_time_of_every_process(simbev: Simbev, small_config: C
     assert processes.keys() == {"world", "camera", "lidar+radar", "gnss+imu", "annotator", "recorder"}
     assert all(process["memory_mib"] > 50 for process in processes.values())
     assert processes["camera"]["cpu_ms"] > 0  # the clock is too coarse for nodes with little load
+    parts = {name: {part["name"] for part in process["parts"]} for name, process in processes.items()}
+    assert parts["world"] == {"simulate", "message", "send", "all else"}
+    assert parts["camera"] == {"draw", "read back", "encode", "message", "send", "all else"}
+    assert parts["lidar+radar"] == {"place", "cast", "message", "send", "all else"}
+    assert parts["annotator"] == {"receive", "label", "message", "send", "all else"}
+    assert parts["recorder"] == {"receive", "write", "all else"}
+    slowest = max(result["processes"], key=lambda process: process["busy_ms"])
+    assert result["slowest"] == slowest["name"]
+    assert result["ticks_per_s_of_slowest"] == pytest.approx(1000 / slowest["busy_ms"])
 
 
 @pytest.mark.slow

@@ -13,9 +13,14 @@ from simbev_ros.cli.bench.report import Json, show_timing
 from simbev_ros.cli.bench.sensing import cameras, labels, rays
 from simbev_ros.cli.console import make_console
 from simbev_ros.config.load import load_scenario
+from simbev_ros.config.rendering import Quality
 from simbev_ros.config.scenario import Scenario, Timing
 
 _DEFAULT = "graph"
+Ticks = Annotated[int, typer.Option(help="Ticks to time.", min=5, max=10_000)]
+Record = Annotated[
+    bool, typer.Option(help="Also record, into a temporary folder. Cameras draw only images that are read.")
+]
 
 
 class _DefaultGroup(TyperGroup):
@@ -53,30 +58,54 @@ def _bench() -> None:
 @bench.command()
 def graph(
     config: Annotated[str, typer.Argument(help="Configuration to time: a file, or demo, live, paper, stack.")] = "demo",
-    ticks: Annotated[int, typer.Option(help="Ticks to time.", min=5, max=10_000)] = 40,
-    record: Annotated[
-        bool, typer.Option(help="Also record, into a temporary folder. Cameras draw only images that are read.")
-    ] = True,
+    ticks: Ticks = 40,
+    record: Record = True,
     as_json: Json = False,
 ) -> None:
-    """Time the whole graph: ticks per second, and for each node the time per tick and the processor time.
+    """Time the whole graph: ticks per second, for each node the time per tick and its parts, and what limits the speed.
 
     [bold]Example[/]
 
     simbev bench graph live --no-record --json
     """
+    _show_graph(load_scenario(config), ticks, record=record, as_json=as_json)
+
+
+@bench.command()
+def full(
+    quality: Annotated[Quality, typer.Option(help="Quality of the color images.")] = "medium",
+    ticks: Ticks = 40,
+    record: Record = True,
+    as_json: Json = False,
+) -> None:
+    """Time the whole graph with the paper's rig and all labels in Town03, by day, with 60 vehicles and 60 pedestrians.
+
+    The rig has six cameras of 1600 x 900 with five modalities, a lidar of 262,144 rays, and four radars.
+
+    [bold]Example[/]
+
+    simbev bench full --quality low --ticks 100
+    """
+    from simbev_ros.bench.graph_timing import full_rig
+
+    _show_graph(full_rig(quality), ticks, record=record, as_json=as_json)
+
+
+def _show_graph(scenario: Scenario, ticks: int, *, record: bool, as_json: bool) -> None:
+    """Time a graph and show the result."""
     from simbev_ros.bench.graph_timing import timed_graph
     from simbev_ros.cli.production_display import SceneDisplay
 
     with tempfile.TemporaryDirectory(prefix="simbev_ros-bench-") as folder:
         dataset = Path(folder) / "dataset" if record else None
-        result = timed_graph(_shortened(config, ticks), dataset, SceneDisplay(make_console(stderr=True)))
+        result = timed_graph(_shortened(scenario, ticks), dataset, SceneDisplay(make_console(stderr=True)))
     show_timing(
         result,
         f"{result.ticks_per_s:.2f} ticks/s",
         ("process", "busy ms/tick", "CPU ms/tick", "memory MiB"),
-        [(row.name, f"{row.busy_ms:.1f}", f"{row.cpu_ms:.1f}", f"{row.memory_mib:.0f}") for row in result.processes],
+        result.rows(),
         as_json=as_json,
+        comparison=result.bottleneck(),
     )
 
 
@@ -90,7 +119,7 @@ def world(
     config: Annotated[
         str, typer.Option(help="Configuration of the traffic: a file, or demo, live, paper, stack.")
     ] = "demo",
-    ticks: Annotated[int, typer.Option(help="Ticks to time.", min=5, max=10_000)] = 40,
+    ticks: Ticks = 40,
     as_json: Json = False,
 ) -> None:
     """Time the world node alone on one map: traffic, motion, publishing, with 50 to 950 actors.
@@ -104,7 +133,8 @@ def world(
     from simbev_ros.bench.world_timing import timed_world
     from simbev_ros.cli.production_display import SceneDisplay
 
-    grown = timed_world(_shortened(config, ticks), map_name, observer=SceneDisplay(make_console(stderr=True)))
+    scenario, observer = _shortened(load_scenario(config), ticks), SceneDisplay(make_console(stderr=True))
+    grown = timed_world(scenario, map_name, observer=observer)
     show_timing(
         grown,
         f"world node on {grown.map}, growth {grown.growth:.2f}",
@@ -117,10 +147,8 @@ def world(
     )
 
 
-def _shortened(config: str, ticks: int) -> Scenario:
-    """The first scene of a configuration, shortened to a number of ticks."""
-    scenario = load_scenario(config)
-    timing = Timing(
-        tick_s=scenario.time.tick_s, warm_up_s=scenario.time.warm_up_s, duration_s=ticks * scenario.time.tick_s
-    )
+def _shortened(scenario: Scenario, ticks: int) -> Scenario:
+    """The first scenes of a configuration, shortened to a number of ticks."""
+    time = scenario.time
+    timing = Timing(tick_s=time.tick_s, warm_up_s=time.warm_up_s, duration_s=ticks * time.tick_s)
     return scenario.model_copy(update={"time": timing, "scenes": scenario.scenes[:1]})

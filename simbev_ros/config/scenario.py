@@ -215,7 +215,11 @@ class Recording(Model):
 class GraphConfig(Model):
     """The ROS graph: lockstep between nodes, outside participants and timeouts."""
 
-    window_ticks: int = Field(3, ge=1, le=8, description="maximum lead of the world over the slowest node")
+    window_ticks: Literal["auto"] | Annotated[int, Field(ge=1, le=8)] = Field(
+        "auto",
+        description="maximum lead of the world over the slowest node; auto: 3, or 8 on 8 or more CPU cores if no node "
+        "outside takes part and none drives the ego",
+    )
     participants: tuple[str, ...] = Field((), description="outside nodes on /sync/ready for which the world waits")
     silence_timeout_s: float = Field(
         60.0,

@@ -73,9 +73,17 @@ def plan_processes(
         "participants": [*names, *scenario.participants],
         "outside_participants": list(scenario.participants),
         "state_readers": state_readers,
-        "window_ticks": scenario.graph.window_ticks,
+        "window_ticks": _window_ticks(scenario, cores),
     }
     return [(NodePlan("world", "world", parameters),), *behind]
+
+
+def _window_ticks(scenario: Scenario, cores: int) -> int:
+    """Maximum lead of the world over the slowest node: a long one keeps many cores busy, a short one reacts soon."""
+    if scenario.graph.window_ticks != "auto":
+        return scenario.graph.window_ticks
+    is_closed = not scenario.participants and scenario.ego.driver != "twist"
+    return 8 if is_closed and cores >= _MANY_CORES else 3
 
 
 def _processes_behind_world(

@@ -40,6 +40,18 @@ def test_with_many_cores_ray_casting_nodes_and_labels_have_processes_of_their_ow
     assert many == [["world"], ["camera"], ["lidar"], ["radar"], ["gnss", "imu"], ["annotator"], ["annotator"]]
 
 
+def test_the_world_runs_far_ahead_only_on_many_cores_and_if_nobody_outside_reacts_to_it() -> None:
+    paper = load_scenario("paper")
+    waited_for = {"graph": GraphConfig(participants=("stack",))}
+    driven = {"ego": paper.ego.model_copy(update={"driver": "twist"})}
+    chosen = {"graph": GraphConfig(window_ticks=5)}
+    for changes, few, many in (({}, 3, 8), (waited_for, 3, 3), (driven, 3, 3), (chosen, 5, 5)):
+        scenario = paper.model_copy(update=changes)
+        for cores, expected in ((2, few), (16, many)):
+            [world] = plan_processes(scenario, 1, live=False, dataset=None, cores=cores)[0]
+            assert world.parameters["window_ticks"] == expected
+
+
 def test_one_camera_process_serves_the_whole_rig() -> None:
     [node] = cameras(1)
     assert (node.name, node.parameters["process"]) == ("camera", 0)

@@ -12,12 +12,12 @@ from simbev_ros.types import UInt8Array, UInt16Array
 
 def semantic_color(tags: UInt8Array) -> UInt8Array:
     """(…, 3) sRGB colors, 0..255, of (…) semantic tags; the colors are CARLA's."""
-    return _semantic_table()[tags]
+    return _semantic_table().take(tags, axis=0)  # several times faster than indexing
 
 
 def bev_color(labels: UInt16Array) -> UInt8Array:
     """(…, 3) sRGB colors, 0..255, of (…) bird's-eye-view labels; the topmost class of a cell determines its color."""
-    return _bev_table()[labels]
+    return _bev_table().take(labels, axis=0)
 
 
 def class_color(name: str) -> tuple[int, int, int]:

@@ -42,8 +42,15 @@ def encode_rgb(image: UInt8Array, quality: int = _JPEG_QUALITY) -> bytes:
 
 
 def decode_rgb(data: bytes) -> UInt8Array:
-    """(H, W, 3) uint8 RGB image decoded from a JPEG."""
-    height_px, width_px, *_ = simplejpeg.decode_jpeg_header(data)
+    """(H, W, 3) uint8 RGB image decoded from a JPEG.
+
+    Raises:
+        ValueError: It is not a JPEG, damaged, or larger than any camera's image.
+    """
+    try:
+        height_px, width_px, *_ = simplejpeg.decode_jpeg_header(data)
+    except KeyError as error:  # how it looks the subsampling up
+        raise ValueError(f"chroma subsampling of unknown kind {error}") from None
     _require_size(width_px, height_px)
     return simplejpeg.decode_jpeg(data, colorspace="RGB")
 

@@ -145,6 +145,12 @@ def test_a_jpeg_larger_than_any_camera_is_refused() -> None:
         decode_image(compressed_format("rgb8"), data)
 
 
+def test_a_jpeg_of_unknown_subsampling_is_refused() -> None:
+    data = bytes.fromhex("ffd8ffc0001108000ffa1003011400021123031101ffda000c03010002110337000000")
+    with pytest.raises(BagError, match="chroma subsampling of unknown kind 6"):
+        decode_image(compressed_format("rgb8"), data)
+
+
 def test_other_formats_are_not_decoded_as_png() -> None:
     done, data = cv2.imencode(".tiff", np.zeros((4, 4), np.uint8))
     assert done

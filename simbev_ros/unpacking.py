@@ -3,6 +3,7 @@
 import bz2
 import gzip
 import io
+import warnings
 import zipfile
 from collections.abc import Collection
 from typing import IO, BinaryIO
@@ -77,10 +78,12 @@ class NpzReader:
         entry = self._entries[name]
         if entry.compress_type not in _COMPRESSIONS:
             raise ValueError("it is compressed in another way than by numpy")
-        with self._archive.open(entry) as file:
-            _check_header(file, entry.file_size)
-        with self._archive.open(entry) as file:
-            array: AnyArray = npy.read_array(file, allow_pickle=False)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # that Python 2 wrote it
+            with self._archive.open(entry) as file:
+                _check_header(file, entry.file_size)
+            with self._archive.open(entry) as file:
+                array: AnyArray = npy.read_array(file, allow_pickle=False)
         _check_texts(array)
         return array
 

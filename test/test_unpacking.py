@@ -90,3 +90,11 @@ def test_texts_with_numbers_that_are_not_characters_are_refused(number: int, ord
         else:
             with pytest.raises(ValueError, match="not characters"):
                 NpzReader(stream)["names"]
+
+
+def test_an_array_of_python_2_is_read_without_a_warning() -> None:
+    plain, file = io.BytesIO(), io.BytesIO()
+    np.save(plain, np.arange(6))
+    with zipfile.ZipFile(file, "w") as archive:
+        archive.writestr("a.npy", plain.getvalue().replace(b"(6,), ", b"(6L,),"))
+    assert NpzReader(file)["a"].tolist() == list(range(6))

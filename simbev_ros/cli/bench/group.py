@@ -17,7 +17,10 @@ from simbev_ros.config.rendering import Quality
 from simbev_ros.config.scenario import Scenario, Timing
 
 _DEFAULT = "graph"
-Ticks = Annotated[int, typer.Option(help="Ticks to time.", min=5, max=10_000)]
+Ticks = Annotated[
+    int,
+    typer.Option(help="Ticks to time; with few, what nodes did ahead is missing from CPU times.", min=5, max=10_000),
+]
 Record = Annotated[
     bool, typer.Option(help="Also record, into a temporary folder. Cameras draw only images that are read.")
 ]

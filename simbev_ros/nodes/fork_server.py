@@ -152,12 +152,17 @@ class _ForkServer:
 
     def _signal(self, number: signal.Signals) -> None:
         for pid in self._running:
-            _signal_group(pid, number)
+            if not _signal_group(pid, number):  # it has been forked so recently that it leads no group yet
+                os.kill(pid, number)
 
 
-def _signal_group(leader: int, number: signal.Signals) -> None:
-    with suppress(ProcessLookupError):
+def _signal_group(leader: int, number: signal.Signals) -> bool:
+    """Signal a group of processes; return whether there is one."""
+    try:
         os.killpg(leader, number)
+    except ProcessLookupError:
+        return False
+    return True
 
 
 def _become(arguments: list[str], *, is_command: bool) -> list[str]:

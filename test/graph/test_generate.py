@@ -85,7 +85,7 @@ def test_killed_at_random_moments_it_ends_with_the_same_bytes(
     indexes = [read_index(tmp_path / name) for name in ("undisturbed", "killed")]
     assert indexes[0] == indexes[1] and len(indexes[0]) == len(undisturbed)
     assert not [fault for bag in scenes_of(tmp_path / "killed") for fault in verify_bag(bag)]
-    end_s = time.monotonic() + 25  # a node that hangs when its supervisor is killed is killed 15 s later
+    end_s = time.monotonic() + 25  # a node that does not end with its supervisor is killed 15 s later
     while (left := set(middleware_files()) - before) and time.monotonic() < end_s:
         remove_orphans(left)  # of a command that was killed before it had noted its own
         time.sleep(0.2)

@@ -109,6 +109,20 @@ def test_nodes_end_with_a_killed_supervisor_even_if_something_is_stopped(tmp_pat
     assert len(gone) == 3
 
 
+def test_nodes_end_in_order_that_were_requested_just_before_the_supervisor_died(tmp_path: Path) -> None:
+    starter = NodeStarter(["imu"], tmp_path, graph_environment(DOMAIN))
+    _, seen = running(starter, tmp_path)
+    server = seen.parent()
+    assert server is not None
+    server.suspend()
+    for index in range(6):
+        starter.start([f"imu:imu_{index}"], tmp_path / f"{index}.log")
+    starter._channel.close()
+    server.resume()
+    server.wait(12)  # it would kill the ones that have missed the signal after 15 s
+    starter.close()
+
+
 def test_a_command_does_not_know_the_key_and_ends_with_all_that_it_has_started(tmp_path: Path) -> None:
     variables = {**graph_environment(DOMAIN), KEY_VARIABLE: "key"}
     starter, log = NodeStarter([], tmp_path, variables), tmp_path / "stack.log"

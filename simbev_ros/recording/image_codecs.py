@@ -19,8 +19,8 @@ import simplejpeg
 from simbev_ros.config.scenario import Recording
 from simbev_ros.errors import BagError, LimitError
 from simbev_ros.limits import MAX_IMAGE_SIDE_PX
-from simbev_ros.recording.png import RowFilter, decode_png, encode_png
-from simbev_ros.types import AnyArray, BoolArray, Float32Array, UInt8Array
+from simbev_ros.recording.png import RowFilter, bands, decode_png, encode_png, encode_png_in_bands
+from simbev_ros.types import AnyArray, Float32Array, UInt8Array, UInt16Array
 
 _JPEG_QUALITY = Recording().jpeg_quality
 _DEPTH_HEAD = struct.Struct("<iff")  # compression kind, quantization parameters a and b: level = a / depth + b
@@ -28,10 +28,10 @@ _INVERSE_DEPTH = 0
 _MAX_LEVEL = 65535
 _FLOW_UNITS_PER_PX = 64.0
 _FLOW_ZERO = 32768
-_UNCHANGED_ORDER = (0, 0, 1, 1, 2, 2)
-"""Order of channels for OpenCV's ``mixChannels``, which is much faster than NumPy at images of few channels."""
 _FLOW_RANGE = ((-0.5,) * 2, (np.nextafter(np.float32(_MAX_LEVEL + 0.5), np.float32(0)).item(),) * 2)
 """Lowest and highest u and v, in these units, that round to 16 bits."""
+_FLOW_VALID_PX = 511.0
+"""Up to here all flow is valid, so that the range need not be looked at pixel by pixel."""
 
 
 def encode_rgb(image: UInt8Array, quality: int = _JPEG_QUALITY) -> bytes:
@@ -79,20 +79,25 @@ def encode_depth(depth_m: Float32Array) -> bytes:
     Raises:
         ValueError: A depth is not positive.
     """
-    finite = np.isfinite(depth_m)
-    parameters = _depth_parameters(depth_m, finite)
-    levels = parameters[0] / depth_m
-    levels += parameters[1]
-    levels = np.maximum(np.rint(levels, out=levels), 1, out=levels).astype(np.uint16)
-    np.multiply(levels, finite, out=levels)
-    return _DEPTH_HEAD.pack(_INVERSE_DEPTH, *parameters.tolist()) + encode_png(levels, RowFilter.UP)
+    scale, offset = parameters = _depth_parameters(depth_m)
+
+    def levels_of(band: slice) -> UInt16Array:
+        levels = scale / depth_m[band]
+        levels += offset
+        levels = np.maximum(np.rint(levels, out=levels), 1, out=levels).astype(np.uint16)
+        return np.multiply(levels, np.isfinite(depth_m[band]), out=levels)
+
+    png = encode_png_in_bands(depth_m.shape, np.uint16, levels_of, RowFilter.UP)
+    return _DEPTH_HEAD.pack(_INVERSE_DEPTH, *parameters.tolist()) + png
 
 
-def _depth_parameters(depth_m: Float32Array, finite: BoolArray) -> Float32Array:
+def _depth_parameters(depth_m: Float32Array) -> Float32Array:
     """The parameters a and b with which the farthest depth is level 1 and the nearest one the last level."""
-    if not finite.any():
+    parts = ((depth_m[band], np.isfinite(depth_m[band])) for band in bands(depth_m.shape))
+    ranges_m = [cv2.minMaxLoc(part_m, finite.view(np.uint8))[:2] for part_m, finite in parts if finite.any()]
+    if not ranges_m:
         return np.ones(2, np.float32)
-    near_m, far_m, _, _ = cv2.minMaxLoc(depth_m, finite.view(np.uint8))
+    near_m, far_m = min(near_m for near_m, _ in ranges_m), max(far_m for _, far_m in ranges_m)
     if near_m <= 0:
         raise ValueError(f"depth must be positive, not {near_m} m")
     far_m = max(far_m, 2 * near_m)
@@ -117,22 +122,26 @@ def encode_flow(flow_px: Float32Array) -> bytes:
     Args:
         flow_px: (H, W, 2) float32, pixels; invalid where NaN or outside the range of 16 bits.
     """
-    levels = flow_px * _FLOW_UNITS_PER_PX
-    levels += _FLOW_ZERO
-    valid = cv2.inRange(levels, *_FLOW_RANGE)  # 255 where both are; NaN is not
-    if not valid.all():
-        levels[valid == 0] = 0
-    image = np.empty((*valid.shape, 3), np.uint16)
-    parts = np.rint(levels, out=levels).astype(np.uint16), np.not_equal(valid, 0).astype(np.uint16)
-    cv2.mixChannels(parts, [image], _UNCHANGED_ORDER)
-    return encode_png(image, RowFilter.UP)
+
+    def pixels_of(band: slice) -> UInt16Array:
+        part_px = flow_px[band]
+        # In one pass, several times faster than NumPy's four; out of range it saturates, which is overwritten below.
+        levels = cv2.addWeighted(part_px, _FLOW_UNITS_PER_PX, part_px, 0.0, _FLOW_ZERO, dtype=cv2.CV_16U)
+        pixels = np.ones((*levels.shape[:2], 3), np.uint16)
+        if not -_FLOW_VALID_PX <= part_px.min() <= part_px.max() <= _FLOW_VALID_PX:  # also if one is NaN
+            invalid = cv2.inRange(part_px * _FLOW_UNITS_PER_PX + _FLOW_ZERO, *_FLOW_RANGE) == 0
+            levels[invalid] = pixels[invalid] = 0
+        cv2.mixChannels([levels], [pixels], (0, 0, 1, 1))  # much faster than NumPy at images of few channels
+        return pixels
+
+    return encode_png_in_bands((*flow_px.shape[:2], 3), np.uint16, pixels_of, RowFilter.UP)
 
 
 def decode_flow(data: bytes) -> Float32Array:
     """(H, W, 2) float32 flow in pixels, NaN where invalid."""
     image = decode_png(data, 3, 16)
     levels, valid = np.empty((*image.shape[:2], 2), np.uint16), np.empty(image.shape[:2], np.uint16)
-    cv2.mixChannels([image], [levels, valid], _UNCHANGED_ORDER)
+    cv2.mixChannels([image], [levels, valid], (0, 0, 1, 1, 2, 2))
     flow_px: Float32Array = levels.astype(np.float32)
     flow_px -= np.float32(_FLOW_ZERO)
     flow_px *= np.float32(1 / _FLOW_UNITS_PER_PX)

@@ -19,8 +19,8 @@ import simplejpeg
 from simbev_ros.config.scenario import Recording
 from simbev_ros.errors import BagError, LimitError
 from simbev_ros.limits import MAX_IMAGE_SIDE_PX
-from simbev_ros.recording.png import RowFilter, bands, decode_png, encode_png, encode_png_in_bands
-from simbev_ros.types import AnyArray, Float32Array, UInt8Array, UInt16Array
+from simbev_ros.recording.png import RowFilter, decode_png, encode_png
+from simbev_ros.types import AnyArray, BoolArray, Float32Array, UInt8Array
 
 _JPEG_QUALITY = Recording().jpeg_quality
 _DEPTH_HEAD = struct.Struct("<iff")  # compression kind, quantization parameters a and b: level = a / depth + b
@@ -79,25 +79,20 @@ def encode_depth(depth_m: Float32Array) -> bytes:
     Raises:
         ValueError: A depth is not positive.
     """
-    scale, offset = parameters = _depth_parameters(depth_m)
-
-    def levels_of(band: slice) -> UInt16Array:
-        levels = scale / depth_m[band]
-        levels += offset
-        levels = np.maximum(np.rint(levels, out=levels), 1, out=levels).astype(np.uint16)
-        return np.multiply(levels, np.isfinite(depth_m[band]), out=levels)
-
-    png = encode_png_in_bands(depth_m.shape, np.uint16, levels_of, RowFilter.UP)
-    return _DEPTH_HEAD.pack(_INVERSE_DEPTH, *parameters.tolist()) + png
+    finite = np.isfinite(depth_m)
+    parameters = _depth_parameters(depth_m, finite)
+    levels = parameters[0] / depth_m
+    levels += parameters[1]
+    levels = np.maximum(np.rint(levels, out=levels), 1, out=levels).astype(np.uint16)
+    np.multiply(levels, finite, out=levels)
+    return _DEPTH_HEAD.pack(_INVERSE_DEPTH, *parameters.tolist()) + encode_png(levels, RowFilter.UP)
 
 
-def _depth_parameters(depth_m: Float32Array) -> Float32Array:
+def _depth_parameters(depth_m: Float32Array, finite: BoolArray) -> Float32Array:
     """The parameters a and b with which the farthest depth is level 1 and the nearest one the last level."""
-    parts = ((depth_m[band], np.isfinite(depth_m[band])) for band in bands(depth_m.shape))
-    ranges_m = [cv2.minMaxLoc(part_m, finite.view(np.uint8))[:2] for part_m, finite in parts if finite.any()]
-    if not ranges_m:
+    if not finite.any():
         return np.ones(2, np.float32)
-    near_m, far_m = min(near_m for near_m, _ in ranges_m), max(far_m for _, far_m in ranges_m)
+    near_m, far_m, _, _ = cv2.minMaxLoc(depth_m, finite.view(np.uint8))
     if near_m <= 0:
         raise ValueError(f"depth must be positive, not {near_m} m")
     far_m = max(far_m, 2 * near_m)
@@ -122,19 +117,15 @@ def encode_flow(flow_px: Float32Array) -> bytes:
     Args:
         flow_px: (H, W, 2) float32, pixels; invalid where NaN or outside the range of 16 bits.
     """
-
-    def pixels_of(band: slice) -> UInt16Array:
-        part_px = flow_px[band]
-        # In one pass, several times faster than NumPy's four; out of range it saturates, which is overwritten below.
-        levels = cv2.addWeighted(part_px, _FLOW_UNITS_PER_PX, part_px, 0.0, _FLOW_ZERO, dtype=cv2.CV_16U)
-        pixels = np.ones((*levels.shape[:2], 3), np.uint16)
-        if not -_FLOW_VALID_PX <= part_px.min() <= part_px.max() <= _FLOW_VALID_PX:  # also if one is NaN
-            invalid = cv2.inRange(part_px * _FLOW_UNITS_PER_PX + _FLOW_ZERO, *_FLOW_RANGE) == 0
-            levels[invalid] = pixels[invalid] = 0
-        cv2.mixChannels([levels], [pixels], (0, 0, 1, 1))  # much faster than NumPy at images of few channels
-        return pixels
-
-    return encode_png_in_bands((*flow_px.shape[:2], 3), np.uint16, pixels_of, RowFilter.UP)
+    # Few calls that are long: between calls, each of the encoding threads waits for Python's lock. OpenCV rounds and
+    # saturates in one pass, where NumPy needs four.
+    levels = cv2.addWeighted(flow_px, _FLOW_UNITS_PER_PX, flow_px, 0.0, _FLOW_ZERO, dtype=cv2.CV_16U)
+    image = np.ones((*levels.shape[:2], 3), np.uint16)
+    if not -_FLOW_VALID_PX <= flow_px.min() <= flow_px.max() <= _FLOW_VALID_PX:  # also if one is NaN
+        invalid = cv2.inRange(flow_px * _FLOW_UNITS_PER_PX + _FLOW_ZERO, *_FLOW_RANGE) == 0
+        levels[invalid] = image[invalid] = 0
+    cv2.mixChannels([levels], [image], (0, 0, 1, 1))  # much faster than NumPy at images of few channels
+    return encode_png(image, RowFilter.UP)
 
 
 def decode_flow(data: bytes) -> Float32Array:

@@ -4,15 +4,13 @@ Rows are filtered by NumPy, compressed by ISA-L and decompressed by zlib-ng. Eve
 what other encoders wrote is read by OpenCV if its rows are filtered otherwise. Format: https://www.w3.org/TR/png-3/
 """
 
-import math
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from enum import IntEnum
 
 import cv2
 import numpy as np
 from isal import isal_zlib
-from numpy.typing import DTypeLike
 from zlib_ng import zlib_ng
 
 from simbev_ros.errors import LimitError
@@ -29,8 +27,6 @@ _COLOR_TYPES = {1: 0, 3: 2}
 """Color type by number of channels: gray and RGB."""
 _MAX_DEFLATE_RATIO = 1032  # of zlib's format, https://zlib.net/zlib_tech.html
 _ISAL_LEVEL = 1
-_BAND_PIXELS = 1 << 15
-"""Images are filtered in bands of rows with about this many pixels, whose intermediate results stay in the cache."""
 
 
 class RowFilter(IntEnum):
@@ -50,44 +46,19 @@ def encode_png(image: AnyArray, row_filter: RowFilter) -> bytes:
         image: (H, W) gray or (H, W, 3) RGB, uint8 or uint16.
         row_filter: NONE compresses flat areas best, UP smooth ones.
     """
-    return encode_png_in_bands(image.shape, image.dtype, image.__getitem__, row_filter)
-
-
-def encode_png_in_bands(
-    shape: tuple[int, ...], dtype: DTypeLike, pixels_of: Callable[[slice], AnyArray], row_filter: RowFilter
-) -> bytes:
-    """PNG of an image that is computed band by band (see ``bands``), lossless.
-
-    Args:
-        shape: (H, W) gray or (H, W, 3) RGB.
-        dtype: uint8 or uint16.
-        pixels_of: Makes the pixels (h, W[, 3]) of some rows, from top to bottom; it may reuse the memory of the band
-            before.
-        row_filter: As for ``encode_png``.
-    """
-    height_px, width_px, channels = *shape[:2], math.prod(shape[2:])
-    item_bytes = np.dtype(dtype).itemsize
-    rows = np.empty((height_px, 1 + width_px * channels * item_bytes), np.uint8)
+    height_px, width_px = image.shape[:2]
+    channels = 1 if image.ndim == 2 else image.shape[2]
+    pixels = _big_endian(np.ascontiguousarray(image)).view(np.uint8).reshape(height_px, -1)
+    rows = np.empty((height_px, 1 + pixels.shape[1]), np.uint8)
     rows[:, 0] = row_filter
-    above = np.zeros(rows.shape[1] - 1, np.uint8)
-    for band in bands(shape):
-        pixels = _big_endian(np.ascontiguousarray(pixels_of(band))).view(np.uint8).reshape(-1, len(above))
-        if row_filter is RowFilter.NONE:
-            rows[band, 1:] = pixels
-            continue
-        np.subtract(pixels[0], above, out=rows[band.start, 1:])
-        np.subtract(pixels[1:], pixels[:-1], out=rows[band.start + 1 : band.stop, 1:])
-        above = pixels[-1].copy()
-    header = _HEADER.pack(width_px, height_px, 8 * item_bytes, _COLOR_TYPES[channels], 0, 0, 0)
+    if row_filter is RowFilter.UP:
+        rows[0, 1:] = pixels[0]
+        np.subtract(pixels[1:], pixels[:-1], out=rows[1:, 1:])
+    else:
+        rows[:, 1:] = pixels
+    header = _HEADER.pack(width_px, height_px, 8 * image.itemsize, _COLOR_TYPES[channels], 0, 0, 0)
     chunks = ((b"IHDR", header), (b"IDAT", isal_zlib.compress(rows, _ISAL_LEVEL)), (b"IEND", b""))
     return b"".join([_SIGNATURE, *(part for kind, content in chunks for part in _chunk(kind, content))])
-
-
-def bands(shape: tuple[int, ...]) -> Iterator[slice]:
-    """Rows of each band of an image of shape (H, W, …), from top to bottom."""
-    rows = max(1, _BAND_PIXELS // shape[1])
-    for first in range(0, shape[0], rows):
-        yield slice(first, min(first + rows, shape[0]))
 
 
 def decode_png(data: bytes, channels: int, *bits: int) -> AnyArray:

@@ -15,7 +15,7 @@ from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.radar import Radar
 from simbev_ros.config.rig import SENSOR_KINDS, Rig
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.msgs.annotation_topics import bev_labels_name, boxes_name
+from simbev_ros.msgs.annotation_topics import LABELS, Label, bev_labels_name, boxes_name, viewing_cameras
 from simbev_ros.msgs.sensor_topics import camera_info_name, points_name
 from simbev_ros.msgs.topics import odometry_name
 
@@ -41,6 +41,12 @@ _RAY_CASTING = (Lidar, Radar)
 """Sensors whose nodes can share a process: radars need a tenth of a lidar's time and the same meshes in memory."""
 _MANY_CORES = 8
 """Number of cores from which on time counts more than memory."""
+_ANNOTATORS: tuple[tuple[int, tuple[tuple[Label, ...], ...]], ...] = (
+    (16, (("boxes",), ("views",), ("surroundings",))),
+    (_MANY_CORES, (("boxes", "views"), ("surroundings",))),
+    (0, (LABELS,)),
+)
+"""Minimum number of cores, and what each annotator labels: Python's lock is what keeps one of them from doing more."""
 
 
 def plan_processes(
@@ -98,7 +104,7 @@ def _processes_behind_world(
     compressed = scenario.recording.images == "compressed" and dataset is not None
     yield from _camera_processes(scenario, camera_processes, {**common, "compressed": compressed})
     yield from _sensor_processes(scenario.rig, common, cores)
-    yield from _annotator_processes({**common, "annotated": False, "compressed": compressed}, cores)
+    yield from _annotator_processes(scenario, {**common, "compressed": compressed}, cores)
     if dataset is not None:
         parameters = {
             "live": live,
@@ -164,13 +170,15 @@ def _sensor_processes(rig: Rig, common: _Parameters, cores: int) -> Iterator[Pro
             yield tuple(NodePlan(kind, kind, common) for kind in together)
 
 
-def _annotator_processes(parameters: _Parameters, cores: int) -> Iterator[ProcessPlan]:
-    """Plan one annotator, or with many cores one for the objects and one for the surroundings."""
-    if cores < _MANY_CORES:
-        yield (NodePlan("annotator", "annotator", parameters),)
-    else:
-        for scope in ("objects", "surroundings"):
-            yield (NodePlan("annotator", f"annotator_{scope}", {**parameters, "scope": scope}),)
+def _annotator_processes(scenario: Scenario, parameters: _Parameters, cores: int) -> Iterator[ProcessPlan]:
+    """Plan one annotator, or with many cores several that share the labels."""
+    shares = next(shares for least, shares in _ANNOTATORS if cores >= least)
+    for labels in shares:
+        if labels == ("views",) and not viewing_cameras(scenario.rig, scenario.annotation):
+            continue
+        name = "annotator" if len(shares) == 1 else f"annotator_{labels[0]}"
+        is_read = "views" in labels and "boxes" not in labels
+        yield (NodePlan("annotator", name, {**parameters, "labels": list(labels), "annotated": is_read}),)
 
 
 def _evaluator(scenario: Scenario, evaluation: Evaluation, *, live: bool, figures: Path | None) -> NodePlan:

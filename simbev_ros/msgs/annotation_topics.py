@@ -3,16 +3,23 @@
 All of them follow from a scene's specification. Pure: imports no ROS.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass
+from typing import Literal, get_args
 
+from simbev_ros.config.annotation import Annotation
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.radar import Radar
+from simbev_ros.config.rig import Rig
 from simbev_ros.msgs.sensor_topics import camera_topics, lidar_topics, radar_topic
 from simbev_ros.msgs.topic import Topic, agent_topic
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.semantics import BEV_CLASSES
+
+Label = Literal["boxes", "views", "surroundings"]
+"""What an annotator labels: 3D boxes, what cameras see of them, or what surrounds the ego."""
+LABELS: tuple[Label, ...] = get_args(Label)
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,15 +56,11 @@ class AnnotationTopics:
         return (*always, *self.views.values(), *asked)
 
     @property
-    def of_boxes(self) -> tuple[Topic, ...]:
-        """Recorded topics that are about boxes."""
-        return (self.boxes, self.box_markers, *self.views.values())
-
-    @property
-    def of_surroundings(self) -> tuple[Topic, ...]:
-        """All other recorded topics."""
-        boxes = self.of_boxes
-        return tuple(topic for topic in self.recorded if topic not in boxes)
+    def by_label(self) -> dict[Label, tuple[Topic, ...]]:
+        """Recorded topics by what they are about."""
+        boxes, views = (self.boxes, self.box_markers), tuple(self.views.values())
+        others = tuple(topic for topic in self.recorded if topic not in (*boxes, *views))
+        return {"boxes": boxes, "views": views, "surroundings": others}
 
 
 def boxes_name(agent: str) -> str:
@@ -85,7 +88,7 @@ def annotation_topics(spec: SceneSpec) -> AnnotationTopics:
         hd_map=topic("hd_map", "std_msgs/msg/String"),
         views={
             camera.name: topic(f"{camera.name}/boxes", "sensor_msgs/msg/PointCloud2", camera.rate_hz)
-            for camera in viewing_cameras(spec)
+            for camera in viewing_cameras(spec.rig, spec.annotation)
         },
         occupancy=topic("occupancy/points", "sensor_msgs/msg/PointCloud2", occupancy.rate_hz) if occupancy else None,
         vector_map=topic("vector_map", "std_msgs/msg/String", vector_map.rate_hz) if vector_map else None,
@@ -93,24 +96,33 @@ def annotation_topics(spec: SceneSpec) -> AnnotationTopics:
     )
 
 
-def viewing_cameras(spec: SceneSpec) -> list[Camera]:
+def viewing_cameras(rig: Rig, annotation: Annotation) -> list[Camera]:
     """Cameras whose views of the boxes are published: those with instance images, if views are configured."""
-    return [each for each in spec.rig.of_type(Camera) if spec.annotation.views and "instance" in each.modalities]
+    return [each for each in rig.of_type(Camera) if annotation.views and "instance" in each.modalities]
 
 
-def annotator_inputs(spec: SceneSpec, *, compressed_images: bool) -> dict[str, Topic]:
-    """Topics that the annotator reads, by the sensor's name: clouds, and instance images in one of their two forms.
+def annotator_inputs(
+    spec: SceneSpec, *, compressed_images: bool, labels: Container[Label] = LABELS
+) -> dict[str, Topic]:
+    """Topics that an annotator reads, by the sensor's name.
 
-    It reads the noisy cloud of a lidar if there is one, because perception receives that one.
+    Boxes need the clouds, of each lidar the noisy one if there is one, because perception receives that one; views need
+    the instance images in one of their two forms. An annotator of boxes without views reads the views of another one.
     """
-    return dict(_annotator_inputs(spec, compressed_images))
+    return dict(_annotator_inputs(spec, compressed_images, labels))
 
 
-def _annotator_inputs(spec: SceneSpec, compressed_images: bool) -> Iterator[tuple[str, Topic]]:
-    for lidar in spec.rig.of_type(Lidar):
-        yield lidar.name, next(topic for topic in lidar_topics(spec, lidar) if topic is not None)
-    for radar in spec.rig.of_type(Radar):
-        yield radar.name, radar_topic(spec, radar)
-    for camera in viewing_cameras(spec):
-        images, _ = camera_topics(spec, camera)["instance"].recorded(compressed=compressed_images)
-        yield camera.name, images
+def _annotator_inputs(
+    spec: SceneSpec, compressed_images: bool, labels: Container[Label]
+) -> Iterator[tuple[str, Topic]]:
+    if "boxes" in labels:
+        for lidar in spec.rig.of_type(Lidar):
+            yield lidar.name, next(topic for topic in lidar_topics(spec, lidar) if topic is not None)
+        for radar in spec.rig.of_type(Radar):
+            yield radar.name, radar_topic(spec, radar)
+    if "views" in labels:
+        for camera in viewing_cameras(spec.rig, spec.annotation):
+            images, _ = camera_topics(spec, camera)["instance"].recorded(compressed=compressed_images)
+            yield camera.name, images
+    elif "boxes" in labels:
+        yield from annotation_topics(spec).views.items()

@@ -1,5 +1,7 @@
 """Converts between structured arrays and sensor_msgs/PointCloud2: one point per row, one field per column."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
@@ -50,16 +52,19 @@ def message_from_table(table: Table, stamp_ns: int, frame: str, *, is_dense: boo
     return message
 
 
-def table_from_cdr(payload: bytes) -> Table:
+def table_from_cdr(payload: bytes, columns: Sequence[str] = ()) -> Table:
     """(N,) structured array that shares the memory of a serialized PointCloud2.
 
     Raises:
-        ValueError: It is no such message, or as of ``table_from_message``.
+        ValueError: It is no such message, lacks one of ``columns``, or as of ``table_from_message``.
     """
     try:
-        return table_from_message(_TYPES.deserialize_cdr(payload, "sensor_msgs/msg/PointCloud2"))
+        table = table_from_message(_TYPES.deserialize_cdr(payload, "sensor_msgs/msg/PointCloud2"))
     except SerdeError as error:
         raise ValueError(str(error)) from None
+    if missing := [name for name in columns if name not in (table.dtype.names or ())]:
+        raise ValueError(f"has no column {', '.join(missing)}")
+    return table
 
 
 def table_from_message(message: PointCloud2) -> Table:

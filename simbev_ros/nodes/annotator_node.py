@@ -2,29 +2,31 @@
 
 Labels that follow from the world state alone are published at once. Boxes also state how many lidar and radar points
 hit them and how visible they are to the cameras, so they wait for the clouds and instance images of their tick. In
-lockstep, a thread completes the boxes of a tick while the next one is labeled. Where there are cores enough, two such
-nodes share the labels.
+lockstep, a thread completes the boxes of a tick while the next one is labeled. Where there are cores enough, several
+such nodes share the labels.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import partial
 from typing import Any, NamedTuple
 
+import numpy as np
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import CompressedImage, Image
 
 from simbev_ros.annotation.boxes.points import add_point_counts, map_points
 from simbev_ros.annotation.scene_annotator import MeshAnnotators, SceneAnnotator, SurroundingsLabels, meshes_radius_m
-from simbev_ros.annotation.visibility.views import ViewAnnotator, visibility
+from simbev_ros.annotation.visibility.views import VIEW_DTYPE, ViewAnnotator, visibility
 from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.radar import Radar
 from simbev_ros.config.sensor import Sensor
 from simbev_ros.errors import InputError
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.hd_map import lane_record
-from simbev_ros.msgs.annotation_topics import annotation_topics, annotator_inputs, viewing_cameras
+from simbev_ros.msgs.annotation_topics import LABELS, Label, annotation_topics, annotator_inputs, viewing_cameras
 from simbev_ros.msgs.images import image_message, labels_from_image
 from simbev_ros.msgs.markers import box_markers
 from simbev_ros.msgs.message_types import message_class
@@ -53,8 +55,9 @@ _LIVE_PATIENCE_TICKS = 8
 Longer than the delay of a lidar or camera that keeps up.
 """
 
-
-_SCOPES = ("all", "objects", "surroundings")
+_NOTHING_SEEN: Table = np.zeros(0, VIEW_DTYPE)
+_POINT_COLUMNS = ("x", "y", "z")
+_VIEW_COLUMNS = VIEW_DTYPE.names or ()
 _Reading = Callable[[], AnyArray]
 """Waits until a sensor's message is read, and returns its array or raises what malformed messages do."""
 
@@ -67,10 +70,10 @@ class _Tick(NamedTuple):
 
 
 class _BoxLabels(NamedTuple):
-    """Boxes of a tick, and the table of those that each camera sees."""
+    """Boxes of a tick, and the table of those that each camera sees, empty if its message was malformed."""
 
     boxes: Table
-    seen: dict[str, Table]
+    views: Mapping[str, Table]
 
 
 class AnnotatorNode(Participant):
@@ -83,10 +86,11 @@ class AnnotatorNode(Participant):
         self._compressed = self.declare_read_only(
             "compressed", True, "Read the compressed instance images instead of the raw ones"
         )
-        scope = self.declare_read_only("scope", "all", f"What this node labels: {', '.join(_SCOPES)}")
-        if scope not in _SCOPES:
-            raise InputError(f"parameter scope: {scope!r}; allowed: {', '.join(_SCOPES)}")
-        self._has_boxes, self._has_surroundings = scope != "surroundings", scope != "objects"
+        labels = self.declare_read_only("labels", list(LABELS), f"What this node labels: {', '.join(LABELS)}")
+        if unknown := [label for label in labels if label not in LABELS]:
+            raise InputError(f"parameter labels: {unknown[0]!r}; allowed: {', '.join(LABELS)}")
+        self._labels: frozenset[Label] = frozenset(labels)
+        self._has_objects = not self._labels.isdisjoint(("boxes", "views"))
         self._surroundings = Surroundings(lambda static: MeshAnnotators(static, load_models()))
         self._views = ViewAnnotator(load_models())
         self._sensors: dict[str, Topic] = {}
@@ -104,20 +108,18 @@ class AnnotatorNode(Participant):
             meshes = self._surroundings.load(spec, meshes_radius_m(spec.annotation))
             self._network = load_network(spec.map)
             self._scene = SceneAnnotator(spec, self._network, meshes)
-        self._topics = topics = annotation_topics(spec)
-        recorded: list[Topic] = []
-        if self._has_boxes:
-            self._subscribe_to_sensors(spec)
-            recorded.extend(topics.of_boxes)
-        if self._has_surroundings:
-            recorded.extend(topics.of_surroundings)
-        for topic in (*recorded, *(topics.grids.values() if self._has_surroundings else ())):
+        self._topics = annotation_topics(spec)
+        self._subscribe_to_sensors(spec)
+        recorded = [
+            topic for label, topics in self._topics.by_label.items() if label in self._labels for topic in topics
+        ]
+        for topic in (*recorded, *(self._topics.grids.values() if "surroundings" in self._labels else ())):
             self.advertise(topic)
         return [topic.name for topic in recorded]
 
     def _subscribe_to_sensors(self, spec: SceneSpec) -> None:
         """Subscribe to the topics that the boxes need; subscriptions are kept for later scenes with the same topic."""
-        self._sensors = annotator_inputs(spec, compressed_images=self._compressed)
+        self._sensors = annotator_inputs(spec, compressed_images=self._compressed, labels=self._labels)
         names = {topic.name for topic in self._sensors.values()}
         for name in self._subscriptions_of.keys() - names:
             self.inputs.remove(self._subscriptions_of[name])
@@ -149,12 +151,12 @@ class AnnotatorNode(Participant):
         if not self._has_begun:  # a bag that is played back may lack topics of the scene's rig
             self._has_begun = True
             self._join.give_up(name for name, topic in self._sensors.items() if not self._is_sent(topic))
-        if self._has_surroundings:
+        if "surroundings" in self._labels:
             with self.meter.part("label"):
                 labels = self._scene.surroundings(state)
             with self.meter.part("message"):
                 self._publish_surroundings(spec, state, labels)
-        if self._has_boxes:
+        if self._has_objects:
             with self.meter.part("label"):
                 self._join.expect(state.tick, _Tick(state, self._scene.boxes(state)))
 
@@ -163,7 +165,7 @@ class AnnotatorNode(Participant):
 
     def finish(self, spec: SceneSpec, state: WorldState) -> None:
         """Report ticks of the lead-in, and those without boxes; others are finished when their boxes are published."""
-        if state.tick < 0 or not self._has_boxes:
+        if state.tick < 0 or not self._has_objects:
             super().finish(spec, state)
         else:
             self._publish_ready_boxes(spec)
@@ -191,50 +193,58 @@ class AnnotatorNode(Participant):
                 self.publish(topic.name, message)
 
     def _publish_ready_boxes(self, spec: SceneSpec) -> None:
-        """Start to complete the boxes of all ticks whose messages are there or overdue; they are published then."""
+        """Start to complete boxes and views of all ticks whose messages are there or overdue; then publish them."""
         for tick, messages in self._join.release():
             labels = self._boxes_thread.submit(self._complete_boxes, spec, tick, messages)
             self._started = [labels]
             self.finish_after(spec, tick.state.tick, [labels], partial(self._publish_boxes, spec, tick.state, labels))
 
     def _complete_boxes(self, spec: SceneSpec, tick: _Tick, messages: dict[str, _Reading]) -> _BoxLabels:
-        """Count points and pixels of a tick's boxes."""
+        """Count the points in a tick's boxes, and the pixels that show them."""
         with self.meter.part("receive"):
             readings = {sensor: self.read(self._sensors[sensor].name, reading) for sensor, reading in messages.items()}
-            arrays = {sensor: array for sensor, array in readings.items() if array is not None}
         with self.meter.part("label"):
-            counting = self._threads.submit(_count_points, spec, tick, arrays)
-            seen = self._visible_boxes(spec, tick, arrays)
+            arrays = {sensor: array for sensor, array in readings.items() if array is not None}
+            counting = self._threads.submit(_count_points, spec, tick, arrays) if "boxes" in self._labels else None
+            cameras = [camera for camera in viewing_cameras(spec.rig, spec.annotation) if camera.name in readings]
+            views = self._views_of(tick, cameras, arrays) if "views" in self._labels else arrays
+            views = {camera.name: views.get(camera.name, _NOTHING_SEEN) for camera in cameras}
+            if counting is None:
+                return _BoxLabels(tick.boxes, views)
             boxes = counting.result()
-            boxes["visibility"] = visibility(boxes["id"], seen.values())
-        return _BoxLabels(boxes, seen)
+            boxes["visibility"] = visibility(boxes["id"], views.values())
+        return _BoxLabels(boxes, views)
 
     def _publish_boxes(self, spec: SceneSpec, state: WorldState, labels: Future[_BoxLabels]) -> None:
-        topics, (boxes, seen) = self._topics, labels.result()
-        self.publish(topics.boxes.name, message_from_table(boxes, state.stamp_ns, MAP_FRAME))
-        if self.reader_count(topics.box_markers.name):
-            self.publish(topics.box_markers.name, box_markers(boxes, state.stamp_ns))
-        for camera, table in seen.items():
-            message = message_from_table(table, state.stamp_ns, f"{spec.rig.agent}/{camera}_optical")
-            self.publish(topics.views[camera].name, message)
+        topics, (boxes, views) = self._topics, labels.result()
+        if "boxes" in self._labels:
+            self.publish(topics.boxes.name, message_from_table(boxes, state.stamp_ns, MAP_FRAME))
+            if self.reader_count(topics.box_markers.name):
+                self.publish(topics.box_markers.name, box_markers(boxes, state.stamp_ns))
+        if "views" in self._labels:
+            for camera, table in views.items():
+                message = message_from_table(table, state.stamp_ns, f"{spec.rig.agent}/{camera}_optical")
+                self.publish(topics.views[camera].name, message)
 
-    def _visible_boxes(self, spec: SceneSpec, tick: _Tick, arrays: Mapping[str, AnyArray]) -> dict[str, Table]:
-        """For each camera that has sent an image, its table of visible boxes."""
-        seen = [camera for camera in viewing_cameras(spec) if camera.name in arrays]
-        views = [CameraView(camera.model, camera.pose.ego_from_sensor, ("instance",)) for camera in seen]
-        images = [arrays[camera.name] for camera in seen]
-        tables = self._views.views(tick.state, tick.boxes, views, images, self._threads)
-        return dict(zip((camera.name for camera in seen), tables, strict=True))
+    def _views_of(self, tick: _Tick, cameras: Sequence[Camera], images: Mapping[str, AnyArray]) -> dict[str, Table]:
+        """What the cameras whose images are there see of the boxes."""
+        seeing = [camera for camera in cameras if camera.name in images]
+        views = [CameraView(camera.model, camera.pose.ego_from_sensor, ("instance",)) for camera in seeing]
+        ids = [images[camera.name] for camera in seeing]
+        tables = self._views.views(tick.state, tick.boxes, views, ids, self._threads)
+        return dict(zip((camera.name for camera in seeing), tables, strict=True))
 
     def _read_sensor(self, spec: SceneSpec, sensor: str, payload: bytes) -> AnyArray:
-        """The points of a serialized cloud, or the (H, W) object ids of a camera's instance image."""
+        """The points of a serialized cloud; of a camera, the (H, W) object ids of its instance image or its view."""
         with self.meter.part("receive"):
             return self._decode(spec, sensor, payload)
 
     def _decode(self, spec: SceneSpec, sensor: str, payload: bytes) -> AnyArray:
-        camera = next((camera for camera in viewing_cameras(spec) if camera.name == sensor), None)
+        camera = next((camera for camera in viewing_cameras(spec.rig, spec.annotation) if camera.name == sensor), None)
         if camera is None:
-            return table_from_cdr(payload)
+            return table_from_cdr(payload, _POINT_COLUMNS)
+        if "views" not in self._labels:
+            return table_from_cdr(payload, _VIEW_COLUMNS)[list(_VIEW_COLUMNS)].astype(VIEW_DTYPE)
         if self._compressed:
             ids = decode_labels(bytes(deserialize_message(payload, CompressedImage).data))
         else:

@@ -68,7 +68,7 @@ class Participant(GraphNode):
         exclude = self.declare_read_only("exclude_topics", [], "Patterns that no recorded topic matches")
         self._recorded_topics = topics.TopicFilter(include or ("*",), exclude)
         self.annotated: bool = self.declare_read_only(
-            "annotated", False, "An annotator reads clouds and instance images: wait until it is connected"
+            "annotated", False, "An annotator reads clouds, instance images or views: wait until it is connected"
         )
         self._evaluated = self.declare_read_only(
             "evaluated_topics", [], "An evaluator reads these: wait until it is connected"
@@ -163,6 +163,7 @@ class Participant(GraphNode):
     def _expected_readers(self, spec: SceneSpec, names: list[str]) -> dict[str, int]:
         """Number of readers that each topic will have."""
         forms = [annotator_inputs(spec, compressed_images=compressed) for compressed in (False, True)]
+        forms.append(annotator_inputs(spec, compressed_images=False, labels=("boxes",)))
         annotated_names = {topic.name for form in forms for topic in form.values()}
         return {
             name: (self.recorded and name in self._recorded_topics)

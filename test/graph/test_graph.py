@@ -211,12 +211,14 @@ def test_two_graphs_do_not_share_a_domain(simbev: Simbev, small_config: Config) 
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("cores", "views"), [(8, set()), (16, {"annotator_views"})])
 def test_more_cores_lead_to_more_processes_and_the_same_bytes(
-    recorded: Path, simbev: Simbev, small_config: Config, tmp_path: Path
+    recorded: Path, simbev: Simbev, small_config: Config, tmp_path: Path, cores: int, views: set[str]
 ) -> None:
-    command = simbev("run", small_config(), "--record", tmp_path / "many", cores=16)
-    command.wait_for(lambda: len(command.nodes()) == 8)
-    nodes = {"world", "camera", "lidar", "radar", "gnss+imu", "annotator_objects", "annotator_surroundings", "recorder"}
+    command = simbev("run", small_config(), "--record", tmp_path / "many", cores=cores)
+    nodes = {"world", "camera", "lidar", "radar", "gnss+imu", "annotator_boxes", "annotator_surroundings", "recorder"}
+    nodes |= views
+    command.wait_for(lambda: len(command.nodes()) == len(nodes))
     assert command.nodes().keys() == nodes
     code, output = command.finish()
     assert code == 0, output

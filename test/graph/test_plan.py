@@ -32,12 +32,14 @@ def devices(nodes: Sequence[NodePlan]) -> list[Device]:
 
 def test_with_many_cores_ray_casting_nodes_and_labels_have_processes_of_their_own() -> None:
     scenario = load_scenario("paper")
-    few, many = (
-        [[node.kind for node in process] for process in plan_processes(scenario, 1, live=False, dataset=None, cores=n)]
-        for n in (2, 16)
+    few, many, most = (
+        [[node.name for node in process] for process in plan_processes(scenario, 1, live=False, dataset=None, cores=n)]
+        for n in (2, 8, 16)
     )
+    apart = [["world"], ["camera"], ["lidar"], ["radar"], ["gnss", "imu"]]
     assert few == [["world"], ["camera"], ["lidar", "radar"], ["gnss", "imu"], ["annotator"]]
-    assert many == [["world"], ["camera"], ["lidar"], ["radar"], ["gnss", "imu"], ["annotator"], ["annotator"]]
+    assert many == [*apart, ["annotator_boxes"], ["annotator_surroundings"]]
+    assert most == [*apart, ["annotator_boxes"], ["annotator_views"], ["annotator_surroundings"]]
 
 
 def test_the_world_runs_far_ahead_only_on_many_cores_and_if_nobody_outside_reacts_to_it() -> None:

@@ -15,7 +15,7 @@ from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.radar import Radar
 from simbev_ros.config.rig import SENSOR_KINDS, Rig
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.msgs.annotation_topics import LABELS, Label, bev_labels_name, boxes_name, viewing_cameras
+from simbev_ros.msgs.annotation_topics import Label, bev_labels_name, boxes_name, viewing_cameras
 from simbev_ros.msgs.sensor_topics import camera_info_name, points_name
 from simbev_ros.msgs.topics import odometry_name
 
@@ -42,9 +42,9 @@ _RAY_CASTING = (Lidar, Radar)
 _MANY_CORES = 8
 """Number of cores from which on time counts more than memory."""
 _ANNOTATORS: tuple[tuple[int, tuple[tuple[Label, ...], ...]], ...] = (
-    (16, (("boxes",), ("views",), ("surroundings",))),
-    (_MANY_CORES, (("boxes", "views"), ("surroundings",))),
-    (0, (LABELS,)),
+    (16, ((Label.BOXES,), (Label.VIEWS,), (Label.SURROUNDINGS,))),
+    (_MANY_CORES, ((Label.BOXES, Label.VIEWS), (Label.SURROUNDINGS,))),
+    (0, (tuple(Label),)),
 )
 """Minimum number of cores, and what each annotator labels: Python's lock is what keeps one of them from doing more."""
 
@@ -174,11 +174,15 @@ def _annotator_processes(scenario: Scenario, parameters: _Parameters, cores: int
     """Plan one annotator, or with many cores several that share the labels."""
     shares = next(shares for least, shares in _ANNOTATORS if cores >= least)
     for labels in shares:
-        if labels == ("views",) and not viewing_cameras(scenario.rig, scenario.annotation):
+        if labels == (Label.VIEWS,) and not viewing_cameras(scenario.rig, scenario.annotation):
             continue
         name = "annotator" if len(shares) == 1 else f"annotator_{labels[0]}"
-        is_read = "views" in labels and "boxes" not in labels
-        yield (NodePlan("annotator", name, {**parameters, "labels": list(labels), "annotated": is_read}),)
+        is_read = Label.VIEWS in labels and Label.BOXES not in labels
+        yield (
+            NodePlan(
+                "annotator", name, {**parameters, "scope": [label.value for label in labels], "annotated": is_read}
+            ),
+        )
 
 
 def _evaluator(scenario: Scenario, evaluation: Evaluation, *, live: bool, figures: Path | None) -> NodePlan:

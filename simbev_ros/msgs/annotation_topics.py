@@ -5,7 +5,7 @@ All of them follow from a scene's specification. Pure: imports no ROS.
 
 from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Literal, get_args
+from enum import StrEnum
 
 from simbev_ros.config.annotation import Annotation
 from simbev_ros.config.camera import Camera
@@ -17,9 +17,13 @@ from simbev_ros.msgs.topic import Topic, agent_topic
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.semantics import BEV_CLASSES
 
-Label = Literal["boxes", "views", "surroundings"]
-"""What an annotator labels: 3D boxes, what cameras see of them, or what surrounds the ego."""
-LABELS: tuple[Label, ...] = get_args(Label)
+
+class Label(StrEnum):
+    """What an annotator labels: 3D boxes, what cameras see of them, or what surrounds the ego."""
+
+    BOXES = "boxes"
+    VIEWS = "views"
+    SURROUNDINGS = "surroundings"
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +64,7 @@ class AnnotationTopics:
         """Recorded topics by what they are about."""
         boxes, views = (self.boxes, self.box_markers), tuple(self.views.values())
         others = tuple(topic for topic in self.recorded if topic not in (*boxes, *views))
-        return {"boxes": boxes, "views": views, "surroundings": others}
+        return {Label.BOXES: boxes, Label.VIEWS: views, Label.SURROUNDINGS: others}
 
 
 def boxes_name(agent: str) -> str:
@@ -102,7 +106,7 @@ def viewing_cameras(rig: Rig, annotation: Annotation) -> list[Camera]:
 
 
 def annotator_inputs(
-    spec: SceneSpec, *, compressed_images: bool, labels: Container[Label] = LABELS
+    spec: SceneSpec, *, compressed_images: bool, labels: Container[Label] = tuple(Label)
 ) -> dict[str, Topic]:
     """Topics that an annotator reads, by the sensor's name.
 
@@ -115,14 +119,14 @@ def annotator_inputs(
 def _annotator_inputs(
     spec: SceneSpec, compressed_images: bool, labels: Container[Label]
 ) -> Iterator[tuple[str, Topic]]:
-    if "boxes" in labels:
+    if Label.BOXES in labels:
         for lidar in spec.rig.of_type(Lidar):
             yield lidar.name, next(topic for topic in lidar_topics(spec, lidar) if topic is not None)
         for radar in spec.rig.of_type(Radar):
             yield radar.name, radar_topic(spec, radar)
-    if "views" in labels:
+    if Label.VIEWS in labels:
         for camera in viewing_cameras(spec.rig, spec.annotation):
             images, _ = camera_topics(spec, camera)["instance"].recorded(compressed=compressed_images)
             yield camera.name, images
-    elif "boxes" in labels:
+    elif Label.BOXES in labels:
         yield from annotation_topics(spec).views.items()

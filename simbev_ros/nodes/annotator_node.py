@@ -26,7 +26,7 @@ from simbev_ros.config.sensor import Sensor
 from simbev_ros.errors import InputError
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.hd_map import lane_record
-from simbev_ros.msgs.annotation_topics import LABELS, Label, annotation_topics, annotator_inputs, viewing_cameras
+from simbev_ros.msgs.annotation_topics import Label, annotation_topics, annotator_inputs, viewing_cameras
 from simbev_ros.msgs.images import image_message, labels_from_image
 from simbev_ros.msgs.markers import box_markers
 from simbev_ros.msgs.message_types import message_class
@@ -86,11 +86,11 @@ class AnnotatorNode(Participant):
         self._compressed = self.declare_read_only(
             "compressed", True, "Read the compressed instance images instead of the raw ones"
         )
-        labels = self.declare_read_only("labels", list(LABELS), f"What this node labels: {', '.join(LABELS)}")
-        if unknown := [label for label in labels if label not in LABELS]:
-            raise InputError(f"parameter labels: {unknown[0]!r}; allowed: {', '.join(LABELS)}")
-        self._labels: frozenset[Label] = frozenset(labels)
-        self._has_objects = not self._labels.isdisjoint(("boxes", "views"))
+        labels = self.declare_read_only("scope", list(Label), f"What this node labels: {', '.join(Label)}")
+        if unknown := [label for label in labels if label not in list(Label)]:
+            raise InputError(f"parameter scope: {unknown[0]!r}; allowed: {', '.join(Label)}")
+        self._labels = frozenset(map(Label, labels))
+        self._has_objects = not self._labels.isdisjoint((Label.BOXES, Label.VIEWS))
         self._surroundings = Surroundings(lambda static: MeshAnnotators(static, load_models()))
         self._views = ViewAnnotator(load_models())
         self._sensors: dict[str, Topic] = {}
@@ -108,12 +108,11 @@ class AnnotatorNode(Participant):
             meshes = self._surroundings.load(spec, meshes_radius_m(spec.annotation))
             self._network = load_network(spec.map)
             self._scene = SceneAnnotator(spec, self._network, meshes)
-        self._topics = annotation_topics(spec)
+        self._topics = topics = annotation_topics(spec)
         self._subscribe_to_sensors(spec)
-        recorded = [
-            topic for label, topics in self._topics.by_label.items() if label in self._labels for topic in topics
-        ]
-        for topic in (*recorded, *(self._topics.grids.values() if "surroundings" in self._labels else ())):
+        recorded = [topic for label in sorted(self._labels) for topic in topics.by_label[label]]
+        displayed = topics.grids.values() if Label.SURROUNDINGS in self._labels else ()
+        for topic in (*recorded, *displayed):
             self.advertise(topic)
         return [topic.name for topic in recorded]
 
@@ -151,7 +150,7 @@ class AnnotatorNode(Participant):
         if not self._has_begun:  # a bag that is played back may lack topics of the scene's rig
             self._has_begun = True
             self._join.give_up(name for name, topic in self._sensors.items() if not self._is_sent(topic))
-        if "surroundings" in self._labels:
+        if Label.SURROUNDINGS in self._labels:
             with self.meter.part("label"):
                 labels = self._scene.surroundings(state)
             with self.meter.part("message"):
@@ -205,9 +204,9 @@ class AnnotatorNode(Participant):
             readings = {sensor: self.read(self._sensors[sensor].name, reading) for sensor, reading in messages.items()}
         with self.meter.part("label"):
             arrays = {sensor: array for sensor, array in readings.items() if array is not None}
-            counting = self._threads.submit(_count_points, spec, tick, arrays) if "boxes" in self._labels else None
+            counting = self._threads.submit(_count_points, spec, tick, arrays) if Label.BOXES in self._labels else None
             cameras = [camera for camera in viewing_cameras(spec.rig, spec.annotation) if camera.name in readings]
-            views = self._views_of(tick, cameras, arrays) if "views" in self._labels else arrays
+            views = self._views_of(tick, cameras, arrays) if Label.VIEWS in self._labels else arrays
             views = {camera.name: views.get(camera.name, _NOTHING_SEEN) for camera in cameras}
             if counting is None:
                 return _BoxLabels(tick.boxes, views)
@@ -217,11 +216,11 @@ class AnnotatorNode(Participant):
 
     def _publish_boxes(self, spec: SceneSpec, state: WorldState, labels: Future[_BoxLabels]) -> None:
         topics, (boxes, views) = self._topics, labels.result()
-        if "boxes" in self._labels:
+        if Label.BOXES in self._labels:
             self.publish(topics.boxes.name, message_from_table(boxes, state.stamp_ns, MAP_FRAME))
             if self.reader_count(topics.box_markers.name):
                 self.publish(topics.box_markers.name, box_markers(boxes, state.stamp_ns))
-        if "views" in self._labels:
+        if Label.VIEWS in self._labels:
             for camera, table in views.items():
                 message = message_from_table(table, state.stamp_ns, f"{spec.rig.agent}/{camera}_optical")
                 self.publish(topics.views[camera].name, message)
@@ -243,7 +242,7 @@ class AnnotatorNode(Participant):
         camera = next((camera for camera in viewing_cameras(spec.rig, spec.annotation) if camera.name == sensor), None)
         if camera is None:
             return table_from_cdr(payload, _POINT_COLUMNS)
-        if "views" not in self._labels:
+        if Label.VIEWS not in self._labels:
             return table_from_cdr(payload, _VIEW_COLUMNS)[list(_VIEW_COLUMNS)].astype(VIEW_DTYPE)
         if self._compressed:
             ids = decode_labels(bytes(deserialize_message(payload, CompressedImage).data))

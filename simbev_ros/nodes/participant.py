@@ -15,7 +15,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
 from simbev_ros.msgs import topics
-from simbev_ros.msgs.annotation_topics import annotator_inputs
+from simbev_ros.msgs.annotation_topics import Label, annotator_inputs
 from simbev_ros.msgs.qos import STATE, STATE_READER, rclpy_qos
 from simbev_ros.msgs.stamps import stamp_of
 from simbev_ros.msgs.world import actors_from_message, signals_from_message, weather_from_message
@@ -163,7 +163,7 @@ class Participant(GraphNode):
     def _expected_readers(self, spec: SceneSpec, names: list[str]) -> dict[str, int]:
         """Number of readers that each topic will have."""
         forms = [annotator_inputs(spec, compressed_images=compressed) for compressed in (False, True)]
-        forms.append(annotator_inputs(spec, compressed_images=False, labels=("boxes",)))
+        forms.append(annotator_inputs(spec, compressed_images=False, labels=(Label.BOXES,)))
         annotated_names = {topic.name for form in forms for topic in form.values()}
         return {
             name: (self.recorded and name in self._recorded_topics)

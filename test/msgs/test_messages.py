@@ -22,7 +22,7 @@ from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.msgs.images import camera_info_message, image_message
 from simbev_ros.msgs.stamps import header, serialized_stamp_ns, stamp_of, time_message
-from simbev_ros.msgs.tables import message_from_table, table_from_message
+from simbev_ros.msgs.tables import message_from_table, table_from_cdr, table_from_message
 from simbev_ros.msgs.transforms import serialize_transforms, static_transforms
 from simbev_ros.msgs.world import odometry_message, record_message
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
@@ -166,6 +166,13 @@ def test_a_point_field_beyond_the_point_is_refused_wherever_it_is_said_to_be() -
         message.fields[2].offset = offset
         with pytest.raises(ValueError, match=f"'z' ends at byte {offset + 8} of a point of 45 bytes"):
             table_from_message(message)
+
+
+def test_a_cloud_without_a_required_column_is_refused() -> None:
+    payload = serialize_message(message_from_table(np.zeros(2, SIGNAL_DTYPE), 1, "map"))
+    assert len(table_from_cdr(payload, ("x", "z"))) == 2
+    with pytest.raises(ValueError, match="has no column time, ring"):
+        table_from_cdr(payload, ("x", "time", "ring"))
 
 
 @pytest.mark.parametrize("text", ["[1]", '{"stamp_ns": "now"}', '{"stamp_ns": 1.5}', "no JSON", "[" * 100_000])

@@ -32,6 +32,12 @@ MAX_XML_DEPTH = 64
 MAX_XML_ELEMENTS = 2_500_000
 """Elements in a map file; a file of 128 MiB with short elements can reach it."""
 
+MAX_LANES_PER_EDGE = 100
+"""Lanes side by side in an edge of a SUMO net; an edge with more is left out. The widest motorway has 26 in all."""
+
+MAX_SECTIONS_PER_M = 10.0
+"""Lane sections per meter of an OpenDRIVE road, beyond the first 100; a road with more is left out."""
+
 MAX_YAML_BYTES = 4 << 20
 """Size of a YAML text: a configuration, or a bag's description. The description of a bag with 100 topics has 80 KiB."""
 

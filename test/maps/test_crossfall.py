@@ -148,7 +148,8 @@ def test_levels_cut_strips_without_changing_their_heights(tmp_path: Path) -> Non
 
 def test_paths_of_pedestrians_around_a_junction_are_not_followed(tmp_path: Path) -> None:
     around = """<edge id=":J_w0" function="walkingarea">
-      <lane id=":J_w0_0" index="0" allow="pedestrian" speed="1" length="1" width="2" shape="200,-8 204,-8 204,-5"/></edge>
+      <lane id=":J_w0_0" index="0" allow="pedestrian" speed="1" length="1" width="2" shape="200,-8 204,-8 204,-5"/>
+    </edge>
     <edge id=":J_c0" function="crossing">
       <lane id=":J_c0_0" index="0" allow="pedestrian" speed="1" length="9" width="3" shape="204,-6 204,6"/></edge>
     <connection from="AJ" to=":J_w0" fromLane="2" toLane="0" dir="s" state="M"/>

@@ -24,7 +24,9 @@ _MIN_SPEED_MPS, _MAX_SPEED_MPS = 0.5, 150.0
 _DEFAULT_WIDTH_M = 3.2
 _DEFAULT_SPEED_MPS = 13.89
 _MAX_COORDINATE_M = 1e8
-_SPECIAL_CLASSES = frozenset("private authority army vip hov taxi evehicle emergency custom1 custom2".split())
+_SPECIAL_CLASSES = frozenset(
+    ("private", "authority", "army", "vip", "hov", "taxi", "evehicle", "emergency", "custom1", "custom2")
+)
 _CAR_CLASSES = "passenger delivery truck bus motorcycle"
 
 

@@ -11,7 +11,7 @@ from simbev_ros.maps.osm.data import read_osm
 from simbev_ros.maps.osm.heights import add_heights
 from simbev_ros.maps.osm.land import features_of
 from simbev_ros.maps.osm.netfile import center_datum, write_roads, write_types
-from simbev_ros.maps.osm.road_rules import road_tags
+from simbev_ros.maps.osm.road_rules import SIDEWALK_M, road_tags
 from simbev_ros.maps.osm.roads import join_roads, roads_of
 from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.sumo import netconvert
@@ -25,7 +25,7 @@ _OPTIONS = (
     "--osm.turn-lanes=true",
     "--osm.bike-access=true",
     "--osm.elevation=true",
-    "--default.sidewalk-width=2.2",
+    f"--default.sidewalk-width={SIDEWALK_M}",
     "--crossings.guess=true",
     "--crossings.guess.speed-threshold=14",
     "--walkingareas=true",

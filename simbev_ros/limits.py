@@ -23,14 +23,25 @@ MAX_CHUNK_RECORDS = 1 << 20
 """Records in an MCAP chunk or in the summary of an MCAP file. A chunk of 32 MiB with nothing but /clock has 780,000."""
 
 MAX_MAP_BYTES = 128 << 20
-"""Size of a map file (OpenDRIVE, OpenStreetMap, SUMO), on disk or unpacked from a bag. Of a
-larger area, the needed part must be extracted."""
+"""Size of an OpenDRIVE file or a SUMO net, on disk and unpacked."""
+
+MAX_OSM_BYTES = 1 << 30
+"""Size of an OpenStreetMap file in XML, on disk and unpacked. Of a larger area, use the PBF."""
+
+MAX_PBF_BYTES = 16 << 30
+"""Size of an OpenStreetMap file in PBF. That of Germany has 5 GiB."""
+
+MAX_OSM_NODES = 10_000_000
+"""Nodes of an OpenStreetMap file, or of its part within `bounds`. Berlin (890 km²) has 8 million."""
+
+MAX_OSM_ELEMENTS = 40_000_000
+"""Elements of an OpenStreetMap file in XML, tags and references to nodes included. They are not kept as a tree."""
 
 MAX_XML_DEPTH = 64
 """Nesting of elements in a map file. OpenDRIVE nests about 10 deep."""
 
 MAX_XML_ELEMENTS = 2_500_000
-"""Elements in a map file; a file of 128 MiB with short elements can reach it."""
+"""Elements in an OpenDRIVE file or a SUMO net; a file of 128 MiB with short elements can reach it."""
 
 MAX_YAML_BYTES = 4 << 20
 """Size of a YAML text: a configuration, or a bag's description. The description of a bag with 100 topics has 80 KiB."""

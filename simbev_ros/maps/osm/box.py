@@ -4,6 +4,7 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from simbev_ros.geometry.ragged import ragged_indices
 from simbev_ros.types import BoolArray, Float64Array
 
 MAX_SIDE_M = 30_000.0
@@ -11,6 +12,7 @@ MAX_SIDE_M = 30_000.0
 _M_PER_DEG = 111_320.0
 _CELL_M = 1_000.0
 _MAX_CELLS = 512
+_MAX_SAMPLES = 4_000_000
 
 
 class Box(NamedTuple):
@@ -81,11 +83,15 @@ def densest_box(
     return Box(*(middle - half).tolist(), *(middle + half).tolist())
 
 
-def sphere_distance_m(start_deg: Float64Array, end_deg: Float64Array) -> Float64Array:
-    """(N,) approximate distances between (N, 2) near longitudes and latitudes."""
+def sample_segments(start_deg: Float64Array, end_deg: Float64Array) -> tuple[Float64Array, Float64Array]:
+    """Positions along (N, 2) segments, at most about 1 km apart, and the length in meters that each stands for."""
     step = (end_deg - start_deg + 180.0) % 360.0 - 180.0
-    step[:, 0] *= np.cos(np.radians(start_deg[:, 1]))
-    return np.asarray(_M_PER_DEG * np.hypot(step[:, 0], step[:, 1]))
+    lengths_m = _M_PER_DEG * np.hypot(step[:, 0] * np.cos(np.radians(start_deg[:, 1])), step[:, 1])
+    max_count = max(_MAX_SAMPLES // len(step), 1)
+    count = np.clip(np.ceil(lengths_m / _CELL_M).astype(np.int64), 1, max_count)
+    row, number = ragged_indices(count)
+    share = (number + 0.5) / count[row]
+    return start_deg[row] + share[:, None] * step[row], (lengths_m / count)[row]
 
 
 def _densest_square(

@@ -10,7 +10,7 @@ from simbev_ros.config.map_files import Bounds
 from simbev_ros.errors import InputError, SimulationError
 from simbev_ros.geometry.geodesy import MapDatum
 from simbev_ros.limits import MAX_MAP_BYTES
-from simbev_ros.maps.osm.box import MAX_SIDE_M, Box, densest_box, sphere_distance_m
+from simbev_ros.maps.osm.box import MAX_SIDE_M, Box, densest_box, sample_segments
 from simbev_ros.maps.osm.data import OsmData
 from simbev_ros.maps.osm.extract import cut, write_osm
 from simbev_ros.maps.osm.heights import add_heights
@@ -108,10 +108,8 @@ def _read(path: Path, bounds: Bounds | None) -> OsmData:
     lengths_m = np.hypot(*(xy_m[ends] - xy_m[starts]).T)
     if extent_m <= MAX_SIDE_M and lengths_m.sum() <= _MAX_LENGTH_M:
         return data
-    degrees = data.longitude_latitude_deg[starts]
     # Far from its origin the projection is useless, hence the lengths on a sphere.
-    lengths_m = sphere_distance_m(degrees, data.longitude_latitude_deg[ends])
-    box = densest_box(degrees, lengths_m, MAX_SIDE_M, _MAX_LENGTH_M)
+    box = densest_box(*sample_segments(*data.longitude_latitude_deg[[starts, ends]]), MAX_SIDE_M, _MAX_LENGTH_M)
     reason = (
         f"its roads span {extent_m / 1000:.0f} km and are {lengths_m.sum() / 1000:.0f} km long; at most "
         f"{MAX_SIDE_M / 1000:.0f} km and {_MAX_LENGTH_M / 1000:.0f} km are read"

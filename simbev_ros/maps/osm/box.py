@@ -85,8 +85,7 @@ def densest_box(
 
 def sample_segments(start_deg: Float64Array, end_deg: Float64Array) -> tuple[Float64Array, Float64Array]:
     """Positions along (N, 2) segments, at most about 1 km apart, and the length in meters that each stands for."""
-    step = (end_deg - start_deg + 180.0) % 360.0 - 180.0
-    lengths_m = _M_PER_DEG * np.hypot(step[:, 0] * np.cos(np.radians(start_deg[:, 1])), step[:, 1])
+    step, lengths_m = _step(start_deg, end_deg), segment_lengths_m(start_deg, end_deg)
     max_count = max(_MAX_SAMPLES // len(step), 1)
     count = np.clip(np.ceil(lengths_m / _CELL_M).astype(np.int64), 1, max_count)
     row, number = ragged_indices(count)
@@ -94,12 +93,24 @@ def sample_segments(start_deg: Float64Array, end_deg: Float64Array) -> tuple[Flo
     return start_deg[row] + share[:, None] * step[row], (lengths_m / count)[row]
 
 
+def segment_lengths_m(start_deg: Float64Array, end_deg: Float64Array) -> Float64Array:
+    """(N,) approximate lengths of segments between (N, 2) longitudes and latitudes."""
+    step = _step(start_deg, end_deg)
+    return np.asarray(_M_PER_DEG * np.hypot(step[:, 0] * np.cos(np.radians(start_deg[:, 1])), step[:, 1]))
+
+
+def _step(start_deg: Float64Array, end_deg: Float64Array) -> Float64Array:
+    """(N, 2) differences of longitude, the short way round, and latitude."""
+    return (end_deg - start_deg + 180.0) % 360.0 - 180.0
+
+
 def _densest_square(
     xy_m: Float64Array, weight: Float64Array, max_side_m: float, max_weight: float
 ) -> tuple[Float64Array, float, float]:
     """(2,) low corner and side of the square with the greatest weight, and the step in which squares were tried."""
-    low_m, extent_m = xy_m.min(axis=0), np.ptp(xy_m, axis=0)
+    extent_m = np.ptp(xy_m, axis=0)
     cell_m = max(_CELL_M, float(extent_m.max()) / _MAX_CELLS)
+    low_m, extent_m = xy_m.min(axis=0) - cell_m / 2.0, extent_m + cell_m / 2.0  # positions are middles of segments
     count = np.floor(extent_m / cell_m).astype(int) + 1
     cell = np.minimum(np.floor((xy_m - low_m) / cell_m).astype(int), count - 1)
     cells = np.bincount(cell[:, 0] * count[1] + cell[:, 1], weight, int(count.prod())).reshape(count)

@@ -1,6 +1,7 @@
 """Imports an OpenStreetMap file: takes a file and returns the parts of a map."""
 
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from simbev_ros.config.map_files import Bounds
 from simbev_ros.errors import InputError, SimulationError
 from simbev_ros.geometry.geodesy import MapDatum
 from simbev_ros.limits import MAX_MAP_BYTES
-from simbev_ros.maps.osm.box import MAX_SIDE_M, Box, densest_box, sample_segments
+from simbev_ros.maps.osm.box import MAX_SIDE_M, Box, densest_box, sample_segments, segment_lengths_m
 from simbev_ros.maps.osm.data import OsmData
 from simbev_ros.maps.osm.extract import cut, write_osm
 from simbev_ros.maps.osm.heights import add_heights
@@ -24,6 +25,7 @@ from simbev_ros.maps.sumo import netconvert
 from simbev_ros.types import Float64Array, Int64Array
 
 _MAX_LENGTH_M = 4e6
+_DENSEST_SIDE_M = 0.99 * MAX_SIDE_M  # because lengths of degrees are approximate
 _OPTIONS = (
     "--offset.disable-normalization=true",
     "--osm.sidewalks=true",
@@ -91,30 +93,37 @@ def import_osm(path: Path, work: Path, bounds: Bounds | None = None) -> MapParts
 
 def _read(path: Path, bounds: Bounds | None) -> OsmData:
     """Read a file or a part of it; of a file that is too large only the densest part."""
-    if bounds is not None:
-        box = Box.of_bounds(bounds)
-        if max(box.size_m) > MAX_SIDE_M:
-            size_km = " x ".join(f"{side_m / 1000:.0f}" for side_m in box.size_m)
-            raise InputError(f"{path}: bounds: span {size_km} km; at most {MAX_SIDE_M / 1000:.0f} km are read")
-        return read_osm(path, box)
-    data = read_osm(path)
+    box = None if bounds is None else Box.of_bounds(bounds)
+    if box is not None and max(box.size_m) > MAX_SIDE_M:
+        size_km = " x ".join(f"{side_m / 1000:.0f}" for side_m in box.size_m)
+        raise InputError(f"{path}: bounds: span {size_km} km; at most {MAX_SIDE_M / 1000:.0f} km are read")
+    data = read_osm(path, box)
     nodes = road_nodes(data)
-    if not len(nodes):
-        return data
-    _, xy_m = _project(data, nodes)
-    lines = [np.array(way.nodes) for way in data.ways if road_tags(way.tags) is not None]
-    extent_m = float(np.ptp(xy_m[nodes], axis=0).max())
-    starts, ends = (np.concatenate([line[part] for line in lines]) for part in (slice(-1), slice(1, None)))
-    lengths_m = np.hypot(*(xy_m[ends] - xy_m[starts]).T)
-    if extent_m <= MAX_SIDE_M and lengths_m.sum() <= _MAX_LENGTH_M:
-        return data
-    # Far from its origin the projection is useless, hence the lengths on a sphere.
-    box = densest_box(*sample_segments(*data.longitude_latitude_deg[[starts, ends]]), MAX_SIDE_M, _MAX_LENGTH_M)
-    reason = (
-        f"its roads span {extent_m / 1000:.0f} km and are {lengths_m.sum() / 1000:.0f} km long; at most "
-        f"{MAX_SIDE_M / 1000:.0f} km and {_MAX_LENGTH_M / 1000:.0f} km are read"
-    )
-    return cut(data, box, reason)
+    extent_m = float(np.ptp(_project(data, nodes)[1][nodes], axis=0).max()) if len(nodes) else 0.0
+    segments = _segments(data)
+    length_m = float(segment_lengths_m(*segments).sum())
+    if box is None and (extent_m > MAX_SIDE_M or length_m > _MAX_LENGTH_M):
+        # Far from its origin the projection is useless, hence the lengths on a sphere.
+        box = densest_box(*sample_segments(*segments), _DENSEST_SIDE_M, _MAX_LENGTH_M)
+        reason = (
+            f"its roads span {extent_m / 1000:.0f} km and are {length_m / 1000:.0f} km long; at most "
+            f"{MAX_SIDE_M / 1000:.0f} km and {_MAX_LENGTH_M / 1000:.0f} km are read"
+        )
+        data = cut(data, box, reason)
+        length_m = float(segment_lengths_m(*_segments(data)).sum())
+    if length_m > _MAX_LENGTH_M:
+        raise InputError(
+            f"{path}: its roads are {length_m / 1000:.0f} km long; at most {_MAX_LENGTH_M / 1000:.0f} km are read. "
+            "Choose a smaller part with bounds (west, south, east, north in degrees)"
+        )
+    return data
+
+
+def _segments(data: OsmData) -> Float64Array:
+    """(2, N, 2) longitudes and latitudes of both ends of all segments of roads."""
+    lines = [way.nodes for way in data.ways if road_tags(way.tags) is not None]
+    ends = np.array([pair for line in lines for pair in pairwise(line)], np.int64).reshape(-1, 2)
+    return data.longitude_latitude_deg[ends.T]
 
 
 def _project(data: OsmData, nodes: Int64Array) -> tuple[MapDatum, Float64Array]:

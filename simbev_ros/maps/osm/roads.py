@@ -58,9 +58,11 @@ def line_of(road: OsmRoad, xy_m: Float64Array) -> shapely.LineString:
 def crossings_of(roads: Sequence[OsmRoad], xy_m: Float64Array) -> list[tuple[int, int, shapely.Point]]:
     """Crossings between roads of different layers that do not meet: index of upper and lower road, and position."""
     lines = np.array([line_of(road, xy_m) for road in roads], dtype=object)
-    first, second = shapely.STRtree(lines).query(lines, predicate="intersects")
+    layers = np.array([road.way.layer for road in roads])
+    upper = np.flatnonzero(layers > layers.min(initial=0))
+    first, second = shapely.STRtree(lines).query(lines[upper], predicate="intersects")
     found = []
-    for a, b in zip(first.tolist(), second.tolist(), strict=True):
+    for a, b in zip(upper[first].tolist(), second.tolist(), strict=True):
         if roads[a].way.layer > roads[b].way.layer:
             shared = shapely.MultiPoint(xy_m[list(set(roads[a].nodes) & set(roads[b].nodes))])
             points = shapely.get_parts(shapely.intersection(lines[a], lines[b]))

@@ -25,16 +25,20 @@ MAX_CHUNK_RECORDS = 1 << 20
 MAX_MAP_BYTES = 128 << 20
 """Size of an OpenDRIVE file or a SUMO net, on disk and unpacked."""
 
-MAX_OSM_BYTES = 1 << 30
+MAX_OSM_BYTES = 512 << 20
 """Size of an OpenStreetMap file in XML, on disk and unpacked. Of a larger area, use the PBF."""
 
 MAX_PBF_BYTES = 16 << 30
-"""Size of an OpenStreetMap file in PBF. That of Germany has 5 GiB."""
+"""Size of an OpenStreetMap file in PBF; whole countries are smaller."""
 
-MAX_OSM_NODES = 10_000_000
-"""Nodes of an OpenStreetMap file, or of its part within `bounds`. Berlin (890 km²) has 8 million."""
+MAX_PBF_RATIO = 32
+"""Factor by which the content of an OpenStreetMap file in PBF may grow when it is unpacked; about 2 is usual."""
 
-MAX_OSM_ELEMENTS = 40_000_000
+MAX_OSM_NODES = 5_000_000
+"""Nodes of an OpenStreetMap file, or of its part within `bounds`, and a quarter of the references to them. The densest
+cities have about 15,000 a square kilometer."""
+
+MAX_OSM_ELEMENTS = 20_000_000
 """Elements of an OpenStreetMap file in XML, tags and references to nodes included. They are not kept as a tree."""
 
 MAX_XML_DEPTH = 64

@@ -136,6 +136,26 @@ def test_a_damaged_pbf_is_refused(tmp_path: Path, pbf: Path) -> None:
         read_osm(path)
 
 
+def test_a_pbf_that_unpacks_to_far_more_than_a_map_is_refused_before_its_nodes_are_written(tmp_path: Path) -> None:
+    path = tmp_path / "bomb.osm.pbf"
+    with osmium.SimpleWriter(path) as writer:
+        for number in range(1, 100_000):
+            writer.add_node(mutable.Node(id=number, location=(8.0, 50.0)))
+    with pytest.raises(InputError, match=r"bomb\.osm\.pbf: unpacks to .* more than 32 times its size"):
+        read_osm(path)
+
+
+def test_a_file_with_too_many_nodes_or_references_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("simbev_ros.maps.osm.xml.MAX_OSM_NODES", 2)
+    path = tmp_path / "street.osm"
+    path.write_text(STREET.replace("<way", '<node id="3" lat="50" lon="8"/><way'))
+    with pytest.raises(InputError, match=r"street\.osm: has more than 2 nodes; choose a part with bounds"):
+        read_osm(path)
+    path.write_text(STREET.replace("</way>", '<nd ref="1"/><nd ref="2"/>' * 4 + "</way>"))
+    with pytest.raises(InputError, match=r"street\.osm: has too many ways"):
+        read_osm(path)
+
+
 def test_a_kind_of_file_that_is_not_read_says_which_are(tmp_path: Path) -> None:
     path = tmp_path / "town.osm.zip"
     shutil.copy(SAMPLE, path)

@@ -13,6 +13,8 @@ from simbev_ros.errors import InputError
 from simbev_ros.maps.osm.data import Multipolygon, OsmData, Tags, Way
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
+_MAX_REFERENCES_PER_NODE = 4
+
 
 class Relation(NamedTuple):
     """A relation: its tags, and role and id of each member that is a way."""
@@ -66,7 +68,9 @@ class OsmElements:
             self.add_node(identifier, longitude_deg, latitude_deg)
 
     def add_way(self, identifier: int, nodes: Sequence[int], tags: Tags) -> None:
-        """Add a way with the ids of its nodes, which may be missing or come later."""
+        """Add a way with the ids of its nodes, which may be missing or come later; errors as of ``add_node``."""
+        if len(self._references) + len(nodes) + len(self._ends) > _MAX_REFERENCES_PER_NODE * self._max_nodes:
+            raise InputError(f"{self._path}: has too many ways; choose a part with bounds, or a smaller one")
         self._way_ids.append(identifier)
         self._way_tags.append(tags)
         self._references.extend(nodes)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from simbev_ros.errors import InputError
-from simbev_ros.limits import MAX_OSM_NODES, MAX_PBF_BYTES
+from simbev_ros.limits import MAX_OSM_NODES, MAX_PBF_BYTES, MAX_PBF_RATIO
 from simbev_ros.maps.osm.box import MAX_SIDE_M, Box, densest_box
 from simbev_ros.maps.osm.elements import OsmElements, Relation
 from simbev_ros.maps.osm.xml import MAX_TAG
@@ -27,6 +27,8 @@ _HEADER = b"\x0a\x09OSMHeader"
 _HEADER_START = 4
 _NODE = np.dtype([("id", "<i8"), ("x", "<i4"), ("y", "<i4")])
 _UNITS_PER_DEG = 10_000_000
+_MAX_HEADER_BYTES, _BLOCK_START_BYTES = 0xFFFF, 32
+_DATASIZE, _RAW_SIZE = 3, 2
 _PIECE = 1 << 22
 _MAX_SAMPLES = 4_000_000
 
@@ -55,6 +57,7 @@ def read_pbf(path: Path, box: Box | None) -> tuple[OsmElements, Box | None]:
         InputError: The file is damaged, or has too many nodes in the box.
     """
     check_readable(path, MAX_PBF_BYTES)
+    _require_plausible(path)
     elements = OsmElements(path, MAX_OSM_NODES)
     with _damage_as_input_error(path), tempfile.TemporaryDirectory(prefix="simbev-osm-") as folder:
         nodes = _index_nodes(path, Path(folder, "nodes"))
@@ -69,6 +72,54 @@ def read_pbf(path: Path, box: Box | None) -> tuple[OsmElements, Box | None]:
         _add_node_tags(path, elements, None if box is None else inside)
         elements.add_nodes(*_located(nodes, np.unique(np.concatenate(used))))
     return elements, box
+
+
+def _require_plausible(path: Path) -> None:
+    """Refuse a PBF file whose blocks are damaged or declare an implausible size, before nodes are written to disk.
+
+    The layout of blocks is described at https://wiki.openstreetmap.org/wiki/PBF_Format.
+
+    Raises:
+        InputError: It is such a file.
+    """
+    size_bytes, unpacked_bytes = path.stat().st_size, 0
+    with path.open("rb") as stream:
+        while stream.tell() < size_bytes:
+            header = stream.read(int.from_bytes(stream.read(4), "big") & _MAX_HEADER_BYTES)
+            block_bytes = _numbers(header).get(_DATASIZE, 0)
+            start = stream.read(min(block_bytes, _BLOCK_START_BYTES))
+            unpacked_bytes += _numbers(start).get(_RAW_SIZE, block_bytes)
+            if not start or stream.seek(block_bytes - len(start), 1) > size_bytes:
+                raise InputError(f"{path}: is damaged: a block is cut off")
+    if unpacked_bytes > MAX_PBF_RATIO * size_bytes:
+        raise InputError(
+            f"{path}: unpacks to {unpacked_bytes >> 20} MiB, more than {MAX_PBF_RATIO} times its size, as no map does"
+        )
+
+
+def _numbers(message: bytes) -> dict[int, int]:
+    """Integers at the beginning of a protobuf message by field number; texts among them are skipped."""
+    found, position = {}, 0
+    while position < len(message):
+        tag, position = _varint(message, position)
+        value, position = _varint(message, position)
+        if tag & 7 == 0:
+            found[tag >> 3] = value
+        else:
+            position += value
+    return found
+
+
+def _varint(message: bytes, position: int) -> tuple[int, int]:
+    """An integer of a protobuf message, and the position after it."""
+    value = shift = 0
+    while position < len(message):
+        byte = message[position]
+        value |= (byte & 0x7F) << shift
+        position, shift = position + 1, shift + 7
+        if byte < 0x80:
+            break
+    return value, position
 
 
 def _densest_part(nodes: Table) -> Box:

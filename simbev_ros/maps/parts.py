@@ -19,6 +19,7 @@ class MapParts:
         features: The land around the roads.
         layout: Ground geometry of the lanes; None: follow SUMO's lanes and paint by rule.
         notes: Repairs and omissions, one sentence each, for the user.
+        extract: OpenStreetMap file with the part of the map's file that was read; None: all of it was.
     """
 
     net: Path
@@ -27,3 +28,4 @@ class MapParts:
     features: MapFeatures
     layout: Layout | None = None
     notes: tuple[str, ...] = ()
+    extract: Path | None = None

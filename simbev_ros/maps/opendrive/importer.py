@@ -8,10 +8,12 @@ import re
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from io import StringIO
 from pathlib import Path
 from xml.etree.ElementTree import ElementTree
 
 from simbev_ros.errors import InputError, SimulationError
+from simbev_ros.limits import MAX_MAP_BYTES
 from simbev_ros.maps.opendrive.lane_shapes import lane_shapes
 from simbev_ros.maps.opendrive.links import LaneLinks
 from simbev_ros.maps.opendrive.objects import crosswalks_of, stop_lines_of
@@ -34,6 +36,7 @@ from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout
 from simbev_ros.maps.safe_xml import parse, place_of
+from simbev_ros.unpacking import read_unpacked
 
 
 def import_opendrive(path: Path, work: Path) -> MapParts:
@@ -118,7 +121,8 @@ def _write(path: Path, document: Document, is_recentered: bool, work: Path) -> P
     """Write the file as UTF-8; unchanged if it is UTF-8 already and was not recentered."""
     target = work / "map.xodr"
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        content = b"".join(read_unpacked(path, MAX_MAP_BYTES))
+        text = StringIO(content.decode("utf-8-sig"), newline=None).getvalue()
     except UnicodeDecodeError:
         text = ""
     declared = re.match(r"""\s*<\?xml[^>]*encoding=["']([^"']+)""", text)

@@ -13,11 +13,12 @@ from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.drape import cover_mesh, edge_faces
 from simbev_ros.assets.mesh.facets import Facets
 from simbev_ros.assets.mesh.primitives import Finish
-from simbev_ros.assets.placement.region_ground import CURB_HEIGHT_M as CURB_HEIGHT_M
 from simbev_ros.assets.placement.region_ground import LAND_HEIGHT_M as LAND_HEIGHT_M
 from simbev_ros.assets.placement.region_ground import RegionGround
 from simbev_ros.assets.placement.tiles import TileBuilder
+from simbev_ros.assets.roads.raised_lanes import lay_raised_lanes
 from simbev_ros.assets.roads.repairs import lay_road
+from simbev_ros.maps.roads.lane_kind import CURB_HEIGHT_M
 from simbev_ros.semantics import Tag
 
 _CURB_WIDTH_M = 0.15
@@ -97,9 +98,10 @@ def lay_water(tiles: TileBuilder, ground: RegionGround) -> None:
 def _lay_level(tiles: TileBuilder, ground: RegionGround, level: int, facets: Facets) -> None:
     """The streets of one level; streets on structures go into separate tiles."""
     streets, region = ground.streets[level], ground.region.area
-    shoulder, sidewalk, median, crosswalk = (
-        ground.within(part) for part in (streets.shoulder, streets.sidewalk, streets.median, streets.crosswalk)
+    shoulder, sidewalk, median = (
+        ground.at_plane(part, level) for part in (streets.shoulder, streets.sidewalk, streets.median)
     )
+    crosswalk = ground.within(streets.crosswalk)
     lay_road(tiles, ground, level, facets)
     tiles.drape(shoulder, facets, partial(cover_mesh, finish=_SHOULDER, rise_m=0.0), level=level)
     markings = partial(cover_mesh, finish=_CROSSWALK, rise_m=0.0)
@@ -114,6 +116,7 @@ def _lay_level(tiles: TileBuilder, ground: RegionGround, level: int, facets: Fac
     paving = shapely.difference(raised, shapely.union(curb, lawn))
     for area, finish in ((curb, _CURB), (paving, _PAVING), (lawn, LAWN)):
         tiles.drape(area, facets, partial(cover_mesh, finish=finish, rise_m=CURB_HEIGHT_M), sides, level=level)
+    lay_raised_lanes(tiles, ground, level, facets)
 
 
 def _steeper_than(facets: Facets, slope: float, min_width_m: float) -> BaseGeometry:

@@ -41,8 +41,7 @@ def _breaks_m(road: Road) -> Float64Array:
     """Distances along a road at which a record starts or ends, ascending, at least 1 mm apart."""
     cubics = (road.elevation, road.superelevation, road.offset, *road.crossfall)
     section_starts_m = [
-        section.start_m
-        + np.concatenate([record.starts_m for lane in section.lanes for record in (lane.width, lane.border)])
+        section.start_m + np.concatenate([record.starts_m for lane in section.lanes for record in lane.records])
         for section in road.sections
         if section.lanes
     ]

@@ -73,6 +73,9 @@ def _lane_strips(shape: LaneShape, notes: Notes) -> Iterator[Strip]:
         if (shape.lane.id > 0) == forward:
             borders.reverse()
         (left_m, left_line), (right_m, right_line) = borders
+        raised_m = None if shape.raised_m is None else shape.raised_m[first : last + 1][order]
+        if raised_m is not None and (shape.lane.id > 0) == forward:
+            raised_m = raised_m[:, ::-1]
         section, s_m = shape.section, shape.s_m
         yield Strip(
             id=f"{shape.key}/{count}",
@@ -89,6 +92,7 @@ def _lane_strips(shape: LaneShape, notes: Notes) -> Iterator[Strip]:
             junction=shape.road.junction,
             speed_mps=traits.speed_mps,
             structure=traits.structure,
+            raised_m=None if raised_m is None else np.ascontiguousarray(raised_m),
         )
 
 

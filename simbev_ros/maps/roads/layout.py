@@ -3,7 +3,7 @@
 There are two views of the same roads: ``network.Lane`` is a lane of the traffic simulation (SUMO), ``Strip`` is its
 geometry on the ground (from OpenDRIVE for OpenDRIVE maps, otherwise from SUMO's lanes). Surfaces, markings, heights,
 levels and the HD map are derived from strips. Heights are those of the carriageway's plane, also under raised
-sidewalks.
+sidewalks; ``raised_lanes`` adds the heights of lanes that the map raises.
 """
 
 from collections.abc import Sequence
@@ -15,6 +15,7 @@ from typing import TypeVar
 import numpy as np
 import shapely
 
+from simbev_ros.maps.columns import SPARSE
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.types import Float64Array
 
@@ -82,6 +83,9 @@ class Strip:
         right: ``lane`` of the adjacent strip on the right, or "".
         following: ``lane`` ids of its successors.
         outline_m: (M, 2) float64 outline where borders do not describe the area (walking areas), else None.
+        tunnel: It runs through a tunnel.
+        raised_m: (N, 2) heights of the left and the right border above the carriageway's plane; None: the height of its
+            kind, ``lane_kind.raised_of``.
     """
 
     id: str
@@ -104,6 +108,8 @@ class Strip:
     right: str = ""
     following: tuple[str, ...] = ()
     outline_m: Float64Array | None = None
+    tunnel: bool = field(default=False, metadata=SPARSE)
+    raised_m: Float64Array | None = field(default=None, metadata=SPARSE)
 
     @property
     def center_m(self) -> Float64Array:

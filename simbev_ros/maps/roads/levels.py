@@ -173,15 +173,16 @@ def _stretch(pieces: StripPieces, start: int, end: int, level: Int64Array, numbe
     first, second = pieces.lines.parameter(np.array([row, row]), np.array([start_m, end_m])) - pieces.lines.first[row]
     indices = np.concatenate([[first], np.arange(np.floor(first) + 1.0, np.ceil(second)), [second]])
     points = np.arange(len(strip.left_m))
-    left_m, right_m = (
-        np.stack([np.interp(indices, points, side[:, axis]) for axis in range(3)], axis=1)
-        for side in (strip.left_m, strip.right_m)
-    )
+
+    def resampled(side: Float64Array) -> Float64Array:
+        return np.stack([np.interp(indices, points, axis) for axis in side.T], axis=1)
+
     return replace(
         strip,
         id=f"{strip.id}@{number}",
-        left_m=left_m,
-        right_m=right_m,
+        left_m=resampled(strip.left_m),
+        right_m=resampled(strip.right_m),
+        raised_m=None if strip.raised_m is None else resampled(strip.raised_m),
         s_start_m=strip.s_start_m + float(start_m),
         level=int(level[start]),
     )

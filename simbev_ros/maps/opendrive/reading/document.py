@@ -9,10 +9,13 @@ from pathlib import Path
 from typing import Literal, NamedTuple, TypeVar
 from xml.etree.ElementTree import Element
 
+import numpy as np
+
 from simbev_ros.maps.opendrive.reading.cubics import Cubics
 from simbev_ros.maps.opendrive.reading.plan_view import PlanView
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Line
+from simbev_ros.types import Float64Array
 
 _T = TypeVar("_T")
 Contact = Literal["start", "end"]
@@ -31,6 +34,19 @@ class LaneKey(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class LaneHeight:
+    """Heights of a lane's borders above the road's surface, linear between (K,) ascending distances."""
+
+    starts_m: Float64Array
+    inner_m: Float64Array
+    outer_m: Float64Array
+
+    def __call__(self, ds_m: Float64Array) -> Float64Array:
+        """(N, 2) heights of the inner and the outer border at (N,) distances from the section's start."""
+        return np.column_stack([np.interp(ds_m, self.starts_m, side_m) for side_m in (self.inner_m, self.outer_m)])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class LaneRecord:
     """A lane within one section; distances in its records are measured from the section's start.
 
@@ -41,6 +57,7 @@ class LaneRecord:
         on_level: Kept horizontal across where the road is banked.
         width: Width by distance from the section's start, unless there is only a ``border``.
         border: Distance of its outer border from the center line, likewise.
+        height: Heights of its inner and outer border above the road's surface, or None if the file states none.
         speeds: Its own speed limits as (distance, m/s).
         predecessors: Lane ids linked at its start.
         successors: Lane ids linked at its end.
@@ -53,10 +70,16 @@ class LaneRecord:
     on_level: bool
     width: Cubics
     border: Cubics
+    height: "LaneHeight | None"
     speeds: tuple[tuple[float, float], ...]
     predecessors: tuple[int, ...]
     successors: tuple[int, ...]
     reversed: bool
+
+    @property
+    def records(self) -> tuple["Cubics | LaneHeight", ...]:
+        """The records that shape it, by distance from the section's start."""
+        return (self.width, self.border, *(() if self.height is None else (self.height,)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -23,8 +23,8 @@ _MIN_TRIANGLE_M2 = 1e-6
 _EDGE_TOLERANCE_M = 0.002  # areas and the pieces cut from them lie on a millimeter grid
 _KEY_BITS = 21  # enough for positions in a tile, in tenths of a millimeter
 
-Ceiling = Callable[[Float64Array], Float64Array]
-"""Function that returns (N,) maximum heights at (N, 2) points of the map frame."""
+Limit = Callable[[Float64Array], Float64Array]
+"""Function that returns (N,) maximum or minimum heights at (N, 2) points of the map frame."""
 
 Rise = float | Callable[[Float64Array], Float64Array]
 """Height above the ground: a constant, or a function that returns (N,) heights at (N, 2) points of the map frame."""
@@ -39,7 +39,8 @@ def cover_mesh(
     rise_m: Rise,
     *,
     downward: bool = False,
-    ceiling_m: Ceiling | None = None,
+    ceiling_m: Limit | None = None,
+    floor_m: Limit | None = None,
     yaw_rad: float = 0.0,
 ) -> ByTile:
     """Build a one-sided cover of all pieces, such as asphalt or a lawn.
@@ -50,6 +51,7 @@ def cover_mesh(
         rise_m: Height above the ground.
         downward: Whether the cover faces down, to be seen from below.
         ceiling_m: Maximum height.
+        floor_m: Minimum height.
         yaw_rad: Direction of the first axis of ``uv``, which are meters in plan.
     """
     triangles = _triangulate(cut.pieces)
@@ -63,6 +65,8 @@ def cover_mesh(
     height_m = height_m + _rise_at(rise_m, xy_m)
     if ceiling_m is not None:
         height_m = np.minimum(height_m, ceiling_m(xy_m))
+    if floor_m is not None:
+        height_m = np.maximum(height_m, floor_m(xy_m))
     normals = np.column_stack([-east, -north, np.ones(len(xy_m))])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     mesh = Mesh.indexed(

@@ -39,16 +39,16 @@ _ABUTMENT = Finish(Material.CONCRETE, Tag.WALL, (150, 147, 140))
 def build_bridges(tiles: TileBuilder, claims: Claims, ground: RegionGround) -> None:
     """Build all structures of a region, and claim the land below them."""
     for level, facets in enumerate(ground.facets):
-        if level == 0 or facets is None:
+        if level == 0 or facets is None or level in ground.network.layout.tunnel_levels:
             continue
         claims.add(ground.decks[level])
-        landings, seams = (_joints(ground, level, onto_ground) for onto_ground in (True, False))
+        landings, seams = (joints(ground, level, onto_ground) for onto_ground in (True, False))
         _build_deck(tiles, ground, level, facets, landings, seams)
         _build_abutments(tiles, ground, level, facets, landings)
         put_pillars(tiles, ground, level)
 
 
-def _joints(ground: RegionGround, level: int, onto_ground: bool) -> BaseGeometry:
+def joints(ground: RegionGround, level: int, onto_ground: bool) -> BaseGeometry:
     """Lines across the road where a structure's lanes continue on the ground, or on a structure of another level."""
     around = shapely.box(*shapely.buffer(ground.region.area, MARGIN_M).bounds)
     own: list[Float64Array] = []

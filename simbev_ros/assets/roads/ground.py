@@ -18,6 +18,7 @@ from simbev_ros.assets.placement.region_ground import RegionGround
 from simbev_ros.assets.placement.tiles import TileBuilder
 from simbev_ros.assets.roads.raised_lanes import lay_raised_lanes
 from simbev_ros.assets.roads.repairs import lay_road
+from simbev_ros.assets.roads.tunnels import bare_roofs
 from simbev_ros.maps.roads.lane_kind import CURB_HEIGHT_M
 from simbev_ros.semantics import Tag
 
@@ -50,11 +51,13 @@ def lay_streets(tiles: TileBuilder, ground: RegionGround) -> None:
 
 def lay_land(tiles: TileBuilder, ground: RegionGround, covers: Sequence[Cover]) -> None:
     """Build the land between the streets on the ground: its covers, grass on slopes, and stone on very steep ones."""
-    facets, decks = ground.land_facets, shapely.union_all(ground.decks)
+    facets, decks, roofs = ground.land_facets, shapely.union_all(ground.decks), bare_roofs(ground)
     walls = [_steeper_than(facets, slope, min_width_m) for slope, min_width_m in _STONE_SLOPES]
     stone = shapely.difference(shapely.union_all(walls), decks)
     grass = shapely.difference(_steeper_than(facets, *_EMBANKMENT), shapely.union(decks, stone))
-    bare = shapely.union_all([decks, stone, grass])
+    if not roofs.is_empty:
+        stone, grass = shapely.difference(stone, roofs), shapely.difference(grass, roofs)
+    bare = shapely.union_all([decks, stone, grass, roofs])
     shapely.prepare([ground.land, bare])
     for (finish, rise_m, yaw_rad), parts in _by_appearance(covers).items():
         parts[:] = [part if ground.land.covers(part) else part & ground.land for part in parts]
@@ -65,6 +68,9 @@ def lay_land(tiles: TileBuilder, ground: RegionGround, covers: Sequence[Cover]) 
     for area, finish, ceiling_m in ((stone, _STONE, None), (grass, lawn, None), (decks, _STONE, ground.soffit_m)):
         layer = partial(cover_mesh, finish=finish, rise_m=LAND_HEIGHT_M, ceiling_m=ceiling_m)
         tiles.drape(shapely.intersection(ground.land, area), facets, layer)
+    if not roofs.is_empty:
+        cover = partial(cover_mesh, finish=lawn, rise_m=LAND_HEIGHT_M, floor_m=ground.roof_m)
+        tiles.drape(shapely.intersection(ground.land, roofs), facets, cover)
     _lay_verges(tiles, ground, shapely.difference(ground.land, decks))
 
 

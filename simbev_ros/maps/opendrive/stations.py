@@ -45,7 +45,7 @@ def _breaks_m(road: Road) -> Float64Array:
         for section in road.sections
         if section.lanes
     ]
-    cuts = [*(s_m for s_m, _ in road.speeds), *(s_m for bridge in road.bridges for s_m in bridge)]
+    cuts = [*(s_m for s_m, _ in road.speeds), *(s_m for stretch in (*road.bridges, *road.tunnels) for s_m in stretch)]
     for section in road.sections:
         records = (*section.marks.values(), *(lane.speeds for lane in section.lanes))
         cuts += [section.start_m + s_m for changes in records for s_m, _ in changes]

@@ -26,6 +26,7 @@ class _Traits(NamedTuple):
     outer: Line
     speed_mps: float
     structure: bool
+    tunnel: bool
 
 
 def strips_of(
@@ -92,6 +93,7 @@ def _lane_strips(shape: LaneShape, notes: Notes) -> Iterator[Strip]:
             junction=shape.road.junction,
             speed_mps=traits.speed_mps,
             structure=traits.structure,
+            tunnel=traits.tunnel,
             raised_m=None if raised_m is None else np.ascontiguousarray(raised_m),
         )
 
@@ -119,7 +121,11 @@ def _changes_m(shape: LaneShape) -> list[float]:
     marks, lane, road = shape.section.marks, shape.lane, shape.road
     local = (marks.get(_inner_lane_id(lane), ()), marks.get(lane.id, ()), lane.speeds)
     in_section = [shape.section.start_m + ds_m for changes in local for ds_m, _ in changes]
-    return [*in_section, *(s_m for s_m, _ in road.speeds), *(s_m for bridge in road.bridges for s_m in bridge)]
+    return [
+        *in_section,
+        *(s_m for s_m, _ in road.speeds),
+        *(s_m for stretch in (*road.bridges, *road.tunnels) for s_m in stretch),
+    ]
 
 
 def _traits(shape: LaneShape, s_m: float) -> _Traits:
@@ -134,7 +140,10 @@ def _traits(shape: LaneShape, s_m: float) -> _Traits:
     )
     if lane.id != 1:
         inner = replace(inner, paint=_MIRRORED.get(inner.paint, inner.paint))
-    return _Traits(inner, outer, shape.speed_mps(s_m), any(start_m <= s_m < end_m for start_m, end_m in road.bridges))
+    on_bridge, in_tunnel = (
+        any(start_m <= s_m < end_m for start_m, end_m in stretches) for stretches in (road.bridges, road.tunnels)
+    )
+    return _Traits(inner, outer, shape.speed_mps(s_m), on_bridge, in_tunnel)
 
 
 def _inner_lane_id(lane: LaneRecord) -> int:

@@ -78,7 +78,8 @@ class Strip:
         continues: A road only continues in that junction, without meeting another.
         speed_mps: Speed limit.
         structure: The source declares that a bridge carries it.
-        level: 0 on the ground; k > 0 on a structure, above k layers of roads, water or air (``levels.assign_levels``).
+        level: 0 on the ground; k > 0 on a structure, above k layers of roads, water or air; higher still in tunnels
+            (``levels.assign_levels``).
         left: ``lane`` of the adjacent strip on the left, in driving direction, or "".
         right: ``lane`` of the adjacent strip on the right, or "".
         following: ``lane`` ids of its successors.
@@ -221,6 +222,13 @@ class Layout:
     def levels(self) -> range:
         """All levels, 0 to the highest."""
         return range(1 + max((strip.level for strip in self.strips), default=0))
+
+    @cached_property
+    def tunnel_levels(self) -> range:
+        """The levels of tunnels, which follow those of the ground and of structures; empty if there are none."""
+        return range(
+            min((strip.level for strip in self.strips if strip.tunnel), default=len(self.levels)), len(self.levels)
+        )
 
     def near(self, area: shapely.Polygon, margin_m: float) -> "Layout":
         """The layout restricted to strips, crosswalks and stop lines whose bounds are near an area's bounds.

@@ -3,6 +3,9 @@
 A stretch is on a structure if the map declares it, or where it passes over another road or over water. The structure
 extends along the road by the length that the slope of an abutment requires, and ends at one cross-section for all
 parallel lanes. Roads at the same height that overlap (merging ramps, the inside of junctions) are on the same level.
+
+Tunnels carry nothing: the land and the roads above them stay as they are without them. They have levels of their own,
+which follow the highest of the others.
 """
 
 from collections.abc import Iterator, Sequence
@@ -38,6 +41,27 @@ def assign_levels(layout: Layout, water: Sequence[Water] = ()) -> Layout:
         layout: The layout; existing levels are ignored.
         water: Water that roads cross on bridges.
     """
+    tunnels = [strip for strip in layout.strips if strip.tunnel]
+    if not tunnels:
+        return _assign(layout, water)
+    outside = _assign(replace(layout, strips=tuple(strip for strip in layout.strips if not strip.tunnel)), water)
+    inside = _assign(replace(layout, strips=tuple(tunnels)), ())
+    first, pieces = outside.levels.stop, StripPieces.cut(inside.strips, _PIECE_M)
+    level = first + np.array([strip.level for strip in inside.strips], np.int64)[pieces.row]
+
+    def in_tunnel(points_m: Float64Array, otherwise: int) -> int:
+        return _level_at(pieces, level, np.mean(points_m, axis=0), otherwise)
+
+    return replace(
+        outside,
+        strips=(*outside.strips, *(_on_level(strip, first + strip.level) for strip in inside.strips)),
+        crosswalks=tuple(replace(each, level=in_tunnel(each.outline_m, each.level)) for each in outside.crosswalks),
+        stop_lines=tuple(replace(each, level=in_tunnel(each.ends_m, each.level)) for each in outside.stop_lines),
+    )
+
+
+def _assign(layout: Layout, water: Sequence[Water]) -> Layout:
+    """Assign levels to a layout that is all outside of tunnels, or all inside."""
     level_0_strips = [_on_level(strip, 0) for strip in layout.strips]
     rows = _rows_near_structures(level_0_strips, water)
     pieces = StripPieces.cut([level_0_strips[row] for row in rows], _PIECE_M)
@@ -188,11 +212,16 @@ def _stretch(pieces: StripPieces, start: int, end: int, level: Int64Array, numbe
     )
 
 
-def _level_at(pieces: StripPieces, level: Int64Array, position_m: Float64Array) -> int:
-    """Level of the piece nearest to a (3,) position, in plan view and height; 0 away from roads."""
+def _level_at(pieces: StripPieces, level: Int64Array, position_m: Float64Array, otherwise: int | None = None) -> int:
+    """Level of the piece nearest to a (3,) position, in plan view and height; 0 away from roads.
+
+    If ``otherwise`` is given, it applies away from roads, and where all roads are above or below the position.
+    """
     point = shapely.Point(position_m[:2])
     near = pieces.tree.query(point, predicate="dwithin", distance=_MAX_DISTANCE_M)
+    if otherwise is not None:
+        near = near[np.abs(pieces.center_m[near, 2] - position_m[2]) < CLEARANCE_M]
     if len(near) == 0:
-        return 0
+        return otherwise or 0
     gap_m = shapely.distance(pieces.polygons[near], point) + np.abs(pieces.center_m[near, 2] - position_m[2])
     return int(level[near[np.argmin(gap_m)]])

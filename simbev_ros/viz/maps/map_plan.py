@@ -43,7 +43,8 @@ class MapPlan:
         self._corner_m = np.array([center_m[0] - extent_m / 2.0, center_m[1] + extent_m / 2.0])
         self._canvas = np.empty((self._count, self._count, 3), np.uint8)
         self._draw_land(network)
-        for level in network.layout.levels:
+        tunnels = network.layout.tunnel_levels
+        for level in (*tunnels, *range(tunnels.start)):
             self._draw_roads([strip for strip in network.layout.strips if strip.level == level])
 
     def draw_frame(self, center_m: Float64Array, extent_m: float) -> None:

@@ -150,6 +150,7 @@ class Road:
         predecessor: Link of its start.
         successor: Link of its end.
         bridges: Bridges as (start s, end s).
+        tunnels: Tunnels, likewise.
         element: The XML element that it was read from.
     """
 
@@ -169,6 +170,7 @@ class Road:
     predecessor: Link
     successor: Link
     bridges: tuple[tuple[float, float], ...]
+    tunnels: tuple[tuple[float, float], ...]
     element: Element
 
     def link(self, contact: Contact) -> Link:

@@ -91,6 +91,7 @@ class LidarNode(Participant):
     def process(self, spec: SceneSpec, state: WorldState) -> None:
         """Start to cast the clouds that are due; clouds of the lead-in only warm up the ray caster."""
         self._wait_for_threads()
+        state = self._surroundings.with_local_weather(state)
         self._scanning = []
         due = [mounted for mounted in self._mounted if state.tick % mounted.period_ticks == 0]
         for settings, alike in groupby(

@@ -59,6 +59,7 @@ class RadarNode(Participant):
     def process(self, spec: SceneSpec, state: WorldState) -> None:
         """Cast and publish the scans that are due; rays pass through the ego and its rider."""
         due = [mounted for mounted in self._mounted if mounted.is_due(state.tick)]
+        state = self._surroundings.with_local_weather(state)
         if due:
             rays = self._surroundings.built
             with self.meter.part("place"):

@@ -1,6 +1,7 @@
 """Loads the static scene around the ego for the nodes that render it, cast rays into it or annotate it."""
 
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from typing import Generic, TypeVar
 from weakref import WeakValueDictionary
 
@@ -8,6 +9,7 @@ from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.assets.regions.static_cache import load_static_scene
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.region import Reach
+from simbev_ros.maps.roads.tunnels import Tunnels
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.scene.reach import VIEW_M, loaded_reach
 from simbev_ros.scene.spec import SceneSpec
@@ -40,6 +42,7 @@ class Surroundings(Generic[_Built]):
     ) -> None:
         self._build, self._release = build, release
         self._key: _Key | None = None
+        self._tunnels = Tunnels.none()
         self._built: _Built | None = None
 
     def load(self, spec: SceneSpec, view_m: float = VIEW_M) -> _Built:
@@ -56,7 +59,7 @@ class Surroundings(Generic[_Built]):
             if static is None:
                 static = _loaded[key] = load_static_scene(spec.map, network, reach=key[1])
             self.close()
-            self._built, self._key = self._build(static), key
+            self._built, self._key, self._tunnels = self._build(static), key, static.tunnels
         return self.built
 
     @property
@@ -64,6 +67,12 @@ class Surroundings(Generic[_Built]):
         """The object built for the current scene."""
         assert self._built is not None, "no scene has been loaded"
         return self._built
+
+    def with_local_weather(self, state: WorldState) -> WorldState:
+        """The state with the weather at the ego, whose sensors are sheltered in a tunnel."""
+        if not self._tunnels or not self._tunnels.holds(vector(state.ego, "x y z")[None])[0]:
+            return state
+        return replace(state, weather=state.weather.sheltered())
 
     def close(self) -> None:
         """Release what was built; further calls do nothing."""

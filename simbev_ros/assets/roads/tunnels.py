@@ -1,10 +1,9 @@
 """Builds tunnels: box tubes with walls, a flat ceiling and rows of lamps, and a headwall at each portal.
 
-Walls, ceiling and headwalls are tagged as walls, lamps as static. The land above is not cut open: where it is lower than
-a tunnel's roof, it is lifted onto the roof, and the walls hold it on the sides.
+Walls, ceiling and headwalls are tagged as walls, lamps as static. The land above is not cut open: where it is lower
+than the roof of a tunnel, it is lifted onto the roof, and the walls hold it on the sides.
 """
 
-from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
@@ -21,11 +20,11 @@ from simbev_ros.assets.placement.region_ground import LAND_HEIGHT_M, MARGIN_M, R
 from simbev_ros.assets.placement.tiles import TileBuilder, upright_pose
 from simbev_ros.assets.roads.bridges import joints
 from simbev_ros.maps.roads.lane_kind import LaneKind
-from simbev_ros.maps.roads.tunnels import CLEARANCE_M, ROOF_M, WALL_M
+from simbev_ros.maps.roads.tunnels import CLEARANCE_M, ROOF_M, WALL_M, lamps_along
 from simbev_ros.semantics import Tag
 
-_WALL = Finish(Material.CONCRETE, Tag.WALL, (176, 173, 165))
-_CEILING = Finish(Material.CONCRETE, Tag.WALL, (128, 126, 121))
+_WALL = Finish(Material.PLASTER, Tag.WALL, (186, 183, 174))
+_CEILING = Finish(Material.PLASTER, Tag.WALL, (120, 118, 114))
 _HEADWALL = Finish(Material.CONCRETE, Tag.WALL, (158, 154, 146))
 _LAMP = Finish(Material.TUNNEL_LAMP, Tag.STATIC, (255, 244, 220))
 _HOUSING = Finish(Material.METAL, Tag.STATIC, (70, 72, 74))
@@ -33,7 +32,7 @@ _HOUSING = Finish(Material.METAL, Tag.STATIC, (70, 72, 74))
 _FOOT_M = 1.5  # depth of walls below the carriageway
 _HEADWALL_M, _WING_M, _PARAPET_M = 0.7, 3.0, 0.9
 _COVER_M = 4.0  # land at least this high above a roof carries buildings
-_LAMP_SPACING_M, _LAMP_SIZE_M = 9.0, (1.3, 0.34, 0.12)
+_LAMP_SIZE_M = (1.3, 0.34, 0.12)
 _SHALLOW_MARGIN_M = 0.3
 
 
@@ -114,22 +113,8 @@ def _hang_lamps(tiles: TileBuilder, ground: RegionGround, level: int) -> None:
     length_m, width_m, depth_m = _LAMP_SIZE_M
     housing = box(_HOUSING, (length_m + 0.1, width_m + 0.1, 0.1), (0.0, 0.0, -0.05))
     lamp = Mesh.merge([box(_LAMP, _LAMP_SIZE_M, (0.0, 0.0, -depth_m)), housing])
-    for line in _lamp_rows(ground, level):
-        count = max(1, round(line.length / _LAMP_SPACING_M))
-        at_m = (np.arange(count) + 0.5) * line.length / count
-        here, ahead = (
-            shapely.get_coordinates(shapely.line_interpolate_point(line, at_m + step_m)) for step_m in (-0.1, 0.1)
-        )
-        xy_m, step_m = (here + ahead) / 2.0, ahead - here
-        heights_m = ground.road_m(xy_m, level) + CLEARANCE_M
-        yaws_rad = np.arctan2(step_m[:, 1], step_m[:, 0])
-        for k in np.flatnonzero(ground.owns(xy_m)).tolist():
-            tiles.place(lamp, upright_pose(xy_m[k], float(heights_m[k]), float(yaws_rad[k])), level)
-
-
-def _lamp_rows(ground: RegionGround, level: int) -> Iterator[shapely.LineString]:
-    """Center lines of the driving lanes in the tunnels of a level."""
     around = shapely.box(*shapely.buffer(ground.region.area, MARGIN_M).bounds)
     for strip in ground.network.layout.near(around, 0.0).strips_of(LaneKind.DRIVING, level=level):
-        if strip.outline_m is None:
-            yield shapely.LineString(strip.center_m[:, :2])
+        position_m, yaw_rad = lamps_along(strip)
+        for k in np.flatnonzero(ground.owns(position_m[:, :2])).tolist():
+            tiles.place(lamp, upright_pose(position_m[k], float(position_m[k, 2]), float(yaw_rad[k])), level)

@@ -11,7 +11,9 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
+from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout, Strip
+from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.types import AnyArray, BoolArray, Float64Array
 
 CLEARANCE_M = 5.0
@@ -23,6 +25,7 @@ ROOF_M = 5.6
 WALL_M = 0.4
 """Thickness of a tunnel's walls."""
 
+_LAMP_SPACING_M = 9.0
 _SPACING_M = 4.0
 _SIDE_M = 0.3  # between lanes and walls there may be a gap that surfaces close
 _BELOW_M, _ABOVE_M = 1.0, 0.3
@@ -37,17 +40,27 @@ class Tunnels:
         corners_m: (Q, 4, 3) corners of the pieces on the carriageway's plane, map frame: right start, right end, left
             end, left start.
         portals_m: (P, 2, 3) ends of lines across single lanes at portals.
+        lamps_m: (L, 3) lamps at the ceiling, map frame.
     """
 
     corners_m: Float64Array
     portals_m: Float64Array
+    lamps_m: Float64Array
+
+    @classmethod
+    def none(cls) -> "Tunnels":
+        """The tunnels of a map that has none."""
+        return cls(np.empty((0, 4, 3)), np.empty((0, 2, 3)), np.empty((0, 3)))
 
     @classmethod
     def of_layout(cls, layout: Layout) -> "Tunnels":
         """The tunnels of a layout whose levels are assigned."""
         strips = [strip for strip in layout.strips if strip.tunnel and strip.outline_m is None]
         corners_m = np.concatenate([np.empty((0, 4, 3)), *map(_corners_m, strips)])
-        return cls(corners_m, _portals_m(strips, [strip for strip in layout.strips if not strip.tunnel]))
+        if not strips:
+            return cls.none()
+        portals_m = _portals_m(strips, [strip for strip in layout.strips if not strip.tunnel])
+        return cls(corners_m, portals_m, np.concatenate([lamps_along(strip)[0] for strip in strips]))
 
     def __bool__(self) -> bool:
         return len(self.corners_m) > 0
@@ -75,6 +88,18 @@ class Tunnels:
     def _tree(self) -> shapely.STRtree:
         polygons: AnyArray = np.asarray(shapely.polygons(self.corners_m[..., :2]), object)
         return shapely.STRtree(shapely.make_valid(polygons))
+
+
+def lamps_along(strip: Strip) -> tuple[Float64Array, Float64Array]:
+    """(L, 3) lamps at the ceiling above a driving lane in a tunnel, map frame, and (L,) headings; else none."""
+    if strip.kind is not LaneKind.DRIVING or strip.outline_m is not None:
+        return np.empty((0, 3)), np.empty(0)
+    lines = Polylines.from_lines([strip.center_m])
+    count = max(1, round(float(lines.length_m[0]) / _LAMP_SPACING_M))
+    parameter = lines.parameter(np.zeros(count, np.int64), (np.arange(count) + 0.5) / count * lines.length_m[0])
+    heading = lines.headings(parameter)
+    ceiling_m = np.array([0.0, 0.0, CLEARANCE_M])
+    return lines.values(parameter) + ceiling_m, np.arctan2(heading[:, 1], heading[:, 0])
 
 
 def _corners_m(strip: Strip) -> Float64Array:

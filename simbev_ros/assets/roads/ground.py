@@ -86,6 +86,8 @@ def _lay_verges(tiles: TileBuilder, ground: RegionGround, land: BaseGeometry) ->
     """Vertical faces from the street up to the land, where no sidewalk hides them."""
     street = shapely.difference(ground.streets[0].area, ground.streets[0].sidewalk)
     edges = shapely.intersection(land.boundary, shapely.buffer(street, _CUT_TOLERANCE_M))
+    for tube in ground.tubes[ground.network.layout.tunnel_levels.start :]:
+        edges = shapely.difference(edges, shapely.buffer(tube, _CUT_TOLERANCE_M))
     verge = partial(edge_faces, finish=_VERGE, edges=edges, bottom_m=0.0, top_m=LAND_HEIGHT_M)
     tiles.drape(shapely.intersection(land, shapely.buffer(edges, _CURB_WIDTH_M)), ground.land_facets, verge)
 

@@ -23,14 +23,16 @@ from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.tunnels import CLEARANCE_M, ROOF_M, WALL_M, lamps_along
 from simbev_ros.semantics import Tag
 
-_WALL = Finish(Material.PLASTER, Tag.WALL, (186, 183, 174))
-_CEILING = Finish(Material.PLASTER, Tag.WALL, (120, 118, 114))
+_PANEL = Finish(Material.PLAIN, Tag.WALL, (206, 203, 192))
+_WALL = Finish(Material.CONCRETE, Tag.WALL, (124, 121, 115))
+_CEILING = Finish(Material.PLAIN, Tag.WALL, (96, 94, 90))
 _HEADWALL = Finish(Material.CONCRETE, Tag.WALL, (158, 154, 146))
 _LAMP = Finish(Material.TUNNEL_LAMP, Tag.STATIC, (255, 244, 220))
 _HOUSING = Finish(Material.METAL, Tag.STATIC, (70, 72, 74))
 
 _FOOT_M = 1.5  # depth of walls below the carriageway
-_HEADWALL_M, _WING_M, _PARAPET_M = 0.7, 3.0, 0.9
+_PANEL_M = 3.2  # height of the bright lower part of the walls
+_HEADWALL_M, _WING_M, _PARAPET_M = 0.9, 3.0, 0.9
 _COVER_M = 4.0  # land at least this high above a roof carries buildings
 _LAMP_SIZE_M = (1.3, 0.34, 0.12)
 _SHALLOW_MARGIN_M = 0.3
@@ -63,6 +65,7 @@ def _land_below(ground: RegionGround, level: int, above_roof_m: float) -> BaseGe
     if tube.is_empty:
         return shapely.Polygon()
     polygons = shapely.polygons(facets.corners_m)
+    shapely.prepare(tube)
     near = np.flatnonzero(shapely.intersects(polygons, tube))
     parts = shapely.intersection(polygons[near], tube)
     xy_m, part = shapely.get_coordinates(parts, return_index=True)
@@ -74,11 +77,13 @@ def _land_below(ground: RegionGround, level: int, above_roof_m: float) -> BaseGe
 def _build_tube(tiles: TileBuilder, ground: RegionGround, level: int, facets: Facets, portals: BaseGeometry) -> None:
     """Walls beside the road, and the ceiling; portals stay open."""
     region, road, tube = ground.region.area, ground.streets[level].area, ground.tubes[level]
-    across = shapely.buffer(portals, WALL_M + 0.01, cap_style="flat")
+    across = shapely.buffer(portals, WALL_M + 0.01, cap_style="square")
     walls = shapely.difference(tube, shapely.union(road, across))
-    sides = partial(edge_faces, finish=_WALL, edges=walls.boundary, bottom_m=-_FOOT_M, top_m=ROOF_M)
+    faces = partial(edge_faces, edges=walls.boundary)
+    panels = partial(faces, finish=_PANEL, bottom_m=-_FOOT_M, top_m=_PANEL_M)
+    above = partial(faces, finish=_WALL, bottom_m=_PANEL_M, top_m=ROOF_M)
     ceiling = partial(cover_mesh, finish=_CEILING, rise_m=CLEARANCE_M, downward=True)
-    tiles.drape(shapely.intersection(walls, region), facets, sides, level=level)
+    tiles.drape(shapely.intersection(walls, region), facets, panels, above, level=level)
     tiles.drape(shapely.intersection(shapely.union(road, walls), region), facets, ceiling, level=level)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from simbev_ros.maps.opendrive.lane_shapes import LaneShape
 from simbev_ros.maps.opendrive.links import LaneLinks
 from simbev_ros.maps.opendrive.reading.attributes import Notes
-from simbev_ros.maps.opendrive.reading.document import Document, LaneKey, LaneRecord, value_at
+from simbev_ros.maps.opendrive.reading.document import Document, LaneKey, LaneRecord, on_stretch, value_at
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Line, Paint, Strip
 
@@ -140,10 +140,8 @@ def _traits(shape: LaneShape, s_m: float) -> _Traits:
     )
     if lane.id != 1:
         inner = replace(inner, paint=_MIRRORED.get(inner.paint, inner.paint))
-    on_bridge, in_tunnel = (
-        any(start_m <= s_m < end_m for start_m, end_m in stretches) for stretches in (road.bridges, road.tunnels)
-    )
-    return _Traits(inner, outer, shape.speed_mps(s_m), on_bridge, in_tunnel)
+    speed_mps = shape.speed_mps(s_m)
+    return _Traits(inner, outer, speed_mps, on_stretch(road.bridges, s_m), on_stretch(road.tunnels, s_m))
 
 
 def _inner_lane_id(lane: LaneRecord) -> int:

@@ -30,10 +30,12 @@ class TunnelAdaptation(NamedTuple):
     """How far cameras have adapted to a tunnel.
 
     Attributes:
+        depth_m: Distance from the ego to the nearest portal; 0 outside of tunnels.
         inside: 0 outside of tunnels, 1 deep inside.
         factor: Factor of the automatic exposure.
     """
 
+    depth_m: float
     inside: float
     factor: float
 
@@ -66,7 +68,7 @@ class TunnelMap:
         depth_m = float(self._tunnels.depths_m(ego_m[None])[0]) if self._tunnels else 0.0
         inside = min(depth_m / _ADAPTED_AT_M, 1.0)
         full = _ADAPTED / (float(_LAMPS.max()) * sky.exposure)
-        return TunnelAdaptation(inside, full**inside)
+        return TunnelAdaptation(depth_m, inside, full**inside)
 
     def draw(self, origin_m: Float64Array, adaptation: TunnelAdaptation) -> Float64Array:
         """Draw the map around (3,) ``origin_m`` unless it is there already.
@@ -82,7 +84,7 @@ class TunnelMap:
             self._redraw(center_m)
         offset_m = origin_m - center_m
         place = [*(0.5 + offset_m[:2] * (0.5 / _HALF_M)), offset_m[2], 0.5 / _HALF_M]
-        return np.array([place, [*_LAMPS, float(adaptation.inside > 0.0)]])
+        return np.array([place, [*_LAMPS, min(adaptation.depth_m, 1e3)]])
 
     def _redraw(self, center_m: Float64Array) -> None:
         self._framebuffer.use()

@@ -3,6 +3,7 @@
 Lane ids: 0 is the center line, ids on its left are positive, those on its right negative; absolute values grow outward.
 """
 
+from bisect import bisect_right
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -102,6 +103,12 @@ class Section:
     marks: Mapping[int, tuple[tuple[float, Line], ...]]
 
 
+def on_stretch(stretches: Sequence[tuple[float, float]], s_m: float) -> bool:
+    """Whether a distance along a road lies on one of its disjoint, ascending stretches (start, end)."""
+    index = bisect_right(stretches, s_m, key=lambda stretch: stretch[0])
+    return index > 0 and s_m < stretches[index - 1][1]
+
+
 def value_at(changes: Sequence[tuple[float, _T]], s_m: float) -> _T | None:
     """The value that applies at a distance, from (start, value) in ascending order; None before the first start."""
     return next((value for start_m, value in reversed(changes) if start_m <= s_m), None)
@@ -149,8 +156,8 @@ class Road:
         speeds: Speed limits as (s, m/s).
         predecessor: Link of its start.
         successor: Link of its end.
-        bridges: Bridges as (start s, end s).
-        tunnels: Tunnels, likewise.
+        bridges: Stretches on bridges as (start s, end s), disjoint and ascending.
+        tunnels: Stretches in tunnels, likewise.
         element: The XML element that it was read from.
     """
 

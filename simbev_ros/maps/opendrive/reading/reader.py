@@ -131,7 +131,7 @@ def _read_shape(element: Element) -> tuple[Shape, ...]:
 
 
 def _read_stretches(element: Element, kind: str, notes: Notes) -> tuple[tuple[float, float], ...]:
-    """Start and end of each bridge or tunnel of a road; those that cannot be read are left out."""
+    """Stretches of a road on bridges, or in tunnels, disjoint and ascending; those that cannot be read are left out."""
     stretches = []
     for item in element.findall(f"objects/{kind}"):
         try:
@@ -139,7 +139,13 @@ def _read_stretches(element: Element, kind: str, notes: Notes) -> tuple[tuple[fl
             stretches.append((start_m, start_m + number(item, "length")))
         except Malformed as problem:
             notes.add(f"a {kind} that cannot be read is left out", item, str(problem))
-    return tuple(stretches)
+    joined: list[tuple[float, float]] = []
+    for start_m, end_m in sorted(stretches):
+        if joined and start_m <= joined[-1][1]:
+            joined[-1] = joined[-1][0], max(joined[-1][1], end_m)
+        elif start_m < end_m:
+            joined.append((start_m, end_m))
+    return tuple(joined)
 
 
 def _read_link(element: Element | None) -> Link:

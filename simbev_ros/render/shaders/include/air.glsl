@@ -27,7 +27,9 @@ vec3 through_air(vec3 radiance, vec3 to_camera, vec3 position) {
     float range = dot(world_from_optical[3].xyz - position, to_camera);
     float depth = fog_depth(world_from_optical[3].z, position.z, range) + range * fog.w;
 #if TUNNELS
-    depth *= 1.0 - tunnel_light.w * tunnel_at(position, to_camera).inside;
+    Tunnel tunnel = tunnel_at(position, to_camera);
+    bool is_same = tunnel.inside * tunnel_light.w > 0.0;
+    depth *= is_same ? 0.0 : clamp(1.0 - (tunnel.inside * tunnel.depth + tunnel_light.w) / max(range, 1.0), 0.0, 1.0);
 #endif
     return mix(air_radiance(-to_camera), radiance, exp2(-depth));
 }

@@ -4,15 +4,17 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from analytic_maps import tunnel
+from analytic_maps import ground_tiles, tunnel
 from render_scene import NOON, car
 from synthetic_world import EGO_ID, actor
-from test_static_ground import build
 
+from simbev_ros.assets.placement.region_ground import RegionGround
 from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.config.optics import Exposure, Optics
 from simbev_ros.geometry.camera import PinholeCamera
 from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
+from simbev_ros.maps.land.terrain import Terrain
+from simbev_ros.maps.region import Region
 from simbev_ros.maps.roads.tunnels import Tunnels
 from simbev_ros.render.frame import CameraView, RenderFrame
 from simbev_ros.render.renderer import Renderer
@@ -31,7 +33,8 @@ FIXED = Optics(exposure=Exposure(f_number=16.0, time_s=0.01, iso=100.0))
 @pytest.fixture(scope="module")
 def renderer() -> Iterator[Renderer]:
     network = tunnel()
-    made = Renderer(StaticScene(build(tunnel).tiles, (), Tunnels.of_layout(network.layout)), [car()])
+    tiles = ground_tiles(RegionGround.from_network(network, Region(0, 0), Terrain(network)))
+    made = Renderer(StaticScene(tiles, (), Tunnels.of_layout(network.layout)), [car()])
     yield made
     made.close()
 

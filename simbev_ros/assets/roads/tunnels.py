@@ -23,9 +23,9 @@ from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.tunnels import CLEARANCE_M, ROOF_M, WALL_M, lamps_along
 from simbev_ros.semantics import Tag
 
-_PANEL = Finish(Material.PLAIN, Tag.WALL, (206, 203, 192))
+_PANEL = Finish(Material.PLASTER, Tag.WALL, (206, 203, 192))
 _WALL = Finish(Material.CONCRETE, Tag.WALL, (124, 121, 115))
-_CEILING = Finish(Material.PLAIN, Tag.WALL, (96, 94, 90))
+_CEILING = Finish(Material.CONCRETE, Tag.WALL, (98, 96, 92))
 _HEADWALL = Finish(Material.CONCRETE, Tag.WALL, (158, 154, 146))
 _LAMP = Finish(Material.TUNNEL_LAMP, Tag.STATIC, (255, 244, 220))
 _HOUSING = Finish(Material.METAL, Tag.STATIC, (70, 72, 74))
@@ -44,7 +44,8 @@ def build_tunnels(tiles: TileBuilder, claims: Claims, ground: RegionGround) -> N
         facets = ground.facets[level]
         if facets is None:
             continue
-        portals = shapely.union(*(joints(ground, level, onto_ground) for onto_ground in (True, False)))
+        onto_ground, onto_structures = (joints(ground, level, onto_ground=choice) for choice in (True, False))
+        portals = shapely.union(onto_ground, onto_structures)
         headwalls = _headwalls(portals)
         _build_tube(tiles, ground, level, facets, portals)
         _build_headwalls(tiles, ground, level, facets, headwalls)
@@ -64,7 +65,7 @@ def _land_below(ground: RegionGround, level: int, above_roof_m: float) -> BaseGe
     facets, tube = ground.land_facets, ground.tubes[level]
     if tube.is_empty:
         return shapely.Polygon()
-    polygons = shapely.polygons(facets.corners_m)
+    polygons = np.asarray(shapely.polygons(facets.corners_m), object)
     shapely.prepare(tube)
     near = np.flatnonzero(shapely.intersects(polygons, tube))
     parts = shapely.intersection(polygons[near], tube)

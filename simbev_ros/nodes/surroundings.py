@@ -1,7 +1,6 @@
 """Loads the static scene around the ego for the nodes that render it, cast rays into it or annotate it."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from typing import Generic, TypeVar
 from weakref import WeakValueDictionary
 
@@ -35,6 +34,9 @@ class Surroundings(Generic[_Built]):
     Args:
         build: Makes, for instance, a renderer from a static scene.
         release: Frees the resources of what was built.
+
+    Attributes:
+        tunnels: The tunnels of the current map.
     """
 
     def __init__(
@@ -42,7 +44,7 @@ class Surroundings(Generic[_Built]):
     ) -> None:
         self._build, self._release = build, release
         self._key: _Key | None = None
-        self._tunnels = Tunnels.none()
+        self.tunnels = Tunnels.none()
         self._built: _Built | None = None
 
     def load(self, spec: SceneSpec, view_m: float = VIEW_M) -> _Built:
@@ -59,7 +61,7 @@ class Surroundings(Generic[_Built]):
             if static is None:
                 static = _loaded[key] = load_static_scene(spec.map, network, reach=key[1])
             self.close()
-            self._built, self._key, self._tunnels = self._build(static), key, static.tunnels
+            self._built, self._key, self.tunnels = self._build(static), key, static.tunnels
         return self.built
 
     @property
@@ -67,12 +69,6 @@ class Surroundings(Generic[_Built]):
         """The object built for the current scene."""
         assert self._built is not None, "no scene has been loaded"
         return self._built
-
-    def with_local_weather(self, state: WorldState) -> WorldState:
-        """The state with the weather at the ego, whose sensors are sheltered in a tunnel."""
-        if not self._tunnels or not self._tunnels.holds(vector(state.ego, "x y z")[None])[0]:
-            return state
-        return replace(state, weather=state.weather.sheltered())
 
     def close(self) -> None:
         """Release what was built; further calls do nothing."""

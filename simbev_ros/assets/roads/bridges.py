@@ -42,13 +42,13 @@ def build_bridges(tiles: TileBuilder, claims: Claims, ground: RegionGround) -> N
         if level == 0 or facets is None or level in ground.network.layout.tunnel_levels:
             continue
         claims.add(ground.decks[level])
-        landings, seams = (joints(ground, level, onto_ground) for onto_ground in (True, False))
+        landings, seams = (_joints(ground, level, onto_ground) for onto_ground in (True, False))
         _build_deck(tiles, ground, level, facets, landings, seams)
         _build_abutments(tiles, ground, level, facets, landings)
         put_pillars(tiles, ground, level)
 
 
-def joints(ground: RegionGround, level: int, onto_ground: bool) -> BaseGeometry:
+def _joints(ground: RegionGround, level: int, onto_ground: bool) -> BaseGeometry:
     """Lines across the road where a structure's lanes continue on the ground, or on a structure of another level."""
     around = shapely.box(*shapely.buffer(ground.region.area, MARGIN_M).bounds)
     own: list[Float64Array] = []

@@ -18,9 +18,8 @@ from simbev_ros.assets.mesh.primitives import Finish, box
 from simbev_ros.assets.placement.claims import Claims
 from simbev_ros.assets.placement.region_ground import LAND_HEIGHT_M, MARGIN_M, RegionGround
 from simbev_ros.assets.placement.tiles import TileBuilder, upright_pose
-from simbev_ros.assets.roads.bridges import joints
 from simbev_ros.maps.roads.lane_kind import LaneKind
-from simbev_ros.maps.roads.tunnels import CLEARANCE_M, ROOF_M, WALL_M, lamps_along
+from simbev_ros.maps.roads.tunnels import CLEARANCE_M, ROOF_M, WALL_M, lamps_along, portals_of
 from simbev_ros.semantics import Tag
 
 _PANEL = Finish(Material.PLASTER, Tag.WALL, (206, 203, 192))
@@ -30,6 +29,7 @@ _HEADWALL = Finish(Material.CONCRETE, Tag.WALL, (158, 154, 146))
 _LAMP = Finish(Material.TUNNEL_LAMP, Tag.STATIC, (255, 244, 220))
 _HOUSING = Finish(Material.METAL, Tag.STATIC, (70, 72, 74))
 
+_GRID_M, _CUT_TOLERANCE_M = 0.001, 0.002
 _FOOT_M = 1.5  # depth of walls below the carriageway
 _PANEL_M = 3.2  # height of the bright lower part of the walls
 _HEADWALL_M, _WING_M, _PARAPET_M = 0.9, 3.0, 0.9
@@ -44,13 +44,19 @@ def build_tunnels(tiles: TileBuilder, claims: Claims, ground: RegionGround) -> N
         facets = ground.facets[level]
         if facets is None:
             continue
-        onto_ground, onto_structures = (joints(ground, level, onto_ground=choice) for choice in (True, False))
-        portals = shapely.union(onto_ground, onto_structures)
+        portals = _portals(ground, level)
         headwalls = _headwalls(portals)
         _build_tube(tiles, ground, level, facets, portals)
         _build_headwalls(tiles, ground, level, facets, headwalls)
         _hang_lamps(tiles, ground, level)
         claims.add(headwalls, *shapely.get_parts(_land_below(ground, level, _COVER_M)))
+
+
+def _portals(ground: RegionGround, level: int) -> BaseGeometry:
+    """Lines across the road where the tunnels of a level end."""
+    around = shapely.box(*shapely.buffer(ground.region.area, MARGIN_M).bounds)
+    strips = ground.network.layout.near(around, 0.0).strips_of(*LaneKind, level=level)
+    return shapely.union_all(shapely.linestrings(portals_of(strips)[:, :, :2]), grid_size=_GRID_M)
 
 
 def bare_roofs(ground: RegionGround) -> BaseGeometry:
@@ -80,11 +86,13 @@ def _build_tube(tiles: TileBuilder, ground: RegionGround, level: int, facets: Fa
     region, road, tube = ground.region.area, ground.streets[level].area, ground.tubes[level]
     across = shapely.buffer(portals, WALL_M + 0.01, cap_style="square")
     walls = shapely.difference(tube, shapely.union(road, across))
-    faces = partial(edge_faces, edges=walls.boundary)
-    panels = partial(faces, finish=_PANEL, bottom_m=-_FOOT_M, top_m=_PANEL_M)
-    above = partial(faces, finish=_WALL, bottom_m=_PANEL_M, top_m=ROOF_M)
+    inside = shapely.intersection(walls.boundary, shapely.buffer(road, _CUT_TOLERANCE_M))
+    panels = partial(edge_faces, finish=_PANEL, edges=inside, bottom_m=-_FOOT_M, top_m=_PANEL_M)
+    above = partial(edge_faces, finish=_WALL, edges=inside, bottom_m=_PANEL_M, top_m=ROOF_M)
+    outside = shapely.difference(walls.boundary, shapely.buffer(road, _CUT_TOLERANCE_M))
+    shell = partial(edge_faces, finish=_HEADWALL, edges=outside, bottom_m=-_FOOT_M, top_m=ROOF_M)
     ceiling = partial(cover_mesh, finish=_CEILING, rise_m=CLEARANCE_M, downward=True)
-    tiles.drape(shapely.intersection(walls, region), facets, panels, above, level=level)
+    tiles.drape(shapely.intersection(walls, region), facets, panels, above, shell, level=level)
     tiles.drape(shapely.intersection(shapely.union(road, walls), region), facets, ceiling, level=level)
 
 

@@ -49,14 +49,18 @@ def assign_levels(layout: Layout, water: Sequence[Water] = ()) -> Layout:
     first, pieces = outside.levels.stop, StripPieces.cut(inside.strips, _PIECE_M)
     level = first + np.array([strip.level for strip in inside.strips], np.int64)[pieces.row]
 
-    def in_tunnel(points_m: Float64Array, otherwise: int) -> int:
-        return _level_at(pieces, level, np.mean(points_m, axis=0), otherwise)
+    def level_of(points_m: Float64Array, outside: int) -> int:
+        """Level of a crosswalk or stop line, which is in a tunnel only if its middle is."""
+        middle_m = np.mean(points_m, axis=0)
+        around = pieces.tree.query(shapely.Point(middle_m[:2]), predicate="intersects")
+        around = around[np.abs(pieces.center_m[around, 2] - middle_m[2]) < CLEARANCE_M]
+        return int(level[around[0]]) if len(around) else outside
 
     return replace(
         outside,
         strips=(*outside.strips, *(_on_level(strip, first + strip.level) for strip in inside.strips)),
-        crosswalks=tuple(replace(each, level=in_tunnel(each.outline_m, each.level)) for each in outside.crosswalks),
-        stop_lines=tuple(replace(each, level=in_tunnel(each.ends_m, each.level)) for each in outside.stop_lines),
+        crosswalks=tuple(replace(each, level=level_of(each.outline_m, each.level)) for each in outside.crosswalks),
+        stop_lines=tuple(replace(each, level=level_of(each.ends_m, each.level)) for each in outside.stop_lines),
     )
 
 
@@ -212,16 +216,11 @@ def _stretch(pieces: StripPieces, start: int, end: int, level: Int64Array, numbe
     )
 
 
-def _level_at(pieces: StripPieces, level: Int64Array, position_m: Float64Array, otherwise: int | None = None) -> int:
-    """Level of the piece nearest to a (3,) position, in plan view and height; 0 away from roads.
-
-    If ``otherwise`` is given, it applies away from roads, and where all roads are above or below the position.
-    """
+def _level_at(pieces: StripPieces, level: Int64Array, position_m: Float64Array) -> int:
+    """Level of the piece nearest to a (3,) position, in plan view and height; 0 away from roads."""
     point = shapely.Point(position_m[:2])
     near = pieces.tree.query(point, predicate="dwithin", distance=_MAX_DISTANCE_M)
-    if otherwise is not None:
-        near = near[np.abs(pieces.center_m[near, 2] - position_m[2]) < CLEARANCE_M]
     if len(near) == 0:
-        return otherwise or 0
+        return 0
     gap_m = shapely.distance(pieces.polygons[near], point) + np.abs(pieces.center_m[near, 2] - position_m[2])
     return int(level[near[np.argmin(gap_m)]])

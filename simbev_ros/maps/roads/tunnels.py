@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout, Strip
 from simbev_ros.maps.roads.polylines import Polylines
+from simbev_ros.maps.roads.surface import strip_polygons
 from simbev_ros.types import AnyArray, BoolArray, Float64Array
 
 CLEARANCE_M = 5.0
@@ -29,7 +30,7 @@ _LAMP_SPACING_M = 9.0
 _SPACING_M = 4.0
 _SIDE_M = 0.3  # between lanes and walls there may be a gap that surfaces close
 _BELOW_M, _ABOVE_M = 1.0, 0.3
-_SAME_END_M = 1.0
+_BEYOND_M = 0.6
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,7 @@ class Tunnels:
         corners_m = np.concatenate([np.empty((0, 4, 3)), *map(_corners_m, strips)])
         if not strips:
             return cls.none()
-        portals_m = _portals_m(strips, [strip for strip in layout.strips if not strip.tunnel])
+        portals_m = portals_of([strip for strip in layout.strips if strip.tunnel])
         return cls(corners_m, portals_m, np.concatenate([lamps_along(strip)[0] for strip in strips]))
 
     def __bool__(self) -> bool:
@@ -114,13 +115,19 @@ def _corners_m(strip: Strip) -> Float64Array:
     return np.stack([right_m[:-1], right_m[1:], left_m[1:], left_m[:-1]], axis=1)
 
 
-def _portals_m(inside: Sequence[Strip], outside: Sequence[Strip]) -> Float64Array:
-    """(P, 2, 3) ends of tunnel strips at which a strip outside begins or ends."""
-    own_m, other_m = (
-        np.array([[strip.left_m[k], strip.right_m[k]] for strip in strips for k in (0, -1)]).reshape(-1, 2, 3)
-        for strips in (inside, outside)
-    )
-    if len(own_m) == 0 or len(other_m) == 0:
+def portals_of(strips: Sequence[Strip]) -> Float64Array:
+    """(P, 2, 3) borders of lanes where these strips in tunnels end and no other one of them continues, map frame."""
+    drawn = [strip for strip in strips if strip.outline_m is None]
+    if not drawn:
         return np.empty((0, 2, 3))
-    gap_m = cKDTree(other_m.mean(axis=1)).query(own_m.mean(axis=1))[0]
-    return own_m[gap_m < _SAME_END_M]
+    ends_m = np.array([[strip.left_m[k], strip.right_m[k]] for strip in drawn for k in (0, -1)])
+    middle_m = ends_m.mean(axis=1)[:, :2]
+    before_m = np.array([strip.center_m[k] for strip in drawn for k in (1, -2)])[:, :2]
+    outward = middle_m - before_m
+    outward /= np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-6)
+    beyond = np.asarray(shapely.points(middle_m + _BEYOND_M * outward), object)
+    end, strip = shapely.STRtree(strip_polygons(strips)).query(beyond, predicate="intersects")
+    low_m, high_m = (np.array([extreme(each.center_m[:, 2]) for each in strips]) for extreme in (np.min, np.max))
+    height_m = ends_m.mean(axis=1)[end, 2]
+    is_near = (height_m > low_m[strip] - CLEARANCE_M / 2.0) & (height_m < high_m[strip] + CLEARANCE_M / 2.0)
+    return np.asarray(np.delete(ends_m, end[is_near], axis=0))

@@ -1,6 +1,7 @@
 """Vertical rays onto roads with banked, crowned, level and raised lanes hit the heights that the file states."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from math import cos, sin, tan
 
 import numpy as np
@@ -112,3 +113,14 @@ def test_wheels_and_feet_stand_at_the_stated_heights(built: tuple) -> None:  # t
     height_m = ground.heights_m(approximate_m) + ground.raised_m(approximate_m)
     near_crown = (np.abs(points_m[:, 1] - 40.0) < 1.75) & (profile == "crowned")
     assert np.abs(height_m - points_m[:, 2])[~near_crown].max() < 0.02
+
+
+def test_a_flat_map_with_raised_lanes_is_not_level(built: tuple) -> None:  # type: ignore[type-arg]
+    _, network, _ = built
+    flat = tuple(
+        replace(strip, left_m=strip.left_m * [1.0, 1.0, 0.0], right_m=strip.right_m * [1.0, 1.0, 0.0])
+        for strip in network.layout.strips
+    )
+    plain = tuple(replace(strip, raised_m=None) for strip in flat)
+    assert not GroundSurface(replace(network.layout, strips=flat)).is_level
+    assert GroundSurface(replace(network.layout, strips=plain)).is_level

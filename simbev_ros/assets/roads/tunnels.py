@@ -24,7 +24,7 @@ from simbev_ros.semantics import Tag
 
 _PANEL = Finish(Material.PLASTER, Tag.WALL, (206, 203, 192))
 _WALL = Finish(Material.CONCRETE, Tag.WALL, (124, 121, 115))
-_CEILING = Finish(Material.CONCRETE, Tag.WALL, (98, 96, 92))
+_CEILING = Finish(Material.CONCRETE, Tag.WALL, (126, 124, 119))
 _HEADWALL = Finish(Material.CONCRETE, Tag.WALL, (158, 154, 146))
 _LAMP = Finish(Material.TUNNEL_LAMP, Tag.STATIC, (255, 244, 220))
 _HOUSING = Finish(Material.METAL, Tag.STATIC, (70, 72, 74))

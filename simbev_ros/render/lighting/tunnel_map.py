@@ -21,7 +21,7 @@ _BESIDE_M = 0.4  # pieces are widened by this, so that they reach below the wall
 _LAMP_REACH_M = 8.0
 _LAMPS = 0.2 * np.array([1.0, 0.92, 0.80])
 """Irradiance / pi below a lamp."""
-_ADAPTED = 0.75
+_ADAPTED = 0.95
 """Brightness of white paper below a lamp in the image of an adapted camera."""
 _ADAPTED_AT_M = 30.0
 

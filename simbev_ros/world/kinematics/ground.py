@@ -38,9 +38,11 @@ class GroundSurface:
 
     @cached_property
     def is_level(self) -> bool:
-        """Whether all roads lie at height 0."""
+        """Whether all roads lie at height 0, and no lane is raised by the map."""
         strips = self._layout.strips
-        return not any(side_m[:, 2].any() for strip in strips for side_m in (strip.left_m, strip.right_m))
+        return not any(self._raised_lanes) and not any(
+            side_m[:, 2].any() for strip in strips for side_m in (strip.left_m, strip.right_m)
+        )
 
     def levels(self, point_m: Float64Array) -> Int64Array:
         """(N,) levels of (N, 3) points, map frame."""

@@ -10,7 +10,14 @@ import numpy as np
 from simbev_ros.maps.opendrive.lane_shapes import LaneShape
 from simbev_ros.maps.opendrive.links import LaneLinks
 from simbev_ros.maps.opendrive.reading.attributes import Notes
-from simbev_ros.maps.opendrive.reading.document import Document, LaneKey, LaneRecord, on_stretch, value_at
+from simbev_ros.maps.opendrive.reading.document import (
+    Document,
+    LaneKey,
+    LaneRecord,
+    on_stretch,
+    stretches_near,
+    value_at,
+)
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Line, Paint, Strip
 
@@ -118,13 +125,19 @@ def _stretches(shape: LaneShape) -> Iterator[tuple[int, int, _Traits]]:
 
 def _changes_m(shape: LaneShape) -> list[float]:
     """Distances along the road at which traits may change."""
-    marks, lane, road = shape.section.marks, shape.lane, shape.road
+    section, lane, road = shape.section, shape.lane, shape.road
+    marks = section.marks
+    stretches = [
+        stretch
+        for kind in (road.bridges, road.tunnels)
+        for stretch in stretches_near(kind, section.start_m, section.end_m)
+    ]
     local = (marks.get(_inner_lane_id(lane), ()), marks.get(lane.id, ()), lane.speeds)
-    in_section = [shape.section.start_m + ds_m for changes in local for ds_m, _ in changes]
+    in_section = [section.start_m + ds_m for changes in local for ds_m, _ in changes]
     return [
         *in_section,
         *(s_m for s_m, _ in road.speeds),
-        *(s_m for stretch in (*road.bridges, *road.tunnels) for s_m in stretch),
+        *(s_m for stretch in stretches for s_m in stretch),
     ]
 
 

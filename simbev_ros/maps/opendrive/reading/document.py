@@ -109,6 +109,15 @@ def on_stretch(stretches: Sequence[tuple[float, float]], s_m: float) -> bool:
     return index > 0 and s_m < stretches[index - 1][1]
 
 
+def stretches_near(
+    stretches: Sequence[tuple[float, float]], start_m: float, end_m: float
+) -> Sequence[tuple[float, float]]:
+    """The disjoint, ascending stretches (start, end) of a road that reach into a part of it, and at most one before."""
+    first = bisect_right(stretches, start_m, key=lambda stretch: stretch[0])
+    last = bisect_right(stretches, end_m, key=lambda stretch: stretch[0])
+    return stretches[max(first - 1, 0) : last]
+
+
 def value_at(changes: Sequence[tuple[float, _T]], s_m: float) -> _T | None:
     """The value that applies at a distance, from (start, value) in ascending order; None before the first start."""
     return next((value for start_m, value in reversed(changes) if start_m <= s_m), None)

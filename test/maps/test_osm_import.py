@@ -237,9 +237,10 @@ def test_underpasses_and_long_tunnels_dip_below_the_roads_that_they_cross(tmp_pa
     writer.way([(-200, -250), (-200, 250)], {**road, "tunnel": "yes", "layer": "-2"})
     writer.way([(-200, 250), (0, 300)], road)
     parts = import_text(tmp_path, writer.text())
-    for place in ((0, 0), (-200, 0)):
+    for place, depth_m in (((0, 0), 6.2), ((-200, 0), 9.0)):
         low, high = heights_at(parts, place)[0]
-        assert (low, high) == (pytest.approx(-6.2, abs=0.2), 0.0)
+        assert (low, high) == (pytest.approx(-depth_m, abs=0.2), 0.0)
+    assert heights_at(parts, (-200, -160), (0, -250)) == [[pytest.approx(-4.5, abs=0.2)], [0.0]], "half way down"
     layout = assign_levels(layout_of(read_sumo_net(parts.net)))
     inside = shapely.union_all([shapely.LineString(strip.center_m) for strip in layout.strips if strip.tunnel])
     places = in_map(parts, (0, 0), (0, 100), (-200, -200), (-200, 0), (-200, 200))
@@ -256,3 +257,16 @@ def test_streams_pass_below_roads_without_bridges_and_steps_are_left_out(tmp_pat
     bank, road = (shapely.Point(point) for point in in_map(parts, (100, 40), (100, 0)))
     assert wet.contains(bank) and wet.distance(road) > 5.0
     assert heights_at(parts, (150, 60)) == [[]]
+
+
+def test_a_river_flows_above_a_tunnel(tmp_path: Path) -> None:
+    writer, road = Writer(), {"highway": "primary"}
+    writer.way([(0, -400), (0, -250)], road)
+    writer.way([(0, -250), (0, 250)], {**road, "tunnel": "yes"})
+    writer.way([(0, 250), (0, 400), (300, 400), (300, -400), (0, -400)], {**road, "bridge": "yes", "layer": "1"})
+    writer.way([(-80, -30), (80, -30), (80, 30), (-80, 30), (-80, -30)], {"natural": "water"})
+    parts = import_text(tmp_path, writer.text())
+    ((depth_m,),) = heights_at(parts, (0, 0))
+    (water,) = parts.features.water
+    assert water.area.area == pytest.approx(160.0 * 60.0, rel=0.02), "without a causeway"
+    assert depth_m + 5.6 < water.surface_m, "the roof is below the surface"

@@ -92,6 +92,9 @@ def _build_tube(tiles: TileBuilder, ground: RegionGround, level: int, facets: Fa
     outside = shapely.difference(walls.boundary, shapely.buffer(road, _CUT_TOLERANCE_M))
     shell = partial(edge_faces, finish=_HEADWALL, edges=outside, bottom_m=-_FOOT_M, top_m=ROOF_M)
     ceiling = partial(cover_mesh, finish=_CEILING, rise_m=CLEARANCE_M, downward=True)
+    roof = partial(cover_mesh, finish=_HEADWALL, rise_m=ROOF_M)
+    below_water = shapely.intersection(tube, shapely.union_all([water.area for water in ground.water]))
+    tiles.drape(shapely.intersection(below_water, region), facets, roof, level=level)
     tiles.drape(shapely.intersection(walls, region), facets, panels, above, shell, level=level)
     tiles.drape(shapely.intersection(shapely.union(road, walls), region), facets, ceiling, level=level)
 

@@ -1,7 +1,8 @@
 """Computes road heights for an OpenStreetMap file, which defines only the order of layers at crossings.
 
 All land is level. Where two roads of different layers cross, the upper one is raised, or, if it is itself on or below
-the ground, the lower one is lowered; along every connected road the height returns smoothly to 0.
+the ground, the lower one is lowered; along every connected road the height returns smoothly to 0. Long tunnels descend
+from their portals, so that they pass below rivers and need no hill.
 """
 
 from collections import defaultdict
@@ -11,7 +12,8 @@ from dataclasses import replace
 import numpy as np
 import shapely
 from scipy.sparse import coo_matrix, csr_matrix
-from scipy.sparse.csgraph import dijkstra
+from scipy.sparse.csgraph import connected_components, dijkstra
+from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.maps.osm.roads import OsmRoad, crossings_of, line_of
 from simbev_ros.types import Float64Array
@@ -24,6 +26,7 @@ _FAST_KMH = 70
 _MIN_RAMP_M = 25.0
 _SPACING_M = 8.0
 _PASSES = 4
+_TUNNEL_DEPTH_M, _TUNNEL_RAMP_M = 9.0, 180.0  # depth of long tunnels, reached at this distance from their portals
 
 
 def add_heights(
@@ -40,10 +43,10 @@ def add_heights(
         without enough clearance.
     """
     crossings = crossings_of(roads, xy_m)
-    if not crossings:
+    if not crossings and not any(road.way.tunnel for road in roads):
         return tuple(roads), np.column_stack([xy_m, np.zeros(len(xy_m))]), ()
     roads, xy_m, pairs = _subdivide(roads, xy_m, crossings)
-    z_m = np.zeros(len(xy_m))
+    z_m = -_tunnel_depths_m(roads, xy_m)
     graph = _graph(roads, xy_m)
     order = sorted(range(len(crossings)), key=lambda k: roads[crossings[k][0]].way.layer)
     for _ in range(_PASSES):
@@ -53,6 +56,29 @@ def add_heights(
     tight = [k for k in order if z_m[pairs[k][0]] - z_m[pairs[k][1]] < _CLEARANCE_M - 0.7]
     notes = (f"crossings at two levels with too little clearance: {len(tight)}",) if tight else ()
     return tuple(roads), np.column_stack([xy_m, z_m]), notes
+
+
+def _tunnel_depths_m(roads: Sequence[OsmRoad], xy_m: Float64Array) -> Float64Array:
+    """(N,) depths of (N, 2) nodes below the ground: 0 outside of tunnels and at portals."""
+    tunnels = [road for road in roads if road.way.tunnel]
+    depth_m = np.zeros(len(xy_m))
+    if not tunnels:
+        return depth_m
+    inside = np.unique(np.concatenate([road.nodes for road in tunnels]))
+    outside = np.concatenate([np.empty(0, np.int64), *(road.nodes for road in roads if not road.way.tunnel)])
+    portals = np.intersect1d(inside, outside)
+    graph = _graph(tunnels, xy_m)
+    if len(portals) == 0:
+        return depth_m
+    from_portal_m = dijkstra(graph, directed=False, indices=portals, min_only=True)[inside]
+    tube = connected_components(graph, directed=False)[1][inside]
+    longest_m = np.zeros(tube.max() + 1)
+    is_reached = np.isfinite(from_portal_m)
+    np.maximum.at(longest_m, tube[is_reached], from_portal_m[is_reached])
+    ramp_m = np.clip(longest_m[tube], 1.0, _TUNNEL_RAMP_M)
+    share = np.where(is_reached, np.clip(np.where(is_reached, from_portal_m, 0.0) / ramp_m, 0.0, 1.0), 0.0)
+    depth_m[inside] = _TUNNEL_DEPTH_M * ramp_m / _TUNNEL_RAMP_M * 0.5 * (1.0 - np.cos(np.pi * share))
+    return depth_m
 
 
 def _apply_clearance(
@@ -91,8 +117,10 @@ def _flatten_junctions(graph: csr_matrix, z_m: Float64Array) -> None:
 def _subdivide(
     roads: Sequence[OsmRoad], xy_m: Float64Array, crossings: Sequence[tuple[int, int, shapely.Point]]
 ) -> tuple[list[OsmRoad], Float64Array, list[tuple[int, int]]]:
-    """Insert nodes at crossings and, near them, at short distances; also return each crossing's node pair."""
-    near = shapely.buffer(shapely.MultiPoint([point for _, _, point in crossings]), _FLAT_M + _FAST_RAMP_M)
+    """Insert nodes at crossings and, near them and in tunnels, at short distances; also return pairs of crossings."""
+    points = shapely.MultiPoint([point for _, _, point in crossings])
+    near: BaseGeometry = shapely.buffer(points, _FLAT_M + _FAST_RAMP_M)
+    near = shapely.union_all([near, *(line_of(road, xy_m) for road in roads if road.way.tunnel)])
     marks: dict[int, list[tuple[float, int, int]]] = defaultdict(list)
     for k, (upper, lower, point) in enumerate(crossings):
         for side, index in enumerate((upper, lower)):

@@ -56,6 +56,7 @@ class Material(IntEnum):
     CONCRETE_FACADE = 40
     METAL_FACADE = 41
     CROP = 42  # a field: rows run along u
+    TUNNEL_LAMP = 43  # always lit
 
 
 @dataclass(frozen=True, slots=True)

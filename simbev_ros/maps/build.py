@@ -16,8 +16,9 @@ from simbev_ros.cache.fingerprint import fingerprint
 from simbev_ros.cache.folders import ensure_folder
 from simbev_ros.geometry.geodesy import MapDatum
 from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.roads.tunnels import Tunnels
 from simbev_ros.maps.spec import MapSpec
-from simbev_ros.maps.store import read_datum, read_network, read_source
+from simbev_ros.maps.store import read_datum, read_network, read_source, read_tunnels
 
 _ATTEMPTS = 3
 _T = TypeVar("_T")
@@ -40,6 +41,11 @@ def load_network(spec: MapSpec, cache_dir: Path | None = None) -> RoadNetwork:
 def load_datum(spec: MapSpec, cache_dir: Path | None = None) -> MapDatum:
     """Load only the geodetic datum of a map, without its network. Arguments and errors as for ``load_network``."""
     return _read(spec, cache_dir, read_datum)
+
+
+def load_tunnels(spec: MapSpec, cache_dir: Path | None = None) -> Tunnels:
+    """Load only the tunnels of a map, without its network. Arguments and errors as for ``load_network``."""
+    return _read(spec, cache_dir, read_tunnels)
 
 
 def load_source(spec: MapSpec) -> bytes:

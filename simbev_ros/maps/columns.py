@@ -12,6 +12,9 @@ from pydantic import BaseModel
 
 from simbev_ros.types import AnyArray, Float64Array
 
+SPARSE = {"sparse": True}
+"""Metadata of a field whose default is None, True or False, and which few maps use."""
+
 _T = TypeVar("_T")
 _Columns = dict[str, AnyArray]
 _NONE = -1  # number of rows of an array that is None
@@ -20,13 +23,17 @@ _NONE = -1  # number of rows of an array that is None
 def to_columns(kind: type[_T], items: Sequence[_T]) -> _Columns:
     """Convert instances of a dataclass to columns, keyed by field name.
 
-    Fields may be numbers, booleans, strings without line breaks, enums, tuples and sets of strings without tabs,
-    float64 arrays (of any length, or None; their other axes the same for all instances), polygons, pydantic models, and
-    dataclasses of these.
+    A field with metadata ``SPARSE`` whose values all equal its default is not stored. Fields may be numbers, booleans,
+    strings without line breaks, enums, tuples and sets of strings without tabs, float64 arrays (of any length, or None;
+    their other axes the same for all instances), polygons, pydantic models, and dataclasses of these.
     """
     columns: _Columns = {"count": np.array(len(items))}
+    sparse = _sparse_defaults(kind)
     for name, codec in _codecs(kind).items():
-        written = codec.write([getattr(item, name) for item in items])
+        values = [getattr(item, name) for item in items]
+        if name in sparse and all(value is sparse[name] for value in values):
+            continue
+        written = codec.write(values)
         columns.update({f"{name}.{part}": column for part, column in written.items()})
     return columns
 
@@ -37,7 +44,11 @@ def from_columns(kind: type[_T], columns: Mapping[str, AnyArray]) -> list[_T]:
     Raises:
         KeyError, ValueError: The columns are not those of this dataclass.
     """
-    values = [codec.read(part_of(columns, name)) for name, codec in _codecs(kind).items()]
+    sparse, count = _sparse_defaults(kind), int(columns["count"])
+    values = [
+        codec.read(part) if (part := part_of(columns, name)) or name not in sparse else [sparse[name]] * count
+        for name, codec in _codecs(kind).items()
+    ]
     if any(len(column) != columns["count"] for column in values):
         raise ValueError(f"columns of {kind.__name__} differ in length")
     return list(map(kind, *values))
@@ -60,6 +71,11 @@ def _codecs(kind: Any) -> dict[str, _Codec]:
     """Codecs by field name."""
     hints = get_type_hints(kind)
     return {field.name: _codec(hints[field.name]) for field in fields(kind)}
+
+
+def _sparse_defaults(kind: Any) -> dict[str, Any]:
+    """Defaults of the fields that are stored only if a value differs."""
+    return {field.name: field.default for field in fields(kind) if SPARSE.items() <= field.metadata.items()}
 
 
 @cache

@@ -15,6 +15,7 @@ from simbev_ros.maps.columns import from_columns, part_of, to_columns
 from simbev_ros.maps.land_features import Footprint, MapFeatures, Water, Zone
 from simbev_ros.maps.network import Junction, Lane, RoadNetwork, Signal
 from simbev_ros.maps.roads.layout import Crosswalk, Layout, Sign, SignalPlace, StopLine, Strip
+from simbev_ros.maps.roads.tunnels import Tunnels
 from simbev_ros.maps.surroundings import ReliefRecipe, SurroundingsRecipe
 from simbev_ros.types import AnyArray
 
@@ -69,6 +70,16 @@ def read_datum(folder: Path) -> MapDatum:
     """Read only the geodetic datum of a stored map; raises as ``read_network``."""
     with _damage_as_value_error(folder), _arrays(folder) as arrays:
         return MapDatum(**_header(arrays)["datum"])
+
+
+def read_tunnels(folder: Path) -> Tunnels:
+    """Read only the tunnels of a stored map; raises as ``read_network``. Quick for a map that has none."""
+    with _damage_as_value_error(folder), _arrays(folder) as arrays:
+        if not any(name.startswith("strips.tunnel.") for name in arrays.files):
+            return Tunnels.none()
+        columns = {name: arrays[name] for name in arrays.files if name.startswith("strips.")}
+        strips = tuple(from_columns(Strip, part_of(columns, "strips")))
+        return Tunnels.of_layout(Layout(strips, (), (), ()))
 
 
 def read_source(folder: Path) -> bytes:

@@ -3,7 +3,7 @@
 from typing import NamedTuple
 
 from simbev_ros.config.positioning import Gnss
-from simbev_ros.maps.build import load_datum
+from simbev_ros.maps.build import load_datum, load_tunnels
 from simbev_ros.msgs.motion import fix_message
 from simbev_ros.msgs.sensor_topics import gnss_topic
 from simbev_ros.msgs.topic import Topic
@@ -27,13 +27,13 @@ class GnssNode(Participant):
         self._mounted: list[_Mounted] = []
 
     def start_scene(self, spec: SceneSpec) -> list[str]:
-        """Load the map's geodetic datum and advertise the receivers' topics."""
-        datum = load_datum(spec.map)
+        """Load the map's geodetic datum and tunnels, and advertise the receivers' topics."""
+        datum, tunnels = load_datum(spec.map), load_tunnels(spec.map)
         self._mounted = []
         for gnss in spec.rig.of_type(Gnss):
             topic = gnss_topic(spec, gnss)
             self.advertise(topic)
-            model = GnssModel(gnss, datum, spec.seed, spec.tick_ns, topic.period_ticks)
+            model = GnssModel(gnss, datum, spec.seed, spec.tick_ns, topic.period_ticks, tunnels)
             self._mounted.append(_Mounted(f"{spec.rig.agent}/{gnss.name}", model, topic))
         return [mounted.topic.name for mounted in self._mounted]
 

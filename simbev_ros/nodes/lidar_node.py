@@ -21,6 +21,7 @@ from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.sensors.lidar import LidarModel, LidarScanInProgress
 from simbev_ros.sensors.mount import vector
+from simbev_ros.sensors.shelter import with_local_weather
 from simbev_ros.threads import usable_cores
 from simbev_ros.units import NS_PER_S
 
@@ -91,6 +92,7 @@ class LidarNode(Participant):
     def process(self, spec: SceneSpec, state: WorldState) -> None:
         """Start to cast the clouds that are due; clouds of the lead-in only warm up the ray caster."""
         self._wait_for_threads()
+        state = with_local_weather(state, self._surroundings.tunnels)
         self._scanning = []
         due = [mounted for mounted in self._mounted if state.tick % mounted.period_ticks == 0]
         for settings, alike in groupby(

@@ -15,6 +15,7 @@ from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.sensors.mount import vector
 from simbev_ros.sensors.radar import RadarModel, scan_radars
+from simbev_ros.sensors.shelter import with_local_weather
 from simbev_ros.units import NS_PER_S
 
 
@@ -59,6 +60,7 @@ class RadarNode(Participant):
     def process(self, spec: SceneSpec, state: WorldState) -> None:
         """Cast and publish the scans that are due; rays pass through the ego and its rider."""
         due = [mounted for mounted in self._mounted if mounted.is_due(state.tick)]
+        state = with_local_weather(state, self._surroundings.tunnels)
         if due:
             rays = self._surroundings.built
             with self.meter.part("place"):

@@ -8,6 +8,7 @@ from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.assets.regions.static_cache import load_static_scene
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.region import Reach
+from simbev_ros.maps.roads.tunnels import Tunnels
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.scene.reach import VIEW_M, loaded_reach
 from simbev_ros.scene.spec import SceneSpec
@@ -33,6 +34,9 @@ class Surroundings(Generic[_Built]):
     Args:
         build: Makes, for instance, a renderer from a static scene.
         release: Frees the resources of what was built.
+
+    Attributes:
+        tunnels: The tunnels of the current map.
     """
 
     def __init__(
@@ -40,6 +44,7 @@ class Surroundings(Generic[_Built]):
     ) -> None:
         self._build, self._release = build, release
         self._key: _Key | None = None
+        self.tunnels = Tunnels.none()
         self._built: _Built | None = None
 
     def load(self, spec: SceneSpec, view_m: float = VIEW_M) -> _Built:
@@ -56,7 +61,7 @@ class Surroundings(Generic[_Built]):
             if static is None:
                 static = _loaded[key] = load_static_scene(spec.map, network, reach=key[1])
             self.close()
-            self._built, self._key = self._build(static), key
+            self._built, self._key, self.tunnels = self._build(static), key, static.tunnels
         return self.built
 
     @property

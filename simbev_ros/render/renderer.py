@@ -36,6 +36,7 @@ from simbev_ros.render.lighting.lamps import VehicleLamps
 from simbev_ros.render.lighting.light import SkyLight
 from simbev_ros.render.lighting.shadows import ShadowMap
 from simbev_ros.render.lighting.sky_dome import SkyDome
+from simbev_ros.render.lighting.tunnel_map import TunnelAdaptation, TunnelMap
 from simbev_ros.render.shading.noise import noise_texture
 from simbev_ros.render.shading.shading import Shading
 from simbev_ros.render.view import VIEW_BLOCK_BYTES, View
@@ -80,7 +81,8 @@ class Renderer:
         self._targets: dict[tuple[int, int, bool], Targets] = {}
         size_bytes = sum(tile.mesh.vertices.nbytes * 3 + tile.mesh.triangles.nbytes for tile in static.tiles)
         with self._context, check_memory(self._context, "the meshes of the scene", size_bytes):
-            library = ProgramLibrary(self._context, quality, use_compute=self._on_gpu)
+            has_tunnels = bool(static.tunnels)
+            library = ProgramLibrary(self._context, quality, use_compute=self._on_gpu, tunnels=has_tunnels)
             self._steps = quality_steps(quality)
             self._static, self._actors = self._upload(static, library)
             self._background = library.raster_pass("background.frag")
@@ -92,6 +94,7 @@ class Renderer:
             self._sky_dome = SkyDome(self._context, library)
             self._lamp_field = LampField(self._context, library, static, VehicleLamps(models))
             self._contact_map = ContactMap(self._context, library)
+            self._tunnel_map = TunnelMap(self._context, library, static.tunnels)
             self._noise = noise_texture(self._context)
             self._rigid = RigidTextures(self._context)
             self._view_block = self._context.buffer(reserve=VIEW_BLOCK_BYTES)
@@ -116,10 +119,13 @@ class Renderer:
             flow = any("flow" in camera.modalities for camera in cameras)
             table = RigidTable.from_world(self._skeletons, frame.world, frame.previous if flow else None, origin_m)
             self._rigid.upload(table)
-            views = [View.from_camera(camera, frame.world, frame.previous, origin_m) for camera in cameras]
+            adaptation = self._tunnel_map.adaptation(origin_m, SkyLight.from_weather(frame.world.weather))
+            views = [
+                View.from_camera(camera, frame.world, frame.previous, origin_m, adaptation.factor) for camera in cameras
+            ]
             colored = [view for camera, view in zip(cameras, views, strict=True) if "rgb" in camera.modalities]
             if colored:
-                self._prepare_light(frame, table, origin_m, colored)
+                self._prepare_light(frame, table, origin_m, colored, adaptation)
             images = [
                 self._render_view(camera, view, frame, table, origin_m)
                 for camera, view in zip(cameras, views, strict=True)
@@ -148,7 +154,12 @@ class Renderer:
         )
 
     def _prepare_light(
-        self, frame: RenderFrame, table: RigidTable, origin_m: Float64Array, views: Sequence[View]
+        self,
+        frame: RenderFrame,
+        table: RigidTable,
+        origin_m: Float64Array,
+        views: Sequence[View],
+        adaptation: TunnelAdaptation,
     ) -> None:
         """Prepare what all views of a frame share: sun, shadow maps, lamps and signals."""
         world = frame.world
@@ -164,10 +175,12 @@ class Renderer:
             wet = world.weather.wetness > 0.0
             self._shading.glare.set_lamps(lamps[~np.isin(lamps["row"], hidden)], wet)
         block_head = sky.block_head(world.weather, world.stamp_ns, origin_m, HALF_M)
-        self._shading.set_light(sky.lamps_lit, block_head, *shadows, LampField.texture_from_world())
+        block_head[0, 3] *= adaptation.factor
+        matrices = [*shadows, LampField.texture_from_world()]
+        self._shading.set_light(sky.lamps_lit, block_head, matrices, self._tunnel_map.draw(origin_m, adaptation))
         self._sky_dome.draw(sky, block_head)
         self._shading.set_signals(world.signals)
-        self._shading.rain.set_world(world, origin_m)
+        self._shading.rain.set_world(world, origin_m, adaptation.inside)
         self._shading.wetness.set_weather(world.weather)
 
     def _render_view(

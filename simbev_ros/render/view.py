@@ -40,14 +40,22 @@ class View:
 
     @classmethod
     def from_camera(
-        cls, view: CameraView, world: WorldState, previous: WorldState | None, origin_m: Float64Array
+        cls,
+        view: CameraView,
+        world: WorldState,
+        previous: WorldState | None,
+        origin_m: Float64Array,
+        adaptation: float = 1.0,
     ) -> "View":
-        """View of a camera of the ego, in the world whose origin is (3,) ``origin_m`` in the map frame."""
+        """View of a camera of the ego, in the world whose origin is (3,) ``origin_m`` in the map frame.
+
+        ``adaptation`` is the factor by which automatic exposure differs from that of the weather.
+        """
         ego_from_optical = view.ego_from_sensor @ SENSOR_FROM_OPTICAL
         previous_pose = None if previous is None else inverse(_world_from_ego(previous, origin_m) @ ego_from_optical)
         pose = _world_from_ego(world, origin_m) @ ego_from_optical
         camera = ideal_camera(view.camera)
-        gain = exposure_gain(view.optics.exposure, world.weather)
+        gain = exposure_gain(view.optics.exposure, world.weather, adaptation)
         return cls(camera, pose, _clip_from_optical(camera) @ inverse(pose), previous_pose, gain)
 
     @property

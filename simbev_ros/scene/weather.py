@@ -20,6 +20,11 @@ class Weather(BaseModel):
     fog_distance_m: float = Field(ge=0, description="where fog starts")
     fog_falloff: float = Field(ge=0, description="0: uniform with height; 1: about like air; > 5: fog hugs the ground")
 
+    def sheltered(self) -> "Weather":
+        """The weather without rain, fog and wet ground, as it is in a tunnel."""
+        clear = dict.fromkeys(("precipitation", "precipitation_deposits", "wetness", "fog_density"), 0.0)
+        return self.model_copy(update=clear)
+
     def interpolate(self, other: "Weather", fraction: float) -> "Weather":
         """Weather at a fraction, 0 to 1, of a linear transition; the sun's azimuth takes the shorter way around."""
         start, end = (np.array(list(each.model_dump().values())) for each in (self, other))

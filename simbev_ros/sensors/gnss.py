@@ -1,4 +1,7 @@
-"""GNSS receiver model: turns the world state at a tick into a WGS84 position with errors and drop-outs. No ROS."""
+"""GNSS receiver model: turns the world state at a tick into a WGS84 position with errors and drop-outs. No ROS.
+
+In a tunnel there is no fix, from the portal on.
+"""
 
 import math
 from dataclasses import dataclass
@@ -7,6 +10,7 @@ import numpy as np
 
 from simbev_ros.config.positioning import Gnss
 from simbev_ros.geometry.geodesy import MapDatum
+from simbev_ros.maps.roads.tunnels import Tunnels
 from simbev_ros.random import stream
 from simbev_ros.scene.state import WorldState
 from simbev_ros.sensors.mount import map_from_sensor
@@ -37,13 +41,21 @@ class GnssFix:
 
 
 NO_FIX = GnssFix(math.nan, math.nan, math.nan, None)
-"""Result of a measurement during a drop-out."""
+"""Result of a measurement during a drop-out, or in a tunnel."""
 
 
 class GnssModel:
     """A GNSS receiver that measures throughout one scene."""
 
-    def __init__(self, gnss: Gnss, datum: MapDatum, seed: int, tick_ns: int, period_ticks: int = 1) -> None:
+    def __init__(
+        self,
+        gnss: Gnss,
+        datum: MapDatum,
+        seed: int,
+        tick_ns: int,
+        period_ticks: int = 1,
+        tunnels: Tunnels | None = None,
+    ) -> None:
         """Create the receiver at tick 0.
 
         Args:
@@ -52,7 +64,9 @@ class GnssModel:
             seed: Seed of the scene.
             tick_ns: Length of a tick.
             period_ticks: Number of ticks between measurements.
+            tunnels: Tunnels of the map, in which there is no reception.
         """
+        self._tunnels = tunnels or Tunnels.none()
         self._gnss, self._datum, self._seed, self._period_ticks = gnss, datum, seed, period_ticks
         step_s = tick_ns / NS_PER_S * period_ticks
         horizontal_m, vertical_m = gnss.bias_walk_horizontal_sigma_m, gnss.bias_walk_vertical_sigma_m
@@ -74,6 +88,8 @@ class GnssModel:
             return NO_FIX
         gnss = self._gnss
         antenna_m = map_from_sensor(gnss.pose, state)[:3, 3]
+        if self._tunnels.holds(antenna_m[None])[0]:
+            return NO_FIX
         latitude_deg, longitude_deg, altitude_m = self._datum.geodetic_from_map(antenna_m)
         east_m, north_m = meters_per_degree(latitude_deg, altitude_m)
         noise = stream(self._seed, f"gnss.{gnss.name}", state.tick).standard_normal(3)  # north, east, up

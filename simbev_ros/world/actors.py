@@ -10,6 +10,7 @@ import shapely
 
 from simbev_ros.errors import SimulationError
 from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.roads.tunnels import Tunnels
 from simbev_ros.scene.spec import PedestrianSpec, SceneSpec, VehicleSpec
 from simbev_ros.scene.state import Event
 from simbev_ros.types import Int64Array, Table
@@ -92,7 +93,7 @@ class Actors:
         self._doors = Doors(spec, population.vehicles, population.sumo, sample.front_m, self.delay_ticks)
         self._signals = deque([sample.signals] * length, maxlen=length)
         self._jaywalking = deque([self._excursions.jaywalking.copy()] * length, maxlen=length)
-        self._table = ActorTable(spec, cast, vehicles)
+        self._table = ActorTable(spec, cast, vehicles, Tunnels.of_layout(network.layout))
 
     @property
     def ground(self) -> GroundSurface:

@@ -26,6 +26,7 @@ def vehicle_lights(
     blinker_bright: BoolArray,
     beacon_bright: BoolArray,
     weather: Weather,
+    in_tunnel: BoolArray,
 ) -> UInt16Array:
     """(V,) uint16 ``Light`` bits.
 
@@ -36,13 +37,15 @@ def vehicle_lights(
         blinker_bright: (V,) whether an active blinker is in its bright half.
         beacon_bright: (V,) whether the blue lights are lit now.
         weather: Weather and light at this tick.
+        in_tunnel: (V,) whether the vehicle is in a tunnel.
     """
     reversing = speed_mps < _REVERSING_MPS
     speed_change_mps2 = np.where(reversing, -acceleration_mps2, acceleration_mps2)
     braking = (speed_change_mps2 < _BRAKING_MPS2) | (np.abs(speed_mps) < _STANDING_MPS)
     braking &= signals & HAZARD_LIGHTS != HAZARD_LIGHTS  # hazard lights: the vehicle is parked, not braking
-    lights = np.full(len(signals), Light.LOW_BEAM if needs_low_beam(weather) else 0, np.uint16)
+    lights = np.zeros(len(signals), np.uint16)
     for light, on in (
+        (Light.LOW_BEAM, in_tunnel | needs_low_beam(weather)),
         (Light.BRAKE, braking),
         (Light.TURN_LEFT, blinker_bright & (signals & _SUMO_LEFT > 0)),
         (Light.TURN_RIGHT, blinker_bright & (signals & _SUMO_RIGHT > 0)),
@@ -59,7 +62,7 @@ def is_bright(phases: Float64Array, time_s: float, rate_hz: float) -> BoolArray:
 
 
 def needs_low_beam(weather: Weather) -> bool:
-    """Whether drivers switch their lights on: at dusk and night, in heavy rain, in thick fog."""
+    """Whether drivers switch their lights on everywhere: at dusk and night, in heavy rain, in thick fog."""
     return (
         weather.sun_altitude_deg < _LOW_SUN_DEG
         or weather.precipitation > _HEAVY_RAIN

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from simbev_ros.maps.roads.tunnels import Tunnels
 from simbev_ros.random import stream
 from simbev_ros.scene.gait import stride_lengths_m
 from simbev_ros.scene.spec import SceneSpec
@@ -20,9 +21,10 @@ _MIN_STEERING_MPS = 0.3
 class ActorTable:
     """Fills one table per tick; keeps the rotation of wheels and legs."""
 
-    def __init__(self, spec: SceneSpec, cast: Cast, vehicles: int) -> None:
-        """For a cast whose first ``vehicles`` rows are vehicles."""
+    def __init__(self, spec: SceneSpec, cast: Cast, vehicles: int, tunnels: Tunnels) -> None:
+        """For a cast whose first ``vehicles`` rows are vehicles, on a map with these tunnels."""
         self._cast = cast
+        self._tunnels = tunnels
         self._spec = spec
         self._tick_s = spec.tick_ns / NS_PER_S
         self._blink_phases = np.array(
@@ -66,8 +68,9 @@ class ActorTable:
         blinker_bright = is_bright(self._blink_phases, step * self._tick_s, BLINKER_HZ)
         beacon_bright = self._has_beacon & is_bright(self._blink_phases, step * self._tick_s, BEACON_HZ)
         speed_mps, forward_mps2 = motion.speed_mps[vehicles], motion.forward_acceleration_mps2[vehicles]
+        in_tunnel = self._tunnels.holds(motion.position_m[vehicles])
         table["lights"][vehicles] = vehicle_lights(
-            signals, speed_mps, forward_mps2, blinker_bright, beacon_bright, weather
+            signals, speed_mps, forward_mps2, blinker_bright, beacon_bright, weather, in_tunnel
         )
         table["doors"][vehicles] = doors
         table["behavior"][len(table) - len(jaywalking) :] |= (Behavior.JAYWALKING * jaywalking).astype(np.uint16)

@@ -1,5 +1,6 @@
 """Lanes, paint, objects and signals read from OpenDRIVE files, compared with the values written into these files."""
 
+import time
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from simbev_ros.maps.opendrive.importer import import_opendrive
 from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Line, Paint, PaintColor, SignKind
+from simbev_ros.maps.roads.levels import assign_levels
 from simbev_ros.maps.sumo.net import read_sumo_net
 
 BOTH = sample.section(sample.lane(1), sample.lane(-1))
@@ -245,3 +247,29 @@ def test_fast_roads_without_sidewalks_are_surrounded_by_farmland(tmp_path: Path)
     features = import_sample(tmp_path, sample.straight_road(length=600.0, more=more)).features
     assert [zone.surroundings.use for zone in features.zones] == ["farmland"]
     assert features.surroundings.use == "residential"
+
+
+def with_objects(objects: str) -> str:
+    return sample.straight_road(sections=BOTH).replace("</lanes>", f"</lanes><objects>{objects}</objects>")
+
+
+def test_tunnels_cut_lanes_and_get_levels_of_their_own(tmp_path: Path) -> None:
+    rows = ("s='30' length='20'", "s='45' length='15'", "s='90' length='-5'", "s='x' length='5'")
+    objects = "".join(f"<tunnel {row}/>" for row in rows) + '<bridge s="70" length="10"/>'
+    parts = import_sample(tmp_path, with_objects(objects))
+    assert any("a tunnel that cannot be read is left out" in note for note in parts.notes)
+    assert parts.layout is not None
+    layout = assign_levels(parts.layout)
+    inside = [strip for strip in layout.strips if strip.tunnel]
+    assert [sorted(strip.left_m[[0, -1], 0].round(6).tolist()) for strip in inside] == [[30.0, 60.0]] * 2
+    assert layout.tunnel_levels == range(2, 3), "above the ground and the bridge"
+    assert {strip.level for strip in inside} == {2}
+    assert {strip.level for strip in layout.strips if not strip.tunnel} == {0, 1}
+
+
+def test_a_hundred_thousand_tunnels_on_a_road_are_read_in_seconds(tmp_path: Path) -> None:
+    tunnels = "".join(f'<tunnel s="{k / 1000}" length="0.0004"/>' for k in range(100_000))
+    start_s = time.process_time()
+    parts = import_sample(tmp_path, with_objects(tunnels))
+    assert parts.layout is not None and parts.layout.strips
+    assert time.process_time() - start_s < 10.0

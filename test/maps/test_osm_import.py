@@ -13,6 +13,8 @@ from simbev_ros.maps.network import Lane
 from simbev_ros.maps.osm import import_osm
 from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.levels import assign_levels
+from simbev_ros.maps.sumo.layout import layout_of
 from simbev_ros.maps.sumo.net import SumoNet, read_sumo_net
 from simbev_ros.types import Float64Array
 
@@ -237,18 +239,25 @@ def test_roads_on_three_layers_pass_above_each_other(tmp_path: Path) -> None:
     assert low == 0.0 and middle >= 5.9 and high - middle >= 5.9
 
 
-def test_an_underpass_dips_and_a_long_tunnel_is_left_out(tmp_path: Path) -> None:
+def test_underpasses_and_long_tunnels_dip_below_the_roads_that_they_cross(tmp_path: Path) -> None:
     writer, road = Writer(), {"highway": "primary"}
     writer.way([(-300, 0), (300, 0)], road)
     writer.way([(0, -300), (0, -30)], road)
     writer.way([(0, -30), (0, 30)], {**road, "tunnel": "yes"})
     writer.way([(0, 30), (0, 300), (300, 0)], road)
-    writer.way([(-200, -300), (-200, 300)], {**road, "tunnel": "yes", "layer": "-2"})
+    writer.way([(0, -300), (-200, -250)], road)
+    writer.way([(-200, -250), (-200, 250)], {**road, "tunnel": "yes", "layer": "-2"})
+    writer.way([(-200, 250), (0, 300)], road)
     parts = import_text(tmp_path, writer.text())
-    low, high = heights_at(parts, (0, 0))[0]
-    assert (low, high) == (pytest.approx(-6.2, abs=0.2), 0.0)
-    assert "tunnels longer than 120 m were left out: 1" in parts.notes
-    assert heights_at(parts, (-200, 0), (-200, 150)) == [[0.0], []]
+    for place, depth_m in (((0, 0), 6.2), ((-200, 0), 9.0)):
+        low, high = heights_at(parts, place)[0]
+        assert (low, high) == (pytest.approx(-depth_m, abs=0.2), 0.0)
+    assert heights_at(parts, (-200, -160), (0, -250)) == [[pytest.approx(-4.5, abs=0.2)], [0.0]], "half way down"
+    layout = assign_levels(layout_of(read_sumo_net(parts.net)))
+    inside = shapely.union_all([shapely.LineString(strip.center_m) for strip in layout.strips if strip.tunnel])
+    places = in_map(parts, (0, 0), (0, 100), (-200, -200), (-200, 0), (-200, 200))
+    assert [inside.distance(shapely.Point(place)) < 8.0 for place in places] == [True, False, True, True, True]
+    assert {strip.level for strip in layout.strips if not strip.tunnel} == {0}, "no bridges above tunnels"
 
 
 def test_streams_pass_below_roads_without_bridges_and_steps_are_left_out(tmp_path: Path) -> None:
@@ -260,3 +269,16 @@ def test_streams_pass_below_roads_without_bridges_and_steps_are_left_out(tmp_pat
     bank, road = (shapely.Point(point) for point in in_map(parts, (100, 40), (100, 0)))
     assert wet.contains(bank) and wet.distance(road) > 5.0
     assert heights_at(parts, (150, 60)) == [[]]
+
+
+def test_a_river_flows_above_a_tunnel(tmp_path: Path) -> None:
+    writer, road = Writer(), {"highway": "primary"}
+    writer.way([(0, -400), (0, -250)], road)
+    writer.way([(0, -250), (0, 250)], {**road, "tunnel": "yes"})
+    writer.way([(0, 250), (0, 400), (300, 400), (300, -400), (0, -400)], {**road, "bridge": "yes", "layer": "1"})
+    writer.way([(-80, -30), (80, -30), (80, 30), (-80, 30), (-80, -30)], {"natural": "water"})
+    parts = import_text(tmp_path, writer.text())
+    ((depth_m,),) = heights_at(parts, (0, 0))
+    (water,) = parts.features.water
+    assert water.area.area == pytest.approx(160.0 * 60.0, rel=0.02), "without a causeway"
+    assert depth_m + 5.6 < water.surface_m, "the roof is below the surface"

@@ -2,6 +2,7 @@ import math
 
 import numpy as np
 import pytest
+from analytic_maps import tunnel
 from pyproj import Transformer
 from synthetic_world import TICK_NS, actor, box_model, world
 
@@ -9,6 +10,7 @@ from simbev_ros.config.positioning import Gnss
 from simbev_ros.config.sensor import Pose
 from simbev_ros.geometry.geodesy import MapDatum
 from simbev_ros.maps.build import load_datum
+from simbev_ros.maps.roads.tunnels import Tunnels
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.semantics import Tag
 from simbev_ros.sensors.gnss import GnssFix, GnssModel
@@ -124,3 +126,21 @@ def test_bias_walk_and_drop_outs_continue_over_ticks_that_were_dropped() -> None
 def test_a_receiver_with_a_longer_period_is_due_at_every_nth_tick() -> None:
     model = GnssModel(gnss(), DATUM, 1, TICK_NS, period_ticks=4)
     assert [model.is_due(tick) for tick in (-4, 0, 1, 4)] == [False, True, False, True]
+
+
+def test_there_is_no_fix_in_a_tunnel_and_the_same_one_outside() -> None:
+    """The antenna is 1.5 m ahead of the ego; the portal is at x = 176."""
+    sensor, tunnels = gnss(pose=Pose(x_m=1.5, z_m=1.6)), Tunnels.of_layout(tunnel().layout)
+    states = [world(actor(CAR, x=x, y=254.0), tick=tick) for tick, x in enumerate((150.0, 174.0, 175.0, 256.0, 340.0))]
+    without, within = (
+        [GnssModel(sensor, DATUM, 1, TICK_NS, tunnels=each).measure(state) for state in states]
+        for each in (None, tunnels)
+    )
+    assert [fix.covariance_m2 is not None for fix in within] == [True, True, False, False, True]
+    assert all(math.isnan(within[k].latitude_deg) for k in (2, 3))
+    assert [within[k].latitude_deg for k in (0, 1, 4)] == [without[k].latitude_deg for k in (0, 1, 4)]
+
+
+def test_there_is_a_fix_on_the_street_above_a_tunnel() -> None:
+    model = GnssModel(gnss(), DATUM, 1, TICK_NS, tunnels=Tunnels.of_layout(tunnel().layout))
+    assert model.measure(world(actor(CAR, x=256.0, y=254.0, z=9.0))).covariance_m2 is not None

@@ -17,6 +17,7 @@ from simbev_ros.assets.roads.bridges import build_bridges
 from simbev_ros.assets.roads.ground import LAWN, lay_land, lay_streets, lay_water
 from simbev_ros.assets.roads.guard_rails import put_guard_rails
 from simbev_ros.assets.roads.markings import paint_markings
+from simbev_ros.assets.roads.tunnels import build_tunnels
 from simbev_ros.geometry.geodesy import MapDatum
 from simbev_ros.maps.land_features import MapFeatures, Water
 from simbev_ros.maps.network import Lane, RoadNetwork
@@ -84,12 +85,28 @@ def level_street() -> RoadNetwork:
     return _network(_road("a", np.column_stack([x, np.full(len(x), 256.0), np.zeros(len(x))]), STREET))
 
 
+def tunnel(street_m: float | None = 9.0) -> RoadNetwork:
+    """A street along x at height 0 with a tunnel from x = 176 to 336, and maybe a street along y above its middle."""
+    strips = []
+    for start_m, end_m in ((40.0, 176.0), (176.0, 336.0), (336.0, 472.0)):
+        x = np.arange(start_m, end_m + 0.1, _SPACING_M)
+        line_m = np.column_stack([x, np.full(len(x), 256.0), np.zeros(len(x))])
+        inside = start_m == 176.0
+        strips += [replace(strip, tunnel=inside) for strip in _road(f"low{start_m:.0f}", line_m, STREET)]
+    if street_m is not None:
+        y = np.arange(40.0, 472.1, _SPACING_M)
+        strips += _road("up", np.column_stack([np.full(len(y), 256.0), y, np.full(len(y), street_m)]), STREET)
+    network = _network(strips)
+    return replace(network, layout=assign_levels(network.layout))
+
+
 def ground_tiles(ground: RegionGround) -> tuple[Tile, ...]:
     """Ground tiles of a region, without the objects that land recipes place."""
     tiles, claims = TileBuilder(), Claims()
     lay_streets(tiles, ground)
     paint_markings(tiles, ground)
     build_bridges(tiles, claims, ground)
+    build_tunnels(tiles, claims, ground)
     put_guard_rails(tiles, claims, ground)
     lay_land(tiles, ground, [Cover(ground.land, LAWN)])
     lay_water(tiles, ground)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from simbev_ros.geometry.transforms import rotations_from_rpy
-from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.lane_kind import CURB_HEIGHT_M, LaneKind
 from simbev_ros.maps.roads.layout import Layout, Strip
 from simbev_ros.world.kinematics.contacts import BodyBoxes
 from simbev_ros.world.kinematics.footing import ContactPoints, GroundPlanes
-from simbev_ros.world.kinematics.ground import CURB_HEIGHT_M, GroundSurface
+from simbev_ros.world.kinematics.ground import GroundSurface
 from simbev_ros.world.kinematics.motion import Bodies, Motion
 
 TICK_S = 0.05

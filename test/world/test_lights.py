@@ -8,10 +8,13 @@ from simbev_ros.world.lights import BLINKER_HZ, is_bright, vehicle_lights
 RIGHT, LEFT, NEITHER = 1, 2, 0
 
 
-def lights(signal=NEITHER, speed_mps=8.0, acceleration_mps2=0.0, bright=True, beacon=False, weather=NOON):
+def lights(
+    signal=NEITHER, speed_mps=8.0, acceleration_mps2=0.0, bright=True, beacon=False, weather=NOON, in_tunnel=False
+):
     one = np.ones(1)
     flashing = np.array([bright]), np.array([beacon])
-    rows = vehicle_lights(np.array([signal]), speed_mps * one, acceleration_mps2 * one, *flashing, weather)
+    moves = speed_mps * one, acceleration_mps2 * one
+    rows = vehicle_lights(np.array([signal]), *moves, *flashing, weather, np.array([in_tunnel]))
     return Light(int(rows[0]))
 
 
@@ -48,3 +51,8 @@ def test_blinkers_flash_three_times_in_two_seconds_each_in_its_own_phase():
 @pytest.mark.parametrize("change", [{"sun_altitude_deg": 2}, {"precipitation": 80}, {"fog_density": 60}])
 def test_low_beams_are_on_at_dusk_in_heavy_rain_and_in_fog(change):
     assert lights(weather=NOON.model_copy(update=change)) == Light.LOW_BEAM
+
+
+def test_low_beams_are_on_in_a_tunnel():
+    assert lights(in_tunnel=True) == Light.LOW_BEAM
+    assert lights(in_tunnel=True, acceleration_mps2=-1.5) == Light.LOW_BEAM | Light.BRAKE

@@ -8,8 +8,8 @@ import pytest
 import shapely
 from world_scenes import TICK_S, blocks, busy_run, of_kind, run, scene
 
-from simbev_ros.assets.roads.ground import CURB_HEIGHT_M
 from simbev_ros.errors import SimulationError
+from simbev_ros.maps.roads.lane_kind import CURB_HEIGHT_M
 from simbev_ros.maps.roads.surface import surfaces_of
 from simbev_ros.maps.sumo.crossfall import CROSSFALL
 from simbev_ros.scene.blueprints import blueprint_index, blueprint_named, load_blueprints

@@ -23,8 +23,11 @@ _MIN_TRIANGLE_M2 = 1e-6
 _EDGE_TOLERANCE_M = 0.002  # areas and the pieces cut from them lie on a millimeter grid
 _KEY_BITS = 21  # enough for positions in a tile, in tenths of a millimeter
 
-Ceiling = Callable[[Float64Array], Float64Array]
-"""Function that returns (N,) maximum heights at (N, 2) points of the map frame."""
+Limit = Callable[[Float64Array], Float64Array]
+"""Function that returns (N,) maximum or minimum heights at (N, 2) points of the map frame."""
+
+Rise = float | Callable[[Float64Array], Float64Array]
+"""Height above the ground: a constant, or a function that returns (N,) heights at (N, 2) points of the map frame."""
 
 ByTile = dict[tuple[int, int], Mesh]
 """Meshes by column and row of their tile, each in the frame of the tile's center at height 0."""
@@ -33,10 +36,11 @@ ByTile = dict[tuple[int, int], Mesh]
 def cover_mesh(
     cut: Cut,
     finish: Finish,
-    rise_m: float,
+    rise_m: Rise,
     *,
     downward: bool = False,
-    ceiling_m: Ceiling | None = None,
+    ceiling_m: Limit | None = None,
+    floor_m: Limit | None = None,
     yaw_rad: float = 0.0,
 ) -> ByTile:
     """Build a one-sided cover of all pieces, such as asphalt or a lawn.
@@ -47,6 +51,7 @@ def cover_mesh(
         rise_m: Height above the ground.
         downward: Whether the cover faces down, to be seen from below.
         ceiling_m: Maximum height.
+        floor_m: Minimum height.
         yaw_rad: Direction of the first axis of ``uv``, which are meters in plan.
     """
     triangles = _triangulate(cut.pieces)
@@ -57,9 +62,11 @@ def cover_mesh(
     _, first, joined = np.unique(_vertex_keys(xy_m, tile), return_index=True, return_inverse=True)
     facet, xy_m, tile, triangles = facet[first], xy_m[first], tile[first], joined[triangles]
     height_m, east, north = cut.facets.heights_and_slopes(facet, xy_m).T
-    height_m = height_m + rise_m
+    height_m = height_m + _rise_at(rise_m, xy_m)
     if ceiling_m is not None:
         height_m = np.minimum(height_m, ceiling_m(xy_m))
+    if floor_m is not None:
+        height_m = np.maximum(height_m, floor_m(xy_m))
     normals = np.column_stack([-east, -north, np.ones(len(xy_m))])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     mesh = Mesh.indexed(
@@ -74,8 +81,11 @@ def cover_mesh(
     return _split_by_tile(mesh, tile)
 
 
-def edge_faces(cut: Cut, finish: Finish, edges: BaseGeometry, bottom_m: float, top_m: float) -> ByTile:
-    """Build upright outward faces where rims of pieces lie on ``edges``, between two heights above the ground."""
+def edge_faces(cut: Cut, finish: Finish, edges: BaseGeometry, bottom_m: float, top_m: Rise) -> ByTile:
+    """Build upright outward faces where rims of pieces lie on ``edges``, between two heights above the ground.
+
+    Where the upper height is below the lower one, the faces point inward.
+    """
     pieces, rim = cut.pieces, ~cut.pieces.is_cut
     starts, ends, piece = pieces.xy_m[rim], pieces.xy_m[pieces.following[rim]], pieces.owner[rim]
     shapely.prepare(edges)
@@ -89,10 +99,11 @@ def edge_faces(cut: Cut, finish: Finish, edges: BaseGeometry, bottom_m: float, t
         cut.facets.heights_and_slopes(facet, starts)[:, 0],
         cut.facets.heights_and_slopes(facet, ends)[:, 0],
     )
+    top_start_m, top_end_m = start_m + _rise_at(top_m, starts), end_m + _rise_at(top_m, ends)
     along = np.cumsum(np.linalg.norm(ends - starts, axis=1))
     before = np.concatenate([[0.0], along[:-1]])
     starts, ends = starts - (tile + 0.5) * TILE_M, ends - (tile + 0.5) * TILE_M
-    corners = [(starts, start_m + bottom_m), (ends, end_m + bottom_m), (ends, end_m + top_m), (starts, start_m + top_m)]
+    corners = [(starts, start_m + bottom_m), (ends, end_m + bottom_m), (ends, top_end_m), (starts, top_start_m)]
     a, b, c, d = (np.column_stack(corner) for corner in corners)
     uv_a, uv_d = (np.column_stack([before, corner[:, 2]]) for corner in (a, d))
     uv_b, uv_c = (np.column_stack([along, corner[:, 2]]) for corner in (b, c))
@@ -104,6 +115,11 @@ def edge_faces(cut: Cut, finish: Finish, edges: BaseGeometry, bottom_m: float, t
         color=finish.color,
     )
     return _split_by_tile(mesh, np.repeat(tile, 6, axis=0))
+
+
+def _rise_at(rise_m: Rise, xy_m: Float64Array) -> float | Float64Array:
+    """Heights above the ground at (N, 2) points."""
+    return rise_m(xy_m) if callable(rise_m) else rise_m
 
 
 def _split_by_tile(mesh: Mesh, tile: Int64Array) -> ByTile:

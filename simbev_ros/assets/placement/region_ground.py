@@ -14,12 +14,13 @@ from simbev_ros.maps.land.terrain import NODE_M, Terrain
 from simbev_ros.maps.land_features import Water
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import REGION_M, Region
+from simbev_ros.maps.roads.lane_kind import CURB_HEIGHT_M
+from simbev_ros.maps.roads.raised_lanes import RaisedLanes
 from simbev_ros.maps.roads.surface import Surfaces, surfaces_of
+from simbev_ros.maps.roads.tunnels import ROOF_M, WALL_M
 from simbev_ros.random import stream
 from simbev_ros.types import BoolArray, Float64Array
 
-CURB_HEIGHT_M = 0.12
-"""Height of sidewalks above the road."""
 LAND_HEIGHT_M = 0.10
 """Height of lawns and yards above the road, a little below the sidewalks."""
 
@@ -101,9 +102,10 @@ class RegionGround:
 
     @cached_property
     def decks(self) -> tuple[BaseGeometry, ...]:
-        """Area of the structures of each level in plan; empty for level 0."""
-        areas = [streets.area for streets in self.streets[1:]]
-        return (shapely.Polygon(), *(shapely.buffer(area, DECK_OVERHANG_M, join_style="mitre") for area in areas))
+        """Area of the structures of each level in plan; empty for the ground and for tunnels."""
+        carried = range(1, self.network.layout.tunnel_levels.start)
+        areas = [streets.area if level in carried else shapely.Polygon() for level, streets in enumerate(self.streets)]
+        return tuple(shapely.buffer(area, DECK_OVERHANG_M, join_style="mitre") for area in areas)
 
     def soffit_m(self, xy_m: Float64Array) -> Float64Array:
         """(N,) height of the underside of the lowest structure above (N, 2) points; infinite where there is none."""
@@ -113,6 +115,33 @@ class RegionGround:
             if below.any():
                 lowest_m[below] = np.minimum(lowest_m[below], self.road_m(xy_m[below], level) - DECK_DEPTH_M)
         return lowest_m
+
+    @cached_property
+    def raised(self) -> tuple[RaisedLanes, ...]:
+        """Lanes that the map raises, by level, near the region."""
+        near = self.network.layout.near(self.region.area, MARGIN_M)
+        return tuple(RaisedLanes.of_level(near, level) for level in self.network.layout.levels)
+
+    def at_plane(self, area: BaseGeometry, level: int) -> shapely.MultiPolygon:
+        """Part of an area of streets that lies in the region, without lanes that the map raises."""
+        lanes = self.raised[level]
+        return self.within(shapely.difference(area, lanes.area, grid_size=_GRID_M) if lanes else area)
+
+    @cached_property
+    def tubes(self) -> tuple[BaseGeometry, ...]:
+        """Area of the tunnels of each level in plan, with their walls; empty for all other levels."""
+        tunnels = self.network.layout.tunnel_levels
+        areas = [streets.area if level in tunnels else shapely.Polygon() for level, streets in enumerate(self.streets)]
+        return tuple(shapely.buffer(area, WALL_M, join_style="mitre") for area in areas)
+
+    def roof_m(self, xy_m: Float64Array) -> Float64Array:
+        """(N,) height of the top of the highest tunnel at (N, 2) points; minus infinity where there is none."""
+        highest_m = np.full(len(xy_m), -np.inf)
+        for level, tube in enumerate(self.tubes):
+            within = shapely.dwithin(tube, shapely.points(xy_m), _GRID_M)
+            if within.any():
+                highest_m[within] = np.maximum(highest_m[within], self.road_m(xy_m[within], level) + ROOF_M)
+        return highest_m
 
     def stream(self, name: str) -> np.random.Generator:
         """Random generator for one purpose in this region."""
@@ -136,7 +165,8 @@ class RegionGround:
 
     def sidewalk_m(self, xy_m: Float64Array) -> Float64Array:
         """(N,) height of sidewalks at (N, 2) points of the map frame."""
-        return self.road_m(xy_m) + CURB_HEIGHT_M
+        rise_m = self.raised[0].rise_m(xy_m)
+        return self.road_m(xy_m) + np.where(np.isnan(rise_m), CURB_HEIGHT_M, rise_m)
 
     def road_m(self, xy_m: Float64Array, level: int = 0) -> Float64Array:
         """(N,) height of the carriageway's surface of a level at (N, 2) points of the map frame."""

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.maps.roads.tunnels import Tunnels
 from simbev_ros.types import Float64Array
 
 
@@ -37,7 +38,8 @@ class StreetLight:
 
 @dataclass(frozen=True, slots=True, weakref_slot=True)
 class StaticScene:
-    """Tiles and street lights of a map, or of its regions around a point; determined by map and seed."""
+    """Tiles, street lights and tunnels of a map, or of its regions around a point; determined by map and seed."""
 
     tiles: tuple[Tile, ...]
     street_lights: tuple[StreetLight, ...]
+    tunnels: Tunnels = field(default_factory=Tunnels.none)

@@ -10,6 +10,7 @@ from simbev_ros.assets.roads.bridges import build_bridges
 from simbev_ros.assets.roads.ground import lay_land, lay_streets, lay_water
 from simbev_ros.assets.roads.guard_rails import put_guard_rails
 from simbev_ros.assets.roads.markings import paint_markings
+from simbev_ros.assets.roads.tunnels import build_tunnels
 from simbev_ros.assets.street.obstacles import obstacles_on
 from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.network import RoadNetwork
@@ -29,6 +30,7 @@ def build_region(network: RoadNetwork, region: Region, terrain: Terrain) -> Regi
     lay_streets(tiles, ground)
     paint_markings(tiles, ground)
     build_bridges(tiles, claims, ground)
+    build_tunnels(tiles, claims, ground)
     put_guard_rails(tiles, claims, ground)
     furnishing = furnish_region(tiles, claims, ground)
     lay_land(tiles, ground, furnishing.covers)

@@ -21,6 +21,7 @@ from simbev_ros.cache.fingerprint import fingerprint
 from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import Reach, Region, regions_of
+from simbev_ros.maps.roads.tunnels import Tunnels
 from simbev_ros.maps.spec import MapSpec
 
 _KIND = "surroundings"
@@ -53,7 +54,8 @@ def load_static_scene(
         scene = cache.region(region)
         tiles += [_renumbered(tile, len(lights)) for tile in scene.tiles if reach is None or _touches(reach, tile)]
         lights += scene.street_lights
-    return StaticScene((*tiles, *far_tiles(far, cells_of(far, tiles))), tuple(lights))
+    around = (*tiles, *far_tiles(far, cells_of(far, tiles)))
+    return StaticScene(around, tuple(lights), Tunnels.of_layout(network.layout))
 
 
 def load_streetside(

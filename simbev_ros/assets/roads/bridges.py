@@ -39,7 +39,7 @@ _ABUTMENT = Finish(Material.CONCRETE, Tag.WALL, (150, 147, 140))
 def build_bridges(tiles: TileBuilder, claims: Claims, ground: RegionGround) -> None:
     """Build all structures of a region, and claim the land below them."""
     for level, facets in enumerate(ground.facets):
-        if level == 0 or facets is None:
+        if level == 0 or facets is None or level in ground.network.layout.tunnel_levels:
             continue
         claims.add(ground.decks[level])
         landings, seams = (_joints(ground, level, onto_ground) for onto_ground in (True, False))

@@ -13,11 +13,13 @@ from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.drape import cover_mesh, edge_faces
 from simbev_ros.assets.mesh.facets import Facets
 from simbev_ros.assets.mesh.primitives import Finish
-from simbev_ros.assets.placement.region_ground import CURB_HEIGHT_M as CURB_HEIGHT_M
 from simbev_ros.assets.placement.region_ground import LAND_HEIGHT_M as LAND_HEIGHT_M
 from simbev_ros.assets.placement.region_ground import RegionGround
 from simbev_ros.assets.placement.tiles import TileBuilder
+from simbev_ros.assets.roads.raised_lanes import lay_raised_lanes
 from simbev_ros.assets.roads.repairs import lay_road
+from simbev_ros.assets.roads.tunnels import bare_roofs
+from simbev_ros.maps.roads.lane_kind import CURB_HEIGHT_M
 from simbev_ros.semantics import Tag
 
 _CURB_WIDTH_M = 0.15
@@ -49,11 +51,13 @@ def lay_streets(tiles: TileBuilder, ground: RegionGround) -> None:
 
 def lay_land(tiles: TileBuilder, ground: RegionGround, covers: Sequence[Cover]) -> None:
     """Build the land between the streets on the ground: its covers, grass on slopes, and stone on very steep ones."""
-    facets, decks = ground.land_facets, shapely.union_all(ground.decks)
+    facets, decks, roofs = ground.land_facets, shapely.union_all(ground.decks), bare_roofs(ground)
     walls = [_steeper_than(facets, slope, min_width_m) for slope, min_width_m in _STONE_SLOPES]
     stone = shapely.difference(shapely.union_all(walls), decks)
     grass = shapely.difference(_steeper_than(facets, *_EMBANKMENT), shapely.union(decks, stone))
-    bare = shapely.union_all([decks, stone, grass])
+    if not roofs.is_empty:
+        stone, grass = shapely.difference(stone, roofs), shapely.difference(grass, roofs)
+    bare = shapely.union_all([decks, stone, grass, roofs])
     shapely.prepare([ground.land, bare])
     for (finish, rise_m, yaw_rad), parts in _by_appearance(covers).items():
         parts[:] = [part if ground.land.covers(part) else part & ground.land for part in parts]
@@ -64,6 +68,9 @@ def lay_land(tiles: TileBuilder, ground: RegionGround, covers: Sequence[Cover]) 
     for area, finish, ceiling_m in ((stone, _STONE, None), (grass, lawn, None), (decks, _STONE, ground.soffit_m)):
         layer = partial(cover_mesh, finish=finish, rise_m=LAND_HEIGHT_M, ceiling_m=ceiling_m)
         tiles.drape(shapely.intersection(ground.land, area), facets, layer)
+    if not roofs.is_empty:
+        cover = partial(cover_mesh, finish=lawn, rise_m=LAND_HEIGHT_M, floor_m=ground.roof_m)
+        tiles.drape(shapely.intersection(ground.land, roofs), facets, cover)
     _lay_verges(tiles, ground, shapely.difference(ground.land, decks))
 
 
@@ -79,6 +86,8 @@ def _lay_verges(tiles: TileBuilder, ground: RegionGround, land: BaseGeometry) ->
     """Vertical faces from the street up to the land, where no sidewalk hides them."""
     street = shapely.difference(ground.streets[0].area, ground.streets[0].sidewalk)
     edges = shapely.intersection(land.boundary, shapely.buffer(street, _CUT_TOLERANCE_M))
+    for tube in ground.tubes[ground.network.layout.tunnel_levels.start :]:
+        edges = shapely.difference(edges, shapely.buffer(tube, _CUT_TOLERANCE_M))
     verge = partial(edge_faces, finish=_VERGE, edges=edges, bottom_m=0.0, top_m=LAND_HEIGHT_M)
     tiles.drape(shapely.intersection(land, shapely.buffer(edges, _CURB_WIDTH_M)), ground.land_facets, verge)
 
@@ -97,9 +106,10 @@ def lay_water(tiles: TileBuilder, ground: RegionGround) -> None:
 def _lay_level(tiles: TileBuilder, ground: RegionGround, level: int, facets: Facets) -> None:
     """The streets of one level; streets on structures go into separate tiles."""
     streets, region = ground.streets[level], ground.region.area
-    shoulder, sidewalk, median, crosswalk = (
-        ground.within(part) for part in (streets.shoulder, streets.sidewalk, streets.median, streets.crosswalk)
+    shoulder, sidewalk, median = (
+        ground.at_plane(part, level) for part in (streets.shoulder, streets.sidewalk, streets.median)
     )
+    crosswalk = ground.within(streets.crosswalk)
     lay_road(tiles, ground, level, facets)
     tiles.drape(shoulder, facets, partial(cover_mesh, finish=_SHOULDER, rise_m=0.0), level=level)
     markings = partial(cover_mesh, finish=_CROSSWALK, rise_m=0.0)
@@ -114,6 +124,7 @@ def _lay_level(tiles: TileBuilder, ground: RegionGround, level: int, facets: Fac
     paving = shapely.difference(raised, shapely.union(curb, lawn))
     for area, finish in ((curb, _CURB), (paving, _PAVING), (lawn, LAWN)):
         tiles.drape(area, facets, partial(cover_mesh, finish=finish, rise_m=CURB_HEIGHT_M), sides, level=level)
+    lay_raised_lanes(tiles, ground, level, facets)
 
 
 def _steeper_than(facets: Facets, slope: float, min_width_m: float) -> BaseGeometry:

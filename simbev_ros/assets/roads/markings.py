@@ -1,19 +1,21 @@
 """Builds road markings as thin decals that follow the asphalt."""
 
 from collections import defaultdict
+from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
 import shapely
 
 from simbev_ros.assets.materials import Material
-from simbev_ros.assets.mesh.drape import cover_mesh
+from simbev_ros.assets.mesh.drape import Rise, cover_mesh
 from simbev_ros.assets.mesh.primitives import Finish
 from simbev_ros.assets.placement.region_ground import RegionGround
 from simbev_ros.assets.placement.tiles import TileBuilder
 from simbev_ros.maps.roads.layout import PaintColor
 from simbev_ros.maps.roads.markings import lane_markings
 from simbev_ros.semantics import Tag
+from simbev_ros.types import AnyArray
 
 DECAL_HEIGHT_M = 0.005
 """Height of paint above the asphalt, which continues below it."""
@@ -43,9 +45,15 @@ def paint_markings(tiles: TileBuilder, ground: RegionGround) -> None:
             beyond = ~shapely.contains(asphalt, paint)
             paint[beyond] = shapely.intersection(paint[beyond], asphalt)
             finish = Finish(Material.MARKING, Tag.ROAD_LINE, _COLORS[color])
-            tiles.drape(
-                shapely.GeometryCollection(list(paint)),
-                facets,
-                partial(cover_mesh, finish=finish, rise_m=DECAL_HEIGHT_M),
-                level=level,
-            )
+            for area, rise_m in _by_rise(ground, level, paint):
+                tiles.drape(area, facets, partial(cover_mesh, finish=finish, rise_m=rise_m), level=level)
+
+
+def _by_rise(ground: RegionGround, level: int, paint: AnyArray) -> Iterator[tuple[shapely.GeometryCollection, Rise]]:
+    """Paint on the carriageway's plane, and paint on lanes that the map raises."""
+    lanes = ground.raised[level]
+    if lanes:
+        on_lanes = shapely.intersection(paint, lanes.area)
+        paint = shapely.difference(paint, lanes.area)
+        yield shapely.GeometryCollection(list(on_lanes)), lambda xy_m: lanes.nearest_rise_m(xy_m) + DECAL_HEIGHT_M
+    yield shapely.GeometryCollection(list(paint)), DECAL_HEIGHT_M

@@ -29,7 +29,7 @@ _FROM_BORDER_M = 5.0  # repairs keep this distance from a region's border
 
 def lay_road(tiles: TileBuilder, ground: RegionGround, level: int, facets: Facets) -> None:
     """Build the carriageway of a level."""
-    road = ground.within(ground.streets[level].road)
+    road = ground.at_plane(ground.streets[level].road, level)
     if road.is_empty:
         return
     repairs = _repairs(ground, level)

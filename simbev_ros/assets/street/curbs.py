@@ -57,8 +57,8 @@ def curb_lines(yard: Yard, zones: Zones) -> tuple[CurbLine, ...]:
     verges = shapely.difference(verges, shapely.buffer(streets.sidewalk, _KEEP_FROM_WALK_M, quad_segs=2))
     verges = shapely.intersection(verges, ground.land)
     lines += _stretches(verges, street, yard, zones, walk=False, level=0)
-    for level, deck in enumerate(ground.streets[1:], start=1):
-        area = deck.area
+    for level in range(1, ground.network.layout.tunnel_levels.start):
+        area = ground.streets[level].area
         rim: BaseGeometry = shapely.buffer(area, _ON_RIM_M, join_style="mitre").boundary
         others = [other.area for other in ground.streets[:level]]
         rim = shapely.difference(rim, shapely.buffer(shapely.union_all(others[-1:]), 2.0))

@@ -6,7 +6,8 @@ rectangle of it: nodes on and beside streets lie exactly in the plane of the car
 relaxation steps smooths the land around them. A node depends only on what lies within ``_REACH_M`` of it, so
 overlapping patches agree to the bit.
 
-Structures are ignored: beneath a bridge the land continues from one bank to the other.
+Structures are ignored: beneath a bridge the land continues from one bank to the other. Tunnels are ignored too, except
+that the land rises above their roofs where it would lie lower.
 """
 
 from collections.abc import Sequence
@@ -15,6 +16,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 import shapely
+from scipy.spatial import cKDTree
 
 from simbev_ros.maps.land.membrane import Raster, membrane, node_positions_m, relax
 from simbev_ros.maps.land.relief import Relief
@@ -24,6 +26,7 @@ from simbev_ros.maps.roads.elevation import Elevation
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Strip
 from simbev_ros.maps.roads.surface import strip_polygons
+from simbev_ros.maps.roads.tunnels import ROOF_M
 from simbev_ros.types import AnyArray, BoolArray, Float64Array, UInt8Array
 
 NODE_M = 2.0
@@ -39,6 +42,7 @@ _RELAXATION_STEPS = 32
 _REACH_M = 112.0  # covers the relaxation steps, the slopes and the relaxed band
 _MAX_SLOPE = 0.6  # gradient of embankments and cuttings
 _CELL_M = 128.0
+_COVERED_M = ROOF_M + 0.8  # height of the land above the carriageway in a tunnel
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,12 +69,16 @@ class Terrain:
         self._relief = Relief.of(self._features.relief, network.seed)
         strips = network.layout.strips_of(*LaneKind, level=0)
         positions_m = _strip_positions(strips)
-        self.is_level = not (positions_m[:, 2].any() or self._features.relief.amplitude_m or self._features.water)
+        roofs_m = _strip_positions([strip for strip in network.layout.strips if strip.tunnel])
+        roofs_m[:, 2] += _COVERED_M
+        self.is_level = not (
+            positions_m[:, 2].any() or len(roofs_m) or self._features.relief.amplitude_m or self._features.water
+        )
         if not self.is_level:
             self._shores = Shores(self._features.water)
-            decks = [strip for strip in network.layout.strips if strip.level > 0]
+            decks = [strip for strip in network.layout.strips if strip.level > 0 and not strip.tunnel]
             self._lanes = tuple(shapely.STRtree(strip_polygons(parts)) for parts in (strips, decks))
-            self._above_relief = _above_relief(self._relief, positions_m)
+            self._above_relief = _above_relief(self._relief, positions_m, roofs_m)
 
     def height_m(self, xy_m: Float64Array) -> Float64Array:
         """(N,) terrain heights at (N, 2) points of the map frame, equal to those of patches."""
@@ -151,8 +159,21 @@ def _strip_positions(strips: Sequence[Strip]) -> Float64Array:
     return shapely.get_coordinates(shapely.segmentize(np.array(lines, object), _COARSE_M / 2.0), include_z=True)
 
 
-def _above_relief(relief: Relief, positions_m: Float64Array) -> Raster:
-    """Height of the land above the relief: that of the roads at (N, 3) positions, and smooth between them."""
+def _above_relief(relief: Relief, positions_m: Float64Array, roofs_m: Float64Array) -> Raster:
+    """Height of the land above the relief: that of the roads at (N, 3) positions, and smooth between them.
+
+    It is raised to (M, 3) positions above tunnels where it would be lower.
+    """
+    land = _between_roads(relief, positions_m)
+    if len(roofs_m) == 0:
+        return land
+    lacking_m = roofs_m[:, 2] - relief.height_m(roofs_m[:, :2]) - land.smooth(roofs_m[:, :2])
+    roofs_m = roofs_m[(lacking_m > 0.0) & (cKDTree(positions_m[:, :2]).query(roofs_m[:, :2])[0] > _COARSE_M)]
+    return _between_roads(relief, np.concatenate([positions_m, roofs_m]))
+
+
+def _between_roads(relief: Relief, positions_m: Float64Array) -> Raster:
+    """Height of the land above the relief: that at (N, 3) positions, and smooth between them."""
     if len(positions_m) == 0:
         return Raster(np.zeros(2), _COARSE_M, np.zeros((1, 1)))
     low_m = np.floor((positions_m[:, :2].min(axis=0) - _MARGIN_M) / _COARSE_M) * _COARSE_M

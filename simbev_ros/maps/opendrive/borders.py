@@ -50,16 +50,18 @@ def _in_space(
 ) -> Float64Array:
     """(B, N, 3) points to the left of the reference line at the cumulative sums of (B, N) signed steps.
 
-    Steps lie in the banked plane (OpenDRIVE 1.8, 10.5.2); those marked ``on_level`` are horizontal.
+    Steps lie in the banked plane (OpenDRIVE 1.8, 10.5.2); those marked ``on_level`` are horizontal: superelevation,
+    crossfall and lateral shape do not apply to them, and they continue at the height of their inner border.
     """
     xy_m, normal, _ = road.plan(s_m)
     across_m = np.cumsum(steps_m, axis=0)
     lift_m = _height_above_plane_m(road, before_m, across_m)
-    if road.superelevation:
+    if road.superelevation or on_level.any():
         roll_rad = np.where(on_level[:, None], 0.0, road.superelevation(before_m))
         cos, sin = np.cos(roll_rad), np.sin(roll_rad)
-        across_m = np.cumsum(steps_m * cos, axis=0) - lift_m * sin
-        lift_m = np.cumsum(steps_m * sin, axis=0) + lift_m * cos
+        rises_m = np.where(on_level[:, None], 0.0, np.diff(lift_m, axis=0, prepend=0.0))
+        across_m = np.cumsum(steps_m * cos - rises_m * sin, axis=0)
+        lift_m = np.cumsum(steps_m * sin + rises_m * cos, axis=0)
     z_m = road.elevation(before_m) + lift_m
     return np.concatenate([xy_m + across_m[..., None] * normal, z_m[..., None]], axis=2)
 

@@ -1,7 +1,7 @@
 """Samples the exact 3D shape of every lane of an OpenDRIVE document, section by section."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -10,11 +10,12 @@ from simbev_ros.maps.opendrive.reading.attributes import Notes
 from simbev_ros.maps.opendrive.reading.document import Document, LaneKey, LaneRecord, Road, Section, value_at
 from simbev_ros.maps.opendrive.reading.tables import DEFAULT_SPEEDS_MPS
 from simbev_ros.maps.opendrive.stations import stations_m
-from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.lane_kind import LaneKind, raised_of
 from simbev_ros.types import Float64Array
 
 _MAX_COORDINATES_M = (100e3, 100e3, 10e3)
 _MAX_WIDTH_M = 200.0
+_SAME_HEIGHT_M = 5e-4
 _FOOTWAYS = (LaneKind.SIDEWALK, LaneKind.MEDIAN)
 
 
@@ -31,6 +32,7 @@ class LaneShape:
         inner_m: (N, 3) border towards the center line, map frame, in direction of s.
         outer_m: (N, 3) the other border.
         width_m: (N,) width, measured in the road's surface.
+        raised_m: (N, 2) heights of both borders above the road's surface, inner one first; None: that of its kind.
     """
 
     key: LaneKey
@@ -41,6 +43,7 @@ class LaneShape:
     inner_m: Float64Array
     outer_m: Float64Array
     width_m: Float64Array
+    raised_m: Float64Array | None = None
 
     @property
     def runs_forward(self) -> bool:
@@ -87,4 +90,14 @@ def _section_shapes(road: Road, section: Section, left: bool, s_m: Float64Array)
         if lane.kind is not None:
             key = LaneKey(road.id, section.index, lane.id)
             width_m = edges_m[position + 1] - edges_m[position]
-            yield LaneShape(key, road, section, lane, s_m, lines_m[position], lines_m[position + 1], width_m)
+            shape = LaneShape(key, road, section, lane, s_m, lines_m[position], lines_m[position + 1], width_m)
+            yield replace(shape, raised_m=_raised_m(shape))
+
+
+def _raised_m(shape: LaneShape) -> Float64Array | None:
+    """Heights of a lane's borders as the file states them, unless they are those of its kind anyway."""
+    lane = shape.lane
+    if lane.kind is None or lane.height is None:
+        return None
+    raised_m = lane.height(shape.s_m - shape.section.start_m)
+    return None if np.abs(raised_m - raised_of(lane.kind)).max() < _SAME_HEIGHT_M else raised_m

@@ -41,12 +41,11 @@ def _breaks_m(road: Road) -> Float64Array:
     """Distances along a road at which a record starts or ends, ascending, at least 1 mm apart."""
     cubics = (road.elevation, road.superelevation, road.offset, *road.crossfall)
     section_starts_m = [
-        section.start_m
-        + np.concatenate([record.starts_m for lane in section.lanes for record in (lane.width, lane.border)])
+        section.start_m + np.concatenate([record.starts_m for lane in section.lanes for record in lane.records])
         for section in road.sections
         if section.lanes
     ]
-    cuts = [*(s_m for s_m, _ in road.speeds), *(s_m for bridge in road.bridges for s_m in bridge)]
+    cuts = [*(s_m for s_m, _ in road.speeds), *(s_m for stretch in (*road.bridges, *road.tunnels) for s_m in stretch)]
     for section in road.sections:
         records = (*section.marks.values(), *(lane.speeds for lane in section.lanes))
         cuts += [section.start_m + s_m for changes in records for s_m, _ in changes]

@@ -10,7 +10,14 @@ import numpy as np
 from simbev_ros.maps.opendrive.lane_shapes import LaneShape
 from simbev_ros.maps.opendrive.links import LaneLinks
 from simbev_ros.maps.opendrive.reading.attributes import Notes
-from simbev_ros.maps.opendrive.reading.document import Document, LaneKey, LaneRecord, value_at
+from simbev_ros.maps.opendrive.reading.document import (
+    Document,
+    LaneKey,
+    LaneRecord,
+    on_stretch,
+    stretches_near,
+    value_at,
+)
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Line, Paint, Strip
 
@@ -26,6 +33,7 @@ class _Traits(NamedTuple):
     outer: Line
     speed_mps: float
     structure: bool
+    tunnel: bool
 
 
 def strips_of(
@@ -73,6 +81,9 @@ def _lane_strips(shape: LaneShape, notes: Notes) -> Iterator[Strip]:
         if (shape.lane.id > 0) == forward:
             borders.reverse()
         (left_m, left_line), (right_m, right_line) = borders
+        raised_m = None if shape.raised_m is None else shape.raised_m[first : last + 1][order]
+        if raised_m is not None and (shape.lane.id > 0) == forward:
+            raised_m = raised_m[:, ::-1]
         section, s_m = shape.section, shape.s_m
         yield Strip(
             id=f"{shape.key}/{count}",
@@ -89,6 +100,8 @@ def _lane_strips(shape: LaneShape, notes: Notes) -> Iterator[Strip]:
             junction=shape.road.junction,
             speed_mps=traits.speed_mps,
             structure=traits.structure,
+            tunnel=traits.tunnel,
+            raised_m=None if raised_m is None else np.ascontiguousarray(raised_m),
         )
 
 
@@ -112,10 +125,20 @@ def _stretches(shape: LaneShape) -> Iterator[tuple[int, int, _Traits]]:
 
 def _changes_m(shape: LaneShape) -> list[float]:
     """Distances along the road at which traits may change."""
-    marks, lane, road = shape.section.marks, shape.lane, shape.road
+    section, lane, road = shape.section, shape.lane, shape.road
+    marks = section.marks
+    stretches = [
+        stretch
+        for kind in (road.bridges, road.tunnels)
+        for stretch in stretches_near(kind, section.start_m, section.end_m)
+    ]
     local = (marks.get(_inner_lane_id(lane), ()), marks.get(lane.id, ()), lane.speeds)
-    in_section = [shape.section.start_m + ds_m for changes in local for ds_m, _ in changes]
-    return [*in_section, *(s_m for s_m, _ in road.speeds), *(s_m for bridge in road.bridges for s_m in bridge)]
+    in_section = [section.start_m + ds_m for changes in local for ds_m, _ in changes]
+    return [
+        *in_section,
+        *(s_m for s_m, _ in road.speeds),
+        *(s_m for stretch in stretches for s_m in stretch),
+    ]
 
 
 def _traits(shape: LaneShape, s_m: float) -> _Traits:
@@ -130,7 +153,8 @@ def _traits(shape: LaneShape, s_m: float) -> _Traits:
     )
     if lane.id != 1:
         inner = replace(inner, paint=_MIRRORED.get(inner.paint, inner.paint))
-    return _Traits(inner, outer, shape.speed_mps(s_m), any(start_m <= s_m < end_m for start_m, end_m in road.bridges))
+    speed_mps = shape.speed_mps(s_m)
+    return _Traits(inner, outer, speed_mps, on_stretch(road.bridges, s_m), on_stretch(road.tunnels, s_m))
 
 
 def _inner_lane_id(lane: LaneRecord) -> int:

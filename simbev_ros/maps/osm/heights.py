@@ -1,7 +1,8 @@
 """Computes road heights for an OpenStreetMap file, which defines only the order of layers at crossings.
 
 All land is level. Where two roads of different layers cross, the upper one is raised, or, if it is itself on or below
-the ground, the lower one is lowered; along every connected road the height returns smoothly to 0.
+the ground, the lower one is lowered; along every connected road the height returns smoothly to 0. Long tunnels descend
+from their portals, so that they pass below rivers and need no hill.
 """
 
 from collections import defaultdict
@@ -11,6 +12,7 @@ from heapq import heappop, heappush
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.maps.osm.roads import OsmRoad, crossings_of, line_of
 from simbev_ros.types import Float64Array
@@ -23,6 +25,7 @@ _FAST_KMH = 70
 _MIN_RAMP_M = 25.0
 _SPACING_M = 8.0
 _PASSES = 4
+_TUNNEL_DEPTH_M, _TUNNEL_RAMP_M = 9.0, 180.0  # depth of long tunnels, reached at this distance from their portals
 
 
 def add_heights(
@@ -39,10 +42,10 @@ def add_heights(
         without enough clearance.
     """
     crossings = crossings_of(roads, xy_m)
-    if not crossings:
+    if not crossings and not any(road.way.tunnel for road in roads):
         return tuple(roads), np.column_stack([xy_m, np.zeros(len(xy_m))]), ()
     roads, xy_m, pairs = _subdivide(roads, xy_m, crossings)
-    z_m = np.zeros(len(xy_m))
+    z_m = -_tunnel_depths_m(roads, xy_m)
     graph = _RoadGraph(roads, xy_m)
     order = sorted(range(len(crossings)), key=lambda k: roads[crossings[k][0]].way.layer)
     for _ in range(_PASSES):
@@ -52,6 +55,25 @@ def add_heights(
     tight = [k for k in order if z_m[pairs[k][0]] - z_m[pairs[k][1]] < _CLEARANCE_M - 0.7]
     notes = (f"crossings at two levels with too little clearance: {len(tight)}",) if tight else ()
     return tuple(roads), np.column_stack([xy_m, z_m]), notes
+
+
+def _tunnel_depths_m(roads: Sequence[OsmRoad], xy_m: Float64Array) -> Float64Array:
+    """(N,) depths of (N, 2) nodes below the ground: 0 outside of tunnels and at portals."""
+    tunnels = [road for road in roads if road.way.tunnel]
+    depth_m = np.zeros(len(xy_m))
+    if not tunnels:
+        return depth_m
+    outside = {node for road in roads if not road.way.tunnel for node in road.nodes}
+    portals = sorted({node for road in tunnels for node in road.nodes} & outside)
+    graph = _RoadGraph(tunnels, xy_m)
+    from_portal_m = graph.distances_m(portals, np.inf)
+    for portal in portals:
+        tube = list(graph.distances_m([portal], np.inf))
+        inside_m = np.array([from_portal_m[node] for node in tube])
+        ramp_m = float(np.clip(inside_m.max(), 1.0, _TUNNEL_RAMP_M))
+        share = np.clip(inside_m / ramp_m, 0.0, 1.0)
+        depth_m[tube] = _TUNNEL_DEPTH_M * ramp_m / _TUNNEL_RAMP_M * 0.5 * (1.0 - np.cos(np.pi * share))
+    return depth_m
 
 
 def _apply_clearance(
@@ -65,7 +87,7 @@ def _apply_clearance(
     moved_node, other_node = pair if rises else pair[::-1]
     fast = float(roads[crossing[0 if rises else 1]].way.tags.get("maxspeed", 0)) > _FAST_KMH
     ramp_m = _FAST_RAMP_M if fast else _RAMP_M
-    near_m = graph.distances_m(moved_node, _FLAT_M + ramp_m)
+    near_m = graph.distances_m([moved_node], _FLAT_M + ramp_m)
     if other_node in near_m:  # the roads are connected nearby: end the ramp before it reaches the other road
         ramp_m = max(_MIN_RAMP_M, min(ramp_m, near_m[other_node] - 2.0 * _FLAT_M))
     share = np.clip((np.array(list(near_m.values())) - _FLAT_M) / ramp_m, 0.0, 1.0)
@@ -77,7 +99,7 @@ def _flatten_junctions(graph: "_RoadGraph", z_m: Float64Array) -> None:
     junctions = {node for node in graph.junctions() if abs(z_m[node]) > 0.01}
     sloping_m = z_m.copy()
     for junction in sorted(junctions):
-        near_m = graph.distances_m(junction, 2.0 * _JUNCTION_REACH_M)
+        near_m = graph.distances_m([junction], 2.0 * _JUNCTION_REACH_M)
         others_m = (along_m for node, along_m in near_m.items() if node in junctions and node != junction)
         neighbor_m = min(others_m, default=np.inf)
         reach_m = min(_JUNCTION_REACH_M, neighbor_m / 2.0)
@@ -90,8 +112,10 @@ def _flatten_junctions(graph: "_RoadGraph", z_m: Float64Array) -> None:
 def _subdivide(
     roads: Sequence[OsmRoad], xy_m: Float64Array, crossings: Sequence[tuple[int, int, shapely.Point]]
 ) -> tuple[list[OsmRoad], Float64Array, list[tuple[int, int]]]:
-    """Insert nodes at crossings and, near them, at short distances; also return each crossing's node pair."""
-    near = shapely.buffer(shapely.MultiPoint([point for _, _, point in crossings]), _FLAT_M + _FAST_RAMP_M)
+    """Insert nodes at crossings and, near them and in tunnels, at short distances; also return pairs of crossings."""
+    points = shapely.MultiPoint([point for _, _, point in crossings])
+    near: BaseGeometry = shapely.buffer(points, _FLAT_M + _FAST_RAMP_M)
+    near = shapely.union_all([near, *(line_of(road, xy_m) for road in roads if road.way.tunnel)])
     shapely.prepare(near)
     marks: dict[int, list[tuple[float, int, int]]] = defaultdict(list)
     for k, (upper, lower, point) in enumerate(crossings):
@@ -136,10 +160,10 @@ class _RoadGraph:
         """Nodes with more than two neighbors."""
         return (node for node, neighbors in self._neighbors.items() if len(neighbors) > 2)
 
-    def distances_m(self, node: int, limit_m: float) -> dict[int, float]:
-        """Distances along the roads from a node to all nodes within a limit (Dijkstra, 1959)."""
+    def distances_m(self, nodes: Sequence[int], limit_m: float) -> dict[int, float]:
+        """Distances along the roads from the nearest of some nodes to all within a limit (Dijkstra, 1959)."""
         found: dict[int, float] = {}
-        waiting = [(0.0, node)]
+        waiting = [(0.0, node) for node in nodes]
         while waiting:
             along_m, nearest = heappop(waiting)
             if nearest in found:

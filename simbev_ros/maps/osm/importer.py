@@ -49,6 +49,8 @@ _OPTIONS = (
     "--junctions.corner-detail=8",
     "--precision=4",
 )
+_TUNNEL_OPTIONS = ("--osm.all-attributes=true", "--osm.extra-attributes=tunnel")
+"""Pass the tag on to the edges of the net."""
 
 
 def import_osm(path: Path, work: Path, bounds: Bounds | None = None) -> MapParts:
@@ -78,6 +80,8 @@ def import_osm(path: Path, work: Path, bounds: Bounds | None = None) -> MapParts
     write_types(types)
     net, opendrive = work / "map.net.xml", work / "map.xodr"
     options = [f"--osm-files={source}", f"--type-files={types}", f"--proj={datum.proj_string}", *_OPTIONS]
+    if any(road.way.tunnel for road in raised):
+        options += _TUNNEL_OPTIONS
     if data.left_hand:
         options.append("--lefthand=true")
     try:

@@ -32,7 +32,7 @@ def features_of(data: OsmData, xy_m: Float64Array, roads: Sequence[OsmRoad]) -> 
     extent = extent.buffer(_MARGIN_M, join_style="mitre")
     areas = [area for area in areas_of(data, xy_m) if area.polygon.intersects(extent)]
     zones = _zones(areas, extent)
-    embanked = [road for road in roads if not road.way.bridge]
+    embanked = [road for road in roads if not (road.way.bridge or road.way.tunnel)]
     water = water_of(data, xy_m, areas, extent, _bands(embanked, xy_m, _VERGE_M))
     buildings, notes = buildings_of(areas, _bands([road for road in roads if road.way.layer >= 0], xy_m, 0.0))
     rules = land_rules()

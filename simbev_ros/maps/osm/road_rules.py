@@ -56,7 +56,7 @@ class RoadTags(NamedTuple):
         walk: For pedestrians only.
         layer: Where roads cross without meeting, the one of the higher layer passes above.
         bridge: On a bridge.
-        tunnel: Below ground.
+        tunnel: Through a tunnel that vehicles drive in.
     """
 
     tags: Tags
@@ -67,8 +67,9 @@ class RoadTags(NamedTuple):
     tunnel: bool = False
 
     def at_grade(self) -> Self:
-        """The same road on the ground, for use when heights already describe bridges."""
-        return self._replace(layer=0, bridge=False, tunnel=False)
+        """The same road without its layer, for use when heights already describe bridges; tunnels keep their tag."""
+        tags = {**self.tags, "tunnel": "yes"} if self.tunnel else self.tags
+        return self._replace(tags=tags, layer=0, bridge=False)
 
 
 @lru_cache(maxsize=1)
@@ -87,9 +88,10 @@ def road_tags(tags: Tags, left_hand: bool = False) -> RoadTags | None:
     rule = road_rules().get(kind)
     if rule is None or tags.get("area") == "yes" or _is_excluded(tags, rule):
         return None
-    layer, bridge, tunnel = _layer(tags), _is_true(tags.get("bridge")), _is_true(tags.get("tunnel"))
+    layer, bridge = _layer(tags), _is_true(tags.get("bridge"))
+    tunnel = _is_true(tags.get("tunnel")) or (layer < 0 and tags.get("tunnel") == "building_passage")
     if rule.walk:
-        return RoadTags({"highway": kind}, walk=True, layer=layer, bridge=bridge, tunnel=tunnel)
+        return RoadTags({"highway": kind}, walk=True, layer=layer, bridge=bridge)
     one_way = tags.get("oneway", "yes" if rule.one_way or tags.get("junction") == "roundabout" else "no")
     runs_one_way = one_way in ("yes", "true", "1", "-1", "reverse")
     road = {key: tags[key] for key in _COPIED_KEYS if key in tags}

@@ -13,8 +13,6 @@ from simbev_ros.maps.osm.road_rules import RoadTags, road_tags
 from simbev_ros.maps.sumo.islands import components
 from simbev_ros.types import Float64Array
 
-_MAX_UNDERPASS_M = 120.0
-
 
 @dataclass(frozen=True, slots=True)
 class OsmRoad:
@@ -39,10 +37,6 @@ def roads_of(data: OsmData, xy_m: Float64Array) -> tuple[tuple[OsmRoad, ...], tu
     notes = []
     ways = [OsmRoad(way.nodes, tags) for way in data.ways if (tags := road_tags(way.tags, data.left_hand)) is not None]
     ways = [replace(road, nodes=road.nodes[::-1]) if road.way.reverse else road for road in ways]
-    tunnels = [road for road in ways if road.way.tunnel and _length_m(road, xy_m) > _MAX_UNDERPASS_M]
-    if tunnels:
-        notes.append(f"tunnels longer than {_MAX_UNDERPASS_M:.0f} m were left out: {len(tunnels)}")
-        ways = [road for road in ways if road not in tunnels]
     ways = _remove_stairs(ways, xy_m)
     roads = join_roads(list(_split_at_junctions(ways)))
     roads = [road for road in roads if _length_m(road, xy_m) > 0.5]

@@ -3,7 +3,7 @@
 There are two views of the same roads: ``network.Lane`` is a lane of the traffic simulation (SUMO), ``Strip`` is its
 geometry on the ground (from OpenDRIVE for OpenDRIVE maps, otherwise from SUMO's lanes). Surfaces, markings, heights,
 levels and the HD map are derived from strips. Heights are those of the carriageway's plane, also under raised
-sidewalks.
+sidewalks; ``raised_lanes`` adds the heights of lanes that the map raises.
 """
 
 from collections.abc import Sequence
@@ -15,6 +15,7 @@ from typing import TypeVar
 import numpy as np
 import shapely
 
+from simbev_ros.maps.columns import SPARSE
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.types import Float64Array
 
@@ -77,11 +78,15 @@ class Strip:
         continues: A road only continues in that junction, without meeting another.
         speed_mps: Speed limit.
         structure: The source declares that a bridge carries it.
-        level: 0 on the ground; k > 0 on a structure, above k layers of roads, water or air (``levels.assign_levels``).
+        level: 0 on the ground; k > 0 on a structure, above k layers of roads, water or air; higher still in tunnels
+            (``levels.assign_levels``).
         left: ``lane`` of the adjacent strip on the left, in driving direction, or "".
         right: ``lane`` of the adjacent strip on the right, or "".
         following: ``lane`` ids of its successors.
         outline_m: (M, 2) float64 outline where borders do not describe the area (walking areas), else None.
+        tunnel: It runs through a tunnel.
+        raised_m: (N, 2) heights of the left and the right border above the carriageway's plane; None: the height of its
+            kind, ``lane_kind.raised_of``.
     """
 
     id: str
@@ -104,6 +109,8 @@ class Strip:
     right: str = ""
     following: tuple[str, ...] = ()
     outline_m: Float64Array | None = None
+    tunnel: bool = field(default=False, metadata=SPARSE)
+    raised_m: Float64Array | None = field(default=None, metadata=SPARSE)
 
     @property
     def center_m(self) -> Float64Array:
@@ -215,6 +222,13 @@ class Layout:
     def levels(self) -> range:
         """All levels, 0 to the highest."""
         return range(1 + max((strip.level for strip in self.strips), default=0))
+
+    @cached_property
+    def tunnel_levels(self) -> range:
+        """The levels of tunnels, which follow those of the ground and of structures; empty if there are none."""
+        return range(
+            min((strip.level for strip in self.strips if strip.tunnel), default=len(self.levels)), len(self.levels)
+        )
 
     def near(self, area: shapely.Polygon, margin_m: float) -> "Layout":
         """The layout restricted to strips, crosswalks and stop lines whose bounds are near an area's bounds.

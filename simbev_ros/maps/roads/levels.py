@@ -3,6 +3,9 @@
 A stretch is on a structure if the map declares it, or where it passes over another road or over water. The structure
 extends along the road by the length that the slope of an abutment requires, and ends at one cross-section for all
 parallel lanes. Roads at the same height that overlap (merging ramps, the inside of junctions) are on the same level.
+
+Tunnels carry nothing: the land and the roads above them stay as they are without them. They have levels of their own,
+which follow the highest of the others.
 """
 
 from collections.abc import Iterator, Sequence
@@ -38,6 +41,31 @@ def assign_levels(layout: Layout, water: Sequence[Water] = ()) -> Layout:
         layout: The layout; existing levels are ignored.
         water: Water that roads cross on bridges.
     """
+    tunnels = [strip for strip in layout.strips if strip.tunnel]
+    if not tunnels:
+        return _assign(layout, water)
+    outside = _assign(replace(layout, strips=tuple(strip for strip in layout.strips if not strip.tunnel)), water)
+    inside = _assign(replace(layout, strips=tuple(tunnels)), ())
+    first, pieces = outside.levels.stop, StripPieces.cut(inside.strips, _PIECE_M)
+    level = first + np.array([strip.level for strip in inside.strips], np.int64)[pieces.row]
+
+    def level_of(points_m: Float64Array, outside: int) -> int:
+        """Level of a crosswalk or stop line, which is in a tunnel only if its middle is."""
+        middle_m = np.mean(points_m, axis=0)
+        around = pieces.tree.query(shapely.Point(middle_m[:2]), predicate="intersects")
+        around = around[np.abs(pieces.center_m[around, 2] - middle_m[2]) < CLEARANCE_M]
+        return int(level[around[0]]) if len(around) else outside
+
+    return replace(
+        outside,
+        strips=(*outside.strips, *(_on_level(strip, first + strip.level) for strip in inside.strips)),
+        crosswalks=tuple(replace(each, level=level_of(each.outline_m, each.level)) for each in outside.crosswalks),
+        stop_lines=tuple(replace(each, level=level_of(each.ends_m, each.level)) for each in outside.stop_lines),
+    )
+
+
+def _assign(layout: Layout, water: Sequence[Water]) -> Layout:
+    """Assign levels to a layout that is all outside of tunnels, or all inside."""
     level_0_strips = [_on_level(strip, 0) for strip in layout.strips]
     rows = _rows_near_structures(level_0_strips, water)
     pieces = StripPieces.cut([level_0_strips[row] for row in rows], _PIECE_M)
@@ -173,15 +201,16 @@ def _stretch(pieces: StripPieces, start: int, end: int, level: Int64Array, numbe
     first, second = pieces.lines.parameter(np.array([row, row]), np.array([start_m, end_m])) - pieces.lines.first[row]
     indices = np.concatenate([[first], np.arange(np.floor(first) + 1.0, np.ceil(second)), [second]])
     points = np.arange(len(strip.left_m))
-    left_m, right_m = (
-        np.stack([np.interp(indices, points, side[:, axis]) for axis in range(3)], axis=1)
-        for side in (strip.left_m, strip.right_m)
-    )
+
+    def resampled(side: Float64Array) -> Float64Array:
+        return np.stack([np.interp(indices, points, axis) for axis in side.T], axis=1)
+
     return replace(
         strip,
         id=f"{strip.id}@{number}",
-        left_m=left_m,
-        right_m=right_m,
+        left_m=resampled(strip.left_m),
+        right_m=resampled(strip.right_m),
+        raised_m=None if strip.raised_m is None else resampled(strip.raised_m),
         s_start_m=strip.s_start_m + float(start_m),
         level=int(level[start]),
     )

@@ -31,6 +31,7 @@ class _Edge:
     lanes: list[Lane]
     opposite: list[Lane]
     on_structure: bool
+    in_tunnel: bool
     continues: bool
 
 
@@ -98,12 +99,13 @@ def _edges(
 ) -> dict[str, _Edge]:
     """All edges by id."""
     opposite = _opposites(net, lanes, borders)
-    on_structure = _edges_on_structures(net)
+    on_structure, in_tunnel = (_with_junctions(net, declared) for declared in (net.structures, net.tunnels))
     return {
         edge: _Edge(
             lanes=edge_lanes,
             opposite=lanes[opposite[edge]] if edge in opposite else [],
             on_structure=edge in on_structure,
+            in_tunnel=edge in in_tunnel,
             continues=edge_lanes[0].junction in continued,
         )
         for edge, edge_lanes in lanes.items()
@@ -132,14 +134,14 @@ def _opposites(net: SumoNet, lanes: Mapping[str, Sequence[Lane]], borders: _Bord
     return {edge: other for (edge, other), is_same in zip(pairs, coincides, strict=True) if is_same}
 
 
-def _edges_on_structures(net: SumoNet) -> frozenset[str]:
-    """Edges on declared structures; an edge inside a junction is included if all edges that meet there are."""
+def _with_junctions(net: SumoNet, declared: frozenset[str]) -> frozenset[str]:
+    """Declared edges, and the edges inside junctions at which only declared edges meet."""
     meeting: dict[str, set[str]] = defaultdict(set)
     for edge, ends in net.edge_ends.items():
         for junction in ends:
             meeting[junction].add(edge)
-    junctions = {junction for junction, edges in meeting.items() if edges <= net.structures}
-    return net.structures | {lane.edge for lane in net.lanes.values() if lane.junction in junctions}
+    junctions = {junction for junction, edges in meeting.items() if edges <= declared}
+    return declared | {lane.edge for lane in net.lanes.values() if lane.junction in junctions}
 
 
 def _strips(edge: _Edge, borders: _Borders) -> Iterator[Strip]:
@@ -169,6 +171,7 @@ def _strips(edge: _Edge, borders: _Borders) -> Iterator[Strip]:
             continues=edge.continues,
             speed_mps=lane.speed_mps,
             structure=edge.on_structure,
+            tunnel=edge.in_tunnel,
             left=lefts[number],
             right=rights[number],
             following=lane.successors,

@@ -23,6 +23,9 @@ _MOTOR_CLASSES = frozenset({"passenger", "delivery", "bus", "truck", "taxi", "pr
 _KINDS = frozenset(LaneKind) - {LaneKind.CROSSING, LaneKind.WALKING_AREA}  # kinds that the attribute `type` may name
 
 
+_TUNNELS = ("yes", "true", "1")
+
+
 @dataclass(frozen=True, slots=True)
 class ControlledLink:
     """A movement from one lane that a traffic light controls.
@@ -51,6 +54,7 @@ class SumoNet:
         links: The controlled links of driving lanes, in file order.
         edge_ends: Edge id → ids of the junctions that it leads from and to; only edges outside junctions.
         structures: Ids of the edges that the file declares to be bridges.
+        tunnels: Ids of the edges that it declares to be tunnels.
         right_of_way: Lane id → SUMO's codes of its movements outside traffic lights: M has right of way, m yields, s
             stops first, w stops at an all-way stop, = yields to the right.
         left_hand: Traffic keeps to the left: the lanes of an edge are numbered from left to right.
@@ -61,6 +65,7 @@ class SumoNet:
     links: tuple[ControlledLink, ...]
     edge_ends: dict[str, tuple[str, str]] = field(default_factory=dict)
     structures: frozenset[str] = frozenset()
+    tunnels: frozenset[str] = frozenset()
     right_of_way: dict[str, frozenset[str]] = field(default_factory=dict)
     left_hand: bool = False
 
@@ -84,6 +89,7 @@ class _Content:
     left_hand: bool
     edges: list[tuple[dict[str, str], list[dict[str, str]]]] = field(default_factory=list)
     structures: set[str] = field(default_factory=set)
+    tunnels: set[str] = field(default_factory=set)
     junctions: list[dict[str, str]] = field(default_factory=list)
     connections: list[dict[str, str]] = field(default_factory=list)
 
@@ -98,8 +104,11 @@ def _read(path: Path) -> _Content:
             continue
         if element.tag == "edge":
             content.edges.append((element.attrib, [lane.attrib for lane in element.findall("lane")]))
-            if any(item.get("key") == "structure" and item.get("value") for item in element.findall("param")):
+            parameters = {item.get("key"): item.get("value") for item in element.findall("param")}
+            if parameters.get("structure"):
                 content.structures.add(element.attrib["id"])
+            if parameters.get("tunnel", "no") in _TUNNELS:
+                content.tunnels.add(element.attrib["id"])
         elif element.tag == "junction":
             content.junctions.append(element.attrib)
         else:
@@ -120,8 +129,8 @@ def _net(content: _Content) -> SumoNet:
     signalized_junctions = {edge_ends[lanes[link.lane].edge][1] for link in links}
     junctions = _junctions(content, signalized_junctions)
     right_of_way = _right_of_way(content.connections)
-    structures = frozenset(content.structures)
-    return SumoNet(lanes, junctions, links, edge_ends, structures, right_of_way, content.left_hand)
+    structures, tunnels = frozenset(content.structures), frozenset(content.tunnels)
+    return SumoNet(lanes, junctions, links, edge_ends, structures, tunnels, right_of_way, content.left_hand)
 
 
 def _links(connections: Sequence[Mapping[str, str]], lanes: Mapping[str, Lane]) -> Iterator[ControlledLink]:

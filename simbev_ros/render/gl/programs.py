@@ -44,6 +44,7 @@ TEXTURE_UNITS = {
             "ideal_rgb",
             "triangle_ids",
             "triangle_depth",
+            "tunnel_map",
         )
     )
 }
@@ -71,12 +72,21 @@ class ProgramLibrary:
 
     A file includes another one of shaders/include by ``#include "name"``. ``#include "enums"`` defines every
     ``Material``, ``Tag``, ``Light`` and ``SignalState`` as a constant, e.g. ``MATERIAL_ASPHALT``. The macro ``QUALITY``
-    is 0 (low), 1 (medium) or 2 (high); ``SHADING_STEP`` and ``VISIBILITY_STEP`` depend on it.
+    is 0 (low), 1 (medium) or 2 (high); ``SHADING_STEP`` and ``VISIBILITY_STEP`` depend on it. ``TUNNELS`` is 1 if the
+    map has tunnels, else 0.
     """
 
-    def __init__(self, context: moderngl.Context, quality: Quality = "medium", *, use_compute: bool = False) -> None:
-        """Select the quality; ``use_compute``: run screen passes as compute shaders."""
+    def __init__(
+        self,
+        context: moderngl.Context,
+        quality: Quality = "medium",
+        *,
+        use_compute: bool = False,
+        tunnels: bool = False,
+    ) -> None:
+        """Select the quality; ``use_compute``: run screen passes as compute shaders; ``tunnels``: the map has some."""
         self._context = context
+        self._tunnels = int(tunnels)
         self.quality = quality
         self.use_compute = use_compute
         self._folder = files("simbev_ros.render").joinpath("shaders")
@@ -134,7 +144,8 @@ class ProgramLibrary:
             return _ENUMS if name == "enums" else _INCLUDE.sub(expand, self._read(f"include/{name}"))
 
         version, body = self._read(name).split("\n", 1)
-        constants = {"QUALITY": QUALITIES.index(self.quality), **quality_steps(self.quality), **constants}
+        common = {"QUALITY": QUALITIES.index(self.quality), "TUNNELS": self._tunnels}
+        constants = {**common, **quality_steps(self.quality), **constants}
         macros = [f"#define {name} {value}" for name, value in constants.items()]
         return "\n".join([version, *macros, _INCLUDE.sub(expand, body)])
 

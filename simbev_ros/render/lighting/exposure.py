@@ -12,13 +12,19 @@ _SUNNY_EXPOSURE = 0.8
 """Automatic exposure factor of equal brightness (sky.yaml, sun at 30° to 90°)."""
 
 
-def exposure_gain(exposure: Exposure, weather: Weather) -> float:
+def exposure_gain(exposure: Exposure, weather: Weather, adaptation: float = 1.0) -> float:
     """Brightness of an image relative to automatic exposure, as a factor before tone mapping.
 
     The simulated night is brighter than a real one, so a fixed exposure shows more of it.
+
+    Args:
+        exposure: Settings of the camera.
+        weather: Weather and light.
+        adaptation: Factor by which automatic exposure differs from that of the weather, as in tunnels.
     """
     gain = math.exp2(exposure.compensation_ev)
     value_ev = exposure.value_ev
     if value_ev is None:
         return gain
-    return gain * _SUNNY_EXPOSURE * math.exp2(_SUNNY_EV - value_ev) / SkyLight.from_weather(weather).exposure
+    automatic = SkyLight.from_weather(weather).exposure * adaptation
+    return gain * _SUNNY_EXPOSURE * math.exp2(_SUNNY_EV - value_ev) / automatic

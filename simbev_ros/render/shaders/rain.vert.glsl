@@ -49,6 +49,6 @@ void main() {
     v_color = vec4(film(light * exposure() * viewport.w), STREAK * inside * min(width_px, 1.0) * min(1.0, 90.0 / length_px));
     v_across = corner;
     v_depth = 0.5 * (head.w + tail.w);
-    bool drawn = min(head.w, tail.w) > NEAREST;
+    bool drawn = min(head.w, tail.w) > NEAREST && tunnel_at(camera + from_camera, vec3(0.0)).inside == 0.0;
     gl_Position = drawn ? vec4(place / viewport.xy * 2.0, 0.0, 1.0) : vec4(2.0, 2.0, 2.0, 1.0);
 }

@@ -107,7 +107,7 @@ void main() {
     else s.albedo = soil(p.albedo, coarse, middle, fine, size);
 
 #if WET
-    Water water = water_on(p.material, p.normal, coarse.a * 0.7 + middle.r * 0.4);
+    Water water = water_on(p.material, p.normal, coarse.a * 0.7 + middle.r * 0.4, wet_share(tunnel_at(p.position, p.normal)));
     s.albedo *= 1.0 - 0.5 * water.film;
     s.roughness = roughness_under(water, s.roughness);
     s.specular = mix(s.specular, 0.03, water.film);

@@ -53,6 +53,8 @@ void main() {
     } else if (p.material <= MATERIAL_SIGNAL_GREEN) {
         s.emission = signal_lamp(p.material, texelFetch(signal_states, ivec2(int(round(p.uv.x)), 0), 0).x);
         s.albedo *= 0.35;
+    } else if (p.material == MATERIAL_TUNNEL_LAMP) {
+        s.emission = vec3(1.0, 0.90, 0.72) * 2.0;
     } else {
         int lamp = int(round(p.uv.x));
         s.emission = vec3(1.0, 0.86, 0.62) * lamps_lit() * 2.2 * texelFetch(street_lamps, ivec2(lamp & 127, lamp >> 7), 0).x;

@@ -5,6 +5,7 @@
 #include "pixel"
 #include "light"
 #include "log_depth"
+#include "tunnel"
 uniform sampler2DShadow shadow_map;
 uniform sampler2D contact_map;
 
@@ -79,5 +80,10 @@ void main() {
     vec2 aside = vec2(cos(angle), sin(angle));
     float open = openness(texel, point, transpose(mat3(world_from_optical)) * normal, aside);
     open *= 1.0 - under_actors(position, normal);
-    visibility = vec4(open, sunlit(position, normal, aside), packed_log_depth(point.z));
+    float sun = sunlit(position, normal, aside);
+#if TUNNELS
+    Tunnel tunnel = tunnel_at(position, normal);
+    sun *= 1.0 - tunnel.inside * smoothstep(5.0, 40.0, tunnel.depth);
+#endif
+    visibility = vec4(open, sun, packed_log_depth(point.z));
 }

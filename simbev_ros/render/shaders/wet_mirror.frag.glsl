@@ -27,7 +27,7 @@ float depth_at(vec3 pixels) { return texelFetch(g_depth, ivec2(clamp(pixels.xy /
 void main() {
     Pixel p = this_pixel();
     vec4 coarse = texture_at(p.uv / 37.0, p.size / 37.0), middle = texture_at(p.uv.yx / 5.3, p.size / 5.3);
-    Water water = water_on(p.material, p.normal, coarse.a * 0.7 + middle.r * 0.4);
+    Water water = water_on(p.material, p.normal, coarse.a * 0.7 + middle.r * 0.4, wet_share(tunnel_at(p.position, p.normal)));
     vec2 slope = (noise_at(p.uv / 0.4, p.size / 0.4).ba - 0.5) * GRAIN * (1.0 - water.puddle) + ring_slope(p.uv, p.size) * water.film;
     vec3 normal = normalize(p.normal + vec3(slope, 0.0));
     vec3 direction = reflect(-p.to_camera, normal);

@@ -34,14 +34,16 @@ class Rain:
         self._drops: moderngl.VertexArray | None = None
         self._weather_rain = 0.0
         self._wet = 0.0
+        self._sheltered = 0.0
         self._time_s = 0.0
         self._shift_m = np.zeros((len(FALL_MPS), 3))
         self._passing_m = np.zeros((len(FALL_MPS), 3))
 
-    def set_world(self, world: WorldState, origin_m: Float64Array) -> None:
-        """Set weather, time and the velocity of the cameras, which is the ego's."""
+    def set_world(self, world: WorldState, origin_m: Float64Array, sheltered: float) -> None:
+        """Set weather, time and the velocity of the cameras, which is the ego's; ``sheltered``: 1 deep in a tunnel."""
         weather, ego = world.weather, world.ego
         self._weather_rain, self._wet = weather.precipitation / 100.0, weather.wetness / 100.0
+        self._sheltered = sheltered
         self._time_s = world.stamp_ns * 1e-9
         velocity_mps = drop_velocities(weather.wind_intensity)
         self._shift_m = np.mod(velocity_mps * self._time_s - origin_m, BOX_M)
@@ -66,7 +68,7 @@ class Rain:
 
     def draw_lens_drops(self, targets: Targets, camera_seed: int) -> None:
         """Draw drops on the lens over the finished image; they refract it, so they show it upside down."""
-        count = int(min(self._weather_rain, self._wet) ** 0.7 * _MAX_LENS_DROPS)
+        count = int((1.0 - self._sheltered) * min(self._weather_rain, self._wet) ** 0.7 * _MAX_LENS_DROPS)
         if not count:
             return
         if self._drops is None:

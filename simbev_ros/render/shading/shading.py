@@ -1,5 +1,7 @@
 """Shades the G-buffer into a color image: one shader per class, then reflections, anti-aliasing, glare, rain."""
 
+from collections.abc import Sequence
+
 import moderngl
 import numpy as np
 
@@ -17,7 +19,7 @@ from simbev_ros.types import Float64Array, Table
 
 _SEED_COUNT = 4096
 _GROUND = shading_classes().index("ground")
-_LIGHT_BLOCK_BYTES = (10 + 3 * 4) * 16
+_LIGHT_BLOCK_BYTES = (10 + 3 * 4 + 2) * 16
 
 
 class Shading:
@@ -48,10 +50,19 @@ class Shading:
         self._signals: moderngl.Texture | None = None
         self._lamps_lit = False
 
-    def set_light(self, lamps_lit: bool, sky: Float64Array, *matrices: Float64Array) -> None:
-        """Set the uniform block ``Light``: (10, 4) vectors, and (4, 4) matrices of the shadow map and lamp field."""
+    def set_light(
+        self, lamps_lit: bool, sky: Float64Array, matrices: Sequence[Float64Array], tunnels: Float64Array
+    ) -> None:
+        """Set the uniform block ``Light``.
+
+        Args:
+            lamps_lit: Whether street lamps and windows are lit.
+            sky: (10, 4) vectors from ``SkyLight.block_head``.
+            matrices: (4, 4) matrices of the shadow map and of the lamp field.
+            tunnels: (2, 4) vectors from ``TunnelMap``.
+        """
         self._lamps_lit = lamps_lit
-        block = np.concatenate([sky, *(matrix.T for matrix in matrices)])
+        block = np.concatenate([sky, *(matrix.T for matrix in matrices), tunnels])
         self._light.write(block.astype(np.float32).tobytes())
 
     def set_windows(self, lights: LightSpec) -> None:

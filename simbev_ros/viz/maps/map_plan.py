@@ -18,6 +18,7 @@ from simbev_ros.types import Float32Array, Float64Array, Int32Array, UInt8Array
 from simbev_ros.viz.canvas import Color
 
 _OVERSAMPLING = 2
+_TUNNEL_OPACITY = 0.45
 _FRACTION_BITS = 4
 _MOTORWAY_MPS, _MAIN_ROAD_MPS = 22.0, 15.0
 _RELIEF_CELL_PX = 8
@@ -43,8 +44,13 @@ class MapPlan:
         self._corner_m = np.array([center_m[0] - extent_m / 2.0, center_m[1] + extent_m / 2.0])
         self._canvas = np.empty((self._count, self._count, 3), np.uint8)
         self._draw_land(network)
-        for level in network.layout.levels:
-            self._draw_roads([strip for strip in network.layout.strips if strip.level == level])
+        strips, tunnels = network.layout.strips, network.layout.tunnel_levels
+        if tunnels:
+            land = self._canvas.copy()
+            self._draw_roads([strip for strip in strips if strip.tunnel])
+            self._canvas[:] = cv2.addWeighted(self._canvas, _TUNNEL_OPACITY, land, 1.0 - _TUNNEL_OPACITY, 0.0)
+        for level in range(tunnels.start):
+            self._draw_roads([strip for strip in strips if strip.level == level])
 
     def draw_frame(self, center_m: Float64Array, extent_m: float) -> None:
         """Draw the outline of a square.

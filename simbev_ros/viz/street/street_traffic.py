@@ -7,10 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from simbev_ros.assets.placement.region_ground import CURB_HEIGHT_M
 from simbev_ros.geometry.ragged import ragged_indices
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.lane_kind import CURB_HEIGHT_M, LaneKind
 from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.random import stream
 from simbev_ros.scene.blueprints import load_blueprints

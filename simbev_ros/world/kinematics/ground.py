@@ -8,10 +8,12 @@ from functools import cached_property
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.assets.roads.ground import CURB_HEIGHT_M
 from simbev_ros.maps.roads.elevation import Elevation
+from simbev_ros.maps.roads.lane_kind import CURB_HEIGHT_M
 from simbev_ros.maps.roads.layout import Layout
+from simbev_ros.maps.roads.raised_lanes import RaisedLanes
 from simbev_ros.maps.roads.surface import sidewalk_surface, strip_polygons
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
@@ -27,17 +29,20 @@ class GroundSurface:
     def __init__(self, layout: Layout) -> None:
         self._layout = layout
         self._elevation = Elevation(layout)
+        self._raised_lanes = [RaisedLanes.of_level(layout, level) for level in layout.levels]
         raised = [strip for strip in layout.strips if strip.level > 0]
         self._deck_level = np.array([strip.level for strip in raised], np.int64)
         self._decks = shapely.STRtree(shapely.buffer(strip_polygons(raised), _OVERHANG_M))
         self._first_m, self._patches = _covered_patches(self._decks)
-        self._sidewalks: dict[tuple[int, int, int], shapely.MultiPolygon] = {}
+        self._sidewalks: dict[tuple[int, int, int], BaseGeometry] = {}
 
     @cached_property
     def is_level(self) -> bool:
-        """Whether all roads lie at height 0."""
+        """Whether all roads lie at height 0, and no lane is raised by the map."""
         strips = self._layout.strips
-        return not any(side_m[:, 2].any() for strip in strips for side_m in (strip.left_m, strip.right_m))
+        return not any(self._raised_lanes) and not any(
+            side_m[:, 2].any() for strip in strips for side_m in (strip.left_m, strip.right_m)
+        )
 
     def levels(self, point_m: Float64Array) -> Int64Array:
         """(N,) levels of (N, 3) points, map frame."""
@@ -63,16 +68,18 @@ class GroundSurface:
         return self._patches[column, row]
 
     def heights_m(self, point_m: Float64Array) -> Float64Array:
-        """(N,) heights of the carriageway's plane at (N, 3) points, on their levels."""
+        """(N,) heights of the carriageway's plane, or of lanes that the map raises, at (N, 3) points."""
         level = self.levels(point_m)
         height_m = np.empty(len(point_m))
         for number in np.unique(level).tolist():
             rows = level == number
             height_m[rows] = self._elevation.height_m(point_m[rows, :2], number)
+            if self._raised_lanes[number]:
+                height_m[rows] += np.nan_to_num(self._raised_lanes[number].rise_m(point_m[rows, :2]))
         return height_m
 
     def raised_m(self, point_m: Float64Array) -> Float64Array:
-        """(N,) height of the ground above the carriageway's plane at (N, 3) points: the curb height on sidewalks."""
+        """(N,) height of the ground above ``heights_m`` at (N, 3) points: the default height of sidewalks."""
         cells = np.column_stack([self.levels(point_m), np.floor(point_m[:, :2] / _CELL_M).astype(np.int64)])
         on_sidewalk: BoolArray = np.zeros(len(point_m), bool)
         keys, cell = np.unique(cells, axis=0, return_inverse=True)
@@ -89,13 +96,16 @@ class GroundSurface:
             for level in self._layout.levels:
                 self._sidewalk(level, column, row)
 
-    def _sidewalk(self, level: int, column: int, row: int) -> shapely.MultiPolygon:
+    def _sidewalk(self, level: int, column: int, row: int) -> BaseGeometry:
         """The sidewalks of a grid cell, cached."""
         key = level, column, row
         if key not in self._sidewalks:
             x_m, y_m = column * _CELL_M, row * _CELL_M
             area = shapely.box(x_m, y_m, x_m + _CELL_M, y_m + _CELL_M)
-            self._sidewalks[key] = sidewalk_surface(self._layout, level, area)
+            sidewalk: BaseGeometry = sidewalk_surface(self._layout, level, area)
+            if self._raised_lanes[level]:
+                sidewalk = shapely.difference(sidewalk, self._raised_lanes[level].area)
+            self._sidewalks[key] = sidewalk
             shapely.prepare(self._sidewalks[key])
         return self._sidewalks[key]
 

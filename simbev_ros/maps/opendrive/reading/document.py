@@ -3,16 +3,20 @@
 Lane ids: 0 is the center line, ids on its left are positive, those on its right negative; absolute values grow outward.
 """
 
+from bisect import bisect_right
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple, TypeVar
 from xml.etree.ElementTree import Element
 
+import numpy as np
+
 from simbev_ros.maps.opendrive.reading.cubics import Cubics
 from simbev_ros.maps.opendrive.reading.plan_view import PlanView
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Line
+from simbev_ros.types import Float64Array
 
 _T = TypeVar("_T")
 Contact = Literal["start", "end"]
@@ -31,6 +35,19 @@ class LaneKey(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class LaneHeight:
+    """Heights of a lane's borders above the road's surface, linear between (K,) ascending distances."""
+
+    starts_m: Float64Array
+    inner_m: Float64Array
+    outer_m: Float64Array
+
+    def __call__(self, ds_m: Float64Array) -> Float64Array:
+        """(N, 2) heights of the inner and the outer border at (N,) distances from the section's start."""
+        return np.column_stack([np.interp(ds_m, self.starts_m, side_m) for side_m in (self.inner_m, self.outer_m)])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class LaneRecord:
     """A lane within one section; distances in its records are measured from the section's start.
 
@@ -41,6 +58,7 @@ class LaneRecord:
         on_level: Kept horizontal across where the road is banked.
         width: Width by distance from the section's start, unless there is only a ``border``.
         border: Distance of its outer border from the center line, likewise.
+        height: Heights of its inner and outer border above the road's surface, or None if the file states none.
         speeds: Its own speed limits as (distance, m/s).
         predecessors: Lane ids linked at its start.
         successors: Lane ids linked at its end.
@@ -53,10 +71,16 @@ class LaneRecord:
     on_level: bool
     width: Cubics
     border: Cubics
+    height: "LaneHeight | None"
     speeds: tuple[tuple[float, float], ...]
     predecessors: tuple[int, ...]
     successors: tuple[int, ...]
     reversed: bool
+
+    @property
+    def records(self) -> tuple["Cubics | LaneHeight", ...]:
+        """The records that shape it, by distance from the section's start."""
+        return (self.width, self.border, *(() if self.height is None else (self.height,)))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,6 +101,21 @@ class Section:
     end_m: float
     lanes: tuple[LaneRecord, ...]
     marks: Mapping[int, tuple[tuple[float, Line], ...]]
+
+
+def on_stretch(stretches: Sequence[tuple[float, float]], s_m: float) -> bool:
+    """Whether a distance along a road lies on one of its disjoint, ascending stretches (start, end)."""
+    index = bisect_right(stretches, s_m, key=lambda stretch: stretch[0])
+    return index > 0 and s_m < stretches[index - 1][1]
+
+
+def stretches_near(
+    stretches: Sequence[tuple[float, float]], start_m: float, end_m: float
+) -> Sequence[tuple[float, float]]:
+    """The disjoint, ascending stretches (start, end) of a road that reach into a part of it, and at most one before."""
+    first = bisect_right(stretches, start_m, key=lambda stretch: stretch[0])
+    last = bisect_right(stretches, end_m, key=lambda stretch: stretch[0])
+    return stretches[max(first - 1, 0) : last]
 
 
 def value_at(changes: Sequence[tuple[float, _T]], s_m: float) -> _T | None:
@@ -126,7 +165,8 @@ class Road:
         speeds: Speed limits as (s, m/s).
         predecessor: Link of its start.
         successor: Link of its end.
-        bridges: Bridges as (start s, end s).
+        bridges: Stretches on bridges as (start s, end s), disjoint and ascending.
+        tunnels: Stretches in tunnels, likewise.
         element: The XML element that it was read from.
     """
 
@@ -146,6 +186,7 @@ class Road:
     predecessor: Link
     successor: Link
     bridges: tuple[tuple[float, float], ...]
+    tunnels: tuple[tuple[float, float], ...]
     element: Element
 
     def link(self, contact: Contact) -> Link:

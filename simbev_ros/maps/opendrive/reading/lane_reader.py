@@ -4,10 +4,12 @@ from collections.abc import Mapping, Sequence
 from typing import TypeVar
 from xml.etree.ElementTree import Element
 
+import numpy as np
+
 from simbev_ros.limits import MAX_SECTIONS_PER_M
 from simbev_ros.maps.opendrive.reading.attributes import Malformed, Notes, integer_id, number
 from simbev_ros.maps.opendrive.reading.cubics import Cubics
-from simbev_ros.maps.opendrive.reading.document import LaneRecord, Section
+from simbev_ros.maps.opendrive.reading.document import LaneHeight, LaneRecord, Section
 from simbev_ros.maps.opendrive.reading.tables import LANE_KINDS, PAINT_COLORS, PAINT_WIDTHS_M, PAINTS, SPEED_UNITS_MPS
 from simbev_ros.maps.roads.layout import Line, Paint
 
@@ -15,6 +17,7 @@ _T = TypeVar("_T")
 _FEW_SECTIONS = 100
 _MAX_PAINT_WIDTH_M = 1.0
 _MAX_SPEED_MPS = 150.0
+_MAX_HEIGHT_M = 2.0  # heights of lanes are for curbs and sidewalks
 
 
 def read_sections(road: Element, length_m: float, notes: Notes) -> tuple[tuple[Section, ...], tuple[Section, ...]]:
@@ -71,6 +74,7 @@ def _read_lane(element: Element, notes: Notes) -> LaneRecord:
         on_level=element.get("level") in ("true", "1"),
         width=width,
         border=border,
+        height=_read_height(element, notes),
         speeds=tuple(
             sorted(
                 (number(speed, "sOffset", 0.0), speed_mps)
@@ -83,6 +87,25 @@ def _read_lane(element: Element, notes: Notes) -> LaneRecord:
         successors=_linked_ids(element, "successor"),
         reversed=element.get("direction") == "reversed",
     )
+
+
+def _read_height(element: Element, notes: Notes) -> LaneHeight | None:
+    """Read the <height> records of a lane; those that cannot be used are left out."""
+    rows: dict[float, tuple[float, float]] = {}
+    for record in element.findall("height"):
+        try:
+            start_m, sides_m = number(record, "sOffset", 0.0), (number(record, "inner"), number(record, "outer"))
+        except Malformed as problem:
+            notes.add("a lane height that cannot be read is ignored", record, str(problem))
+            continue
+        if max(map(abs, sides_m)) > _MAX_HEIGHT_M:
+            notes.add(f"a lane height of more than {_MAX_HEIGHT_M:g} m is ignored", record)
+            continue
+        rows[start_m] = sides_m
+    if not rows:
+        return None
+    starts_m = np.array(sorted(rows))
+    return LaneHeight(starts_m, *np.array([rows[start_m] for start_m in starts_m]).T)
 
 
 def _linked_ids(element: Element, name: str) -> tuple[int, ...]:

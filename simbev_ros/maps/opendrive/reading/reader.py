@@ -84,10 +84,8 @@ def _read_road(element: Element, notes: Notes) -> Road:
         speeds=tuple(sorted((number(kind, "s", 0.0), _read_type_speed(kind, notes)) for kind in types)),
         predecessor=_read_link(element.find("link/predecessor")),
         successor=_read_link(element.find("link/successor")),
-        bridges=tuple(
-            (number(bridge, "s"), number(bridge, "s") + number(bridge, "length"))
-            for bridge in element.findall("objects/bridge")
-        ),
+        bridges=_read_stretches(element, "bridge", notes),
+        tunnels=_read_stretches(element, "tunnel", notes),
         element=element,
     )
 
@@ -130,6 +128,24 @@ def _read_shape(element: Element) -> tuple[Shape, ...]:
     for record in element.findall("lateralProfile/shape"):
         stations.setdefault(number(record, "s"), []).append(record)
     return tuple(Shape(s_m, Cubics.read(stations[s_m], "t")) for s_m in sorted(stations))
+
+
+def _read_stretches(element: Element, kind: str, notes: Notes) -> tuple[tuple[float, float], ...]:
+    """Stretches of a road on bridges, or in tunnels, disjoint and ascending; those that cannot be read are left out."""
+    stretches = []
+    for item in element.findall(f"objects/{kind}"):
+        try:
+            start_m = number(item, "s")
+            stretches.append((start_m, start_m + number(item, "length")))
+        except Malformed as problem:
+            notes.add(f"a {kind} that cannot be read is left out", item, str(problem))
+    joined: list[tuple[float, float]] = []
+    for start_m, end_m in sorted(stretches):
+        if joined and start_m <= joined[-1][1]:
+            joined[-1] = joined[-1][0], max(joined[-1][1], end_m)
+        elif start_m < end_m:
+            joined.append((start_m, end_m))
+    return tuple(joined)
 
 
 def _read_link(element: Element | None) -> Link:

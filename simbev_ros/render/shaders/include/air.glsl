@@ -1,6 +1,7 @@
 // The air between camera and surfaces: haze, fog that thins out with height, the veil of rain.
 #include "light"
 #include "view"
+#include "tunnel"
 const float FOG_FLOOR = -30.0;  // meters; below this height, the fog density is constant
 
 // Optical depth / ln 2 of fog on a straight path between two heights in the world.
@@ -25,5 +26,10 @@ vec3 air_radiance(vec3 direction) {
 vec3 through_air(vec3 radiance, vec3 to_camera, vec3 position) {
     float range = dot(world_from_optical[3].xyz - position, to_camera);
     float depth = fog_depth(world_from_optical[3].z, position.z, range) + range * fog.w;
+#if TUNNELS
+    Tunnel tunnel = tunnel_at(position, to_camera);
+    bool is_same = tunnel.inside * tunnel_light.w > 0.0;
+    depth *= is_same ? 0.0 : clamp(1.0 - (tunnel.inside * tunnel.depth + tunnel_light.w) / max(range, 1.0), 0.0, 1.0);
+#endif
     return mix(air_radiance(-to_camera), radiance, exp2(-depth));
 }

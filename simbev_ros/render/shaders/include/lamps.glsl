@@ -1,5 +1,6 @@
 // Light of lamps, from their maps seen from above (render/lighting/lamp_field.py).
 #include "light"
+#include "tunnel"
 uniform sampler2D street_field;
 uniform sampler2D beam_field;
 uniform sampler2D glow_field;
@@ -34,6 +35,9 @@ vec3 lamp_light(vec3 position, vec3 normal) {
     vec3 to_street = vec3(direction, sqrt(max(1.0 - dot(direction, direction), 0.0)));
     float street_share = between(street.w / street_weight - position.z, 1.0, 12.5, 4.0);
     street_share *= max(dot(normal, to_street) * 0.85 + 0.15, 0.0);
+#if TUNNELS
+    street_share *= 1.0 - tunnel_at(position, normal).inside;
+#endif
 
     float beam_weight = max(beam.z, 1e-4);
     float below_edge = beam.w / beam_weight - position.z;

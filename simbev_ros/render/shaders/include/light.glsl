@@ -13,6 +13,8 @@ layout(std140) uniform Light {
     mat4 near_clip_from_world;
     mat4 far_clip_from_world;
     mat4 lamp_field_from_world;
+    vec4 tunnel_place;    // world to tunnel map: offset x, y, z of heights; scale
+    vec4 tunnel_light;    // irradiance / pi below a lamp; meters from the ego in a tunnel to the portal, else 0
 };
 float exposure() { return key_direction.w; }
 float cloudiness() { return air_light.w; }

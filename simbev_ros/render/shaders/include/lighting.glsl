@@ -4,6 +4,7 @@
 #include "sky"
 #include "lamps"
 #include "log_depth"
+#include "tunnel"
 uniform sampler2D visibility;
 
 out vec4 shaded;  // sRGB, luma
@@ -42,6 +43,15 @@ vec3 lit(Pixel p, Surface s, float ambient_share, float sun) {
     float facing = dot(s.normal, key_direction.xyz);
     float through = s.translucency * max(-facing, 0.0);
     vec3 ambient = mix(ground_ambient.rgb, sky_ambient.rgb, 0.5 + 0.5 * s.normal.z) * ambient_share;
+    float open = 1.0;
+    vec3 enclosed = vec3(0.0);
+#if TUNNELS
+    Tunnel tunnel = tunnel_at(p.position, s.normal);
+    open = open_share(tunnel);
+    enclosed = tunnel_light.rgb * (tunnel.inside * (0.45 + 0.55 * tunnel.lamps) * ambient_share);
+    ambient = ambient * open + enclosed * (0.72 + 0.28 * s.normal.z);
+    enclosed *= 0.35;  // of what surfaces mirror: walls and ceiling
+#endif
     vec3 lamps = vec3(0.0);
     if (lamps_lit() > 0.0) lamps = lamp_light(p.position, s.normal);
     vec3 diffuse = s.albedo * (1.0 - s.metallic) * (key_light.rgb * sun * (max(facing, 0.0) + through) + ambient + lamps);
@@ -50,7 +60,7 @@ vec3 lit(Pixel p, Surface s, float ambient_share, float sun) {
     float grazing = 1.0 - max(dot(s.normal, p.to_camera), 0.0);
     float grazing2 = grazing * grazing;
     vec3 fresnel = base + (max(vec3(1.0 - s.roughness), base) - base) * grazing2 * grazing2 * grazing;
-    vec3 mirrored = surroundings(reflect(-p.to_camera, s.normal), s.roughness) * ambient_share + lamps * 0.3;
+    vec3 mirrored = surroundings(reflect(-p.to_camera, s.normal), s.roughness) * (ambient_share * open) + enclosed + lamps * 0.3;
     vec3 specular = fresnel * (mirrored * (1.0 - 0.7 * s.roughness) + key_light.rgb * sun * sun_highlight(s, p.to_camera, max(facing, 0.0)));
     return diffuse + specular + s.emission / exposure();
 }

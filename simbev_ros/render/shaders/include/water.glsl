@@ -5,11 +5,11 @@ struct Water {
     float puddle;
 };
 
-// hollow: depth of the ground's hollows, 0 to 1.1 (deepest).
-Water water_on(uint material, vec3 normal, float hollow) {
+// hollow: depth of the ground's hollows, 0 to 1.1 (deepest); wet: share of the rain's water there.
+Water water_on(uint material, vec3 normal, float hollow, float wet) {
     float level = smoothstep(0.9, 0.99, normal.z) * (material == MATERIAL_GRASS || material == MATERIAL_CROP ? 0.3 : 1.0);
     float puddle = level * smoothstep(1.1 - 0.6 * puddles(), 1.2 - 0.6 * puddles(), hollow);
-    return Water(max(wetness() * level, puddle), puddle);
+    return Water(max(wetness() * level, puddle) * wet, puddle * wet);
 }
 
 float roughness_under(Water water, float dry) { return mix(mix(dry, 0.35, water.film * 0.8), 0.03, water.puddle); }

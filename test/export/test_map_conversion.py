@@ -52,12 +52,12 @@ def test_an_openstreetmap_file_is_read_by_pyosmium_with_lanes_and_land(tmp_path:
     path = tmp_path / "map.osm"
     write_map(network, path)
     roads, areas, node_deg = [], {"building": 0, "natural": 0, "landuse": 0}, {}
-    for item in osmium.FileProcessor(str(path)).with_areas():
+    for item in osmium.FileProcessor(str(path)):
         if item.is_node():
             node_deg[item.id] = item.location.lat, item.location.lon
         elif item.is_way() and "highway" in item.tags:
             roads.append((dict(item.tags), [node.ref for node in item.nodes]))
-        elif item.is_area():
+        else:
             for key in areas:
                 areas[key] += key in item.tags
     assert areas["building"] == len(network.features.buildings)

@@ -32,6 +32,12 @@ MAX_XML_DEPTH = 64
 MAX_XML_ELEMENTS = 2_500_000
 """Elements in a map file; a file of 128 MiB with short elements can reach it."""
 
+MAX_OBJECT_COPIES = 10_000
+"""Copies of one object that is repeated along an OpenDRIVE road."""
+
+MAX_MAP_OBJECTS = 200_000
+"""Objects beside the roads of a map, such as trees and poles, copies included. Further ones are left out."""
+
 MAX_YAML_BYTES = 4 << 20
 """Size of a YAML text: a configuration, or a bag's description. The description of a bag with 100 topics has 80 KiB."""
 

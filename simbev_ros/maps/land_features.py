@@ -24,15 +24,27 @@ class Footprint:
 
     Attributes:
         outline: Footprint polygon in plan view, map frame; courtyards are holes.
-        height_m: Height above the ground.
+        height_m: Height of its top above the ground, roof included.
         use: house, apartments, retail, office, public, church, industrial, barn, shed, or "" if unknown.
         roof: Roof shape in OpenStreetMap's terms (flat, gabled, hipped, ...), or "" if unknown.
+        bottom_m: Height of its underside above the ground: 0, or more for a part of a building.
+        roof_height_m: Height of the roof alone; 0: as usual for its shape.
+        slope_rad: Direction in which the roof falls, across its ridge; NaN: across the longer side of the building.
+        wall: Style of the walls (brick, plaster, glass, ...), or "" if unknown.
+        color: Color of the walls as 0xRRGGBB sRGB; -1 if unknown.
+        roof_color: Likewise of the roof.
     """
 
     outline: shapely.Polygon
     height_m: float
     use: str = ""
     roof: str = ""
+    bottom_m: float = 0.0
+    roof_height_m: float = 0.0
+    slope_rad: float = np.nan
+    wall: str = ""
+    color: int = -1
+    roof_color: int = -1
 
 
 class ObjectKind(StrEnum):

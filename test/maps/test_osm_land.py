@@ -111,3 +111,11 @@ def test_dense_buildings_make_homes_and_tall_ones_a_center(height_m: float, spac
     uses = [zone.surroundings.use for zone in zones if zone.area.contains(shapely.Point(20, 20))]
     assert (uses[-1] if uses else None) == use
     assert not any(zone.area.contains(shapely.Point(800, 800)) for zone in zones)
+
+
+def test_a_single_straight_road_has_land_on_both_sides(tmp_path: Path) -> None:
+    writer = Writer()
+    writer.way([(-100, 0), (100, 0)], {"highway": "residential"})
+    for y in (-60, 60):
+        writer.ring([(50, y - 20), (90, y - 20), (90, y + 20), (50, y + 20)], {"leisure": "park"})
+    assert features(tmp_path, writer, (70.0, -60.0), (70.0, 60.0)) == ["park", "park"]

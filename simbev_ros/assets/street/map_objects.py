@@ -13,7 +13,7 @@ from simbev_ros.assets.land.yard import Yard
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import Finish, extrusion
-from simbev_ros.assets.palette import pick_color
+from simbev_ros.assets.palette import pick_color, rgb
 from simbev_ros.assets.placement.nearby_objects import TREE_KINDS
 from simbev_ros.assets.placement.region_ground import CURB_HEIGHT_M, RegionGround
 from simbev_ros.assets.placement.static_scene import StreetLight
@@ -172,8 +172,6 @@ def _finishes() -> Mapping[ObjectKind, tuple[Finish, float]]:
     """Finish and usual height of the kinds that fill an outline."""
     found = {}
     for name, entry in load_table("simbev_ros.assets.street", "solids.yaml").items():
-        code = int(entry["color"])
-        color = (code >> 16, code >> 8 & 255, code & 255)
-        finish = Finish(Material[entry["material"]], Tag[entry["tag"]], color)
+        finish = Finish(Material[entry["material"]], Tag[entry["tag"]], rgb(int(entry["color"])))
         found[ObjectKind(name)] = finish, float(entry["height_m"])
     return found

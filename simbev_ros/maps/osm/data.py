@@ -1,6 +1,5 @@
 """Reads OpenStreetMap XML: nodes, ways and multipolygons with their tags, in geographic coordinates."""
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +15,6 @@ from simbev_ros.types import Float64Array
 Tags = Mapping[str, str]
 _MAX_TAG = 255
 """Longest key or value that OpenStreetMap itself accepts."""
-_FOOT_M = 0.3048
 
 
 class Way(NamedTuple):
@@ -96,12 +94,6 @@ def read_osm(path: Path) -> OsmData:
         notes=notes,
         left_hand=_left_hand(root, ways.values()),
     )
-
-
-def parse_length_m(text: str) -> float:
-    """Parse a length such as ``12``, ``12.5 m`` or ``40'``, in meters; 0 if it is none."""
-    match = re.fullmatch(r"(\d{1,4}(?:\.\d{1,3})?) ?(m|')?", text.strip())
-    return 0.0 if match is None else float(match[1]) * (_FOOT_M if match[2] == "'" else 1.0)
 
 
 def _by_id(path: Path, root: Element, tag: str) -> dict[str, Element]:

@@ -19,6 +19,7 @@ from simbev_ros.types import AnyArray, Float64Array
 
 _MARGIN_M = 1500.0
 _HORIZON_M = 3500.0  # as far as land is drawn beyond the roads
+_OUTWARD = np.array([-1.0, -1.0, 1.0, 1.0])
 _LANE_M, _SIDEWALK_M, _PATH_M, _VERGE_M = 3.3, 2.4, 2.2, 2.0
 _ZONE_KEYS = ("leisure", "amenity", "natural", "landuse")
 
@@ -31,8 +32,8 @@ def features_of(data: OsmData, xy_m: Float64Array, roads: Sequence[OsmRoad]) -> 
         xy_m: (N, 2) positions of its nodes, map frame.
         roads: The roads that are built.
     """
-    bounds = shapely.box(*shapely.total_bounds([line_of(road, xy_m) for road in roads]))
-    extent, horizon = (bounds.buffer(margin_m, join_style="mitre") for margin_m in (_MARGIN_M, _HORIZON_M))
+    bounds_m = shapely.total_bounds(_lines(roads, xy_m))
+    extent, horizon = (shapely.box(*(bounds_m + margin_m * _OUTWARD)) for margin_m in (_MARGIN_M, _HORIZON_M))
     areas = [area for area in areas_of(data, xy_m) if area.polygon.intersects(extent)]
     embanked = [road for road in roads if not road.way.bridge]
     sea, sea_notes = sea_of(data, xy_m, horizon, _lines(embanked, xy_m))

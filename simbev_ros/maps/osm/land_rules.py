@@ -53,6 +53,8 @@ class LandRules(Model):
     storey_m: float
     buildings: Mapping[str, BuildingRule]
     left_out: tuple[str, ...]
+    wall_materials: Mapping[str, str]
+    roof_materials: Mapping[str, int]
 
 
 @lru_cache(maxsize=1)

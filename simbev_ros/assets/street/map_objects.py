@@ -15,14 +15,15 @@ from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import Finish, extrusion
 from simbev_ros.assets.palette import pick_color, rgb
 from simbev_ros.assets.placement.nearby_objects import TREE_KINDS
-from simbev_ros.assets.placement.region_ground import CURB_HEIGHT_M, RegionGround
 from simbev_ros.assets.placement.static_scene import StreetLight
 from simbev_ros.assets.placement.tiles import upright_pose
 from simbev_ros.assets.roads.guard_rails import guard_rail
 from simbev_ros.assets.street.barriers import VARIANTS, panel
 from simbev_ros.assets.street.furniture import bench, bicycle_rack, bus_shelter, cabinet, hydrant, litter_bin, mailbox
-from simbev_ros.assets.street.poles import STREET_LAMP_AT_M, street_light, utility_pole, with_lamp_index
-from simbev_ros.geometry.plan_view import polygon_parts
+from simbev_ros.assets.street.poles import STREET_LAMP_AT_M, cables, street_light, utility_pole, with_lamp_index
+from simbev_ros.assets.street.surface import surface_m
+from simbev_ros.assets.street.tracks import lay_track
+from simbev_ros.geometry.plan_view import left_of, polygon_parts
 from simbev_ros.geometry.transforms import apply
 from simbev_ros.maps.land_features import MapObject, ObjectKind
 from simbev_ros.semantics import Tag
@@ -45,6 +46,7 @@ _PANELS = {ObjectKind.WALL: "wall", ObjectKind.FENCE: "bars", ObjectKind.HEDGE: 
 _HIGH_HEDGE_M = 1.6
 _FOOT_M, _ROOM_M = 0.3, 0.4
 _STEP_M = 4.0
+_MAX_SPAN_M = 120.0
 
 
 def put_map_objects(yard: Yard) -> Iterator[StreetLight]:
@@ -55,7 +57,8 @@ def put_map_objects(yard: Yard) -> Iterator[StreetLight]:
     levels = yard.ground.terrain.elevation.level_at(firsts_m)
     for item, level in zip(items, levels.tolist(), strict=True):
         if len(item.points_m) > 1 and not item.is_outline:
-            _put_barrier(yard, item, level)
+            put = _put_power_line if item.kind is ObjectKind.UTILITY_POLE else _put_barrier
+            put(yard, item, level)
             continue
         middle_m = item.points_m[:-1, :2].mean(axis=0) if item.is_outline else item.points_m[0, :2]
         if not yard.ground.owns(middle_m[None])[0]:
@@ -71,18 +74,6 @@ def put_map_objects(yard: Yard) -> Iterator[StreetLight]:
                 x_m, y_m, z_m = apply(pose, np.array([STREET_LAMP_AT_M]))[0].tolist()
                 lamps += 1
                 yield StreetLight((x_m, y_m, z_m))
-
-
-def surface_m(ground: RegionGround, xy_m: Float64Array, level: int) -> Float64Array:
-    """(N,) height of what one stands on at (N, 2) points of a level: sidewalk, road or land."""
-    if level:
-        return ground.road_m(xy_m, level)
-    streets = ground.streets[0]
-    height_m = ground.land_m(xy_m)
-    on_street = shapely.contains_xy(streets.area, xy_m)
-    raised = shapely.contains_xy(shapely.union(streets.sidewalk, streets.median), xy_m)
-    height_m[on_street] = ground.road_m(xy_m[on_street]) + CURB_HEIGHT_M * raised[on_street]
-    return height_m
 
 
 def _model(yard: Yard, item: MapObject) -> Mesh:
@@ -134,23 +125,28 @@ def _put_solid(yard: Yard, item: MapObject, middle_m: Float64Array, level: int) 
     finish, usual_m = _finishes()[item.kind]
     area = shapely.make_valid(shapely.Polygon(item.points_m[:, :2] - middle_m))
     bottom_m, top_m = item.bottom_m, item.bottom_m + (item.height_m or usual_m)
+    base_m = float(surface_m(yard.ground, middle_m[None], level)[0])
     for part in polygon_parts(area):
         mesh = extrusion(finish, part, bottom_m - _FOOT_M if bottom_m < _FOOT_M else bottom_m, top_m)
-        mesh.vertices[:, 2] += surface_m(yard.ground, mesh.vertices[:, :2] + middle_m, level).astype(np.float32)
-        yard.tiles.place(mesh, upright_pose(middle_m, 0.0), level)
+        below_m = surface_m(yard.ground, mesh.vertices[:, :2] + middle_m, level)
+        mesh.vertices[:, 2] += (below_m - base_m).astype(np.float32)
+        yard.tiles.place(mesh, upright_pose(middle_m, base_m), level)
     if not level and bottom_m < _FOOT_M:
         yard.claims.add(shapely.transform(area, lambda xy_m: xy_m + middle_m))
 
 
 def _put_barrier(yard: Yard, item: MapObject, level: int) -> None:
     """Panels along a line, or a guard rail, within the region and off the streets."""
-    line = shapely.intersection(shapely.LineString(item.points_m[:, :2]), yard.inside)
+    square = yard.ground.region.area if item.kind is ObjectKind.RAILS else yard.inside
+    line = shapely.intersection(shapely.LineString(item.points_m[:, :2]), square)
     parts = [part for part in shapely.get_parts(line) if part.geom_type == "LineString"]
     if level or not parts:
         return
     variant = int(_stream(yard, item).integers(VARIANTS))
     for part in parts:
-        if item.kind is ObjectKind.GUARD_RAIL:
+        if item.kind is ObjectKind.RAILS:
+            lay_track(yard, part)
+        elif item.kind is ObjectKind.GUARD_RAIL:
             middle_m = shapely.get_coordinates(part.interpolate(0.5, normalized=True))[0]
             rail = guard_rail(yard.ground, shapely.segmentize(part, _STEP_M))
             yard.tiles.place(rail.transform(upright_pose(-middle_m, 0.0)), upright_pose(middle_m, 0.0))
@@ -159,6 +155,24 @@ def _put_barrier(yard: Yard, item: MapObject, level: int) -> None:
             kind = "high_hedge" if is_high else _PANELS[item.kind]
             for start_m, end_m in pairwise(shapely.get_coordinates(part)):
                 put_panels(yard, panel(kind, variant), kind, start_m, end_m, yard.ground.region.area)
+
+
+def _put_power_line(yard: Yard, item: MapObject, level: int) -> None:
+    """Poles at the points of a line in the region, and cables from each of them to the next one."""
+    xy_m = item.points_m[:, :2]
+    along = np.gradient(xy_m, axis=0)
+    across = left_of(along / np.maximum(np.hypot(*along.T), 1e-9)[:, None])
+    owned = yard.ground.owns(xy_m)
+    if level or not owned.any():
+        return
+    feet_m = np.column_stack([xy_m, surface_m(yard.ground, xy_m, 0)])
+    for row in np.flatnonzero(owned).tolist():
+        yard.claims.add(shapely.Point(xy_m[row]).buffer(_ROOM_M, quad_segs=2))
+        yaw_rad = float(np.arctan2(across[row, 1], across[row, 0]))
+        yard.tiles.place(utility_pole(), upright_pose(xy_m[row], feet_m[row, 2], yaw_rad))
+        if row + 1 < len(xy_m) and np.hypot(*(xy_m[row + 1] - xy_m[row])) < _MAX_SPAN_M:
+            mesh = cables(feet_m[row], feet_m[row + 1], across[row])
+            yard.tiles.place(mesh, upright_pose(xy_m[row], feet_m[row, 2]))
 
 
 def _stream(yard: Yard, item: MapObject) -> np.random.Generator:

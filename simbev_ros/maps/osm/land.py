@@ -1,4 +1,4 @@
-"""Extracts the land features of an OpenStreetMap file: zones, water and buildings."""
+"""Extracts the land features of an OpenStreetMap file: zones, water, buildings and objects."""
 
 from collections.abc import Sequence
 
@@ -13,6 +13,7 @@ from simbev_ros.maps.osm.built_up import built_up_zones
 from simbev_ros.maps.osm.coast import sea_of
 from simbev_ros.maps.osm.data import OsmData
 from simbev_ros.maps.osm.land_rules import land_rules
+from simbev_ros.maps.osm.objects import objects_of
 from simbev_ros.maps.osm.roads import OsmRoad, line_of
 from simbev_ros.maps.osm.water import water_of
 from simbev_ros.types import AnyArray, Float64Array
@@ -43,10 +44,19 @@ def features_of(data: OsmData, xy_m: Float64Array, roads: Sequence[OsmRoad]) -> 
     if zones:
         urban = [road for road in roads if road.way.tags.get("highway") in rules.urban_roads]
         zones = (*built_up_zones(buildings, _lines(urban, xy_m), extent), *zones)
+    objects, object_notes = objects_of(data, xy_m, extent)
     features = MapFeatures(
-        rules.outside if zones else rules.anywhere, zones=zones, water=water, buildings=buildings or None
+        rules.outside if zones else rules.anywhere,
+        zones=zones,
+        water=water,
+        buildings=buildings or None,
+        objects=objects,
     )
-    return features, (*sea_notes, *(notes if buildings else ("it has no buildings: they are generated",)))
+    return features, (
+        *sea_notes,
+        *object_notes,
+        *(notes if buildings else ("it has no buildings: they are generated",)),
+    )
 
 
 def _zones(areas: Sequence[Area], extent: BaseGeometry) -> tuple[Zone, ...]:

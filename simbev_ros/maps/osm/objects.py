@@ -1,0 +1,144 @@
+"""Reads what stands beside the roads of an OpenStreetMap file: trees, furniture, barriers, rails and power lines."""
+
+from collections.abc import Iterator, Mapping
+from functools import lru_cache
+
+import numpy as np
+import shapely
+from pydantic import Field
+
+from simbev_ros.config.base import Model
+from simbev_ros.limits import MAX_MAP_OBJECTS
+from simbev_ros.maps.land_features import MapObject, ObjectKind
+from simbev_ros.maps.osm.data import OsmData, Tags, Way
+from simbev_ros.maps.osm.lengths import parse_direction_rad, parse_length_m
+from simbev_ros.tables import load_table
+from simbev_ros.types import Float64Array
+
+_MAX_HEIGHT_M = 60.0
+_POST_CORNERS = 8
+
+
+class PostRule(Model):
+    """Size of a kind of post."""
+
+    diameter_m: float = Field(gt=0)
+    height_m: float = Field(gt=0)
+
+
+class ObjectRules(Model):
+    """The content of object_rules.yaml, which documents each entry."""
+
+    points: Mapping[str, ObjectKind]
+    required: Mapping[str, Mapping[str, tuple[str, ...]]]
+    excluded: Mapping[str, tuple[str, ...]]
+    posts: Mapping[str, PostRule]
+    lines: Mapping[str, ObjectKind]
+    trees: Mapping[str, ObjectKind]
+    tree_row_spacing_m: float = Field(gt=0)
+
+
+@lru_cache(maxsize=1)
+def object_rules() -> ObjectRules:
+    """Load the rule table."""
+    return ObjectRules.model_validate(load_table("simbev_ros.maps.osm", "object_rules.yaml"))
+
+
+def objects_of(
+    data: OsmData, xy_m: Float64Array, extent: shapely.Polygon
+) -> tuple[tuple[MapObject, ...], tuple[str, ...]]:
+    """The objects of a file within an extent, and notes about what was left out.
+
+    Args:
+        data: The file.
+        xy_m: (N, 2) positions of its nodes, map frame.
+        extent: A rectangle along the axes of the map frame.
+    """
+    lines = [way for way in data.ways if _line_kind(way.tags) is not None]
+    in_lines = {node for way in lines for node in way.nodes}
+    found: list[MapObject] = []
+    for node, tags in data.node_tags.items():
+        if extent.contains(shapely.Point(xy_m[node])):
+            found += _at_point(xy_m[node], tags, node in in_lines)
+    bare = 0
+    for way in lines:
+        if _is_on_ground(way.tags):
+            found += _along_way(data, way, xy_m, extent)
+        else:
+            bare += _line_kind(way.tags) is ObjectKind.RAILS
+    notes = [f"railways on bridges or in tunnels were left out: {bare}"] if bare else []
+    if len(found) > MAX_MAP_OBJECTS:
+        notes.append(f"objects beyond the first {MAX_MAP_OBJECTS} were left out: {len(found) - MAX_MAP_OBJECTS}")
+    return tuple(found[:MAX_MAP_OBJECTS]), tuple(notes)
+
+
+def _at_point(xy_m: Float64Array, tags: Tags, in_line: bool) -> Iterator[MapObject]:
+    """The object at a node, if there is one."""
+    rules = object_rules()
+    if any(tags.get(key) in values for key, values in rules.excluded.items()):
+        return
+    foot_m = np.array([[*xy_m, 0.0]])
+    height_m = _height_m(tags)
+    for key, post in rules.posts.items():
+        if _has(tags, key):
+            turn_rad = np.arange(_POST_CORNERS + 1) % _POST_CORNERS * (2.0 * np.pi / _POST_CORNERS)
+            around_m = post.diameter_m / 2.0 * np.column_stack([np.cos(turn_rad), np.sin(turn_rad), 0.0 * turn_rad])
+            yield MapObject(ObjectKind.POLE, foot_m + around_m, height_m or post.height_m)
+            return
+    for key, kind in rules.points.items():
+        needs = rules.required.get(key, {})
+        if _has(tags, key) and all(tags.get(name) in values for name, values in needs.items()):
+            if kind is ObjectKind.UTILITY_POLE and in_line:
+                return  # the line has poles at its nodes
+            known = rules.trees.get(tags.get("leaf_type", ""), kind) if kind is ObjectKind.TREE else kind
+            yield MapObject(known, foot_m, height_m, yaw_rad=parse_direction_rad(tags.get("direction", "")))
+            return
+
+
+def _along_way(data: OsmData, way: Way, xy_m: Float64Array, extent: shapely.Polygon) -> Iterator[MapObject]:
+    """The objects along a way."""
+    kind = _line_kind(way.tags)
+    line = shapely.LineString(xy_m[list(way.nodes)])
+    if kind is None or not line.intersects(extent):
+        return
+    height_m = _height_m(way.tags)
+    if kind is ObjectKind.TREE:
+        if any(data.node_tags.get(node, {}).get("natural") == "tree" for node in way.nodes):
+            return
+        rules = object_rules()
+        stations_m = np.arange(0.0, line.length, rules.tree_row_spacing_m)
+        for foot_m in shapely.get_coordinates(shapely.line_interpolate_point(line, stations_m)):
+            yield MapObject(rules.trees.get(way.tags.get("leaf_type", ""), kind), _on_ground(foot_m[None]), height_m)
+    elif way.closed and way.tags.get("area") == "yes":
+        yield MapObject(kind, _on_ground(shapely.get_coordinates(line)), height_m)
+    else:
+        points_m = _on_ground(shapely.get_coordinates(line))
+        half = len(points_m) // 2 if way.closed else len(points_m) - 1  # a closed line would be an outline
+        yield MapObject(kind, points_m[: half + 1], height_m)
+        if way.closed:
+            yield MapObject(kind, points_m[half:], height_m)
+
+
+def _line_kind(tags: Tags) -> ObjectKind | None:
+    """Kind of the objects along a way, if there are any."""
+    return next((kind for key, kind in object_rules().lines.items() if _has(tags, key)), None)
+
+
+def _is_on_ground(tags: Tags) -> bool:
+    return all(tags.get(key, "no") == "no" for key in ("bridge", "tunnel", "covered", "indoor")) and not tags.get(
+        "layer", "0"
+    ).startswith("-")
+
+
+def _has(tags: Tags, key_value: str) -> bool:
+    key, _, value = key_value.rpartition("=")
+    return tags.get(key) == value
+
+
+def _height_m(tags: Tags) -> float:
+    return min(parse_length_m(tags.get("height", "")), _MAX_HEIGHT_M)
+
+
+def _on_ground(xy_m: Float64Array) -> Float64Array:
+    """(N, 3) points on the ground."""
+    return np.column_stack([xy_m, np.zeros(len(xy_m))])

@@ -38,6 +38,9 @@ MAX_OBJECT_COPIES = 10_000
 MAX_MAP_OBJECTS = 200_000
 """Objects beside the roads of a map, such as trees and poles, copies included. Further ones are left out."""
 
+MAX_OBJECT_LINES_KM = 1_000
+"""Length of all barriers, rails, tree rows and power lines of an OpenStreetMap file. Further ones are left out."""
+
 MAX_YAML_BYTES = 4 << 20
 """Size of a YAML text: a configuration, or a bag's description. The description of a bag with 100 topics has 80 KiB."""
 

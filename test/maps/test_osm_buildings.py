@@ -51,7 +51,7 @@ def test_heights_follow_the_tags(tags: dict[str, str], height_m: float, bottom_m
 
 
 def test_colors_and_materials_follow_the_tags() -> None:
-    tags = {"building:colour": "#F00", "roof:colour": "dark_green", "building:material": "brick"}
+    tags = {"building:colour": "rgb(999,0,0)", "roof:colour": "dark_green", "building:material": "brick"}
     found = footprint_of(BOX, tags)
     assert (found.color, found.roof_color, found.wall) == (0xFF0000, 0x006400, "brick")
     found = footprint_of(BOX, {"building:colour": "no color", "roof:material": "slate", "building:material": "jelly"})

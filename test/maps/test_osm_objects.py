@@ -101,3 +101,10 @@ def test_objects_beyond_the_limit_are_left_out_with_a_note(monkeypatch: pytest.M
     monkeypatch.setattr("simbev_ros.maps.osm.objects.MAX_MAP_OBJECTS", 2)
     objects, notes = read([((x, 0), {"natural": "tree"}) for x in range(5)])
     assert len(objects) == 2 and notes == ("objects beyond the first 2 were left out: 3",)
+
+
+def test_lines_beyond_the_limit_are_left_out_with_a_note(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("simbev_ros.maps.osm.objects.MAX_OBJECT_LINES_KM", 0.1)
+    nodes = [((0, 0), {}), ((70, 0), {})]
+    objects, notes = read(nodes, [((0, 1), {"barrier": "wall"}), ((1, 0), {"barrier": "wall"})])
+    assert len(objects) == 1 and notes == ("lines of objects beyond the first 0.1 km were left out: 1",)

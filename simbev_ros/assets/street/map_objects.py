@@ -46,7 +46,7 @@ _PANELS = {ObjectKind.WALL: "wall", ObjectKind.FENCE: "bars", ObjectKind.HEDGE: 
 _HIGH_HEDGE_M = 1.6
 _FOOT_M, _ROOM_M = 0.3, 0.4
 _STEP_M = 4.0
-_MAX_SPAN_M = 120.0
+_MAX_SPAN_M, _MAX_SCALE = 120.0, 4.0
 
 
 def put_map_objects(yard: Yard) -> Iterator[StreetLight]:
@@ -91,8 +91,13 @@ def _pose(yard: Yard, item: MapObject, xy_m: Float64Array, level: int) -> Float6
     height_m = float(surface_m(yard.ground, xy_m[None], level)[0]) + item.bottom_m
     pose = upright_pose(xy_m, height_m, yaw_rad)
     if item.kind in _TALL and item.height_m > 0.0:
-        pose[:3, :3] *= item.height_m / _model(yard, item).bounds_m[1, 2]
+        pose[:3, :3] *= _scale(item, _model(yard, item))
     return pose
+
+
+def _scale(item: MapObject, mesh: Mesh) -> float:
+    """Factor from the height of a model to that of an object, within reason."""
+    return min(item.height_m / float(mesh.bounds_m[1, 2]), _MAX_SCALE)
 
 
 def _toward_road_rad(yard: Yard, xy_m: Float64Array, level: int) -> float:
@@ -110,7 +115,7 @@ def _plant(yard: Yard, item: MapObject, xy_m: Float64Array, level: int) -> None:
     landscape = yard.ground.network.features.surroundings.plants
     species = _SPECIES.get(item.kind) or flora.draw_species(landscape, "street", 1, rng)[0]
     plant = flora.stock(species, int(rng.integers(flora.VARIANTS)))
-    scale = item.height_m / float(plant.mesh.bounds_m[1, 2]) if item.height_m > 0.0 else rng.uniform(0.85, 1.15)
+    scale = _scale(item, plant.mesh) if item.height_m > 0.0 else rng.uniform(0.85, 1.15)
     pose = upright_pose(xy_m, float(surface_m(yard.ground, xy_m[None], level)[0]), rng.uniform(0.0, 2.0 * np.pi))
     pose[:3, :3] *= scale
     if level:

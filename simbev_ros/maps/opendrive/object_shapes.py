@@ -76,7 +76,8 @@ def copies_of(road: Road, element: Element) -> list[Placement]:
             continue
         if length_m / distance_m + len(found) > MAX_OBJECT_COPIES:
             raise Malformed(repeat, f"it makes more than {MAX_OBJECT_COPIES} copies")
-        offsets_m = np.arange(0.0, length_m + 1e-6, distance_m)
+        offsets_m, start_m = np.arange(0.0, length_m + 1e-6, distance_m), number(repeat, "s", own.s_m)
+        offsets_m = offsets_m[(start_m + offsets_m >= 0.0) & (start_m + offsets_m <= road.length_m + 1e-6)]
         found += _along(road, repeat, own, offsets_m, length_m)
     return found
 
@@ -99,10 +100,11 @@ def sweeps_of(road: Road, element: Element, width_m: float) -> list[tuple[Placem
     own, found = placement_of(element), []
     own = replace(own, width_m=own.width_m or width_m)
     for repeat in element.findall("repeat"):
-        length_m = min(number(repeat, "length", 0.0), road.length_m)
-        if number(repeat, "distance", 0.0) > 0.0 or length_m <= 0.0:
+        length_m, start_m = number(repeat, "length", 0.0), number(repeat, "s", own.s_m)
+        first_m, last_m = max(0.0, -start_m), min(length_m, road.length_m - start_m)
+        if number(repeat, "distance", 0.0) > 0.0 or last_m <= first_m:
             continue
-        offsets_m = np.linspace(0.0, length_m, max(2, int(length_m / _STEP_M) + 2))
+        offsets_m = np.linspace(first_m, last_m, max(2, int((last_m - first_m) / _STEP_M) + 2))
         places = _along(road, repeat, own, offsets_m, length_m)
         for start in range(0, len(places) - 1, _STRETCH_STEPS):
             stretch = places[start : start + _STRETCH_STEPS + 1]
@@ -196,7 +198,7 @@ def _along(road: Road, repeat: Element, own: Placement, offsets_m: Float64Array,
         width,
         values("height", own.height_m),
     )
-    rows = np.column_stack(columns)[(s_m >= 0.0) & (s_m <= road.length_m + 1e-6)]
+    rows = np.column_stack(columns)
     return [
         _checked(Placement(at_s, at_t, bottom, long, wide, high, radius), repeat)
         for at_s, at_t, bottom, long, wide, high in rows.tolist()

@@ -64,7 +64,8 @@ def _roof_color(tags: Tags) -> int:
 def _color(text: str) -> int:
     """A color by its CSS name or as #rgb or #rrggbb, as 0xRRGGBB; -1 if it is none."""
     try:
-        red, green, blue = ImageColor.getrgb(text.strip().replace(" ", "").replace("_", ""))[:3]
+        channels = ImageColor.getrgb(text.strip().replace(" ", "").replace("_", ""))[:3]
     except ValueError:
         return -1
+    red, green, blue = (min(max(channel, 0), 255) for channel in channels)  # rgb(999,0,0) is accepted
     return red << 16 | green << 8 | blue

@@ -8,7 +8,7 @@ import shapely
 from pydantic import Field
 
 from simbev_ros.config.base import Model
-from simbev_ros.limits import MAX_MAP_OBJECTS
+from simbev_ros.limits import MAX_MAP_OBJECTS, MAX_OBJECT_LINES_KM
 from simbev_ros.maps.land_features import MapObject, ObjectKind
 from simbev_ros.maps.osm.data import OsmData, Tags, Way
 from simbev_ros.maps.osm.lengths import parse_direction_rad, parse_length_m
@@ -57,19 +57,25 @@ def objects_of(
     lines = [way for way in data.ways if _line_kind(way.tags) is not None]
     in_lines = {node for way in lines for node in way.nodes}
     found: list[MapObject] = []
-    for node, tags in data.node_tags.items():
-        if extent.contains(shapely.Point(xy_m[node])):
-            found += _at_point(xy_m[node], tags, node in in_lines)
-    bare = 0
+    tagged = np.array(list(data.node_tags), np.int64)
+    for node in tagged[shapely.contains_xy(extent, xy_m[tagged])].tolist():
+        found += _at_point(xy_m[node], data.node_tags[node], node in in_lines)
+    bare, length_m, longer = 0, 0.0, 0
     for way in lines:
-        if _is_on_ground(way.tags):
-            found += _along_way(data, way, xy_m, extent)
-        else:
+        if not _is_on_ground(way.tags):
             bare += _line_kind(way.tags) is ObjectKind.RAILS
-    notes = [f"railways on bridges or in tunnels were left out: {bare}"] if bare else []
-    if len(found) > MAX_MAP_OBJECTS:
-        notes.append(f"objects beyond the first {MAX_MAP_OBJECTS} were left out: {len(found) - MAX_MAP_OBJECTS}")
-    return tuple(found[:MAX_MAP_OBJECTS]), tuple(notes)
+            continue
+        length_m += float(np.hypot(*np.diff(xy_m[list(way.nodes)], axis=0).T).sum())
+        if length_m > MAX_OBJECT_LINES_KM * 1000.0:
+            longer += 1
+            continue
+        found += _along_way(data, way, xy_m, extent)
+    counts = (
+        ("railways on bridges or in tunnels were left out", bare),
+        (f"lines of objects beyond the first {MAX_OBJECT_LINES_KM} km were left out", longer),
+        (f"objects beyond the first {MAX_MAP_OBJECTS} were left out", max(0, len(found) - MAX_MAP_OBJECTS)),
+    )
+    return tuple(found[:MAX_MAP_OBJECTS]), tuple(f"{what}: {count}" for what, count in counts if count)
 
 
 def _at_point(xy_m: Float64Array, tags: Tags, in_line: bool) -> Iterator[MapObject]:

@@ -1,11 +1,12 @@
 """Roofs of prescribed shapes on any outline: with a ridge (gabled, skillion, ...) or a point (pyramidal, dome, ...)."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.architecture.facades import building_finish, without_windows
 from simbev_ros.assets.architecture.roofs import with_tile_uv
@@ -19,6 +20,7 @@ from simbev_ros.geometry.plan_view import polygon_parts
 from simbev_ros.tables import load_table
 from simbev_ros.types import Float64Array
 
+_CUT_M = 1e-6
 _MIN_FILL = 0.85  # of an outline in its convex hull, from which roofs to a point are possible
 
 
@@ -96,41 +98,38 @@ def _ridged(
     """Slopes between the lines where an (N, 2) profile across the ridge bends, and walls up to them."""
     start_m, width_m = _span_m(plan, slope_rad)
     across = np.array([np.cos(slope_rad), np.sin(slope_rad)])
-    along = np.array([-across[1], across[0]])
-    far_m = 2.0 * float(np.abs(shapely.get_coordinates(plan)).max()) + width_m
+    reach_m = (2.0 * float(np.abs(shapely.get_coordinates(plan)).max()) + width_m) * np.array([-across[1], across[0]])
+    bends_m = [(start_m + share * width_m) * across for share in profile[:, 0]]
 
     def height_m(xy_m: Float64Array) -> Float64Array:
         share = (xy_m @ across - start_m) / width_m
         return eaves_m + rise_m * np.interp(share, profile[:, 0], profile[:, 1])
 
-    slopes, gables = [], []
-    for low, high in zip(profile[:-1, 0], profile[1:, 0], strict=True):
-        corners = [
-            (start_m + share * width_m) * across + side * far_m * along
-            for share, side in ((low, -1), (high, -1), (high, 1), (low, 1))
-        ]
-        for part in polygon_parts(shapely.intersection(plan, shapely.Polygon(corners))):
+    slopes = []
+    for low_m, high_m in pairwise(bends_m):
+        band = shapely.Polygon([low_m - reach_m, high_m - reach_m, high_m + reach_m, low_m + reach_m])
+        for part in polygon_parts(shapely.intersection(plan, band)):
             flat, faces = triangulate(part)
             slopes.append(np.column_stack([flat, height_m(flat)])[faces])
-    cuts = shapely.union_all(
-        [
-            shapely.LineString([(start_m + share * width_m) * across + side * far_m * along for side in (-1, 1)])
-            for share in profile[1:-1, 0]
-        ]
-    )
+    cuts = shapely.union_all([shapely.LineString([bend_m - reach_m, bend_m + reach_m]) for bend_m in bends_m[1:-1]])
+    gables = without_windows(_faces(_gables(plan, cuts, eaves_m, height_m), wall.material, wall.color))
+    return Mesh.merge([with_tile_uv(_faces(slopes, Material.ROOF, roof)), gables])
+
+
+def _gables(
+    plan: shapely.Polygon, cuts: BaseGeometry, eaves_m: float, height_m: Callable[[Float64Array], Float64Array]
+) -> list[Float64Array]:
+    """Triangles of the walls from the eaves up to a roof that bends at lines."""
     oriented = shapely.orient_polygons(plan)
+    triangles = []
     for ring in (oriented.exterior, *oriented.interiors):
-        for piece in shapely.get_parts(shapely.difference(ring, shapely.buffer(cuts, 1e-6))):
+        for piece in shapely.get_parts(shapely.difference(ring, shapely.buffer(cuts, _CUT_M))):
             corners_m = shapely.get_coordinates(piece)
             top_m = np.column_stack([corners_m, height_m(corners_m)])
             foot_m = np.column_stack([corners_m, np.full(len(corners_m), eaves_m)])
-            gables += [np.stack([foot_m[:-1], foot_m[1:], top_m[1:]], axis=1)]
-            gables += [np.stack([foot_m[:-1], top_m[1:], top_m[:-1]], axis=1)]
-    return Mesh.merge([with_tile_uv(_faces(slopes, Material.ROOF, roof)), _gables(gables, wall)])
-
-
-def _gables(faces: list[Float64Array], wall: Wall) -> Mesh:
-    return without_windows(_faces(faces, wall.material, wall.color))
+            triangles.append(np.stack([foot_m[:-1], foot_m[1:], top_m[1:]], axis=1))
+            triangles.append(np.stack([foot_m[:-1], top_m[1:], top_m[:-1]], axis=1))
+    return triangles
 
 
 def _faces(faces: list[Float64Array], material: Material, color: Color) -> Mesh:

@@ -15,7 +15,7 @@ from simbev_ros.types import Float64Array
 _SAME_CORNER_M = 1e-3
 _CIRCLE = 16
 _MAX_T_M, _MAX_SIZE_M = 500.0, 1000.0
-_STEP_M, _STRETCH_STEPS = 2.0, 8
+_STEP_M, _STRETCH_STEPS = 2.0, 2
 
 
 @dataclass(frozen=True, slots=True)

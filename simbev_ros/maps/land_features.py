@@ -71,6 +71,21 @@ class ObjectKind(StrEnum):
     ISLAND = "island"
     OBSTACLE = "obstacle"
     RAILS = "rails"
+    PARKING_LOT = "parking_lot"
+    PARKING_SPACE = "parking_space"
+
+
+POINT_KINDS = frozenset(
+    {
+        *(ObjectKind.TREE, ObjectKind.CONIFER, ObjectKind.PALM, ObjectKind.BUSH),
+        *(ObjectKind.STREET_LAMP, ObjectKind.UTILITY_POLE, ObjectKind.BENCH, ObjectKind.BIN, ObjectKind.HYDRANT),
+        *(ObjectKind.CABINET, ObjectKind.MAILBOX, ObjectKind.BICYCLE_RACK, ObjectKind.BUS_SHELTER),
+    }
+)
+"""Kinds with a model of their own, which stand at a point."""
+
+BARRIER_KINDS = (ObjectKind.WALL, ObjectKind.FENCE, ObjectKind.HEDGE)
+"""Kinds that run along a line or fill an outline."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,15 +20,21 @@ _BESIDE_M, _MAX_MOVE_M = 0.5, 4.0
 _NEAR_M = 10.0
 _MIN_LENGTH_M = 1.0
 _MIN_SHARE = 0.5
-_CROSSING = (ObjectKind.RAILS, ObjectKind.ISLAND, ObjectKind.UTILITY_POLE)
+_CROSSING = (
+    ObjectKind.RAILS,
+    ObjectKind.ISLAND,
+    ObjectKind.UTILITY_POLE,
+    ObjectKind.PARKING_LOT,
+    ObjectKind.PARKING_SPACE,
+)
 
 
 def clear_carriageways(objects: Sequence[MapObject], layout: Layout) -> tuple[tuple[MapObject, ...], tuple[str, ...]]:
     """The objects with nothing left on a carriageway of their level, and notes about what was changed.
 
     A thing on a carriageway is moved up to 4 m to its edge; of a line or an outline, the part outside remains; what
-    would lose more than half of its outline is left out. Rails, traffic islands and power lines stay, and so does what
-    begins 4.5 m above the road.
+    would lose more than half of its outline is left out. Rails, traffic islands, power lines and parking lots stay,
+    and so does what begins 4.5 m above the road.
     """
     if not objects:
         return (), ()

@@ -3,8 +3,8 @@
 import numpy as np
 import shapely
 
-from simbev_ros.assets.placement.nearby_objects import FENCE_KINDS, REPLACED_M, TREE_KINDS, NearbyObjects
-from simbev_ros.maps.land_features import MapObject, ObjectKind
+from simbev_ros.assets.placement.nearby_objects import REPLACED_M, TREE_KINDS, NearbyObjects
+from simbev_ros.maps.land_features import BARRIER_KINDS, MapObject, ObjectKind
 
 REGION = shapely.box(0, 0, 512, 512)
 TREE = MapObject(ObjectKind.TREE, np.array([[100.0, 100.0, 0.0]]))
@@ -23,8 +23,8 @@ def test_kinds_are_replaced_up_to_their_distance() -> None:
 def test_a_fence_replaces_along_all_of_its_length() -> None:
     nearby = NearbyObjects([FENCE], REGION)
     along = np.column_stack([np.linspace(0.0, 512.0, 50), np.full(50, 300.0 + REPLACED_M - 2.0)])
-    assert nearby.replace(FENCE_KINDS, along).all()
-    assert not nearby.replace(FENCE_KINDS, along + np.array([0.0, 4.0])).any()
+    assert nearby.replace(BARRIER_KINDS, along).all()
+    assert not nearby.replace(BARRIER_KINDS, along + np.array([0.0, 4.0])).any()
 
 
 def test_a_map_without_objects_replaces_nothing() -> None:

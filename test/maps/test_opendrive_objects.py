@@ -8,13 +8,13 @@ import shapely
 from xodr_sample import LINE, geometry, lane, road, section, xodr
 
 from simbev_ros.limits import MAX_OBJECT_COPIES
-from simbev_ros.maps.land_features import Footprint, MapObject, ObjectKind
+from simbev_ros.maps.land_features import POINT_KINDS, Footprint, MapObject, ObjectKind
 from simbev_ros.maps.object_clearance import clear_carriageways
 from simbev_ros.maps.opendrive.importer import import_opendrive
 from simbev_ros.maps.opendrive.reading.attributes import Notes
 from simbev_ros.maps.opendrive.reading.document import Document
 from simbev_ros.maps.opendrive.reading.reader import read_document
-from simbev_ros.maps.opendrive.roadside_objects import objects_of
+from simbev_ros.maps.opendrive.roadside_objects import object_types, objects_of
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout, Strip
 from simbev_ros.maps.safe_xml import parse
@@ -164,3 +164,15 @@ def test_the_importer_reads_objects_and_leaves_out_buildings_on_the_road(tmp_pat
     assert building.outline.area == pytest.approx(60.0) and building.height_m == 8.0
     assert [item.kind for item in parts.features.objects] == [ObjectKind.STREET_LAMP]
     assert any("a building that stands on a carriageway is left out" in note for note in parts.notes)
+
+
+def test_every_kind_of_object_can_be_repeated_without_gaps(tmp_path: Path) -> None:
+    repeat = '<repeat s="0" length="30" distance="0" tStart="-8" tEnd="-8"/>'
+    for name, kind in object_types().items():
+        main, _, subtype = name.partition("/")
+        objects, buildings, notes = read(tmp_path, thing(f'type="{main}" subtype="{subtype}"', repeat))
+        if kind.kind in POINT_KINDS:
+            assert [item.points_m[0, :2].tolist() for item in objects] == [[60.0, 14.0]], name
+        else:
+            assert (len(objects) > 1 and all(item.is_outline for item in objects)) or len(buildings) > 1, name
+        assert notes == ()

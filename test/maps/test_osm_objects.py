@@ -5,6 +5,7 @@ import pytest
 import shapely
 
 from simbev_ros.maps.land_features import MapObject, ObjectKind
+from simbev_ros.maps.osm.areas import areas_of
 from simbev_ros.maps.osm.data import OsmData, Tags, Way
 from simbev_ros.maps.osm.objects import objects_of
 
@@ -17,7 +18,8 @@ def read(
     xy_m = np.array([position for position, _ in nodes])
     tags = {number: tags for number, (_, tags) in enumerate(nodes) if tags}
     lines = tuple(Way(str(k), line, way_tags) for k, (line, way_tags) in enumerate(ways or []))
-    return objects_of(OsmData(xy_m, tags, lines, (), ()), xy_m, EXTENT)
+    data = OsmData(xy_m, tags, lines, (), ())
+    return objects_of(data, xy_m, areas_of(data, xy_m), EXTENT)
 
 
 @pytest.mark.parametrize(
@@ -67,6 +69,8 @@ def test_barriers_are_lines_and_closed_ones_are_not_filled() -> None:
     assert sum(shapely.LineString(fence.points_m[:, :2]).length for fence in fences) == 80.0
     ((hedge,), _) = read(corners, [((0, 1, 2, 3, 0), {"barrier": "hedge", "area": "yes"})])
     assert hedge.is_outline
+    rails, _ = read(corners, [((0, 1, 2, 3, 0), {"railway": "rail", "area": "yes"})])
+    assert not any(part.is_outline for part in rails)
 
 
 def test_a_tree_row_has_a_tree_every_eight_meters_unless_its_nodes_are_trees() -> None:
@@ -108,3 +112,19 @@ def test_lines_beyond_the_limit_are_left_out_with_a_note(monkeypatch: pytest.Mon
     nodes = [((0, 0), {}), ((70, 0), {})]
     objects, notes = read(nodes, [((0, 1), {"barrier": "wall"}), ((1, 0), {"barrier": "wall"})])
     assert len(objects) == 1 and notes == ("lines of objects beyond the first 0.1 km were left out: 1",)
+
+
+@pytest.mark.parametrize(
+    ("tags", "kind"),
+    [
+        ({"amenity": "parking"}, ObjectKind.PARKING_LOT),
+        ({"amenity": "parking_space"}, ObjectKind.PARKING_SPACE),
+        ({"amenity": "parking", "parking": "underground"}, None),
+        ({"amenity": "parking", "parking": "multi-storey"}, None),
+    ],
+)
+def test_parking_on_the_ground_is_an_outline(tags: Tags, kind: ObjectKind | None) -> None:
+    corners = [((x, y), {}) for x, y in ((0, 0), (20, 0), (20, 10), (0, 10))]
+    objects, _ = read(corners, [((0, 1, 2, 3, 0), tags)])
+    assert [item.kind for item in objects] == ([] if kind is None else [kind])
+    assert all(shapely.Polygon(item.points_m[:, :2]).area == 200.0 for item in objects)

@@ -32,6 +32,8 @@ def network(tmp_path_factory: pytest.TempPathFactory) -> RoadNetwork:
     writer.way([(-70, 12), (-50, 12)], {"barrier": "hedge"})
     writer.way([(-100, 40), (100, 40)], {"railway": "rail"})
     writer.way([(-100, 1), (100, 1)], {"railway": "tram"})
+    writer.ring([(-30, 15), (-10, 15), (-10, 25), (-30, 25)], {"amenity": "parking"})
+    writer.ring([(-20, 18), (-17, 18), (-17, 23), (-20, 23)], {"amenity": "parking_space"})
     (folder / "things.osm").write_text(writer.text())
     return load_network(map_spec(str(folder / "things.osm")), folder)
 
@@ -105,3 +107,10 @@ def test_rails_lie_on_ballast_beside_streets_and_flush_within_them(
     for side, expected in ((0.0, Tag.ROAD), (half_gauge_m, Tag.RAIL_TRACK)):
         tag, range_m = cast(rays, network, (5.0, 1.0 + side, 5.0), DOWN)
         assert tag is expected and range_m == pytest.approx(5.0, abs=0.05)
+
+
+def test_a_parking_lot_is_paved_and_its_spaces_have_lines(rays: RayScene, network: RoadNetwork) -> None:
+    grass, lot, line, space = (cast(rays, network, (x, 20.0, 5.0), DOWN) for x in (-31.0, -25.0, -19.95, -18.5))
+    assert [tag for tag, _ in (grass, lot, line, space)] == [Tag.TERRAIN, Tag.GROUND, Tag.GROUND, Tag.GROUND]
+    rises_m = [grass[1] - range_m for _, range_m in (lot, line, space)]
+    assert rises_m == pytest.approx([0.016, 0.02, 0.016], abs=1e-3)

@@ -10,8 +10,8 @@ from simbev_ros.assets.land.yard import Yard, quad, yaw_of
 from simbev_ros.assets.mesh.graded import GradedMesh
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.placement.ensemble import Base
-from simbev_ros.assets.placement.nearby_objects import FENCE_KINDS
 from simbev_ros.assets.street.barriers import PANEL_M, VARIANTS, panel
+from simbev_ros.maps.land_features import BARRIER_KINDS
 from simbev_ros.types import Float64Array
 
 _HALF_WIDTH_M = {"hedge": 0.42, "high_hedge": 0.42}
@@ -23,7 +23,7 @@ def fence_line(
 ) -> None:
     """Put generated panels along a line as ``put_panels`` does, unless the map prescribes the fences around it."""
     variant = int(rng.integers(VARIANTS))
-    if not yard.map_objects.replace(FENCE_KINDS, start_m[None])[0]:
+    if not yard.map_objects.replace(BARRIER_KINDS, start_m[None])[0]:
         put_panels(yard, panel(kind, variant), kind, start_m, end_m, land)
 
 

@@ -13,7 +13,6 @@ REPLACED_M = 80.0
 """Distance from an object of the map up to which no others of its kind are generated."""
 
 TREE_KINDS = (ObjectKind.TREE, ObjectKind.CONIFER, ObjectKind.PALM)
-FENCE_KINDS = (ObjectKind.WALL, ObjectKind.FENCE, ObjectKind.HEDGE)
 
 _SPACING_M = 20.0
 

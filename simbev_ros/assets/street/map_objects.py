@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 
 from simbev_ros.assets.flora import species as flora
+from simbev_ros.assets.land.covers import BAY_LINE, PAINT_RISE_M
 from simbev_ros.assets.land.fencing import put_panels
 from simbev_ros.assets.land.yard import Yard
 from simbev_ros.assets.materials import Material
@@ -43,9 +44,11 @@ _MODELS: Mapping[ObjectKind, Callable[[], Mesh]] = {
 _TALL = (ObjectKind.STREET_LAMP, ObjectKind.UTILITY_POLE)  # models that are scaled to the height that the map gives
 _SPECIES = {ObjectKind.CONIFER: "spruce", ObjectKind.PALM: "palm", ObjectKind.BUSH: "bush"}
 _PANELS = {ObjectKind.WALL: "wall", ObjectKind.FENCE: "bars", ObjectKind.HEDGE: "hedge"}
+_PARKING = (ObjectKind.PARKING_LOT, ObjectKind.PARKING_SPACE)
 _HIGH_HEDGE_M = 1.6
 _FOOT_M, _ROOM_M = 0.3, 0.4
 _STEP_M = 4.0
+_ASPHALT_RISE_M, _LINE_M = 0.016, 0.1
 _MAX_SPAN_M, _MAX_SCALE = 120.0, 4.0
 
 
@@ -56,6 +59,9 @@ def put_map_objects(yard: Yard) -> Iterator[StreetLight]:
     firsts_m = np.array([item.points_m[0] for item in items]).reshape(-1, 3)
     levels = yard.ground.terrain.elevation.level_at(firsts_m)
     for item, level in zip(items, levels.tolist(), strict=True):
+        if item.kind in _PARKING:
+            _pave_parking(yard, item)
+            continue
         if len(item.points_m) > 1 and not item.is_outline:
             put = _put_power_line if item.kind is ObjectKind.UTILITY_POLE else _put_barrier
             put(yard, item, level)
@@ -178,6 +184,15 @@ def _put_power_line(yard: Yard, item: MapObject, level: int) -> None:
         if row + 1 < len(xy_m) and np.hypot(*(xy_m[row + 1] - xy_m[row])) < _MAX_SPAN_M:
             mesh = cables(feet_m[row], feet_m[row + 1], across[row])
             yard.tiles.place(mesh, upright_pose(xy_m[row], feet_m[row, 2]))
+
+
+def _pave_parking(yard: Yard, item: MapObject) -> None:
+    """Asphalt off the streets, and lines around a parking space."""
+    area = shapely.intersection(shapely.make_valid(shapely.Polygon(item.points_m[:, :2])), yard.ground.land)
+    yard.cover(area, "asphalt", rise_m=_ASPHALT_RISE_M)
+    yard.claims.add(area)
+    if item.kind is ObjectKind.PARKING_SPACE:
+        yard.cover(shapely.difference(area, shapely.buffer(area, -_LINE_M)), BAY_LINE, rise_m=PAINT_RISE_M)
 
 
 def _stream(yard: Yard, item: MapObject) -> np.random.Generator:

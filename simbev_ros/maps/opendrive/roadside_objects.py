@@ -12,7 +12,7 @@ from pydantic import Field, TypeAdapter
 
 from simbev_ros.config.base import Model
 from simbev_ros.limits import MAX_MAP_OBJECTS
-from simbev_ros.maps.land_features import Footprint, MapObject, ObjectKind
+from simbev_ros.maps.land_features import POINT_KINDS, Footprint, MapObject, ObjectKind
 from simbev_ros.maps.opendrive.borders import points_m
 from simbev_ros.maps.opendrive.object_shapes import (
     Placement,
@@ -21,6 +21,7 @@ from simbev_ros.maps.opendrive.object_shapes import (
     iter_objects,
     outer_outline,
     outline_m,
+    placement_of,
     sweeps_of,
 )
 from simbev_ros.maps.opendrive.reading.attributes import Malformed, Notes, number
@@ -28,8 +29,6 @@ from simbev_ros.maps.opendrive.reading.document import Document, Road
 from simbev_ros.tables import load_table
 from simbev_ros.types import Float64Array
 
-_MODELS = frozenset(list(ObjectKind)[: list(ObjectKind).index(ObjectKind.POLE)])
-"""Kinds with a model of their own, which stand at a point."""
 _MIN_BUILDING_M2 = 1.0
 
 
@@ -80,17 +79,18 @@ def _type_of(element: Element) -> ObjectType | None:
 
 def _solids(road: Road, element: Element, kind: ObjectType) -> Iterator[MapObject]:
     """One object for each copy and each stretch of an element."""
+    if kind.kind in POINT_KINDS:
+        for place in copies_of(road, element) or [placement_of(element)]:
+            foot_m = points_m(road, np.array([place.s_m]), np.array([place.t_m]))
+            yaw_rad = heading_rad(road, element, place.s_m) if element.get("hdg") else np.nan
+            yield MapObject(ObjectKind(kind.kind), foot_m, place.height_m, place.bottom_m, yaw_rad)
+        return
     known = ObjectKind.OBSTACLE if kind.kind == "building" else ObjectKind(kind.kind)
     for place, band_m in sweeps_of(road, element, kind.width_m):
         height_m = place.height_m or _corner_height_m(element) or kind.height_m
         yield MapObject(known, band_m, height_m, place.bottom_m)
     for place in copies_of(road, element):
-        if kind.kind in _MODELS:
-            foot_m = points_m(road, np.array([place.s_m]), np.array([place.t_m]))
-            yaw_rad = heading_rad(road, element, place.s_m) if element.get("hdg") else np.nan
-            yield MapObject(known, foot_m, place.height_m, place.bottom_m, yaw_rad)
-        else:
-            yield _solid(road, element, known, _sized(place, kind))
+        yield _solid(road, element, known, _sized(place, kind))
 
 
 def _sized(place: Placement, kind: ObjectType) -> Placement:

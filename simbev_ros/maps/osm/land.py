@@ -44,7 +44,7 @@ def features_of(data: OsmData, xy_m: Float64Array, roads: Sequence[OsmRoad]) -> 
     if zones:
         urban = [road for road in roads if road.way.tags.get("highway") in rules.urban_roads]
         zones = (*built_up_zones(buildings, _lines(urban, xy_m), extent), *zones)
-    objects, object_notes = objects_of(data, xy_m, extent)
+    objects, object_notes = objects_of(data, xy_m, areas, extent)
     features = MapFeatures(
         rules.outside if zones else rules.anywhere,
         zones=zones,

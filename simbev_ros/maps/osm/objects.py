@@ -1,6 +1,6 @@
 """Reads what stands beside the roads of an OpenStreetMap file: trees, furniture, barriers, rails and power lines."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -9,7 +9,8 @@ from pydantic import Field
 
 from simbev_ros.config.base import Model
 from simbev_ros.limits import MAX_MAP_OBJECTS, MAX_OBJECT_LINES_KM
-from simbev_ros.maps.land_features import MapObject, ObjectKind
+from simbev_ros.maps.land_features import BARRIER_KINDS, MapObject, ObjectKind
+from simbev_ros.maps.osm.areas import Area
 from simbev_ros.maps.osm.data import OsmData, Tags, Way
 from simbev_ros.maps.osm.lengths import parse_direction_rad, parse_length_m
 from simbev_ros.tables import load_table
@@ -34,6 +35,8 @@ class ObjectRules(Model):
     excluded: Mapping[str, tuple[str, ...]]
     posts: Mapping[str, PostRule]
     lines: Mapping[str, ObjectKind]
+    parking: Mapping[str, ObjectKind]
+    parking_on_ground: tuple[str, ...]
     trees: Mapping[str, ObjectKind]
     tree_row_spacing_m: float = Field(gt=0)
 
@@ -45,13 +48,14 @@ def object_rules() -> ObjectRules:
 
 
 def objects_of(
-    data: OsmData, xy_m: Float64Array, extent: shapely.Polygon
+    data: OsmData, xy_m: Float64Array, areas: Sequence[Area], extent: shapely.Polygon
 ) -> tuple[tuple[MapObject, ...], tuple[str, ...]]:
     """The objects of a file within an extent, and notes about what was left out.
 
     Args:
         data: The file.
         xy_m: (N, 2) positions of its nodes, map frame.
+        areas: Its areas within the extent.
         extent: A rectangle along the axes of the map frame.
     """
     lines = [way for way in data.ways if _line_kind(way.tags) is not None]
@@ -70,6 +74,8 @@ def objects_of(
             longer += 1
             continue
         found += _along_way(data, way, xy_m, extent)
+    for area in areas:
+        found += _parking(area)
     counts = (
         ("railways on bridges or in tunnels were left out", bare),
         (f"lines of objects beyond the first {MAX_OBJECT_LINES_KM} km were left out", longer),
@@ -115,7 +121,7 @@ def _along_way(data: OsmData, way: Way, xy_m: Float64Array, extent: shapely.Poly
         stations_m = np.arange(0.0, line.length, rules.tree_row_spacing_m)
         for foot_m in shapely.get_coordinates(shapely.line_interpolate_point(line, stations_m)):
             yield MapObject(rules.trees.get(way.tags.get("leaf_type", ""), kind), _on_ground(foot_m[None]), height_m)
-    elif way.closed and way.tags.get("area") == "yes":
+    elif way.closed and way.tags.get("area") == "yes" and kind in BARRIER_KINDS:
         yield MapObject(kind, _on_ground(shapely.get_coordinates(line)), height_m)
     else:
         points_m = _on_ground(shapely.get_coordinates(line))
@@ -123,6 +129,13 @@ def _along_way(data: OsmData, way: Way, xy_m: Float64Array, extent: shapely.Poly
         yield MapObject(kind, points_m[: half + 1], height_m)
         if way.closed:
             yield MapObject(kind, points_m[half:], height_m)
+
+
+def _parking(area: Area) -> Iterator[MapObject]:
+    """The parking lot or space on an area, if there is one on the ground."""
+    kind = object_rules().parking.get(area.tags.get("amenity", ""))
+    if kind is not None and area.tags.get("parking", "surface") in object_rules().parking_on_ground:
+        yield MapObject(kind, _on_ground(shapely.get_coordinates(area.polygon.exterior)))
 
 
 def _line_kind(tags: Tags) -> ObjectKind | None:

@@ -1,13 +1,17 @@
 """Map objects stand where the file says, are hit by the lidar's rays as their class, and replace generated ones."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from synthetic_world import world
 
 from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.assets.regions.build import build_region
+from simbev_ros.assets.regions.region_scene import RegionScene
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.land.terrain import Terrain
+from simbev_ros.maps.opendrive.roadside_objects import object_types
 from simbev_ros.maps.region import regions_of
 from simbev_ros.maps.source import map_spec
 from simbev_ros.raycast.scene import RayScene
@@ -28,21 +32,25 @@ OBJECTS = f"""
 <object id="8" type="obstacle" s="10" t="-6" length="1" width="1" height="1" zOffset="1"/>
 <object id="9" type="tree" s="70" t="12" height="8"/>
 """
-ROAD = f"""<OpenDRIVE><road id="1" length="100" junction="-1"><link/><planView>
+ROAD = """<OpenDRIVE><road id="1" length="100" junction="-1"><link/><planView>
 <geometry s="0" x="0" y="20" hdg="0" length="100"><line/></geometry></planView>
 <lanes><laneSection s="0"><center><lane id="0" type="none"/></center><right><lane id="-1" type="driving">
 <width sOffset="0" a="3.5" b="0" c="0" d="0"/></lane></right></laneSection></lanes>
-<objects>{OBJECTS}</objects></road></OpenDRIVE>"""
+<objects>{}</objects></road></OpenDRIVE>"""
+
+
+def build(path: Path, text: str) -> list[RegionScene]:
+    """The regions of a map file."""
+    path.write_text(text)
+    network = load_network(map_spec(str(path)), path.parent)
+    terrain = Terrain(network)
+    return [build_region(network, region, terrain) for region in regions_of(network.layout)]
 
 
 @pytest.fixture(scope="module")
 def static(tmp_path_factory: pytest.TempPathFactory) -> StaticScene:
     """A road along y = 20, whose first region begins at x = 0."""
-    folder = tmp_path_factory.mktemp("objects")
-    (folder / "road.xodr").write_text(ROAD)
-    network = load_network(map_spec(str(folder / "road.xodr")), folder)
-    terrain = Terrain(network)
-    scenes = [build_region(network, region, terrain) for region in regions_of(network.layout)]
+    scenes = build(tmp_path_factory.mktemp("objects") / "road.xodr", ROAD.format(OBJECTS))
     lights = [light for scene in scenes for light in scene.street_lights]
     return StaticScene(tuple(tile for scene in scenes for tile in scene.tiles), tuple(lights))
 
@@ -95,3 +103,21 @@ def test_lamps_of_the_map_replace_generated_ones(static: StaticScene) -> None:
     # The lamp of the model, which is 8 m high, hangs 1.75 m before its pole, at 7.82 m. These are 6 m high.
     assert positions_m[:, 1] == pytest.approx([26.0 - 1.75 * 0.75] * 3, abs=0.01), "they face the road"
     assert positions_m[:, 2] == pytest.approx([LAND_M + 7.82 * 0.75] * 3, abs=0.01)
+
+
+def test_every_type_of_the_table_is_built(tmp_path: Path) -> None:
+    items = []
+    for row, name in enumerate(object_types()):
+        main, _, subtype = name.partition("/")
+        repeat = '<repeat s="0" length="20" distance="0" tStart="30" tEnd="30"/>'
+        items += [
+            f'<object type="{main}" subtype="{subtype}" s="{3 * row}" t="{-15 - 12 * (row % 2)}">{inner}</object>'
+            for inner in ("", repeat)
+        ]
+    tags = {Tag(tag) for scene in build(tmp_path / "all.xodr", ROAD.format("".join(items))) for tag in _tags(scene)}
+    expected = (Tag.BUILDING, Tag.WALL, Tag.FENCE, Tag.POLE, Tag.GUARD_RAIL, Tag.STATIC, Tag.VEGETATION, Tag.GROUND)
+    assert tags.issuperset(expected)
+
+
+def _tags(scene: RegionScene) -> set[int]:
+    return {tag for tile in scene.tiles for tag in np.unique(tile.mesh.tag).tolist()}

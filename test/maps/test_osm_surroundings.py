@@ -1,5 +1,7 @@
 """What an OpenStreetMap file says about buildings and objects, hit by the lidar's rays in the built region."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from osm_sample import DATUM, Writer
@@ -9,7 +11,9 @@ from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.assets.regions.build import build_region
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.land.terrain import Terrain
+from simbev_ros.maps.land_features import ObjectKind
 from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.osm.objects import object_rules
 from simbev_ros.maps.region import regions_of
 from simbev_ros.maps.source import map_spec
 from simbev_ros.raycast.scene import RayScene
@@ -114,3 +118,31 @@ def test_a_parking_lot_is_paved_and_its_spaces_have_lines(rays: RayScene, networ
     assert [tag for tag, _ in (grass, lot, line, space)] == [Tag.TERRAIN, Tag.GROUND, Tag.GROUND, Tag.GROUND]
     rises_m = [grass[1] - range_m for _, range_m in (lot, line, space)]
     assert rises_m == pytest.approx([0.016, 0.02, 0.016], abs=1e-3)
+
+
+def test_every_object_of_the_table_is_built(tmp_path: Path) -> None:
+    writer, rules = Writer(), object_rules()
+    writer.way([(-100, 0), (100, 0)], {"highway": "residential"})
+    for row, key in enumerate(rules.lines):
+        name, _, value = key.rpartition("=")
+        for more in ({}, {"area": "yes"}):
+            x, y = -90 + 12 * row, 15 + 20 * len(more)
+            writer.ring([(x, y), (x + 10, y), (x + 10, y + 10), (x, y + 10)], {name: value, **more})
+    text = writer.text()
+    for row, key in enumerate([*rules.points, *rules.posts]):
+        name, _, value = key.rpartition("=")
+        tags = {name: value} | {k: v[0] for k, v in rules.required.get(key, {}).items()}
+        latitude, longitude, _ = DATUM.geodetic_from_map(np.array([-90.0 + 8.0 * row, -15.0, 0.0]))
+        inner = "".join(f'<tag k="{k}" v="{v}"/>' for k, v in tags.items())
+        node = f'<node id="{90_000 + row}" lat="{latitude}" lon="{longitude}">{inner}</node>'
+        text = text.replace("<way ", f"{node}<way ", 1)
+    (tmp_path / "all.osm").write_text(text)
+    network = load_network(map_spec(str(tmp_path / "all.osm")), tmp_path)
+    found = {item.kind for item in network.features.objects}
+    assert found == {*rules.points.values(), *rules.lines.values(), ObjectKind.POLE}
+    terrain = Terrain(network)
+    scenes = [build_region(network, region, terrain) for region in regions_of(network.layout)]
+    (lamp,) = (item for item in network.features.objects if item.kind is ObjectKind.STREET_LAMP)
+    lights_m = np.array([light.position_m[:2] for scene in scenes for light in scene.street_lights])
+    near_m = np.sort(np.hypot(*(lights_m - lamp.points_m[0, :2]).T))
+    assert near_m[0] == pytest.approx(1.75, abs=0.01) and near_m[1] > 75.0, "generated ones only far from it"

@@ -47,7 +47,7 @@ _PANELS = {ObjectKind.WALL: "wall", ObjectKind.FENCE: "bars", ObjectKind.HEDGE: 
 _PARKING = (ObjectKind.PARKING_LOT, ObjectKind.PARKING_SPACE)
 _HIGH_HEDGE_M = 1.6
 _FOOT_M, _ROOM_M = 0.3, 0.4
-_STEP_M = 4.0
+_STEP_M, _MIN_LINE_M = 4.0, 0.5
 _ASPHALT_RISE_M, _LINE_M = 0.016, 0.1
 _MAX_SPAN_M, _MAX_SCALE = 120.0, 4.0
 
@@ -150,7 +150,7 @@ def _put_barrier(yard: Yard, item: MapObject, level: int) -> None:
     """Panels along a line, or a guard rail, within the region and off the streets."""
     square = yard.ground.region.area if item.kind is ObjectKind.RAILS else yard.inside
     line = shapely.intersection(shapely.LineString(item.points_m[:, :2]), square)
-    parts = [part for part in shapely.get_parts(line) if part.geom_type == "LineString"]
+    parts = [part for part in shapely.get_parts(line) if part.geom_type == "LineString" and part.length > _MIN_LINE_M]
     if level or not parts:
         return
     variant = int(_stream(yard, item).integers(VARIANTS))

@@ -41,6 +41,12 @@ MAX_MAP_OBJECTS = 200_000
 MAX_OBJECT_LINES_KM = 1_000
 """Length of all barriers, rails, tree rows and power lines of an OpenStreetMap file. Further ones are left out."""
 
+MAX_LANES_PER_EDGE = 100
+"""Lanes side by side in an edge of a SUMO net; an edge with more is left out. The widest motorway has 26 in all."""
+
+MAX_SECTIONS_PER_M = 10.0
+"""Lane sections per meter of an OpenDRIVE road, beyond the first 100; a road with more is left out."""
+
 MAX_YAML_BYTES = 4 << 20
 """Size of a YAML text: a configuration, or a bag's description. The description of a bag with 100 topics has 80 KiB."""
 

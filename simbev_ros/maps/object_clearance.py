@@ -7,6 +7,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from simbev_ros.geometry import overlay
 from simbev_ros.geometry.plan_view import polygon_parts
 from simbev_ros.maps.land_features import MapObject, ObjectKind
 from simbev_ros.maps.roads.elevation import Elevation
@@ -69,13 +70,13 @@ class _Roads:
         if len(tree.query(plan, predicate="intersects")) == 0:
             return [item]
         around = tree.geometries[tree.query(plan, predicate="dwithin", distance=_NEAR_M)]
-        road = shapely.union_all(around, grid_size=0.001)
+        road = overlay.union_all(around, grid_size=0.001)
         if isinstance(plan, shapely.Point):
             return _moved(item, plan, road)
         if isinstance(plan, shapely.LineString):
-            rest = shapely.get_parts(shapely.difference(plan, road))
+            rest = shapely.get_parts(overlay.difference(plan, road))
             return [_cut(item, shapely.get_coordinates(part)) for part in rest if part.length >= _MIN_LENGTH_M]
-        parts = polygon_parts(shapely.difference(plan, road))
+        parts = polygon_parts(overlay.difference(plan, road))
         if shapely.area(parts).sum() < _MIN_SHARE * plan.area:
             return []
         return [_cut(item, shapely.get_coordinates(part.exterior)) for part in parts]

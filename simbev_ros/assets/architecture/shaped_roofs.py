@@ -16,6 +16,7 @@ from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import solid, triangulate
 from simbev_ros.assets.palette import Color
 from simbev_ros.config.base import Model
+from simbev_ros.geometry import overlay
 from simbev_ros.geometry.plan_view import polygon_parts
 from simbev_ros.tables import load_table
 from simbev_ros.types import Float64Array
@@ -108,10 +109,10 @@ def _ridged(
     slopes = []
     for low_m, high_m in pairwise(bends_m):
         band = shapely.Polygon([low_m - reach_m, high_m - reach_m, high_m + reach_m, low_m + reach_m])
-        for part in polygon_parts(shapely.intersection(plan, band)):
+        for part in polygon_parts(overlay.intersection(plan, band)):
             flat, faces = triangulate(part)
             slopes.append(np.column_stack([flat, height_m(flat)])[faces])
-    cuts = shapely.union_all([shapely.LineString([bend_m - reach_m, bend_m + reach_m]) for bend_m in bends_m[1:-1]])
+    cuts = overlay.union_all([shapely.LineString([bend_m - reach_m, bend_m + reach_m]) for bend_m in bends_m[1:-1]])
     gables = without_windows(_faces(_gables(plan, cuts, eaves_m, height_m), wall.material, wall.color))
     return Mesh.merge([with_tile_uv(_faces(slopes, Material.ROOF, roof)), gables])
 
@@ -123,7 +124,7 @@ def _gables(
     oriented = shapely.orient_polygons(plan)
     triangles = []
     for ring in (oriented.exterior, *oriented.interiors):
-        for piece in shapely.get_parts(shapely.difference(ring, shapely.buffer(cuts, _CUT_M))):
+        for piece in shapely.get_parts(overlay.difference(ring, shapely.buffer(cuts, _CUT_M))):
             corners_m = shapely.get_coordinates(piece)
             top_m = np.column_stack([corners_m, height_m(corners_m)])
             foot_m = np.column_stack([corners_m, np.full(len(corners_m), eaves_m)])

@@ -24,6 +24,7 @@ from simbev_ros.assets.street.furniture import bench, bicycle_rack, bus_shelter,
 from simbev_ros.assets.street.poles import STREET_LAMP_AT_M, cables, street_light, utility_pole, with_lamp_index
 from simbev_ros.assets.street.surface import surface_m
 from simbev_ros.assets.street.tracks import lay_track
+from simbev_ros.geometry import overlay
 from simbev_ros.geometry.plan_view import left_of, polygon_parts
 from simbev_ros.geometry.transforms import apply
 from simbev_ros.maps.land_features import MapObject, ObjectKind
@@ -149,7 +150,7 @@ def _put_solid(yard: Yard, item: MapObject, middle_m: Float64Array, level: int) 
 def _put_barrier(yard: Yard, item: MapObject, level: int) -> None:
     """Panels along a line, or a guard rail, within the region and off the streets."""
     square = yard.ground.region.area if item.kind is ObjectKind.RAILS else yard.inside
-    line = shapely.intersection(shapely.LineString(item.points_m[:, :2]), square)
+    line = overlay.intersection(shapely.LineString(item.points_m[:, :2]), square)
     parts = [part for part in shapely.get_parts(line) if part.geom_type == "LineString" and part.length > _MIN_LINE_M]
     if level or not parts:
         return
@@ -188,11 +189,11 @@ def _put_power_line(yard: Yard, item: MapObject, level: int) -> None:
 
 def _pave_parking(yard: Yard, item: MapObject) -> None:
     """Asphalt off the streets, and lines around a parking space."""
-    area = shapely.intersection(shapely.make_valid(shapely.Polygon(item.points_m[:, :2])), yard.ground.land)
+    area = overlay.intersection(shapely.make_valid(shapely.Polygon(item.points_m[:, :2])), yard.ground.land)
     yard.cover(area, "asphalt", rise_m=_ASPHALT_RISE_M)
     yard.claims.add(area)
     if item.kind is ObjectKind.PARKING_SPACE:
-        yard.cover(shapely.difference(area, shapely.buffer(area, -_LINE_M)), BAY_LINE, rise_m=PAINT_RISE_M)
+        yard.cover(overlay.difference(area, shapely.buffer(area, -_LINE_M)), BAY_LINE, rise_m=PAINT_RISE_M)
 
 
 def _stream(yard: Yard, item: MapObject) -> np.random.Generator:

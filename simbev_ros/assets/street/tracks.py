@@ -9,6 +9,7 @@ from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import Finish, boxes, loft
 from simbev_ros.assets.placement.tiles import upright_pose
 from simbev_ros.assets.street.surface import surface_m
+from simbev_ros.geometry import overlay
 from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
 from simbev_ros.semantics import Tag
@@ -27,7 +28,7 @@ _BALLAST = Finish(Material.SOIL, Tag.RAIL_TRACK, (118, 110, 102))
 
 def lay_track(yard: Yard, line: shapely.LineString) -> None:
     """Lay a track along a line within the region: rails, and off the streets also ballast and sleepers."""
-    bed = shapely.intersection(shapely.buffer(line, _BED_M / 2.0, cap_style="flat"), yard.ground.land)
+    bed = overlay.intersection(shapely.buffer(line, _BED_M / 2.0, cap_style="flat"), yard.ground.land)
     yard.cover(bed, _BALLAST, rise_m=_BED_RISE_M)
     yard.claims.add(shapely.buffer(line, _CLEAR_M, cap_style="flat"))
     for start_m in np.arange(0.0, line.length, _STRETCH_M):

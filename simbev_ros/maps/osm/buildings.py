@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import shapely
 
+from simbev_ros.geometry import overlay
 from simbev_ros.maps.land_features import Footprint
 from simbev_ros.maps.osm.areas import Area, polygons
 from simbev_ros.maps.osm.building_tags import footprint_of
@@ -38,7 +39,7 @@ def buildings_of(areas: Sequence[Area], road_bands: AnyArray) -> tuple[tuple[Foo
         obstacles = [road_bands[k] for k in roads[index]] + [
             footprints[k] for k in larger[index] if k < index and k in footprints
         ]
-        parts = polygons(shapely.difference(outline, shapely.union_all(obstacles)))
+        parts = polygons(overlay.difference(outline, overlay.union_all(obstacles)))
         free = max(parts, key=lambda part: part.area, default=None)
         if free is not None and free.area >= max(_MIN_AREA_M2, _MIN_FREE_FRACTION * outline.area):
             footprints[index] = free
@@ -63,8 +64,8 @@ def _in_parts(buildings: Sequence[Area], areas: Sequence[Area], road_bands: AnyA
             of_building[building].append(footprint)
     for index, building in enumerate(buildings):
         own = of_building[index]
-        covered = shapely.union_all([part.outline for part in own])
-        for rest in polygons(shapely.difference(building.polygon, covered)) if own else (building.polygon,):
+        covered = overlay.union_all([part.outline for part in own])
+        for rest in polygons(overlay.difference(building.polygon, covered)) if own else (building.polygon,):
             if not own or shapely.buffer(rest, -_SLIVER_M).area >= _MIN_AREA_M2:
                 yield footprint_of(rest, building.tags)
         yield from own

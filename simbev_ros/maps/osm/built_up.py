@@ -7,6 +7,7 @@ import shapely
 from scipy.ndimage import uniform_filter
 from shapely.geometry.base import BaseGeometry
 
+from simbev_ros.geometry import overlay
 from simbev_ros.maps.land_features import Footprint, Zone
 from simbev_ros.maps.osm.areas import polygons
 from simbev_ros.maps.osm.land_rules import land_rules
@@ -75,7 +76,7 @@ def _outlines(cells: BoolArray, low_m: Float64Array) -> Iterator[shapely.Polygon
     column, edge = np.nonzero(np.diff(padded, axis=1))
     runs = np.column_stack([column, edge])[0::2], np.column_stack([column, edge])[1::2]
     (x, y0), y1 = (low_m + runs[0] * _CELL_M).T, low_m[1] + runs[1][:, 1] * _CELL_M
-    area: BaseGeometry = shapely.union_all(shapely.box(x, y0, x + _CELL_M, y1))
+    area: BaseGeometry = overlay.union_all(shapely.box(x, y0, x + _CELL_M, y1))
     for step in (1.0, -2.0, 3.0):
         area = shapely.buffer(area, step * _CELL_M, quad_segs=4)
     parts = polygons(shapely.simplify(area, _TOLERANCE_M))

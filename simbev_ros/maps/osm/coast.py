@@ -4,6 +4,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from simbev_ros.geometry import overlay
 from simbev_ros.maps.osm.data import OsmData
 from simbev_ros.types import AnyArray, Float64Array
 
@@ -31,10 +32,10 @@ def sea_of(
         return shapely.Polygon(), ()
     coast = shapely.get_parts(shapely.line_merge(shapely.MultiLineString(lines), directed=True))
     borders = [*coast, *_extensions(coast, extent), extent.boundary]
-    faces = shapely.get_parts(shapely.polygonize([shapely.intersection(shapely.union_all(borders), extent)]))
+    faces = shapely.get_parts(shapely.polygonize([overlay.intersection(overlay.union_all(borders), extent)]))
     wet = faces[_water_length_m(faces, coast) > 0.0]
-    sea = shapely.union_all(wet)
-    flooded_m = float(shapely.length(shapely.intersection(streets, sea)).sum())
+    sea = overlay.union_all(wet)
+    flooded_m = float(shapely.length(overlay.intersection(streets, sea)).sum())
     if flooded_m > _MAX_FLOODED_SHARE * float(shapely.length(streets).sum()):
         return shapely.Polygon(), (
             "the sea was left out: its coastline is reversed or has a gap, and would flood roads",

@@ -6,6 +6,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from simbev_ros.geometry import overlay
 from simbev_ros.maps.land_features import MapFeatures, Zone
 from simbev_ros.maps.osm.areas import Area, areas_of, polygons
 from simbev_ros.maps.osm.buildings import buildings_of
@@ -66,7 +67,7 @@ def _zones(areas: Sequence[Area], extent: BaseGeometry) -> tuple[Zone, ...]:
         kinds = (f"{key}={area.tags.get(key)}" for key in _ZONE_KEYS)
         recipe = next((rules[kind] for kind in kinds if kind in rules), None)
         if recipe is not None and "building" not in area.tags:
-            found += [Zone(part, recipe) for part in polygons(shapely.intersection(area.polygon, extent))]
+            found += [Zone(part, recipe) for part in polygons(overlay.intersection(area.polygon, extent))]
     return tuple(sorted(found, key=lambda zone: -zone.area.area))
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from simbev_ros.geometry import overlay
 from simbev_ros.maps.land_features import Water
 from simbev_ros.maps.osm.areas import Area, polygons
 from simbev_ros.maps.osm.data import OsmData, Tags
@@ -37,20 +38,20 @@ def water_of(
     rules = land_rules().water
     culverts = shapely.STRtree(road_bands)
     found = list(_parts(sea, culverts, rules["sea"].depth_m))
-    inland = shapely.difference(extent, sea)
+    inland = overlay.difference(extent, sea)
     for area in areas:
         kind = _kind_of_area(area.tags)
         if kind is not None:
-            found += _parts(shapely.intersection(area.polygon, inland), culverts, rules[kind].depth_m)
-    covered = shapely.union_all([water.area for water in found])
+            found += _parts(overlay.intersection(area.polygon, inland), culverts, rules[kind].depth_m)
+    covered = overlay.union_all([water.area for water in found])
     for way in data.ways:
         kind = way.tags.get("waterway", "")
         if kind in rules and rules[kind].width_m > 0.0 and way.tags.get("tunnel", "no") == "no":
             width_m = parse_length_m(way.tags.get("width", "")) or rules[kind].width_m
             band = shapely.buffer(shapely.LineString(xy_m[list(way.nodes)]), width_m / 2.0, cap_style="flat")
-            open_band = shapely.difference(shapely.intersection(band, inland), covered)
+            open_band = overlay.difference(overlay.intersection(band, inland), covered)
             found += _parts(open_band, culverts, rules[kind].depth_m)
-            covered = shapely.union(covered, band)
+            covered = overlay.union(covered, band)
     return tuple(found)
 
 
@@ -64,5 +65,5 @@ def _kind_of_area(tags: Tags) -> str | None:
 def _parts(area: BaseGeometry, culverts: shapely.STRtree, depth_m: float) -> Iterator[Water]:
     """The open water of an area."""
     roads = culverts.geometries[np.sort(culverts.query(area, predicate="intersects"))]
-    open_water = shapely.difference(area, shapely.union_all(roads))
+    open_water = overlay.difference(area, overlay.union_all(roads))
     return (Water(part, -depth_m) for part in polygons(open_water) if part.area > _MIN_AREA_M2)

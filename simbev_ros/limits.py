@@ -47,6 +47,15 @@ MAX_XML_DEPTH = 64
 MAX_XML_ELEMENTS = 2_500_000
 """Elements in an OpenDRIVE file or a SUMO net; a file of 128 MiB with short elements can reach it."""
 
+MAX_OBJECT_COPIES = 10_000
+"""Copies of one object that is repeated along an OpenDRIVE road."""
+
+MAX_MAP_OBJECTS = 200_000
+"""Objects beside the roads of a map, such as trees and poles, copies included. Further ones are left out."""
+
+MAX_OBJECT_LINES_KM = 1_000
+"""Length of all barriers, rails, tree rows and power lines of an OpenStreetMap file. Further ones are left out."""
+
 MAX_LANES_PER_EDGE = 100
 """Lanes side by side in an edge of a SUMO net; an edge with more is left out. The widest motorway has 26 in all."""
 

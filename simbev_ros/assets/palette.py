@@ -22,7 +22,12 @@ def pick_color(rng: np.random.Generator, name: str, variation: float = 0.05) -> 
     for key in name.split("."):
         entry = entry[key]
     code = int(entry[int(rng.integers(len(entry)))])
-    return shade_color((code >> 16, code >> 8 & 255, code & 255), 1.0 + rng.uniform(-variation, variation))
+    return shade_color(rgb(code), 1.0 + rng.uniform(-variation, variation))
+
+
+def rgb(code: int) -> Color:
+    """The channels of a color 0xRRGGBB."""
+    return code >> 16, code >> 8 & 255, code & 255
 
 
 def shade_color(color: Color, factor: float) -> Color:

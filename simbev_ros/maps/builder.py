@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.object_clearance import clear_carriageways
 from simbev_ros.maps.opendrive.importer import import_opendrive
 from simbev_ros.maps.osm.importer import import_osm
 from simbev_ros.maps.parts import MapParts
@@ -43,13 +44,15 @@ def build_map(spec: MapSpec, folder: Path) -> None:
     parts = _parts_of(spec, work)
     if spec.path:
         (folder / SOURCE).write_bytes(bz2.compress((parts.extract or file_of(spec)).read_bytes()))
-    for note in parts.notes:
-        logging.getLogger(__name__).info("map %s: %s", spec.name, note)
     for source, name in ((parts.net, NET), (parts.opendrive, OPENDRIVE)):
         shutil.copyfile(source, folder / name)
     net = read_sumo_net(folder / NET)
     layout = assign_levels(parts.layout or layout_of(net), parts.features.water)
     signals = place_signals(net, layout)
+    objects, object_notes = clear_carriageways(parts.features.objects, layout)
+    notes = (*parts.notes, *object_notes)
+    for note in notes:
+        logging.getLogger(__name__).info("map %s: %s", spec.name, note)
     network = RoadNetwork(
         name=spec.name,
         lanes=net.lanes,
@@ -59,9 +62,9 @@ def build_map(spec: MapSpec, folder: Path) -> None:
         net_path=folder / NET,
         opendrive_path=folder / OPENDRIVE,
         layout=layout if layout.signs else replace(layout, signs=place_signs(net, layout)),
-        features=parts.features,
+        features=replace(parts.features, objects=objects),
         seed=spec.seed,
-        notes=parts.notes,
+        notes=notes,
     )
     write_network(network, folder)
     shutil.rmtree(work)

@@ -12,7 +12,7 @@ import numpy as np
 from simbev_ros.errors import NPZ_DAMAGE
 from simbev_ros.geometry.geodesy import MapDatum
 from simbev_ros.maps.columns import from_columns, part_of, to_columns
-from simbev_ros.maps.land_features import Footprint, MapFeatures, Water, Zone
+from simbev_ros.maps.land_features import Footprint, MapFeatures, MapObject, Water, Zone
 from simbev_ros.maps.network import Junction, Lane, RoadNetwork, Signal
 from simbev_ros.maps.roads.layout import Crosswalk, Layout, Sign, SignalPlace, StopLine, Strip
 from simbev_ros.maps.roads.tunnels import Tunnels
@@ -123,6 +123,7 @@ def _tables(network: RoadNetwork) -> dict[str, tuple[type, Any]]:
         "zones": (Zone, features.zones),
         "water": (Water, features.water),
         "buildings": (Footprint, features.buildings or ()),
+        "objects": (MapObject, features.objects),
     }
 
 
@@ -152,6 +153,7 @@ def _network(folder: Path, header: Mapping[str, Any], columns: Mapping[str, AnyA
             relief=ReliefRecipe.model_validate_json(header["relief"]),
             water=table("water", Water),
             buildings=None if header["invents_buildings"] else table("buildings", Footprint),
+            objects=table("objects", MapObject),
         ),
         seed=seed,
         notes=tuple(header["notes"]),

@@ -15,6 +15,7 @@ from simbev_ros.assets.street.furniture import bench, bicycle_rack, bus_shelter,
 from simbev_ros.assets.street.poles import mast, street_light, utility_pole
 from simbev_ros.assets.street.signs import speed_sign, stop_sign, street_name_sign, yield_sign
 from simbev_ros.assets.street.yard_things import container, dumpster, hay_bale, pallets, trailer, wheelie_bin, wood_pile
+from simbev_ros.maps.land_features import Footprint
 from simbev_ros.semantics import Tag
 
 STYLES = ("brick", "plaster", "timber", "concrete", "metal", "glass")
@@ -170,7 +171,7 @@ COURT = shapely.box(0, 0, 40, 30).difference(shapely.box(10, 8, 28, 20))
 @pytest.mark.parametrize("outline", [COURT, shapely.box(0, 0, 12, 9), shapely.Point(0, 0).buffer(15, quad_segs=3)])
 def test_a_prescribed_building_fills_its_outline_to_its_height(outline: shapely.Polygon) -> None:
     rng = np.random.default_rng(1)
-    mesh = building_on_outline(outline, 12.0, 0.8, draw_wall("brick", rng), rng)
+    mesh = building_on_outline(Footprint(outline, 12.0), 0.8, draw_wall("brick", rng), rng)
     assert is_closed(mesh)
     corners = mesh.vertices[mesh.triangles].astype(np.float64)
     plan = shapely.union_all([shapely.Polygon(triangle[:, :2]).buffer(1e-6) for triangle in corners])

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import shapely
 
-from simbev_ros.maps.land_features import Footprint, MapFeatures, Water, Zone
+from simbev_ros.maps.land_features import Footprint, MapFeatures, MapObject, ObjectKind, Water, Zone
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.layout import Crosswalk, Line, Paint, PaintColor, Sign, SignalPlace, SignKind, StopLine
 from simbev_ros.maps.store import NET, OPENDRIVE, read_datum, read_network, write_network
@@ -43,7 +43,17 @@ def rich(blocks: RoadNetwork, tmp_path: Path) -> RoadNetwork:
     )
     hole = shapely.Point(0, 0).buffer(9).difference(shapely.Point(0, 0).buffer(3))
     recipe = SurroundingsRecipe.model_validate({"use": "campus", "building_height_m": {"uniform": [3, 4]}})
-    features = MapFeatures(recipe, (Zone(hole, recipe),), water=(Water(hole, -2.5),), buildings=(Footprint(hole, 7.0),))
+    tower = Footprint(hole, 7.0, "office", "skillion", 2.5, 1.5, 0.7, "brick", 0xFF8000, 0x4E4A48)
+    features = MapFeatures(
+        recipe,
+        (Zone(hole, recipe),),
+        water=(Water(hole, -2.5),),
+        buildings=(tower,),
+        objects=(
+            MapObject(ObjectKind.WALL, corner_m, 2.0, 0.5, 1.0),
+            MapObject(ObjectKind.TREE, corner_m[:1], yaw_rad=0.0),
+        ),
+    )
     (tmp_path / NET).write_text("net")
     (tmp_path / OPENDRIVE).write_text("roads")
     return replace(

@@ -6,12 +6,14 @@ from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.architecture.facades import Band, body, building_finish, parapet
 from simbev_ros.assets.architecture.roofs import hipped_roof
+from simbev_ros.assets.architecture.shaped_roofs import fits_roof, shaped_roof, slope_across, usual_rise_m
 from simbev_ros.assets.architecture.walls import Wall
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import box, extrusion
-from simbev_ros.assets.palette import pick_color
+from simbev_ros.assets.palette import Color, pick_color, rgb
 from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
+from simbev_ros.maps.land_features import Footprint
 from simbev_ros.types import Float64Array
 
 _STORY_M = 3.1
@@ -19,34 +21,69 @@ _MAX_HIPPED_HEIGHT_M, _MAX_HIPPED_M2 = 13.0, 320.0
 _RECTANGULAR_SHARE = 0.94
 _PITCH = 0.6
 _CUT_CORNERS_M = 0.15
+_MIN_WALLS_M = 2.4
 
 
-def building_on_outline(
-    outline: shapely.Polygon, height_m: float, foundation_m: float, wall: Wall, rng: np.random.Generator
-) -> Mesh:
+def building_on_outline(building: Footprint, foundation_m: float, wall: Wall, rng: np.random.Generator) -> Mesh:
     """Build a building on a prescribed outline, courtyards included, with rows of windows and a door.
 
-    Small rectangular buildings get hipped roofs, all others flat roofs with a parapet.
+    Its roof has the shape that the map gives, or is flat if that does not fit the outline. If the map gives none, small
+    rectangular buildings get hipped roofs, and all others flat roofs with a parapet.
 
     Args:
-        outline: Outline in the frame of the mesh, meters.
-        height_m: Height of the whole building.
+        building: The building; its outline in the frame of the mesh.
         foundation_m: Depth of its foundation below z = 0.
         wall: Material and color of its walls.
         rng: Random generator for colors.
     """
-    plan = _polygon(shapely.orient_polygons(outline.simplify(_CUT_CORNERS_M)))
+    plan = _polygon(shapely.orient_polygons(building.outline.simplify(_CUT_CORNERS_M)))
+    name = _roof_of(building, plan)
+    flat = name == "flat"
+    color = pick_color(rng, "flat_roofs" if flat else "pitched_roofs")
+    roof = color if building.roof_color < 0 else rgb(building.roof_color)
+    slope_rad = building.slope_rad if np.isfinite(building.slope_rad) else slope_across(plan)
+    tall_m = building.height_m - building.bottom_m
+    rise_m = 0.0 if flat else min(building.roof_height_m or _usual_rise_m(plan, name, slope_rad), tall_m)
+    stories = max(1, round((tall_m - rise_m) / _STORY_M))
+    walls_m = max(_MIN_WALLS_M, tall_m - rise_m) if building.bottom_m == 0.0 else max(0.1, tall_m - rise_m)
+    mesh, eaves_m = body(plan, [Band(wall.material, wall.color, walls_m / stories, stories)], roof, building.bottom_m)
+    pieces = [mesh, _cover(plan, name, eaves_m, rise_m, slope_rad, roof, wall)]
+    if building.bottom_m == 0.0:
+        concrete = building_finish(Material.CONCRETE, (112, 110, 106))
+        foot = extrusion(concrete, plan, -foundation_m, 0.25, crease_deg=0.0)
+        pieces += [foot, _entrance(plan, foundation_m, rng)]
+    return Mesh.merge(pieces)
+
+
+def _roof_of(building: Footprint, plan: shapely.Polygon) -> str:
+    """Name of the roof shape that is built."""
     frame = _polygon(plan.minimum_rotated_rectangle)
-    is_house = height_m < _MAX_HIPPED_HEIGHT_M and plan.area < _MAX_HIPPED_M2
-    hipped = is_house and not plan.interiors and plan.area > _RECTANGULAR_SHARE * frame.area
-    roof = pick_color(rng, "pitched_roofs" if hipped else "flat_roofs")
-    rise_m = _PITCH * _sides_m(frame).min() / 2.0 if hipped else 0.0
-    stories = max(1, round((height_m - rise_m) / _STORY_M))
-    story_m = max(2.4, height_m - rise_m) / stories
-    mesh, eaves_m = body(plan, [Band(wall.material, wall.color, story_m, stories)], roof)
-    foot = extrusion(building_finish(Material.CONCRETE, (112, 110, 106)), plan, -foundation_m, 0.25, crease_deg=0.0)
-    cover = _hipped_over(frame, eaves_m, roof) if hipped else parapet(plan, wall.color, eaves_m, 0.6)
-    return Mesh.merge([mesh, foot, cover, _entrance(plan, foundation_m, rng)])
+    rectangular = not plan.interiors and plan.area > _RECTANGULAR_SHARE * frame.area
+    if building.roof == "hipped" and rectangular:
+        return "hipped"
+    if building.roof:
+        return building.roof if fits_roof(plan, building.roof) else "flat"
+    is_house = building.height_m < _MAX_HIPPED_HEIGHT_M and plan.area < _MAX_HIPPED_M2 and building.bottom_m == 0.0
+    return "hipped" if is_house and rectangular else "flat"
+
+
+def _usual_rise_m(plan: shapely.Polygon, name: str, slope_rad: float) -> float:
+    """Height of a roof if the map gives none."""
+    if name == "hipped":
+        return _PITCH * float(_sides_m(_polygon(plan.minimum_rotated_rectangle)).min()) / 2.0
+    return usual_rise_m(plan, name, slope_rad)
+
+
+def _cover(
+    plan: shapely.Polygon, name: str, eaves_m: float, rise_m: float, slope_rad: float, roof: Color, wall: Wall
+) -> Mesh:
+    """The roof above the ceiling of the highest story."""
+    if name == "flat":
+        return parapet(plan, wall.color, eaves_m, 0.6)
+    if name == "hipped":
+        frame = _polygon(plan.minimum_rotated_rectangle)
+        return _hipped_over(frame, eaves_m, 2.0 * rise_m / float(_sides_m(frame).min()), roof)
+    return shaped_roof(plan, name, eaves_m, rise_m, slope_rad, roof, wall)
 
 
 def _polygon(geometry: BaseGeometry) -> shapely.Polygon:
@@ -56,13 +93,13 @@ def _polygon(geometry: BaseGeometry) -> shapely.Polygon:
     return geometry
 
 
-def _hipped_over(frame: shapely.Polygon, eaves_m: float, roof: tuple[int, int, int]) -> Mesh:
+def _hipped_over(frame: shapely.Polygon, eaves_m: float, pitch: float, roof: Color) -> Mesh:
     """A hipped roof over a rotated rectangle."""
     corners = np.asarray(shapely.orient_polygons(frame).exterior.coords)[:4, :2]
     width_m, depth_m = _sides_m(frame)
     along = (corners[1] - corners[0]) / width_m
     middle = (corners[0] + corners[1]) / 2.0
-    return hipped_roof(width_m, depth_m, eaves_m, _PITCH, roof).transform(_facing(middle, along))
+    return hipped_roof(width_m, depth_m, eaves_m, pitch, roof).transform(_facing(middle, along))
 
 
 def _sides_m(frame: shapely.Polygon) -> Float64Array:

@@ -7,8 +7,11 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.land.yard import Yard, quad, yaw_of
+from simbev_ros.assets.mesh.graded import GradedMesh
+from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.placement.ensemble import Base
 from simbev_ros.assets.street.barriers import PANEL_M, VARIANTS, panel
+from simbev_ros.maps.land_features import BARRIER_KINDS
 from simbev_ros.types import Float64Array
 
 _HALF_WIDTH_M = {"hedge": 0.42, "high_hedge": 0.42}
@@ -18,11 +21,19 @@ _THIN_M = 0.2
 def fence_line(
     yard: Yard, kind: str, start_m: Float64Array, end_m: Float64Array, land: BaseGeometry, rng: np.random.Generator
 ) -> None:
-    """Put panels of a kind along a straight line between two (2,) points, where they are free and on the land."""
+    """Put generated panels along a line as ``put_panels`` does, unless the map prescribes the fences around it."""
+    variant = int(rng.integers(VARIANTS))
+    if not yard.map_objects.replace(BARRIER_KINDS, start_m[None])[0]:
+        put_panels(yard, panel(kind, variant), kind, start_m, end_m, land)
+
+
+def put_panels(
+    yard: Yard, mesh: Mesh | GradedMesh, kind: str, start_m: Float64Array, end_m: Float64Array, land: BaseGeometry
+) -> None:
+    """Put panels along a straight line between two (2,) points, where they are free and on the land."""
     step = end_m - start_m
     length_m = float(np.hypot(*step))
     count = int(length_m / PANEL_M[kind])
-    variant = int(rng.integers(VARIANTS))
     if count == 0:
         return
     along, half_m = step / length_m, _HALF_WIDTH_M.get(kind, _THIN_M)
@@ -32,7 +43,7 @@ def fence_line(
     fit = shapely.contains(land, footprints) & shapely.contains(yard.inside, footprints)
     kept = [k for k in np.flatnonzero(fit).tolist() if yard.claims.is_free(footprints[k])]
     yard.claims.add(*(footprints[k] for k in kept))
-    yard.ensemble.put(panel(kind, variant), positions[kept], yaw_of(along), base=Base.ALONG_LAND)
+    yard.ensemble.put(mesh, positions[kept], yaw_of(along), base=Base.ALONG_LAND)
 
 
 def fence_along(yard: Yard, kind: str, line: shapely.LineString, land: BaseGeometry, rng: np.random.Generator) -> None:

@@ -22,6 +22,7 @@ from simbev_ros.assets.placement.static_scene import StreetLight
 from simbev_ros.assets.placement.tiles import TileBuilder
 from simbev_ros.assets.street.curbs import curb_lines
 from simbev_ros.assets.street.lights import put_lights
+from simbev_ros.assets.street.map_objects import put_map_objects
 from simbev_ros.assets.street.streetscape import (
     put_bus_shelters,
     put_cables,
@@ -70,7 +71,8 @@ def furnish_region(tiles: TileBuilder, claims: Claims, ground: RegionGround) -> 
     blocks, curbs = blocks_of(ground, zones, fast), curb_lines(yard, zones)
     put_signals(yard)
     put_signs(yard)
-    lights = tuple(put_lights(yard, curbs, fast))
+    lamps = tuple(put_map_objects(yard))
+    lights = (*lamps, *put_lights(yard, curbs, fast, len(lamps)))
     put_bus_shelters(yard, blocks)
     prescribed = ground.network.features.buildings
     if prescribed is not None:

@@ -15,6 +15,7 @@ from simbev_ros.assets.mesh.primitives import Finish, extrusion, plate
 from simbev_ros.assets.placement.tiles import upright_pose
 from simbev_ros.assets.street.furniture import bench
 from simbev_ros.geometry.plan_view import left_of
+from simbev_ros.maps.land_features import ObjectKind
 from simbev_ros.semantics import Tag
 
 _PATH_M, _PLAZA_RADIUS_M, _ON_PLAZA_M = 2.6, 7.0, 1.5
@@ -73,6 +74,8 @@ def _put_benches(yard: Yard, block: Block, spoke: shapely.LineString) -> None:
     left = left_of(along)
     for s_m in np.arange(6.0, spoke.length - _PLAZA_RADIUS_M, _BENCH_SPACING_M):
         position_m = start + along * s_m + left * (_PATH_M / 2.0 + 1.2)
+        if yard.map_objects.replace((ObjectKind.BENCH,), position_m[None])[0]:
+            continue
         if yard.claim(shapely.Point(position_m).buffer(_BENCH_ROOM_M, quad_segs=3), block.land):
             yard.ensemble.put(bench(), position_m, yaw_of(-left))
 

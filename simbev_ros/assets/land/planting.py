@@ -9,8 +9,10 @@ from shapely.geometry.base import BaseGeometry
 from simbev_ros.assets.flora.species import VARIANTS, draw_species, load_species, reach_m, stock
 from simbev_ros.assets.land.yard import Yard
 from simbev_ros.assets.placement.ensemble import Base
+from simbev_ros.assets.placement.nearby_objects import TREE_KINDS
 from simbev_ros.types import AnyArray, BoolArray, Float64Array
 
+_WILD_HABITATS = ("wild", "deep", "far", "low")  # their trees are not mapped one by one
 _SEEN_WELL_M, _TREE_M = 24.0, 1.8
 _MIN_SCALE, _MAX_SCALE = 0.8, 1.15  # factors of the size in the stock
 
@@ -43,6 +45,8 @@ def plant_mixed(yard: Yard, xy_m: Float64Array, landscape: str, habitat: str, rn
     hidden = _are_far_from_streets(yard, xy_m) & (_crown_radii_m(names) >= _TREE_M)
     names[hidden] = draw_species(landscape, "deep", int(hidden.sum()), rng)
     clear = has_room(yard, xy_m, _crown_radii_m(names))
+    if habitat not in _WILD_HABITATS:
+        clear &= ~(yard.map_objects.replace(TREE_KINDS, xy_m) & (_crown_radii_m(names) >= _TREE_M))
     room_m = np.array([load_species()[name].room_m for name in names])
     xy_m, names, room_m = xy_m[clear], names[clear], room_m[clear]
     free = yard.claims.claim_discs(xy_m, room_m)

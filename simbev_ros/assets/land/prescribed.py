@@ -1,6 +1,7 @@
 """Builds the buildings that the map prescribes, on their outlines."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import shapely
@@ -9,6 +10,7 @@ from simbev_ros.assets.architecture.outlines import building_on_outline
 from simbev_ros.assets.architecture.walls import draw_wall
 from simbev_ros.assets.land.blocks import Zones
 from simbev_ros.assets.land.yard import Yard
+from simbev_ros.assets.palette import rgb
 from simbev_ros.assets.placement.tiles import upright_pose
 from simbev_ros.maps.land_features import Footprint
 from simbev_ros.maps.surroundings import SurroundingsRecipe
@@ -54,11 +56,11 @@ def _build(yard: Yard, building: Footprint, zones: Zones) -> None:
     rng = yard.ground.stream(f"prescribed.{middle_m[0]:.1f}.{middle_m[1]:.1f}")
     heights_m = _around_m(yard, building.outline)
     recipe = next((recipe for recipe, area in zones if area.intersects(building.outline)), zones[-1][0])
-    local = shapely.transform(building.outline, lambda xy: xy - middle_m)
-    foundation_m = float(np.ptp(heights_m)) + _FOOT_M
-    mesh = building_on_outline(
-        local, building.height_m, foundation_m, draw_wall(_style(building, recipe, rng), rng), rng
-    )
+    local = replace(building, outline=shapely.transform(building.outline, lambda xy: xy - middle_m))
+    wall = draw_wall(_style(building, recipe, rng), rng)
+    if building.color >= 0:
+        wall = replace(wall, color=rgb(building.color))
+    mesh = building_on_outline(local, float(np.ptp(heights_m)) + _FOOT_M, wall, rng)
     yard.tiles.place(mesh, upright_pose(middle_m, float(heights_m.max())))
 
 
@@ -68,7 +70,9 @@ def _around_m(yard: Yard, outline: shapely.Polygon) -> Float64Array:
 
 
 def _style(building: Footprint, recipe: SurroundingsRecipe, rng: np.random.Generator) -> str:
-    """Style of the recipe, or one that suits the building if the recipe mixes styles."""
+    """Style of the map or of the recipe, or one that suits the building if the recipe mixes styles."""
+    if building.wall:
+        return building.wall
     if recipe.building_style != "mixed":
         return recipe.building_style
     choices = ("glass", "concrete") if building.height_m > _TALL_M else _WALLS.get(building.use, _USUAL)

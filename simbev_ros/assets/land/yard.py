@@ -11,6 +11,7 @@ from simbev_ros.assets.land.plazas import Pavement
 from simbev_ros.assets.mesh.primitives import Finish
 from simbev_ros.assets.placement.claims import Claims
 from simbev_ros.assets.placement.ensemble import Ensemble
+from simbev_ros.assets.placement.nearby_objects import NearbyObjects
 from simbev_ros.assets.placement.region_ground import RegionGround
 from simbev_ros.assets.placement.tiles import TileBuilder
 from simbev_ros.types import Float64Array
@@ -40,6 +41,7 @@ class Yard:
         inside: The region without a margin along its border.
         signals: Search tree of the signal heads in and near the region.
         edges: Search tree of the edge segments of streets and decks in the region.
+        map_objects: Objects that the map prescribes in and near the region.
     """
 
     ground: RegionGround
@@ -53,6 +55,7 @@ class Yard:
     inside: shapely.Polygon = field(init=False)
     signals: shapely.STRtree = field(init=False)
     edges: shapely.STRtree = field(init=False)
+    map_objects: NearbyObjects = field(init=False)
     _near_streets: dict[float, BaseGeometry] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -64,6 +67,7 @@ class Yard:
         self.signals = shapely.STRtree(signals[shapely.dwithin(self.inside, signals, _SIGNALS_M)])
         rims = [ground.streets[0].area.boundary, *(deck.boundary for deck in ground.decks if not deck.is_empty)]
         self.edges = shapely.STRtree(_segments(shapely.intersection(shapely.union_all(rims), self.inside)))
+        self.map_objects = NearbyObjects(ground.network.features.objects, ground.region.area)
 
     def near_streets(self, distance_m: float) -> BaseGeometry:
         """Area of the region's streets on the ground, buffered by a distance; cached."""

@@ -37,7 +37,7 @@ _THICKNESS_M = 0.012
 def put_guard_rails(tiles: TileBuilder, claims: Claims, ground: RegionGround) -> None:
     """Build the guard rails of a region; they are open where roads join."""
     for line in _lines(ground):
-        rail = _rail(ground, line)
+        rail = guard_rail(ground, line)
         middle_m = shapely.get_coordinates(line.interpolate(0.5, normalized=True))[0]
         claims.add(shapely.buffer(line, _ROOM_M, cap_style="flat"))
         pose = upright_pose(middle_m, 0.0)
@@ -91,8 +91,8 @@ def _beside_drops(ground: RegionGround, position_m: Float64Array) -> BoolArray:
     return ground.land_m(position_m) - ground.land_m(position_m + _DROP_WITHIN_M * right) > _DROP_M
 
 
-def _rail(ground: RegionGround, line: shapely.LineString) -> Mesh:
-    """Beam and posts along a line, in the map frame."""
+def guard_rail(ground: RegionGround, line: shapely.LineString) -> Mesh:
+    """Build the beam and the posts of a rail with the street on the left of a line, in the map frame."""
     stations_m = np.linspace(0.0, line.length, int(line.length / _STEP_M) + 2)
     xy_m = shapely.get_coordinates(shapely.line_interpolate_point(line, stations_m))
     height_m = ground.land_m(xy_m)

@@ -14,6 +14,7 @@ from simbev_ros.assets.street.curbs import CurbLine
 from simbev_ros.assets.street.light_places import Lanes, light_positions
 from simbev_ros.assets.street.poles import MAST_LAMP_AT_M, STREET_LAMP_AT_M, mast, street_light, with_lamp_index
 from simbev_ros.geometry.transforms import apply
+from simbev_ros.maps.land_features import ObjectKind
 from simbev_ros.types import Float64Array, Int64Array
 
 _SPACING_OF_A_SIDE = 1.7  # the two sides of a street share its lights
@@ -22,13 +23,14 @@ _APART = 0.6  # in spacings: minimum distance from lights of other curbs
 _ROOM_M = 0.3
 
 
-def put_lights(yard: Yard, curbs: Sequence[CurbLine], fast: BaseGeometry) -> Iterator[StreetLight]:
+def put_lights(yard: Yard, curbs: Sequence[CurbLine], fast: BaseGeometry, first: int = 0) -> Iterator[StreetLight]:
     """Put the street lights of a region, staggered on the two sides of streets, and yield their light sources.
 
     Args:
         yard: Region that is laid out.
         curbs: Lines beside its carriageways.
         fast: Area of motorways.
+        first: Index of the first light; those of the map come before it.
     """
     occupied = np.empty((0, 3))
     lanes = [Lanes.of_level(yard.ground, level) for level in range(len(yard.ground.streets))]
@@ -46,7 +48,7 @@ def put_lights(yard: Yard, curbs: Sequence[CurbLine], fast: BaseGeometry) -> Ite
                 continue
             position_m = curb.position_m[k]
             pose = upright_pose(position_m, _foot_m(yard, curb, position_m), float(curb.yaw_rad[k]))
-            yard.tiles.place(with_lamp_index(mesh, (Material.STREET_LAMP,), len(occupied)), pose, curb.level)
+            yard.tiles.place(with_lamp_index(mesh, (Material.STREET_LAMP,), first + len(occupied)), pose, curb.level)
             occupied = np.concatenate([occupied, [[*position_m, curb.level]]])
             x_m, y_m, z_m = apply(pose, np.array([lamp_at_m]))[0]
             yield StreetLight((float(x_m), float(y_m), float(z_m)))
@@ -58,6 +60,8 @@ def _first_free(yard: Yard, curb: CurbLine, choice: Int64Array, occupied_m: Floa
         position_m = curb.position_m[k]
         if np.any(np.hypot(*(occupied_m - position_m).T) < apart_m):
             continue
+        if yard.map_objects.replace((ObjectKind.STREET_LAMP,), position_m[None])[0]:
+            return None
         if curb.level or yard.claims.claim(shapely.Point(position_m).buffer(_ROOM_M, quad_segs=2)):
             return int(k)
     return None

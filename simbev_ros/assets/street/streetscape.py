@@ -15,6 +15,7 @@ from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import Finish, box
 from simbev_ros.assets.palette import pick_color
 from simbev_ros.assets.placement.ensemble import Base
+from simbev_ros.assets.placement.nearby_objects import TREE_KINDS
 from simbev_ros.assets.placement.tiles import upright_pose
 from simbev_ros.assets.street.curbs import STATION_M, CurbLine
 from simbev_ros.assets.street.furniture import bench, bicycle_rack, bus_shelter, cabinet, hydrant, litter_bin
@@ -22,6 +23,7 @@ from simbev_ros.assets.street.poles import cables, utility_pole
 from simbev_ros.assets.street.signal_poles import signal_poles
 from simbev_ros.assets.street.signs import sign_mesh, street_name_sign
 from simbev_ros.geometry.plan_view import left_of
+from simbev_ros.maps.land_features import ObjectKind
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.random import stream
 from simbev_ros.semantics import Tag
@@ -69,6 +71,8 @@ def put_bus_shelters(yard: Yard, blocks: Sequence[Block]) -> None:
                 continue
             position_m, along = line.chord(line.length_m * rng.uniform(0.25, 0.75), 4.0)
             position_m = position_m + left_of(along) * 1.1
+            if yard.map_objects.replace((ObjectKind.BUS_SHELTER,), position_m[None])[0]:
+                continue
             if yard.claim(shapely.Point(position_m).buffer(2.4, quad_segs=4), yard.inside):
                 yard.ensemble.put(bus_shelter(), position_m, yaw_of(-left_of(along)))
 
@@ -102,6 +106,7 @@ def put_street_trees(yard: Yard, curbs: Sequence[CurbLine]) -> None:
         species = draw_species(curb.recipe.plants, "street", 1, rng)[0]
         chosen = np.arange(6, len(curb.position_m), max(1, round(curb.recipe.tree_spacing_m / STATION_M)))
         chosen = chosen[rng.random(len(chosen)) < 0.9]
+        chosen = chosen[~yard.map_objects.replace(TREE_KINDS, curb.position_m[chosen])]
         crown_m = np.full(len(chosen), reach_m(species))
         chosen = chosen[has_room(yard, curb.position_m[chosen], crown_m, beside_street=True)]
         chosen = chosen[yard.claims.claim_discs(curb.position_m[chosen], np.full(len(chosen), _TREE_ROOM_M))]
@@ -125,6 +130,7 @@ def put_median_trees(yard: Yard, zones: Zones) -> None:
             positions = shapely.get_coordinates(shapely.line_interpolate_point(line, at_m))
             positions = positions[shapely.contains_xy(green, positions) & shapely.contains_xy(area, positions)]
             species = draw_species(recipe.plants, "street", 1, rng)[0]
+            positions = positions[~yard.map_objects.replace(TREE_KINDS, positions)]
             positions = positions[
                 has_room(yard, positions, np.full(len(positions), reach_m(species)), beside_street=True)
             ]
@@ -135,21 +141,22 @@ def put_median_trees(yard: Yard, zones: Zones) -> None:
 def put_small_things(yard: Yard, curbs: Sequence[CurbLine]) -> None:
     """Put bins, hydrants, benches, bicycle racks and cabinets where sidewalks still have room."""
     rng = yard.ground.stream("small_things")
-    things: tuple[tuple[Mesh, float, float], ...] = (
-        (litter_bin(pick_color(rng, "bins", 0.0)), 0.35, 0.8),
-        (hydrant(), 0.3, 0.4),
-        (bench(), 1.0, 0.8),
-        (bicycle_rack(), 1.9, 0.5),
-        (cabinet(), 0.6, 0.35),
+    things: tuple[tuple[ObjectKind, Mesh, float, float], ...] = (
+        (ObjectKind.BIN, litter_bin(pick_color(rng, "bins", 0.0)), 0.35, 0.8),
+        (ObjectKind.HYDRANT, hydrant(), 0.3, 0.4),
+        (ObjectKind.BENCH, bench(), 1.0, 0.8),
+        (ObjectKind.BICYCLE_RACK, bicycle_rack(), 1.9, 0.5),
+        (ObjectKind.CABINET, cabinet(), 0.6, 0.35),
     )
     for curb in curbs:
         if not curb.walk or curb.recipe.use in ("farmland", "woods"):
             continue
         every = round(_SMALL_THINGS_M / STATION_M)
         for start in range(0, len(curb.position_m), every):
-            mesh, radius_m, share = things[int(rng.integers(len(things)))]
+            kind, mesh, radius_m, share = things[int(rng.integers(len(things)))]
             k = min(start + int(rng.integers(every)), len(curb.position_m) - 1)
             wanted = rng.random() < share * curb.recipe.furniture_density
+            wanted = wanted and not yard.map_objects.replace((kind,), curb.position_m[k][None])[0]
             room = shapely.Point(curb.position_m[k]).buffer(radius_m, quad_segs=3)
             if wanted and yard.claim(room, yard.inside):
                 yard.ensemble.put(mesh, curb.position_m[k], curb.yaw_rad[k], base=Base.SIDEWALK)
@@ -176,6 +183,8 @@ def put_cables(yard: Yard, curbs: Sequence[CurbLine]) -> None:
         positions_m, yaw_rad = (curb.position_m + 1.8 * outward)[every // 4 :: every], curb.yaw_rad[every // 4 :: every]
         if len(taken) and np.hypot(*(taken[:, None] - positions_m).T).min() < _POLE_SPACING_M:
             continue  # the other side of the road already has poles
+        if yard.map_objects.replace((ObjectKind.UTILITY_POLE,), positions_m).any():
+            continue
         free = [yard.claim(shapely.Point(position).buffer(0.4, quad_segs=2), open_land) for position in positions_m]
         yard.ensemble.put(utility_pole(), positions_m[free], yaw_rad[free])
         taken = np.concatenate([taken, positions_m[free]])

@@ -31,8 +31,12 @@ def borders_m(road: Road, section: Section, left: bool, s_m: Float64Array) -> tu
 
 def point_m(road: Road, s_m: float, t_m: float) -> Float64Array:
     """(3,) map frame position of the point ``t_m`` to the left of the reference line, on the road's banked surface."""
-    s = np.array([s_m])
-    return _in_space(road, s, s, np.array([[t_m]]), np.array([False]))[0, 0]
+    return points_m(road, np.array([s_m]), np.array([t_m]))[0]
+
+
+def points_m(road: Road, s_m: Float64Array, t_m: Float64Array) -> Float64Array:
+    """(N, 3) map frame positions of points (N,) ``t_m`` to the left of the reference line, as in ``point_m``."""
+    return _in_space(road, s_m, s_m, t_m[None], np.array([False]))[0]
 
 
 def lane_edges_m(section: Section, s_m: Float64Array) -> Float64Array:

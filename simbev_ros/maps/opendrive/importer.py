@@ -24,6 +24,7 @@ from simbev_ros.maps.opendrive.reading.reader import read_document
 from simbev_ros.maps.opendrive.reading.recentering import recenter
 from simbev_ros.maps.opendrive.reading.tables import LANE_KINDS, NO_TRAFFIC
 from simbev_ros.maps.opendrive.roadside import Carriageway, signal_places_of, signs_of
+from simbev_ros.maps.opendrive.roadside_objects import objects_of
 from simbev_ros.maps.opendrive.signals import Signal, read_signals
 from simbev_ros.maps.opendrive.stop_lines import implied_stop_lines, signalled_stop_lines
 from simbev_ros.maps.opendrive.strips import strips_of
@@ -80,9 +81,10 @@ def import_opendrive(path: Path, work: Path) -> MapParts:
         signs=signs_of(signals, approaches, lane_ids, carriageway, notes),
         signal_places=signal_places_of(signals, approaches, lane_ids, carriageway, notes),
     )
+    features = features_of(strips, *objects_of(document, notes), notes)
     datum = datum_of(root, notes)
     opendrive = _write(path, document, is_recentered, work)
-    return MapParts(net, opendrive, datum, features_of(strips), layout, notes.sentences())
+    return MapParts(net, opendrive, datum, features, layout, notes.sentences())
 
 
 def _with_roads_outside_junctions(document: Document, notes: Notes) -> Document:

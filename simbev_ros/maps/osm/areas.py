@@ -6,6 +6,7 @@ from typing import NamedTuple
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from simbev_ros.geometry import overlay
 from simbev_ros.maps.osm.data import Multipolygon, OsmData, Tags, Way
 from simbev_ros.types import Float64Array
 
@@ -44,9 +45,9 @@ def polygons(area: BaseGeometry) -> Iterator[shapely.Polygon]:
 
 def _assemble(relation: Multipolygon, xy_m: Float64Array) -> BaseGeometry:
     """The area inside the outer outlines and outside the inner ones."""
-    return shapely.difference(_fill(relation.outer, xy_m), _fill(relation.inner, xy_m))
+    return overlay.difference(_fill(relation.outer, xy_m), _fill(relation.inner, xy_m))
 
 
 def _fill(ways: Iterable[Way], xy_m: Float64Array) -> BaseGeometry:
-    lines = shapely.union_all([shapely.LineString(xy_m[list(way.nodes)]) for way in ways])
-    return shapely.make_valid(shapely.union_all(list(shapely.polygonize([lines]).geoms)))
+    lines = overlay.union_all([shapely.LineString(xy_m[list(way.nodes)]) for way in ways])
+    return shapely.make_valid(overlay.union_all(list(shapely.polygonize([lines]).geoms)))

@@ -1,20 +1,26 @@
-"""Selects the buildings of an OpenStreetMap file: none overlaps a road or another building; with height and use."""
+"""Selects the buildings of an OpenStreetMap file: none overlaps a road or another building.
+
+A building that is mapped in parts consists of them, and of what they leave of its outline.
+"""
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import shapely
 
+from simbev_ros.geometry import overlay
 from simbev_ros.maps.land_features import Footprint
 from simbev_ros.maps.osm.areas import Area, polygons
-from simbev_ros.maps.osm.data import Tags, parse_length_m
+from simbev_ros.maps.osm.building_tags import footprint_of
+from simbev_ros.maps.osm.data import Tags
 from simbev_ros.maps.osm.land_rules import land_rules
 from simbev_ros.types import AnyArray
 
 _MIN_AREA_M2 = 6.0
 _MIN_FREE_FRACTION = 0.6
-_MIN_HEIGHT_M, _MAX_HEIGHT_M = 2.2, 500.0
+_SLIVER_M = 0.5
+_CLEARANCE_M = 4.5  # parts that begin above this height may stand above roads
 
 
 def buildings_of(areas: Sequence[Area], road_bands: AnyArray) -> tuple[tuple[Footprint, ...], tuple[str, ...]]:
@@ -33,15 +39,42 @@ def buildings_of(areas: Sequence[Area], road_bands: AnyArray) -> tuple[tuple[Foo
         obstacles = [road_bands[k] for k in roads[index]] + [
             footprints[k] for k in larger[index] if k < index and k in footprints
         ]
-        parts = polygons(shapely.difference(outline, shapely.union_all(obstacles)))
+        parts = polygons(overlay.difference(outline, overlay.union_all(obstacles)))
         free = max(parts, key=lambda part: part.area, default=None)
         if free is not None and free.area >= max(_MIN_AREA_M2, _MIN_FREE_FRACTION * outline.area):
             footprints[index] = free
     left_out = len(candidates) - len(footprints)
     note = f"buildings that stand on roads or in other buildings were left out: {left_out}"
-    return tuple(_footprint(outline, candidates[k].tags) for k, outline in footprints.items()), (
-        note,
-    ) if left_out else ()
+    kept = [Area(outline, candidates[k].tags) for k, outline in footprints.items()]
+    return tuple(_in_parts(kept, areas, road_bands)), (note,) if left_out else ()
+
+
+def _in_parts(buildings: Sequence[Area], areas: Sequence[Area], road_bands: AnyArray) -> Iterator[Footprint]:
+    """The parts of buildings, and the buildings themselves where they have none."""
+    parts = [area for area in areas if area.tags.get("building:part", "no") != "no" and "building" not in area.tags]
+    outlines = np.array([building.polygon for building in buildings], dtype=object)
+    inner = np.array([part.polygon.representative_point() for part in parts], dtype=object)
+    part_index, owner = shapely.STRtree(outlines).query(inner, predicate="within")
+    of_building: dict[int, list[Footprint]] = defaultdict(list)
+    roads = shapely.STRtree(road_bands)
+    for part, building in zip(part_index.tolist(), owner.tolist(), strict=True):
+        footprint = footprint_of(parts[part].polygon, {**_inherited(buildings[building].tags), **parts[part].tags})
+        crossed = footprint.bottom_m < _CLEARANCE_M and len(roads.query(footprint.outline, predicate="overlaps"))
+        if footprint.outline.area >= _MIN_AREA_M2 and not crossed:
+            of_building[building].append(footprint)
+    for index, building in enumerate(buildings):
+        own = of_building[index]
+        covered = overlay.union_all([part.outline for part in own])
+        for rest in polygons(overlay.difference(building.polygon, covered)) if own else (building.polygon,):
+            if not own or shapely.buffer(rest, -_SLIVER_M).area >= _MIN_AREA_M2:
+                yield footprint_of(rest, building.tags)
+        yield from own
+
+
+def _inherited(tags: Tags) -> Tags:
+    """Tags of a building that its parts have too."""
+    keys = ("building", "building:colour", "building:material", "roof:colour", "roof:material")
+    return {key: tags[key] for key in keys if key in tags}
 
 
 def _overlapping(outlines: AnyArray, others: AnyArray) -> dict[int, list[int]]:
@@ -55,11 +88,3 @@ def _overlapping(outlines: AnyArray, others: AnyArray) -> dict[int, list[int]]:
 def _is_building(tags: Tags) -> bool:
     kind = tags.get("building", "no")
     return kind not in land_rules().left_out and tags.get("location") != "underground"
-
-
-def _footprint(outline: shapely.Polygon, tags: Tags) -> Footprint:
-    rules = land_rules()
-    rule = rules.buildings.get(tags["building"], rules.buildings["yes"])
-    height_m, storeys = parse_length_m(tags.get("height", "")), parse_length_m(tags.get("building:levels", ""))
-    height_m = height_m or (storeys + 0.5) * rules.storey_m * (storeys > 0.0) or rule.height_m
-    return Footprint(outline, min(max(height_m, _MIN_HEIGHT_M), _MAX_HEIGHT_M), rule.use, tags.get("roof:shape", ""))

@@ -1,6 +1,5 @@
 """The content of an OpenStreetMap file: nodes, ways and multipolygons with their tags, in geographic coordinates."""
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -8,7 +7,6 @@ from typing import NamedTuple
 from simbev_ros.types import Float64Array
 
 Tags = Mapping[str, str]
-_FOOT_M = 0.3048
 
 
 class Way(NamedTuple):
@@ -56,9 +54,3 @@ class OsmData:
     driving_side: str = ""
     left_hand: bool = False
     is_part: bool = False
-
-
-def parse_length_m(text: str) -> float:
-    """Parse a length such as ``12``, ``12.5 m`` or ``40'``, in meters; 0 if it is none."""
-    match = re.fullmatch(r"(\d{1,4}(?:\.\d{1,3})?) ?(m|')?", text.strip())
-    return 0.0 if match is None else float(match[1]) * (_FOOT_M if match[2] == "'" else 1.0)

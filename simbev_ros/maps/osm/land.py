@@ -1,4 +1,4 @@
-"""Extracts the land features of an OpenStreetMap file: zones, water and buildings."""
+"""Extracts the land features of an OpenStreetMap file: zones, water, buildings and objects."""
 
 from collections.abc import Sequence
 
@@ -6,16 +6,22 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from simbev_ros.geometry import overlay
 from simbev_ros.maps.land_features import MapFeatures, Zone
 from simbev_ros.maps.osm.areas import Area, areas_of, polygons
 from simbev_ros.maps.osm.buildings import buildings_of
+from simbev_ros.maps.osm.built_up import built_up_zones
+from simbev_ros.maps.osm.coast import sea_of
 from simbev_ros.maps.osm.data import OsmData
 from simbev_ros.maps.osm.land_rules import land_rules
+from simbev_ros.maps.osm.objects import objects_of
 from simbev_ros.maps.osm.roads import OsmRoad, line_of
 from simbev_ros.maps.osm.water import water_of
 from simbev_ros.types import AnyArray, Float64Array
 
 _MARGIN_M = 1500.0
+_HORIZON_M = 3500.0  # as far as land is drawn beyond the roads
+_OUTWARD = np.array([-1.0, -1.0, 1.0, 1.0])
 _LANE_M, _SIDEWALK_M, _PATH_M, _VERGE_M = 3.3, 2.4, 2.2, 2.0
 _ZONE_KEYS = ("leisure", "amenity", "natural", "landuse")
 
@@ -28,18 +34,30 @@ def features_of(data: OsmData, xy_m: Float64Array, roads: Sequence[OsmRoad]) -> 
         xy_m: (N, 2) positions of its nodes, map frame.
         roads: The roads that are built.
     """
-    extent = shapely.box(*shapely.total_bounds([line_of(road, xy_m) for road in roads]))
-    extent = extent.buffer(_MARGIN_M, join_style="mitre")
+    bounds_m = shapely.total_bounds(_lines(roads, xy_m))
+    extent, horizon = (shapely.box(*(bounds_m + margin_m * _OUTWARD)) for margin_m in (_MARGIN_M, _HORIZON_M))
     areas = [area for area in areas_of(data, xy_m) if area.polygon.intersects(extent)]
-    zones = _zones(areas, extent)
     embanked = [road for road in roads if not (road.way.bridge or road.way.tunnel)]
-    water = water_of(data, xy_m, areas, extent, _bands(embanked, xy_m, _VERGE_M))
+    sea, sea_notes = sea_of(data, xy_m, horizon, _lines(embanked, xy_m))
+    water = water_of(data, xy_m, areas, sea, extent, _bands(embanked, xy_m, _VERGE_M))
     buildings, notes = buildings_of(areas, _bands([road for road in roads if road.way.layer >= 0], xy_m, 0.0))
-    rules = land_rules()
+    rules, zones = land_rules(), _zones(areas, extent)
+    if zones:
+        urban = [road for road in roads if road.way.tags.get("highway") in rules.urban_roads]
+        zones = (*built_up_zones(buildings, _lines(urban, xy_m), extent), *zones)
+    objects, object_notes = objects_of(data, xy_m, areas, extent)
     features = MapFeatures(
-        rules.outside if zones else rules.anywhere, zones=zones, water=water, buildings=buildings or None
+        rules.outside if zones else rules.anywhere,
+        zones=zones,
+        water=water,
+        buildings=buildings or None,
+        objects=objects,
     )
-    return features, notes if buildings else ("it has no buildings: they are generated",)
+    return features, (
+        *sea_notes,
+        *object_notes,
+        *(notes if buildings else ("it has no buildings: they are generated",)),
+    )
 
 
 def _zones(areas: Sequence[Area], extent: BaseGeometry) -> tuple[Zone, ...]:
@@ -49,14 +67,19 @@ def _zones(areas: Sequence[Area], extent: BaseGeometry) -> tuple[Zone, ...]:
         kinds = (f"{key}={area.tags.get(key)}" for key in _ZONE_KEYS)
         recipe = next((rules[kind] for kind in kinds if kind in rules), None)
         if recipe is not None and "building" not in area.tags:
-            found += [Zone(part, recipe) for part in polygons(shapely.intersection(area.polygon, extent))]
+            found += [Zone(part, recipe) for part in polygons(overlay.intersection(area.polygon, extent))]
     return tuple(sorted(found, key=lambda zone: -zone.area.area))
+
+
+def _lines(roads: Sequence[OsmRoad], xy_m: Float64Array) -> AnyArray:
+    """(R,) lines of roads."""
+    return np.array([line_of(road, xy_m) for road in roads], dtype=object)
 
 
 def _bands(roads: Sequence[OsmRoad], xy_m: Float64Array, margin_m: float) -> AnyArray:
     """(R,) polygons of the ground that roads occupy, widened by a margin on each side; approximate."""
     half_m = np.array([_width_m(road) / 2.0 + margin_m for road in roads])
-    return np.asarray(shapely.buffer([line_of(road, xy_m) for road in roads], half_m, cap_style="flat"))
+    return np.asarray(shapely.buffer(_lines(roads, xy_m), half_m, cap_style="flat"))
 
 
 def _width_m(road: OsmRoad) -> float:

@@ -24,16 +24,37 @@ class BuildingRule(Model):
     height_m: float = Field(gt=0, description="default if no tag gives one")
 
 
+class HomesRule(Model):
+    """Density from which land without a mapped use is residential: of buildings, or of streets."""
+
+    building_share: float = Field(gt=0, description="of the land that buildings cover")
+    streets_km_per_km2: float = Field(gt=0)
+    surroundings: SurroundingsRecipe
+
+
+class CenterRule(Model):
+    """Density from which land without a mapped use is the center of a town."""
+
+    floor_area_ratio: float = Field(gt=0, description="area of all storeys over area of the land")
+    surroundings: SurroundingsRecipe
+
+
 class LandRules(Model):
     """The content of land_rules.yaml, which documents each entry."""
 
     zones: Mapping[str, SurroundingsRecipe]
     outside: SurroundingsRecipe
+    built_up_radius_m: float = Field(gt=0, description="half side of the square that densities are measured in")
+    homes: HomesRule
+    center: CenterRule
+    urban_roads: tuple[str, ...]
     anywhere: SurroundingsRecipe
     water: Mapping[str, WaterRule]
     storey_m: float
     buildings: Mapping[str, BuildingRule]
     left_out: tuple[str, ...]
+    wall_materials: Mapping[str, str]
+    roof_materials: Mapping[str, int]
 
 
 @lru_cache(maxsize=1)

@@ -1,0 +1,18 @@
+"""The surface that things beside a road stand on."""
+
+import shapely
+
+from simbev_ros.assets.placement.region_ground import CURB_HEIGHT_M, RegionGround
+from simbev_ros.types import Float64Array
+
+
+def surface_m(ground: RegionGround, xy_m: Float64Array, level: int) -> Float64Array:
+    """(N,) height of what one stands on at (N, 2) points of a level: sidewalk, road or land."""
+    if level:
+        return ground.road_m(xy_m, level)
+    streets = ground.streets[0]
+    height_m = ground.land_m(xy_m)
+    on_street = shapely.contains_xy(streets.area, xy_m)
+    raised = shapely.contains_xy(shapely.union(streets.sidewalk, streets.median), xy_m)
+    height_m[on_street] = ground.road_m(xy_m[on_street]) + CURB_HEIGHT_M * raised[on_street]
+    return height_m

@@ -11,8 +11,9 @@ from osm_sample import DATUM, Point, Writer
 from simbev_ros.maps.land_features import Footprint, MapFeatures
 from simbev_ros.maps.osm.built_up import built_up_zones
 from simbev_ros.maps.osm.coast import sea_of
-from simbev_ros.maps.osm.data import OsmData, Way, read_osm
+from simbev_ros.maps.osm.data import OsmData, Way
 from simbev_ros.maps.osm.land import features_of
+from simbev_ros.maps.osm.reader import read_osm
 from simbev_ros.maps.osm.roads import roads_of
 
 EXTENT = shapely.box(-1000, -1000, 1000, 1000)

@@ -11,6 +11,9 @@ from pathlib import Path
 from xml.etree.ElementTree import ElementTree
 
 from simbev_ros.errors import InputError, SimulationError
+from simbev_ros.maps.lane_graph.crossings import crosswalks_of_net, planned_crossings
+from simbev_ros.maps.lane_graph.sumo_xml import RightOfWay, build_net
+from simbev_ros.maps.lane_graph.traffic import Traffic
 from simbev_ros.maps.opendrive.lane_shapes import lane_shapes
 from simbev_ros.maps.opendrive.links import LaneLinks
 from simbev_ros.maps.opendrive.objects import crosswalks_of, stop_lines_of
@@ -25,9 +28,7 @@ from simbev_ros.maps.opendrive.stop_lines import implied_stop_lines, signalled_s
 from simbev_ros.maps.opendrive.strips import strips_of
 from simbev_ros.maps.opendrive.surroundings import features_of
 from simbev_ros.maps.opendrive.traffic.approaches import Approaches
-from simbev_ros.maps.opendrive.traffic.crossings import crosswalks_of_net, planned_crossings
-from simbev_ros.maps.opendrive.traffic.sumo_xml import RightOfWay, build_net
-from simbev_ros.maps.opendrive.traffic.traffic import Traffic, traffic_of
+from simbev_ros.maps.opendrive.traffic.traffic import traffic_of
 from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.roads.layout import Layout
 from simbev_ros.maps.safe_xml import parse, place_of

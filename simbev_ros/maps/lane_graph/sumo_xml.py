@@ -1,4 +1,4 @@
-"""Writes the traffic of an OpenDRIVE file as SUMO's plain XML and lets netconvert build the net."""
+"""Writes the traffic of a map as SUMO's plain XML and lets netconvert build the net."""
 
 from collections import defaultdict
 from collections.abc import Collection, Sequence
@@ -8,8 +8,7 @@ from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
 
 import numpy as np
 
-from simbev_ros.maps.opendrive.reading.tables import RESERVED
-from simbev_ros.maps.opendrive.traffic.traffic import Traffic, TrafficLane
+from simbev_ros.maps.lane_graph.traffic import Traffic, TrafficLane
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.sumo import netconvert
 from simbev_ros.types import Float64Array
@@ -30,6 +29,7 @@ _NOT_ON_ROADS = (
 )
 _NODE_OUTLINE_M = np.array([[0.0, 0.0, 0.0], [0.01, 0.0, 0.0], [0.01, 0.01, 0.0]])
 """Outline of a node, small enough that netconvert does not shorten lanes: they already end where junctions begin."""
+_NOBODY = "rail_electric"  # a class that uses no road: netconvert refuses an empty list
 _SIDEWALK_MPS = 2.78
 _FAST_MPS = 22.0
 
@@ -135,10 +135,13 @@ def _lane(index: int, lane: TrafficLane) -> Element:
         shape=_shape(lane.line_m),
         type=lane.kind.value,
     )
-    if lane.type in RESERVED:
-        element.set("allow", RESERVED[lane.type])
+    if lane.allowed:
+        element.set("allow", lane.allowed)
     else:
         element.set("disallow", _NOT_ON_ROADS)
+    for side, is_allowed in (("Left", lane.may_change_left), ("Right", lane.may_change_right)):
+        if not is_allowed:
+            element.set(f"change{side}", _NOBODY)
     SubElement(element, "param", key="origId", value=" ".join(f"{key.road}_{key.lane}" for key in lane.keys))
     return element
 

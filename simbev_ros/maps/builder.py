@@ -7,6 +7,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from simbev_ros.maps.lanelet2.importer import import_lanelet2
+from simbev_ros.maps.lanelet2.reader import has_lanelets
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.opendrive.importer import import_opendrive
 from simbev_ros.maps.osm.importer import import_osm
@@ -23,10 +25,16 @@ from simbev_ros.maps.sumo.importer import import_sumo
 from simbev_ros.maps.sumo.layout import layout_of
 from simbev_ros.maps.sumo.net import read_sumo_net
 
+
+def _import_any_osm(path: Path, work: Path) -> MapParts:
+    """Import an OSM file: its lanelets if it has any, else its streets."""
+    return import_lanelet2(path, work) if has_lanelets(path) else import_osm(path, work)
+
+
 _IMPORTERS: dict[str, Callable[[Path, Path], MapParts]] = {
     ".xodr": import_opendrive,
-    ".osm": import_osm,
-    ".osm.xml": import_osm,
+    ".osm": _import_any_osm,
+    ".osm.xml": _import_any_osm,
     ".net.xml": import_sumo,
 }
 

@@ -133,6 +133,34 @@ class Crossing:
         x, y = ((out_m, offset_m), (-offset_m, out_m), (-out_m, -offset_m), (offset_m, -out_m))[arm]
         return x, y, self._height(x, y)
 
+    def stop_line(self, arm: int, out_m: float = BOX_M + 0.5) -> str:
+        """Id of a stop line across the incoming lanes of an arm."""
+        ends = [self.at(arm, out_m, offset_m) for offset_m in (0.2, self.lanes[arm] * LANE_M - 0.2)]
+        return self.sample.line(ends, "stop_line", "")
+
+    def lights(self, arm: int) -> str:
+        """Id of the rule of a light beyond the crossing, to which the paths from an arm refer, as in Autoware."""
+        light = self.sample.line(
+            [(x, y, 5.0) for x, y, _ in (self.at((arm + 2) % 4, BOX_M + 2.0, -1.0 - side) for side in (1.2, 0.0))],
+            "traffic_light",
+            "red_yellow_green",
+            height="0.8",
+        )
+        rule = self.sample.rule("traffic_light", ("way", "refers", light), ("way", "ref_line", self.stop_line(arm)))
+        for start, turn in self.turns.items():
+            if start[0] == arm:
+                self.sample.add_rule(turn, rule)
+        return rule
+
+    def crosswalk(self, arm: int, near_m: float = BOX_M + 2.0, width_m: float = 4.0) -> str:
+        """Id of a crosswalk over an arm, which begins ``near_m`` from the center."""
+        reach_m = self.lanes[arm] * LANE_M
+        sides = [
+            self.sample.line([self.at(arm, out_m, -reach_m), self.at(arm, out_m, reach_m)], "pedestrian_marking", "")
+            for out_m in (near_m, near_m + width_m)
+        ]
+        return self.sample.lanelet(*sides, subtype="crosswalk", one_way="no")
+
     def _arm_lane(self, arm: int, lane: int, side: float) -> str:
         at_m = np.linspace(BOX_M, BOX_M + self._length_m, 5)[:: -1 if side > 0.0 else 1]
         lines = []

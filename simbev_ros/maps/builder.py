@@ -66,7 +66,7 @@ def build_map(spec: MapSpec, folder: Path) -> None:
         name=spec.name,
         lanes=net.lanes,
         junctions=net.junctions,
-        signals=signals if parts.layout else with_net_ids(signals),
+        signals=with_net_ids(signals) if parts.opendrive_of_net else signals,
         datum=parts.datum,
         net_path=folder / NET,
         opendrive_path=folder / OPENDRIVE,

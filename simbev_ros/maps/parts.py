@@ -18,6 +18,7 @@ class MapParts:
         datum: Position of the map frame's origin on Earth.
         features: The land around the roads.
         layout: Ground geometry of the lanes; None: follow SUMO's lanes and paint by rule.
+        opendrive_of_net: netconvert made the OpenDRIVE file from the net, and named the traffic lights in it.
         notes: Repairs and omissions, one sentence each, for the user.
     """
 
@@ -26,4 +27,5 @@ class MapParts:
     datum: MapDatum
     features: MapFeatures
     layout: Layout | None = None
+    opendrive_of_net: bool = True
     notes: tuple[str, ...] = ()

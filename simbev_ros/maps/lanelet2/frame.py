@@ -15,7 +15,7 @@ from pyproj import Transformer
 
 from simbev_ros.errors import InputError
 from simbev_ros.geometry.geodesy import MapDatum
-from simbev_ros.maps.lanelet2.projector_info import datum_of_file, datum_of_grid, utm_projection
+from simbev_ros.maps.lanelet2.projector_info import datum_of_file, datum_of_grid, mercator_plane, utm_plane
 from simbev_ros.maps.opendrive.reading.attributes import Notes
 from simbev_ros.maps.osm.data import tags_of
 from simbev_ros.maps.osm.netfile import center_datum
@@ -59,7 +59,9 @@ def map_frame(path: Path, nodes: Mapping[str, Element], notes: Notes) -> tuple[F
     local_m, degrees, height_m = local_m[usable], degrees[usable], height_m[usable]
     if is_local[usable].all():
         grids = {each["mgrs_code"] for each in tags if "mgrs_code" in each}
-        xy_m, datum = _recentered(local_m, _local_datum(path, local_m, degrees, on_earth[usable], grids, notes), notes)
+        datum = _local_datum(path, local_m, degrees, on_earth[usable], grids, notes)
+        xy_m, datum = _recentered(local_m, datum, notes)
+        datum = _with_own_origin(datum)
     else:
         datum = center_datum(degrees)
         xy_m = np.column_stack(
@@ -107,14 +109,15 @@ def _fitted_datum(local_m: Float64Array, degrees: Float64Array) -> MapDatum | No
     Autoware's coordinates are those of UTM, shifted. All others are taken as a rotated plane at the center of the map.
     """
     if np.abs(degrees[:, 1]).max() < _MAX_LATITUDE_DEG:
-        utm = utm_projection(*np.median(degrees, axis=0).tolist())
+        utm = utm_plane(float(np.median(degrees[:, 0])))
         shift_m = (
             np.column_stack(Transformer.from_crs("EPSG:4326", utm, always_xy=True).transform(*degrees.T)) - local_m
         )
         middle_m = np.median(shift_m, axis=0)
         if np.abs(shift_m - middle_m).max() < _TOLERANCE_M:
             return _at_origin(MapDatum(0.0, 0.0, 0.0, utm, *np.round(middle_m, 2).tolist()))
-    plane = center_datum(degrees).proj_string
+    center = center_datum(degrees)
+    plane = mercator_plane(center.latitude_deg, center.longitude_deg, 1.0)
     east_m, north_m = Transformer.from_crs("EPSG:4326", plane, always_xy=True).transform(*degrees.T)
     target, source = east_m + 1j * north_m, local_m @ np.array([1.0, 1j])
     turn = np.vdot(source - source.mean(), target - target.mean())
@@ -139,8 +142,17 @@ def _recentered(xy_m: Float64Array, datum: MapDatum, notes: Notes) -> tuple[Floa
     notes.add(f"it lies far from its origin: map (0, 0) is its ({middle_m[0]:.0f}, {middle_m[1]:.0f})")
     if datum != _UNKNOWN:
         if not datum.projection:
-            datum = replace(datum, projection=datum.proj_string)
+            datum = replace(datum, projection=mercator_plane(datum.latitude_deg, datum.longitude_deg, 1.0))
         shift = complex(*middle_m.tolist()) * np.exp(1j * datum.heading_rad)
         east_m, north_m = datum.false_easting_m + shift.real, datum.false_northing_m + shift.imag
         datum = _at_origin(replace(datum, false_easting_m=east_m, false_northing_m=north_m))
     return xy_m - middle_m, datum
+
+
+def _with_own_origin(datum: MapDatum) -> MapDatum:
+    """The same datum with its offset as a part of the projection, so that this alone describes the map frame."""
+    if not datum.projection or datum.heading_rad:
+        return datum
+    offset = f"+x_0={-datum.false_easting_m!r} +y_0={-datum.false_northing_m!r} +datum"
+    projection = datum.projection.replace("+datum", offset)
+    return replace(datum, projection=projection, false_easting_m=0.0, false_northing_m=0.0)

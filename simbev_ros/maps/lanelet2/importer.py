@@ -51,7 +51,7 @@ def import_lanelet2(path: Path, work: Path) -> MapParts:
     left_hand = junctions.topology.left_hand
     right_of_way = _right_of_way(rules, junctions.topology, traffic, crosswalks)
     try:
-        net = build_net(traffic, right_of_way, left_hand, work)
+        net = build_net(traffic, right_of_way, left_hand, work, "" if datum.heading_rad else datum.proj_string)
     except SimulationError as error:
         raise InputError(f"{path}: {error}") from None
     strips = (*lanelet_strips(junctions), *area_strips(source.areas))
@@ -63,7 +63,7 @@ def import_lanelet2(path: Path, work: Path) -> MapParts:
         signs=signs_of(rules, junctions.topology, lane_ids, roadside),
         signal_places=signal_places(rules, junctions.topology, lane_ids, roadside),
     )
-    return MapParts(net, work / "sumo.xodr", datum, features_of(strips), layout, notes.sentences())
+    return MapParts(net, work / "sumo.xodr", datum, features_of(strips), layout, notes=notes.sentences())
 
 
 def _right_of_way(

@@ -17,7 +17,10 @@ _ROWS = "ABCDEFGHJKLMNPQRSTUV"
 _BANDS = "CDEFGHJKLMNPQRSTUVWX"
 _SQUARE_M = 100e3
 _ROWS_PERIOD_M = 2e6
-_UTM_SCALE = 0.9996
+UTM_SCALE = 0.9996
+"""Scale of UTM on its central meridian."""
+_UTM_EAST_M = 500e3
+_UTM_SOUTH_M = 10e6  # false northing of the southern hemisphere: a multiple of the period of rows
 _ORIGIN = {"latitude": 90.0, "longitude": 180.0, "altitude": 10e3}
 
 
@@ -49,8 +52,8 @@ def datum_of_file(path: Path) -> MapDatum | None:
     if kind == "LocalCartesian":
         return plain
     if kind == "TransverseMercator":
-        return MapDatum(latitude, longitude, 0.0, plain.proj_string.replace("+k=1 ", f"+k={_UTM_SCALE} "))
-    utm = utm_projection(longitude, latitude)
+        return MapDatum(latitude, longitude, 0.0, mercator_plane(latitude, longitude, UTM_SCALE))
+    utm = utm_plane(longitude)
     return MapDatum(latitude, longitude, 0.0, utm, *_projected_m(utm, longitude, latitude))
 
 
@@ -64,23 +67,24 @@ def datum_of_grid(grid: str) -> MapDatum | None:
         return None
     zone = int(match[1])
     south_deg = -80.0 + 8.0 * _BANDS.index(match[2])
-    utm = _utm(zone, south_deg < 0.0)
+    utm = utm_plane(6.0 * zone - 183.0)
     lowest_m = _projected_m(utm, 6.0 * zone - 183.0, south_deg)[1]
-    east_m = (_COLUMNS[zone % 3].index(match[3]) + 1) * _SQUARE_M
-    north_m = (_ROWS.index(match[4]) - (0 if zone % 2 else 5)) % len(_ROWS) * _SQUARE_M
+    east_m = (_COLUMNS[zone % 3].index(match[3]) + 1) * _SQUARE_M - _UTM_EAST_M
+    north_m = (_ROWS.index(match[4]) - (0 if zone % 2 else 5)) % len(_ROWS) * _SQUARE_M - _UTM_SOUTH_M
     while north_m + _SQUARE_M <= lowest_m:
         north_m += _ROWS_PERIOD_M
     longitude, latitude = Transformer.from_crs(utm, "EPSG:4326", always_xy=True).transform(east_m, north_m)
     return MapDatum(round(latitude, 11), round(longitude, 11), 0.0, utm, east_m, north_m)
 
 
-def utm_projection(longitude_deg: float, latitude_deg: float) -> str:
-    """PROJ string of the UTM zone of a position."""
-    return _utm(int((longitude_deg + 180.0) // 6.0) % 60 + 1, latitude_deg < 0.0)
+def utm_plane(longitude_deg: float) -> str:
+    """PROJ string of the UTM zone of a longitude, with its origin where the central meridian meets the equator."""
+    return mercator_plane(0.0, (longitude_deg + 180.0) // 6.0 % 60.0 * 6.0 - 177.0, UTM_SCALE)
 
 
-def _utm(zone: int, is_south: bool) -> str:
-    return f"+proj=utm +zone={zone} {'+south ' if is_south else ''}+datum=WGS84 +units=m +no_defs"
+def mercator_plane(latitude_deg: float, longitude_deg: float, scale: float) -> str:
+    """PROJ string of a transverse Mercator plane with its origin at a position."""
+    return f"+proj=tmerc +lat_0={latitude_deg!r} +lon_0={longitude_deg!r} +k={scale!r} +datum=WGS84 +units=m +no_defs"
 
 
 def _projected_m(projection: str, longitude_deg: float, latitude_deg: float) -> tuple[float, float]:

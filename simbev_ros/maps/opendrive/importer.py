@@ -77,7 +77,7 @@ def import_opendrive(path: Path, work: Path) -> MapParts:
     )
     datum = datum_of(root, notes)
     opendrive = _write(path, document, is_recentered, work)
-    return MapParts(net, opendrive, datum, features_of(strips), layout, notes.sentences())
+    return MapParts(net, opendrive, datum, features_of(strips), layout, opendrive_of_net=False, notes=notes.sentences())
 
 
 def _edges_by_meaning(

@@ -105,7 +105,11 @@ def parse_length_m(text: str) -> float:
 
 
 def elements_by_id(path: Path, root: Element, tag: str) -> dict[str, Element]:
-    """Elements that were not deleted, by id."""
+    """Elements that were not deleted, by id, in the order of the file.
+
+    Raises:
+        InputError: An id is not a whole number, or appears twice.
+    """
     found: dict[str, Element] = {}
     for element in root.findall(tag):
         if element.get("visible") == "false" or element.get("action") == "delete":
@@ -135,6 +139,7 @@ def _degrees(path: Path, node: Element, attribute: str, limit_deg: float) -> flo
 
 
 def tags_of(element: Element) -> dict[str, str]:
+    """Tags of an element; keys and values are cut off at the length that OpenStreetMap allows."""
     return {tag.get("k", "")[:_MAX_TAG]: tag.get("v", "")[:_MAX_TAG] for tag in element.findall("tag")}
 
 

@@ -1,5 +1,6 @@
 """Imports an OpenStreetMap file: takes a .osm file and returns the parts of a map."""
 
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,7 +8,7 @@ import numpy as np
 from pyproj import Transformer
 
 from simbev_ros.errors import InputError, SimulationError
-from simbev_ros.maps.osm.data import read_osm
+from simbev_ros.maps.osm.data import OsmData, read_osm
 from simbev_ros.maps.osm.heights import add_heights
 from simbev_ros.maps.osm.land import features_of
 from simbev_ros.maps.osm.netfile import center_datum, write_roads, write_types
@@ -18,6 +19,7 @@ from simbev_ros.maps.sumo import netconvert
 
 _MAX_EXTENT_M = 30_000.0
 _MAX_LENGTH_M = 4e6
+_MAX_KEYS = 4
 _OPTIONS = (
     "--offset.disable-normalization=true",
     "--osm.sidewalks=true",
@@ -57,7 +59,7 @@ def import_osm(path: Path, work: Path) -> MapParts:
     lines = [np.array(way.nodes) for way in data.ways if road_tags(way.tags) is not None]
     road_nodes = sorted({node for line in lines for node in line.tolist()})
     if not road_nodes:
-        raise InputError(f"{path}: has no roads")
+        raise InputError(f"{path}: has no roads: it is {_contents(data)}, not a street map")
     datum = center_datum(data.longitude_latitude_deg[road_nodes])
     to_map = Transformer.from_crs("EPSG:4326", datum.proj_string, always_xy=True)
     xy_m = np.column_stack(to_map.transform(*data.longitude_latitude_deg.T))
@@ -92,3 +94,11 @@ def import_osm(path: Path, work: Path) -> MapParts:
         raise InputError(f"{path}: {error}") from None
     notes = (*data.notes, *road_notes, *height_notes, *land_notes)
     return MapParts(net, opendrive, datum, features, notes=notes)
+
+
+def _contents(data: OsmData) -> str:
+    """What a file without roads holds: the most frequent keys of its ways."""
+    keys = Counter(key for way in data.ways for key in way.tags)
+    if not keys:
+        return f"a file of {len(data.longitude_latitude_deg)} points and {len(data.ways)} ways without tags"
+    return f"a file of {len(data.ways)} ways with the tags {', '.join(key for key, _ in keys.most_common(_MAX_KEYS))}"

@@ -85,6 +85,10 @@ class LaneletSample:
             SubElement(element, "tag", k=key, v=value)
         return str(self._last)
 
+    def nodes(self) -> list[Element]:
+        """The <node> elements."""
+        return self._root.findall("node")
+
     def text(self) -> str:
         """The file."""
         indent(self._root)
@@ -160,6 +164,22 @@ class Crossing:
             for out_m in (near_m, near_m + width_m)
         ]
         return self.sample.lanelet(*sides, subtype="crosswalk", one_way="no")
+
+    def walkways(self, arm: int) -> list[str]:
+        """Ids of walkways on both sides of an arm, both away from the crossing."""
+        at_m = np.linspace(BOX_M, BOX_M + self._length_m, 5)
+        found = []
+        for side in (1.0, -1.0):
+            inner, outer = (
+                self.sample.line(
+                    [self.at(arm, float(out_m), side * (self.lanes[arm] * LANE_M + beyond_m)) for out_m in at_m],
+                    "curbstone",
+                    "high",
+                )
+                for beyond_m in (0.0, 2.0)
+            )
+            found.append(self.sample.lanelet(*((outer, inner) if side > 0.0 else (inner, outer)), subtype="walkway"))
+        return found
 
     def _arm_lane(self, arm: int, lane: int, side: float) -> str:
         at_m = np.linspace(BOX_M, BOX_M + self._length_m, 5)[:: -1 if side > 0.0 else 1]

@@ -50,8 +50,8 @@ def map_frame(path: Path, nodes: Mapping[str, Element], notes: Notes) -> tuple[F
     height_m = np.array([_number(each, "ele") for each in tags])
     on_earth = np.all(np.abs(degrees) <= [180.0, 90.0], axis=1)
     is_local = np.isfinite(local_m).all(axis=1)
-    usable = is_local if is_local.all() or not on_earth.any() else on_earth
-    usable &= ~(np.abs(height_m) > _MAX_HEIGHT_M)
+    usable = is_local if is_local[is_local | on_earth].all() else on_earth
+    usable = usable & ~(np.abs(height_m) > _MAX_HEIGHT_M)
     if not usable.any():
         raise InputError(f"{path}: its points have neither latitude and longitude nor local_x and local_y")
     for node in [node for node, use in zip(nodes.values(), usable.tolist(), strict=True) if not use]:
@@ -153,6 +153,6 @@ def _with_own_origin(datum: MapDatum) -> MapDatum:
     """The same datum with its offset as a part of the projection, so that this alone describes the map frame."""
     if not datum.projection or datum.heading_rad:
         return datum
-    offset = f"+x_0={-datum.false_easting_m!r} +y_0={-datum.false_northing_m!r} +datum"
+    offset = f"+x_0={-float(datum.false_easting_m)!r} +y_0={-float(datum.false_northing_m)!r} +datum"
     projection = datum.projection.replace("+datum", offset)
     return replace(datum, projection=projection, false_easting_m=0.0, false_northing_m=0.0)

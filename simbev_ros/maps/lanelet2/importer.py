@@ -13,6 +13,7 @@ from simbev_ros.maps.lane_graph.crossings import crosswalks_of_net, planned_cros
 from simbev_ros.maps.lane_graph.sumo_xml import RightOfWay, build_net
 from simbev_ros.maps.lane_graph.traffic import Traffic
 from simbev_ros.maps.lanelet2.junctions import junctions_of
+from simbev_ros.maps.lanelet2.land import land_of
 from simbev_ros.maps.lanelet2.reader import read_lanelet_map
 from simbev_ros.maps.lanelet2.roadside import Roadside, signal_places, signs_of, stop_lines_of
 from simbev_ros.maps.lanelet2.rules import Rule, rules_of, with_speed_limits
@@ -21,7 +22,6 @@ from simbev_ros.maps.lanelet2.strips import area_strips, crosswalks_of, lanelet_
 from simbev_ros.maps.lanelet2.topology import Topology, topology_of
 from simbev_ros.maps.lanelet2.traffic import traffic_of
 from simbev_ros.maps.opendrive.reading.attributes import Notes
-from simbev_ros.maps.opendrive.surroundings import features_of
 from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.roads.layout import Crosswalk, Layout, SignKind
 
@@ -63,7 +63,7 @@ def import_lanelet2(path: Path, work: Path) -> MapParts:
         signs=signs_of(rules, junctions.topology, lane_ids, roadside),
         signal_places=signal_places(rules, junctions.topology, lane_ids, roadside),
     )
-    return MapParts(net, work / "sumo.xodr", datum, features_of(strips), layout, notes=notes.sentences())
+    return MapParts(net, work / "sumo.xodr", datum, land_of(source.areas, strips), layout, notes=notes.sentences())
 
 
 def _right_of_way(

@@ -39,6 +39,7 @@ def traffic_of(junctions: Junctions, waiting: Collection[str], notes: Notes) -> 
         notes: Receives omissions.
     """
     topology = junctions.topology
+    _note_omissions(junctions, notes)
     chains = list(_chains(junctions, waiting))
     edges = [_edge(topology, chain) for chain in chains]
     entries: dict[str, LaneOfEdge] = {
@@ -61,6 +62,18 @@ def traffic_of(junctions: Junctions, waiting: Collection[str], notes: Notes) -> 
         for edge in edges
     ]
     return split_loops(keep_mainland(joined, connections, notes)) if joined else Traffic((), ())
+
+
+def _note_omissions(junctions: Junctions, notes: Notes) -> None:
+    """Note the lanelets that carry no traffic, or only a part of theirs."""
+    for name, shape in junctions.topology.shapes.items():
+        if shape.kind is not LaneKind.DRIVING:
+            continue
+        if shape.lanelet.tags.get("one_way") == "no":
+            notes.add("a lanelet for both directions carries traffic in one", shape.lanelet.element, f"lanelet {name}")
+        if name in junctions.by_lanelet and not (junctions.entries[name] and junctions.paths(name)):
+            detail = f"lanelet {name}"
+            notes.add("a lanelet that overlaps others at the edge of the map carries no traffic", None, detail)
 
 
 def _chains(junctions: Junctions, waiting: Collection[str]) -> Iterator[tuple[Row, ...]]:

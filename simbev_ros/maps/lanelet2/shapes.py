@@ -1,7 +1,7 @@
 """The exact shape of every lanelet: both borders in driving direction, with points that lie across from each other."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,6 +19,7 @@ from simbev_ros.types import Float64Array
 _MAX_POINTS = 100_000
 _MAX_WIDTH_M = 200.0
 _MIN_LENGTH_M = 0.1
+_MIN_DRIVING_WIDTH_M = 1.5
 _SPACING_M = 2.0
 _MAX_SAMPLES = 2_000
 _SAME_M = 1e-3
@@ -118,7 +119,15 @@ def lanelet_shapes(source: LaneletMap, notes: Notes) -> Iterator[LaneletShape]:
         if problem:
             notes.add(f"a lanelet {problem} is left out", lanelet.element, f"lanelet {lanelet.id}")
             continue
-        yield _shape(lanelet, kind)
+        shape = _shape(lanelet, kind)
+        if kind is LaneKind.DRIVING and shape.width_m < _MIN_DRIVING_WIDTH_M:
+            notes.add(
+                "a lanelet that is too narrow for vehicles is a shoulder",
+                lanelet.element,
+                f"lanelet {lanelet.id}: {shape.width_m:.1f} m",
+            )
+            shape = replace(shape, kind=LaneKind.SHOULDER)
+        yield shape
 
 
 def _problem(lanelet: Lanelet) -> str:

@@ -32,6 +32,18 @@ MAX_XML_DEPTH = 64
 MAX_XML_ELEMENTS = 2_500_000
 """Elements in a map file; a file of 128 MiB with short elements can reach it."""
 
+MAX_LANELETS = 50_000
+"""Lanelets in a Lanelet2 map."""
+
+MAX_LANELET_POINTS = 2_000_000
+"""Points in the bounds of all lanelets of a Lanelet2 map, each bound counted once per lanelet."""
+
+MAX_BOUND_POINTS = 10_000
+"""Points in a bound of a lanelet; a lanelet with more is left out."""
+
+MAX_LANELET_PAIRS = 1_000_000
+"""Pairs of lanelets that follow each other, and pairs that overlap, in a Lanelet2 map."""
+
 MAX_YAML_BYTES = 4 << 20
 """Size of a YAML text: a configuration, or a bag's description. The description of a bag with 100 topics has 80 KiB."""
 

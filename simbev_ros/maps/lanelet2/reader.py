@@ -10,6 +10,7 @@ import numpy as np
 
 from simbev_ros.errors import InputError
 from simbev_ros.geometry.geodesy import MapDatum
+from simbev_ros.limits import MAX_LANELET_POINTS, MAX_LANELETS
 from simbev_ros.maps.lanelet2.document import Area, Lanelet, LaneletMap, Linestring, Regulation
 from simbev_ros.maps.lanelet2.frame import map_frame
 from simbev_ros.maps.opendrive.reading.attributes import Notes
@@ -21,7 +22,6 @@ _LANELET = re.compile(rb"""\bv\s*=\s*["']lanelet["']""")
 _HIGHWAY = re.compile(rb"""\bk\s*=\s*["']highway["']""")
 _CHUNK_BYTES = 1 << 20
 _OVERLAP_BYTES = 64
-_MAX_LANELETS = 50_000
 _SAME_POINT_M = 0.01
 _MAX_BOUND_LINES = 100
 _AREA_TYPES = ("multipolygon", "area")
@@ -63,20 +63,19 @@ def read_lanelet_map(path: Path, notes: Notes) -> tuple[LaneletMap, MapDatum]:
     lines = dict(_iter_lines(ways, index, xyz_m, notes))
     tags = {name: tags_of(element) for name, element in relations.items()}
     lanelets = {name: relations[name] for name in relations if tags[name].get("type") == "lanelet"}
-    if len(lanelets) > _MAX_LANELETS:
-        raise InputError(f"{path}: has {len(lanelets)} lanelets; at most {_MAX_LANELETS} are read")
+    if len(lanelets) > MAX_LANELETS:
+        raise InputError(f"{path}: has {len(lanelets)} lanelets; at most {MAX_LANELETS} are read")
     regulations = {
         name: _regulation(element, tags[name], lines, notes)
         for name, element in relations.items()
         if tags[name].get("type") == "regulatory_element"
     }
     areas = [element for name, element in relations.items() if tags[name].get("type") in _AREA_TYPES]
-    return (
-        LaneletMap(
-            lines, dict(_iter_lanelets(lanelets, tags, lines, notes)), regulations, (*_areas(areas, ways, lines),)
-        ),
-        datum,
-    )
+    bounded = dict(_iter_lanelets(lanelets, tags, lines, notes))
+    count = sum(len(lanelet.left.nodes) + len(lanelet.right.nodes) for lanelet in bounded.values())
+    if count > MAX_LANELET_POINTS:
+        raise InputError(f"{path}: its lanelets have {count} points; at most {MAX_LANELET_POINTS} are read")
+    return LaneletMap(lines, bounded, regulations, tuple(_areas(areas, lines))), datum
 
 
 def _iter_lines(
@@ -158,9 +157,7 @@ def _regulation(element: Element, tags: Tags, lines: Mapping[str, Linestring], n
     )
 
 
-def _areas(
-    relations: Sequence[Element], ways: Mapping[str, Element], lines: Mapping[str, Linestring]
-) -> Iterator[Area]:
+def _areas(relations: Sequence[Element], lines: Mapping[str, Linestring]) -> Iterator[Area]:
     """Yield the areas: multipolygons by their outer outline, and closed lines that are tagged as areas."""
     for relation in relations:
         outer = _joined([ref for role, ref in _members(relation, "way") if role == "outer"], lines)

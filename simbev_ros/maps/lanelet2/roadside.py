@@ -44,11 +44,12 @@ class Roadside:
         It is below that, or beside the road if that is on the road.
         """
         point = shapely.Point(position_m[:2])
-        rows = self._tree.query(point, predicate="dwithin", distance=_NEAR_M).tolist()
+        around = shapely.buffer(point, _NEAR_M, cap_style="square")
+        rows = self._tree.query(around, predicate="intersects").tolist()
         rows = [row for row in rows if np.abs(self._strips[row].left_m[:, 2] - position_m[2]).min() < _SAME_LEVEL_M]
-        road = shapely.union_all(self._areas[rows])
-        if not road.contains(point):
+        if not shapely.intersects(self._areas[rows], point).any():
             return position_m
+        road = shapely.union_all(shapely.intersection(self._areas[rows], around))
         edge = shapely.boundary(shapely.buffer(road, _CURB_TO_POST_M))
         beside = shapely.get_point(shapely.shortest_line(edge, point), 0)
         return np.array([beside.x, beside.y, position_m[2]])

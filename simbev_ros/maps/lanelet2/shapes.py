@@ -9,6 +9,7 @@ import shapely
 from scipy.optimize import isotonic_regression
 from shapely.geometry.base import BaseGeometry
 
+from simbev_ros.limits import MAX_BOUND_POINTS
 from simbev_ros.maps.lane_graph.lane_key import LaneKey
 from simbev_ros.maps.lanelet2.document import Lanelet, LaneletMap
 from simbev_ros.maps.lanelet2.tags import lane_kind
@@ -16,7 +17,6 @@ from simbev_ros.maps.opendrive.reading.attributes import Notes
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.types import Float64Array
 
-_MAX_POINTS = 100_000
 _MAX_WIDTH_M = 200.0
 _MIN_LENGTH_M = 0.1
 _MIN_DRIVING_WIDTH_M = 1.5
@@ -133,14 +133,14 @@ def lanelet_shapes(source: LaneletMap, notes: Notes) -> Iterator[LaneletShape]:
 def _problem(lanelet: Lanelet) -> str:
     """Reason why a lanelet has no usable shape; "" if it has one."""
     left_m, right_m = lanelet.left.points_m, lanelet.right.points_m
-    if max(len(left_m), len(right_m)) > _MAX_POINTS:
-        return f"with more than {_MAX_POINTS} points in a bound"
+    if max(len(left_m), len(right_m)) > MAX_BOUND_POINTS:
+        return f"with more than {MAX_BOUND_POINTS} points in a bound"
     left, right = shapely.LineString(left_m[:, :2]), shapely.LineString(right_m[:, :2])
     if min(left.length, right.length) < _MIN_LENGTH_M:
         return "with a bound without length"
     if left.crosses(right) or left.equals(right):
         return "whose bounds cross"
-    if shapely.hausdorff_distance(left, right) > _MAX_WIDTH_M and left.distance(right) > _MAX_WIDTH_M:
+    if left.distance(right) > _MAX_WIDTH_M:
         return "that is far too wide"
     return ""
 

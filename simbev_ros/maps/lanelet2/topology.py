@@ -15,10 +15,10 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.errors import InputError
+from simbev_ros.limits import MAX_LANELET_PAIRS
 from simbev_ros.maps.lanelet2.shapes import LaneletShape
 from simbev_ros.maps.roads.lane_kind import LaneKind
 
-_MAX_LINKS = 1_000_000
 _CHUNK = 256
 _CLEARANCE_M = 0.3
 _SAME_LEVEL_M = 3.0
@@ -128,8 +128,8 @@ def _following(path: Path, shapes: Mapping[str, LaneletShape]) -> dict[str, tupl
     starts: dict[tuple[int, int], list[str]] = defaultdict(list)
     for name, shape in shapes.items():
         starts[shape.start].append(name)
-    if sum(len(starts.get(shape.end, ())) for shape in shapes.values()) > _MAX_LINKS:
-        raise InputError(f"{path}: more than {_MAX_LINKS} pairs of lanelets follow each other")
+    if sum(len(starts.get(shape.end, ())) for shape in shapes.values()) > MAX_LANELET_PAIRS:
+        raise InputError(f"{path}: more than {MAX_LANELET_PAIRS} pairs of lanelets follow each other")
     return {
         name: tuple(after for after in starts.get(shape.end, ()) if shapes[after].kind is shape.kind and after != name)
         for name, shape in shapes.items()
@@ -171,8 +171,8 @@ def _conflicts(path: Path, shapes: Mapping[str, LaneletShape], left: Mapping[str
             if row < other and not _adjoin(one, two, left) and _on_same_level(one, two, areas[row], areas[other]):
                 found[one.id].append(two.id)
                 found[two.id].append(one.id)
-        if count > _MAX_LINKS:
-            raise InputError(f"{path}: more than {_MAX_LINKS} pairs of lanelets overlap each other")
+        if count > MAX_LANELET_PAIRS:
+            raise InputError(f"{path}: more than {MAX_LANELET_PAIRS} pairs of lanelets overlap each other")
     return {name: tuple(found.get(name, ())) for name in shapes}
 
 

@@ -112,7 +112,10 @@ def test_the_projector_file_places_local_coordinates(tmp_path: Path, text: str, 
         ("[]", "projector_type: must be one of"),
         ("projector_type: MGRS\nmgrs_grid: 99XX\n", "mgrs_grid: must be a square such as 54SUE, not '99XX'"),
         ("projector_type: LocalCartesian\n", r"map_origin\.latitude: must be a number of at most 90, not None"),
-        ("projector_type: LocalCartesian\nmap_origin: {latitude: 91, longitude: 0}", r"map_origin\.latitude: .*, not 91"),
+        (
+            "projector_type: LocalCartesian\nmap_origin: {latitude: 91, longitude: 0}",
+            r"map_origin\.latitude: .*, not 91",
+        ),
     ],
 )
 def test_invalid_projector_files_are_refused(tmp_path: Path, text: str, message: str) -> None:

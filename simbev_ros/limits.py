@@ -41,7 +41,7 @@ MAX_LANELET_POINTS = 2_000_000
 MAX_BOUND_POINTS = 10_000
 """Points in a bound of a lanelet; a lanelet with more is left out."""
 
-MAX_LANELET_PAIRS = 1_000_000
+MAX_LANELET_PAIRS = 300_000
 """Pairs of lanelets that follow each other, and pairs that overlap, in a Lanelet2 map."""
 
 MAX_YAML_BYTES = 4 << 20

@@ -220,7 +220,10 @@ def test_files_are_lanelet_maps_by_their_content(tmp_path: Path) -> None:
     [
         ("<osm><relation id='1'><tag k='type' v='lanelet'/></relation></osm>", "its points have neither"),
         (one_lane().replace('v="road"', 'v="crosswalk"'), "it has no lanelet for vehicles"),
-        (one_lane().replace('v="5100.0000"', 'v="65100.0000"'), "its points span 60 km; at most 30 km are read"),
+        (
+            one_lane().replace('v="5100.0000"', 'v="65100.0000"'),
+            "its points lie up to 30 km from its middle; at most 15 km",
+        ),
         (one_lane() + "<", "not valid XML"),
     ],
 )

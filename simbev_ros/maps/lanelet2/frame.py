@@ -21,7 +21,10 @@ from simbev_ros.maps.osm.data import tags_of
 from simbev_ros.maps.osm.netfile import center_datum
 from simbev_ros.types import BoolArray, Float64Array
 
-_MAX_EXTENT_M = 30_000.0
+_MAX_REACH_M = 15_000.0
+_MIN_NEAR_FRACTION = 0.99
+_DEGREE_M = 111_000.0
+_MAX_COORDINATE = 1e8
 _MAX_HEIGHT_M = 10_000.0
 _MAX_OFFSET_M = 20_000.0
 _MAX_LATITUDE_DEG = 84.0
@@ -50,33 +53,44 @@ def map_frame(path: Path, nodes: Mapping[str, Element], notes: Notes) -> tuple[F
     height_m = np.array([_number(each, "ele") for each in tags])
     on_earth = np.all(np.abs(degrees) <= [180.0, 90.0], axis=1)
     is_local = np.isfinite(local_m).all(axis=1)
-    usable = is_local if is_local[is_local | on_earth].all() else on_earth
-    usable = usable & ~(np.abs(height_m) > _MAX_HEIGHT_M)
+    has_frame = bool(is_local[is_local | on_earth].all())
+    usable = (is_local if has_frame else on_earth) & ~(np.abs(height_m) > _MAX_HEIGHT_M)
     if not usable.any():
         raise InputError(f"{path}: its points have neither latitude and longitude nor local_x and local_y")
-    for node in [node for node, use in zip(nodes.values(), usable.tolist(), strict=True) if not use]:
-        notes.add("a point without a usable position is left out", node, f"node {node.get('id')}")
-    local_m, degrees, height_m = local_m[usable], degrees[usable], height_m[usable]
-    if is_local[usable].all():
+    if has_frame:
+        usable = _near(path, local_m, usable, 1.0)
         grids = {each["mgrs_code"] for each in tags if "mgrs_code" in each}
-        datum = _local_datum(path, local_m, degrees, on_earth[usable], grids, notes)
-        xy_m, datum = _recentered(local_m, datum, notes)
+        datum = _local_datum(path, local_m[usable], degrees[usable], on_earth[usable], grids, notes)
+        xy_m, datum = _recentered(local_m[usable], datum, notes)
         datum = _with_own_origin(datum)
     else:
-        datum = center_datum(degrees)
-        xy_m = np.column_stack(
-            Transformer.from_crs("EPSG:4326", datum.proj_string, always_xy=True).transform(*degrees.T)
-        )
-    extent_m = float(np.ptp(xy_m, axis=0).max())
-    if not extent_m <= _MAX_EXTENT_M:
-        raise InputError(
-            f"{path}: its points span {extent_m / 1000:.0f} km; at most {_MAX_EXTENT_M / 1000:.0f} km are read. "
-            "Extract the part that you need"
-        )
+        usable = _near(path, degrees, usable, _DEGREE_M)
+        datum = center_datum(degrees[usable])
+        to_map = Transformer.from_crs("EPSG:4326", datum.proj_string, always_xy=True)
+        xy_m = np.column_stack(to_map.transform(*degrees[usable].T))
+    for node in [node for node, use in zip(nodes.values(), usable.tolist(), strict=True) if not use]:
+        notes.add("a point without a usable position is left out", node, f"node {node.get('id')}")
+    height_m = height_m[usable]
     if np.isnan(height_m).any():
         notes.add(f"{int(np.isnan(height_m).sum())} points have no elevation (ele): they lie at 0 m")
     known = (name for name, use in zip(nodes, usable.tolist(), strict=True) if use)
     return np.column_stack([xy_m, np.nan_to_num(height_m)]), datum, {name: row for row, name in enumerate(known)}
+
+
+def _near(path: Path, positions: Float64Array, usable: BoolArray, unit_m: float) -> BoolArray:
+    """(N,) whether points are usable and near most others.
+
+    Raises:
+        InputError: More than a hundredth of the usable points are too far from the others, and thus not just errors.
+    """
+    gaps_m = np.abs(positions - np.median(positions[usable], axis=0)).max(axis=1) * unit_m
+    near = usable & (gaps_m <= _MAX_REACH_M)
+    if near.sum() < _MIN_NEAR_FRACTION * usable.sum():
+        raise InputError(
+            f"{path}: its points lie up to {gaps_m[usable].max() / 1000:.0f} km from its middle; at most "
+            f"{_MAX_REACH_M / 1000:.0f} km are read. Extract the part that you need"
+        )
+    return np.asarray(near)
 
 
 def _number(values: Element | Mapping[str, str], name: str) -> float:
@@ -85,7 +99,7 @@ def _number(values: Element | Mapping[str, str], name: str) -> float:
         value = float(values.get(name) or "nan")
     except ValueError:
         return np.nan
-    return value if np.isfinite(value) else np.nan
+    return value if abs(value) <= _MAX_COORDINATE else np.nan
 
 
 def _local_datum(
@@ -114,7 +128,8 @@ def _fitted_datum(local_m: Float64Array, degrees: Float64Array) -> MapDatum | No
             np.column_stack(Transformer.from_crs("EPSG:4326", utm, always_xy=True).transform(*degrees.T)) - local_m
         )
         middle_m = np.median(shift_m, axis=0)
-        if np.abs(shift_m - middle_m).max() < _TOLERANCE_M:
+        agrees = np.abs(shift_m - middle_m).max(axis=1) < _TOLERANCE_M
+        if agrees.mean() >= _MIN_NEAR_FRACTION:
             return _at_origin(MapDatum(0.0, 0.0, 0.0, utm, *np.round(middle_m, 2).tolist()))
     center = center_datum(degrees)
     plane = mercator_plane(center.latitude_deg, center.longitude_deg, 1.0)

@@ -10,6 +10,7 @@ from simbev_ros.maps.lanelet2.topology import Topology
 _AREA = "intersection_area"
 """Autoware's tag of lanelets inside an intersection: the id of its outline."""
 _MAX_STEPS = 12
+_MAX_INSIDE = 200
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class Junctions:
             for after in self.topology.following[each]:
                 if after not in self.by_lanelet:
                     found.setdefault(after, through[each])
-                elif after not in through and len(through[each]) < _MAX_STEPS:
+                elif after not in through and len(through[each]) < _MAX_STEPS and len(through) < _MAX_INSIDE:
                     through[after] = (*through[each], after)
                     pending.append(after)
         return found
@@ -54,7 +55,7 @@ class Junctions:
             for before in self.topology.preceding[each]:
                 if before not in self.by_lanelet:
                     found[before] = None
-                elif before not in seen and len(seen) <= _MAX_STEPS**2:
+                elif before not in seen and len(seen) <= _MAX_INSIDE:
                     seen.add(before)
                     pending.append(before)
         return found

@@ -23,7 +23,7 @@ _HIGHWAY = re.compile(rb"""\bk\s*=\s*["']highway["']""")
 _CHUNK_BYTES = 1 << 20
 _OVERLAP_BYTES = 64
 _SAME_POINT_M = 0.01
-_MAX_BOUND_LINES = 100
+_MAX_MEMBERS = 400
 _AREA_TYPES = ("multipolygon", "area")
 
 
@@ -96,8 +96,8 @@ def _iter_lines(
 
 
 def _members(relation: Element, kind: str) -> Iterator[tuple[str, str]]:
-    """Yield role and id of each member of one kind."""
-    for member in relation.findall("member"):
+    """Yield role and id of each member of one kind, of the first few hundred members."""
+    for member in relation.findall("member")[:_MAX_MEMBERS]:
         if member.get("type") == kind:
             yield member.get("role", ""), member.get("ref", "")
 
@@ -120,7 +120,7 @@ def _iter_lanelets(
 
 def _joined(references: Sequence[str], lines: Mapping[str, Linestring]) -> Linestring | None:
     """The line of a bound, joined from the lines of its members; None if one is missing or they do not meet."""
-    if not 0 < len(references) <= _MAX_BOUND_LINES or any(reference not in lines for reference in references):
+    if not references or any(reference not in lines for reference in references):
         return None
     joined = lines[references[0]]
     for reference in references[1:]:

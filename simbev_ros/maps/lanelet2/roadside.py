@@ -1,9 +1,11 @@
 """Positions traffic lights, signs and stop lines of a Lanelet2 map."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import shapely
+from scipy.spatial import cKDTree
 
 from simbev_ros.maps.lane_graph.lane_key import LaneKey
 from simbev_ros.maps.lanelet2.document import Linestring
@@ -65,7 +67,9 @@ def signal_places(
             continue
         lanes = [lane_ids[topology.shapes[name].key][-1] for name in waiting]
         if post.id in found:
-            lanes = [*found[post.id].lanes, *lanes]
+            first = found[post.id]
+            found[post.id] = replace(first, lanes=tuple(dict.fromkeys((*first.lanes, *lanes))))
+            continue
         bottom_m = _middle_m(post)
         ground_m = _ground_m(topology.shapes[waiting[0]], bottom_m)
         height_m = _number(post, "height", _HEAD_HEIGHT_M)
@@ -122,7 +126,7 @@ def _implied(rules: Iterable[Rule], topology: Topology, known: Sequence[StopLine
     for rule in rules:
         for name in rule.lanelets if rule.meaning != SignKind.SPEED_LIMIT else ():
             yields[name] = yields.get(name, True) and rule.meaning == SignKind.YIELD
-    known_m = np.array([line.ends_m.mean(axis=0) for line in known]).reshape(-1, 3)
+    known_lines = cKDTree(np.array([line.ends_m.mean(axis=0) for line in known]).reshape(-1, 3))
     for names in topology.carriageways:
         waiting = [topology.shapes[name] for name in names if name in yields]
         if not waiting:
@@ -131,7 +135,7 @@ def _implied(rules: Iterable[Rule], topology: Topology, known: Sequence[StopLine
         right_m, left_m = resampled_m(waiting[-1].right_m, fraction)[0], resampled_m(waiting[0].left_m, fraction)[0]
         ends_m = np.stack([right_m, left_m])
         length_m = np.linalg.norm(ends_m[1] - ends_m[0])
-        is_known = np.any(np.linalg.norm(known_m - ends_m.mean(axis=0), axis=1) < _SAME_STOP_LINE_M)
+        is_known = known_lines.query(ends_m.mean(axis=0), distance_upper_bound=_SAME_STOP_LINE_M)[0] < np.inf
         if not is_known and length_m > _MIN_STOP_LINE_M:
             margin_m = _MARGIN_M * (ends_m[1] - ends_m[0]) / length_m
             yield StopLine(ends_m + np.stack([margin_m, -margin_m]), yields=all(yields[shape.id] for shape in waiting))

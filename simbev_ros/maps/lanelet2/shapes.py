@@ -20,8 +20,8 @@ from simbev_ros.types import Float64Array
 _MAX_WIDTH_M = 200.0
 _MIN_LENGTH_M = 0.1
 _MIN_DRIVING_WIDTH_M = 1.5
-_SPACING_M = 2.0
-_MAX_SAMPLES = 2_000
+_SPACING_M = 0.5
+_MIN_SAMPLES, _MAX_SAMPLES = 8, 2_000
 _SAME_M = 1e-3
 
 
@@ -178,8 +178,8 @@ def pair_borders(left_m: Float64Array, right_m: Float64Array) -> tuple[Float64Ar
         (N, 3) both borders, with all their points; the first points and the last points are across from each other.
     """
     left_s, right_s = stations_m(left_m), stations_m(right_m)
-    count = int(np.clip(np.ceil(left_s[-1] / _SPACING_M), 2, _MAX_SAMPLES))
-    samples_s = np.union1d(left_s, np.linspace(0.0, left_s[-1], count + 1))
+    count = int(np.clip(np.ceil(left_s[-1] / _SPACING_M), _MIN_SAMPLES, _MAX_SAMPLES))
+    samples_s = np.linspace(0.0, left_s[-1], count + 1)
     right = shapely.LineString(right_m[:, :2])
     beside_s = shapely.line_locate_point(right, shapely.points(_at(left_m, samples_s)[:, :2]))
     beside_s = np.clip(isotonic_regression(beside_s).x, 0.0, right_s[-1])

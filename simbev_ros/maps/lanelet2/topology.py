@@ -165,14 +165,14 @@ def _conflicts(path: Path, shapes: Mapping[str, LaneletShape], left: Mapping[str
     count = 0
     for first in range(0, len(driven), _CHUNK):
         rows, others = tree.query(areas[first : first + _CHUNK], predicate="intersects")
+        count += len(rows)
+        if count > MAX_LANELET_PAIRS:
+            raise InputError(f"{path}: more than {MAX_LANELET_PAIRS} pairs of lanelets overlap each other")
         for row, other in zip((rows + first).tolist(), others.tolist(), strict=True):
             one, two = driven[row], driven[other]
-            count += row != other
             if row < other and not _adjoin(one, two, left) and _on_same_level(one, two, areas[row], areas[other]):
                 found[one.id].append(two.id)
                 found[two.id].append(one.id)
-        if count > MAX_LANELET_PAIRS:
-            raise InputError(f"{path}: more than {MAX_LANELET_PAIRS} pairs of lanelets overlap each other")
     return {name: tuple(found.get(name, ())) for name in shapes}
 
 

@@ -23,7 +23,7 @@ MAX_CHUNK_RECORDS = 1 << 20
 """Records in an MCAP chunk or in the summary of an MCAP file. A chunk of 32 MiB with nothing but /clock has 780,000."""
 
 MAX_MAP_BYTES = 128 << 20
-"""Size of a map file (OpenDRIVE, OpenStreetMap, SUMO), on disk or unpacked from a bag. Of a
+"""Size of a map file (OpenDRIVE, OpenStreetMap, Lanelet2, SUMO), on disk or unpacked from a bag. Of a
 larger area, the needed part must be extracted."""
 
 MAX_XML_DEPTH = 64

@@ -5,7 +5,7 @@ from pathlib import Path
 from simbev_ros.errors import InputError
 
 MAP_SUFFIXES = (".xodr", ".osm", ".osm.xml", ".net.xml")
-"""Suffixes of OpenDRIVE, OpenStreetMap (two) and SUMO net files."""
+"""Suffixes of OpenDRIVE, OpenStreetMap or Lanelet2 (two), and SUMO net files."""
 
 
 def expand_home(name: str) -> Path:

@@ -1,4 +1,4 @@
-"""The parts of a map: the common result of all importers (town recipe, OpenDRIVE, OpenStreetMap, SUMO net)."""
+"""The parts of a map: the common result of all importers (recipe, OpenDRIVE, OpenStreetMap, Lanelet2, SUMO net)."""
 
 from dataclasses import dataclass
 from pathlib import Path

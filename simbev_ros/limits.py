@@ -44,6 +44,12 @@ MAX_BOUND_POINTS = 10_000
 MAX_LANELET_PAIRS = 300_000
 """Pairs of lanelets that follow each other, and pairs that overlap, in a Lanelet2 map."""
 
+MAX_LANES_PER_EDGE = 100
+"""Lanes side by side in an edge of a SUMO net; an edge with more is left out. The widest motorway has 26 in all."""
+
+MAX_SECTIONS_PER_M = 10.0
+"""Lane sections per meter of an OpenDRIVE road, beyond the first 100; a road with more is left out."""
+
 MAX_YAML_BYTES = 4 << 20
 """Size of a YAML text: a configuration, or a bag's description. The description of a bag with 100 topics has 80 KiB."""
 

@@ -1,6 +1,6 @@
 """The road network of a map: lanes with 3D center lines, junctions, signals and layout, built from a SUMO net."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -12,7 +12,7 @@ from simbev_ros.geometry.ragged import ragged_indices
 from simbev_ros.maps.land_features import MapFeatures
 from simbev_ros.maps.roads.elevation import Elevation
 from simbev_ros.maps.roads.lane_index import LineIndex
-from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.lane_kind import PAVED_KINDS, LaneKind
 from simbev_ros.maps.roads.lane_strips import LaneStrips
 from simbev_ros.maps.roads.layout import Layout
 from simbev_ros.maps.roads.polylines import Polylines
@@ -206,3 +206,26 @@ class RoadNetwork:
         index = int(np.clip(np.searchsorted(stations, s_m, side="right") - 1, 0, len(steps) - 1))
         fraction = (s_m - stations[index]) / lengths[index] if lengths[index] > 0 else 0.0
         return line[index] + fraction * steps[index], float(np.arctan2(steps[index, 1], steps[index, 0]))
+
+
+def paths_beyond(lane: Lane, lanes: Mapping[str, Lane]) -> Iterator[tuple[str, ...]]:
+    """Yield the paths of vehicles from a lane to the lanes outside junctions that follow.
+
+    Args:
+        lane: A lane of the carriageway.
+        lanes: All lanes by id.
+
+    Yields:
+        Ids of the lanes inside the junction in driving order, and of the lane beyond. Lanes for pedestrians, which form
+        rings around junctions, are not followed.
+    """
+    pending = [(following,) for following in reversed(lane.successors)]
+    while pending:
+        path: tuple[str, ...] = pending.pop()
+        last = lanes[path[-1]]
+        if last.kind not in PAVED_KINDS:
+            continue
+        if last.junction:
+            pending += [(*path, following) for following in reversed(last.successors) if following not in path]
+        else:
+            yield path

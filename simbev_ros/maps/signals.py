@@ -12,7 +12,7 @@ from itertools import accumulate
 
 import numpy as np
 
-from simbev_ros.maps.network import Lane, Signal
+from simbev_ros.maps.network import Lane, Signal, paths_beyond
 from simbev_ros.maps.roads.elevation import Elevation
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout, SignalPlace
@@ -143,18 +143,10 @@ def _straight_exit(
 ) -> Lane | None:
     """The rightmost driving lane of the street that continues most nearly straight, or None if all streets turn off."""
     heading_in = _heading(approach[0], -1)
-    exits = {lane.edge: lane for start in approach for lane in _beyond_junction(start, lanes)}
+    beyond = [lanes[path[-1]] for start in approach for path in paths_beyond(start, lanes)]
+    exits = {lane.edge: lane for lane in beyond}
     bends_rad = {edge: float(np.arccos(np.clip(_heading(lane, 0) @ heading_in, -1, 1))) for edge, lane in exits.items()}
     straightest = min(bends_rad, key=lambda edge: bends_rad[edge], default=None)
     if straightest is None or bends_rad[straightest] > _MAX_BEND_RAD:
         return None
     return streets[straightest][0]
-
-
-def _beyond_junction(lane: Lane, lanes: Mapping[str, Lane]) -> Iterator[Lane]:
-    """Lanes outside junctions that a lane leads to."""
-    for successor in lane.successors:
-        if lanes[successor].junction:
-            yield from _beyond_junction(lanes[successor], lanes)
-        else:
-            yield lanes[successor]

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from simbev_ros.maps.network import Lane
-from simbev_ros.maps.roads.lane_kind import ROAD_KINDS, LaneKind
+from simbev_ros.maps.network import Lane, paths_beyond
+from simbev_ros.maps.roads.lane_kind import PAVED_KINDS, LaneKind
 from simbev_ros.maps.roads.layout import Layout, Sign, SignKind, Strip
 from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.maps.roads.surface import strip_polygons
@@ -96,13 +96,8 @@ def _sources(net: SumoNet) -> dict[str, set[str]]:
     for lane in net.lanes.values():
         if lane.kind is not LaneKind.DRIVING or lane.junction:
             continue
-        ahead = list(lane.successors)
-        while ahead:
-            follower = net.lanes[ahead.pop()]
-            if follower.junction:
-                ahead.extend(follower.successors)
-            else:
-                sources[follower.edge].add(lane.edge)
+        for *_, following in paths_beyond(lane, net.lanes):
+            sources[net.lanes[following].edge].add(lane.edge)
     return sources
 
 
@@ -141,7 +136,7 @@ def _placed_off_road(requests: Sequence[_SignRequest], layout: Layout, curb_side
 def _is_free(feet_m: Float64Array, lanes_m: Float64Array, layout: Layout) -> BoolArray:
     """(N, K) whether (N, K, 3) positions are off the road, and on a sidewalk beside (N, 3) lanes on structures."""
     feet = np.asarray(feet_m.reshape(-1, 3), np.float64)
-    on_road = _touches_strip(feet, layout.strips_of(*ROAD_KINDS, LaneKind.SHOULDER)).reshape(feet_m.shape[:2])
+    on_road = _touches_strip(feet, layout.strips_of(*PAVED_KINDS)).reshape(feet_m.shape[:2])
     elevated = [strip for strip in layout.strips if strip.level > 0]
     on_structure = _touches_strip(lanes_m, elevated)
     on_deck = _touches_strip(feet, [strip for strip in elevated if strip.kind is LaneKind.SIDEWALK])

@@ -112,8 +112,7 @@ def test_files_that_cannot_be_maps_are_refused_in_a_line(
 @pytest.mark.parametrize(
     ("pattern", "replacement", "message"),
     [
-        (r'from="A0" to="B0"', 'from="gone" to="B0"', r"a\.net\.xml:\d+: edge A0B0: from: there is no junction 'gone'"),
-        ("<junction .*</junction>", "", r"a\.net\.xml:\d+: edge A0A1: from: there is no junction 'A0'"),
+        ("<junction .*</junction>", "", r"that cars may drive on; edges from or to missing junctions were left out: 8"),
         (r'type="(priority|right_before_left)"', 'type="odd"', r"'A0' is not a valid node type\. \(and 3 more\)"),
         (r'(<junction id="B0" .*?x=")[^"]*', r"\g<1>9e7", r"a\.net\.xml: its edges span 90000 km; at most 100 km"),
         (r'(id="A0B0_0".*?shape=")[^"]*', r"\g<1>0,0 9e7,9e7", r"a\.net\.xml: its edges span 90000 km; at most 100 km"),

@@ -144,3 +144,20 @@ def test_levels_cut_strips_without_changing_their_heights(tmp_path: Path) -> Non
     assert Elevation(cut).height_m(np.array([(320.0, y) for y in offsets_m]), 1) == pytest.approx(
         _FALL * np.array(offsets_m), abs=0.005
     )
+
+
+def test_paths_of_pedestrians_around_a_junction_are_not_followed(tmp_path: Path) -> None:
+    around = """<edge id=":J_w0" function="walkingarea">
+      <lane id=":J_w0_0" index="0" allow="pedestrian" speed="1" length="1" width="2" shape="200,-8 204,-8 204,-5"/>
+    </edge>
+    <edge id=":J_c0" function="crossing">
+      <lane id=":J_c0_0" index="0" allow="pedestrian" speed="1" length="9" width="3" shape="204,-6 204,6"/></edge>
+    <connection from="AJ" to=":J_w0" fromLane="2" toLane="0" dir="s" state="M"/>
+    <connection from=":J_w0" to=":J_c0" fromLane="0" toLane="0" dir="s" state="M"/>
+    <connection from=":J_c0" to=":J_w0" fromLane="0" toLane="0" dir="s" state="M"/>"""
+    path = tmp_path / "ring.net.xml"
+    path.write_text(_STREET.format(third=around))
+    strips = {strip.id: strip for strip in layout_of(read_sumo_net(path)).strips}
+    assert strips["AJ_2"].right_m[-1, 2] == pytest.approx(-_FALL * 3.5), (
+        "the street continues as if they were not there"
+    )

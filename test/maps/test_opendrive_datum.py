@@ -51,6 +51,14 @@ def test_projections_are_accurate_to_a_centimeter(
     np.testing.assert_allclose(parts.datum.map_from_geodetic(*found), position_m, atol=1e-3)
 
 
+def test_a_reference_without_a_projection_is_transverse_mercator_as_in_carla(tmp_path: Path) -> None:
+    parts = import_sample(tmp_path, "+lat_0=4.9e1 +lon_0=8.0e0")
+    tmerc = "+proj=tmerc +lat_0=49 +lon_0=8 +k=1 +x_0=0 +y_0=0 +datum=WGS84"
+    truth = Transformer.from_crs(tmerc, "EPSG:4326", always_xy=True).transform(300.0, -200.0)
+    assert gap_m(parts, (300.0, -200.0, 0.0), *truth) < 0.01
+    assert any("names no projection: transverse Mercator" in note for note in parts.notes)
+
+
 def test_a_rotated_offset_rotates_the_map(tmp_path: Path) -> None:
     parts = import_sample(tmp_path, "EPSG:25832", '<offset x="600000" y="5300000" z="0" hdg="1.5707963267948966"/>')
     truth = Transformer.from_crs("EPSG:25832", "EPSG:4326", always_xy=True).transform(

@@ -94,6 +94,7 @@ def test_a_road_with_unusable_geometry_is_left_out_with_a_note(tmp_path: Path, w
             "connection of missing roads",
         ),
         ("<planView>", "<planView>" + sample.geometry(sample.LINE, 0.0), "geometry> without length"),
+        ("<planView>", "<planView>" + sample.geometry(sample.LINE, 7e-6), "geometry> that ends where it starts"),
     ],
 )
 def test_repairable_files_are_repaired_with_a_note(tmp_path: Path, old: str, new: str, note: str) -> None:
@@ -101,6 +102,25 @@ def test_repairable_files_are_repaired_with_a_note(tmp_path: Path, old: str, new
     (strip,) = parts.layout.strips
     np.testing.assert_allclose(strip.left_m[-1], [80.0, 50.0, 0.0])
     assert any(note in text for text in parts.notes)
+
+
+def test_two_long_geometries_at_the_same_distance_cost_only_their_road(tmp_path: Path) -> None:
+    twice = sample.geometry(sample.LINE, 5.0) + sample.geometry(sample.LINE, 10.0, y=9.0)
+    parts = import_text(tmp_path, sample.xodr(GOOD, sample.road(twice, 10.0, number="8")))
+    assert {strip.road for strip in parts.layout.strips} == {"7"}
+    assert any("two geometries start at the same s" in text for text in parts.notes)
+
+
+def test_the_steep_width_of_a_lane_section_of_micrometers_is_used(tmp_path: Path) -> None:
+    widths = {0.0: (3.5,), 40.0: (3.5, 0.0, -6e12, 4e18), 40.000001: (3.0,)}
+    lanes = {s: sample.lane(-1, inner=sample.linked(-1, -1) + sample.width(*width)) for s, width in widths.items()}
+    sections = "".join(sample.section(lane, s=s) for s, lane in lanes.items())
+    parts = import_text(tmp_path, sample.xodr(sample.straight_road(80.0, sections=sections)))
+    first, last = (strip for strip in parts.layout.strips)
+    assert first.following == (last.lane,)
+    for strip, width_m in ((first, 3.5), (last, 3.0)):
+        np.testing.assert_allclose(strip.left_m[:, 1] - strip.right_m[:, 1], width_m)
+    np.testing.assert_allclose(first.left_m[-1], last.left_m[0], atol=1e-5)
 
 
 @pytest.mark.slow

@@ -7,6 +7,8 @@ import sumolib
 from simbev_ros.errors import SimulationError
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.levels import assign_levels
+from simbev_ros.maps.sumo.layout import layout_of
 from simbev_ros.maps.sumo.net import read_sumo_net
 
 _NET = """<net version="1.20">
@@ -74,3 +76,12 @@ def test_sumos_own_reader_finds_the_same_lanes(blocks: RoadNetwork) -> None:
         followers = {link.getViaLaneID() or link.getToLane().getID() for link in lanes[lane.id].getOutgoing()}
         assert set(lane.successors) == followers
     assert all(np.isfinite(lane.centerline_m).all() for lane in blocks.lanes.values())
+
+
+def test_a_walking_area_without_area_is_a_strip_along_its_line(tmp_path: Path) -> None:
+    path = tmp_path / "small.net.xml"
+    path.write_text(_NET.replace("50,4 54,4 54,6", "50,4 54,4"))
+    layout = assign_levels(layout_of(read_sumo_net(path)), ())
+    strip = next(strip for strip in layout.strips if strip.id == ":B_w0_0")
+    assert strip.outline_m is None
+    np.testing.assert_allclose(strip.left_m[:, 1] - strip.right_m[:, 1], 2.0)

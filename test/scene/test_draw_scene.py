@@ -1,5 +1,6 @@
 """Drawn scenes are complete, repeatable, and follow the paper's rules."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -58,9 +59,14 @@ def test_vehicles_start_on_different_waypoints_within_the_radius(network: RoadNe
     assert np.linalg.norm(positions - positions[0], axis=1).max() <= 200
 
 
-def test_more_vehicles_than_free_positions_are_refused(network: RoadNetwork) -> None:
-    with pytest.raises(InputError, match=r"traffic.vehicles: 500 requested, but only \d+ positions are free within"):
-        draw_scene(scenario(traffic=Traffic(vehicles=500, spawn_radius_m=100)), PLANNED, network)
+def test_of_more_vehicles_than_free_positions_those_with_room_are_drawn(
+    network: RoadNetwork, caplog: pytest.LogCaptureFixture
+) -> None:
+    traffic = Traffic(vehicles=500, pedestrians=0, spawn_radius_m=100)
+    spec = draw_scene(scenario(traffic=traffic), PLANNED, network)
+    (message,) = caplog.messages
+    found = re.match(r"Blocks: room for (\d+) of 500 vehicles on lanes within spawn_radius_m 100 of the ego", message)
+    assert found and 5 < int(found[1]) < len(spec.vehicles) < 100
 
 
 def test_unknown_ego_blueprint_lists_the_vehicles(network: RoadNetwork) -> None:

@@ -16,6 +16,7 @@ from simbev_ros.scene.spec import WaypointSpec
 from simbev_ros.scene.state import Behavior, Light
 from simbev_ros.world.demand import demand_of
 from simbev_ros.world.simulation import Simulation
+from simbev_ros.world.sumo import traffic
 
 _STREET = "-grid.ring.11"
 
@@ -48,6 +49,14 @@ def plan_m(rows):
 
 def along(rows, x, y):
     return rows[x] * np.cos(rows["yaw"]) + rows[y] * np.sin(rows["yaw"])
+
+
+def test_a_jaywalker_walks_on_to_an_edge_that_is_shorter_than_the_usual_arrival(monkeypatch):
+    monkeypatch.setattr(traffic, "_ANY_ARRIVAL_M", 1e4)
+    actors, _ = meeting.__wrapped__(40.0, reckless=False)
+    last_crossed = np.flatnonzero(is_crossing(actors[:, 1]))[-1]
+    later_m = plan_m(actors[last_crossed + 1 :, 1])
+    assert np.hypot(*(later_m[-1] - later_m[0])) > 3.0
 
 
 def test_a_careful_driver_brakes_gently_for_a_jaywalker_and_then_drives_on():

@@ -7,6 +7,7 @@ the lanes of the layout.
 import re
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from xml.etree.ElementTree import ElementTree
 
@@ -22,6 +23,7 @@ from simbev_ros.maps.opendrive.reading.datum import datum_of
 from simbev_ros.maps.opendrive.reading.document import Document
 from simbev_ros.maps.opendrive.reading.reader import read_document
 from simbev_ros.maps.opendrive.reading.recentering import recenter
+from simbev_ros.maps.opendrive.reading.tables import LANE_KINDS, NO_TRAFFIC
 from simbev_ros.maps.opendrive.roadside import Carriageway, signal_places_of, signs_of
 from simbev_ros.maps.opendrive.signals import Signal, read_signals
 from simbev_ros.maps.opendrive.stop_lines import implied_stop_lines, signalled_stop_lines
@@ -30,6 +32,7 @@ from simbev_ros.maps.opendrive.surroundings import features_of
 from simbev_ros.maps.opendrive.traffic.approaches import Approaches
 from simbev_ros.maps.opendrive.traffic.traffic import traffic_of
 from simbev_ros.maps.parts import MapParts
+from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout
 from simbev_ros.maps.safe_xml import parse, place_of
 
@@ -47,13 +50,13 @@ def import_opendrive(path: Path, work: Path) -> MapParts:
     notes = Notes(path)
     root = parse(path, "OpenDRIVE")
     is_recentered = recenter(root, notes)
-    document = read_document(path, root, notes)
+    document = _with_roads_outside_junctions(read_document(path, root, notes), notes)
     links = LaneLinks(document)
     shapes = {shape.key: shape for shape in lane_shapes(document, notes)}
     strips = strips_of(document, shapes, links, notes)
     traffic = traffic_of(document, shapes, links, notes)
     if not traffic.is_drivable:
-        reasons = "".join(f"; {sentence}" for sentence in notes.sentences()[:3])
+        reasons = "".join(f"; {sentence}" for sentence in (_lane_types(document), *notes.sentences()[:3]))
         raise InputError(f"{place_of(path, root)}: it has no drivable lane{reasons}")
     approaches = Approaches(document, shapes, links)
     signals = read_signals(document, notes)
@@ -78,6 +81,21 @@ def import_opendrive(path: Path, work: Path) -> MapParts:
     datum = datum_of(root, notes)
     opendrive = _write(path, document, is_recentered, work)
     return MapParts(net, opendrive, datum, features_of(strips), layout, opendrive_of_net=False, notes=notes.sentences())
+
+
+def _with_roads_outside_junctions(document: Document, notes: Notes) -> Document:
+    """The document; if all its roads are inside junctions, as in a file of one turn, they are driven like others."""
+    if not document.roads or not all(road.junction for road in document.roads.values()):
+        return document
+    notes.add("all its roads are inside junctions; they are used as roads outside them")
+    return replace(document, roads={key: replace(road, junction="") for key, road in document.roads.items()})
+
+
+def _lane_types(document: Document) -> str:
+    """Says which types of lanes a document has, for an error."""
+    found = sorted({lane.type for _, _, lane in document.lanes()})
+    drivable = sorted(name for name, kind in LANE_KINDS.items() if kind is LaneKind.DRIVING and name not in NO_TRAFFIC)
+    return f"its lanes are of type {', '.join(found)[:200] or '(none)'}; drivable are {', '.join(drivable)}"
 
 
 def _edges_by_meaning(

@@ -21,3 +21,6 @@ WALKABLE_KINDS = (LaneKind.SIDEWALK, LaneKind.CROSSING, LaneKind.WALKING_AREA)
 
 ROAD_KINDS = (LaneKind.DRIVING, LaneKind.BICYCLE, LaneKind.PARKING)
 """Kinds of lanes that are labeled as road."""
+
+PAVED_KINDS = (*ROAD_KINDS, LaneKind.SHOULDER)
+"""Kinds of lanes between the curbs."""

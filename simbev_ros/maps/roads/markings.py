@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.maps.roads.bands import Border, painted_bands
-from simbev_ros.maps.roads.lane_kind import ROAD_KINDS, LaneKind
+from simbev_ros.maps.roads.lane_kind import PAVED_KINDS, LaneKind
 from simbev_ros.maps.roads.layout import Crosswalk, Layout, Paint, PaintColor, Strip
 from simbev_ros.maps.roads.surface import crosswalk_polygons
 from simbev_ros.types import AnyArray, Float64Array
@@ -24,7 +24,6 @@ _TOOTH_M, _TOOTH_GAP_M, _TOOTH_LENGTH_M = 0.5, 0.3, 0.7
 _STRIPE_M, _STRIPE_GAP_M = 0.5, 0.5
 _STRIPE_MARGIN_M = 0.25  # clearance at both ends of a stripe
 _INSET_M = 0.1  # distance from a curb or from the edge of the asphalt
-_ASPHALT = (*ROAD_KINDS, LaneKind.SHOULDER)
 _MIN_THICKNESS_M = 0.02
 _OVERLAP_M2 = 1e-6
 _MAX_NODE_GAP_M, _MIN_GAP_M, _MIN_STRAIGHT_COSINE = (
@@ -109,7 +108,7 @@ def _sides(strip: Strip, by_lane: Mapping[str, Strip]) -> Iterator[PaintedSide]:
         if line.paint in (Paint.NONE, Paint.CURB):
             continue
         kind, inset_m = MarkingKind.LANE, 0.0
-        if neighbor is None or neighbor.kind not in _ASPHALT:
+        if neighbor is None or neighbor.kind not in PAVED_KINDS:
             kind = MarkingKind.EDGE
             inset_m = 0.0 if strip.junction else _INSET_M + line.width_m / 2.0
         elif neighbor.kind is LaneKind.SHOULDER or strip.kind is LaneKind.SHOULDER:

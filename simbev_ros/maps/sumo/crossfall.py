@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simbev_ros.maps.network import Lane
-from simbev_ros.maps.roads.lane_kind import ROAD_KINDS, LaneKind
+from simbev_ros.maps.network import Lane, paths_beyond
+from simbev_ros.maps.roads.lane_kind import PAVED_KINDS
 from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.maps.sumo.net import SumoNet
 from simbev_ros.types import Float64Array
@@ -25,7 +25,6 @@ _MIN_FADE_M = 15.0
 _NUM_FADE_STEPS = 6  # linear steps in which it fades
 _MIN_SPACING_M = 1.0  # spacing of added points
 _HEIGHT_TOLERANCE_M = 0.01
-_CARRIAGEWAY = (*ROAD_KINDS, LaneKind.SHOULDER)
 
 
 @dataclass(frozen=True)
@@ -54,7 +53,7 @@ class Crossfall:
         fade_m = np.full(len(row), _MIN_FADE_M)
         outside = {edge: edges[edge][::-1] for edge in net.edge_ends if edge in edges}
         for lanes in outside.values():
-            falls_m = np.array([CROSSFALL * lane.width_m * (lane.kind in _CARRIAGEWAY) for lane in lanes])
+            falls_m = np.array([CROSSFALL * lane.width_m * (lane.kind in PAVED_KINDS) for lane in lanes])
             foot_m = np.cumsum(falls_m)
             below_m[[row[lane.id] for lane in lanes]] = np.column_stack([foot_m - falls_m, foot_m])
         continued = _continued(net, dict(zip(row, below_m, strict=True)))
@@ -132,15 +131,6 @@ def _continued(net: SumoNet, below_m: Mapping[str, Float64Array]) -> frozenset[s
 def _paths(net: SumoNet) -> Iterator[tuple[str, str, tuple[str, ...]]]:
     """Yield each carriageway lane, the junction that it leads to, and its paths through it to a lane beyond."""
     for lane in net.lanes.values():
-        if lane.kind in _CARRIAGEWAY and lane.edge in net.edge_ends:
-            for path in _paths_beyond(net, lane):
+        if lane.kind in PAVED_KINDS and lane.edge in net.edge_ends:
+            for path in paths_beyond(lane, net.lanes):
                 yield lane.id, net.edge_ends[lane.edge][1], path
-
-
-def _paths_beyond(net: SumoNet, lane: Lane) -> Iterator[tuple[str, ...]]:
-    """Yield the lanes that follow each other after a lane, up to the first ones outside junctions."""
-    for following in lane.successors:
-        if net.lanes[following].junction:
-            yield from ((following, *path) for path in _paths_beyond(net, net.lanes[following]))
-        else:
-            yield (following,)

@@ -192,10 +192,16 @@ def _lane(
         speed_mps=float(lane["speed"]),
         junction=edge["id"][1:].rsplit("_", 1)[0] if edge["id"].startswith(":") else "",
         successors=successors,
-        outline_m=shape_m[:, :2] if kind is LaneKind.WALKING_AREA else None,
+        outline_m=_outline_m(shape_m) if kind is LaneKind.WALKING_AREA else None,
         sumo_s_per_m=float(lane["length"]) / max(length_m, _MIN_STEP_M),
         classes=open_to(allow, disallow),
     )
+
+
+def _outline_m(shape_m: Float64Array) -> Float64Array | None:
+    """(M, 2) outline of a walking area; None if it has no area, as netconvert writes where curbs touch."""
+    outline_m = shape_m[:, :2]
+    return outline_m if len(np.unique(outline_m, axis=0)) > 2 else None
 
 
 @cache

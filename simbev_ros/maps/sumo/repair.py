@@ -1,17 +1,18 @@
 """Checks a user's SUMO net and repairs it where possible, before netconvert reads it.
 
-Every error names file, line and problem; every repair is reported as a sentence for the user.
+What cannot be used is left out; every repair and omission is reported as a sentence for the user.
 """
 
 import math
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from pathlib import Path
-from typing import NoReturn
 from xml.etree.ElementTree import Element
 
 import numpy as np
 
 from simbev_ros.errors import InputError
+from simbev_ros.limits import MAX_LANES_PER_EDGE
 from simbev_ros.maps.safe_xml import place_of
 from simbev_ros.maps.sumo.islands import on_mainland
 from simbev_ros.types import Float64Array
@@ -23,6 +24,10 @@ _MIN_SPEED_MPS, _MAX_SPEED_MPS = 0.5, 150.0
 _DEFAULT_WIDTH_M = 3.2
 _DEFAULT_SPEED_MPS = 13.89
 _MAX_COORDINATE_M = 1e8
+_SPECIAL_CLASSES = frozenset(
+    ("private", "authority", "army", "vip", "hov", "taxi", "evehicle", "emergency", "custom1", "custom2")
+)
+_CAR_CLASSES = "passenger delivery truck bus motorcycle"
 
 
 class NetFile:
@@ -39,29 +44,30 @@ class NetFile:
         self._junctions = self._unique("junction")
 
     def repair(self) -> None:
-        """Check everything that is read later; remove what cannot be built or reached.
+        """Check everything that is read later; remove what cannot be built or reached, with a note.
 
         Raises:
-            InputError: An id appears twice, a number is invalid, an edge has no start or end junction, a lane has no
-                shape, or there is no lane for cars.
+            InputError: No lane for cars is left.
         """
         self._root.attrib.setdefault("version", "1.20")
-        lines = {lane: self._points(lane, "shape") for edge in self._streets() for lane in edge.iter("lane")}
+        self._leave_out_junctions()
+        faults: dict[str, list[Element]] = defaultdict(list)
         for edge in self._streets():
-            self._check_edge(edge)
-        for lane, points in lines.items():
-            if len(points) < 2:
-                self._refuse(lane, f"lane {lane.get('id')}: shape: needs at least two points")
-        self._repair_lanes(list(lines))
+            if fault := self._fault_of(edge):
+                faults[fault].append(edge)
+        for fault, edges in faults.items():
+            self._leave_out(edges, fault)
+        self._repair_lanes(list(self.lanes()))
         if dangling := self._remove_dangling_connections():
             self.notes.append(f"connections with missing lanes were left out: {_summarize(dangling)}")
+        self._open_to_cars()
         self._leave_out(
             [edge for edge in self._streets() if not any(map(_on_land, edge.iter("lane")))], "not for roads"
         )
-        if not any(for_cars(lane) for lane in self.lanes()):
-            raise InputError(f"{self._path}: has no lanes that cars may drive on")
-        length_m = {edge: _length_m(lines[next(edge.iter("lane"))]) for edge in self._streets()}
+        self._require_lanes_for_cars()
+        length_m = {edge: _length_m(self._points(next(edge.iter("lane")), "shape")) for edge in self._streets()}
         self._leave_out([edge for edge, length in length_m.items() if length < _MIN_LENGTH_M], "without length")
+        self._require_lanes_for_cars()
         self._leave_out_islands(length_m)
         self._remove_dangling_connections()
 
@@ -92,41 +98,68 @@ class NetFile:
             yield junction, "", self._position(junction)
         for element in (*self._junctions.values(), *self._edges.values(), *self._root.iter("lane")):
             if element.get("shape"):
-                yield element, "shape", self._points(element, "shape")
+                points_m = self._points(element, "shape")
+                if np.isfinite(points_m).all():
+                    yield element, "shape", points_m
+                else:
+                    del element.attrib["shape"]  # of a junction or a lane inside one: netconvert makes its own
 
     def _streets(self) -> Iterator[Element]:
         """Edges outside junctions."""
         return (edge for edge in self._edges.values() if edge.get("function") in (None, "normal", "connector"))
 
     def _unique(self, tag: str) -> dict[str, Element]:
+        """Elements by id; those without an id, or with one that is taken, are removed."""
         found: dict[str, Element] = {}
+        superfluous: list[Element] = []
         for element in self._root.findall(tag):
             name = element.get("id")
-            if not name:
-                self._refuse(element, f"{tag}: id: is missing")
-            if name in found:
-                self._refuse(element, f"{tag} {name}: appears twice; the other is {place_of(self._path, found[name])}")
-            found[name] = element
+            if not name or name in found:
+                superfluous.append(element)
+            else:
+                found[name] = element
+        self._remove(set(superfluous))
+        if superfluous:
+            self.notes.append(
+                f"{place_of(Path(self._path.name), superfluous[0])}: {tag}s without an id of their own were left out: "
+                f"{_summarize_ids(superfluous)}"
+            )
         return found
 
-    def _check_edge(self, edge: Element) -> None:
-        for end in ("from", "to"):
-            if edge.get(end) not in self._junctions:
-                self._refuse(edge, f"edge {edge.get('id')}: {end}: there is no junction {edge.get(end)!r}")
-        if edge.find("lane") is None:
-            self._refuse(edge, f"edge {edge.get('id')}: has no lanes")
+    def _leave_out_junctions(self) -> None:
+        """Remove the junctions without a position."""
+        lost = {name for name, junction in self._junctions.items() if not np.isfinite(self._position(junction)).all()}
+        self._remove({self._junctions[name] for name in lost})
+        for name in lost:
+            del self._junctions[name]
+        if lost:
+            self.notes.append(f"junctions without a position were left out: {_summarize(lost)}")
+
+    def _fault_of(self, edge: Element) -> str:
+        """What makes an edge unusable, or ""."""
+        lanes = edge.findall("lane")
+        if any(edge.get(end) not in self._junctions for end in ("from", "to")):
+            return "from or to missing junctions"
+        if not lanes:
+            return "without lanes"
+        if len(lanes) > MAX_LANES_PER_EDGE:
+            return f"with more than {MAX_LANES_PER_EDGE} lanes"
+        shapes_m = [self._points(lane, "shape") for lane in lanes]
+        if any(len(points_m) < 2 or not np.isfinite(points_m).all() for points_m in shapes_m):
+            return "with a lane whose shape is not at least two points x,y or x,y,z in meters"
+        if any(self._number(lane, "width", _DEFAULT_WIDTH_M) > _MAX_WIDTH_M for lane in lanes):
+            return f"with a lane wider than {_MAX_WIDTH_M:g} m"
+        return ""
 
     def _repair_lanes(self, lanes: list[Element]) -> None:
         """Replace implausible widths, speeds and lengths by SUMO's defaults."""
-        narrow = [lane for lane in lanes if self._number(lane, "width", _DEFAULT_WIDTH_M) < _MIN_WIDTH_M]
+        narrow = [lane for lane in lanes if not self._number(lane, "width", _DEFAULT_WIDTH_M) >= _MIN_WIDTH_M]
         speeds_mps = {lane: self._number(lane, "speed", _DEFAULT_SPEED_MPS) for lane in lanes}
         implausible = [
             lane for lane, speed_mps in speeds_mps.items() if not _MIN_SPEED_MPS <= speed_mps <= _MAX_SPEED_MPS
         ]
         for lane in lanes:
-            if self._number(lane, "width", _DEFAULT_WIDTH_M) > _MAX_WIDTH_M:
-                self._refuse(lane, f"lane {lane.get('id')}: width: is above {_MAX_WIDTH_M:g} m")
-            if self._number(lane, "length", _MIN_LENGTH_M) < _MIN_LENGTH_M:
+            if not self._number(lane, "length", _MIN_LENGTH_M) >= _MIN_LENGTH_M:
                 del lane.attrib["length"]
         for lane in narrow:
             del lane.attrib["width"]
@@ -139,6 +172,21 @@ class NetFile:
             self.notes.append(
                 f"lanes with a speed limit {limits} were given {_DEFAULT_SPEED_MPS} m/s: {_summarize_ids(implausible)}"
             )
+
+    def _open_to_cars(self) -> None:
+        """If no lane is for cars, open those for special vehicles, as of race tracks, to them."""
+        if any(for_cars(lane) for lane in self.lanes()):
+            return
+        special = [lane for lane in self.lanes() if _SPECIAL_CLASSES & set(lane.get("allow", "").split())]
+        for lane in special:
+            lane.set("allow", f"{lane.get('allow')} {_CAR_CLASSES}")
+        if special:
+            self.notes.append(f"no lane is for cars; lanes for special vehicles were opened: {_summarize_ids(special)}")
+
+    def _require_lanes_for_cars(self) -> None:
+        if not any(for_cars(lane) for lane in self.lanes()):
+            reasons = "".join(f"; {note}" for note in self.notes[:3])
+            raise InputError(f"{self._path}: has no lanes that cars may drive on{reasons}")
 
     def _leave_out_islands(self, length_m: Mapping[Element, float]) -> None:
         """Keep only the largest connected part of the net."""
@@ -167,10 +215,10 @@ class NetFile:
         dangling, missing_lanes = set(), set()
         for connection in self._root.findall("connection"):
             for end in ("from", "to"):
-                edge, lane = connection.get(end, ""), self._number(connection, f"{end}Lane", 0.0)
-                if lane >= count.get(edge, 0):
+                edge, lane = connection.get(end, ""), connection.get(f"{end}Lane", "0")
+                if not (lane.isdecimal() and int(lane) < count.get(edge, 0)):
                     dangling.add(connection)
-                    missing_lanes.add(f"{edge}_{lane:g}")
+                    missing_lanes.add(f"{edge}_{lane}")
         self._remove(dangling)
         return missing_lanes
 
@@ -178,34 +226,25 @@ class NetFile:
         self._root[:] = [child for child in self._root if child not in elements]
 
     def _position(self, junction: Element) -> Float64Array:
-        """(1, 3) position of a junction."""
+        """(1, 3) position of a junction; NaN where it is not a number."""
         return np.array([[self._number(junction, axis, 0.0) for axis in "xyz"]])
 
     def _points(self, element: Element, attribute: str) -> Float64Array:
-        """(N, 3) points of "x,y x,y" or "x,y,z x,y,z"; an empty array if there are none."""
+        """(N, 3) points of "x,y x,y" or "x,y,z x,y,z"; empty if there are none, one of NaN if they are invalid."""
         try:
             points = [[float(value) for value in point.split(",")] for point in element.get(attribute, "").split()]
             array = np.array([(*point, 0.0) if len(point) == 2 else point for point in points]).reshape(-1, 3)
         except ValueError:
-            array = np.full((1, 3), np.nan)
-        if not np.all(np.abs(array) < _MAX_COORDINATE_M):
-            self._refuse(element, f"{_name(element)}: {attribute}: must be points x,y or x,y,z in meters")
-        return array
+            return np.full((1, 3), np.nan)
+        return array if np.all(np.abs(array) < _MAX_COORDINATE_M) else np.full((1, 3), np.nan)
 
-    def _number(self, element: Element, attribute: str, default: float | None = None) -> float:
-        text = element.get(attribute)
-        if text is None and default is not None:
-            return default
+    def _number(self, element: Element, attribute: str, default: float) -> float:
+        """A number of an element, or NaN if it is invalid."""
         try:
-            value = float(text or "")
+            value = float(element.get(attribute, default))
         except ValueError:
-            value = math.nan
-        if not abs(value) < _MAX_COORDINATE_M:
-            self._refuse(element, f"{_name(element)}: {attribute}: must be a number, not {text!r}")
-        return value
-
-    def _refuse(self, element: Element, problem: str) -> NoReturn:
-        raise InputError(f"{place_of(self._path, element)}: {problem}")
+            return math.nan
+        return value if abs(value) < _MAX_COORDINATE_M else math.nan
 
 
 def for_cars(lane: Element) -> bool:

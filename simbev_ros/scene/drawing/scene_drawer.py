@@ -10,7 +10,6 @@ import numpy as np
 
 from simbev_ros.config.draw import sample
 from simbev_ros.config.scenario import Scenario, Traffic
-from simbev_ros.errors import InputError
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.random import stream
 from simbev_ros.scene.blueprints import Blueprint, blueprint_named, load_blueprints
@@ -65,10 +64,7 @@ class SceneDrawer:
     def draw_vehicles(self, hazards: DrawnHazards, clearance: StartClearance) -> Iterator[VehicleSpec]:
         """Draw vehicles at free positions outside hazard areas, each of a kind that may drive there.
 
-        They occupy their starts in ``clearance``.
-
-        Raises:
-            InputError: More vehicles are requested than there are free positions.
+        They occupy their starts in ``clearance``. Fewer than requested, with a warning, if there is no room.
         """
         positions, closed = self.starts.vehicles, hazards.closed_edges
         usable = self.starts.usable(self.duration_s, closed)
@@ -89,7 +85,11 @@ class SceneDrawer:
                 yield vehicle
                 drawn_count += 1
         if drawn_count < count:
-            _LOGGER.warning("room for %d of %d vehicles around the ego", drawn_count, count)
+            _LOGGER.warning(
+                "%s: room for %d of %d vehicles on lanes within spawn_radius_m %g of the ego, at waypoint_spacing_m %g",
+                *(self.network.name, drawn_count, count),
+                *(self._traffic.spawn_radius_m, self._traffic.waypoint_spacing_m),
+            )
 
     def draw_pedestrians(self, clearance: StartClearance) -> Iterator[PedestrianSpec]:
         """Draw pedestrians on sidewalks around the ego; fewer than requested, with a warning, if there is no room."""
@@ -125,11 +125,6 @@ class SceneDrawer:
             count = int(rng.integers(0, max(free_count - 3, 0), endpoint=True))
         else:
             count = round(sample(traffic.vehicles, rng))
-        if count > free_count:
-            raise InputError(
-                f"traffic.vehicles: {count} requested, but only {free_count} positions are free within "
-                f"spawn_radius_m {traffic.spawn_radius_m:g} at waypoint_spacing_m {traffic.waypoint_spacing_m:g}"
-            )
         return count
 
     def _requested_pedestrians(self) -> int:

@@ -20,6 +20,7 @@ WHOLE_M, DETAIL_M = 720.0, 560.0
 """Maximum side of a map whose orthophoto shows all of it, and the side of the shown square of a larger map."""
 _SIDE_PX, _GAP_PX = 900, 12
 _MARGIN = 1.06
+_MIN_SIDE_M = 120.0  # a single short road is shown with what stands around it
 _BAR_PX = 0.22
 _DARK: Color = (40, 40, 44)
 _LIGHT: Color = (250, 250, 250)
@@ -53,7 +54,7 @@ def bounding_square(network: RoadNetwork) -> tuple[Float64Array, float]:
     """(2,) center, map frame, and side of the square that contains all lanes, with a margin; meters."""
     points_m = np.concatenate([lane.centerline_m[:, :2] for lane in network.lanes.values()])
     low_m, high_m = points_m.min(axis=0), points_m.max(axis=0)
-    return (low_m + high_m) / 2.0, float((high_m - low_m).max()) * _MARGIN
+    return (low_m + high_m) / 2.0, max(float((high_m - low_m).max()) * _MARGIN, _MIN_SIDE_M)
 
 
 def write_picture(path: Path, picture: UInt8Array) -> None:

@@ -313,7 +313,9 @@ class SumoTraffic:
         name = f"{kind}.{int(before.partition('.')[2] or 0) + 1}"
         try:
             libsumo.person.add(name, edges[0], position_m, typeID=kind)
-            libsumo.person.appendWalkingStage(name, list(edges), _ANY_ARRIVAL_M if arrival_m is None else arrival_m)
+            length_m = libsumo.lane.getLength(f"{edges[-1]}_0")  # of all lanes of the edge; maybe a few centimeters
+            arrival_m = min(_ANY_ARRIVAL_M if arrival_m is None else arrival_m, length_m)
+            libsumo.person.appendWalkingStage(name, list(edges), arrival_m)
             libsumo.person.appendWaitingStage(name, _FOREVER_S)
             libsumo.person.subscribe(name, [libsumo.VAR_POSITION3D])
         except _FAILURES as error:

@@ -41,11 +41,11 @@ class Notes:
         )
 
 
-def number(element: Element, name: str, default: float | None = None) -> float:
+def number(element: Element, name: str, default: float | None = None, max_abs: float = _MAX_ABS) -> float:
     """The attribute as a finite number.
 
     Raises:
-        Malformed: It is missing without a default, or is not a finite number of at most 1e9.
+        Malformed: It is missing without a default, or is not a finite number of at most ``max_abs``.
     """
     text = element.get(name)
     if text is None:
@@ -54,8 +54,8 @@ def number(element: Element, name: str, default: float | None = None) -> float:
         value = float(text)
     except ValueError:
         _refuse(element, f"{name}={text[:40]!r} is not a number")
-    if not math.isfinite(value) or abs(value) > _MAX_ABS:
-        _refuse(element, f"{name}={text[:40]!r} is not a finite number of at most 1e9")
+    if not math.isfinite(value) or abs(value) > max_abs:
+        _refuse(element, f"{name}={text[:40]!r} is not a finite number of at most 1e{math.log10(max_abs):.0f}")
     return value
 
 

@@ -10,6 +10,9 @@ import numpy as np
 from simbev_ros.maps.opendrive.reading.attributes import number
 from simbev_ros.types import Float64Array
 
+_MAX_COEFFICIENT = 1e24
+"""Editors write such coefficients for pieces of a few micrometers."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cubics:
@@ -32,7 +35,7 @@ class Cubics:
         Raises:
             Malformed: An attribute is not a number, or the start is missing.
         """
-        rows = {number(e, start): [number(e, name, 0.0) for name in "abcd"] for e in elements}
+        rows = {number(e, start): [number(e, name, 0.0, _MAX_COEFFICIENT) for name in "abcd"] for e in elements}
         starts_m = np.array(sorted(rows), np.float64)
         return cls(starts_m, np.array([rows[start_m] for start_m in starts_m], np.float64).reshape(-1, 4))
 

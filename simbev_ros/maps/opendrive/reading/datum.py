@@ -29,6 +29,9 @@ def datum_of(root: Element, notes: Notes) -> MapDatum:
         return _UNKNOWN
     try:
         x_m, y_m, z_m, heading_rad = offset_of(header)
+        if text.startswith("+") and "+proj=" not in text and "+lat_0=" in text:
+            text = f"+proj=tmerc +datum=WGS84 {text}"  # as CARLA reads it
+            notes.add("its geoReference names no projection: transverse Mercator is used", reference)
         crs = CRS.from_user_input(_VERTICAL.sub("", text) if text.startswith("+") else text)
         if not crs.is_projected and "+proj=" in text and crs.is_geographic:
             raise ProjError("it is not a projection to meters")

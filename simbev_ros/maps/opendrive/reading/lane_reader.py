@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import TypeVar
 from xml.etree.ElementTree import Element
 
+from simbev_ros.limits import MAX_SECTIONS_PER_M
 from simbev_ros.maps.opendrive.reading.attributes import Malformed, Notes, integer_id, number
 from simbev_ros.maps.opendrive.reading.cubics import Cubics
 from simbev_ros.maps.opendrive.reading.document import LaneRecord, Section
@@ -11,6 +12,7 @@ from simbev_ros.maps.opendrive.reading.tables import LANE_KINDS, PAINT_COLORS, P
 from simbev_ros.maps.roads.layout import Line, Paint
 
 _T = TypeVar("_T")
+_FEW_SECTIONS = 100
 _MAX_PAINT_WIDTH_M = 1.0
 _MAX_SPEED_MPS = 150.0
 
@@ -26,6 +28,10 @@ def read_sections(road: Element, length_m: float, notes: Notes) -> tuple[tuple[S
     elements = sorted(road.findall("lanes/laneSection"), key=lambda element: number(element, "s"))
     if not elements:
         raise Malformed(road, "it has no lane section")
+    if len(elements) > _FEW_SECTIONS + MAX_SECTIONS_PER_M * length_m:
+        raise Malformed(
+            road, f"it has {len(elements)} lane sections; at most {MAX_SECTIONS_PER_M:g} per meter are read"
+        )
     starts_m = [0.0, *(number(element, "s") for element in elements[1:])]
     indexed = [(k, s_m, e) for k, (s_m, e) in enumerate(zip(starts_m, elements, strict=True)) if s_m < length_m]
     if len(indexed) < len(elements):

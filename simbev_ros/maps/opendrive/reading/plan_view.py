@@ -1,8 +1,9 @@
 """Evaluates the reference line of a road in plan view: joined lines, arcs, spirals and cubic polynomials."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import groupby
 from typing import Self
 from xml.etree.ElementTree import Element
 
@@ -15,6 +16,7 @@ from simbev_ros.types import AnyArray, Float64Array
 _MAX_TURN_RAD = 26.0  # four turns, more than any single piece of a car park ramp
 _TABLE_STEP_M = 0.25
 _MIN_LENGTH_M = 1e-6
+_MAX_SPLINTER_M = 1e-3  # rounding of s in a file merges pieces as short as this with the next one
 _MAX_MITER_RAD = np.radians(60.0)
 _GAP_M = 0.05
 
@@ -52,9 +54,8 @@ class PlanView:
         pieces = sorted((g for e in elements for g in [_geometry(e, notes)] if g is not None), key=lambda g: g.start_m)
         if not pieces:
             raise Malformed(road, "it has no geometry")
+        pieces = list(_without_coinciding(pieces, road, notes))
         starts_m = np.array([piece.start_m for piece in pieces])
-        if np.any(np.diff(starts_m) <= 0.0):
-            raise Malformed(road, "two geometries start at the same s")
         ends = [_evaluate_end(piece, next_start_m) for piece, next_start_m in zip(pieces, starts_m[1:], strict=False)]
         turns_rad = [_wrapped(b.heading_rad - heading) for b, (_, heading) in zip(pieces[1:], ends, strict=True)]
         if any(abs(b.origin - point) > _GAP_M for b, (point, _) in zip(pieces[1:], ends, strict=True)):
@@ -115,6 +116,21 @@ def _geometry(element: Element, notes: Notes) -> _Geometry | None:
     origin = complex(number(element, "x"), number(element, "y"))
     curve = _SHAPES[shape.tag](shape, length_m)
     return _Geometry(number(element, "s"), length_m, origin, number(element, "hdg"), curve)
+
+
+def _without_coinciding(pieces: list[_Geometry], road: Element, notes: Notes) -> Iterator[_Geometry]:
+    """Yield pieces in ascending order, of those that start at the same s only the one with a length.
+
+    Raises:
+        Malformed: Several of them have a length.
+    """
+    for _, group in groupby(pieces, key=lambda piece: piece.start_m):
+        coinciding = sorted(group, key=lambda piece: piece.length_m)
+        if len(coinciding) > 1 and coinciding[-2].length_m > _MAX_SPLINTER_M:
+            raise Malformed(road, "two geometries start at the same s")
+        for _ in coinciding[:-1]:
+            notes.add("a <geometry> that ends where it starts is left out", road, f"road {road.get('id')}")
+        yield coinciding[-1]
 
 
 def _evaluate_end(piece: _Geometry, next_start_m: float) -> tuple[complex, float]:

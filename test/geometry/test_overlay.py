@@ -1,0 +1,62 @@
+"""Overlays of geometry that GEOS accepts are GEOS's; of other geometry they have the areas worked by hand."""
+
+import numpy as np
+import pytest
+import shapely
+from shapely import GeometryCollection, LineString, MultiPolygon, Polygon
+
+from simbev_ros.geometry import overlay
+
+SQUARE = shapely.box(0.0, 0.0, 4.0, 4.0)
+BOW_TIE = Polygon([(0, 0), (4, 4), (4, 0), (0, 4)])
+"""Two triangles of 4 m² that touch at (2, 2), left and right."""
+MIXED = GeometryCollection([shapely.box(2.0, 0.0, 6.0, 4.0), LineString([(0, 1), (9, 1)])])
+"""A square of 16 m² and a line."""
+OVERLAPPING = MultiPolygon([shapely.box(0.0, 0.0, 2.0, 4.0), shapely.box(1.0, 0.0, 3.0, 4.0)])
+"""An invalid multipolygon that covers 12 m²."""
+
+
+def test_valid_geometry_gives_the_results_of_shapely() -> None:
+    rng = np.random.default_rng(3)
+    corners_m = rng.uniform(-5.0, 5.0, (60, 5, 2))
+    areas = shapely.convex_hull(shapely.multipoints(corners_m.reshape(-1, 2), indices=np.repeat(np.arange(60), 5)))
+    for name in ("intersection", "difference", "union"):
+        found, expected = (getattr(library, name)(areas[:30], areas[30:]) for library in (overlay, shapely))
+        assert shapely.equals_exact(found, expected).all()
+    assert overlay.union_all(areas).equals_exact(shapely.union_all(areas), 0.0)
+
+
+@pytest.mark.parametrize(
+    ("operation", "a", "b", "area_m2"),
+    [
+        ("intersection", SQUARE, MIXED, 8.0),
+        ("difference", MIXED, SQUARE, 8.0),
+        ("union", MIXED, SQUARE, 24.0),
+        ("difference", SQUARE, BOW_TIE, 8.0),
+        ("intersection", BOW_TIE, shapely.box(0.0, 0.0, 2.0, 4.0), 4.0),
+        ("union", BOW_TIE, shapely.box(1.0, -1.0, 3.0, 5.0), 8.0 + 12.0 - 2.0),
+        ("difference", SQUARE, OVERLAPPING, 4.0),
+    ],
+)
+def test_what_geos_rejects_or_miscounts_has_the_area_of_the_repaired_geometry(
+    operation: str, a: shapely.Geometry, b: shapely.Geometry, area_m2: float
+) -> None:
+    found = getattr(overlay, operation)(a, b)
+    assert found.is_valid
+    assert found.area == pytest.approx(area_m2, abs=1e-4)
+
+
+def test_an_array_is_repaired_only_where_it_has_to_be() -> None:
+    found = overlay.intersection(np.array([SQUARE, MIXED]), shapely.box(3.0, 0.0, 9.0, 2.0))
+    assert shapely.area(found).tolist() == pytest.approx([2.0, 6.0])
+
+
+def test_many_areas_of_which_one_is_mixed_are_merged() -> None:
+    assert overlay.union_all([SQUARE, MIXED, BOW_TIE]).area == pytest.approx(24.0, abs=1e-4)
+
+
+def test_repaired_geometry_keeps_what_has_the_highest_dimension() -> None:
+    assert overlay.repair(MIXED).equals(shapely.box(2.0, 0.0, 6.0, 4.0))
+    assert overlay.repair(BOW_TIE).area == pytest.approx(8.0)
+    assert overlay.repair(SQUARE) is SQUARE
+    assert overlay.repair(Polygon()).is_empty

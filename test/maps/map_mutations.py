@@ -1,0 +1,313 @@
+"""Mutates valid maps as editors and converters damage them, and builds what comes of it.
+
+Points are nudged, elements dropped, duplicated or split, sequences reversed, values scaled, shapes made to cross
+themselves. ``python test/maps/map_mutations.py --cases 2000`` tries many, in parallel, and lists the finds.
+"""
+
+import argparse
+import collections
+import copy
+import multiprocessing
+import random
+import shutil
+import subprocess
+import sys
+import tempfile
+import traceback
+import warnings
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from xml.etree.ElementTree import Element, ElementTree, fromstring
+
+import xodr_sample as xodr
+
+from simbev_ros.assets.regions.build import build_region
+from simbev_ros.assets.regions.far_land import far_land
+from simbev_ros.errors import InputError
+from simbev_ros.maps.build import load_network
+from simbev_ros.maps.land.terrain import Terrain
+from simbev_ros.maps.region import regions_of
+from simbev_ros.maps.source import map_spec
+from simbev_ros.maps.sumo.netconvert import sumo_home
+
+SUFFIXES = (".osm", ".xodr", ".net.xml")
+_MAX_STEPS = 4
+_MAX_REGIONS = 2
+_DEGREES_PER_M = 1e-5
+_FACTORS = (0.0, -1.0, 1e-6, 0.1, 0.5, 0.999999, 2.0, 10.0, 1e3)
+
+
+def sample(suffix: str) -> str:
+    """A valid map: a small town with a river, roads with all kinds of geometry, or a grid with bends."""
+    if suffix == ".osm":
+        return (Path(__file__).parent / "data" / "riverside.osm").read_text(encoding="utf-8")
+    return _roads() if suffix == ".xodr" else _grid()
+
+
+def mutated(text: str, seed: int) -> bytes:
+    """A map with one to four mutations."""
+    root, rng = fromstring(text), random.Random(seed)
+    for _ in range(rng.randint(1, _MAX_STEPS)):
+        rng.choice(_STEPS)(root, rng)
+    with tempfile.TemporaryFile() as stream:
+        ElementTree(root).write(stream, encoding="utf-8")
+        stream.seek(0)
+        return stream.read()
+
+
+def build_everything(path: Path, cache_dir: Path) -> bool:
+    """Build the roads of a map and up to two of its regions; whether it opens.
+
+    Any exception other than an InputError is a find.
+    """
+    spec = map_spec(str(path))
+    try:
+        network = load_network(spec, cache_dir)
+    except InputError as error:
+        assert "\n" not in str(error)
+        return False
+    terrain = Terrain(network)
+    regions = regions_of(network.layout)
+    for region in regions[:: max(len(regions) // _MAX_REGIONS, 1)][:_MAX_REGIONS]:
+        build_region(network, region, terrain)
+    far_land(network, terrain)
+    return True
+
+
+def _nudge(root: Element, rng: random.Random) -> None:
+    """Move a point, or change another number, a little or a lot."""
+    element = _pick(root, rng, _has_numbers)
+    if element is None:
+        return
+    amount_m = rng.choice([-1.0, 1.0]) * 10.0 ** rng.uniform(-6.0, 3.0)
+    if element.get("shape"):
+        points = _points(element)
+        points[rng.randrange(len(points))][rng.randrange(2)] += amount_m
+        _set_points(element, points)
+        return
+    name = rng.choice(_numeric(element))
+    scale = _DEGREES_PER_M if name in ("lat", "lon") else 1.0
+    element.set(name, repr(float(element.attrib[name]) + amount_m * scale))
+
+
+def _scale(root: Element, rng: random.Random) -> None:
+    """Multiply a number, or the same number of all elements of the kind."""
+    element = _pick(root, rng, lambda each: bool(_numeric(each)))
+    if element is None:
+        return
+    name, factor = rng.choice(_numeric(element)), rng.choice(_FACTORS)
+    for each in root.iter(element.tag) if rng.randrange(4) == 0 else [element]:
+        if name in _numeric(each):
+            each.set(name, repr(float(each.attrib[name]) * factor))
+
+
+def _drop(root: Element, rng: random.Random) -> None:
+    parent = _pick(root, rng, lambda each: len(each) > 0)
+    if parent is not None and rng.randrange(3):
+        parent.remove(rng.choice(list(parent)))
+    elif (element := _pick(root, rng, lambda each: bool(each.attrib))) is not None:
+        del element.attrib[rng.choice(sorted(element.attrib))]
+
+
+def _duplicate(root: Element, rng: random.Random) -> None:
+    """Repeat an element, mostly with an id of its own, or a point of a shape."""
+    shaped = _pick(root, rng, lambda each: bool(each.get("shape")))
+    if shaped is not None and rng.randrange(2):
+        points = _points(shaped)
+        index = rng.randrange(len(points))
+        points[index:index] = [list(points[index])] * rng.choice([1, 1, 5])
+        _set_points(shaped, points)
+        return
+    parent = _pick(root, rng, lambda each: len(each) > 0)
+    if parent is None:
+        return
+    index = rng.randrange(len(parent))
+    twin = copy.deepcopy(parent[index])
+    if "id" in twin.attrib and rng.randrange(4):
+        twin.set("id", str(900_000 + rng.randrange(90_000)))
+    parent.insert(rng.randint(0, len(parent)), twin)
+
+
+def _reverse(root: Element, rng: random.Random) -> None:
+    """Reverse the points of a shape or the children of an element."""
+    shaped = _pick(root, rng, lambda each: bool(each.get("shape")))
+    if shaped is not None and rng.randrange(2):
+        _set_points(shaped, _points(shaped)[::-1])
+    elif (parent := _pick(root, rng, lambda each: len(each) > 1)) is not None:
+        parent[:] = list(parent)[::-1]
+
+
+def _cross(root: Element, rng: random.Random) -> None:
+    """Exchange two points of a shape or two children of an element."""
+    shaped = _pick(root, rng, lambda each: bool(each.get("shape")))
+    if shaped is not None and rng.randrange(2):
+        points = _points(shaped)
+        i, j = rng.randrange(len(points)), rng.randrange(len(points))
+        points[i], points[j] = points[j], points[i]
+        _set_points(shaped, points)
+    elif (parent := _pick(root, rng, lambda each: len(each) > 1)) is not None:
+        i, j = rng.randrange(len(parent)), rng.randrange(len(parent))
+        parent[i], parent[j] = parent[j], parent[i]
+
+
+def _split(root: Element, rng: random.Random) -> None:
+    """Divide an element into two, each with a part of its children or points."""
+    parent = _pick(root, rng, lambda each: any(len(child) > 1 or child.get("shape") for child in each))
+    if parent is None:
+        return
+    index = rng.choice([k for k, child in enumerate(parent) if len(child) > 1 or child.get("shape")])
+    first, second = parent[index], copy.deepcopy(parent[index])
+    if "id" in second.attrib:
+        second.set("id", str(800_000 + rng.randrange(90_000)))
+    if first.get("shape"):
+        points = _points(first)
+        cut = rng.randrange(len(points))
+        _set_points(first, points[: cut + 1])
+        _set_points(second, points[cut:])
+    else:
+        cut = rng.randrange(1, len(first))
+        first[:], second[:] = list(first)[:cut], list(second)[cut:]
+    parent.insert(index + 1, second)
+
+
+_STEPS: tuple[Callable[[Element, random.Random], None], ...] = (
+    *(_nudge, _nudge, _scale, _drop, _duplicate, _reverse, _cross, _split),
+)
+
+
+def _pick(root: Element, rng: random.Random, accepts: Callable[[Element], bool]) -> Element | None:
+    """A random element of a random kind among the accepted ones, below the root."""
+    by_tag = collections.defaultdict(list)
+    for element in root.iter():
+        if element is not root and accepts(element):
+            by_tag[element.tag].append(element)
+    return rng.choice(by_tag[rng.choice(sorted(by_tag))]) if by_tag else None
+
+
+def _has_numbers(element: Element) -> bool:
+    return bool(element.get("shape") or _numeric(element))
+
+
+def _numeric(element: Element) -> list[str]:
+    return sorted(name for name, value in element.attrib.items() if name not in ("id", "ref") and _is_number(value))
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _points(element: Element) -> list[list[float]]:
+    return [[float(value) for value in point.split(",")] for point in element.attrib["shape"].split()]
+
+
+def _set_points(element: Element, points: list[list[float]]) -> None:
+    element.set("shape", " ".join(",".join(f"{value:.6f}" for value in point) for point in points))
+
+
+def _roads() -> str:
+    """OpenDRIVE: a banked road with line, spiral, arc and cubic, on a slope, that leads to a junction with turns."""
+    driving = [xodr.lane(number, inner=xodr.linked(number, number)) for number in (1, -1)]
+    walks = [xodr.lane(number, "sidewalk", inner=xodr.width(2.0)) for number in (2, -2)]
+    lanes = xodr.section(*driving, *walks)
+    plan = (
+        xodr.geometry(xodr.LINE, 60.0)
+        + xodr.geometry('<spiral curvStart="0" curvEnd="0.02"/>', 30.0, s=60.0, x=60.0)
+        + xodr.geometry('<arc curvature="0.02"/>', 40.0, s=90.0, x=89.73, y=2.98, hdg=0.3)
+        + xodr.geometry(
+            '<paramPoly3 pRange="arcLength" aU="0" bU="1" cU="0" dU="0" aV="0" bV="0" cV="0.004" dV="0"/>',
+            30.0,
+            s=130.0,
+            x=117.8,
+            y=29.6,
+            hdg=1.1,
+        )
+    )
+    more = (
+        '<elevationProfile><elevation s="0" a="2" b="0.02" c="0" d="0"/><elevation s="80" a="3.6" b="0.02" c="-1e-4" '
+        'd="0"/></elevationProfile><lateralProfile><superelevation s="50" a="0.02" b="0" c="0" d="0"/></lateralProfile>'
+    )
+    objects = (
+        '<objects><object id="1" type="crosswalk" s="20" t="0" zOffset="0" hdg="1.57" length="7" width="3"><outline>'
+        '<cornerLocal u="-1.5" v="-3.5" z="0"/><cornerLocal u="1.5" v="-3.5" z="0"/>'
+        '<cornerLocal u="1.5" v="3.5" z="0"/><cornerLocal u="-1.5" v="3.5" z="0"/></outline></object></objects>'
+        '<signals><signal id="2" type="206" s="5" t="-5" orientation="+" dynamic="no"/></signals>'
+    )
+    link = '<predecessor elementType="junction" elementId="9"/>'
+    roads = [xodr.road(plan, 160.0, lanes, number="1", links=link, more=more + objects)]
+    for number, (x, y, heading) in {"2": (-30.0, 0.0, 3.14159265), "3": (-15.0, -15.0, -1.57079633)}.items():
+        arm = xodr.geometry(xodr.LINE, 70.0, x=x, y=y, hdg=heading)
+        roads.append(xodr.road(arm, 70.0, lanes, number=number, links=link))
+    turn = '<predecessor elementType="road" elementId="1" contactPoint="start"/>'
+    through = turn + '<successor elementType="road" elementId="2" contactPoint="start"/>'
+    left = turn + '<successor elementType="road" elementId="3" contactPoint="start"/>'
+    inside = [xodr.section(xodr.lane(number, inner=xodr.linked(-number, number))) for number in (-1,)]
+    line = xodr.geometry(xodr.LINE, 30.0, hdg=3.14159265)
+    arc = xodr.geometry('<arc curvature="0.066666667"/>', 23.5619449, hdg=3.14159265)
+    roads.append(xodr.road(line, 30.0, inside, number="4", links=through, junction="9"))
+    roads.append(xodr.road(arc, 23.5619449, inside, number="5", links=left, junction="9"))
+    connections = "".join(
+        f'<connection id="{k}" incomingRoad="1" connectingRoad="{road}" contactPoint="start">'
+        '<laneLink from="1" to="-1"/></connection>'
+        for k, road in enumerate((4, 5))
+    )
+    return xodr.xodr(*roads, f'<junction id="9" name="">{connections}</junction>')
+
+
+def _grid() -> str:
+    """A SUMO net of nine junctions with sidewalks, crossings and traffic lights, its streets bent."""
+    options = (
+        "--grid --grid.number 3 --grid.length 80 -L 2 --sidewalks.guess true --crossings.guess true "
+        "--walkingareas true --tls.guess true --perturb-x 6 --perturb-y 6 --seed 3"
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "grid.net.xml"
+        command = [str(sumo_home() / "bin" / "netgenerate"), *options.split(), "-o", str(path)]
+        subprocess.run(command, check=True, capture_output=True, env={"SUMO_HOME": str(sumo_home())})
+        return path.read_text(encoding="utf-8")
+
+
+def _try_case(case: tuple[str, int], text: dict[str, str], finds: Path) -> tuple[str, str]:
+    """Build one mutated map; its suffix and "opened", "refused" or the find."""
+    suffix, seed = case
+    warnings.simplefilter("ignore")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"case{suffix}"
+        path.write_bytes(mutated(text[suffix], seed))
+        try:
+            return suffix, "opened" if build_everything(path, Path(folder) / "cache") else "refused"
+        except Exception as error:  # each one is a find
+            shutil.copyfile(path, finds / f"{seed}{suffix}")
+            frames = [frame for frame in traceback.extract_tb(error.__traceback__) if "simbev_ros" in frame.filename]
+            where = f"{Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else "?"
+            return suffix, f"{type(error).__name__} at {where}: {str(error)[:120]} (e.g. {finds}/{seed}{suffix})"
+
+
+def main() -> None:
+    """Try many cases and print how many opened, were refused, or are finds; exit with 1 after a find."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--cases", type=int, default=300, help="of all forms together; default: %(default)s")
+    parser.add_argument("--first", type=int, default=0, help="first seed; default: %(default)s")
+    parser.add_argument("--form", choices=SUFFIXES, action="append", help="default: all")
+    options = parser.parse_args()
+    suffixes = options.form or SUFFIXES
+    text = {suffix: sample(suffix) for suffix in suffixes}
+    finds = Path(tempfile.mkdtemp(prefix="map-finds-"))
+    cases = [(suffixes[k % len(suffixes)], options.first + k) for k in range(options.cases)]
+    counts = collections.Counter[tuple[str, str]]()
+    with multiprocessing.Pool(maxtasksperchild=50) as pool:
+        for result in pool.imap_unordered(partial(_try_case, text=text, finds=finds), cases):
+            if result not in counts and result[1] not in ("opened", "refused"):
+                print(*result, flush=True)
+            counts[result] += 1
+    for (suffix, outcome), count in sorted(counts.items()):
+        print(f"{count:6} {suffix:9} {outcome}")
+    sys.exit(any(outcome not in ("opened", "refused") for _, outcome in counts))
+
+
+if __name__ == "__main__":
+    main()

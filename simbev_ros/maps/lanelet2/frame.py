@@ -15,9 +15,9 @@ from pyproj import Transformer
 
 from simbev_ros.errors import InputError
 from simbev_ros.geometry.geodesy import MapDatum
+from simbev_ros.maps.lanelet2.elements import tags_of
 from simbev_ros.maps.lanelet2.projector_info import datum_of_file, datum_of_grid, mercator_plane, utm_plane
 from simbev_ros.maps.opendrive.reading.attributes import Notes
-from simbev_ros.maps.osm.data import tags_of
 from simbev_ros.maps.osm.netfile import center_datum
 from simbev_ros.types import BoolArray, Float64Array
 

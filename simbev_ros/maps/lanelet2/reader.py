@@ -12,9 +12,10 @@ from simbev_ros.errors import InputError
 from simbev_ros.geometry.geodesy import MapDatum
 from simbev_ros.limits import MAX_LANELET_POINTS, MAX_LANELETS
 from simbev_ros.maps.lanelet2.document import Area, Lanelet, LaneletMap, Linestring, Regulation
+from simbev_ros.maps.lanelet2.elements import elements_by_id, tags_of
 from simbev_ros.maps.lanelet2.frame import map_frame
 from simbev_ros.maps.opendrive.reading.attributes import Notes
-from simbev_ros.maps.osm.data import Tags, elements_by_id, tags_of
+from simbev_ros.maps.osm.data import Tags
 from simbev_ros.maps.safe_xml import parse
 from simbev_ros.types import Float64Array
 
@@ -57,9 +58,9 @@ def read_lanelet_map(path: Path, notes: Notes) -> tuple[LaneletMap, MapDatum]:
         InputError: The file is not OSM XML, it has no usable positions, or its lanelets are too many or span too far.
     """
     root = parse(path, "osm")
-    relations = elements_by_id(path, root, "relation")
-    ways = elements_by_id(path, root, "way")
-    xyz_m, datum, index = map_frame(path, elements_by_id(path, root, "node"), notes)
+    relations = elements_by_id(root, "relation", notes)
+    ways = elements_by_id(root, "way", notes)
+    xyz_m, datum, index = map_frame(path, elements_by_id(root, "node", notes), notes)
     lines = dict(_iter_lines(ways, index, xyz_m, notes))
     tags = {name: tags_of(element) for name, element in relations.items()}
     lanelets = {name: relations[name] for name in relations if tags[name].get("type") == "lanelet"}

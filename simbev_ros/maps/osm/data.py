@@ -70,19 +70,19 @@ def read_osm(path: Path) -> OsmData:
         InputError: It is not OpenStreetMap XML, or an id or coordinate in it is invalid.
     """
     root = parse(path, "osm")
-    nodes = elements_by_id(path, root, "node")
+    nodes = _by_id(path, root, "node")
     index = {identifier: number for number, identifier in enumerate(nodes)}
     degrees = [(_degrees(path, node, "lon", 180.0), _degrees(path, node, "lat", 90.0)) for node in nodes.values()]
-    tags = {number: tags_of(node) for number, node in enumerate(nodes.values()) if len(node)}
+    tags = {number: _tags(node) for number, node in enumerate(nodes.values()) if len(node)}
     ways, num_missing = {}, 0
-    for identifier, element in elements_by_id(path, root, "way").items():
+    for identifier, element in _by_id(path, root, "way").items():
         references = [reference.get("ref", "") for reference in element.findall("nd")]
         known = [index[reference] for reference in references if reference in index]
         num_missing += len(references) - len(known)
         # Consecutive duplicates of a node do not make a line.
         line = [node for node, before in zip(known, [-1, *known], strict=False) if node != before]
         if len(line) > 1:
-            ways[identifier] = Way(identifier, tuple(line), tags_of(element))
+            ways[identifier] = Way(identifier, tuple(line), _tags(element))
     notes = (
         (f"nodes of ways that are missing from the file, so that the ways were shortened: {num_missing}",)
         if num_missing
@@ -104,12 +104,8 @@ def parse_length_m(text: str) -> float:
     return 0.0 if match is None else float(match[1]) * (_FOOT_M if match[2] == "'" else 1.0)
 
 
-def elements_by_id(path: Path, root: Element, tag: str) -> dict[str, Element]:
-    """Elements that were not deleted, by id, in the order of the file.
-
-    Raises:
-        InputError: An id is not a whole number, or appears twice.
-    """
+def _by_id(path: Path, root: Element, tag: str) -> dict[str, Element]:
+    """Elements that were not deleted, by id."""
     found: dict[str, Element] = {}
     for element in root.findall(tag):
         if element.get("visible") == "false" or element.get("action") == "delete":
@@ -138,14 +134,13 @@ def _degrees(path: Path, node: Element, attribute: str, limit_deg: float) -> flo
     return value
 
 
-def tags_of(element: Element) -> dict[str, str]:
-    """Tags of an element; keys and values are cut off at the length that OpenStreetMap allows."""
+def _tags(element: Element) -> dict[str, str]:
     return {tag.get("k", "")[:_MAX_TAG]: tag.get("v", "")[:_MAX_TAG] for tag in element.findall("tag")}
 
 
 def _left_hand(root: Element, ways: Iterable[Way]) -> bool:
     """Whether traffic keeps to the left, see ``OsmData.left_hand``; single roads may be exceptions."""
-    boundaries = [tags for relation in root.findall("relation") if "boundary" in (tags := tags_of(relation))]
+    boundaries = [tags for relation in root.findall("relation") if "boundary" in (tags := _tags(relation))]
     sides = {tags["driving_side"] for tags in boundaries if "driving_side" in tags}
     if sides:
         return sides == {"left"}
@@ -155,8 +150,8 @@ def _left_hand(root: Element, ways: Iterable[Way]) -> bool:
 
 def _multipolygons(path: Path, root: Element, ways: Mapping[str, Way]) -> Sequence[Multipolygon]:
     found = []
-    for relation in elements_by_id(path, root, "relation").values():
-        tags = tags_of(relation)
+    for relation in _by_id(path, root, "relation").values():
+        tags = _tags(relation)
         members = [member for member in relation.findall("member") if member.get("type") == "way"]
         if tags.get("type") != "multipolygon" or any(member.get("ref") not in ways for member in members):
             continue

@@ -1,10 +1,12 @@
 """Finds the elements of an OSM file by id, and their tags. Unlike in street maps, an id need not be a number."""
 
+import re
 from xml.etree.ElementTree import Element
 
 from simbev_ros.maps.opendrive.reading.attributes import Notes
 
 _MAX_TAG_CHARS = 255
+_ID = re.compile(r"[A-Za-z0-9.-]{1,40}")
 
 
 def elements_by_id(root: Element, tag: str, notes: Notes) -> dict[str, Element]:
@@ -14,7 +16,7 @@ def elements_by_id(root: Element, tag: str, notes: Notes) -> dict[str, Element]:
         if element.get("visible") == "false" or element.get("action") == "delete":
             continue
         name = element.get("id", "")
-        if not name or name in found:
+        if name in found or not _ID.fullmatch(name):
             notes.add(f"a <{tag}> without an id of its own is left out", element, f"id={name[:40]!r}")
             continue
         found[name] = element

@@ -42,19 +42,8 @@ def traffic_of(junctions: Junctions, waiting: Collection[str], notes: Notes) -> 
     _note_omissions(junctions, notes)
     chains = list(_chains(junctions, waiting))
     edges = [_edge(topology, chain) for chain in chains]
-    entries: dict[str, LaneOfEdge] = {
-        name: (edge.id, index) for chain, edge in zip(chains, edges, strict=True) for index, name in enumerate(chain[0])
-    }
+    connections = list(_connections(junctions, chains, edges))
     nodes = JoinedNames(lambda name: (name[0] != "J", name))
-    connections = []
-    for chain, edge in zip(chains, edges, strict=True):
-        for index, name in enumerate(chain[-1]):
-            if topology.shapes[name].kind is LaneKind.SIDEWALK:
-                continue
-            for goal, through in junctions.paths(name).items():
-                if goal in entries:
-                    line_m = joined_m([topology.shapes[each].center_m for each in through]) if through else None
-                    connections.append(TrafficConnection((edge.id, index), entries[goal], line_m))
     _join_nodes(junctions, chains, edges, connections, nodes)
     roads = _roads(topology, chains, edges)
     joined = [
@@ -101,7 +90,7 @@ def _chains(junctions: Junctions, waiting: Collection[str]) -> Iterator[tuple[Ro
 
 
 def _row(topology: Topology, names: Sequence[str]) -> Row:
-    """The lanelets of a carriageway that carry traffic, outermost first; of walkways the outermost one only."""
+    """The lanelets of a carriageway that carry traffic, outermost first; of walkways the nearest one only."""
     outward = list(names) if topology.left_hand else list(reversed(names))
     kinds = {name: topology.shapes[name].kind for name in outward}
     lanes = [name for name in outward if kinds[name] in (LaneKind.DRIVING, LaneKind.BICYCLE)]
@@ -167,6 +156,22 @@ def _common_fractions(shapes: Sequence[LaneletShape]) -> Float64Array:
         np.concatenate([np.round(stations_m(line_m) / stations_m(line_m)[-1], 9) for line_m in lines_m])
     )
     return np.asarray(fractions)
+
+
+def _connections(
+    junctions: Junctions, chains: Sequence[Sequence[Row]], edges: Sequence[TrafficEdge]
+) -> Iterator[TrafficConnection]:
+    """Yield the connections from the lanes of each edge to those that follow, directly or through a junction."""
+    shapes = junctions.topology.shapes
+    entries: dict[str, LaneOfEdge] = {
+        name: (edge.id, index) for chain, edge in zip(chains, edges, strict=True) for index, name in enumerate(chain[0])
+    }
+    for chain, edge in zip(chains, edges, strict=True):
+        for index, name in enumerate(chain[-1]):
+            for goal, through in junctions.paths(name).items() if shapes[name].kind is not LaneKind.SIDEWALK else ():
+                if goal in entries:
+                    line_m = joined_m([shapes[each].center_m for each in through]) if through else None
+                    yield TrafficConnection((edge.id, index), entries[goal], line_m)
 
 
 def _join_nodes(

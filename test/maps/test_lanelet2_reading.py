@@ -183,6 +183,15 @@ def test_unusable_elements_are_left_out_with_a_note(tmp_path: Path) -> None:
         assert any(part in note for note in notes), (part, notes)
 
 
+def test_bounds_may_cross_a_little(tmp_path: Path) -> None:
+    sample = LaneletSample((0.0, 0.0))
+    # Worked by hand: the lines meet at x = 48, so that 0.08 m² of 96 m² + 0.08 m² are inverted.
+    sample.lanelet(sample.line([(0.0, 4.0), (50.0, 4.0)]), sample.line([(0.0, 0.0), (48.0, 4.0), (50.0, 4.08)]))
+    (shape,), _, notes = read(tmp_path, sample.text())
+    assert shape.inverted_fraction == pytest.approx(0.08 / 96.08, rel=1e-3)
+    assert notes == ()
+
+
 def test_a_bound_may_consist_of_several_lines_in_any_direction(tmp_path: Path) -> None:
     sample = LaneletSample((0.0, 0.0))
     first, second = sample.line([(0.0, 2.0), (40.0, 2.0)]), sample.line([(90.0, 2.0), (40.0, 2.0)])

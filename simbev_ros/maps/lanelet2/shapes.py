@@ -20,6 +20,7 @@ from simbev_ros.types import Float64Array
 _MAX_WIDTH_M = 200.0
 _MIN_LENGTH_M = 0.1
 _MIN_DRIVING_WIDTH_M = 1.5
+_MAX_INVERTED = 0.1
 _SPACING_M = 0.5
 _MIN_SAMPLES, _MAX_SAMPLES = 8, 2_000
 _SAME_M = 1e-3
@@ -92,7 +93,18 @@ class LaneletShape:
     @cached_property
     def polygon(self) -> BaseGeometry:
         """Its area in plan view."""
-        return shapely.make_valid(shapely.Polygon(np.concatenate([self.left_m, self.right_m[::-1]])[:, :2]))
+        return shapely.make_valid(self._ring)
+
+    @property
+    def inverted_fraction(self) -> float:
+        """Fraction of its area in which its left border is on the right, because the bounds cross."""
+        total_m2 = self.polygon.area
+        return float((total_m2 - self._ring.area) / 2.0 / total_m2) if total_m2 > 0.0 else 1.0
+
+    @property
+    def _ring(self) -> shapely.Polygon:
+        """Its borders as a polygon, valid or not; in its area, what is on the wrong side counts as negative."""
+        return shapely.Polygon(np.concatenate([self.left_m, self.right_m[::-1]])[:, :2])
 
     def reversed(self) -> "LaneletShape":
         """The same area in the opposite direction."""
@@ -120,6 +132,9 @@ def lanelet_shapes(source: LaneletMap, notes: Notes) -> Iterator[LaneletShape]:
             notes.add(f"a lanelet {problem} is left out", lanelet.element, f"lanelet {lanelet.id}")
             continue
         shape = _shape(lanelet, kind)
+        if shape.inverted_fraction > _MAX_INVERTED:
+            notes.add("a lanelet whose bounds cross is left out", lanelet.element, f"lanelet {lanelet.id}")
+            continue
         if kind is LaneKind.DRIVING and shape.width_m < _MIN_DRIVING_WIDTH_M:
             notes.add(
                 "a lanelet that is too narrow for vehicles is a shoulder",
@@ -138,8 +153,6 @@ def _problem(lanelet: Lanelet) -> str:
     left, right = shapely.LineString(left_m[:, :2]), shapely.LineString(right_m[:, :2])
     if min(left.length, right.length) < _MIN_LENGTH_M:
         return "with a bound without length"
-    if left.crosses(right) or left.equals(right):
-        return "whose bounds cross"
     if left.distance(right) > _MAX_WIDTH_M:
         return "that is far too wide"
     return ""

@@ -1,6 +1,7 @@
 """Lanelet2 maps give exact strips, a net of the same lanes, and their rules: on a crossing of four roads."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -200,6 +201,25 @@ def test_consecutive_lanelets_become_one_edge_unless_a_rule_holds_traffic_up(tmp
     assert stop.foot_m[:2] - ORIGIN_M == pytest.approx([119.0, -1.7])
     assert abs(stop.yaw_rad) == pytest.approx(np.pi)
     assert strip_of(layout, second).following == (third,)
+
+
+def test_pedestrians_cross_a_road_between_junctions_on_its_crosswalk(tmp_path: Path) -> None:
+    sample = LaneletSample()
+    xs = [0.0, 100.0, 200.0, 300.0]
+    straight_lane(sample, xs, 0.0, 3.5)
+    straight_lane(sample, xs, 7.0, 3.5)
+    for x0, x1 in pairwise(xs):
+        for near, far in ((0.0, -2.0), (7.0, 9.0)):
+            lines = [sample.line([(x0, y), (x1, y)]) for y in (near, far)]
+            sample.lanelet(*lines, subtype="walkway")
+    sample.lanelet(*(sample.line([(x, 0.0), (x, 7.0)]) for x in (101.0, 104.0)), subtype="crosswalk")
+    _, _, net = imported(tmp_path, sample)
+    lengths_m = sorted(
+        lane.length_m for lane in net.lanes.values() if lane.kind is LaneKind.DRIVING and not lane.junction
+    )
+    assert lengths_m == pytest.approx([100.0, 100.0, 200.0, 200.0], abs=0.1)
+    (crossing,) = (lane for lane in net.lanes.values() if lane.kind is LaneKind.CROSSING)
+    assert np.abs(crossing.centerline_m[:, 0] - ORIGIN_M[0] - 102.5).max() < 0.01
 
 
 def yielding_crossing() -> Crossing:

@@ -16,7 +16,7 @@ from simbev_ros.maps.lanelet2.junctions import junctions_of
 from simbev_ros.maps.lanelet2.land import land_of
 from simbev_ros.maps.lanelet2.reader import read_lanelet_map
 from simbev_ros.maps.lanelet2.roadside import Roadside, signal_places, signs_of, stop_lines_of
-from simbev_ros.maps.lanelet2.rules import Rule, rules_of, with_speed_limits
+from simbev_ros.maps.lanelet2.rules import Rule, rules_of, waiting_at_crosswalks, with_speed_limits
 from simbev_ros.maps.lanelet2.shapes import lanelet_shapes
 from simbev_ros.maps.lanelet2.strips import area_strips, crosswalks_of, lanelet_strips
 from simbev_ros.maps.lanelet2.topology import Topology, topology_of
@@ -43,11 +43,11 @@ def import_lanelet2(path: Path, work: Path) -> MapParts:
     junctions = junctions_of(topology_of(path, shapes))
     rules = rules_of(source, junctions, notes)
     waiting = {name for rule in rules if rule.meaning != SignKind.SPEED_LIMIT for name in rule.lanelets}
-    traffic = traffic_of(junctions, waiting, notes)
+    crosswalks = crosswalks_of(shapes)
+    traffic = traffic_of(junctions, waiting | waiting_at_crosswalks(crosswalks, junctions.topology), notes)
     if not traffic.is_drivable:
         reasons = "".join(f"; {sentence}" for sentence in notes.sentences()[:3])
         raise InputError(f"{path}: it has no lanelet for vehicles{reasons}")
-    crosswalks = crosswalks_of(shapes)
     left_hand = junctions.topology.left_hand
     right_of_way = _right_of_way(rules, junctions.topology, traffic, crosswalks)
     try:

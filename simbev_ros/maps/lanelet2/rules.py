@@ -1,18 +1,22 @@
 """Reads the regulatory elements: which lanelets wait, stop or yield at their end, and for which lights and signs."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
+import shapely
 
 from simbev_ros.maps.lanelet2.document import LaneletMap, Linestring, Regulation
 from simbev_ros.maps.lanelet2.junctions import Junctions
 from simbev_ros.maps.lanelet2.shapes import LaneletShape
 from simbev_ros.maps.lanelet2.tables import SIGN_KINDS, SPEED_SIGN, SPEED_UNITS_MPS, WITHOUT_EFFECT
 from simbev_ros.maps.lanelet2.tags import parse_speed_mps
+from simbev_ros.maps.lanelet2.topology import Topology
 from simbev_ros.maps.opendrive.reading.attributes import Notes
-from simbev_ros.maps.roads.layout import SignKind
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.layout import Crosswalk, SignKind
+from simbev_ros.maps.roads.surface import crosswalk_polygons
 
 _KNOWN = ("traffic_light", "traffic_sign", "speed_limit", "right_of_way", "all_way_stop")
 
@@ -69,6 +73,22 @@ def rules_of(source: LaneletMap, junctions: Junctions, notes: Notes) -> tuple[Ru
             continue
         found += [rule for rule in _rules(regulation, users.get(name, ()), junctions) if rule.lanelets]
     return tuple(found)
+
+
+def waiting_at_crosswalks(crosswalks: Sequence[Crosswalk], topology: Topology) -> set[str]:
+    """Lanelets at whose end pedestrians cross: those whose end is the nearest one to a crosswalk on their lane.
+
+    Pedestrians cross where edges of the SUMO net meet, so that one has to end there.
+    """
+    shapes = [shape for shape in topology.shapes.values() if shape.kind is LaneKind.DRIVING]
+    areas = crosswalk_polygons(crosswalks)
+    rows, crossed = shapely.STRtree([shape.polygon for shape in shapes]).query(areas, predicate="intersects")
+    found: set[str] = set()
+    for row, number in zip(rows.tolist(), crossed.tolist(), strict=True):
+        shape = shapes[number]
+        gaps_m = np.linalg.norm(shape.center_m[[0, -1]] - crosswalks[row].outline_m.mean(axis=0), axis=1)
+        found.update(topology.preceding[shape.id] if gaps_m[0] < gaps_m[1] else (shape.id,))
+    return found
 
 
 def _rules(regulation: Regulation, users: Iterable[str], junctions: Junctions) -> Iterator[Rule]:

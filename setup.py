@@ -76,6 +76,7 @@ setup(
         "moderngl>=5.12",
         "numpy>=1.26",
         "open3d-cpu>=0.20",
+        "osmium>=4.0",
         "opencv-python-headless>=4.10",
         "packaging>=23.0",
         "av>=14",

@@ -23,14 +23,29 @@ MAX_CHUNK_RECORDS = 1 << 20
 """Records in an MCAP chunk or in the summary of an MCAP file. A chunk of 32 MiB with nothing but /clock has 780,000."""
 
 MAX_MAP_BYTES = 128 << 20
-"""Size of a map file (OpenDRIVE, OpenStreetMap, Lanelet2, SUMO), on disk or unpacked from a bag. Of a
-larger area, the needed part must be extracted."""
+"""Size of an OpenDRIVE file, a Lanelet2 map or a SUMO net, on disk and unpacked."""
+
+MAX_OSM_BYTES = 512 << 20
+"""Size of an OpenStreetMap file in XML, on disk and unpacked. Of a larger area, use the PBF."""
+
+MAX_PBF_BYTES = 16 << 30
+"""Size of an OpenStreetMap file in PBF; whole countries are smaller."""
+
+MAX_PBF_RATIO = 32
+"""Factor by which the content of an OpenStreetMap file in PBF may grow when it is unpacked; about 2 is usual."""
+
+MAX_OSM_NODES = 5_000_000
+"""Nodes of an OpenStreetMap file, or of its part within `bounds`, and a quarter of the references to them. The densest
+cities have about 15,000 a square kilometer."""
+
+MAX_OSM_ELEMENTS = 20_000_000
+"""Elements of an OpenStreetMap file in XML, tags and references to nodes included. They are not kept as a tree."""
 
 MAX_XML_DEPTH = 64
 """Nesting of elements in a map file. OpenDRIVE nests about 10 deep."""
 
 MAX_XML_ELEMENTS = 2_500_000
-"""Elements in a map file; a file of 128 MiB with short elements can reach it."""
+"""Elements in an OpenDRIVE file, a Lanelet2 map or a SUMO net; a file of 128 MiB with short elements can reach it."""
 
 MAX_LANELETS = 50_000
 """Lanelets in a Lanelet2 map."""

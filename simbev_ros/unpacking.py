@@ -1,17 +1,20 @@
-"""Unpacks gzip, bzip2 and NPZ data from elsewhere, which may not exceed the size that they declare, nor the limits."""
+"""Unpacks compressed files and NPZ data from elsewhere, which may not exceed what they declare, nor the limits."""
 
 import bz2
 import gzip
 import io
 import warnings
 import zipfile
-from collections.abc import Collection
+import zlib
+from collections.abc import Collection, Iterator
+from pathlib import Path
 from typing import IO, BinaryIO
 
 import numpy as np
+import zstandard
 from numpy.lib import format as npy
 
-from simbev_ros.errors import LimitError
+from simbev_ros.errors import InputError, LimitError
 from simbev_ros.limits import require_unpacked_size
 from simbev_ros.types import AnyArray
 
@@ -47,6 +50,46 @@ def _read_up_to(file: gzip.GzipFile | bz2.BZ2File, max_bytes: int) -> bytes:
     if len(unpacked) > max_bytes:
         raise LimitError(f"it unpacks to more than {max_bytes >> 20} MiB, which is not allowed")
     return unpacked
+
+
+def read_unpacked(path: Path, max_bytes: int) -> Iterator[bytes]:
+    """Read a file in pieces; one compressed with gzip, bzip2 or zstd, whatever its name is, is unpacked meanwhile.
+
+    Raises:
+        InputError: The file cannot be read, is damaged, or has more than ``max_bytes`` when unpacked.
+    """
+    total_bytes = 0
+    try:
+        with path.open("rb") as file, _unpacked(file) as stream:
+            while piece := stream.read(_PIECE_BYTES):
+                total_bytes += len(piece)
+                if total_bytes > max_bytes:
+                    raise InputError(f"{path}: unpacks to more than {max_bytes >> 20} MiB; extract the part you need")
+                yield piece
+    except (EOFError, gzip.BadGzipFile, zlib.error, zstandard.ZstdError) as error:
+        raise InputError(f"{path}: is damaged and cannot be unpacked: {error}") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
+
+
+def _unpacked(file: BinaryIO) -> IO[bytes] | gzip.GzipFile | bz2.BZ2File:
+    """A stream of the unpacked content of a file; by its first bytes, it is compressed or not."""
+    magic = file.read(_MAGIC_BYTES)
+    file.seek(0)
+    if magic.startswith(_GZIP):
+        return gzip.open(file)
+    if magic.startswith(_BZIP2):
+        return bz2.open(file)
+    if magic == _ZSTD:
+        decompressor = zstandard.ZstdDecompressor(max_window_size=_MAX_WINDOW_BYTES)
+        return decompressor.stream_reader(file, read_across_frames=True, closefd=False)
+    return file
+
+
+_PIECE_BYTES = 1 << 20
+_MAGIC_BYTES = 4
+_GZIP, _BZIP2, _ZSTD = b"\x1f\x8b", b"BZh", b"\x28\xb5\x2f\xfd"
+_MAX_WINDOW_BYTES = 128 << 20
 
 
 class NpzReader:

@@ -160,10 +160,10 @@ def _replayed_spec(bag: Path, scenario: "Scenario", observer: "ProductionObserve
     """The scene that a bag is replayed as; errors of the bag are raised before the graph starts."""
     from simbev_ros.production.surroundings import load_roads
     from simbev_ros.recording.reader import SceneBag
-    from simbev_ros.recording.replay import Replay, build_recorded_roads, recorded_spec, replayed_spec
+    from simbev_ros.recording.replay import Replay, build_recorded_roads, replayed_spec
 
     with SceneBag(bag) as recorded:
-        build_recorded_roads(recorded)
-        spec = replayed_spec(recorded, scenario, load_roads(recorded_spec(recorded).map, observer))
+        chosen = build_recorded_roads(recorded)
+        spec = replayed_spec(recorded, scenario, load_roads(chosen, observer), chosen)
     Replay(spec, bag).close()
     return spec

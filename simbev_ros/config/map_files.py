@@ -1,11 +1,47 @@
-"""Files of maps that a configuration can name instead of a town: their types and their paths."""
+"""Files of maps that a configuration can name instead of a town: their types, their paths, and parts of them."""
 
+from itertools import product
 from pathlib import Path
+from typing import Annotated
+
+from pydantic import AfterValidator
 
 from simbev_ros.errors import InputError
 
-MAP_SUFFIXES = (".xodr", ".osm", ".osm.xml", ".net.xml")
-"""Suffixes of OpenDRIVE, OpenStreetMap or Lanelet2 (two), and SUMO net files."""
+_PLAIN_SUFFIXES = (".xodr", ".osm", ".osm.xml", ".net.xml")
+_COMPRESSIONS = (".gz", ".bz2", ".zst")
+MAP_SUFFIXES = (*map("".join, product(_PLAIN_SUFFIXES, ("", *_COMPRESSIONS))), ".osm.pbf", ".pbf")
+"""Suffixes of OpenDRIVE, OpenStreetMap or Lanelet2 (two) and SUMO net files, plain or compressed, and of PBF."""
+
+READ_FILES = f"{', '.join(_PLAIN_SUFFIXES)}, each also compressed ({', '.join(_COMPRESSIONS)}), or .osm.pbf"
+"""The suffixes in words, for messages."""
+
+
+def _check_bounds(bounds: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+    west, south, east, north = bounds
+    if not (abs(west) <= 180 and abs(east) <= 180 and -90 <= south < north <= 90 and west != east):
+        raise ValueError("must be west, south, east, north in degrees, with south below north")
+    return bounds
+
+
+Bounds = Annotated[tuple[float, float, float, float], AfterValidator(_check_bounds)]
+"""Part of Earth between longitudes and latitudes: west, south, east, north in degrees; if west is above east, it
+crosses the antimeridian, as in GeoJSON (RFC 7946)."""
+
+
+def parse_bounds(text: str) -> tuple[float, float, float, float]:
+    """Bounds that are written as ``W,S,E,N``.
+
+    Raises:
+        InputError: They are not such a text, or no possible bounds.
+    """
+    try:
+        west, south, east, north = map(float, text.split(","))
+        return _check_bounds((west, south, east, north))
+    except ValueError:
+        raise InputError(
+            f"--bounds {text!r:.80}: must be west,south,east,north in degrees, with south below north"
+        ) from None
 
 
 def expand_home(name: str) -> Path:

@@ -11,6 +11,7 @@ from simbev_ros.config.draw import Distribution, Drawn, PaperOrDrawn, within
 from simbev_ros.config.evaluation import Evaluation
 from simbev_ros.config.hazards import Hazards
 from simbev_ros.config.lights import Lights
+from simbev_ros.config.map_files import Bounds
 from simbev_ros.config.positioning import Imu
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.rig import Rig
@@ -29,6 +30,11 @@ class MapScenes(Model):
     """Number of scenes to generate on a map, for each split."""
 
     map: str = Field(min_length=1, description="name of a town, or map file relative to the configuration's folder")
+    bounds: Bounds | None = Field(
+        None,
+        description="part of an OpenStreetMap file: west, south, east, north in degrees; none: all, or the densest "
+        "part of a file that is too large",
+    )
     train: int = Field(0, ge=0, le=100_000, description="number of scenes in the training split")
     val: int = Field(0, ge=0, le=100_000, description="number of scenes in the validation split")
     test: int = Field(0, ge=0, le=100_000, description="number of scenes in the test split")

@@ -82,7 +82,7 @@ class Plan(Model):
         number = max((entry.number for entry in self.scenes), default=-1) + 1
         added = []
         for wanted in scenario.scenes:
-            name = map_spec(wanted.map).name
+            name = map_spec(wanted.map, bounds=wanted.bounds).name
             for split in SPLITS:
                 count = getattr(wanted, split)
                 enough = min(have[name, split], count)
@@ -107,8 +107,9 @@ class Plan(Model):
         """Scenes without a finished bag, in order, up to the number that the configuration still lacks."""
         wanted: Counter[tuple[str, Split]] = Counter()
         for asked in scenario.scenes:
+            name = map_spec(asked.map, bounds=asked.bounds).name
             for split in SPLITS:
-                wanted[map_spec(asked.map).name, split] += getattr(asked, split)
+                wanted[name, split] += getattr(asked, split)
         unrecorded = []
         for entry in self.scenes:
             if bag_of(dataset, entry).is_dir():

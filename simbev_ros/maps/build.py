@@ -43,7 +43,10 @@ def load_datum(spec: MapSpec, cache_dir: Path | None = None) -> MapDatum:
 
 
 def load_source(spec: MapSpec) -> bytes:
-    """Load the bzip2-compressed source file of a map, even if the original is gone. Errors as of ``load_network``."""
+    """Load the bzip2-compressed source file of a map, even if the original is gone. Errors as of ``load_network``.
+
+    Of an OpenStreetMap file of which only a part was read it is an extract, from which the same map can be built.
+    """
     return _read(spec, None, read_source)
 
 
@@ -64,7 +67,8 @@ def _read(spec: MapSpec, cache_dir: Path | None, read: Callable[[Path], _T]) -> 
 def _folder(spec: MapSpec, cache_dir: Path) -> Path:
     """Return a map's cache folder. The seed is part of the key only for towns: imported files do not use it."""
     source = f"file {spec.sha256}" if spec.path else f"town {spec.seed}"
-    key = f"{spec.name}\n{source}\n".encode()
+    part = "" if spec.bounds is None else f"bounds {spec.bounds}\n"
+    key = f"{spec.name}\n{source}\n{part}".encode()
     try:
         return ensure_folder("maps", spec.name, fingerprint(__name__), key, partial(_build, spec), cache_dir)
     except Exception as error:

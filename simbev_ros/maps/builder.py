@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from simbev_ros.errors import InputError
 from simbev_ros.maps.lanelet2.importer import import_lanelet2
 from simbev_ros.maps.lanelet2.reader import has_lanelets
 from simbev_ros.maps.network import RoadNetwork
@@ -18,25 +19,15 @@ from simbev_ros.maps.recipe import recipe_of
 from simbev_ros.maps.roads.levels import assign_levels
 from simbev_ros.maps.signals import place_signals, with_net_ids
 from simbev_ros.maps.signs import place_signs
-from simbev_ros.maps.source import file_of, suffix_of
+from simbev_ros.maps.source import file_of, is_street_map, suffix_of
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.maps.store import NET, OPENDRIVE, SOURCE, write_network
 from simbev_ros.maps.sumo.importer import import_sumo
 from simbev_ros.maps.sumo.layout import layout_of
 from simbev_ros.maps.sumo.net import read_sumo_net
 
-
-def _import_any_osm(path: Path, work: Path) -> MapParts:
-    """Import an OSM file: its lanelets if it has any, else its streets."""
-    return import_lanelet2(path, work) if has_lanelets(path) else import_osm(path, work)
-
-
-_IMPORTERS: dict[str, Callable[[Path, Path], MapParts]] = {
-    ".xodr": import_opendrive,
-    ".osm": _import_any_osm,
-    ".osm.xml": _import_any_osm,
-    ".net.xml": import_sumo,
-}
+_IMPORTERS: dict[str, Callable[[Path, Path], MapParts]] = {".xodr": import_opendrive, ".net": import_sumo}
+"""Importers by the first of a file's suffixes, apart from OpenStreetMap's."""
 
 
 def build_map(spec: MapSpec, folder: Path) -> None:
@@ -52,9 +43,9 @@ def build_map(spec: MapSpec, folder: Path) -> None:
     """
     work = folder / "work"
     work.mkdir()
-    if spec.path:
-        (folder / SOURCE).write_bytes(bz2.compress(file_of(spec).read_bytes()))
     parts = _parts_of(spec, work)
+    if spec.path:
+        (folder / SOURCE).write_bytes(bz2.compress((parts.extract or file_of(spec)).read_bytes()))
     for note in parts.notes:
         logging.getLogger(__name__).info("map %s: %s", spec.name, note)
     for source, name in ((parts.net, NET), (parts.opendrive, OPENDRIVE)):
@@ -82,5 +73,12 @@ def build_map(spec: MapSpec, folder: Path) -> None:
 def _parts_of(spec: MapSpec, work: Path) -> MapParts:
     """Plan a town or import a map's file; intermediate files go to the work folder."""
     if spec.path:
-        return _IMPORTERS[suffix_of(spec.path)](file_of(spec), work)
+        path, suffix = file_of(spec), suffix_of(spec.path)
+        if has_lanelets(path, suffix):
+            if spec.bounds is not None:
+                raise InputError(f"bounds: only OpenStreetMap files have parts that can be chosen; {path} has lanelets")
+            return import_lanelet2(path, work)
+        if is_street_map(suffix):
+            return import_osm(path, work, spec.bounds)
+        return _IMPORTERS[Path(f"map{suffix}").suffixes[0]](path, work)
     return build_town(recipe_of(spec.name), spec.seed, work)

@@ -219,9 +219,9 @@ def paths_beyond(lane: Lane, lanes: Mapping[str, Lane]) -> Iterator[tuple[str, .
         Ids of the lanes inside the junction in driving order, and of the lane beyond. Lanes for pedestrians, which form
         rings around junctions, are not followed.
     """
-    pending = [(following,) for following in reversed(lane.successors)]
+    pending: list[tuple[str, ...]] = [(following,) for following in reversed(lane.successors)]
     while pending:
-        path: tuple[str, ...] = pending.pop()
+        path = pending.pop()
         last = lanes[path[-1]]
         if last.kind not in PAVED_KINDS:
             continue

@@ -20,6 +20,7 @@ class MapParts:
         layout: Ground geometry of the lanes; None: follow SUMO's lanes and paint by rule.
         opendrive_of_net: netconvert made the OpenDRIVE file from the net, and named the traffic lights in it.
         notes: Repairs and omissions, one sentence each, for the user.
+        extract: OpenStreetMap file with the part of the map's file that was read; None: all of it was.
     """
 
     net: Path
@@ -29,3 +30,4 @@ class MapParts:
     layout: Layout | None = None
     opendrive_of_net: bool = True
     notes: tuple[str, ...] = ()
+    extract: Path | None = None

@@ -6,14 +6,13 @@ add nothing but the refusal of entities, and has neither line numbers nor limits
 
 import stat
 from pathlib import Path
-from typing import NoReturn
+from typing import NoReturn, Protocol
 from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
 from simbev_ros.errors import InputError
 from simbev_ros.limits import MAX_MAP_BYTES, MAX_XML_DEPTH, MAX_XML_ELEMENTS
-
-_CHUNK_BYTES = 1 << 20
+from simbev_ros.unpacking import read_unpacked
 
 
 class LinedElement(Element):
@@ -23,8 +22,21 @@ class LinedElement(Element):
     line: int
 
 
+class XmlTarget(Protocol):
+    """Receives the elements of a file in their order."""
+
+    def start(self, tag: str, attributes: dict[str, str], line: int) -> None:
+        """Receive the start of an element, with the 1-based number of its line."""
+
+    def end(self, tag: str, /) -> object:
+        """Receive the end of an element."""
+
+    def data(self, text: str, /) -> object:
+        """Receive text between two tags."""
+
+
 def parse(path: Path, root_tag: str) -> Element:
-    """Parse an XML file and return its root.
+    """Parse an XML file, plain or compressed, and return its root.
 
     Args:
         path: A regular file.
@@ -37,22 +49,35 @@ def parse(path: Path, root_tag: str) -> Element:
         InputError: The file cannot be read, is too large, is not well-formed, has a document type declaration, is too
             deeply nested, or has another root.
     """
-    check_readable(path, MAX_MAP_BYTES)
-    reader = _Reader(path, root_tag)
+    tree = _Tree()
+    read_elements(path, root_tag, tree, MAX_MAP_BYTES, MAX_XML_ELEMENTS)
+    return tree.builder.close()
+
+
+def read_elements(path: Path, root_tag: str, target: XmlTarget, max_bytes: int, max_elements: int) -> None:
+    """Parse an XML file, plain or compressed, without keeping it in memory; errors as of ``parse``.
+
+    Args:
+        path: A regular file.
+        root_tag: Required tag of the root element.
+        target: Receives the elements, the root included.
+        max_bytes: Largest size of the file, unpacked.
+        max_elements: Largest number of elements.
+    """
+    check_readable(path, max_bytes)
+    reader = _Reader(path, root_tag, target, max_elements)
     try:
-        with path.open("rb") as stream:
-            while chunk := stream.read(_CHUNK_BYTES):
-                reader.parser.Parse(chunk, False)
+        for piece in read_unpacked(path, max_bytes):
+            reader.parser.Parse(piece, False)
         reader.parser.Parse(b"", True)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
     except expat.ExpatError as error:
         reason = expat.ErrorString(error.code)
         hint = "; the file ends too early" if error.code in _TRUNCATED_CODES else ""
         reader.refuse(f"not valid XML: {reason}{hint}", error.lineno, error.offset + 1)
     except (LookupError, ValueError) as error:
         reader.refuse(f"its encoding is unknown: {error}", 1)
-    return reader.close()
+    finally:
+        reader.close()
 
 
 def place_of(path: Path, element: Element) -> str:
@@ -85,18 +110,30 @@ def check_readable(path: Path, max_bytes: int = MAX_MAP_BYTES) -> None:
         )
 
 
-class _Reader:
-    """An expat parser that fills an element tree."""
+class _Tree:
+    """Fills an element tree."""
 
-    def __init__(self, path: Path, root_tag: str) -> None:
+    def __init__(self) -> None:
         self.builder = TreeBuilder(element_factory=LinedElement)
+        self.end, self.data = self.builder.end, self.builder.data
+
+    def start(self, tag: str, attributes: dict[str, str], line: int) -> None:
+        """Add an element that knows its line."""
+        element: LinedElement = self.builder.start(tag, attributes)  # type: ignore[assignment]
+        element.line = line
+
+
+class _Reader:
+    """An expat parser that refuses what is out of bounds and hands the rest to a target."""
+
+    def __init__(self, path: Path, root_tag: str, target: XmlTarget, max_elements: int) -> None:
         self.parser = parser = expat.ParserCreate()
-        self._path, self._root_tag = path, root_tag
+        self._path, self._root_tag, self._target, self._max_elements = path, root_tag, target, max_elements
         self._depth = self._elements = 0
         parser.buffer_text = True
         parser.StartElementHandler = self._start
         parser.EndElementHandler = self._end
-        parser.CharacterDataHandler = self.builder.data
+        parser.CharacterDataHandler = target.data
         parser.StartDoctypeDeclHandler = self._doctype
 
     def refuse(self, problem: str, line: int, column: int | None = None) -> NoReturn:
@@ -104,12 +141,11 @@ class _Reader:
         location = f"{self._path}:{line}" if column is None else f"{self._path}:{line}:{column}"
         raise InputError(f"{location}: {problem}")
 
-    def close(self) -> Element:
-        """Return the root and remove the handlers, which would keep the tree alive through a reference cycle."""
-        parser, root = self.parser, self.builder.close()
+    def close(self) -> None:
+        """Remove the handlers, which would keep the target alive through a reference cycle."""
+        parser = self.parser
         parser.StartElementHandler = parser.EndElementHandler = parser.CharacterDataHandler = None
         parser.StartDoctypeDeclHandler = None
-        return root
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
         line = self.parser.CurrentLineNumber
@@ -119,14 +155,13 @@ class _Reader:
         self._elements += 1
         if self._depth > MAX_XML_DEPTH:
             self.refuse(f"elements are nested more than {MAX_XML_DEPTH} deep", line)
-        if self._elements > MAX_XML_ELEMENTS:
-            self.refuse(f"has more than {MAX_XML_ELEMENTS} elements", line)
-        element: LinedElement = self.builder.start(tag, attributes)  # type: ignore[assignment]
-        element.line = line
+        if self._elements > self._max_elements:
+            self.refuse(f"has more than {self._max_elements} elements", line)
+        self._target.start(tag, attributes, line)
 
     def _end(self, tag: str) -> None:
         self._depth -= 1
-        self.builder.end(tag)
+        self._target.end(tag)
 
     def _doctype(self, *_: object) -> None:
         self.refuse("document type declarations (<!DOCTYPE>) are not accepted", self.parser.CurrentLineNumber)

@@ -2,11 +2,13 @@
 
 import hashlib
 import re
+from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
 
-from simbev_ros.config.map_files import MAP_SUFFIXES, expand_home
+from simbev_ros.config.map_files import MAP_SUFFIXES, READ_FILES, Bounds, expand_home
 from simbev_ros.errors import InputError
+from simbev_ros.limits import MAX_MAP_BYTES, MAX_OSM_BYTES, MAX_PBF_BYTES
 from simbev_ros.maps.safe_xml import check_readable
 from simbev_ros.maps.spec import MapSpec
 
@@ -19,22 +21,32 @@ def known_maps() -> tuple[str, ...]:
     return tuple(sorted(entry.name.removesuffix(".yaml") for entry in towns.iterdir() if entry.name.endswith(".yaml")))
 
 
-def map_spec(name_or_path: str, seed: int = 0) -> MapSpec:
+def map_spec(name_or_path: str, seed: int = 0, bounds: Bounds | None = None) -> MapSpec:
     """The MapSpec for the name of a town or the path of a map file.
 
+    Args:
+        name_or_path: The town or file.
+        seed: Random seed for everything that the map does not prescribe.
+        bounds: Part of an OpenStreetMap file; its name then ends in a digest of the bounds.
+
     Raises:
-        InputError: There is no such town or file, or the file cannot be read or is too large.
+        InputError: There is no such town or file, it has no parts, or the file cannot be read or is too large.
     """
     suffix = suffix_of(name_or_path)
+    if bounds is not None and not is_street_map(suffix):
+        raise InputError(f"bounds: only OpenStreetMap files have parts that can be chosen, not {name_or_path}")
     if suffix:
         path = expand_home(name_or_path).resolve()
         _require_text(path)
-        return MapSpec(name=_file_name(path, suffix), seed=seed, path=str(path), sha256=_sha256(path))
+        part = "" if bounds is None else f"-{hashlib.sha256(repr(bounds).encode()).hexdigest()[:6]}"
+        name = f"{_file_name(path, suffix)}{part}"
+        return MapSpec(name=name, seed=seed, path=str(path), sha256=_sha256(path), bounds=bounds)
     if name_or_path in known_maps():
         return MapSpec(name=name_or_path, seed=seed)
+    if Path(name_or_path).suffix:
+        raise InputError(f"{name_or_path}: is not a kind of map file that is read; read are {READ_FILES}")
     raise InputError(
-        f"map: no map is called {name_or_path!r}; towns: {', '.join(known_maps())}; "
-        f"files end in {', '.join(MAP_SUFFIXES)}"
+        f"map: no map is called {name_or_path!r}; towns: {', '.join(known_maps())}; map files end in {READ_FILES}"
     )
 
 
@@ -50,7 +62,12 @@ def known_map(name_or_path: str) -> str:
 
 def suffix_of(name_or_path: str) -> str:
     """The one of ``MAP_SUFFIXES`` that a name ends with; empty if there is none."""
-    return next((suffix for suffix in MAP_SUFFIXES if name_or_path.lower().endswith(suffix)), "")
+    return max((suffix for suffix in MAP_SUFFIXES if name_or_path.lower().endswith(suffix)), key=len, default="")
+
+
+def is_street_map(suffix: str) -> bool:
+    """Whether a suffix of ``MAP_SUFFIXES`` is one of OpenStreetMap's."""
+    return suffix.startswith((".osm", ".pbf"))
 
 
 def file_of(spec: MapSpec) -> Path:
@@ -77,12 +94,26 @@ def _require_text(path: Path) -> None:
 
 
 def _sha256(path: Path) -> str:
-    check_readable(path)
+    check_readable(path, _max_bytes(suffix_of(path.name)))
+    status = path.stat()
+    return _sha256_of(path, status.st_size, status.st_mtime_ns)
+
+
+@lru_cache(maxsize=64)
+def _sha256_of(path: Path, size_bytes: int, modified_ns: int) -> str:
+    """SHA-256 of a file; files of whole countries are not read again while size and time stay the same."""
     try:
         with path.open("rb") as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest()
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+def _max_bytes(suffix: str) -> int:
+    """Largest size of a map file on disk."""
+    if suffix.endswith(".pbf"):
+        return MAX_PBF_BYTES
+    return MAX_OSM_BYTES if is_street_map(suffix) else MAX_MAP_BYTES
 
 
 def _file_name(path: Path, suffix: str) -> str:

@@ -1,11 +1,12 @@
 """The map of a scene, as scene specifications record it."""
 
 import re
+from typing import Any
 
-from pydantic import Field
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
 
 from simbev_ros.config.base import Model
-from simbev_ros.config.map_files import MAP_SUFFIXES
+from simbev_ros.config.map_files import MAP_SUFFIXES, Bounds
 from simbev_ros.config.names import Name
 
 _PATH = f"(?is)^(/[^\\x00]*({'|'.join(map(re.escape, MAP_SUFFIXES))}))?$"
@@ -24,3 +25,14 @@ class MapSpec(Model):
     sha256: str = Field(
         "", pattern="^([0-9a-f]{64})?$", description="SHA-256 of the file's content when the map was chosen"
     )
+    bounds: Bounds | None = Field(
+        None, description="part of an OpenStreetMap file: west, south, east, north in degrees; none: all of it"
+    )
+
+    @model_serializer(mode="wrap")
+    def _without_absent_bounds(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave absent bounds out, so that scenes on whole maps are written as they were before there were bounds."""
+        fields: dict[str, Any] = serialize(self)
+        if self.bounds is None:
+            fields.pop("bounds", None)
+        return fields

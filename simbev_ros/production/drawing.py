@@ -31,7 +31,7 @@ class PlannedSceneDrawer:
 
     def __init__(self, scenario: Scenario, observer: ProductionObserver = SILENT) -> None:
         self._scenario, self._observer = scenario, observer
-        specs = [map_spec(wanted.map) for wanted in scenario.scenes]
+        specs = [map_spec(wanted.map, bounds=wanted.bounds) for wanted in scenario.scenes]
         self._maps: Mapping[str, MapSpec] = {spec.name: spec for spec in specs}
         self._latest: tuple[MapSpec, StartPositions] | None = None
 

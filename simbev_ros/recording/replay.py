@@ -1,5 +1,6 @@
 """Replay of a recorded scene: its actors and signals again, tick by tick, with another rig or other weather."""
 
+import hashlib
 import tempfile
 import zlib
 from collections import defaultdict
@@ -11,10 +12,11 @@ import numpy as np
 
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.errors import BagError, InputError, LimitError
-from simbev_ros.limits import MAX_MAP_BYTES
+from simbev_ros.limits import MAX_OSM_BYTES
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.source import suffix_of
+from simbev_ros.maps.source import is_street_map, suffix_of
+from simbev_ros.maps.spec import MapSpec
 from simbev_ros.recording.arrays import point_array
 from simbev_ros.recording.layout import (
     GZIPPED_MAP_SOURCE_ATTACHMENT,
@@ -174,31 +176,38 @@ def recorded_spec(bag: SceneBag) -> SceneSpec:
     return spec
 
 
-def build_recorded_roads(bag: SceneBag) -> None:
+def build_recorded_roads(bag: SceneBag) -> MapSpec:
     """Build the road network of a bag's map from the map file in the bag, as the original file may be gone.
 
     The network is then in the cache, where it is found by the content of the map file.
+
+    Returns:
+        The map: that of the scene, or, if the bag holds only the part of an OpenStreetMap file that was read, a map of
+        that part.
 
     Raises:
         BagError: The map file in the bag is damaged, or larger than a map file may be.
         InputError: The roads cannot be built from it.
     """
-    source = _map_source(bag)
+    spec, source = recorded_spec(bag).map, _map_source(bag)
     if source is None:
-        return
-    spec = recorded_spec(bag).map
+        return spec
+    digest = hashlib.sha256(source).hexdigest()
+    if digest != spec.sha256 and is_street_map(suffix_of(spec.path)):
+        spec = spec.model_copy(update={"sha256": digest, "bounds": None})
     with tempfile.TemporaryDirectory(prefix="simbev-") as folder:
         copy = Path(folder, f"{spec.name}{suffix_of(spec.path)}")
         copy.write_bytes(source)
         load_network(spec.model_copy(update={"path": str(copy)}))
+    return spec
 
 
 def _map_source(bag: SceneBag) -> bytes | None:
-    """The map file in a bag; None if the map is a built-in town."""
+    """The map file in a bag, or the part of it that was read; None if the map is a built-in town."""
     for name, decompress in _DECOMPRESSORS.items():
         if name in bag.attachments:
             try:
-                return decompress(bag.attachments[name], MAX_MAP_BYTES)
+                return decompress(bag.attachments[name], MAX_OSM_BYTES)
             except (EOFError, OSError, zlib.error, LimitError) as error:
                 raise BagError(f"{bag.path}: {name}: {error}") from None
     return None
@@ -207,7 +216,7 @@ def _map_source(bag: SceneBag) -> bytes | None:
 _DECOMPRESSORS = {MAP_SOURCE_ATTACHMENT: bunzip2, GZIPPED_MAP_SOURCE_ATTACHMENT: gunzip}
 
 
-def replayed_spec(bag: SceneBag, scenario: Scenario, network: RoadNetwork) -> SceneSpec:
+def replayed_spec(bag: SceneBag, scenario: Scenario, network: RoadNetwork, chosen: MapSpec | None = None) -> SceneSpec:
     """Specification for replaying a bag with another configuration.
 
     Rig and annotation come from the configuration, and so do weather and lights if it sets them; everything else is as
@@ -217,6 +226,7 @@ def replayed_spec(bag: SceneBag, scenario: Scenario, network: RoadNetwork) -> Sc
         bag: The bag.
         scenario: The configuration.
         network: Road network of the bag's map.
+        chosen: That map, as ``build_recorded_roads`` returned it; None: as recorded.
 
     Raises:
         BagError: The bag holds no scene, or it was recorded on other roads.
@@ -230,7 +240,7 @@ def replayed_spec(bag: SceneBag, scenario: Scenario, network: RoadNetwork) -> Sc
     recorded_map = bag.attachments.get(MAP_ATTACHMENT)
     if recorded_map is not None and recorded_map != network.opendrive.encode():
         raise BagError(f"{bag.path}: was recorded on other roads than map {spec.map.name} has now")
-    changes: dict[str, object] = {"rig": scenario.rig, "annotation": scenario.annotation}
+    changes: dict[str, object] = {"rig": scenario.rig, "annotation": scenario.annotation, "map": chosen or spec.map}
     if "weather" in scenario.model_fields_set:
         is_hilly = StartPositions(network, scenario.traffic.waypoint_spacing_m).is_hilly
         changes["weather"], changes["final_weather"] = draw_weathers(scenario.weather, spec.seed, hilly=is_hilly)

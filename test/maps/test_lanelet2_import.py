@@ -1,5 +1,6 @@
 """Lanelet2 maps give exact strips, a net of the same lanes, and their rules: on a crossing of four roads."""
 
+import gzip
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -10,6 +11,7 @@ import shapely
 from lanelet2_sample import BOX_M, LANE_M, Crossing, LaneletSample, straight_lane
 from pyproj import Transformer
 
+from simbev_ros.errors import InputError
 from simbev_ros.maps.builder import build_map
 from simbev_ros.maps.lanelet2.importer import import_lanelet2
 from simbev_ros.maps.opendrive.importer import import_opendrive
@@ -182,7 +184,8 @@ def test_lane_changes_follow_the_paint_and_the_tags_of_bounds(
     sample = LaneletSample()
     two_lanes(sample, subtype, **tags)
     parts, _, _ = imported(tmp_path, sample)
-    right, left = (line for line in parts.net.read_text().splitlines() if "<lane " in line)
+    # In Japan, where the sample lies, lanes are counted from the left.
+    left, right = (line for line in parts.net.read_text().splitlines() if "<lane " in line)
     assert ("changeLeft" not in right) is to_left
     assert ("changeRight" not in left) is to_right
 
@@ -331,8 +334,8 @@ def test_areas_become_parking_places_buildings_and_parks(tmp_path: Path) -> None
 
 
 def test_files_ending_in_osm_are_recognized_by_their_lanelets(tmp_path: Path) -> None:
-    path = tmp_path / "crossing.osm"
-    path.write_text(yielding_crossing().sample.text(), encoding="utf-8")
+    path = tmp_path / "crossing.osm.gz"
+    path.write_bytes(gzip.compress(yielding_crossing().sample.text().encode()))
     folder = tmp_path / "built"
     folder.mkdir()
     build_map(map_spec(str(path)), folder)
@@ -341,3 +344,10 @@ def test_files_ending_in_osm_are_recognized_by_their_lanelets(tmp_path: Path) ->
     to_earth = Transformer.from_crs("EPSG:32654", "EPSG:4326", always_xy=True)
     longitude, latitude = to_earth.transform(305e3, 3905e3)
     assert network.datum.geodetic_from_map((5000.0, 5000.0, 0.0))[:2] == pytest.approx((latitude, longitude), abs=1e-9)
+
+
+def test_bounds_do_not_choose_parts_of_lanelets(tmp_path: Path) -> None:
+    path = tmp_path / "crossing.osm"
+    path.write_text(yielding_crossing().sample.text(), encoding="utf-8")
+    with pytest.raises(InputError, match=r"bounds: only OpenStreetMap files .*crossing\.osm has lanelets"):
+        build_map(map_spec(str(path), bounds=(138.0, 35.0, 139.0, 36.0)), tmp_path)

@@ -221,7 +221,7 @@ def test_files_are_lanelet_maps_by_their_content(tmp_path: Path) -> None:
         ("<osm>" + " " * (1 << 20) + "<tag k='type' v='lanelet'/></osm>", True),
     ):
         path.write_text(text)
-        assert has_lanelets(path) is expected
+        assert has_lanelets(path, ".osm") is expected
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.osm.data import read_osm
+from simbev_ros.maps.osm.reader import read_osm
 from simbev_ros.maps.source import map_spec
 from simbev_ros.maps.sumo.netconvert import sumo_home
 from simbev_ros.types import Float64Array

@@ -201,6 +201,28 @@ def test_the_roads_of_a_missing_map_file_come_from_the_bag(tmp_path: Path, monke
     assert load_source(spec.map) == source
 
 
+def test_a_part_of_a_map_is_replayed_from_the_extract_in_the_bag(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "one"))
+    file = Path(shutil.copy(Path(__file__).parents[1] / "maps/data/riverside.osm", tmp_path))
+    spec = SPEC.model_copy(update={"map": map_spec(str(file), bounds=(7.4960, 52.2480, 7.5035, 52.2530))})
+    roads = load_network(spec.map)
+    with SceneBagWriter(tmp_path / "bag") as writer:
+        writer.add_attachment("scene.json", "application/json", spec.model_dump_json().encode())
+        writer.add_attachment("map.xodr", "application/xml", roads.opendrive.encode())
+        writer.add_attachment("map_source.bz2", "application/x-bzip2", load_source(spec.map))
+        writer.finish({})
+    file.unlink()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "another"))
+    with SceneBag(tmp_path / "bag") as recorded:
+        chosen = build_recorded_roads(recorded)
+        assert chosen.bounds is None and chosen.name == spec.map.name
+        replayed = replayed_spec(recorded, load_scenario("demo"), load_network(chosen), chosen)
+    assert replayed.map == chosen
+    assert load_network(chosen).opendrive == roads.opendrive
+
+
 @pytest.mark.parametrize(("attachment", "compress"), COMPRESSED)
 def test_map_files_in_bags_of_all_versions_are_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, attachment: str, compress: Callable[[bytes], bytes]
@@ -240,7 +262,7 @@ def test_a_damaged_map_file_in_a_bag_is_refused(tmp_path: Path, attachment: str,
 def test_a_map_file_that_unpacks_to_more_than_a_map_may_have_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, attachment: str, compress: Callable[[bytes], bytes]
 ) -> None:
-    monkeypatch.setattr("simbev_ros.recording.replay.MAX_MAP_BYTES", 1 << 20)
+    monkeypatch.setattr("simbev_ros.recording.replay.MAX_OSM_BYTES", 1 << 20)
     with SceneBagWriter(tmp_path / "a") as writer:
         writer.add_attachment("scene.json", "application/json", SPEC.model_dump_json().encode())
         writer.add_attachment(attachment, "application/octet-stream", compress(bytes(64 << 20)))

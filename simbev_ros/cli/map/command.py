@@ -12,14 +12,24 @@ import typer
 def map_(
     name: Annotated[
         str | None,
-        typer.Argument(help="A town, or a file (.xodr, .osm, .net.xml); default: a table of all towns.", metavar="MAP"),
+        typer.Argument(
+            help="A town, or a file (.xodr, .osm, .osm.pbf, .net.xml; also .gz); default: a table of all towns.",
+            metavar="MAP",
+        ),
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed for everything the map does not determine.", min=0, max=2**31)] = 0,
     out: Annotated[
         Path | None, typer.Option(help="Write PICTURE-above.png and PICTURE-street.png.", metavar="PICTURE.png")
     ] = None,
+    to: Annotated[
+        Path | None,
+        typer.Option(help="Write the roads in another form: .xodr, .net.xml or .osm.", metavar="FILE"),
+    ] = None,
     at: Annotated[
         tuple[float, float] | None, typer.Option(help="Position of the pictures in the map, in meters.", metavar="X Y")
+    ] = None,
+    bounds: Annotated[
+        str | None, typer.Option(help="Part of an OpenStreetMap file, in degrees.", metavar="WEST,SOUTH,EAST,NORTH")
     ] = None,
     everything: Annotated[
         bool, typer.Option("--all", help="Build the surroundings of the whole map, not only around one position.")
@@ -36,25 +46,40 @@ def map_(
     simbev map Town04 --out town04.png
 
     simbev map my_city.osm --fresh --json
+
+    simbev map my_city.osm --to my_city.xodr
+
+    simbev map berlin.osm.pbf --bounds 13.37,52.50,13.42,52.53 --out berlin.png
     """
     from simbev_ros.cache.entries import default_cache_dir
     from simbev_ros.cli.console import make_console, table_console
     from simbev_ros.cli.map.exploration import build_roads, explore
     from simbev_ros.cli.map.report import map_table, towns_table
     from simbev_ros.cli.output_file import require_name
+    from simbev_ros.config.map_files import parse_bounds
+    from simbev_ros.errors import InputError
+    from simbev_ros.export.maps.conversion import writer_of
     from simbev_ros.maps.source import known_maps, map_spec
     from simbev_ros.recording.whole_files import require_writable
 
+    part = None if bounds is None else parse_bounds(bounds)
+    if part is not None and name is None:
+        raise InputError("bounds need a map", parameter="bounds")
     if out is not None:
         require_name(out)
         require_writable(out.parent)
+    if to is not None:
+        if name is None:
+            raise InputError("a form to write needs a map", parameter="to")
+        writer_of(to)
+        require_writable(to.parent)
     console = make_console(stderr=True)
     with tempfile.TemporaryDirectory(prefix="simbev_ros-map-") if fresh else nullcontext() as folder:
         cache_dir = Path(folder) if folder else default_cache_dir()
         if name is None:
             reports = [build_roads(map_spec(town, seed), cache_dir, console)[0] for town in known_maps()]
         else:
-            reports = [explore(map_spec(name, seed), at, everything, out, cache_dir, console)]
+            reports = [explore(map_spec(name, seed, part), at, everything, out, to, cache_dir, console)]
     if as_json:
         facts = [report.facts() for report in reports]
         typer.echo(json.dumps(facts if name is None else facts[0], indent=2))

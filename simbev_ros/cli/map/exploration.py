@@ -14,6 +14,7 @@ from simbev_ros.assets.regions.static_cache import StaticCache, load_static_scen
 from simbev_ros.cli.map.report import MapReport, Surroundings
 from simbev_ros.cli.production_display import MapDisplay
 from simbev_ros.errors import InputError
+from simbev_ros.export.maps.conversion import write_map
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import Reach, regions_of
@@ -43,11 +44,16 @@ def explore(
     at_m: tuple[float, float] | None,
     everything: bool,
     out: Path | None,
+    to: Path | None,
     cache_dir: Path,
     console: Console,
 ) -> MapReport:
-    """Build roads and surroundings of a map, and write pictures if they are wanted."""
+    """Build roads and surroundings of a map, and write pictures, and the roads in another form, if they are wanted."""
     report, network = build_roads(spec, cache_dir, console)
+    if to is not None:
+        write_map(network, to)
+        if out is None and at_m is None and not everything:
+            return report
     center_m = busiest_position(network) if at_m is None else np.array(at_m)
     regions = regions_of(network.layout)
     reach = Reach((float(center_m[0]), float(center_m[1])), _REACH_M)

@@ -55,6 +55,7 @@ class MapReport:
         return {
             "name": self.spec.name,
             "file": self.spec.path or None,
+            "bounds": self.spec.bounds,
             "seed": self.spec.seed,
             "datum": asdict(self.datum),
             **asdict(self.statistics),
@@ -73,6 +74,8 @@ def map_table(report: MapReport) -> Table:
     table.add_row("map", Text.assemble((report.spec.name, "bold"), f", seed {report.spec.seed}"))
     if report.spec.path:
         table.add_row("file", report.spec.path)
+    if report.spec.bounds is not None:
+        table.add_row("bounds", ",".join(f"{value:g}" for value in report.spec.bounds))
     table.add_row("origin", f"{report.datum.latitude_deg:.6f}°, {report.datum.longitude_deg:.6f}°")
     table.add_row("size", f"{figures.width_m:.0f} × {figures.depth_m:.0f} m")
     lanes = ", ".join(f"{kind.replace('_', ' ')} {length_km:.1f} km" for kind, length_km in figures.lane_km.items())

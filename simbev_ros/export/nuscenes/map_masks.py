@@ -122,8 +122,8 @@ def write_mask(site: Site, out: Path) -> None:
     if path.exists():
         return
     with SceneBag(Path(site.bag)) as bag:
-        build_recorded_roads(bag)
-    _, data = cv2.imencode(".png", draw_mask(load_network(site.map), site))
+        chosen = build_recorded_roads(bag)
+    _, data = cv2.imencode(".png", draw_mask(load_network(chosen), site))
     write_whole(path, data.tobytes())
 
 

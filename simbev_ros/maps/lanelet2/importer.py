@@ -40,7 +40,7 @@ def import_lanelet2(path: Path, work: Path) -> MapParts:
     source, datum = read_lanelet_map(path, notes)
     source = with_speed_limits(source)
     shapes = list(lanelet_shapes(source, notes))
-    junctions = junctions_of(topology_of(path, shapes))
+    junctions = junctions_of(topology_of(path, shapes, datum))
     rules = rules_of(source, junctions, notes)
     waiting = {name for rule in rules if rule.meaning != SignKind.SPEED_LIMIT for name in rule.lanelets}
     crosswalks = crosswalks_of(shapes)

@@ -10,7 +10,7 @@ import numpy as np
 
 from simbev_ros.errors import InputError
 from simbev_ros.geometry.geodesy import MapDatum
-from simbev_ros.limits import MAX_LANELET_POINTS, MAX_LANELETS
+from simbev_ros.limits import MAX_LANELET_POINTS, MAX_LANELETS, MAX_OSM_BYTES
 from simbev_ros.maps.lanelet2.document import Area, Lanelet, LaneletMap, Linestring, Regulation
 from simbev_ros.maps.lanelet2.elements import elements_by_id, tags_of
 from simbev_ros.maps.lanelet2.frame import map_frame
@@ -18,29 +18,31 @@ from simbev_ros.maps.opendrive.reading.attributes import Notes
 from simbev_ros.maps.osm.data import Tags
 from simbev_ros.maps.safe_xml import parse
 from simbev_ros.types import Float64Array
+from simbev_ros.unpacking import read_unpacked
 
 _LANELET = re.compile(rb"""\bv\s*=\s*["']lanelet["']""")
 _HIGHWAY = re.compile(rb"""\bk\s*=\s*["']highway["']""")
-_CHUNK_BYTES = 1 << 20
 _OVERLAP_BYTES = 64
 _SAME_POINT_M = 0.01
 _MAX_MEMBERS = 400
 _AREA_TYPES = ("multipolygon", "area")
 
 
-def has_lanelets(path: Path) -> bool:
-    """Whether the roads of an .osm file are lanelets: it has more of them than streets of OpenStreetMap."""
+def has_lanelets(path: Path, suffix: str) -> bool:
+    """Whether the roads of a map's file are lanelets: it is OSM XML with more of them than streets of OpenStreetMap.
+
+    Raises:
+        InputError: The file cannot be read, or is damaged.
+    """
+    if not suffix.startswith(".osm") or suffix.endswith(".pbf"):
+        return False
     lanelets = streets = 0
     tail = b""
-    try:
-        with path.open("rb") as stream:
-            while chunk := stream.read(_CHUNK_BYTES):
-                text = tail + chunk
-                tail = text[-_OVERLAP_BYTES:]
-                lanelets += sum(match.end() > len(text) - len(chunk) for match in _LANELET.finditer(text))
-                streets += sum(match.end() > len(text) - len(chunk) for match in _HIGHWAY.finditer(text))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    for piece in read_unpacked(path, MAX_OSM_BYTES):
+        text = tail + piece
+        lanelets += sum(match.end() > len(tail) for match in _LANELET.finditer(text))
+        streets += sum(match.end() > len(tail) for match in _HIGHWAY.finditer(text))
+        tail = text[-_OVERLAP_BYTES:]
     return lanelets > streets
 
 

@@ -15,8 +15,10 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.errors import InputError
+from simbev_ros.geometry.geodesy import MapDatum
 from simbev_ros.limits import MAX_LANELET_PAIRS
 from simbev_ros.maps.lanelet2.shapes import LaneletShape
+from simbev_ros.maps.osm.driving_side import keeps_left
 from simbev_ros.maps.roads.lane_kind import LaneKind
 
 _CHUNK = 256
@@ -72,14 +74,19 @@ class Topology:
         return tuple(groups)
 
 
-def topology_of(path: Path, all_shapes: Sequence[LaneletShape]) -> Topology:
+def topology_of(path: Path, all_shapes: Sequence[LaneletShape], datum: MapDatum) -> Topology:
     """Relations of the lanelets of a file.
+
+    Args:
+        path: The file, named in errors.
+        all_shapes: The lanelets.
+        datum: Datum of the map frame: its country decides the side of traffic if no lanelets are oncoming.
 
     Raises:
         InputError: More than a million pairs of lanelets follow or overlap each other.
     """
     lanes = {shape.id: shape for shape in all_shapes if shape.kind is not LaneKind.CROSSING}
-    left_hand = _left_hand(lanes.values())
+    left_hand = _left_hand(lanes.values(), datum)
     shapes = _with_walkways_aligned(lanes)
     left = _left_neighbors(shapes)
     return Topology(
@@ -92,13 +99,15 @@ def topology_of(path: Path, all_shapes: Sequence[LaneletShape]) -> Topology:
     )
 
 
-def _left_hand(shapes: Iterable[LaneletShape]) -> bool:
-    """Whether oncoming lanelets are mostly on the right, by length of the bounds that they share."""
+def _left_hand(shapes: Iterable[LaneletShape], datum: MapDatum) -> bool:
+    """Whether oncoming lanelets are mostly on the right, by length of the bounds that they share; else by country."""
     driven = [shape for shape in shapes if shape.kind is LaneKind.DRIVING]
     lefts = {shape.left_nodes for shape in driven}
     rights = {shape.right_nodes for shape in driven}
     on_left_m = sum(shape.length_m for shape in driven if shape.left_nodes[::-1] in lefts)
     on_right_m = sum(shape.length_m for shape in driven if shape.right_nodes[::-1] in rights)
+    if on_right_m == on_left_m:
+        return keeps_left(datum.longitude_deg, datum.latitude_deg)
     return on_right_m > on_left_m
 
 

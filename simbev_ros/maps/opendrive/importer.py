@@ -8,10 +8,12 @@ import re
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from io import StringIO
 from pathlib import Path
 from xml.etree.ElementTree import ElementTree
 
 from simbev_ros.errors import InputError, SimulationError
+from simbev_ros.limits import MAX_MAP_BYTES
 from simbev_ros.maps.lane_graph.crossings import crosswalks_of_net, planned_crossings
 from simbev_ros.maps.lane_graph.sumo_xml import RightOfWay, build_net
 from simbev_ros.maps.lane_graph.traffic import Traffic
@@ -35,6 +37,7 @@ from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout
 from simbev_ros.maps.safe_xml import parse, place_of
+from simbev_ros.unpacking import read_unpacked
 
 
 def import_opendrive(path: Path, work: Path) -> MapParts:
@@ -119,7 +122,8 @@ def _write(path: Path, document: Document, is_recentered: bool, work: Path) -> P
     """Write the file as UTF-8; unchanged if it is UTF-8 already and was not recentered."""
     target = work / "map.xodr"
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        content = b"".join(read_unpacked(path, MAX_MAP_BYTES))
+        text = StringIO(content.decode("utf-8-sig"), newline=None).getvalue()
     except UnicodeDecodeError:
         text = ""
     declared = re.match(r"""\s*<\?xml[^>]*encoding=["']([^"']+)""", text)

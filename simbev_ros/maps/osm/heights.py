@@ -5,13 +5,12 @@ the ground, the lower one is lowered; along every connected road the height retu
 """
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from heapq import heappop, heappush
 
 import numpy as np
 import shapely
-from scipy.sparse import coo_matrix, csr_matrix
-from scipy.sparse.csgraph import dijkstra
 
 from simbev_ros.maps.osm.roads import OsmRoad, crossings_of, line_of
 from simbev_ros.types import Float64Array
@@ -44,7 +43,7 @@ def add_heights(
         return tuple(roads), np.column_stack([xy_m, np.zeros(len(xy_m))]), ()
     roads, xy_m, pairs = _subdivide(roads, xy_m, crossings)
     z_m = np.zeros(len(xy_m))
-    graph = _graph(roads, xy_m)
+    graph = _RoadGraph(roads, xy_m)
     order = sorted(range(len(crossings)), key=lambda k: roads[crossings[k][0]].way.layer)
     for _ in range(_PASSES):
         for k in order:
@@ -56,7 +55,7 @@ def add_heights(
 
 
 def _apply_clearance(
-    roads: Sequence[OsmRoad], crossing: tuple[int, int], pair: tuple[int, int], graph: csr_matrix, z_m: Float64Array
+    roads: Sequence[OsmRoad], crossing: tuple[int, int], pair: tuple[int, int], graph: "_RoadGraph", z_m: Float64Array
 ) -> None:
     """Raise or lower one road of a crossing by the lacking clearance; changes ``z_m``."""
     lacking_m = _CLEARANCE_M - (z_m[pair[0]] - z_m[pair[1]])
@@ -66,26 +65,26 @@ def _apply_clearance(
     moved_node, other_node = pair if rises else pair[::-1]
     fast = float(roads[crossing[0 if rises else 1]].way.tags.get("maxspeed", 0)) > _FAST_KMH
     ramp_m = _FAST_RAMP_M if fast else _RAMP_M
-    along_m = dijkstra(graph, directed=False, indices=moved_node, limit=_FLAT_M + ramp_m)
-    if np.isfinite(
-        along_m[other_node]
-    ):  # the roads are connected nearby: end the ramp before it reaches the other road
-        ramp_m = max(_MIN_RAMP_M, min(ramp_m, along_m[other_node] - 2.0 * _FLAT_M))
-    share = np.clip((along_m - _FLAT_M) / ramp_m, 0.0, 1.0)
-    z_m += (lacking_m if rises else -lacking_m) * 0.5 * (1.0 + np.cos(np.pi * share))
+    near_m = graph.distances_m(moved_node, _FLAT_M + ramp_m)
+    if other_node in near_m:  # the roads are connected nearby: end the ramp before it reaches the other road
+        ramp_m = max(_MIN_RAMP_M, min(ramp_m, near_m[other_node] - 2.0 * _FLAT_M))
+    share = np.clip((np.array(list(near_m.values())) - _FLAT_M) / ramp_m, 0.0, 1.0)
+    z_m[list(near_m)] += (lacking_m if rises else -lacking_m) * 0.5 * (1.0 + np.cos(np.pi * share))
 
 
-def _flatten_junctions(graph: csr_matrix, z_m: Float64Array) -> None:
+def _flatten_junctions(graph: "_RoadGraph", z_m: Float64Array) -> None:
     """Flatten roads around junctions on a slope, because SUMO's junctions are level; changes ``z_m``."""
-    junctions = np.flatnonzero((np.diff((graph + graph.T).indptr) > 2) & (np.abs(z_m) > 0.01))
+    junctions = {node for node in graph.junctions() if abs(z_m[node]) > 0.01}
     sloping_m = z_m.copy()
-    for junction in junctions:
-        along_m = dijkstra(graph, directed=False, indices=junction, limit=2.0 * _JUNCTION_REACH_M)
-        neighbor_m = np.delete(along_m[junctions], np.searchsorted(junctions, junction)).min(initial=np.inf)
+    for junction in sorted(junctions):
+        near_m = graph.distances_m(junction, 2.0 * _JUNCTION_REACH_M)
+        others_m = (along_m for node, along_m in near_m.items() if node in junctions and node != junction)
+        neighbor_m = min(others_m, default=np.inf)
         reach_m = min(_JUNCTION_REACH_M, neighbor_m / 2.0)
         flat_m = min(_JUNCTION_M, reach_m / 2.0)
-        share = np.clip((along_m - flat_m) / (reach_m - flat_m), 0.0, 1.0)
-        z_m += 0.5 * (1.0 + np.cos(np.pi * share)) * (sloping_m[junction] - sloping_m)
+        nodes = list(near_m)
+        share = np.clip((np.array(list(near_m.values())) - flat_m) / (reach_m - flat_m), 0.0, 1.0)
+        z_m[nodes] += 0.5 * (1.0 + np.cos(np.pi * share)) * (sloping_m[junction] - sloping_m[nodes])
 
 
 def _subdivide(
@@ -93,6 +92,7 @@ def _subdivide(
 ) -> tuple[list[OsmRoad], Float64Array, list[tuple[int, int]]]:
     """Insert nodes at crossings and, near them, at short distances; also return each crossing's node pair."""
     near = shapely.buffer(shapely.MultiPoint([point for _, _, point in crossings]), _FLAT_M + _FAST_RAMP_M)
+    shapely.prepare(near)
     marks: dict[int, list[tuple[float, int, int]]] = defaultdict(list)
     for k, (upper, lower, point) in enumerate(crossings):
         for side, index in enumerate((upper, lower)):
@@ -121,10 +121,31 @@ def _subdivide(
     return divided, np.array(nodes), [(upper, lower) for upper, lower in pairs]
 
 
-def _graph(roads: Sequence[OsmRoad], xy_m: Float64Array) -> csr_matrix:
-    """Sparse matrix of distances between consecutive nodes of roads."""
-    starts = np.concatenate([road.nodes[:-1] for road in roads])
-    ends = np.concatenate([road.nodes[1:] for road in roads])
-    lengths_m = np.maximum(np.linalg.norm(xy_m[ends] - xy_m[starts], axis=1), 1e-3)
-    pairs, index = np.unique(np.sort(np.stack([starts, ends], axis=1), axis=1), axis=0, return_index=True)
-    return coo_matrix((lengths_m[index], pairs.T), shape=(len(xy_m), len(xy_m))).tocsr()
+class _RoadGraph:
+    """The nodes of roads and the distances between consecutive ones; scipy's search takes time for all nodes."""
+
+    def __init__(self, roads: Sequence[OsmRoad], xy_m: Float64Array) -> None:
+        starts = np.concatenate([road.nodes[:-1] for road in roads])
+        ends = np.concatenate([road.nodes[1:] for road in roads])
+        lengths_m = np.maximum(np.linalg.norm(xy_m[ends] - xy_m[starts], axis=1), 1e-3)
+        self._neighbors: dict[int, dict[int, float]] = defaultdict(dict)
+        for start, end, length_m in zip(starts.tolist(), ends.tolist(), lengths_m.tolist(), strict=True):
+            self._neighbors[start][end] = self._neighbors[end][start] = length_m
+
+    def junctions(self) -> Iterator[int]:
+        """Nodes with more than two neighbors."""
+        return (node for node, neighbors in self._neighbors.items() if len(neighbors) > 2)
+
+    def distances_m(self, node: int, limit_m: float) -> dict[int, float]:
+        """Distances along the roads from a node to all nodes within a limit (Dijkstra, 1959)."""
+        found: dict[int, float] = {}
+        waiting = [(0.0, node)]
+        while waiting:
+            along_m, nearest = heappop(waiting)
+            if nearest in found:
+                continue
+            found[nearest] = along_m
+            for neighbor, length_m in self._neighbors[nearest].items():
+                if neighbor not in found and along_m + length_m <= limit_m:
+                    heappush(waiting, (along_m + length_m, neighbor))
+        return found

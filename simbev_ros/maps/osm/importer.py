@@ -1,24 +1,32 @@
-"""Imports an OpenStreetMap file: takes a .osm file and returns the parts of a map."""
+"""Imports an OpenStreetMap file: takes a file and returns the parts of a map."""
 
 from collections import Counter
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 from pyproj import Transformer
 
+from simbev_ros.config.map_files import Bounds
 from simbev_ros.errors import InputError, SimulationError
-from simbev_ros.maps.osm.data import OsmData, read_osm
+from simbev_ros.geometry.geodesy import MapDatum
+from simbev_ros.limits import MAX_MAP_BYTES
+from simbev_ros.maps.osm.box import MAX_SIDE_M, Box, densest_box, sample_segments, segment_lengths_m
+from simbev_ros.maps.osm.data import OsmData
+from simbev_ros.maps.osm.extract import cut, write_osm
 from simbev_ros.maps.osm.heights import add_heights
 from simbev_ros.maps.osm.land import features_of
 from simbev_ros.maps.osm.netfile import center_datum, write_roads, write_types
-from simbev_ros.maps.osm.road_rules import road_tags
+from simbev_ros.maps.osm.reader import read_osm, road_nodes
+from simbev_ros.maps.osm.road_rules import SIDEWALK_M, road_tags
 from simbev_ros.maps.osm.roads import join_roads, roads_of
 from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.sumo import netconvert
+from simbev_ros.types import Float64Array, Int64Array
 
-_MAX_EXTENT_M = 30_000.0
 _MAX_LENGTH_M = 4e6
+_DENSEST_SIDE_M = 0.99 * MAX_SIDE_M  # because lengths of degrees are approximate
 _MAX_KEYS = 4
 _OPTIONS = (
     "--offset.disable-normalization=true",
@@ -27,7 +35,7 @@ _OPTIONS = (
     "--osm.turn-lanes=true",
     "--osm.bike-access=true",
     "--osm.elevation=true",
-    "--default.sidewalk-width=2.2",
+    f"--default.sidewalk-width={SIDEWALK_M}",
     "--crossings.guess=true",
     "--crossings.guess.speed-threshold=14",
     "--walkingareas=true",
@@ -45,36 +53,23 @@ _OPTIONS = (
 )
 
 
-def import_osm(path: Path, work: Path) -> MapParts:
+def import_osm(path: Path, work: Path, bounds: Bounds | None = None) -> MapParts:
     """Import an OpenStreetMap file.
 
     Args:
-        path: The .osm file.
+        path: The file: XML, plain or compressed, or PBF.
         work: An empty folder for the resulting files.
+        bounds: The part to import; None: all, or the densest part of a file that is too large.
 
     Raises:
-        InputError: The file is not OpenStreetMap XML, its content is invalid, or it has no roads for cars.
+        InputError: The file cannot be read, its content is invalid, or it has no roads for cars.
     """
-    data = read_osm(path)
-    lines = [np.array(way.nodes) for way in data.ways if road_tags(way.tags) is not None]
-    road_nodes = sorted({node for line in lines for node in line.tolist()})
-    if not road_nodes:
-        raise InputError(f"{path}: has no roads: it is {_contents(data)}, not a street map")
-    datum = center_datum(data.longitude_latitude_deg[road_nodes])
-    to_map = Transformer.from_crs("EPSG:4326", datum.proj_string, always_xy=True)
-    xy_m = np.column_stack(to_map.transform(*data.longitude_latitude_deg.T))
-    extent_m = float(np.ptp(xy_m[road_nodes], axis=0).max())
-    if not extent_m <= _MAX_EXTENT_M:
-        raise InputError(
-            f"{path}: its roads span {extent_m / 1000:.0f} km; at most {_MAX_EXTENT_M / 1000:.0f} km are read. "
-            "Extract the part that you need"
-        )
-    length_m = sum(float(np.hypot(*np.diff(xy_m[line], axis=0).T).sum()) for line in lines)
-    if length_m > _MAX_LENGTH_M:
-        raise InputError(
-            f"{path}: its roads are {length_m / 1000:.0f} km long; at most {_MAX_LENGTH_M / 1000:.0f} km are read. "
-            "Extract the part that you need"
-        )
+    data = _read(path, bounds)
+    nodes = road_nodes(data)
+    if not len(nodes):
+        where = f": it is {_contents(data)}, not a street map" if bounds is None else " within the bounds"
+        raise InputError(f"{path}: has no roads{where}")
+    datum, xy_m = _project(data, nodes)
     roads, road_notes = roads_of(data, xy_m)
     if all(road.way.walk for road in roads):
         raise InputError(f"{path}: has no roads that cars may drive on")
@@ -93,7 +88,55 @@ def import_osm(path: Path, work: Path) -> MapParts:
     except SimulationError as error:
         raise InputError(f"{path}: {error}") from None
     notes = (*data.notes, *road_notes, *height_notes, *land_notes)
-    return MapParts(net, opendrive, datum, features, notes=notes)
+    extract = work / "extract.osm" if data.is_part or path.stat().st_size > MAX_MAP_BYTES else None
+    if extract is not None:
+        write_osm(extract, data)
+    return MapParts(net, opendrive, datum, features, notes=notes, extract=extract)
+
+
+def _read(path: Path, bounds: Bounds | None) -> OsmData:
+    """Read a file or a part of it; of a file that is too large only the densest part."""
+    box = None if bounds is None else Box.of_bounds(bounds)
+    if box is not None and max(box.size_m) > MAX_SIDE_M:
+        size_km = " x ".join(f"{side_m / 1000:.0f}" for side_m in box.size_m)
+        raise InputError(f"{path}: bounds: span {size_km} km; at most {MAX_SIDE_M / 1000:.0f} km are read")
+    data = read_osm(path, box)
+    nodes = road_nodes(data)
+    extent_m = float(np.ptp(_project(data, nodes)[1][nodes], axis=0).max()) if len(nodes) else 0.0
+    segments = _segments(data)
+    length_m = float(segment_lengths_m(*segments).sum())
+    if box is None and (extent_m > MAX_SIDE_M or length_m > _MAX_LENGTH_M):
+        # Far from its origin the projection is useless, hence the lengths on a sphere.
+        box = densest_box(*sample_segments(*segments), _DENSEST_SIDE_M, _MAX_LENGTH_M)
+        reason = (
+            f"its roads span {extent_m / 1000:.0f} km and are {length_m / 1000:.0f} km long; at most "
+            f"{MAX_SIDE_M / 1000:.0f} km and {_MAX_LENGTH_M / 1000:.0f} km are read"
+        )
+        data = cut(data, box, reason)
+        length_m = float(segment_lengths_m(*_segments(data)).sum())
+    if length_m > _MAX_LENGTH_M:
+        raise InputError(
+            f"{path}: its roads are {length_m / 1000:.0f} km long; at most {_MAX_LENGTH_M / 1000:.0f} km are read. "
+            "Choose a smaller part with bounds (west, south, east, north in degrees)"
+        )
+    return data
+
+
+def _segments(data: OsmData) -> Float64Array:
+    """(2, N, 2) longitudes and latitudes of both ends of all segments of roads."""
+    lines = [way.nodes for way in data.ways if road_tags(way.tags) is not None]
+    ends = np.array([pair for line in lines for pair in pairwise(line)], np.int64).reshape(-1, 2)
+    return data.longitude_latitude_deg[ends.T]
+
+
+def _project(data: OsmData, nodes: Int64Array) -> tuple[MapDatum, Float64Array]:
+    """The datum at the center of the roads' nodes, and (N, 2) positions of all nodes, map frame."""
+    datum = center_datum(data.longitude_latitude_deg[nodes])
+    to_map = Transformer.from_crs("EPSG:4326", datum.proj_string, always_xy=True)
+    return datum, np.column_stack(to_map.transform(*data.longitude_latitude_deg.T))
+
+
+_MAX_KEYS = 4
 
 
 def _contents(data: OsmData) -> str:

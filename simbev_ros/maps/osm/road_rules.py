@@ -19,6 +19,12 @@ _COPIED_KEYS = (
     "lanes:backward",
     "junction",
 )
+SIDEWALK_M = 2.2
+"""Width of sidewalks."""
+
+_WIDTH_KEYS = {"width:lanes": "right", "width:lanes:forward": "right", "width:lanes:backward": "left"}
+"""Key of lane widths → side of the way whose sidewalk runs beside these lanes."""
+_MIN_LANE_M, _MAX_LANE_M = 2.0, 8.0
 _CYCLE_LANES = ("cycleway", "cycleway:left", "cycleway:right", "cycleway:both")
 _MIRRORED_SIDES = {"left": "right", "right": "left"}
 _MIRRORED_KEYS = {
@@ -95,7 +101,25 @@ def road_tags(tags: Tags, left_hand: bool = False) -> RoadTags | None:
         "maxspeed": f"{_speed_kmh(tags, rule):.0f}",
         "sidewalk": _sidewalk(tags, rule, runs_one_way),
     }
+    road |= _lane_widths(tags, road)
     return RoadTags(road, one_way in ("-1", "reverse"), False, layer, bridge, tunnel)
+
+
+def _lane_widths(tags: Tags, road: Tags) -> Tags:
+    """Tags of lane widths in netconvert's form, with the sidewalk as a further lane; none where cycle lanes are."""
+    if any(key in road for key in _CYCLE_LANES) or (road["oneway"] == "yes" and road["sidewalk"] in ("left", "both")):
+        return {}
+    found = {}
+    for key, side in _WIDTH_KEYS.items():
+        widths = [_to_number(text) for text in tags.get(key, "").split("|")]
+        if all(_MIN_LANE_M <= width_m <= _MAX_LANE_M for width_m in widths):
+            walk = [SIDEWALK_M] if road["sidewalk"] in (side, "both") else []
+            found[key] = "|".join(f"{width_m:.2f}" for width_m in (*widths, *walk))
+    return found
+
+
+def _to_number(text: str) -> float:
+    return float(text) if re.fullmatch(r"\d{1,2}(\.\d{1,3})?", text.strip()) else 0.0
 
 
 def _mirror(tags: Tags) -> Tags:

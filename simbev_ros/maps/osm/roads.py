@@ -10,7 +10,7 @@ import shapely
 
 from simbev_ros.maps.osm.data import OsmData
 from simbev_ros.maps.osm.road_rules import RoadTags, road_tags
-from simbev_ros.maps.sumo.islands import on_mainland
+from simbev_ros.maps.sumo.islands import components
 from simbev_ros.types import Float64Array
 
 _MAX_UNDERPASS_M = 120.0
@@ -46,10 +46,8 @@ def roads_of(data: OsmData, xy_m: Float64Array) -> tuple[tuple[OsmRoad, ...], tu
     ways = _remove_stairs(ways, xy_m)
     roads = join_roads(list(_split_at_junctions(ways)))
     roads = [road for road in roads if _length_m(road, xy_m) > 0.5]
-    kept = _keep_mainland(roads, xy_m)
-    if len(kept) < len(roads):
-        notes.append(f"roads that are not connected with the rest were left out: {len(roads) - len(kept)}")
-    return tuple(kept), tuple(notes)
+    kept, part_notes = _leave_out_lone_paths(roads, xy_m)
+    return tuple(kept), (*notes, *part_notes)
 
 
 def line_of(road: OsmRoad, xy_m: Float64Array) -> shapely.LineString:
@@ -60,9 +58,11 @@ def line_of(road: OsmRoad, xy_m: Float64Array) -> shapely.LineString:
 def crossings_of(roads: Sequence[OsmRoad], xy_m: Float64Array) -> list[tuple[int, int, shapely.Point]]:
     """Crossings between roads of different layers that do not meet: index of upper and lower road, and position."""
     lines = np.array([line_of(road, xy_m) for road in roads], dtype=object)
-    first, second = shapely.STRtree(lines).query(lines, predicate="intersects")
+    layers = np.array([road.way.layer for road in roads])
+    upper = np.flatnonzero(layers > layers.min(initial=0))
+    first, second = shapely.STRtree(lines).query(lines[upper], predicate="intersects")
     found = []
-    for a, b in zip(first.tolist(), second.tolist(), strict=True):
+    for a, b in zip(upper[first].tolist(), second.tolist(), strict=True):
         if roads[a].way.layer > roads[b].way.layer:
             shared = shapely.MultiPoint(xy_m[list(set(roads[a].nodes) & set(roads[b].nodes))])
             points = shapely.get_parts(shapely.intersection(lines[a], lines[b]))
@@ -125,13 +125,25 @@ def _joined_pair(a: OsmRoad, b: OsmRoad, node: int) -> OsmRoad | None:
     return None
 
 
-def _keep_mainland(roads: list[OsmRoad], xy_m: Float64Array) -> list[OsmRoad]:
-    """The largest connected part of the roads."""
+def _leave_out_lone_paths(roads: list[OsmRoad], xy_m: Float64Array) -> tuple[list[OsmRoad], list[str]]:
+    """The connected parts of the roads that cars may drive on, each with traffic of its own, and notes about them."""
     if not roads:
-        return []
+        return [], []
     lengths_m = np.array([_length_m(road, xy_m) for road in roads])
-    starts, ends = ([str(road.nodes[end]) for road in roads] for end in (0, -1))
-    return [road for road, keep in zip(roads, on_mainland(starts, ends, lengths_m), strict=True) if keep]
+    walk = np.array([road.way.walk for road in roads])
+    part = components(*(np.array([road.nodes[end] for road in roads]) for end in (0, -1)))
+    driving_m = np.bincount(part, np.where(walk, 0.0, lengths_m))
+    keep = driving_m[part] > 0.0
+    notes, parts = [], int(np.count_nonzero(driving_m))
+    if parts > 1:
+        apart_km = (driving_m.sum() - driving_m.max()) / 1e3
+        notes.append(
+            f"roads are in {parts} parts that are not connected, each with traffic of its own: {apart_km:.2f} of "
+            f"{driving_m.sum() / 1e3:.2f} km are outside the largest"
+        )
+    if not keep.all():
+        notes.append(f"footpaths that no road reaches were left out: {lengths_m[~keep].sum() / 1e3:.2f} km")
+    return [road for road, kept in zip(roads, keep.tolist(), strict=True) if kept], notes
 
 
 def _length_m(road: OsmRoad, xy_m: Float64Array) -> float:

@@ -35,7 +35,7 @@ def planned_scenes(scenario: Scenario) -> Iterator[PlannedScene]:
     """
     number = 0
     for entry in scenario.scenes:
-        chosen = map_spec(entry.map)
+        chosen = map_spec(entry.map, bounds=entry.bounds)
         for split in SPLITS:
             for _ in range(getattr(entry, split)):
                 yield PlannedScene(number, chosen, split)

@@ -23,7 +23,7 @@ MAX_CHUNK_RECORDS = 1 << 20
 """Records in an MCAP chunk or in the summary of an MCAP file. A chunk of 32 MiB with nothing but /clock has 780,000."""
 
 MAX_MAP_BYTES = 128 << 20
-"""Size of an OpenDRIVE file or a SUMO net, on disk and unpacked."""
+"""Size of an OpenDRIVE file, a Lanelet2 map or a SUMO net, on disk and unpacked."""
 
 MAX_OSM_BYTES = 512 << 20
 """Size of an OpenStreetMap file in XML, on disk and unpacked. Of a larger area, use the PBF."""
@@ -45,7 +45,19 @@ MAX_XML_DEPTH = 64
 """Nesting of elements in a map file. OpenDRIVE nests about 10 deep."""
 
 MAX_XML_ELEMENTS = 2_500_000
-"""Elements in an OpenDRIVE file or a SUMO net; a file of 128 MiB with short elements can reach it."""
+"""Elements in an OpenDRIVE file, a Lanelet2 map or a SUMO net; a file of 128 MiB with short elements can reach it."""
+
+MAX_LANELETS = 50_000
+"""Lanelets in a Lanelet2 map."""
+
+MAX_LANELET_POINTS = 2_000_000
+"""Points in the bounds of all lanelets of a Lanelet2 map, each bound counted once per lanelet."""
+
+MAX_BOUND_POINTS = 10_000
+"""Points in a bound of a lanelet; a lanelet with more is left out."""
+
+MAX_LANELET_PAIRS = 300_000
+"""Pairs of lanelets that follow each other, and pairs that overlap, in a Lanelet2 map."""
 
 MAX_OBJECT_COPIES = 10_000
 """Copies of one object that is repeated along an OpenDRIVE road."""

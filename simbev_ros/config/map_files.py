@@ -11,7 +11,7 @@ from simbev_ros.errors import InputError
 _PLAIN_SUFFIXES = (".xodr", ".osm", ".osm.xml", ".net.xml")
 _COMPRESSIONS = (".gz", ".bz2", ".zst")
 MAP_SUFFIXES = (*map("".join, product(_PLAIN_SUFFIXES, ("", *_COMPRESSIONS))), ".osm.pbf", ".pbf")
-"""Suffixes of OpenDRIVE, OpenStreetMap (two) and SUMO net files, plain or compressed, and of OpenStreetMap's PBF."""
+"""Suffixes of OpenDRIVE, OpenStreetMap or Lanelet2 (two) and SUMO net files, plain or compressed, and of PBF."""
 
 READ_FILES = f"{', '.join(_PLAIN_SUFFIXES)}, each also compressed ({', '.join(_COMPRESSIONS)}), or .osm.pbf"
 """The suffixes in words, for messages."""

@@ -7,6 +7,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from simbev_ros.errors import InputError
+from simbev_ros.maps.lanelet2.importer import import_lanelet2
+from simbev_ros.maps.lanelet2.reader import has_lanelets
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.object_clearance import clear_carriageways
 from simbev_ros.maps.opendrive.importer import import_opendrive
@@ -57,7 +60,7 @@ def build_map(spec: MapSpec, folder: Path) -> None:
         name=spec.name,
         lanes=net.lanes,
         junctions=net.junctions,
-        signals=signals if parts.layout else with_net_ids(signals),
+        signals=with_net_ids(signals) if parts.opendrive_of_net else signals,
         datum=parts.datum,
         net_path=folder / NET,
         opendrive_path=folder / OPENDRIVE,
@@ -74,6 +77,10 @@ def _parts_of(spec: MapSpec, work: Path) -> MapParts:
     """Plan a town or import a map's file; intermediate files go to the work folder."""
     if spec.path:
         path, suffix = file_of(spec), suffix_of(spec.path)
+        if has_lanelets(path, suffix):
+            if spec.bounds is not None:
+                raise InputError(f"bounds: only OpenStreetMap files have parts that can be chosen; {path} has lanelets")
+            return import_lanelet2(path, work)
         if is_street_map(suffix):
             return import_osm(path, work, spec.bounds)
         return _IMPORTERS[Path(f"map{suffix}").suffixes[0]](path, work)

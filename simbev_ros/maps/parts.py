@@ -1,4 +1,4 @@
-"""The parts of a map: the common result of all importers (town recipe, OpenDRIVE, OpenStreetMap, SUMO net)."""
+"""The parts of a map: the common result of all importers (recipe, OpenDRIVE, OpenStreetMap, Lanelet2, SUMO net)."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +18,7 @@ class MapParts:
         datum: Position of the map frame's origin on Earth.
         features: The land around the roads.
         layout: Ground geometry of the lanes; None: follow SUMO's lanes and paint by rule.
+        opendrive_of_net: netconvert made the OpenDRIVE file from the net, and named the traffic lights in it.
         notes: Repairs and omissions, one sentence each, for the user.
         extract: OpenStreetMap file with the part of the map's file that was read; None: all of it was.
     """
@@ -27,5 +28,6 @@ class MapParts:
     datum: MapDatum
     features: MapFeatures
     layout: Layout | None = None
+    opendrive_of_net: bool = True
     notes: tuple[str, ...] = ()
     extract: Path | None = None

@@ -21,6 +21,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import ros_messages
 import xodr_sample as xodr
+from lanelet2_sample import LaneletSample, straight_lane
 from made_up_scene import made_up_spec
 from mcap.writer import CompressionType, Writer
 from targets import KEY, MESSAGE_TYPES, STAMPS_NS, TARGETS
@@ -99,6 +100,7 @@ def samples() -> Iterator[tuple[str, str, bytes]]:
     yield "configuration", "valid", _CONFIGURATION.encode()
     yield from (("opendrive", name, text.encode()) for name, text in _opendrive().items())
     yield "osm", "valid", _OSM.encode()
+    yield "lanelet2", "valid", _lanelets().encode()
     yield "sumo", "valid", _net()
     yield "bag", "valid", _bag(_scene_messages(), CompressionType.NONE)
     yield "bag", "valid_compressed", _bag(_scene_messages(), CompressionType.ZSTD)
@@ -119,6 +121,25 @@ def samples() -> Iterator[tuple[str, str, bytes]]:
     yield "flow", "valid", encode_image("32FC2", np.stack([_IMAGE, _IMAGE], axis=2).astype(np.float32))
     yield from _predictions()
     yield from _messages()
+
+
+def _lanelets() -> str:
+    """A road with a traffic light, a walkway, a crosswalk and a fork."""
+    sample = LaneletSample()
+    first, second = straight_lane(sample, [0.0, 40.0, 80.0], 0.0, 3.5)
+    curb, edge = sample.line([(0.0, 0.0), (40.0, 0.0)]), sample.line([(0.0, -2.0), (40.0, -2.0)], "curbstone", "high")
+    sample.lanelet(curb, edge, subtype="walkway")
+    sample.lanelet(
+        *(sample.line([(x, -1.0), (x, 5.0)], "pedestrian_marking", "") for x in (34.0, 37.0)), subtype="crosswalk"
+    )
+    fork = [[(40.0, y), (60.0, y - 1.0), (80.0, y - 6.0)] for y in (3.5, 0.0)]
+    sample.lanelet(*(sample.line(points, "virtual", "") for points in fork))
+    stop_line = sample.line([(39.0, 0.2), (39.0, 3.3)], "stop_line", "")
+    light = sample.line([(42.0, 2.5, 5.0), (42.0, 1.5, 5.0)], "traffic_light", "red_yellow_green", height="0.8")
+    rule = sample.rule("traffic_light", ("way", "refers", light), ("way", "ref_line", stop_line))
+    sample.add_rule(first, rule)
+    sample.add_rule(second, rule)
+    return sample.text()
 
 
 def _opendrive() -> dict[str, str]:

@@ -31,6 +31,7 @@ from simbev_ros.evaluation.predictions.prediction_files import NpzBoxes, Parquet
 from simbev_ros.evaluation.predictions.prediction_messages import image_scores, message_boxes, occupancy_scores
 from simbev_ros.evaluation.predictions.score_grid import ScoreGrid, read_grid
 from simbev_ros.limits import MAX_SCENE_TICKS
+from simbev_ros.maps.lanelet2.importer import import_lanelet2
 from simbev_ros.maps.opendrive.importer import import_opendrive
 from simbev_ros.maps.osm.importer import import_osm
 from simbev_ros.maps.sumo.importer import import_sumo
@@ -337,6 +338,7 @@ _TARGETS = (
     Target("configuration", _read_configuration, _INPUT, mutation.mutate_yaml, examples=15),
     Target("opendrive", partial(_import_map, ".xodr", import_opendrive), _INPUT, mutation.mutate_xml, examples=40),
     Target("osm", partial(_import_map, ".osm", import_osm), _INPUT, mutation.mutate_xml, examples=40),
+    Target("lanelet2", partial(_import_map, ".osm", import_lanelet2), _INPUT, mutation.mutate_xml, examples=15),
     Target("sumo", partial(_import_map, ".net.xml", import_sumo), _INPUT, mutation.mutate_xml, examples=80),
     Target("bag", _read_bag, _BAG_ERROR),
     Target("bag_by_index", _read_bag_by_index, _BAG_ERROR, corpus="bag"),

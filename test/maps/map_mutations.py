@@ -21,6 +21,7 @@ from pathlib import Path
 from xml.etree.ElementTree import Element, ElementTree, fromstring
 
 import xodr_sample as xodr
+from lanelet2_sample import Crossing, LaneletSample
 
 from simbev_ros.assets.regions.build import build_region
 from simbev_ros.assets.regions.far_land import far_land
@@ -31,7 +32,7 @@ from simbev_ros.maps.region import regions_of
 from simbev_ros.maps.source import map_spec
 from simbev_ros.maps.sumo.netconvert import sumo_home
 
-SUFFIXES = (".osm", ".xodr", ".net.xml")
+SUFFIXES = (".osm", ".xodr", ".net.xml", ".lanelets.osm")
 _MAX_STEPS = 4
 _MAX_REGIONS = 2
 _DEGREES_PER_M = 1e-5
@@ -39,10 +40,22 @@ _FACTORS = (0.0, -1.0, 1e-6, 0.1, 0.5, 0.999999, 2.0, 10.0, 1e3)
 
 
 def sample(suffix: str) -> str:
-    """A valid map: a small town with a river, roads with all kinds of geometry, or a grid with bends."""
+    """A valid map: a small town with a river, roads with all kinds of geometry, a grid with bends, or lanelets."""
+    if suffix == ".lanelets.osm":
+        return _lanelets()
     if suffix == ".osm":
         return (Path(__file__).parent / "data" / "riverside.osm").read_text(encoding="utf-8")
     return _roads() if suffix == ".xodr" else _grid()
+
+
+def _lanelets() -> str:
+    """A crossing of lanelets with lights, walkways and crosswalks, its points given by latitude and longitude."""
+    crossing = Crossing(LaneletSample(local=False))
+    for arm in range(4):
+        crossing.lights(arm)
+        crossing.walkways(arm)
+        crossing.crosswalk(arm)
+    return crossing.sample.text()
 
 
 def mutated(text: str, seed: int) -> bytes:

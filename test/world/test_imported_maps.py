@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from lanelet2_sample import Crossing, LaneletSample
 
 from simbev_ros.config.load import load_scenario
 from simbev_ros.errors import InputError
@@ -34,6 +35,14 @@ def configured(folder: Path, map_name: str) -> PlannedScene:
 def map_file(folder: Path, options: str) -> str:
     """Create ``maps/<name>``, with netgenerate or from the sample; returns the name."""
     (folder / "maps").mkdir()
+    if options == "lanelets":
+        crossing = Crossing(LaneletSample(), length_m=250.0, height=lambda x, y: 0.05 * max(0.0, x - 40.0))
+        for arm in range(4):
+            crossing.lights(arm)
+            crossing.walkways(arm)
+            crossing.crosswalk(arm)
+        (folder / "maps/lanelets.osm").write_text(crossing.sample.text())
+        return "lanelets.osm"
     if options == "sample":
         (folder / "maps/riverside.osm").symlink_to(SAMPLE)
         return "riverside.osm"
@@ -53,6 +62,7 @@ def drive(folder: Path, planned: PlannedScene) -> list[WorldState]:
     "options",
     [
         "sample",
+        "lanelets",
         "--spider",
         pytest.param("--grid", marks=pytest.mark.slow),
         pytest.param("--rand --rand.iterations 40 --seed 4", marks=pytest.mark.slow),
@@ -60,7 +70,7 @@ def drive(folder: Path, planned: PlannedScene) -> list[WorldState]:
 )
 def test_a_scene_on_a_file_spawns_and_drives(tmp_path: Path, options: str) -> None:
     planned = configured(tmp_path, map_file(tmp_path, options))
-    assert re.fullmatch(r"riverside|made_by_sumo", planned.map.name)
+    assert re.fullmatch(r"riverside|lanelets|made_by_sumo", planned.map.name)
     states = drive(tmp_path, planned)
     kinds = np.array([blueprint.kind for blueprint in load_blueprints()])
     first, last = (state.actors[kinds[state.actors["blueprint"]] != "prop"] for state in (states[0], states[-1]))

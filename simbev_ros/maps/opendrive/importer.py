@@ -14,6 +14,9 @@ from xml.etree.ElementTree import ElementTree
 
 from simbev_ros.errors import InputError, SimulationError
 from simbev_ros.limits import MAX_MAP_BYTES
+from simbev_ros.maps.lane_graph.crossings import crosswalks_of_net, planned_crossings
+from simbev_ros.maps.lane_graph.sumo_xml import RightOfWay, build_net
+from simbev_ros.maps.lane_graph.traffic import Traffic
 from simbev_ros.maps.opendrive.lane_shapes import lane_shapes
 from simbev_ros.maps.opendrive.links import LaneLinks
 from simbev_ros.maps.opendrive.objects import crosswalks_of, stop_lines_of
@@ -30,9 +33,7 @@ from simbev_ros.maps.opendrive.stop_lines import implied_stop_lines, signalled_s
 from simbev_ros.maps.opendrive.strips import strips_of
 from simbev_ros.maps.opendrive.surroundings import features_of
 from simbev_ros.maps.opendrive.traffic.approaches import Approaches
-from simbev_ros.maps.opendrive.traffic.crossings import crosswalks_of_net, planned_crossings
-from simbev_ros.maps.opendrive.traffic.sumo_xml import RightOfWay, build_net
-from simbev_ros.maps.opendrive.traffic.traffic import Traffic, traffic_of
+from simbev_ros.maps.opendrive.traffic.traffic import traffic_of
 from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout
@@ -84,7 +85,7 @@ def import_opendrive(path: Path, work: Path) -> MapParts:
     features = features_of(strips, *objects_of(document, notes), notes)
     datum = datum_of(root, notes)
     opendrive = _write(path, document, is_recentered, work)
-    return MapParts(net, opendrive, datum, features, layout, notes.sentences())
+    return MapParts(net, opendrive, datum, features, layout, opendrive_of_net=False, notes=notes.sentences())
 
 
 def _with_roads_outside_junctions(document: Document, notes: Notes) -> Document:

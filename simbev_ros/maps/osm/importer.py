@@ -1,5 +1,6 @@
 """Imports an OpenStreetMap file: takes a file and returns the parts of a map."""
 
+from collections import Counter
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -26,6 +27,7 @@ from simbev_ros.types import Float64Array, Int64Array
 
 _MAX_LENGTH_M = 4e6
 _DENSEST_SIDE_M = 0.99 * MAX_SIDE_M  # because lengths of degrees are approximate
+_MAX_KEYS = 4
 _OPTIONS = (
     "--offset.disable-normalization=true",
     "--osm.sidewalks=true",
@@ -67,7 +69,8 @@ def import_osm(path: Path, work: Path, bounds: Bounds | None = None) -> MapParts
     data = _read(path, bounds)
     nodes = road_nodes(data)
     if not len(nodes):
-        raise InputError(f"{path}: has no roads{'' if bounds is None else ' within the bounds'}")
+        where = f": it is {_contents(data)}, not a street map" if bounds is None else " within the bounds"
+        raise InputError(f"{path}: has no roads{where}")
     datum, xy_m = _project(data, nodes)
     roads, road_notes = roads_of(data, xy_m)
     if all(road.way.walk for road in roads):
@@ -135,3 +138,14 @@ def _project(data: OsmData, nodes: Int64Array) -> tuple[MapDatum, Float64Array]:
     datum = center_datum(data.longitude_latitude_deg[nodes])
     to_map = Transformer.from_crs("EPSG:4326", datum.proj_string, always_xy=True)
     return datum, np.column_stack(to_map.transform(*data.longitude_latitude_deg.T))
+
+
+_MAX_KEYS = 4
+
+
+def _contents(data: OsmData) -> str:
+    """What a file without roads holds: the most frequent keys of its ways."""
+    keys = Counter(key for way in data.ways for key in way.tags)
+    if not keys:
+        return f"a file of {len(data.longitude_latitude_deg)} points and {len(data.ways)} ways without tags"
+    return f"a file of {len(data.ways)} ways with the tags {', '.join(key for key, _ in keys.most_common(_MAX_KEYS))}"

@@ -12,6 +12,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from simbev_ros.maps.lane_graph.lane_key import LaneKey as LaneKey
 from simbev_ros.maps.opendrive.reading.cubics import Cubics
 from simbev_ros.maps.opendrive.reading.plan_view import PlanView
 from simbev_ros.maps.roads.lane_kind import LaneKind
@@ -21,17 +22,6 @@ from simbev_ros.types import Float64Array
 _T = TypeVar("_T")
 Contact = Literal["start", "end"]
 """An end of a road, a section or a lane, in the direction of s."""
-
-
-class LaneKey(NamedTuple):
-    """Identifies a lane within one section of a road."""
-
-    road: str
-    section: int
-    lane: int
-
-    def __str__(self) -> str:
-        return f"{self.road}/{self.section}/{self.lane}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -2,21 +2,22 @@
 
 import re
 
+from simbev_ros.maps.lane_graph.joined_names import JoinedNames
 from simbev_ros.maps.opendrive.reading.document import Document, Road
 
 _END_TOLERANCE_M = 0.2
 _UNSAFE = re.compile(r"[^A-Za-z0-9.]")
 
 
-class Nodes:
-    """Node names as a union-find structure: several positions become one node when they are joined.
+class Nodes(JoinedNames):
+    """Node names: several positions become one node when they are joined, with a junction's name if it has one.
 
     Attributes:
         safe_ids: Road id → the same id in characters that SUMO allows.
     """
 
     def __init__(self, document: Document) -> None:
-        self._parent: dict[str, str] = {}
+        super().__init__(lambda name: (name[0] != "J", name))
         self.safe_ids = {
             road_id: f"{number}+" if _UNSAFE.search(road_id) else road_id
             for number, road_id in enumerate(document.roads)
@@ -34,17 +35,3 @@ class Nodes:
         elif link.end is not None and link.end.road in self.safe_ids:
             self.join(own, f"{self.safe_ids[link.end.road]}.{link.end.contact}")
         return own
-
-    def resolve(self, node: str) -> str:
-        """The name of the joined node that a node belongs to: a junction's name if it has one."""
-        while (parent := self._parent.get(node, node)) != node:
-            node = parent
-        return node
-
-    def join(self, node_a: str, node_b: str) -> None:
-        """Join two nodes to one."""
-        first, second = sorted(
-            (self.resolve(node_a), self.resolve(node_b)), key=lambda resolve: (resolve[0] != "J", resolve)
-        )
-        if first != second:
-            self._parent[second] = first

@@ -4,112 +4,31 @@ Edges and the paths through junctions lie exactly where the lanes of the file li
 or become too narrow to drive on.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from simbev_ros.maps.lane_graph.traffic import (
+    LaneOfEdge,
+    Traffic,
+    TrafficConnection,
+    TrafficEdge,
+    TrafficLane,
+    keep_mainland,
+    split_loops,
+)
 from simbev_ros.maps.opendrive.lane_shapes import LaneShape
 from simbev_ros.maps.opendrive.links import OTHER_END, LaneLinks
 from simbev_ros.maps.opendrive.reading.attributes import Notes
 from simbev_ros.maps.opendrive.reading.document import Contact, Document, LaneKey, Road
+from simbev_ros.maps.opendrive.reading.tables import RESERVED
 from simbev_ros.maps.opendrive.traffic.cells import Cell, carries_traffic, chains_of
 from simbev_ros.maps.opendrive.traffic.nodes import Nodes
 from simbev_ros.maps.roads.lane_kind import LaneKind
-from simbev_ros.maps.sumo.islands import on_mainland
 from simbev_ros.types import Float64Array
 
 _MAX_JUNCTION_ROADS = 8
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TrafficLane:
-    """A lane of an edge.
-
-    Attributes:
-        keys: The lanes of the file that it is made of.
-        kind: Its use.
-        type: Its type in the file.
-        line_m: (N, 3) center line in driving direction.
-        width_m: Mean width.
-        speed_mps: Speed limit.
-    """
-
-    keys: tuple[LaneKey, ...]
-    kind: LaneKind
-    type: str
-    line_m: Float64Array
-    width_m: float
-    speed_mps: float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TrafficEdge:
-    """Parallel lanes, outermost first, all with the same number of points.
-
-    Attributes:
-        id: SUMO's edge id.
-        road: Id of the road that it is a part of.
-        start: Node at which it begins.
-        end: Node at which it ends.
-        lanes: The lanes; a sidewalk is the first.
-        inner_m: (N, 3) border of the innermost lane towards the middle of the road.
-    """
-
-    id: str
-    road: str
-    start: str
-    end: str
-    lanes: tuple[TrafficLane, ...]
-    inner_m: Float64Array
-
-
-_LaneOfEdge = tuple[str, int]
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TrafficConnection:
-    """A connection between two lanes of the SUMO net.
-
-    Attributes:
-        start: Edge id and lane index of the first lane.
-        goal: Edge id and lane index of the following lane.
-        line_m: (N, 3) path through a junction, if any.
-    """
-
-    start: _LaneOfEdge
-    goal: _LaneOfEdge
-    line_m: Float64Array | None
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Traffic:
-    """The edges and connections of a SUMO net."""
-
-    edges: tuple[TrafficEdge, ...]
-    connections: tuple[TrafficConnection, ...]
-
-    def lane_ids(self) -> dict[LaneKey, tuple[str, ...]]:
-        """Lane of the file → ids of the SUMO lanes made from it, in driving direction."""
-        ids: dict[LaneKey, list[str]] = {}
-        for edge in self.edges:
-            for index, lane in enumerate(edge.lanes):
-                for key in lane.keys:
-                    ids.setdefault(key, []).append(f"{edge.id}_{index}")
-        return {key: tuple(names) for key, names in ids.items()}
-
-    def node_positions_m(self) -> dict[str, Float64Array]:
-        """Node → (3,) mean position of the ends of its edges, in the order of the edges."""
-        ends: dict[str, list[Float64Array]] = {}
-        for edge in self.edges:
-            ends.setdefault(edge.start, []).append(edge.inner_m[0])
-            ends.setdefault(edge.end, []).append(edge.inner_m[-1])
-        return {node: np.mean(ends_m, axis=0) for node, ends_m in ends.items()}
-
-    @property
-    def is_drivable(self) -> bool:
-        """Whether there is a lane for vehicles."""
-        return any(lane.kind is LaneKind.DRIVING for edge in self.edges for lane in edge.lanes)
 
 
 def traffic_of(document: Document, shapes: Mapping[LaneKey, LaneShape], links: LaneLinks, notes: Notes) -> Traffic:
@@ -140,7 +59,7 @@ def traffic_of(document: Document, shapes: Mapping[LaneKey, LaneShape], links: L
     for connection in connections:
         nodes.join(by_id[connection.start[0]].end, by_id[connection.goal[0]].start)
     joined = [replace(edge, start=nodes.resolve(edge.start), end=nodes.resolve(edge.end)) for edge in edges]
-    return _split_loops(_keep_mainland(joined, connections, notes)) if joined else Traffic((), ())
+    return split_loops(keep_mainland(joined, connections, notes)) if joined else Traffic((), ())
 
 
 def _edge(road: Road, chain: Sequence[Cell], nodes: Nodes) -> TrafficEdge:
@@ -167,10 +86,10 @@ def _lane(chain: Sequence[Cell], position: int) -> TrafficLane:
     return TrafficLane(
         keys=tuple(dict.fromkeys(shape.key for shape in shapes)),
         kind=lane.kind,
-        type=lane.type,
         line_m=_concatenate([cell.along(_center_m(shape)) for cell, shape in zip(chain, shapes, strict=True)]),
         width_m=float(np.mean(widths_m)),
         speed_mps=shapes[0].speed_mps(chain[0].middle_m),
+        allowed=RESERVED.get(lane.type, ""),
     )
 
 
@@ -179,13 +98,13 @@ def _reachable_lanes(
     shape: LaneShape,
     shapes: Mapping[LaneKey, LaneShape],
     links: LaneLinks,
-    entries: Mapping[tuple[LaneKey, int], _LaneOfEdge],
-) -> dict[_LaneOfEdge, Float64Array | None]:
+    entries: Mapping[tuple[LaneKey, int], LaneOfEdge],
+) -> dict[LaneOfEdge, Float64Array | None]:
     """Lanes that follow a lane at the end of an edge, each with the first path found through the junction."""
     if not cell.leaves_section:
         goal = entries.get((shape.key, cell.exit))
         return {} if goal is None else {goal: None}
-    found: dict[_LaneOfEdge, Float64Array | None] = {}
+    found: dict[LaneOfEdge, Float64Array | None] = {}
     pending: list[tuple[LaneKey, Contact, tuple[LaneShape, ...]]] = [(shape.key, cell.exit_contact, ())]
     while pending:
         key, contact, through = pending.pop(0)
@@ -217,63 +136,3 @@ def _driven_line_m(shape: LaneShape) -> Float64Array:
 def _concatenate(parts_m: Sequence[Float64Array]) -> Float64Array:
     """Concatenate lines that meet end to end to one (N, 3) line."""
     return np.concatenate([parts_m[0], *(part_m[1:] for part_m in parts_m[1:])])
-
-
-def _keep_mainland(edges: Sequence[TrafficEdge], connections: Sequence[TrafficConnection], notes: Notes) -> Traffic:
-    """Remove roads that cannot be reached from most others; the two directions of a road count as connected."""
-    by_road: dict[str, str] = {}
-    pairs = [(edge.id, by_road.setdefault(edge.road, edge.id), 0.0) for edge in edges]
-    pairs += [(connection.start[0], connection.goal[0], 0.0) for connection in connections]
-    lengths_m = [_drivable_m(edge) for edge in edges]
-    pairs += [(edge.id, edge.id, length_m) for edge, length_m in zip(edges, lengths_m, strict=True)]
-    starts, ends, weights = zip(*pairs, strict=True)
-    kept = on_mainland(starts, ends, np.array(weights))[-len(edges) :]
-    names = {edge.id for edge, keep in zip(edges, kept, strict=True) if keep}
-    lost_m = sum(length_m for length_m, keep in zip(lengths_m, kept, strict=True) if not keep)
-    if lost_m > 0.0:
-        notes.add(f"{lost_m / 1e3:.2f} km of lanes cannot be reached from the others and carry no traffic")
-    return Traffic(
-        tuple(edge for edge in edges if edge.id in names), tuple(c for c in connections if c.start[0] in names)
-    )
-
-
-def _drivable_m(edge: TrafficEdge) -> float:
-    """Total length of an edge's driving lanes."""
-    lines_m = [lane.line_m for lane in edge.lanes if lane.kind is LaneKind.DRIVING]
-    return float(sum(np.linalg.norm(np.diff(line_m, axis=0), axis=1).sum() for line_m in lines_m))
-
-
-def _split_loops(traffic: Traffic) -> Traffic:
-    """Split edges that lead from a node to itself, because SUMO does not support them."""
-    loops = {edge.id: edge for edge in traffic.edges if edge.start == edge.end}
-    edges = tuple(part for edge in traffic.edges for part in (_split_edge(edge) if edge.id in loops else (edge,)))
-    connections = [
-        replace(c, start=(_second_half_id(c.start[0]), c.start[1])) if c.start[0] in loops else c
-        for c in traffic.connections
-    ]
-    connections += [
-        TrafficConnection((edge.id, index), (_second_half_id(edge.id), index), None)
-        for edge in loops.values()
-        for index, lane in enumerate(edge.lanes)
-        if lane.kind is not LaneKind.SIDEWALK
-    ]
-    return Traffic(edges, tuple(connections))
-
-
-def _second_half_id(edge_id: str) -> str:
-    """Id of the second half of a split edge."""
-    return f"{edge_id}.b"
-
-
-def _split_edge(edge: TrafficEdge) -> Iterator[TrafficEdge]:
-    """The two halves of an edge."""
-    lines_m = [lane.line_m for lane in edge.lanes]
-    if len(edge.inner_m) == 2:
-        lines_m = [np.insert(line_m, 1, line_m.mean(axis=0), axis=0) for line_m in lines_m]
-    middle = len(lines_m[0]) // 2
-    for name, start, end, part in (
-        (edge.id, edge.start, f"{edge.id}.m", slice(middle + 1)),
-        (_second_half_id(edge.id), f"{edge.id}.m", edge.end, slice(middle, None)),
-    ):
-        lanes = tuple(replace(lane, line_m=line_m[part]) for lane, line_m in zip(edge.lanes, lines_m, strict=True))
-        yield replace(edge, id=name, start=start, end=end, lanes=lanes, inner_m=lanes[-1].line_m)

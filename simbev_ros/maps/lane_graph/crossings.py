@@ -9,8 +9,8 @@ import numpy as np
 import shapely
 
 from simbev_ros.geometry.plan_view import left_of
-from simbev_ros.maps.opendrive.traffic.sumo_xml import PlannedCrossing
-from simbev_ros.maps.opendrive.traffic.traffic import Traffic, TrafficEdge
+from simbev_ros.maps.lane_graph.sumo_xml import PlannedCrossing
+from simbev_ros.maps.lane_graph.traffic import Traffic, TrafficEdge
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Crosswalk
 from simbev_ros.types import Float64Array

@@ -1,4 +1,4 @@
-"""Writes the traffic of an OpenDRIVE file as SUMO's plain XML and lets netconvert build the net."""
+"""Writes the traffic of a map as SUMO's plain XML and lets netconvert build the net."""
 
 from collections import defaultdict
 from collections.abc import Collection, Sequence
@@ -8,8 +8,7 @@ from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
 
 import numpy as np
 
-from simbev_ros.maps.opendrive.reading.tables import RESERVED
-from simbev_ros.maps.opendrive.traffic.traffic import Traffic, TrafficLane
+from simbev_ros.maps.lane_graph.traffic import Traffic, TrafficLane
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.sumo import netconvert
 from simbev_ros.types import Float64Array
@@ -30,6 +29,8 @@ _NOT_ON_ROADS = (
 )
 _NODE_OUTLINE_M = np.array([[0.0, 0.0, 0.0], [0.01, 0.0, 0.0], [0.01, 0.01, 0.0]])
 """Outline of a node, small enough that netconvert does not shorten lanes: they already end where junctions begin."""
+_NOBODY = "rail_electric"  # a class that uses no road: netconvert refuses an empty list
+_NO_BOUNDARY = "0.00,0.00,0.00,0.00"
 _SIDEWALK_MPS = 2.78
 _FAST_MPS = 22.0
 
@@ -69,8 +70,18 @@ class RightOfWay:
     crossings: Sequence[PlannedCrossing] = field(default_factory=tuple)
 
 
-def build_net(traffic: Traffic, right_of_way: RightOfWay, left_hand: bool, work: Path) -> Path:
-    """Build the net as ``map.net.xml`` in the work folder and return its path.
+def build_net(traffic: Traffic, right_of_way: RightOfWay, left_hand: bool, work: Path, projection: str = "") -> Path:
+    """Build the net as ``map.net.xml``, and its OpenDRIVE file as ``sumo.xodr``, in the work folder.
+
+    Args:
+        traffic: Edges and connections.
+        right_of_way: Right of way at the ends of edges.
+        left_hand: Traffic keeps to the left.
+        work: The folder.
+        projection: PROJ string of the map frame, for the geoReference of the OpenDRIVE file; "": none.
+
+    Returns:
+        The net.
 
     Raises:
         SimulationError: netconvert failed, or took too much time or memory.
@@ -78,7 +89,7 @@ def build_net(traffic: Traffic, right_of_way: RightOfWay, left_hand: bool, work:
     net = work / "map.net.xml"
     files = {"nodes": work / "map.nod.xml", "edges": work / "map.edg.xml", "connections": work / "map.con.xml"}
     for kind, root in (
-        ("nodes", _nodes(traffic, right_of_way)),
+        ("nodes", _nodes(traffic, right_of_way, projection)),
         ("edges", _edges(traffic, right_of_way)),
         ("connections", _connections(traffic, right_of_way)),
     ):
@@ -91,12 +102,15 @@ def build_net(traffic: Traffic, right_of_way: RightOfWay, left_hand: bool, work:
     return net
 
 
-def _nodes(traffic: Traffic, right_of_way: RightOfWay) -> Element:
+def _nodes(traffic: Traffic, right_of_way: RightOfWay, projection: str) -> Element:
     """All nodes as XML."""
     stops: dict[str, list[bool]] = defaultdict(list)
     for edge in traffic.edges:
         stops[edge.end].append(edge.id in right_of_way.stopping)
     root = Element("nodes")
+    if projection:
+        boundary = {"convBoundary": _NO_BOUNDARY, "origBoundary": _NO_BOUNDARY}
+        SubElement(root, "location", boundary, netOffset="0.00,0.00", projParameter=projection)
     for name, (x, y, z) in traffic.node_positions_m().items():
         corners_m = np.array([x, y, z]) + _NODE_OUTLINE_M
         attributes_xyz = {"x": f"{x:.3f}", "y": f"{y:.3f}", "z": f"{z:.3f}"}
@@ -135,10 +149,13 @@ def _lane(index: int, lane: TrafficLane) -> Element:
         shape=_shape(lane.line_m),
         type=lane.kind.value,
     )
-    if lane.type in RESERVED:
-        element.set("allow", RESERVED[lane.type])
+    if lane.allowed:
+        element.set("allow", lane.allowed)
     else:
         element.set("disallow", _NOT_ON_ROADS)
+    for side, is_allowed in (("Left", lane.may_change_left), ("Right", lane.may_change_right)):
+        if not is_allowed:
+            element.set(f"change{side}", _NOBODY)
     SubElement(element, "param", key="origId", value=" ".join(f"{key.road}_{key.lane}" for key in lane.keys))
     return element
 

@@ -1,0 +1,82 @@
+"""Imports a Lanelet2 map: takes an .osm file of lanelets and returns the parts of a map.
+
+The layout follows the bounds in the file exactly. The SUMO net is made from the same lanelets, so that vehicles drive
+on the lanes of the layout. The OpenDRIVE file is the one that netconvert makes from that net.
+"""
+
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from simbev_ros.errors import InputError, SimulationError
+from simbev_ros.maps.lane_graph.crossings import crosswalks_of_net, planned_crossings
+from simbev_ros.maps.lane_graph.sumo_xml import RightOfWay, build_net
+from simbev_ros.maps.lane_graph.traffic import Traffic
+from simbev_ros.maps.lanelet2.junctions import junctions_of
+from simbev_ros.maps.lanelet2.land import land_of
+from simbev_ros.maps.lanelet2.reader import read_lanelet_map
+from simbev_ros.maps.lanelet2.roadside import Roadside, signal_places, signs_of, stop_lines_of
+from simbev_ros.maps.lanelet2.rules import Rule, rules_of, waiting_at_crosswalks, with_speed_limits
+from simbev_ros.maps.lanelet2.shapes import lanelet_shapes
+from simbev_ros.maps.lanelet2.strips import area_strips, crosswalks_of, lanelet_strips
+from simbev_ros.maps.lanelet2.topology import Topology, topology_of
+from simbev_ros.maps.lanelet2.traffic import traffic_of
+from simbev_ros.maps.opendrive.reading.attributes import Notes
+from simbev_ros.maps.parts import MapParts
+from simbev_ros.maps.roads.layout import Crosswalk, Layout, SignKind
+
+
+def import_lanelet2(path: Path, work: Path) -> MapParts:
+    """Import a Lanelet2 map.
+
+    Args:
+        path: The .osm file.
+        work: An empty folder for the resulting files.
+
+    Raises:
+        InputError: The file is not OSM XML, is too large, or has no lanelet for vehicles.
+    """
+    notes = Notes(path)
+    source, datum = read_lanelet_map(path, notes)
+    source = with_speed_limits(source)
+    shapes = list(lanelet_shapes(source, notes))
+    junctions = junctions_of(topology_of(path, shapes, datum))
+    rules = rules_of(source, junctions, notes)
+    waiting = {name for rule in rules if rule.meaning != SignKind.SPEED_LIMIT for name in rule.lanelets}
+    crosswalks = crosswalks_of(shapes)
+    traffic = traffic_of(junctions, waiting | waiting_at_crosswalks(crosswalks, junctions.topology), notes)
+    if not traffic.is_drivable:
+        reasons = "".join(f"; {sentence}" for sentence in notes.sentences()[:3])
+        raise InputError(f"{path}: it has no lanelet for vehicles{reasons}")
+    left_hand = junctions.topology.left_hand
+    right_of_way = _right_of_way(rules, junctions.topology, traffic, crosswalks)
+    try:
+        net = build_net(traffic, right_of_way, left_hand, work, "" if datum.heading_rad else datum.proj_string)
+    except SimulationError as error:
+        raise InputError(f"{path}: {error}") from None
+    strips = (*lanelet_strips(junctions), *area_strips(source.areas))
+    lane_ids, roadside = traffic.lane_ids(), Roadside(strips)
+    layout = Layout(
+        strips=strips,
+        crosswalks=crosswalks or crosswalks_of_net(net),
+        stop_lines=stop_lines_of(source.lines.values(), rules, junctions.topology),
+        signs=signs_of(rules, junctions.topology, lane_ids, roadside),
+        signal_places=signal_places(rules, junctions.topology, lane_ids, roadside),
+    )
+    return MapParts(net, work / "sumo.xodr", datum, land_of(source.areas, strips), layout, notes=notes.sentences())
+
+
+def _right_of_way(
+    rules: Iterable[Rule], topology: Topology, traffic: Traffic, crosswalks: Sequence[Crosswalk]
+) -> RightOfWay:
+    """Right of way of the edges at whose end lanelets have rules."""
+    lane_ids = traffic.lane_ids()
+    edges: dict[str, set[str]] = defaultdict(set)
+    for rule in rules:
+        for name in rule.lanelets:
+            edges[rule.meaning].update(
+                lane.rsplit("_", 1)[0] for lane in lane_ids.get(topology.shapes[name].key, ())[-1:]
+            )
+    signalized_nodes = {edge.end for edge in traffic.edges if edge.id in edges["traffic_light"]}
+    crossings = planned_crossings(crosswalks, traffic, signalized_nodes, topology.left_hand)
+    return RightOfWay(signalized_nodes, edges["yield"], edges["stop"], crossings)

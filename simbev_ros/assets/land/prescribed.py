@@ -12,6 +12,7 @@ from simbev_ros.assets.land.blocks import Zones
 from simbev_ros.assets.land.yard import Yard
 from simbev_ros.assets.palette import rgb
 from simbev_ros.assets.placement.tiles import upright_pose
+from simbev_ros.geometry import overlay
 from simbev_ros.maps.land_features import Footprint
 from simbev_ros.maps.surroundings import SurroundingsRecipe
 from simbev_ros.types import Float64Array
@@ -42,8 +43,12 @@ def build_prescribed(
     if not buildings:
         return
     outlines = np.array([building.outline for building in buildings])
-    near = np.flatnonzero(shapely.intersects(yard.inside.buffer(_NEAR_M, join_style="mitre"), outlines))
-    yard.claims.add(*(outlines[row].buffer(_EAVES_M, join_style="mitre") for row in near))
+    around = yard.inside.buffer(_NEAR_M, join_style="mitre")
+    near = np.flatnonzero(shapely.intersects(around, outlines))
+    footprints = shapely.buffer(outlines[near], _EAVES_M, join_style="mitre")
+    beyond = ~shapely.contains(around, footprints)  # a claim costs time for all of its extent
+    footprints[beyond] = overlay.intersection(footprints[beyond], around)
+    yard.claims.add(*footprints)
     yard.walls.extend(outlines[near])
     owned = near[yard.ground.owns(shapely.get_coordinates(shapely.point_on_surface(outlines[near])))]
     for row in owned.tolist():

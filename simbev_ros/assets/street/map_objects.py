@@ -144,7 +144,8 @@ def _put_solid(yard: Yard, item: MapObject, middle_m: Float64Array, level: int) 
         mesh.vertices[:, 2] += (below_m - base_m).astype(np.float32)
         yard.tiles.place(mesh, upright_pose(middle_m, base_m), level)
     if not level and bottom_m < _FOOT_M:
-        yard.claims.add(shapely.transform(area, lambda xy_m: xy_m + middle_m))
+        taken = shapely.transform(area, lambda xy_m: xy_m + middle_m)
+        yard.claims.add(overlay.intersection(taken, yard.ground.region.area))
 
 
 def _put_barrier(yard: Yard, item: MapObject, level: int) -> None:

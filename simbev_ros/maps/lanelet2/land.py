@@ -9,7 +9,7 @@ from simbev_ros.geometry.plan_view import polygon_parts
 from simbev_ros.maps.land_features import Footprint, MapFeatures, Zone
 from simbev_ros.maps.lanelet2.document import Area
 from simbev_ros.maps.opendrive.surroundings import features_of
-from simbev_ros.maps.osm.data import parse_length_m
+from simbev_ros.maps.osm.lengths import parse_length_m
 from simbev_ros.maps.roads.layout import Strip
 from simbev_ros.maps.surroundings import SurroundingsRecipe
 

@@ -63,7 +63,9 @@ def import_lanelet2(path: Path, work: Path) -> MapParts:
         signs=signs_of(rules, junctions.topology, lane_ids, roadside),
         signal_places=signal_places(rules, junctions.topology, lane_ids, roadside),
     )
-    return MapParts(net, work / "sumo.xodr", datum, land_of(source.areas, strips), layout, notes=notes.sentences())
+    return MapParts(
+        net, work / "sumo.xodr", datum, land_of(source.areas, strips, notes), layout, notes=notes.sentences()
+    )
 
 
 def _right_of_way(

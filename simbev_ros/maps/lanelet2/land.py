@@ -8,6 +8,7 @@ import shapely
 from simbev_ros.geometry.plan_view import polygon_parts
 from simbev_ros.maps.land_features import Footprint, MapFeatures, Zone
 from simbev_ros.maps.lanelet2.document import Area
+from simbev_ros.maps.opendrive.reading.attributes import Notes
 from simbev_ros.maps.opendrive.surroundings import features_of
 from simbev_ros.maps.osm.lengths import parse_length_m
 from simbev_ros.maps.roads.layout import Strip
@@ -20,11 +21,10 @@ _MAX_CORNERS = 2_000
 _VEGETATION = SurroundingsRecipe(use="park", building_density=0.0, furniture_density=0.0, fence_density=0.0)
 
 
-def land_of(areas: Iterable[Area], strips: Sequence[Strip]) -> MapFeatures:
+def land_of(areas: Iterable[Area], strips: Sequence[Strip], notes: Notes) -> MapFeatures:
     """Land features: as of an OpenDRIVE map, with the buildings of the file if it has any, and its vegetation."""
-    features = features_of(strips)
     buildings: list[Footprint] = []
-    zones = list(features.zones)
+    zones: list[Zone] = []
     for area in areas:
         subtype = area.tags.get("subtype") or area.tags.get("type", "")
         if subtype not in ("building", "vegetation") or len(area.outline_m) > _MAX_CORNERS:
@@ -37,4 +37,5 @@ def land_of(areas: Iterable[Area], strips: Sequence[Strip]) -> MapFeatures:
                 buildings.append(Footprint(part, min(height_m, _MAX_BUILDING_HEIGHT_M)))
             else:
                 zones.append(Zone(part, _VEGETATION))
-    return replace(features, zones=tuple(zones), buildings=tuple(buildings) or features.buildings)
+    features = features_of(strips, (), buildings, notes)
+    return replace(features, zones=(*features.zones, *zones))

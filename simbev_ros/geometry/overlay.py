@@ -33,7 +33,9 @@ def union(a: Any, b: Any, grid_size: float | None = None) -> Any:
     return _pairwise(shapely.union, a, b, grid_size)
 
 
-def union_all(geometries: Sequence[BaseGeometry] | AnyArray, grid_size: float | None = None) -> BaseGeometry:
+def union_all(
+    geometries: BaseGeometry | Sequence[BaseGeometry] | AnyArray, grid_size: float | None = None
+) -> BaseGeometry:
     """Merged geometry of all (N,) geometries, see ``shapely.union_all``."""
     try:
         return shapely.union_all(geometries, grid_size=grid_size)

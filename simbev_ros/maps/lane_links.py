@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 import shapely
 
+from simbev_ros.geometry import overlay
 from simbev_ros.maps.network import Lane
 from simbev_ros.maps.roads.lane_strips import LaneStrips
 from simbev_ros.maps.roads.layout import StopLine, Strip
@@ -67,7 +68,7 @@ def _beside(
     areas = shapely.buffer(
         strip_polygons([strips[each] for each in other.tolist()]), _ADJACENT_TOLERANCE_M, quad_segs=1
     )
-    common_m = shapely.length(shapely.intersection(borders, areas))
+    common_m = shapely.length(overlay.intersection(borders, areas))
     not_adjacent = {
         pair for pair, length_m in zip(ambiguous, common_m.tolist(), strict=True) if length_m < _MIN_COMMON_M
     }
@@ -108,7 +109,7 @@ def halting_strips(stop_lines: Sequence[StopLine], driven: LaneStrips) -> Iterat
     level = np.array([each.level for each in driven.strips], np.int64)
     on_same_level = level[strip] == np.array([each.level for each in stop_lines], np.int64)[line]
     line, strip = line[on_same_level], strip[on_same_level]
-    s_m = shapely.line_locate_point(centers[strip], shapely.centroid(shapely.intersection(centers[strip], lines[line])))
+    s_m = shapely.line_locate_point(centers[strip], shapely.centroid(overlay.intersection(centers[strip], lines[line])))
     across_m = np.array([each.ends_m[1] - each.ends_m[0] for each in stop_lines]).reshape(-1, 3)[line]
     along = lanes.headings(lanes.parameter(strip, s_m)) * np.column_stack([across_m[:, 1], -across_m[:, 0]])
     halting: list[tuple[list[str], list[str]]] = [([], []) for _ in stop_lines]

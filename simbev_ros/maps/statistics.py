@@ -6,6 +6,7 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
+from simbev_ros.geometry import overlay
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout, Strip
@@ -116,9 +117,9 @@ def _two_level_crossings(layout: Layout) -> int:
         lower = [strip for strip in layout.strips_of(LaneKind.DRIVING) if strip.level < level]
         tree = shapely.STRtree([_area(strip) for strip in lower])
         above, below = tree.query(upper, predicate="intersects")
-        parts = shapely.intersection(upper[above], tree.geometries[below])
+        parts = overlay.intersection(upper[above], tree.geometries[below])
         overlaps += [part for part in parts if part.area > _MIN_OVERLAP_M2]
-    merged = shapely.union_all(shapely.buffer(overlaps, _CLUSTER_M / 2.0)) if overlaps else shapely.MultiPolygon()
+    merged = overlay.union_all(shapely.buffer(overlaps, _CLUSTER_M / 2.0)) if overlaps else shapely.MultiPolygon()
     return len(shapely.get_parts(merged))
 
 

@@ -1,5 +1,8 @@
 """Overlays of geometry that GEOS accepts are GEOS's; of other geometry they have the areas worked by hand."""
 
+import ast
+from pathlib import Path
+
 import numpy as np
 import pytest
 import shapely
@@ -60,3 +63,19 @@ def test_repaired_geometry_keeps_what_has_the_highest_dimension() -> None:
     assert overlay.repair(BOW_TIE).area == pytest.approx(8.0)
     assert overlay.repair(SQUARE) is SQUARE
     assert overlay.repair(Polygon()).is_empty
+
+
+def test_every_overlay_of_the_package_goes_through_the_module() -> None:
+    direct = {"union", "union_all", "difference", "intersection", "symmetric_difference", "unary_union"}
+    package = Path(overlay.__file__).parents[1]
+    found = [
+        f"{path.relative_to(package)}:{node.lineno}"
+        for path in sorted(package.rglob("*.py"))
+        if path != Path(overlay.__file__)
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Attribute)
+        and isinstance(node.value, ast.Name)
+        and node.value.id == "shapely"
+        and node.attr in direct
+    ]
+    assert found == []

@@ -13,6 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.annotation.bev.footprint import Footprint, merge_footprints
 from simbev_ros.assets.mesh.primitives import triangulate
+from simbev_ros.geometry import overlay
 from simbev_ros.geometry.plan_view import indexed_polygon_parts
 from simbev_ros.maps.roads.layout import Layout
 from simbev_ros.maps.roads.level_members import LevelGraph, LevelMembers
@@ -87,10 +88,10 @@ class EgoLevel:
         """Plan-view area that does not count, given road pieces and the surfaces beside them."""
         included, excluded = pieces[self._included[pieces]], pieces[self._excluded[pieces]]
         on, beside = (
-            shapely.difference(shapely.union_all(areas[excluded]), shapely.union_all(areas[included]))
+            overlay.difference(overlay.union_all(areas[excluded]), overlay.union_all(areas[included]))
             for areas in (self._graph.polygons, self._graph.reaches)
         )
-        return shapely.union_all([on, beside, *hidden_areas])
+        return overlay.union_all([on, beside, *hidden_areas])
 
 
 class _Grounds:
@@ -145,7 +146,7 @@ def on_ego_level(state: WorldState, level: EgoLevel | None) -> BoolArray:
 
 def _subtract_area(ground: Footprint, area: BaseGeometry) -> Footprint:
     """A footprint minus an area."""
-    rest, of_triangle = indexed_polygon_parts(shapely.difference(ground.polygons, area))
+    rest, of_triangle = indexed_polygon_parts(overlay.difference(ground.polygons, area))
     kept = shapely.area(rest) > _FLAT_M2
     planes = ground.planes[of_triangle[kept]].tolist()
     parts = [(*triangulate(polygon), plane) for polygon, plane in zip(rest[kept], planes, strict=True)]

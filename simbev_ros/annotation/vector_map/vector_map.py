@@ -47,6 +47,7 @@ from shapely.geometry.base import BaseGeometry
 from simbev_ros.annotation.bev.levels import EgoLevel
 from simbev_ros.annotation.vector_map.patch import LevelFilter, Patch, PatchLines, plain_points
 from simbev_ros.annotation.vector_map.traffic_guides import TrafficGuides
+from simbev_ros.geometry import overlay
 from simbev_ros.geometry.plan_view import polygon_parts
 from simbev_ros.maps.lane_links import StripLinks, halting_strips, strip_links
 from simbev_ros.maps.network import RoadNetwork
@@ -188,7 +189,7 @@ class _Crosswalks:
         records = []
         for row in near.tolist():
             area = shapely.make_valid(shapely.Polygon(patch.from_map(self._outlines_m[row])))
-            parts = _polygons(shapely.intersection(area, window))
+            parts = _polygons(overlay.intersection(area, window))
             if parts:
                 outlines = [plain_points(shapely.get_coordinates(part.exterior, include_z=True)[:-1]) for part in parts]
                 records.append({"id": row, "level": self._levels[row], "outlines": outlines})

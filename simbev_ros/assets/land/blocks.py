@@ -8,6 +8,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.placement.region_ground import MARGIN_M, RegionGround
+from simbev_ros.geometry import overlay
 from simbev_ros.geometry.plan_view import multi_polygon
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Strip
@@ -99,8 +100,8 @@ def zones_of(ground: RegionGround) -> Zones:
     for zone in reversed(ground.network.features.zones):
         if rest.is_empty or not zone.area.intersects(rest):
             continue
-        found.append((zone.surroundings, multi_polygon(shapely.intersection(rest, zone.area))))
-        rest = multi_polygon(shapely.difference(rest, zone.area))
+        found.append((zone.surroundings, multi_polygon(overlay.intersection(rest, zone.area))))
+        rest = multi_polygon(overlay.difference(rest, zone.area))
     return [*found, (ground.network.features.surroundings, rest)]
 
 
@@ -115,7 +116,7 @@ def fast_roads(ground: RegionGround) -> BaseGeometry:
         for strip in strips
         if strip.speed_mps > _FAST_MPS and len(abreast[_carriageway(strip)]) > 1
     ]
-    return shapely.buffer(shapely.union_all(lines), _FAST_M, quad_segs=4)
+    return shapely.buffer(overlay.union_all(lines), _FAST_M, quad_segs=4)
 
 
 def blocks_of(ground: RegionGround, zones: Zones, fast: BaseGeometry) -> tuple[Block, ...]:
@@ -127,13 +128,13 @@ def blocks_of(ground: RegionGround, zones: Zones, fast: BaseGeometry) -> tuple[B
         fast: Motorways around the region, from ``fast_roads``.
     """
     around = shapely.buffer(ground.region.area, _BEYOND_M, join_style="mitre")
-    wide = shapely.difference(around, shapely.union_all([ground.streets[0].area, *(w.area for w in ground.water)]))
+    wide = overlay.difference(around, overlay.union_all([ground.streets[0].area, *(w.area for w in ground.water)]))
     open_lands = [shapely.orient_polygons(part) for part in shapely.get_parts(wide) if part.area > _MIN_AREA_M2]
     lines = [_frontage(land, ground, fast) for land in open_lands]
     blocks = []
     tree = shapely.STRtree(open_lands)
     for recipe, area in zones:
-        parts = shapely.get_parts(shapely.intersection(ground.land, area, grid_size=0.001))
+        parts = shapely.get_parts(overlay.intersection(ground.land, area, grid_size=0.001))
         for part in parts[shapely.area(parts) > _MIN_PART_M2]:
             around_it = tree.query(part.representative_point(), predicate="within")
             own = lines[around_it[0]] if len(around_it) and part.area > _MIN_AREA_M2 else ()
@@ -170,10 +171,10 @@ def _clip_frontage(lines: Sequence[Frontage], land: shapely.Polygon, ground: Reg
     square = ground.region.area
     beside = shapely.buffer(land, _NEAR_M, quad_segs=2)
     touches = land.distance(square.exterior) < _NEAR_M
-    opposite = shapely.difference(shapely.buffer(land, _BEYOND_M, quad_segs=2), square) if touches else shapely.Point()
+    opposite = overlay.difference(shapely.buffer(land, _BEYOND_M, quad_segs=2), square) if touches else shapely.Point()
     for line in lines:
-        for reach, beyond in ((shapely.intersection(beside, square), False), (opposite, True)):
-            stretch = shapely.line_merge(shapely.intersection(line.line, reach))
+        for reach, beyond in ((overlay.intersection(beside, square), False), (opposite, True)):
+            stretch = shapely.line_merge(overlay.intersection(line.line, reach))
             for part in shapely.get_parts(stretch):
                 if part.geom_type == "LineString" and part.length > _MIN_SIDE_M:
                     onward = line.line.project(shapely.Point(part.coords[0])) < line.line.project(

@@ -13,6 +13,7 @@ from simbev_ros.assets.land.rows import Site, build_rows, erect, site_at
 from simbev_ros.assets.land.yard import Yard
 from simbev_ros.assets.street.furniture import bench, bicycle_rack
 from simbev_ros.config.draw import sample
+from simbev_ros.geometry import overlay
 from simbev_ros.geometry.plan_view import left_of
 
 _PATH_M, _PLAZA_M, _ON_PLAZA_M = 3.0, 9.0, 1.5
@@ -29,7 +30,7 @@ def lay_out_campus(yard: Yard, block: Block) -> None:
     sites += _inner_buildings(yard, block, rng)
     shapely.prepare(block.land)
     pavements = [_pave(yard, block, site) for site in sites]
-    paved = shapely.union_all([pavement.area for pavement in pavements])
+    paved = overlay.union_all([pavement.area for pavement in pavements])
     yard.cover(paved, "plaza", rise_m=PATH_RISE_M)
     yard.pavements += pavements
     for site in sites:
@@ -73,7 +74,7 @@ def _pave(yard: Yard, block: Block, site: Site) -> Pavement:
     areas.append(site.quad((-8.0, 8.0), (max(edge_m, -_PLAZA_M), -0.2)))
     path_m = np.stack([site.map_point(0.0, site.street_m), site.map_point(0.0, max(edge_m, -_PLAZA_M) + _ON_PLAZA_M)])
     yard.claims.add(shapely.LineString(path_m).buffer(_PATH_M / 2.0))
-    return Pavement(shapely.intersection(shapely.union_all(areas), block.land), path_m[None])
+    return Pavement(overlay.intersection(overlay.union_all(areas), block.land), path_m[None])
 
 
 def _furnish(yard: Yard, block: Block, site: Site, rng: np.random.Generator) -> None:

@@ -12,6 +12,7 @@ from simbev_ros.assets.land.rows import Site, erect, site_at
 from simbev_ros.assets.land.yard import Yard, quad
 from simbev_ros.assets.street.furniture import mailbox
 from simbev_ros.assets.street.yard_things import hay_bale, pallets, wood_pile
+from simbev_ros.geometry import overlay
 from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.random import stream
 from simbev_ros.types import Float64Array
@@ -37,7 +38,7 @@ def lay_out_farmland(yard: Yard, block: Block) -> None:
     rng = yard.ground.stream(f"farmland.{block.name}")
     _put_farmsteads(yard, block, rng)
     fields, rows = _plow(yard, block)
-    yard.cover(shapely.difference(block.land, shapely.union_all(fields)), "meadow", block.recipe.plants)
+    yard.cover(overlay.difference(block.land, overlay.union_all(fields)), "meadow", block.recipe.plants)
     for line in block.frontage:
         if rng.random() < 0.6 * block.recipe.fence_density:
             inner = line.line.offset_curve(_VERGE_M - 0.8)
@@ -53,7 +54,7 @@ def _plow(yard: Yard, block: Block) -> tuple[list[BaseGeometry], list[Float64Arr
     """Cover the block with fields; returns them, and (N, 2) positions of trees between them."""
     angle_rad = float(stream(yard.ground.network.seed, "fields").uniform(0.0, np.pi / 2.0))
     along = np.array([np.cos(angle_rad), np.sin(angle_rad)])
-    soil = shapely.difference(block.land, yard.near_streets(_VERGE_M))
+    soil = overlay.difference(block.land, yard.near_streets(_VERGE_M))
     shapely.prepare(soil)
     fields: list[BaseGeometry] = []
     rows: list[Float64Array] = []
@@ -69,7 +70,7 @@ def _plow(yard: Yard, block: Block) -> tuple[list[BaseGeometry], list[Float64Arr
             x_m = low_m[0] + np.array([from_, to]) * _FIELD_M[0] + [_MARGIN_M, -_MARGIN_M]
             y_m = low_m[1] + np.array([_MARGIN_M, _FIELD_M[1] - _MARGIN_M])
             whole = quad(np.zeros(2), along, tuple(x_m), tuple(y_m))
-            plan = shapely.intersection(soil, whole)
+            plan = overlay.intersection(soil, whole)
             if plan.area > _MIN_AREA_M2 or (plan.area > 0.0 and not yard.inside.contains(whole)):
                 fields.append(plan)
                 yard.cover(plan, crop, yaw_rad=angle_rad + (np.pi / 2.0) * (split < 1.0))
@@ -149,7 +150,7 @@ def _farmstead(
         return
     gravel = quad(middle_m, along, (-8.0, 24.0), (12.0, 34.0))
     drive = quad(middle_m, along, (-3.0, 1.0), (-0.3, 12.5))
-    yard.cover(shapely.intersection(shapely.union(gravel, drive), block.land), "gravel", rise_m=PATH_RISE_M)
+    yard.cover(overlay.intersection(overlay.union(gravel, drive), block.land), "gravel", rise_m=PATH_RISE_M)
     yard.claims.add(drive)
     _furnish(yard, block, sites[0], middle_m, along, rng)
     scatter(yard, yard_plan, 110.0, block.recipe.plants, "garden", rng)

@@ -14,6 +14,7 @@ from simbev_ros.assets.land.yard import Yard, quad
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.palette import pick_color
 from simbev_ros.assets.street.yard_things import container, dumpster, pallets, trailer
+from simbev_ros.geometry import overlay
 from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.random import stream
 
@@ -25,9 +26,9 @@ _M2_PER_PLANT, _M2_PER_CONTAINER = 420.0, 900.0
 def lay_out_industry(yard: Yard, block: Block) -> None:
     """Lay out an industrial block."""
     rng = yard.ground.stream(f"industry.{block.name}")
-    front = shapely.difference(yard.near_streets(_YARD_M), shapely.buffer(yard.fast, _YARD_M, quad_segs=4))
-    paved = shapely.intersection(shapely.difference(block.land, yard.near_streets(_VERGE_M)), front)
-    yard.cover(shapely.difference(block.land, paved), "lawn", block.recipe.plants)
+    front = overlay.difference(yard.near_streets(_YARD_M), shapely.buffer(yard.fast, _YARD_M, quad_segs=4))
+    paved = overlay.intersection(overlay.difference(block.land, yard.near_streets(_VERGE_M)), front)
+    yard.cover(overlay.difference(block.land, paved), "lawn", block.recipe.plants)
     # The same paving all over a map, because the border of a region may run through a yard.
     is_asphalt = stream(yard.ground.network.seed, "industry.paving").random() < 0.6
     yard.cover(paved, "asphalt" if is_asphalt else "concrete")
@@ -39,7 +40,7 @@ def lay_out_industry(yard: Yard, block: Block) -> None:
     _put_parking(yard, block, rng)
     _scatter_stock(yard, paved, block.recipe.furniture_density, rng)
     if block.recipe.plant_density > 0.0:
-        green = shapely.difference(block.land.buffer(-1.0), paved)
+        green = overlay.difference(block.land.buffer(-1.0), paved)
         scatter(yard, green, _M2_PER_PLANT / block.recipe.plant_density, block.recipe.plants, "garden", rng)
 
 
@@ -54,7 +55,7 @@ def _put_gates(yard: Yard, block: Block, line: Frontage, rng: np.random.Generato
     for at_m in gates.tolist():
         position_m, along = line.chord(at_m, _GATE_M)
         drive = quad(position_m, along, (0.0, _GATE_M), (-0.3, _VERGE_M + 0.6))
-        yard.cover(shapely.intersection(drive, block.land), "concrete", rise_m=PATH_RISE_M)
+        yard.cover(overlay.intersection(drive, block.land), "concrete", rise_m=PATH_RISE_M)
         yard.claims.add(drive)
         edges += [at_m, at_m + _GATE_M]
     edges.append(line.length_m)

@@ -14,6 +14,7 @@ from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import Finish, extrusion, plate
 from simbev_ros.assets.placement.tiles import upright_pose
 from simbev_ros.assets.street.furniture import bench
+from simbev_ros.geometry import overlay
 from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.maps.land_features import ObjectKind
 from simbev_ros.semantics import Tag
@@ -55,7 +56,7 @@ def _lay_paths(yard: Yard, block: Block) -> list[shapely.LineString]:
     spokes = [spoke for spoke in spokes if block.land.buffer(0.5).contains(spoke) and spoke.length > _PLAZA_RADIUS_M]
     lines = [spoke.buffer(_PATH_M / 2.0, cap_style="square") for spoke in spokes]
     plaza = middle.buffer(_PLAZA_RADIUS_M, quad_segs=6)
-    paths = shapely.intersection(shapely.union_all([plaza, *lines]), block.land)
+    paths = overlay.intersection(overlay.union_all([plaza, *lines]), block.land)
     yard.claims.add(*(line.buffer(0.15) for line in lines), plaza)
     yard.cover(paths, "plaza", rise_m=PATH_RISE_M)
     if spokes:

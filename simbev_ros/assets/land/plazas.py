@@ -11,6 +11,7 @@ from simbev_ros.assets.land.covers import PATH_RISE_M
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.placement.region_ground import RegionGround
 from simbev_ros.assets.street.obstacles import obstacle_corners_m
+from simbev_ros.geometry import overlay
 from simbev_ros.maps.land.membrane import Raster
 from simbev_ros.types import AnyArray, Float64Array
 
@@ -68,13 +69,13 @@ def plazas_of(
         mouths = shapely.points(pavement.paths_m[:, 0])
         paths_m = pavement.paths_m[shapely.dwithin(mouths, sidewalk, _MOUTH_M) & ground.owns(pavement.paths_m[:, 0])]
         if len(paths_m):
-            beside = shapely.intersection(sidewalk, shapely.MultiPoint(paths_m[:, 0]).buffer(_SIDEWALK_M))
+            beside = overlay.intersection(sidewalk, shapely.MultiPoint(paths_m[:, 0]).buffer(_SIDEWALK_M))
             seamless = shapely.buffer([pavement.area, beside], _SEAM_M)
-            reachable.append((shapely.buffer(shapely.union_all(seamless), -_SEAM_M - _BODY_M), paths_m))
+            reachable.append((shapely.buffer(overlay.union_all(seamless), -_SEAM_M - _BODY_M), paths_m))
     grounds = [_ground(ground, area) for area, _ in reachable]
     obstacles = _obstacles([area for area, _ in reachable], grounds, placed_objects)
     return tuple(
-        Plaza(shapely.difference(area, things), paths_m, heights)
+        Plaza(overlay.difference(area, things), paths_m, heights)
         for (area, paths_m), heights, things in zip(reachable, grounds, obstacles, strict=True)
         if not area.is_empty
     )
@@ -94,7 +95,7 @@ def _obstacles(
             above_m = pose[2, 3] - grounds[index].linear(pose[None, :2, 3])[0]
             plan_m = obstacle_corners_m(mesh, above_m)[:, :2] @ pose[:2, :2].T + pose[:2, 3]
             found[index].append(shapely.convex_hull(shapely.MultiPoint(plan_m)))
-    return [shapely.buffer(shapely.union_all(hulls), _BODY_M, quad_segs=3) for hulls in found]
+    return [shapely.buffer(overlay.union_all(hulls), _BODY_M, quad_segs=3) for hulls in found]
 
 
 def _ground(ground: RegionGround, area: BaseGeometry) -> Raster:

@@ -16,6 +16,7 @@ from simbev_ros.assets.land.yard import Yard
 from simbev_ros.assets.palette import pick_color
 from simbev_ros.assets.street.furniture import mailbox
 from simbev_ros.assets.street.yard_things import wheelie_bin, wood_pile
+from simbev_ros.geometry import overlay
 
 _DRIVE_M, _PATH_M = 3.2, 1.2
 _GARDEN_DEPTH_M = 14.0
@@ -32,7 +33,7 @@ def lay_out_suburb(yard: Yard, block: Block) -> None:
     sites = build_rows(yard, block, _kind, rng)
     shapely.prepare(block.land)
     paths = [path for site in sites for path in _claim_paths(yard, site)]
-    yard.cover(shapely.intersection(shapely.union_all(paths), block.land), "drive", rise_m=PATH_RISE_M)
+    yard.cover(overlay.intersection(overlay.union_all(paths), block.land), "drive", rise_m=PATH_RISE_M)
     for site in sites:
         if site.kind == "villa":
             _garden(yard, block, site, rng)

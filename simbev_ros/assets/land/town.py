@@ -15,6 +15,7 @@ from simbev_ros.assets.land.rows import Site, build_rows
 from simbev_ros.assets.land.yard import Yard, yaw_of
 from simbev_ros.assets.palette import pick_color
 from simbev_ros.assets.street.yard_things import dumpster
+from simbev_ros.geometry import overlay
 from simbev_ros.geometry.plan_view import left_of
 
 _MAX_HOUSE_HEIGHT_M, _MAX_APARTMENTS_HEIGHT_M = 7.5, 24.0
@@ -34,7 +35,7 @@ def lay_out_town(yard: Yard, block: Block) -> None:
         return
     court = _court(yard, block, _YARD_DEPTH_M) if downtown else block.land
     yard.cover(court, "lawn", block.recipe.plants)
-    yard.cover(shapely.difference(block.land, court), "yard")
+    yard.cover(overlay.difference(block.land, court), "yard")
     choose = _downtown_kind if downtown else _residential_kind
     sites = build_rows(yard, block, choose, rng, density=block.recipe.building_density ** (0.4 if downtown else 1.0))
     _pave_fronts(yard, block, sites)
@@ -50,13 +51,13 @@ def lay_out_town(yard: Yard, block: Block) -> None:
         green, m2_per_plant = (court, _COURT_M2) if downtown else (block.land.buffer(-1.2), _GARDEN_M2)
         scatter(yard, green, m2_per_plant / density, block.recipe.plants, "garden", rng)
         if downtown:
-            plaza = shapely.difference(block.land.buffer(-1.5), court)
+            plaza = overlay.difference(block.land.buffer(-1.5), court)
             scatter(yard, plaza, _PLAZA_M2 / density, block.recipe.plants, "street", rng)
 
 
 def _court(yard: Yard, block: Block, depth_m: float) -> BaseGeometry:
     """The land that is further than a depth from streets."""
-    return shapely.difference(block.land, yard.near_streets(depth_m))
+    return overlay.difference(block.land, yard.near_streets(depth_m))
 
 
 def _downtown_kind(height_m: float, rng: np.random.Generator) -> str:
@@ -85,7 +86,7 @@ def _pave_fronts(yard: Yard, block: Block, sites: list[Site]) -> None:
         if house:
             yard.claims.add(paths[-1].buffer(0.2))
     if block.recipe.use != "downtown":
-        yard.cover(shapely.intersection(shapely.union_all(paths), block.land), "yard", rise_m=PATH_RISE_M)
+        yard.cover(overlay.intersection(overlay.union_all(paths), block.land), "yard", rise_m=PATH_RISE_M)
 
 
 def _fence_in(yard: Yard, block: Block, site: Site, rng: np.random.Generator) -> None:

@@ -14,6 +14,7 @@ from simbev_ros.assets.placement.ensemble import Ensemble
 from simbev_ros.assets.placement.nearby_objects import NearbyObjects
 from simbev_ros.assets.placement.region_ground import RegionGround
 from simbev_ros.assets.placement.tiles import TileBuilder
+from simbev_ros.geometry import overlay
 from simbev_ros.types import Float64Array
 
 SIGNAL_CLEARANCE_M = 2.0
@@ -66,14 +67,14 @@ class Yard:
         signals = np.array(shapely.points(signals_m)).reshape(-1)
         self.signals = shapely.STRtree(signals[shapely.dwithin(self.inside, signals, _SIGNALS_M)])
         rims = [ground.streets[0].area.boundary, *(deck.boundary for deck in ground.decks if not deck.is_empty)]
-        self.edges = shapely.STRtree(_segments(shapely.intersection(shapely.union_all(rims), self.inside)))
+        self.edges = shapely.STRtree(_segments(overlay.intersection(overlay.union_all(rims), self.inside)))
         self.map_objects = NearbyObjects(ground.network.features.objects, ground.region.area)
 
     def near_streets(self, distance_m: float) -> BaseGeometry:
         """Area of the region's streets on the ground, buffered by a distance; cached."""
         if distance_m not in self._near_streets:
             square = shapely.buffer(self.ground.region.area, distance_m, join_style="mitre")
-            street = shapely.intersection(self.ground.streets[0].area, square)
+            street = overlay.intersection(self.ground.streets[0].area, square)
             self._near_streets[distance_m] = shapely.buffer(street, distance_m, quad_segs=4)
         return self._near_streets[distance_m]
 

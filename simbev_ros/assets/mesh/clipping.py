@@ -11,6 +11,7 @@ from typing import Self
 import numpy as np
 import shapely
 
+from simbev_ros.geometry import overlay
 from simbev_ros.geometry.plan_view import indexed_polygon_parts, left_of
 from simbev_ros.geometry.ragged import ragged_starts
 from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int64Array
@@ -149,7 +150,7 @@ def _shorter_chord(polygons: AnyArray, hole_m: Float64Array) -> Float64Array:
     for axis in range(2):
         ends_m = np.stack([low_m, high_m], axis=1)
         ends_m[:, :, axis] = middle_m[:, None, axis]
-        chords_m.append(shapely.length(shapely.intersection(polygons, shapely.linestrings(ends_m))))
+        chords_m.append(shapely.length(overlay.intersection(polygons, shapely.linestrings(ends_m))))
         lines.append(np.column_stack([np.broadcast_to(np.eye(2)[axis], middle_m.shape), middle_m[:, axis]]))
     return np.where((chords_m[0] <= chords_m[1])[:, None], *lines)
 
@@ -190,7 +191,7 @@ def _parts_beyond(polygons: AnyArray, line: Float64Array) -> tuple[AnyArray, Int
     foot_m = near_m - (np.sum(line[:, :2] * near_m, axis=1) - line[:, 2])[:, None] * line[:, :2]
     across_m, along_m = reach_m * line[:, :2], reach_m * left_of(line)
     corners_m = [foot_m - along_m, foot_m + along_m, foot_m + along_m + across_m, foot_m - along_m + across_m]
-    return indexed_polygon_parts(shapely.intersection(polygons, shapely.polygons(np.stack(corners_m, axis=1))))
+    return indexed_polygon_parts(overlay.intersection(polygons, shapely.polygons(np.stack(corners_m, axis=1))))
 
 
 def _any_vertex(of_vertex: BoolArray, rings: Rings) -> BoolArray:

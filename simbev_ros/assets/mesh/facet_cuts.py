@@ -8,6 +8,7 @@ from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.mesh.clipping import Rings, split_along_lines, without_holes
 from simbev_ros.assets.mesh.facets import TILE_M, Facets
+from simbev_ros.geometry import overlay
 from simbev_ros.geometry.plan_view import indexed_polygon_parts
 from simbev_ros.geometry.ragged import ragged_indices
 from simbev_ros.types import AnyArray, Float64Array, Int64Array
@@ -50,7 +51,7 @@ def _cut_along(parts: AnyArray, axis: int) -> tuple[AnyArray, Int64Array, Int64A
     between_m = bounds_m[part_index]
     between_m[:, axis], between_m[:, axis + 2] = number * TILE_M, (number + 1) * TILE_M
     pieces, crossing = parts[part_index], count[part_index] > 1
-    pieces[crossing] = shapely.intersection(pieces[crossing], shapely.box(*between_m[crossing].T))
+    pieces[crossing] = overlay.intersection(pieces[crossing], shapely.box(*between_m[crossing].T))
     pieces, origin = _polygons(pieces)
     return pieces, number[origin], part_index[origin]
 

@@ -8,6 +8,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.mesh.facets import TILE_M, Facets
+from simbev_ros.geometry import overlay
 from simbev_ros.geometry.plan_view import multi_polygon
 from simbev_ros.maps.land.membrane import Raster, node_positions_m
 from simbev_ros.maps.land.terrain import NODE_M, Terrain
@@ -87,11 +88,11 @@ class RegionGround:
     def land(self) -> BaseGeometry:
         """Land of the region in plan: everything but streets on the ground and water."""
         taken = [self.streets[0].area, *(water.area for water in self.water)]
-        return multi_polygon(shapely.difference(self.region.area, shapely.union_all(taken), grid_size=_GRID_M))
+        return multi_polygon(overlay.difference(self.region.area, overlay.union_all(taken), grid_size=_GRID_M))
 
     def within(self, area: BaseGeometry) -> shapely.MultiPolygon:
         """Part of an area that lies in the region."""
-        return multi_polygon(shapely.intersection(area, self.region.area))
+        return multi_polygon(overlay.intersection(area, self.region.area))
 
     @property
     def land_facets(self) -> Facets:
@@ -125,7 +126,7 @@ class RegionGround:
     def at_plane(self, area: BaseGeometry, level: int) -> shapely.MultiPolygon:
         """Part of an area of streets that lies in the region, without lanes that the map raises."""
         lanes = self.raised[level]
-        return self.within(shapely.difference(area, lanes.area, grid_size=_GRID_M) if lanes else area)
+        return self.within(overlay.difference(area, lanes.area, grid_size=_GRID_M) if lanes else area)
 
     @cached_property
     def tubes(self) -> tuple[BaseGeometry, ...]:
@@ -176,7 +177,7 @@ class RegionGround:
 def _streets(network: RoadNetwork, level: int, around: shapely.Polygon) -> Streets:
     """Streets of a level in a rectangle."""
     parts = surfaces_of(network.layout, level, around)
-    area = shapely.union_all([parts.road, parts.shoulder, parts.median, parts.sidewalk], grid_size=_GRID_M)
+    area = overlay.union_all([parts.road, parts.shoulder, parts.median, parts.sidewalk], grid_size=_GRID_M)
     return Streets(parts.road, parts.shoulder, parts.sidewalk, parts.median, parts.crosswalk, area)
 
 

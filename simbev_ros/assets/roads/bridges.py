@@ -15,6 +15,7 @@ from simbev_ros.assets.placement.claims import Claims
 from simbev_ros.assets.placement.region_ground import DECK_DEPTH_M, DECK_OVERHANG_M, MARGIN_M, RegionGround
 from simbev_ros.assets.placement.tiles import TileBuilder
 from simbev_ros.assets.roads.pillars import put_pillars
+from simbev_ros.geometry import overlay
 from simbev_ros.semantics import Tag
 from simbev_ros.types import Float64Array
 
@@ -64,7 +65,7 @@ def _joints(ground: RegionGround, level: int, onto_ground: bool) -> BaseGeometry
         return shapely.MultiLineString()
     own_m, other_m = np.stack(own), np.stack(other)
     gap_m = cKDTree(other_m.mean(axis=1)).query(own_m.mean(axis=1))[0]
-    return shapely.union_all(shapely.linestrings(own_m[gap_m < _SAME_PLACE_M, :, :2]))
+    return overlay.union_all(shapely.linestrings(own_m[gap_m < _SAME_PLACE_M, :, :2]))
 
 
 def _build_deck(
@@ -77,24 +78,24 @@ def _build_deck(
 ) -> None:
     """Parapets along the edges, the slab and the girder below it; at seams the next structure continues."""
     region, deck = ground.region.area, ground.streets[level].area
-    across = shapely.buffer(shapely.union(landings, seams), DECK_OVERHANG_M + 0.01, cap_style="flat")
-    rims = shapely.get_parts(shapely.difference(ground.decks[level], shapely.union(deck, across)))
-    parapet = shapely.union_all(rims[shapely.area(rims) > _MIN_AREA_M2])
-    slab = shapely.union(deck, parapet)
+    across = shapely.buffer(overlay.union(landings, seams), DECK_OVERHANG_M + 0.01, cap_style="flat")
+    rims = shapely.get_parts(overlay.difference(ground.decks[level], overlay.union(deck, across)))
+    parapet = overlay.union_all(rims[shapely.area(rims) > _MIN_AREA_M2])
+    slab = overlay.union(deck, parapet)
     onward = shapely.buffer(seams, 2.0 * _GIRDER_INSET_M, cap_style="flat")
-    girder: BaseGeometry = shapely.buffer(shapely.union(slab, onward), -_GIRDER_INSET_M, join_style="mitre")
-    girder = shapely.intersection(girder, slab)
+    girder: BaseGeometry = shapely.buffer(overlay.union(slab, onward), -_GIRDER_INSET_M, join_style="mitre")
+    girder = overlay.intersection(girder, slab)
     walls = partial(edge_faces, finish=_CONCRETE, edges=parapet.boundary, bottom_m=-_SLAB_M, top_m=_PARAPET_M)
-    beside = shapely.difference(girder.boundary, shapely.buffer(seams, _SEAM_M))
+    beside = overlay.difference(girder.boundary, shapely.buffer(seams, _SEAM_M))
     sides = partial(edge_faces, finish=_UNDERSIDE, edges=beside, bottom_m=-DECK_DEPTH_M, top_m=-_SLAB_M)
     ends = partial(edge_faces, finish=_UNDERSIDE, edges=landings, bottom_m=-DECK_DEPTH_M, top_m=0.0)
     for area, makes in (
         (parapet, [partial(cover_mesh, finish=_CONCRETE, rise_m=_PARAPET_M), walls]),
-        (shapely.difference(slab, girder), [partial(cover_mesh, finish=_UNDERSIDE, rise_m=-_SLAB_M, downward=True)]),
+        (overlay.difference(slab, girder), [partial(cover_mesh, finish=_UNDERSIDE, rise_m=-_SLAB_M, downward=True)]),
         (girder, [partial(cover_mesh, finish=_UNDERSIDE, rise_m=-DECK_DEPTH_M, downward=True), sides]),
-        (shapely.intersection(deck, across), [ends]),
+        (overlay.intersection(deck, across), [ends]),
     ):
-        tiles.drape(shapely.intersection(area, region), facets, *makes)
+        tiles.drape(overlay.intersection(area, region), facets, *makes)
     _build_rail(tiles, deck, parapet, region, facets)
 
 
@@ -103,20 +104,20 @@ def _build_rail(
 ) -> None:
     """A handrail on posts along the middle of the parapets."""
     middle = shapely.buffer(deck, DECK_OVERHANG_M / 2.0, join_style="mitre").boundary
-    lines = shapely.get_parts(shapely.line_merge(shapely.intersection(middle, parapet)))
+    lines = shapely.get_parts(shapely.line_merge(overlay.intersection(middle, parapet)))
     lines = lines[shapely.length(lines) > _POST_SPACING_M]
     positions = [shapely.line_interpolate_point(line, np.arange(0.6, line.length, _POST_SPACING_M)) for line in lines]
-    posts = shapely.union_all(
+    posts = overlay.union_all(
         [square for line_positions in positions for square in shapely.buffer(line_positions, _POST_M, quad_segs=1)]
     )
-    rail = shapely.union_all(shapely.buffer(lines, _RAIL_WIDTH_M / 2.0, cap_style="flat", join_style="mitre"))
+    rail = overlay.union_all(shapely.buffer(lines, _RAIL_WIDTH_M / 2.0, cap_style="flat", join_style="mitre"))
     under_m = _RAIL_M - _RAIL_DEPTH_M
     top = partial(cover_mesh, finish=_RAIL, rise_m=_RAIL_M)
     bottom = partial(cover_mesh, finish=_RAIL, rise_m=under_m, downward=True)
     sides = partial(edge_faces, finish=_RAIL, edges=rail.boundary, bottom_m=under_m, top_m=_RAIL_M)
     stems = partial(edge_faces, finish=_RAIL, edges=posts.boundary, bottom_m=_PARAPET_M, top_m=under_m)
     for area, makes in ((rail, [top, bottom, sides]), (posts, [stems])):
-        tiles.drape(shapely.intersection(area, region), facets, *makes)
+        tiles.drape(overlay.intersection(area, region), facets, *makes)
 
 
 def _build_abutments(
@@ -124,12 +125,12 @@ def _build_abutments(
 ) -> None:
     """Walls below the ends of a structure, down into the slope, in front of any road that passes close by."""
     slab = ground.decks[level]
-    below = [shapely.intersection(slab, streets.area) for streets in ground.streets[:level]]
-    roads = shapely.buffer(shapely.buffer(shapely.union_all(below), -_SLIVER_M), _SLIVER_M)
+    below = [overlay.intersection(slab, streets.area) for streets in ground.streets[:level]]
+    roads = shapely.buffer(shapely.buffer(overlay.union_all(below), -_SLIVER_M), _SLIVER_M)
     for joint in shapely.get_parts(shapely.line_merge(joints)):
         room_m = shapely.distance(joint, roads) - _FROM_LOWER_ROAD_M - _ABUTMENT_DEPTH_M
         at_m = float(np.clip(np.nan_to_num(room_m, nan=np.inf), 0.05, _ABUTMENT_AT_M))
         far, near = (shapely.buffer(joint, reach_m, cap_style="flat") for reach_m in (at_m + _ABUTMENT_DEPTH_M, at_m))
-        wall = shapely.intersection(shapely.difference(far, near), slab)
+        wall = overlay.intersection(overlay.difference(far, near), slab)
         sides = partial(edge_faces, finish=_ABUTMENT, edges=wall.boundary, bottom_m=-_ABUTMENT_HEIGHT_M, top_m=-_SLAB_M)
-        tiles.drape(shapely.intersection(wall, ground.region.area), facets, sides)
+        tiles.drape(overlay.intersection(wall, ground.region.area), facets, sides)

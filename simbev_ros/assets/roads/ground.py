@@ -19,6 +19,7 @@ from simbev_ros.assets.placement.tiles import TileBuilder
 from simbev_ros.assets.roads.raised_lanes import lay_raised_lanes
 from simbev_ros.assets.roads.repairs import lay_road
 from simbev_ros.assets.roads.tunnels import bare_roofs
+from simbev_ros.geometry import overlay
 from simbev_ros.maps.roads.lane_kind import CURB_HEIGHT_M
 from simbev_ros.semantics import Tag
 
@@ -51,13 +52,13 @@ def lay_streets(tiles: TileBuilder, ground: RegionGround) -> None:
 
 def lay_land(tiles: TileBuilder, ground: RegionGround, covers: Sequence[Cover]) -> None:
     """Build the land between the streets on the ground: its covers, grass on slopes, and stone on very steep ones."""
-    facets, decks, roofs = ground.land_facets, shapely.union_all(ground.decks), bare_roofs(ground)
+    facets, decks, roofs = ground.land_facets, overlay.union_all(ground.decks), bare_roofs(ground)
     walls = [_steeper_than(facets, slope, min_width_m) for slope, min_width_m in _STONE_SLOPES]
-    stone = shapely.difference(shapely.union_all(walls), decks)
-    grass = shapely.difference(_steeper_than(facets, *_EMBANKMENT), shapely.union(decks, stone))
+    stone = overlay.difference(overlay.union_all(walls), decks)
+    grass = overlay.difference(_steeper_than(facets, *_EMBANKMENT), overlay.union(decks, stone))
     if not roofs.is_empty:
-        stone, grass = shapely.difference(stone, roofs), shapely.difference(grass, roofs)
-    bare = shapely.union_all([decks, stone, grass, roofs])
+        stone, grass = overlay.difference(stone, roofs), overlay.difference(grass, roofs)
+    bare = overlay.union_all([decks, stone, grass, roofs])
     shapely.prepare([ground.land, bare])
     for (finish, rise_m, yaw_rad), parts in _by_appearance(covers).items():
         parts[:] = [part if ground.land.covers(part) else part & ground.land for part in parts]
@@ -67,11 +68,11 @@ def lay_land(tiles: TileBuilder, ground: RegionGround, covers: Sequence[Cover]) 
     lawn = finish_of("lawn", ground.network.features.surroundings.plants)
     for area, finish, ceiling_m in ((stone, _STONE, None), (grass, lawn, None), (decks, _STONE, ground.soffit_m)):
         layer = partial(cover_mesh, finish=finish, rise_m=LAND_HEIGHT_M, ceiling_m=ceiling_m)
-        tiles.drape(shapely.intersection(ground.land, area), facets, layer)
+        tiles.drape(overlay.intersection(ground.land, area), facets, layer)
     if not roofs.is_empty:
         cover = partial(cover_mesh, finish=lawn, rise_m=LAND_HEIGHT_M, floor_m=ground.roof_m)
-        tiles.drape(shapely.intersection(ground.land, roofs), facets, cover)
-    _lay_verges(tiles, ground, shapely.difference(ground.land, decks))
+        tiles.drape(overlay.intersection(ground.land, roofs), facets, cover)
+    _lay_verges(tiles, ground, overlay.difference(ground.land, decks))
 
 
 def _by_appearance(covers: Sequence[Cover]) -> dict[tuple[Finish, float, float], list[BaseGeometry]]:
@@ -84,12 +85,12 @@ def _by_appearance(covers: Sequence[Cover]) -> dict[tuple[Finish, float, float],
 
 def _lay_verges(tiles: TileBuilder, ground: RegionGround, land: BaseGeometry) -> None:
     """Vertical faces from the street up to the land, where no sidewalk hides them."""
-    street = shapely.difference(ground.streets[0].area, ground.streets[0].sidewalk)
-    edges = shapely.intersection(land.boundary, shapely.buffer(street, _CUT_TOLERANCE_M))
+    street = overlay.difference(ground.streets[0].area, ground.streets[0].sidewalk)
+    edges = overlay.intersection(land.boundary, shapely.buffer(street, _CUT_TOLERANCE_M))
     for tube in ground.tubes[ground.network.layout.tunnel_levels.start :]:
-        edges = shapely.difference(edges, shapely.buffer(tube, _CUT_TOLERANCE_M))
+        edges = overlay.difference(edges, shapely.buffer(tube, _CUT_TOLERANCE_M))
     verge = partial(edge_faces, finish=_VERGE, edges=edges, bottom_m=0.0, top_m=LAND_HEIGHT_M)
-    tiles.drape(shapely.intersection(land, shapely.buffer(edges, _CURB_WIDTH_M)), ground.land_facets, verge)
+    tiles.drape(overlay.intersection(land, shapely.buffer(edges, _CURB_WIDTH_M)), ground.land_facets, verge)
 
 
 def lay_water(tiles: TileBuilder, ground: RegionGround) -> None:
@@ -99,7 +100,7 @@ def lay_water(tiles: TileBuilder, ground: RegionGround) -> None:
         tiles.drape(
             area, Facets.from_level_region(ground.region), partial(cover_mesh, finish=_WATER, rise_m=water.surface_m)
         )
-        rim = shapely.difference(area, shapely.union(shapely.buffer(water.area, -_RIM_M), ground.streets[0].area))
+        rim = overlay.difference(area, overlay.union(shapely.buffer(water.area, -_RIM_M), ground.streets[0].area))
         tiles.drape(rim, ground.land_facets, partial(cover_mesh, finish=_VERGE, rise_m=LAND_HEIGHT_M))
 
 
@@ -114,14 +115,14 @@ def _lay_level(tiles: TileBuilder, ground: RegionGround, level: int, facets: Fac
     tiles.drape(shoulder, facets, partial(cover_mesh, finish=_SHOULDER, rise_m=0.0), level=level)
     markings = partial(cover_mesh, finish=_CROSSWALK, rise_m=0.0)
     tiles.drape(crosswalk, facets, markings, surface="crosswalk", level=level)
-    paved = shapely.buffer(shapely.union(streets.road, streets.shoulder), _CURB_WIDTH_M)
+    paved = shapely.buffer(overlay.union(streets.road, streets.shoulder), _CURB_WIDTH_M)
     green = shapely.buffer(shapely.buffer(streets.median, -_GREEN_M), _GREEN_M) if level == 0 else shapely.Polygon()
-    raised = shapely.union(sidewalk, median)
-    edges = shapely.difference(raised.boundary, shapely.buffer(region.boundary, _CUT_TOLERANCE_M))
+    raised = overlay.union(sidewalk, median)
+    edges = overlay.difference(raised.boundary, shapely.buffer(region.boundary, _CUT_TOLERANCE_M))
     sides = partial(edge_faces, finish=_CURB, edges=edges, bottom_m=0.0, top_m=CURB_HEIGHT_M)
-    curb = shapely.intersection(raised, paved)
-    lawn = shapely.intersection(shapely.difference(raised, curb), green)
-    paving = shapely.difference(raised, shapely.union(curb, lawn))
+    curb = overlay.intersection(raised, paved)
+    lawn = overlay.intersection(overlay.difference(raised, curb), green)
+    paving = overlay.difference(raised, overlay.union(curb, lawn))
     for area, finish in ((curb, _CURB), (paving, _PAVING), (lawn, LAWN)):
         tiles.drape(area, facets, partial(cover_mesh, finish=finish, rise_m=CURB_HEIGHT_M), sides, level=level)
     lay_raised_lanes(tiles, ground, level, facets)
@@ -130,7 +131,7 @@ def _lay_level(tiles: TileBuilder, ground: RegionGround, level: int, facets: Fac
 def _steeper_than(facets: Facets, slope: float, min_width_m: float) -> BaseGeometry:
     """Area where facets are steeper than a slope, rounded off, without narrow or small parts."""
     steep = np.linalg.norm(facets.planes[:, 0, :2], axis=1) > slope
-    area = shapely.buffer(shapely.union_all(shapely.polygons(facets.corners_m[steep])), _ROUNDED_M, quad_segs=3)
+    area = shapely.buffer(overlay.union_all(shapely.polygons(facets.corners_m[steep])), _ROUNDED_M, quad_segs=3)
     inset_m = _ROUNDED_M + min_width_m / 2.0
     opened = shapely.buffer(shapely.buffer(area, -inset_m, quad_segs=3), inset_m - _ROUNDED_M / 2.0, quad_segs=3)
     parts = shapely.get_parts(opened)

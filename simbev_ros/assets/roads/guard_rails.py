@@ -13,6 +13,7 @@ from simbev_ros.assets.mesh.primitives import Finish, boxes, loft
 from simbev_ros.assets.placement.claims import Claims
 from simbev_ros.assets.placement.region_ground import RegionGround
 from simbev_ros.assets.placement.tiles import TileBuilder, upright_pose
+from simbev_ros.geometry import overlay
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.surface import strip_polygons
 from simbev_ros.semantics import Tag
@@ -48,13 +49,13 @@ def _lines(ground: RegionGround) -> Iterator[shapely.LineString]:
     """Lines of rails with the street on their left, each within one tile."""
     street = ground.streets[0].area
     edge = shapely.buffer(street, _FROM_STREET_M).boundary
-    taken = shapely.union_all([shapely.buffer(street, 0.9 * _FROM_STREET_M), *ground.decks])
+    taken = overlay.union_all([shapely.buffer(street, 0.9 * _FROM_STREET_M), *ground.decks])
     fast = _beside_fast_roads(ground)
     shapely.prepare(fast)
     x0, y0, x1, y1 = ground.region.area.bounds
     corners_m = np.stack(np.meshgrid(np.arange(x0, x1, TILE_M), np.arange(y0, y1, TILE_M)), axis=-1).reshape(-1, 2)
     for tile in shapely.box(*corners_m.T, *(corners_m + TILE_M).T):
-        inside = shapely.line_merge(shapely.difference(shapely.intersection(edge, tile), taken))
+        inside = shapely.line_merge(overlay.difference(overlay.intersection(edge, tile), taken))
         for part in shapely.get_parts(inside):
             if part.geom_type == "LineString" and part.length >= _MIN_LENGTH_M:
                 yield from _rail_stretches(ground, part, fast)
@@ -77,9 +78,9 @@ def _beside_fast_roads(ground: RegionGround) -> BaseGeometry:
     fast = [strip for strip in lanes if strip.speed_mps >= _FAST_MPS and not strip.junction]
     near, walks = (
         shapely.buffer(area, _BESIDE_M, quad_segs=4)
-        for area in (shapely.union_all(strip_polygons(fast)), ground.streets[0].sidewalk if fast else shapely.Polygon())
+        for area in (overlay.union_all(strip_polygons(fast)), ground.streets[0].sidewalk if fast else shapely.Polygon())
     )
-    return shapely.difference(near, walks)
+    return overlay.difference(near, walks)
 
 
 def _beside_drops(ground: RegionGround, position_m: Float64Array) -> BoolArray:

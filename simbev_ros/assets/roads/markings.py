@@ -12,6 +12,7 @@ from simbev_ros.assets.mesh.drape import Rise, cover_mesh
 from simbev_ros.assets.mesh.primitives import Finish
 from simbev_ros.assets.placement.region_ground import RegionGround
 from simbev_ros.assets.placement.tiles import TileBuilder
+from simbev_ros.geometry import overlay
 from simbev_ros.maps.roads.layout import PaintColor
 from simbev_ros.maps.roads.markings import lane_markings
 from simbev_ros.semantics import Tag
@@ -38,12 +39,12 @@ def paint_markings(tiles: TileBuilder, ground: RegionGround) -> None:
         by_color = defaultdict(list)
         for mark in lane_markings(ground.network.layout, level, ground.region.area):
             by_color[mark.color].append(mark.polygon)
-        asphalt = shapely.union(ground.streets[level].road, ground.streets[level].shoulder)
+        asphalt = overlay.union(ground.streets[level].road, ground.streets[level].shoulder)
         shapely.prepare(asphalt)
         for color, polygons in by_color.items():
             paint = np.array(polygons, object)
             beyond = ~shapely.contains(asphalt, paint)
-            paint[beyond] = shapely.intersection(paint[beyond], asphalt)
+            paint[beyond] = overlay.intersection(paint[beyond], asphalt)
             finish = Finish(Material.MARKING, Tag.ROAD_LINE, _COLORS[color])
             for area, rise_m in _by_rise(ground, level, paint):
                 tiles.drape(area, facets, partial(cover_mesh, finish=finish, rise_m=rise_m), level=level)
@@ -53,7 +54,7 @@ def _by_rise(ground: RegionGround, level: int, paint: AnyArray) -> Iterator[tupl
     """Paint on the carriageway's plane, and paint on lanes that the map raises."""
     lanes = ground.raised[level]
     if lanes:
-        on_lanes = shapely.intersection(paint, lanes.area)
-        paint = shapely.difference(paint, lanes.area)
+        on_lanes = overlay.intersection(paint, lanes.area)
+        paint = overlay.difference(paint, lanes.area)
         yield shapely.GeometryCollection(list(on_lanes)), lambda xy_m: lanes.nearest_rise_m(xy_m) + DECAL_HEIGHT_M
     yield shapely.GeometryCollection(list(paint)), DECAL_HEIGHT_M

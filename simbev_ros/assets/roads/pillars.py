@@ -11,6 +11,7 @@ from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import Finish, cylinder
 from simbev_ros.assets.placement.region_ground import DECK_DEPTH_M, RegionGround
 from simbev_ros.assets.placement.tiles import TileBuilder, upright_pose
+from simbev_ros.geometry import overlay
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.semantics import Tag
 from simbev_ros.types import Float64Array
@@ -28,7 +29,7 @@ _FOOT_M = 1.5  # into the ground
 
 def put_pillars(tiles: TileBuilder, ground: RegionGround, level: int) -> None:
     """Build the pillars of a level that stand in the region."""
-    lower = shapely.union_all([streets.area for streets in ground.streets[:level]])
+    lower = overlay.union_all([streets.area for streets in ground.streets[:level]])
     taken = shapely.buffer(lower, _RADIUS_M + _CLEARANCE_M)
     shapely.prepare(taken)
     deck = ground.streets[level].area
@@ -66,7 +67,7 @@ def _row(line: shapely.LineString, s_m: float, deck: BaseGeometry, taken: BaseGe
         at_m = s_m + shift_m + np.array([-0.1, 0.1])
         here, ahead = shapely.get_coordinates(shapely.line_interpolate_point(line, at_m))
         across = np.array([here[1] - ahead[1], ahead[0] - here[0]]) / np.linalg.norm(ahead - here)
-        width = shapely.intersection(shapely.LineString([here - 40.0 * across, here + 40.0 * across]), deck)
+        width = overlay.intersection(shapely.LineString([here - 40.0 * across, here + 40.0 * across]), deck)
         chord = min(shapely.get_parts(width), key=lambda part: part.distance(shapely.Point(here)), default=None)
         if chord is None or chord.length < 2.0 * _RADIUS_M:
             continue

@@ -11,6 +11,7 @@ from simbev_ros.assets.mesh.facets import Facets
 from simbev_ros.assets.mesh.primitives import Finish
 from simbev_ros.assets.placement.region_ground import RegionGround, Streets
 from simbev_ros.assets.placement.tiles import TileBuilder
+from simbev_ros.geometry import overlay
 from simbev_ros.maps.roads.lane_kind import ROAD_KINDS, LaneKind
 from simbev_ros.maps.roads.raised_lanes import RaisedLanes
 from simbev_ros.semantics import Tag
@@ -30,14 +31,14 @@ def lay_raised_lanes(tiles: TileBuilder, ground: RegionGround, level: int, facet
     for strip in ground.raised[level].strips:
         lane = RaisedLanes([strip])
         surface, finish = _surface(ground.streets[level], strip.kind)
-        area = ground.within(shapely.difference(shapely.intersection(surface, lane.area), laid, grid_size=_GRID_M))
+        area = ground.within(overlay.difference(overlay.intersection(surface, lane.area), laid, grid_size=_GRID_M))
         if area.is_empty:
             continue
-        laid = shapely.union(laid, area)
+        laid = overlay.union(laid, area)
         cover = partial(cover_mesh, finish=finish, rise_m=lane.nearest_rise_m)
-        edges = shapely.difference(area.boundary, border)
+        edges = overlay.difference(area.boundary, border)
         sides = partial(edge_faces, finish=_CURB, edges=edges, bottom_m=0.0, top_m=lane.nearest_rise_m)
-        quads = shapely.intersection(lane.quads, area)
+        quads = overlay.intersection(lane.quads, area)
         tiles.drape(shapely.GeometryCollection(list(quads)), facets, cover, level=level)
         tiles.drape(area, facets, sides, level=level)
 

@@ -11,6 +11,7 @@ from simbev_ros.assets.mesh.facets import Facets
 from simbev_ros.assets.mesh.primitives import Finish
 from simbev_ros.assets.placement.region_ground import RegionGround
 from simbev_ros.assets.placement.tiles import TileBuilder
+from simbev_ros.geometry import overlay
 from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.semantics import Tag
@@ -33,8 +34,8 @@ def lay_road(tiles: TileBuilder, ground: RegionGround, level: int, facets: Facet
     if road.is_empty:
         return
     repairs = _repairs(ground, level)
-    rest = shapely.difference(road, shapely.MultiPolygon([part for _, area in repairs for part in area.geoms]))
-    for finish, area in ((_ASPHALT, rest), *((finish, shapely.intersection(road, area)) for finish, area in repairs)):
+    rest = overlay.difference(road, shapely.MultiPolygon([part for _, area in repairs for part in area.geoms]))
+    for finish, area in ((_ASPHALT, rest), *((finish, overlay.intersection(road, area)) for finish, area in repairs)):
         tiles.drape(area, facets, partial(cover_mesh, finish=finish, rise_m=0.0), level=level)
 
 

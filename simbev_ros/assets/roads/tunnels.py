@@ -18,6 +18,7 @@ from simbev_ros.assets.mesh.primitives import Finish, box
 from simbev_ros.assets.placement.claims import Claims
 from simbev_ros.assets.placement.region_ground import LAND_HEIGHT_M, MARGIN_M, RegionGround
 from simbev_ros.assets.placement.tiles import TileBuilder, upright_pose
+from simbev_ros.geometry import overlay
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.tunnels import CLEARANCE_M, ROOF_M, WALL_M, lamps_along, portals_of
 from simbev_ros.semantics import Tag
@@ -56,12 +57,12 @@ def _portals(ground: RegionGround, level: int) -> BaseGeometry:
     """Lines across the road where the tunnels of a level end."""
     around = shapely.box(*shapely.buffer(ground.region.area, MARGIN_M).bounds)
     strips = ground.network.layout.near(around, 0.0).strips_of(*LaneKind, level=level)
-    return shapely.union_all(shapely.linestrings(portals_of(strips)[:, :, :2]), grid_size=_GRID_M)
+    return overlay.union_all(shapely.linestrings(portals_of(strips)[:, :, :2]), grid_size=_GRID_M)
 
 
 def bare_roofs(ground: RegionGround) -> BaseGeometry:
     """Area of the region in plan where tunnels reach up to the land or above it."""
-    return shapely.union_all(
+    return overlay.union_all(
         [_land_below(ground, level, _SHALLOW_MARGIN_M) for level in ground.network.layout.tunnel_levels]
     )
 
@@ -74,29 +75,29 @@ def _land_below(ground: RegionGround, level: int, above_roof_m: float) -> BaseGe
     polygons = np.asarray(shapely.polygons(facets.corners_m), object)
     shapely.prepare(tube)
     near = np.flatnonzero(shapely.intersects(polygons, tube))
-    parts = shapely.intersection(polygons[near], tube)
+    parts = overlay.intersection(polygons[near], tube)
     xy_m, part = shapely.get_coordinates(parts, return_index=True)
     land_m = facets.heights_and_slopes(near[part], xy_m)[:, 0] + LAND_HEIGHT_M
     low = np.unique(part[land_m < ground.road_m(xy_m, level) + ROOF_M + above_roof_m])
-    return shapely.intersection(shapely.union_all(polygons[near[low]]), tube)
+    return overlay.intersection(overlay.union_all(polygons[near[low]]), tube)
 
 
 def _build_tube(tiles: TileBuilder, ground: RegionGround, level: int, facets: Facets, portals: BaseGeometry) -> None:
     """Walls beside the road, and the ceiling; portals stay open."""
     region, road, tube = ground.region.area, ground.streets[level].area, ground.tubes[level]
     across = shapely.buffer(portals, WALL_M + 0.01, cap_style="square")
-    walls = shapely.difference(tube, shapely.union(road, across))
-    inside = shapely.intersection(walls.boundary, shapely.buffer(road, _CUT_TOLERANCE_M))
+    walls = overlay.difference(tube, overlay.union(road, across))
+    inside = overlay.intersection(walls.boundary, shapely.buffer(road, _CUT_TOLERANCE_M))
     panels = partial(edge_faces, finish=_PANEL, edges=inside, bottom_m=-_FOOT_M, top_m=_PANEL_M)
     above = partial(edge_faces, finish=_WALL, edges=inside, bottom_m=_PANEL_M, top_m=ROOF_M)
-    outside = shapely.difference(walls.boundary, shapely.buffer(road, _CUT_TOLERANCE_M))
+    outside = overlay.difference(walls.boundary, shapely.buffer(road, _CUT_TOLERANCE_M))
     shell = partial(edge_faces, finish=_HEADWALL, edges=outside, bottom_m=-_FOOT_M, top_m=ROOF_M)
     ceiling = partial(cover_mesh, finish=_CEILING, rise_m=CLEARANCE_M, downward=True)
     roof = partial(cover_mesh, finish=_HEADWALL, rise_m=ROOF_M)
-    below_water = shapely.intersection(tube, shapely.union_all([water.area for water in ground.water]))
-    tiles.drape(shapely.intersection(below_water, region), facets, roof, level=level)
-    tiles.drape(shapely.intersection(walls, region), facets, panels, above, shell, level=level)
-    tiles.drape(shapely.intersection(shapely.union(road, walls), region), facets, ceiling, level=level)
+    below_water = overlay.intersection(tube, overlay.union_all([water.area for water in ground.water]))
+    tiles.drape(overlay.intersection(below_water, region), facets, roof, level=level)
+    tiles.drape(overlay.intersection(walls, region), facets, panels, above, shell, level=level)
+    tiles.drape(overlay.intersection(overlay.union(road, walls), region), facets, ceiling, level=level)
 
 
 def _headwalls(portals: BaseGeometry) -> BaseGeometry:
@@ -108,21 +109,21 @@ def _headwalls(portals: BaseGeometry) -> BaseGeometry:
         for line, (start, end) in zip(lines, ends_m, strict=True)
         for along in [(end - start) / max(float(np.linalg.norm(end - start)), 1e-6)]
     ]
-    return shapely.union_all(shapely.buffer(longer, _HEADWALL_M / 2.0, cap_style="flat", join_style="mitre"))
+    return overlay.union_all(shapely.buffer(longer, _HEADWALL_M / 2.0, cap_style="flat", join_style="mitre"))
 
 
 def _build_headwalls(
     tiles: TileBuilder, ground: RegionGround, level: int, facets: Facets, headwalls: BaseGeometry
 ) -> None:
     """The portals' faces: above the opening, and on both sides of it down into the ground."""
-    road = shapely.union(ground.streets[level].area, ground.streets[0].area)
-    lintel, wings = shapely.intersection(headwalls, road), shapely.difference(headwalls, road)
+    road = overlay.union(ground.streets[level].area, ground.streets[0].area)
+    lintel, wings = overlay.intersection(headwalls, road), overlay.difference(headwalls, road)
     top_m = ROOF_M + _PARAPET_M
     top = partial(cover_mesh, finish=_HEADWALL, rise_m=top_m)
     underside = partial(cover_mesh, finish=_HEADWALL, rise_m=CLEARANCE_M, downward=True)
     for area, bottom_m, more in ((lintel, CLEARANCE_M, [underside]), (wings, -_FOOT_M, [])):
         sides = partial(edge_faces, finish=_HEADWALL, edges=area.boundary, bottom_m=bottom_m, top_m=top_m)
-        tiles.drape(shapely.intersection(area, ground.region.area), facets, top, sides, *more, level=level)
+        tiles.drape(overlay.intersection(area, ground.region.area), facets, top, sides, *more, level=level)
 
 
 def _hang_lamps(tiles: TileBuilder, ground: RegionGround, level: int) -> None:

@@ -9,6 +9,7 @@ from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.land.blocks import Zones
 from simbev_ros.assets.land.yard import Yard
+from simbev_ros.geometry import overlay
 from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.maps.surroundings import SurroundingsRecipe
 from simbev_ros.types import Float64Array
@@ -45,23 +46,23 @@ class CurbLine:
 def curb_lines(yard: Yard, zones: Zones) -> tuple[CurbLine, ...]:
     """Find all lines in a region, always in the same order."""
     ground, streets = yard.ground, yard.ground.streets[0]
-    asphalt = shapely.union(streets.road, streets.shoulder)
+    asphalt = overlay.union(streets.road, streets.shoulder)
     crossings = shapely.buffer(streets.crosswalk, _KEEP_FROM_CROSSING_M)
     walks: BaseGeometry = shapely.buffer(asphalt, _FROM_CURB_M).boundary.intersection(
         shapely.buffer(streets.sidewalk, -0.3)
     )
-    walks = shapely.difference(walks, crossings)
+    walks = overlay.difference(walks, crossings)
     lines = list(_stretches(walks, asphalt, yard, zones, walk=True, level=0))
     street = streets.area
     verges: BaseGeometry = shapely.buffer(street, _FROM_EDGE_M, quad_segs=4).boundary
-    verges = shapely.difference(verges, shapely.buffer(streets.sidewalk, _KEEP_FROM_WALK_M, quad_segs=2))
-    verges = shapely.intersection(verges, ground.land)
+    verges = overlay.difference(verges, shapely.buffer(streets.sidewalk, _KEEP_FROM_WALK_M, quad_segs=2))
+    verges = overlay.intersection(verges, ground.land)
     lines += _stretches(verges, street, yard, zones, walk=False, level=0)
     for level in range(1, ground.network.layout.tunnel_levels.start):
         area = ground.streets[level].area
         rim: BaseGeometry = shapely.buffer(area, _ON_RIM_M, join_style="mitre").boundary
         others = [other.area for other in ground.streets[:level]]
-        rim = shapely.difference(rim, shapely.buffer(shapely.union_all(others[-1:]), 2.0))
+        rim = overlay.difference(rim, shapely.buffer(overlay.union_all(others[-1:]), 2.0))
         lines += _stretches(rim, area, yard, zones, walk=False, level=level)
     return tuple(lines)
 
@@ -76,12 +77,12 @@ def _stretches(
     level: int,
 ) -> Iterator[CurbLine]:
     """Sections of lines within the region, zone by zone."""
-    lines = shapely.intersection(lines, yard.inside)
+    lines = overlay.intersection(lines, yard.inside)
     if lines.is_empty or road.is_empty:
         return
     shapely.prepare(road)
     for recipe, area in zones:
-        merged = shapely.line_merge(shapely.intersection(lines, area))
+        merged = shapely.line_merge(overlay.intersection(lines, area))
         parts = [part for part in shapely.get_parts(merged) if part.length > _MIN_LENGTH_M]
         for part in sorted(parts, key=lambda part: part.coords[0]):
             stations = np.arange(_KEEP_FROM_CORNER_M, part.length - _KEEP_FROM_CORNER_M, STATION_M)

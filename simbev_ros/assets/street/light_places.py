@@ -9,6 +9,7 @@ from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.placement.region_ground import RegionGround
 from simbev_ros.assets.street.curbs import CurbLine
+from simbev_ros.geometry import overlay
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.surface import strip_polygons
 from simbev_ros.types import Float64Array, Int64Array
@@ -32,7 +33,7 @@ class Lanes(NamedTuple):
         strips = [strip for strip in near if not strip.junction]
         around = shapely.buffer(ground.region.area, reach_m, join_style="mitre")
         lines: list[BaseGeometry] = [shapely.LineString(strip.center_m[:, :2]) for strip in strips]
-        return cls(shapely.STRtree(shapely.intersection(strip_polygons(strips), around)), np.array(lines, object))
+        return cls(shapely.STRtree(overlay.intersection(strip_polygons(strips), around)), np.array(lines, object))
 
 
 def light_positions(ground: RegionGround, curb: CurbLine, lanes: Lanes, spacing_m: float) -> Iterator[Int64Array]:

@@ -22,6 +22,7 @@ from simbev_ros.assets.street.furniture import bench, bicycle_rack, bus_shelter,
 from simbev_ros.assets.street.poles import cables, utility_pole
 from simbev_ros.assets.street.signal_poles import signal_poles
 from simbev_ros.assets.street.signs import sign_mesh, street_name_sign
+from simbev_ros.geometry import overlay
 from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.maps.land_features import ObjectKind
 from simbev_ros.maps.roads.lane_kind import LaneKind
@@ -167,7 +168,7 @@ def put_cables(yard: Yard, curbs: Sequence[CurbLine]) -> None:
     rng = yard.ground.stream("cables")
     every = round(_POLE_SPACING_M / STATION_M)
     taken = np.empty((0, 2))
-    open_land = shapely.difference(yard.ground.land, yard.fast)
+    open_land = overlay.difference(yard.ground.land, yard.fast)
     shapely.prepare(open_land)
     for curb in curbs:
         wanted = rng.random() < 0.75

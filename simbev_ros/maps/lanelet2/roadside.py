@@ -7,6 +7,7 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
+from simbev_ros.geometry import overlay
 from simbev_ros.maps.lane_graph.lane_key import LaneKey
 from simbev_ros.maps.lanelet2.document import Linestring
 from simbev_ros.maps.lanelet2.rules import Rule
@@ -51,7 +52,7 @@ class Roadside:
         rows = [row for row in rows if np.abs(self._strips[row].left_m[:, 2] - position_m[2]).min() < _SAME_LEVEL_M]
         if not shapely.intersects(self._areas[rows], point).any():
             return position_m
-        road = shapely.union_all(shapely.intersection(self._areas[rows], around))
+        road = overlay.union_all(overlay.intersection(self._areas[rows], around))
         edge = shapely.boundary(shapely.buffer(road, _CURB_TO_POST_M))
         beside = shapely.get_point(shapely.shortest_line(edge, point), 0)
         return np.array([beside.x, beside.y, position_m[2]])

@@ -15,6 +15,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.errors import InputError
+from simbev_ros.geometry import overlay
 from simbev_ros.geometry.geodesy import MapDatum
 from simbev_ros.limits import MAX_LANELET_PAIRS
 from simbev_ros.maps.lanelet2.shapes import LaneletShape
@@ -194,7 +195,7 @@ def _adjoin(one: LaneletShape, two: LaneletShape, left: Mapping[str, str]) -> bo
 
 def _on_same_level(one: LaneletShape, two: LaneletShape, area_one: BaseGeometry, area_two: BaseGeometry) -> bool:
     """Whether two overlapping lanelets are at the same height where they overlap."""
-    point = shapely.intersection(area_one, area_two).representative_point()
+    point = overlay.intersection(area_one, area_two).representative_point()
     heights_m = []
     for shape in (one, two):
         line = shapely.LineString(shape.center_m)

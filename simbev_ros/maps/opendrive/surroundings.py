@@ -6,6 +6,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from simbev_ros.geometry import overlay
 from simbev_ros.maps.land_features import Footprint, MapFeatures, MapObject, Zone
 from simbev_ros.maps.opendrive.reading.attributes import Notes
 from simbev_ros.maps.roads.lane_kind import ROAD_KINDS, LaneKind
@@ -66,4 +67,4 @@ def _clear_buildings(strips: Sequence[Strip], buildings: Sequence[Footprint]) ->
 def _buffered(strips: Sequence[Strip], radius_m: float) -> BaseGeometry:
     """The area within a radius of the strips."""
     lines = shapely.simplify([shapely.LineString(strip.center_m[:, :2]) for strip in strips], _SIMPLIFICATION_M)
-    return shapely.union_all(shapely.buffer(np.asarray(lines, dtype=object), radius_m, quad_segs=4))
+    return overlay.union_all(shapely.buffer(np.asarray(lines, dtype=object), radius_m, quad_segs=4))

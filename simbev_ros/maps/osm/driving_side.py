@@ -6,6 +6,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from simbev_ros.geometry import overlay
 from simbev_ros.tables import load_table
 
 
@@ -20,7 +21,7 @@ def _left_hand_area() -> BaseGeometry:
     """Countries and territories where traffic keeps to the left, with the sea around them, in degrees."""
     outlines = load_table("simbev_ros.maps.osm", "left_hand_areas.yaml")
     inside, outside = (shapely.MultiPolygon(list(map(_polygon, outlines[side]))) for side in ("inside", "outside"))
-    return shapely.difference(inside, outside)
+    return overlay.difference(inside, outside)
 
 
 def _polygon(outline: str) -> shapely.Polygon:

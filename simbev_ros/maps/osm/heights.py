@@ -14,6 +14,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from simbev_ros.geometry import overlay
 from simbev_ros.maps.osm.roads import OsmRoad, crossings_of, line_of
 from simbev_ros.types import Float64Array
 
@@ -115,7 +116,7 @@ def _subdivide(
     """Insert nodes at crossings and, near them and in tunnels, at short distances; also return pairs of crossings."""
     points = shapely.MultiPoint([point for _, _, point in crossings])
     near: BaseGeometry = shapely.buffer(points, _FLAT_M + _FAST_RAMP_M)
-    near = shapely.union_all([near, *(line_of(road, xy_m) for road in roads if road.way.tunnel)])
+    near = overlay.union_all([near, *(line_of(road, xy_m) for road in roads if road.way.tunnel)])
     shapely.prepare(near)
     marks: dict[int, list[tuple[float, int, int]]] = defaultdict(list)
     for k, (upper, lower, point) in enumerate(crossings):

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 import shapely
 
+from simbev_ros.geometry import overlay
 from simbev_ros.maps.osm.data import OsmData
 from simbev_ros.maps.osm.road_rules import RoadTags, road_tags
 from simbev_ros.maps.sumo.islands import components
@@ -34,14 +35,13 @@ def roads_of(data: OsmData, xy_m: Float64Array) -> tuple[tuple[OsmRoad, ...], tu
         data: The file.
         xy_m: (N, 2) positions of its nodes, map frame.
     """
-    notes = []
     ways = [OsmRoad(way.nodes, tags) for way in data.ways if (tags := road_tags(way.tags, data.left_hand)) is not None]
     ways = [replace(road, nodes=road.nodes[::-1]) if road.way.reverse else road for road in ways]
     ways = _remove_stairs(ways, xy_m)
     roads = join_roads(list(_split_at_junctions(ways)))
     roads = [road for road in roads if _length_m(road, xy_m) > 0.5]
-    kept, part_notes = _leave_out_lone_paths(roads, xy_m)
-    return tuple(kept), (*notes, *part_notes)
+    kept, notes = _leave_out_lone_paths(roads, xy_m)
+    return tuple(kept), tuple(notes)
 
 
 def line_of(road: OsmRoad, xy_m: Float64Array) -> shapely.LineString:
@@ -59,7 +59,7 @@ def crossings_of(roads: Sequence[OsmRoad], xy_m: Float64Array) -> list[tuple[int
     for a, b in zip(upper[first].tolist(), second.tolist(), strict=True):
         if roads[a].way.layer > roads[b].way.layer:
             shared = shapely.MultiPoint(xy_m[list(set(roads[a].nodes) & set(roads[b].nodes))])
-            points = shapely.get_parts(shapely.intersection(lines[a], lines[b]))
+            points = shapely.get_parts(overlay.intersection(lines[a], lines[b]))
             found += [(a, b, shapely.centroid(point)) for point in points if shapely.distance(point, shared) != 0.0]
     return found
 

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
+from simbev_ros.geometry import overlay
 from simbev_ros.maps.plan.plan import Link, Plan, half_width_m
 from simbev_ros.types import Float64Array
 
@@ -35,7 +36,7 @@ def crossings_of(plan: Plan) -> Iterator[Crossing]:
     first, second = shapely.STRtree(lines).query(lines, predicate="intersects")
     for a, b in zip(first.tolist(), second.tolist(), strict=True):
         if plan.links[a].road.layer > plan.links[b].road.layer:
-            for position in shapely.get_coordinates(shapely.intersection(lines[a], lines[b])):
+            for position in shapely.get_coordinates(overlay.intersection(lines[a], lines[b])):
                 if not _meet_at(plan, plan.links[a], plan.links[b], position):
                     yield _crossing(plan, lines, a, b, position)
 

@@ -10,6 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from simbev_ros.errors import InputError
+from simbev_ros.geometry import overlay
 from simbev_ros.maps.plan.draft import DraftRoad
 from simbev_ros.types import Float64Array, Int64Array
 
@@ -124,7 +125,7 @@ def _mark_crossings(roads: Sequence[DraftRoad], lines: Sequence[shapely.LineStri
     first, second = shapely.STRtree(lines).query(lines, predicate="intersects")
     for a, b in zip(first.tolist(), second.tolist(), strict=True):
         if a < b and roads[a].layer == roads[b].layer:
-            for point in _points_of(shapely.intersection(lines[a], lines[b])):
+            for point in _points_of(overlay.intersection(lines[a], lines[b])):
                 position_m = np.array([point.x, point.y])
                 marks.join(
                     marks.add(a, lines[a].project(point), position_m), marks.add(b, lines[b].project(point), position_m)

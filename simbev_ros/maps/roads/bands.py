@@ -7,6 +7,7 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
+from simbev_ros.geometry import overlay
 from simbev_ros.geometry.ragged import ragged_indices
 from simbev_ros.maps.roads.layout import Paint
 from simbev_ros.maps.roads.polylines import Polylines
@@ -118,7 +119,7 @@ def _subtract_earlier(lines: AnyArray, row: Float64Array) -> AnyArray:
     occupied = shapely.buffer(lines, _OVERLAP_DISTANCE_M, cap_style="flat")
     remaining = lines.copy()
     for each in np.unique(later).tolist():
-        remaining[each] = shapely.difference(lines[each], shapely.union_all(occupied[earlier[later == each]]))
+        remaining[each] = overlay.difference(lines[each], overlay.union_all(occupied[earlier[later == each]]))
     return remaining
 
 

@@ -21,6 +21,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
+from simbev_ros.geometry import overlay
 from simbev_ros.maps.roads.carriageways import cut_into_blocks
 from simbev_ros.maps.roads.layout import Layout, Strip
 from simbev_ros.maps.roads.levels import CLEARANCE_M
@@ -132,7 +133,7 @@ class LevelGraph:
         if ego_level == 0:
             belongs |= level == 0
         hidden, hiding = self._hidden_pairs(piece, belongs, path_m[block_of_piece])
-        areas = shapely.intersection(self.reaches[piece[hidden]], self.polygons[piece[hiding]])
+        areas = overlay.intersection(self.reaches[piece[hidden]], self.polygons[piece[hiding]])
         centers = cKDTree(_stretch_height(self._pieces.center_m[piece]))
         return LevelMembers(piece, self._strip[piece], level, belongs, hidden, hiding, areas, centers)
 

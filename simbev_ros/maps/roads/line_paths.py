@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
+from simbev_ros.geometry import overlay
 from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.maps.roads.bands import painted_lines
 from simbev_ros.maps.roads.lane_kind import LaneKind
@@ -47,7 +48,7 @@ def line_paths(layout: Layout, level: int) -> Iterator[LinePath]:
     sides = painted_sides(layout, level)
     row, paths = painted_lines([border for border, _, _ in sides])
     crosswalks = crosswalk_polygons([each for each in layout.crosswalks if each.level == level])
-    parts, source = shapely.get_parts(shapely.difference(paths, shapely.union_all(crosswalks)), return_index=True)
+    parts, source = shapely.get_parts(overlay.difference(paths, overlay.union_all(crosswalks)), return_index=True)
     lines_m = [np.asarray(shapely.get_coordinates(part, include_z=True), np.float64) for part in parts]
     between = _between_lanes(layout.strips_of(LaneKind.DRIVING, level=level), lines_m)
     for number, along_m, divider_kind in zip(row[source].tolist(), lines_m, between, strict=True):

@@ -11,6 +11,7 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
+from simbev_ros.geometry import overlay
 from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.maps.roads.bands import Border, painted_bands
 from simbev_ros.maps.roads.lane_kind import PAVED_KINDS, LaneKind
@@ -71,7 +72,7 @@ def lane_markings(layout: Layout, level: int = 0, area: shapely.Polygon | None =
     marks = [*_stripes(crosswalks), *_stop_markings(layout, level), *_lines(layout, level, crosswalks)]
     polygons = _make_disjoint(np.array([mark.polygon for mark in marks], object))
     if area is not None:
-        polygons = shapely.intersection(polygons, area)
+        polygons = overlay.intersection(polygons, area)
     parts, row = shapely.get_parts(polygons, return_index=True)
     thick = 2.0 * shapely.area(parts) > _MIN_THICKNESS_M * shapely.length(parts)
     pieces = zip(row[thick].tolist(), parts[thick], strict=True)
@@ -82,7 +83,7 @@ def _lines(layout: Layout, level: int, crosswalks: Sequence[Crosswalk]) -> Itera
     """Lines along the borders of lanes, interrupted at crosswalks."""
     sides = painted_sides(layout, level)
     row, polygons = painted_bands([border for border, _, _ in sides])
-    clipped = shapely.difference(polygons, shapely.union_all(crosswalk_polygons(crosswalks)))
+    clipped = overlay.difference(polygons, overlay.union_all(crosswalk_polygons(crosswalks)))
     for number, polygon in zip(row.tolist(), clipped, strict=True):
         _, kind, color = sides[number]
         yield Marking(kind, polygon, color)
@@ -173,7 +174,7 @@ def _stripes(crosswalks: Sequence[Crosswalk]) -> Iterator[Marking]:
         for start_m in low_m[0] + _piece_starts_m(high_m[0] - low_m[0], _STRIPE_M, _STRIPE_GAP_M):
             bar = shapely.box(start_m, low_m[1] + _STRIPE_MARGIN_M, start_m + _STRIPE_M, high_m[1] - _STRIPE_MARGIN_M)
             corners_m = shapely.get_coordinates(bar) @ axes
-            yield Marking(MarkingKind.CROSSWALK, shapely.intersection(shapely.Polygon(corners_m), outline))
+            yield Marking(MarkingKind.CROSSWALK, overlay.intersection(shapely.Polygon(corners_m), outline))
 
 
 def _piece_starts_m(length_m: float, piece_m: float, gap_m: float) -> Float64Array:
@@ -188,9 +189,9 @@ def _make_disjoint(polygons: AnyArray) -> AnyArray:
     earlier, later = shapely.STRtree(polygons).query(polygons, predicate="intersects")
     in_order = earlier < later
     earlier, later = earlier[in_order], later[in_order]
-    common_m2 = shapely.area(shapely.intersection(polygons[earlier], polygons[later]))
+    common_m2 = shapely.area(overlay.intersection(polygons[earlier], polygons[later]))
     earlier, later = earlier[common_m2 > _OVERLAP_M2], later[common_m2 > _OVERLAP_M2]
     remaining = polygons.copy()
     for row in np.unique(later).tolist():
-        remaining[row] = shapely.difference(polygons[row], shapely.union_all(polygons[earlier[later == row]]))
+        remaining[row] = overlay.difference(polygons[row], overlay.union_all(polygons[earlier[later == row]]))
     return remaining

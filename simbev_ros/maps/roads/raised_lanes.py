@@ -6,6 +6,7 @@ from functools import cached_property
 import numpy as np
 import shapely
 
+from simbev_ros.geometry import overlay
 from simbev_ros.maps.roads.layout import Layout, Strip
 from simbev_ros.types import AnyArray, Float64Array, Int64Array
 
@@ -37,7 +38,7 @@ class RaisedLanes:
     @cached_property
     def area(self) -> shapely.Geometry:
         """Their common area in plan view."""
-        return shapely.union_all(shapely.make_valid(self.quads))
+        return overlay.union_all(shapely.make_valid(self.quads))
 
     def rise_m(self, xy_m: Float64Array) -> Float64Array:
         """(N,) heights above the carriageway's plane at (N, 2) points; NaN where no lane is raised."""

@@ -7,6 +7,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from simbev_ros.geometry import overlay
 from simbev_ros.maps.roads.elevation import Elevation
 from simbev_ros.maps.roads.layout import Layout
 from simbev_ros.maps.roads.surface import surfaces_of
@@ -55,7 +56,7 @@ def road_edges(layout: Layout) -> Iterator[RoadEdge]:
 def _paved(layout: Layout, level: int) -> BaseGeometry:
     """The paved area of a level, without the cracks between road and shoulder."""
     surfaces = surfaces_of(layout, level)
-    paved = shapely.union(surfaces.road, surfaces.shoulder)
+    paved = overlay.union(surfaces.road, surfaces.shoulder)
     for margin_m in (_HALF_CRACK_M, -_HALF_CRACK_M):
         paved = shapely.buffer(paved, margin_m, join_style="mitre")
     shapely.prepare(paved)

@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 import shapely
 
+from simbev_ros.geometry import overlay
 from simbev_ros.maps.roads.layout import Strip
 from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int64Array
@@ -175,4 +176,4 @@ class StripPieces:
 
 def _overlap_m2(polygons_a: AnyArray, polygons_b: AnyArray) -> Float64Array:
     """(K,) common area of pairs of polygons."""
-    return shapely.area(shapely.intersection(polygons_a, polygons_b))
+    return shapely.area(overlay.intersection(polygons_a, polygons_b))

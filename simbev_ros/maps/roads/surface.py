@@ -14,6 +14,7 @@ import shapely
 from shapely import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
+from simbev_ros.geometry import overlay
 from simbev_ros.geometry.plan_view import polygon_parts
 from simbev_ros.maps.roads.lane_kind import ROAD_KINDS, LaneKind
 from simbev_ros.maps.roads.layout import Crosswalk, Layout, Strip
@@ -67,14 +68,14 @@ def surfaces_of(layout: Layout, level: int = 0, area: shapely.Polygon | None = N
     crosswalks = crosswalk_polygons([each for each in layout.crosswalks if each.level == level])
     closed = _road(plan, crosswalks)
     gores = _gores(plan, closed)
-    road = _polygons(shapely.difference(closed, gores, grid_size=_GRID_M)) if not gores.is_empty else closed
-    shoulder = _difference(shapely.union(_shoulders(plan, road), gores), road)
-    paved = shapely.union(road, shoulder)
+    road = _polygons(overlay.difference(closed, gores, grid_size=_GRID_M)) if not gores.is_empty else closed
+    shoulder = _difference(overlay.union(_shoulders(plan, road), gores), road)
+    paved = overlay.union(road, shoulder)
     sidewalk = _difference(_sidewalks(plan, paved), paved)
-    median = _difference(_merge_strips(plan.areas_of(LaneKind.MEDIAN)), shapely.union(paved, sidewalk))
-    crosswalk = _intersection(shapely.union_all(crosswalks), road)
+    median = _difference(_merge_strips(plan.areas_of(LaneKind.MEDIAN)), overlay.union(paved, sidewalk))
+    crosswalk = _intersection(overlay.union_all(crosswalks), road)
     parts = road, shoulder, sidewalk, median, crosswalk
-    return Surfaces(*(_polygons(part if area is None else shapely.intersection(part, area)) for part in parts))
+    return Surfaces(*(_polygons(part if area is None else overlay.intersection(part, area)) for part in parts))
 
 
 def sidewalk_surface(layout: Layout, level: int = 0, area: shapely.Polygon | None = None) -> MultiPolygon:
@@ -112,7 +113,7 @@ class _Plan:
         strips = layout.strips_of(*LaneKind, level=level)
         areas = strip_polygons(strips)
         if extended_area is not None:
-            areas = shapely.intersection(areas, extended_area)
+            areas = overlay.intersection(areas, extended_area)
             is_degenerate = ~np.isin(shapely.get_type_id(areas), _AREAS)  # strips that only touch the rectangle
             areas[is_degenerate] = [_polygons(area) for area in areas[is_degenerate]]
         return cls(strips, areas, layout.corner_radius_m)
@@ -126,23 +127,23 @@ class _Plan:
 def _road(plan: _Plan, crosswalks: AnyArray) -> BaseGeometry:
     """The carriageway; closing fills only areas that no strip outside junctions uses for something else."""
     lanes = plan.areas_of(*ROAD_KINDS)
-    lanes_only = shapely.union_all([*lanes, *crosswalks] if plan.corner_radius_m else lanes)
+    lanes_only = overlay.union_all([*lanes, *crosswalks] if plan.corner_radius_m else lanes)
     shoulders, medians, sidewalks = (
         plan.areas_of(kind, outside_junctions=True) for kind in (LaneKind.SHOULDER, LaneKind.MEDIAN, LaneKind.SIDEWALK)
     )
-    other_uses = shapely.union_all([_merge_strips(shoulders), _merge_strips(medians), *sidewalks])
+    other_uses = overlay.union_all([_merge_strips(shoulders), _merge_strips(medians), *sidewalks])
     closed = _close(lanes_only, max(plan.corner_radius_m, _ROAD_CLOSING_M))
-    return shapely.difference(closed, shapely.difference(other_uses, lanes_only), grid_size=_GRID_M)
+    return overlay.difference(closed, overlay.difference(other_uses, lanes_only), grid_size=_GRID_M)
 
 
 def _gores(plan: _Plan, road: BaseGeometry) -> BaseGeometry:
     """Areas filled by closing between a motorway and its ramps, which continue as shoulders."""
     fast = np.array([strip.kind is LaneKind.DRIVING and strip.speed_mps > FAST_MPS for strip in plan.strips], bool)
-    shoulders = shapely.union_all(plan.areas_of(LaneKind.SHOULDER))
+    shoulders = overlay.union_all(plan.areas_of(LaneKind.SHOULDER))
     if not plan.corner_radius_m or shoulders.is_empty or not fast.any():
         return MultiPolygon()
-    filled = shapely.get_parts(_difference(road, shapely.union_all(plan.areas_of(*ROAD_KINDS))))
-    for neighbor in (shoulders, shapely.union_all(plan.areas[fast])):
+    filled = shapely.get_parts(_difference(road, overlay.union_all(plan.areas_of(*ROAD_KINDS))))
+    for neighbor in (shoulders, overlay.union_all(plan.areas[fast])):
         filled = filled[shapely.dwithin(filled, neighbor, 2.0 * _GRID_M)]
     return MultiPolygon(list(filled))
 
@@ -153,35 +154,35 @@ def _shoulders(plan: _Plan, road: BaseGeometry) -> BaseGeometry:
     if not plan.corner_radius_m or shoulders.is_empty:
         return shoulders
     beside = _intersection(road, shapely.buffer(shoulders, 2.0 * _NODE_CLOSING_M))
-    paved = shapely.union(shoulders, beside)
+    paved = overlay.union(shoulders, beside)
     inside = [bool(strip.junction) and strip.kind in ROAD_KINDS for strip in plan.strips]
-    nodes = shapely.buffer(shapely.union_all(plan.areas[np.array(inside, bool)]), 2.0 * _NODE_CLOSING_M)
+    nodes = shapely.buffer(overlay.union_all(plan.areas[np.array(inside, bool)]), 2.0 * _NODE_CLOSING_M)
     at_nodes = _intersection(_close(paved, _NODE_CLOSING_M), nodes)
-    filled = shapely.union(_close(paved, _MIDDLE_CLOSING_M), at_nodes)
-    return _difference(filled, shapely.union_all(plan.areas_of(*_WALK_KINDS, LaneKind.MEDIAN)))
+    filled = overlay.union(_close(paved, _MIDDLE_CLOSING_M), at_nodes)
+    return _difference(filled, overlay.union_all(plan.areas_of(*_WALK_KINDS, LaneKind.MEDIAN)))
 
 
 def _merge_strips(areas: AnyArray) -> BaseGeometry:
     """Union of strips of one kind, with the gap between both directions closed."""
-    return _close(shapely.union_all(areas), _MIDDLE_CLOSING_M)
+    return _close(overlay.union_all(areas), _MIDDLE_CLOSING_M)
 
 
 def _sidewalks(plan: _Plan, paved: BaseGeometry) -> BaseGeometry:
     """Sidewalks and walking areas, and the corners between them and the paved area."""
-    walks = shapely.union_all(plan.areas_of(*_WALK_KINDS))
+    walks = overlay.union_all(plan.areas_of(*_WALK_KINDS))
     closing_m = max(plan.corner_radius_m, _WALK_CLOSING_M)
-    street = _close(shapely.union(walks, paved), closing_m)
+    street = _close(overlay.union(walks, paved), closing_m)
     return _intersection(street, shapely.buffer(walks, closing_m))
 
 
 def _intersection(surface: BaseGeometry, other: BaseGeometry) -> MultiPolygon:
     """Polygonal part of an intersection, without lines where areas only touch: later operations reject these."""
-    return _polygons(shapely.intersection(surface, other))
+    return _polygons(overlay.intersection(surface, other))
 
 
 def _difference(surface: BaseGeometry, others: BaseGeometry) -> MultiPolygon:
     """Polygonal part of a difference, without residual lines, which later operations reject."""
-    return _polygons(shapely.difference(surface, others, grid_size=_GRID_M))
+    return _polygons(overlay.difference(surface, others, grid_size=_GRID_M))
 
 
 def _close(area: BaseGeometry, radius_m: float) -> MultiPolygon:
@@ -189,7 +190,7 @@ def _close(area: BaseGeometry, radius_m: float) -> MultiPolygon:
     if area.is_empty:
         return MultiPolygon()
     dilated = shapely.buffer(area, radius_m, quad_segs=12)
-    closed = shapely.union(shapely.buffer(dilated, -radius_m, quad_segs=12), area)
+    closed = overlay.union(shapely.buffer(dilated, -radius_m, quad_segs=12), area)
     return _polygons(shapely.set_precision(shapely.simplify(closed, 2 * _GRID_M), _GRID_M))
 
 

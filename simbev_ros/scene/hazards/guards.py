@@ -4,11 +4,11 @@ import math
 from collections.abc import Iterable, Iterator
 
 import numpy as np
-import shapely
 from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.config.draw import sample
 from simbev_ros.config.hazards import Hazards
+from simbev_ros.geometry import overlay
 from simbev_ros.random import stream
 from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.footprints import footprints
@@ -95,7 +95,7 @@ def props_footprint(props: Iterable[PropSpec]) -> BaseGeometry:
     prop_list = list(props)
     sizes_m = np.array([_size_m(prop.blueprint) for prop in prop_list]).reshape(-1, 2)
     center_m = np.array([(prop.x_m, prop.y_m) for prop in prop_list]).reshape(-1, 2)
-    return shapely.union_all(footprints(sizes_m, center_m, np.array([prop.yaw_rad for prop in prop_list])))
+    return overlay.union_all(footprints(sizes_m, center_m, np.array([prop.yaw_rad for prop in prop_list])))
 
 
 def _barrier_row_m(width_m: float) -> Float64Array:

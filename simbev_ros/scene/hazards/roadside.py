@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 import shapely
 
+from simbev_ros.geometry import overlay
 from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.roads.lane_kind import ROAD_KINDS, WALKABLE_KINDS, LaneKind
 from simbev_ros.maps.roads.layout import Strip
@@ -170,7 +171,7 @@ class Roadside:
         ]
         if not on_level:
             return np.ones(len(boxes), bool)
-        return shapely.covers(shapely.union_all(tree.geometries[on_level]).buffer(_CLEAR_M), boxes)
+        return shapely.covers(overlay.union_all(tree.geometries[on_level]).buffer(_CLEAR_M), boxes)
 
     def _hits(self, boxes: AnyArray, z_m: float, lanes: BoolArray) -> BoolArray:
         """(N,) whether boxes at a height touch any of the lanes in a mask."""

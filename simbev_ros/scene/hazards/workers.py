@@ -7,6 +7,7 @@ import shapely
 
 from simbev_ros.config.draw import sample
 from simbev_ros.config.hazards import Hazards
+from simbev_ros.geometry import overlay
 from simbev_ros.random import stream
 from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.footprints import footprints
@@ -30,7 +31,7 @@ def place_workers(
     sizes_m = [blueprint_named(vehicle.blueprint).size_m[:2] for vehicle in vehicles]
     center_m = np.array([(stand.x_m, stand.y_m) for stand in stands]).reshape(-1, 2)
     boxes = footprints(np.array(sizes_m).reshape(-1, 2), center_m, np.array([stand.yaw_rad for stand in stands]))
-    occupied = [shapely.union_all(boxes)]
+    occupied = [overlay.union_all(boxes)]
     for _ in range(round(sample(config.workers, rng))):
         along_m = rng.uniform(start_m + BARRIER_ROW_M + _CLEARANCE_M, end_m - BARRIER_ROW_M - _CLEARANCE_M, _TRIES)
         position_m, _ = area.positions(along_m, rng.uniform(_CLEARANCE_M, area.width_m - 2.0 * _CLEARANCE_M, _TRIES))

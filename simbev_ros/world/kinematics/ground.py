@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from simbev_ros.geometry import overlay
 from simbev_ros.maps.roads.elevation import Elevation
 from simbev_ros.maps.roads.lane_kind import CURB_HEIGHT_M
 from simbev_ros.maps.roads.layout import Layout
@@ -104,7 +105,7 @@ class GroundSurface:
             area = shapely.box(x_m, y_m, x_m + _CELL_M, y_m + _CELL_M)
             sidewalk: BaseGeometry = sidewalk_surface(self._layout, level, area)
             if self._raised_lanes[level]:
-                sidewalk = shapely.difference(sidewalk, self._raised_lanes[level].area)
+                sidewalk = overlay.difference(sidewalk, self._raised_lanes[level].area)
             self._sidewalks[key] = sidewalk
             shapely.prepare(self._sidewalks[key])
         return self._sidewalks[key]

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
+from simbev_ros.geometry import overlay
 from simbev_ros.geometry.plan_view import left_of
 from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
@@ -82,7 +83,7 @@ class CrossingSites:
         lines = Polylines.from_lines([lane.centerline_m for lane in self._lanes])
         self._shapes = np.asarray(shapely.linestrings(lines.points_m[:, :2], indices=lines.row), object)
         self._tree = shapely.STRtree(self._shapes)
-        self._hazard_areas = shapely.union_all([shapely.Polygon(hazard.outline_m) for hazard in hazards])
+        self._hazard_areas = overlay.union_all([shapely.Polygon(hazard.outline_m) for hazard in hazards])
 
     def stations_m(self, edge: str) -> tuple[float, float]:
         """Range of distances along an edge's sidewalk where crossing is allowed; empty if the second is smaller."""
@@ -140,7 +141,7 @@ class CrossingSites:
             return
         rows = np.sort(self._tree.query(path, predicate="intersects"))
         rows = rows[[self._lanes[row] is not lane for row in rows]]
-        points = shapely.point_on_surface(shapely.intersection(self._shapes[rows], path))
+        points = shapely.point_on_surface(overlay.intersection(self._shapes[rows], path))
         station_m = shapely.line_locate_point(self._shapes[rows], points)
         distance_m = (shapely.get_coordinates(points) - start_m[:2]) @ across
         lines = Polylines.from_lines([self._lanes[row].centerline_m for row in rows])

@@ -3,6 +3,7 @@
 import numpy as np
 import shapely
 
+from simbev_ros.geometry import overlay
 from simbev_ros.maps.plan.curves import bezier_between
 from simbev_ros.maps.plan.draft import Draft, DraftRoad, RoadClass
 from simbev_ros.maps.plan.lines import length_m, stations_m
@@ -88,7 +89,7 @@ def _gore_m(carriageway: Carriageway, station_m: float, line_m: Float64Array) ->
 def crossing_stations_m(line_m: Float64Array, other_m: Float64Array) -> tuple[float, float] | None:
     """Stations on two lines of their first intersection along the first line; None if they do not cross."""
     line, other = shapely.LineString(line_m), shapely.LineString(other_m)
-    points = [shapely.Point(point) for point in shapely.get_coordinates(shapely.intersection(line, other))]
+    points = [shapely.Point(point) for point in shapely.get_coordinates(overlay.intersection(line, other))]
     if not points:
         return None
     first = min(points, key=line.project)

@@ -10,6 +10,7 @@ import shapely
 from pydantic import Field
 
 from simbev_ros.config.base import Model
+from simbev_ros.geometry import overlay
 from simbev_ros.maps.land_features import Zone
 from simbev_ros.maps.plan.curves import bezier_between, heading_at, resample, round_corners
 from simbev_ros.maps.plan.draft import Draft, DraftRoad, RoadClass
@@ -165,7 +166,7 @@ def _remove_blocked_streets(
     lattice: Lattice, ground: Ground, motorway: DualCarriageway, water: list[shapely.Polygon]
 ) -> None:
     """Remove streets that are too close to a motorway or to water; main roads may cross both."""
-    keep_clear = shapely.union_all(
+    keep_clear = overlay.union_all(
         [
             shapely.LineString(motorway.axis_m).buffer(_MOTORWAY_CLEARANCE_M),
             *(area.buffer(_WATER_CLEARANCE_M) for area in water),
@@ -219,7 +220,7 @@ def _zones(pattern: Region, ground: Ground, districts: dict[Cell, str], villages
     zones = []
     for use in dict.fromkeys(districts.values()):
         cells = [ground.area((np.array(cell) + square) * FINE) for cell, other in districts.items() if other == use]
-        parts = shapely.get_parts(shapely.union_all(cells, grid_size=0.01))
+        parts = shapely.get_parts(overlay.union_all(cells, grid_size=0.01))
         zones += [Zone(part, getattr(pattern.zones, use)) for part in parts]
     centers = ground.bend(ground.before_warp(np.array(villages).reshape(-1, 2))).tolist()
     return zones + [Zone(settled_area(x_m, y_m, _VILLAGE_RADIUS_M), pattern.zones.village) for x_m, y_m in centers]

@@ -44,7 +44,22 @@ def test_json_has_the_figures_of_the_map(simbev: Callable[..., Any], streets: Pa
     assert facts["width_m"] == pytest.approx(143.4, abs=6.0)
     assert facts["lane_km"]["driving"] == pytest.approx(2 * (0.1434 + 0.1112), abs=0.05)
     assert facts["surroundings"]["triangles"] > 100
-    assert facts["notes"] == ["it has no buildings: they are generated"]
+    assert facts["notes"] == [
+        "no tag says on which side traffic drives: it keeps to the right, by position",
+        "it has no buildings: they are generated",
+    ]
+
+
+def test_bounds_choose_a_part_of_a_street_map(simbev: Callable[..., Any], streets: Path) -> None:
+    facts = json.loads(simbev("map", streets, "--bounds", "8.0005,49.9995,8.0015,50.0005", "--json").out)
+    assert facts["bounds"] == [8.0005, 49.9995, 8.0015, 50.0005]
+    assert facts["lane_km"]["driving"] == pytest.approx(2 * (0.0717 + 0.0556), abs=0.05)
+
+
+def test_impossible_bounds_are_refused(refused: Callable[..., str], streets: Path) -> None:
+    assert "--bounds '8,50': must be west,south,east,north" in refused("map", streets, "--bounds", "8,50")
+    assert "--bounds: need a map" in refused("map", "--bounds", "8,50,8.1,50.1")
+    assert "only OpenStreetMap files have parts" in refused("map", "Blocks", "--bounds", "8,50,8.1,50.1")
 
 
 @pytest.mark.slow
@@ -107,11 +122,11 @@ def test_a_place_without_roads_is_refused(refused: Callable[..., str], streets: 
     assert "--at 9000 0: there is no road of two_streets near" in refused("map", streets, "--at", "9000", "0")
 
 
-def test_a_file_of_200_mib_is_refused_at_once_in_little_memory(tmp_path: Path) -> None:
+def test_a_file_of_600_mib_is_refused_at_once_in_little_memory(tmp_path: Path) -> None:
     path = tmp_path / "huge.osm"
     with path.open("wb") as stream:
         stream.write(b"<osm>")
-        stream.truncate(200 << 20)
+        stream.truncate(600 << 20)
     script = """if True:
         from pathlib import Path
         from simbev_ros.cli.main import main
@@ -124,5 +139,5 @@ def test_a_file_of_200_mib_is_refused_at_once_in_little_memory(tmp_path: Path) -
     command = [sys.executable, "-c", script, "map", str(path)]
     result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert result.returncode == 2
-    assert "huge.osm: has 200 MiB; at most 128 MiB are read" in result.stderr
+    assert "huge.osm: has 600 MiB; at most 512 MiB are read" in result.stderr
     assert int(result.stdout) < 1 << 20, "KiB at the most"

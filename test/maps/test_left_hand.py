@@ -70,6 +70,20 @@ def test_driving_side_is_read_from_openstreetmap(tmp_path: Path, tag: str, relat
     assert read_osm(path).left_hand is left_hand
 
 
+@pytest.mark.parametrize(
+    ("tag", "left_hand", "notes"),
+    [
+        ("", True, ("no tag says on which side traffic drives: it keeps to the left, by position",)),
+        (LEFT.replace("left", "right"), False, ()),
+    ],
+)
+def test_the_country_decides_where_no_tag_does(tmp_path: Path, tag: str, left_hand: bool, notes: tuple[str]) -> None:
+    path = tmp_path / "greenwich.osm"
+    path.write_text(STREET.format(tag=tag, relation="").replace('"50"', '"51.5"').replace('"8', '"0'))
+    data = read_osm(path)
+    assert (data.left_hand, data.notes) == (left_hand, notes)
+
+
 @pytest.mark.parametrize("tag", ["", LEFT])
 def test_sidewalks_of_openstreetmap_stay_on_their_side_of_the_street(tmp_path: Path, tag: str) -> None:
     path = tmp_path / "street.osm"

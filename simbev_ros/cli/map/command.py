@@ -64,7 +64,7 @@ def map_(
 
     part = None if bounds is None else parse_bounds(bounds)
     if part is not None and name is None:
-        raise InputError("bounds need a map", parameter="bounds")
+        raise InputError("need a map", parameter="bounds")
     if out is not None:
         require_name(out)
         require_writable(out.parent)

@@ -9,6 +9,8 @@ from simbev_ros.types import BoolArray, Float64Array
 
 MAX_SIDE_M = 30_000.0
 """Largest width and height of a map."""
+_DENSEST_SIDE_M = 0.99 * MAX_SIDE_M
+"""Less, because lengths of degrees are approximate."""
 _M_PER_DEG = 111_320.0
 _CELL_M = 1_000.0
 _MAX_CELLS = 512
@@ -58,25 +60,22 @@ class Box(NamedTuple):
         return ",".join(f"{value:.4f}" for value in (west, self.south, east, self.north))
 
 
-def densest_box(
-    longitude_latitude_deg: Float64Array, weight: Float64Array, max_side_m: float, max_weight: float
-) -> Box:
-    """The square box with the greatest weight, of the greatest size that the limits allow.
+def densest_box(longitude_latitude_deg: Float64Array, weight: Float64Array, max_weight: float) -> Box:
+    """The square box with the greatest weight, of the greatest size that a map may have.
 
     Args:
         longitude_latitude_deg: (N, 2) positions, at least one.
         weight: (N,) weights.
-        max_side_m: Largest width and height of the box.
         max_weight: Largest sum of weights in the box, which one of 1 km may exceed.
     """
     first_deg = float(longitude_latitude_deg[0, 0])
     degrees = _unwrap(longitude_latitude_deg, first_deg)
     scale_m = _M_PER_DEG * np.array([np.cos(np.radians(np.average(degrees[:, 1], weights=weight + 1e-9))), 1.0])
     xy_m = degrees * scale_m
-    low_m, side_m, cell_m = _densest_square(xy_m, weight, max_side_m, max_weight)
+    low_m, side_m, cell_m = _densest_square(xy_m, weight, max_weight)
     while cell_m > _CELL_M:
         near = (np.abs(xy_m - (low_m + side_m / 2.0)) <= 1.5 * side_m).all(axis=1)
-        low_m, side_m, cell_m = _densest_square(xy_m[near], weight[near], max_side_m, max_weight)
+        low_m, side_m, cell_m = _densest_square(xy_m[near], weight[near], max_weight)
     middle = (low_m + side_m / 2.0) / scale_m
     scale_m = _M_PER_DEG * np.array([np.cos(np.radians(middle[1])), 1.0])
     half = side_m / 2.0 / scale_m
@@ -104,9 +103,7 @@ def _step(start_deg: Float64Array, end_deg: Float64Array) -> Float64Array:
     return (end_deg - start_deg + 180.0) % 360.0 - 180.0
 
 
-def _densest_square(
-    xy_m: Float64Array, weight: Float64Array, max_side_m: float, max_weight: float
-) -> tuple[Float64Array, float, float]:
+def _densest_square(xy_m: Float64Array, weight: Float64Array, max_weight: float) -> tuple[Float64Array, float, float]:
     """(2,) low corner and side of the square with the greatest weight, and the step in which squares were tried."""
     extent_m = np.ptp(xy_m, axis=0)
     cell_m = max(_CELL_M, float(extent_m.max()) / _MAX_CELLS)
@@ -115,7 +112,7 @@ def _densest_square(
     cell = np.minimum(np.floor((xy_m - low_m) / cell_m).astype(int), count - 1)
     cells = np.bincount(cell[:, 0] * count[1] + cell[:, 1], weight, int(count.prod())).reshape(count)
     sums = np.pad(cells.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
-    for side in range(max(int(max_side_m / cell_m), 1), 0, -1):
+    for side in range(max(int(_DENSEST_SIDE_M / cell_m), 1), 0, -1):
         x, y = np.minimum(side, count)
         squares = sums[x:, y:] - sums[:-x, y:] - sums[x:, :-y] + sums[:-x, :-y]
         if squares.max() <= max_weight or side == 1:

@@ -26,7 +26,6 @@ from simbev_ros.maps.sumo import netconvert
 from simbev_ros.types import Float64Array, Int64Array
 
 _MAX_LENGTH_M = 4e6
-_DENSEST_SIDE_M = 0.99 * MAX_SIDE_M  # because lengths of degrees are approximate
 _MAX_KEYS = 4
 _OPTIONS = (
     "--offset.disable-normalization=true",
@@ -111,7 +110,7 @@ def _read(path: Path, bounds: Bounds | None) -> OsmData:
     length_m = float(segment_lengths_m(*segments).sum())
     if box is None and (extent_m > MAX_SIDE_M or length_m > _MAX_LENGTH_M):
         # Far from its origin the projection is useless, hence the lengths on a sphere.
-        box = densest_box(*sample_segments(*segments), _DENSEST_SIDE_M, _MAX_LENGTH_M)
+        box = densest_box(*sample_segments(*segments), _MAX_LENGTH_M)
         reason = (
             f"its roads span {extent_m / 1000:.0f} km and are {length_m / 1000:.0f} km long; at most "
             f"{MAX_SIDE_M / 1000:.0f} km and {_MAX_LENGTH_M / 1000:.0f} km are read"

@@ -14,7 +14,7 @@ import numpy as np
 
 from simbev_ros.errors import InputError
 from simbev_ros.limits import MAX_OSM_NODES, MAX_PBF_BYTES, MAX_PBF_RATIO
-from simbev_ros.maps.osm.box import MAX_SIDE_M, Box, densest_box
+from simbev_ros.maps.osm.box import Box, densest_box
 from simbev_ros.maps.osm.elements import OsmElements, Relation
 from simbev_ros.maps.osm.xml import MAX_TAG
 from simbev_ros.maps.safe_xml import check_readable
@@ -127,7 +127,7 @@ def _densest_part(nodes: Table) -> Box:
     step = -(-len(nodes) // _MAX_SAMPLES)
     degrees = _degrees(nodes[::step])
     degrees = degrees[(np.abs(degrees) <= (180.0, 90.0)).all(axis=1)]
-    return densest_box(degrees, np.full(len(degrees), float(step)), MAX_SIDE_M, MAX_OSM_NODES / 2.0)
+    return densest_box(degrees, np.full(len(degrees), float(step)), MAX_OSM_NODES / 2.0)
 
 
 def _index_nodes(path: Path, file: Path) -> Table:

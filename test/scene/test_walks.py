@@ -61,3 +61,12 @@ def test_the_length_of_connected_sidewalks_is_their_sum() -> None:
         )
     )
     assert graph.component_length_m() == pytest.approx({"A": 160.0, "B": 160.0, "C": 70.0})
+
+
+def test_walks_do_not_use_lanes_of_vehicles_inside_junctions() -> None:
+    inside = replace(walkable(":J_0_0", "B_0"), junction="J")
+    around = replace(walkable(":J_w0_0", "B_0", kind=LaneKind.WALKING_AREA), junction="J")
+    apart = WalkGraph(network(walkable("A_0", ":J_0_0"), inside, walkable("B_0")))
+    assert apart.component_length_m() == {"A": 100.0, "B": 100.0}
+    joined = WalkGraph(network(walkable("A_0", ":J_0_0", ":J_w0_0"), inside, around, walkable("B_0")))
+    assert joined.component_length_m() == {"A": 200.0, "B": 200.0}

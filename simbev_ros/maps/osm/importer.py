@@ -139,9 +139,6 @@ def _project(data: OsmData, nodes: Int64Array) -> tuple[MapDatum, Float64Array]:
     return datum, np.column_stack(to_map.transform(*data.longitude_latitude_deg.T))
 
 
-_MAX_KEYS = 4
-
-
 def _contents(data: OsmData) -> str:
     """What a file without roads holds: the most frequent keys of its ways."""
     keys = Counter(key for way in data.ways for key in way.tags)

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.roads.lane_kind import WALKABLE_KINDS, LaneKind
 
 _MAX_REACHED = 300  # limits the search for a destination on large maps
@@ -17,7 +17,7 @@ class WalkGraph:
     """Adjacency of the lanes for pedestrians; all of them can be walked in both directions."""
 
     def __init__(self, network: RoadNetwork) -> None:
-        walkable = {lane.id: lane for lane in network.lanes_of(*WALKABLE_KINDS) if _SUMO_CLASS in lane.classes}
+        walkable = {lane.id: lane for lane in network.lanes_of(*WALKABLE_KINDS) if _is_walked(lane)}
         self.sidewalks = tuple(lane for lane in walkable.values() if lane.kind is LaneKind.SIDEWALK)
         self._length_m = {lane.edge: lane.length_m for lane in self.sidewalks}
         neighbors: dict[str, dict[str, None]] = defaultdict(dict)
@@ -74,3 +74,8 @@ class WalkGraph:
                     came_from[edge] = edge_at
                     pending.append(edge)
         return came_from
+
+
+def _is_walked(lane: Lane) -> bool:
+    """Whether SUMO's pedestrians use a lane; in junctions, they use crossings and walking areas only."""
+    return _SUMO_CLASS in lane.classes and not (lane.junction and lane.kind is LaneKind.SIDEWALK)

@@ -13,6 +13,7 @@ from sensor_msgs.msg import CompressedImage, Image
 
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.maps.build import load_network
+from simbev_ros.maps.roads.tunnels import Tunnels
 from simbev_ros.nodes import camera_node, surroundings
 from simbev_ros.nodes.camera_node import CameraNode
 from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
@@ -65,7 +66,7 @@ def node(spec: SceneSpec, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     monkeypatch.setattr(camera_node, "Renderer", FakeRenderer)
     monkeypatch.setattr(camera_node, "open_context", lambda *_: SimpleNamespace(release=lambda: None))
     monkeypatch.setattr(surroundings, "loaded_reach", lambda *_: None)
-    monkeypatch.setattr(surroundings, "load_static_scene", lambda *_, **__: object())
+    monkeypatch.setattr(surroundings, "load_static_scene", lambda *_, **__: SimpleNamespace(tunnels=Tunnels.none()))
     monkeypatch.setattr(surroundings, "_loaded", {})
     rclpy.init(domain_id=39)
     made: Any = CameraNode("camera")

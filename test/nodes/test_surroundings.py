@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 from made_up_scene import made_up_spec
 
+from simbev_ros.maps.roads.tunnels import Tunnels
 from simbev_ros.nodes import surroundings
 from simbev_ros.nodes.surroundings import Surroundings
 
@@ -13,6 +14,8 @@ SPEC = made_up_spec([{"type": "gnss", "name": "gnss"}])
 
 class FakeScene:
     """A static scene that can be weakly referenced."""
+
+    tunnels = Tunnels.none()
 
 
 @pytest.fixture

@@ -138,3 +138,39 @@ def test_no_route_enters_closed_edges_or_those_that_lead_only_there() -> None:
     assert graph.cut_off_edges({"B"}) == {"B", "P", "D"}
     assert set(graph.without_edges({"B"}).draw_route("A_0", 5000.0, stream(1, "test"))) == {"A", "C"}
     assert graph.without_edges({"B"}).has_successor("B_0") and not graph.without_edges({"B"}).has_successor("P_0")
+
+
+def street(name: str, from_m: tuple[float, float], to_m: tuple[float, float], *successors: str) -> Lane:
+    """A straight lane between two positions."""
+    return replace(lane(name, *successors), centerline_m=np.array([[*from_m, 0.0], [*to_m, 0.0]]))
+
+
+def test_no_route_turns_back_onto_its_road_where_another_one_follows() -> None:
+    square = [
+        street("E_0", (0, 0), (100, 0), "N_0", "-E_0"),
+        street("N_0", (105, 5), (105, 100), "W_0"),
+        street("W_0", (100, 105), (0, 105), "S_0"),
+        street("S_0", (-5, 100), (-5, 5), "E_0"),
+        street("-E_0", (100, 4), (0, 4), "E_0"),
+    ]
+    graph = Streets(network(*square)).for_class("passenger")
+    for index in range(8):
+        assert "-E" not in graph.draw_route("E_0", 900.0, stream(1, f"test.{index}"))
+
+
+def test_a_route_turns_back_where_only_that_leads_on() -> None:
+    there, back = street("E_0", (0, 0), (100, 0), "-E_0"), street("-E_0", (100, 4), (0, 4), "E_0")
+    graph = Streets(network(there, back)).for_class("passenger")
+    assert graph.draw_route("E_0", 250.0, stream(1, "test")) == ("E", "-E", "E", "-E")
+
+
+def test_on_a_map_that_only_turns_lead_back_into_they_are_driven() -> None:
+    there = street("E_0", (0, 0), (100, 0), "-E_0", "out_0")
+    roads = network(there, street("-E_0", (100, 4), (0, 4), "E_0"), street("out_0", (100, 0), (150, 0)))
+    assert usable_lanes(roads, 1000.0) == {"E_0", "-E_0"}
+
+
+def test_on_a_small_map_vehicles_start_where_streets_lead_on_and_on() -> None:
+    ring = [lane("A_0", "B_0"), lane("B_0", "A_0", "out_0"), lane("out_0")]
+    assert usable_lanes(network(*ring), 250.0) == {"A_0", "B_0"}
+    assert usable_lanes(network(*ring), 5000.0) == {"A_0", "B_0"}

@@ -24,6 +24,7 @@ from simbev_ros.scene.streets.tight_turns import tight_lanes
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
 _MAX_LANES_IN_JUNCTION = 20  # limits the search in a broken net; real junctions have fewer lanes in a row
+_OPPOSITE_COSINE, _TURN_M = 0.9, 15.0  # a turn on the spot: opposite direction, and distance of both roads' ends
 _COMPONENT_TOLERANCE = (
     0.9  # tolerance for "the largest part": the two directions of a single road differ slightly in length
 )
@@ -68,6 +69,27 @@ class Streets:
     def usable_lanes(self, sumo_class: str) -> BoolArray:
         """(L,) whether a vehicle class may use each lane."""
         return np.array([sumo_class in lane.classes for lane in self.lanes], bool)
+
+    def turns_around(self, lane: Int64Array, edge: Int64Array) -> BoolArray:
+        """(K,) whether the way from (K,) lanes outside junctions to (K,) edges is a turn by about 180° on the spot."""
+        first = np.full(len(self.edges), -1)
+        first[self.edge[::-1]] = np.arange(len(self.lanes))[::-1]
+        start_m, start_heading, end_m, end_heading = self._ends
+        goal = first[edge]
+        opposite = np.einsum("ij,ij->i", end_heading[lane], start_heading[goal]) < -_OPPOSITE_COSINE
+        return np.asarray(opposite & (np.linalg.norm(end_m[lane] - start_m[goal], axis=1) < _TURN_M))
+
+    @cached_property
+    def _ends(self) -> tuple[Float64Array, Float64Array, Float64Array, Float64Array]:
+        """(L, 2) position and unit heading of the lanes at their starts, and at their ends."""
+        lines = Polylines.from_lines([lane.centerline_m for lane in self.lanes])
+        points_m = lines.points_m[:, :2]
+        first, last = lines.first[:-1], lines.first[1:] - 1
+        ends = []
+        for at, before, after in ((first, first, first + 1), (last, last - 1, last)):
+            step_m = points_m[after] - points_m[before]
+            ends += [points_m[at], step_m / np.maximum(np.linalg.norm(step_m, axis=1, keepdims=True), 1e-9)]
+        return ends[0], ends[1], ends[2], ends[3]
 
     def for_blueprint(
         self, blueprint: Blueprint, closed: frozenset[str] = frozenset(), tight: bool = False
@@ -119,15 +141,24 @@ class StreetGraph:
         self._streets = streets
         self._sumo_class = sumo_class
         self._starts = usable & streets.outside
-        self._after_lane = _edges_after(streets, usable)
+        after_lane = _edges_after(streets, usable)
+        turns = streets.turns_around(*after_lane.nonzero())
+        self._set_successors(_without_needless_turns(after_lane, turns, streets))
+        if not np.isinf(self._beyond_m).any():
+            self._set_successors(after_lane)  # on a map cut out of a city, turns may be all that leads back into it
         count = len(streets.edges)
-        lane, edge = self._after_lane.nonzero()
-        self._after_edge = _relation(streets.edge[lane], edge, (count, count))
-        self._beyond_m = _longest_path_beyond(self._after_edge, streets.edge_length_m)
         _, component = connected_components(self._after_edge, directed=True, connection="weak")
         used_m = np.where(np.isin(np.arange(count), streets.edge[self._starts]), streets.edge_length_m, 0.0)
         self._component_m = np.bincount(component, used_m, count)[component]
         self._beyond_lane_m = self._longest_path_beyond_lanes()
+
+    def _set_successors(self, after_lane: csr_array) -> None:
+        """Set the edges after lanes and after edges, and the lengths of the longest paths beyond edges."""
+        count = len(self._streets.edges)
+        lane, edge = after_lane.nonzero()
+        self._after_lane = after_lane
+        self._after_edge = _relation(self._streets.edge[lane], edge, (count, count))
+        self._beyond_m = _longest_path_beyond(self._after_edge, self._streets.edge_length_m)
 
     def _longest_path_beyond_lanes(self) -> Float64Array:
         """(L,) length of the longest path beyond each lane's end."""
@@ -174,14 +205,18 @@ class StreetGraph:
         return graph
 
     def usable_starts(self, row: Int64Array, s_m: Float64Array, distance_m: float) -> BoolArray:
-        """(N,) starts from which a vehicle ``can_drive`` a distance; if there are none, all on the largest part."""
+        """(N,) starts from which a vehicle ``can_drive`` a distance.
+
+        On small maps without such a start, those on the largest part from which streets, driven repeatedly, lead that
+        far; if there are none either, all on the largest part.
+        """
         is_enough, may_start = self.can_drive(row, s_m, distance_m), self._starts[row]
+        if is_enough.any():
+            return is_enough
         component_m = np.where(may_start, self._component_m[self._streets.edge[row]], 0.0)
-        return (
-            is_enough
-            if is_enough.any()
-            else may_start & (component_m >= _COMPONENT_TOLERANCE * component_m.max(initial=0.0))
-        )
+        is_on_largest: BoolArray = may_start & (component_m >= _COMPONENT_TOLERANCE * component_m.max(initial=0.0))
+        leads_far = is_on_largest & (self._ahead_m(row, s_m) >= distance_m)
+        return leads_far if leads_far.any() else is_on_largest
 
     def can_drive(self, row: Int64Array, s_m: Float64Array, distance_m: float) -> BoolArray:
         """(N,) whether a vehicle can start at each position and then drive ``distance_m``.
@@ -193,9 +228,12 @@ class StreetGraph:
             s_m: (N,) distance from the lane's start.
             distance_m: Required distance.
         """
-        edge, may_start = self._streets.edge[row], self._starts[row]
-        ahead_m = self._streets.edge_length_m[edge] - s_m + self._beyond_lane_m[row]
-        return may_start & (np.minimum(ahead_m, self._component_m[edge]) >= distance_m)
+        component_m = self._component_m[self._streets.edge[row]]
+        return self._starts[row] & (np.minimum(self._ahead_m(row, s_m), component_m) >= distance_m)
+
+    def _ahead_m(self, row: Int64Array, s_m: Float64Array) -> Float64Array:
+        """(N,) length of the longest path from each position; streets count as often as they are driven."""
+        return self._streets.edge_length_m[self._streets.edge[row]] - s_m + self._beyond_lane_m[row]
 
     def has_successor(self, start_lane: str) -> bool:
         """Whether a vehicle can drive on beyond a lane."""
@@ -276,6 +314,22 @@ def _edges_after(streets: Streets, usable: BoolArray) -> csr_array:
         if not len(at_lane):
             break
     return _relation(np.concatenate(lanes), np.concatenate(edges), (count, len(streets.edges)))
+
+
+def _without_needless_turns(after: csr_array, turns: BoolArray, streets: Streets) -> csr_array:
+    """The (L, E) relation without turns back onto the same road, except where nothing else follows a lane's edge.
+
+    Args:
+        after: The relation, with K pairs.
+        turns: (K,) whether each pair is such a turn.
+        streets: The streets.
+    """
+    lane, edge = after.nonzero()
+    number = streets.edge[lane]
+    goes_on = np.zeros(len(streets.edges), bool)
+    goes_on[number[~turns]] = True
+    kept = ~turns | ~goes_on[number]
+    return after if kept.all() else _relation(lane[kept], edge[kept], after.shape)
 
 
 def _longest_path_beyond(following: csr_array, length_m: Float64Array) -> Float64Array:

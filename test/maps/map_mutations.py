@@ -1,7 +1,8 @@
 """Mutates valid maps as editors and converters damage them, and builds what comes of it.
 
 Points are nudged, elements dropped, duplicated or split, sequences reversed, values scaled, shapes made to cross
-themselves. ``python test/maps/map_mutations.py --cases 2000`` tries many, in parallel, and lists the finds.
+themselves. ``PYTHONPATH=test/support python test/maps/map_mutations.py --cases 2000`` tries many, in parallel, and
+lists the finds.
 """
 
 import argparse

@@ -74,6 +74,9 @@ MAX_LANES_PER_EDGE = 100
 MAX_SECTIONS_PER_M = 10.0
 """Lane sections per meter of an OpenDRIVE road, beyond the first 100; a road with more is left out."""
 
+MAX_FINDINGS = 1_000
+"""Places in a map's file that are told apart for each kind of finding; further ones are counted."""
+
 MAX_YAML_BYTES = 4 << 20
 """Size of a YAML text: a configuration, or a bag's description. The description of a bag with 100 topics has 80 KiB."""
 

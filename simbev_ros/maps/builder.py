@@ -7,7 +7,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from simbev_ros.errors import InputError
+from simbev_ros.errors import InputError, SimulationError
+from simbev_ros.maps.findings import sentences_of
 from simbev_ros.maps.lanelet2.importer import import_lanelet2
 from simbev_ros.maps.lanelet2.reader import has_lanelets
 from simbev_ros.maps.network import RoadNetwork
@@ -25,7 +26,7 @@ from simbev_ros.maps.spec import MapSpec
 from simbev_ros.maps.store import NET, OPENDRIVE, SOURCE, write_network
 from simbev_ros.maps.sumo.importer import import_sumo
 from simbev_ros.maps.sumo.layout import layout_of
-from simbev_ros.maps.sumo.net import read_sumo_net
+from simbev_ros.maps.sumo.net import SumoNet, read_sumo_net
 
 _IMPORTERS: dict[str, Callable[[Path, Path], MapParts]] = {".xodr": import_opendrive, ".net": import_sumo}
 """Importers by the first of a file's suffixes, apart from OpenStreetMap's."""
@@ -49,12 +50,12 @@ def build_map(spec: MapSpec, folder: Path) -> None:
         (folder / SOURCE).write_bytes(bz2.compress((parts.extract or file_of(spec)).read_bytes()))
     for source, name in ((parts.net, NET), (parts.opendrive, OPENDRIVE)):
         shutil.copyfile(source, folder / name)
-    net = read_sumo_net(folder / NET)
+    net = _read_net(spec, folder / NET)
     layout = assign_levels(parts.layout or layout_of(net), parts.features.water)
     signals = place_signals(net, layout)
-    objects, object_notes = clear_carriageways(parts.features.objects, layout)
-    notes = (*parts.notes, *object_notes)
-    for note in notes:
+    objects, changes = clear_carriageways(parts.features.objects, layout)
+    findings = (*parts.findings, *changes)
+    for note in sentences_of(spec.name, findings):
         logging.getLogger(__name__).info("map %s: %s", spec.name, note)
     network = RoadNetwork(
         name=spec.name,
@@ -67,10 +68,20 @@ def build_map(spec: MapSpec, folder: Path) -> None:
         layout=layout if layout.signs else replace(layout, signs=place_signs(net, layout)),
         features=replace(parts.features, objects=objects),
         seed=spec.seed,
-        notes=notes,
+        findings=findings,
     )
     write_network(network, folder)
     shutil.rmtree(work)
+
+
+def _read_net(spec: MapSpec, path: Path) -> SumoNet:
+    """Read the net that netconvert made; with some invalid maps, it writes what nobody can read."""
+    try:
+        return read_sumo_net(path)
+    except SimulationError as error:
+        if not spec.path:
+            raise
+        raise InputError(f"{spec.path}: netconvert made a net of it that cannot be read ({error})") from None
 
 
 def _parts_of(spec: MapSpec, work: Path) -> MapParts:

@@ -9,6 +9,7 @@ import numpy as np
 
 from simbev_ros.geometry.geodesy import MapDatum
 from simbev_ros.geometry.ragged import ragged_indices
+from simbev_ros.maps.findings import Finding, sentences_of
 from simbev_ros.maps.land_features import MapFeatures
 from simbev_ros.maps.roads.elevation import Elevation
 from simbev_ros.maps.roads.lane_index import LineIndex
@@ -132,7 +133,7 @@ class RoadNetwork:
         layout: Ground geometry of the lanes, with borders, levels and paint.
         features: The land around the roads.
         seed: Random seed for everything that the map does not prescribe.
-        notes: Repairs and omissions, one sentence each, for the user.
+        findings: What was left out, repaired or assumed.
     """
 
     name: str
@@ -145,7 +146,12 @@ class RoadNetwork:
     layout: Layout
     features: MapFeatures
     seed: int
-    notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """One sentence for each kind of finding, for the user."""
+        return sentences_of(self.name, self.findings)
 
     @cached_property
     def elevation(self) -> Elevation:

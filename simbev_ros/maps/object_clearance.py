@@ -9,6 +9,7 @@ from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.geometry import overlay
 from simbev_ros.geometry.plan_view import polygon_parts
+from simbev_ros.maps.findings import Finding, Outcome
 from simbev_ros.maps.land_features import MapObject, ObjectKind
 from simbev_ros.maps.roads.elevation import Elevation
 from simbev_ros.maps.roads.lane_kind import ROAD_KINDS
@@ -30,8 +31,10 @@ _CROSSING = (
 )
 
 
-def clear_carriageways(objects: Sequence[MapObject], layout: Layout) -> tuple[tuple[MapObject, ...], tuple[str, ...]]:
-    """The objects with nothing left on a carriageway of their level, and notes about what was changed.
+def clear_carriageways(
+    objects: Sequence[MapObject], layout: Layout
+) -> tuple[tuple[MapObject, ...], tuple[Finding, ...]]:
+    """The objects with nothing left on a carriageway of their level, and what was changed.
 
     A thing on a carriageway is moved up to 4 m to its edge; of a line or an outline, the part outside remains; what
     would lose more than half of its outline is left out. Rails, traffic islands, power lines and parking lots stay,
@@ -51,8 +54,11 @@ def clear_carriageways(objects: Sequence[MapObject], layout: Layout) -> tuple[tu
         kept += clear
         lost += not clear
         moved += bool(clear) and clear[0] is not item
-    notes = (("moved off carriageways, or cut", moved), ("left out, because they stand on carriageways", lost))
-    return tuple(kept), tuple(f"objects that were {what}: {count}" for what, count in notes if count)
+    findings = (
+        Finding("an object on a carriageway is moved to its edge, or cut", Outcome.REPAIRED, moved),
+        Finding("an object that stands on a carriageway is left out", Outcome.LEFT_OUT, lost),
+    )
+    return tuple(kept), tuple(finding for finding in findings if finding.count)
 
 
 class _Roads:

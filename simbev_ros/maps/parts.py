@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from simbev_ros.geometry.geodesy import MapDatum
+from simbev_ros.maps.findings import Finding
 from simbev_ros.maps.land_features import MapFeatures
 from simbev_ros.maps.roads.layout import Layout
 
@@ -19,7 +20,7 @@ class MapParts:
         features: The land around the roads.
         layout: Ground geometry of the lanes; None: follow SUMO's lanes and paint by rule.
         opendrive_of_net: netconvert made the OpenDRIVE file from the net, and named the traffic lights in it.
-        notes: Repairs and omissions, one sentence each, for the user.
+        findings: What was left out, repaired or assumed.
         extract: OpenStreetMap file with the part of the map's file that was read; None: all of it was.
     """
 
@@ -29,5 +30,5 @@ class MapParts:
     features: MapFeatures
     layout: Layout | None = None
     opendrive_of_net: bool = True
-    notes: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     extract: Path | None = None

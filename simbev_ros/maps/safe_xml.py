@@ -4,6 +4,7 @@ Built on the standard library's expat, configured to refuse what only attacks ne
 add nothing but the refusal of entities, and has neither line numbers nor limits.
 """
 
+import re
 import stat
 from pathlib import Path
 from typing import NoReturn, Protocol
@@ -67,8 +68,8 @@ def read_elements(path: Path, root_tag: str, target: XmlTarget, max_bytes: int, 
     check_readable(path, max_bytes)
     reader = _Reader(path, root_tag, target, max_elements)
     try:
-        for piece in read_unpacked(path, max_bytes):
-            reader.parser.Parse(piece, False)
+        for number, piece in enumerate(read_unpacked(path, max_bytes)):
+            reader.parser.Parse(piece if number else _with_declaration_first(piece), False)
         reader.parser.Parse(b"", True)
     except expat.ExpatError as error:
         reason = expat.ErrorString(error.code)
@@ -80,9 +81,28 @@ def read_elements(path: Path, root_tag: str, target: XmlTarget, max_bytes: int, 
         reader.close()
 
 
+def _with_declaration_first(piece: bytes) -> bytes:
+    """The beginning of a file with its XML declaration before any comment, where editors forget to put it.
+
+    Other readers accept such files; the numbers of all later lines stay.
+    """
+    found = _COMMENT_BEFORE_DECLARATION.match(piece)
+    return piece if found is None else found[2] + found[1] + piece[found.end() :]
+
+
+_COMMENT_BEFORE_DECLARATION = re.compile(
+    rb"((?:\s++|<!--(?:(?!-->).){0,4000}+-->){1,20}+)(<\?xml\s[^>\n]{0,200}\?>)", re.DOTALL
+)
+
+
 def place_of(path: Path, element: Element) -> str:
     """``file:line`` of an element, for error messages."""
     return f"{path}:{element.line}" if isinstance(element, LinedElement) else str(path)
+
+
+def line_of(element: Element | None) -> int:
+    """1-based line of an element; 0 if it is None or was not read from a file."""
+    return element.line if isinstance(element, LinedElement) else 0
 
 
 _TRUNCATED_CODES = (

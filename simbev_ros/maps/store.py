@@ -12,6 +12,7 @@ import numpy as np
 from simbev_ros.errors import NPZ_DAMAGE
 from simbev_ros.geometry.geodesy import MapDatum
 from simbev_ros.maps.columns import from_columns, part_of, to_columns
+from simbev_ros.maps.findings import Finding
 from simbev_ros.maps.land_features import Footprint, MapFeatures, MapObject, Water, Zone
 from simbev_ros.maps.network import Junction, Lane, RoadNetwork, Signal
 from simbev_ros.maps.roads.layout import Crosswalk, Layout, Sign, SignalPlace, StopLine, Strip
@@ -32,7 +33,6 @@ def write_network(network: RoadNetwork, folder: Path) -> None:
     header = {
         "name": network.name,
         "datum": asdict(network.datum),
-        "notes": network.notes,
         "corner_radius_m": network.layout.corner_radius_m,
         "surroundings": network.features.surroundings.model_dump_json(),
         "relief": network.features.relief.model_dump_json(),
@@ -124,6 +124,7 @@ def _tables(network: RoadNetwork) -> dict[str, tuple[type, Any]]:
         "water": (Water, features.water),
         "buildings": (Footprint, features.buildings or ()),
         "objects": (MapObject, features.objects),
+        "findings": (Finding, network.findings),
     }
 
 
@@ -156,5 +157,5 @@ def _network(folder: Path, header: Mapping[str, Any], columns: Mapping[str, AnyA
             objects=table("objects", MapObject),
         ),
         seed=seed,
-        notes=tuple(header["notes"]),
+        findings=table("findings", Finding),
     )

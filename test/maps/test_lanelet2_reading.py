@@ -10,18 +10,18 @@ from pyproj import Transformer
 
 from simbev_ros.errors import InputError
 from simbev_ros.geometry.geodesy import MapDatum
+from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.lanelet2.importer import import_lanelet2
 from simbev_ros.maps.lanelet2.projector_info import datum_of_file, datum_of_grid
 from simbev_ros.maps.lanelet2.reader import has_lanelets, read_lanelet_map
 from simbev_ros.maps.lanelet2.shapes import LaneletShape, lanelet_shapes, pair_borders
 from simbev_ros.maps.lanelet2.tags import parse_speed_mps
-from simbev_ros.maps.opendrive.reading.attributes import Notes
 
 
 def read(folder: Path, text: str) -> tuple[list[LaneletShape], MapDatum, tuple[str, ...]]:
     path = folder / "map.osm"
     path.write_text(text, encoding="utf-8")
-    notes = Notes(path)
+    notes = Findings(path)
     source, datum = read_lanelet_map(path, notes)
     return list(lanelet_shapes(source, notes)), datum, notes.sentences()
 
@@ -175,7 +175,7 @@ def test_unusable_elements_are_left_out_with_a_note(tmp_path: Path) -> None:
     shapes, _, notes = read(tmp_path, sample.text())
     assert [shape.id for shape in shapes] == [good]
     for part in (
-        "a lanelet without both bounds is left out (lanelet 14 has no right bound), and 1 more of the kind",
+        "a lanelet without both bounds is left out (lanelet 14 has no right bound; 2 times)",
         "a lanelet whose bounds cross is left out",
         "a lanelet of unknown subtype is left out (subtype='launch_pad')",
         "a point without a usable position is left out",

@@ -7,6 +7,7 @@ import pytest
 import xodr_sample as sample
 from pyproj import Geod, Transformer
 
+from simbev_ros.maps.findings import sentences_of
 from simbev_ros.maps.opendrive.importer import import_opendrive
 from simbev_ros.maps.parts import MapParts
 
@@ -56,7 +57,9 @@ def test_a_reference_without_a_projection_is_transverse_mercator_as_in_carla(tmp
     tmerc = "+proj=tmerc +lat_0=49 +lon_0=8 +k=1 +x_0=0 +y_0=0 +datum=WGS84"
     truth = Transformer.from_crs(tmerc, "EPSG:4326", always_xy=True).transform(300.0, -200.0)
     assert gap_m(parts, (300.0, -200.0, 0.0), *truth) < 0.01
-    assert any("names no projection: transverse Mercator" in note for note in parts.notes)
+    assert any(
+        "names no projection: transverse Mercator" in note for note in sentences_of("sample.xodr", parts.findings)
+    )
 
 
 def test_a_rotated_offset_rotates_the_map(tmp_path: Path) -> None:
@@ -71,14 +74,14 @@ def test_the_plain_form_stays_plain(tmp_path: Path) -> None:
     parts = import_sample(tmp_path, "+proj=tmerc +lat_0=42.5 +lon_0=-83.25 +k=1 +x_0=0 +y_0=0 +datum=WGS84 +units=m")
     assert parts.datum.projection == ""
     assert (parts.datum.latitude_deg, parts.datum.longitude_deg) == (42.5, -83.25)
-    assert parts.notes == ()
+    assert sentences_of("sample.xodr", parts.findings) == ()
 
 
 @pytest.mark.parametrize("reference", ["", "somewhere", "+proj=longlat +datum=WGS84", "+proj=tmerc +lat_0=x"])
 def test_without_a_usable_geo_reference_the_default_is_stated(tmp_path: Path, reference: str) -> None:
     parts = import_sample(tmp_path, reference)
     assert (parts.datum.latitude_deg, parts.datum.longitude_deg) == (0.0, 0.0)
-    assert any("0° N 0° E" in note for note in parts.notes)
+    assert any("0° N 0° E" in note for note in sentences_of("sample.xodr", parts.findings))
 
 
 def test_large_coordinates_are_recentered_and_keep_their_position_on_earth(tmp_path: Path) -> None:
@@ -88,4 +91,4 @@ def test_large_coordinates_are_recentered_and_keep_their_position_on_earth(tmp_p
     truth = Transformer.from_crs("EPSG:32632", "EPSG:4326", always_xy=True).transform(691_000.25, 5_335_000.5)
     assert gap_m(parts, tuple(strip.left_m[0]), *truth) < 0.01
     assert 'x="691000.25"' not in parts.opendrive.read_text(encoding="utf-8")
-    assert any("far from its origin" in note for note in parts.notes)
+    assert any("far from its origin" in note for note in sentences_of("sample.xodr", parts.findings))

@@ -8,6 +8,7 @@ import pytest
 import xodr_sample as sample
 
 from simbev_ros.errors import InputError
+from simbev_ros.maps.findings import sentences_of
 from simbev_ros.maps.opendrive.importer import import_opendrive
 from simbev_ros.maps.parts import MapParts
 
@@ -66,7 +67,7 @@ def test_unusable_files_are_refused_with_their_location(tmp_path: Path, text: st
 def test_a_road_with_unusable_geometry_is_left_out_with_a_note(tmp_path: Path, wrong: str, note: str) -> None:
     parts = import_text(tmp_path, sample.xodr(GOOD, sample.road(wrong, 10.0, number="8")))
     assert {strip.road for strip in parts.layout.strips} == {"7"}
-    (found,) = [text for text in parts.notes if "left out (road 8" in text]
+    (found,) = [text for text in sentences_of("sample.xodr", parts.findings) if "left out (road 8" in text]
     assert re.search(note, found)
     assert found.startswith("sample.xodr:2: ")
 
@@ -101,14 +102,14 @@ def test_repairable_files_are_repaired_with_a_note(tmp_path: Path, old: str, new
     parts = import_text(tmp_path, sample.xodr(GOOD).replace(old, new, 1))
     (strip,) = parts.layout.strips
     np.testing.assert_allclose(strip.left_m[-1], [80.0, 50.0, 0.0])
-    assert any(note in text for text in parts.notes)
+    assert any(note in text for text in sentences_of("sample.xodr", parts.findings))
 
 
 def test_two_long_geometries_at_the_same_distance_cost_only_their_road(tmp_path: Path) -> None:
     twice = sample.geometry(sample.LINE, 5.0) + sample.geometry(sample.LINE, 10.0, y=9.0)
     parts = import_text(tmp_path, sample.xodr(GOOD, sample.road(twice, 10.0, number="8")))
     assert {strip.road for strip in parts.layout.strips} == {"7"}
-    assert any("two geometries start at the same s" in text for text in parts.notes)
+    assert any("two geometries start at the same s" in text for text in sentences_of("sample.xodr", parts.findings))
 
 
 def test_the_steep_width_of_a_lane_section_of_micrometers_is_used(tmp_path: Path) -> None:

@@ -9,9 +9,9 @@ import xodr_sample as sample
 from scipy.integrate import quad
 from scipy.special import fresnel
 
+from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.opendrive.lane_shapes import lane_shapes
 from simbev_ros.maps.opendrive.links import LaneLinks
-from simbev_ros.maps.opendrive.reading.attributes import Notes
 from simbev_ros.maps.opendrive.reading.document import Document
 from simbev_ros.maps.opendrive.reading.plan_view import clothoid, parametric_cubic
 from simbev_ros.maps.opendrive.reading.reader import read_document
@@ -21,10 +21,10 @@ from simbev_ros.maps.safe_xml import parse
 from simbev_ros.types import Float64Array
 
 
-def read(tmp_path: Path, text: str) -> tuple[Document, Notes]:
+def read(tmp_path: Path, text: str) -> tuple[Document, Findings]:
     path = tmp_path / "sample.xodr"
     path.write_text(text, encoding="utf-8")
-    notes = Notes(path)
+    notes = Findings(path)
     return read_document(path, parse(path, "OpenDRIVE"), notes), notes
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import xodr_sample as sample
 
+from simbev_ros.maps.findings import sentences_of
 from simbev_ros.maps.opendrive.importer import import_opendrive
 from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.roads.lane_kind import LaneKind
@@ -156,7 +157,7 @@ def test_cyclic_links_between_lanes_without_width_terminate(tmp_path: Path) -> N
     )
     parts = import_sample(tmp_path, sample.straight_road(sections=loop, links=links))
     assert {strip.index for strip in parts.layout.strips} == {1}
-    assert any("without width" in note for note in parts.notes)
+    assert any("without width" in note for note in sentences_of("sample.xodr", parts.findings))
 
 
 def test_declared_bridges_are_structures(tmp_path: Path) -> None:
@@ -233,7 +234,7 @@ def test_orientations_that_contradict_validity_are_inverted(tmp_path: Path) -> N
     parts = import_sample(tmp_path, sample.straight_road(sections=BOTH, more=f"<signals>{signals}</signals>"))
     assert [abs(sign.yaw_rad) for sign in parts.layout.signs] == pytest.approx([np.pi, np.pi])
     assert parts.layout.signs[0].lanes == parts.layout.signs[1].lanes
-    assert any("orientations" in note for note in parts.notes)
+    assert any("orientations" in note for note in sentences_of("sample.xodr", parts.findings))
 
 
 def test_a_sign_on_the_carriageway_moves_beside_the_road(tmp_path: Path) -> None:
@@ -257,7 +258,9 @@ def test_tunnels_cut_lanes_and_get_levels_of_their_own(tmp_path: Path) -> None:
     rows = ("s='30' length='20'", "s='45' length='15'", "s='90' length='-5'", "s='x' length='5'")
     objects = "".join(f"<tunnel {row}/>" for row in rows) + '<bridge s="70" length="10"/>'
     parts = import_sample(tmp_path, with_objects(objects))
-    assert any("a tunnel that cannot be read is left out" in note for note in parts.notes)
+    assert any(
+        "a tunnel that cannot be read is left out" in note for note in sentences_of("sample.xodr", parts.findings)
+    )
     assert parts.layout is not None
     layout = assign_levels(parts.layout)
     inside = [strip for strip in layout.strips if strip.tunnel]

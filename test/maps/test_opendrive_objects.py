@@ -8,10 +8,10 @@ import shapely
 from xodr_sample import LINE, geometry, lane, road, section, xodr
 
 from simbev_ros.limits import MAX_OBJECT_COPIES
+from simbev_ros.maps.findings import Findings, sentences_of
 from simbev_ros.maps.land_features import POINT_KINDS, Footprint, MapObject, ObjectKind
 from simbev_ros.maps.object_clearance import clear_carriageways
 from simbev_ros.maps.opendrive.importer import import_opendrive
-from simbev_ros.maps.opendrive.reading.attributes import Notes
 from simbev_ros.maps.opendrive.reading.document import Document
 from simbev_ros.maps.opendrive.reading.reader import read_document
 from simbev_ros.maps.opendrive.roadside_objects import object_types, objects_of
@@ -28,13 +28,13 @@ def thing(attributes: str, inner: str = "", s: float = 50.0, t: float = -6.0) ->
     return f'<object id="1" s="{s}" t="{t}" {attributes}>{inner}</object>'
 
 
-def document_of(tmp_path: Path, objects: str, plan: str = LINE, heading_rad: float = 0.0) -> tuple[Document, Notes]:
+def document_of(tmp_path: Path, objects: str, plan: str = LINE, heading_rad: float = 0.0) -> tuple[Document, Findings]:
     """A road of 100 m from (10, 20), with a lane on its right side, and objects."""
     objects = f"<objects>{objects}</objects>"
     text = road(geometry(plan, 100.0, x=10.0, y=20.0, hdg=heading_rad), 100.0, section(lane(-1)), more=objects)
     path = tmp_path / "road.xodr"
     path.write_text(xodr(text))
-    notes = Notes(path)
+    notes = Findings(path)
     return read_document(path, parse(path, "OpenDRIVE"), notes), notes
 
 
@@ -142,7 +142,7 @@ def test_nothing_stands_on_a_carriageway() -> None:
     assert kept[2].points_m[0, :2] == pytest.approx((20.0, 4.5)) or kept[2].points_m[0, 1] == pytest.approx(-4.5)
     assert shapely.Polygon(kept[3].points_m[:, :2]).equals(shapely.box(60, 4, 62, 6.5))
     assert [shapely.LineString(part.points_m[:, :2]).length for part in kept[4:6]] == pytest.approx([5.0, 5.0])
-    assert notes == ("objects that were moved off carriageways, or cut: 4",)
+    assert sentences_of("", notes) == ("an object on a carriageway is moved to its edge, or cut (4 times)",)
 
 
 def test_what_stands_under_a_bridge_stays_and_what_lies_on_the_road_is_left_out() -> None:
@@ -150,7 +150,7 @@ def test_what_stands_under_a_bridge_stays_and_what_lies_on_the_road_is_left_out(
     high = Layout((layout(0.0).strips[0], *(s for s in layout(0.0, 7.0).strips if s.level)), (), (), ())
     kept, notes = clear_carriageways([under, deck_wall], high)
     assert kept == (under,)
-    assert notes == ("objects that were left out, because they stand on carriageways: 1",)
+    assert sentences_of("", notes) == ("an object that stands on a carriageway is left out",)
 
 
 def test_the_importer_reads_objects_and_leaves_out_buildings_on_the_road(tmp_path: Path) -> None:
@@ -163,7 +163,10 @@ def test_the_importer_reads_objects_and_leaves_out_buildings_on_the_road(tmp_pat
     (building,) = parts.features.buildings or ()
     assert building.outline.area == pytest.approx(60.0) and building.height_m == 8.0
     assert [item.kind for item in parts.features.objects] == [ObjectKind.STREET_LAMP]
-    assert any("a building that stands on a carriageway is left out" in note for note in parts.notes)
+    assert any(
+        "a building that stands on a carriageway is left out" in note
+        for note in sentences_of("sample.xodr", parts.findings)
+    )
 
 
 def test_every_kind_of_object_can_be_repeated_without_gaps(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import pytest
 import shapely
 import xodr_sample as sample
 
+from simbev_ros.maps.findings import sentences_of
 from simbev_ros.maps.opendrive.importer import import_opendrive
 from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.roads.lane_kind import LaneKind
@@ -108,7 +109,7 @@ def test_unreachable_roads_carry_no_traffic(tmp_path: Path) -> None:
     parts, net = import_sample(tmp_path, sample.straight_road(), island)
     assert {strip.road for strip in parts.layout.strips} == {"1", "2"}
     assert max(lane.centerline_m[:, 1].max() for lane in net.lanes.values()) < 10.0
-    assert any("0.03 km of lanes" in note for note in parts.notes)
+    assert any("carry no traffic (0.03 km)" in note for note in sentences_of("sample.xodr", parts.findings))
 
 
 def test_an_opening_lane_is_used_only_where_it_is_wide_enough(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from simbev_ros.config.map_files import parse_bounds
 from simbev_ros.config.scenario import MapScenes
 from simbev_ros.errors import InputError
 from simbev_ros.maps.build import load_network, load_source
+from simbev_ros.maps.findings import sentences_of
 from simbev_ros.maps.osm import import_osm
 from simbev_ros.maps.osm.box import Box, densest_box
 from simbev_ros.maps.osm.data import OsmData
@@ -180,7 +181,7 @@ def test_of_a_file_that_is_too_large_the_densest_part_is_read(tmp_path: Path) ->
     path.write_text(writer.text())
     (tmp_path / "work").mkdir()
     parts = import_osm(path, tmp_path / "work")
-    (note,) = (note for note in parts.notes if "densest" in note)
+    (note,) = (note for note in sentences_of("sample.xodr", parts.findings) if "densest" in note)
     assert note.startswith("its roads span 60 km and are 64 km long; at most 30 km and 4000 km are read")
     bounds = parse_bounds(note.split("bounds ")[1].split(";")[0])
     latitude, longitude, _ = DATUM.geodetic_from_map(np.array([60_160.0, 160.0, 0.0]))

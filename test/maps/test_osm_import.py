@@ -9,6 +9,7 @@ import shapely
 from osm_sample import DATUM, SAMPLE, Point, Writer, sample
 
 from simbev_ros.errors import InputError
+from simbev_ros.maps.findings import sentences_of
 from simbev_ros.maps.network import Lane
 from simbev_ros.maps.osm import import_osm
 from simbev_ros.maps.parts import MapParts
@@ -193,11 +194,11 @@ def test_cut_off_roads_are_shortened_and_disconnected_ones_keep_their_place_with
     writer = town([(0, 0), (200, 0), (200, 80)], [(0, 0), (0, 90)], [(500, 500), (560, 500)])
     writer.way([(0, 200), (300, 200)], {"highway": "footway"})
     parts = import_text(tmp_path, writer.text().replace('<nd ref="1"/>', '<nd ref="1"/><nd ref="77"/>', 1))
-    assert set(parts.notes) >= {
-        "nodes of ways that are missing from the file, so that the ways were shortened: 1",
-        "roads are in 2 parts that are not connected, each with traffic of its own: 0.06 of 0.43 km are outside the "
-        "largest",
-        "footpaths that no road reaches were left out: 0.30 km",
+    assert set(sentences_of("sample.xodr", parts.findings)) >= {
+        "a node of a way is missing: the way is shortened",
+        "roads are in 2 parts that are not connected, each with traffic of its own (0.06 of 0.43 km are outside the "
+        "largest)",
+        "a footpath that no road reaches is left out",
     }
     net = read_sumo_net(parts.net)
     assert len(lanes_at(parts, net, (530, 500), LaneKind.DRIVING)) == 2
@@ -209,7 +210,7 @@ def test_a_road_beside_a_longer_footpath_is_the_map(tmp_path: Path) -> None:
     writer.way([(0, 60), (450, 70), (900, 60)], {"highway": "footway"})
     parts = import_text(tmp_path, writer.text())
     assert len(lanes_at(parts, read_sumo_net(parts.net), (300, 0), LaneKind.DRIVING, 8.0)) == 3
-    assert "footpaths that no road reaches were left out: 0.90 km" in parts.notes
+    assert "a footpath that no road reaches is left out" in sentences_of("sample.xodr", parts.findings)
 
 
 def test_a_way_without_length_is_not_a_road(tmp_path: Path) -> None:

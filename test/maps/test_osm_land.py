@@ -51,7 +51,7 @@ def test_islands_are_land_and_the_inside_of_a_reversed_ring_is_water() -> None:
 def test_a_sea_that_floods_the_roads_is_left_out_with_a_note() -> None:
     area, notes = sea([(2000, 0), (-2000, 0)])
     assert area.is_empty
-    assert notes == ("the sea was left out: its coastline is reversed or has a gap, and would flood roads",)
+    assert [each.rule for each in notes] == ["the sea is left out: its coastline would flood roads: reversed, or a gap"]
 
 
 def test_a_file_without_coastline_has_no_sea() -> None:

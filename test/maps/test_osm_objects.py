@@ -92,7 +92,7 @@ def test_rails_on_bridges_and_in_tunnels_are_left_out_with_a_note() -> None:
     kinds = [{}, {"bridge": "yes"}, {"tunnel": "yes"}, {"layer": "-1"}]
     objects, notes = read(nodes, [((0, 1), {"railway": "rail", **more}) for more in kinds])
     assert [item.kind for item in objects] == [ObjectKind.RAILS]
-    assert notes == ("railways on bridges or in tunnels were left out: 3",)
+    assert [(each.rule, each.count) for each in notes] == [("a railway on a bridge or in a tunnel is left out", 3)]
 
 
 def test_objects_far_from_the_roads_are_left_out() -> None:
@@ -104,14 +104,18 @@ def test_objects_far_from_the_roads_are_left_out() -> None:
 def test_objects_beyond_the_limit_are_left_out_with_a_note(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("simbev_ros.maps.osm.objects.MAX_MAP_OBJECTS", 2)
     objects, notes = read([((x, 0), {"natural": "tree"}) for x in range(5)])
-    assert len(objects) == 2 and notes == ("objects beyond the first 2 were left out: 3",)
+    assert len(objects) == 2 and [(each.rule, each.count) for each in notes] == [
+        ("an object beyond the first 2 is left out", 3)
+    ]
 
 
 def test_lines_beyond_the_limit_are_left_out_with_a_note(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("simbev_ros.maps.osm.objects.MAX_OBJECT_LINES_KM", 0.1)
     nodes = [((0, 0), {}), ((70, 0), {})]
     objects, notes = read(nodes, [((0, 1), {"barrier": "wall"}), ((1, 0), {"barrier": "wall"})])
-    assert len(objects) == 1 and notes == ("lines of objects beyond the first 0.1 km were left out: 1",)
+    assert len(objects) == 1 and [each.rule for each in notes] == [
+        "a line of objects beyond the first 0.1 km is left out"
+    ]
 
 
 @pytest.mark.parametrize(

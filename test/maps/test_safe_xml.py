@@ -3,7 +3,7 @@ from pathlib import Path
 import pytest
 
 from simbev_ros.errors import InputError
-from simbev_ros.maps.safe_xml import parse, place_of
+from simbev_ros.maps.safe_xml import line_of, parse, place_of
 
 LAUGHS = """<?xml version="1.0"?>
 <!DOCTYPE net [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;&a;&a;">]>
@@ -63,3 +63,14 @@ def test_a_huge_file_is_refused_unread(tmp_path: Path) -> None:
 def test_paths_that_are_not_files_are_refused(path: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         parse(Path(path), "net")
+
+
+@pytest.mark.parametrize("start", ["<!-- made by hand -->\n", "\n\n  ", "<!-- one -->\n<!-- two\n lines -->\n"])
+def test_a_comment_before_the_declaration_is_accepted(tmp_path: Path, start: str) -> None:
+    path = tmp_path / "a.xodr"
+    path.write_text(
+        f'{start}<?xml version="1.0" encoding="latin-1"?>\n<OpenDRIVE>\n<road name="é"/></OpenDRIVE>', "latin-1"
+    )
+    (road,) = parse(path, "OpenDRIVE")
+    assert road.get("name") == "é"
+    assert line_of(road) == start.count("\n") + 3

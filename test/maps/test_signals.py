@@ -5,8 +5,8 @@ from xml.etree import ElementTree
 import numpy as np
 import shapely
 
+from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.opendrive.reading.attributes import Notes
 from simbev_ros.maps.opendrive.reading.reader import read_document
 from simbev_ros.maps.opendrive.signals import read_signals
 from simbev_ros.maps.roads.lane_kind import LaneKind
@@ -92,7 +92,7 @@ def test_mounts_of_the_map_are_used_and_the_other_heads_are_placed_by_rule(block
 
 
 def test_the_opendrive_signal_of_a_head_stands_at_the_end_of_its_lane(blocks: RoadNetwork) -> None:
-    notes, root = Notes(blocks.opendrive_path), ElementTree.fromstring(blocks.opendrive)
+    notes, root = Findings(blocks.opendrive_path), ElementTree.fromstring(blocks.opendrive)
     position_m = {each.id: each.position_m for each in read_signals(read_document(Path("map"), root, notes), notes)}
     assert len(blocks.signals) == len({signal.opendrive_id for signal in blocks.signals}) > 20
     for signal in blocks.signals:

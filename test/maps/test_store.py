@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 import shapely
 
+from simbev_ros.maps.findings import Finding, Outcome
 from simbev_ros.maps.land_features import Footprint, MapFeatures, MapObject, ObjectKind, Water, Zone
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.layout import Crosswalk, Line, Paint, PaintColor, Sign, SignalPlace, SignKind, StopLine
@@ -60,7 +61,10 @@ def rich(blocks: RoadNetwork, tmp_path: Path) -> RoadNetwork:
         blocks,
         layout=layout,
         features=features,
-        notes=("One line.", "An umlaut: ä"),
+        findings=(
+            Finding("One line."),
+            Finding("An umlaut: ä", Outcome.ASSUMED, 2, 7, "detail", np.array([1.5, -2.5]), 3.0),
+        ),
         net_path=tmp_path / NET,
         opendrive_path=tmp_path / OPENDRIVE,
     )
@@ -80,7 +84,7 @@ def test_a_map_with_only_lanes_is_restored(rich: RoadNetwork, tmp_path: Path) ->
         junctions={},
         layout=replace(rich.layout, crosswalks=(), stop_lines=(), signs=(), signal_places=()),
         features=MapFeatures(rich.features.surroundings),
-        notes=(),
+        findings=(),
     )
     write_network(bare, tmp_path)
     assert _same(read_network(tmp_path, seed=bare.seed), bare)

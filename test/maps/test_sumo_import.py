@@ -11,6 +11,7 @@ import pytest
 from pyproj import Transformer
 
 from simbev_ros.errors import InputError
+from simbev_ros.maps.findings import sentences_of
 from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.sumo.importer import import_sumo
@@ -53,7 +54,9 @@ def test_a_net_without_sidewalks_is_given_some_and_keeps_its_coordinates(grid: s
     assert kinds(net) == {LaneKind.DRIVING: 80, LaneKind.SIDEWALK: 80}
     assert {LaneKind.CROSSING, LaneKind.WALKING_AREA} <= {lane.kind for lane in net.lanes.values()}
     assert net.junctions["C2"].center_m[:2].tolist() == [200.0, 200.0]
-    assert "there are no sidewalks: sidewalks were added to streets of up to 50 km/h" in parts.notes
+    assert "there are no sidewalks: sidewalks were added to streets of up to 50 km/h" in sentences_of(
+        "a.net.xml", parts.findings
+    )
 
 
 def test_a_net_with_sidewalks_and_crossings_keeps_its_own(tmp_path: Path, import_net: Import) -> None:
@@ -65,7 +68,7 @@ def test_a_net_with_sidewalks_and_crossings_keeps_its_own(tmp_path: Path, import
     assert kinds(net) == {LaneKind.DRIVING: 160, LaneKind.SIDEWALK: 80}
     assert len([lane for lane in net.lanes.values() if lane.kind is LaneKind.CROSSING]) == text.count('"crossing"')
     assert {link.programme for link in net.links} == set(re.findall(r'<tlLogic id="([^"]*)"', text))
-    assert not any("sidewalks" in note or "crossings" in note for note in parts.notes)
+    assert not any("sidewalks" in note or "crossings" in note for note in sentences_of("a.net.xml", parts.findings))
 
 
 @pytest.mark.parametrize("options", [("--spider",), ("--rand", "--seed", "4"), ("--grid", "--no-internal-links")])
@@ -86,7 +89,9 @@ def test_a_projected_net_has_the_position_of_its_projection(grid: str, import_ne
         longitude, latitude = to_geodetic.transform(691000.0 + east_m, 5335000.0 + north_m)
         here_m = parts.datum.map_from_geodetic(latitude, longitude, 0.0)
         assert np.abs(net.junctions[name].center_m - here_m).max() < 0.005
-    assert any("were rotated and scaled so that x points east" in note for note in parts.notes)
+    assert any(
+        "are rotated and scaled so that x points east" in note for note in sentences_of("a.net.xml", parts.findings)
+    )
 
 
 def test_a_net_far_from_its_origin_is_recentered(grid: str, import_net: Import) -> None:
@@ -97,14 +102,16 @@ def test_a_net_far_from_its_origin_is_recentered(grid: str, import_net: Import) 
     text = re.sub(r'( shape=)"([^"]*)"', moved, grid)
     text = re.sub(r' x="([^"]*)"', lambda match: f' x="{float(match[1]) + 90000}"', text)
     parts = import_net(text)
-    assert "it lies far from its origin: map (0, 0, 0) is 90200, 0, 0 there" in parts.notes
+    assert "it lies far from its origin: map (0, 0, 0) is 90200, 0, 0 there" in sentences_of(
+        "a.net.xml", parts.findings
+    )
     assert read_sumo_net(parts.net).junctions["C2"].center_m[:2].tolist() == [0.0, 200.0]
 
 
-ODD_SPEED = "lanes with a speed limit below 0.5 or above 150 m/s"
+ODD_SPEED = "a speed limit below 0.5 or above 150 m/s is replaced by 13.89 m/s (A0B0_0)"
 LANE = r'(<lane id="A0B0_0"[^>]*?)'
-BAD_SHAPE = "edges with a lane whose shape is not at least two points x,y or x,y,z in meters"
-LOST = "connections with missing lanes were left out: 1 (A0X7_0)"
+BAD_SHAPE = "an edge with a lane whose shape is not at least two points x,y or x,y,z in meters is left out (A0B0)"
+LOST = "a connection of a missing lane is left out (A0X7_0"
 
 
 @pytest.mark.parametrize(
@@ -127,22 +134,22 @@ def test_invalid_nets_are_refused_with_their_location(
 @pytest.mark.parametrize(
     ("pattern", "replacement", "note"),
     [
-        (LANE + r' shape="[^"]*"', r'\1 shape="9,1 9,1"', "edges without length were left out: 1 (A0B0)"),
-        (LANE, r'\1 width="0"', "lanes without width were made 3.2 m wide: 1 (A0B0_0)"),
-        (LANE, r'\1 width="-3"', "lanes without width were made 3.2 m wide: 1 (A0B0_0)"),
-        (LANE + r' speed="[^"]*"', r'\1 speed="0"', f"{ODD_SPEED} were given 13.89 m/s: 1 (A0B0_0)"),
-        (LANE + r' speed="[^"]*"', r'\1 speed="1e7"', f"{ODD_SPEED} were given 13.89 m/s: 1 (A0B0_0)"),
+        (LANE + r' shape="[^"]*"', r'\1 shape="9,1 9,1"', "an edge without length is left out (A0B0)"),
+        (LANE, r'\1 width="0"', "a lane without width is made 3.2 m wide (A0B0_0)"),
+        (LANE, r'\1 width="-3"', "a lane without width is made 3.2 m wide (A0B0_0)"),
+        (LANE + r' speed="[^"]*"', r'\1 speed="0"', ODD_SPEED),
+        (LANE + r' speed="[^"]*"', r'\1 speed="1e7"', ODD_SPEED),
         (r'(<connection from=)"A0B0"', r'\1"A0X7"', LOST),
-        (r'fromLane="0"', 'fromLane="one"', "connections with missing lanes were left out: 412 ("),
-        (r'<edge id="A0B0"', '<edge id="A0A1"', "edges without an id of their own were left out: 1 (A0A1)"),
-        (r'from="A0" to="B0"', 'from="A0" to="X"', "edges from or to missing junctions were left out: 1 (A0B0)"),
-        (r'x="100\.00" y="0.00"', 'x="1e300" y="0"', "junctions without a position were left out: 1 (B0)"),
-        (LANE + r' shape="[^"]*"', r"\1", f"{BAD_SHAPE} were left out: 1 (A0B0)"),
-        (LANE + r' shape="[^"]*"', r'\1 shape="1,2 nan,3"', f"{BAD_SHAPE} were left out: 1 (A0B0)"),
-        (LANE + r' shape="[^"]*"', r'\1 shape="1,2 3 4,5"', f"{BAD_SHAPE} were left out: 1 (A0B0)"),
-        (LANE + r' speed="[^"]*"', r'\1 speed="fast"', f"{ODD_SPEED} were given 13.89 m/s: 1 (A0B0_0)"),
-        (LANE, r'\1 width="5000"', "edges with a lane wider than 30 m were left out: 1 (A0B0)"),
-        (r'(<edge id="A0B0"[^>]*>)', r"\1" + 101 * "<lane/>", "edges with more than 100 lanes were left out: 1 (A0B0)"),
+        (r'fromLane="0"', 'fromLane="one"', "a connection of a missing lane is left out ("),
+        (r'<edge id="A0B0"', '<edge id="A0A1"', "an edge without an id of its own is left out (A0A1)"),
+        (r'from="A0" to="B0"', 'from="A0" to="X"', "an edge from or to missing junctions is left out (A0B0"),
+        (r'x="100\.00" y="0.00"', 'x="1e300" y="0"', "a junction without a position is left out (B0)"),
+        (LANE + r' shape="[^"]*"', r"\1", BAD_SHAPE),
+        (LANE + r' shape="[^"]*"', r'\1 shape="1,2 nan,3"', BAD_SHAPE),
+        (LANE + r' shape="[^"]*"', r'\1 shape="1,2 3 4,5"', BAD_SHAPE),
+        (LANE + r' speed="[^"]*"', r'\1 speed="fast"', ODD_SPEED),
+        (LANE, r'\1 width="5000"', "an edge with a lane wider than 30 m is left out (A0B0"),
+        (r'(<edge id="A0B0"[^>]*>)', r"\1" + 101 * "<lane/>", "an edge with more than 100 lanes is left out (A0B0"),
     ],
 )  # fmt: skip
 def test_repairable_nets_are_repaired_with_a_note(
@@ -151,7 +158,7 @@ def test_repairable_nets_are_repaired_with_a_note(
     text = re.sub(pattern, replacement, grid, flags=re.DOTALL)
     assert text != grid
     parts = import_net(text)
-    assert any(note in sentence for sentence in parts.notes)
+    assert any(note in sentence for sentence in sentences_of("a.net.xml", parts.findings))
     assert kinds(read_sumo_net(parts.net))[LaneKind.DRIVING] >= 73
 
 
@@ -161,10 +168,14 @@ def test_islands_are_left_out_with_a_note(grid: str, import_net: Import) -> None
     parts = import_net(re.sub(rf'<edge id="({cut})".*?</edge>', "", grid, flags=re.DOTALL))
     net = read_sumo_net(parts.net)
     assert {name[0] for name in net.junctions} == {"C", "D", "E"}
-    assert "edges not connected with the rest were left out: 26 (A0A1, A0B0, A1A0, A1A2, …)" in parts.notes
+    (note,) = (each for each in sentences_of("a.net.xml", parts.findings) if "not connected with the rest" in each)
+    assert re.search(r"^a\.net\.xml:\d+: an edge .* is left out \(A0A1; 26 times; 2\.\d+ km of lanes\)$", note)
 
 
 def test_a_race_track_for_special_vehicles_is_opened_to_cars(grid: str, import_net: Import) -> None:
     parts = import_net(re.sub(r'(<lane id="[^:"][^"]*")', r'\1 allow="vip"', grid))
-    assert any("no lane is for cars; lanes for special vehicles were opened: 80" in note for note in parts.notes)
+    assert any(
+        "no lane is for cars: a lane for special vehicles is opened to them (A0A1_0; 80 times)" in note
+        for note in sentences_of("a.net.xml", parts.findings)
+    )
     assert kinds(read_sumo_net(parts.net))[LaneKind.DRIVING] >= 76

@@ -34,6 +34,14 @@ def map_(
     everything: Annotated[
         bool, typer.Option("--all", help="Build the surroundings of the whole map, not only around one position.")
     ] = False,
+    check: Annotated[
+        bool,
+        typer.Option("--check", help="List what was left out, repaired or assumed; with --out, mark it on a plan."),
+    ] = False,
+    max_loss: Annotated[
+        float,
+        typer.Option(help="With --check: percent of lanes that may be lost; beyond, exit code 1.", min=0, max=100),
+    ] = 1.0,
     fresh: Annotated[bool, typer.Option("--fresh", help="Build without the cache, for timing.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
 ) -> None:
@@ -49,10 +57,13 @@ def map_(
 
     simbev map my_city.osm --to my_city.xodr
 
+    simbev map my_city.xodr --check --out my_city.png
+
     simbev map berlin.osm.pbf --bounds 13.37,52.50,13.42,52.53 --out berlin.png
     """
     from simbev_ros.cache.entries import default_cache_dir
     from simbev_ros.cli.console import make_console, table_console
+    from simbev_ros.cli.map.check import print_check
     from simbev_ros.cli.map.exploration import build_roads, explore
     from simbev_ros.cli.map.report import map_table, towns_table
     from simbev_ros.cli.output_file import require_name
@@ -73,9 +84,14 @@ def map_(
             raise InputError("a form to write needs a map", parameter="to")
         writer_of(to)
         require_writable(to.parent)
+    if check and name is None:
+        raise InputError("a check needs a map", parameter="check")
     console = make_console(stderr=True)
     with tempfile.TemporaryDirectory(prefix="simbev_ros-map-") if fresh else nullcontext() as folder:
         cache_dir = Path(folder) if folder else default_cache_dir()
+        if check and name is not None:
+            is_good = print_check(map_spec(name, seed, part), max_loss, out, as_json, cache_dir, console)
+            raise typer.Exit(0 if is_good else 1)
         if name is None:
             reports = [build_roads(map_spec(town, seed), cache_dir, console)[0] for town in known_maps()]
         else:

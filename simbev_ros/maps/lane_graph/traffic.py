@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.lane_graph.lane_key import LaneKey
-from simbev_ros.maps.opendrive.reading.attributes import Notes
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.sumo.islands import on_mainland
 from simbev_ros.types import Float64Array
@@ -107,7 +107,7 @@ class Traffic:
         return any(lane.kind is LaneKind.DRIVING for edge in self.edges for lane in edge.lanes)
 
 
-def keep_mainland(edges: Sequence[TrafficEdge], connections: Sequence[TrafficConnection], notes: Notes) -> Traffic:
+def keep_mainland(edges: Sequence[TrafficEdge], connections: Sequence[TrafficConnection], notes: Findings) -> Traffic:
     """Remove roads that cannot be reached from most others; the two directions of a road count as connected."""
     by_road: dict[str, str] = {}
     pairs = [(edge.id, by_road.setdefault(edge.road, edge.id), 0.0) for edge in edges]
@@ -119,7 +119,8 @@ def keep_mainland(edges: Sequence[TrafficEdge], connections: Sequence[TrafficCon
     names = {edge.id for edge, keep in zip(edges, kept, strict=True) if keep}
     lost_m = sum(length_m for length_m, keep in zip(lengths_m, kept, strict=True) if not keep)
     if lost_m > 0.0:
-        notes.add(f"{lost_m / 1e3:.2f} km of lanes cannot be reached from the others and carry no traffic")
+        rule = "lanes that cannot be reached from the others carry no traffic"
+        notes.left_out(rule, None, f"{lost_m / 1e3:.2f} km")
     return Traffic(
         tuple(edge for edge in edges if edge.id in names), tuple(c for c in connections if c.start[0] in names)
     )

@@ -3,13 +3,13 @@
 import re
 from xml.etree.ElementTree import Element
 
-from simbev_ros.maps.opendrive.reading.attributes import Notes
+from simbev_ros.maps.findings import Findings
 
 _MAX_TAG_CHARS = 255
 _ID = re.compile(r"[A-Za-z0-9.-]{1,40}")
 
 
-def elements_by_id(root: Element, tag: str, notes: Notes) -> dict[str, Element]:
+def elements_by_id(root: Element, tag: str, notes: Findings) -> dict[str, Element]:
     """Elements that were not deleted, by id, in the order of the file; of several with one id the first one."""
     found: dict[str, Element] = {}
     for element in root.findall(tag):
@@ -17,7 +17,7 @@ def elements_by_id(root: Element, tag: str, notes: Notes) -> dict[str, Element]:
             continue
         name = element.get("id", "")
         if name in found or not _ID.fullmatch(name):
-            notes.add(f"a <{tag}> without an id of its own is left out", element, f"id={name[:40]!r}")
+            notes.left_out(f"a <{tag}> without an id of its own is left out", element, f"id={name[:40]!r}")
             continue
         found[name] = element
     return found

@@ -15,9 +15,9 @@ from pyproj import Transformer
 
 from simbev_ros.errors import InputError
 from simbev_ros.geometry.geodesy import MapDatum
+from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.lanelet2.elements import tags_of
 from simbev_ros.maps.lanelet2.projector_info import datum_of_file, datum_of_grid, mercator_plane, utm_plane
-from simbev_ros.maps.opendrive.reading.attributes import Notes
 from simbev_ros.maps.osm.netfile import center_datum
 from simbev_ros.types import BoolArray, Float64Array
 
@@ -32,7 +32,9 @@ _TOLERANCE_M = 0.5
 _UNKNOWN = MapDatum(0.0, 0.0, 0.0)
 
 
-def map_frame(path: Path, nodes: Mapping[str, Element], notes: Notes) -> tuple[Float64Array, MapDatum, dict[str, int]]:
+def map_frame(
+    path: Path, nodes: Mapping[str, Element], notes: Findings
+) -> tuple[Float64Array, MapDatum, dict[str, int]]:
     """Positions of the points of a file.
 
     Args:
@@ -69,10 +71,10 @@ def map_frame(path: Path, nodes: Mapping[str, Element], notes: Notes) -> tuple[F
         to_map = Transformer.from_crs("EPSG:4326", datum.proj_string, always_xy=True)
         xy_m = np.column_stack(to_map.transform(*degrees[usable].T))
     for node in [node for node, use in zip(nodes.values(), usable.tolist(), strict=True) if not use]:
-        notes.add("a point without a usable position is left out", node, f"node {node.get('id')}")
+        notes.left_out("a point without a usable position is left out", node, f"node {node.get('id')}")
     height_m = height_m[usable]
     if np.isnan(height_m).any():
-        notes.add(f"{int(np.isnan(height_m).sum())} points have no elevation (ele): they lie at 0 m")
+        notes.repaired(f"{int(np.isnan(height_m).sum())} points have no elevation (ele): they lie at 0 m")
     known = (name for name, use in zip(nodes, usable.tolist(), strict=True) if use)
     return np.column_stack([xy_m, np.nan_to_num(height_m)]), datum, {name: row for row, name in enumerate(known)}
 
@@ -103,17 +105,17 @@ def _number(values: Element | Mapping[str, str], name: str) -> float:
 
 
 def _local_datum(
-    path: Path, local_m: Float64Array, degrees: Float64Array, on_earth: BoolArray, grids: set[str], notes: Notes
+    path: Path, local_m: Float64Array, degrees: Float64Array, on_earth: BoolArray, grids: set[str], notes: Findings
 ) -> MapDatum:
     """The datum of local coordinates."""
     if on_earth.all() and np.ptp(degrees, axis=0).max() > 0.0:
         datum = _fitted_datum(local_m, degrees)
         if datum is not None:
             return datum
-        notes.add("latitudes and longitudes contradict local_x and local_y, and are ignored")
+        notes.left_out("latitudes and longitudes contradict local_x and local_y, and are ignored")
     datum = datum_of_file(path) or (datum_of_grid(grids.pop()) if len(grids) == 1 else None)
     if datum is None:
-        notes.add("its local coordinates have no position on Earth: GNSS uses 0° N 0° E for their origin")
+        notes.assumed("its local coordinates have no position on Earth: GNSS uses 0° N 0° E for their origin")
     return datum or _UNKNOWN
 
 
@@ -149,12 +151,12 @@ def _at_origin(datum: MapDatum) -> MapDatum:
     return replace(datum, latitude_deg=round(latitude, 11), longitude_deg=round(longitude, 11))
 
 
-def _recentered(xy_m: Float64Array, datum: MapDatum, notes: Notes) -> tuple[Float64Array, MapDatum]:
+def _recentered(xy_m: Float64Array, datum: MapDatum, notes: Findings) -> tuple[Float64Array, MapDatum]:
     """Coordinates far from their origin are shifted to the middle of the map, and the datum with them."""
     middle_m = np.round(np.median(xy_m, axis=0))
     if np.abs(middle_m).max() <= _MAX_OFFSET_M:
         return xy_m, datum
-    notes.add(f"it lies far from its origin: map (0, 0) is its ({middle_m[0]:.0f}, {middle_m[1]:.0f})")
+    notes.assumed(f"it lies far from its origin: map (0, 0) is its ({middle_m[0]:.0f}, {middle_m[1]:.0f})")
     if datum != _UNKNOWN:
         if not datum.projection:
             datum = replace(datum, projection=mercator_plane(datum.latitude_deg, datum.longitude_deg, 1.0))

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from simbev_ros.errors import InputError, SimulationError
+from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.lane_graph.crossings import crosswalks_of_net, planned_crossings
 from simbev_ros.maps.lane_graph.sumo_xml import RightOfWay, build_net
 from simbev_ros.maps.lane_graph.traffic import Traffic
@@ -21,7 +22,6 @@ from simbev_ros.maps.lanelet2.shapes import lanelet_shapes
 from simbev_ros.maps.lanelet2.strips import area_strips, crosswalks_of, lanelet_strips
 from simbev_ros.maps.lanelet2.topology import Topology, topology_of
 from simbev_ros.maps.lanelet2.traffic import traffic_of
-from simbev_ros.maps.opendrive.reading.attributes import Notes
 from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.roads.layout import Crosswalk, Layout, SignKind
 
@@ -36,7 +36,7 @@ def import_lanelet2(path: Path, work: Path) -> MapParts:
     Raises:
         InputError: The file is not OSM XML, is too large, or has no lanelet for vehicles.
     """
-    notes = Notes(path)
+    notes = Findings(path)
     source, datum = read_lanelet_map(path, notes)
     source = with_speed_limits(source)
     shapes = list(lanelet_shapes(source, notes))
@@ -63,9 +63,8 @@ def import_lanelet2(path: Path, work: Path) -> MapParts:
         signs=signs_of(rules, junctions.topology, lane_ids, roadside),
         signal_places=signal_places(rules, junctions.topology, lane_ids, roadside),
     )
-    return MapParts(
-        net, work / "sumo.xodr", datum, land_of(source.areas, strips, notes), layout, notes=notes.sentences()
-    )
+    features = land_of(source.areas, strips, notes)
+    return MapParts(net, work / "sumo.xodr", datum, features, layout, findings=notes.all())
 
 
 def _right_of_way(

@@ -6,9 +6,9 @@ from dataclasses import replace
 import shapely
 
 from simbev_ros.geometry.plan_view import polygon_parts
+from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.land_features import Footprint, MapFeatures, Zone
 from simbev_ros.maps.lanelet2.document import Area
-from simbev_ros.maps.opendrive.reading.attributes import Notes
 from simbev_ros.maps.opendrive.surroundings import features_of
 from simbev_ros.maps.osm.lengths import parse_length_m
 from simbev_ros.maps.roads.layout import Strip
@@ -21,7 +21,7 @@ _MAX_CORNERS = 2_000
 _VEGETATION = SurroundingsRecipe(use="park", building_density=0.0, furniture_density=0.0, fence_density=0.0)
 
 
-def land_of(areas: Iterable[Area], strips: Sequence[Strip], notes: Notes) -> MapFeatures:
+def land_of(areas: Iterable[Area], strips: Sequence[Strip], notes: Findings) -> MapFeatures:
     """Land features: as of an OpenDRIVE map, with the buildings of the file if it has any, and its vegetation."""
     buildings: list[Footprint] = []
     zones: list[Zone] = []

@@ -11,10 +11,10 @@ import numpy as np
 from simbev_ros.errors import InputError
 from simbev_ros.geometry.geodesy import MapDatum
 from simbev_ros.limits import MAX_LANELET_POINTS, MAX_LANELETS, MAX_OSM_BYTES
+from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.lanelet2.document import Area, Lanelet, LaneletMap, Linestring, Regulation
 from simbev_ros.maps.lanelet2.elements import elements_by_id, tags_of
 from simbev_ros.maps.lanelet2.frame import map_frame
-from simbev_ros.maps.opendrive.reading.attributes import Notes
 from simbev_ros.maps.osm.data import Tags
 from simbev_ros.maps.safe_xml import parse
 from simbev_ros.types import Float64Array
@@ -46,7 +46,7 @@ def has_lanelets(path: Path, suffix: str) -> bool:
     return lanelets > streets
 
 
-def read_lanelet_map(path: Path, notes: Notes) -> tuple[LaneletMap, MapDatum]:
+def read_lanelet_map(path: Path, notes: Findings) -> tuple[LaneletMap, MapDatum]:
     """Read a Lanelet2 file.
 
     Args:
@@ -82,7 +82,7 @@ def read_lanelet_map(path: Path, notes: Notes) -> tuple[LaneletMap, MapDatum]:
 
 
 def _iter_lines(
-    ways: Mapping[str, Element], index: Mapping[str, int], xyz_m: Float64Array, notes: Notes
+    ways: Mapping[str, Element], index: Mapping[str, int], xyz_m: Float64Array, notes: Findings
 ) -> Iterator[tuple[str, Linestring]]:
     """Yield lines by id; points that are missing are left out, and points in the same position count as one."""
     position = np.unique(np.round(xyz_m / _SAME_POINT_M), axis=0, return_inverse=True)[1].ravel().tolist()
@@ -90,7 +90,7 @@ def _iter_lines(
         references = [reference.get("ref", "") for reference in element.findall("nd")]
         known = [index[reference] for reference in references if reference in index]
         if len(known) < len(references):
-            notes.add("a line refers to points that are missing", element, f"way {name}")
+            notes.left_out("a line refers to points that are missing", element, f"way {name}")
         numbers = [position[node] for node in known]
         distinct = [k for k in range(len(known)) if k == 0 or numbers[k] != numbers[k - 1]]
         if len(distinct) > 1:
@@ -106,7 +106,7 @@ def _members(relation: Element, kind: str) -> Iterator[tuple[str, str]]:
 
 
 def _iter_lanelets(
-    relations: Mapping[str, Element], tags: Mapping[str, Tags], lines: Mapping[str, Linestring], notes: Notes
+    relations: Mapping[str, Element], tags: Mapping[str, Tags], lines: Mapping[str, Linestring], notes: Findings
 ) -> Iterator[tuple[str, Lanelet]]:
     """Yield lanelets by id; those without both bounds are left out."""
     for name, element in relations.items():
@@ -115,7 +115,9 @@ def _iter_lanelets(
         left, right, center = (_joined(references, lines) for references in bounds)
         if left is None or right is None:
             missing = "left" if left is None else "right"
-            notes.add("a lanelet without both bounds is left out", element, f"lanelet {name} has no {missing} bound")
+            notes.left_out(
+                "a lanelet without both bounds is left out", element, f"lanelet {name} has no {missing} bound"
+            )
             continue
         regulations = tuple(ref for role, ref in _members(element, "relation") if role == "regulatory_element")
         yield name, Lanelet(name, left, right, center, tags[name], regulations, element)
@@ -140,14 +142,14 @@ def _joined(references: Sequence[str], lines: Mapping[str, Linestring]) -> Lines
     return joined
 
 
-def _regulation(element: Element, tags: Tags, lines: Mapping[str, Linestring], notes: Notes) -> Regulation:
+def _regulation(element: Element, tags: Tags, lines: Mapping[str, Linestring], notes: Findings) -> Regulation:
     """Read one regulatory element; members that are missing are left out."""
     ways: dict[str, list[Linestring]] = defaultdict(list)
     for role, reference in _members(element, "way"):
         if reference in lines:
             ways[role].append(lines[reference])
         else:
-            notes.add("a regulatory element refers to a line that is missing", element, f"way {reference}")
+            notes.left_out("a regulatory element refers to a line that is missing", element, f"way {reference}")
     lanelets: dict[str, list[str]] = defaultdict(list)
     for role, reference in _members(element, "relation"):
         lanelets[role].append(reference)

@@ -7,13 +7,13 @@ from types import MappingProxyType
 import numpy as np
 import shapely
 
+from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.lanelet2.document import LaneletMap, Linestring, Regulation
 from simbev_ros.maps.lanelet2.junctions import Junctions
 from simbev_ros.maps.lanelet2.shapes import LaneletShape
 from simbev_ros.maps.lanelet2.tables import SIGN_KINDS, SPEED_SIGN, SPEED_UNITS_MPS, WITHOUT_EFFECT
 from simbev_ros.maps.lanelet2.tags import parse_speed_mps
 from simbev_ros.maps.lanelet2.topology import Topology
-from simbev_ros.maps.opendrive.reading.attributes import Notes
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Crosswalk, SignKind
 from simbev_ros.maps.roads.surface import crosswalk_polygons
@@ -53,7 +53,7 @@ def with_speed_limits(source: LaneletMap) -> LaneletMap:
     return replace(source, lanelets=lanelets)
 
 
-def rules_of(source: LaneletMap, junctions: Junctions, notes: Notes) -> tuple[Rule, ...]:
+def rules_of(source: LaneletMap, junctions: Junctions, notes: Findings) -> tuple[Rule, ...]:
     """All rules of a map that apply to lanelets for vehicles, in the order of the file."""
     shapes = junctions.topology.shapes
     users: dict[str, list[str]] = {}
@@ -62,14 +62,14 @@ def rules_of(source: LaneletMap, junctions: Junctions, notes: Notes) -> tuple[Ru
             if reference in source.regulations:
                 users.setdefault(reference, []).append(name)
             else:
-                notes.add("a lanelet refers to a regulatory element that is missing", shape.lanelet.element)
+                notes.left_out("a lanelet refers to a regulatory element that is missing", shape.lanelet.element)
     found = []
     for name, regulation in source.regulations.items():
         if regulation.subtype not in _KNOWN:
             known = (
                 "without effect on this simulation" if regulation.subtype in WITHOUT_EFFECT else "of unknown subtype"
             )
-            notes.add(f"a regulatory element {known} is ignored", regulation.element, regulation.subtype[:30])
+            notes.left_out(f"a regulatory element {known} is ignored", regulation.element, regulation.subtype[:30])
             continue
         found += [rule for rule in _rules(regulation, users.get(name, ()), junctions) if rule.lanelets]
     return tuple(found)

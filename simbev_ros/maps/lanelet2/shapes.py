@@ -10,10 +10,10 @@ from scipy.optimize import isotonic_regression
 from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.limits import MAX_BOUND_POINTS
+from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.lane_graph.lane_key import LaneKey
 from simbev_ros.maps.lanelet2.document import Lanelet, LaneletMap
 from simbev_ros.maps.lanelet2.tags import lane_kind
-from simbev_ros.maps.opendrive.reading.attributes import Notes
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.types import Float64Array
 
@@ -119,24 +119,24 @@ class LaneletShape:
         )
 
 
-def lanelet_shapes(source: LaneletMap, notes: Notes) -> Iterator[LaneletShape]:
+def lanelet_shapes(source: LaneletMap, notes: Findings) -> Iterator[LaneletShape]:
     """Yield the shapes of all lanelets of known use, in order; those with unusable bounds are left out with a note."""
     for lanelet in source.lanelets.values():
         kind = lane_kind(lanelet.tags)
         if kind is None:
             subtype = lanelet.tags.get("subtype", "")
-            notes.add("a lanelet of unknown subtype is left out", lanelet.element, f"subtype={subtype[:30]!r}")
+            notes.left_out("a lanelet of unknown subtype is left out", lanelet.element, f"subtype={subtype[:30]!r}")
             continue
         problem = _problem(lanelet)
         if problem:
-            notes.add(f"a lanelet {problem} is left out", lanelet.element, f"lanelet {lanelet.id}")
+            notes.left_out(f"a lanelet {problem} is left out", lanelet.element, f"lanelet {lanelet.id}")
             continue
         shape = _shape(lanelet, kind)
         if shape.inverted_fraction > _MAX_INVERTED:
-            notes.add("a lanelet whose bounds cross is left out", lanelet.element, f"lanelet {lanelet.id}")
+            notes.left_out("a lanelet whose bounds cross is left out", lanelet.element, f"lanelet {lanelet.id}")
             continue
         if kind is LaneKind.DRIVING and shape.width_m < _MIN_DRIVING_WIDTH_M:
-            notes.add(
+            notes.repaired(
                 "a lanelet that is too narrow for vehicles is a shoulder",
                 lanelet.element,
                 f"lanelet {lanelet.id}: {shape.width_m:.1f} m",

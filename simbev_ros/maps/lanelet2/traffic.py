@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.lane_graph.joined_names import JoinedNames
 from simbev_ros.maps.lane_graph.traffic import (
     LaneOfEdge,
@@ -22,7 +23,6 @@ from simbev_ros.maps.lanelet2.junctions import Junctions
 from simbev_ros.maps.lanelet2.shapes import LaneletShape, joined_m, resampled_m, stations_m
 from simbev_ros.maps.lanelet2.tags import allowed_classes, may_cross, speed_limit_mps
 from simbev_ros.maps.lanelet2.topology import Topology
-from simbev_ros.maps.opendrive.reading.attributes import Notes
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.types import Float64Array
 
@@ -30,7 +30,7 @@ Row = tuple[str, ...]
 """Ids of the lanelets with traffic that lie side by side in one direction, outermost first."""
 
 
-def traffic_of(junctions: Junctions, waiting: Collection[str], notes: Notes) -> Traffic:
+def traffic_of(junctions: Junctions, waiting: Collection[str], notes: Findings) -> Traffic:
     """The edges and connections of the largest connected part of the road network.
 
     Args:
@@ -53,16 +53,18 @@ def traffic_of(junctions: Junctions, waiting: Collection[str], notes: Notes) -> 
     return split_loops(keep_mainland(joined, connections, notes)) if joined else Traffic((), ())
 
 
-def _note_omissions(junctions: Junctions, notes: Notes) -> None:
+def _note_omissions(junctions: Junctions, notes: Findings) -> None:
     """Note the lanelets that carry no traffic, or only a part of theirs."""
     for name, shape in junctions.topology.shapes.items():
         if shape.kind is not LaneKind.DRIVING:
             continue
         if shape.lanelet.tags.get("one_way") == "no":
-            notes.add("a lanelet for both directions carries traffic in one", shape.lanelet.element, f"lanelet {name}")
+            notes.repaired(
+                "a lanelet for both directions carries traffic in one", shape.lanelet.element, f"lanelet {name}"
+            )
         if name in junctions.by_lanelet and not (junctions.entries[name] and junctions.paths(name)):
             detail = f"lanelet {name}"
-            notes.add("a lanelet that overlaps others at the edge of the map carries no traffic", None, detail)
+            notes.left_out("a lanelet that overlaps others at the edge of the map carries no traffic", None, detail)
 
 
 def _chains(junctions: Junctions, waiting: Collection[str]) -> Iterator[tuple[Row, ...]]:

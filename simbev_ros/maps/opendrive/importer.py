@@ -14,13 +14,13 @@ from xml.etree.ElementTree import ElementTree
 
 from simbev_ros.errors import InputError, SimulationError
 from simbev_ros.limits import MAX_MAP_BYTES
+from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.lane_graph.crossings import crosswalks_of_net, planned_crossings
 from simbev_ros.maps.lane_graph.sumo_xml import RightOfWay, build_net
 from simbev_ros.maps.lane_graph.traffic import Traffic
 from simbev_ros.maps.opendrive.lane_shapes import lane_shapes
 from simbev_ros.maps.opendrive.links import LaneLinks
 from simbev_ros.maps.opendrive.objects import crosswalks_of, stop_lines_of
-from simbev_ros.maps.opendrive.reading.attributes import Notes
 from simbev_ros.maps.opendrive.reading.datum import datum_of
 from simbev_ros.maps.opendrive.reading.document import Document
 from simbev_ros.maps.opendrive.reading.reader import read_document
@@ -51,7 +51,7 @@ def import_opendrive(path: Path, work: Path) -> MapParts:
     Raises:
         InputError: The file is not OpenDRIVE, or has no drivable lane.
     """
-    notes = Notes(path)
+    notes = Findings(path)
     root = parse(path, "OpenDRIVE")
     is_recentered = recenter(root, notes)
     document = _with_roads_outside_junctions(read_document(path, root, notes), notes)
@@ -85,14 +85,14 @@ def import_opendrive(path: Path, work: Path) -> MapParts:
     features = features_of(strips, *objects_of(document, notes), notes)
     datum = datum_of(root, notes)
     opendrive = _write(path, document, is_recentered, work)
-    return MapParts(net, opendrive, datum, features, layout, opendrive_of_net=False, notes=notes.sentences())
+    return MapParts(net, opendrive, datum, features, layout, opendrive_of_net=False, findings=notes.all())
 
 
-def _with_roads_outside_junctions(document: Document, notes: Notes) -> Document:
+def _with_roads_outside_junctions(document: Document, notes: Findings) -> Document:
     """The document; if all its roads are inside junctions, as in a file of one turn, they are driven like others."""
     if not document.roads or not all(road.junction for road in document.roads.values()):
         return document
-    notes.add("all its roads are inside junctions; they are used as roads outside them")
+    notes.assumed("all its roads are inside junctions; they are used as roads outside them")
     return replace(document, roads={key: replace(road, junction="") for key, road in document.roads.items()})
 
 

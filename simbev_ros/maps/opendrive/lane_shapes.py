@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.opendrive.borders import borders_m
-from simbev_ros.maps.opendrive.reading.attributes import Notes
 from simbev_ros.maps.opendrive.reading.document import Document, LaneKey, LaneRecord, Road, Section, value_at
 from simbev_ros.maps.opendrive.reading.tables import DEFAULT_SPEEDS_MPS
 from simbev_ros.maps.opendrive.stations import stations_m
@@ -56,7 +56,7 @@ class LaneShape:
         return own_mps or value_at(self.road.speeds, s_m) or DEFAULT_SPEEDS_MPS["default"]
 
 
-def lane_shapes(document: Document, notes: Notes) -> Iterator[LaneShape]:
+def lane_shapes(document: Document, notes: Findings) -> Iterator[LaneShape]:
     """Yield the shapes of all used lanes: by road, left side first, by section, from the center line outward.
 
     Roads beyond the coordinate bounds are left out, with a note.
@@ -66,7 +66,7 @@ def lane_shapes(document: Document, notes: Notes) -> Iterator[LaneShape]:
         if all(_is_plausible(shape) for shape in shapes):
             yield from shapes
         else:
-            notes.add("a road that is out of bounds or far too wide is left out", road.element, f"road {road.id}")
+            notes.left_out("a road that is out of bounds or far too wide is left out", road.element, f"road {road.id}")
 
 
 def _is_plausible(shape: LaneShape) -> bool:

@@ -3,8 +3,9 @@
 import numpy as np
 
 from simbev_ros.geometry.plan_view import left_of
+from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.opendrive.object_shapes import iter_objects, outline_m
-from simbev_ros.maps.opendrive.reading.attributes import Malformed, Notes, number
+from simbev_ros.maps.opendrive.reading.attributes import Malformed, number
 from simbev_ros.maps.opendrive.reading.document import Document, Road
 from simbev_ros.maps.opendrive.sides import drives_forward_at
 from simbev_ros.maps.roads.layout import Crosswalk, StopLine
@@ -13,7 +14,7 @@ from simbev_ros.types import Float64Array
 _MIN_ASPECT = 1.3
 
 
-def crosswalks_of(document: Document, notes: Notes) -> tuple[Crosswalk, ...]:
+def crosswalks_of(document: Document, notes: Findings) -> tuple[Crosswalk, ...]:
     """All crosswalks of a document; unreadable ones are left out with a note."""
     found = []
     for road, element in iter_objects(document):
@@ -23,13 +24,13 @@ def crosswalks_of(document: Document, notes: Notes) -> tuple[Crosswalk, ...]:
             corners_m = outline_m(road, element)
             across = road.plan(np.array([number(element, "s")]))[1][0]
         except Malformed as problem:
-            notes.add("a crosswalk that cannot be read is left out", element, str(problem))
+            notes.left_out("a crosswalk that cannot be read is left out", element, str(problem))
             continue
         found.append(Crosswalk(corners_m, _walking_axis(corners_m, across)))
     return tuple(found)
 
 
-def stop_lines_of(document: Document, notes: Notes) -> tuple[StopLine, ...]:
+def stop_lines_of(document: Document, notes: Findings) -> tuple[StopLine, ...]:
     """All stop lines of a document that are objects (not signals); unreadable ones are left out with a note."""
     found = []
     for road, element in iter_objects(document):
@@ -40,7 +41,7 @@ def stop_lines_of(document: Document, notes: Notes) -> tuple[StopLine, ...]:
             corners_m = outline_m(road, element, min_corners=2)
             s_m, t_m = number(element, "s"), number(element, "t")
         except Malformed as problem:
-            notes.add("a stop line that cannot be read is left out", element, str(problem))
+            notes.left_out("a stop line that cannot be read is left out", element, str(problem))
             continue
         found.append(StopLine(_bar_ends_m(corners_m, left_of_traffic(road, s_m, t_m))))
     return tuple(found)

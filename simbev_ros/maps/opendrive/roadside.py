@@ -5,8 +5,8 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 import shapely
 
+from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.opendrive.borders import point_m
-from simbev_ros.maps.opendrive.reading.attributes import Notes
 from simbev_ros.maps.opendrive.reading.document import LaneKey, Road
 from simbev_ros.maps.opendrive.sides import reach_m
 from simbev_ros.maps.opendrive.signals import Signal
@@ -54,7 +54,7 @@ def signs_of(
     approaches: Approaches,
     lane_ids: Mapping[LaneKey, Sequence[str]],
     carriageway: Carriageway,
-    notes: Notes,
+    notes: Findings,
 ) -> tuple[Sign, ...]:
     """All signs on posts; signs that are only painted, or would stand on the road, get a post beside the road."""
     found: list[Sign] = []
@@ -75,7 +75,7 @@ def signal_places_of(
     approaches: Approaches,
     lane_ids: Mapping[LaneKey, Sequence[str]],
     carriageway: Carriageway,
-    notes: Notes,
+    notes: Findings,
 ) -> tuple[SignalPlace, ...]:
     """Mounts of all traffic lights for vehicles; those without a height of their own hang on a post.
 
@@ -133,7 +133,7 @@ def yaw_of(signal: Signal, approaches: Approaches) -> float:
     return float(np.angle(-np.exp(1j * (traffic_rad + turn_rad))))
 
 
-def foot_of(signal: Signal, carriageway: Carriageway, notes: Notes) -> Float64Array:
+def foot_of(signal: Signal, carriageway: Carriageway, notes: Findings) -> Float64Array:
     """(3,) foot of a signal's post: its own position, or one beside the road if that is on the road."""
     if not carriageway.contains(signal.position_m):
         return signal.position_m
@@ -142,5 +142,5 @@ def foot_of(signal: Signal, carriageway: Carriageway, notes: Notes) -> Float64Ar
         beside_m = carriageway.beside(signal.road, signal.s_m, on_left)
         if beside_m is not None:
             return beside_m
-    notes.add("a signal stands on the road, and no free position was found beside it", signal.road.element)
+    notes.repaired("a signal stands on the road, and no free position was found beside it", signal.road.element)
     return signal.position_m

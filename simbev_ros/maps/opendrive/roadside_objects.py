@@ -12,6 +12,7 @@ from pydantic import Field, TypeAdapter
 
 from simbev_ros.config.base import Model
 from simbev_ros.limits import MAX_MAP_OBJECTS
+from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.land_features import POINT_KINDS, Footprint, MapObject, ObjectKind
 from simbev_ros.maps.opendrive.borders import points_m
 from simbev_ros.maps.opendrive.object_shapes import (
@@ -24,7 +25,7 @@ from simbev_ros.maps.opendrive.object_shapes import (
     placement_of,
     sweeps_of,
 )
-from simbev_ros.maps.opendrive.reading.attributes import Malformed, Notes, number
+from simbev_ros.maps.opendrive.reading.attributes import Malformed, number
 from simbev_ros.maps.opendrive.reading.document import Document, Road
 from simbev_ros.tables import load_table
 from simbev_ros.types import Float64Array
@@ -48,7 +49,7 @@ def object_types() -> Mapping[str, ObjectType]:
     return TypeAdapter(dict[str, ObjectType]).validate_python(table)
 
 
-def objects_of(document: Document, notes: Notes) -> tuple[tuple[MapObject, ...], tuple[Footprint, ...]]:
+def objects_of(document: Document, notes: Findings) -> tuple[tuple[MapObject, ...], tuple[Footprint, ...]]:
     """The objects and the buildings of a document; unreadable ones are left out with a note."""
     objects: list[MapObject] = []
     buildings: list[Footprint] = []
@@ -59,10 +60,10 @@ def objects_of(document: Document, notes: Notes) -> tuple[tuple[MapObject, ...],
         try:
             made = list(_solids(road, element, kind))
         except Malformed as problem:
-            notes.add("an object that cannot be read is left out", element, str(problem))
+            notes.left_out("an object that cannot be read is left out", element, str(problem))
             continue
         if len(objects) + len(buildings) + len(made) > MAX_MAP_OBJECTS:
-            notes.add(f"objects beyond the first {MAX_MAP_OBJECTS} are left out", element)
+            notes.left_out(f"objects beyond the first {MAX_MAP_OBJECTS} are left out", element)
             break
         if kind.kind == "building":
             buildings += _footprints(made)

@@ -8,8 +8,9 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.opendrive.borders import point_m
-from simbev_ros.maps.opendrive.reading.attributes import Malformed, Notes, number
+from simbev_ros.maps.opendrive.reading.attributes import Malformed, number
 from simbev_ros.maps.opendrive.reading.document import Document, LaneKey, Road
 from simbev_ros.maps.opendrive.reading.tables import NAMED_SPEED_LIMIT, SIGNAL_MEANINGS, SPEED_UNITS_MPS
 from simbev_ros.maps.opendrive.sides import drives_forward_at, driving_lanes_at
@@ -64,7 +65,7 @@ class Signal:
     painted: bool
 
 
-def read_signals(document: Document, notes: Notes) -> tuple[Signal, ...]:
+def read_signals(document: Document, notes: Findings) -> tuple[Signal, ...]:
     """Read all signals of known meaning, in the file's order; unreadable ones are left out with a note."""
     elements = list(_elements(document, notes))
     uses: dict[str, list[_Reference]] = {}
@@ -73,20 +74,20 @@ def read_signals(document: Document, notes: Notes) -> tuple[Signal, ...]:
             try:
                 uses.setdefault(element.get("id", ""), []).append(_read_reference(road, element))
             except Malformed as problem:
-                notes.add("a reference to a signal that cannot be read is left out", element, str(problem))
+                notes.left_out("a reference to a signal that cannot be read is left out", element, str(problem))
     inverted = _is_inverted([*(own for _, _, own in elements), *chain.from_iterable(uses.values())])
     if inverted:
-        notes.add("orientations of signals contradict the lanes that they are valid for; they are inverted")
+        notes.repaired("orientations of signals contradict the lanes that they are valid for; they are inverted")
     signals = []
     for meaning, element, own in elements:
         try:
             signals.append(_signal(document, meaning, element, own, uses.get(element.get("id", ""), ()), inverted))
         except Malformed as problem:
-            notes.add("a signal that cannot be read is left out", element, str(problem))
+            notes.left_out("a signal that cannot be read is left out", element, str(problem))
     return tuple(signals)
 
 
-def _elements(document: Document, notes: Notes) -> Iterator[tuple[str, Element, _Reference]]:
+def _elements(document: Document, notes: Findings) -> Iterator[tuple[str, Element, _Reference]]:
     """Yield the elements that are signals, each with its meaning and its own position."""
     for road in document.roads.values():
         candidates = [(e, _meaning(e)) for e in road.element.findall("signals/signal")]
@@ -98,7 +99,7 @@ def _elements(document: Document, notes: Notes) -> Iterator[tuple[str, Element, 
             try:
                 yield meaning, element, _read_reference(road, element)
             except Malformed as problem:
-                notes.add("a signal that cannot be read is left out", element, str(problem))
+                notes.left_out("a signal that cannot be read is left out", element, str(problem))
 
 
 def _meaning(element: Element) -> str:

@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.opendrive.lane_shapes import LaneShape
 from simbev_ros.maps.opendrive.links import LaneLinks
-from simbev_ros.maps.opendrive.reading.attributes import Notes
 from simbev_ros.maps.opendrive.reading.document import (
     Document,
     LaneKey,
@@ -37,7 +37,7 @@ class _Traits(NamedTuple):
 
 
 def strips_of(
-    document: Document, shapes: Mapping[LaneKey, LaneShape], links: LaneLinks, notes: Notes
+    document: Document, shapes: Mapping[LaneKey, LaneShape], links: LaneLinks, notes: Findings
 ) -> tuple[Strip, ...]:
     """All strips of a document, in the order of the shapes."""
     unlinked = {key: tuple(_lane_strips(shape, notes)) for key, shape in shapes.items()}
@@ -65,12 +65,12 @@ def _beside(key: LaneKey, step: int, lanes: Mapping[LaneKey, LaneRecord], used: 
             return ""
 
 
-def _lane_strips(shape: LaneShape, notes: Notes) -> Iterator[Strip]:
+def _lane_strips(shape: LaneShape, notes: Findings) -> Iterator[Strip]:
     """Strips of one lane of one section, without links to adjacent lanes."""
     stretches = tuple(_stretches(shape))
     if not stretches:
         detail = f"lane {shape.lane.id} of road {shape.road.id}"
-        notes.add("a lane without width or length is left out", shape.road.element, detail)
+        notes.left_out("a lane without width or length is left out", shape.road.element, detail)
     forward = shape.runs_forward
     order = slice(None) if forward else slice(None, None, -1)
     for count, (first, last, traits) in enumerate(stretches):

@@ -7,8 +7,8 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.geometry import overlay
+from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.land_features import Footprint, MapFeatures, MapObject, Zone
-from simbev_ros.maps.opendrive.reading.attributes import Notes
 from simbev_ros.maps.roads.lane_kind import ROAD_KINDS, LaneKind
 from simbev_ros.maps.roads.layout import Strip
 from simbev_ros.maps.roads.surface import strip_polygons
@@ -33,7 +33,7 @@ _COUNTRY = SurroundingsRecipe(
 
 
 def features_of(
-    strips: Sequence[Strip], objects: Sequence[MapObject], buildings: Sequence[Footprint], notes: Notes
+    strips: Sequence[Strip], objects: Sequence[MapObject], buildings: Sequence[Footprint], notes: Findings
 ) -> MapFeatures:
     """Land features: residential everywhere, but farmland beside fast roads without sidewalks.
 
@@ -52,7 +52,7 @@ def features_of(
     zones = tuple(Zone(part, _COUNTRY) for part in parts)
     clear = _clear_buildings(strips, buildings)
     for _ in range(len(buildings) - len(clear)):
-        notes.add("a building that stands on a carriageway is left out")
+        notes.left_out("a building that stands on a carriageway is left out")
     return MapFeatures(_TOWN, zones, buildings=clear or None, objects=tuple(objects))
 
 

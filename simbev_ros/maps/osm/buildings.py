@@ -10,6 +10,7 @@ import numpy as np
 import shapely
 
 from simbev_ros.geometry import overlay
+from simbev_ros.maps.findings import Finding
 from simbev_ros.maps.land_features import Footprint
 from simbev_ros.maps.osm.areas import Area, polygons
 from simbev_ros.maps.osm.building_tags import footprint_of
@@ -23,8 +24,8 @@ _SLIVER_M = 0.5
 _CLEARANCE_M = 4.5  # parts that begin above this height may stand above roads
 
 
-def buildings_of(areas: Sequence[Area], road_bands: AnyArray) -> tuple[tuple[Footprint, ...], tuple[str, ...]]:
-    """The buildings among areas, and notes about those that were left out.
+def buildings_of(areas: Sequence[Area], road_bands: AnyArray) -> tuple[tuple[Footprint, ...], tuple[Finding, ...]]:
+    """The buildings among areas, and findings about those that were left out.
 
     Args:
         areas: Areas of a file.
@@ -43,10 +44,13 @@ def buildings_of(areas: Sequence[Area], road_bands: AnyArray) -> tuple[tuple[Foo
         free = max(parts, key=lambda part: part.area, default=None)
         if free is not None and free.area >= max(_MIN_AREA_M2, _MIN_FREE_FRACTION * outline.area):
             footprints[index] = free
-    left_out = len(candidates) - len(footprints)
-    note = f"buildings that stand on roads or in other buildings were left out: {left_out}"
+    lost = [candidates[row] for row in range(len(candidates)) if row not in footprints]
+    rule = "a building that stands on a road or in another building is left out"
+    findings = [
+        Finding(rule, position_m=shapely.get_coordinates(area.polygon.representative_point())[0]) for area in lost
+    ]
     kept = [Area(outline, candidates[k].tags) for k, outline in footprints.items()]
-    return tuple(_in_parts(kept, areas, road_bands)), (note,) if left_out else ()
+    return tuple(_in_parts(kept, areas, road_bands)), tuple(findings)
 
 
 def _in_parts(buildings: Sequence[Area], areas: Sequence[Area], road_bands: AnyArray) -> Iterator[Footprint]:

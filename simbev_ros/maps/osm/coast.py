@@ -5,6 +5,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.geometry import overlay
+from simbev_ros.maps.findings import Finding
 from simbev_ros.maps.osm.data import OsmData
 from simbev_ros.types import AnyArray, Float64Array
 
@@ -14,8 +15,8 @@ _MAX_FLOODED_SHARE = 0.2
 
 def sea_of(
     data: OsmData, xy_m: Float64Array, extent: shapely.Polygon, streets: AnyArray
-) -> tuple[BaseGeometry, tuple[str, ...]]:
-    """The area of the sea within an extent, and notes about what was left out.
+) -> tuple[BaseGeometry, tuple[Finding, ...]]:
+    """The area of the sea within an extent, and findings about what was left out.
 
     A coastline that ends inside the extent, as in a clipped file, continues straight to the nearest side of the extent.
 
@@ -37,9 +38,7 @@ def sea_of(
     sea = overlay.union_all(wet)
     flooded_m = float(shapely.length(overlay.intersection(streets, sea)).sum())
     if flooded_m > _MAX_FLOODED_SHARE * float(shapely.length(streets).sum()):
-        return shapely.Polygon(), (
-            "the sea was left out: its coastline is reversed or has a gap, and would flood roads",
-        )
+        return shapely.Polygon(), (Finding("the sea is left out: its coastline would flood roads: reversed, or a gap"),)
     return sea, ()
 
 

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from simbev_ros.maps.findings import Finding
 from simbev_ros.types import Float64Array
 
 Tags = Mapping[str, str]
@@ -39,7 +40,7 @@ class OsmData:
         node_tags: Tags by node index, for nodes that have any.
         ways: In the order of the file.
         multipolygons: In the order of the file, without incomplete ones.
-        notes: Repairs.
+        findings: Repairs and omissions.
         driving_side: ``left`` or ``right``, as tagged at the boundaries in the file, or at most of its roads; empty if
             no tag says it.
         left_hand: Traffic keeps to the left, by ``driving_side`` or by the country.
@@ -50,7 +51,7 @@ class OsmData:
     node_tags: Mapping[int, Tags]
     ways: tuple[Way, ...]
     multipolygons: tuple[Multipolygon, ...]
-    notes: tuple[str, ...]
+    findings: tuple[Finding, ...]
     driving_side: str = ""
     left_hand: bool = False
     is_part: bool = False

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from simbev_ros.errors import InputError
+from simbev_ros.maps.findings import Finding, Outcome
 from simbev_ros.maps.osm.data import Multipolygon, OsmData, Tags, Way
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
@@ -85,13 +86,13 @@ class OsmElements:
         ways, num_missing = self._ways(known, node)
         tagged, tagged_node = _positions_of(np.array(list(self.node_tags), np.int64), ids, order)
         tags = [tags for tags, there in zip(self.node_tags.values(), tagged.tolist(), strict=True) if there]
-        missing = f"nodes of ways that are missing from the file, so that the ways were shortened: {num_missing}"
+        missing = Finding("a node of a way is missing: the way is shortened", Outcome.REPAIRED, num_missing)
         return OsmData(
             longitude_latitude_deg=degrees,
             node_tags=dict(sorted(zip(tagged_node[tagged].tolist(), tags, strict=True))),
             ways=tuple(ways.values()),
             multipolygons=tuple(self._multipolygons(ways)),
-            notes=(missing,) if num_missing else (),
+            findings=(missing,) if num_missing else (),
             driving_side=_driving_side(self.relations, list(ways.values())),
         )
 

@@ -7,6 +7,7 @@ from xml.etree.ElementTree import Element, ElementTree, SubElement
 
 import numpy as np
 
+from simbev_ros.maps.findings import Finding, Outcome
 from simbev_ros.maps.osm.box import Box
 from simbev_ros.maps.osm.data import Multipolygon, OsmData, Tags, Way
 from simbev_ros.maps.osm.road_rules import road_tags
@@ -47,7 +48,7 @@ def cut(data: OsmData, box: Box, reason: str = "") -> OsmData:
         longitude_latitude_deg=cutter.longitude_latitude_deg(),
         ways=tuple(ways),
         multipolygons=tuple(_with_ways(area, members) for area in multipolygons),
-        notes=(*data.notes, note) if reason else data.notes,
+        findings=(*data.findings, Finding(note, Outcome.LEFT_OUT)) if reason else data.findings,
         is_part=True,
     )
     return _without_unused_nodes(part, box.grow(SURROUNDINGS_M))

@@ -15,6 +15,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.geometry import overlay
+from simbev_ros.maps.findings import Finding, Outcome
 from simbev_ros.maps.osm.roads import OsmRoad, crossings_of, line_of
 from simbev_ros.types import Float64Array
 
@@ -31,7 +32,7 @@ _TUNNEL_DEPTH_M, _TUNNEL_RAMP_M = 9.0, 180.0  # depth of long tunnels, reached a
 
 def add_heights(
     roads: Sequence[OsmRoad], xy_m: Float64Array
-) -> tuple[tuple[OsmRoad, ...], Float64Array, tuple[str, ...]]:
+) -> tuple[tuple[OsmRoad, ...], Float64Array, tuple[Finding, ...]]:
     """Add heights to roads, with additional nodes where the height changes.
 
     Args:
@@ -39,7 +40,7 @@ def add_heights(
         xy_m: (N, 2) nodes, map frame.
 
     Returns:
-        The roads with additional nodes; (M, 3) all nodes, the first N with unchanged x and y; notes about crossings
+        The roads with additional nodes; (M, 3) all nodes, the first N with unchanged x and y; a finding about crossings
         without enough clearance.
     """
     crossings = crossings_of(roads, xy_m)
@@ -54,8 +55,11 @@ def add_heights(
             _apply_clearance(roads, crossings[k][:2], pairs[k], graph, z_m)
     _flatten_junctions(graph, z_m)
     tight = [k for k in order if z_m[pairs[k][0]] - z_m[pairs[k][1]] < _CLEARANCE_M - 0.7]
-    notes = (f"crossings at two levels with too little clearance: {len(tight)}",) if tight else ()
-    return tuple(roads), np.column_stack([xy_m, z_m]), notes
+    findings = [
+        Finding("a crossing at two levels has too little clearance", Outcome.ASSUMED, position_m=xy_m[pairs[k][0]])
+        for k in tight
+    ]
+    return tuple(roads), np.column_stack([xy_m, z_m]), tuple(findings)
 
 
 def _tunnel_depths_m(roads: Sequence[OsmRoad], xy_m: Float64Array) -> Float64Array:

@@ -71,11 +71,11 @@ def import_osm(path: Path, work: Path, bounds: Bounds | None = None) -> MapParts
         where = f": it is {_contents(data)}, not a street map" if bounds is None else " within the bounds"
         raise InputError(f"{path}: has no roads{where}")
     datum, xy_m = _project(data, nodes)
-    roads, road_notes = roads_of(data, xy_m)
+    roads, road_findings = roads_of(data, xy_m)
     if all(road.way.walk for road in roads):
         raise InputError(f"{path}: has no roads that cars may drive on")
-    features, land_notes = features_of(data, xy_m, roads)
-    divided, xyz_m, height_notes = add_heights(roads, xy_m)
+    features, land_findings = features_of(data, xy_m, roads)
+    divided, xyz_m, height_findings = add_heights(roads, xy_m)
     raised = join_roads([replace(road, way=road.way.at_grade()) for road in divided])
     source, types = work / "roads.osm", work / "types.typ.xml"
     write_roads(source, raised, xyz_m, data.node_tags, datum)
@@ -90,11 +90,11 @@ def import_osm(path: Path, work: Path, bounds: Bounds | None = None) -> MapParts
         netconvert.run_netconvert(options, net, opendrive)
     except SimulationError as error:
         raise InputError(f"{path}: {error}") from None
-    notes = (*data.notes, *road_notes, *height_notes, *land_notes)
+    findings = (*data.findings, *road_findings, *height_findings, *land_findings)
     extract = work / "extract.osm" if data.is_part or path.stat().st_size > MAX_MAP_BYTES else None
     if extract is not None:
         write_osm(extract, data)
-    return MapParts(net, opendrive, datum, features, notes=notes, extract=extract)
+    return MapParts(net, opendrive, datum, features, findings=findings, extract=extract)
 
 
 def _read(path: Path, bounds: Bounds | None) -> OsmData:

@@ -7,6 +7,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.geometry import overlay
+from simbev_ros.maps.findings import Finding, Outcome
 from simbev_ros.maps.land_features import MapFeatures, Zone
 from simbev_ros.maps.osm.areas import Area, areas_of, polygons
 from simbev_ros.maps.osm.buildings import buildings_of
@@ -26,8 +27,8 @@ _LANE_M, _SIDEWALK_M, _PATH_M, _VERGE_M = 3.3, 2.4, 2.2, 2.0
 _ZONE_KEYS = ("leisure", "amenity", "natural", "landuse")
 
 
-def features_of(data: OsmData, xy_m: Float64Array, roads: Sequence[OsmRoad]) -> tuple[MapFeatures, tuple[str, ...]]:
-    """The land features of a file, and notes about what was left out.
+def features_of(data: OsmData, xy_m: Float64Array, roads: Sequence[OsmRoad]) -> tuple[MapFeatures, tuple[Finding, ...]]:
+    """The land features of a file, and findings about what was left out.
 
     Args:
         data: The file.
@@ -38,14 +39,14 @@ def features_of(data: OsmData, xy_m: Float64Array, roads: Sequence[OsmRoad]) -> 
     extent, horizon = (shapely.box(*(bounds_m + margin_m * _OUTWARD)) for margin_m in (_MARGIN_M, _HORIZON_M))
     areas = [area for area in areas_of(data, xy_m) if area.polygon.intersects(extent)]
     embanked = [road for road in roads if not (road.way.bridge or road.way.tunnel)]
-    sea, sea_notes = sea_of(data, xy_m, horizon, _lines(embanked, xy_m))
+    sea, sea_findings = sea_of(data, xy_m, horizon, _lines(embanked, xy_m))
     water = water_of(data, xy_m, areas, sea, extent, _bands(embanked, xy_m, _VERGE_M))
-    buildings, notes = buildings_of(areas, _bands([road for road in roads if road.way.layer >= 0], xy_m, 0.0))
+    buildings, findings = buildings_of(areas, _bands([road for road in roads if road.way.layer >= 0], xy_m, 0.0))
     rules, zones = land_rules(), _zones(areas, extent)
     if zones:
         urban = [road for road in roads if road.way.tags.get("highway") in rules.urban_roads]
         zones = (*built_up_zones(buildings, _lines(urban, xy_m), extent), *zones)
-    objects, object_notes = objects_of(data, xy_m, areas, extent)
+    objects, object_findings = objects_of(data, xy_m, areas, extent)
     features = MapFeatures(
         rules.outside if zones else rules.anywhere,
         zones=zones,
@@ -54,9 +55,9 @@ def features_of(data: OsmData, xy_m: Float64Array, roads: Sequence[OsmRoad]) -> 
         objects=objects,
     )
     return features, (
-        *sea_notes,
-        *object_notes,
-        *(notes if buildings else ("it has no buildings: they are generated",)),
+        *sea_findings,
+        *object_findings,
+        *(findings if buildings else (Finding("it has no buildings: they are generated", Outcome.ASSUMED),)),
     )
 
 

@@ -9,6 +9,7 @@ from pydantic import Field
 
 from simbev_ros.config.base import Model
 from simbev_ros.limits import MAX_MAP_OBJECTS, MAX_OBJECT_LINES_KM
+from simbev_ros.maps.findings import Finding
 from simbev_ros.maps.land_features import BARRIER_KINDS, MapObject, ObjectKind
 from simbev_ros.maps.osm.areas import Area
 from simbev_ros.maps.osm.data import OsmData, Tags, Way
@@ -49,8 +50,8 @@ def object_rules() -> ObjectRules:
 
 def objects_of(
     data: OsmData, xy_m: Float64Array, areas: Sequence[Area], extent: shapely.Polygon
-) -> tuple[tuple[MapObject, ...], tuple[str, ...]]:
-    """The objects of a file within an extent, and notes about what was left out.
+) -> tuple[tuple[MapObject, ...], tuple[Finding, ...]]:
+    """The objects of a file within an extent, and findings about what was left out.
 
     Args:
         data: The file.
@@ -77,11 +78,11 @@ def objects_of(
     for area in areas:
         found += _parking(area)
     counts = (
-        ("railways on bridges or in tunnels were left out", bare),
-        (f"lines of objects beyond the first {MAX_OBJECT_LINES_KM} km were left out", longer),
-        (f"objects beyond the first {MAX_MAP_OBJECTS} were left out", max(0, len(found) - MAX_MAP_OBJECTS)),
+        ("a railway on a bridge or in a tunnel is left out", bare),
+        (f"a line of objects beyond the first {MAX_OBJECT_LINES_KM} km is left out", longer),
+        (f"an object beyond the first {MAX_MAP_OBJECTS} is left out", max(0, len(found) - MAX_MAP_OBJECTS)),
     )
-    return tuple(found[:MAX_MAP_OBJECTS]), tuple(f"{what}: {count}" for what, count in counts if count)
+    return tuple(found[:MAX_MAP_OBJECTS]), tuple(Finding(rule, count=count) for rule, count in counts if count)
 
 
 def _at_point(xy_m: Float64Array, tags: Tags, in_line: bool) -> Iterator[MapObject]:

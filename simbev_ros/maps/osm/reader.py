@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from simbev_ros.maps.findings import Finding, Outcome
 from simbev_ros.maps.osm.box import Box
 from simbev_ros.maps.osm.data import OsmData
 from simbev_ros.maps.osm.driving_side import keeps_left
@@ -42,8 +43,9 @@ def read_osm(path: Path, box: Box | None = None) -> OsmData:
     # All within 180 degrees of the first, so that the mean of a town at the antimeridian lies in the town.
     degrees = Box(*data.longitude_latitude_deg[nodes[[0, 0]]].ravel()).unwrap(data.longitude_latitude_deg[nodes])
     left_hand = keeps_left(*np.median(degrees, axis=0).tolist())
-    note = f"no tag says on which side traffic drives: it keeps to the {'left' if left_hand else 'right'}, by position"
-    return replace(data, left_hand=left_hand, notes=(*data.notes, note))
+    side = "left" if left_hand else "right"
+    assumed = Finding(f"no tag says on which side traffic drives: it keeps to the {side}, by position", Outcome.ASSUMED)
+    return replace(data, left_hand=left_hand, findings=(*data.findings, assumed))
 
 
 def road_nodes(data: OsmData) -> Int64Array:

@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 
 from simbev_ros.geometry import overlay
+from simbev_ros.maps.findings import Finding, Outcome
 from simbev_ros.maps.osm.data import OsmData
 from simbev_ros.maps.osm.road_rules import RoadTags, road_tags
 from simbev_ros.maps.sumo.islands import components
@@ -28,8 +29,8 @@ class OsmRoad:
     way: RoadTags
 
 
-def roads_of(data: OsmData, xy_m: Float64Array) -> tuple[tuple[OsmRoad, ...], tuple[str, ...]]:
-    """The roads of a file, and notes about those that were left out.
+def roads_of(data: OsmData, xy_m: Float64Array) -> tuple[tuple[OsmRoad, ...], tuple[Finding, ...]]:
+    """The roads of a file, and findings about those that were left out.
 
     Args:
         data: The file.
@@ -40,8 +41,8 @@ def roads_of(data: OsmData, xy_m: Float64Array) -> tuple[tuple[OsmRoad, ...], tu
     ways = _remove_stairs(ways, xy_m)
     roads = join_roads(list(_split_at_junctions(ways)))
     roads = [road for road in roads if _length_m(road, xy_m) > 0.5]
-    kept, notes = _leave_out_lone_paths(roads, xy_m)
-    return tuple(kept), tuple(notes)
+    kept, findings = _leave_out_lone_paths(roads, xy_m)
+    return tuple(kept), tuple(findings)
 
 
 def line_of(road: OsmRoad, xy_m: Float64Array) -> shapely.LineString:
@@ -119,8 +120,8 @@ def _joined_pair(a: OsmRoad, b: OsmRoad, node: int) -> OsmRoad | None:
     return None
 
 
-def _leave_out_lone_paths(roads: list[OsmRoad], xy_m: Float64Array) -> tuple[list[OsmRoad], list[str]]:
-    """The connected parts of the roads that cars may drive on, each with traffic of its own, and notes about them."""
+def _leave_out_lone_paths(roads: list[OsmRoad], xy_m: Float64Array) -> tuple[list[OsmRoad], list[Finding]]:
+    """The connected parts of the roads that cars may drive on, each with traffic of its own, and findings."""
     if not roads:
         return [], []
     lengths_m = np.array([_length_m(road, xy_m) for road in roads])
@@ -128,16 +129,18 @@ def _leave_out_lone_paths(roads: list[OsmRoad], xy_m: Float64Array) -> tuple[lis
     part = components(*(np.array([road.nodes[end] for road in roads]) for end in (0, -1)))
     driving_m = np.bincount(part, np.where(walk, 0.0, lengths_m))
     keep = driving_m[part] > 0.0
-    notes, parts = [], int(np.count_nonzero(driving_m))
+    findings: list[Finding] = []
+    parts = int(np.count_nonzero(driving_m))
     if parts > 1:
         apart_km = (driving_m.sum() - driving_m.max()) / 1e3
-        notes.append(
-            f"roads are in {parts} parts that are not connected, each with traffic of its own: {apart_km:.2f} of "
-            f"{driving_m.sum() / 1e3:.2f} km are outside the largest"
-        )
+        rule = f"roads are in {parts} parts that are not connected, each with traffic of its own"
+        detail = f"{apart_km:.2f} of {driving_m.sum() / 1e3:.2f} km are outside the largest"
+        findings.append(Finding(rule, Outcome.ASSUMED, detail=detail))
     if not keep.all():
-        notes.append(f"footpaths that no road reaches were left out: {lengths_m[~keep].sum() / 1e3:.2f} km")
-    return [road for road, kept in zip(roads, keep.tolist(), strict=True) if kept], notes
+        for row in np.flatnonzero(~keep).tolist():
+            middle_m = xy_m[roads[row].nodes[len(roads[row].nodes) // 2]]
+            findings.append(Finding("a footpath that no road reaches is left out", position_m=middle_m))
+    return [road for road, kept in zip(roads, keep.tolist(), strict=True) if kept], findings
 
 
 def _length_m(road: OsmRoad, xy_m: Float64Array) -> float:

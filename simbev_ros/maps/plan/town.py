@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from simbev_ros.maps.findings import Finding, Outcome
 from simbev_ros.maps.land.relief import Relief
 from simbev_ros.maps.land_features import MapFeatures, Water
 from simbev_ros.maps.parts import MapParts
@@ -47,7 +48,8 @@ def build_town(recipe: TownRecipe, seed: int, work: Path) -> MapParts:
     connections.write_text(connections_xml(plan, recipe.crossing_width_m), encoding="utf-8")
     net, opendrive = work / "map.net.xml", work / "map.xodr"
     netconvert.build_from_plain_xml(nodes, edges, connections, net, opendrive)
-    return MapParts(net, opendrive, recipe.datum.datum, _features(recipe, draft, water), notes=plan.notes)
+    findings = tuple(Finding(note, Outcome.REPAIRED) for note in plan.notes)
+    return MapParts(net, opendrive, recipe.datum.datum, _features(recipe, draft, water), findings=findings)
 
 
 def _features(recipe: TownRecipe, draft: Draft, water: tuple[Water, ...]) -> MapFeatures:

@@ -53,22 +53,21 @@ def import_sumo(path: Path, work: Path) -> MapParts:
     root = parse(path, "net")
     file = NetFile(path, root)
     file.repair()
-    notes = [*file.notes]
-    datum = _transform_to_map_frame(path, root, file, notes)
+    datum = _transform_to_map_frame(path, root, file)
     options = [*_OPTIONS]
     if not any(_is_for_pedestrians(lane) for lane in file.lanes()):
         options += _GUESS_SIDEWALKS
-        notes.append("there are no sidewalks: sidewalks were added to streets of up to 50 km/h")
+        file.findings.assumed("there are no sidewalks: sidewalks were added to streets of up to 50 km/h")
     if not any(edge.get("function") == "crossing" for edge in root.iter("edge")):
         options += _GUESS_CROSSINGS
-        notes.append("there are no crossings: crossings were added to junctions with sidewalks")
+        file.findings.assumed("there are no crossings: crossings were added to junctions with sidewalks")
     source, net, opendrive = work / "source.net.xml", work / "map.net.xml", work / "map.xodr"
     ElementTree(root).write(source, encoding="utf-8")
     try:
         netconvert.run_netconvert([f"--sumo-net-file={source}", *options], net, opendrive)
     except SimulationError as error:
         raise InputError(f"{path}: {error}") from None
-    return MapParts(net, opendrive, datum, MapFeatures(_SURROUNDINGS), notes=tuple(notes))
+    return MapParts(net, opendrive, datum, MapFeatures(_SURROUNDINGS), findings=file.findings.all())
 
 
 def _is_for_pedestrians(lane: Element) -> bool:
@@ -76,7 +75,7 @@ def _is_for_pedestrians(lane: Element) -> bool:
     return lane.get("allow", "") in ("pedestrian", "pedestrian wheelchair")
 
 
-def _transform_to_map_frame(path: Path, root: Element, file: NetFile, notes: list[str]) -> MapDatum:
+def _transform_to_map_frame(path: Path, root: Element, file: NetFile) -> MapDatum:
     """Transform the net's coordinates to a map frame at its own origin, or at its middle if that is far away."""
     location = root.find("location")
     low_m, high_m = file.extent_m()
@@ -89,10 +88,11 @@ def _transform_to_map_frame(path: Path, root: Element, file: NetFile, notes: lis
     middle_m = np.round((low_m + high_m) / 2.0)
     origin_m = np.where(np.abs(middle_m) > (_MAX_OFFSET_M, _MAX_OFFSET_M, _MAX_HEIGHT_OFFSET_M), middle_m, 0.0)
     if origin_m.any():
-        notes.append(f"it lies far from its origin: map (0, 0, 0) is {', '.join(f'{v:.0f}' for v in origin_m)} there")
+        origin = ", ".join(f"{value:.0f}" for value in origin_m)
+        file.findings.assumed(f"it lies far from its origin: map (0, 0, 0) is {origin} there")
     projection = _projection(path, location)
     if projection is None or location is None:
-        notes.append("it has no projection: GNSS uses 0° N 0° E for its origin")
+        file.findings.assumed("it has no projection: GNSS uses 0° N 0° E for its origin")
         file.transform(lambda xyz_m: xyz_m - origin_m)
         return _UNKNOWN
     to_geodetic = Transformer.from_crs(projection, "EPSG:4326", always_xy=True)
@@ -110,8 +110,8 @@ def _transform_to_map_frame(path: Path, root: Element, file: NetFile, notes: lis
     corners_m = np.array([low_m, high_m, (low_m[0], high_m[1], 0.0), (high_m[0], low_m[1], 0.0)])
     distortion_m = float(np.abs(map_from_net(corners_m) - (corners_m - origin_m))[:, :2].max())
     if distortion_m > _DISTORTION_TOLERANCE_M:
-        notes.append(
-            f"its coordinates were rotated and scaled so that x points east in meters: by up to {distortion_m:.2f} m"
+        file.findings.repaired(
+            "its coordinates are rotated and scaled so that x points east in meters", None, f"by {distortion_m:.2f} m"
         )
     file.transform(map_from_net)
     location.attrib.update(netOffset="0.00,0.00", projParameter=datum.proj_string)

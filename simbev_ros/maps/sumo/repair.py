@@ -5,7 +5,7 @@ What cannot be used is left out; every repair and omission is reported as a sent
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Set
+from collections.abc import Callable, Iterator, Mapping, Set
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from simbev_ros.errors import InputError
 from simbev_ros.limits import MAX_LANES_PER_EDGE
-from simbev_ros.maps.safe_xml import place_of
+from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.sumo.islands import on_mainland
 from simbev_ros.types import Float64Array
 
@@ -27,6 +27,7 @@ _MAX_COORDINATE_M = 1e8
 _SPECIAL_CLASSES = frozenset(
     ("private", "authority", "army", "vip", "hov", "taxi", "evehicle", "emergency", "custom1", "custom2")
 )
+_ARTICLES = {"edge": "an edge", "junction": "a junction"}
 _CAR_CLASSES = "passenger delivery truck bus motorcycle"
 
 
@@ -34,12 +35,12 @@ class NetFile:
     """The XML of a net, checked and changed in place.
 
     Attributes:
-        notes: Repairs, one sentence each.
+        findings: What was left out or repaired.
     """
 
     def __init__(self, path: Path, root: Element) -> None:
         self._path, self._root = path, root
-        self.notes: list[str] = []
+        self.findings = Findings(path)
         self._edges = self._unique("edge")
         self._junctions = self._unique("junction")
 
@@ -58,8 +59,8 @@ class NetFile:
         for fault, edges in faults.items():
             self._leave_out(edges, fault)
         self._repair_lanes(list(self.lanes()))
-        if dangling := self._remove_dangling_connections():
-            self.notes.append(f"connections with missing lanes were left out: {_summarize(dangling)}")
+        for element, lane in self._remove_dangling_connections():
+            self.findings.left_out("a connection of a missing lane is left out", element, lane)
         self._open_to_cars()
         self._leave_out(
             [edge for edge in self._streets() if not any(map(_on_land, edge.iter("lane")))], "not for roads"
@@ -78,7 +79,8 @@ class NetFile:
         return points.min(axis=0), points.max(axis=0)
 
     def transform(self, map_from_net: Callable[[Float64Array], Float64Array]) -> None:
-        """Apply a function of (N, 3) points to every coordinate."""
+        """Apply a function of (N, 3) points to every coordinate, also of the findings."""
+        self.findings.transform(map_from_net)
         geometries = list(self._geometries())
         ends = np.cumsum([len(points) for _, _, points in geometries])[:-1]
         transformed = np.split(map_from_net(np.concatenate([points for _, _, points in geometries])), ends)
@@ -119,21 +121,17 @@ class NetFile:
             else:
                 found[name] = element
         self._remove(set(superfluous))
-        if superfluous:
-            self.notes.append(
-                f"{place_of(Path(self._path.name), superfluous[0])}: {tag}s without an id of their own were left out: "
-                f"{_summarize_ids(superfluous)}"
-            )
+        for element in superfluous:
+            rule = f"{_ARTICLES[tag]} without an id of its own is left out"
+            self.findings.left_out(rule, element, element.get("id", ""))
         return found
 
     def _leave_out_junctions(self) -> None:
         """Remove the junctions without a position."""
         lost = {name for name, junction in self._junctions.items() if not np.isfinite(self._position(junction)).all()}
         self._remove({self._junctions[name] for name in lost})
-        for name in lost:
-            del self._junctions[name]
-        if lost:
-            self.notes.append(f"junctions without a position were left out: {_summarize(lost)}")
+        for name in sorted(lost):
+            self.findings.left_out("a junction without a position is left out", self._junctions.pop(name), name)
 
     def _fault_of(self, edge: Element) -> str:
         """What makes an edge unusable, or ""."""
@@ -165,13 +163,13 @@ class NetFile:
             del lane.attrib["width"]
         for lane in implausible:
             lane.set("speed", f"{_DEFAULT_SPEED_MPS}")
-        if narrow:
-            self.notes.append(f"lanes without width were made {_DEFAULT_WIDTH_M} m wide: {_summarize_ids(narrow)}")
-        if implausible:
-            limits = f"below {_MIN_SPEED_MPS:g} or above {_MAX_SPEED_MPS:g} m/s"
-            self.notes.append(
-                f"lanes with a speed limit {limits} were given {_DEFAULT_SPEED_MPS} m/s: {_summarize_ids(implausible)}"
-            )
+        for lane in narrow:
+            rule = f"a lane without width is made {_DEFAULT_WIDTH_M} m wide"
+            self.findings.repaired(rule, lane, lane.get("id", ""), self._middle_m(lane))
+        limits = f"below {_MIN_SPEED_MPS:g} or above {_MAX_SPEED_MPS:g} m/s"
+        for lane in implausible:
+            rule = f"a speed limit {limits} is replaced by {_DEFAULT_SPEED_MPS} m/s"
+            self.findings.repaired(rule, lane, lane.get("id", ""), self._middle_m(lane))
 
     def _open_to_cars(self) -> None:
         """If no lane is for cars, open those for special vehicles, as of race tracks, to them."""
@@ -180,12 +178,13 @@ class NetFile:
         special = [lane for lane in self.lanes() if _SPECIAL_CLASSES & set(lane.get("allow", "").split())]
         for lane in special:
             lane.set("allow", f"{lane.get('allow')} {_CAR_CLASSES}")
-        if special:
-            self.notes.append(f"no lane is for cars; lanes for special vehicles were opened: {_summarize_ids(special)}")
+        for lane in special:
+            rule = "no lane is for cars: a lane for special vehicles is opened to them"
+            self.findings.repaired(rule, lane, lane.get("id", ""), self._middle_m(lane))
 
     def _require_lanes_for_cars(self) -> None:
         if not any(for_cars(lane) for lane in self.lanes()):
-            reasons = "".join(f"; {note}" for note in self.notes[:3])
+            reasons = "".join(f"; {sentence}" for sentence in self.findings.sentences()[:3])
             raise InputError(f"{self._path}: has no lanes that cars may drive on{reasons}")
 
     def _leave_out_islands(self, length_m: Mapping[Element, float]) -> None:
@@ -205,22 +204,28 @@ class NetFile:
     def _leave_out(self, edges: list[Element], reason: str) -> None:
         self._remove(set(edges))
         for edge in edges:
-            del self._edges[edge.attrib["id"]]
-        if edges:
-            self.notes.append(f"edges {reason} were left out: {_summarize_ids(edges)}")
+            driven = [lane for lane in edge.iter("lane") if for_cars(lane)]
+            lost_m = sum(_length_m(self._points(lane, "shape")) for lane in driven)
+            middle_m = self._middle_m(driven[0]) if driven else None
+            name = self._edges.pop(edge.attrib["id"]).attrib["id"]
+            self.findings.left_out(f"an edge {reason} is left out", edge, name, middle_m, np.nan_to_num(lost_m))
 
-    def _remove_dangling_connections(self) -> set[str]:
-        """Remove connections from or to missing lanes; return these lanes."""
+    def _middle_m(self, lane: Element) -> Float64Array | None:
+        """(2,) middle of a lane in the net's coordinates; None if it has no usable shape."""
+        points_m = self._points(lane, "shape")
+        return points_m[len(points_m) // 2, :2] if len(points_m) and np.isfinite(points_m).all() else None
+
+    def _remove_dangling_connections(self) -> list[tuple[Element, str]]:
+        """Remove connections from or to missing lanes; return each with the first such lane."""
         count = {name: len(edge.findall("lane")) for name, edge in self._edges.items()}
-        dangling, missing_lanes = set(), set()
+        dangling: dict[Element, str] = {}
         for connection in self._root.findall("connection"):
             for end in ("from", "to"):
                 edge, lane = connection.get(end, ""), connection.get(f"{end}Lane", "0")
                 if not (lane.isdecimal() and int(lane) < count.get(edge, 0)):
-                    dangling.add(connection)
-                    missing_lanes.add(f"{edge}_{lane}")
-        self._remove(dangling)
-        return missing_lanes
+                    dangling.setdefault(connection, f"{edge}_{lane}")
+        self._remove(set(dangling))
+        return list(dangling.items())
 
     def _remove(self, elements: Set[Element]) -> None:
         self._root[:] = [child for child in self._root if child not in elements]
@@ -264,17 +269,3 @@ def _allows(lane: Element, kind: str) -> bool:
 
 def _length_m(points: Float64Array) -> float:
     return float(np.linalg.norm(np.diff(points[:, :2], axis=0), axis=1).sum())
-
-
-def _name(element: Element) -> str:
-    return f"{element.tag} {element.get('id', '')}".strip()
-
-
-def _summarize_ids(elements: list[Element]) -> str:
-    return _summarize(element.get("id", "") for element in elements)
-
-
-def _summarize(names: Iterable[str]) -> str:
-    """The number of names, and the first few in sorted order."""
-    ordered = sorted(names)
-    return f"{len(ordered)} ({', '.join(ordered[:4])}{', …' if len(ordered) > 4 else ''})"

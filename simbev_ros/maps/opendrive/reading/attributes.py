@@ -1,11 +1,8 @@
-"""Reads attributes of XML elements as numbers and identifiers, and collects notes about invalid ones."""
+"""Reads attributes of XML elements as numbers and identifiers."""
 
 import math
-from pathlib import Path
 from typing import NoReturn
 from xml.etree.ElementTree import Element
-
-from simbev_ros.maps.safe_xml import place_of
 
 _MAX_ABS = 1e9
 
@@ -16,29 +13,6 @@ class Malformed(ValueError):
     def __init__(self, element: Element, problem: str) -> None:
         super().__init__(f"<{element.tag}>: {problem}")
         self.element = element
-
-
-class Notes:
-    """Collects repairs and omissions, each kind once, with its first location and the number of occurrences."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._first: dict[str, str] = {}
-        self._count: dict[str, int] = {}
-
-    def add(self, kind: str, element: Element | None = None, detail: str = "") -> None:
-        """Record one repair of a ``kind``; ``detail`` may differ between occurrences."""
-        if kind not in self._count:
-            location = self._path.name if element is None else place_of(Path(self._path.name), element)
-            self._first[kind] = f"{location}: {kind}" + (f" ({detail})" if detail else "")
-        self._count[kind] = self._count.get(kind, 0) + 1
-
-    def sentences(self) -> tuple[str, ...]:
-        """One sentence per kind of repair."""
-        return tuple(
-            text if self._count[kind] == 1 else f"{text}, and {self._count[kind] - 1} more of the kind"
-            for kind, text in self._first.items()
-        )
 
 
 def number(element: Element, name: str, default: float | None = None, max_abs: float = _MAX_ABS) -> float:

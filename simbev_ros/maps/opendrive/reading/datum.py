@@ -8,14 +8,15 @@ from pyproj import CRS, Transformer
 from pyproj.exceptions import ProjError
 
 from simbev_ros.geometry.geodesy import MapDatum
-from simbev_ros.maps.opendrive.reading.attributes import Malformed, Notes, number
+from simbev_ros.maps.findings import Findings
+from simbev_ros.maps.opendrive.reading.attributes import Malformed, number
 
 _UNKNOWN = MapDatum(0.0, 0.0, 0.0)
 _VERTICAL = re.compile(r"\+(?:geoidgrids|vunits|geoid_crs|vto_meter)=\S+")
 _MAX_LATITUDE_DEG = 89.5
 
 
-def datum_of(root: Element, notes: Notes) -> MapDatum:
+def datum_of(root: Element, notes: Findings) -> MapDatum:
     """The datum of the file's coordinates; 0° N 0° E, with a note, if the file has none.
 
     Coordinates are first rotated by ``hdg`` and translated by ``x``, ``y``, ``z`` of the header's <offset>, and are
@@ -25,22 +26,24 @@ def datum_of(root: Element, notes: Notes) -> MapDatum:
     reference = None if header is None else header.find("geoReference")
     text = "" if reference is None else " ".join("".join(reference.itertext()).split())
     if header is None or reference is None or not text:
-        notes.add("it has no geoReference: GNSS uses 0° N 0° E for its origin")
+        notes.assumed("it has no geoReference: GNSS uses 0° N 0° E for its origin")
         return _UNKNOWN
     try:
         x_m, y_m, z_m, heading_rad = offset_of(header)
         if text.startswith("+") and "+proj=" not in text and "+lat_0=" in text:
             text = f"+proj=tmerc +datum=WGS84 {text}"  # as CARLA reads it
-            notes.add("its geoReference names no projection: transverse Mercator is used", reference)
+            notes.assumed("its geoReference names no projection: transverse Mercator is used", reference)
         crs = CRS.from_user_input(_VERTICAL.sub("", text) if text.startswith("+") else text)
         if not crs.is_projected and "+proj=" in text and crs.is_geographic:
             raise ProjError("it is not a projection to meters")
         longitude, latitude = Transformer.from_crs(crs, "EPSG:4326", always_xy=True).transform(x_m, y_m)
     except (ProjError, Malformed) as problem:
-        notes.add("its geoReference cannot be used: GNSS uses 0° N 0° E for its origin", reference, str(problem)[:160])
+        notes.assumed(
+            "its geoReference cannot be used: GNSS uses 0° N 0° E for its origin", reference, str(problem)[:160]
+        )
         return _UNKNOWN
     if not (abs(latitude) <= _MAX_LATITUDE_DEG and abs(longitude) <= 180.0):
-        notes.add("its geoReference is not valid at its origin: GNSS uses 0° N 0° E", reference)
+        notes.assumed("its geoReference is not valid at its origin: GNSS uses 0° N 0° E", reference)
         return _UNKNOWN
     return _datum(crs, latitude, longitude, (x_m, y_m, z_m, heading_rad))
 

@@ -7,7 +7,8 @@ from xml.etree.ElementTree import Element
 import numpy as np
 
 from simbev_ros.limits import MAX_SECTIONS_PER_M
-from simbev_ros.maps.opendrive.reading.attributes import Malformed, Notes, integer_id, number
+from simbev_ros.maps.findings import Findings
+from simbev_ros.maps.opendrive.reading.attributes import Malformed, integer_id, number
 from simbev_ros.maps.opendrive.reading.cubics import Cubics
 from simbev_ros.maps.opendrive.reading.document import LaneHeight, LaneRecord, Section
 from simbev_ros.maps.opendrive.reading.tables import LANE_KINDS, PAINT_COLORS, PAINT_WIDTHS_M, PAINTS, SPEED_UNITS_MPS
@@ -20,7 +21,7 @@ _MAX_SPEED_MPS = 150.0
 _MAX_HEIGHT_M = 2.0  # heights of lanes are for curbs and sidewalks
 
 
-def read_sections(road: Element, length_m: float, notes: Notes) -> tuple[tuple[Section, ...], tuple[Section, ...]]:
+def read_sections(road: Element, length_m: float, notes: Findings) -> tuple[tuple[Section, ...], tuple[Section, ...]]:
     """Read the sections of the left and the right side of a <road>.
 
     Sections that begin at or beyond its end are left out.
@@ -38,13 +39,13 @@ def read_sections(road: Element, length_m: float, notes: Notes) -> tuple[tuple[S
     starts_m = [0.0, *(number(element, "s") for element in elements[1:])]
     indexed = [(k, s_m, e) for k, (s_m, e) in enumerate(zip(starts_m, elements, strict=True)) if s_m < length_m]
     if len(indexed) < len(elements):
-        notes.add("a lane section beyond the road's end is left out", elements[-1])
+        notes.left_out("a lane section beyond the road's end is left out", elements[-1])
     left, right = (_read_side(indexed, length_m, side, notes) for side in ("left", "right"))
     return left, right
 
 
 def _read_side(
-    indexed: Sequence[tuple[int, float, Element]], length_m: float, side: str, notes: Notes
+    indexed: Sequence[tuple[int, float, Element]], length_m: float, side: str, notes: Findings
 ) -> tuple[Section, ...]:
     """Read the sections of one side; each ends where the next section that describes this side begins."""
     present = [row for row in indexed if row[2].get("singleSide") != "true" or row[2].find(side) is not None]
@@ -62,11 +63,11 @@ def _read_side(
     return tuple(sections)
 
 
-def _read_lane(element: Element, notes: Notes) -> LaneRecord:
+def _read_lane(element: Element, notes: Findings) -> LaneRecord:
     """Read one <lane>."""
     width, border = (Cubics.read(element.findall(name), "sOffset") for name in ("width", "border"))
     if not width and not border:
-        notes.add("a lane without width is left out", element)
+        notes.left_out("a lane without width is left out", element)
     return LaneRecord(
         id=integer_id(element),
         type=element.get("type", "none"),
@@ -89,17 +90,17 @@ def _read_lane(element: Element, notes: Notes) -> LaneRecord:
     )
 
 
-def _read_height(element: Element, notes: Notes) -> LaneHeight | None:
+def _read_height(element: Element, notes: Findings) -> LaneHeight | None:
     """Read the <height> records of a lane; those that cannot be used are left out."""
     rows: dict[float, tuple[float, float]] = {}
     for record in element.findall("height"):
         try:
             start_m, sides_m = number(record, "sOffset", 0.0), (number(record, "inner"), number(record, "outer"))
         except Malformed as problem:
-            notes.add("a lane height that cannot be read is ignored", record, str(problem))
+            notes.left_out("a lane height that cannot be read is ignored", record, str(problem))
             continue
         if max(map(abs, sides_m)) > _MAX_HEIGHT_M:
-            notes.add(f"a lane height of more than {_MAX_HEIGHT_M:g} m is ignored", record)
+            notes.left_out(f"a lane height of more than {_MAX_HEIGHT_M:g} m is ignored", record)
             continue
         rows[start_m] = sides_m
     if not rows:
@@ -112,7 +113,7 @@ def _linked_ids(element: Element, name: str) -> tuple[int, ...]:
     return tuple(integer_id(link) for link in element.findall(f"link/{name}"))
 
 
-def read_speed(element: Element, notes: Notes) -> float | None:
+def read_speed(element: Element, notes: Findings) -> float | None:
     """Read a <speed> in m/s; None if it sets no limit or cannot be read."""
     text = element.get("max", "")
     if text in ("no limit", "undefined"):
@@ -123,18 +124,18 @@ def read_speed(element: Element, notes: Notes) -> float | None:
     except Malformed:
         speed_mps = 0.0
     if not 0.0 < speed_mps <= _MAX_SPEED_MPS:
-        notes.add("a speed limit that cannot be read is ignored", element, f"max={text[:20]!r}")
+        notes.left_out("a speed limit that cannot be read is ignored", element, f"max={text[:20]!r}")
         return None
     return speed_mps
 
 
-def _read_marks(lane: Element, notes: Notes) -> tuple[tuple[float, Line], ...]:
+def _read_marks(lane: Element, notes: Findings) -> tuple[tuple[float, Line], ...]:
     """Read the paint on a lane's outer border, by distance from the section's start; none before the first mark."""
     marks = {number(mark, "sOffset", 0.0): _read_mark(mark, notes) for mark in lane.findall("roadMark")}
     return tuple(sorted(marks.items(), key=lambda mark: mark[0]))
 
 
-def _read_mark(mark: Element, notes: Notes) -> Line:
+def _read_mark(mark: Element, notes: Findings) -> Line:
     """Read one <roadMark>."""
     kind = mark.get("type", "none")
     paint = _custom_paint(mark) if kind == "custom" else _look_up(PAINTS, kind, Paint.NONE, mark, notes)
@@ -156,8 +157,8 @@ def _custom_paint(mark: Element) -> Paint:
     return Paint(" ".join(words)) if words else Paint.NONE
 
 
-def _look_up(table: Mapping[str, _T], name: str, default: _T, mark: Element, notes: Notes) -> _T:
+def _look_up(table: Mapping[str, _T], name: str, default: _T, mark: Element, notes: Findings) -> _T:
     """Look up a name in a table; adds a note and returns the default if it is unknown."""
     if name not in table:
-        notes.add("an unknown kind or color of road mark", mark, repr(name[:30]))
+        notes.repaired("an unknown kind or color of road mark", mark, repr(name[:30]))
     return table.get(name, default)

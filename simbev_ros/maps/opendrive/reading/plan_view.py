@@ -10,7 +10,8 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from simbev_ros.maps.opendrive.reading.attributes import Malformed, Notes, number
+from simbev_ros.maps.findings import Findings
+from simbev_ros.maps.opendrive.reading.attributes import Malformed, number
 from simbev_ros.types import AnyArray, Float64Array
 
 _MAX_TURN_RAD = 26.0  # four turns, more than any single piece of a car park ramp
@@ -45,7 +46,7 @@ class PlanView:
     turns_rad: Float64Array
 
     @classmethod
-    def read(cls, elements: list[Element], road: Element, notes: Notes) -> Self:
+    def read(cls, elements: list[Element], road: Element, notes: Findings) -> Self:
         """Read <geometry> elements; those without length are left out, gaps between pieces are noted.
 
         Raises:
@@ -58,8 +59,11 @@ class PlanView:
         starts_m = np.array([piece.start_m for piece in pieces])
         ends = [_evaluate_end(piece, next_start_m) for piece, next_start_m in zip(pieces, starts_m[1:], strict=False)]
         turns_rad = [_wrapped(b.heading_rad - heading) for b, (_, heading) in zip(pieces[1:], ends, strict=True)]
-        if any(abs(b.origin - point) > _GAP_M for b, (point, _) in zip(pieces[1:], ends, strict=True)):
-            notes.add("the reference line has a gap", road, f"road {road.get('id')}")
+        gaps = [b.origin for b, (point, _) in zip(pieces[1:], ends, strict=True) if abs(b.origin - point) > _GAP_M]
+        for origin in gaps:
+            notes.repaired(
+                "the reference line has a gap", road, f"road {road.get('id')}", np.array([origin.real, origin.imag])
+            )
         return cls(
             starts_m=starts_m,
             end_m=pieces[-1].start_m + pieces[-1].length_m,
@@ -104,11 +108,11 @@ class _Geometry:
     curve: Curve
 
 
-def _geometry(element: Element, notes: Notes) -> _Geometry | None:
+def _geometry(element: Element, notes: Findings) -> _Geometry | None:
     """Read one <geometry>; None if it has no length."""
     length_m = number(element, "length")
     if length_m < _MIN_LENGTH_M:
-        notes.add("a <geometry> without length is left out", element)
+        notes.left_out("a <geometry> without length is left out", element)
         return None
     shape = next((child for child in element if child.tag in _SHAPES), None)
     if shape is None:
@@ -118,7 +122,7 @@ def _geometry(element: Element, notes: Notes) -> _Geometry | None:
     return _Geometry(number(element, "s"), length_m, origin, number(element, "hdg"), curve)
 
 
-def _without_coinciding(pieces: list[_Geometry], road: Element, notes: Notes) -> Iterator[_Geometry]:
+def _without_coinciding(pieces: list[_Geometry], road: Element, notes: Findings) -> Iterator[_Geometry]:
     """Yield pieces in ascending order, of those that start at the same s only the one with a length.
 
     Raises:
@@ -129,7 +133,7 @@ def _without_coinciding(pieces: list[_Geometry], road: Element, notes: Notes) ->
         if len(coinciding) > 1 and coinciding[-2].length_m > _MAX_SPLINTER_M:
             raise Malformed(road, "two geometries start at the same s")
         for _ in coinciding[:-1]:
-            notes.add("a <geometry> that ends where it starts is left out", road, f"road {road.get('id')}")
+            notes.left_out("a <geometry> that ends where it starts is left out", road, f"road {road.get('id')}")
         yield coinciding[-1]
 
 

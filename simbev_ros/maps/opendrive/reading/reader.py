@@ -6,23 +6,29 @@ from pathlib import Path
 from typing import cast
 from xml.etree.ElementTree import Element
 
+import numpy as np
+
 from simbev_ros.errors import InputError
-from simbev_ros.maps.opendrive.reading.attributes import Malformed, Notes, identifier, number
+from simbev_ros.maps.findings import Findings
+from simbev_ros.maps.opendrive.reading.attributes import Malformed, identifier, number
 from simbev_ros.maps.opendrive.reading.cubics import Cubics
 from simbev_ros.maps.opendrive.reading.document import Connection, Contact, Document, Link, Road, RoadEnd, Shape
 from simbev_ros.maps.opendrive.reading.lane_reader import read_sections, read_speed
 from simbev_ros.maps.opendrive.reading.plan_view import PlanView
-from simbev_ros.maps.opendrive.reading.tables import DEFAULT_SPEEDS_MPS
+from simbev_ros.maps.opendrive.reading.tables import DEFAULT_SPEEDS_MPS, LANE_KINDS
+from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.safe_xml import place_of
+from simbev_ros.types import Float64Array
 
 _LENGTH_TOLERANCE_M = 0.01
 _MAX_ROAD_M = 200e3
 _MAX_MAP_M = 20e6
 _MAX_ROADS = 50_000
 _MIN_ROAD_M = 1e-3
+_MAX_LANES = 20  # of a road, as far as its loss is concerned
 
 
-def read_document(path: Path, root: Element, notes: Notes) -> Document:
+def read_document(path: Path, root: Element, notes: Findings) -> Document:
     """Read the roads and junctions from the XML of a file.
 
     Args:
@@ -42,15 +48,35 @@ def read_document(path: Path, root: Element, notes: Notes) -> Document:
         try:
             road = _read_road(element, notes)
         except Malformed as problem:
-            notes.add("a road that cannot be used is left out", problem.element, f"road {element.get('id')}: {problem}")
+            detail = f"road {element.get('id')}: {problem}"
+            notes.left_out("a road that cannot be used is left out", problem.element, detail, *_place_of(element))
             continue
         if road.id in roads:
-            notes.add("a road whose id is already taken is left out", element, f"road {road.id}")
+            rule = "a road whose id is already taken is left out"
+            notes.left_out(rule, element, f"road {road.id}", *_place_of(element))
             continue
         roads[road.id] = road
     if sum(road.length_m for road in roads.values()) > _MAX_MAP_M:
         raise InputError(f"{path}: its roads are longer than {_MAX_MAP_M / 1e3:g} km in all")
     return Document(path, root, roads, tuple(_iter_connections(root, roads, notes)))
+
+
+def _place_of(road: Element) -> tuple[Float64Array | None, float]:
+    """(2,) start of a road that is lost, None if it is unknown, and the length of its driving lanes."""
+    numbers = []
+    for element, name in (
+        (road.find("planView/geometry"), "x"),
+        (road.find("planView/geometry"), "y"),
+        (road, "length"),
+    ):
+        try:
+            numbers.append(math.nan if element is None else number(element, name))
+        except Malformed:
+            numbers.append(math.nan)
+    x_m, y_m, length_m = numbers
+    count = sum(LANE_KINDS.get(lane.get("type", "")) is LaneKind.DRIVING for lane in road.iter("lane"))
+    is_known = math.isfinite(x_m) and math.isfinite(y_m)
+    return (np.array([x_m, y_m]) if is_known else None), max(np.nan_to_num(length_m), 0.0) * min(count, _MAX_LANES)
 
 
 def _check_version(path: Path, root: Element) -> None:
@@ -60,7 +86,7 @@ def _check_version(path: Path, root: Element) -> None:
         raise InputError(f"{place_of(path, root)}: OpenDRIVE revMajor={major[:20]!r}; only 1 can be read")
 
 
-def _read_road(element: Element, notes: Notes) -> Road:
+def _read_road(element: Element, notes: Findings) -> Road:
     """Read one <road>."""
     road_id = identifier(element)
     plan = PlanView.read(element.findall("planView/geometry"), element, notes)
@@ -90,7 +116,7 @@ def _read_road(element: Element, notes: Notes) -> Road:
     )
 
 
-def _road_length_m(element: Element, plan: PlanView, notes: Notes) -> float:
+def _road_length_m(element: Element, plan: PlanView, notes: Findings) -> float:
     """The road's length: as declared, unless its geometry contradicts it."""
     try:
         declared_m = number(element, "length")
@@ -99,13 +125,15 @@ def _road_length_m(element: Element, plan: PlanView, notes: Notes) -> float:
     length_m = declared_m
     if not abs(declared_m - plan.end_m) <= _LENGTH_TOLERANCE_M:
         length_m = plan.end_m
-        notes.add("a road's length is not that of its geometry, which is used", element, f"road {element.get('id')}")
+        notes.repaired(
+            "a road's length is not that of its geometry, which is used", element, f"road {element.get('id')}"
+        )
     if not _MIN_ROAD_M <= length_m <= _MAX_ROAD_M:
         raise Malformed(element, f"its length of {length_m:g} m is not between 1 mm and {_MAX_ROAD_M / 1e3:g} km")
     return length_m
 
 
-def _read_type_speed(kind: Element, notes: Notes) -> float:
+def _read_type_speed(kind: Element, notes: Findings) -> float:
     """Speed limit of a <type>, m/s."""
     speed = kind.find("speed")
     stated_mps = None if speed is None else read_speed(speed, notes)
@@ -130,7 +158,7 @@ def _read_shape(element: Element) -> tuple[Shape, ...]:
     return tuple(Shape(s_m, Cubics.read(stations[s_m], "t")) for s_m in sorted(stations))
 
 
-def _read_stretches(element: Element, kind: str, notes: Notes) -> tuple[tuple[float, float], ...]:
+def _read_stretches(element: Element, kind: str, notes: Findings) -> tuple[tuple[float, float], ...]:
     """Stretches of a road on bridges, or in tunnels, disjoint and ascending; those that cannot be read are left out."""
     stretches = []
     for item in element.findall(f"objects/{kind}"):
@@ -138,7 +166,7 @@ def _read_stretches(element: Element, kind: str, notes: Notes) -> tuple[tuple[fl
             start_m = number(item, "s")
             stretches.append((start_m, start_m + number(item, "length")))
         except Malformed as problem:
-            notes.add(f"a {kind} that cannot be read is left out", item, str(problem))
+            notes.left_out(f"a {kind} that cannot be read is left out", item, str(problem))
     joined: list[tuple[float, float]] = []
     for start_m, end_m in sorted(stretches):
         if joined and start_m <= joined[-1][1]:
@@ -159,18 +187,18 @@ def _read_link(element: Element | None) -> Link:
     return Link(end=RoadEnd(target, cast(Contact, contact))) if contact in ("start", "end") else Link()
 
 
-def _iter_connections(root: Element, roads: dict[str, Road], notes: Notes) -> Iterator[Connection]:
+def _iter_connections(root: Element, roads: dict[str, Road], notes: Findings) -> Iterator[Connection]:
     """Yield the connections of all junctions; those of missing roads are left out."""
     for element in root.findall("junction/connection"):
         incoming = element.get("incomingRoad", "")
         entered = element.get("connectingRoad") or element.get("linkedRoad", "")
         contact = element.get("contactPoint", "")
         if incoming not in roads or entered not in roads or contact not in ("start", "end"):
-            notes.add("a junction's connection of missing roads is left out", element)
+            notes.left_out("a junction's connection of missing roads is left out", element)
             continue
         try:
             lanes = tuple((int(link.get("from", "")), int(link.get("to", ""))) for link in element.findall("laneLink"))
         except ValueError:
-            notes.add("a junction's connection with invalid lane numbers is left out", element)
+            notes.left_out("a junction's connection with invalid lane numbers is left out", element)
             continue
         yield Connection(incoming, RoadEnd(entered, cast(Contact, contact)), lanes or None)

@@ -5,13 +5,14 @@ from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
-from simbev_ros.maps.opendrive.reading.attributes import Malformed, Notes, number
+from simbev_ros.maps.findings import Findings
+from simbev_ros.maps.opendrive.reading.attributes import Malformed, number
 from simbev_ros.maps.opendrive.reading.datum import offset_of
 
 _MAX_OFFSET_M = 20_000.0
 
 
-def recenter(root: Element, notes: Notes) -> bool:
+def recenter(root: Element, notes: Findings) -> bool:
     """Shift the coordinates of a file to be small, and its <offset> so that the map keeps its position on Earth.
 
     Returns:
@@ -42,7 +43,7 @@ def recenter(root: Element, notes: Notes) -> bool:
             header.set(side, repr(number(header, side) - shift_m))
         except Malformed:
             header.attrib.pop(side, None)
-    notes.add(f"it lies far from its origin: map (0, 0) is its ({x_m:.0f}, {y_m:.0f})")
+    notes.assumed(f"it lies far from its origin: map (0, 0) is its ({x_m:.0f}, {y_m:.0f})")
     return True
 
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.lane_graph.traffic import (
     LaneOfEdge,
     Traffic,
@@ -20,7 +21,6 @@ from simbev_ros.maps.lane_graph.traffic import (
 )
 from simbev_ros.maps.opendrive.lane_shapes import LaneShape
 from simbev_ros.maps.opendrive.links import OTHER_END, LaneLinks
-from simbev_ros.maps.opendrive.reading.attributes import Notes
 from simbev_ros.maps.opendrive.reading.document import Contact, Document, LaneKey, Road
 from simbev_ros.maps.opendrive.reading.tables import RESERVED
 from simbev_ros.maps.opendrive.traffic.cells import Cell, carries_traffic, chains_of
@@ -31,10 +31,10 @@ from simbev_ros.types import Float64Array
 _MAX_JUNCTION_ROADS = 8
 
 
-def traffic_of(document: Document, shapes: Mapping[LaneKey, LaneShape], links: LaneLinks, notes: Notes) -> Traffic:
+def traffic_of(document: Document, shapes: Mapping[LaneKey, LaneShape], links: LaneLinks, notes: Findings) -> Traffic:
     """The edges and connections of the largest connected part of the road network."""
     if any(shape.lane.reversed for shape in shapes.values()):
-        notes.add("lanes with reversed direction carry no traffic")
+        notes.left_out("lanes with reversed direction carry no traffic")
     nodes = Nodes(document)
     chains = [
         (road, chain)

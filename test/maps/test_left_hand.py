@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from simbev_ros.maps.build import load_network
+from simbev_ros.maps.findings import sentences_of
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.osm.reader import read_osm
 from simbev_ros.maps.source import map_spec
@@ -81,7 +82,7 @@ def test_the_country_decides_where_no_tag_does(tmp_path: Path, tag: str, left_ha
     path = tmp_path / "greenwich.osm"
     path.write_text(STREET.format(tag=tag, relation="").replace('"50"', '"51.5"').replace('"8', '"0'))
     data = read_osm(path)
-    assert (data.left_hand, data.notes) == (left_hand, notes)
+    assert (data.left_hand, sentences_of(path.name, data.findings)) == (left_hand, notes)
 
 
 @pytest.mark.parametrize("tag", ["", LEFT])

@@ -194,4 +194,4 @@ def test_overpass_answers_with_geometry_read_like_those_with_nodes(tmp_path: Pat
 
     assert len(data.multipolygons) == 2
     assert drawn(data) == drawn(whole)
-    assert not any("missing" in note for note in data.notes)
+    assert not any("missing" in finding.rule for finding in data.findings)

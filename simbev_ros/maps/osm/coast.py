@@ -36,7 +36,7 @@ def sea_of(
     faces = shapely.get_parts(shapely.polygonize([overlay.intersection(overlay.union_all(borders), extent)]))
     wet = faces[_water_length_m(faces, coast) > 0.0]
     sea = overlay.union_all(wet)
-    flooded_m = float(shapely.length(overlay.intersection(streets, sea)).sum())
+    flooded_m = shapely.length(overlay.intersection(shapely.multilinestrings(streets), sea))
     if flooded_m > _MAX_FLOODED_SHARE * float(shapely.length(streets).sum()):
         return shapely.Polygon(), (Finding("the sea is left out: its coastline would flood roads: reversed, or a gap"),)
     return sea, ()

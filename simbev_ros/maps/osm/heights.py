@@ -130,7 +130,7 @@ def _subdivide(
     divided = list(roads)
     for index, road in enumerate(roads):
         line = line_of(road, xy_m)
-        if not shapely.intersects(line, near):
+        if not shapely.intersects(near, line):  # in this order: only the first one's index is used
             continue
         corners_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(xy_m[list(road.nodes)], axis=0).T))])
         steps_m = np.arange(_SPACING_M, line.length - _SPACING_M / 2.0, _SPACING_M)

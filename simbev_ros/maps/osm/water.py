@@ -9,7 +9,7 @@ from shapely.geometry.base import BaseGeometry
 from simbev_ros.geometry import overlay
 from simbev_ros.maps.land_features import Water
 from simbev_ros.maps.osm.areas import Area, polygons
-from simbev_ros.maps.osm.data import OsmData, Tags
+from simbev_ros.maps.osm.data import OsmData, Tags, Way
 from simbev_ros.maps.osm.land_rules import land_rules
 from simbev_ros.maps.osm.lengths import parse_length_m
 from simbev_ros.types import AnyArray, Float64Array
@@ -36,23 +36,39 @@ def water_of(
         road_bands: (R,) polygons that roads other than bridges occupy; water passes below them in culverts.
     """
     rules = land_rules().water
+    basins = [(area.polygon, kind) for area in areas if (kind := _kind_of_area(area.tags)) is not None]
+    streams = [(_band(xy_m[list(way.nodes)], way.tags), way.tags["waterway"]) for way in data.ways if _is_stream(way)]
+    shapes, kinds = zip(*basins, *streams, strict=True) if basins or streams else ((), ())
+    inland = _inland(np.array(shapes, object), extent, sea)
+    whole = shapely.STRtree(inland)
     culverts = shapely.STRtree(road_bands)
     found = list(_parts(sea, culverts, rules["sea"].depth_m))
-    inland = overlay.difference(extent, sea)
-    for area in areas:
-        kind = _kind_of_area(area.tags)
-        if kind is not None:
-            found += _parts(overlay.intersection(area.polygon, inland), culverts, rules[kind].depth_m)
-    covered = overlay.union_all([water.area for water in found])
-    for way in data.ways:
-        kind = way.tags.get("waterway", "")
-        if kind in rules and rules[kind].width_m > 0.0 and way.tags.get("tunnel", "no") == "no":
-            width_m = parse_length_m(way.tags.get("width", "")) or rules[kind].width_m
-            band = shapely.buffer(shapely.LineString(xy_m[list(way.nodes)]), width_m / 2.0, cap_style="flat")
-            open_band = overlay.difference(overlay.intersection(band, inland), covered)
-            found += _parts(open_band, culverts, rules[kind].depth_m)
-            covered = overlay.union(covered, band)
+    for index, (area, kind) in enumerate(zip(inland, kinds, strict=True)):
+        if index >= len(basins):  # a stream is drawn where no water is yet
+            earlier = whole.query(area, predicate="intersects")
+            covered = inland[np.sort(earlier[earlier < index])]
+            area = overlay.difference(area, overlay.union_all(covered))
+        found += _parts(area, culverts, rules[kind].depth_m)
     return tuple(found)
+
+
+def _is_stream(way: Way) -> bool:
+    rule = land_rules().water.get(way.tags.get("waterway", ""))
+    return rule is not None and rule.width_m > 0.0 and way.tags.get("tunnel", "no") == "no"
+
+
+def _band(line_m: Float64Array, tags: Tags) -> BaseGeometry:
+    width_m = parse_length_m(tags.get("width", "")) or land_rules().water[tags["waterway"]].width_m
+    return shapely.buffer(shapely.LineString(line_m), width_m / 2.0, cap_style="flat")
+
+
+def _inland(areas: AnyArray, extent: BaseGeometry, sea: BaseGeometry) -> AnyArray:
+    """(N,) parts of areas that are within the extent and outside the sea."""
+    parts = np.asarray(overlay.intersection(areas, extent))
+    shapely.prepare(sea)
+    salty = shapely.intersects(sea, parts)
+    parts[salty] = overlay.difference(parts[salty], sea)
+    return parts
 
 
 def _kind_of_area(tags: Tags) -> str | None:

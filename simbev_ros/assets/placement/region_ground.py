@@ -39,9 +39,15 @@ _STREET_TOLERANCE_M, _LAND_TOLERANCE_M = 0.018, 0.05
 
 @dataclass(frozen=True, slots=True)
 class Streets(Surfaces):
-    """Street surfaces of one level, and ``area``, the union of them all."""
+    """Street surfaces of one level.
+
+    Attributes:
+        area: The union of them all.
+        raised: Sidewalks and medians.
+    """
 
     area: BaseGeometry
+    raised: BaseGeometry
 
 
 @dataclass(frozen=True)
@@ -178,7 +184,8 @@ def _streets(network: RoadNetwork, level: int, around: shapely.Polygon) -> Stree
     """Streets of a level in a rectangle."""
     parts = surfaces_of(network.layout, level, around)
     area = overlay.union_all([parts.road, parts.shoulder, parts.median, parts.sidewalk], grid_size=_GRID_M)
-    return Streets(parts.road, parts.shoulder, parts.sidewalk, parts.median, parts.crosswalk, area)
+    raised = overlay.union(parts.sidewalk, parts.median)
+    return Streets(parts.road, parts.shoulder, parts.sidewalk, parts.median, parts.crosswalk, area, raised)
 
 
 def _deck_facets(terrain: Terrain, like: Raster, level: int) -> Facets:

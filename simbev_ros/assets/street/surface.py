@@ -3,7 +3,6 @@
 import shapely
 
 from simbev_ros.assets.placement.region_ground import RegionGround
-from simbev_ros.geometry import overlay
 from simbev_ros.maps.roads.lane_kind import CURB_HEIGHT_M
 from simbev_ros.types import Float64Array
 
@@ -15,6 +14,6 @@ def surface_m(ground: RegionGround, xy_m: Float64Array, level: int) -> Float64Ar
     streets = ground.streets[0]
     height_m = ground.land_m(xy_m)
     on_street = shapely.contains_xy(streets.area, xy_m)
-    raised = shapely.contains_xy(overlay.union(streets.sidewalk, streets.median), xy_m)
+    raised = shapely.contains_xy(streets.raised, xy_m)
     height_m[on_street] = ground.road_m(xy_m[on_street]) + CURB_HEIGHT_M * raised[on_street]
     return height_m

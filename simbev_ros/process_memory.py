@@ -1,6 +1,6 @@
 """Memory policies of a whole process: how the C library treats freed memory, and what the garbage collector scans.
 
-Only code that owns its process calls these functions: the entry point of node processes and the world and annotator
+Only code that owns its process sets a policy: the entry point of node processes and the world and annotator
 nodes, command line verbs, and benchmarks. Library classes do not, so that none of them undoes another's policy.
 """
 
@@ -50,6 +50,17 @@ def keep_freed_memory() -> None:
         mallopt(_MMAP_THRESHOLD, _MAX_MMAP_THRESHOLD)
         mallopt(_TRIM_THRESHOLD, 1 << 30)
         mallopt(_TOP_PAD, 64 << 20)
+
+
+def return_freed_memory() -> None:
+    """Collect garbage and return freed memory to the kernel, after work that needed much more than what follows.
+
+    Unlike the other functions it sets no policy, so anybody may call it. Only glibc keeps freed memory back.
+    """
+    gc.collect()
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    if trim is not None:
+        trim(0)
 
 
 @contextmanager

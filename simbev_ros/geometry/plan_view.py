@@ -1,10 +1,12 @@
 """Directions and areas in plan view."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.types import AnyArray, Int64Array
+from simbev_ros.types import AnyArray, Float64Array, Int64Array
 
 
 def left_of(direction: AnyArray) -> AnyArray:
@@ -29,3 +31,14 @@ def indexed_polygon_parts(areas: AnyArray) -> tuple[AnyArray, Int64Array]:
     parts, part = shapely.get_parts(parts, return_index=True)
     kept = shapely.get_type_id(parts) == shapely.GeometryType.POLYGON
     return parts[kept], area[part[kept]]
+
+
+def points_inside(areas: Sequence[BaseGeometry], xy_m: Float64Array) -> list[Int64Array]:
+    """For each area the ascending indices of those of (N, 2) points that lie inside it, not on its border.
+
+    The time grows with the number of points near each area, not with the product of both numbers.
+    """
+    points = np.asarray(shapely.points(xy_m), object)
+    area, point = shapely.STRtree(points).query(np.asarray(areas, object), predicate="contains")
+    order = np.lexsort([point, area])
+    return np.split(point[order], np.searchsorted(area[order], np.arange(1, len(areas)))) if len(areas) else []

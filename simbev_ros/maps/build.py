@@ -19,6 +19,7 @@ from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.tunnels import Tunnels
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.maps.store import read_datum, read_network, read_source, read_tunnels
+from simbev_ros.process_memory import return_freed_memory
 
 _ATTEMPTS = 3
 _T = TypeVar("_T")
@@ -88,6 +89,7 @@ def _build(spec: MapSpec, folder: Path) -> None:
 
     with _without_garbage_collection():
         build_map(spec, folder)
+    return_freed_memory()
 
 
 @contextmanager

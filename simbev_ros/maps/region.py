@@ -18,6 +18,8 @@ REGION_M = 512.0
 OUTSKIRTS_M = 110.0
 """Distance from roads up to which land belongs to a map."""
 
+_HALF = 2**20  # no region is further from the origin
+
 
 class Region(NamedTuple):
     """Grid square ``column`` to the east and ``row`` to the north of the map's origin."""
@@ -49,7 +51,8 @@ def regions_of(layout: Layout, reach: Reach | None = None) -> tuple[Region, ...]
     """Regions of a map with land near roads, from south-west to north-east; with ``reach``, only those within it."""
     positions_m = np.concatenate([np.empty((0, 2)), *(strip.left_m[:, :2] for strip in layout.strips)])
     corners = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1], [0, 0]]) * OUTSKIRTS_M
-    squares = np.unique(np.floor((positions_m[:, None] + corners).reshape(-1, 2) / REGION_M).astype(int), axis=0)
+    columns, rows = (np.floor((positions_m[:, None] + corners).reshape(-1, 2) / REGION_M).astype(int) + _HALF).T
+    squares = np.column_stack(np.divmod(np.unique(columns * 2 * _HALF + rows), 2 * _HALF)) - _HALF
     if reach is not None:
         squares = squares[reach.touches(squares * REGION_M, REGION_M)]
     return tuple(Region(column, row) for column, row in squares.tolist())

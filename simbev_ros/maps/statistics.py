@@ -7,10 +7,11 @@ import shapely
 from scipy.spatial import cKDTree
 
 from simbev_ros.geometry import overlay
+from simbev_ros.geometry.plan_view import points_inside
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout, Strip
-from simbev_ros.maps.roads.surface import FAST_MPS
+from simbev_ros.maps.roads.surface import FAST_MPS, strip_polygons
 from simbev_ros.types import Float64Array
 
 _CLUSTER_M = 25.0
@@ -91,8 +92,9 @@ def busiest_position(network: RoadNetwork) -> Float64Array:
         lanes = [lane for lane in network.lanes.values() if lane.kind is LaneKind.DRIVING]
         positions_m = np.array([lane.centerline_m[0, :2] for lane in lanes])
     weight = np.full(len(positions_m), _USE_WEIGHT.get(network.features.surroundings.use, 1.0))
-    for zone in network.features.zones:
-        weight[shapely.contains_xy(zone.area, positions_m)] = _USE_WEIGHT.get(zone.surroundings.use, 1.0)
+    zones = network.features.zones
+    for zone, inside in zip(zones, points_inside([zone.area for zone in zones], positions_m), strict=True):
+        weight[inside] = _USE_WEIGHT.get(zone.surroundings.use, 1.0)
     weight[[lane.speed_mps > FAST_MPS for lane in lanes]] = _FAST_WEIGHT
     around = np.zeros(len(positions_m))
     for each in np.unique(weight).tolist():
@@ -111,18 +113,19 @@ def _lane_km(layout: Layout) -> dict[str, float]:
 
 def _two_level_crossings(layout: Layout) -> int:
     """Number of clusters of overlaps between driving lanes of different levels."""
-    overlaps = []
-    for level in layout.levels[1:]:
-        upper = np.array([_area(strip) for strip in layout.strips_of(LaneKind.DRIVING, level=level)], dtype=object)
-        lower = [strip for strip in layout.strips_of(LaneKind.DRIVING) if strip.level < level]
-        tree = shapely.STRtree([_area(strip) for strip in lower])
-        above, below = tree.query(upper, predicate="intersects")
-        parts = overlay.intersection(upper[above], tree.geometries[below])
-        overlaps += [part for part in parts if part.area > _MIN_OVERLAP_M2]
-    merged = overlay.union_all(shapely.buffer(overlaps, _CLUSTER_M / 2.0)) if overlaps else shapely.MultiPolygon()
-    return len(shapely.get_parts(merged))
+    strips = layout.strips_of(LaneKind.DRIVING)
+    boxes = shapely.box(*np.array([_bounds_m(strip) for strip in strips]).reshape(-1, 4).T)
+    raised = np.array([strip.level > 0 for strip in strips], bool)
+    near = np.unique(shapely.STRtree(boxes[raised]).query(boxes)[0])
+    areas, level = strip_polygons([strips[k] for k in near]), np.array([strips[k].level for k in near])
+    one, other = shapely.STRtree(areas).query(areas, predicate="intersects")
+    above = level[one] > level[other]
+    overlaps = overlay.intersection(areas[one[above]], areas[other[above]])
+    large = overlaps[shapely.area(overlaps) > _MIN_OVERLAP_M2]
+    return len(shapely.get_parts(overlay.union_all(shapely.buffer(large, _CLUSTER_M / 2.0))))
 
 
-def _area(strip: Strip) -> shapely.Polygon:
-    ring = np.concatenate([strip.left_m[:, :2], strip.right_m[::-1, :2]])
-    return shapely.buffer(shapely.Polygon(ring), 0.0)
+def _bounds_m(strip: Strip) -> Float64Array:
+    """(4,) lowest and highest x and y of a strip, in the order of ``shapely.box``."""
+    borders_m = np.concatenate([strip.left_m[:, :2], strip.right_m[:, :2]])
+    return np.concatenate([borders_m.min(axis=0), borders_m.max(axis=0)])

@@ -4,7 +4,6 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import shapely
 
 from simbev_ros.assets.land.covers import draw_crop, finish_of
 from simbev_ros.assets.materials import Material
@@ -13,6 +12,7 @@ from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import Finish
 from simbev_ros.assets.placement.region_ground import LAND_HEIGHT_M
 from simbev_ros.assets.placement.static_scene import Tile
+from simbev_ros.geometry.plan_view import points_inside
 from simbev_ros.maps.land.membrane import node_positions_m
 from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.land_features import MapFeatures
@@ -92,12 +92,9 @@ def _covers(features: MapFeatures, seed: int, middle_m: Float64Array, finishes: 
     """(N,) index into ``finishes`` of the cover at (N, 2) points; new finishes are appended."""
     field = np.floor(middle_m / (_FIELD_CELLS * TILE_M)).astype(np.int64)
     cover = np.zeros(len(middle_m), np.int64)
-    everywhere = shapely.box(*middle_m.min(axis=0) - 1.0, *middle_m.max(axis=0) + 1.0)
-    for surroundings, area in [
-        (features.surroundings, everywhere),
-        *((z.surroundings, z.area) for z in features.zones),
-    ]:
-        inside = shapely.contains_xy(area, middle_m[:, 0], middle_m[:, 1])
+    zoned = points_inside([zone.area for zone in features.zones], middle_m)
+    recipes = [features.surroundings, *(zone.surroundings for zone in features.zones)]
+    for surroundings, inside in zip(recipes, [np.arange(len(middle_m)), *zoned], strict=True):
         if surroundings.use != "farmland":
             woods = surroundings.use == "woods"
             cover[inside] = _finish_row(_WOODS if woods else finish_of("lawn", surroundings.plants), finishes)
@@ -105,8 +102,8 @@ def _covers(features: MapFeatures, seed: int, middle_m: Float64Array, finishes: 
         keys, which = np.unique(field[inside], axis=0, return_inverse=True)
         crops = [draw_crop(surroundings.plants, stream(seed, f"far_land.{i}.{j}")) for i, j in keys.tolist()]
         cover[inside] = np.array([_finish_row(crop, finishes) for crop in crops])[which.reshape(-1)]
-    for water in features.water:
-        cover[shapely.contains_xy(water.area, middle_m[:, 0], middle_m[:, 1])] = 0
+    for inside in points_inside([water.area for water in features.water], middle_m):
+        cover[inside] = 0
     return cover
 
 

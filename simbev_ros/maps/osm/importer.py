@@ -4,6 +4,7 @@ from collections import Counter
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from pyproj import Transformer
@@ -12,6 +13,8 @@ from simbev_ros.config.map_files import Bounds
 from simbev_ros.errors import InputError, SimulationError
 from simbev_ros.geometry.geodesy import MapDatum
 from simbev_ros.limits import MAX_MAP_BYTES
+from simbev_ros.maps.findings import Finding
+from simbev_ros.maps.land_features import MapFeatures
 from simbev_ros.maps.osm.box import MAX_SIDE_M, Box, densest_box, sample_segments, segment_lengths_m
 from simbev_ros.maps.osm.data import OsmData
 from simbev_ros.maps.osm.extract import cut, write_osm
@@ -23,6 +26,7 @@ from simbev_ros.maps.osm.road_rules import SIDEWALK_M, road_tags
 from simbev_ros.maps.osm.roads import join_roads, roads_of
 from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.sumo import netconvert
+from simbev_ros.process_memory import return_freed_memory
 from simbev_ros.types import Float64Array, Int64Array
 
 _MAX_LENGTH_M = 4e6
@@ -65,6 +69,29 @@ def import_osm(path: Path, work: Path, bounds: Bounds | None = None) -> MapParts
     Raises:
         InputError: The file cannot be read, its content is invalid, or it has no roads for cars.
     """
+    prepared = _prepare(path, work, bounds)
+    return_freed_memory()  # netconvert needs as much again
+    net, opendrive = work / "map.net.xml", work / "map.xodr"
+    try:
+        netconvert.run_netconvert(prepared.options, net, opendrive)
+    except SimulationError as error:
+        raise InputError(f"{path}: {error}") from None
+    features, findings = prepared.features, prepared.findings
+    return MapParts(net, opendrive, prepared.datum, features, findings=findings, extract=prepared.extract)
+
+
+class _Prepared(NamedTuple):
+    """What an import needs of a file after netconvert's input has been written: netconvert's options, and the rest."""
+
+    options: list[str]
+    datum: MapDatum
+    features: MapFeatures
+    findings: tuple[Finding, ...]
+    extract: Path | None
+
+
+def _prepare(path: Path, work: Path, bounds: Bounds | None) -> _Prepared:
+    """Read a file and write its roads for netconvert, and an extract if not all of it is read."""
     data = _read(path, bounds)
     nodes = road_nodes(data)
     if not len(nodes):
@@ -80,21 +107,16 @@ def import_osm(path: Path, work: Path, bounds: Bounds | None = None) -> MapParts
     source, types = work / "roads.osm", work / "types.typ.xml"
     write_roads(source, raised, xyz_m, data.node_tags, datum)
     write_types(types)
-    net, opendrive = work / "map.net.xml", work / "map.xodr"
     options = [f"--osm-files={source}", f"--type-files={types}", f"--proj={datum.proj_string}", *_OPTIONS]
     if any(road.way.tunnel for road in raised):
         options += _TUNNEL_OPTIONS
     if data.left_hand:
         options.append("--lefthand=true")
-    try:
-        netconvert.run_netconvert(options, net, opendrive)
-    except SimulationError as error:
-        raise InputError(f"{path}: {error}") from None
-    findings = (*data.findings, *road_findings, *height_findings, *land_findings)
     extract = work / "extract.osm" if data.is_part or path.stat().st_size > MAX_MAP_BYTES else None
     if extract is not None:
         write_osm(extract, data)
-    return MapParts(net, opendrive, datum, features, findings=findings, extract=extract)
+    findings = (*data.findings, *road_findings, *height_findings, *land_findings)
+    return _Prepared(options, datum, features, findings, extract)
 
 
 def _read(path: Path, bounds: Bounds | None) -> OsmData:

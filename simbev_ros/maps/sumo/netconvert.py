@@ -4,6 +4,8 @@ import ctypes
 import os
 import re
 import resource
+import shutil
+import signal
 import subprocess
 from collections.abc import Sequence
 from functools import lru_cache
@@ -24,9 +26,10 @@ _OPTIONS = (
     "--tls.allred.time=2",
     "--precision=4",
 )
-_TIMEOUT_S = 120.0
+_MAX_CPU_S = 300  # about 60 for 100 km² of a dense city
 _MAX_MEMORY_BYTES = 6 << 30
 _MAX_REASON_CHARS = 400
+_HEAD_BYTES = 1 << 20
 _LIBC = ctypes.CDLL(None)
 _ADDR_NO_RANDOMIZE = 0x0040000  # flag of Linux's personality(2)
 
@@ -83,18 +86,17 @@ def run_netconvert(arguments: Sequence[str], net: Path, opendrive: Path) -> str:
             capture_output=True,
             text=True,
             errors="replace",
-            timeout=_TIMEOUT_S,
             check=False,
             preexec_fn=_limit_process,
         )
-    except subprocess.TimeoutExpired:
-        raise SimulationError(f"netconvert did not finish within {_TIMEOUT_S:.0f} s") from None
     except OSError as error:
         raise SimulationError(f"netconvert could not run: {error}") from error
+    if result.returncode == -signal.SIGXCPU:
+        raise SimulationError(f"netconvert was not ready after {_MAX_CPU_S} s of computing time")
     if result.returncode != 0 or not (net.is_file() and opendrive.is_file()):
         raise SimulationError(f"netconvert failed with exit code {result.returncode}: {_reason(result.stderr)}")
     for path in (net, opendrive):
-        path.write_text(_remove_time_stamps(path.read_text(encoding="utf-8")), encoding="utf-8")
+        _remove_time_stamps(path)
     return result.stderr
 
 
@@ -108,14 +110,20 @@ def _reason(stderr: str) -> str:
 
 
 def _limit_process() -> None:
-    """Fix addresses and limit memory; runs in the child process before netconvert."""
+    """Fix addresses and limit memory and computing time; runs in the child process before netconvert."""
     _LIBC.personality(_ADDR_NO_RANDOMIZE)
-    limits = (limit for limit in resource.getrlimit(resource.RLIMIT_AS) if limit != resource.RLIM_INFINITY)
-    max_bytes = min((_MAX_MEMORY_BYTES, *limits))
-    resource.setrlimit(resource.RLIMIT_AS, (max_bytes, max_bytes))
+    for kind, own_limit in ((resource.RLIMIT_AS, _MAX_MEMORY_BYTES), (resource.RLIMIT_CPU, _MAX_CPU_S)):
+        limits = (limit for limit in resource.getrlimit(kind) if limit != resource.RLIM_INFINITY)
+        limit = min((own_limit, *limits))
+        resource.setrlimit(kind, (limit, limit))
 
 
-def _remove_time_stamps(xml: str) -> str:
-    """Remove the comment and the attribute with the time of creation and the file names."""
-    xml = re.sub(r"<!-- generated on .*?-->\n*", "", xml, count=1, flags=re.DOTALL)
-    return re.sub(r'(<header [^>]*) date="[^"]*"', r"\1", xml, count=1)
+def _remove_time_stamps(path: Path) -> None:
+    """Remove the comment and the attribute with the time of creation and the file names, which are at the beginning."""
+    marked = path.rename(path.with_suffix(".marked"))
+    with marked.open("rb") as source, path.open("wb") as target:
+        head = source.read(_HEAD_BYTES)
+        head = re.sub(rb"<!-- generated on .*?-->\n*", b"", head, count=1, flags=re.DOTALL)
+        target.write(re.sub(rb'(<header [^>]*) date="[^"]*"', rb"\1", head, count=1))
+        shutil.copyfileobj(source, target)
+    marked.unlink()

@@ -383,7 +383,9 @@ def test_a_map_in_left_handed_coordinates_is_mirrored(tmp_path: Path) -> None:
 
 
 def test_lanes_without_any_type_of_bounds_are_painted_and_vehicles_change_them(tmp_path: Path) -> None:
-    _, layout, net = imported(tmp_path, _road_in_axes_of(1.0))
+    parts, layout, _ = imported(tmp_path, _road_in_axes_of(1.0))
+    lanes = [line for line in parts.net.read_text().splitlines() if "<lane " in line]
+    assert ["changeLeft" in line for line in lanes] == [False, True, True], lanes  # from the outermost lane of an edge
     paints = [(strip.left_line.paint, strip.right_line.paint) for strip in layout.strips]
     assert paints == [(Paint.SOLID, Paint.BROKEN), (Paint.BROKEN, Paint.SOLID), (Paint.SOLID, Paint.SOLID)]
     assert [strip.left_line.color for strip in layout.strips] == [

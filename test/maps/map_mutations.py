@@ -11,7 +11,6 @@ import copy
 import multiprocessing
 import random
 import shutil
-import subprocess
 import sys
 import tempfile
 import traceback
@@ -21,8 +20,7 @@ from functools import partial
 from pathlib import Path
 from xml.etree.ElementTree import Element, ElementTree, fromstring
 
-import xodr_sample as xodr
-from lanelet2_sample import Crossing, LaneletSample
+from map_samples import SUFFIXES, sample
 
 from simbev_ros.assets.regions.build import build_region
 from simbev_ros.assets.regions.far_land import far_land
@@ -31,32 +29,11 @@ from simbev_ros.maps.build import load_network
 from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.region import regions_of
 from simbev_ros.maps.source import map_spec
-from simbev_ros.maps.sumo.netconvert import sumo_home
 
-SUFFIXES = (".osm", ".xodr", ".net.xml", ".lanelets.osm")
 _MAX_STEPS = 4
 _MAX_REGIONS = 2
 _DEGREES_PER_M = 1e-5
 _FACTORS = (0.0, -1.0, 1e-6, 0.1, 0.5, 0.999999, 2.0, 10.0, 1e3)
-
-
-def sample(suffix: str) -> str:
-    """A valid map: a small town with a river, roads with all kinds of geometry, a grid with bends, or lanelets."""
-    if suffix == ".lanelets.osm":
-        return _lanelets()
-    if suffix == ".osm":
-        return (Path(__file__).parent / "data" / "riverside.osm").read_text(encoding="utf-8")
-    return _roads() if suffix == ".xodr" else _grid()
-
-
-def _lanelets() -> str:
-    """A crossing of lanelets with lights, walkways and crosswalks, its points given by latitude and longitude."""
-    crossing = Crossing(LaneletSample(local=False))
-    for arm in range(4):
-        crossing.lights(arm)
-        crossing.walkways(arm)
-        crossing.crosswalk(arm)
-    return crossing.sample.text()
 
 
 def mutated(text: str, seed: int) -> bytes:
@@ -223,68 +200,6 @@ def _set_points(element: Element, points: list[list[float]]) -> None:
     element.set("shape", " ".join(",".join(f"{value:.6f}" for value in point) for point in points))
 
 
-def _roads() -> str:
-    """OpenDRIVE: a banked road with line, spiral, arc and cubic, on a slope, that leads to a junction with turns."""
-    driving = [xodr.lane(number, inner=xodr.linked(number, number)) for number in (1, -1)]
-    walks = [xodr.lane(number, "sidewalk", inner=xodr.width(2.0)) for number in (2, -2)]
-    lanes = xodr.section(*driving, *walks)
-    plan = (
-        xodr.geometry(xodr.LINE, 60.0)
-        + xodr.geometry('<spiral curvStart="0" curvEnd="0.02"/>', 30.0, s=60.0, x=60.0)
-        + xodr.geometry('<arc curvature="0.02"/>', 40.0, s=90.0, x=89.73, y=2.98, hdg=0.3)
-        + xodr.geometry(
-            '<paramPoly3 pRange="arcLength" aU="0" bU="1" cU="0" dU="0" aV="0" bV="0" cV="0.004" dV="0"/>',
-            30.0,
-            s=130.0,
-            x=117.8,
-            y=29.6,
-            hdg=1.1,
-        )
-    )
-    more = (
-        '<elevationProfile><elevation s="0" a="2" b="0.02" c="0" d="0"/><elevation s="80" a="3.6" b="0.02" c="-1e-4" '
-        'd="0"/></elevationProfile><lateralProfile><superelevation s="50" a="0.02" b="0" c="0" d="0"/></lateralProfile>'
-    )
-    objects = (
-        '<objects><object id="1" type="crosswalk" s="20" t="0" zOffset="0" hdg="1.57" length="7" width="3"><outline>'
-        '<cornerLocal u="-1.5" v="-3.5" z="0"/><cornerLocal u="1.5" v="-3.5" z="0"/>'
-        '<cornerLocal u="1.5" v="3.5" z="0"/><cornerLocal u="-1.5" v="3.5" z="0"/></outline></object></objects>'
-        '<signals><signal id="2" type="206" s="5" t="-5" orientation="+" dynamic="no"/></signals>'
-    )
-    link = '<predecessor elementType="junction" elementId="9"/>'
-    roads = [xodr.road(plan, 160.0, lanes, number="1", links=link, more=more + objects)]
-    for number, (x, y, heading) in {"2": (-30.0, 0.0, 3.14159265), "3": (-15.0, -15.0, -1.57079633)}.items():
-        arm = xodr.geometry(xodr.LINE, 70.0, x=x, y=y, hdg=heading)
-        roads.append(xodr.road(arm, 70.0, lanes, number=number, links=link))
-    turn = '<predecessor elementType="road" elementId="1" contactPoint="start"/>'
-    through = turn + '<successor elementType="road" elementId="2" contactPoint="start"/>'
-    left = turn + '<successor elementType="road" elementId="3" contactPoint="start"/>'
-    inside = [xodr.section(xodr.lane(number, inner=xodr.linked(-number, number))) for number in (-1,)]
-    line = xodr.geometry(xodr.LINE, 30.0, hdg=3.14159265)
-    arc = xodr.geometry('<arc curvature="0.066666667"/>', 23.5619449, hdg=3.14159265)
-    roads.append(xodr.road(line, 30.0, inside, number="4", links=through, junction="9"))
-    roads.append(xodr.road(arc, 23.5619449, inside, number="5", links=left, junction="9"))
-    connections = "".join(
-        f'<connection id="{k}" incomingRoad="1" connectingRoad="{road}" contactPoint="start">'
-        '<laneLink from="1" to="-1"/></connection>'
-        for k, road in enumerate((4, 5))
-    )
-    return xodr.xodr(*roads, f'<junction id="9" name="">{connections}</junction>')
-
-
-def _grid() -> str:
-    """A SUMO net of nine junctions with sidewalks, crossings and traffic lights, its streets bent."""
-    options = (
-        "--grid --grid.number 3 --grid.length 80 -L 2 --sidewalks.guess true --crossings.guess true "
-        "--walkingareas true --tls.guess true --perturb-x 6 --perturb-y 6 --seed 3"
-    )
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "grid.net.xml"
-        command = [str(sumo_home() / "bin" / "netgenerate"), *options.split(), "-o", str(path)]
-        subprocess.run(command, check=True, capture_output=True, env={"SUMO_HOME": str(sumo_home())})
-        return path.read_text(encoding="utf-8")
-
-
 def _try_case(case: tuple[str, int], text: dict[str, str], finds: Path) -> tuple[str, str]:
     """Build one mutated map; its suffix and "opened", "refused" or the find."""
     suffix, seed = case
@@ -319,7 +234,7 @@ def main() -> None:
                 print(*result, flush=True)
             counts[result] += 1
     for (suffix, outcome), count in sorted(counts.items()):
-        print(f"{count:6} {suffix:9} {outcome}")
+        print(f"{count:6} {suffix:13} {outcome}")
     sys.exit(any(outcome not in ("opened", "refused") for _, outcome in counts))
 
 

@@ -351,3 +351,48 @@ def test_bounds_do_not_choose_parts_of_lanelets(tmp_path: Path) -> None:
     path.write_text(yielding_crossing().sample.text(), encoding="utf-8")
     with pytest.raises(InputError, match=r"bounds: only OpenStreetMap files .*crossing\.osm has lanelets"):
         build_map(map_spec(str(path), bounds=(138.0, 35.0, 139.0, 36.0)), tmp_path)
+
+
+def _road_in_axes_of(sign: float, kind: str = "") -> LaneletSample:
+    """Two lanes eastward and one westward, 100 m long, with center lines and a stop line; ``sign``: of north."""
+    sample = LaneletSample()
+
+    def line(xs: Sequence[float], y: float) -> str:
+        return sample.line([(x, sign * y) for x in xs], kind, "")
+
+    east, west = (0.0, 100.0), (100.0, 0.0)
+    for xs, left, right in ((east, 0.0, -3.5), (east, -3.5, -7.0), (west, 0.0, 3.5)):
+        center = sample.line([(x, sign * (left + right) / 2.0) for x in xs], "", "")
+        members = (("way", role, ref) for role, ref in (("left", line(xs, left)), ("right", line(xs, right))))
+        sample.relation({"type": "lanelet", "subtype": "road"}, *members, ("way", "centerline", center))
+    sample.line([(99.0, sign * y) for y in (-0.5, -6.5)], "stop_line", "")
+    return sample
+
+
+def test_a_map_in_left_handed_coordinates_is_mirrored(tmp_path: Path) -> None:
+    for folder, sign in (("right", 1.0), ("left", -1.0)):
+        (tmp_path / folder).mkdir()
+        parts, layout, _ = imported(tmp_path / folder, _road_in_axes_of(sign))
+        center_m = np.array([strip.center_m[[0, -1], :2] for strip in layout.strips])
+        middle_m = (ORIGIN_M[0], sign * ORIGIN_M[1])
+        expected_m = [[(0.0, -1.75), (100.0, -1.75)], [(0.0, -5.25), (100.0, -5.25)], [(100.0, 1.75), (0.0, 1.75)]]
+        assert center_m - middle_m == pytest.approx(np.array(expected_m), abs=1e-3)
+        assert layout.stop_lines[0].ends_m[:, 0] == pytest.approx([ORIGIN_M[0] + 99.0] * 2, abs=0.01)
+        noted = any("left-handed" in finding.rule for finding in parts.findings)
+        assert noted == (sign < 0.0)
+
+
+def test_lanes_without_any_type_of_bounds_are_painted_and_vehicles_change_them(tmp_path: Path) -> None:
+    parts, layout, _ = imported(tmp_path, _road_in_axes_of(1.0))
+    lanes = [line for line in parts.net.read_text().splitlines() if "<lane " in line]
+    assert ["changeLeft" in line for line in lanes] == [False, True, True], lanes  # from the outermost lane of an edge
+    paints = [(strip.left_line.paint, strip.right_line.paint) for strip in layout.strips]
+    assert paints == [(Paint.SOLID, Paint.BROKEN), (Paint.BROKEN, Paint.SOLID), (Paint.SOLID, Paint.SOLID)]
+    assert [strip.left_line.color for strip in layout.strips] == [
+        *(PaintColor.YELLOW, PaintColor.WHITE, PaintColor.YELLOW)
+    ]
+
+
+def test_lanes_keep_their_borders_where_some_bound_has_a_type(tmp_path: Path) -> None:
+    _, layout, _ = imported(tmp_path, _road_in_axes_of(1.0, kind="virtual"))
+    assert {strip.left_line.paint for strip in layout.strips} == {Paint.NONE}

@@ -9,16 +9,19 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from simbev_ros.errors import InputError, SimulationError
+from simbev_ros.geometry.geodesy import MapDatum
 from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.lane_graph.crossings import crosswalks_of_net, planned_crossings
 from simbev_ros.maps.lane_graph.sumo_xml import RightOfWay, build_net
 from simbev_ros.maps.lane_graph.traffic import Traffic
+from simbev_ros.maps.lanelet2.assumed_paint import with_assumed_paint
+from simbev_ros.maps.lanelet2.document import LaneletMap
 from simbev_ros.maps.lanelet2.junctions import junctions_of
 from simbev_ros.maps.lanelet2.land import land_of
 from simbev_ros.maps.lanelet2.reader import read_lanelet_map
 from simbev_ros.maps.lanelet2.roadside import Roadside, signal_places, signs_of, stop_lines_of
 from simbev_ros.maps.lanelet2.rules import Rule, rules_of, waiting_at_crosswalks, with_speed_limits
-from simbev_ros.maps.lanelet2.shapes import lanelet_shapes
+from simbev_ros.maps.lanelet2.shapes import LaneletShape, are_left_handed, lanelet_shapes
 from simbev_ros.maps.lanelet2.strips import area_strips, crosswalks_of, lanelet_strips
 from simbev_ros.maps.lanelet2.topology import Topology, topology_of
 from simbev_ros.maps.lanelet2.traffic import traffic_of
@@ -36,11 +39,8 @@ def import_lanelet2(path: Path, work: Path) -> MapParts:
     Raises:
         InputError: The file is not OSM XML, is too large, or has no lanelet for vehicles.
     """
-    notes = Findings(path)
-    source, datum = read_lanelet_map(path, notes)
-    source = with_speed_limits(source)
-    shapes = list(lanelet_shapes(source, notes))
-    junctions = junctions_of(topology_of(path, shapes, datum))
+    source, shapes, datum, notes = _read(path)
+    junctions = with_assumed_paint(junctions_of(topology_of(path, shapes, datum)), notes)
     rules = rules_of(source, junctions, notes)
     waiting = {name for rule in rules if rule.meaning != SignKind.SPEED_LIMIT for name in rule.lanelets}
     crosswalks = crosswalks_of(shapes)
@@ -65,6 +65,17 @@ def import_lanelet2(path: Path, work: Path) -> MapParts:
     )
     features = land_of(source.areas, strips, notes)
     return MapParts(net, work / "sumo.xodr", datum, features, layout, findings=notes.all())
+
+
+def _read(path: Path, mirrored: bool = False) -> tuple[LaneletMap, list[LaneletShape], MapDatum, Findings]:
+    """Read a file; mirrored if its coordinates turn out to be left-handed, as CARLA's are."""
+    notes = Findings(path)
+    if mirrored:
+        notes.assumed("its coordinates are left-handed, with left bounds on the right: the map is mirrored")
+    source, datum = read_lanelet_map(path, notes, mirrored)
+    source = with_speed_limits(source)
+    shapes = list(lanelet_shapes(source, notes))
+    return _read(path, True) if not mirrored and are_left_handed(shapes) else (source, shapes, datum, notes)
 
 
 def _right_of_way(

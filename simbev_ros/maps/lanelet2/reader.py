@@ -46,15 +46,16 @@ def has_lanelets(path: Path, suffix: str) -> bool:
     return lanelets > streets
 
 
-def read_lanelet_map(path: Path, notes: Findings) -> tuple[LaneletMap, MapDatum]:
+def read_lanelet_map(path: Path, notes: Findings, mirrored: bool = False) -> tuple[LaneletMap, MapDatum]:
     """Read a Lanelet2 file.
 
     Args:
         path: The .osm file.
         notes: Receives repairs and omissions.
+        mirrored: Whether northward coordinates get the opposite sign.
 
     Returns:
-        The map, and the datum of its frame.
+        The map, and the datum of its frame, which stays that of the file.
 
     Raises:
         InputError: The file is not OSM XML, it has no usable positions, or its lanelets are too many or span too far.
@@ -63,7 +64,7 @@ def read_lanelet_map(path: Path, notes: Findings) -> tuple[LaneletMap, MapDatum]
     relations = elements_by_id(root, "relation", notes)
     ways = elements_by_id(root, "way", notes)
     xyz_m, datum, index = map_frame(path, elements_by_id(root, "node", notes), notes)
-    lines = dict(_iter_lines(ways, index, xyz_m, notes))
+    lines = dict(_iter_lines(ways, index, xyz_m * (1.0, -1.0 if mirrored else 1.0, 1.0), notes))
     tags = {name: tags_of(element) for name, element in relations.items()}
     lanelets = {name: relations[name] for name in relations if tags[name].get("type") == "lanelet"}
     if len(lanelets) > MAX_LANELETS:

@@ -1,6 +1,6 @@
 """The exact shape of every lanelet: both borders in driving direction, with points that lie across from each other."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -21,6 +21,7 @@ _MAX_WIDTH_M = 200.0
 _MIN_LENGTH_M = 0.1
 _MIN_DRIVING_WIDTH_M = 1.5
 _MAX_INVERTED = 0.1
+_MIN_LEFT_HANDED = 0.95
 _SPACING_M = 0.5
 _MIN_SAMPLES, _MAX_SAMPLES = 8, 2_000
 _SAME_M = 1e-3
@@ -74,11 +75,18 @@ class LaneletShape:
         middle_m = (self.left_m + self.right_m) / 2.0
         if self.lanelet.centerline is None:
             return middle_m
-        line_m = self.lanelet.centerline.points_m
-        if np.linalg.norm((line_m[0] - middle_m[0])[:2]) > np.linalg.norm((line_m[-1] - middle_m[0])[:2]):
-            line_m = line_m[::-1]
+        line_m = self.lanelet.centerline.points_m[:: -1 if self.is_against_center else 1]
         line_m = np.concatenate([middle_m[:1], line_m[1:-1], middle_m[-1:]])
         return resampled_m(line_m, stations_m(middle_m) / stations_m(middle_m)[-1])
+
+    @property
+    def is_against_center(self) -> bool:
+        """Whether the file's center line runs against the driving direction."""
+        if self.lanelet.centerline is None:
+            return False
+        start_m = (self.left_m[0] + self.right_m[0]) / 2.0
+        first_m, last_m = np.linalg.norm((self.lanelet.centerline.points_m[[0, -1]] - start_m)[:, :2], axis=1).tolist()
+        return bool(first_m > last_m)
 
     @cached_property
     def width_m(self) -> float:
@@ -143,6 +151,16 @@ def lanelet_shapes(source: LaneletMap, notes: Findings) -> Iterator[LaneletShape
             )
             shape = replace(shape, kind=LaneKind.SHOULDER)
         yield shape
+
+
+def are_left_handed(shapes: Iterable[LaneletShape]) -> bool:
+    """Whether coordinates are left-handed: nearly all lanelets run against their center line and a bound.
+
+    The direction of bounds alone proves nothing, since they may run in either one, and oncoming lanelets share them.
+    Lanelets without a center line are not counted.
+    """
+    against = [any(shape.flipped) and shape.is_against_center for shape in shapes if shape.lanelet.centerline]
+    return bool(against) and sum(against) >= _MIN_LEFT_HANDED * len(against)
 
 
 def _problem(lanelet: Lanelet) -> str:

@@ -52,6 +52,7 @@ _STANDING_MPS = 0.05
 _MIN_EDGES_LEFT = 6  # with this number of edges left, a route is extended
 _FOREVER_S = 1e8
 _ANY_ARRIVAL_M = 1.0
+_AXES = 3
 _FAILURES = (libsumo.TraCIException, libsumo.FatalTraCIError)
 
 
@@ -134,6 +135,7 @@ class SumoTraffic:
         self._off_net: dict[str, dict[int, Any]] = {}
         self._vehicle_names = [vehicle_name(index) for index in self.vehicles]
         self._pedestrian_names = [pedestrian_name(index) for index in self.pedestrians]
+        self._latest_points: dict[int, tuple[float, float, float]] = {}
         self._lanes_ahead = LanesAhead(self._vehicle_names, tracks)
         for name in self._vehicle_names:
             libsumo.vehicle.subscribe(name, _VEHICLE_VARIABLES)
@@ -171,10 +173,18 @@ class SumoTraffic:
             return TrafficSample(
                 front_m,
                 np.array([row[libsumo.VAR_SIGNALS] for row in rows], np.int64),
-                _point_array([pedestrians[name][libsumo.VAR_POSITION3D] for name in self._pedestrian_names]),
+                _point_array(self._pedestrian_points(pedestrians)),
             )
         except KeyError as error:
             raise SimulationError(f"SUMO has lost {error} at {libsumo.simulation.getTime():.3f} s") from error
+
+    def _pedestrian_points(self, results: Mapping[str, Mapping[int, Any]]) -> list[tuple[float, float, float]]:
+        """The pedestrians' positions; where SUMO has none, as on walking areas without extent, the latest one."""
+        for row, name in enumerate(self._pedestrian_names):
+            point = results[name][libsumo.VAR_POSITION3D]
+            if len(point) == _AXES:  # an invalid position has two coordinates
+                self._latest_points[row] = point
+        return [self._latest_points[row] for row in range(len(self._pedestrian_names))]
 
     def ahead_m(self, vehicle: Int64Array, distance_m: Float64Array, left_m: Float64Array) -> Float64Array:
         """(N, K, 3) positions of the fronts of (N,) of the latest vehicles after (N, K) distances along their routes.

@@ -80,7 +80,7 @@ class Simulation:
             closed = [lane.id for lane in lanes if lane.kind in _NO_TRAFFIC and lane.classes]
             speeds_mps = slow_near_closures(curve_speeds(lanes), spec, lanes)
             tracks = LaneTracks(lanes)
-            self._sumo = SumoTraffic(files, spec.tick_ns, spec.seed, speeds_mps, tracks, closed)
+            self._sumo = SumoTraffic(files, spec.tick_ns, spec.seed, speeds_mps, tracks, closed, cropped.left_hand)
         try:
             self._population = Population(spec, self._sumo)
             self._actors = Actors(spec, network, self._population, obstacles, demand.excursions)

@@ -89,6 +89,7 @@ class SumoTraffic:
         speeds_mps: Mapping[str, float],
         tracks: LaneTracks,
         closed_lanes: Iterable[str] = (),
+        left_hand: bool = False,
     ) -> None:
         """Load a network and its traffic, and insert all vehicles and pedestrians at time 0.
 
@@ -99,6 +100,7 @@ class SumoTraffic:
             speeds_mps: Lane id → speed limit that replaces the network's.
             tracks: All lanes that a vehicle may get onto.
             closed_lanes: Ids of lanes that are closed to all traffic, whatever the network permits.
+            left_hand: Traffic keeps to the left; SUMO then counts lateral positions to the right.
 
         Raises:
             SimulationError: Another simulation is running in this process, or SUMO rejects its input.
@@ -111,6 +113,7 @@ class SumoTraffic:
         own = {"step-length": f"{tick_ns / NS_PER_S:.3f}", "seed": str(seed % _MAX_SEED)}
         options = {**_OPTIONS, **inputs, **own}
         self._tracks = tracks
+        self._left_sign = -1.0 if left_hand else 1.0
         self._tick_s = tick_ns / NS_PER_S
         self._open = SumoTraffic._running = True
         self._has_pending_move = False  # whether SUMO will move an actor at the next step
@@ -165,7 +168,7 @@ class SumoTraffic:
         try:
             rows = [vehicles[name] for name in self._vehicle_names]
             lanes, position_m, left_m = ([row[variable] for row in rows] for variable in _POSITION_VARIABLES)
-            lane_position = lanes, np.array(position_m, np.float64), np.array(left_m, np.float64)
+            lane_position = lanes, np.array(position_m, np.float64), self._left_sign * np.array(left_m, np.float64)
             self._lanes_ahead.observe(*lane_position)
             front_m = self._tracks.positions_m(*lane_position)
             for name, (_, driven_m) in self._driven.items():

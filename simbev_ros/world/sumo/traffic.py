@@ -11,6 +11,7 @@ import numpy as np
 from simbev_ros.errors import SimulationError
 from simbev_ros.types import Float64Array, Int64Array
 from simbev_ros.units import NS_PER_S
+from simbev_ros.world.driving.turning_room import RouteProgress
 from simbev_ros.world.sumo.closures import CLOSURE
 from simbev_ros.world.sumo.lanes_ahead import LanesAhead
 from simbev_ros.world.sumo.libsumo_import import libsumo
@@ -53,6 +54,7 @@ _MIN_EDGES_LEFT = 6  # with this number of edges left, a route is extended
 _FOREVER_S = 1e8
 _ANY_ARRIVAL_M = 1.0
 _AXES = 3
+_PATIENCE_S = 20.0  # time after which a driver who cannot get into the lane for a turn takes another route
 _FAILURES = (libsumo.TraCIException, libsumo.FatalTraCIError)
 
 
@@ -77,6 +79,7 @@ class SumoTraffic:
     Attributes:
         vehicles: Indices in the specification of the vehicles that SUMO could insert, ascending.
         pedestrians: Indices of the pedestrians that SUMO could insert, ascending.
+        progress: Where the vehicles are on their routes, as of the latest sample.
     """
 
     _running = False
@@ -140,6 +143,7 @@ class SumoTraffic:
         self._pedestrian_names = [pedestrian_name(index) for index in self.pedestrians]
         self._latest_points: dict[int, tuple[float, float, float]] = {}
         self._lanes_ahead = LanesAhead(self._vehicle_names, tracks)
+        self.progress = RouteProgress((), np.zeros(0), ())
         for name in self._vehicle_names:
             libsumo.vehicle.subscribe(name, _VEHICLE_VARIABLES)
             libsumo.vehicle.setSpeedMode(name, _BRAKES_HARD)
@@ -170,6 +174,7 @@ class SumoTraffic:
             lanes, position_m, left_m = ([row[variable] for row in rows] for variable in _POSITION_VARIABLES)
             lane_position = lanes, np.array(position_m, np.float64), self._left_sign * np.array(left_m, np.float64)
             self._lanes_ahead.observe(*lane_position)
+            self.progress = RouteProgress(lanes, lane_position[1], self._lanes_ahead.next_edges)
             front_m = self._tracks.positions_m(*lane_position)
             for name, (_, driven_m) in self._driven.items():
                 front_m[self._vehicle_names.index(name)] = driven_m
@@ -381,6 +386,27 @@ class SumoTraffic:
             length_m = libsumo.lane.getLength(last_lane)
             libsumo.vehicle.setStop(name, edge, length_m, int(lane), _FOREVER_S)
 
+    def vehicles_in_wrong_lanes(self) -> list[tuple[int, str]]:
+        """Vehicles (indices in ``vehicles``) that stand for long because they cannot get into the lane for their turn.
+
+        Each comes with its lane. They are the first in their lane and the light, if any, is green.
+        """
+        return [
+            (vehicle, libsumo.vehicle.getLaneID(name))
+            for vehicle, name in enumerate(self._vehicle_names)
+            if libsumo.vehicle.getWaitingTime(name) >= _PATIENCE_S
+            and name not in self._crashed
+            and _is_in_wrong_lane(name)
+        ]
+
+    def replace_route(self, vehicle: int, edges: Sequence[str], last_lane: str | None) -> None:
+        """Let a vehicle drive along edges, the first one its own; with a ``last_lane`` it stops at that lane's end."""
+        name = self._vehicle_names[vehicle]
+        for _ in libsumo.vehicle.getStops(name):
+            libsumo.vehicle.replaceStop(name, 0, "")
+        libsumo.vehicle.setRoute(name, list(edges))
+        self.extend_route(vehicle, (), last_lane)
+
     def close(self) -> None:
         """End the simulation; further calls have no effect."""
         if self._open:
@@ -393,3 +419,13 @@ class SumoTraffic:
 
 def _point_array(points: Sequence[tuple[float, float, float]]) -> Float64Array:
     return np.array(points, np.float64).reshape(-1, 3)
+
+
+def _is_in_wrong_lane(name: str) -> bool:
+    """Whether nothing keeps a vehicle from driving but that its lane does not lead along its route."""
+    lane = libsumo.vehicle.getLaneID(name)
+    if libsumo.vehicle.getLeader(name, _QUEUE_GAP_M):
+        return False
+    if any(state in "ryu" for _, _, _, _, _, state, *_ in libsumo.vehicle.getNextLinks(name)[:1]):
+        return False
+    return any(other == lane and offset for other, _, _, offset, *_ in libsumo.vehicle.getBestLanes(name))

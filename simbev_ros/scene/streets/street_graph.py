@@ -29,10 +29,10 @@ from simbev_ros.scene.streets.relations import (
     without_columns,
 )
 from simbev_ros.scene.streets.tight_turns import tight_lanes
+from simbev_ros.scene.streets.turns import Turns, without_needless_turns
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
 _MAX_LANES_IN_JUNCTION = 20  # limits the search in a broken net; real junctions have fewer lanes in a row
-_OPPOSITE_COSINE, _TURN_M = 0.9, 15.0  # a turn on the spot: opposite direction, and distance of both roads' ends
 _MAX_TRAP_M, _TRAP_SHARE = 1000.0, 0.5  # a loop that is shorter, and less than half as long as the longest one
 _MIN_OPEN_SHARE = 0.75
 _MIN_TURN_ROAD_M = 30.0  # on a shorter road, those who wait for others to turn would block the junction behind them
@@ -90,7 +90,7 @@ class Streets:
         streets = streets_of(self._network)
         usable = streets.usable_lanes("passenger")
         after_lane = _edges_after(streets, usable)
-        after_edge = _between_edges(streets, only_pairs(after_lane, ~streets.turns_around(*after_lane.nonzero())))
+        after_edge = _between_edges(streets, only_pairs(after_lane, ~streets.turns.lead_back(*after_lane.nonzero())))
         _, component = connected_components(after_edge, directed=True, connection="strong")
         return len(np.unique(component[streets.edge[usable & streets.outside]])) <= 1
 
@@ -104,28 +104,10 @@ class Streets:
             rows = following[~self.outside[following]]
         return np.unique(np.concatenate(found))
 
-    def turns_around(self, lane: Int64Array, edge: Int64Array) -> BoolArray:
-        """(K,) whether (K,) edges lead back from (K,) lanes outside junctions, by a turn of about 180° on the spot.
-
-        The turn shows in the headings where both meet or, in bends, in the course of the whole edge.
-        """
-        first = np.full(len(self.edges), -1)
-        first[self.edge[::-1]] = np.arange(len(self.lanes))[::-1]
-        goal = first[edge]
-        points_m, headings = self._course
-        opposite = np.einsum("ij,ij->i", headings[-1, lane], headings[0, goal]) < -_OPPOSITE_COSINE
-        gap_m = np.linalg.norm(points_m[::-1, lane] - points_m[:, goal], axis=2)
-        return np.asarray((opposite & (gap_m[0] < _TURN_M)) | (gap_m < _TURN_M).all(axis=0))
-
     @cached_property
-    def _course(self) -> tuple[Float64Array, Float64Array]:
-        """(3, L, 2) positions and unit headings of the lanes at their starts, middles and ends."""
-        lines = Polylines.from_lines([lane.centerline_m for lane in self.lanes])
-        rows = np.arange(len(lines))
-        stations_m = (np.zeros(len(lines)), lines.length_m / 2.0, lines.length_m)
-        parameters = [lines.parameter(rows, s_m) for s_m in stations_m]
-        points_m = np.stack([lines.values(each)[:, :2] for each in parameters])
-        return points_m, np.stack([lines.headings(each) for each in parameters])
+    def turns(self) -> Turns:
+        """Finds turns back onto the same road."""
+        return Turns(self.lanes, self.edge)
 
     def for_blueprint(
         self, blueprint: Blueprint, closed: frozenset[str] = frozenset(), tight: bool = False
@@ -179,12 +161,12 @@ class StreetGraph:
         self._usable = usable
         self._starts = usable & streets.outside
         after_lane = _edges_after(streets, usable)
-        turns = streets.turns_around(*after_lane.nonzero())
+        turns = streets.turns.lead_back(*after_lane.nonzero())
         if not streets.is_closed:
             roomy = ~(turns & (streets.edge_length_m[streets.edge[after_lane.nonzero()[0]]] < _MIN_TURN_ROAD_M))
             after_lane, turns = only_pairs(after_lane, roomy), turns[roomy]
         self._turns = _between_edges(streets, only_pairs(after_lane, turns))
-        without_turns = _without_needless_turns(after_lane, turns, streets)
+        without_turns = without_needless_turns(after_lane, turns, streets.edge)
         variants = without_turns, after_lane
         longest_m = 0.0 if streets.is_closed else max(map(self._longest_loop_m, variants))
         self._trap_m = min(_MAX_TRAP_M, _TRAP_SHARE * longest_m)
@@ -397,21 +379,6 @@ def _edges_after(streets: Streets, usable: BoolArray) -> csr_array:
         if not len(at_lane):
             break
     return relation(np.concatenate(lanes), np.concatenate(edges), (count, len(streets.edges)))
-
-
-def _without_needless_turns(after: csr_array, turns: BoolArray, streets: Streets) -> csr_array:
-    """The (L, E) relation without turns back onto the same road, except where nothing else follows a lane's edge.
-
-    Args:
-        after: The relation, with K pairs.
-        turns: (K,) whether each pair is such a turn.
-        streets: The streets.
-    """
-    number = streets.edge[after.nonzero()[0]]
-    goes_on = np.zeros(len(streets.edges), bool)
-    goes_on[number[~turns]] = True
-    kept = ~turns | ~goes_on[number]
-    return after if kept.all() else only_pairs(after, kept)
 
 
 def _between_edges(streets: Streets, after_lane: csr_array) -> csr_array:

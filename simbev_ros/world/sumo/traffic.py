@@ -12,6 +12,7 @@ from simbev_ros.errors import SimulationError
 from simbev_ros.types import Float64Array, Int64Array
 from simbev_ros.units import NS_PER_S
 from simbev_ros.world.driving.turning_room import RouteProgress
+from simbev_ros.world.sumo import vehicle_routes
 from simbev_ros.world.sumo.closures import CLOSURE
 from simbev_ros.world.sumo.lanes_ahead import LanesAhead
 from simbev_ros.world.sumo.libsumo_import import libsumo
@@ -50,11 +51,9 @@ _MIN_CLOSURE_GAP_M, _SHORTENING_M, _MAX_SHORTENING_M = (
     4.0,
 )  # gap to a closure beyond minGap; shortening per call, and in all
 _STANDING_MPS = 0.05
-_MIN_EDGES_LEFT = 6  # with this number of edges left, a route is extended
 _FOREVER_S = 1e8
 _ANY_ARRIVAL_M = 1.0
 _AXES = 3
-_PATIENCE_S = 20.0  # time after which a driver who cannot get into the lane for a turn takes another route
 _FAILURES = (libsumo.TraCIException, libsumo.FatalTraCIError)
 
 
@@ -366,46 +365,27 @@ class SumoTraffic:
 
     def ending_routes(self) -> list[tuple[int, str]]:
         """Vehicles (indices in ``vehicles``) whose routes end soon, each with the last edge of its route."""
-        routes = [(libsumo.vehicle.getRoute(name), libsumo.vehicle.getRouteIndex(name)) for name in self._vehicle_names]
-        return [
-            (vehicle, route[-1])
-            for vehicle, (route, index) in enumerate(routes)
-            if len(route) - index <= _MIN_EDGES_LEFT
-            and self._vehicle_names[vehicle] not in self._crashed
-            and not libsumo.vehicle.getStops(self._vehicle_names[vehicle], 1)
-        ]
+        last_edges = [(row, vehicle_routes.ending_edge(name)) for row, name in enumerate(self._vehicle_names)]
+        return [(row, edge) for row, edge in last_edges if edge and self._vehicle_names[row] not in self._crashed]
 
     def extend_route(self, vehicle: int, edges: Sequence[str], last_lane: str | None) -> None:
         """Append edges to a vehicle's route; with a ``last_lane`` it stops at that lane's end for good."""
-        name = self._vehicle_names[vehicle]
-        ahead = libsumo.vehicle.getRoute(name)[libsumo.vehicle.getRouteIndex(name) :]
-        if edges:
-            libsumo.vehicle.setRoute(name, [*ahead, *edges])
-        if last_lane is not None:
-            edge, lane = last_lane.rsplit("_", 1)
-            length_m = libsumo.lane.getLength(last_lane)
-            libsumo.vehicle.setStop(name, edge, length_m, int(lane), _FOREVER_S)
+        vehicle_routes.extend_route(self._vehicle_names[vehicle], edges, last_lane)
 
     def vehicles_in_wrong_lanes(self) -> list[tuple[int, str]]:
-        """Vehicles (indices in ``vehicles``) that stand for long because they cannot get into the lane for their turn.
+        """Vehicles (indices in ``vehicles``) that stand for long as their lanes do not lead along their routes.
 
-        Each comes with its lane. They are the first in their lane and the light, if any, is green.
+        Each comes with its lane.
         """
         return [
-            (vehicle, libsumo.vehicle.getLaneID(name))
-            for vehicle, name in enumerate(self._vehicle_names)
-            if libsumo.vehicle.getWaitingTime(name) >= _PATIENCE_S
-            and name not in self._crashed
-            and _is_in_wrong_lane(name)
+            (row, libsumo.vehicle.getLaneID(name))
+            for row, name in enumerate(self._vehicle_names)
+            if name not in self._crashed and vehicle_routes.stands_in_wrong_lane(name)
         ]
 
     def replace_route(self, vehicle: int, edges: Sequence[str], last_lane: str | None) -> None:
         """Let a vehicle drive along edges, the first one its own; with a ``last_lane`` it stops at that lane's end."""
-        name = self._vehicle_names[vehicle]
-        for _ in libsumo.vehicle.getStops(name):
-            libsumo.vehicle.replaceStop(name, 0, "")
-        libsumo.vehicle.setRoute(name, list(edges))
-        self.extend_route(vehicle, (), last_lane)
+        vehicle_routes.replace_route(self._vehicle_names[vehicle], edges, last_lane)
 
     def close(self) -> None:
         """End the simulation; further calls have no effect."""
@@ -419,13 +399,3 @@ class SumoTraffic:
 
 def _point_array(points: Sequence[tuple[float, float, float]]) -> Float64Array:
     return np.array(points, np.float64).reshape(-1, 3)
-
-
-def _is_in_wrong_lane(name: str) -> bool:
-    """Whether nothing keeps a vehicle from driving but that its lane does not lead along its route."""
-    lane = libsumo.vehicle.getLaneID(name)
-    if libsumo.vehicle.getLeader(name, _QUEUE_GAP_M):
-        return False
-    if any(state in "ryu" for _, _, _, _, _, state, *_ in libsumo.vehicle.getNextLinks(name)[:1]):
-        return False
-    return any(other == lane and offset for other, _, _, offset, *_ in libsumo.vehicle.getBestLanes(name))

@@ -183,7 +183,8 @@ class Traffic(Model):
         0.5, ge=0, le=1, description="probability that a walking pedestrian visits plazas on the way; runners do not"
     )
     green_time_s: Annotated[Drawn, within(2, 300)] = Field(
-        Distribution(uniform=(4, 28)), description="duration of a green phase of a traffic-light program"
+        Distribution(uniform=(4, 28)),
+        description="duration of a green phase of a traffic-light program; on map files, of its longest one",
     )
 
 

@@ -20,12 +20,14 @@ from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.ending import DURATION
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import EGO_ID, WorldState
+from simbev_ros.scene.streets.street_graph import streets_of
 from simbev_ros.types import Table
 from simbev_ros.units import NS_PER_S
 from simbev_ros.world.actors import Actors
 from simbev_ros.world.demand import demand_of
 from simbev_ros.world.driving.ego_driver import EgoDriver
 from simbev_ros.world.driving.rain import rain_effect
+from simbev_ros.world.driving.turning_room import TurningRoom
 from simbev_ros.world.population import Population
 from simbev_ros.world.sumo.closures import slow_near_closures
 from simbev_ros.world.sumo.curve_speeds import curve_speeds
@@ -80,10 +82,11 @@ class Simulation:
             closed = [lane.id for lane in lanes if lane.kind in _NO_TRAFFIC and lane.classes]
             speeds_mps = slow_near_closures(curve_speeds(lanes), spec, lanes)
             tracks = LaneTracks(lanes)
-            self._sumo = SumoTraffic(files, spec.tick_ns, spec.seed, speeds_mps, tracks, closed)
+            self._sumo = SumoTraffic(files, spec.tick_ns, spec.seed, speeds_mps, tracks, closed, cropped.left_hand)
         try:
             self._population = Population(spec, self._sumo)
             self._actors = Actors(spec, network, self._population, obstacles, demand.excursions)
+            self._turning_room = self._turning_room_on(network)
             self._driver = self._ego_driver(network) if spec.ego_driver == "twist" else None
         except BaseException:
             self.close()
@@ -93,6 +96,16 @@ class Simulation:
     def available(self) -> tuple[int, str]:
         """Number of ticks of the scene, and "duration" as the reason for its end."""
         return self._spec.ticks, DURATION
+
+    def _turning_room_on(self, network: RoadNetwork) -> TurningRoom:
+        """Rules for turning round at the ends of a map's roads."""
+        turns = streets_of(network).for_class("passenger").turns_at_ends()
+        lengths_m = {
+            lane.edge: lane.length_m * lane.sumo_s_per_m for lane in network.lanes.values() if lane.edge in turns
+        }
+        blueprints = [blueprint_named(self._spec.vehicles[index].blueprint) for index in self._sumo.vehicles]
+        vehicle_length_m = np.array([blueprint.size_m[0] for blueprint in blueprints])
+        return TurningRoom(turns, lengths_m, vehicle_length_m, self._sumo)
 
     def _ego_driver(self, network: RoadNetwork) -> EgoDriver:
         """Driver of an ego driven from outside; its speed limit is the fastest road's, times its own speed factor."""
@@ -125,10 +138,13 @@ class Simulation:
             if self._driver is not None:
                 self._driver.advance_tick()
                 self._sumo.move_vehicle(0, self._driver.front_m, self._driver.yaw_rad)
+            self._turning_room.hold_back()
             self._sumo.step_sumo()
         tick = self._steps - self._spec.warm_up_ticks
         if self._steps % self._ticks_per_second == 0:
             self._extend_routes()
+            if self._spec.map.path:
+                self._reroute()
             self._sumo.shorten_closures()
             if self._spec.final_weather is not None:
                 self._adapt_to_rain(tick)
@@ -152,6 +168,13 @@ class Simulation:
                 continue
             extension = self._routes.draw_extension(self._sumo.vehicles[row], edge, self._steps)
             self._sumo.extend_route(row, extension.edges, extension.last_lane)
+
+    def _reroute(self) -> None:
+        """Give vehicles that wait in a wrong lane for long a route that this lane leads to."""
+        for row, lane in self._sumo.vehicles_in_wrong_lanes():
+            detour = self._routes.draw_detour(self._sumo.vehicles[row], lane, self._steps)
+            if len(detour.edges) > 1 and (row > 0 or self._driver is None):
+                self._sumo.replace_route(row, detour.edges, detour.last_lane)
 
     def _adapt_to_rain(self, tick: int) -> None:
         effect = rain_effect(self._spec.weather_at(tick))

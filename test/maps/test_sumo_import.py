@@ -162,14 +162,47 @@ def test_repairable_nets_are_repaired_with_a_note(
     assert kinds(read_sumo_net(parts.net))[LaneKind.DRIVING] >= 73
 
 
-def test_islands_are_left_out_with_a_note(grid: str, import_net: Import) -> None:
+def test_parts_that_are_not_connected_stay_and_footpaths_apart_are_left_out_with_notes(
+    grid: str, import_net: Import
+) -> None:
     bridges = ("B{0}C{0}", "C{0}B{0}")
     cut = "|".join(bridge.format(row) for row in range(5) for bridge in bridges)
-    parts = import_net(re.sub(rf'<edge id="({cut})".*?</edge>', "", grid, flags=re.DOTALL))
+    text = re.sub(rf'<edge id="({cut})".*?</edge>', "", grid, flags=re.DOTALL)
+    path = '<edge id="path" from="y" to="z"><lane id="path_0" allow="pedestrian" shape="0,900 90,900"/></edge>'
+    ends = "".join(f'<junction id="{name}" x="{x}" y="900" type="dead_end"/>' for name, x in (("y", 0), ("z", 90)))
+    parts = import_net(text.replace("</net>", f"{path}{ends}</net>"))
     net = read_sumo_net(parts.net)
-    assert {name[0] for name in net.junctions} == {"C", "D", "E"}
-    (note,) = (each for each in sentences_of("a.net.xml", parts.findings) if "not connected with the rest" in each)
-    assert re.search(r"^a\.net\.xml:\d+: an edge .* is left out \(A0A1; 26 times; 2\.\d+ km of lanes\)$", note)
+    assert {name[0] for name in net.junctions} == {"A", "B", "C", "D", "E"}
+    notes = sentences_of("a.net.xml", parts.findings)
+    (note,) = (each for each in notes if "not connected" in each)
+    number, outside_km, all_km = map(float, re.findall(r"in (\d+) parts .* \((.*) of (.*) km are outside", note)[0])
+    assert number == 2
+    # Of a grid of 5 x 5 junctions, 4 x 2 + 5 of the 40 streets are beside the cut, and 3 x 4 + 2 x 5 on its other side.
+    assert outside_km / all_km == pytest.approx(13 / (13 + 22), abs=0.01)
+    assert any("an edge that no road reaches is left out (path)" in note for note in notes)
+
+
+def test_programs_of_a_light_between_which_someone_switches_by_hand_run_one_after_another(
+    tmp_path: Path, import_net: Import
+) -> None:
+    text = generate_net(tmp_path / "b.net.xml", "--grid", "--grid.number=3", "-jtraffic_light")
+    logic = re.search(r'<tlLogic id="B1".*?</tlLogic>', text, re.DOTALL)
+    assert logic is not None
+    phases = re.findall(r"<phase .*?/>", logic[0])
+    halves = [phases[: len(phases) // 2], phases[len(phases) // 2 :]]
+    written = [
+        f'<tlLogic id="B1" type="static" programID="{number}" offset="0">{"".join(half)}</tlLogic>'
+        for number, half in enumerate(halves)
+    ]
+    parts = import_net(text.replace(logic[0], "".join(written)))
+    found = re.search(r'<tlLogic id="B1".*?</tlLogic>', parts.net.read_text(), re.DOTALL)
+    assert found is not None
+    by_link = zip(*re.findall('state="(.*?)"', found[0]), strict=True)
+    assert all({"G", "g"} & set(states) for states in by_link)
+    notes = sentences_of("a.net.xml", parts.findings)
+    assert any(
+        "programs of a traffic light that leave out movements run one after another (B1)" in note for note in notes
+    )
 
 
 def test_a_race_track_for_special_vehicles_is_opened_to_cars(grid: str, import_net: Import) -> None:

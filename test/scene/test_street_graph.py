@@ -174,3 +174,50 @@ def test_on_a_small_map_vehicles_start_where_streets_lead_on_and_on() -> None:
     ring = [lane("A_0", "B_0"), lane("B_0", "A_0", "out_0"), lane("out_0")]
     assert usable_lanes(network(*ring), 250.0) == {"A_0", "B_0"}
     assert usable_lanes(network(*ring), 5000.0) == {"A_0", "B_0"}
+
+
+def test_no_route_enters_a_short_loop_without_a_way_back_where_a_longer_one_follows() -> None:
+    ring = [street(f"{name}_0", (0, 0), (400, 0), f"{after}_0") for name, after in zip("ABCD", "BCDA", strict=True)]
+    ring[0] = replace(ring[0], successors=("B_0", "X_0"))
+    trap = [street("X_0", (0, 0), (0, 50), "Y_0"), street("Y_0", (0, 50), (0, 0), "X_0")]
+    graph = Streets(network(*ring, *trap)).for_class("passenger")
+    assert all("X" not in graph.draw_route("A_0", 9000.0, stream(1, f"test.{index}")) for index in range(8))
+    assert graph.loop_lanes_m() == pytest.approx(1600.0)
+
+
+def test_a_map_is_closed_if_cars_get_from_everywhere_to_everywhere() -> None:
+    ring = [lane("A_0", "B_0"), lane("B_0", "A_0")]
+    assert Streets(network(*ring)).is_closed
+    assert not Streets(network(ring[0], lane("B_0", "A_0", "out_0"), lane("out_0"))).is_closed
+    there, back = street("E_0", (0, 0), (100, 0), "-E_0"), street("-E_0", (100, 4), (0, 4), "E_0")
+    assert not Streets(network(there, back)).is_closed
+
+
+def test_the_ends_of_roads_where_only_a_turn_follows_are_known() -> None:
+    there, back = street("E_0", (0, 0), (100, 0), "-E_0"), street("-E_0", (100, 4), (0, 4), "W_0")
+    on = [street("W_0", (-5, 4), (-100, 4), "N_0"), street("N_0", (-100, 24), (0, 40), "E_0")]
+    assert Streets(network(there, back, *on)).for_class("passenger").turns_at_ends() == {"E": "-E"}
+
+
+def test_vehicles_do_not_turn_at_the_end_of_a_road_so_short_that_the_others_would_wait_in_the_junction() -> None:
+    stub = [street("E_0", (0, 0), (20, 0), "-E_0"), street("-E_0", (20, 4), (0, 4), "A_0")]
+    ring = [street("A_0", (-10, 0), (-400, 0), "B_0"), street("B_0", (-400, 50), (0, 50), "A_0", "E_0")]
+    graph = Streets(network(*ring, *stub)).for_class("passenger")
+    assert graph.is_dead_end("E")
+    assert all("E" not in graph.draw_route("A_0", 9000.0, stream(1, f"test.{index}")) for index in range(8))
+
+
+def test_a_closure_that_leaves_no_loop_on_a_map_cut_out_of_a_city_is_known() -> None:
+    ring = [lane("A_0", "B_0", "out_0"), lane("B_0", "A_0"), lane("out_0")]
+    twin = [lane("P_0", "Q_0"), lane("Q_0", "P_0"), lane("R_0", "S_0"), lane("S_0", "R_0", "P_0")]
+    graph = Streets(network(*ring, *twin)).for_class("passenger")
+    assert graph.keeps_loops({"out"}) and not graph.keeps_loops({"A", "B"})
+
+
+def test_a_detour_needs_no_lane_change() -> None:
+    """Lane 0 leads right and lane 1 straight on; a vehicle that cannot change lanes must follow its own."""
+    lanes = [lane("A_0", "R_0"), lane("A_1", "S_0"), lane("R_0", "A_0"), lane("S_0", "A_1")]
+    graph = Streets(network(*lanes)).for_class("passenger")
+    for index in range(8):
+        route = graph.draw_route_without_lane_changes("A_0", 500.0, 0.0, stream(1, f"test.{index}"))
+        assert route == ("A", "R", "A", "R", "A", "R")

@@ -51,6 +51,8 @@ class LineTraffic:
         return np.append(self.lines[vehicle](s_m), 0.0)
 
     def ahead_m(self, vehicle, distance_m, left_m):
+        if not len(vehicle):
+            return np.zeros((*distance_m.shape, 3))
         s_m = self.s_m[vehicle, None] + distance_m
         points = np.stack([self.lines[v](s) for v, s in zip(vehicle, s_m, strict=True)])
         step = np.stack([self.lines[v](s + 0.01) for v, s in zip(vehicle, s_m, strict=True)]) - points
@@ -66,7 +68,7 @@ class LineTraffic:
         if speed_mps is not None:
             self.limits_mps[vehicle] = speed_mps
 
-    def drive(self, ticks=60, pedestrians=()):
+    def drive(self, ticks=60, pedestrians=(), patience_s=np.inf):
         """(T,) least distance of the first vehicle's middle to the others' and to people at (start, velocity)."""
         count = len(self.lines)
         size_m = np.array([CAR_M] * count + [PEDESTRIAN_M] * len(pedestrians))
@@ -82,7 +84,7 @@ class LineTraffic:
         )
         behind_m = CAR_M[0] / 2.0 - LEAD_M
         fronts = np.array([self.position_m(v, s) for v, s in enumerate(self.s_m)])
-        drivers = CarefulDrivers(bodies, self.careful, fronts, self, TICK_S)
+        drivers = CarefulDrivers(bodies, self.careful, fronts, self, TICK_S, patience_s)
         distances_m, self.max_offset_m = [], 0.0
         for tick in range(ticks):
             limit = np.array([self.limits_mps.get(v, np.inf) for v in range(count)])
@@ -156,3 +158,23 @@ def test_drivers_brake_for_pedestrians_ahead_but_not_for_those_standing_beside_t
     distances_m = traffic.drive(pedestrians=[(start_m, velocity_mps)])
     assert (traffic.max_braking_mps2[0] > 2.0) == brakes
     assert distances_m.min() > 1.3
+
+
+@pytest.mark.parametrize(("patience_s", "passes"), [(np.inf, False), (4.0, True)])
+def test_a_driver_who_has_waited_for_long_passes_narrowly_between_vehicles_that_stand(patience_s, passes):
+    gate = [straight(0, side * (CAR_M[1] + 0.06), 0) for side in (1.0, -1.0)]
+    traffic = LineTraffic([straight(0, 0, 0), *gate], [-25.0, 0.0, 0.0], [6.0, 0.0, 0.0])
+    traffic.drive(200, patience_s=patience_s)
+    assert (traffic.s_m[0] > 5.0) == passes
+    assert traffic.max_offset_m < 0.06
+
+
+@pytest.mark.parametrize(("patience_s", "creeps"), [(np.inf, False), (4.0, True)])
+def test_a_driver_who_has_waited_for_long_creeps_towards_a_pedestrian_who_stands(patience_s, creeps):
+    traffic = LineTraffic([straight(0, 0, 0)], [-25.0], [6.0])
+    traffic.drive(80, [((0, 0), (0, 0))], patience_s)
+    halted_m = float(traffic.s_m[0])
+    traffic.drive(1, [((0, 0), (0, 0))], patience_s)
+    assert (traffic.now_mps[0] > 0.3) == creeps
+    assert traffic.now_mps[0] <= 0.4 + 1e-9
+    assert halted_m < 0.0

@@ -4,6 +4,7 @@ import re
 import subprocess
 from pathlib import Path
 
+import libsumo
 import numpy as np
 import pytest
 from lanelet2_sample import Crossing, LaneletSample
@@ -80,6 +81,23 @@ def test_a_scene_on_a_file_spawns_and_drives(tmp_path: Path, options: str) -> No
     assert np.mean(moved_m > 3.0) > 0.7
     speeds_mps = np.array([np.hypot(state.actors["vx"], state.actors["vy"]) for state in states])
     assert speeds_mps.max() < 45.0
+
+
+@pytest.mark.parametrize("side", ["", "--lefthand"])
+def test_vehicles_change_lanes_to_the_side_that_sumo_means(tmp_path: Path, side: str) -> None:
+    planned = configured(tmp_path, map_file(tmp_path, f"--grid --grid.number 3 -L3 --no-turnarounds {side}"))
+    network = load_network(planned.map, tmp_path / "cache")
+    spec = draw_scene(load_scenario(tmp_path / "config.yaml"), planned, network)
+    apart_m, lateral_m = [], []
+    with Simulation(spec, network) as simulation:
+        for _ in range(100):
+            simulation.step()
+            names = [name for name in libsumo.vehicle.getIDList() if libsumo.vehicle.getLaneID(name)[0] != ":"]
+            front_m = dict(zip(simulation._sumo._vehicle_names, simulation._sumo.sample().front_m, strict=True))
+            apart_m += [np.linalg.norm(front_m[name][:2] - libsumo.vehicle.getPosition(name)) for name in names]
+            lateral_m += [abs(libsumo.vehicle.getLateralLanePosition(name)) for name in names]
+    assert max(lateral_m) > 1.0
+    assert max(apart_m) < 0.5
 
 
 def test_a_file_that_changed_since_the_scene_was_drawn_is_refused(tmp_path: Path) -> None:

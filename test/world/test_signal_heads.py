@@ -8,6 +8,7 @@ from world_scenes import TICK_S, blocks, scene
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import Signal
 from simbev_ros.maps.source import map_spec
+from simbev_ros.maps.spec import MapSpec
 from simbev_ros.scene.state import SignalState
 from simbev_ros.world.sumo.signals import SignalHeads, SignalProgram, signal_programs, signal_programs_xml
 
@@ -101,3 +102,14 @@ def test_heads_carry_their_pose_and_green_time():
     signal = Signal(np.array([1.0, 2.0, 5.5]), 0.25, np.zeros(3), "J", 0, "")
     row = SignalHeads([signal], [program], 100_000_000).table_at(0)[0]
     assert (row["x"], row["y"], row["z"], row["yaw"], row["green_time"], row["id"]) == (1.0, 2.0, 5.5, 0.25, 0.5, 1)
+
+
+def test_on_a_map_file_green_phases_keep_their_proportions_and_the_longest_has_the_drawn_time():
+    phases = [(30, "GGrr"), (3, "yyrr"), (10, "rrGr"), (3, "rryr"), (1, "rrrG"), (3, "rrry")]
+    text = "".join(f'<phase duration="{duration}" state="{state}"/>' for duration, state in phases)
+    net = f'<net><tlLogic id="J" type="static" programID="0" offset="0">{text}</tlLogic></net>'
+    on_file = MapSpec(name="a", path="/a.net.xml", sha256="0" * 64)
+    for place, greens_s in ((on_file, [15.0, 5.0, 4.0]), (MapSpec(name="Blocks"), [15.0, 15.0, 15.0])):
+        (program,) = signal_programs(scene(map=place, green_time_s=(15.0,)), net)
+        ticks = [ticks for state, ticks in zip(program.states, program.ticks, strict=True) if "G" in state]
+        assert ticks == [round(green_s / TICK_S) for green_s in greens_s]

@@ -232,6 +232,18 @@ def test_a_lost_vehicle_is_an_error():
             simulation.step()
 
 
+def test_a_pedestrian_for_whom_sumo_has_no_position_stays_where_it_is(monkeypatch):
+    results = libsumo.person.getAllSubscriptionResults
+    with Simulation(scene(vehicles=1, pedestrians=2, ticks=100), blocks()) as simulation:
+        before = [simulation.step().actors for _ in range(60)]
+        lost = {libsumo.VAR_POSITION3D: (libsumo.INVALID_DOUBLE_VALUE,) * 2}  # as libsumo returns Position::INVALID
+        monkeypatch.setattr(libsumo.person, "getAllSubscriptionResults", lambda: {**results(), "p1": lost})
+        after = [simulation.step().actors for _ in range(40)]
+    walked_m = np.linalg.norm(np.diff([xyz(actors)[-2:, :2] for actors in (*before, *after)], axis=0), axis=2)
+    assert walked_m[:59].sum(axis=0).min() > 1.0
+    assert walked_m[-10:, 0].min() > 0.02 and walked_m[-10:, 1].max() == 0.0
+
+
 def test_ticks_of_fractional_milliseconds_are_refused():
     spec = scene(vehicles=1, pedestrians=0, tick_ns=33_333_333)
     with pytest.raises(SimulationError, match="whole milliseconds"):

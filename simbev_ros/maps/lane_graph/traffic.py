@@ -8,7 +8,7 @@ import numpy as np
 from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.lane_graph.lane_key import LaneKey
 from simbev_ros.maps.roads.lane_kind import LaneKind
-from simbev_ros.maps.sumo.islands import on_mainland
+from simbev_ros.maps.sumo.islands import driven_parts
 from simbev_ros.types import Float64Array
 
 
@@ -107,20 +107,19 @@ class Traffic:
         return any(lane.kind is LaneKind.DRIVING for edge in self.edges for lane in edge.lanes)
 
 
-def keep_mainland(edges: Sequence[TrafficEdge], connections: Sequence[TrafficConnection], notes: Findings) -> Traffic:
-    """Remove roads that cannot be reached from most others; the two directions of a road count as connected."""
+def keep_driven_parts(
+    edges: Sequence[TrafficEdge], connections: Sequence[TrafficConnection], findings: Findings
+) -> Traffic:
+    """Keep the connected parts of the roads that have lanes for vehicles; a road connects its directions."""
     by_road: dict[str, str] = {}
-    pairs = [(edge.id, by_road.setdefault(edge.road, edge.id), 0.0) for edge in edges]
-    pairs += [(connection.start[0], connection.goal[0], 0.0) for connection in connections]
-    lengths_m = [_drivable_m(edge) for edge in edges]
-    pairs += [(edge.id, edge.id, length_m) for edge, length_m in zip(edges, lengths_m, strict=True)]
-    starts, ends, weights = zip(*pairs, strict=True)
-    kept = on_mainland(starts, ends, np.array(weights))[-len(edges) :]
-    names = {edge.id for edge, keep in zip(edges, kept, strict=True) if keep}
-    lost_m = sum(length_m for length_m, keep in zip(lengths_m, kept, strict=True) if not keep)
-    if lost_m > 0.0:
-        rule = "lanes that cannot be reached from the others carry no traffic"
-        notes.left_out(rule, None, f"{lost_m / 1e3:.2f} km")
+    pairs = [(edge.id, by_road.setdefault(edge.road, edge.id)) for edge in edges]
+    pairs += [(connection.start[0], connection.goal[0]) for connection in connections]
+    starts, ends = zip(*pairs, strict=True)
+    driven_m = np.zeros(len(pairs))
+    driven_m[: len(edges)] = [_drivable_m(edge) for edge in edges]
+    kept, parts = driven_parts(starts, ends, driven_m)
+    findings.add(*parts)
+    names = {edge.id for edge, keep in zip(edges, kept, strict=False) if keep}
     return Traffic(
         tuple(edge for edge in edges if edge.id in names), tuple(c for c in connections if c.start[0] in names)
     )

@@ -16,7 +16,7 @@ from simbev_ros.maps.lane_graph.traffic import (
     TrafficConnection,
     TrafficEdge,
     TrafficLane,
-    keep_mainland,
+    keep_driven_parts,
     split_loops,
 )
 from simbev_ros.maps.lanelet2.junctions import Junctions
@@ -31,7 +31,7 @@ Row = tuple[str, ...]
 
 
 def traffic_of(junctions: Junctions, waiting: Collection[str], notes: Findings) -> Traffic:
-    """The edges and connections of the largest connected part of the road network.
+    """The edges and connections of all connected parts of the road network.
 
     Args:
         junctions: The junctions, with the relations of the lanelets.
@@ -50,7 +50,7 @@ def traffic_of(junctions: Junctions, waiting: Collection[str], notes: Findings) 
         replace(edge, road=roads[edge.id], start=nodes.resolve(edge.start), end=nodes.resolve(edge.end))
         for edge in edges
     ]
-    return split_loops(keep_mainland(joined, connections, notes)) if joined else Traffic((), ())
+    return split_loops(keep_driven_parts(joined, connections, notes)) if joined else Traffic((), ())
 
 
 def _note_omissions(junctions: Junctions, notes: Findings) -> None:

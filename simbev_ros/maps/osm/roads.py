@@ -9,10 +9,10 @@ import numpy as np
 import shapely
 
 from simbev_ros.geometry import overlay
-from simbev_ros.maps.findings import Finding, Outcome
+from simbev_ros.maps.findings import Finding
 from simbev_ros.maps.osm.data import OsmData
 from simbev_ros.maps.osm.road_rules import RoadTags, road_tags
-from simbev_ros.maps.sumo.islands import components
+from simbev_ros.maps.sumo.islands import driven_parts
 from simbev_ros.types import Float64Array
 
 
@@ -126,16 +126,9 @@ def _leave_out_lone_paths(roads: list[OsmRoad], xy_m: Float64Array) -> tuple[lis
         return [], []
     lengths_m = np.array([_length_m(road, xy_m) for road in roads])
     walk = np.array([road.way.walk for road in roads])
-    part = components(*(np.array([road.nodes[end] for road in roads]) for end in (0, -1)))
-    driving_m = np.bincount(part, np.where(walk, 0.0, lengths_m))
-    keep = driving_m[part] > 0.0
-    findings: list[Finding] = []
-    parts = int(np.count_nonzero(driving_m))
-    if parts > 1:
-        apart_km = (driving_m.sum() - driving_m.max()) / 1e3
-        rule = f"roads are in {parts} parts that are not connected, each with traffic of its own"
-        detail = f"{apart_km:.2f} of {driving_m.sum() / 1e3:.2f} km are outside the largest"
-        findings.append(Finding(rule, Outcome.ASSUMED, detail=detail))
+    starts, ends = (np.array([road.nodes[end] for road in roads]) for end in (0, -1))
+    keep, parts = driven_parts(starts, ends, np.where(walk, 0.0, lengths_m))
+    findings = [*parts]
     if not keep.all():
         for row in np.flatnonzero(~keep).tolist():
             middle_m = xy_m[roads[row].nodes[len(roads[row].nodes) // 2]]

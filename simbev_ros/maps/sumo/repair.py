@@ -5,7 +5,7 @@ What cannot be used is left out; every repair and omission is reported as a sent
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Set
+from collections.abc import Callable, Iterator, Set
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
@@ -14,7 +14,8 @@ import numpy as np
 from simbev_ros.errors import InputError
 from simbev_ros.limits import MAX_LANES_PER_EDGE
 from simbev_ros.maps.findings import Findings
-from simbev_ros.maps.sumo.islands import on_mainland
+from simbev_ros.maps.sumo.islands import driven_parts
+from simbev_ros.maps.sumo.signal_programs import join_partial_programs
 from simbev_ros.types import Float64Array
 
 _MIN_WIDTH_M = 0.2
@@ -69,8 +70,9 @@ class NetFile:
         length_m = {edge: _length_m(self._points(next(edge.iter("lane")), "shape")) for edge in self._streets()}
         self._leave_out([edge for edge, length in length_m.items() if length < _MIN_LENGTH_M], "without length")
         self._require_lanes_for_cars()
-        self._leave_out_islands(length_m)
+        self._leave_out_lone_paths()
         self._remove_dangling_connections()
+        join_partial_programs(self._root, self.findings)
 
     def extent_m(self) -> tuple[Float64Array, Float64Array]:
         """(3,) lowest and highest coordinates of the junctions and of the lanes outside them."""
@@ -187,14 +189,13 @@ class NetFile:
             reasons = "".join(f"; {sentence}" for sentence in self.findings.sentences()[:3])
             raise InputError(f"{self._path}: has no lanes that cars may drive on{reasons}")
 
-    def _leave_out_islands(self, length_m: Mapping[Element, float]) -> None:
-        """Keep only the largest connected part of the net."""
+    def _leave_out_lone_paths(self) -> None:
+        """Keep the connected parts of the net that cars may drive on."""
         edges = list(self._streets())
         starts, ends = ([edge.attrib[end] for edge in edges] for end in ("from", "to"))
-        kept = on_mainland(starts, ends, np.array([length_m[edge] for edge in edges]))
-        self._leave_out(
-            [edge for edge, keep in zip(edges, kept, strict=True) if not keep], "not connected with the rest"
-        )
+        kept, parts = driven_parts(starts, ends, np.array([self._driven_m(edge) for edge in edges]))
+        self.findings.add(*parts)
+        self._leave_out([edge for edge, keep in zip(edges, kept, strict=True) if not keep], "that no road reaches")
         used = {edge.get(end) for edge in self._streets() for end in ("from", "to")}
         isolated = {name: junction for name, junction in self._junctions.items() if name not in used}
         self._remove(set(isolated.values()))
@@ -205,10 +206,14 @@ class NetFile:
         self._remove(set(edges))
         for edge in edges:
             driven = [lane for lane in edge.iter("lane") if for_cars(lane)]
-            lost_m = sum(_length_m(self._points(lane, "shape")) for lane in driven)
             middle_m = self._middle_m(driven[0]) if driven else None
+            lost_m = np.nan_to_num(self._driven_m(edge))
             name = self._edges.pop(edge.attrib["id"]).attrib["id"]
-            self.findings.left_out(f"an edge {reason} is left out", edge, name, middle_m, np.nan_to_num(lost_m))
+            self.findings.left_out(f"an edge {reason} is left out", edge, name, middle_m, lost_m)
+
+    def _driven_m(self, edge: Element) -> float:
+        """Total length of an edge's lanes for cars."""
+        return sum(_length_m(self._points(lane, "shape")) for lane in edge.iter("lane") if for_cars(lane))
 
     def _middle_m(self, lane: Element) -> Float64Array | None:
         """(2,) middle of a lane in the net's coordinates; None if it has no usable shape."""

@@ -69,7 +69,13 @@ class SceneDrawer:
         positions, closed = self.starts.vehicles, hazards.closed_edges
         usable = self.starts.usable(self.duration_s, closed)
         free: Int64Array = np.flatnonzero(self._free_positions(closed) & hazards.free_positions(positions))
-        count = self._vehicle_count(len(free))
+        requested = self._vehicle_count(len(free))
+        count = min(requested, max(1, round(min(self.starts.capacity(self.duration_s), requested))))
+        if count < requested:
+            _LOGGER.warning(
+                "%s: %d of %d vehicles: more could not keep driving on a map as small as this for %g s",
+                *(self.network.name, count, requested, self.duration_s),
+            )
         drawn_count = 0
         for position_index in stream(self.seed, "vehicles.places").permutation(free).tolist():
             if drawn_count == count:

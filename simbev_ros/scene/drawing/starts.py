@@ -14,6 +14,7 @@ from simbev_ros.scene.streets.street_graph import streets_of
 from simbev_ros.scene.streets.walks import WalkGraph
 from simbev_ros.types import BoolArray, Float64Array
 
+_LANE_PER_VEHICLE_M = 30.0  # that of a dense but moving flow in a city
 _TAIL_M = 1.0  # length by which a long vehicle may protrude behind its lane
 _WALK_MPS = 2.0  # a sidewalk network on which one can walk at this speed for the whole scene is large enough
 
@@ -54,6 +55,16 @@ class StartPositions:
         """
         vehicles = [each for each in load_blueprints() if each.kind == "vehicle"]
         return {each.name: self._usable_for(each, duration_s, closed) for each in vehicles}
+
+    def capacity(self, duration_s: float) -> float:
+        """Maximum number of vehicles that can keep driving for this duration; infinite where streets lead far enough.
+
+        On a small map cut out of a city, all vehicles end up on the few streets that do not lead out of it.
+        """
+        lanes_m = self._streets.for_class("passenger").loop_lanes_m()
+        distance_m = duration_s * min(self._max_limit_mps, _max_speed_by_class_mps()["passenger"])
+        is_ample = self._streets.is_closed or not 0.0 < lanes_m < distance_m
+        return np.inf if is_ample else lanes_m / _LANE_PER_VEHICLE_M
 
     @cached_method(maxsize=8)
     def hazard_sites(self, taper_factor: float) -> HazardSites:

@@ -40,4 +40,5 @@ class Detours:
         if self._streets.edge_length_m[dead_ends].sum() > _MAX_CUT_OFF_M:
             return None
         open_share = np.mean(~np.isin(self._edges, list(cut_off))) if len(self._edges) else 0.0
-        return cut_off if open_share >= _MIN_OPEN_SHARE and reference.never_ends(closed) else None
+        is_open = reference.never_ends(closed) and reference.keeps_loops(cut_off)
+        return cut_off if open_share >= _MIN_OPEN_SHARE and is_open else None

@@ -10,7 +10,7 @@ from functools import cached_property
 from itertools import compress
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from simbev_ros.errors import SimulationError
@@ -20,11 +20,22 @@ from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.scene.blueprints import Blueprint, VehicleFootprint
 from simbev_ros.scene.cached_method import cached_method
 from simbev_ros.scene.streets.off_tracking import is_long
+from simbev_ros.scene.streets.relations import (
+    longest_path_beyond,
+    loops,
+    only_pairs,
+    related,
+    relation,
+    without_columns,
+)
 from simbev_ros.scene.streets.tight_turns import tight_lanes
+from simbev_ros.scene.streets.turns import Turns, without_needless_turns
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
 _MAX_LANES_IN_JUNCTION = 20  # limits the search in a broken net; real junctions have fewer lanes in a row
-_OPPOSITE_COSINE, _TURN_M = 0.9, 15.0  # a turn on the spot: opposite direction, and distance of both roads' ends
+_MAX_TRAP_M, _TRAP_SHARE = 1000.0, 0.5  # a loop that is shorter, and less than half as long as the longest one
+_MIN_OPEN_SHARE = 0.75
+_MIN_TURN_ROAD_M = 30.0  # on a shorter road, those who wait for others to turn would block the junction behind them
 _COMPONENT_TOLERANCE = (
     0.9  # tolerance for "the largest part": the two directions of a single road differ slightly in length
 )
@@ -70,26 +81,33 @@ class Streets:
         """(L,) whether a vehicle class may use each lane."""
         return np.array([sumo_class in lane.classes for lane in self.lanes], bool)
 
-    def turns_around(self, lane: Int64Array, edge: Int64Array) -> BoolArray:
-        """(K,) whether the way from (K,) lanes outside junctions to (K,) edges is a turn by about 180° on the spot."""
-        first = np.full(len(self.edges), -1)
-        first[self.edge[::-1]] = np.arange(len(self.lanes))[::-1]
-        start_m, start_heading, end_m, end_heading = self._ends
-        goal = first[edge]
-        opposite = np.einsum("ij,ij->i", end_heading[lane], start_heading[goal]) < -_OPPOSITE_COSINE
-        return np.asarray(opposite & (np.linalg.norm(end_m[lane] - start_m[goal], axis=1) < _TURN_M))
+    @cached_property
+    def is_closed(self) -> bool:
+        """Whether cars get from every street of the map to every other and need not turn round for it.
+
+        Maps cut out of a city are open.
+        """
+        streets = streets_of(self._network)
+        usable = streets.usable_lanes("passenger")
+        after_lane = _edges_after(streets, usable)
+        after_edge = _between_edges(streets, only_pairs(after_lane, ~streets.turns.lead_back(*after_lane.nonzero())))
+        _, component = connected_components(after_edge, directed=True, connection="strong")
+        return len(np.unique(component[streets.edge[usable & streets.outside]])) <= 1
+
+    def lanes_after(self, rows: Int64Array, usable: BoolArray) -> Int64Array:
+        """Rows of the usable lanes outside junctions that follow lanes across a junction; ``usable`` is (L,)."""
+        found = [np.empty(0, np.int64)]
+        for _ in range(_MAX_LANES_IN_JUNCTION):
+            following = self.following[np.isin(self.following[:, 0], rows), 1]
+            following = np.unique(following[usable[following]])
+            found.append(following[self.outside[following]])
+            rows = following[~self.outside[following]]
+        return np.unique(np.concatenate(found))
 
     @cached_property
-    def _ends(self) -> tuple[Float64Array, Float64Array, Float64Array, Float64Array]:
-        """(L, 2) position and unit heading of the lanes at their starts, and at their ends."""
-        lines = Polylines.from_lines([lane.centerline_m for lane in self.lanes])
-        points_m = lines.points_m[:, :2]
-        first, last = lines.first[:-1], lines.first[1:] - 1
-        ends = []
-        for at, before, after in ((first, first, first + 1), (last, last - 1, last)):
-            step_m = points_m[after] - points_m[before]
-            ends += [points_m[at], step_m / np.maximum(np.linalg.norm(step_m, axis=1, keepdims=True), 1e-9)]
-        return ends[0], ends[1], ends[2], ends[3]
+    def turns(self) -> Turns:
+        """Finds turns back onto the same road."""
+        return Turns(self.lanes, self.edge)
 
     def for_blueprint(
         self, blueprint: Blueprint, closed: frozenset[str] = frozenset(), tight: bool = False
@@ -140,10 +158,19 @@ class StreetGraph:
         """From a mask of the (L,) lanes that the class may use."""
         self._streets = streets
         self._sumo_class = sumo_class
+        self._usable = usable
         self._starts = usable & streets.outside
         after_lane = _edges_after(streets, usable)
-        turns = streets.turns_around(*after_lane.nonzero())
-        self._set_successors(_without_needless_turns(after_lane, turns, streets))
+        turns = streets.turns.lead_back(*after_lane.nonzero())
+        if not streets.is_closed:
+            roomy = ~(turns & (streets.edge_length_m[streets.edge[after_lane.nonzero()[0]]] < _MIN_TURN_ROAD_M))
+            after_lane, turns = only_pairs(after_lane, roomy), turns[roomy]
+        self._turns = _between_edges(streets, only_pairs(after_lane, turns))
+        without_turns = without_needless_turns(after_lane, turns, streets.edge)
+        variants = without_turns, after_lane
+        longest_m = 0.0 if streets.is_closed else max(map(self._longest_loop_m, variants))
+        self._trap_m = min(_MAX_TRAP_M, _TRAP_SHARE * longest_m)
+        self._set_successors(without_turns)
         if not np.isinf(self._beyond_m).any():
             self._set_successors(after_lane)  # on a map cut out of a city, turns may be all that leads back into it
         count = len(streets.edges)
@@ -154,11 +181,14 @@ class StreetGraph:
 
     def _set_successors(self, after_lane: csr_array) -> None:
         """Set the edges after lanes and after edges, and the lengths of the longest paths beyond edges."""
-        count = len(self._streets.edges)
-        lane, edge = after_lane.nonzero()
         self._after_lane = after_lane
-        self._after_edge = _relation(self._streets.edge[lane], edge, (count, count))
-        self._beyond_m = _longest_path_beyond(self._after_edge, self._streets.edge_length_m)
+        self._after_edge = _between_edges(self._streets, after_lane)
+        self._beyond_m = longest_path_beyond(self._after_edge, self._streets.edge_length_m, self._trap_m)
+
+    def _longest_loop_m(self, after_lane: csr_array) -> float:
+        """Total length of the edges from each of which all others can be reached, where it is greatest."""
+        after_edge = _between_edges(self._streets, after_lane)
+        return float(loops(after_edge, self._streets.edge_length_m).length_m.max(initial=0.0))
 
     def _longest_path_beyond_lanes(self) -> Float64Array:
         """(L,) length of the longest path beyond each lane's end."""
@@ -183,8 +213,8 @@ class StreetGraph:
         pending = [numbers[edge] for edge in sorted(closed) if edge in numbers]
         while pending:
             cut.add(edge := pending.pop())
-            for before in map(int, _related(self._predecessors, edge)):
-                onward = [int(each) for each in _related(self._after_edge, before) if int(each) not in cut]
+            for before in map(int, related(self._predecessors, edge)):
+                onward = [int(each) for each in related(self._after_edge, before) if int(each) not in cut]
                 if (
                     before not in cut
                     and np.isinf(self._beyond_m[before])
@@ -199,8 +229,8 @@ class StreetGraph:
         cut[[self._streets.edge_number[edge] for edge in self.cut_off_edges(closed)]] = True
         graph = copy(self)
         vars(graph).pop("_predecessors", None)
-        graph._after_lane = _without_columns(self._after_lane, cut)
-        graph._after_edge = _without_columns(self._after_edge, cut)
+        graph._after_lane = without_columns(self._after_lane, cut)
+        graph._after_edge = without_columns(self._after_edge, cut)
         graph._beyond_lane_m = graph._longest_path_beyond_lanes()
         return graph
 
@@ -235,13 +265,31 @@ class StreetGraph:
         """(N,) length of the longest path from each position; streets count as often as they are driven."""
         return self._streets.edge_length_m[self._streets.edge[row]] - s_m + self._beyond_lane_m[row]
 
+    def loop_lanes_m(self) -> float:
+        """Total length of the lanes on which vehicles can circulate; 0 if all paths end."""
+        number, loop_m = loops(self._after_edge, self._streets.edge_length_m)
+        circulates = (loop_m > 0.0)[number] & np.isinf(self._beyond_m)
+        rows = np.flatnonzero(self._starts)
+        return float(self._streets.edge_length_m[self._streets.edge[rows]] @ circulates[self._streets.edge[rows]])
+
+    def keeps_loops(self, closed: Set[str]) -> bool:
+        """Whether, with these edges closed, vehicles can still circulate on most of the streets where they can now."""
+        open_m = self.loop_lanes_m()
+        return self._streets.is_closed or self.without_edges(closed).loop_lanes_m() >= _MIN_OPEN_SHARE * open_m
+
+    def turns_at_ends(self) -> dict[str, str]:
+        """Edges that only a turn follows, at the ends of roads, each with the edge that leads back."""
+        pairs = zip(*self._turns.nonzero(), strict=True)
+        only = [(there, back) for there, back in pairs if len(related(self._after_edge, there)) == 1]
+        return {self._streets.edges[there]: self._streets.edges[back] for there, back in only}
+
     def has_successor(self, start_lane: str) -> bool:
         """Whether a vehicle can drive on beyond a lane."""
-        return bool(len(_related(self._after_lane, self._streets.row[start_lane])))
+        return bool(len(related(self._after_lane, self._streets.row[start_lane])))
 
     def is_dead_end(self, edge: str) -> bool:
         """Whether no edge follows an edge."""
-        return not len(_related(self._after_edge, self._streets.edges.index(edge)))
+        return not len(related(self._after_edge, self._streets.edges.index(edge)))
 
     def draw_route(self, start_lane: str, length_m: float, rng: np.random.Generator) -> tuple[str, ...]:
         """Draw a random route from a lane: its edges, at least ``length_m`` long beyond the first edge.
@@ -255,54 +303,71 @@ class StreetGraph:
         row = self._streets.row.get(start_lane, -1)
         if row < 0 or not self._starts[row]:
             raise SimulationError(f"a vehicle of SUMO's class {self._sumo_class} cannot start on lane {start_lane}")
-        start = self._streets.edges[self._streets.edge[row]]
-        return start, *self._draw_onward(_related(self._after_lane, row), length_m, rng)
+        start = int(self._streets.edge[row])
+        return self._streets.edges[start], *self._draw_onward(start, related(self._after_lane, row), length_m, rng)
+
+    def draw_route_without_lane_changes(
+        self, start_lane: str, lanes_m: float, length_m: float, rng: np.random.Generator
+    ) -> tuple[str, ...]:
+        """Draw a random route as ``draw_route`` does, but without lane changes for the first ``lanes_m``.
+
+        Raises:
+            SimulationError: This vehicle class may not use the start lane.
+        """
+        edges: list[str] = []
+        lane = start_lane
+        while lanes_m > 0.0 and len(following := self._lanes_after(self._streets.row[lane])):
+            edges.append(self._streets.lanes[self._streets.row[lane]].edge)
+            edge, next_edges = int(self._streets.edge[self._streets.row[lane]]), self._streets.edge[following]
+            choices = following[np.isin(next_edges, self._onward_choices(edge, np.unique(next_edges), length_m))]
+            lane = self._streets.lanes[int(choices[rng.integers(len(choices))])].id
+            lanes_m -= self._streets.lanes[self._streets.row[lane]].length_m
+        return *edges, *self.draw_route(lane, length_m, rng)
+
+    def _lanes_after(self, row: int) -> Int64Array:
+        """Rows of the usable lanes outside junctions that are reached from a lane without changing lanes."""
+        reached: Int64Array = self._streets.lanes_after(np.array([row]), self._usable)
+        return reached[np.isin(self._streets.edge[reached], related(self._after_lane, row))]
 
     def draw_continuation(self, edge: str, length_m: float, rng: np.random.Generator) -> tuple[str, ...]:
         """Draw the edges of a random route after an edge, with the rules of ``draw_route``."""
-        return self._draw_onward(_related(self._after_edge, self._streets.edges.index(edge)), length_m, rng)
+        start = self._streets.edge_number[edge]
+        return self._draw_onward(start, related(self._after_edge, start), length_m, rng)
 
     def first_lane(self, edge: str) -> str:
         """Id of the first lane of an edge that the class may use."""
         on_edge = self._streets.edge == self._streets.edges.index(edge)
         return self._streets.lanes[int(np.flatnonzero(on_edge & self._starts)[0])].id
 
-    def _draw_onward(self, following: Int64Array, length_m: float, rng: np.random.Generator) -> tuple[str, ...]:
+    def _draw_onward(
+        self, edge: int, following: Int64Array, length_m: float, rng: np.random.Generator
+    ) -> tuple[str, ...]:
+        """Draw edges after an edge, the first one of those ``following``."""
         route: list[int] = []
         while len(following) and length_m > 0.0:
-            distance_m = self._streets.edge_length_m[following] + self._beyond_m[following]
-            choices = following[distance_m >= min(length_m, distance_m.max())]
-            route.append(int(choices[rng.integers(len(choices))]))
-            length_m -= self._streets.edge_length_m[route[-1]]
-            following = _related(self._after_edge, route[-1])
+            choices = self._onward_choices(edge, following, length_m)
+            edge = int(choices[rng.integers(len(choices))])
+            route.append(edge)
+            length_m -= self._streets.edge_length_m[edge]
+            following = related(self._after_edge, edge)
         return tuple(self._streets.edges[edge] for edge in route)
 
+    def _onward_choices(self, edge: int, following: Int64Array, length_m: float) -> Int64Array:
+        """Those of the edges after an edge from which the longest paths lead, at least ``length_m`` if there are any.
 
-def _relation(first: Int64Array, second: Int64Array, shape: tuple[int, int]) -> csr_array:
-    """Boolean matrix of the pairs, columns ascending."""
-    relation = coo_array((np.ones(len(first), bool), (first, second)), shape=shape).tocsr()
-    relation.sum_duplicates()
-    relation.sort_indices()
-    return relation
-
-
-def _without_columns(relation: csr_array, columns: BoolArray) -> csr_array:
-    """The relation without the columns in a mask."""
-    first, second = relation.nonzero()
-    kept = ~columns[second]
-    return _relation(first[kept], second[kept], relation.shape)
-
-
-def _related(relation: csr_array, row: int) -> Int64Array:
-    """The columns that one row is related to."""
-    return relation.indices[relation.indptr[row] : relation.indptr[row + 1]]
+        On a map cut out of a city, a vehicle does not turn back onto its road where it can drive on.
+        """
+        distance_m = self._streets.edge_length_m[following] + self._beyond_m[following]
+        choices = following[distance_m >= min(length_m, distance_m.max())]
+        onward = choices[~np.isin(choices, related(self._turns, edge))]
+        return onward if len(onward) and not self._streets.is_closed else choices
 
 
 def _edges_after(streets: Streets, usable: BoolArray) -> csr_array:
     """(L, E) edges reached from the usable lanes outside junctions, through the junctions' lanes."""
     count = len(streets.lanes)
     pairs = streets.following[usable[streets.following].all(axis=1)]
-    steps = _relation(pairs[:, 0], pairs[:, 1], (count, count))
+    steps = relation(pairs[:, 0], pairs[:, 1], (count, count))
     lane, at_lane = np.flatnonzero(usable & streets.outside), np.flatnonzero(usable & streets.outside)
     lanes, edges = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
     for _ in range(_MAX_LANES_IN_JUNCTION):
@@ -313,39 +378,10 @@ def _edges_after(streets: Streets, usable: BoolArray) -> csr_array:
         lane, at_lane = lane[~arrived], next_lane[~arrived]
         if not len(at_lane):
             break
-    return _relation(np.concatenate(lanes), np.concatenate(edges), (count, len(streets.edges)))
+    return relation(np.concatenate(lanes), np.concatenate(edges), (count, len(streets.edges)))
 
 
-def _without_needless_turns(after: csr_array, turns: BoolArray, streets: Streets) -> csr_array:
-    """The (L, E) relation without turns back onto the same road, except where nothing else follows a lane's edge.
-
-    Args:
-        after: The relation, with K pairs.
-        turns: (K,) whether each pair is such a turn.
-        streets: The streets.
-    """
-    lane, edge = after.nonzero()
-    number = streets.edge[lane]
-    goes_on = np.zeros(len(streets.edges), bool)
-    goes_on[number[~turns]] = True
-    kept = ~turns | ~goes_on[number]
-    return after if kept.all() else _relation(lane[kept], edge[kept], after.shape)
-
-
-def _longest_path_beyond(following: csr_array, length_m: Float64Array) -> Float64Array:
-    """(E,) length of the longest path beyond each edge's end; infinite if the path never has to end.
-
-    Removes dead ends one after the other, last ones first, so that an edge's successors are done before the edge is.
-    """
-    predecessors = following.T.tocsr()
-    remaining = np.diff(following.indptr)
-    beyond_m = np.zeros(len(length_m))
-    never_ends = np.ones(len(length_m), bool)
-    done = np.flatnonzero(remaining == 0)
-    while len(done):
-        never_ends[done] = False
-        index, before = predecessors[done].nonzero()
-        np.maximum.at(beyond_m, before, (length_m + beyond_m)[done[index]])
-        np.subtract.at(remaining, before, 1)
-        done = np.unique(before[remaining[before] == 0])
-    return np.where(never_ends, np.inf, beyond_m)
+def _between_edges(streets: Streets, after_lane: csr_array) -> csr_array:
+    """(E, E) relation between edges of an (L, E) relation from lanes to edges."""
+    lane, edge = after_lane.nonzero()
+    return relation(streets.edge[lane], edge, (len(streets.edges), len(streets.edges)))

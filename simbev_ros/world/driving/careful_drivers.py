@@ -6,6 +6,8 @@ of all bodies for a few seconds, at SUMO's moment, and limits the speeds of SUMO
 - Of two vehicles in conflict, the one that needs less braking yields, so that it stays out of the other's path.
 - Drivers who would pass each other too closely move aside.
 - Drivers do not brake where this cannot help: for a vehicle that hits them from behind or from the side.
+- A driver who has waited for long passes others who stand at a smaller distance, and creeps towards pedestrians who
+  stand in the way, so that they step aside.
 - A driver who yields is predicted as if it drove off, all others as they drive now. It therefore waits until its path
   is clear, and no two drivers wait for each other.
 """
@@ -30,6 +32,7 @@ _STOP_GAP_M = 0.4
 _MIN_BRAKING_MPS2 = 2.0  # SUMO's own driver handles anything below
 _MAX_BRAKING_MPS2 = 8.0
 _LOOK_PERIOD_S = 0.2
+_CREEP_MPS = 0.4
 _STANDING_MPS = 0.02
 _FRONT_DEPTH_M = 0.5
 _MIN_ALIGNMENT = 0.8  # cosine of the angle up to which vehicles pass each other and do not cross
@@ -56,7 +59,13 @@ class CarefulDrivers:
     """
 
     def __init__(
-        self, bodies: Bodies, careful: BoolArray, front_m: Float64Array, traffic: DriverControl, tick_s: float
+        self,
+        bodies: Bodies,
+        careful: BoolArray,
+        front_m: Float64Array,
+        traffic: DriverControl,
+        tick_s: float,
+        patience_s: float = np.inf,
     ) -> None:
         """Start at rest.
 
@@ -66,7 +75,9 @@ class CarefulDrivers:
             front_m: (M, 3) fronts of the first M vehicles, which are SUMO's; the other vehicles never move.
             traffic: SUMO.
             tick_s: Length of a tick.
+            patience_s: Time after which a driver who yields creeps or passes others closely.
         """
+        self._patience_s = patience_s
         self.braking_mps2: dict[int, float] = {}
         self._vehicles, self._sumo_count = bodies.boxes.vehicles, len(front_m)
         self._half_m = bodies.boxes.size_m[:, :2] / 2.0
@@ -78,6 +89,8 @@ class CarefulDrivers:
         self._predictor = TrajectoryPredictor(bodies, front_m, traffic, tick_s)
         self._look_period_ticks = max(1, round(_LOOK_PERIOD_S / tick_s))
         self._passing_offsets = PassingOffsets(self._sumo_count, self._look_period_ticks * tick_s)
+        self._waited_s: dict[int, float] = {}
+        self._creeping: frozenset[int] = frozenset()
         self._steps = 0
         self._pedestrian_m: Float64Array | None = None
 
@@ -117,7 +130,7 @@ class CarefulDrivers:
         self._resolve_conflicts(np.flatnonzero(self._careful & ~has_stopped & looks_now), now, position_m[:, 2])
         for vehicle, braking_mps2 in self.braking_mps2.items():
             speed_mps = self._traffic.speed_mps(vehicle) - braking_mps2 * self._tick_s
-            self._traffic.limit_speed(vehicle, _REASON, max(speed_mps, 0.0))
+            self._traffic.limit_speed(vehicle, _REASON, max(speed_mps, _CREEP_MPS * (vehicle in self._creeping)))
 
     def _predict(
         self, position_m: Float64Array, ahead: Float64Array, has_stopped: BoolArray, on_sidewalk: BoolArray
@@ -140,11 +153,12 @@ class CarefulDrivers:
         """Decide which of (D,) drivers brake, and how hard, and which move aside."""
         predicted = PredictedTraffic(self._half_m, height_m, self._predict_released(now), now)
         moving = drivers[~predicted.own.stays[drivers]]
-        conflicts = predicted.find_conflicts(moving)
+        conflicts = predicted.find_conflicts(moving, self._patient)
         needed_mps2, brakes = self._decide_braking(conflicts, predicted)
         self._passing_offsets.update_offsets(moving, conflicts.select(conflicts.other < self._vehicles), predicted)
         self._predictor.target_offset_m = self._passing_offsets.offset_m
         self._brake(drivers, conflicts.driver[brakes], needed_mps2[brakes])
+        self._creep(drivers, conflicts.select(brakes), predicted)
 
     def _predict_released(self, now: PredictedTrajectories) -> PredictedTrajectories:
         """The trajectories of all bodies if those that yield drove off."""
@@ -204,6 +218,24 @@ class CarefulDrivers:
             del self.braking_mps2[vehicle]
         for vehicle in np.unique(yielding).tolist():
             self.braking_mps2[vehicle] = min(float(needed_mps2[yielding == vehicle].max()), _MAX_BRAKING_MPS2)
+
+    @property
+    def _patient(self) -> Int64Array:
+        """The drivers who have yielded for long."""
+        waited = [vehicle for vehicle in self.braking_mps2 if self._waited_s.get(vehicle, 0.0) > self._patience_s]
+        return np.array(sorted(waited), np.int64)
+
+    def _creep(self, drivers: Int64Array, conflicts: Conflicts, predicted: PredictedTraffic) -> None:
+        """Let those of (D,) drivers creep who have yielded for long, now first of all to pedestrians who stand."""
+        for vehicle in drivers.tolist():
+            waited_s = self._waited_s.pop(vehicle, 0.0) + _LOOK_PERIOD_S
+            if vehicle in self.braking_mps2:
+                self._waited_s[vehicle] = waited_s
+        stands = (conflicts.other >= self._vehicles) & predicted.as_seen.stays[conflicts.other]
+        order = np.lexsort([stands, conflicts.first_time])
+        first = {int(conflicts.driver[row]): bool(stands[row]) for row in order[::-1]}
+        creeping = {vehicle for vehicle in self._patient.tolist() if first.get(vehicle, vehicle in self._creeping)}
+        self._creeping = frozenset(creeping)
 
 
 class PassingOffsets:

@@ -16,6 +16,7 @@ from simbev_ros.world.driving.trajectory_prediction import TIMES_S, PredictedTra
 
 MARGINS_M = (0.25, 0.1, 0.02)  # minimum gap between bodies; a pair that is already closer uses the next smaller one
 _LEVEL_TOLERANCE_M = 3.0
+_NOBODY: Int64Array = np.empty(0, np.int64)
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,10 +82,14 @@ class PredictedTraffic:
         """(G,) radii of the circles around the boxes."""
         return np.hypot(*self.half_m.T)
 
-    def find_conflicts(self, drivers: Int64Array) -> Conflicts:
-        """Conflicts of (D,) drivers with all bodies that they would touch later than now."""
+    def find_conflicts(self, drivers: Int64Array, patient: Int64Array = _NOBODY) -> Conflicts:
+        """Conflicts of (D,) drivers with all bodies that they would touch later than now.
+
+        The ``patient`` ones of them have waited for long: they pass bodies that stand with the smallest margin.
+        """
         driver, other = self._candidate_pairs(drivers)
         margin_m = self._margins_m(driver, other)
+        margin_m[np.isin(driver, patient) & self.as_seen.stays[other]] = MARGINS_M[-1]
         later = np.arange(1, len(TIMES_S))
         first_time = self._first_contact_time(
             Conflicts(driver, other, margin_m, np.full(len(driver), len(TIMES_S))), later, later

@@ -13,10 +13,15 @@ _REFRESH_TICKS = 100  # the lanes that a vehicle will take may change while it i
 
 
 class LanesAhead:
-    """The path of each of V vehicles of a running simulation over the next lanes."""
+    """The path of each of V vehicles of a running simulation over the next lanes.
+
+    Attributes:
+        next_edges: V ids of the edges outside junctions that follow the present lanes, "" where a route ends.
+    """
 
     def __init__(self, names: Sequence[str], tracks: LaneTracks) -> None:
         """For vehicles with these SUMO names, on tracks that contain all their lanes."""
+        self.next_edges = [""] * len(names)
         self._names = names
         self._tracks = tracks
         self._lanes = [""] * len(names)
@@ -55,6 +60,7 @@ class LanesAhead:
             if len(lanes) >= _MAX_LANES:
                 break
             lanes += [link[4], *self._junction_lanes_after(link[4])] if link[4] else [link[0]]
+        self.next_edges[vehicle] = next((each.rsplit("_", 1)[0] for each in lanes[1:] if not each.startswith(":")), "")
         known = lanes[
             : min(_MAX_LANES, next((k for k, each in enumerate(lanes) if each not in self._tracks), _MAX_LANES))
         ]

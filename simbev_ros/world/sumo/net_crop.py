@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 # Matches networks as netconvert writes them: no element contains another one of the same name.
 _ELEMENT = re.compile(r"<(location|type|edge|tlLogic|junction|connection|roundabout)\s(?:[^<>]*/>|.*?</\1>)", re.DOTALL)
+_LEFT_HAND = re.compile(r'<net\s[^>]*lefthand="(true|1)"')
 _ATTRIBUTE = re.compile(r'([\w:]+)="([^"]*)"')
 
 
@@ -22,11 +23,12 @@ class _Element(NamedTuple):
 
 
 class CroppedNet(NamedTuple):
-    """Part of a network: its XML, and the ids of its edges and of its traffic lights."""
+    """Part of a network: its XML, the ids of its edges and of its traffic lights, and whether traffic keeps left."""
 
     xml: str
     edges: Set[str]
     lights: Set[str]
+    left_hand: bool = False
 
 
 def crop_net(net: str, used: Iterable[str]) -> CroppedNet:
@@ -59,8 +61,9 @@ def crop_net(net: str, used: Iterable[str]) -> CroppedNet:
         *connections,
         *(each for each in elements["roundabout"] if kept.issuperset(each.attributes["edges"].split())),
     )
-    xml = "\n".join((net[: net.index("<location")], *(part.text for part in parts), "</net>"))
-    return CroppedNet(xml, kept, lights)
+    head = net[: net.index("<location")]
+    xml = "\n".join((head, *(part.text for part in parts), "</net>"))
+    return CroppedNet(xml, kept, lights, _LEFT_HAND.search(head) is not None)
 
 
 def _elements(net: str) -> dict[str, list[_Element]]:

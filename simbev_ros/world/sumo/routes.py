@@ -10,10 +10,11 @@ from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.streets.street_graph import Streets
 
 _EXTENSION_M = 2000.0
+_ON_LANES_M = 100.0  # a new route needs no lane change within this distance
 
 
 class RouteExtension(NamedTuple):
-    """Edges that follow a route, and the lane at whose end the vehicle must stop if it is a dead end."""
+    """Edges that follow or replace a route, and the lane at whose end a vehicle must stop if it is a dead end."""
 
     edges: tuple[str, ...]
     last_lane: str | None
@@ -37,3 +38,11 @@ class Routes:
         edges = graph.draw_continuation(edge, _EXTENSION_M, rng)
         last = edges[-1] if edges else edge
         return RouteExtension(edges, graph.first_lane(last) if graph.is_dead_end(last) else None)
+
+    def draw_detour(self, vehicle: int, lane: str, step: int) -> RouteExtension:
+        """Draw a random route for a vehicle (its index in the specification) from its lane, as far as that leads."""
+        rng = stream(self._spec.seed, f"v{vehicle}.detour", step)
+        blueprint = blueprint_named(self._spec.vehicles[vehicle].blueprint)
+        graph = self._streets.for_blueprint(blueprint, self._spec.closed_edges, tight=True)
+        edges = graph.draw_route_without_lane_changes(lane, _ON_LANES_M, _EXTENSION_M, rng)
+        return RouteExtension(edges, graph.first_lane(edges[-1]) if graph.is_dead_end(edges[-1]) else None)

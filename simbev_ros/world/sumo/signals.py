@@ -20,6 +20,7 @@ from simbev_ros.units import NS_PER_S
 
 YELLOW_S = 3.0
 ALL_RED_S = 2.0
+_MIN_GREEN_S = 4.0
 _STATE_OF = {
     "G": SignalState.GREEN,
     "g": SignalState.GREEN,
@@ -53,14 +54,18 @@ class SignalProgram:
 
 
 def signal_programs(spec: SceneSpec, net: str) -> tuple[SignalProgram, ...]:
-    """All signal programs of a SUMO network (its XML), sorted by id, with the scene's green times and drawn offsets."""
+    """All signal programs of a SUMO network (its XML), sorted by id, with the scene's green times and drawn offsets.
+
+    On map files, the green time is that of the longest green phase of a program; shorter ones, as for left turns, are
+    shorter in the same proportion.
+    """
     tick_s = spec.tick_ns / NS_PER_S
     result = []
     logics = {logic.attrib["id"]: logic for logic in _logics(net)}
     for index, (_, logic) in enumerate(sorted(logics.items())):
         phases = [(float(phase.attrib["duration"]), phase.attrib["state"]) for phase in logic.findall("phase")]
         green_s = spec.green_time_s[index % len(spec.green_time_s)]
-        states, ticks = zip(*_retime(phases, green_s, tick_s), strict=True)
+        states, ticks = zip(*_retime(phases, green_s, tick_s, keeps_shares=bool(spec.map.path)), strict=True)
         name = logic.attrib["id"]
         offset_ticks = int(stream(spec.seed, f"signals.{name}.offset").integers(sum(ticks)))
         result.append(SignalProgram(name, states, ticks, offset_ticks, green_s))
@@ -129,19 +134,24 @@ class SignalHeads:
         return table
 
 
-def _retime(phases: Sequence[tuple[float, str]], green_s: float, tick_s: float) -> list[tuple[str, int]]:
+def _retime(
+    phases: Sequence[tuple[float, str]], green_s: float, tick_s: float, keeps_shares: bool = False
+) -> list[tuple[str, int]]:
     """States and ticks of the phases with the given green, yellow and all-red times.
 
     Consecutive green phases (SUMO ends the pedestrians' green earlier) share the green time in their old proportion.
-    After each yellow phase, the yellow links are red for the all-red time.
+    With ``keeps_shares``, the longest such group has the green time, and others their old share of it. After each
+    yellow phase, the yellow links are red for the all-red time.
     """
+    longest_s = max((sum(duration for duration, _ in group) for group in _green_groups(phases)), default=0.0)
     yellow, all_red = round(YELLOW_S / tick_s), round(ALL_RED_S / tick_s)
     result: list[tuple[str, int]] = []
     for kind, group in groupby(phases, key=lambda phase: _kind(phase[1])):
         members = list(group)
         if kind == "green":
             ends = np.cumsum([duration for duration, _ in members])
-            ticks = np.diff(np.round(ends / ends[-1] * green_s / tick_s), prepend=0.0)
+            own_s = max(green_s * ends[-1] / longest_s, min(_MIN_GREEN_S, green_s)) if keeps_shares else green_s
+            ticks = np.diff(np.round(ends / ends[-1] * own_s / tick_s), prepend=0.0)
             result += [(state, max(int(n), 1)) for (_, state), n in zip(members, ticks, strict=True)]
         elif kind == "yellow":
             for _, state in members:
@@ -149,6 +159,12 @@ def _retime(phases: Sequence[tuple[float, str]], green_s: float, tick_s: float) 
         elif not result or _kind(result[-1][0]) == "green":
             result += [(state, all_red) for _, state in members]
     return result
+
+
+def _green_groups(phases: Sequence[tuple[float, str]]) -> list[list[tuple[float, str]]]:
+    """The groups of consecutive green phases."""
+    groups = groupby(phases, key=lambda phase: _kind(phase[1]))
+    return [list(group) for kind, group in groups if kind == "green"]
 
 
 def _kind(state: str) -> str:

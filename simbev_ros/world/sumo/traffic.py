@@ -11,6 +11,8 @@ import numpy as np
 from simbev_ros.errors import SimulationError
 from simbev_ros.types import Float64Array, Int64Array
 from simbev_ros.units import NS_PER_S
+from simbev_ros.world.driving.turning_room import RouteProgress
+from simbev_ros.world.sumo import vehicle_routes
 from simbev_ros.world.sumo.closures import CLOSURE
 from simbev_ros.world.sumo.lanes_ahead import LanesAhead
 from simbev_ros.world.sumo.libsumo_import import libsumo
@@ -49,9 +51,9 @@ _MIN_CLOSURE_GAP_M, _SHORTENING_M, _MAX_SHORTENING_M = (
     4.0,
 )  # gap to a closure beyond minGap; shortening per call, and in all
 _STANDING_MPS = 0.05
-_MIN_EDGES_LEFT = 6  # with this number of edges left, a route is extended
 _FOREVER_S = 1e8
 _ANY_ARRIVAL_M = 1.0
+_AXES = 3
 _FAILURES = (libsumo.TraCIException, libsumo.FatalTraCIError)
 
 
@@ -76,6 +78,7 @@ class SumoTraffic:
     Attributes:
         vehicles: Indices in the specification of the vehicles that SUMO could insert, ascending.
         pedestrians: Indices of the pedestrians that SUMO could insert, ascending.
+        progress: Where the vehicles are on their routes, as of the latest sample.
     """
 
     _running = False
@@ -88,6 +91,7 @@ class SumoTraffic:
         speeds_mps: Mapping[str, float],
         tracks: LaneTracks,
         closed_lanes: Iterable[str] = (),
+        left_hand: bool = False,
     ) -> None:
         """Load a network and its traffic, and insert all vehicles and pedestrians at time 0.
 
@@ -98,6 +102,7 @@ class SumoTraffic:
             speeds_mps: Lane id → speed limit that replaces the network's.
             tracks: All lanes that a vehicle may get onto.
             closed_lanes: Ids of lanes that are closed to all traffic, whatever the network permits.
+            left_hand: Traffic keeps to the left; SUMO then counts lateral positions to the right.
 
         Raises:
             SimulationError: Another simulation is running in this process, or SUMO rejects its input.
@@ -110,6 +115,7 @@ class SumoTraffic:
         own = {"step-length": f"{tick_ns / NS_PER_S:.3f}", "seed": str(seed % _MAX_SEED)}
         options = {**_OPTIONS, **inputs, **own}
         self._tracks = tracks
+        self._left_sign = -1.0 if left_hand else 1.0
         self._tick_s = tick_ns / NS_PER_S
         self._open = SumoTraffic._running = True
         self._has_pending_move = False  # whether SUMO will move an actor at the next step
@@ -134,7 +140,9 @@ class SumoTraffic:
         self._off_net: dict[str, dict[int, Any]] = {}
         self._vehicle_names = [vehicle_name(index) for index in self.vehicles]
         self._pedestrian_names = [pedestrian_name(index) for index in self.pedestrians]
+        self._latest_points: dict[int, tuple[float, float, float]] = {}
         self._lanes_ahead = LanesAhead(self._vehicle_names, tracks)
+        self.progress = RouteProgress((), np.zeros(0), ())
         for name in self._vehicle_names:
             libsumo.vehicle.subscribe(name, _VEHICLE_VARIABLES)
             libsumo.vehicle.setSpeedMode(name, _BRAKES_HARD)
@@ -163,18 +171,27 @@ class SumoTraffic:
         try:
             rows = [vehicles[name] for name in self._vehicle_names]
             lanes, position_m, left_m = ([row[variable] for row in rows] for variable in _POSITION_VARIABLES)
-            lane_position = lanes, np.array(position_m, np.float64), np.array(left_m, np.float64)
+            lane_position = lanes, np.array(position_m, np.float64), self._left_sign * np.array(left_m, np.float64)
             self._lanes_ahead.observe(*lane_position)
+            self.progress = RouteProgress(lanes, lane_position[1], self._lanes_ahead.next_edges)
             front_m = self._tracks.positions_m(*lane_position)
             for name, (_, driven_m) in self._driven.items():
                 front_m[self._vehicle_names.index(name)] = driven_m
             return TrafficSample(
                 front_m,
                 np.array([row[libsumo.VAR_SIGNALS] for row in rows], np.int64),
-                _point_array([pedestrians[name][libsumo.VAR_POSITION3D] for name in self._pedestrian_names]),
+                _point_array(self._pedestrian_points(pedestrians)),
             )
         except KeyError as error:
             raise SimulationError(f"SUMO has lost {error} at {libsumo.simulation.getTime():.3f} s") from error
+
+    def _pedestrian_points(self, results: Mapping[str, Mapping[int, Any]]) -> list[tuple[float, float, float]]:
+        """The pedestrians' positions; where SUMO has none, as on walking areas without extent, the latest one."""
+        for row, name in enumerate(self._pedestrian_names):
+            point = results[name][libsumo.VAR_POSITION3D]
+            if len(point) == _AXES:  # an invalid position has two coordinates
+                self._latest_points[row] = point
+        return [self._latest_points[row] for row in range(len(self._pedestrian_names))]
 
     def ahead_m(self, vehicle: Int64Array, distance_m: Float64Array, left_m: Float64Array) -> Float64Array:
         """(N, K, 3) positions of the fronts of (N,) of the latest vehicles after (N, K) distances along their routes.
@@ -348,25 +365,27 @@ class SumoTraffic:
 
     def ending_routes(self) -> list[tuple[int, str]]:
         """Vehicles (indices in ``vehicles``) whose routes end soon, each with the last edge of its route."""
-        routes = [(libsumo.vehicle.getRoute(name), libsumo.vehicle.getRouteIndex(name)) for name in self._vehicle_names]
-        return [
-            (vehicle, route[-1])
-            for vehicle, (route, index) in enumerate(routes)
-            if len(route) - index <= _MIN_EDGES_LEFT
-            and self._vehicle_names[vehicle] not in self._crashed
-            and not libsumo.vehicle.getStops(self._vehicle_names[vehicle], 1)
-        ]
+        last_edges = [(row, vehicle_routes.ending_edge(name)) for row, name in enumerate(self._vehicle_names)]
+        return [(row, edge) for row, edge in last_edges if edge and self._vehicle_names[row] not in self._crashed]
 
     def extend_route(self, vehicle: int, edges: Sequence[str], last_lane: str | None) -> None:
         """Append edges to a vehicle's route; with a ``last_lane`` it stops at that lane's end for good."""
-        name = self._vehicle_names[vehicle]
-        ahead = libsumo.vehicle.getRoute(name)[libsumo.vehicle.getRouteIndex(name) :]
-        if edges:
-            libsumo.vehicle.setRoute(name, [*ahead, *edges])
-        if last_lane is not None:
-            edge, lane = last_lane.rsplit("_", 1)
-            length_m = libsumo.lane.getLength(last_lane)
-            libsumo.vehicle.setStop(name, edge, length_m, int(lane), _FOREVER_S)
+        vehicle_routes.extend_route(self._vehicle_names[vehicle], edges, last_lane)
+
+    def vehicles_in_wrong_lanes(self) -> list[tuple[int, str]]:
+        """Vehicles (indices in ``vehicles``) that stand for long as their lanes do not lead along their routes.
+
+        Each comes with its lane.
+        """
+        return [
+            (row, libsumo.vehicle.getLaneID(name))
+            for row, name in enumerate(self._vehicle_names)
+            if name not in self._crashed and vehicle_routes.stands_in_wrong_lane(name)
+        ]
+
+    def replace_route(self, vehicle: int, edges: Sequence[str], last_lane: str | None) -> None:
+        """Let a vehicle drive along edges, the first one its own; with a ``last_lane`` it stops at that lane's end."""
+        vehicle_routes.replace_route(self._vehicle_names[vehicle], edges, last_lane)
 
     def close(self) -> None:
         """End the simulation; further calls have no effect."""

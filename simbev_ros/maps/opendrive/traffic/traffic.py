@@ -16,7 +16,7 @@ from simbev_ros.maps.lane_graph.traffic import (
     TrafficConnection,
     TrafficEdge,
     TrafficLane,
-    keep_mainland,
+    keep_driven_parts,
     split_loops,
 )
 from simbev_ros.maps.opendrive.lane_shapes import LaneShape
@@ -32,7 +32,7 @@ _MAX_JUNCTION_ROADS = 8
 
 
 def traffic_of(document: Document, shapes: Mapping[LaneKey, LaneShape], links: LaneLinks, notes: Findings) -> Traffic:
-    """The edges and connections of the largest connected part of the road network."""
+    """The edges and connections of all connected parts of the road network."""
     if any(shape.lane.reversed for shape in shapes.values()):
         notes.left_out("lanes with reversed direction carry no traffic")
     nodes = Nodes(document)
@@ -59,7 +59,7 @@ def traffic_of(document: Document, shapes: Mapping[LaneKey, LaneShape], links: L
     for connection in connections:
         nodes.join(by_id[connection.start[0]].end, by_id[connection.goal[0]].start)
     joined = [replace(edge, start=nodes.resolve(edge.start), end=nodes.resolve(edge.end)) for edge in edges]
-    return split_loops(keep_mainland(joined, connections, notes)) if joined else Traffic((), ())
+    return split_loops(keep_driven_parts(joined, connections, notes)) if joined else Traffic((), ())
 
 
 def _edge(road: Road, chain: Sequence[Cell], nodes: Nodes) -> TrafficEdge:

@@ -3,7 +3,7 @@
 import numpy as np
 import shapely
 
-from simbev_ros.geometry.plan_view import indexed_polygon_parts, left_of, multi_polygon, polygon_parts
+from simbev_ros.geometry.plan_view import indexed_polygon_parts, left_of, multi_polygon, points_inside, polygon_parts
 
 MIXED = shapely.GeometryCollection(
     [
@@ -29,3 +29,13 @@ def test_each_part_knows_its_area() -> None:
     parts, area = indexed_polygon_parts(np.array([shapely.box(4, 4, 5, 5), shapely.Point(0, 0), MIXED], object))
     assert area.tolist() == [0, 2, 2]
     assert [part.bounds[0] for part in parts] == [4, 0, 2]
+
+
+def test_points_inside_areas_are_those_that_each_area_contains() -> None:
+    rng = np.random.default_rng(3)
+    corners_m = rng.uniform(0.0, 80.0, (40, 2))
+    areas = [shapely.box(x, y, x + 15.0, y + 15.0) for x, y in corners_m] + [shapely.Polygon()]
+    xy_m = np.concatenate([rng.uniform(0.0, 100.0, (500, 2)), corners_m])  # the corners are on borders
+    found = points_inside(areas, xy_m)
+    assert [each.tolist() for each in found] == [np.flatnonzero(shapely.contains_xy(a, xy_m)).tolist() for a in areas]
+    assert points_inside([], xy_m) == []

@@ -1,4 +1,4 @@
-"""``simbev bench`` commands that time work on data: reading, recording and evaluation."""
+"""``simbev bench`` commands that time work on data: reading, recording, evaluation, and maps."""
 
 import os
 import tempfile
@@ -9,7 +9,10 @@ import typer
 
 from simbev_ros.cli.bench.report import Json, show_timing
 from simbev_ros.cli.console import counting_bar, make_console
+from simbev_ros.errors import InputError
 from simbev_ros.recording.whole_files import require_writable
+
+_MAX_SIDES = 30
 
 
 def reading(
@@ -98,4 +101,36 @@ def evaluate(
         result = timed_evaluation(scenes, jobs or os.cpu_count() or 1, bar.advance)
     show_timing(
         result, result.title(), ("", "s", "CPU s"), result.rows(), as_json=as_json, comparison=result.comparison()
+    )
+
+
+def city(
+    path: Annotated[Path, typer.Argument(help="An OpenStreetMap file of a part of a city.")],
+    sides: Annotated[
+        str, typer.Option(help="How often the city is repeated to the east and to the north, separated by commas.")
+    ] = "1,2,4,8",
+    as_json: Json = False,
+) -> None:
+    """Time how the building of a city grows with its area: the file is repeated side by side.
+
+    Each area is built in a process of its own without a cache: its roads, and its surroundings within 400 m of its
+    busiest place.
+
+    [bold]Example[/]
+
+    simbev bench city helsinki.osm.pbf --sides 1,2
+    """
+    from simbev_ros.bench.city_timing import timed_city
+
+    numbers = [each.strip() for each in sides.split(",")]
+    if not all(each.isdecimal() and 0 < int(each) <= _MAX_SIDES for each in numbers):
+        raise InputError(f"--sides: must be numbers from 1 to {_MAX_SIDES}, separated by commas, not {sides!r}")
+    with counting_bar("areas", make_console(stderr=True), len(numbers)) as bar:
+        result = timed_city(path, [int(each) for each in numbers], bar.advance)
+    show_timing(
+        result,
+        result.city,
+        ("km²", "km of lanes", "roads, CPU s", "CPU s/km²", "surroundings, CPU s/km²", "MiB", "netconvert's MiB"),
+        result.rows(),
+        as_json=as_json,
     )

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from simbev_ros.cli.bench.data import evaluate, reading, record
+from simbev_ros.cli.bench.data import city, evaluate, reading, record
 from simbev_ros.cli.bench.endurance import endurance
 from simbev_ros.cli.bench.report import Json, show_timing
 from simbev_ros.cli.bench.sensing import cameras, labels, rays
@@ -112,7 +112,7 @@ def _show_graph(scenario: Scenario, ticks: int, *, record: bool, as_json: bool) 
     )
 
 
-for _command in (cameras, rays, labels, reading, record, evaluate, endurance):
+for _command in (cameras, rays, labels, reading, record, evaluate, city, endurance):
     bench.command()(_command)
 
 

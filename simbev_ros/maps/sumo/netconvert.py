@@ -26,7 +26,7 @@ _OPTIONS = (
     "--tls.allred.time=2",
     "--precision=4",
 )
-_MAX_CPU_S = 300  # about 60 for 100 km² of a dense city
+_MAX_CPU_S = 300  # 27 km² of a dense city take about 15
 _MAX_MEMORY_BYTES = 6 << 30
 _MAX_REASON_CHARS = 400
 _HEAD_BYTES = 1 << 20
@@ -113,9 +113,9 @@ def _limit_process() -> None:
     """Fix addresses and limit memory and computing time; runs in the child process before netconvert."""
     _LIBC.personality(_ADDR_NO_RANDOMIZE)
     for kind, own_limit in ((resource.RLIMIT_AS, _MAX_MEMORY_BYTES), (resource.RLIMIT_CPU, _MAX_CPU_S)):
-        limits = (limit for limit in resource.getrlimit(kind) if limit != resource.RLIM_INFINITY)
-        limit = min((own_limit, *limits))
-        resource.setrlimit(kind, (limit, limit))
+        soft, hard = resource.getrlimit(kind)  # at the hard limit of time, the kernel kills without SIGXCPU
+        limits = (limit for limit in (soft, hard) if limit != resource.RLIM_INFINITY)
+        resource.setrlimit(kind, (min((own_limit, *limits)), hard))
 
 
 def _remove_time_stamps(path: Path) -> None:

@@ -23,7 +23,7 @@ def test_a_repeated_city_has_all_objects_of_each_copy(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_time_and_memory_of_a_city_grow_with_its_area(tmp_path: Path) -> None:
+def test_each_area_of_a_city_is_built_whole(tmp_path: Path) -> None:
     timing = timed_city(SAMPLE, (1, 3))
     one, nine = timing.buildings
     np.testing.assert_allclose(timing.area_km2[1], 9.0 * timing.area_km2[0])

@@ -86,6 +86,8 @@ def map_(
         require_writable(to.parent)
     if check and name is None:
         raise InputError("a check needs a map", parameter="check")
+    if check and (to is not None or at is not None or everything):
+        raise InputError("goes with --out and --json, not with --to, --at or --all", parameter="check")
     console = make_console(stderr=True)
     with tempfile.TemporaryDirectory(prefix="simbev_ros-map-") if fresh else nullcontext() as folder:
         cache_dir = Path(folder) if folder else default_cache_dir()

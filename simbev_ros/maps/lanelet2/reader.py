@@ -15,6 +15,8 @@ from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.lanelet2.document import Area, Lanelet, LaneletMap, Linestring, Regulation
 from simbev_ros.maps.lanelet2.elements import elements_by_id, tags_of
 from simbev_ros.maps.lanelet2.frame import map_frame
+from simbev_ros.maps.lanelet2.shapes import place_of_loss
+from simbev_ros.maps.lanelet2.tags import lane_kind
 from simbev_ros.maps.osm.data import Tags
 from simbev_ros.maps.safe_xml import parse
 from simbev_ros.types import Float64Array
@@ -115,10 +117,9 @@ def _iter_lanelets(
         bounds = [[ref for role, ref in members if role == side] for side in ("left", "right", "centerline")]
         left, right, center = (_joined(references, lines) for references in bounds)
         if left is None or right is None:
-            missing = "left" if left is None else "right"
-            notes.left_out(
-                "a lanelet without both bounds is left out", element, f"lanelet {name} has no {missing} bound"
-            )
+            detail = f"lanelet {name} has no {'left' if left is None else 'right'} bound"
+            lost = place_of_loss(right if left is None else left, lane_kind(tags[name]))
+            notes.left_out("a lanelet without both bounds is left out", element, detail, *lost)
             continue
         regulations = tuple(ref for role, ref in _members(element, "relation") if role == "regulatory_element")
         yield name, Lanelet(name, left, right, center, tags[name], regulations, element)

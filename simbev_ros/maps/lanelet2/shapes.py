@@ -12,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from simbev_ros.limits import MAX_BOUND_POINTS
 from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.lane_graph.lane_key import LaneKey
-from simbev_ros.maps.lanelet2.document import Lanelet, LaneletMap
+from simbev_ros.maps.lanelet2.document import Lanelet, LaneletMap, Linestring
 from simbev_ros.maps.lanelet2.tags import lane_kind
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.types import Float64Array
@@ -137,11 +137,13 @@ def lanelet_shapes(source: LaneletMap, notes: Findings) -> Iterator[LaneletShape
             continue
         problem = _problem(lanelet)
         if problem:
-            notes.left_out(f"a lanelet {problem} is left out", lanelet.element, f"lanelet {lanelet.id}")
+            rule = f"a lanelet {problem} is left out"
+            notes.left_out(rule, lanelet.element, f"lanelet {lanelet.id}", *place_of_loss(lanelet.left, kind))
             continue
         shape = _shape(lanelet, kind)
         if shape.inverted_fraction > _MAX_INVERTED:
-            notes.left_out("a lanelet whose bounds cross is left out", lanelet.element, f"lanelet {lanelet.id}")
+            rule = "a lanelet whose bounds cross is left out"
+            notes.left_out(rule, lanelet.element, f"lanelet {lanelet.id}", *place_of_loss(lanelet.left, kind))
             continue
         if kind is LaneKind.DRIVING and shape.width_m < _MIN_DRIVING_WIDTH_M:
             notes.repaired(
@@ -161,6 +163,14 @@ def are_left_handed(shapes: Iterable[LaneletShape]) -> bool:
     """
     against = [any(shape.flipped) and shape.is_against_center for shape in shapes if shape.lanelet.centerline]
     return bool(against) and sum(against) >= _MIN_LEFT_HANDED * len(against)
+
+
+def place_of_loss(bound: Linestring | None, kind: LaneKind | None) -> tuple[Float64Array | None, float]:
+    """(2,) middle of a bound of a lanelet that is lost, and the length of driving lane that is lost with it."""
+    if bound is None:
+        return None, 0.0
+    points_m = bound.points_m
+    return points_m[len(points_m) // 2, :2], float(stations_m(points_m)[-1]) if kind is LaneKind.DRIVING else 0.0
 
 
 def _problem(lanelet: Lanelet) -> str:

@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import osmium
 from osmium.osm import mutable
-from pyproj import Geod
 
 from simbev_ros.assets.regions.static_cache import StaticCache
 from simbev_ros.maps.build import load_network
@@ -20,15 +19,15 @@ from simbev_ros.maps.osm.reader import read_osm
 from simbev_ros.maps.region import REGION_M, Reach, regions_of
 from simbev_ros.maps.source import map_spec
 from simbev_ros.maps.statistics import busiest_position, statistics_of
-from simbev_ros.types import Float64Array
 
 _REACH_M = 400.0
 _KIB_PER_MIB = 1024.0
 
 
 class Building(NamedTuple):
-    """What it takes to build a map: processor time, and peak memory of the process and of netconvert."""
+    """Extent and lanes of a map that was built, and what it took: processor time, peak memory, and netconvert's."""
 
+    area_km2: float
     lane_km: float
     roads_cpu_s: float
     surroundings_cpu_s_per_km2: float
@@ -41,22 +40,21 @@ class CityTiming:
     """A city, repeated to several areas, and what each takes."""
 
     city: str
-    area_km2: list[float]
     buildings: list[Building]
 
     def rows(self) -> list[tuple[str, ...]]:
         """Rows of a table, one for each area."""
         return [
             (
-                f"{area_km2:.1f}",
+                f"{each.area_km2:.1f}",
                 f"{each.lane_km:.0f}",
                 f"{each.roads_cpu_s:.0f}",
-                f"{each.roads_cpu_s / area_km2:.1f}",
+                f"{each.roads_cpu_s / each.area_km2:.1f}",
                 f"{each.surroundings_cpu_s_per_km2:.0f}",
                 f"{each.peak_mib:.0f}",
                 f"{each.netconvert_mib:.0f}",
             )
-            for area_km2, each in zip(self.area_km2, self.buildings, strict=True)
+            for each in self.buildings
         ]
 
 
@@ -71,19 +69,18 @@ def timed_city(city: Path, sides: Sequence[int], advance: Callable[[], None] = l
     Raises:
         InputError: The file cannot be read, or has no roads for cars.
     """
-    area_km2, buildings = [], []
+    buildings = []
     for side in sides:
         with tempfile.TemporaryDirectory(prefix="simbev_city-") as folder, _one_process() as process:
             path = Path(folder) / "city.osm.pbf"
-            size_m = repeat_city(city, side, path)
+            repeat_city(city, side, path)
             buildings.append(process.submit(_build, str(path), Path(folder) / "cache").result())
-        area_km2.append(float(np.prod(size_m)) * side**2 / 1e6)
         advance()
-    return CityTiming(city.name, area_km2, buildings)
+    return CityTiming(city.name, buildings)
 
 
-def repeat_city(city: Path, side: int, target: Path) -> Float64Array:
-    """Write a PBF in which a city stands ``side`` times to the east and to the north; its own size is returned.
+def repeat_city(city: Path, side: int, target: Path) -> None:
+    """Write a PBF in which a city stands ``side`` times to the east and to the north.
 
     Relations keep only their ways.
 
@@ -91,9 +88,6 @@ def repeat_city(city: Path, side: int, target: Path) -> Float64Array:
         city: An OpenStreetMap file.
         side: Number of repetitions in each direction.
         target: The file to write; it must not exist.
-
-    Returns:
-        (2,) size of the city to the east and to the north, meters.
 
     Raises:
         InputError: The file cannot be read.
@@ -117,8 +111,6 @@ def repeat_city(city: Path, side: int, target: Path) -> Float64Array:
             for row, area in enumerate(relations, 1):
                 parts = [("w", rows[1][i] + k * len(ways), role) for i, role in area["ways"] if i in rows[1]]
                 writer.add_relation(mutable.Relation(id=row + k * len(relations), members=parts, tags=area["tags"]))
-    (west, south), (east, north) = place_deg.min(axis=0), place_deg.max(axis=0)
-    return np.array([Geod(ellps="WGS84").inv(west, south, *end)[2] for end in ((east, south), (west, north))])
 
 
 def _objects(city: Path) -> tuple[list[dict[str, Any]], list[dict[str, Any]], list[dict[str, Any]]]:
@@ -154,8 +146,9 @@ def _build(path: str, cache_dir: Path) -> Building:
     peaks_mib = [
         resource.getrusage(who).ru_maxrss / _KIB_PER_MIB for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
     ]
-    lane_km = statistics_of(network).lane_km["driving"]
-    return Building(lane_km, roads_s, around_s / (len(regions) * (REGION_M / 1000.0) ** 2), *peaks_mib)
+    built = statistics_of(network)
+    area_km2, lane_km = built.width_m * built.depth_m / 1e6, built.lane_km["driving"]
+    return Building(area_km2, lane_km, roads_s, around_s / (len(regions) * (REGION_M / 1000.0) ** 2), *peaks_mib)
 
 
 def _cpu_s() -> float:

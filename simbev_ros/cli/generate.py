@@ -1,7 +1,7 @@
 """``simbev generate``: makes a dataset, or its missing scenes."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from rich.console import Console
@@ -10,9 +10,13 @@ from rich.table import Table
 from simbev_ros.cli.console import make_console, plural
 from simbev_ros.cli.scene_numbers import scene_numbers
 from simbev_ros.config.load import load_scenario
+from simbev_ros.errors import InputError
 
 if TYPE_CHECKING:
     from simbev_ros.production.dataset import DatasetResult
+
+MAX_WORKERS = 60
+"""Largest number of workers on one machine: there is one ROS domain for each."""
 
 
 def generate(
@@ -23,6 +27,13 @@ def generate(
         typer.Option(help="Make only these scenes again: numbers and ranges.", metavar="3,17-20"),
     ] = None,
     retries: Annotated[int, typer.Option(help="Maximum number of retries of a failed scene.", min=0, max=10)] = 2,
+    workers: Annotated[
+        str | None,
+        typer.Option(
+            help="Number of scenes to make at once, each on a graph of its own; auto: as many as this machine carries.",
+            metavar="N|auto",
+        ),
+    ] = None,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Only estimate the number, time and size of scenes.")
     ] = False,
@@ -39,21 +50,41 @@ def generate(
 
     simbev generate my.yaml --out datasets/first
 
+    simbev generate my.yaml --out datasets/first --workers auto
+
     simbev generate my.yaml --out datasets/first --replace 3,17-20
     """
     from simbev_ros.cli.production_display import DatasetDisplay
     from simbev_ros.production.dataset import make_dataset
 
     scenario, numbers, console = load_scenario(config), scene_numbers("--replace", replace or ()), make_console()
+    count = worker_count(workers)
     if dry_run:
         from simbev_ros.cli.estimate_table import show_estimate
 
         show_estimate(scenario, out, numbers, console)
         return
     display = DatasetDisplay(console)
-    result = make_dataset(scenario, out, replace=numbers, retries=retries, observer=display)
+    result = make_dataset(scenario, out, replace=numbers, retries=retries, workers=count, observer=display)
     _show(result, console)
     raise typer.Exit(0 if result.is_complete else 1)
+
+
+def worker_count(text: str | None) -> int | Literal["auto"] | None:
+    """The value of ``--workers``.
+
+    Raises:
+        InputError: It is neither ``auto`` nor a number that is allowed.
+    """
+    if text is None:
+        return None
+    if text == "auto":
+        return "auto"
+    if not (
+        text.isascii() and text.isdecimal() and len(text) <= len(str(MAX_WORKERS)) and 1 <= int(text) <= MAX_WORKERS
+    ):
+        raise InputError(f"--workers: is {text!r:.80}; allowed: 1 to {MAX_WORKERS}, or auto")
+    return int(text)
 
 
 def _show(result: "DatasetResult", console: Console) -> None:

@@ -9,10 +9,11 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.status import Status
 
-from simbev_ros.cli.console import TickRate, counting_progress, format_size
+from simbev_ros.cli.console import DESCRIPTION, TickRate, counting_progress, format_size, plural
 from simbev_ros.cli.evaluate.live import print_live_tables
 from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.production.observer import ProductionObserver
+from simbev_ros.production.scene_cost import SceneCost
 from simbev_ros.scene.ending import DURATION, SceneEnd
 from simbev_ros.scene.spec import SceneSpec
 
@@ -110,58 +111,115 @@ class SceneDisplay(MapDisplay):
 
 
 class DatasetDisplay(MapDisplay):
-    """Shows one bar for all scenes of a dataset: the current scene, frames per second, disk space, time left."""
+    """Shows a bar for each scene in the making, and one for the dataset with speed, size, failures and time left."""
 
     def __init__(self, console: Console) -> None:
         super().__init__(console)
         self._bars = Progress(disable=True)
-        self._task: TaskID = self._bars.add_task("")
-        self._began_s, self._frames, self._last_tick = time.monotonic(), 0, -1
-        self._done = 0
+        self._total: TaskID = self._bars.add_task("")
+        self._tasks: dict[str, TaskID] = {}
+        self._ticks: dict[str, int] = {}
+        self._began_s, self._frames, self._done, self._failed = time.monotonic(), 0, 0, 0
 
     def dataset_started(self, scenes: int, dataset_bytes: int) -> None:
-        """Show the bar, if there is something to make."""
+        """Show the bar of the dataset, if there is something to make."""
         columns = (
-            TextColumn("{task.fields[what]}", markup=False),
+            DESCRIPTION,
             BarColumn(bar_width=None),
-            TextColumn("{task.completed:.1f}/{task.fields[scenes]} scenes"),
+            TextColumn("{task.fields[count]}"),
             TextColumn("{task.fields[speed]}", style="progress.data.speed"),
-            TextColumn("{task.fields[used]}", style="progress.filesize"),
+            TextColumn("{task.fields[size]}", style="progress.filesize"),
             TimeRemainingColumn(),
         )
         self._bars = Progress(*columns, console=self.console, expand=True, disable=not scenes)
         self._began_s = time.monotonic()
         used = format_size(dataset_bytes)
-        self._task = self._bars.add_task("", total=scenes, what="", speed="", used=used, scenes=scenes)
+        self._total = self._bars.add_task("dataset", total=scenes, count=f"0/{scenes} scenes", speed="", size=used)
         self._bars.start()
 
-    def scene_progressed(self, spec: SceneSpec, tick: int | None) -> None:
-        """Show the last finished tick of the current scene."""
-        done = -1 if tick is None else max(tick, -1)
-        self._frames += max(done - self._last_tick, 0)
-        self._last_tick = done
-        speed = self._frames / (time.monotonic() - self._began_s)
-        what = f"{spec.name} {done + 1}/{spec.ticks}"
-        share = self._done + min((done + 1) / spec.ticks, 1.0)
-        self._bars.update(self._task, completed=share, what=what, speed=f"{speed:.2f} frames/s")
+    def workers_chosen(self, workers: int, cost: SceneCost) -> None:
+        """Print the number of workers and why."""
+        self.console.print(
+            f"{plural(workers, 'worker')}: the first scene used {cost.cores:.1f} cores and "
+            f"{format_size(cost.memory_mib * 2**20)}",
+            style="dim",
+            highlight=False,
+            soft_wrap=True,
+        )
 
-    def scene_retried(self, spec: SceneSpec, reason: str) -> None:
+    def worker_prepares(self, worker: str, step: str | None) -> None:
+        """Show what the worker does, until it has done it."""
+        if step is not None:
+            self._show(worker, f"{worker}: {step}")
+        else:
+            self._hide(worker)
+
+    def scene_started(self, spec: SceneSpec) -> None:
+        """Show a bar for the scene."""
+        self._ticks[spec.name] = -1
+        self._show(spec.name, f"{spec.name}: loading")
+
+    def scene_progressed(self, spec: SceneSpec, tick: int | None) -> None:
+        """Advance the bars of scene and dataset."""
+        if tick is None or spec.name not in self._tasks:
+            return
+        self._frames += max(tick - self._ticks[spec.name], 0)
+        self._ticks[spec.name] = max(tick, self._ticks[spec.name])
+        done = self._ticks[spec.name] + 1
+        task = self._tasks[spec.name]
+        self._bars.update(task, description=spec.name, total=spec.ticks, completed=done)
+        own = next(each for each in self._bars.tasks if each.id == task)
+        speed = "" if own.speed is None else f"{own.speed:.2f} frames/s"
+        self._bars.update(task, count=f"{done}/{spec.ticks} frames", speed=speed)
+        self._update_total()
+
+    def scene_ended(self, spec: SceneSpec, end: SceneEnd | None) -> None:
+        """Remove the scene's bar."""
+        self._hide(spec.name)
+
+    def scene_retried(self, entry: PlannedEntry, reason: str) -> None:
         """Print why the scene is tried again."""
-        self.console.print(f"{spec.name}: {reason}; once more", soft_wrap=True)
+        self._hide(entry.name)
+        self.console.print(f"{entry.name}: {reason}; once more", soft_wrap=True)
 
     def scene_made(self, entry: PlannedEntry, dataset_bytes: int) -> None:
         """Count the scene, and show the disk space."""
-        self._bars.update(self._task, used=format_size(dataset_bytes))
-        self._finish_scene()
+        self._bars.update(self._total, size=format_size(dataset_bytes))
+        self._finish_scene(entry)
 
     def scene_failed(self, entry: PlannedEntry, reason: str) -> None:
-        """Count the scene."""
-        self._finish_scene()
+        """Print the reason, and count the scene."""
+        self.console.print(f"{entry.name} failed: {reason}", soft_wrap=True)
+        self._failed += 1
+        self._finish_scene(entry)
 
     def dataset_ended(self) -> None:
-        """Leave the bar as it is."""
+        """Leave the bar of the dataset as it is."""
+        for name in list(self._tasks):
+            self._hide(name)
         self._bars.stop()
 
-    def _finish_scene(self) -> None:
-        self._done, self._last_tick = self._done + 1, -1
-        self._bars.update(self._task, completed=self._done)
+    def _finish_scene(self, entry: PlannedEntry) -> None:
+        self._hide(entry.name)
+        self._done += 1
+        self._update_total()
+
+    def _update_total(self) -> None:
+        """Show the scenes that are done, with the finished fractions of those in the making."""
+        by_id = {task.id: task for task in self._bars.tasks}
+        running = [by_id[task] for task in self._tasks.values()]
+        done = self._done + sum(task.percentage / 100.0 for task in running if task.total)
+        scenes = int(by_id[self._total].total or 0)
+        failed = f", {self._failed} failed" if self._failed else ""
+        speed = self._frames / (time.monotonic() - self._began_s)
+        count = f"{done:.1f}/{scenes} scenes{failed}"
+        self._bars.update(self._total, completed=done, count=count, speed=f"{speed:.2f} frames/s")
+
+    def _show(self, name: str, what: str) -> None:
+        self._hide(name)
+        self._tasks[name] = self._bars.add_task(what, total=None, count="", speed="", size="")
+
+    def _hide(self, name: str) -> None:
+        task = self._tasks.pop(name, None)
+        if task is not None:
+            self._bars.remove_task(task)

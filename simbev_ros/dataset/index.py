@@ -58,24 +58,38 @@ def read_index(dataset: Path) -> list[Row]:
     Raises:
         InputError: The file is damaged, of another version, exceeds a limit, or has a name that is not allowed.
     """
+    return load_index(dataset).to_pylist()
+
+
+def load_index(dataset: Path) -> pa.Table:
+    """Read a dataset's index as a table, which takes a tenth of the memory of its rows; empty if there is no index.
+
+    Raises:
+        InputError: See ``read_index``.
+    """
     path = path_inside(dataset, INDEX_FILE)
     if not path.exists():
-        return []
+        return index_table([])
     require_file(path)
     try:
         _require_columns(path, pq.ParquetFile(path))
         table = pq.read_table(path, columns=_schema().names)
         for name, largest in _LARGEST.items():
             _require_range(path, name, table.column(name), largest)
-        rows = table.to_pylist()
+        names = table.select(["number", *_RowNames.model_fields]).to_pylist()
     except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: {error}; {_REBUILD_HINT}") from None
-    for row in rows:
+    for row in names:
         try:
             _RowNames.model_validate(row)
         except ValidationError as error:
             raise InputError(f"{path}: scene {row['number']}: {first_problem(error)}; {_REBUILD_HINT}") from None
-    return rows
+    return table
+
+
+def index_table(rows: Iterable[Row]) -> pa.Table:
+    """The table of some rows."""
+    return pa.Table.from_pylist(list(rows), _schema())
 
 
 def _require_columns(path: Path, file: pq.ParquetFile) -> None:
@@ -111,31 +125,46 @@ def write_index(dataset: Path, rows: Iterable[Row]) -> None:
     Raises:
         InputError: It cannot be written.
     """
+    save_index(dataset, index_table(rows))
+
+
+def save_index(dataset: Path, table: pa.Table) -> None:
+    """Write the index atomically, sorted by the scenes' numbers.
+
+    Raises:
+        InputError: It cannot be written.
+    """
     path = dataset / INDEX_FILE
     with write_errors(path), whole_file(path) as unfinished:
-        pq.write_table(pa.Table.from_pylist(sorted(rows, key=lambda row: row["number"]), _schema()), unfinished)
+        pq.write_table(table.sort_by("number").combine_chunks(), unfinished)
 
 
-def update_index(dataset: Path, bags: Sequence[Path]) -> tuple[list[Row], dict[Path, str]]:
+def update_index(dataset: Path, bags: Sequence[Path]) -> tuple[pa.Table, dict[Path, str]]:
     """Write the index of finished bags, with new rows for bags that are not in it or have changed.
 
     Returns:
-        The rows, and the problems of bags that cannot be indexed, by bag.
+        The index, and the problems of bags that cannot be indexed, by bag.
 
     Raises:
         InputError: The index is damaged, or cannot be written.
     """
-    before = read_index(dataset)
-    known, rows, damaged = {row["path"]: row for row in before}, list[Row](), dict[Path, str]()
+    before = load_index(dataset)
+    paths, sizes = (before.column(name).to_pylist() for name in ("path", "bytes"))
+    known = {path: (index, size) for index, (path, size) in enumerate(zip(paths, sizes, strict=True))}
+    kept, added, damaged = list[int](), list[Row](), dict[Path, str]()
     for bag in bags:
-        row = known.get(str(bag.relative_to(dataset)))
+        index, size = known.get(str(bag.relative_to(dataset)), (-1, -1))
         try:
-            rows.append(row if row is not None and row["bytes"] == bytes_of(bag) else index_row(bag, dataset))
+            if size == bytes_of(bag):
+                kept.append(index)
+            else:
+                added.append(index_row(bag, dataset))
         except BagError as error:
             damaged[bag] = str(error).removeprefix(f"{bag}: ")
-    if rows != before:
-        write_index(dataset, rows)
-    return rows, damaged
+    after = pa.concat_tables([before.take(pa.array(kept, pa.int64())), index_table(added)]).sort_by("number")
+    if not after.equals(before):
+        save_index(dataset, after)
+    return after, damaged
 
 
 def index_row(bag_path: Path, dataset: Path) -> Row:

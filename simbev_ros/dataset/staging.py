@@ -39,17 +39,19 @@ def clean_up_staging(dataset: Path) -> None:
 
 
 def staging_of(dataset: Path) -> Path:
-    """Folder in which scenes are recorded: a dataset of its own on the same disk."""
+    """Folder in which scenes are recorded, or folders for several workers: datasets of their own on the same disk."""
     return dataset / _STAGING_FOLDER
 
 
-def move_into_dataset(dataset: Path, entry: PlannedEntry) -> Path:
-    """Move a recorded scene from staging into the dataset, in place of an older one with its additional bags.
+def move_into_dataset(dataset: Path, entry: PlannedEntry, staging: Path) -> None:
+    """Move a recorded scene into the dataset, in place of an older one with its additional bags.
 
-    Returns:
-        The folder of the scene's bag in the dataset.
+    Args:
+        dataset: The dataset's folder.
+        entry: The scene.
+        staging: Folder on the same disk that it was recorded into, laid out like a dataset.
     """
-    new, bag = bag_of(staging_of(dataset), entry), bag_of(dataset, entry)
+    new, bag = bag_of(staging, entry), bag_of(dataset, entry)
     old = bag.with_name(bag.name + REPLACED_SUFFIX)
     bag.parent.mkdir(parents=True, exist_ok=True)
     if bag.exists():
@@ -57,7 +59,6 @@ def move_into_dataset(dataset: Path, entry: PlannedEntry) -> Path:
     new.rename(bag)
     sync_names([bag])
     shutil.rmtree(old, ignore_errors=True)
-    return bag
 
 
 def _put_away(bag: Path, old: Path) -> None:

@@ -13,6 +13,7 @@ from simbev_ros.config.camera import Camera
 from simbev_ros.config.evaluation import BOXES_TOPIC, GRIDS_TOPIC, REFERENCE_STACK, Evaluation
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.radar import Radar
+from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.rig import SENSOR_KINDS, Rig
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.msgs.annotation_topics import Label, bev_labels_name, boxes_name, viewing_cameras
@@ -56,6 +57,7 @@ def plan_processes(
     live: bool,
     dataset: Path | None,
     figures: Path | None = None,
+    rendering: Rendering | None = None,
     cores: int = 1,
 ) -> list[ProcessPlan]:
     """Plan every process of the graph, the world first.
@@ -66,9 +68,11 @@ def plan_processes(
         live: Whether the world is paced by the wall clock.
         dataset: Folder into which scenes are recorded; None: they are not recorded.
         figures: File for the evaluator's figures, if there is an evaluator.
+        rendering: How cameras render; None: as configured.
         cores: Number of CPU cores; with few of them, more nodes share a process.
     """
-    behind = list(_processes_behind_world(scenario, camera_processes, live=live, dataset=dataset, cores=cores))
+    drawing = {"rendering": (rendering or scenario.rendering).model_dump_json()}
+    behind = list(_processes_behind_world(scenario, camera_processes, drawing, live=live, dataset=dataset, cores=cores))
     state_readers = sum(map(len, behind))
     if scenario.evaluation is not None:
         behind.append((_evaluator(scenario, scenario.evaluation, live=live, figures=figures),))
@@ -93,7 +97,7 @@ def _window_ticks(scenario: Scenario, cores: int) -> int:
 
 
 def _processes_behind_world(
-    scenario: Scenario, camera_processes: int, *, live: bool, dataset: Path | None, cores: int
+    scenario: Scenario, camera_processes: int, drawing: _Parameters, *, live: bool, dataset: Path | None, cores: int
 ) -> Iterator[ProcessPlan]:
     chosen = scenario.recording.topics.model_dump(mode="json")
     patterns = {f"{name}_topics": list(words) for name, words in chosen.items() if words}
@@ -102,7 +106,7 @@ def _processes_behind_world(
         agent, read = scenario.rig.agent, input_topic(scenario.rig, scenario.evaluation)
         common["evaluated_topics"] = [boxes_name(agent), bev_labels_name(agent), read]
     compressed = scenario.recording.images == "compressed" and dataset is not None
-    yield from _camera_processes(scenario, camera_processes, {**common, "compressed": compressed})
+    yield from _camera_processes(scenario, camera_processes, {**common, **drawing, "compressed": compressed})
     yield from _sensor_processes(scenario.rig, common, cores)
     yield from _annotator_processes(scenario, {**common, "compressed": compressed}, cores)
     if dataset is not None:
@@ -153,7 +157,6 @@ def _camera_processes(scenario: Scenario, processes: int, common: _Parameters) -
         parameters = {
             "sensors": cameras[index::processes],
             "recording": scenario.recording.model_dump_json(),
-            "rendering": scenario.rendering.model_dump_json(),
             "process": index,
         }
         yield (NodePlan("camera", "camera" if processes == 1 else f"camera_{index}", {**common, **parameters}),)

@@ -10,6 +10,7 @@ from typing import Any, Self
 from rclpy.impl.implementation_singleton import rclpy_implementation
 
 from simbev_ros.config.camera import Camera
+from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.errors import GraphError, InputError
 from simbev_ros.graph.domain import DomainLock
@@ -52,6 +53,7 @@ class GraphSession:
         dataset: Folder into which scenes are recorded; None: they are not recorded.
         domain: ROS domain; None: that of the environment, else a free one.
         exposure: Who can take part in the graph.
+        rendering: Devices and processes that render, in place of the configuration's, which is recorded all the same.
 
     Attributes:
         security_variables: Environment variables with which other nodes can take part in a secure graph.
@@ -66,8 +68,10 @@ class GraphSession:
         dataset: Path | None = None,
         domain: int | None = None,
         exposure: Exposure = LOCAL,
+        rendering: Rendering | None = None,
     ) -> None:
         self._scenario, self._exposure = scenario, exposure
+        self._rendering = rendering or scenario.rendering
         self._live = live
         self._dataset = dataset
         self._lock = DomainLock(domain)
@@ -108,7 +112,7 @@ class GraphSession:
         self.security_variables = self._exposure.security_environment(self._traces.folder)
         environment |= self.security_variables
         os.environ.update(environment)  # for the monitor: the middleware reads them when the first node is created
-        cameras = camera_processes(self._scenario.rendering, len(self._scenario.rig.of_type(Camera)))
+        cameras = camera_processes(self._rendering, len(self._scenario.rig.of_type(Camera)))
         environment |= drawing_environment(cameras)
         plans = plan_processes(
             self._scenario,
@@ -116,6 +120,7 @@ class GraphSession:
             live=self._live,
             dataset=self._dataset,
             figures=self._figures,
+            rendering=self._rendering,
             cores=usable_cores(),
         )
         key = make_key()

@@ -1,16 +1,21 @@
 """Making a dataset from a configuration: the core of ``simbev generate``, for Python programs without a console."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.dataset.plan import Plan, PlannedEntry, bag_of
 from simbev_ros.dataset.staging import clean_up_staging
+from simbev_ros.production.dataset_folder import DatasetFolder
 from simbev_ros.production.dataset_maker import DatasetMaker
-from simbev_ros.production.observer import SILENT, ProductionObserver
+from simbev_ros.production.observer import SILENT, ProductionObserver, observe_step
+from simbev_ros.production.workers.crew import Crew, OwnProcess
+from simbev_ros.production.workers.local_crew import LocalCrew
 from simbev_ros.recording.layout import scenes_folder
 
 Numbers = Sequence[int | range]
@@ -47,6 +52,7 @@ def make_dataset(
     *,
     replace: Numbers = (),
     retries: int = 2,
+    workers: int | Literal["auto"] | None = None,
     observer: ProductionObserver = SILENT,
 ) -> DatasetResult:
     """Make the scenes that a configuration asks for; scenes that exist already count.
@@ -60,6 +66,8 @@ def make_dataset(
         out: The dataset's folder, new or begun.
         replace: Numbers of the scenes to make again; no other scenes are made then.
         retries: Number of further attempts at a scene after the graph has failed.
+        workers: Number of graphs that make scenes side by side, each in a process and a free ROS domain of its own;
+            ``auto``: as many as this machine carries; None: one, in this process and in the domain of the environment.
         observer: Receives the progress.
 
     Raises:
@@ -79,11 +87,24 @@ def make_dataset(
         plan, entries = plan_scenes(scenario, out, replace)
         plan.save(out)
         scenes_folder(out).mkdir(exist_ok=True)  # from now on it is recognized as a dataset
-        skipped = tuple(entry for entry in existing_scenes(plan, out) if entry not in entries)
-        with DatasetMaker(scenario, out, retries=retries, observer=observer) as maker:
-            outcome = maker.make(entries)
+        existing = existing_scenes(plan, out)
+        wanted = {entry.number for entry in entries}
+        skipped = tuple(entry for entry in existing if entry.number not in wanted)
+        with observe_step(observer, "reading the scenes that are there"):
+            folder = DatasetFolder(out, existing, scenario.recording.min_free_mib << 20)
+        with closing(folder), open_crew(scenario, folder.staging, workers, len(entries), observer) as crew:
+            outcome = DatasetMaker(folder, crew, retries=retries, observer=observer).make(entries)
     skipped = tuple(entry for entry in skipped if entry.name not in outcome.damaged)
     return DatasetResult(out, tuple(outcome.made), skipped, outcome.failed, outcome.damaged)
+
+
+def open_crew(
+    scenario: Scenario, staging: Path, workers: int | Literal["auto"] | None, scenes: int, observer: ProductionObserver
+) -> Crew:
+    """The workers that make scenes on this machine."""
+    if workers is None or not scenes:
+        return OwnProcess(scenario, staging, observer)
+    return LocalCrew(scenario, staging, workers, scenes, observer)
 
 
 def plan_scenes(scenario: Scenario, out: Path, replace: Numbers = ()) -> tuple[Plan, list[PlannedEntry]]:

@@ -1,24 +1,23 @@
-"""Making the scenes of a dataset one after the other, with retries; a scene that fails does not stop the others."""
+"""The driver of a dataset's production: gives scenes to workers, tries again what fails, and collects what is made."""
 
-import shutil
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Self
 
-from simbev_ros.config.scenario import Scenario
-from simbev_ros.dataset.index import Row, index_row, update_index, write_index
-from simbev_ros.dataset.plan import Plan, PlannedEntry, bag_of
-from simbev_ros.dataset.staging import ON_FULL_DISK, move_into_dataset, staging_of
+from simbev_ros.dataset.plan import PlannedEntry
+from simbev_ros.dataset.staging import ON_FULL_DISK
 from simbev_ros.errors import DiskError, GraphError, InputError, SimbevError
-from simbev_ros.graph.session import GraphSession
 from simbev_ros.graph.traces import sweep
-from simbev_ros.production.drawing import PlannedSceneDrawer
-from simbev_ros.production.observer import SILENT, ProductionObserver, observe_step
-from simbev_ros.production.play import play_on
-from simbev_ros.production.scene_log import SceneLog
-from simbev_ros.production.surroundings import build_surroundings
-from simbev_ros.recording.bag_files import check_space, disk_error_consequence
+from simbev_ros.production.dataset_folder import DatasetFolder
+from simbev_ros.production.observer import SILENT, ProductionObserver
+from simbev_ros.production.scene_log import Attempt
+from simbev_ros.production.scene_maker import FailedScene, MadeScene
+from simbev_ros.production.workers.crew import Crew, LostScene, SceneEnding, Worker
+from simbev_ros.recording.bag_files import disk_error_consequence
+
+_POLL_S = 1.0
+_MAX_LOSSES = 10
+"""Workers that may be lost with a scene before the scene itself is blamed."""
 
 
 @dataclass(slots=True)
@@ -30,40 +29,35 @@ class Outcome:
     damaged: dict[str, str] = field(default_factory=dict)
 
 
-class DatasetMaker:
-    """Makes scenes on a graph that starts with the first scene and restarts after it has failed.
+@dataclass(slots=True)
+class _History:
+    """The attempts at a scene so far."""
 
-    The caller holds the dataset's lock. As a context manager it stops the graph.
+    attempts: int = 0
+    losses: int = 0
+    machines: set[str] = field(default_factory=set)
+    latest: Attempt | None = None
+
+
+class DatasetMaker:
+    """Has scenes made by a crew. The caller holds the dataset's lock, and closes crew and folder.
 
     Args:
-        scenario: The configuration.
-        dataset: The dataset's folder; its index is brought up to date with the bags in it.
-        retries: Number of further attempts at a scene after the graph has failed.
+        folder: The dataset.
+        crew: The workers.
+        retries: Number of further attempts at a scene that has failed for a reason of its own.
         observer: Receives the progress.
     """
 
     def __init__(
-        self, scenario: Scenario, dataset: Path, *, retries: int, observer: ProductionObserver = SILENT
+        self, folder: DatasetFolder, crew: Crew, *, retries: int, observer: ProductionObserver = SILENT
     ) -> None:
-        self._scenario, self._dataset, self._retries, self._observer = scenario, dataset, retries, observer
-        self._drawer = PlannedSceneDrawer(scenario, observer)
-        self._session: GraphSession | None = None
+        self._folder, self._crew, self._retries, self._observer = folder, crew, retries, observer
+        self._waiting: deque[PlannedEntry] = deque()
+        self._histories: dict[int, _History] = {}
+        self._busy = 0
+        self._outcome = Outcome()
         sweep()  # also where nothing is left to make
-        existing = [bag for bag in (bag_of(dataset, entry) for entry in Plan.load(dataset).scenes) if bag.is_dir()]
-        with observe_step(observer, "reading the scenes that are there"):
-            rows, self._damaged = update_index(dataset, existing)
-        self._rows: dict[int, Row] = {row["number"]: row for row in rows}
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Stop the graph and remove what it has not finished."""
-        self._stop_graph()
-        shutil.rmtree(staging_of(self._dataset), ignore_errors=True)
 
     def make(self, entries: Sequence[PlannedEntry]) -> Outcome:
         """Make scenes; failures are collected, as are the damaged bags of the dataset that remain.
@@ -71,84 +65,89 @@ class DatasetMaker:
         Raises:
             InputError: The first scene cannot be made with this configuration.
             DiskError: The disk is full, or nearly; the scenes made before are complete.
+            GraphError: No worker can be started.
         """
-        outcome = Outcome()
-        self._observer.dataset_started(len(entries), self._dataset_bytes)
+        self._waiting.extend(entries)
+        self._observer.dataset_started(len(entries), self._folder.index.total_bytes)
         try:
             with disk_error_consequence(ON_FULL_DISK):
-                for entry in entries:
-                    self._check_space()
-                    self._add_to(outcome, entry)
+                while self._waiting or self._busy:
+                    self._give_scenes()
+                    for worker, entry, ending in self._crew.wait(_POLL_S):
+                        self._busy -= 1
+                        self._settle(worker, entry, ending)
         finally:
             self._observer.dataset_ended()
-        outcome.damaged.update((bag.name, problem) for bag, problem in self._damaged.items())
-        return outcome
+        self._outcome.damaged.update(self._folder.damaged)
+        return self._outcome
 
-    def _add_to(self, outcome: Outcome, entry: PlannedEntry) -> None:
-        """Make a scene, or note why it failed."""
-        try:
-            row = self._make_scene(entry)
-        except DiskError:
-            raise
-        except SimbevError as error:
-            if isinstance(error, InputError) and not outcome.made and not outcome.failed:
-                raise
-            outcome.failed[entry.name] = str(error)
-            self._observer.scene_failed(entry, str(error))
-            return
-        self._rows[entry.number] = row
-        write_index(self._dataset, self._rows.values())
-        outcome.made.append(entry)
-        self._damaged.pop(bag_of(self._dataset, entry), None)
-        self._observer.scene_made(entry, self._dataset_bytes)
-
-    @property
-    def _dataset_bytes(self) -> int:
-        return sum(row["bytes"] for row in self._rows.values())
-
-    def _make_scene(self, entry: PlannedEntry) -> Row:
-        """Make a scene, move it into the dataset and return its row of the index."""
-        spec = self._drawer.draw(entry)
-        build_surroundings([spec], self._observer)
-        for attempt in range(self._retries + 1):
-            log = SceneLog(self._dataset, spec.name, attempt)
-            shutil.rmtree(bag_of(staging_of(self._dataset), entry).parent, ignore_errors=True)
-            try:
-                end = play_on(self._running_session(), spec, self._observer)
-            except GraphError as error:
-                log.close(str(error), self._stop_graph(), failed=True)
-                if attempt == self._retries:
-                    raise
-                self._observer.scene_retried(spec, str(error))
+    def _give_scenes(self) -> None:
+        """Give each idle worker a scene, if there is one that it has not failed at before while others could try."""
+        for worker in self._crew.idle():
+            entry = next((entry for entry in self._waiting if self._may_try(worker, entry)), None)
+            if entry is None:
                 continue
-            row = index_row(move_into_dataset(self._dataset, entry), self._dataset)
-            log.close(f"{end.reason} after tick {end.tick}, {row['bytes']:,} bytes", self._new_output())
-            return row
-        raise AssertionError("the last attempt returns or raises")
+            self._folder.check_space(self._busy + 1)
+            self._waiting.remove(entry)
+            history = self._histories.setdefault(entry.number, _History())
+            history.attempts += 1
+            history.latest = Attempt(entry.name, history.attempts, f"{worker.name}, {worker.machine}")
+            self._crew.give(worker, entry)
+            self._busy += 1
 
-    def _running_session(self) -> GraphSession:
-        if self._session is None:
-            session = GraphSession(self._scenario, dataset=staging_of(self._dataset))
-            session.start()
-            self._session = session
-        return self._session
+    def _may_try(self, worker: Worker, entry: PlannedEntry) -> bool:
+        """Whether a worker's machine is a new one for a scene, or all machines have failed at it."""
+        history = self._histories.get(entry.number)
+        if history is None or worker.machine not in history.machines:
+            return True
+        return len(history.machines) >= self._crew.machines
 
-    def _new_output(self) -> dict[str, str]:
-        return {} if self._session is None else self._session.new_output()
+    def _settle(self, worker: Worker, entry: PlannedEntry, ending: SceneEnding) -> None:
+        """Take a finished scene into the dataset, or decide what becomes of one that is not finished."""
+        attempt = self._histories[entry.number].latest
+        assert attempt is not None, "it was given to a worker"
+        match ending:
+            case MadeScene():
+                self._folder.adopt(worker.name, entry, ending.row)
+                self._folder.log(attempt, ending.summary, ending.output)
+                del self._histories[entry.number]
+                self._outcome.made.append(entry)
+                self._observer.scene_made(entry, self._folder.index.total_bytes)
+            case LostScene():
+                self._folder.discard(worker.name)
+                self._folder.log(attempt, ending.reason, {}, failed=True)
+                self._handle_loss(entry, ending.reason)
+            case FailedScene():
+                self._folder.log(attempt, str(ending.error), ending.output, failed=True)
+                self._handle_failure(worker, entry, ending.error)
 
-    def _stop_graph(self) -> dict[str, str]:
-        """Stop the graph, if it runs, and return what its processes have written since the last call."""
-        output = self._new_output()
-        if self._session is not None:
-            self._session.close()
-            self._session = None
-        return output
+    def _handle_loss(self, entry: PlannedEntry, reason: str) -> None:
+        history = self._histories[entry.number]
+        history.losses += 1
+        if history.losses < _MAX_LOSSES:
+            self._try_again(entry, reason)
+        else:
+            self._give_up(entry, f"{history.losses} workers were lost while they made it; the last one: {reason}")
 
-    def _check_space(self) -> None:
-        """Refuse to begin a scene that may not fit.
+    def _handle_failure(self, worker: Worker, entry: PlannedEntry, error: SimbevError) -> None:
+        """Try again after a failure of the graph, and on another machine what may be this machine's fault."""
+        history = self._histories[entry.number]
+        history.machines.add(worker.machine)
+        is_elsewhere_left = len(history.machines) < self._crew.machines
+        if isinstance(error, DiskError) and not is_elsewhere_left:
+            raise error
+        if isinstance(error, InputError) and not is_elsewhere_left and not (self._outcome.made or self._outcome.failed):
+            raise error
+        failures = history.attempts - history.losses
+        if is_elsewhere_left or (isinstance(error, GraphError) and failures <= self._retries):
+            self._try_again(entry, str(error))
+        else:
+            self._give_up(entry, str(error))
 
-        Raises:
-            DiskError: Less is free than the largest scene so far takes plus what must stay free.
-        """
-        largest = max((row["bytes"] for row in self._rows.values()), default=0)
-        check_space(self._dataset, self._scenario.recording.min_free_mib << 20, largest)
+    def _try_again(self, entry: PlannedEntry, reason: str) -> None:
+        self._waiting.appendleft(entry)
+        self._observer.scene_retried(entry, reason)
+
+    def _give_up(self, entry: PlannedEntry, reason: str) -> None:
+        self._outcome.failed[entry.name] = reason
+        self._observer.scene_failed(entry, reason)

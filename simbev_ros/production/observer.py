@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from simbev_ros.dataset.plan import PlannedEntry
+from simbev_ros.production.scene_cost import SceneCost
 from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.spec import SceneSpec
 
@@ -64,8 +65,14 @@ class ProductionObserver:
     def dataset_started(self, scenes: int, dataset_bytes: int) -> None:
         """A number of scenes is about to be made; those that exist take this much space."""
 
-    def scene_retried(self, spec: SceneSpec, reason: str) -> None:
-        """The graph failed while it played a scene, which is about to be tried again."""
+    def workers_chosen(self, workers: int, cost: SceneCost) -> None:
+        """The number of workers was chosen by what the first scene has cost."""
+
+    def worker_prepares(self, worker: str, step: str | None) -> None:
+        """One of several workers begins a step of unknown length, such as ``roads of Town03``; None: it has ended."""
+
+    def scene_retried(self, entry: PlannedEntry, reason: str) -> None:
+        """An attempt at a scene failed, or its worker was lost; it will be made again."""
 
     def scene_made(self, entry: PlannedEntry, dataset_bytes: int) -> None:
         """A scene is in the dataset, whose scenes now take this much space."""

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from simbev_ros.confined_paths import path_inside
@@ -10,25 +11,54 @@ from simbev_ros.recording.whole_files import write_errors, write_whole
 LOG_FOLDER = "logs"
 
 
-class SceneLog:
-    """Log of one attempt at a scene: ``logs/<scene>.log``, or ``logs/<scene>.failed-1.log`` if the attempt failed."""
+@dataclass(frozen=True, slots=True)
+class Attempt:
+    """An attempt at a scene.
 
-    def __init__(self, dataset: Path, name: str, attempt: int) -> None:
-        self._folder, self._name, self._attempt = path_inside(dataset, LOG_FOLDER), name, attempt
-        self._began = time.time()
+    Attributes:
+        scene: Name of the scene.
+        number: Number of the attempt, from 1.
+        worker: Who makes it, for readers of the log.
+        began_s: When it began, s since 1970.
+    """
 
-    def close(self, summary: str, output: Mapping[str, str], *, failed: bool = False) -> None:
-        """Write the file: a summary of how the attempt ended, and the output of each process.
+    scene: str
+    number: int
+    worker: str
+    began_s: float = field(default_factory=time.time)
 
-        Raises:
-            DiskError: The disk is full.
-            InputError: It cannot be written for another reason.
-        """
-        name = f"{self._name}.failed-{self._attempt + 1}" if failed else self._name
-        duration_s = time.time() - self._began
-        began = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(self._began))
-        lines = [f"{self._name}, attempt {self._attempt + 1}, began {began}, took {duration_s:.1f} s", summary]
-        for process, text in output.items():
-            lines += [f"--- {process}", text.rstrip()] if text.strip() else []
-        with write_errors(self._folder):
-            write_whole(self._folder / f"{name}.log", ("\n".join(lines) + "\n").encode())
+
+def write_scene_log(
+    dataset: Path, attempt: Attempt, summary: str, output: Mapping[str, str], *, failed: bool = False
+) -> None:
+    """Write ``logs/<scene>.log``, or ``logs/<scene>.failed-1.log`` if the attempt failed.
+
+    Args:
+        dataset: The dataset's folder.
+        attempt: The attempt, which has just ended.
+        summary: How it ended.
+        output: Output of each process, by its label.
+        failed: Whether it has left no bag.
+
+    Raises:
+        DiskError: The disk is full.
+        InputError: It cannot be written for another reason.
+    """
+    folder = path_inside(dataset, LOG_FOLDER)
+    name = f"{attempt.scene}.failed-{attempt.number}" if failed else attempt.scene
+    duration_s = time.time() - attempt.began_s
+    began = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(attempt.began_s))
+    by = f" on {attempt.worker}" if attempt.worker else ""
+    lines = [f"{attempt.scene}, attempt {attempt.number}{by}, began {began}, took {duration_s:.1f} s", summary]
+    for process, text in output.items():
+        lines += [f"--- {process}", text.rstrip()] if text.strip() else []
+    with write_errors(folder):
+        write_whole(folder / f"{name}.log", ("\n".join(lines) + "\n").encode())
+
+
+def scene_logs(dataset: Path, scene: str) -> list[Path]:
+    """Logs of the attempts at a scene, the failed ones first, in their order; empty if there is none."""
+    folder = path_inside(dataset, LOG_FOLDER)
+    failed = sorted(folder.glob(f"{scene}.failed-*.log"), key=lambda path: (len(path.name), path.name))
+    made = folder / f"{scene}.log"
+    return [*failed, *([made] if made.is_file() else [])]

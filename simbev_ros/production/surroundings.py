@@ -47,7 +47,7 @@ def build_missing_regions(
     observer: ProductionObserver = SILENT,
     cache_dir: Path | None = None,
 ) -> None:
-    """Build the regions of a map that are not in the cache yet, on all cores.
+    """Build the regions of a map that are not in the cache yet, on all cores; one process at a time does so.
 
     Args:
         spec: The map.
@@ -59,11 +59,15 @@ def build_missing_regions(
     Raises:
         InputError: The cache cannot be written.
     """
-    missing = StaticCache(spec, network, cache_dir).missing(regions)
-    if not missing:
+    cache = StaticCache(spec, network, cache_dir)
+    if not cache.missing(regions):
         return
-    observer.surroundings_started(spec.name, len(missing))
-    try:
-        build_regions(spec, missing, cache_dir, observer.region_built)
-    finally:
-        observer.surroundings_ended()
+    with cache.building():
+        missing = cache.missing(regions)  # another process may have built them meanwhile
+        if not missing:
+            return
+        observer.surroundings_started(spec.name, len(missing))
+        try:
+            build_regions(spec, missing, cache_dir, observer.region_built)
+        finally:
+            observer.surroundings_ended()

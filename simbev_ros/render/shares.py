@@ -3,7 +3,7 @@
 import os
 
 from simbev_ros.config.rendering import Rendering
-from simbev_ros.render.gl.devices import count_gpus, software_request
+from simbev_ros.render.gl.devices import accessible_gpus, software_request
 from simbev_ros.threads import usable_cores
 
 _CORES_FOR_TWO = 8
@@ -33,5 +33,5 @@ def drawing_environment(processes: int) -> dict[str, str]:
 def _default_processes(rendering: Rendering) -> int:
     """One process per GPU in use, two if there are cores enough to keep it busy; without a GPU one per core."""
     cores = usable_cores()
-    gpus = len(rendering.gpus) if rendering.gpus != "auto" else 0 if software_request() else count_gpus()
+    gpus = len(rendering.gpus) if rendering.gpus != "auto" else 0 if software_request() else len(accessible_gpus())
     return gpus * (2 if cores >= _CORES_FOR_TWO * gpus else 1) or cores

@@ -13,7 +13,7 @@ from simbev_ros.dataset.index import read_index
 from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.errors import DiskError, GraphError, InputError
-from simbev_ros.production import DatasetResult, ProductionObserver, dataset_maker, make_dataset, scene_log
+from simbev_ros.production import DatasetResult, ProductionObserver, make_dataset, scene_log, scene_maker
 from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.spec import SceneSpec
 
@@ -23,8 +23,8 @@ Scenarios = Callable[[int], Scenario]
 @pytest.fixture
 def graph(monkeypatch: pytest.MonkeyPatch) -> FakeGraph:
     fake = FakeGraph()
-    monkeypatch.setattr(dataset_maker, "GraphSession", fake.session)
-    monkeypatch.setattr(dataset_maker, "build_surroundings", lambda *_: None)
+    monkeypatch.setattr(scene_maker, "GraphSession", fake.session)
+    monkeypatch.setattr(scene_maker, "build_surroundings", lambda *_: None)
     return fake
 
 

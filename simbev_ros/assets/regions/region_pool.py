@@ -16,6 +16,7 @@ from simbev_ros.errors import SimulationError
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.region import Region
 from simbev_ros.maps.spec import MapSpec
+from simbev_ros.threads import usable_cores
 
 _ENDED = 1
 
@@ -33,7 +34,7 @@ def build_regions(spec: MapSpec, regions: Sequence[Region], cache_dir: Path | No
         InputError: The cache cannot be written.
         SimulationError: A worker process was killed, as happens when memory runs out.
     """
-    workers = min(len(regions), os.cpu_count() or 1)
+    workers = min(len(regions), usable_cores())
     if workers <= 1:
         for region in regions:
             _build(spec, region, cache_dir)

@@ -1,6 +1,9 @@
 """Static scenes on demand: each region is built once, alone, and then read from its file."""
 
-from collections.abc import Callable, Sequence
+import fcntl
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -18,6 +21,8 @@ from simbev_ros.assets.street.obstacles import OBSTACLE_DTYPE
 from simbev_ros.cache.entries import default_cache_dir, entry_path
 from simbev_ros.cache.files import read_cached
 from simbev_ros.cache.fingerprint import fingerprint
+from simbev_ros.errors import InputError
+from simbev_ros.lock_file import open_lock_file
 from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import Reach, Region, regions_of
@@ -84,6 +89,25 @@ class StaticCache:
         root = (cache_dir or default_cache_dir()) / _KIND
         key = f"{network.net_path.parent.name}\n{spec.seed}\n".encode()
         self._folder = entry_path(root, spec.name, fingerprint(__name__), key)
+        self._lock_path = root / f".{spec.name}.lock"
+
+    @contextmanager
+    def building(self) -> Iterator[None]:
+        """Context in which no other process of this user is in this context for the same map.
+
+        Raises:
+            InputError: The cache cannot be written.
+        """
+        try:
+            self._lock_path.parent.mkdir(parents=True, exist_ok=True)
+            descriptor = open_lock_file(self._lock_path)
+        except OSError as error:
+            raise InputError(f"cache of {_KIND} {self._lock_path}: cannot be written: {error.strerror}") from error
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX)
+            yield
+        finally:
+            os.close(descriptor)
 
     def missing(self, regions: Sequence[Region]) -> tuple[Region, ...]:
         """The regions that the cache does not hold yet."""

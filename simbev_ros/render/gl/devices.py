@@ -77,14 +77,14 @@ def software_request() -> str | None:
     return None if value.lower() in _OFF else f"LIBGL_ALWAYS_SOFTWARE={value}"
 
 
-def count_gpus() -> int:
-    """Number of GPUs that this user may open; a GPU counts once, even if several drivers list it.
+def accessible_gpus() -> tuple[EglDevice, ...]:
+    """GPUs that this user may open; a GPU appears once, even if several drivers list it.
 
     Raises:
         RenderError: See ``list_devices``.
     """
-    gpus = [device for device in list_devices() if not device.software]
-    return len({gpu.file or gpu.index for gpu in gpus if gpu.is_accessible})
+    gpus = [device for device in reversed(list_devices()) if not device.software and device.is_accessible]
+    return tuple(sorted({gpu.file or gpu.index: gpu for gpu in gpus}.values(), key=lambda gpu: gpu.index))
 
 
 def is_software(renderer: str) -> bool:

@@ -1,0 +1,136 @@
+"""Makes scenes of a dataset one by one, on a graph that starts with the first scene and restarts after a failure.
+
+In: entries of the dataset's plan. Out: a finished bag in a folder for unfinished work, with its row for the index, or
+the reason why there is none. It runs in the process of ``make_dataset`` or in a worker, here or on another machine.
+"""
+
+import shutil
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Protocol
+
+from simbev_ros.config.rendering import Rendering
+from simbev_ros.config.scenario import Scenario
+from simbev_ros.dataset.index import Row, index_row
+from simbev_ros.dataset.plan import PlannedEntry, bag_of
+from simbev_ros.errors import SimbevError
+from simbev_ros.graph.session import GraphSession
+from simbev_ros.production.drawing import PlannedSceneDrawer
+from simbev_ros.production.observer import SILENT, ProductionObserver
+from simbev_ros.production.play import play_on
+from simbev_ros.production.scene_cost import CostMeter, SceneCost
+from simbev_ros.production.surroundings import build_surroundings
+
+Output = Mapping[str, str]
+"""What the processes of a graph have written while they played a scene, by label of the process."""
+
+
+@dataclass(frozen=True, slots=True)
+class MadeScene:
+    """A scene whose bag is finished.
+
+    Attributes:
+        row: The scene's row of the dataset's index.
+        summary: One line on how it ended.
+        output: Output of the graph.
+        cost: What it took.
+    """
+
+    row: Row
+    summary: str
+    output: Output
+    cost: SceneCost
+
+
+@dataclass(frozen=True, slots=True)
+class FailedScene:
+    """An attempt at a scene that has left no bag, with its reason and the output of the graph."""
+
+    error: SimbevError
+    output: Output = field(default_factory=dict)
+
+
+class Delivery(Protocol):
+    """Takes a finished bag from the machine that made it to where the driver of the dataset finds it."""
+
+    def deliver(self, bag: Path, entry: PlannedEntry) -> None:
+        """Copy or move a bag.
+
+        Raises:
+            SimbevError: It could not be delivered.
+        """
+
+
+class SceneMaker:
+    """Makes scenes on a graph of its own.
+
+    Args:
+        scenario: The configuration.
+        staging: Folder for unfinished scenes that nothing else uses, laid out like a dataset; None: a temporary one.
+        observer: Receives the progress.
+        rendering: Devices that render, in place of the configuration's.
+        delivery: Takes away finished bags; None: they stay in ``staging``.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        staging: Path | None,
+        observer: ProductionObserver = SILENT,
+        *,
+        rendering: Rendering | None = None,
+        delivery: Delivery | None = None,
+    ) -> None:
+        self._scenario, self._observer = scenario, observer
+        self._rendering, self._delivery = rendering, delivery
+        self._staging = staging or Path(tempfile.mkdtemp(prefix="simbev_ros-scenes-"))
+        self._drawer = PlannedSceneDrawer(scenario, observer)
+        self._session: GraphSession | None = None
+
+    def make(self, entry: PlannedEntry) -> MadeScene | FailedScene:
+        """Make a scene; its bag is in the staging folder, or delivered."""
+        shutil.rmtree(bag_of(self._staging, entry).parent, ignore_errors=True)
+        try:
+            return self._make(entry)
+        except SimbevError as error:
+            return FailedScene(error, self._stop_graph())
+
+    def close(self) -> None:
+        """Stop the graph and remove the folder for unfinished scenes."""
+        self._stop_graph()
+        shutil.rmtree(self._staging, ignore_errors=True)
+
+    def _make(self, entry: PlannedEntry) -> MadeScene:
+        spec = self._drawer.draw(entry)
+        build_surroundings([spec], self._observer)
+        session = self._running_session()
+        meter = CostMeter(session.pids().values())
+        end = play_on(session, spec, self._observer, on_tick=lambda _: meter.look(session.pids().values()))
+        bag = bag_of(self._staging, entry)
+        row = index_row(bag, self._staging)
+        cost = meter.cost(session.pids().values(), row["recorded_ticks"])
+        if self._delivery is not None:
+            self._delivery.deliver(bag, entry)
+            shutil.rmtree(bag)
+        summary = f"{end.reason} after tick {end.tick}, {row['bytes']:,} bytes"
+        return MadeScene(row, summary, self._new_output(), cost)
+
+    def _running_session(self) -> GraphSession:
+        if self._session is None:
+            session = GraphSession(self._scenario, dataset=self._staging, rendering=self._rendering)
+            session.start()
+            self._session = session
+        return self._session
+
+    def _new_output(self) -> dict[str, str]:
+        return {} if self._session is None else self._session.new_output()
+
+    def _stop_graph(self) -> dict[str, str]:
+        """Stop the graph, if it runs, and return what its processes have written since the last call."""
+        output = self._new_output()
+        if self._session is not None:
+            self._session.close()
+            self._session = None
+        return output

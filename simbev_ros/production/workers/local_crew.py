@@ -1,0 +1,95 @@
+"""Several workers on this machine, each with its share of the cores and GPUs."""
+
+from dataclasses import dataclass
+from itertools import count
+from multiprocessing.connection import wait
+from pathlib import Path
+from typing import Literal
+
+from simbev_ros.config.scenario import Scenario
+from simbev_ros.production.observer import SILENT, ProductionObserver
+from simbev_ros.production.scene_maker import MadeScene
+from simbev_ros.production.workers.crew import Worker
+from simbev_ros.production.workers.local_worker import LocalWorker
+from simbev_ros.production.workers.machine_shares import Share, fitting_workers, machine_shares
+from simbev_ros.production.workers.messages import Settings
+from simbev_ros.production.workers.team import Team
+from simbev_ros.threads import usable_cores
+
+_POLL_S = 0.5
+"""Maximum time between two looks for workers that have fallen silent."""
+THIS_MACHINE = "this machine"
+
+
+@dataclass(slots=True)
+class _Seat:
+    """A share of the machine, and the name of the worker that has it."""
+
+    share: Share
+    worker: str = ""
+
+
+class LocalCrew(Team):
+    """Processes that make scenes side by side, each on a graph in a ROS domain of its own.
+
+    Args:
+        scenario: The configuration.
+        staging: Folder for unfinished scenes; each worker has a folder in it.
+        workers: Number of workers; ``auto``: as many as the machine carries, once one of them has made a scene.
+        scenes: Number of scenes to make; there are never more workers.
+        observer: Receives the progress.
+
+    Raises:
+        RenderError: There are several workers, but EGL is missing.
+    """
+
+    machines = 1
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        staging: Path,
+        workers: int | Literal["auto"],
+        scenes: int,
+        observer: ProductionObserver = SILENT,
+    ) -> None:
+        super().__init__(observer)
+        self._scenario, self._staging, self._scenes = scenario, staging, scenes
+        self._chosen_by_cost = workers == "auto"
+        self._numbers = count(1)
+        self._seats: list[_Seat] = []
+        self._divide(1 if workers == "auto" else workers)
+
+    def _divide(self, workers: int) -> None:
+        """Share the machine out for a number of workers; those that have no seat any more leave when they are idle."""
+        self._seats = [_Seat(share) for share in machine_shares(max(min(workers, self._scenes), 1), self._scenario)]
+
+    def _replenish(self) -> None:
+        seated, idle = {seat.worker for seat in self._seats}, self.idle()
+        for handle in self._handles:
+            if handle.worker.name not in seated and handle.worker in idle:
+                self._dismiss(handle)
+        present = {handle.worker.name for handle in self._handles}
+        for seat in self._seats:
+            if seat.worker not in present:
+                seat.worker = self._start_worker(seat.share)
+
+    def _start_worker(self, share: Share) -> str:
+        worker = Worker(f"worker-{next(self._numbers)}", THIS_MACHINE)
+        settings = Settings(self._scenario, self._staging / worker.name, share.cores, share.rendering)
+        self._hire(LocalWorker(worker, settings))
+        return worker.name
+
+    def _learn(self, scene: MadeScene) -> None:
+        """Choose the number of workers by the cost of the first scene."""
+        if self._chosen_by_cost:
+            self._chosen_by_cost = False
+            workers = fitting_workers(scene.cost, usable_cores())
+            if workers > 1:
+                self._divide(workers)
+            self._observer.workers_chosen(len(self._seats), scene.cost)
+
+    def _pause(self, timeout_s: float) -> None:
+        wait(
+            [handle.connection for handle in self._handles if isinstance(handle, LocalWorker)], min(timeout_s, _POLL_S)
+        )

@@ -1,0 +1,214 @@
+"""What crews of several workers have in common: following each worker's messages, and burying workers that are lost."""
+
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import Any, Protocol, Self
+
+from simbev_ros.dataset.plan import PlannedEntry
+from simbev_ros.errors import GraphError, SimbevError
+from simbev_ros.production.observer import SILENT, ProductionObserver
+from simbev_ros.production.scene_maker import FailedScene, MadeScene
+from simbev_ros.production.workers.crew import LostScene, SceneEnding, Worker
+from simbev_ros.production.workers.messages import Report, Sign
+from simbev_ros.scene.spec import SceneSpec
+
+_PASSED_ON = ("scene_started", "scene_progressed", "scene_ended", "graph_warned", "workers_chosen", "worker_prepares")
+"""Methods of observers that are called as they are, whichever worker reports."""
+_MAX_FAILED_STARTS = 3
+"""Workers that may be lost one after the other before any of them was ready."""
+
+
+class WorkerLost(Exception):
+    """A worker has died or fallen silent; the message says how."""
+
+
+class Handle(Protocol):
+    """The driver's end of a worker."""
+
+    worker: Worker
+
+    def give(self, entry: PlannedEntry) -> None:
+        """Send a scene to make."""
+
+    def read(self) -> list[Any]:
+        """Messages that have arrived.
+
+        Raises:
+            WorkerLost: The worker has died, or has been silent for too long.
+        """
+
+    def end(self) -> None:
+        """Ask the worker to end; return at once."""
+
+    def join(self) -> None:
+        """Wait for the end of the worker, which is killed if it takes too long."""
+
+    def kill(self) -> None:
+        """End the worker at once."""
+
+
+class _Member:
+    """A worker of a team, with the scene that it makes."""
+
+    def __init__(self, handle: Handle) -> None:
+        self.handle = handle
+        self.is_ready = False
+        self.entry: PlannedEntry | None = None
+        self.scene: SceneSpec | None = None
+
+
+class Team(ABC):
+    """A crew of several workers.
+
+    Args:
+        observer: Receives the progress.
+    """
+
+    def __init__(self, observer: ProductionObserver = SILENT) -> None:
+        self._observer = _TeamObserver(observer)
+        self._members: dict[str, _Member] = {}
+        self._failed_starts = 0
+
+    def __enter__(self) -> Self:
+        self._replenish()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        handles = [member.handle for member in self._members.values()]
+        self._members.clear()
+        for handle in handles:
+            handle.end()
+        for handle in handles:
+            handle.join()
+
+    @abstractmethod
+    def _replenish(self) -> None:
+        """Start workers, through ``_hire``, if there are fewer than there should be."""
+
+    @abstractmethod
+    def _pause(self, timeout_s: float) -> None:
+        """Wait until a message may have arrived."""
+
+    def _hire(self, handle: Handle) -> None:
+        """Take a worker into the team."""
+        self._members[handle.worker.name] = _Member(handle)
+
+    def _dismiss(self, handle: Handle) -> None:
+        """End a worker."""
+        del self._members[handle.worker.name]
+        handle.end()
+        handle.join()
+
+    @abstractmethod
+    def _learn(self, scene: MadeScene) -> None:
+        """Note what a scene has cost."""
+
+    @property
+    def _handles(self) -> list[Handle]:
+        return [member.handle for member in self._members.values()]
+
+    def idle(self) -> Sequence[Worker]:
+        """Workers that wait for a scene."""
+        return [member.handle.worker for member in self._members.values() if member.is_ready and not member.entry]
+
+    def give(self, worker: Worker, entry: PlannedEntry) -> None:
+        """Let an idle worker make a scene."""
+        member = self._members[worker.name]
+        member.entry = entry
+        member.handle.give(entry)
+
+    def wait(self, timeout_s: float) -> list[tuple[Worker, PlannedEntry, SceneEnding]]:
+        """Scenes that have ended since the last call; waits until there is one, or a worker becomes idle.
+
+        Raises:
+            SimbevError: A worker refuses to work, or several workers have died before they were ready.
+        """
+        end_s, idle_before = time.monotonic() + timeout_s, len(self.idle())
+        while True:
+            self._replenish()
+            endings = [ending for member in list(self._members.values()) for ending in self._listen(member)]
+            left_s = end_s - time.monotonic()
+            if endings or left_s <= 0.0 or len(self.idle()) > idle_before:
+                return endings
+            self._pause(left_s)
+
+    def _listen(self, member: _Member) -> list[tuple[Worker, PlannedEntry, SceneEnding]]:
+        """Act on the messages of a worker; return how its scene has ended, if it has."""
+        worker, entry = member.handle.worker, member.entry
+        try:
+            messages = member.handle.read()
+        except WorkerLost as loss:
+            self._bury(member, str(loss))
+            return [] if entry is None else [(worker, entry, LostScene(str(loss)))]
+        endings: list[tuple[Worker, PlannedEntry, SceneEnding]] = []
+        for message in messages:
+            match message:
+                case Report():
+                    self._repeat(member, message)
+                case Sign.READY:
+                    member.is_ready, self._failed_starts = True, 0
+                case MadeScene() | FailedScene() if entry is not None:
+                    member.entry, member.is_ready = None, False
+                    endings.append((worker, entry, message))
+                    if isinstance(message, MadeScene):
+                        self._learn(message)
+                case SimbevError():
+                    raise message
+        return endings
+
+    def _repeat(self, member: _Member, report: Report) -> None:
+        """Hand a report on to the observer."""
+        if report.event == "scene_started":
+            member.scene = report.arguments[0]
+        self._observer.worker = member.handle.worker
+        report.repeat(self._observer, member.scene)
+
+    def _bury(self, member: _Member, reason: str) -> None:
+        """Remove a worker that is lost, and end what it was making, for the observer."""
+        del self._members[member.handle.worker.name]
+        member.handle.kill()
+        self._observer.worker_prepares(member.handle.worker.name, None)
+        if member.scene is not None:
+            self._observer.scene_ended(member.scene, None)
+        if not member.is_ready and member.entry is None:
+            self._failed_starts += 1
+            if self._failed_starts >= _MAX_FAILED_STARTS:
+                raise GraphError(f"{self._failed_starts} workers were lost as they started; the last one: {reason}")
+
+
+class _TeamObserver(ProductionObserver):
+    """Turns the reports of several workers into those of one production: steps become what a worker prepares.
+
+    Attributes:
+        worker: The worker whose report is being repeated.
+    """
+
+    def __init__(self, observer: ProductionObserver) -> None:
+        self.worker = Worker("", "")
+        self._observer = observer
+        self._noted: set[tuple[str, str]] = set()
+        for event in _PASSED_ON:
+            setattr(self, event, getattr(observer, event))
+
+    def step_started(self, step: str) -> None:
+        """Say which worker does it."""
+        self._observer.worker_prepares(self.worker.name, step)
+
+    def surroundings_started(self, map_name: str, regions: int) -> None:
+        """Say which worker builds them."""
+        self._observer.worker_prepares(self.worker.name, f"surroundings of {map_name}")
+
+    def step_ended(self) -> None:
+        """Say that the worker has done it."""
+        self._observer.worker_prepares(self.worker.name, None)
+
+    def surroundings_ended(self) -> None:
+        """Say that the worker has built them."""
+        self._observer.worker_prepares(self.worker.name, None)
+
+    def map_noted(self, map_name: str, note: str) -> None:
+        """Pass each note on once, whichever worker it comes from."""
+        if (map_name, note) not in self._noted:
+            self._noted.add((map_name, note))
+            self._observer.map_noted(map_name, note)

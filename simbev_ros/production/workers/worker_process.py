@@ -1,0 +1,100 @@
+"""A worker's process: ``python -m simbev_ros.production.workers.worker_process DESCRIPTOR``.
+
+In: settings, then scenes to make, through a socket. Out: reports, signs of life and how each scene ended. It ends, with
+its graph, on SIGTERM and when the other end of the socket is closed, however that happened.
+"""
+
+import os
+import signal
+import sys
+import threading
+from contextlib import suppress
+from multiprocessing.connection import Connection
+from queue import SimpleQueue
+from typing import TYPE_CHECKING, Any
+
+from simbev_ros.errors import SimbevError
+from simbev_ros.graph.interrupts import Interrupted, raising_interrupts
+from simbev_ros.nodes.lifeline import wake_at_end_of_supervisor
+
+if TYPE_CHECKING:
+    from simbev_ros.dataset.plan import PlannedEntry
+    from simbev_ros.production.workers.messages import Settings
+
+_ALIVE_INTERVAL_S = 1.0
+
+
+class _Line:
+    """The worker's end of the socket; several threads send through it."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._connection = Connection(descriptor)
+        self._lock = threading.Lock()
+        self.scenes: SimpleQueue[PlannedEntry] = SimpleQueue()
+
+    def receive_settings(self) -> "Settings":
+        """The first message."""
+        return self._connection.recv()
+
+    def send(self, message: Any) -> None:
+        """Send a message, unless the other end is closed: then this process is about to end."""
+        with self._lock, suppress(OSError):
+            self._connection.send(message)
+
+    def start_threads(self) -> None:
+        """Begin to receive scenes and to send signs of life."""
+        threading.Thread(target=self._receive, daemon=True).start()
+        threading.Thread(target=self._send_signs, daemon=True).start()
+
+    def _receive(self) -> None:
+        with suppress(EOFError, OSError):
+            while True:
+                self.scenes.put(self._connection.recv())
+        os.kill(os.getpid(), signal.SIGTERM)  # the driver is gone
+
+    def _send_signs(self) -> None:
+        from simbev_ros.production.workers.messages import Sign
+
+        wait = threading.Event()
+        while not wait.wait(_ALIVE_INTERVAL_S):
+            self.send(Sign.ALIVE)
+
+
+def run_worker(descriptor: int) -> None:
+    """Make scenes until the other end of the socket is closed.
+
+    Args:
+        descriptor: File descriptor of the socket.
+    """
+    line = _Line(descriptor)
+    settings = line.receive_settings()
+    if settings.cores:
+        os.sched_setaffinity(0, settings.cores)  # before any library counts cores
+    from simbev_ros.production.scene_maker import SceneMaker
+    from simbev_ros.production.workers.messages import ReportingObserver, Sign
+
+    with suppress(Interrupted), raising_interrupts():
+        line.start_threads()
+        observer = ReportingObserver(line.send)
+        try:
+            maker = SceneMaker(
+                settings.scenario,
+                settings.staging,
+                observer,
+                rendering=settings.rendering,
+                delivery=settings.delivery,
+            )
+        except SimbevError as error:
+            line.send(error)
+            return
+        try:
+            while True:
+                line.send(Sign.READY)
+                line.send(maker.make(line.scenes.get()))
+        finally:
+            maker.close()
+
+
+if __name__ == "__main__":
+    wake_at_end_of_supervisor()
+    run_worker(int(sys.argv[1]))

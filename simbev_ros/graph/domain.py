@@ -13,7 +13,7 @@ from simbev_ros.errors import InputError
 from simbev_ros.graph.private_folder import is_private_folder
 from simbev_ros.lock_file import open_lock_file
 
-_ISOLATED_DOMAINS = range(41, 101)
+ISOLATED_DOMAINS = range(41, 101)
 """Domains that are safe with the default port mapping (below 102) and higher than those usually chosen by hand."""
 
 
@@ -32,14 +32,14 @@ class DomainLock:
         if wanted is None and os.environ.get("ROS_DOMAIN_ID"):
             wanted = _domain_from_environment()
         self._descriptor: int | None = None
-        for domain in [wanted] if wanted is not None else _ISOLATED_DOMAINS:
+        for domain in [wanted] if wanted is not None else ISOLATED_DOMAINS:
             self._descriptor = _try_lock(domain)
             if self._descriptor is not None:
                 self.domain = domain
                 return
         if wanted is not None:
             raise InputError(f"ROS domain {wanted} is in use by another simbev graph; set ROS_DOMAIN_ID to another one")
-        raise InputError(f"all ROS domains from {_ISOLATED_DOMAINS.start} to {_ISOLATED_DOMAINS.stop - 1} are in use")
+        raise InputError(f"all ROS domains from {ISOLATED_DOMAINS.start} to {ISOLATED_DOMAINS.stop - 1} are in use")
 
     def __enter__(self) -> Self:
         return self

@@ -1,5 +1,6 @@
 """A dataset in a folder, as the driver of its production writes into it: scenes, index, and a log for each attempt."""
 
+import secrets
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -22,6 +23,8 @@ class DatasetFolder:
 
     Attributes:
         index: The index.
+        staging: Folder for the workers' folders of unfinished scenes. Its name is new, because workers of a driver that
+            was killed may still write into theirs.
         damaged: Problems of scenes that exist and are damaged, by name.
 
     Raises:
@@ -30,14 +33,10 @@ class DatasetFolder:
 
     def __init__(self, path: Path, existing: Sequence[PlannedEntry], min_free_bytes: int) -> None:
         self._path, self._min_free_bytes = path, min_free_bytes
+        self.staging = staging_of(path) / secrets.token_hex(4)
         table, damaged = update_index(path, [bag_of(path, entry) for entry in existing])
         self.index = GrowingIndex(path, table)
         self.damaged = {bag.name: problem for bag, problem in damaged.items()}
-
-    @property
-    def staging(self) -> Path:
-        """Folder for the workers' folders of unfinished scenes."""
-        return staging_of(self._path)
 
     def adopt(self, worker: str, entry: PlannedEntry, row: Row) -> None:
         """Move a finished scene from a worker's folder into the dataset, and add it to the index.
@@ -81,5 +80,5 @@ class DatasetFolder:
             DiskError: The disk is full.
             InputError: The index cannot be written.
         """
-        shutil.rmtree(self.staging, ignore_errors=True)
+        shutil.rmtree(staging_of(self._path), ignore_errors=True)
         self.index.write()

@@ -56,6 +56,7 @@ class DatasetMaker:
         self._waiting: deque[PlannedEntry] = deque()
         self._histories: dict[int, _History] = {}
         self._busy = 0
+        self._first: PlannedEntry | None = None
         self._outcome = Outcome()
         sweep()  # also where nothing is left to make
 
@@ -68,6 +69,7 @@ class DatasetMaker:
             GraphError: No worker can be started.
         """
         self._waiting.extend(entries)
+        self._first = next(iter(entries), None)
         self._observer.dataset_started(len(entries), self._folder.index.total_bytes)
         try:
             with disk_error_consequence(ON_FULL_DISK):
@@ -136,7 +138,7 @@ class DatasetMaker:
         is_elsewhere_left = len(history.machines) < self._crew.machines
         if isinstance(error, DiskError) and not is_elsewhere_left:
             raise error
-        if isinstance(error, InputError) and not is_elsewhere_left and not (self._outcome.made or self._outcome.failed):
+        if isinstance(error, InputError) and not is_elsewhere_left and entry == self._first and not self._outcome.made:
             raise error
         failures = history.attempts - history.losses
         if is_elsewhere_left or (isinstance(error, GraphError) and failures <= self._retries):

@@ -10,6 +10,7 @@ from rich.console import Console
 from simbev_ros.cli.console import make_console
 from simbev_ros.cli.production_display import DatasetDisplay, SceneDisplay
 from simbev_ros.dataset.plan import PlannedEntry
+from simbev_ros.production.scene_cost import SceneCost
 from simbev_ros.scene.ending import DURATION, SceneEnd
 from simbev_ros.scene.spec import SceneSpec
 
@@ -26,6 +27,12 @@ def console() -> Console:
 def written(console: Console) -> str:
     assert isinstance(console.file, io.StringIO)
     return console.file.getvalue()
+
+
+def bars(display: DatasetDisplay) -> list[str]:
+    """Text of the bars that are shown."""
+    tasks = display._bars.tasks
+    return [f"{task.description} {task.fields['count'].removesuffix(' frames')}".strip() for task in tasks]
 
 
 def test_a_scene_leaves_its_bar_and_why_it_ended_early(spec: SceneSpec) -> None:
@@ -56,20 +63,45 @@ def test_a_scene_that_fails_leaves_no_message(spec: SceneSpec) -> None:
     assert written(display.console).startswith(f"{spec.name}: loading ") and "ended" not in written(display.console)
 
 
-def test_a_dataset_has_one_bar_over_its_scenes(spec: SceneSpec) -> None:
+def test_of_a_dataset_the_bar_over_all_scenes_and_reasons_of_failures_stay(spec: SceneSpec) -> None:
     display, entry = DatasetDisplay(console()), PlannedEntry(number=0, map="Blocks", split="train")
+    failing = entry.model_copy(update={"number": 1})
     display.dataset_started(2, 0)
     display.scene_started(spec)
     display.scene_progressed(spec, 1)
-    display.scene_retried(spec, "world died")
+    display.scene_ended(spec, None)
+    display.scene_retried(entry, "world died")
+    display.scene_started(spec)
     display.scene_progressed(spec, 3)
     display.scene_ended(spec, SceneEnd(scene=spec.name, tick=3, reason=DURATION))
     display.scene_made(entry, 1_500_000)
-    display.scene_failed(entry, "world died again")
+    display.scene_failed(failing, "world [died] again")
     display.dataset_ended()
     lines = written(display.console).splitlines()
-    assert lines[0] == f"{spec.name}: world died; once more"
-    assert lines[1].startswith(f"{spec.name} 4/4 ━") and "2.0/2 scenes" in lines[1] and "1.5 MB" in lines[1]
+    assert lines[:2] == [f"{spec.name}: world died; once more", "Blocks-0001 failed: world [died] again"]
+    assert lines[2].startswith("dataset ━") and "2.0/2 scenes, 1 failed" in lines[2] and "1.5 MB" in lines[2]
+    assert len(lines) == 3, "the scenes' own bars are gone"
+
+
+def test_each_scene_in_the_making_and_each_worker_that_prepares_has_a_bar(spec: SceneSpec) -> None:
+    display = DatasetDisplay(make_console(file=io.StringIO(), width=100, force_terminal=True))
+    other = spec.model_copy(update={"number": 1})
+    display.dataset_started(4, 0)
+    display.worker_prepares("worker-3", "roads of Blocks")
+    for scene, tick in ((spec, 0), (other, 2)):
+        display.scene_started(scene)
+        display.scene_progressed(scene, tick)
+    assert bars(display) == ["dataset 1.0/4 scenes", "worker-3: roads of Blocks", "Blocks-0000 1/4", "Blocks-0001 3/4"]
+    display.worker_prepares("worker-3", None)
+    display.scene_ended(other, None)
+    assert bars(display) == ["dataset 1.0/4 scenes", "Blocks-0000 1/4"]
+    display.dataset_ended()
+
+
+def test_the_number_of_workers_is_explained(spec: SceneSpec) -> None:
+    display = DatasetDisplay(console())
+    display.workers_chosen(3, SceneCost(wall_s=10.0, cpu_s=25.0, memory_mib=1024.0, frames=40))
+    assert written(display.console) == "3 workers: the first scene used 2.5 cores and 1.1 GB\n"
 
 
 def test_without_scenes_there_is_no_bar() -> None:

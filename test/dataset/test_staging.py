@@ -31,7 +31,7 @@ def dataset(tmp_path: Path) -> Path:
 
 
 def test_a_replaced_scene_is_removed_with_its_own_additional_bags_only(dataset: Path) -> None:
-    move_into_dataset(dataset, ENTRY)
+    move_into_dataset(dataset, ENTRY, staging_of(dataset))
     assert bags(dataset) == NEW
     assert {folder.name for folder in (dataset / "scenes/train").iterdir()} == NEW.keys()
 
@@ -56,9 +56,9 @@ def test_an_interruption_after_any_step_leaves_the_old_or_the_new_scene(
     monkeypatch.setattr(shutil, "rmtree", interrupting(shutil.rmtree))
     if steps < 5:  # three of the old scene's bags, the new one, and the removal
         with pytest.raises(KeyboardInterrupt):
-            move_into_dataset(dataset, ENTRY)
+            move_into_dataset(dataset, ENTRY, staging_of(dataset))
     else:
-        move_into_dataset(dataset, ENTRY)
+        move_into_dataset(dataset, ENTRY, staging_of(dataset))
     monkeypatch.undo()
     clean_up_staging(dataset)
     assert bags(dataset) == (OLD if steps < 4 else NEW)

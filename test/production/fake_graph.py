@@ -1,10 +1,12 @@
 """A graph that is not there: sessions that write made-up bags, or fail as a test asks."""
 
+import os
 from pathlib import Path
 from typing import Any
 
 from made_up_scene import made_up_scene
 
+from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.graph.session import Progress
 from simbev_ros.recording.layout import partial_of, scene_folder
@@ -24,7 +26,7 @@ class FakeGraph:
         self.problems: dict[int, list[BaseException]] = {}
         self.log: list[str] = []
 
-    def session(self, scenario: Scenario, *, dataset: Path) -> Any:
+    def session(self, scenario: Scenario, *, dataset: Path, rendering: Rendering | None) -> Any:
         """Called instead of ``GraphSession``."""
         assert scenario.evaluation is None
         return FakeSession(self, dataset)
@@ -41,6 +43,9 @@ class FakeSession:
 
     def close(self) -> None:
         self._graph.log.append("close")
+
+    def pids(self) -> dict[str, int]:
+        return {"supervisor": os.getpid()}
 
     def new_output(self) -> dict[str, str]:
         return {"world": "a line of the world node\n"}

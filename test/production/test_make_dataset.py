@@ -63,8 +63,8 @@ class Diary(ProductionObserver):
     def dataset_started(self, scenes: int, dataset_bytes: int) -> None:
         self.lines.append(f"{scenes} scenes")
 
-    def scene_retried(self, spec: SceneSpec, reason: str) -> None:
-        self.lines.append(f"retry {spec.number}: {reason}")
+    def scene_retried(self, entry: PlannedEntry, reason: str) -> None:
+        self.lines.append(f"retry {entry.number}: {reason}")
 
     def scene_made(self, entry: PlannedEntry, dataset_bytes: int) -> None:
         assert dataset_bytes > 0
@@ -129,6 +129,7 @@ def test_a_scene_that_fails_for_good_is_listed_and_the_others_are_made(
     assert result.failed == {"Blocks-0000": "second", "Blocks-0001": "too large"}
     assert [line for line in diary.lines if line.startswith("failed")] == ["failed 0: second", "failed 1: too large"]
     assert not (tmp_path / "set/.making").exists()
+    assert graph.log.count("start") == graph.log.count("close") == 4, "each failure restarts the graph"
 
 
 @pytest.mark.parametrize(

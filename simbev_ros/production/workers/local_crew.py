@@ -1,5 +1,6 @@
 """Several workers on this machine, each with its share of the cores and GPUs."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import count
 from multiprocessing.connection import wait
@@ -64,10 +65,15 @@ class LocalCrew(Team):
         """Share the machine out for a number of workers; those that have no seat any more leave when they are idle."""
         self._seats = [_Seat(share) for share in machine_shares(max(min(workers, self._scenes), 1), self._scenario)]
 
+    def idle(self) -> Sequence[Worker]:
+        """Workers that have a seat and wait for a scene."""
+        seated = {seat.worker for seat in self._seats}
+        return [worker for worker in super().idle() if worker.name in seated]
+
     def _replenish(self) -> None:
-        seated, idle = {seat.worker for seat in self._seats}, self.idle()
+        seated, waiting = {seat.worker for seat in self._seats}, super().idle()
         for handle in self._handles:
-            if handle.worker.name not in seated and handle.worker in idle:
+            if handle.worker.name not in seated and handle.worker in waiting:
                 self._dismiss(handle)
         present = {handle.worker.name for handle in self._handles}
         for seat in self._seats:
@@ -84,7 +90,7 @@ class LocalCrew(Team):
         """Choose the number of workers by the cost of the first scene."""
         if self._chosen_by_cost:
             self._chosen_by_cost = False
-            workers = fitting_workers(scene.cost, usable_cores())
+            workers = min(fitting_workers(scene.cost, usable_cores()), self._scenes - 1)
             if workers > 1:
                 self._divide(workers)
             self._observer.workers_chosen(len(self._seats), scene.cost)

@@ -47,13 +47,12 @@ class LocalWorker:
                 start_new_session=True,  # Ctrl-C reaches it through the driver
             )
         self.connection = Connection(ours.detach())
-        self.connection.send(settings)
+        self._send(settings)
         self._deadline_s = time.monotonic() + _START_PATIENCE_S
 
     def give(self, entry: PlannedEntry) -> None:
         """Send a scene to make."""
-        with suppress(OSError):  # it has died, which the next read tells
-            self.connection.send(entry)
+        self._send(entry)
 
     def read(self) -> list[Any]:
         """Messages that have arrived.
@@ -94,6 +93,10 @@ class LocalWorker:
             self._process.kill()
             self._process.wait()
         self._log.close()
+
+    def _send(self, message: Any) -> None:
+        with suppress(OSError):  # it has died, which the next read tells
+            self.connection.send(message)
 
     def _describe_end(self) -> str:
         code = self._process.wait()

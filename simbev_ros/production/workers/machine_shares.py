@@ -7,11 +7,14 @@ from pathlib import Path
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.scenario import Scenario
+from simbev_ros.graph.domain import ISOLATED_DOMAINS
 from simbev_ros.production.scene_cost import SceneCost, free_memory_mib
 from simbev_ros.render.gl.devices import accessible_gpus, software_request
 
 _MEMORY_MARGIN = 1.2
 """Factor on the measured memory of a graph: later scenes may need more."""
+_MIN_CORES = 0.1
+"""Number of cores that a graph uses at least: the processor time of a short scene may be too little to measure."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,13 +57,15 @@ def machine_shares(workers: int, scenario: Scenario) -> list[Share]:
 def fitting_workers(cost: SceneCost, cores: int) -> int:
     """Number of workers that a machine carries, if one of them with all cores for itself had a certain cost.
 
+    Each worker needs a ROS domain of its own, which limits the number on large machines.
+
     Args:
         cost: Measured cost of a scene; its graph still runs.
         cores: Number of cores.
     """
-    by_cores = round(cores / cost.cores)
+    by_cores = round(cores / max(cost.cores, _MIN_CORES))
     by_memory = 1 + int(free_memory_mib() / max(cost.memory_mib * _MEMORY_MARGIN, 1.0))
-    return max(min(by_cores, by_memory), 1)
+    return max(min(by_cores, by_memory, len(ISOLATED_DOMAINS)), 1)
 
 
 def _gpus(rendering: Rendering) -> tuple[int, ...]:

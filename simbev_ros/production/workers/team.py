@@ -163,6 +163,8 @@ class Team(ABC):
             member.scene = report.arguments[0]
         self._observer.worker = member.handle.worker
         report.repeat(self._observer, member.scene)
+        if report.event == "scene_ended":
+            member.scene = None
 
     def _bury(self, member: _Member, reason: str) -> None:
         """Remove a worker that is lost, and end what it was making, for the observer."""

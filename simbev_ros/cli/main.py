@@ -25,6 +25,7 @@ VERBS = {
     "info": "info:info",
     "preview": "preview:preview",
     "verify": "verify:verify",
+    "logs": "logs:logs",
     "repair": "repair:repair",
     "evaluate": "evaluate.command:evaluate",
     "doctor": "doctor:doctor",

@@ -157,9 +157,7 @@ def test_a_disk_that_is_full_everywhere_ends_production(folder: DatasetFolder, t
     assert made >= {"Blocks-0000", "Blocks-0001"}
 
 
-def test_space_is_required_for_all_scenes_in_the_making(
-    folder: DatasetFolder, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_space_is_required_for_all_scenes_in_the_making(folder: DatasetFolder, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[int] = []
     monkeypatch.setattr(folder, "check_space", asked.append)
     make(folder, FakeCrew(folder.staging, "a", "a", "a"), 5)

@@ -62,7 +62,7 @@ def read_index(dataset: Path) -> list[Row]:
 
 
 def load_index(dataset: Path) -> pa.Table:
-    """Read a dataset's index as a table, which takes a tenth of the memory of its rows; empty if there is no index.
+    """Read a dataset's index as a table, which takes a fraction of the memory of its rows; empty if there is no index.
 
     Raises:
         InputError: See ``read_index``.

@@ -1,3 +1,4 @@
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields
 from pathlib import Path
 
@@ -95,6 +96,37 @@ def test_a_cache_that_cannot_be_written_is_reported(network: RoadNetwork, tmp_pa
     blocker.write_text("")
     with pytest.raises(InputError, match=r"cache of surroundings .*cannot be written"):
         StaticCache(SPEC, network, blocker).region(EAST)
+
+
+def test_one_process_at_a_time_builds_the_regions_of_a_map(network: RoadNetwork, tmp_path: Path) -> None:
+    first, second = (StaticCache(SPEC, network, tmp_path) for _ in range(2))
+    order = []
+
+    def build_too() -> None:
+        with second.building():
+            order.append("second")
+
+    with ThreadPoolExecutor(1) as thread:
+        with first.building():
+            done = thread.submit(build_too)
+            with pytest.raises(TimeoutError):
+                done.result(0.2)
+            order.append("first")
+        done.result(10.0)
+    assert order == ["first", "second"]
+
+
+def test_regions_of_different_maps_are_built_at_the_same_time(network: RoadNetwork, tmp_path: Path) -> None:
+    other = MapSpec(name="other", seed=0)
+    with StaticCache(SPEC, network, tmp_path).building(), StaticCache(other, network, tmp_path).building():
+        pass
+
+
+def test_a_lock_that_cannot_be_made_is_reported(network: RoadNetwork, tmp_path: Path) -> None:
+    (tmp_path / "surroundings").write_text("")
+    cache = StaticCache(SPEC, network, tmp_path)
+    with pytest.raises(InputError, match=r"cache of surroundings .*cannot be written"), cache.building():
+        pass
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ import pytest
 
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.render.gl import devices
-from simbev_ros.render.gl.devices import EglDevice
+from simbev_ros.render.gl.devices import EglDevice, accessible_gpus
 from simbev_ros.render.shares import camera_processes, drawing_environment
 
 MESA = EglDevice(9, "Mesa's software renderer", software=True)
@@ -64,6 +64,16 @@ def test_a_gpu_listed_by_two_drivers_counts_once_and_an_inaccessible_one_not_at_
     assert processes() == 1
     monkeypatch.setattr(os, "access", lambda *_: False)
     assert processes() == 4
+
+
+def test_of_the_drivers_that_list_a_gpu_the_one_with_the_lowest_number_is_used(machine: Machine) -> None:
+    machine(4, gpu(0, "/dev/none0"), gpu(1, "/dev/none1"), gpu(2, "/dev/none1"), gpu(3, "/dev/none0"), gpu(4))
+    assert [device.index for device in accessible_gpus()] == [0, 1, 4]
+
+
+def test_the_software_renderer_is_no_gpu(machine: Machine) -> None:
+    machine(4)
+    assert accessible_gpus() == ()
 
 
 def test_processes_share_the_cores_unless_the_user_sets_the_threads(

@@ -49,7 +49,8 @@ def machine_shares(workers: int, scenario: Scenario) -> list[Share]:
     shares = []
     for k in range(workers):
         own = cores[len(cores) * k // workers : len(cores) * (k + 1) // workers] if is_pinned else []
-        drawing = rendering.model_copy(update={"gpus": (gpus[k % len(gpus)],)}) if is_assigned else None
+        devices = gpus[k::workers] or gpus[k % len(gpus) : k % len(gpus) + 1] if is_assigned else ()
+        drawing = rendering.model_copy(update={"gpus": devices}) if devices else None
         shares.append(Share(tuple(own), drawing))
     return shares
 

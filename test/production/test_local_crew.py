@@ -1,0 +1,113 @@
+"""Workers of one machine: how many there are, with which shares, and when they come and go; no process is started."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, ClassVar
+
+import pytest
+from fake_crew import COST
+
+from simbev_ros.config.scenario import Scenario
+from simbev_ros.dataset.plan import PlannedEntry
+from simbev_ros.production import ProductionObserver
+from simbev_ros.production.observer import SILENT
+from simbev_ros.production.scene_cost import SceneCost
+from simbev_ros.production.scene_maker import MadeScene
+from simbev_ros.production.workers import local_crew
+from simbev_ros.production.workers.crew import Worker
+from simbev_ros.production.workers.local_crew import LocalCrew
+from simbev_ros.production.workers.machine_shares import Share
+from simbev_ros.production.workers.messages import Settings, Sign
+
+Start = Callable[..., LocalCrew]
+MADE = MadeScene({}, "made", {}, COST)
+
+
+class FakeWorker:
+    """Stands for a process: it is ready at once, and makes a scene by the next time that it is asked."""
+
+    all: ClassVar[list["FakeWorker"]] = []
+
+    def __init__(self, worker: Worker, settings: Settings) -> None:
+        self.worker, self.settings = worker, settings
+        self.messages: list[Any] = [Sign.READY]
+        self.given: list[int] = []
+        self.is_ended = False
+        self.connection = None
+        FakeWorker.all.append(self)
+
+    def give(self, entry: PlannedEntry) -> None:
+        self.given.append(entry.number)
+        self.messages += [MADE, Sign.READY]
+
+    def read(self) -> list[Any]:
+        messages, self.messages = self.messages[:1], self.messages[1:]
+        return messages
+
+    def end(self) -> None:
+        self.is_ended = True
+
+    def join(self) -> None:
+        pass
+
+
+class Choice(ProductionObserver):
+    """Keeps the number of workers that was chosen."""
+
+    workers: int | None = None
+
+    def workers_chosen(self, workers: int, cost: SceneCost) -> None:
+        self.workers = workers
+
+
+@pytest.fixture
+def crew(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Start:
+    """Function that makes a crew of fake workers on a machine of 8 cores that has room for three workers."""
+    monkeypatch.setattr(FakeWorker, "all", [])
+    monkeypatch.setattr(local_crew, "LocalWorker", FakeWorker)
+    monkeypatch.setattr(local_crew, "wait", lambda *_: [])
+    monkeypatch.setattr(local_crew, "fitting_workers", lambda *_: 3)
+    monkeypatch.setattr(local_crew, "machine_shares", lambda workers, _: [Share((k,)) for k in range(workers)])
+    scenario = Scenario.model_validate({"scenes": [{"map": "Blocks", "train": 1}], "rig": {"sensors": []}})
+    return lambda workers, scenes, observer=SILENT: LocalCrew(scenario, tmp_path, workers, scenes, observer)
+
+
+def make(crew: LocalCrew, scenes: int) -> int:
+    """Make scenes as the driver does; return the largest number of scenes in the making."""
+    number, made, largest = 0, 0, 0
+    with crew:
+        while made < scenes:
+            for worker in crew.idle():
+                if number < scenes:
+                    crew.give(worker, PlannedEntry(number=number, map="Blocks", split="train"))
+                    number += 1
+            largest = max(largest, number - made)
+            made += len(crew.wait(0.01))
+    assert all(worker.is_ended for worker in FakeWorker.all)
+    return largest
+
+
+def test_each_worker_has_a_share_and_a_folder_of_its_own(crew: Start, tmp_path: Path) -> None:
+    assert make(crew(2, 5), 5) == 2
+    settings = [worker.settings for worker in FakeWorker.all]
+    assert [each.cores for each in settings] == [(0,), (1,)]
+    assert [each.staging for each in settings] == [tmp_path / "worker-1", tmp_path / "worker-2"]
+
+
+def test_there_are_never_more_workers_than_scenes(crew: Start) -> None:
+    assert make(crew(9, 2), 2) == 2
+
+
+def test_after_the_first_scene_its_worker_gives_way_to_as_many_as_fit(crew: Start) -> None:
+    choice = Choice()
+    assert make(crew("auto", 20, choice), 20) == 3
+    assert choice.workers == 3
+    assert FakeWorker.all[0].given == [0], "its share is the whole machine"
+    assert [worker.settings.cores for worker in FakeWorker.all] == [(0,), (0,), (1,), (2,)]
+
+
+@pytest.mark.parametrize(("scenes", "chosen", "started"), [(1, 1, 1), (2, 1, 1), (3, 2, 3)])
+def test_workers_are_chosen_for_the_scenes_that_are_left(crew: Start, scenes: int, chosen: int, started: int) -> None:
+    choice = Choice()
+    make(crew("auto", scenes, choice), scenes)
+    assert (choice.workers, len(FakeWorker.all)) == (chosen, started)

@@ -1,0 +1,36 @@
+"""Surroundings that another process builds at the same time are waited for, not built again."""
+
+from pathlib import Path
+
+import pytest
+from analytic_maps import hilly_road
+
+from simbev_ros.assets.regions.static_cache import StaticCache
+from simbev_ros.maps.region import Region
+from simbev_ros.maps.spec import MapSpec
+from simbev_ros.production import ProductionObserver, surroundings
+from simbev_ros.production.surroundings import build_missing_regions
+
+SPEC = MapSpec(name="analytic", seed=0)
+EAST, WEST = Region(0, 0), Region(-1, 0)
+
+
+class Counting(ProductionObserver):
+    """Notes the numbers of regions that were announced."""
+
+    def __init__(self) -> None:
+        self.announced: list[int] = []
+
+    def surroundings_started(self, map_name: str, regions: int) -> None:
+        self.announced.append(regions)
+
+
+@pytest.mark.parametrize(("left", "announced"), [((), []), ((WEST,), [1])])
+def test_only_what_is_missing_after_the_wait_is_built(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, left: tuple[Region, ...], announced: list[int]
+) -> None:
+    answers, built, observer = [(EAST, WEST), left], list[Region](), Counting()
+    monkeypatch.setattr(StaticCache, "missing", lambda *_: answers.pop(0))
+    monkeypatch.setattr(surroundings, "build_regions", lambda _spec, regions, *_: built.extend(regions))
+    build_missing_regions(SPEC, hilly_road(), [EAST, WEST], observer, tmp_path)
+    assert (tuple(built), observer.announced) == (left, announced)

@@ -7,11 +7,11 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from commands import DOMAIN, Command
+from commands import DOMAIN
+from generating import Simbev, files, generate, write
 
 from simbev_ros.dataset.index import read_index
 from simbev_ros.graph.shared_memory import middleware_files, remove_orphans
@@ -20,41 +20,10 @@ from simbev_ros.recording.verify import verify_bag
 
 pytestmark = pytest.mark.graph
 
-Simbev = Callable[..., Command]
-CONFIG = """
-seed: 5
-scenes: [SCENES]
-time: {warm_up_s: 1, duration_s: 0.5}
-rig:
-  sensors:
-    - {type: lidar, name: lidar, pose: {z_m: 1.8}, channels: 8, columns: 128}
-    - {type: gnss, name: gnss}
-weather: {cloudiness: 20, precipitation: 0, sun_altitude_deg: 45, fog_density: 0}
-traffic: {vehicles: 8, pedestrians: 8, spawn_radius_m: 100}
-annotation: {bev: {rows: 60, columns: 60}}
-"""
 SMALL, LARGE = (
     "{map: Blocks, train: 1, val: 1}",
     "{map: Blocks, train: 3}, {map: Town01, train: 3}, {map: Town02, val: 3}",
 )
-
-
-def write(folder: Path, scenes: str, *, has_lidar: bool = True) -> Path:
-    """Write a configuration; without the lidar, whose process takes the longest to start, it needs four processes."""
-    path = folder / "generate.yaml"
-    lines = CONFIG.replace("SCENES", scenes).splitlines(keepends=True)
-    path.write_text("".join(line for line in lines if has_lidar or "type: lidar" not in line))
-    return path
-
-
-def files(dataset: Path) -> dict[str, bytes]:
-    return {str(path.relative_to(dataset)): path.read_bytes() for path in sorted(dataset.glob("scenes/*/*/*.mcap"))}
-
-
-def generate(simbev: Simbev, config: Path, dataset: Path, *more: object) -> str:
-    code, output = simbev("generate", config, "--out", dataset, *more).finish(600)
-    assert code == 0, output
-    return output
 
 
 @pytest.mark.parametrize(

@@ -70,7 +70,7 @@ def test_a_fault_of_ours_is_said_with_what_it_happened_to(
         raise ValueError("a negative area")
 
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr(region_pool.os, "cpu_count", lambda: 1)
+    monkeypatch.setattr(region_pool, "usable_cores", lambda: 1)
     monkeypatch.setattr(StaticCache, "region", fail)
     monkeypatch.setattr(sys, "argv", ["simbev", "map", str(streets)])
     with pytest.raises(SystemExit) as ended:

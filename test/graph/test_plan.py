@@ -1,6 +1,7 @@
 """A configuration leads to the right processes, nodes and parameters; nothing is started."""
 
 from collections.abc import Sequence
+from pathlib import Path
 
 import pytest
 from pydantic import ValidationError
@@ -52,6 +53,14 @@ def test_the_world_runs_far_ahead_only_on_many_cores_and_if_nobody_outside_react
         for cores, expected in ((2, few), (16, many)):
             [world] = plan_processes(scenario, 1, live=False, dataset=None, cores=cores)[0]
             assert world.parameters["window_ticks"] == expected
+
+
+def test_devices_in_place_of_the_configured_ones_leave_the_recorded_configuration_as_it_is(tmp_path: Path) -> None:
+    scenario, drawing = load_scenario("paper"), Rendering(quality="low", gpus=(2,))
+    processes = plan_processes(scenario, 2, live=False, dataset=tmp_path, rendering=drawing)
+    nodes = [node for process in processes for node in process]
+    assert [rendering_of(node) for node in nodes if node.kind == "camera"] == [drawing, drawing]
+    assert [node.parameters["config"] for node in nodes if node.kind == "recorder"] == [scenario.as_yaml()]
 
 
 def test_one_camera_process_serves_the_whole_rig() -> None:

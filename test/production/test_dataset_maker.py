@@ -115,6 +115,11 @@ def test_the_folder_of_a_lost_worker_is_removed_before_its_scene_is_made_again(
     assert "\nworker-1 died: killed\n" in (tmp_path / "set/logs/Blocks-0000.failed-1.log").read_text()
 
 
+def test_workers_of_another_run_have_other_folders(folder: DatasetFolder, tmp_path: Path) -> None:
+    other = DatasetFolder(tmp_path / "set", [], 0)
+    assert folder.staging != other.staging and folder.staging.parent == other.staging.parent == tmp_path / "set/.making"
+
+
 def test_bad_input_on_one_machine_is_tried_on_the_other(folder: DatasetFolder) -> None:
     crew = FakeCrew(folder.staging, "a", "b")
     crew.endings = {0: failures(InputError("no GPU")), 2: failures(InputError("no GPU"))}

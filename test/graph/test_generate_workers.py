@@ -1,6 +1,8 @@
 """Datasets of several graphs side by side: the bytes are those of one graph, whatever dies, and nothing is left."""
 
 import os
+import re
+import shutil
 import signal
 import time
 from collections.abc import Callable, Iterator
@@ -81,3 +83,5 @@ def test_whatever_is_killed_the_dataset_is_that_of_one_graph(simbev: Simbev, fin
     assert not [fault for bag in scenes_of(two) for fault in verify_bag(bag)]
     failures = "".join(path.read_text() for bag in scenes_of(two) for path in scene_logs(two, bag.name)[:-1])
     assert "worker-" in failures and "died" in failures and "node " in failures
+    for folder in re.findall(r"^logs: (/.*)$", failures, re.MULTILINE):
+        shutil.rmtree(folder)  # which a failed graph leaves

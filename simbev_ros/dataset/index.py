@@ -19,9 +19,16 @@ from simbev_ros.config.scenario import Split
 from simbev_ros.confined_paths import path_inside
 from simbev_ros.errors import BagError, InputError
 from simbev_ros.input_file import require_file
-from simbev_ros.limits import MAX_ACTORS, MAX_SCENE_NUMBER, MAX_SCENE_TICKS, require_unpacked_size
+from simbev_ros.limits import (
+    MAX_ACTORS,
+    MAX_SCENE_NUMBER,
+    MAX_SCENE_TICKS,
+    max_unpacked_bytes,
+    require_unpacked_size,
+)
+from simbev_ros.object_store.object_path import AnyPath, ObjectPath
 from simbev_ros.recording.arrays import point_array
-from simbev_ros.recording.layout import CONFIG_ATTACHMENT, SCENES_FOLDER, bytes_of, mcap_files, scene_folder
+from simbev_ros.recording.layout import CONFIG_ATTACHMENT, INDEX_FILE, SCENES_FOLDER, bytes_of, mcap_files, scene_folder
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.recording.whole_files import whole_file, write_errors
 from simbev_ros.scene.spec import SceneSpec
@@ -29,7 +36,6 @@ from simbev_ros.scene.weather import Weather
 from simbev_ros.semantics import BOX_CLASSES
 from simbev_ros.units import NS_PER_S
 
-INDEX_FILE = "index.parquet"
 _HASHED_BYTES = 1 << 22
 _MAX_ROWS = MAX_SCENE_NUMBER + 1
 _LARGEST = {
@@ -52,19 +58,18 @@ class _RowNames(BaseModel):
     split: Split
 
 
-def read_index(dataset: Path) -> list[Row]:
+def read_index(dataset: AnyPath) -> list[Row]:
     """Read the rows of a dataset's index, by ascending scene number; an empty list if the dataset has no index.
 
     Raises:
         InputError: The file is damaged, of another version, exceeds a limit, or has a name that is not allowed.
     """
-    path = path_inside(dataset, INDEX_FILE)
-    if not path.exists():
+    path, source = _open_index(dataset)
+    if source is None:
         return []
-    require_file(path)
     try:
-        _require_columns(path, pq.ParquetFile(path))
-        table = pq.read_table(path, columns=_schema().names)
+        _require_columns(path, pq.ParquetFile(source))
+        table = pq.read_table(source, columns=_schema().names)
         for name, largest in _LARGEST.items():
             _require_range(path, name, table.column(name), largest)
         rows = table.to_pylist()
@@ -78,7 +83,31 @@ def read_index(dataset: Path) -> list[Row]:
     return rows
 
 
-def _require_columns(path: Path, file: pq.ParquetFile) -> None:
+def indexed_bags(dataset: ObjectPath) -> dict[ObjectPath, Row]:
+    """Rows of the index of a dataset in an object store by bag, sorted by name: the scenes that exist.
+
+    Raises:
+        InputError: The index is damaged, or the store cannot be reached or refuses access.
+    """
+    return dict(sorted((dataset / row["path"], row) for row in read_index(dataset)))
+
+
+def _open_index(dataset: AnyPath) -> tuple[AnyPath, Path | pa.BufferReader | None]:
+    """Path of a dataset's index, and what to read it from: an object is read whole, at once. None: there is none."""
+    if isinstance(dataset, ObjectPath):
+        index = dataset / INDEX_FILE
+        try:
+            return index, pa.BufferReader(index.read_bytes(max_unpacked_bytes()))
+        except FileNotFoundError:
+            return index, None
+    path = path_inside(dataset, INDEX_FILE)
+    if not path.exists():
+        return path, None
+    require_file(path)
+    return path, path
+
+
+def _require_columns(path: AnyPath, file: pq.ParquetFile) -> None:
     """Raise InputError if an index lacks a column, has one of another type, or is too large to be read."""
     found = {field.name: field.type for field in file.schema_arrow}
     for column in _schema():
@@ -96,7 +125,7 @@ def _require_columns(path: Path, file: pq.ParquetFile) -> None:
     require_unpacked_size(sum(file.metadata.row_group(group).total_byte_size for group in groups), f"{path}: it")
 
 
-def _require_range(path: Path, name: str, values: pa.ChunkedArray, largest: int) -> None:
+def _require_range(path: AnyPath, name: str, values: pa.ChunkedArray, largest: int) -> None:
     """Raise InputError if a number of an index is missing, negative or too large."""
     if values.null_count:
         raise InputError(f"{path}: {name}: a value is missing; {_REBUILD_HINT}")

@@ -165,7 +165,7 @@ def test_random_access_equals_sequential_with_any_cache(path: Path) -> None:
 def test_chunks_are_decompressed_once_in_order_and_only_if_needed(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     offsets: list[int] = []
     original = chunk_cache.read_chunk
-    monkeypatch.setattr(chunk_cache, "read_chunk", lambda s, offset: (offsets.append(offset), original(s, offset))[1])
+    monkeypatch.setattr(chunk_cache, "read_chunk", lambda s, *at: (offsets.append(at[0]), original(s, *at))[1])
     for frame in (scene := open_dataset(path).scenes[0]):
         frame.load()
     every = {int(offset) for source in scene.sources.values() for offset in source.topic.locations[:, -2]}

@@ -35,6 +35,7 @@ _CONNECT_TIMEOUT_S = 1.0
 _MAX_HANDLES = 4096
 _ERROR = re.compile(r"AWS Error (\w+)(?: \(HTTP status (\d+)\))? during \w+ operation: (.*)", re.DOTALL)
 _REFUSALS = {"ACCESS_DENIED", "INVALID_ACCESS_KEY_ID", "INVALID_CLIENT_TOKEN_ID", "SIGNATURE_DOES_NOT_MATCH"}
+_CURL_CODE = re.compile(r"^curlCode: \d+, ")
 _REQUEST_ID = re.compile(r" ?\(Request ID: [^)]*\)")
 
 
@@ -125,7 +126,7 @@ def _reason(text: str) -> str:
         return "there is no such bucket"
     if code == "NETWORK_CONNECTION":
         store = next((os.environ[name] for name in ENDPOINT_VARIABLES if os.environ.get(name)), "the store")
-        return f"{store} cannot be reached: {detail.rpartition('; Details: ')[0] or detail}"
+        return f"{store} cannot be reached: {_CURL_CODE.sub('', detail.partition('; Details: ')[0])}"
     if code in _REFUSALS or status == "403":
         has_key = all(os.environ.get(name) for name in KEY_VARIABLES)
         hint = "check the credentials and their rights" if has_key else f"{' and '.join(KEY_VARIABLES)} are not set"

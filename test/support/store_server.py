@@ -8,6 +8,9 @@ from pathlib import Path
 from typing import Any
 from urllib.request import Request, urlopen
 
+from simbev_ros.object_store.object_path import ObjectPath
+from simbev_ros.object_store.transfers import put_file
+
 BUCKET = "made-up"
 _BUSY = b'<?xml version="1.0"?><Error><Code>SlowDown</Code><Message>Reduce your request rate.</Message></Error>'
 _DENIED = b'<?xml version="1.0"?><Error><Code>AccessDenied</Code><Message>Access Denied</Message></Error>'
@@ -85,10 +88,7 @@ def running_store() -> Iterator[StoreServer]:
 
 def upload(folder: Path, prefix: str) -> str:
     """Upload a folder, and return its URL."""
-    from simbev_ros.object_store.object_path import ObjectPath
-    from simbev_ros.object_store.transfers import put_file
-
     for file in sorted(folder.rglob("*")):
         if file.is_file():
             put_file(file, ObjectPath(BUCKET, prefix) / str(file.relative_to(folder)))
-    return f"s3://{BUCKET}/{prefix}"
+    return str(ObjectPath(BUCKET, prefix))

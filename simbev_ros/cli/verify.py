@@ -3,7 +3,6 @@
 import json
 import os
 from collections.abc import Sequence
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -97,7 +96,7 @@ def _faults(bags: Sequence[_Bag], jobs: int) -> "list[Fault]":
 
 
 def _plain(fault: "Fault") -> dict[str, str]:
-    return {name: str(value) for name, value in asdict(fault).items()}
+    return {"bag": str(fault.bag), "place": fault.place, "problem": fault.problem}
 
 
 def _print(bags: int, faults: "Sequence[Fault]") -> None:

@@ -90,7 +90,13 @@ def _connect(process: int, endpoint: str | None, region: str | None, credentials
         options |= {"region": region or "us-east-1"} | _endpoint_options(endpoint)
     retries = fs.AwsDefaultS3RetryStrategy(max_attempts=_MAX_ATTEMPTS)
     options |= {"connect_timeout": _CONNECT_TIMEOUT_S, "retry_strategy": retries}
-    return Connection(fs.S3FileSystem(**options, allow_delayed_open=True))
+    return Connection(
+        fs.S3FileSystem(
+            **options,
+            allow_delayed_open=True,  # small objects are written with one request
+            check_directory_existence_before_creation=True,  # deletions make no objects that stand for folders
+        )
+    )
 
 
 def _endpoint_options(endpoint: str) -> dict[str, str]:

@@ -78,8 +78,8 @@ def delete_tree(folder: ObjectPath) -> None:
     """
     if not folder.key:
         raise ValueError(f"{folder}: a whole bucket is never deleted")
-    with store_errors(str(folder)):
-        connection().files.delete_dir_contents(folder.location, missing_dir_ok=True)
+    with suppress(FileNotFoundError), store_errors(str(folder)):
+        connection().files.delete_dir(folder.location)
 
 
 def download(sizes: Mapping[ObjectPath, int], folder: ObjectPath, target: Path) -> None:

@@ -10,10 +10,10 @@ import pytest
 from made_up_scene import made_up_scene
 from store_server import BUCKET, StoreServer, upload
 
-from simbev_ros.config.names import NAME_PATTERN
 from simbev_ros.dataset import Dataset, open_dataset
 from simbev_ros.dataset.fetched_check import verify_fetched_bag
 from simbev_ros.dataset.index import indexed_bags, read_index, update_index
+from simbev_ros.dataset.opened import open_bag
 from simbev_ros.dataset.plan import Plan
 from simbev_ros.dataset.statistics import statistics_of
 from simbev_ros.errors import BagError, InputError
@@ -80,7 +80,7 @@ def test_opening_a_dataset_reads_only_its_index(folder: Path, url: str, store: S
 
 
 def large_bag(path: Path) -> int:
-    """Write a bag of 40 chunks, and return the size of the largest one."""
+    """Write a bag of 40 chunks, and return an upper limit on their size."""
     rng = np.random.default_rng(2)
     with SceneBagWriter(path, chunk_bytes=400_000) as writer:
         writer.add_attachment("large.bin", "application/octet-stream", rng.bytes(3 << 20))
@@ -92,9 +92,8 @@ def large_bag(path: Path) -> int:
 
 
 def test_a_message_costs_one_request_of_its_chunk(tmp_path: Path, store: StoreServer) -> None:
-    from simbev_ros.dataset.opened import open_bag
-
-    chunk_bytes, address = large_bag(tmp_path / "large"), upload(tmp_path / "large", "large")
+    chunk_bytes = large_bag(tmp_path / "large")
+    upload(tmp_path / "large", "large")
     store.reset()
     bag = open_bag(ObjectPath(BUCKET, "large"))
     assert len(store.requests) <= 3 + 41, "a list, a size, the end, and the indexes of messages after each chunk"
@@ -102,7 +101,6 @@ def test_a_message_costs_one_request_of_its_chunk(tmp_path: Path, store: StoreSe
     store.reset()
     payload = bag.payload(bag.topics["/ego/noise"].locations[17])
     assert len(store.requests) == 1 and len(payload) < store.sent_bytes < chunk_bytes
-    assert address == "s3://made-up/large"
 
 
 def test_one_bag_can_be_opened_by_its_folder_and_by_its_file(folder: Path, url: str) -> None:
@@ -135,7 +133,6 @@ def test_only_scenes_in_the_index_exist(folder: Path, url: str) -> None:
     put_bytes(b"being written", SCENES / "Blocks-0002/Blocks-0002_0.mcap")
     assert [scene.name for scene in open_dataset(url).scenes] == ["Blocks-0000", "Blocks-0001"]
     assert [bag.name for bag in indexed_bags(ObjectPath(BUCKET, "sets/first"))] == ["Blocks-0000", "Blocks-0001"]
-    assert NAME_PATTERN
 
 
 def test_plan_and_index_are_those_of_the_folder(folder: Path, url: str) -> None:

@@ -38,7 +38,9 @@ class StoreServer:
 
     def __call__(self, environ: dict[str, Any], start_response: Any) -> Iterable[bytes]:
         with self._lock:
-            self.requests.append(f"{environ['REQUEST_METHOD']} {environ['PATH_INFO']}?{environ.get('QUERY_STRING', '')}")
+            self.requests.append(
+                f"{environ['REQUEST_METHOD']} {environ['PATH_INFO']}?{environ.get('QUERY_STRING', '')}"
+            )
             is_refused = self.refuse_every and len(self.requests) % self.refuse_every == 0
         if is_refused or (self.needs_key and "HTTP_AUTHORIZATION" not in environ):
             body = _BUSY if is_refused else _DENIED

@@ -2,7 +2,10 @@
 
 import json
 import os
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -27,7 +30,7 @@ def verify(
     paths: Annotated[
         list[str],
         typer.Argument(
-            help="Scenes' bags, their .mcap files, or datasets; also as s3://bucket/prefix.", metavar="PATHS..."
+            help="Scenes' bags, their .mcap files, or datasets; also as s3://bucket/prefix.", metavar="PATHS"
         ),
     ],
     jobs: Annotated[int | None, typer.Option(help="Bags to read at once; default: number of cores.", min=1)] = None,
@@ -75,12 +78,12 @@ def _bags_of(dataset: AnyPath) -> list[_Bag]:
     )
 
 
-def _verify(bag: _Bag) -> "list[Fault]":
+def _verify(bag: _Bag, temporary: Path | None) -> "list[Fault]":
     from simbev_ros.dataset.fetched_check import verify_fetched_bag
     from simbev_ros.recording.verify import verify_bag
 
     path, row = bag
-    return verify_fetched_bag(path, row) if isinstance(path, ObjectPath) else verify_bag(path)
+    return verify_fetched_bag(path, row, temporary) if isinstance(path, ObjectPath) else verify_bag(path)
 
 
 def _faults(bags: Sequence[_Bag], jobs: int) -> "list[Fault]":
@@ -88,11 +91,22 @@ def _faults(bags: Sequence[_Bag], jobs: int) -> "list[Fault]":
     from simbev_ros.dataset.parallel import map_in_processes
 
     faults: list[Fault] = []
-    with counting_bar("bags", make_console(stderr=True), len(bags)) as bar:
-        for found in map_in_processes(_verify, bags, min(jobs, max(len(bags), 1))):
+    with _temporary_folder(bags) as folder, counting_bar("bags", make_console(stderr=True), len(bags)) as bar:
+        verify_one = partial(_verify, temporary=folder)
+        for found in map_in_processes(verify_one, bags, min(jobs, max(len(bags), 1))):
             faults += found
             bar.advance()
     return faults
+
+
+@contextmanager
+def _temporary_folder(bags: Sequence[_Bag]) -> Iterator[Path | None]:
+    """A folder for downloads, which outlives interrupted processes; None if all bags are local."""
+    if not any(isinstance(path, ObjectPath) for path, _ in bags):
+        yield None
+        return
+    with tempfile.TemporaryDirectory(prefix="simbev_verify_", ignore_cleanup_errors=True) as folder:
+        yield Path(folder)
 
 
 def _plain(fault: "Fault") -> dict[str, str]:

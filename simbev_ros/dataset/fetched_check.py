@@ -12,14 +12,13 @@ from simbev_ros.recording.layout import METADATA_FILE, numbered_files
 from simbev_ros.recording.verify import Fault, verify_bag
 
 
-def verify_fetched_bag(bag: ObjectPath, row: Row | None = None) -> list[Fault]:
+def verify_fetched_bag(bag: ObjectPath, row: Row | None = None, temporary: Path | None = None) -> list[Fault]:
     """Verify a bag as ``verify_bag`` does, and compare it with its row of the index.
-
-    The temporary folder, which ``TMPDIR`` moves, needs space for the bag.
 
     Args:
         bag: The bag's folder, or its MCAP file.
         row: The row of the index that describes the bag; None for a bag that belongs to no dataset.
+        temporary: Folder for temporary files, with space for the bag; None: that of the system, which ``TMPDIR`` moves.
 
     Raises:
         InputError: The store cannot be reached or refuses access, or there is no bag and no row of it.
@@ -27,7 +26,7 @@ def verify_fetched_bag(bag: ObjectPath, row: Row | None = None) -> list[Fault]:
     if row is None:
         numbered_files(bag)
     is_file = bag.suffix == ".mcap"
-    with tempfile.TemporaryDirectory(prefix="simbev_verify_") as folder:
+    with tempfile.TemporaryDirectory(prefix="simbev_verify_", dir=temporary) as folder:
         local = Path(folder, row["path"]) if row else Path(folder, bag.parent.name if is_file else bag.name)
         download(_files_of_mcap(bag) if is_file else list_objects(bag), bag.parent if is_file else bag, local)
         found = list(_faults(local / bag.name if is_file else local, Path(folder), row))

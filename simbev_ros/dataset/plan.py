@@ -17,7 +17,6 @@ from simbev_ros.config.base import Model, first_problem
 from simbev_ros.config.names import NAME_PATTERN, Name
 from simbev_ros.config.scenario import SPLITS, Scenario, Split
 from simbev_ros.confined_paths import path_inside, refuse_links_out
-from simbev_ros.dataset.index import read_index
 from simbev_ros.errors import InputError
 from simbev_ros.input_file import path_exists, read_small_file
 from simbev_ros.limits import MAX_SCENE_NUMBER
@@ -159,6 +158,8 @@ def _read_plan(dataset: AnyPath) -> tuple[AnyPath, bytes | None]:
 def _recorded_entries(dataset: AnyPath) -> Iterator[PlannedEntry]:
     """Yield the scenes that have finished bags; in an object store, those in the index."""
     if isinstance(dataset, ObjectPath):
+        from simbev_ros.dataset.index import read_index
+
         for row in read_index(dataset):
             yield PlannedEntry(number=row["number"], map=row["map"], split=row["split"])
         return

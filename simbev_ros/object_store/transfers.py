@@ -1,10 +1,12 @@
 """Writes and copies objects: a file or bytes into the store, objects within it, folders out of it or away."""
 
-import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
+from itertools import repeat
 from pathlib import Path
+from threading import Event
+from typing import BinaryIO
 
 from simbev_ros.confined_paths import path_inside
 from simbev_ros.object_store.connection import StoreError, connection, store_errors
@@ -18,15 +20,16 @@ _MAX_TRANSFERS = 8
 
 
 def put_file(source: Path, target: ObjectPath) -> None:
-    """Upload a file, in parts if it is large. Other readers see the whole object or, if anything fails, none.
+    """Upload a file, in parts if it is large. The object appears when the last part is there.
+
+    If anything fails, no object is left. A killed process leaves none either, only parts that nobody sees.
 
     Raises:
         OSError: The file cannot be read.
         StoreError: The store cannot be reached, refuses access, or fails.
     """
     with source.open("rb") as stream:
-        size_bytes = source.stat().st_size
-        _put(stream.read, target, size_bytes)
+        _put(_parts(stream), target, source.stat().st_size)
 
 
 def put_bytes(content: bytes, target: ObjectPath) -> None:
@@ -49,7 +52,7 @@ def copy_object(source: ObjectPath, target: ObjectPath) -> None:
     size_bytes = source.stat().st_size
     if size_bytes > MAX_COPY_BYTES:
         with source.open() as stream:
-            _put(stream.read, target, size_bytes)
+            _put(_parts(stream), target, size_bytes)
         return
     with store_errors(str(target)):
         connection().files.copy_file(source.location, target.location)
@@ -95,29 +98,34 @@ def download(sizes: Mapping[ObjectPath, int], folder: ObjectPath, target: Path) 
         InputError: A key leads out of the folder.
         StoreError: The store cannot be reached, refuses access, or fails.
     """
-    files = [path_inside(target, Path(path.relative_to(folder))) for path in sizes]
+    files, stop = [path_inside(target, Path(path.relative_to(folder))) for path in sizes], Event()
     with ThreadPoolExecutor(_MAX_TRANSFERS, thread_name_prefix="download") as pool:
-        list(pool.map(_download, sizes, sizes.values(), files))
+        try:
+            list(pool.map(_download, sizes, sizes.values(), files, repeat(stop)))
+        except BaseException:
+            stop.set()  # the other threads, which are waited for, end with their current part
+            raise
 
 
-def _download(source: ObjectPath, size_bytes: int, target: Path) -> None:
+def _download(source: ObjectPath, size_bytes: int, target: Path, stop: Event) -> None:
     target.parent.mkdir(parents=True, exist_ok=True)
     with source.open() as stream, target.open("xb") as file:
-        shutil.copyfileobj(stream, file, PART_BYTES)
-        if file.tell() != size_bytes:
+        while not stop.is_set() and (part := stream.read(PART_BYTES)):
+            file.write(part)
+        if file.tell() != size_bytes and not stop.is_set():
             raise StoreError(f"{source}: {file.tell():,} of {size_bytes:,} bytes could be read")
 
 
-def _put(read: Callable[[int], bytes], target: ObjectPath, size_bytes: int) -> None:
-    """Upload what ``read`` gives. A stream of pyarrow completes its object when it is closed, so failures delete it."""
+def _put(parts: Iterable[bytes], target: ObjectPath, size_bytes: int) -> None:
+    """Upload consecutive parts. pyarrow can only complete an object, so what failed is completed and deleted."""
     with store_errors(str(target)):
         stream = connection().files.open_output_stream(target.location)
     try:
-        while part := read(PART_BYTES):
+        for part in parts:
             with store_errors(str(target)):
                 stream.write(part)
         if stream.tell() != size_bytes:
-            raise StoreError(f"{target}: {stream.tell():,} of {size_bytes:,} bytes could be read of what is uploaded")
+            raise StoreError(f"{target}: not written: {stream.tell():,} of {size_bytes:,} bytes could be read for it")
         with store_errors(str(target)):
             stream.close()
     except BaseException:
@@ -126,3 +134,7 @@ def _put(read: Callable[[int], bytes], target: ObjectPath, size_bytes: int) -> N
         with suppress(OSError, StoreError), store_errors(str(target)):
             connection().files.delete_file(target.location)
         raise
+
+
+def _parts(stream: BinaryIO) -> Iterator[bytes]:
+    return iter(lambda: stream.read(PART_BYTES), b"")

@@ -40,7 +40,7 @@ def test_an_upload_that_fails_leaves_nothing(
     (tmp_path / "x").write_bytes(bytes(size))
     stat = Path.stat
     monkeypatch.setattr(Path, "stat", lambda path, **more: _Longer(stat(path, **more).st_size))
-    with pytest.raises(StoreError, match=rf"s3://made-up/sets/a/x: {size:,} of {size + 1:,} bytes could be read"):
+    with pytest.raises(StoreError, match=rf"s3://made-up/sets/a/x: not written: {size:,} of {size + 1:,} bytes"):
         put_file(tmp_path / "x", FOLDER / "x")
     assert list_objects(FOLDER) == {}
 

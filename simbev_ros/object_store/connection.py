@@ -31,7 +31,7 @@ _MAX_ATTEMPTS = 7
 """Attempts of a request that the store refuses because it is busy, or that does not arrive. The pauses between them
 double from 50 ms to 1.6 s. An unreachable store is given up after about 10 s, and one that refuses every fifth request
 fails one in 80,000."""
-_CONNECT_TIMEOUT_S = 1.0
+_CONNECT_TIMEOUT_S = 0.8
 _MAX_HANDLES = 4096
 _ERROR = re.compile(r"AWS Error (\w+)(?: \(HTTP status (\d+)\))? during \w+ operation: (.*)", re.DOTALL)
 _REFUSALS = {"ACCESS_DENIED", "INVALID_ACCESS_KEY_ID", "INVALID_CLIENT_TOKEN_ID", "SIGNATURE_DOES_NOT_MATCH"}

@@ -89,7 +89,8 @@ def indexed_bags(dataset: ObjectPath) -> dict[ObjectPath, Row]:
     Raises:
         InputError: The index is damaged, or the store cannot be reached or refuses access.
     """
-    return dict(sorted((dataset / row["path"], row) for row in read_index(dataset)))
+    rows = {dataset / row["path"]: row for row in read_index(dataset)}
+    return {bag: rows[bag] for bag in sorted(rows)}
 
 
 def _open_index(dataset: AnyPath) -> tuple[AnyPath, Path | pa.BufferReader | None]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from simbev_ros.config.scenario import SPLITS
 from simbev_ros.dataset.frame import Frame
-from simbev_ros.dataset.index import read_index
+from simbev_ros.dataset.index import indexed_bags, read_index
 from simbev_ros.dataset.scene import Scene
 from simbev_ros.errors import InputError
 from simbev_ros.object_store.object_path import AnyPath, ObjectPath, path_or_url
@@ -129,8 +129,8 @@ def open_dataset(path: AnyPath | str, *, cache_bytes: int = CACHE_BYTES, threads
         locate_mcap(path)
         return Dataset(path, [Scene(path, cache, threads=threads, may_be_cut_off=True)])
     if isinstance(path, ObjectPath):
-        rows_there = sorted(read_index(path), key=lambda row: (row["number"], row["path"]))
-        return Dataset(path, [Scene(path / row["path"], cache, None, row, threads) for row in rows_there])
+        indexed = sorted(indexed_bags(path).items(), key=lambda item: (item[1]["number"], item[0]))
+        return Dataset(path, [Scene(bag, cache, None, row, threads) for bag, row in indexed])
     rows = {row["path"]: row for row in read_index(path)}
     bags = sorted(finished_scenes(path).items(), key=lambda item: (int(item[0].name.rpartition("-")[2]), item[0]))
     return Dataset(

@@ -110,6 +110,7 @@ setup(
         "docs": ["mkdocs-material>=9.5"],
         "test": [
             "hypothesis>=6.100",
+            "moto[server]>=5.2",
             "mypy>=1.15",
             "pytest>=8.3",
             "ruff>=0.9",

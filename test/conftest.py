@@ -1,8 +1,11 @@
 """Settings of the process that runs the tests."""
 
 import gc
+import os
+from collections.abc import Iterator
 
 import pytest
+from store_server import StoreServer, running_store
 
 _OBJECTS_BETWEEN_COLLECTIONS = 100_000
 
@@ -16,3 +19,25 @@ def pytest_collection_finish() -> None:
     gc.collect()
     gc.freeze()
     gc.set_threshold(_OBJECTS_BETWEEN_COLLECTIONS)
+
+
+@pytest.fixture(scope="session")
+def store_server() -> Iterator[StoreServer]:
+    """The S3 server of the test session."""
+    with running_store() as server:
+        yield server
+
+
+@pytest.fixture
+def store(store_server: StoreServer, monkeypatch: pytest.MonkeyPatch) -> StoreServer:
+    """An S3 server with an empty bucket, to which the environment leads."""
+    for name in [name for name in os.environ if name.startswith("AWS_")]:
+        monkeypatch.delenv(name)
+    monkeypatch.setenv("AWS_ENDPOINT_URL_S3", store_server.url)
+    monkeypatch.setenv("AWS_ACCESS_KEY_ID", "key")
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "secret")
+    monkeypatch.setenv("AWS_CONFIG_FILE", os.devnull)
+    monkeypatch.setenv("AWS_SHARED_CREDENTIALS_FILE", os.devnull)
+    monkeypatch.setenv("AWS_EC2_METADATA_DISABLED", "true")
+    store_server.make_bucket()
+    return store_server

@@ -11,6 +11,7 @@ import pytest
     [
         ("simbev_ros.cli.main", {"numpy", "rclpy", "pydantic", "simbev_ros.cli.run"}),
         ("simbev_ros.dataset.plan", {"pyarrow", "rosbags", "simbev_ros.dataset.frame"}),
+        ("simbev_ros.recording.reader", {"pyarrow"}),
         ("simbev_ros.production.play", {"pyarrow", "simbev_ros.dataset.frame", "simbev_ros.evaluation"}),
         ("simbev_ros.nodes.lidar_node", {"moderngl", "libsumo", "scipy.interpolate", "simbev_ros.maps.builder"}),
         ("simbev_ros.nodes.camera_node", {"open3d", "libsumo", "scipy.interpolate", "simbev_ros.assets.regions.build"}),

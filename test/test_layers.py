@@ -37,6 +37,7 @@ FLOORS = [
     {"world", "render", "raycast"},
     {"sensors"},
     {"annotation"},
+    {"object_store"},
     {"recording"},
     {"dataset"},
     {"export", "viz", "evaluation"},

@@ -14,6 +14,7 @@ from rich.text import Text
 from simbev_ros.cli.console import counting_bar, format_size, make_console, percent_bar, table_console
 from simbev_ros.cli.output_file import require_place
 from simbev_ros.errors import BagError
+from simbev_ros.object_store.object_path import AnyPath, ObjectPath, path_or_url
 from simbev_ros.recording.layout import PARTIAL_SUFFIX, finished_scenes, is_dataset, is_scene, scenes_of
 from simbev_ros.recording.whole_files import write_errors
 from simbev_ros.scene.ending import DURATION
@@ -26,7 +27,10 @@ _SHORT = 16
 
 
 def info(
-    path: Annotated[Path, typer.Argument(help="A scene's bag, its .mcap file, or a dataset.")],
+    path: Annotated[
+        str,
+        typer.Argument(help="A scene's bag, its .mcap file, or a dataset; also as s3://bucket/prefix.", metavar="PATH"),
+    ],
     digest: Annotated[bool, typer.Option("--digest", help="One hash per topic over all payloads and stamps.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
     report: Annotated[
@@ -45,33 +49,42 @@ def info(
     simbev info out/demo/scenes/train/Blocks-0000 --digest
 
     simbev info datasets/first --report first.html
+
+    simbev info s3://bucket/datasets/first
     """
     if report is not None:
         require_place(report)
-    if is_dataset(path):
-        bags = scenes_of(path)
+    place = path_or_url(path)
+    if is_dataset(place):
+        bags = _bags_of(place)
         scenes = [_describe_any(bag, digest) for bag in bags]
-        facts: dict[str, Any] = {"path": str(path), "scenes": scenes}
+        facts: dict[str, Any] = {"path": str(place), "scenes": scenes}
         own = {str(bag) for bag in bags if is_scene(bag) or bag.name.endswith(PARTIAL_SUFFIX)}
         finished = sum(scene["state"] == "finished" and scene["path"] in own for scene in scenes)
-        additional = sum(map(len, finished_scenes(path).values()))
+        additional = sum(map(len, finished_scenes(place).values())) if isinstance(place, Path) else 0
         more = f", {additional} additional bags" if additional else ""
         parts: list[Text | Table] = [
-            Text.assemble((str(path), "bold"), f": {finished} of {len(own)} scenes finished{more}"),
+            Text.assemble((str(place), "bold"), f": {finished} of {len(own)} scenes finished{more}"),
             _scene_table(scenes, digest),
         ]
     else:
-        facts = _describe(path, digest)
+        facts = _describe(place, digest)
         parts = [_fact_table(facts), _topic_table(facts["topics"], digest)]
     if as_json:
         print(json.dumps(facts, indent=2))
     else:
         table_console().print(*parts, sep="\n")
     if report is not None:
-        _write_report(path, report, jobs or os.cpu_count() or 1)
+        _write_report(place, report, jobs or os.cpu_count() or 1)
 
 
-def _write_report(path: Path, report: Path, jobs: int) -> None:
+def _bags_of(dataset: AnyPath) -> Sequence[AnyPath]:
+    from simbev_ros.dataset.index import indexed_bags
+
+    return [*indexed_bags(dataset)] if isinstance(dataset, ObjectPath) else scenes_of(dataset)
+
+
+def _write_report(path: AnyPath, report: Path, jobs: int) -> None:
     """Write statistics of the finished scenes of a dataset, or of a bag."""
     from simbev_ros.dataset import open_dataset
     from simbev_ros.dataset.statistics import statistics_of
@@ -85,7 +98,7 @@ def _write_report(path: Path, report: Path, jobs: int) -> None:
     console.print(f"statistics in {report}", highlight=False)
 
 
-def _describe_any(bag: Path, digest: bool) -> dict[str, Any]:
+def _describe_any(bag: AnyPath, digest: bool) -> dict[str, Any]:
     """Facts of a bag in a dataset; if it cannot be read, only the reason."""
     try:
         return _describe(bag, digest)
@@ -93,7 +106,7 @@ def _describe_any(bag: Path, digest: bool) -> dict[str, Any]:
         return {"path": str(bag), "name": bag.name, "state": "damaged", "problems": [str(error)]}
 
 
-def _describe(path: Path, digest: bool) -> dict[str, Any]:
+def _describe(path: AnyPath, digest: bool) -> dict[str, Any]:
     from simbev_ros.recording.description import describe_bag
 
     with percent_bar(path.name, make_console(stderr=True), hidden=not digest) as bar:
@@ -166,7 +179,7 @@ def _scene_table(scenes: Sequence[dict[str, Any]], digest: bool) -> Table:
         where = Path(scene["path"])
         name = f"{where.parent.name}/{where.name}"
         if scene["state"] == "damaged":
-            problem = scene["problems"][0].removeprefix(str(where)).lstrip("/: ")
+            problem = scene["problems"][0].removeprefix(scene["path"]).lstrip("/: ")
             table.add_row(name, Text.assemble(("damaged", "red"), f": {problem}"))
             continue
         length = f"{scene['duration_s']:.2f} s"

@@ -3,6 +3,7 @@
 import errno
 import io
 import os
+import re
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from importlib import import_module
@@ -34,6 +35,9 @@ VERBS = {
     "export": "export.group:export",
 }
 """Module and function, or group, of each verb, below ``simbev_ros.cli``, in the order of the help."""
+_READ_URLS = ("info", "verify")
+"""Verbs that read datasets in object stores."""
+_URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://")
 _TRACEBACK_VARIABLE = "SIMBEV_TRACEBACK"
 _MAX_LENGTH = 300
 _EXHAUSTED = (*DISK_FULL, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.EIO)
@@ -69,12 +73,25 @@ class _LazyVerbs(Mapping[str, Any]):
         return len(VERBS)
 
 
+def _value(argument: str) -> str:
+    """The value in ``--option=value``, or the argument itself."""
+    return argument.partition("=")[2] if argument.startswith("--") else argument
+
+
 class _Verbs(TyperGroup):
     """The group of all verbs."""
 
     def __init__(self, **options: Any) -> None:
         super().__init__(**options)
         self.commands = _LazyVerbs()  # type: ignore[assignment]  # no command is ever added or removed
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Find the verb, and refuse URLs that it would take for the names of local files."""
+        name, command, rest = super().resolve_command(ctx, args)
+        url = next((each for each in map(_value, rest) if _URL.match(each)), None)
+        if url is not None and name not in _READ_URLS:
+            raise InputError(f"{url}: simbev {name} needs a local folder; {' and '.join(_READ_URLS)} read from URLs")
+        return name, command, rest
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Return the verbs' names without loading the verbs."""

@@ -2,10 +2,12 @@
 
 import json
 import os
-from collections.abc import Sequence
-from dataclasses import asdict
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Table
@@ -13,16 +15,24 @@ from rich.table import Table
 from simbev_ros.cli.console import counting_bar, make_console, plural
 from simbev_ros.errors import InputError
 from simbev_ros.input_file import path_exists
+from simbev_ros.object_store.object_path import AnyPath, ObjectPath, path_or_url
 from simbev_ros.recording.layout import is_dataset, scenes_of
 
 if TYPE_CHECKING:
     from simbev_ros.recording.verify import Fault
 
 _MAX_SHOWN = 200
+_Bag = tuple[AnyPath, dict[str, Any] | None]
+"""A bag, and its row of the index if it is in an object store."""
 
 
 def verify(
-    paths: Annotated[list[Path], typer.Argument(help="Scenes' bags, their .mcap files, or datasets.")],
+    paths: Annotated[
+        list[str],
+        typer.Argument(
+            help="Scenes' bags, their .mcap files, or datasets; also as s3://bucket/prefix.", metavar="PATHS"
+        ),
+    ],
     jobs: Annotated[int | None, typer.Option(help="Bags to read at once; default: number of cores.", min=1)] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
 ) -> None:
@@ -35,16 +45,21 @@ def verify(
     simbev verify out/demo
 
     simbev verify datasets/first datasets/second --json
-    """
-    from simbev_ros.dataset.check import dataset_faults
 
-    for path in paths:
-        if not path_exists(path):
+    simbev verify s3://bucket/datasets/first
+    """
+    from simbev_ros.dataset.check import dataset_faults, plan_faults
+
+    found = [path_or_url(path) for path in paths]
+    for path in found:
+        if isinstance(path, Path) and not path_exists(path):
             raise InputError(f"{path}: no such file or folder")
-    bags = [bag for path in paths for bag in (scenes_of(path) if is_dataset(path) else [path])]
+    datasets = [path for path in found if is_dataset(path)]
+    bags = [bag for path in found for bag in (_bags_of(path) if path in datasets else [(path, None)])]
     jobs = jobs or os.cpu_count() or 1
     faults = _faults(bags, jobs)
-    faults += [fault for path in paths if is_dataset(path) for fault in dataset_faults(path, jobs)]
+    for path in datasets:
+        faults += plan_faults(path) if isinstance(path, ObjectPath) else dataset_faults(path, jobs)
     if not bags and not faults:
         raise InputError(f"{', '.join(map(str, paths))}: there is no scene to verify")
     if as_json:
@@ -54,21 +69,48 @@ def verify(
     raise typer.Exit(1 if faults else 0)
 
 
-def _faults(bags: Sequence[Path], jobs: int) -> "list[Fault]":
-    """The faults of all bags, in the order of the bags, which are read in parallel."""
-    from simbev_ros.dataset.parallel import map_in_processes
+def _bags_of(dataset: AnyPath) -> list[_Bag]:
+    """Bags of a dataset; in an object store, with their rows of the index."""
+    from simbev_ros.dataset.index import indexed_bags
+
+    return (
+        [*indexed_bags(dataset).items()] if isinstance(dataset, ObjectPath) else [(b, None) for b in scenes_of(dataset)]
+    )
+
+
+def _verify(bag: _Bag, temporary: Path | None) -> "list[Fault]":
+    from simbev_ros.dataset.fetched_check import verify_fetched_bag
     from simbev_ros.recording.verify import verify_bag
 
+    path, row = bag
+    return verify_fetched_bag(path, row, temporary) if isinstance(path, ObjectPath) else verify_bag(path)
+
+
+def _faults(bags: Sequence[_Bag], jobs: int) -> "list[Fault]":
+    """The faults of all bags, in the order of the bags, which are read in parallel."""
+    from simbev_ros.dataset.parallel import map_in_processes
+
     faults: list[Fault] = []
-    with counting_bar("bags", make_console(stderr=True), len(bags)) as bar:
-        for found in map_in_processes(verify_bag, bags, min(jobs, max(len(bags), 1))):
+    with _temporary_folder(bags) as folder, counting_bar("bags", make_console(stderr=True), len(bags)) as bar:
+        verify_one = partial(_verify, temporary=folder)
+        for found in map_in_processes(verify_one, bags, min(jobs, max(len(bags), 1))):
             faults += found
             bar.advance()
     return faults
 
 
+@contextmanager
+def _temporary_folder(bags: Sequence[_Bag]) -> Iterator[Path | None]:
+    """A folder for downloads, which outlives interrupted processes; None if all bags are local."""
+    if not any(isinstance(path, ObjectPath) for path, _ in bags):
+        yield None
+        return
+    with tempfile.TemporaryDirectory(prefix="simbev_verify_", ignore_cleanup_errors=True) as folder:
+        yield Path(folder)
+
+
 def _plain(fault: "Fault") -> dict[str, str]:
-    return {name: str(value) for name, value in asdict(fault).items()}
+    return {"bag": str(fault.bag), "place": fault.place, "problem": fault.problem}
 
 
 def _print(bags: int, faults: "Sequence[Fault]") -> None:

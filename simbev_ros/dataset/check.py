@@ -4,12 +4,15 @@ from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
-from simbev_ros.dataset.index import INDEX_FILE, Row, index_row, read_index, sha256_of
+from simbev_ros.dataset.index import read_index
+from simbev_ros.dataset.index_row import Row, index_row, sha256_of
 from simbev_ros.dataset.parallel import map_in_processes
 from simbev_ros.dataset.plan import PLAN_FILE, Plan
 from simbev_ros.dataset.staging import staging_of
 from simbev_ros.errors import BagError, InputError
-from simbev_ros.recording.layout import is_scene, mcap_files, scenes_of
+from simbev_ros.object_store.connection import StoreError
+from simbev_ros.object_store.object_path import AnyPath
+from simbev_ros.recording.layout import INDEX_FILE, is_scene, mcap_files, scenes_of
 from simbev_ros.recording.verify import Fault
 
 _NOT_FROM_BAG = ("simbev_ros",)
@@ -26,17 +29,13 @@ def dataset_faults(dataset: Path, jobs: int = 1) -> list[Fault]:
         jobs: Number of processes that read bags.
     """
     bags = [bag for bag in scenes_of(dataset) if is_scene(bag)]
-    plan_file = dataset / PLAN_FILE
     empty = sorted(bag for bag in dataset.glob("scenes/*/*") if is_scene(bag) and bag.is_dir() and bag not in bags)
     faults = [Fault(bag, "", "there is no .mcap file in it") for bag in empty]
     if staging_of(dataset).exists():
         faults.append(Fault(dataset, staging_of(dataset).name, "a scene was interrupted; generate records it again"))
-    try:
-        Plan.load(dataset)
-    except InputError as error:
-        faults.append(Fault(dataset, PLAN_FILE, str(error).removeprefix(f"{plan_file}: ")))
+    faults += plan_faults(dataset)
     if not (dataset / INDEX_FILE).exists():
-        if bags and plan_file.exists():
+        if bags and (dataset / PLAN_FILE).exists():
             faults.append(Fault(dataset, INDEX_FILE, "it is missing; generate rebuilds it"))
         return faults
     try:
@@ -44,18 +43,29 @@ def dataset_faults(dataset: Path, jobs: int = 1) -> list[Fault]:
     except InputError as error:
         return [*faults, Fault(dataset, INDEX_FILE, str(error).removeprefix(f"{dataset / INDEX_FILE}: "))]
     indexed = {bag: row for bag, row in rows.items() if bag not in empty}
-    row_faults = map_in_processes(partial(_row_faults, dataset), indexed.values(), min(jobs, max(len(indexed), 1)))
-    faults += [Fault(bag, *fault) for bag, each in zip(indexed, row_faults, strict=True) for fault in each]
+    found = map_in_processes(partial(row_faults, dataset), indexed.values(), min(jobs, max(len(indexed), 1)))
+    faults += [Fault(bag, *fault) for bag, each in zip(indexed, found, strict=True) for fault in each]
     faults += [Fault(bag, INDEX_FILE, "the index does not list this scene") for bag in bags if bag not in rows]
     return faults
 
 
-def _row_faults(dataset: Path, row: Row) -> list[tuple[str, str]]:
+def plan_faults(dataset: AnyPath) -> list[Fault]:
+    """Faults of a dataset's plan. Raises StoreError if an object store does not give it out."""
+    try:
+        Plan.load(dataset)
+    except StoreError:
+        raise
+    except InputError as error:
+        return [Fault(dataset, PLAN_FILE, str(error).removeprefix(f"{dataset / PLAN_FILE}: "))]
+    return []
+
+
+def row_faults(dataset: Path, row: Row) -> list[tuple[str, str]]:
+    """Place and problem of each difference between a row of the index and the bag that it describes."""
     return list(_differences(dataset, row))
 
 
 def _differences(dataset: Path, row: Row) -> Iterator[tuple[str, str]]:
-    """Place and problem of each difference between a row of the index and the bag that it describes."""
     bag = dataset / row["path"]
     if not bag.exists():
         yield "", "the index lists this scene, but its bag is missing"

@@ -3,7 +3,6 @@
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from simbev_ros.dataset.calibration import Calibration, calibrations
 from simbev_ros.dataset.values import decode_message, value_of
 from simbev_ros.errors import BagError
 from simbev_ros.limits import MAX_SCENE_TICKS
+from simbev_ros.object_store.object_path import AnyPath
 from simbev_ros.recording.indexed_bag import IndexedBag, IndexedTopic
 from simbev_ros.recording.layout import SCENE_ATTACHMENT, TRAJECTORIES_ATTACHMENT
 from simbev_ros.recording.mcap.chunk_cache import ChunkCache
@@ -95,7 +95,7 @@ class Content:
 
     @classmethod
     def from_bags(
-        cls, path: Path, additional: Mapping[str, Path], cache: ChunkCache, *, may_be_cut_off: bool = False
+        cls, path: AnyPath, additional: Mapping[str, AnyPath], cache: ChunkCache, *, may_be_cut_off: bool = False
     ) -> "Content":
         """Open a scene's bag, and additional bags by label.
 
@@ -129,14 +129,14 @@ class Content:
         return cls(bag, repeated, constants, calibration, stamps_ns, spec.tick_ns)
 
 
-def _open(path: Path, cache: ChunkCache, may_be_cut_off: bool) -> IndexedBag:
+def _open(path: AnyPath, cache: ChunkCache, may_be_cut_off: bool) -> IndexedBag:
     bag = IndexedBag(path, cache)
     if not (bag.closed or may_be_cut_off):
         raise BagError(f"{path}: it was cut off; simbev repair saves what is in it")
     return bag
 
 
-def read_tracks(path: Path) -> Tracks:
+def read_tracks(path: AnyPath) -> Tracks:
     """Read the tracks of a bag's actors.
 
     Raises:

@@ -9,7 +9,8 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from simbev_ros.dataset.index import Row, index_table, save_index
+from simbev_ros.dataset.index import index_table, save_index
+from simbev_ros.dataset.index_row import Row
 
 _GROWTH = 20
 """Inverse of the fraction of new rows at which the index is written."""

@@ -8,9 +8,10 @@ import numpy as np
 
 from simbev_ros.config.scenario import SPLITS
 from simbev_ros.dataset.frame import Frame
-from simbev_ros.dataset.index import read_index
+from simbev_ros.dataset.index import indexed_bags, read_index
 from simbev_ros.dataset.scene import Scene
 from simbev_ros.errors import InputError
+from simbev_ros.object_store.object_path import AnyPath, ObjectPath, path_or_url
 from simbev_ros.recording.indexed_bag import IndexedBag
 from simbev_ros.recording.layout import bytes_of, finished_scenes, is_dataset, locate_mcap
 from simbev_ros.recording.mcap.chunk_cache import ChunkCache
@@ -27,7 +28,7 @@ class Dataset:
         scenes: The scenes by ascending number.
     """
 
-    def __init__(self, path: Path, scenes: Sequence[Scene]) -> None:
+    def __init__(self, path: AnyPath, scenes: Sequence[Scene]) -> None:
         self.path, self.scenes = path, tuple(scenes)
 
     def scene(self, name: str) -> Scene:
@@ -109,23 +110,27 @@ def open_bag(path: Path, *, cache_bytes: int = CACHE_BYTES) -> IndexedBag:
     return IndexedBag(path, ChunkCache(cache_bytes))
 
 
-def open_dataset(path: Path | str, *, cache_bytes: int = CACHE_BYTES, threads: int | None = None) -> Dataset:
+def open_dataset(path: AnyPath | str, *, cache_bytes: int = CACHE_BYTES, threads: int | None = None) -> Dataset:
     """Open a dataset, or one bag, even if the bag is unfinished or cut off.
 
     Args:
-        path: A dataset's folder, a bag's folder, or an MCAP file. A dataset is opened with all its finished scenes;
-            reading a scene that was cut off afterwards raises BagError.
+        path: A dataset's folder, a bag's folder, or an MCAP file; also as a URL, ``s3://bucket/prefix``. A dataset is
+            opened with all its finished scenes, in an object store with all that are in its index; reading a scene
+            that was cut off afterwards raises BagError.
         cache_bytes: Size of the cache of decompressed chunks, in each process.
         threads: Number of threads that decode in ``Frame.load``; None: one for each core.
 
     Raises:
-        InputError: The dataset's index is damaged.
+        InputError: The dataset's index is damaged, or the object store cannot be reached or refuses access.
         BagError: There is no dataset and no bag at this path, or the bag cannot be read.
     """
-    path, cache = Path(path), ChunkCache(cache_bytes)
+    path, cache = path_or_url(path), ChunkCache(cache_bytes)
     if not is_dataset(path):
         locate_mcap(path)
         return Dataset(path, [Scene(path, cache, threads=threads, may_be_cut_off=True)])
+    if isinstance(path, ObjectPath):
+        indexed = sorted(indexed_bags(path).items(), key=lambda item: (item[1]["number"], item[0]))
+        return Dataset(path, [Scene(bag, cache, None, row, threads) for bag, row in indexed])
     rows = {row["path"]: row for row in read_index(path)}
     bags = sorted(finished_scenes(path).items(), key=lambda item: (int(item[0].name.rpartition("-")[2]), item[0]))
     return Dataset(

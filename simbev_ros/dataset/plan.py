@@ -21,6 +21,7 @@ from simbev_ros.errors import InputError
 from simbev_ros.input_file import path_exists, read_small_file
 from simbev_ros.limits import MAX_SCENE_NUMBER
 from simbev_ros.maps.source import map_spec
+from simbev_ros.object_store.object_path import AnyPath, ObjectPath
 from simbev_ros.recording.layout import SCENES_FOLDER, scene_folder
 from simbev_ros.recording.whole_files import write_errors, write_whole
 
@@ -49,15 +50,15 @@ class Plan(Model):
     scenes: tuple[PlannedEntry, ...] = ()
 
     @classmethod
-    def load(cls, dataset: Path) -> Self:
+    def load(cls, dataset: AnyPath) -> Self:
         """Load the plan of a dataset, an empty one if there is none, and add recorded scenes that are not in it.
 
         Raises:
             InputError: The file is damaged, or cannot be read.
         """
-        path = path_inside(dataset, PLAN_FILE)
+        path, content = _read_plan(dataset)
         try:
-            plan = cls.model_validate_json(read_small_file(path, _MAX_BYTES)) if path_exists(path) else cls()
+            plan = cls() if content is None else cls.model_validate_json(content)
         except ValidationError as error:
             raise InputError(f"{path}: {first_problem(error)}") from None
         known = {entry.number for entry in plan.scenes}
@@ -143,8 +144,25 @@ def bag_of(dataset: Path, entry: PlannedEntry) -> Path:
     return scene_folder(dataset, entry.split, entry.name)
 
 
-def _recorded_entries(dataset: Path) -> Iterator[PlannedEntry]:
-    """Yield the scenes that have finished bags."""
+def _read_plan(dataset: AnyPath) -> tuple[AnyPath, bytes | None]:
+    """Path of a dataset's plan, and its content; None if there is no plan."""
+    if isinstance(dataset, ObjectPath):
+        try:
+            return dataset / PLAN_FILE, (dataset / PLAN_FILE).read_bytes(_MAX_BYTES)
+        except FileNotFoundError:
+            return dataset / PLAN_FILE, None
+    path = path_inside(dataset, PLAN_FILE)
+    return path, read_small_file(path, _MAX_BYTES) if path_exists(path) else None
+
+
+def _recorded_entries(dataset: AnyPath) -> Iterator[PlannedEntry]:
+    """Yield the scenes that have finished bags; in an object store, those in the index."""
+    if isinstance(dataset, ObjectPath):
+        from simbev_ros.dataset.index import read_index
+
+        for row in read_index(dataset):
+            yield PlannedEntry(number=row["number"], map=row["map"], split=row["split"])
+        return
     refuse_links_out(dataset, SCENES_FOLDER)
     for split in SPLITS:
         for folder in sorted((dataset / SCENES_FOLDER / split).glob("*")):

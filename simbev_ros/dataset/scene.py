@@ -2,7 +2,6 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from functools import cached_property, partial
-from pathlib import Path
 from typing import Any, overload
 
 import numpy as np
@@ -11,6 +10,7 @@ from simbev_ros.annotation.trajectories import Tracks
 from simbev_ros.dataset.calibration import Calibration
 from simbev_ros.dataset.content import Content, Source, read_spec, read_tracks
 from simbev_ros.dataset.frame import Frame
+from simbev_ros.object_store.object_path import AnyPath
 from simbev_ros.recording.mcap.chunk_cache import ChunkCache
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.weather import Weather
@@ -30,9 +30,9 @@ class Scene(Sequence[Frame]):
 
     def __init__(
         self,
-        path: Path,
+        path: AnyPath,
         cache: ChunkCache,
-        additional: Mapping[str, Path] | None = None,
+        additional: Mapping[str, AnyPath] | None = None,
         row: Mapping[str, Any] | None = None,
         threads: int | None = None,
         *,

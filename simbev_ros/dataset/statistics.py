@@ -6,7 +6,6 @@ Batches of frames are read in parallel processes; in a large dataset only every 
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from simbev_ros.dataset import Dataset, Scene, open_dataset
 from simbev_ros.dataset.parallel import map_in_processes
 from simbev_ros.dataset.tallies import Tally
 from simbev_ros.errors import InputError
+from simbev_ros.object_store.object_path import AnyPath
 from simbev_ros.recording.layout import bytes_of
 from simbev_ros.scene.weather import Weather
 from simbev_ros.types import Float64Array, Int64Array
@@ -70,7 +70,7 @@ class Statistics:
         visited: By map, (K, 2) indices of cells with side ``tallies.CELL_M`` that actors visited.
     """
 
-    path: Path
+    path: AnyPath
     scenes: tuple[SceneFacts, ...]
     every: int
     tally: Tally
@@ -88,8 +88,8 @@ class _Batch:
         ticks: Ticks of the frames.
     """
 
-    dataset: Path
-    scene: Path
+    dataset: AnyPath
+    scene: AnyPath
     first: int
     ticks: range
 
@@ -141,7 +141,7 @@ def _tally_batch(batch: _Batch) -> Tally:
 
 
 @lru_cache(maxsize=1)
-def _open(path: Path) -> Dataset:
+def _open(path: AnyPath) -> Dataset:
     return open_dataset(path, threads=1)
 
 

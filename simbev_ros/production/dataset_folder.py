@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from simbev_ros.dataset.growing_index import GrowingIndex
-from simbev_ros.dataset.index import Row, update_index
+from simbev_ros.dataset.index import update_index
+from simbev_ros.dataset.index_row import Row
 from simbev_ros.dataset.plan import PlannedEntry, bag_of
 from simbev_ros.dataset.staging import move_into_dataset, staging_of
 from simbev_ros.production.scene_log import Attempt, write_scene_log

@@ -13,7 +13,7 @@ from typing import Protocol
 
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.dataset.index import Row, index_row
+from simbev_ros.dataset.index_row import Row, index_row
 from simbev_ros.dataset.plan import PlannedEntry, bag_of
 from simbev_ros.errors import SimbevError
 from simbev_ros.graph.session import GraphSession

@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Callable, Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.radar import Radar
 from simbev_ros.config.rig import SENSOR_KINDS, Rig
+from simbev_ros.object_store.object_path import AnyPath
 from simbev_ros.recording.digest import scene_digest, topic_digests
 from simbev_ros.recording.layout import bytes_of
 from simbev_ros.recording.reader import SceneBag, Topic
@@ -21,7 +21,9 @@ _ABBREVIATIONS = {"gnss": "GNSS", "imu": "IMU"}
 """Spelling in prose of the sensor kinds whose names are abbreviations."""
 
 
-def describe_bag(path: Path, *, digest: bool, progress: Callable[[int, int], None] = lambda *_: None) -> dict[str, Any]:
+def describe_bag(
+    path: AnyPath, *, digest: bool, progress: Callable[[int, int], None] = lambda *_: None
+) -> dict[str, Any]:
     """Describe a bag.
 
     Args:

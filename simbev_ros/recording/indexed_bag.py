@@ -4,13 +4,13 @@ import struct
 from collections import ChainMap
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from mcap.opcode import Opcode
 from mcap.records import Channel
 
 from simbev_ros.errors import BagError
+from simbev_ros.object_store.object_path import AnyPath
 from simbev_ros.recording.layout import SCENE_ATTACHMENT, mcap_files, read_errors
 from simbev_ros.recording.mcap.chunk_cache import ChunkCache
 from simbev_ros.recording.mcap.chunks import MESSAGE_HEAD, RECORD_HEAD
@@ -64,12 +64,13 @@ class IndexedBag:
         BagError: There is no bag at this path, or it is damaged.
     """
 
-    def __init__(self, path: Path, cache: ChunkCache) -> None:
+    def __init__(self, path: AnyPath, cache: ChunkCache) -> None:
         self.files = mcap_files(path)
         self.file, self._cache = self.files[0], cache
         self.name = self.file.stem.removesuffix("_0")
         indexes = [_index_of(file) for file in self.files]
         self.closed = all(index.closed for index in indexes)
+        self._chunk_lengths = [{chunk.offset: chunk.length for chunk in index.chunks} for index in indexes]
         attached = ChainMap(*(index.attachments for index in indexes))
         self._scene = {name: data for name, data in attached.items() if name == SCENE_ATTACHMENT}
         parts: dict[str, list[tuple[int, McapIndex, Channel]]] = {}
@@ -93,7 +94,7 @@ class IndexedBag:
             BagError: The chunk or the index is damaged.
         """
         stamp_ns, number, chunk_offset, message_offset = location.tolist()
-        chunk = self._cache.chunk(self.files[number], chunk_offset)
+        chunk = self._cache.chunk(self.files[number], chunk_offset, self._chunk_lengths[number][chunk_offset])
         try:
             opcode, length = RECORD_HEAD.unpack_from(chunk, message_offset)
             start = message_offset + RECORD_HEAD.size
@@ -105,9 +106,9 @@ class IndexedBag:
         return memoryview(chunk)[start + MESSAGE_HEAD.size : start + length]
 
 
-def _index_of(file: Path) -> McapIndex:
+def _index_of(file: AnyPath) -> McapIndex:
     with read_errors(file), file.open("rb") as stream:
-        return read_mcap_index(stream, str(file))
+        return read_mcap_index(stream, str(file), [SCENE_ATTACHMENT])
 
 
 def _topic(name: str, parts: Sequence[tuple[int, McapIndex, Channel]]) -> IndexedTopic:

@@ -2,14 +2,17 @@
 
 import glob
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any, overload
 
 from simbev_ros.confined_paths import path_inside, refuse_links_out
 from simbev_ros.errors import BagError, InputError
 from simbev_ros.input_file import is_folder, path_exists
+from simbev_ros.object_store.object_path import AnyPath, ObjectPath, require_bucket
 
+INDEX_FILE = "index.parquet"
 SCENES_FOLDER = "scenes"
 PARTIAL_SUFFIX = ".partial"
 SCENE_ATTACHMENT = "scene.json"
@@ -41,7 +44,11 @@ def mcap_in(bag: Path, name: str, number: int = 0) -> Path:
     return bag / f"{name}_{number}.mcap"
 
 
-def locate_mcap(path: Path) -> Path:
+@overload
+def locate_mcap(path: Path) -> Path: ...
+@overload
+def locate_mcap(path: ObjectPath) -> ObjectPath: ...
+def locate_mcap(path: AnyPath) -> AnyPath:
     """First MCAP file of a bag, given by its folder or by an MCAP file.
 
     Raises:
@@ -50,41 +57,67 @@ def locate_mcap(path: Path) -> Path:
     return mcap_files(path)[0]
 
 
-def mcap_files(path: Path) -> list[Path]:
+@overload
+def mcap_files(path: Path) -> list[Path]: ...
+@overload
+def mcap_files(path: ObjectPath) -> list[ObjectPath]: ...
+def mcap_files(path: AnyPath) -> list[Any]:
     """MCAP files of a bag in order, given by its folder or by an MCAP file.
 
     Raises:
         BagError: There is nothing at this path, or not the files of one bag.
     """
-    files = numbered_files(path)
-    missing = [mcap_in(path, _stem(files), number).name for number in range(max(files)) if number not in files]
+    files: dict[int, Any] = numbered_files(path)
+    missing = [f"{_stem(files)}_{number}.mcap" for number in range(max(files)) if number not in files]
     if missing:
         raise BagError(f"{path}: {', '.join(missing)} is missing")
     return [file for number, file in sorted(files.items()) if number == 0 or file.stat().st_size]
 
 
-def numbered_files(path: Path) -> dict[int, Path]:
+@overload
+def numbered_files(path: Path) -> dict[int, Path]: ...
+@overload
+def numbered_files(path: ObjectPath) -> dict[int, ObjectPath]: ...
+def numbered_files(path: AnyPath) -> dict[int, Any]:
     """MCAP files of a bag by number; numbers may be missing.
 
     Raises:
         BagError: There is nothing at this path, or not the files of one bag.
         InputError: A file of the bag is a link that leads out of it.
     """
+    if isinstance(path, ObjectPath):
+        return {0: path} if path.suffix == ".mcap" else _numbered(path, _objects_in(path))
     if not path_exists(path):
         raise BagError(f"{path}: no such file or folder")
-    found = [path] if path.is_file() else [file for file in path.glob("*.mcap") if file.is_file()]
-    for name in [METADATA_FILE, *(file.name for file in found)] if path.is_dir() else ():
+    if path.is_file():
+        return {0: path}
+    found = [file for file in path.glob("*.mcap") if file.is_file()]
+    for name in (METADATA_FILE, *(file.name for file in found)):
         refuse_links_out(path, name)
-    if len(found) == 1 and (path.is_file() or not _NUMBERED.fullmatch(found[0].name)):
+    return _numbered(path, found)
+
+
+def _objects_in(bag: ObjectPath) -> list[ObjectPath]:
+    """MCAP files in a folder of an object store. Raises BagError or StoreError if there is nothing."""
+    found = list(bag.iterdir())
+    if not found:
+        require_bucket(bag)
+        raise BagError(f"{bag}: there is no dataset and no bag: no {INDEX_FILE}, no .mcap file")
+    return [file for file in found if file.suffix == ".mcap"]
+
+
+def _numbered(folder: AnyPath, found: Sequence[AnyPath]) -> dict[int, AnyPath]:
+    """MCAP files in a bag's folder by number. Raises BagError if they are not those of one bag."""
+    if len(found) == 1 and not _NUMBERED.fullmatch(found[0].name):
         return {0: found[0]}
-    files = {int(match[2]): path / match[0] for match in (_NUMBERED.fullmatch(file.name) for file in found) if match}
+    files = {int(match[2]): file for file in found if (match := _NUMBERED.fullmatch(file.name))}
     if not found or len(files) != len(found) or len({_stem({0: file}) for file in files.values()}) != 1:
         more = ", which are not parts of one" if found else ""
-        raise BagError(f"{path}: a scene's bag holds one .mcap file, this folder holds {len(found)}{more}")
+        raise BagError(f"{folder}: a scene's bag holds one .mcap file, this folder holds {len(found)}{more}")
     return files
 
 
-def _stem(files: Mapping[int, Path]) -> str:
+def _stem(files: Mapping[int, AnyPath]) -> str:
     """Name of the scene, from the names of its files."""
     return next(iter(files.values())).stem.rpartition("_")[0]
 
@@ -92,7 +125,7 @@ def _stem(files: Mapping[int, Path]) -> str:
 _NUMBERED = re.compile(r"(.+)_(\d+)\.mcap")
 
 
-def bytes_of(bag: Path) -> int:
+def bytes_of(bag: AnyPath) -> int:
     """Total size of a bag's MCAP files in bytes.
 
     Raises:
@@ -102,7 +135,7 @@ def bytes_of(bag: Path) -> int:
 
 
 @contextmanager
-def read_errors(bag: Path) -> Iterator[None]:
+def read_errors(bag: AnyPath) -> Iterator[None]:
     """Turn errors of the operating system while a bag is read into ``BagError``.
 
     Raises:
@@ -158,13 +191,15 @@ def _is_additional(path: Path) -> bool:
     return _LABEL.fullmatch(path.suffix[1:]) is not None and path.suffix not in _SUFFIXES
 
 
-def is_scene(bag: Path) -> bool:
+def is_scene(bag: AnyPath) -> bool:
     """Whether a folder is the finished own bag of a scene, neither an additional nor an unfinished one."""
     return _SCENE.fullmatch(bag.name) is not None
 
 
-def is_dataset(path: Path) -> bool:
-    """Whether a path is a dataset's folder."""
+def is_dataset(path: AnyPath) -> bool:
+    """Whether a path is a dataset's folder; in an object store, the index makes it one."""
+    if isinstance(path, ObjectPath):
+        return path.suffix != ".mcap" and (path / INDEX_FILE).is_file()
     return is_folder(scenes_folder(path))
 
 

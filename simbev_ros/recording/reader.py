@@ -5,7 +5,6 @@ from collections import ChainMap
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
-from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO, NamedTuple, Self
 
@@ -19,6 +18,7 @@ from rosbags.typesys import Stores, get_typestore
 from simbev_ros.config.base import first_problem
 from simbev_ros.errors import BagError
 from simbev_ros.limits import MAX_SCENE_TICKS
+from simbev_ros.object_store.object_path import AnyPath, ObjectPath
 from simbev_ros.recording.layout import PARTIAL_SUFFIX, SCENE_ATTACHMENT, mcap_files, read_errors
 from simbev_ros.recording.mcap.chunks import message_at, read_chunk, records_in
 from simbev_ros.recording.mcap.mcap_index import DAMAGE, McapIndex, read_mcap_index
@@ -81,7 +81,7 @@ class SceneBag:
         BagError: There is no bag at this path, or it is damaged.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: AnyPath) -> None:
         self.path = path
         files = mcap_files(path)
         self.name = files[0].stem.removesuffix("_0")
@@ -90,7 +90,7 @@ class SceneBag:
             self._parts = [_Part(stream, read_mcap_index(stream, str(stream.name))) for stream in streams]
             indexes = [part.index for part in self._parts]
             self.closed = all(index.closed for index in indexes)
-            self.finished = self.closed and not files[0].resolve().parent.name.endswith(PARTIAL_SUFFIX)
+            self.finished = self.closed and not _folder_name(files[0]).endswith(PARTIAL_SUFFIX)
             self.attachments: Mapping[str, bytes] = ChainMap(*(index.attachments for index in indexes))
             self.custom_data = _custom_data(indexes[-1].metadata, path)
             self.topics = {topic.name: topic for topic in sorted(self._topics(), key=lambda topic: topic.name)}
@@ -169,16 +169,16 @@ class SceneBag:
         last_ns = 1 << 64 if to_ns is None else to_ns
         wanted = [part.channels_of(topics) for part in self._parts]
         chunks = [
-            (chunk.start_ns, number, chunk.offset)
+            (chunk.start_ns, number, chunk.offset, chunk.length)
             for number, (part, ids) in enumerate(zip(self._parts, wanted, strict=True))
             for chunk in part.index.chunks
             if chunk.channel_ids & ids and chunk.end_ns >= first_ns and chunk.start_ns <= last_ns
         ]
         waiting: list[tuple[int, int, int, int, Message]] = []
-        for start_ns, number, offset in sorted(chunks):
+        for start_ns, number, offset, length in sorted(chunks):
             while waiting and waiting[0][0] < start_ns:
                 yield self._raw_message(heapq.heappop(waiting))
-            for position, message in enumerate(self._chunk_messages(number, offset)):
+            for position, message in enumerate(self._chunk_messages(number, offset, length)):
                 if message.channel_id in wanted[number] and first_ns <= message.log_time <= last_ns:
                     heapq.heappush(waiting, (message.log_time, number, offset, position, message))
         while waiting:
@@ -215,10 +215,10 @@ class SceneBag:
             stamps_ns = np.concatenate([index.locations[i].table()[:, 0] for index, i in found])
             yield Topic(name, _type_name(index, channel), channel.metadata.get("topic_type_hash", ""), stamps_ns)
 
-    def _chunk_messages(self, number: int, offset: int) -> list[Message]:
+    def _chunk_messages(self, number: int, offset: int, length: int) -> list[Message]:
         """Messages of the chunk at an offset of a file, in the order of the chunk."""
         try:
-            data = read_chunk(self._parts[number].stream, offset)
+            data = read_chunk(self._parts[number].stream, offset, length)
             return [message_at(data, start, end) for opcode, start, end in records_in(data) if opcode == Opcode.MESSAGE]
         except DAMAGE as error:
             raise BagError(f"{self._parts[number].stream.name}: damaged chunk at byte {offset}: {error}") from None
@@ -230,13 +230,18 @@ class SceneBag:
         return RawMessage(channel.topic, message.log_time, _type_name(index, channel), message.data)
 
 
+def _folder_name(file: AnyPath) -> str:
+    """Name of the folder of a file."""
+    return file.parent.name if isinstance(file, ObjectPath) else file.resolve().parent.name
+
+
 def _type_name(index: McapIndex, channel: Channel) -> str:
     """Type of a channel's messages; empty if the file lacks its schema."""
     schema = index.schemas.get(channel.schema_id)
     return schema.name if schema else ""
 
 
-def attached_spec(attachments: Mapping[str, bytes], path: Path) -> SceneSpec | None:
+def attached_spec(attachments: Mapping[str, bytes], path: AnyPath) -> SceneSpec | None:
     """Parse the scene specification among the attachments of the bag at ``path``; None if it is not attached.
 
     Raises:
@@ -259,7 +264,7 @@ def parse_counts(text: str) -> dict[str, int]:
     return counts
 
 
-def _custom_data(metadata: Mapping[str, Mapping[str, str]], path: Path) -> dict[str, str]:
+def _custom_data(metadata: Mapping[str, Mapping[str, str]], path: AnyPath) -> dict[str, str]:
     text = metadata.get("rosbag2", {}).get("serialized_metadata", "")
     try:
         return custom_data_in(parse_yaml(text) or {})

@@ -12,6 +12,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from simbev_ros.annotation.trajectories import tracks_from_npz
 from simbev_ros.errors import BagError
+from simbev_ros.object_store.object_path import AnyPath
 from simbev_ros.recording.layout import (
     METADATA_FILE,
     PARTIAL_SUFFIX,
@@ -37,7 +38,7 @@ class Fault:
         problem: Description of the problem.
     """
 
-    bag: Path
+    bag: AnyPath
     place: str
     problem: str
 

@@ -8,7 +8,8 @@ import recorded_scene as written
 
 from simbev_ros.dataset import growing_index
 from simbev_ros.dataset.growing_index import GrowingIndex
-from simbev_ros.dataset.index import Row, index_row, index_table, load_index, read_index, save_index, write_index
+from simbev_ros.dataset.index import index_table, load_index, read_index, save_index, write_index
+from simbev_ros.dataset.index_row import Row, index_row
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,8 @@ import recorded_scene as written
 from rosbags.highlevel import AnyReader
 
 from simbev_ros.dataset import Dataset, Frame, Scene, columns, open_dataset
-from simbev_ros.dataset.index import index_row, write_index
+from simbev_ros.dataset.index import write_index
+from simbev_ros.dataset.index_row import index_row
 from simbev_ros.errors import BagError, InputError
 from simbev_ros.recording.mcap import chunk_cache
 from simbev_ros.types import AnyArray
@@ -165,7 +166,7 @@ def test_random_access_equals_sequential_with_any_cache(path: Path) -> None:
 def test_chunks_are_decompressed_once_in_order_and_only_if_needed(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     offsets: list[int] = []
     original = chunk_cache.read_chunk
-    monkeypatch.setattr(chunk_cache, "read_chunk", lambda s, offset: (offsets.append(offset), original(s, offset))[1])
+    monkeypatch.setattr(chunk_cache, "read_chunk", lambda s, *at: (offsets.append(at[0]), original(s, *at))[1])
     for frame in (scene := open_dataset(path).scenes[0]):
         frame.load()
     every = {int(offset) for source in scene.sources.values() for offset in source.topic.locations[:, -2]}

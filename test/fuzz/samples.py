@@ -27,7 +27,8 @@ from mcap.writer import CompressionType, Writer
 from targets import KEY, MESSAGE_TYPES, STAMPS_NS, TARGETS
 
 from simbev_ros.annotation.trajectories import TrackRecorder, tracks_to_npz
-from simbev_ros.dataset.index import INDEX_FILE, index_row, write_index
+from simbev_ros.dataset.index import INDEX_FILE, write_index
+from simbev_ros.dataset.index_row import index_row
 from simbev_ros.dataset.plan import Plan, PlannedEntry
 from simbev_ros.maps.sumo.netconvert import sumo_home
 from simbev_ros.msgs.signing import Signer, signed_json

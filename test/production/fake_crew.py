@@ -6,7 +6,7 @@ from typing import Self
 
 from made_up_scene import made_up_scene
 
-from simbev_ros.dataset.index import index_row
+from simbev_ros.dataset.index_row import index_row
 from simbev_ros.dataset.plan import PlannedEntry, bag_of
 from simbev_ros.production.scene_cost import SceneCost
 from simbev_ros.production.scene_maker import FailedScene, MadeScene

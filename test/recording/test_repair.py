@@ -39,7 +39,7 @@ def chunk_ends(file: Path) -> list[tuple[int, int]]:
     ends, counted = [], 0
     with SceneBag(file) as bag:
         for chunk in summary.chunk_indexes:
-            counted += len(bag._chunk_messages(0, chunk.chunk_start_offset))
+            counted += len(bag._chunk_messages(0, chunk.chunk_start_offset, chunk.chunk_length))
             ends.append((chunk.chunk_start_offset + chunk.chunk_length, counted))
     return ends
 

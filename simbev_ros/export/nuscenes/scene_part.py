@@ -23,6 +23,7 @@ from simbev_ros.export.nuscenes.keyframes import complete_ticks, keyframe_by_tic
 from simbev_ros.export.nuscenes.sensor_files import encode_file
 from simbev_ros.export.nuscenes.taxonomy import Record, token
 from simbev_ros.export.parts import PARTS_FOLDER, Json, Part, fingerprint_of
+from simbev_ros.object_store.object_path import require_local
 from simbev_ros.recording.layout import bytes_of, mcap_files
 from simbev_ros.scene.weather import Weather
 from simbev_ros.types import Int64Array
@@ -83,9 +84,10 @@ def parts_of(dataset: Dataset, out: Path, *, keyframe_hz: float | None, sweeps: 
 
 def _fingerprint(scene: Scene) -> Json:
     """Fingerprint of a scene's bags; without additional ones it is that of earlier versions."""
-    newest_ns = max(file.stat().st_mtime_ns for file in mcap_files(scene.path))
-    own = {"bytes": bytes_of(scene.path), "mtime_ns": newest_ns}
-    additional = [fingerprint_of(bag) for bag in scene.additional.values()]
+    bag = require_local(scene.path)
+    newest_ns = max(file.stat().st_mtime_ns for file in mcap_files(bag))
+    own = {"bytes": bytes_of(bag), "mtime_ns": newest_ns}
+    additional = [fingerprint_of(require_local(each)) for each in scene.additional.values()]
     return {**own, "additional": additional} if additional else own
 
 

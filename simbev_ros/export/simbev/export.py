@@ -19,6 +19,7 @@ from simbev_ros.errors import InputError
 from simbev_ros.export.parts import Json, Part, fingerprint_of, part_names
 from simbev_ros.export.simbev.channels import channels, left_out
 from simbev_ros.export.simbev.infos import frame_info, metadata, scene_info
+from simbev_ros.object_store.object_path import require_local
 from simbev_ros.recording.layout import CONFIG_ATTACHMENT
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.recording.whole_files import write_errors, write_whole
@@ -61,7 +62,7 @@ def parts_of(dataset: Dataset, root: Path) -> list[FramesPart]:
         if metadata(scene) != metadata(dataset.scenes[0]):
             first = dataset.scenes[0].path
             raise InputError(f"{scene.path}: its sensors are not those of {first}, and the layout knows one rig")
-        bags = (scene.path, *scene.additional.values())
+        bags = map(require_local, (scene.path, *scene.additional.values()))
         source = " ".join([scene.name, scene.split, *map(fingerprint_of, bags)])
         for first_frame in range(0, len(scene), _FRAMES_PER_PART):
             count = min(_FRAMES_PER_PART, len(scene) - first_frame)
@@ -70,7 +71,7 @@ def parts_of(dataset: Dataset, root: Path) -> list[FramesPart]:
                 name=f"scene_{scene.number:04d}-{first_frame:06d}",
                 identity={"source": source, "count": count},
                 patterns=_patterns(scene.number, first_frame),
-                dataset=dataset.path,
+                dataset=require_local(dataset.path),
                 scene=scene.name,
                 number=scene.number,
                 first=first_frame,
@@ -174,7 +175,7 @@ def _write_config_and_log(dataset: Dataset, scene: Scene, root: Path) -> None:
         config = bag.attachments.get(CONFIG_ATTACHMENT)
     if config is not None:
         write_whole(root / "configs" / f"{name}.yaml", config)
-    log = path_inside(dataset.path, Path("logs", f"{scene.name}.log"))
+    log = path_inside(require_local(dataset.path), Path("logs", f"{scene.name}.log"))
     if log.is_file():
         write_whole(root / "logs" / f"{name}.log", log.read_bytes())
 

@@ -4,14 +4,14 @@ import os
 import threading
 from collections import OrderedDict
 from concurrent.futures import Future
-from pathlib import Path
 from typing import Any
 
 from simbev_ros.errors import BagError
+from simbev_ros.object_store.object_path import AnyPath, ObjectPath
 from simbev_ros.recording.mcap.chunks import read_chunk
 from simbev_ros.recording.mcap.mcap_index import DAMAGE
 
-_Key = tuple[Path, int]
+_Key = tuple[AnyPath, int]
 
 
 class ChunkCache:
@@ -28,8 +28,8 @@ class ChunkCache:
         self.limit_bytes = limit_bytes
         self._clear()
 
-    def chunk(self, file: Path, offset: int) -> bytes:
-        """Decompressed records of the chunk at an offset of an MCAP file.
+    def chunk(self, file: AnyPath, offset: int, length: int) -> bytes:
+        """Decompressed records of the chunk at an offset of an MCAP file; its length includes its header.
 
         Raises:
             BagError: The chunk is damaged or cannot be read.
@@ -44,12 +44,12 @@ class ChunkCache:
                 future = self._chunks[key] = Future()
             self._chunks.move_to_end(key)
         if is_mine:
-            self._fill(key, future)
+            self._fill(key, length, future)
         return future.result()
 
-    def _fill(self, key: _Key, future: Future[bytes]) -> None:
+    def _fill(self, key: _Key, length: int, future: Future[bytes]) -> None:
         try:
-            data = _read(*key)
+            data = _read(*key, length)
         except BaseException as error:
             with self._lock:
                 del self._chunks[key]
@@ -79,10 +79,10 @@ class ChunkCache:
         self._clear()
 
 
-def _read(file: Path, offset: int) -> bytes:
+def _read(file: AnyPath, offset: int, length: int) -> bytes:
     try:
-        with file.open("rb") as stream:
-            return read_chunk(stream, offset)
+        with file.open("rb", again=False) if isinstance(file, ObjectPath) else file.open("rb") as stream:
+            return read_chunk(stream, offset, length)
     except OSError as error:
         raise BagError(f"{file}: cannot be read: {error.strerror}") from None
     except DAMAGE as error:

@@ -29,14 +29,21 @@ _CHUNK_MARGIN_BYTES = 1 << 20
 """Maximum size of a chunk's header, and of what compression adds to data that cannot be compressed."""
 
 
-def read_chunk(stream: BinaryIO, offset: int) -> bytes:
-    """Read the records of the chunk at an offset of a file, decompressed. Raises one of ``mcap_index.DAMAGE``."""
+def read_chunk(stream: BinaryIO, offset: int, length: int) -> bytes:
+    """Read the records of a chunk, decompressed. Raises one of ``mcap_index.DAMAGE``.
+
+    Args:
+        stream: The file.
+        offset: Offset of the chunk in the file.
+        length: Length of the chunk with its header.
+    """
+    require_unpacked_size(length - _CHUNK_MARGIN_BYTES)
     stream.seek(offset)
-    opcode, length = RECORD_HEAD.unpack(stream.read(RECORD_HEAD.size))
+    record = stream.read(length)
+    opcode, content_length = RECORD_HEAD.unpack_from(record)
     if opcode != Opcode.CHUNK:
         raise ValueError("there is no chunk")
-    require_unpacked_size(length - _CHUNK_MARGIN_BYTES)
-    return unpack_chunk(memoryview(stream.read(length)))
+    return unpack_chunk(memoryview(record)[RECORD_HEAD.size :][:content_length])
 
 
 def unpack_chunk(content: memoryview) -> bytes:

@@ -3,7 +3,7 @@
 import io
 import struct
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
 from typing import BinaryIO, assert_never
 
@@ -11,7 +11,7 @@ import numpy as np
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.reader import make_reader
+from mcap.reader import SeekingReader
 from mcap.records import Attachment, Channel, ChunkIndex, Footer, Metadata, Schema, Statistics
 from mcap.summary import Summary
 from mcap.writer import MCAP0_MAGIC
@@ -20,6 +20,7 @@ from zstandard import ZstdError
 
 from simbev_ros.errors import BagError, LimitError
 from simbev_ros.limits import require_unpacked_size
+from simbev_ros.object_store.object_reader import ObjectReader, prefetched
 from simbev_ros.recording.mcap.chunks import MESSAGE_HEAD, RECORD_HEAD, read_chunk, records_in
 from simbev_ros.types import Int64Array
 
@@ -32,6 +33,9 @@ _INDEX_HEAD = struct.Struct("<BQHI")
 _ENTRY = struct.Struct("<QQ")
 """Log time and offset of a message in its chunk."""
 
+END_BYTES = 256 << 10
+"""Bytes at the end of an object that are read with one request; they contain the summary of most files."""
+
 CRC = struct.Struct("<I")
 FOOTER_BYTES = RECORD_HEAD.size + 20
 
@@ -41,9 +45,10 @@ _Description = Channel | Schema | Attachment | Metadata
 
 @dataclass(frozen=True, slots=True)
 class ChunkEntry:
-    """Index entry of a chunk: its offset in the file, time span and channels."""
+    """Index entry of a chunk: its offset in the file, length with its header, time span and channels."""
 
     offset: int
+    length: int
     start_ns: int
     end_ns: int
     channel_ids: frozenset[int]
@@ -91,27 +96,39 @@ class McapIndex:
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
 
 
-def read_mcap_index(stream: BinaryIO, name: str) -> McapIndex:
+def read_mcap_index(stream: BinaryIO, name: str, attachments: Collection[str] | None = None) -> McapIndex:
     """Index an open MCAP file.
+
+    Of an object in a store, only the end and what the summary lists are read; one that was cut off is refused, since
+    it would have to be read as a whole.
 
     Args:
         stream: The file, seekable.
         name: Name of the file in error messages.
+        attachments: Names of the attachments to read from a closed file; None: all.
 
     Raises:
         BagError: The file is not an MCAP file, its summary, a message index or an attachment is damaged, or its
             messages are not in chunks.
     """
     size = stream.seek(0, 2)
+    with prefetched(stream, [(max(0, size - END_BYTES), size)]):
+        return _read_mcap_index(stream, size, name, attachments)
+
+
+def _read_mcap_index(stream: BinaryIO, size: int, name: str, attachments: Collection[str] | None) -> McapIndex:
+    is_object = isinstance(stream, ObjectReader)
     stream.seek(0)
-    if stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
+    if not is_object and stream.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
         raise BagError(f"{name}: not an MCAP file")
     stream.seek(max(0, size - len(MCAP0_MAGIC)))
     closed = size > 2 * len(MCAP0_MAGIC) and stream.read() == MCAP0_MAGIC
+    if not closed and is_object:
+        raise BagError(f"{name}: not an MCAP file, or cut off: its last bytes are wrong")
     if not closed:
         return _scan(stream, size, name)
     try:
-        return _from_summary(stream, name)
+        return _from_summary(stream, name, attachments)
     except DAMAGE as error:
         problem = str(error) or "a record ends too early"
         raise BagError(f"{name}: damaged: {problem}; simbev repair saves what is in it") from None
@@ -124,13 +141,15 @@ def read_summary(stream: BinaryIO) -> Summary | None:
     footer = Footer.read(ReadDataStream(io.BytesIO(end[RECORD_HEAD.size :])))
     start = stream.seek(min(footer.summary_start or footer_offset, footer_offset))
     require_unpacked_size(footer_offset - start, "the summary")
-    section = stream.read(footer_offset - start)
-    if footer.summary_crc not in (0, crc32(section + end[: -CRC.size])):
-        raise ValueError("the CRC of the summary is wrong")
-    if not _SUMMARY_OPCODES.issuperset(opcode for opcode, _, _ in records_in(section)):
-        raise ValueError("the summary contains a record that does not belong there")
-    stream.seek(0)
-    summary = make_reader(stream).get_summary()
+    with prefetched(stream, [(start, stream.seek(0, io.SEEK_END))]):
+        stream.seek(start)
+        section = stream.read(footer_offset - start)
+        if footer.summary_crc not in (0, crc32(section + end[: -CRC.size])):
+            raise ValueError("the CRC of the summary is wrong")
+        if not _SUMMARY_OPCODES.issuperset(opcode for opcode, _, _ in records_in(section)):
+            raise ValueError("the summary contains a record that does not belong there")
+        stream.seek(-len(MCAP0_MAGIC), io.SEEK_END)  # the reader looks for the magic bytes, which are there too
+        summary = SeekingReader(stream).get_summary()
     if summary is not None and _listed_bytes(summary) > footer_offset:
         raise ValueError("the summary lists more bytes than the file has")
     return summary
@@ -159,7 +178,7 @@ def attachment_of(record: bytes) -> Attachment:
     return attachment
 
 
-def _from_summary(stream: BinaryIO, name: str) -> McapIndex:
+def _from_summary(stream: BinaryIO, name: str, attachments: Collection[str] | None) -> McapIndex:
     summary = read_summary(stream)
     if summary is None or summary.statistics is None:
         raise BagError(f"{name}: it has no summary")
@@ -167,25 +186,47 @@ def _from_summary(stream: BinaryIO, name: str) -> McapIndex:
         raise BagError(f"{name}: its messages are not in chunks")
     index = McapIndex(True, channels=summary.channels, schemas=summary.schemas)
     for chunk in summary.chunk_indexes:
-        ids = frozenset(chunk.message_index_offsets)
-        index.chunks.append(ChunkEntry(chunk.chunk_start_offset, chunk.message_start_time, chunk.message_end_time, ids))
-        _enter_message_indexes(index, stream, chunk)
-    _check_locations(index, summary.statistics)
-    for attached in summary.attachment_indexes:
-        stream.seek(attached.offset)
-        index.attachments[attached.name] = attachment_of(stream.read(attached.length)).data
-    for entry in summary.metadata_indexes:
-        stream.seek(entry.offset)
-        record = stream.read(entry.length)
-        index.metadata[entry.name] = Metadata.read(ReadDataStream(io.BytesIO(record[RECORD_HEAD.size :]))).metadata
+        index.chunks.append(
+            ChunkEntry(
+                chunk.chunk_start_offset,
+                chunk.chunk_length,
+                chunk.message_start_time,
+                chunk.message_end_time,
+                frozenset(chunk.message_index_offsets),
+            )
+        )
+    attached = [each for each in summary.attachment_indexes if attachments is None or each.name in attachments]
+    spans = [_message_index_span(chunk) for chunk in summary.chunk_indexes]
+    spans += [(each.offset, each.offset + each.length) for each in attached]
+    spans += [(entry.offset, entry.offset + entry.length) for entry in summary.metadata_indexes]
+    with prefetched(stream, spans):
+        for chunk in summary.chunk_indexes:
+            _enter_message_indexes(index, stream, chunk)
+        _check_locations(index, summary.statistics)
+        for each in attached:
+            stream.seek(each.offset)
+            index.attachments[each.name] = attachment_of(stream.read(each.length)).data
+        for entry in summary.metadata_indexes:
+            stream.seek(entry.offset)
+            index.metadata[entry.name] = Metadata.read(_body(stream.read(entry.length))).metadata
     return index
+
+
+def _message_index_span(chunk: ChunkIndex) -> tuple[int, int]:
+    """First byte of the message indexes after a chunk, and the byte after their last one."""
+    start = chunk.chunk_start_offset + chunk.chunk_length
+    return start, start + chunk.message_index_length
+
+
+def _body(record: bytes) -> ReadDataStream:
+    return ReadDataStream(io.BytesIO(record[RECORD_HEAD.size :]))
 
 
 def _enter_message_indexes(index: McapIndex, stream: BinaryIO, chunk: ChunkIndex) -> None:
     """Enter the message indexes after a chunk. They have no CRC, so each must be where the checked summary says."""
-    start = chunk.chunk_start_offset + chunk.chunk_length
+    start, end = _message_index_span(chunk)
     stream.seek(start)
-    data = stream.read(chunk.message_index_length)
+    data = stream.read(end - start)
     for channel_id, offset in chunk.message_index_offsets.items():
         *head, size = _INDEX_HEAD.unpack_from(data, offset - start)
         entries = data[offset - start + _INDEX_HEAD.size :][:size]
@@ -212,7 +253,8 @@ def _scan(stream: BinaryIO, size: int, name: str) -> McapIndex:
     try:
         for opcode, offset, length in _records(stream, size):
             if opcode == Opcode.CHUNK:
-                _enter_chunk(index, offset, read_chunk(stream, offset))
+                record_length = RECORD_HEAD.size + length
+                _enter_chunk(index, offset, record_length, read_chunk(stream, offset, record_length))
             elif opcode in _READERS:
                 _enter(index, _READERS[opcode](ReadDataStream(io.BytesIO(stream.read(length)))))
     except LimitError as error:
@@ -234,7 +276,8 @@ def _records(stream: BinaryIO, size: int) -> Iterator[tuple[int, int, int]]:
         offset += RECORD_HEAD.size + length
 
 
-def _enter_chunk(index: McapIndex, offset: int, data: bytes) -> None:
+def _enter_chunk(index: McapIndex, offset: int, length: int, data: bytes) -> None:
+    """Enter a chunk, given by its offset, its length with its header, and its decompressed records."""
     stamps_ns: dict[int, list[int]] = {}
     for opcode, start, end in records_in(data):
         if opcode == Opcode.MESSAGE:
@@ -244,7 +287,7 @@ def _enter_chunk(index: McapIndex, offset: int, data: bytes) -> None:
         elif opcode in _READERS:
             _enter(index, _READERS[opcode](ReadDataStream(io.BytesIO(data[start:end]))))
     all_stamps_ns = [stamp_ns for stamps in stamps_ns.values() for stamp_ns in stamps]
-    index.chunks.append(ChunkEntry(offset, min(all_stamps_ns), max(all_stamps_ns), frozenset(stamps_ns)))
+    index.chunks.append(ChunkEntry(offset, length, min(all_stamps_ns), max(all_stamps_ns), frozenset(stamps_ns)))
 
 
 def _enter(index: McapIndex, record: _Description) -> None:

@@ -1,6 +1,7 @@
 """Builds the report of a dataset: from its ``Statistics`` to one self-contained HTML page."""
 
 from simbev_ros.dataset.statistics import Statistics
+from simbev_ros.object_store.object_path import AnyPath, ObjectPath
 from simbev_ros.viz.reports import page
 from simbev_ros.viz.reports.dataset_boxes import box_figures, crowd_figures, size_figures
 from simbev_ros.viz.reports.dataset_ground import cover_figures, grid_figures, map_figures
@@ -33,7 +34,11 @@ def dataset_report(statistics: Statistics) -> str:
         section("All scenes", scene_table(statistics)),
     ]
     head = page.key_figures(key_figures(statistics))
-    return page.page(statistics.path.resolve().name, head, "".join(sections), _STYLE_FILE)
+    return page.page(_name(statistics.path), head, "".join(sections), _STYLE_FILE)
+
+
+def _name(dataset: AnyPath) -> str:
+    return dataset.name if isinstance(dataset, ObjectPath) else dataset.resolve().name
 
 
 def _sampling_note(statistics: Statistics) -> str:

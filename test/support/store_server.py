@@ -1,0 +1,96 @@
+"""An S3 server on the loopback address that logs its requests, and can refuse some of them as a busy store does."""
+
+import threading
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from urllib.request import Request, urlopen
+
+from simbev_ros.object_store.object_path import ObjectPath
+from simbev_ros.object_store.transfers import put_file
+
+BUCKET = "made-up"
+_BUSY = b'<?xml version="1.0"?><Error><Code>SlowDown</Code><Message>Reduce your request rate.</Message></Error>'
+_DENIED = b'<?xml version="1.0"?><Error><Code>AccessDenied</Code><Message>Access Denied</Message></Error>'
+
+
+@dataclass
+class StoreServer:
+    """The server, as a WSGI application around moto's.
+
+    Attributes:
+        url: Its address.
+        requests: Method and path of each request, with the query.
+        sent_bytes: Size of the bodies of all answers.
+        refuse_every: Every Nth request is answered with 503; 0: none.
+        needs_key: Whether requests without a signature are refused.
+    """
+
+    app: Any
+    url: str = ""
+    requests: list[str] = field(default_factory=list)
+    sent_bytes: int = 0
+    refuse_every: int = 0
+    needs_key: bool = False
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def __call__(self, environ: dict[str, Any], start_response: Any) -> Iterable[bytes]:
+        with self._lock:
+            self.requests.append(
+                f"{environ['REQUEST_METHOD']} {environ['PATH_INFO']}?{environ.get('QUERY_STRING', '')}"
+            )
+            is_refused = self.refuse_every and len(self.requests) % self.refuse_every == 0
+        if is_refused or (self.needs_key and "HTTP_AUTHORIZATION" not in environ):
+            body = _BUSY if is_refused else _DENIED
+            start_response("503 Slow Down" if is_refused else "403 Forbidden", [("Content-Length", str(len(body)))])
+            return [body]
+        answer = list(self.app(environ, start_response))
+        with self._lock:
+            self.sent_bytes += sum(map(len, answer)) if environ["REQUEST_METHOD"] == "GET" else 0
+        return answer
+
+    def reset(self) -> None:
+        """Forget the requests, and answer all of them from now on."""
+        self.requests, self.sent_bytes, self.refuse_every, self.needs_key = [], 0, 0, False
+
+    def make_bucket(self) -> None:
+        """Forget everything, and make an empty bucket."""
+        self.reset()
+        for path, method in (("/moto-api/reset", "POST"), (f"/{BUCKET}", "PUT")):
+            urlopen(Request(self.url + path, method=method)).close()
+        self.reset()
+
+
+@contextmanager
+def running_store() -> Iterator[StoreServer]:
+    """Run a server with one empty bucket on a free port while the context is open."""
+    from moto.moto_server.werkzeug_app import DomainDispatcherApplication, create_backend_app
+    from werkzeug.serving import WSGIRequestHandler, make_server
+
+    class Silent(WSGIRequestHandler):
+        protocol_version = "HTTP/1.1"
+
+        def log(self, *_: Any) -> None:
+            pass
+
+    store = StoreServer(DomainDispatcherApplication(create_backend_app))
+    server = make_server("127.0.0.1", 0, store, threaded=True, request_handler=Silent)
+    store.url = f"http://127.0.0.1:{server.port}"
+    thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.05}, daemon=True)
+    thread.start()
+    try:
+        yield store
+    finally:
+        server.shutdown()
+        server.server_close()
+        thread.join()
+
+
+def upload(folder: Path, prefix: str) -> str:
+    """Upload a folder, and return its URL."""
+    for file in sorted(folder.rglob("*")):
+        if file.is_file():
+            put_file(file, ObjectPath(BUCKET, prefix) / str(file.relative_to(folder)))
+    return str(ObjectPath(BUCKET, prefix))

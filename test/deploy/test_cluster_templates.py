@@ -74,7 +74,9 @@ def test_pods_run_as_the_user_of_the_image_and_gain_no_rights(group: dict[str, A
 @pytest.mark.parametrize("group", GROUPS, ids=IDS)
 def test_every_volume_that_is_mounted_is_there(group: dict[str, Any]) -> None:
     spec = group["template"]["spec"]
-    assert {mount["name"] for mount in spec["containers"][0]["volumeMounts"]} == {each["name"] for each in spec["volumes"]}
+    assert {mount["name"] for mount in spec["containers"][0]["volumeMounts"]} == {
+        each["name"] for each in spec["volumes"]
+    }
 
 
 def test_shared_memory_of_workers_holds_several_graphs_and_what_ray_stores() -> None:

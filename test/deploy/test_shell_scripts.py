@@ -35,7 +35,8 @@ def test_scripts_pass_shellcheck(script: Path) -> None:
 
 @pytest.mark.parametrize("block", BLOCKS)
 def test_printed_commands_pass_shellcheck(block: str) -> None:
-    assert complaints(block, "--shell=bash") == ""
+    typed = "--exclude=SC2164"  # who types `cd` sees when it fails
+    assert complaints(block, "--shell=bash", typed) == ""
 
 
 def test_a_mistake_is_found() -> None:

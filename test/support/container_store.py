@@ -20,7 +20,7 @@ exec "$@"
 
 
 class ContainerStore:
-    """Images and containers in a folder; the images' processes run in a root of their own, with /dev/shm of their own."""
+    """Images and containers in a folder; each container has processes, mounts and /dev/shm of its own."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder

@@ -62,7 +62,7 @@ def test_an_unknown_field_of_a_pod_is_found() -> None:
 
 
 @pytest.mark.parametrize("group", GROUPS, ids=IDS)
-def test_pods_run_as_the_user_of_the_image_and_gain_no_rights(group: dict[str, Any]) -> None:
+def test_pods_run_as_the_user_of_the_image_and_gain_no_privileges(group: dict[str, Any]) -> None:
     spec = group["template"]["spec"]
     (container,) = spec["containers"]
     uid = re.search(r"^ARG UID=(\d+)$", (ROOT / "Dockerfile").read_text(), re.MULTILINE)

@@ -27,7 +27,7 @@ def image(store: ContainerStore) -> str:
     return store.build("simbev", {"BASE": store.bootstrap_base("trixie")})
 
 
-def test_a_user_without_rights_records_the_demo(store: ContainerStore, image: str) -> None:
+def test_an_unprivileged_user_records_the_demo(store: ContainerStore, image: str) -> None:
     ran = store.run(image, "sh", "-c", "id -u && simbev demo && stat -c %s out/demo/Blocks-0000.png")
     assert ran.returncode == 0, ran.stdout + ran.stderr
     lines = ran.stdout.split("\n")

@@ -19,10 +19,11 @@ _INTRODUCTION = """# Commands
 `./simbev` at the top of the repository is a start script. It sets the machine up once and then runs the command below.
 Inside an activated environment the same command is called `simbev`.
 
-The start script adds three verbs of its own, for developers:
+The start script adds four verbs of its own, the last three for developers:
 
 | verb | what it does |
 |---|---|
+| `./simbev setup` | Sets the machine up and ends, as for a container image or a folder that many machines share. |
 | `./simbev test [--all] [pytest options]` | Runs lint, type checks and tests; `--all` includes the slow tests. |
 | `./simbev fuzz [TARGET …] [--seconds N]` | Feeds damaged files and messages to their readers, guided by coverage. |
 | `./simbev docs` | Regenerates the reference pages and builds this documentation as a site. |

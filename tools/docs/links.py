@@ -13,7 +13,7 @@ _LINK = re.compile(r"!?\[(?:[^\[\]]|\[[^\]]*\])*\]\(([^()\s]+)\)")
 _INLINE_CODE = re.compile(r"`[^`\n]*`")
 _HEADING = re.compile(r"^#{1,6} (.+?)\s*$", re.MULTILINE)
 _NEW = ("<!-- new file -->", "(new)")
-_PATH = re.compile(r"(?<![\w/.-])(?:simbev_ros|test|tools|config|docs)/[\w./-]*\w/?")
+_PATH = re.compile(r"(?<![\w/.-])(?:simbev_ros|test|tools|config|docs|deploy)/[\w./-]*\w/?")
 
 
 def broken_links(page: Path, root: Path) -> list[str]:

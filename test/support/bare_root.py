@@ -36,23 +36,14 @@ class BareRoot:
             subprocess.CalledProcessError: debootstrap failed, as where no mirror answers.
         """
         self.folder = folder
-        options = ["--variant=minbase"]
-        more = []
-        if ubuntu:
-            more = ["", UBUNTU_SCRIPT]  # the empty one: the mirror that debootstrap knows
-            options += ["--components=main,universe"]
-            if not Path("/usr/share/keyrings/ubuntu-archive-keyring.gpg").exists():
-                options += ["--no-check-gpg"]  # Debian has no package of Ubuntu's keys
-        command = ["debootstrap", *options, suite, str(folder), *more]
-        subprocess.run(command, check=True, capture_output=True, text=True, timeout=900)
+        bootstrap(folder, suite, ubuntu=ubuntu)
         shutil.copytree(REPOSITORY, folder / "root" / "simbev_ros", ignore=NOT_COPIED)
         self._copy_host_settings()
 
     def _copy_host_settings(self) -> None:
         """Copy what name servers and certificates this host uses."""
         shutil.copy("/etc/resolv.conf", self.folder / "etc")
-        certificates = next((os.environ[name] for name in CERTIFICATE_VARIABLES if name in os.environ), None)
-        if certificates:
+        if certificates := host_certificates():
             shutil.copy(certificates, self.folder / CERTIFICATES)
 
     def environment(self) -> dict[str, str]:
@@ -80,6 +71,28 @@ class BareRoot:
     def remove(self) -> None:
         """Delete the folder."""
         shutil.rmtree(self.folder)
+
+
+def bootstrap(folder: Path, suite: str, *, ubuntu: bool = False) -> None:
+    """Install the smallest Debian or Ubuntu of a suite into a folder.
+
+    Raises:
+        subprocess.CalledProcessError: debootstrap failed, as where no mirror answers.
+    """
+    options = ["--variant=minbase"]
+    more = []
+    if ubuntu:
+        more = ["", UBUNTU_SCRIPT]  # the empty one: the mirror that debootstrap knows
+        options += ["--components=main,universe"]
+        if not Path("/usr/share/keyrings/ubuntu-archive-keyring.gpg").exists():
+            options += ["--no-check-gpg"]  # Debian has no package of Ubuntu's keys
+    command = ["debootstrap", *options, suite, str(folder), *more]
+    subprocess.run(command, check=True, capture_output=True, text=True, timeout=900)
+
+
+def host_certificates() -> str | None:
+    """Return the file of certificates that this host's settings name."""
+    return next((os.environ[name] for name in CERTIFICATE_VARIABLES if name in os.environ), None)
 
 
 def pip_settings() -> dict[str, str]:

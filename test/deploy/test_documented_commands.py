@@ -1,0 +1,55 @@
+"""The verbs and options of simbev that the pages and templates for containers and clusters name exist."""
+
+import re
+from pathlib import Path
+
+import pytest
+import typer
+
+from simbev_ros.cli.main import VERBS, load_verb
+
+ROOT = Path(__file__).parents[2]
+TEXTS = [
+    ROOT / "docs/guide/container.md",
+    ROOT / "docs/guide/many-machines.md",
+    ROOT / "deploy/kubernetes/rayjob.yaml",
+    ROOT / "deploy/slurm/generate.sbatch",
+]
+CODE = re.compile(r"^```sh\n(.*?)^```$|`([^`\n]+)`", re.DOTALL | re.MULTILINE)
+CALL = re.compile(r"""(?:^|[\s`/])simbev"? ([a-z]+)([^\n`#|]*)""")
+OF_THE_START_SCRIPT = {"setup"}
+NOT_MERGED = {("generate", "--workers"), ("generate", "--ray"), ("logs", "")}
+"""Parts of the command line that come with the running on many machines itself: strike them out when they are there."""
+
+
+def calls() -> set[tuple[str, str]]:
+    """Verb and option of each call in the texts; the option is empty for the verb alone."""
+    found = set()
+    for path in TEXTS:
+        text = path.read_text()
+        if path.suffix == ".md":
+            text = "\n".join(block or inline for block, inline in CODE.findall(text))
+        for verb, rest in CALL.findall(text):
+            found |= {(verb, ""), *((verb, option) for option in re.findall(r"--[a-z-]+", rest))}
+    return found
+
+
+def mark(call: tuple[str, str]) -> object:
+    marks = [pytest.mark.xfail(strict=True, reason="not merged yet")] if call in NOT_MERGED else []
+    return pytest.param(*call, id=" ".join(call).strip(), marks=marks)
+
+
+NAMED = [mark(call) for call in sorted(calls()) if call[0] not in OF_THE_START_SCRIPT]
+
+
+@pytest.mark.parametrize(("verb", "option"), NAMED)
+def test_what_is_named_exists(verb: str, option: str) -> None:
+    assert verb in VERBS
+    app = typer.Typer()
+    app.command()(load_verb(verb))
+    names = {name for parameter in typer.main.get_command(app).params for name in parameter.opts}
+    assert not option or option in names
+
+
+def test_the_pages_name_the_verbs_that_matter() -> None:
+    assert {verb for verb, _ in calls()} >= {"demo", "doctor", "generate", "logs", "run", "setup"}

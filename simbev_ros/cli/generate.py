@@ -11,12 +11,12 @@ from simbev_ros.cli.console import make_console, plural
 from simbev_ros.cli.scene_numbers import scene_numbers
 from simbev_ros.config.load import load_scenario
 from simbev_ros.errors import InputError
+from simbev_ros.graph.domain import ISOLATED_DOMAINS
 
 if TYPE_CHECKING:
     from simbev_ros.production.dataset import DatasetResult
 
-MAX_WORKERS = 60
-"""Largest number of workers on one machine: there is one ROS domain for each."""
+_MAX_WORKERS = len(ISOLATED_DOMAINS)
 
 
 def generate(
@@ -81,9 +81,9 @@ def worker_count(text: str | None) -> int | Literal["auto"] | None:
     if text == "auto":
         return "auto"
     if not (
-        text.isascii() and text.isdecimal() and len(text) <= len(str(MAX_WORKERS)) and 1 <= int(text) <= MAX_WORKERS
+        text.isascii() and text.isdecimal() and len(text) <= len(str(_MAX_WORKERS)) and 1 <= int(text) <= _MAX_WORKERS
     ):
-        raise InputError(f"--workers: is {text!r:.80}; allowed: 1 to {MAX_WORKERS}, or auto")
+        raise InputError(f"--workers: is {text!r:.80}; allowed: 1 to {_MAX_WORKERS}, or auto")
     return int(text)
 
 

@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Self
 
-from simbev_ros.errors import InputError
+from simbev_ros.errors import GraphError, InputError
 from simbev_ros.graph.private_folder import is_private_folder
 from simbev_ros.lock_file import open_lock_file
 
@@ -24,6 +24,7 @@ class DomainLock:
         wanted: The domain; None: ``ROS_DOMAIN_ID`` if it is set, else the first free domain of a reserved range.
 
     Raises:
+        GraphError: All domains of the range are in use.
         InputError: The domain is out of range, another simbev graph runs in it, or the folder of lock files is not
             this user's alone.
     """
@@ -39,7 +40,7 @@ class DomainLock:
                 return
         if wanted is not None:
             raise InputError(f"ROS domain {wanted} is in use by another simbev graph; set ROS_DOMAIN_ID to another one")
-        raise InputError(f"all ROS domains from {ISOLATED_DOMAINS.start} to {ISOLATED_DOMAINS.stop - 1} are in use")
+        raise GraphError(f"all ROS domains from {ISOLATED_DOMAINS.start} to {ISOLATED_DOMAINS.stop - 1} are in use")
 
     def __enter__(self) -> Self:
         return self

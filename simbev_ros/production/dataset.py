@@ -11,12 +11,17 @@ from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.dataset.plan import Plan, PlannedEntry, bag_of
 from simbev_ros.dataset.staging import clean_up_staging
+from simbev_ros.errors import InputError
+from simbev_ros.graph.domain import ISOLATED_DOMAINS
 from simbev_ros.production.dataset_folder import DatasetFolder
 from simbev_ros.production.dataset_maker import DatasetMaker
 from simbev_ros.production.observer import SILENT, ProductionObserver, observe_step
 from simbev_ros.production.workers.crew import Crew, OwnProcess
 from simbev_ros.production.workers.local_crew import LocalCrew
 from simbev_ros.recording.layout import scenes_folder
+
+_MAX_WORKERS = len(ISOLATED_DOMAINS)
+"""Largest number of workers on one machine: each has a ROS domain of its own."""
 
 Numbers = Sequence[int | range]
 """Numbers of scenes, single or as ranges."""
@@ -81,6 +86,8 @@ def make_dataset(
         >>> print(len(result.made), "made,", len(result.skipped), "existed,", dict(result.failed))
     """
     scenario, out = without_stack(scenario), Path(out)
+    if isinstance(workers, int) and not 1 <= workers <= _MAX_WORKERS:
+        raise InputError(f"is {workers}; allowed: 1 to {_MAX_WORKERS}, or auto", parameter="workers")
     plan_scenes(scenario, out, replace)
     with DatasetLock(out):
         clean_up_staging(out)

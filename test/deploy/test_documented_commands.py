@@ -18,7 +18,7 @@ TEXTS = [
 CODE = re.compile(r"^```sh\n(.*?)^```$|`([^`\n]+)`", re.DOTALL | re.MULTILINE)
 CALL = re.compile(r"""(?:^|[\s`/])simbev"? ([a-z]+)([^\n`#|]*)""")
 OF_THE_START_SCRIPT = {"setup"}
-NOT_MERGED = {("generate", "--workers"), ("generate", "--ray"), ("logs", "")}
+NOT_MERGED = {("generate", "--ray")}
 """Parts of the command line that come with the running on many machines itself: strike them out when they are there."""
 
 

@@ -7,6 +7,7 @@ from typing import Any, ClassVar
 import pytest
 from fake_crew import COST
 
+from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.production import ProductionObserver
@@ -16,7 +17,6 @@ from simbev_ros.production.scene_maker import MadeScene
 from simbev_ros.production.workers import local_crew
 from simbev_ros.production.workers.crew import Worker
 from simbev_ros.production.workers.local_crew import LocalCrew
-from simbev_ros.production.workers.machine_shares import Share
 from simbev_ros.production.workers.messages import Settings, Sign
 
 Start = Callable[..., LocalCrew]
@@ -60,14 +60,19 @@ class Choice(ProductionObserver):
         self.workers = workers
 
 
+def share_gpus(workers: int, scenario: Scenario) -> list[Rendering | None]:
+    """A GPU for each of several workers."""
+    return [Rendering(gpus=(k,)) for k in range(workers)] if workers > 1 else [None]
+
+
 @pytest.fixture
 def crew(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Start:
-    """Function that makes a crew of fake workers on a machine of 8 cores that has room for three workers."""
+    """Function that makes a crew of fake workers on a machine that has room for three workers, with three GPUs."""
     monkeypatch.setattr(FakeWorker, "all", [])
     monkeypatch.setattr(local_crew, "LocalWorker", FakeWorker)
     monkeypatch.setattr(local_crew, "wait", lambda *_: [])
     monkeypatch.setattr(local_crew, "fitting_workers", lambda *_: 3)
-    monkeypatch.setattr(local_crew, "machine_shares", lambda workers, _: [Share((k,)) for k in range(workers)])
+    monkeypatch.setattr(local_crew, "share_gpus", share_gpus)
     scenario = Scenario.model_validate({"scenes": [{"map": "Blocks", "train": 1}], "rig": {"sensors": []}})
     return lambda workers, scenes, observer=SILENT: LocalCrew(scenario, tmp_path, workers, scenes, observer)
 
@@ -87,10 +92,10 @@ def make(crew: LocalCrew, scenes: int) -> int:
     return largest
 
 
-def test_each_worker_has_a_share_and_a_folder_of_its_own(crew: Start, tmp_path: Path) -> None:
+def test_each_worker_has_a_gpu_and_a_folder_of_its_own(crew: Start, tmp_path: Path) -> None:
     assert make(crew(2, 5), 5) == 2
     settings = [worker.settings for worker in FakeWorker.all]
-    assert [each.cores for each in settings] == [(0,), (1,)]
+    assert [each.rendering for each in settings] == share_gpus(2, settings[0].scenario)
     assert [each.staging for each in settings] == [tmp_path / "worker-1", tmp_path / "worker-2"]
 
 
@@ -102,8 +107,15 @@ def test_after_the_first_scene_its_worker_gives_way_to_as_many_as_fit(crew: Star
     choice = Choice()
     assert make(crew("auto", 20, choice), 20) == 3
     assert choice.workers == 3
-    assert FakeWorker.all[0].given == [0], "its share is the whole machine"
-    assert [worker.settings.cores for worker in FakeWorker.all] == [(0,), (0,), (1,), (2,)]
+    assert FakeWorker.all[0].given == [0], "it renders on all GPUs"
+    settings = [worker.settings for worker in FakeWorker.all]
+    assert [each.rendering for each in settings] == [None, *share_gpus(3, settings[0].scenario)]
+
+
+def test_on_one_gpu_the_first_worker_stays(crew: Start, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(local_crew, "share_gpus", lambda workers, _: [None] * workers)
+    assert make(crew("auto", 20), 20) == 3
+    assert len(FakeWorker.all) == 3 and len(FakeWorker.all[0].given) > 1
 
 
 @pytest.mark.parametrize(("scenes", "chosen", "started"), [(1, 1, 1), (2, 1, 1), (3, 2, 3)])

@@ -20,7 +20,6 @@ from simbev_ros.production.workers.local_worker import LocalWorker
 from simbev_ros.production.workers.messages import Settings, Sign
 from simbev_ros.production.workers.team import WorkerLost
 
-CORE = min(os.sched_getaffinity(0))
 ENTRY = PlannedEntry(number=3, map="Blocks", split="val")
 PROGRAM = """#!{python}
 import os, sys, time
@@ -46,7 +45,7 @@ Start = Callable[..., LocalWorker]
 @pytest.fixture
 def settings(tmp_path: Path) -> Settings:
     scenario = Scenario.model_validate({"scenes": [{"map": "Blocks", "train": 1}], "rig": {"sensors": []}})
-    return Settings(scenario, tmp_path / "staging", (CORE,))
+    return Settings(scenario, tmp_path / "staging")
 
 
 @pytest.fixture
@@ -187,7 +186,6 @@ def test_a_real_worker_gets_ready_gives_signs_of_life_and_ends(settings: Setting
     worker = LocalWorker(Worker("worker-1", "here"), settings)
     try:
         assert set(next_messages(worker, 3)) == {Sign.READY, Sign.ALIVE}
-        assert psutil.Process(pid_of(worker)).cpu_affinity() == [CORE]
     finally:
         worker.end()
         worker.join()

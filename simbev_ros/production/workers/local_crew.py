@@ -1,4 +1,4 @@
-"""Several workers on this machine, each with its share of the cores and GPUs."""
+"""Several workers on this machine, which share its cores and take turns on its GPUs."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,12 +7,13 @@ from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Literal
 
+from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.scene_maker import MadeScene
 from simbev_ros.production.workers.crew import Worker
 from simbev_ros.production.workers.local_worker import LocalWorker
-from simbev_ros.production.workers.machine_shares import Share, fitting_workers, machine_shares
+from simbev_ros.production.workers.machine_capacity import fitting_workers, share_gpus
 from simbev_ros.production.workers.messages import Settings
 from simbev_ros.production.workers.team import Team
 from simbev_ros.threads import usable_cores
@@ -24,9 +25,9 @@ THIS_MACHINE = "this machine"
 
 @dataclass(slots=True)
 class _Seat:
-    """A share of the machine, and the name of the worker that has it."""
+    """The devices that a worker renders on, None: as configured; and its name."""
 
-    share: Share
+    rendering: Rendering | None
     worker: str = ""
 
 
@@ -62,8 +63,13 @@ class LocalCrew(Team):
         self._divide(1 if workers == "auto" else workers)
 
     def _divide(self, workers: int) -> None:
-        """Share the machine out for a number of workers; those that have no seat any more leave when they are idle."""
-        self._seats = [_Seat(share) for share in machine_shares(max(min(workers, self._scenes), 1), self._scenario)]
+        """Make seats for a number of workers; those that would render on other devices leave when they are idle."""
+        before = {seat.worker: seat.rendering for seat in self._seats}
+        self._seats = []
+        for rendering in share_gpus(max(min(workers, self._scenes), 1), self._scenario):
+            kept = next((name for name, devices in before.items() if devices == rendering), "")
+            before.pop(kept, None)
+            self._seats.append(_Seat(rendering, kept))
 
     def idle(self) -> Sequence[Worker]:
         """Workers that have a seat and wait for a scene."""
@@ -78,11 +84,11 @@ class LocalCrew(Team):
         present = {handle.worker.name for handle in self._handles}
         for seat in self._seats:
             if seat.worker not in present:
-                seat.worker = self._start_worker(seat.share)
+                seat.worker = self._start_worker(seat.rendering)
 
-    def _start_worker(self, share: Share) -> str:
+    def _start_worker(self, rendering: Rendering | None) -> str:
         worker = Worker(f"worker-{next(self._numbers)}", THIS_MACHINE)
-        settings = Settings(self._scenario, self._staging / worker.name, share.cores, share.rendering)
+        settings = Settings(self._scenario, self._staging / worker.name, rendering)
         self._hire(LocalWorker(worker, settings))
         return worker.name
 
@@ -96,6 +102,5 @@ class LocalCrew(Team):
             self._observer.workers_chosen(len(self._seats), scene.cost)
 
     def _pause(self, timeout_s: float) -> None:
-        wait(
-            [handle.connection for handle in self._handles if isinstance(handle, LocalWorker)], min(timeout_s, _POLL_S)
-        )
+        connections = [handle.connection for handle in self._handles if isinstance(handle, LocalWorker)]
+        wait(connections, min(timeout_s, _POLL_S))

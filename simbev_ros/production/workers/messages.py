@@ -24,14 +24,12 @@ class Settings:
     Attributes:
         scenario: The configuration.
         staging: Its folder for unfinished scenes; None: a temporary one.
-        cores: Numbers of the CPU cores that it may use; empty: all.
         rendering: Devices that render, in place of the configuration's.
         delivery: Takes away finished bags.
     """
 
     scenario: Scenario
     staging: Path | None
-    cores: tuple[int, ...] = ()
     rendering: Rendering | None = None
     delivery: Delivery | None = None
 

@@ -68,8 +68,6 @@ def run_worker(descriptor: int) -> None:
     """
     line = _Line(descriptor)
     settings = line.receive_settings()
-    if settings.cores:
-        os.sched_setaffinity(0, settings.cores)  # before any library counts cores
     from simbev_ros.production.scene_maker import SceneMaker
     from simbev_ros.production.workers.messages import ReportingObserver, Sign
 

@@ -3,6 +3,7 @@
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import assert_never
 
 from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.dataset.staging import ON_FULL_DISK
@@ -122,6 +123,8 @@ class DatasetMaker:
             case FailedScene():
                 self._folder.log(attempt, str(ending.error), ending.output, failed=True)
                 self._handle_failure(worker, entry, ending.error)
+            case _:
+                assert_never(ending)
 
     def _handle_loss(self, entry: PlannedEntry, reason: str) -> None:
         history = self._histories[entry.number]

@@ -155,6 +155,10 @@ class Team(ABC):
                         self._learn(message)
                 case SimbevError():
                     raise message
+                case Sign.ALIVE:
+                    pass
+                case _:
+                    raise AssertionError(f"{worker.name} has sent {message!r:.200}")
         return endings
 
     def _repeat(self, member: _Member, report: Report) -> None:

@@ -34,6 +34,13 @@ def generate(
             metavar="N|auto",
         ),
     ] = None,
+    ray: Annotated[
+        str | None,
+        typer.Option(
+            help="Make the scenes on this Ray cluster; auto: the one that this machine is a node of.",
+            metavar="auto|HOST:PORT",
+        ),
+    ] = None,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Only estimate the number, time and size of scenes.")
     ] = False,
@@ -52,6 +59,8 @@ def generate(
 
     simbev generate my.yaml --out datasets/first --workers auto
 
+    simbev generate my.yaml --out /shared/datasets/first --ray auto
+
     simbev generate my.yaml --out datasets/first --replace 3,17-20
     """
     from simbev_ros.cli.production_display import DatasetDisplay
@@ -65,7 +74,7 @@ def generate(
         show_estimate(scenario, out, numbers, console)
         return
     display = DatasetDisplay(console)
-    result = make_dataset(scenario, out, replace=numbers, retries=retries, workers=count, observer=display)
+    result = make_dataset(scenario, out, replace=numbers, retries=retries, workers=count, ray=ray, observer=display)
     _show(result, console)
     raise typer.Exit(0 if result.is_complete else 1)
 

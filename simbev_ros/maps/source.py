@@ -1,6 +1,7 @@
 """Resolves the name of a town or the path of a map file to a MapSpec, and a MapSpec to its unchanged file."""
 
 import hashlib
+import os
 import re
 from functools import lru_cache
 from importlib.resources import files
@@ -11,6 +12,9 @@ from simbev_ros.errors import InputError
 from simbev_ros.limits import MAX_MAP_BYTES, MAX_OSM_BYTES, MAX_PBF_BYTES
 from simbev_ros.maps.safe_xml import check_readable
 from simbev_ros.maps.spec import MapSpec
+
+MAP_FILES_VARIABLE = "SIMBEV_MAP_FILES"
+"""Environment variable with the folder for copies of map files, on machines that do not have them at their paths."""
 
 _MAX_NAME_CHARS = 48
 
@@ -71,18 +75,26 @@ def is_street_map(suffix: str) -> bool:
 
 
 def file_of(spec: MapSpec) -> Path:
-    """The file of an imported map, verified against its recorded hash.
+    """The file of an imported map, or its copy on this machine, verified against its recorded hash.
 
     Raises:
         InputError: The file is missing, or has changed since the map was chosen.
     """
     path = Path(spec.path)
+    copy = Path(os.environ.get(MAP_FILES_VARIABLE, "")) / name_of_copy(spec)
+    if MAP_FILES_VARIABLE in os.environ and not path.exists() and copy.is_file():
+        path = copy
     if _sha256(path) != spec.sha256:
         raise InputError(
             f"{path}: has changed since the scene was drawn (SHA-256 then {spec.sha256[:12]}…); "
             "restore the original file, or draw the scene again"
         )
     return path
+
+
+def name_of_copy(spec: MapSpec) -> str:
+    """Name that the copy of a map file has in the folder for copies; it depends on the content alone."""
+    return f"{spec.sha256}{suffix_of(spec.path)}"
 
 
 def _require_text(path: Path) -> None:

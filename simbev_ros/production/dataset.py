@@ -1,7 +1,7 @@
 """Making a dataset from a configuration: the core of ``simbev generate``, for Python programs without a console."""
 
 from collections.abc import Mapping, Sequence
-from contextlib import closing
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -15,9 +15,12 @@ from simbev_ros.errors import InputError
 from simbev_ros.graph.domain import ISOLATED_DOMAINS
 from simbev_ros.production.dataset_folder import DatasetFolder
 from simbev_ros.production.dataset_maker import DatasetMaker
-from simbev_ros.production.observer import SILENT, ProductionObserver, observe_step
+from simbev_ros.production.observer import SILENT, ProductionObserver, SeveralObservers, observe_step
 from simbev_ros.production.workers.crew import Crew, OwnProcess
 from simbev_ros.production.workers.local_crew import LocalCrew
+from simbev_ros.production.workers.ray_cluster import RayCluster
+from simbev_ros.production.workers.ray_crew import RayCrew
+from simbev_ros.production.workers.ray_metrics import RayMetrics
 from simbev_ros.recording.layout import scenes_folder
 
 _MAX_WORKERS = len(ISOLATED_DOMAINS)
@@ -58,6 +61,7 @@ def make_dataset(
     replace: Numbers = (),
     retries: int = 2,
     workers: int | Literal["auto"] | None = None,
+    ray: str | None = None,
     observer: ProductionObserver = SILENT,
 ) -> DatasetResult:
     """Make the scenes that a configuration asks for; scenes that exist already count.
@@ -73,6 +77,8 @@ def make_dataset(
         retries: Number of further attempts at a scene after the graph has failed.
         workers: Number of graphs that make scenes side by side, each in a process and a free ROS domain of its own;
             ``auto``: as many as this machine carries; None: one, in this process and in the domain of the environment.
+        ray: Address of a Ray cluster that makes the scenes, ``HOST:PORT`` or ``auto``; its nodes see ``out``. None:
+            this machine makes them.
         observer: Receives the progress.
 
     Raises:
@@ -88,8 +94,15 @@ def make_dataset(
     scenario, out = without_stack(scenario), Path(out)
     if isinstance(workers, int) and not 1 <= workers <= _MAX_WORKERS:
         raise InputError(f"is {workers}; allowed: 1 to {_MAX_WORKERS}, or auto", parameter="workers")
+    if workers is not None and ray is not None:
+        raise InputError("is for this machine; a Ray cluster chooses the number of workers itself", parameter="workers")
     plan_scenes(scenario, out, replace)
-    with DatasetLock(out):
+    with ExitStack() as held:
+        cluster = None if ray is None else held.enter_context(RayCluster(ray))
+        held.enter_context(DatasetLock(out))
+        if cluster is not None:
+            cluster.check_nodes(out)
+            observer = SeveralObservers(observer, RayMetrics(out.name))
         clean_up_staging(out)
         plan, entries = plan_scenes(scenario, out, replace)
         plan.save(out)
@@ -98,20 +111,27 @@ def make_dataset(
         wanted = {entry.number for entry in entries}
         skipped = tuple(entry for entry in existing if entry.number not in wanted)
         with observe_step(observer, "reading the scenes that are there"):
-            folder = DatasetFolder(out, existing, scenario.recording.min_free_mib << 20)
-        with closing(folder), open_crew(scenario, folder.staging, workers, len(entries), observer) as crew:
-            outcome = DatasetMaker(folder, crew, retries=retries, observer=observer).make(entries)
+            folder = held.enter_context(closing(DatasetFolder(out, existing, scenario.recording.min_free_mib << 20)))
+        crew = held.enter_context(_open_crew(scenario, folder.staging, workers, cluster, len(entries), observer))
+        outcome = DatasetMaker(folder, crew, retries=retries, observer=observer).make(entries)
     skipped = tuple(entry for entry in skipped if entry.name not in outcome.damaged)
     return DatasetResult(out, tuple(outcome.made), skipped, outcome.failed, outcome.damaged)
 
 
-def open_crew(
-    scenario: Scenario, staging: Path, workers: int | Literal["auto"] | None, scenes: int, observer: ProductionObserver
+def _open_crew(
+    scenario: Scenario,
+    staging: Path,
+    workers: int | Literal["auto"] | None,
+    cluster: RayCluster | None,
+    scenes: int,
+    observer: ProductionObserver,
 ) -> Crew:
-    """The workers that make scenes on this machine."""
-    if workers is None or not scenes:
+    """The workers that make scenes, here or on a cluster."""
+    if not scenes or (workers is None and cluster is None):
         return OwnProcess(scenario, staging, observer)
-    return LocalCrew(scenario, staging, workers, scenes, observer)
+    if cluster is not None:
+        return RayCrew(cluster, scenario, staging, None, scenes, observer)
+    return LocalCrew(scenario, staging, workers or "auto", scenes, observer)
 
 
 def plan_scenes(scenario: Scenario, out: Path, replace: Numbers = ()) -> tuple[Plan, list[PlannedEntry]]:

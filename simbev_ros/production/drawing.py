@@ -1,6 +1,6 @@
 """Drawing the scenes that a configuration or the plan of a dataset asks for."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import PlannedEntry
@@ -26,13 +26,32 @@ def draw_scenes(scenario: Scenario, observer: ProductionObserver = SILENT) -> li
     return [draw_scene(scenario, scene, networks[scene.map], starts[scene.map]) for scene in planned]
 
 
-class PlannedSceneDrawer:
-    """Draws scenes of a dataset's plan one by one; consecutive scenes of one map share its start positions."""
+def maps_of(scenario: Scenario) -> list[MapSpec]:
+    """The maps of a configuration, in its order.
 
-    def __init__(self, scenario: Scenario, observer: ProductionObserver = SILENT) -> None:
+    Raises:
+        InputError: There is no such town or file.
+    """
+    return list(dict.fromkeys(map_spec(wanted.map, bounds=wanted.bounds) for wanted in scenario.scenes))
+
+
+class PlannedSceneDrawer:
+    """Draws scenes of a dataset's plan one by one; consecutive scenes of one map share its start positions.
+
+    Args:
+        scenario: The configuration.
+        observer: Receives the progress.
+        maps: The configuration's maps, where their files may not be at hand; None: they are resolved here.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        observer: ProductionObserver = SILENT,
+        maps: Iterable[MapSpec] | None = None,
+    ) -> None:
         self._scenario, self._observer = scenario, observer
-        specs = [map_spec(wanted.map, bounds=wanted.bounds) for wanted in scenario.scenes]
-        self._maps: Mapping[str, MapSpec] = {spec.name: spec for spec in specs}
+        self._maps: Mapping[str, MapSpec] = {spec.name: spec for spec in maps or maps_of(scenario)}
         self._latest: tuple[MapSpec, StartPositions] | None = None
 
     def draw(self, entry: PlannedEntry) -> SceneSpec:

@@ -1,6 +1,6 @@
 """The interface through which production reports progress, to a terminal or to a Python program."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -86,6 +86,26 @@ class ProductionObserver:
 
 SILENT = ProductionObserver()
 """The default observer, which ignores everything."""
+
+
+class SeveralObservers(ProductionObserver):
+    """Passes every call on to several observers, in their order.
+
+    Args:
+        observers: They receive the calls.
+    """
+
+    def __init__(self, *observers: ProductionObserver) -> None:
+        for event in [name for name in vars(ProductionObserver) if not name.startswith("_")]:
+            setattr(self, event, _call_all([getattr(observer, event) for observer in observers]))
+
+
+def _call_all(methods: Sequence[Callable[..., None]]) -> Callable[..., None]:
+    def call(*arguments: Any) -> None:
+        for method in methods:
+            method(*arguments)
+
+    return call
 
 
 @contextmanager

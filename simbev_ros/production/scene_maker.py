@@ -6,7 +6,7 @@ the reason why there is none. It runs in the process of ``make_dataset`` or in a
 
 import shutil
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
@@ -17,6 +17,7 @@ from simbev_ros.dataset.index_row import Row, index_row
 from simbev_ros.dataset.plan import PlannedEntry, bag_of
 from simbev_ros.errors import SimbevError
 from simbev_ros.graph.session import GraphSession
+from simbev_ros.maps.spec import MapSpec
 from simbev_ros.production.drawing import PlannedSceneDrawer
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.play import play_on
@@ -70,6 +71,7 @@ class SceneMaker:
         scenario: The configuration.
         staging: Folder for unfinished scenes that nothing else uses, laid out like a dataset; None: a temporary one.
         observer: Receives the progress.
+        maps: The configuration's maps, where their files may not be at hand; None: they are resolved here.
         rendering: Devices that render, in place of the configuration's.
         delivery: Takes away finished bags; None: they stay in ``staging``.
     """
@@ -80,13 +82,14 @@ class SceneMaker:
         staging: Path | None,
         observer: ProductionObserver = SILENT,
         *,
+        maps: Iterable[MapSpec] | None = None,
         rendering: Rendering | None = None,
         delivery: Delivery | None = None,
     ) -> None:
         self._scenario, self._observer = scenario, observer
         self._rendering, self._delivery = rendering, delivery
         self._staging = staging or Path(tempfile.mkdtemp(prefix="simbev_ros-scenes-"))
-        self._drawer = PlannedSceneDrawer(scenario, observer)
+        self._drawer = PlannedSceneDrawer(scenario, observer, maps)
         self._session: GraphSession | None = None
 
     def make(self, entry: PlannedEntry) -> MadeScene | FailedScene:

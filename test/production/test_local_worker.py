@@ -137,7 +137,7 @@ def test_a_scene_for_a_process_that_has_died_is_no_error_before_the_next_read(st
 def test_a_stopped_process_is_lost_when_it_has_been_silent_for_too_long(
     start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(local_worker, "_PATIENCE_S", 0.5)
+    monkeypatch.setattr(local_worker, "PATIENCE_S", 0.5)
     worker = start("line.recv()\nwhile True: line.send('alive'); time.sleep(0.1)")
     for _ in range(8):  # longer than the patience, but not silent
         next_messages(worker)
@@ -151,7 +151,7 @@ def test_a_stopped_process_is_lost_when_it_has_been_silent_for_too_long(
 def test_a_process_has_longer_to_start_than_to_send_signs_of_life(
     start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(local_worker, "_PATIENCE_S", 0.1)
+    monkeypatch.setattr(local_worker, "PATIENCE_S", 0.1)
     worker = start("line.recv()\ntime.sleep(0.5)\nline.send('alive')\ntime.sleep(60)")
     assert next_messages(worker) == ["alive"]
     assert "silent" in loss_of(worker)

@@ -88,7 +88,7 @@ class LocalCrew(Team):
 
     def _start_worker(self, rendering: Rendering | None) -> str:
         worker = Worker(f"worker-{next(self._numbers)}", THIS_MACHINE)
-        settings = Settings(self._scenario, self._staging / worker.name, rendering)
+        settings = Settings(self._scenario, self._staging / worker.name, rendering=rendering)
         self._hire(LocalWorker(worker, settings))
         return worker.name
 

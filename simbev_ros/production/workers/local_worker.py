@@ -17,7 +17,7 @@ from simbev_ros.production.workers.crew import Worker
 from simbev_ros.production.workers.messages import Settings
 from simbev_ros.production.workers.team import WorkerLost
 
-_START_PATIENCE_S, _PATIENCE_S = 180.0, 60.0
+_START_PATIENCE_S, PATIENCE_S = 180.0, 60.0
 """Maximum time without a message, before the first one and later; signs of life come every second."""
 _END_PATIENCE_S = 20.0
 """Maximum time to end in; a graph takes up to 8 s."""
@@ -69,9 +69,9 @@ class LocalWorker:
                 raise WorkerLost(f"{self.worker.name} died: {self._describe_end()}") from None
         now_s = time.monotonic()
         if messages:
-            self._deadline_s = now_s + _PATIENCE_S
+            self._deadline_s = now_s + PATIENCE_S
         elif now_s > self._deadline_s:
-            raise WorkerLost(f"{self.worker.name} has been silent for {_PATIENCE_S:g} s")
+            raise WorkerLost(f"{self.worker.name} has been silent for {PATIENCE_S:g} s")
         return messages
 
     def end(self) -> None:

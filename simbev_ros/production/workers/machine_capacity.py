@@ -11,7 +11,7 @@ from simbev_ros.graph.domain import ISOLATED_DOMAINS
 from simbev_ros.production.scene_cost import SceneCost, free_memory_mib
 from simbev_ros.render.gl.devices import accessible_gpus, software_request
 
-_MEMORY_MARGIN = 1.2
+MEMORY_MARGIN = 1.2
 """Factor on the measured memory of a graph: later scenes may need more."""
 _MIN_CORES, _MAX_CORES = 0.1, 3.0
 """Bounds of the cores that a graph is counted with. Short scenes are too short to measure; and alone, graphs use more
@@ -46,7 +46,7 @@ def fitting_workers(cost: SceneCost, cores: int) -> int:
         cores: Number of cores.
     """
     by_cores = round(cores / min(max(cost.cores, _MIN_CORES), _MAX_CORES))
-    by_memory = 1 + int(free_memory_mib() / max(cost.memory_mib * _MEMORY_MARGIN, 1.0))
+    by_memory = 1 + int(free_memory_mib() / max(cost.memory_mib * MEMORY_MARGIN, 1.0))
     return max(min(by_cores, by_memory, len(ISOLATED_DOMAINS)), 1)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.scenario import Scenario
+from simbev_ros.maps.spec import MapSpec
 from simbev_ros.production.observer import ProductionObserver
 from simbev_ros.production.scene_maker import Delivery
 from simbev_ros.scene.spec import SceneSpec
@@ -24,12 +25,14 @@ class Settings:
     Attributes:
         scenario: The configuration.
         staging: Its folder for unfinished scenes; None: a temporary one.
+        maps: The configuration's maps; None: the worker resolves them.
         rendering: Devices that render, in place of the configuration's.
         delivery: Takes away finished bags.
     """
 
     scenario: Scenario
     staging: Path | None
+    maps: tuple[MapSpec, ...] | None = None
     rendering: Rendering | None = None
     delivery: Delivery | None = None
 

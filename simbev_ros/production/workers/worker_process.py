@@ -79,6 +79,7 @@ def run_worker(descriptor: int) -> None:
                 settings.scenario,
                 settings.staging,
                 observer,
+                maps=settings.maps,
                 rendering=settings.rendering,
                 delivery=settings.delivery,
             )

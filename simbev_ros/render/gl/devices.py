@@ -15,7 +15,8 @@ _REMEDY = f"Install Mesa ({INSTALL_MESA}) or the EGL part of the GPU's driver, a
 _MAX_DEVICES = 64
 
 _EXTENSIONS, _RENDERER, _DRM_FILE, _RENDER_NODE = 0x3055, 0x335F, 0x3233, 0x3377  # from EGL's registry
-_SOFTWARE = "EGL_MESA_device_software"
+_CUDA_DEVICE = 0x323A
+_SOFTWARE, _CUDA_EXTENSION = "EGL_MESA_device_software", "EGL_NV_device_cuda"
 _NAMES = (
     ("EGL_EXT_device_query_name", _RENDERER),
     ("EGL_EXT_device_drm_render_node", _RENDER_NODE),
@@ -37,12 +38,14 @@ class EglDevice:
         name: Name given by its driver, or its device file.
         software: Whether it is Mesa's CPU renderer.
         file: Device file that a process must be allowed to open, if EGL provides it.
+        cuda_index: CUDA's number of the device, if it is one of CUDA's.
     """
 
     index: int
     name: str
     software: bool
     file: str | None = None
+    cuda_index: int | None = None
 
     @property
     def is_accessible(self) -> bool:
@@ -113,7 +116,17 @@ def _describe(egl: ctypes.CDLL, index: int, handle: int) -> EglDevice:
     software = _SOFTWARE in extensions
     default = "Mesa's software renderer" if software else "GPU"
     name = next((value for value in names.values() if value), default)
-    return EglDevice(index, name, software, names.get(_RENDER_NODE) or names.get(_DRM_FILE) or None)
+    cuda_index = _cuda_index(egl, handle) if _CUDA_EXTENSION in extensions else None
+    return EglDevice(index, name, software, names.get(_RENDER_NODE) or names.get(_DRM_FILE) or None, cuda_index)
+
+
+def _cuda_index(egl: ctypes.CDLL, handle: int) -> int | None:
+    """CUDA's number of a device."""
+    query = egl_function(
+        egl, "eglQueryDeviceAttribEXT", ctypes.c_uint, ctypes.c_void_p, ctypes.c_int, ctypes.POINTER(ctypes.c_ssize_t)
+    )
+    value = ctypes.c_ssize_t()
+    return value.value if query is not None and query(handle, _CUDA_DEVICE, ctypes.byref(value)) else None
 
 
 def egl_function(egl: ctypes.CDLL, name: str, result: Any, *arguments: Any) -> Callable[..., Any] | None:

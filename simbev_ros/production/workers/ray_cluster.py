@@ -1,0 +1,265 @@
+"""The connection to a Ray cluster: its nodes, and whether they can make scenes with the same bytes as this machine.
+
+Ray is an extra. It is imported with the first connection.
+"""
+
+import importlib
+import os
+import secrets
+import signal
+import socket
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, Self
+
+from simbev_ros import __version__
+from simbev_ros.cache.fingerprint import fingerprint_inputs
+from simbev_ros.errors import InputError
+from simbev_ros.recording.whole_files import write_errors
+
+_CONNECT_TIMEOUT_S, _CHECK_TIMEOUT_S, _SWEEP_TIMEOUT_S = 5.0, 120.0, 15.0
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """A node of a cluster that is alive.
+
+    Attributes:
+        id: Ray's id of the node.
+        address: Its IP address.
+        cpus: Number of CPUs that it offers.
+        memory_mib: Memory that it offers.
+        gpus: Number of GPUs that it offers.
+    """
+
+    id: str
+    address: str
+    cpus: float
+    memory_mib: float
+    gpus: float
+
+    @property
+    def label(self) -> str:
+        """Name of the node for messages."""
+        return node_label(self.id, self.address)
+
+
+@dataclass(frozen=True, slots=True)
+class _NodeReport:
+    """What a node says about itself.
+
+    Attributes:
+        version: Version of this package there.
+        code: What decides about the bytes of a scene (``fingerprint_inputs``).
+        problem: Why it cannot use the shared folder; None: it can.
+    """
+
+    version: str
+    code: dict[str, bytes]
+    problem: str | None
+
+
+def node_label(node_id: str, address: str) -> str:
+    """Name of a node for messages; several nodes can have one address."""
+    return f"node {node_id[:6]} at {address}"
+
+
+class RayCluster:
+    """Connects to a running cluster; as a context manager it disconnects at the end.
+
+    Args:
+        address: ``auto``: the cluster that this machine is a node of; or ``HOST:PORT`` of the head.
+
+    Raises:
+        InputError: Ray is not installed, there is no cluster at the address, or its version of Ray or Python differs.
+    """
+
+    def __init__(self, address: str) -> None:
+        if find_spec("ray") is None:
+            raise InputError(f"--ray needs Ray; install it: {sys.executable} -m pip install 'ray[default]'")
+        _require_reachable(address)
+        import ray
+
+        try:
+            with _kept_signals():
+                context = ray.init(address=address, log_to_driver=False, logging_level="ERROR", namespace="simbev_ros")
+        except ConnectionError:
+            raise InputError(
+                f"--ray {address}: this machine is no node of a Ray cluster; start one with ray start --head, or name "
+                "the address of a head as HOST:PORT; --workers needs no cluster"
+            ) from None
+        except (RuntimeError, ValueError) as error:
+            raise InputError(f"--ray {address}: {_one_line(error)}") from None
+        self.address = str(context.address_info["gcs_address"])
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        import ray
+
+        self._sweep_nodes()
+        ray.shutdown()
+
+    def nodes(self) -> list[Node]:
+        """Nodes that are alive."""
+        import ray
+
+        return [
+            Node(
+                id=node["NodeID"],
+                address=node["NodeManagerAddress"],
+                cpus=node["Resources"].get("CPU", 0.0),
+                memory_mib=node["Resources"].get("memory", 0.0) / 2**20,
+                gpus=node["Resources"].get("GPU", 0.0),
+            )
+            for node in ray.nodes()
+            if node["Alive"]
+        ]
+
+    def check_nodes(self, folder: Path | None) -> None:
+        """Check that each node that has CPUs runs the same code and can use the dataset's folder.
+
+        Args:
+            folder: The folder, which exists; None: nodes need none.
+
+        Raises:
+            InputError: One of them does not; the message names it.
+        """
+        import ray
+
+        nodes = [node for node in self.nodes() if node.cpus]
+        with _probe(folder) as probe:
+            asked = [_on(node, _describe_node).remote(None if probe is None else str(probe)) for node in nodes]
+            for node, report in zip(nodes, asked, strict=True):
+                try:
+                    _require_same(node, ray.get(report, timeout=_CHECK_TIMEOUT_S))
+                except ray.exceptions.GetTimeoutError:
+                    raise InputError(f"{node.label}: has not answered within {_CHECK_TIMEOUT_S:g} s") from None
+                except ray.exceptions.RayError as error:
+                    raise InputError(f"{node.label}: cannot run this package: {_one_line(error)}") from None
+
+    def _sweep_nodes(self) -> None:
+        """Remove what killed graphs have left on the nodes; those that do not answer are left alone."""
+        import ray
+
+        with suppress(ray.exceptions.RayError):
+            asked = [_on(node, _sweep_node).remote() for node in self.nodes() if node.cpus]
+            ray.wait(asked, num_returns=len(asked), timeout=_SWEEP_TIMEOUT_S)
+
+
+def _on(node: Node, function: Any) -> Any:
+    """A remote function that runs on a certain node, beside whatever else runs there."""
+    import ray
+    from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
+
+    return ray.remote(
+        num_cpus=0, max_retries=0, scheduling_strategy=NodeAffinitySchedulingStrategy(node.id, soft=False)
+    )(function)
+
+
+def _describe_node(probe: str | None) -> _NodeReport:
+    """Runs on a node."""
+    return _NodeReport(__version__, _code(), None if probe is None else _folder_problem(Path(probe)))
+
+
+def _sweep_node() -> None:
+    """Runs on a node."""
+    from simbev_ros.graph.traces import sweep
+
+    sweep()
+
+
+def _folder_problem(probe: Path) -> str | None:
+    """Why a node cannot use the folder of a probe, a file that the driver has made there; None: it can."""
+    if not probe.is_file():
+        return f"does not see the folder {probe.parent}; --out must be a folder that all nodes see, or s3://…"
+    return None if os.access(probe.parent, os.W_OK) else f"cannot write to {probe.parent}"
+
+
+@contextmanager
+def _probe(folder: Path | None) -> Iterator[Path | None]:
+    """Make a file in a folder for as long as the context is open."""
+    if folder is None:
+        yield None
+        return
+    path = folder.absolute() / f".probe-{secrets.token_hex(4)}"
+    with write_errors(folder):
+        path.touch()
+    try:
+        yield path
+    finally:
+        path.unlink(missing_ok=True)
+
+
+@cache
+def _code() -> dict[str, bytes]:
+    """All code on this machine that decides about the bytes of a scene."""
+    nodes = importlib.import_module("simbev_ros.nodes.main").KINDS  # loads ROS
+    return fingerprint_inputs("simbev_ros.production.scene_maker", *(f"simbev_ros.nodes.{kind}_node" for kind in nodes))
+
+
+def _require_same(node: Node, report: _NodeReport) -> None:
+    """Refuse a node that would make other bytes, or that cannot use the folder."""
+    if report.version != __version__:
+        raise InputError(f"{node.label}: has simbev_ros {report.version}, this machine {__version__}")
+    here = _code()
+    if differing := sorted(
+        name for name in here.keys() | report.code.keys() if here.get(name) != report.code.get(name)
+    ):
+        raise InputError(
+            f"{node.label}: {_describe_difference(differing[0], report.code)}; all nodes need the same code"
+        )
+    if report.problem is not None:
+        raise InputError(f"{node.label}: {report.problem}")
+
+
+def _describe_difference(name: str, code: dict[str, bytes]) -> str:
+    """How a part of the code differs on a node."""
+    there, here = code.get(name), _code().get(name)
+    if name.startswith(("module ", "data ")):
+        return f"{name} differs" if there and here else f"{name} is {'not there' if here else 'not here'}"
+    versions = ("not at all" if version is None else version.decode() for version in (there, here))
+    return f"has {name} {', this machine '.join(versions)}"
+
+
+def _require_reachable(address: str) -> None:
+    """Refuse an address at which nothing listens: Ray would try for minutes."""
+    if address == "auto":
+        return
+    host, _, port = address.rpartition(":")
+    if not (host and port.isascii() and port.isdecimal() and 0 < int(port[:6]) < 1 << 16) or "/" in host:
+        raise InputError(
+            f"--ray: is {address!r:.80}; allowed: auto, or HOST:PORT of a cluster's head, such as 10.0.0.5:6379"
+        )
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), _CONNECT_TIMEOUT_S).close()
+    except OSError as error:
+        raise InputError(f"--ray {address}: cannot be reached: {error.strerror or error}") from None
+
+
+@contextmanager
+def _kept_signals() -> Iterator[None]:
+    """Keep the handlers of signals, which Ray replaces."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _one_line(error: Exception) -> str:
+    """The lines of a message of Ray, without its indentation and the advice after the first paragraph."""
+    lines = str(error).strip().split("\n\n")[0].splitlines()
+    return " ".join(line.strip() for line in lines)
+
+
+def largest(nodes: Sequence[Node]) -> str:
+    """The largest memory of some nodes, for messages."""
+    return f"{max((node.memory_mib for node in nodes), default=0.0) / 1024:.1f} GiB"

@@ -1,0 +1,85 @@
+"""Figures of a production as Ray metrics, which Prometheus reads from the cluster's nodes and Ray's dashboard shows."""
+
+import time
+from typing import Any
+
+from simbev_ros.dataset.plan import PlannedEntry
+from simbev_ros.production.observer import ProductionObserver
+from simbev_ros.scene.ending import SceneEnd
+from simbev_ros.scene.spec import SceneSpec
+
+
+class RayMetrics(ProductionObserver):
+    """Counts scenes, frames and bytes.
+
+    The names in Prometheus are ``ray_simbev_scenes_planned``, ``…_made``, ``…_failed``, ``…_retried``, ``…_running``,
+    ``ray_simbev_frames``, ``ray_simbev_frames_per_second`` and ``ray_simbev_dataset_bytes``, with the tag ``dataset``.
+
+    Args:
+        dataset: Name of the dataset.
+    """
+
+    def __init__(self, dataset: str) -> None:
+        from ray.util.metrics import Gauge
+
+        def gauge(name: str, description: str) -> Any:
+            made = Gauge(f"simbev_{name}", description, ("dataset",))
+            made.set_default_tags({"dataset": dataset})
+            return made
+
+        self._planned = gauge("scenes_planned", "Scenes to make in this run")
+        self._made = gauge("scenes_made", "Scenes that were made in this run")
+        self._failed = gauge("scenes_failed", "Scenes that could not be made")
+        self._retried = gauge("scenes_retried", "Attempts that failed or whose worker was lost")
+        self._running = gauge("scenes_running", "Scenes that are being played")
+        self._frames = gauge("frames", "Frames that were simulated in this run")
+        self._rate = gauge("frames_per_second", "Frames per second since the start of this run")
+        self._bytes = gauge("dataset_bytes", "Size of all scenes of the dataset")
+        self._counts: dict[Any, int] = {}
+        self._ticks: dict[str, int] = {}
+        self._began_s = time.monotonic()
+
+    def dataset_started(self, scenes: int, dataset_bytes: int) -> None:
+        """Note the number of scenes to make."""
+        self._planned.set(scenes)
+        self._bytes.set(dataset_bytes)
+        for gauge in (self._made, self._failed, self._retried, self._running, self._frames):
+            self._add(gauge, 0)
+
+    def scene_started(self, spec: SceneSpec) -> None:
+        """Count the scene as running."""
+        self._ticks[spec.name] = -1
+        self._running.set(len(self._ticks))
+
+    def scene_progressed(self, spec: SceneSpec, tick: int | None) -> None:
+        """Count frames."""
+        last = self._ticks.get(spec.name)
+        if tick is None or last is None or tick <= last:
+            return
+        self._ticks[spec.name] = tick
+        self._add(self._frames, tick - last)
+        self._rate.set(self._counts[self._frames] / (time.monotonic() - self._began_s))
+
+    def scene_ended(self, spec: SceneSpec, end: SceneEnd | None) -> None:
+        """Count the rest of the frames."""
+        if end is not None:
+            self.scene_progressed(spec, end.tick)
+        self._ticks.pop(spec.name, None)
+        self._running.set(len(self._ticks))
+
+    def scene_made(self, entry: PlannedEntry, dataset_bytes: int) -> None:
+        """Count the scene."""
+        self._add(self._made, 1)
+        self._bytes.set(dataset_bytes)
+
+    def scene_retried(self, entry: PlannedEntry, reason: str) -> None:
+        """Count the attempt."""
+        self._add(self._retried, 1)
+
+    def scene_failed(self, entry: PlannedEntry, reason: str) -> None:
+        """Count the scene."""
+        self._add(self._failed, 1)
+
+    def _add(self, gauge: Any, amount: int) -> None:
+        self._counts[gauge] = self._counts.get(gauge, 0) + amount
+        gauge.set(self._counts[gauge])

@@ -1,0 +1,55 @@
+"""A Ray cluster on this machine, whose nodes a test can kill; each node is a raylet with processes of its own."""
+
+import os
+from pathlib import Path
+from typing import Any
+
+from ray.cluster_utils import Cluster
+
+
+class RayNodes:
+    """Starts a head and further nodes, and ends them with all their processes.
+
+    Args:
+        nodes: Number of nodes, with the head.
+        cpus: CPUs that each node says that it has.
+        memory_mib: Memory that each node says that it has.
+    """
+
+    def __init__(self, nodes: int, cpus: int = 2, memory_mib: int = 6144) -> None:
+        os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
+        self._offers = {"num_cpus": cpus, "memory": memory_mib << 20, "object_store_memory": 100 << 20}
+        self._cluster = Cluster(initialize_head=True, head_node_args={**self._offers, "include_dashboard": False})
+        self.others: list[Any] = []
+        for _ in range(nodes - 1):
+            self.add()
+
+    @property
+    def address(self) -> str:
+        """Address of the head."""
+        return str(self._cluster.address)
+
+    def add(self) -> None:
+        """Start another node."""
+        self.others.append(self._cluster.add_node(wait=False, **self._offers))
+
+    def kill_raylet(self, index: int) -> None:
+        """Kill the raylet of a node that is not the head, as when the machine fails."""
+        self._cluster.remove_node(self.others.pop(index), allow_graceful=False)
+
+    def close(self) -> None:
+        """End all nodes."""
+        self._cluster.shutdown()
+
+
+def processes(part: str, mark: bytes) -> list[int]:
+    """Processes with a text in their command line and a variable, given as NAME=VALUE, in their environment."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*"):
+        try:
+            words, variables = ((path / name).read_bytes() for name in ("cmdline", "environ"))
+        except OSError:
+            continue
+        if part.encode() in words and mark in variables.split(b"\0"):
+            found.append(int(path.name))
+    return found

@@ -1,6 +1,6 @@
 """The output of ``simbev generate --dry-run``: scenes to make, and what they would cost."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from rich.console import Console
@@ -11,11 +11,25 @@ from simbev_ros.cli.production_display import SceneDisplay
 from simbev_ros.config.scenario import SPLITS, Scenario
 from simbev_ros.production.dataset import plan_scenes
 from simbev_ros.production.estimate import SAMPLE_TICKS, Estimate, SceneCounts, count_scenes, estimate_dataset
+from simbev_ros.production.scene_cost import SceneCost
 from simbev_ros.recording.whole_files import require_writable
 
 
-def show_estimate(scenario: Scenario, dataset: Path, replace: Sequence[range], console: Console) -> None:
+def show_estimate(
+    scenario: Scenario,
+    dataset: Path,
+    replace: Sequence[range],
+    console: Console,
+    speedup: Callable[[SceneCost], float],
+) -> None:
     """Print which scenes would be made and their estimated cost; nothing is written into the dataset.
+
+    Args:
+        scenario: The configuration.
+        dataset: The dataset's folder, which need not exist.
+        replace: Numbers of scenes to make again.
+        console: Where to print.
+        speedup: See ``estimate_dataset``.
 
     Raises:
         InputError: The folder cannot be written to, the plan of the dataset or the configuration is wrong, or the
@@ -28,7 +42,7 @@ def show_estimate(scenario: Scenario, dataset: Path, replace: Sequence[range], c
     if not entries:
         console.print("nothing is missing")
         return
-    estimate = estimate_dataset(scenario, dataset, entries, SceneDisplay(console))
+    estimate = estimate_dataset(scenario, dataset, entries, SceneDisplay(console), speedup)
     console.print(_sentence(estimate, entries[0].name), highlight=False, soft_wrap=True)
 
 
@@ -45,5 +59,6 @@ def _sentence(estimate: Estimate, sampled: str) -> str:
         f"{estimate.scenes} scenes, {estimate.frames:,} frames: about {format_duration(estimate.duration_s)} and "
         f"{format_size(estimate.size_bytes)} ({format_size(estimate.free_bytes)} are free); measured on {SAMPLE_TICKS} "
         f"frames of {sampled}: {sample.start_s:.1f} s to begin, {sample.tick_s:.2f} s and "
-        f"{format_size(sample.tick_bytes)} a frame"
+        f"{format_size(sample.tick_bytes)} a frame, on one graph here"
+        + (f"; graphs side by side {estimate.speedup:.1f} times as fast" if estimate.speedup > 1.0 else "")
     )

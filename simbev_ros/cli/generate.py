@@ -14,6 +14,7 @@ from simbev_ros.errors import InputError
 from simbev_ros.graph.domain import ISOLATED_DOMAINS
 
 if TYPE_CHECKING:
+    from simbev_ros.config.scenario import Scenario
     from simbev_ros.production.dataset import DatasetResult
 
 _MAX_WORKERS = len(ISOLATED_DOMAINS)
@@ -64,19 +65,39 @@ def generate(
     simbev generate my.yaml --out datasets/first --replace 3,17-20
     """
     from simbev_ros.cli.production_display import DatasetDisplay
-    from simbev_ros.production.dataset import make_dataset
+    from simbev_ros.production.dataset import check_workers, make_dataset
 
     scenario, numbers, console = load_scenario(config), scene_numbers("--replace", replace or ()), make_console()
     count = worker_count(workers)
+    check_workers(count, ray)
     if dry_run:
-        from simbev_ros.cli.estimate_table import show_estimate
-
-        show_estimate(scenario, out, numbers, console)
+        _estimate(scenario, out, numbers, console, count, ray)
         return
     display = DatasetDisplay(console)
     result = make_dataset(scenario, out, replace=numbers, retries=retries, workers=count, ray=ray, observer=display)
     _show(result, console)
     raise typer.Exit(0 if result.is_complete else 1)
+
+
+def _estimate(
+    scenario: "Scenario",
+    out: Path,
+    numbers: list[range],
+    console: Console,
+    workers: int | Literal["auto"] | None,
+    ray: str | None,
+) -> None:
+    """Print what the scenes would cost, on this machine or on a cluster."""
+    from simbev_ros.cli.estimate_table import show_estimate
+    from simbev_ros.production.workers.machine_capacity import expected_speedup
+    from simbev_ros.production.workers.ray_cluster import RayCluster
+    from simbev_ros.threads import usable_cores
+
+    if ray is None:
+        show_estimate(scenario, out, numbers, console, lambda cost: expected_speedup(workers, cost, usable_cores()))
+        return
+    with RayCluster(ray) as cluster:
+        show_estimate(scenario, out, numbers, console, cluster.expected_speedup)
 
 
 def worker_count(text: str | None) -> int | Literal["auto"] | None:

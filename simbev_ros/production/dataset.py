@@ -92,10 +92,7 @@ def make_dataset(
         >>> print(len(result.made), "made,", len(result.skipped), "existed,", dict(result.failed))
     """
     scenario, out = without_stack(scenario), Path(out)
-    if isinstance(workers, int) and not 1 <= workers <= _MAX_WORKERS:
-        raise InputError(f"is {workers}; allowed: 1 to {_MAX_WORKERS}, or auto", parameter="workers")
-    if workers is not None and ray is not None:
-        raise InputError("is for this machine; a Ray cluster chooses the number of workers itself", parameter="workers")
+    check_workers(workers, ray)
     plan_scenes(scenario, out, replace)
     with ExitStack() as held:
         cluster = None if ray is None else held.enter_context(RayCluster(ray))
@@ -116,6 +113,18 @@ def make_dataset(
         outcome = DatasetMaker(folder, crew, retries=retries, observer=observer).make(entries)
     skipped = tuple(entry for entry in skipped if entry.name not in outcome.damaged)
     return DatasetResult(out, tuple(outcome.made), skipped, outcome.failed, outcome.damaged)
+
+
+def check_workers(workers: int | Literal["auto"] | None, ray: str | None) -> None:
+    """Check the choice of workers.
+
+    Raises:
+        InputError: The number is not allowed, or there is a cluster as well; ``parameter`` is ``workers``.
+    """
+    if isinstance(workers, int) and not 1 <= workers <= _MAX_WORKERS:
+        raise InputError(f"is {workers}; allowed: 1 to {_MAX_WORKERS}, or auto", parameter="workers")
+    if workers is not None and ray is not None:
+        raise InputError("is for this machine alone; a cluster has as many as there is room for", parameter="workers")
 
 
 def _open_crew(

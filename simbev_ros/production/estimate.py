@@ -4,7 +4,7 @@ import shutil
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +14,7 @@ from simbev_ros.graph.session import GraphSession
 from simbev_ros.production.dataset import existing_scenes, without_stack
 from simbev_ros.production.drawing import PlannedSceneDrawer
 from simbev_ros.production.observer import SILENT, ProductionObserver
+from simbev_ros.production.scene_cost import CostMeter, SceneCost
 from simbev_ros.production.surroundings import build_surroundings
 from simbev_ros.recording.layout import bytes_of, scene_folder
 from simbev_ros.recording.reader import SceneBag
@@ -37,12 +38,14 @@ class Sample:
         tick_s: Time per tick after that.
         tick_bytes: Size in the bag, per tick.
         scene_bytes: Size in the bag that does not depend on the scene's length.
+        cost: What it took in all.
     """
 
     start_s: float
     tick_s: float
     tick_bytes: float
     scene_bytes: float
+    cost: SceneCost
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +56,7 @@ class Estimate:
         scenes: Number of scenes to make.
         frames: Number of their frames.
         duration_s: Time to make them.
+        speedup: Factor by which graphs side by side make that shorter than one graph would.
         size_bytes: Disk space for them.
         free_bytes: Space that is free on the dataset's disk.
         sample: The measurements that the estimate is based on.
@@ -61,6 +65,7 @@ class Estimate:
     scenes: int
     frames: int
     duration_s: float
+    speedup: float
     size_bytes: float
     free_bytes: int
     sample: Sample
@@ -75,7 +80,11 @@ def count_scenes(dataset: Path, entries: Sequence[PlannedEntry]) -> tuple[SceneC
 
 
 def estimate_dataset(
-    scenario: Scenario, dataset: Path, entries: Sequence[PlannedEntry], observer: ProductionObserver = SILENT
+    scenario: Scenario,
+    dataset: Path,
+    entries: Sequence[PlannedEntry],
+    observer: ProductionObserver = SILENT,
+    speedup: Callable[[SceneCost], float] = lambda cost: 1.0,
 ) -> Estimate:
     """Estimate the cost of making scenes; nothing is written into the dataset.
 
@@ -84,6 +93,7 @@ def estimate_dataset(
         dataset: The dataset's folder, which need not exist.
         entries: The scenes to make, at least one; the first one is sampled.
         observer: Receives the progress of the sample.
+        speedup: Factor by which the scenes are made faster than by one graph on this machine, by the sample's cost.
 
     Raises:
         InputError: The sample cannot be drawn or played with this configuration.
@@ -91,10 +101,12 @@ def estimate_dataset(
     """
     sample = _measure_sample(without_stack(scenario), entries[0], observer)
     ticks = sum(duration_ticks(scenario.time, scenario.seed + entry.number) for entry in entries)
+    factor = max(min(speedup(sample.cost), len(entries)), 1.0)
     return Estimate(
         scenes=len(entries),
         frames=ticks,
-        duration_s=len(entries) * sample.start_s + ticks * sample.tick_s,
+        duration_s=(len(entries) * sample.start_s + ticks * sample.tick_s) / factor,
+        speedup=factor,
         size_bytes=len(entries) * sample.scene_bytes + ticks * sample.tick_bytes,
         free_bytes=shutil.disk_usage(_nearest_existing(dataset)).free,
         sample=sample,
@@ -107,17 +119,19 @@ def _measure_sample(scenario: Scenario, entry: PlannedEntry, observer: Productio
     spec = spec.model_copy(update={"ticks": min(SAMPLE_TICKS, spec.ticks)})
     build_surroundings([spec], observer)
     with tempfile.TemporaryDirectory(prefix="simbev_ros-sample-") as folder:
-        finished_s = _time_ticks(scenario, spec, Path(folder), observer)
+        finished_s, cost = _time_ticks(scenario, spec, Path(folder), observer)
         bag_path = scene_folder(Path(folder), spec.split, spec.name)
         size = bytes_of(bag_path)
         with SceneBag(bag_path) as bag:
             fixed = min(sum(len(data) for data in bag.attachments.values()), size)
     ticks = len(finished_s)
     tick_s = (finished_s[-1] - finished_s[0]) / max(ticks - 1, 1)
-    return Sample(finished_s[0], tick_s, (size - fixed) / ticks, fixed)
+    return Sample(finished_s[0], tick_s, (size - fixed) / ticks, fixed, cost)
 
 
-def _time_ticks(scenario: Scenario, spec: SceneSpec, folder: Path, observer: ProductionObserver) -> list[float]:
+def _time_ticks(
+    scenario: Scenario, spec: SceneSpec, folder: Path, observer: ProductionObserver
+) -> tuple[list[float], SceneCost]:
     """Play a scene on a graph that runs already; return for each tick the time from the start to its end, s."""
     finished_s: list[float] = []
     end: SceneEnd | None = None
@@ -126,17 +140,19 @@ def _time_ticks(scenario: Scenario, spec: SceneSpec, folder: Path, observer: Pro
         try:
             first = spec.model_copy(update={"ticks": 1, "number": spec.number + 1})
             session.play(first, lambda _: None)  # the start of processes is paid once for all scenes
-            began_s = time.monotonic()
+            began_s, meter = time.monotonic(), CostMeter(session.pids().values())
 
             def progress(tick: int | None) -> None:
                 observer.scene_progressed(spec, tick)
+                meter.look(session.pids().values())
                 while tick is not None and len(finished_s) <= tick:
                     finished_s.append(time.monotonic() - began_s)
 
             end = session.play(spec, progress)
+            cost = meter.cost(session.pids().values(), len(finished_s))
         finally:
             observer.scene_ended(spec, end)
-    return finished_s
+    return finished_s, cost
 
 
 def _nearest_existing(path: Path) -> Path:

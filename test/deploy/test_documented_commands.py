@@ -18,8 +18,6 @@ TEXTS = [
 CODE = re.compile(r"^```sh\n(.*?)^```$|`([^`\n]+)`", re.DOTALL | re.MULTILINE)
 CALL = re.compile(r"""(?:^|[\s`/])simbev"? ([a-z]+)([^\n`#|]*)""")
 OF_THE_START_SCRIPT = {"setup"}
-NOT_MERGED = {("generate", "--ray")}
-"""Parts of the command line that come with the running on many machines itself: strike them out when they are there."""
 
 
 def calls() -> set[tuple[str, str]]:

@@ -9,6 +9,7 @@ import secrets
 import signal
 import socket
 import sys
+import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -20,6 +21,7 @@ from typing import Any, Self
 from simbev_ros import __version__
 from simbev_ros.cache.fingerprint import fingerprint_inputs
 from simbev_ros.errors import InputError
+from simbev_ros.production.scene_cost import SceneCost
 from simbev_ros.recording.whole_files import write_errors
 
 _CONNECT_TIMEOUT_S, _CHECK_TIMEOUT_S, _SWEEP_TIMEOUT_S = 5.0, 120.0, 15.0
@@ -82,18 +84,13 @@ class RayCluster:
     def __init__(self, address: str) -> None:
         if find_spec("ray") is None:
             raise InputError(f"--ray needs Ray; install it: {sys.executable} -m pip install 'ray[default]'")
-        _require_reachable(address)
+        head = _head_of(address)
         import ray
 
         try:
             with _kept_signals():
-                context = ray.init(address=address, log_to_driver=False, logging_level="ERROR", namespace="simbev_ros")
-        except ConnectionError:
-            raise InputError(
-                f"--ray {address}: this machine is no node of a Ray cluster; start one with ray start --head, or name "
-                "the address of a head as HOST:PORT; --workers needs no cluster"
-            ) from None
-        except (RuntimeError, ValueError) as error:
+                context = ray.init(address=head, log_to_driver=False, logging_level="ERROR", namespace="simbev_ros")
+        except (ConnectionError, RuntimeError, ValueError) as error:
             raise InputError(f"--ray {address}: {_one_line(error)}") from None
         self.address = str(context.address_info["gcs_address"])
 
@@ -121,6 +118,10 @@ class RayCluster:
             for node in ray.nodes()
             if node["Alive"]
         ]
+
+    def expected_speedup(self, cost: SceneCost) -> float:
+        """Factor by which the cluster makes scenes faster than one graph: until all CPUs of the nodes are busy."""
+        return max(sum(node.cpus for node in self.nodes()) / cost.cores, 1.0) if cost.cores else 1.0
 
     def check_nodes(self, folder: Path | None) -> None:
         """Check that each node that has CPUs runs the same code and can use the dataset's folder.
@@ -228,19 +229,32 @@ def _describe_difference(name: str, code: dict[str, bytes]) -> str:
     return f"has {name} {', this machine '.join(versions)}"
 
 
-def _require_reachable(address: str) -> None:
-    """Refuse an address at which nothing listens: Ray would try for minutes."""
-    if address == "auto":
-        return
-    host, _, port = address.rpartition(":")
+def _head_of(address: str) -> str:
+    """Address of a cluster's head; refuse one at which nothing listens, as Ray would try for minutes."""
+    name, head = f"--ray {address}", _own_cluster() if address == "auto" else address
+    if head is None:
+        raise InputError(
+            f"{name}: this machine is no node of a Ray cluster; start one with ray start --head, or name a head as "
+            "HOST:PORT; --workers needs no cluster"
+        )
+    host, _, port = head.rpartition(":")
     if not (host and port.isascii() and port.isdecimal() and 0 < int(port[:6]) < 1 << 16) or "/" in host:
         raise InputError(
-            f"--ray: is {address!r:.80}; allowed: auto, or HOST:PORT of a cluster's head, such as 10.0.0.5:6379"
+            f"--ray: is {head!r:.80}; allowed: auto, or HOST:PORT of a cluster's head, such as 10.0.0.5:6379"
         )
     try:
         socket.create_connection((host.strip("[]"), int(port)), _CONNECT_TIMEOUT_S).close()
     except OSError as error:
-        raise InputError(f"--ray {address}: cannot be reached: {error.strerror or error}") from None
+        raise InputError(f"{name}: nothing answers at {head}: {error.strerror or error}") from None
+    return head
+
+
+def _own_cluster() -> str | None:
+    """Address of the head of the cluster that this machine is a node of, as Ray notes it; None: of none."""
+    noted = Path(os.environ.get("RAY_TMPDIR", tempfile.gettempdir())) / "ray" / "ray_current_cluster"
+    with suppress(OSError):
+        return os.environ.get("RAY_ADDRESS") or noted.read_text().strip() or None
+    return None
 
 
 @contextmanager

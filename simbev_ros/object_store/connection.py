@@ -94,7 +94,7 @@ def _connect(process: int, endpoint: str | None, region: str | None, credentials
         fs.S3FileSystem(
             **options,
             allow_delayed_open=True,  # small objects are written with one request
-            check_directory_existence_before_creation=True,  # deletions make no objects that stand for folders
+            check_directory_existence_before_creation=True,
         )
     )
 

@@ -22,7 +22,10 @@ _MAX_TRANSFERS = 8
 def put_file(source: Path, target: ObjectPath) -> None:
     """Upload a file, in parts if it is large. The object appears when the last part is there.
 
-    If anything fails, no object is left. A killed process leaves none either, only parts that nobody sees.
+    pyarrow cannot abort an upload. After a failure it completes the object, cut off, and this function deletes it: for
+    a moment others may see it, and if the deletion fails too, it stays. So upload to keys that nobody reads, and copy
+    from there. A killed process leaves no object, but parts that cost space until a lifecycle rule of the bucket
+    removes incomplete uploads.
 
     Raises:
         OSError: The file cannot be read.

@@ -11,7 +11,8 @@ from pathlib import Path
 from simbev_ros.config.scenario import Scenario, Split
 from simbev_ros.dataset.plan import Plan, PlannedEntry
 from simbev_ros.graph.session import GraphSession
-from simbev_ros.production.dataset import existing_scenes, without_stack
+from simbev_ros.object_store.object_path import AnyPath, ObjectPath
+from simbev_ros.production.dataset import without_stack
 from simbev_ros.production.drawing import PlannedSceneDrawer
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.surroundings import build_surroundings
@@ -54,7 +55,7 @@ class Estimate:
         frames: Number of their frames.
         duration_s: Time to make them.
         size_bytes: Disk space for them.
-        free_bytes: Space that is free on the dataset's disk.
+        free_bytes: Space that is free on the dataset's disk; None: it is in an object store.
         sample: The measurements that the estimate is based on.
     """
 
@@ -62,26 +63,26 @@ class Estimate:
     frames: int
     duration_s: float
     size_bytes: float
-    free_bytes: int
+    free_bytes: int | None
     sample: Sample
 
 
-def count_scenes(dataset: Path, entries: Sequence[PlannedEntry]) -> tuple[SceneCounts, SceneCounts]:
+def count_scenes(dataset: AnyPath, entries: Sequence[PlannedEntry]) -> tuple[SceneCounts, SceneCounts]:
     """Count the finished scenes of a dataset, and the scenes to make, by map and split."""
-    existing = existing_scenes(Plan.load(dataset), dataset)
+    existing = Plan.load(dataset).finished_entries(dataset)
     return Counter((entry.map, entry.split) for entry in existing), Counter(
         (entry.map, entry.split) for entry in entries
     )
 
 
 def estimate_dataset(
-    scenario: Scenario, dataset: Path, entries: Sequence[PlannedEntry], observer: ProductionObserver = SILENT
+    scenario: Scenario, dataset: AnyPath, entries: Sequence[PlannedEntry], observer: ProductionObserver = SILENT
 ) -> Estimate:
     """Estimate the cost of making scenes; nothing is written into the dataset.
 
     Args:
         scenario: The configuration.
-        dataset: The dataset's folder, which need not exist.
+        dataset: The dataset, which need not exist.
         entries: The scenes to make, at least one; the first one is sampled.
         observer: Receives the progress of the sample.
 
@@ -96,7 +97,7 @@ def estimate_dataset(
         frames=ticks,
         duration_s=len(entries) * sample.start_s + ticks * sample.tick_s,
         size_bytes=len(entries) * sample.scene_bytes + ticks * sample.tick_bytes,
-        free_bytes=shutil.disk_usage(_nearest_existing(dataset)).free,
+        free_bytes=None if isinstance(dataset, ObjectPath) else shutil.disk_usage(_nearest_existing(dataset)).free,
         sample=sample,
     )
 

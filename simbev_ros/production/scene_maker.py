@@ -6,7 +6,7 @@ the reason why there is none. It runs in the process of ``make_dataset`` or in a
 
 import shutil
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
@@ -61,6 +61,14 @@ class Delivery(Protocol):
         Raises:
             SimbevError: It could not be delivered.
         """
+
+
+Deliveries = Callable[[str], Delivery | None]
+"""The delivery for a worker, by its name; None: bags stay in the worker's folder."""
+
+
+def keep_bags(worker: str) -> None:
+    """No delivery for any worker."""
 
 
 class SceneMaker:

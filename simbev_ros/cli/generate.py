@@ -11,7 +11,7 @@ from simbev_ros.cli.scene_numbers import scene_numbers
 from simbev_ros.config.load import load_scenario
 from simbev_ros.errors import InputError
 from simbev_ros.graph.domain import ISOLATED_DOMAINS
-from simbev_ros.object_store.object_path import path_or_url
+from simbev_ros.object_store.object_path import ObjectPath, path_or_url
 
 if TYPE_CHECKING:
     from simbev_ros.production.dataset import DatasetResult
@@ -61,6 +61,8 @@ def generate(
     from simbev_ros.cli.production_display import DatasetDisplay
     from simbev_ros.production.dataset import make_dataset
 
+    if isinstance(path_or_url(config), ObjectPath):
+        raise InputError(f"{config}: a configuration is a local file; only --out takes a URL")
     scenario, numbers, console = load_scenario(config), scene_numbers("--replace", replace or ()), make_console()
     count, dataset = worker_count(workers), path_or_url(out)
     if dry_run:

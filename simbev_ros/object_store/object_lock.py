@@ -15,6 +15,7 @@ from simbev_ros.object_store.object_path import ObjectPath
 from simbev_ros.object_store.transfers import put_bytes
 
 LOCK_NAME = ".lock"
+_PROBE_PREFIX = f"{LOCK_NAME}."
 _REFRESH_S = 10.0
 _EXPIRY_S = 60.0
 """Age from which the lock of a process that does not refresh it is free."""
@@ -51,6 +52,8 @@ class ObjectLock:
                 f"old, and after {_EXPIRY_S:.0f} s without one the dataset is free"
             )
         self._write()
+        for probe in folder.glob(f"{_PROBE_PREFIX}*"):  # of a process that was killed
+            _delete(probe)
         self._is_over = threading.Event()
         self._thread = threading.Thread(target=self._refresh, name="lock", daemon=True)
 
@@ -114,14 +117,22 @@ def require_writable_store(folder: ObjectPath) -> int:
         Time of the store's clock, ns since 1970.
 
     Raises:
-        StoreError: The store cannot be reached, there is no such bucket, or access is refused.
+        InputError: The store cannot be reached, there is no such bucket, access is refused, or another process begins
+            to write into the folder at the same time.
     """
-    probe = folder / f"{LOCK_NAME}.{secrets.token_hex(8)}"
+    probe = folder / f"{_PROBE_PREFIX}{secrets.token_hex(8)}"
     put_bytes(b"", probe)
-    now_ns = probe.stat().st_mtime_ns
-    with store_errors(str(probe)):
-        connection().files.delete_file(probe.location)
+    try:
+        now_ns = probe.stat().st_mtime_ns
+    except FileNotFoundError:
+        raise InputError(f"{folder}: another process has begun to write into it at the same time") from None
+    _delete(probe)
     return now_ns
+
+
+def _delete(probe: ObjectPath) -> None:
+    with suppress(FileNotFoundError), store_errors(str(probe)):
+        connection().files.delete_file(probe.location)
 
 
 def _describe(holder: dict[str, object]) -> str:

@@ -7,15 +7,14 @@ between any two of these steps, it leaves a scene that is there or is missing, n
 
 import secrets
 import shutil
-import tempfile
 from collections import Counter
 from collections.abc import Mapping
-from pathlib import Path
 
 from simbev_ros.dataset.index_row import Row
 from simbev_ros.dataset.plan import PlannedEntry, bag_of
 from simbev_ros.dataset.staging import staging_of
 from simbev_ros.dataset.stored_index import StoredIndex
+from simbev_ros.graph.traces import temporary_folder
 from simbev_ros.object_store.connection import StoreError
 from simbev_ros.object_store.object_lock import ObjectLock
 from simbev_ros.object_store.object_path import ObjectPath
@@ -24,7 +23,6 @@ from simbev_ros.production.object_delivery import ObjectDelivery
 from simbev_ros.production.scene_log import Attempt, write_scene_log
 from simbev_ros.recording.bag_files import check_space
 from simbev_ros.recording.layout import METADATA_FILE, SCENES_FOLDER, additional_bags
-from simbev_ros.recording.whole_files import write_errors
 
 
 class DatasetBucket:
@@ -50,8 +48,7 @@ class DatasetBucket:
         self._uploads = staging_of(path) / secrets.token_hex(4)
         self.index = StoredIndex(path)
         self.damaged = _find_damage(path, self.index.sizes())
-        with write_errors(Path(tempfile.gettempdir())):
-            self.staging = Path(tempfile.mkdtemp(prefix="simbev_ros-scenes-"))
+        self.staging = temporary_folder()
 
     def delivery_of(self, worker: str) -> ObjectDelivery:
         """Uploads a worker's bags to where ``adopt`` finds them."""

@@ -5,7 +5,6 @@ the reason why there is none. It runs in the process of ``make_dataset`` or in a
 """
 
 import shutil
-import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,6 +16,7 @@ from simbev_ros.dataset.index_row import Row, index_row
 from simbev_ros.dataset.plan import PlannedEntry, bag_of
 from simbev_ros.errors import SimbevError
 from simbev_ros.graph.session import GraphSession
+from simbev_ros.graph.traces import temporary_folder
 from simbev_ros.production.drawing import PlannedSceneDrawer
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.play import play_on
@@ -93,7 +93,7 @@ class SceneMaker:
     ) -> None:
         self._scenario, self._observer = scenario, observer
         self._rendering, self._delivery = rendering, delivery
-        self._staging = staging or Path(tempfile.mkdtemp(prefix="simbev_ros-scenes-"))
+        self._staging = staging or temporary_folder()
         self._drawer = PlannedSceneDrawer(scenario, observer)
         self._session: GraphSession | None = None
 

@@ -1,10 +1,19 @@
-"""A graph that is not there, and configurations for it."""
+"""A graph that is not there, configurations for it, and the death of drivers."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
 
 import pytest
+from bucket_content import DieAfter, Killed
 from fake_graph import FakeGraph, Scenarios
 
 from simbev_ros.config.scenario import Scenario
+from simbev_ros.object_store import object_lock
+from simbev_ros.object_store.connection import connection
 from simbev_ros.production import scene_maker
+
+_WRITES = ("open_output_stream", "copy_file", "delete_dir", "delete_file")
 
 
 @pytest.fixture
@@ -30,3 +39,25 @@ def scenario() -> Scenarios:
         )
 
     return make
+
+
+@pytest.fixture
+def die_after(monkeypatch: pytest.MonkeyPatch) -> DieAfter:
+    """Context in which this process writes into the store a number of times and is dead then; a minute passes after."""
+
+    @contextmanager
+    def arrange(writes: int) -> Iterator[None]:
+        files, left = connection().files, iter(range(writes))
+
+        class Files:
+            def __getattr__(self, name: str) -> Any:
+                if name in _WRITES and next(left, None) is None:
+                    raise Killed
+                return getattr(files, name)
+
+        monkeypatch.setattr(object_lock, "_EXPIRY_S", 0.0)
+        with monkeypatch.context() as patch:
+            patch.setattr(connection(), "files", Files())
+            yield
+
+    return arrange

@@ -58,7 +58,7 @@ def copy_object(source: ObjectPath, target: ObjectPath) -> None:
             _put(_parts(stream), target, size_bytes)
         return
     with store_errors(str(target)):
-        connection().files.copy_file(source.location, target.location)
+        connection(is_patient=True).files.copy_file(source.location, target.location)
 
 
 def list_objects(folder: ObjectPath) -> dict[ObjectPath, int]:
@@ -122,7 +122,7 @@ def _download(source: ObjectPath, size_bytes: int, target: Path, stop: Event) ->
 def _put(parts: Iterable[bytes], target: ObjectPath, size_bytes: int) -> None:
     """Upload consecutive parts. pyarrow can only complete an object, so what failed is completed and deleted."""
     with store_errors(str(target)):
-        stream = connection().files.open_output_stream(target.location)
+        stream = connection(is_patient=True).files.open_output_stream(target.location)
     try:
         for part in parts:
             with store_errors(str(target)):

@@ -47,17 +47,21 @@ def die_after(monkeypatch: pytest.MonkeyPatch) -> DieAfter:
 
     @contextmanager
     def arrange(writes: int) -> Iterator[None]:
-        files, left = connection().files, iter(range(writes))
+        left = iter(range(writes))
 
         class Files:
+            def __init__(self, files: Any) -> None:
+                self._files = files
+
             def __getattr__(self, name: str) -> Any:
                 if name in _WRITES and next(left, None) is None:
                     raise Killed
-                return getattr(files, name)
+                return getattr(self._files, name)
 
         monkeypatch.setattr(object_lock, "_EXPIRY_S", 0.0)
         with monkeypatch.context() as patch:
-            patch.setattr(connection(), "files", Files())
+            for one in (connection(), connection(is_patient=True)):
+                patch.setattr(one, "files", Files(one.files))
             yield
 
     return arrange

@@ -14,6 +14,7 @@ from simbev_ros.dataset.index import read_index, update_index
 from simbev_ros.dataset.index_row import index_row
 from simbev_ros.dataset.plan import Plan, PlannedEntry, bag_of
 from simbev_ros.dataset.stored_index import StoredIndex, load_stored_index
+from simbev_ros.object_store.connection import StoreError
 from simbev_ros.object_store.object_path import ObjectPath
 from simbev_ros.object_store.transfers import list_objects
 from simbev_ros.production.dataset_home import hold_home, open_home
@@ -102,6 +103,26 @@ def test_a_driver_killed_at_any_step_leaves_the_old_scene_or_none_or_the_new_one
             assert {key: found[key] for key in found.keys() - {"index.parquet"}} == made.after
         writes += 1
     assert list(dict.fromkeys(seen)) == ["old", "missing", "new"] and len(seen) > 6
+
+
+def test_what_a_lost_worker_has_uploaded_is_removed(made: Made, store: StoreServer) -> None:
+    with hold_home(SET) as lock, closing(open_home(SET, lock, [], 0)) as home:
+        for worker in ("worker-1", "worker-2"):
+            delivery = home.delivery_of(worker)
+            assert delivery is not None
+            delivery.deliver(bag_of(made.folder, ENTRY), ENTRY)
+        home.discard("worker-1")
+        assert {path.key.split("/")[4] for path in list_objects(SET / ".making")} == {"worker-2"}
+    assert not list_objects(SET / ".making")
+
+
+def test_a_scene_of_which_a_part_is_missing_is_not_adopted(made: Made, store: StoreServer) -> None:
+    bag = bag_of(made.folder, ENTRY)
+    row = index_row(bag, made.folder)
+    with hold_home(SET) as lock, closing(open_home(SET, lock, [], 0)) as home:
+        with pytest.raises(StoreError, match=rf"Blocks-0001: 0 of {row['bytes']:,} bytes are there; the others were"):
+            home.adopt("worker-1", ENTRY, row)
+        assert len(home.index) == 0
 
 
 def test_a_row_waits_as_an_object_until_the_index_is_written(

@@ -48,6 +48,12 @@ def test_the_bytes_are_those_of_a_folder(
     assert not list(temporary.iterdir())
 
 
+def test_a_whole_bucket_can_be_a_dataset(folder: dict[str, bytes], scenario: Scenarios, store: StoreServer) -> None:
+    assert make_dataset(scenario(2), f"s3://{BUCKET}").is_complete
+    assert make_dataset(scenario(2), f"s3://{BUCKET}", replace=[0]).is_complete
+    assert objects(ObjectPath(BUCKET)) == folder
+
+
 def test_existing_scenes_count(graph: FakeGraph, scenario: Scenarios, store: StoreServer) -> None:
     make_dataset(scenario(1), SET)
     result = make_dataset(scenario(2), SET)
@@ -146,6 +152,17 @@ def test_a_driver_whose_dataset_was_taken_over_touches_nothing_more(
         make_dataset(scenario(1), SET)
     assert sorted(objects(SET)) == [".lock", "index.parquet", "plan.json"] and read_index(SET) == []
     assert b"other" in objects(SET)[".lock"]
+
+
+def test_an_interrupt_leaves_finished_scenes_and_frees_the_dataset(
+    folder: dict[str, bytes], graph: FakeGraph, scenario: Scenarios, store: StoreServer, temporary: Path
+) -> None:
+    graph.problems = {1: [KeyboardInterrupt()]}
+    with pytest.raises(KeyboardInterrupt):
+        make_dataset(scenario(2), SET)
+    assert {key for key in objects(SET) if "/" in key} == {key for key in folder if "/Blocks-0000/" in key}
+    assert [row["number"] for row in read_index(SET)] == [0] and not list(temporary.iterdir())
+    assert make_dataset(scenario(2), SET).is_complete and objects(SET) == folder
 
 
 def test_a_second_driver_is_refused(graph: FakeGraph, scenario: Scenarios, store: StoreServer) -> None:

@@ -60,6 +60,10 @@ class DiskError(SimbevError):
     """The disk is full, nearly full or failing, so recording cannot continue. Exit code 1."""
 
 
+class DeliveryError(SimbevError):
+    """A finished scene could not be brought from the machine that made it to its dataset. Exit code 1."""
+
+
 class RenderError(InputError):
     """This machine, as configured, cannot render what was requested; the message says what to do. Exit code 2."""
 

@@ -1,7 +1,6 @@
 """The output of ``simbev generate --dry-run``: scenes to make, and what they would cost."""
 
 from collections.abc import Callable, Sequence
-from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
@@ -9,15 +8,16 @@ from rich.table import Table
 from simbev_ros.cli.console import format_duration, format_size
 from simbev_ros.cli.production_display import SceneDisplay
 from simbev_ros.config.scenario import SPLITS, Scenario
+from simbev_ros.object_store.object_path import AnyPath
 from simbev_ros.production.dataset import plan_scenes
+from simbev_ros.production.dataset_home import require_writable_home
 from simbev_ros.production.estimate import SAMPLE_TICKS, Estimate, SceneCounts, count_scenes, estimate_dataset
 from simbev_ros.production.scene_cost import SceneCost
-from simbev_ros.recording.whole_files import require_writable
 
 
 def show_estimate(
     scenario: Scenario,
-    dataset: Path,
+    dataset: AnyPath,
     replace: Sequence[range],
     console: Console,
     speedup: Callable[[SceneCost], float],
@@ -32,12 +32,12 @@ def show_estimate(
         speedup: See ``estimate_dataset``.
 
     Raises:
-        InputError: The folder cannot be written to, the plan of the dataset or the configuration is wrong, or the
+        InputError: The dataset cannot be written to, the plan of the dataset or the configuration is wrong, or the
             sample cannot be played.
         GraphError: A node died or fell silent.
     """
-    require_writable(dataset)
     _, entries = plan_scenes(scenario, dataset, replace)
+    require_writable_home(dataset)
     console.print(_counts_table(*count_scenes(dataset, entries)))
     if not entries:
         console.print("nothing is missing")
@@ -55,9 +55,10 @@ def _counts_table(existing: SceneCounts, missing: SceneCounts) -> Table:
 
 def _sentence(estimate: Estimate, sampled: str) -> str:
     sample = estimate.sample
+    free = "" if estimate.free_bytes is None else f" ({format_size(estimate.free_bytes)} are free)"
     return (
         f"{estimate.scenes} scenes, {estimate.frames:,} frames: about {format_duration(estimate.duration_s)} and "
-        f"{format_size(estimate.size_bytes)} ({format_size(estimate.free_bytes)} are free); measured on {SAMPLE_TICKS} "
+        f"{format_size(estimate.size_bytes)}{free}; measured on {SAMPLE_TICKS} "
         f"frames of {sampled}: {sample.start_s:.1f} s to begin, {sample.tick_s:.2f} s and "
         f"{format_size(sample.tick_bytes)} a frame, on one graph here"
         + (f"; graphs side by side {estimate.speedup:.1f} times as fast" if estimate.speedup > 1.0 else "")

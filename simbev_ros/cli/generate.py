@@ -1,6 +1,5 @@
 """``simbev generate``: makes a dataset, or its missing scenes."""
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
@@ -12,6 +11,7 @@ from simbev_ros.cli.scene_numbers import scene_numbers
 from simbev_ros.config.load import load_scenario
 from simbev_ros.errors import InputError
 from simbev_ros.graph.domain import ISOLATED_DOMAINS
+from simbev_ros.object_store.object_path import AnyPath, ObjectPath, path_or_url
 
 if TYPE_CHECKING:
     from simbev_ros.config.scenario import Scenario
@@ -22,7 +22,9 @@ _MAX_WORKERS = len(ISOLATED_DOMAINS)
 
 def generate(
     config: Annotated[str, typer.Argument(help="Configuration file, or demo, live, paper, stack.", show_default=False)],
-    out: Annotated[Path, typer.Option(help="The dataset's folder, new or begun.", show_default=False)],
+    out: Annotated[
+        str, typer.Option(help="The dataset, new or begun: a folder, or s3://bucket/prefix.", show_default=False)
+    ],
     replace: Annotated[
         list[str] | None,
         typer.Option(help="Make only these scenes again: numbers and ranges.", metavar="3,17-20"),
@@ -63,25 +65,29 @@ def generate(
     simbev generate my.yaml --out /shared/datasets/first --ray auto
 
     simbev generate my.yaml --out datasets/first --replace 3,17-20
+
+    simbev generate my.yaml --out s3://bucket/datasets/first
     """
     from simbev_ros.cli.production_display import DatasetDisplay
     from simbev_ros.production.dataset import check_workers, make_dataset
 
+    if isinstance(path_or_url(config), ObjectPath):
+        raise InputError(f"{config}: a configuration is a local file; only --out takes a URL")
     scenario, numbers, console = load_scenario(config), scene_numbers("--replace", replace or ()), make_console()
-    count = worker_count(workers)
+    count, dataset = worker_count(workers), path_or_url(out)
     check_workers(count, ray)
     if dry_run:
-        _estimate(scenario, out, numbers, console, count, ray)
+        _estimate(scenario, dataset, numbers, console, count, ray)
         return
     display = DatasetDisplay(console)
-    result = make_dataset(scenario, out, replace=numbers, retries=retries, workers=count, ray=ray, observer=display)
+    result = make_dataset(scenario, dataset, replace=numbers, retries=retries, workers=count, ray=ray, observer=display)
     _show(result, console)
     raise typer.Exit(0 if result.is_complete else 1)
 
 
 def _estimate(
     scenario: "Scenario",
-    out: Path,
+    out: AnyPath,
     numbers: list[range],
     console: Console,
     workers: int | Literal["auto"] | None,

@@ -1,6 +1,5 @@
 """``simbev logs``: prints how a scene of a dataset was made, with the output of the processes that made it."""
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -9,13 +8,14 @@ from simbev_ros.cli.console import make_console
 from simbev_ros.confined_paths import path_inside
 from simbev_ros.errors import InputError
 from simbev_ros.input_file import path_exists, read_small_file
+from simbev_ros.object_store.object_path import AnyPath, ObjectPath, path_or_url, require_bucket, require_local
 from simbev_ros.recording.layout import is_dataset
 
 _MAX_BYTES = 64 << 20
 
 
 def logs(
-    dataset: Annotated[Path, typer.Argument(help="A dataset.", show_default=False)],
+    folder: Annotated[str, typer.Argument(help="A dataset, or its URL.", metavar="DATASET", show_default=False)],
     number: Annotated[str, typer.Argument(help="Number of the scene.", metavar="NUMBER", show_default=False)],
 ) -> None:
     """Print the logs of a scene: failed attempts in their order, then the one that has made it.
@@ -23,13 +23,15 @@ def logs(
     [bold]Examples[/]
 
     simbev logs datasets/first 17
+
+    simbev logs s3://bucket/datasets/first 17
     """
     from simbev_ros.dataset.plan import Plan
     from simbev_ros.production.scene_log import scene_logs
 
+    dataset = path_or_url(folder)
     if not is_dataset(dataset):
-        problem = "is not a dataset" if path_exists(dataset) else "no such file or folder"
-        raise InputError(f"{dataset}: {problem}")
+        raise InputError(f"{dataset}: {_problem(dataset)}")
     names = {str(entry.number): entry.name for entry in Plan.load(dataset).scenes}
     name = names.get(number.lstrip("0") or number[-1:])
     if name is None:
@@ -40,6 +42,22 @@ def logs(
         raise InputError(f"{dataset}: scene {name} has no log yet; generate writes one for each attempt")
     console = make_console()
     for path in paths:
-        text = read_small_file(path_inside(dataset, path.relative_to(dataset)), _MAX_BYTES).decode(errors="replace")
         console.rule(path.name, align="left")
-        console.print(text, end="", highlight=False, soft_wrap=True)
+        console.print(_read(dataset, path), end="", highlight=False, soft_wrap=True)
+
+
+def _problem(path: AnyPath) -> str:
+    """Why a path is no dataset."""
+    if isinstance(path, ObjectPath):
+        require_bucket(path)
+        return "there is no dataset"
+    return "is not a dataset" if path_exists(path) else "no such file or folder"
+
+
+def _read(dataset: AnyPath, log: AnyPath) -> str:
+    if isinstance(log, ObjectPath):
+        content = log.read_bytes(_MAX_BYTES)
+    else:
+        folder = require_local(dataset)
+        content = read_small_file(path_inside(folder, log.relative_to(folder)), _MAX_BYTES)
+    return content.decode(errors="replace")

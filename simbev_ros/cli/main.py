@@ -35,8 +35,8 @@ VERBS = {
     "export": "export.group:export",
 }
 """Module and function, or group, of each verb, below ``simbev_ros.cli``, in the order of the help."""
-_READ_URLS = ("info", "verify")
-"""Verbs that read datasets in object stores."""
+_TAKE_URLS = ("generate", "info", "logs", "verify")
+"""Verbs that work with datasets in object stores."""
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://")
 _TRACEBACK_VARIABLE = "SIMBEV_TRACEBACK"
 _MAX_LENGTH = 300
@@ -89,8 +89,9 @@ class _Verbs(TyperGroup):
         """Find the verb, and refuse URLs that it would take for the names of local files."""
         name, command, rest = super().resolve_command(ctx, args)
         url = next((each for each in map(_value, rest) if _URL.match(each)), None)
-        if url is not None and name not in _READ_URLS:
-            raise InputError(f"{url}: simbev {name} needs a local folder; {' and '.join(_READ_URLS)} read from URLs")
+        if url is not None and name not in _TAKE_URLS:
+            others = f"{', '.join(_TAKE_URLS[:-1])} and {_TAKE_URLS[-1]}"
+            raise InputError(f"{url}: simbev {name} needs a local folder; {others} take URLs")
         return name, command, rest
 
     def list_commands(self, ctx: Any) -> list[str]:

@@ -4,13 +4,11 @@ In: rows of finished scenes, one by one. Out: ``index.parquet``, after each of t
 scenes have become a twentieth more. Rows that a crash has kept from being written are rebuilt from the bags.
 """
 
-from pathlib import Path
-
 import pyarrow as pa
-import pyarrow.compute as pc
 
-from simbev_ros.dataset.index import index_table, save_index
+from simbev_ros.dataset.index import index_table, save_index, with_rows
 from simbev_ros.dataset.index_row import Row
+from simbev_ros.object_store.object_path import AnyPath
 
 _GROWTH = 20
 """Inverse of the fraction of new rows at which the index is written."""
@@ -24,7 +22,7 @@ class GrowingIndex:
         table: The rows so far, which are on the disk.
     """
 
-    def __init__(self, dataset: Path, table: pa.Table) -> None:
+    def __init__(self, dataset: AnyPath, table: pa.Table) -> None:
         self._dataset, self._table = dataset, table
         self._new: dict[int, Row] = {}
         self._bytes: dict[int, int] = dict(
@@ -61,8 +59,7 @@ class GrowingIndex:
         """
         if not self._new:
             return
-        others = self._table.filter(pc.invert(pc.is_in(self._table["number"], pa.array(self._new, pa.int64()))))
-        table = pa.concat_tables([others, index_table(self._new.values())]).combine_chunks()
+        table = with_rows(self._table, index_table(self._new.values()))
         save_index(self._dataset, table)
         self._table = table
         self._new.clear()

@@ -25,7 +25,7 @@ from simbev_ros.limits import (
 )
 from simbev_ros.object_store.object_path import AnyPath, ObjectPath
 from simbev_ros.recording.layout import INDEX_FILE, SCENES_FOLDER, bytes_of
-from simbev_ros.recording.whole_files import whole_file, write_errors
+from simbev_ros.recording.whole_files import write_errors, write_whole
 from simbev_ros.scene.weather import Weather
 from simbev_ros.semantics import BOX_CLASSES
 
@@ -64,8 +64,19 @@ def load_index(dataset: AnyPath) -> pa.Table:
         InputError: See ``read_index``.
     """
     path, source = _open_index(dataset)
-    if source is None:
-        return index_table([])
+    return index_table([]) if source is None else read_rows(path, source)
+
+
+def read_rows(path: AnyPath, source: Path | pa.BufferReader) -> pa.Table:
+    """Read rows of an index, and check them.
+
+    Args:
+        path: Path for messages.
+        source: What to read.
+
+    Raises:
+        InputError: See ``read_index``.
+    """
     try:
         _require_columns(path, pq.ParquetFile(source))
         table = pq.read_table(source, columns=_schema().names)
@@ -85,6 +96,12 @@ def load_index(dataset: AnyPath) -> pa.Table:
 def index_table(rows: Iterable[Row]) -> pa.Table:
     """The table of some rows."""
     return pa.Table.from_pylist(list(rows), _schema())
+
+
+def with_rows(table: pa.Table, added: pa.Table) -> pa.Table:
+    """A table with further rows, which take the place of those with their numbers."""
+    others = table.filter(pc.invert(pc.is_in(table["number"], pa.array(added["number"].to_pylist(), pa.int64()))))
+    return pa.concat_tables([others, added]).sort_by("number").combine_chunks()
 
 
 def indexed_bags(dataset: ObjectPath) -> dict[ObjectPath, Row]:
@@ -148,15 +165,22 @@ def write_index(dataset: Path, rows: Iterable[Row]) -> None:
     save_index(dataset, index_table(rows))
 
 
-def save_index(dataset: Path, table: pa.Table) -> None:
+def save_index(dataset: AnyPath, table: pa.Table) -> None:
     """Write the index atomically, sorted by the scenes' numbers.
 
     Raises:
         InputError: It cannot be written.
     """
     path = dataset / INDEX_FILE
-    with write_errors(path), whole_file(path) as unfinished:
-        pq.write_table(table.sort_by("number").combine_chunks(), unfinished)
+    with write_errors(path):
+        write_whole(path, packed_rows(table.sort_by("number")))
+
+
+def packed_rows(table: pa.Table) -> bytes:
+    """The content of a file with the rows of a table."""
+    content = pa.BufferOutputStream()
+    pq.write_table(table.combine_chunks(), content)
+    return content.getvalue().to_pybytes()
 
 
 def update_index(dataset: Path, bags: Sequence[Path]) -> tuple[pa.Table, dict[Path, str]]:

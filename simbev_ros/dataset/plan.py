@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import Self
+from typing import Self, overload
 
 from pydantic import Field, ValidationError
 
@@ -94,7 +94,7 @@ class Plan(Model):
                 number += count - enough
         return self.with_entries(added)
 
-    def save(self, dataset: Path) -> None:
+    def save(self, dataset: AnyPath) -> None:
         """Write the plan atomically.
 
         Raises:
@@ -104,22 +104,28 @@ class Plan(Model):
         with write_errors(path):
             write_whole(path, self.model_dump_json(indent=1).encode())
 
-    def missing_entries(self, dataset: Path, scenario: Scenario) -> list[PlannedEntry]:
+    def finished_entries(self, dataset: AnyPath) -> list[PlannedEntry]:
+        """Scenes with a finished bag; in an object store, those that the index lists or is about to list."""
+        if isinstance(dataset, ObjectPath):
+            from simbev_ros.dataset.stored_index import load_stored_index
+
+            paths = set(load_stored_index(dataset).column("path").to_pylist())
+            return [entry for entry in self.scenes if str(bag_of(dataset, entry).relative_to(dataset)) in paths]
+        return [entry for entry in self.scenes if bag_of(dataset, entry).is_dir()]
+
+    def missing_entries(self, dataset: AnyPath, scenario: Scenario) -> list[PlannedEntry]:
         """Scenes without a finished bag, in order, up to the number that the configuration still lacks."""
         wanted: Counter[tuple[str, Split]] = Counter()
         for asked in scenario.scenes:
             name = map_spec(asked.map, bounds=asked.bounds).name
             for split in SPLITS:
                 wanted[name, split] += getattr(asked, split)
-        unrecorded = []
-        for entry in self.scenes:
-            if bag_of(dataset, entry).is_dir():
-                wanted[entry.map, entry.split] -= 1
-            else:
-                unrecorded.append(entry)
+        finished = self.finished_entries(dataset)
+        wanted.subtract((entry.map, entry.split) for entry in finished)
+        numbers = {entry.number for entry in finished}
         chosen = []
-        for entry in unrecorded:
-            if wanted[entry.map, entry.split] > 0:
+        for entry in self.scenes:
+            if entry.number not in numbers and wanted[entry.map, entry.split] > 0:
                 wanted[entry.map, entry.split] -= 1
                 chosen.append(entry)
         return chosen
@@ -139,7 +145,11 @@ class Plan(Model):
         return [entry for entry in self.scenes if any(entry.number in each for each in numbers)]
 
 
-def bag_of(dataset: Path, entry: PlannedEntry) -> Path:
+@overload
+def bag_of(dataset: Path, entry: PlannedEntry) -> Path: ...
+@overload
+def bag_of(dataset: ObjectPath, entry: PlannedEntry) -> ObjectPath: ...
+def bag_of(dataset: AnyPath, entry: PlannedEntry) -> AnyPath:
     """Folder of a scene's finished bag, whether or not it exists."""
     return scene_folder(dataset, entry.split, entry.name)
 

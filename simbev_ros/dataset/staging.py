@@ -6,9 +6,11 @@ until its replacement is complete.
 
 import shutil
 from pathlib import Path
+from typing import overload
 
 from simbev_ros.confined_paths import refuse_links_out
 from simbev_ros.dataset.plan import PlannedEntry, bag_of
+from simbev_ros.object_store.object_path import AnyPath, ObjectPath
 from simbev_ros.recording.layout import REPLACED_SUFFIX, SCENES_FOLDER, additional_bags
 from simbev_ros.recording.mcap.syncing import sync_names
 
@@ -38,8 +40,12 @@ def clean_up_staging(dataset: Path) -> None:
             _put_back(old, bag)
 
 
-def staging_of(dataset: Path) -> Path:
-    """Folder in which scenes are recorded, or folders for several workers: datasets of their own on the same disk."""
+@overload
+def staging_of(dataset: Path) -> Path: ...
+@overload
+def staging_of(dataset: ObjectPath) -> ObjectPath: ...
+def staging_of(dataset: AnyPath) -> AnyPath:
+    """Folder for unfinished scenes, or for folders of several workers: datasets of their own on the same disk."""
     return dataset / _STAGING_FOLDER
 
 

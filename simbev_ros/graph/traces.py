@@ -11,7 +11,7 @@ import psutil
 
 from simbev_ros.graph.private_folder import is_private_folder
 from simbev_ros.graph.shared_memory import held_files, remove_orphans, segment_names
-from simbev_ros.recording.whole_files import write_whole
+from simbev_ros.recording.whole_files import write_errors, write_whole
 
 _PREFIX = "simbev_ros-"
 _FILE = "traces.json"
@@ -30,11 +30,10 @@ class Traces:
 
     def __init__(self) -> None:
         sweep()
-        self.folder = Path(tempfile.mkdtemp(prefix=_PREFIX))
+        self.folder = temporary_folder()
         self._files: set[Path] = set()
         self._names: frozenset[str] = frozenset()
         self._look_again_s: float | None = None
-        self._write()
 
     def note(self, pids: Iterable[int]) -> None:
         """Add the files that processes currently have in shared memory to the record.
@@ -52,7 +51,7 @@ class Traces:
         files = held_files(pids) - self._files
         if files:
             self._files |= files
-            self._write()
+            _record(self.folder, self._files)
 
     def remove(self, *, keep_logs: bool) -> None:
         """Remove everything; call it when the processes have ended."""
@@ -62,10 +61,25 @@ class Traces:
             shutil.rmtree(self.folder, ignore_errors=True)
         sweep()
 
-    def _write(self) -> None:
-        process = psutil.Process()
-        record = {"pid": process.pid, "started_s": process.create_time(), "files": sorted(map(str, self._files))}
-        write_whole(self.folder / _FILE, json.dumps(record).encode())
+
+def temporary_folder() -> Path:
+    """A new temporary folder, which the next graph removes if this process is killed.
+
+    Raises:
+        DiskError: The disk is full.
+        InputError: It cannot be made.
+    """
+    with write_errors(Path(tempfile.gettempdir())):
+        folder = Path(tempfile.mkdtemp(prefix=_PREFIX))
+        _record(folder, ())
+    return folder
+
+
+def _record(folder: Path, files: Iterable[Path]) -> None:
+    """Note in a temporary folder which process it belongs to, and its files in shared memory."""
+    process = psutil.Process()
+    record = {"pid": process.pid, "started_s": process.create_time(), "files": sorted(map(str, files))}
+    write_whole(folder / _FILE, json.dumps(record).encode())
 
 
 def sweep() -> None:

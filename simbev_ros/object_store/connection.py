@@ -32,6 +32,9 @@ _MAX_ATTEMPTS = 7
 double from 50 ms to 1.6 s. An unreachable store is given up after about 10 s, and one that refuses every fifth request
 fails one in 80,000."""
 _CONNECT_TIMEOUT_S = 0.8
+_PATIENCE_S = 120.0
+"""Silence of the store after which a copy within it, or the end of an upload in parts, is requested again: it may first
+answer when all bytes are copied. Other requests are sent again after 3 s, as the SDK has it."""
 _MAX_HANDLES = 4096
 _ERROR = re.compile(r"AWS Error (\w+)(?: \(HTTP status (\d+)\))? during \w+ operation: (.*)", re.DOTALL)
 _REFUSALS = {"ACCESS_DENIED", "INVALID_ACCESS_KEY_ID", "INVALID_CLIENT_TOKEN_ID", "SIGNATURE_DOES_NOT_MATCH"}
@@ -69,32 +72,40 @@ class Connection:
         return handle
 
 
-def connection() -> Connection:
+def connection(*, is_patient: bool = False) -> Connection:
     """The connection of this process to the store that the environment names.
+
+    Args:
+        is_patient: Whether the store may take minutes to answer.
 
     Raises:
         InputError: The URL of the store is not valid.
     """
     endpoint = next((os.environ[name] for name in ENDPOINT_VARIABLES if os.environ.get(name)), None)
     region = next((os.environ[name] for name in REGION_VARIABLES if os.environ.get(name)), None)
-    return _connect(os.getpid(), endpoint, region, tuple(map(os.environ.get, _CREDENTIAL_VARIABLES)))
+    credentials = tuple(map(os.environ.get, _CREDENTIAL_VARIABLES))
+    return _connect(os.getpid(), endpoint, region, credentials, is_patient)
 
 
 @lru_cache(maxsize=4)
-def _connect(process: int, endpoint: str | None, region: str | None, credentials: tuple[str | None, ...]) -> Connection:
+def _connect(
+    process: int, endpoint: str | None, region: str | None, credentials: tuple[str | None, ...], is_patient: bool
+) -> Connection:
     """Connect one process; a forked one must not share its parent's sockets. The SDK looks up the credentials."""
     from pyarrow import fs
 
     options: dict[str, Any] = {"region": region} if region else {}
     if endpoint is not None:
         options |= {"region": region or "us-east-1"} | _endpoint_options(endpoint)
+    if is_patient:
+        options["request_timeout"] = _PATIENCE_S
     retries = fs.AwsDefaultS3RetryStrategy(max_attempts=_MAX_ATTEMPTS)
     options |= {"connect_timeout": _CONNECT_TIMEOUT_S, "retry_strategy": retries}
     return Connection(
         fs.S3FileSystem(
             **options,
             allow_delayed_open=True,  # small objects are written with one request
-            check_directory_existence_before_creation=True,  # deletions make no objects that stand for folders
+            check_directory_existence_before_creation=True,
         )
     )
 

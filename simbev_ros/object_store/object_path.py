@@ -23,9 +23,10 @@ _BUCKET = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{1,62}")
 
 
 class ObjectStat(NamedTuple):
-    """Facts about an object, named as in ``os.stat_result``."""
+    """Facts about an object, named as in ``os.stat_result``; the time is that of the store's clock."""
 
     st_size: int
+    st_mtime_ns: int
 
 
 @dataclass(frozen=True, order=True, slots=True)
@@ -106,7 +107,7 @@ class ObjectPath:
         if info.type.name != "File":
             with store_errors(str(self)):
                 raise FileNotFoundError
-        return ObjectStat(info.size)
+        return ObjectStat(info.size, info.mtime_ns)
 
     def iterdir(self) -> Iterator["ObjectPath"]:
         """Yield the entries of a folder, sorted by name; none if there is no folder."""

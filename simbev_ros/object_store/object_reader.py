@@ -1,6 +1,7 @@
 """Reads ranges of objects as seekable streams, with few and large requests."""
 
 import io
+import time
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -14,6 +15,10 @@ MAX_GAP_BYTES = 256 << 10
 """Ranges with a smaller gap between them are read as one, since a request takes longer than reading the gap."""
 _MAX_REQUESTS = 16
 """Requests of one reader at the same time."""
+
+_DOES_NOT_FIT = "Failed to flush response stream"
+"""In pyarrow's error when a busy store's answer is longer than the range, after which it does not ask again."""
+_PAUSES_S = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
 
 Range = tuple[int, int]
 """First byte of a part of an object, and the byte after its last one."""
@@ -110,6 +115,13 @@ class ObjectReader(io.BufferedIOBase):
 
     def _request(self, block: Range) -> bytes:
         start, end = block
+        for pause_s in _PAUSES_S:
+            try:
+                return bytes(self._object.read_at(end - start, start))
+            except OSError as error:
+                if _DOES_NOT_FIT not in str(error):
+                    break
+            time.sleep(pause_s)
         with store_errors(self.name):
             return bytes(self._object.read_at(end - start, start))
 

@@ -22,7 +22,10 @@ _MAX_TRANSFERS = 8
 def put_file(source: Path, target: ObjectPath) -> None:
     """Upload a file, in parts if it is large. The object appears when the last part is there.
 
-    If anything fails, no object is left. A killed process leaves none either, only parts that nobody sees.
+    pyarrow cannot abort an upload. After a failure it completes the object, cut off, and this function deletes it: for
+    a moment others may see it, and if the deletion fails too, it stays. So upload to keys that nobody reads, and copy
+    from there. A killed process leaves no object, but parts that cost space until a lifecycle rule of the bucket
+    removes incomplete uploads.
 
     Raises:
         OSError: The file cannot be read.
@@ -55,7 +58,7 @@ def copy_object(source: ObjectPath, target: ObjectPath) -> None:
             _put(_parts(stream), target, size_bytes)
         return
     with store_errors(str(target)):
-        connection().files.copy_file(source.location, target.location)
+        connection(is_patient=True).files.copy_file(source.location, target.location)
 
 
 def list_objects(folder: ObjectPath) -> dict[ObjectPath, int]:
@@ -119,7 +122,7 @@ def _download(source: ObjectPath, size_bytes: int, target: Path, stop: Event) ->
 def _put(parts: Iterable[bytes], target: ObjectPath, size_bytes: int) -> None:
     """Upload consecutive parts. pyarrow can only complete an object, so what failed is completed and deleted."""
     with store_errors(str(target)):
-        stream = connection().files.open_output_stream(target.location)
+        stream = connection(is_patient=True).files.open_output_stream(target.location)
     try:
         for part in parts:
             with store_errors(str(target)):

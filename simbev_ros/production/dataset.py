@@ -8,12 +8,11 @@ from typing import Literal
 
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.dataset.lock import DatasetLock
-from simbev_ros.dataset.plan import Plan, PlannedEntry, bag_of
-from simbev_ros.dataset.staging import clean_up_staging
+from simbev_ros.dataset.plan import Plan, PlannedEntry
 from simbev_ros.errors import InputError
 from simbev_ros.graph.domain import ISOLATED_DOMAINS
-from simbev_ros.production.dataset_folder import DatasetFolder
+from simbev_ros.object_store.object_path import AnyPath, ObjectPath, path_or_url
+from simbev_ros.production.dataset_home import DatasetHome, hold_home, open_home
 from simbev_ros.production.dataset_maker import DatasetMaker
 from simbev_ros.production.observer import SILENT, ProductionObserver, SeveralObservers, observe_step
 from simbev_ros.production.workers.crew import Crew, OwnProcess
@@ -21,7 +20,6 @@ from simbev_ros.production.workers.local_crew import LocalCrew
 from simbev_ros.production.workers.ray_cluster import RayCluster
 from simbev_ros.production.workers.ray_crew import RayCrew
 from simbev_ros.production.workers.ray_metrics import RayMetrics
-from simbev_ros.recording.layout import scenes_folder
 
 _MAX_WORKERS = len(ISOLATED_DOMAINS)
 """Largest number of workers on one machine: each has a ROS domain of its own."""
@@ -35,14 +33,14 @@ class DatasetResult:
     """The result of ``make_dataset``: which scenes were made, skipped, failed or found damaged.
 
     Attributes:
-        path: The dataset's folder.
+        path: The dataset.
         made: Scenes that were made.
         skipped: Scenes that existed before and were left as they are.
         failed: For the name of each scene that could not be made, the reason.
         damaged: For the name of each existing scene whose bag is damaged, the reason; it was left as it is.
     """
 
-    path: Path
+    path: AnyPath
     made: tuple[PlannedEntry, ...]
     skipped: tuple[PlannedEntry, ...]
     failed: Mapping[str, str]
@@ -56,7 +54,7 @@ class DatasetResult:
 
 def make_dataset(
     scenario: Scenario | Path | str,
-    out: Path | str,
+    out: AnyPath | str,
     *,
     replace: Numbers = (),
     retries: int = 2,
@@ -72,7 +70,7 @@ def make_dataset(
 
     Args:
         scenario: The configuration, its file, or the name of a shipped one, such as ``paper``.
-        out: The dataset's folder, new or begun.
+        out: The dataset, new or begun: a folder, or ``s3://bucket/prefix`` in an object store.
         replace: Numbers of the scenes to make again; no other scenes are made then.
         retries: Number of further attempts at a scene after the graph has failed.
         workers: Number of graphs that make scenes side by side, each in a process and a free ROS domain of its own;
@@ -82,7 +80,7 @@ def make_dataset(
         observer: Receives the progress.
 
     Raises:
-        InputError: The configuration, a map or a number is wrong, the folder cannot be written to, another process
+        InputError: The configuration, a map or a number is wrong, the dataset cannot be written to, another process
             writes into it, or the first scene cannot be made with this configuration.
         DiskError: The disk is full, or nearly; the scenes made before are complete.
 
@@ -91,26 +89,24 @@ def make_dataset(
         >>> result = make_dataset("my.yaml", "datasets/first")
         >>> print(len(result.made), "made,", len(result.skipped), "existed,", dict(result.failed))
     """
-    scenario, out = without_stack(scenario), Path(out)
+    scenario, out = without_stack(scenario), path_or_url(out)
     check_workers(workers, ray)
     plan_scenes(scenario, out, replace)
     with ExitStack() as held:
         cluster = None if ray is None else held.enter_context(RayCluster(ray))
-        held.enter_context(DatasetLock(out))
+        lock = held.enter_context(hold_home(out))
         if cluster is not None:
-            cluster.check_nodes(out)
+            cluster.check_nodes(None if isinstance(out, ObjectPath) else out)
             observer = SeveralObservers(observer, RayMetrics(out.name))
-        clean_up_staging(out)
         plan, entries = plan_scenes(scenario, out, replace)
         plan.save(out)
-        scenes_folder(out).mkdir(exist_ok=True)  # from now on it is recognized as a dataset
-        existing = existing_scenes(plan, out)
+        existing = plan.finished_entries(out)
         wanted = {entry.number for entry in entries}
         skipped = tuple(entry for entry in existing if entry.number not in wanted)
         with observe_step(observer, "reading the scenes that are there"):
-            folder = held.enter_context(closing(DatasetFolder(out, existing, scenario.recording.min_free_mib << 20)))
-        crew = held.enter_context(_open_crew(scenario, folder.staging, workers, cluster, len(entries), observer))
-        outcome = DatasetMaker(folder, crew, retries=retries, observer=observer).make(entries)
+            home = held.enter_context(closing(open_home(out, lock, existing, scenario.recording.min_free_mib << 20)))
+        crew = held.enter_context(_open_crew(scenario, out, home, workers, cluster, len(entries), observer))
+        outcome = DatasetMaker(home, crew, retries=retries, observer=observer).make(entries)
     skipped = tuple(entry for entry in skipped if entry.name not in outcome.damaged)
     return DatasetResult(out, tuple(outcome.made), skipped, outcome.failed, outcome.damaged)
 
@@ -129,7 +125,8 @@ def check_workers(workers: int | Literal["auto"] | None, ray: str | None) -> Non
 
 def _open_crew(
     scenario: Scenario,
-    staging: Path,
+    out: AnyPath,
+    home: DatasetHome,
     workers: int | Literal["auto"] | None,
     cluster: RayCluster | None,
     scenes: int,
@@ -137,13 +134,14 @@ def _open_crew(
 ) -> Crew:
     """The workers that make scenes, here or on a cluster."""
     if not scenes or (workers is None and cluster is None):
-        return OwnProcess(scenario, staging, observer)
+        return OwnProcess(scenario, home.staging, observer, home.delivery_of)
     if cluster is not None:
-        return RayCrew(cluster, scenario, staging, None, scenes, observer)
-    return LocalCrew(scenario, staging, workers or "auto", scenes, observer)
+        shared = None if isinstance(out, ObjectPath) else home.staging
+        return RayCrew(cluster, scenario, shared, scenes, observer, home.delivery_of)
+    return LocalCrew(scenario, home.staging, workers or "auto", scenes, observer, home.delivery_of)
 
 
-def plan_scenes(scenario: Scenario, out: Path, replace: Numbers = ()) -> tuple[Plan, list[PlannedEntry]]:
+def plan_scenes(scenario: Scenario, out: AnyPath, replace: Numbers = ()) -> tuple[Plan, list[PlannedEntry]]:
     """The plan of a dataset extended by what a configuration asks for, and the scenes that have to be made.
 
     Raises:
@@ -152,11 +150,6 @@ def plan_scenes(scenario: Scenario, out: Path, replace: Numbers = ()) -> tuple[P
     plan = Plan.load(out).with_scenes_of(scenario)
     numbers = [number if isinstance(number, range) else range(number, number + 1) for number in replace]
     return plan, plan.entries_with_numbers(numbers) if numbers else plan.missing_entries(out, scenario)
-
-
-def existing_scenes(plan: Plan, dataset: Path) -> list[PlannedEntry]:
-    """The scenes of a plan that have a finished bag."""
-    return [entry for entry in plan.scenes if bag_of(dataset, entry).is_dir()]
 
 
 def without_stack(scenario: Scenario | Path | str) -> Scenario:

@@ -12,10 +12,11 @@ from simbev_ros.dataset.plan import PlannedEntry, bag_of
 from simbev_ros.dataset.staging import move_into_dataset, staging_of
 from simbev_ros.production.scene_log import Attempt, write_scene_log
 from simbev_ros.recording.bag_files import check_space
+from simbev_ros.recording.layout import scenes_folder
 
 
 class DatasetFolder:
-    """Takes finished scenes from the workers' folders. The caller holds the dataset's lock.
+    """Takes finished scenes from the workers' folders; see ``DatasetHome``. The caller holds the dataset's lock.
 
     Args:
         path: The dataset's folder.
@@ -35,9 +36,13 @@ class DatasetFolder:
     def __init__(self, path: Path, existing: Sequence[PlannedEntry], min_free_bytes: int) -> None:
         self._path, self._min_free_bytes = path, min_free_bytes
         self.staging = staging_of(path) / secrets.token_hex(4)
+        scenes_folder(path).mkdir(exist_ok=True)  # from now on it is recognized as a dataset
         table, damaged = update_index(path, [bag_of(path, entry) for entry in existing])
         self.index = GrowingIndex(path, table)
         self.damaged = {bag.name: problem for bag, problem in damaged.items()}
+
+    def delivery_of(self, worker: str) -> None:
+        """Bags stay in the worker's folder, where ``adopt`` finds them."""
 
     def adopt(self, worker: str, entry: PlannedEntry, row: Row) -> None:
         """Move a finished scene from a worker's folder into the dataset, and add it to the index.

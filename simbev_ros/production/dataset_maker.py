@@ -7,9 +7,9 @@ from typing import assert_never
 
 from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.dataset.staging import ON_FULL_DISK
-from simbev_ros.errors import DiskError, GraphError, InputError, SimbevError
+from simbev_ros.errors import DeliveryError, DiskError, GraphError, InputError, SimbevError
 from simbev_ros.graph.traces import sweep
-from simbev_ros.production.dataset_folder import DatasetFolder
+from simbev_ros.production.dataset_home import DatasetHome
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.scene_log import Attempt
 from simbev_ros.production.scene_maker import FailedScene, MadeScene
@@ -41,19 +41,17 @@ class _History:
 
 
 class DatasetMaker:
-    """Has scenes made by a crew. The caller holds the dataset's lock, and closes crew and folder.
+    """Has scenes made by a crew. The caller holds the dataset's lock, and closes crew and dataset.
 
     Args:
-        folder: The dataset.
+        home: The dataset.
         crew: The workers.
         retries: Number of further attempts at a scene that has failed for a reason of its own.
         observer: Receives the progress.
     """
 
-    def __init__(
-        self, folder: DatasetFolder, crew: Crew, *, retries: int, observer: ProductionObserver = SILENT
-    ) -> None:
-        self._folder, self._crew, self._retries, self._observer = folder, crew, retries, observer
+    def __init__(self, home: DatasetHome, crew: Crew, *, retries: int, observer: ProductionObserver = SILENT) -> None:
+        self._home, self._crew, self._retries, self._observer = home, crew, retries, observer
         self._waiting: deque[PlannedEntry] = deque()
         self._histories: dict[int, _History] = {}
         self._busy = 0
@@ -71,7 +69,7 @@ class DatasetMaker:
         """
         self._waiting.extend(entries)
         self._first = next(iter(entries), None)
-        self._observer.dataset_started(len(entries), self._folder.index.total_bytes)
+        self._observer.dataset_started(len(entries), self._home.index.total_bytes)
         try:
             with disk_error_consequence(ON_FULL_DISK):
                 while self._waiting or self._busy:
@@ -81,7 +79,7 @@ class DatasetMaker:
                         self._settle(worker, entry, ending)
         finally:
             self._observer.dataset_ended()
-        self._outcome.damaged.update(self._folder.damaged)
+        self._outcome.damaged.update(self._home.damaged)
         return self._outcome
 
     def _give_scenes(self) -> None:
@@ -90,7 +88,7 @@ class DatasetMaker:
             entry = next((entry for entry in self._waiting if self._may_try(worker, entry)), None)
             if entry is None:
                 continue
-            self._folder.check_space(self._busy + 1)
+            self._home.check_space(self._busy + 1)
             self._waiting.remove(entry)
             history = self._histories.setdefault(entry.number, _History())
             history.attempts += 1
@@ -111,17 +109,17 @@ class DatasetMaker:
         assert attempt is not None, "it was given to a worker"
         match ending:
             case MadeScene():
-                self._folder.adopt(worker.name, entry, ending.row)
-                self._folder.log(attempt, ending.summary, ending.output)
+                self._home.adopt(worker.name, entry, ending.row)
+                self._home.log(attempt, ending.summary, ending.output)
                 del self._histories[entry.number]
                 self._outcome.made.append(entry)
-                self._observer.scene_made(entry, self._folder.index.total_bytes)
+                self._observer.scene_made(entry, self._home.index.total_bytes)
             case LostScene():
-                self._folder.discard(worker.name)
-                self._folder.log(attempt, ending.reason, {}, failed=True)
+                self._home.discard(worker.name)
+                self._home.log(attempt, ending.reason, {}, failed=True)
                 self._handle_loss(entry, ending.reason)
             case FailedScene():
-                self._folder.log(attempt, str(ending.error), ending.output, failed=True)
+                self._home.log(attempt, str(ending.error), ending.output, failed=True)
                 self._handle_failure(worker, entry, ending.error)
             case _:
                 assert_never(ending)
@@ -135,7 +133,7 @@ class DatasetMaker:
             self._give_up(entry, f"{history.losses} workers were lost while they made it; the last one: {reason}")
 
     def _handle_failure(self, worker: Worker, entry: PlannedEntry, error: SimbevError) -> None:
-        """Try again after a failure of the graph, and on another machine what may be this machine's fault."""
+        """Try again after a failure of graph or delivery, and on another machine what may be this machine's fault."""
         history = self._histories[entry.number]
         history.machines.add(worker.machine)
         is_elsewhere_left = len(history.machines) < self._crew.machines
@@ -144,7 +142,7 @@ class DatasetMaker:
         if isinstance(error, InputError) and not is_elsewhere_left and entry == self._first and not self._outcome.made:
             raise error
         failures = history.attempts - history.losses
-        if is_elsewhere_left or (isinstance(error, GraphError) and failures <= self._retries):
+        if is_elsewhere_left or (isinstance(error, GraphError | DeliveryError) and failures <= self._retries):
             self._try_again(entry, str(error))
         else:
             self._give_up(entry, str(error))

@@ -11,7 +11,8 @@ from pathlib import Path
 from simbev_ros.config.scenario import Scenario, Split
 from simbev_ros.dataset.plan import Plan, PlannedEntry
 from simbev_ros.graph.session import GraphSession
-from simbev_ros.production.dataset import existing_scenes, without_stack
+from simbev_ros.object_store.object_path import AnyPath, ObjectPath
+from simbev_ros.production.dataset import without_stack
 from simbev_ros.production.drawing import PlannedSceneDrawer
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.scene_cost import CostMeter, SceneCost
@@ -58,7 +59,7 @@ class Estimate:
         duration_s: Time to make them.
         speedup: Factor by which graphs side by side make that shorter than one graph would.
         size_bytes: Disk space for them.
-        free_bytes: Space that is free on the dataset's disk.
+        free_bytes: Space that is free on the dataset's disk; None: it is in an object store.
         sample: The measurements that the estimate is based on.
     """
 
@@ -67,13 +68,13 @@ class Estimate:
     duration_s: float
     speedup: float
     size_bytes: float
-    free_bytes: int
+    free_bytes: int | None
     sample: Sample
 
 
-def count_scenes(dataset: Path, entries: Sequence[PlannedEntry]) -> tuple[SceneCounts, SceneCounts]:
+def count_scenes(dataset: AnyPath, entries: Sequence[PlannedEntry]) -> tuple[SceneCounts, SceneCounts]:
     """Count the finished scenes of a dataset, and the scenes to make, by map and split."""
-    existing = existing_scenes(Plan.load(dataset), dataset)
+    existing = Plan.load(dataset).finished_entries(dataset)
     return Counter((entry.map, entry.split) for entry in existing), Counter(
         (entry.map, entry.split) for entry in entries
     )
@@ -81,7 +82,7 @@ def count_scenes(dataset: Path, entries: Sequence[PlannedEntry]) -> tuple[SceneC
 
 def estimate_dataset(
     scenario: Scenario,
-    dataset: Path,
+    dataset: AnyPath,
     entries: Sequence[PlannedEntry],
     observer: ProductionObserver = SILENT,
     speedup: Callable[[SceneCost], float] = lambda cost: 1.0,
@@ -90,7 +91,7 @@ def estimate_dataset(
 
     Args:
         scenario: The configuration.
-        dataset: The dataset's folder, which need not exist.
+        dataset: The dataset, which need not exist.
         entries: The scenes to make, at least one; the first one is sampled.
         observer: Receives the progress of the sample.
         speedup: Factor by which the scenes are made faster than by one graph on this machine, by the sample's cost.
@@ -108,7 +109,7 @@ def estimate_dataset(
         duration_s=(len(entries) * sample.start_s + ticks * sample.tick_s) / factor,
         speedup=factor,
         size_bytes=len(entries) * sample.scene_bytes + ticks * sample.tick_bytes,
-        free_bytes=shutil.disk_usage(_nearest_existing(dataset)).free,
+        free_bytes=None if isinstance(dataset, ObjectPath) else shutil.disk_usage(_nearest_existing(dataset)).free,
         sample=sample,
     )
 

@@ -3,9 +3,9 @@
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from simbev_ros.confined_paths import path_inside
+from simbev_ros.object_store.object_path import AnyPath, ObjectPath
 from simbev_ros.recording.whole_files import write_errors, write_whole
 
 LOG_FOLDER = "logs"
@@ -29,12 +29,12 @@ class Attempt:
 
 
 def write_scene_log(
-    dataset: Path, attempt: Attempt, summary: str, output: Mapping[str, str], *, failed: bool = False
+    dataset: AnyPath, attempt: Attempt, summary: str, output: Mapping[str, str], *, failed: bool = False
 ) -> None:
     """Write ``logs/<scene>.log``, or ``logs/<scene>.failed-1.log`` if the attempt failed.
 
     Args:
-        dataset: The dataset's folder.
+        dataset: The dataset.
         attempt: The attempt, which has just ended.
         summary: How it ended.
         output: Output of each process, by its label.
@@ -44,7 +44,7 @@ def write_scene_log(
         DiskError: The disk is full.
         InputError: It cannot be written for another reason.
     """
-    folder = path_inside(dataset, LOG_FOLDER)
+    folder = _log_folder(dataset)
     name = f"{attempt.scene}.failed-{attempt.number}" if failed else attempt.scene
     duration_s = time.time() - attempt.began_s
     began = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(attempt.began_s))
@@ -56,9 +56,14 @@ def write_scene_log(
         write_whole(folder / f"{name}.log", ("\n".join(lines) + "\n").encode())
 
 
-def scene_logs(dataset: Path, scene: str) -> list[Path]:
+def scene_logs(dataset: AnyPath, scene: str) -> list[AnyPath]:
     """Logs of the attempts at a scene, the failed ones first, in their order; empty if there is none."""
-    folder = path_inside(dataset, LOG_FOLDER)
-    failed = sorted(folder.glob(f"{scene}.failed-*.log"), key=lambda path: (len(path.name), path.name))
+    folder = _log_folder(dataset)
+    found: list[AnyPath] = [*folder.glob(f"{scene}.failed-*.log")]
+    failed = sorted(found, key=lambda path: (len(path.name), path.name))
     made = folder / f"{scene}.log"
     return [*failed, *([made] if made.is_file() else [])]
+
+
+def _log_folder(dataset: AnyPath) -> AnyPath:
+    return dataset / LOG_FOLDER if isinstance(dataset, ObjectPath) else path_inside(dataset, LOG_FOLDER)

@@ -5,8 +5,7 @@ the reason why there is none. It runs in the process of ``make_dataset`` or in a
 """
 
 import shutil
-import tempfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
@@ -17,6 +16,7 @@ from simbev_ros.dataset.index_row import Row, index_row
 from simbev_ros.dataset.plan import PlannedEntry, bag_of
 from simbev_ros.errors import SimbevError
 from simbev_ros.graph.session import GraphSession
+from simbev_ros.graph.traces import temporary_folder
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.production.drawing import PlannedSceneDrawer
 from simbev_ros.production.observer import SILENT, ProductionObserver
@@ -64,6 +64,14 @@ class Delivery(Protocol):
         """
 
 
+Deliveries = Callable[[str], Delivery | None]
+"""The delivery for a worker, by its name; None: bags stay in the worker's folder."""
+
+
+def keep_bags(worker: str) -> None:
+    """No delivery for any worker."""
+
+
 class SceneMaker:
     """Makes scenes on a graph of its own.
 
@@ -88,7 +96,7 @@ class SceneMaker:
     ) -> None:
         self._scenario, self._observer = scenario, observer
         self._rendering, self._delivery = rendering, delivery
-        self._staging = staging or Path(tempfile.mkdtemp(prefix="simbev_ros-scenes-"))
+        self._staging = staging or temporary_folder()
         self._drawer = PlannedSceneDrawer(scenario, observer, maps)
         self._session: GraphSession | None = None
 

@@ -152,12 +152,18 @@ def scenes_folder(dataset: Path) -> Path:
     return dataset / SCENES_FOLDER
 
 
-def scene_folder(dataset: Path, split: str, name: str) -> Path:
+@overload
+def scene_folder(dataset: Path, split: str, name: str) -> Path: ...
+@overload
+def scene_folder(dataset: ObjectPath, split: str, name: str) -> ObjectPath: ...
+def scene_folder(dataset: AnyPath, split: str, name: str) -> AnyPath:
     """Folder of a scene's finished bag in a dataset.
 
     Raises:
         InputError: The names, or links in the dataset, lead out of it.
     """
+    if isinstance(dataset, ObjectPath):
+        return dataset / SCENES_FOLDER / split / name
     return path_inside(dataset, Path(SCENES_FOLDER, split, name))
 
 
@@ -181,13 +187,17 @@ def additional_folder(bag: Path, label: str) -> Path:
     return bag.with_name(f"{bag.name}.{label}")
 
 
-def additional_bags(bag: Path) -> dict[str, Path]:
+@overload
+def additional_bags(bag: Path) -> dict[str, Path]: ...
+@overload
+def additional_bags(bag: ObjectPath) -> dict[str, ObjectPath]: ...
+def additional_bags(bag: AnyPath) -> dict[str, Any]:
     """Finished additional bags of a scene by label."""
-    found = sorted(bag.parent.glob(f"{glob.escape(bag.name)}.*"))
-    return {path.suffix[1:]: path for path in found if _is_additional(path)}
+    found: list[Any] = [*bag.parent.glob(f"{glob.escape(bag.name)}.*")]
+    return {path.suffix[1:]: path for path in sorted(found) if _is_additional(path)}
 
 
-def _is_additional(path: Path) -> bool:
+def _is_additional(path: AnyPath) -> bool:
     return _LABEL.fullmatch(path.suffix[1:]) is not None and path.suffix not in _SUFFIXES
 
 

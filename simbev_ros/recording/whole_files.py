@@ -11,6 +11,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from simbev_ros.errors import DISK_FULL, DiskError, InputError
+from simbev_ros.object_store.object_path import AnyPath, ObjectPath
+from simbev_ros.object_store.transfers import put_bytes
 from simbev_ros.recording.mcap.syncing import sync, sync_names
 
 _UNFINISHED_SUFFIX = ".part"
@@ -45,8 +47,8 @@ def whole_file(path: Path) -> Iterator[Path]:
     sync_names([path, path.parent] if has_new_folder else [path])
 
 
-def write_whole(path: Path, content: bytes | Iterable[bytes]) -> None:
-    """Write a file whole, from bytes or from pieces that are produced one after the other.
+def write_whole(path: AnyPath, content: bytes | Iterable[bytes]) -> None:
+    """Write a file or an object whole, from bytes or from pieces that are produced one after the other.
 
     Args:
         path: The file; its folder is made if necessary.
@@ -54,7 +56,11 @@ def write_whole(path: Path, content: bytes | Iterable[bytes]) -> None:
 
     Raises:
         OSError: The file cannot be written.
+        StoreError: The object cannot be written.
     """
+    if isinstance(path, ObjectPath):
+        put_bytes(content if isinstance(content, bytes) else b"".join(content), path)
+        return
     with whole_file(path) as unfinished, unfinished.open("wb") as file:
         file.writelines([content] if isinstance(content, bytes) else content)
 
@@ -87,7 +93,7 @@ def _nearest_existing(folder: Path) -> Path:
 
 
 @contextmanager
-def write_errors(path: Path) -> Iterator[None]:
+def write_errors(path: AnyPath) -> Iterator[None]:
     """Turn errors of the operating system within a block into errors for the user.
 
     Args:

@@ -32,12 +32,9 @@ def calls() -> set[tuple[str, str]]:
     return found
 
 
-def mark(call: tuple[str, str]) -> object:
-    marks = [pytest.mark.xfail(strict=True, reason="not merged yet")] if call in NOT_MERGED else []
-    return pytest.param(*call, id=" ".join(call).strip(), marks=marks)
-
-
-NAMED = [mark(call) for call in sorted(calls()) if call[0] not in OF_THE_START_SCRIPT]
+NAMED = [
+    pytest.param(*call, id=" ".join(call).strip()) for call in sorted(calls()) if call[0] not in OF_THE_START_SCRIPT
+]
 
 
 @pytest.mark.parametrize(("verb", "option"), NAMED)

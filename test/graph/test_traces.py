@@ -9,6 +9,7 @@ import psutil
 import pytest
 
 from simbev_ros.graph.traces import Traces, sweep
+from simbev_ros.graph.traces import temporary_folder as new_temporary_folder
 
 
 @pytest.fixture(autouse=True)
@@ -32,6 +33,19 @@ def test_traces_of_a_running_graph_stay_until_it_removes_them() -> None:
     assert traces.folder.is_dir()
     traces.remove(keep_logs=False)
     assert not traces.folder.exists()
+
+
+def test_a_temporary_folder_stays_while_its_process_lives_and_goes_when_it_is_dead(
+    temporary_folder: Path,
+) -> None:
+    folder = new_temporary_folder()
+    (folder / "worker-1").mkdir()
+    sweep()
+    assert (folder / "worker-1").is_dir()
+    record = json.loads((folder / "traces.json").read_text())
+    (folder / "traces.json").write_text(json.dumps({**record, "pid": max(psutil.pids()) + 1000}))
+    sweep()
+    assert not folder.exists()
 
 
 def test_traces_of_an_ended_process_are_removed(temporary_folder: Path) -> None:

@@ -68,6 +68,13 @@ def test_an_object_is_copied_by_the_store_unless_it_is_too_large(
     assert (FOLDER / "y").read_bytes() == large.read_bytes()
 
 
+def test_the_store_may_take_its_time_to_copy(store: StoreServer) -> None:
+    put_bytes(b"123", FOLDER / "x")
+    store.copy_s = 4.0  # the SDK would ask again after 3 s
+    copy_object(FOLDER / "x", FOLDER / "y")
+    assert sum(request.startswith("PUT /made-up/sets/a/y") for request in store.requests) == 1
+
+
 def test_a_tree_is_listed_and_deleted_without_its_neighbors(store: StoreServer) -> None:
     for name in ("a/x", "a/deep/er/y", "ab/z"):
         put_bytes(name.encode(), FOLDER.parent / name)

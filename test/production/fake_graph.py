@@ -1,6 +1,7 @@
 """A graph that is not there: sessions that write made-up bags, or fail as a test asks."""
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,9 @@ from simbev_ros.graph.session import Progress
 from simbev_ros.recording.layout import partial_of, scene_folder
 from simbev_ros.scene.ending import DURATION, SceneEnd
 from simbev_ros.scene.spec import SceneSpec
+
+Scenarios = Callable[[int], Scenario]
+"""Makes a configuration of some scenes."""
 
 
 class FakeGraph:

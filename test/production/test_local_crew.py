@@ -10,8 +10,9 @@ from fake_crew import COST
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import PlannedEntry
+from simbev_ros.object_store.object_path import ObjectPath
 from simbev_ros.production import ProductionObserver
-from simbev_ros.production.observer import SILENT
+from simbev_ros.production.object_delivery import ObjectDelivery
 from simbev_ros.production.scene_cost import SceneCost
 from simbev_ros.production.scene_maker import MadeScene
 from simbev_ros.production.workers import local_crew
@@ -74,7 +75,7 @@ def crew(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Start:
     monkeypatch.setattr(local_crew, "fitting_workers", lambda *_: 3)
     monkeypatch.setattr(local_crew, "share_gpus", share_gpus)
     scenario = Scenario.model_validate({"scenes": [{"map": "Blocks", "train": 1}], "rig": {"sensors": []}})
-    return lambda workers, scenes, observer=SILENT: LocalCrew(scenario, tmp_path, workers, scenes, observer)
+    return lambda workers, scenes, *more, **options: LocalCrew(scenario, tmp_path, workers, scenes, *more, **options)
 
 
 def make(crew: LocalCrew, scenes: int) -> int:
@@ -123,3 +124,9 @@ def test_workers_are_chosen_for_the_scenes_that_are_left(crew: Start, scenes: in
     choice = Choice()
     make(crew("auto", scenes, choice), scenes)
     assert (choice.workers, len(FakeWorker.all)) == (chosen, started)
+
+
+def test_each_worker_has_a_delivery_of_its_own(crew: Start) -> None:
+    make(crew(2, 2, delivery_of=lambda worker: ObjectDelivery(ObjectPath("bucket", worker))), 2)
+    urls = [str(worker.settings.delivery.folder) for worker in FakeWorker.all]
+    assert urls == ["s3://bucket/worker-1", "s3://bucket/worker-2"]

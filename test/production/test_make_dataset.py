@@ -1,48 +1,19 @@
 """Datasets made from Python: what is made, what is left, what is reported, and what stays when something fails."""
 
 import errno
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-from fake_graph import FakeGraph
+from fake_graph import FakeGraph, Scenarios
 
-from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.index import read_index
 from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.errors import DiskError, GraphError, InputError
-from simbev_ros.production import DatasetResult, ProductionObserver, make_dataset, scene_log, scene_maker
+from simbev_ros.production import DatasetResult, ProductionObserver, make_dataset, scene_log
 from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.spec import SceneSpec
-
-Scenarios = Callable[[int], Scenario]
-
-
-@pytest.fixture
-def graph(monkeypatch: pytest.MonkeyPatch) -> FakeGraph:
-    fake = FakeGraph()
-    monkeypatch.setattr(scene_maker, "GraphSession", fake.session)
-    monkeypatch.setattr(scene_maker, "build_surroundings", lambda *_: None)
-    return fake
-
-
-@pytest.fixture
-def scenario() -> Callable[[int], Scenario]:
-    """A configuration of some scenes with next to nothing in them."""
-
-    def make(scenes: int) -> Scenario:
-        return Scenario.model_validate(
-            {
-                "scenes": [{"map": "Blocks", "train": scenes}],
-                "rig": {"sensors": []},
-                "time": {"duration_s": 0.1},
-                "traffic": {"vehicles": 1, "pedestrians": 0, "spawn_radius_m": 100},
-            }
-        )
-
-    return make
 
 
 class Diary(ProductionObserver):

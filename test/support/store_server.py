@@ -1,6 +1,7 @@
 """An S3 server on the loopback address that logs its requests, and can refuse some of them as a busy store does."""
 
 import threading
+import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -26,6 +27,8 @@ class StoreServer:
         sent_bytes: Size of the bodies of all answers.
         refuse_every: Every Nth request is answered with 503; 0: none.
         needs_key: Whether requests without a signature are refused.
+        copy_s: Time that it takes to copy an object.
+        is_read_only: Whether requests that write or delete are refused.
     """
 
     app: Any
@@ -34,6 +37,8 @@ class StoreServer:
     sent_bytes: int = 0
     refuse_every: int = 0
     needs_key: bool = False
+    is_read_only: bool = False
+    copy_s: float = 0.0
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def __call__(self, environ: dict[str, Any], start_response: Any) -> Iterable[bytes]:
@@ -42,10 +47,15 @@ class StoreServer:
                 f"{environ['REQUEST_METHOD']} {environ['PATH_INFO']}?{environ.get('QUERY_STRING', '')}"
             )
             is_refused = self.refuse_every and len(self.requests) % self.refuse_every == 0
-        if is_refused or (self.needs_key and "HTTP_AUTHORIZATION" not in environ):
+        is_denied = (self.needs_key and "HTTP_AUTHORIZATION" not in environ) or (
+            self.is_read_only and environ["REQUEST_METHOD"] not in ("GET", "HEAD")
+        )
+        if is_refused or is_denied:
             body = _BUSY if is_refused else _DENIED
             start_response("503 Slow Down" if is_refused else "403 Forbidden", [("Content-Length", str(len(body)))])
             return [body]
+        if "HTTP_X_AMZ_COPY_SOURCE" in environ:
+            time.sleep(self.copy_s)
         answer = list(self.app(environ, start_response))
         with self._lock:
             self.sent_bytes += sum(map(len, answer)) if environ["REQUEST_METHOD"] == "GET" else 0
@@ -53,7 +63,9 @@ class StoreServer:
 
     def reset(self) -> None:
         """Forget the requests, and answer all of them from now on."""
-        self.requests, self.sent_bytes, self.refuse_every, self.needs_key = [], 0, 0, False
+        self.requests, self.sent_bytes, self.refuse_every = [], 0, 0
+        self.needs_key = self.is_read_only = False
+        self.copy_s = 0.0
 
     def make_bucket(self) -> None:
         """Forget everything, and make an empty bucket."""

@@ -13,7 +13,7 @@ from typing import Protocol, Self
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.production.observer import SILENT, ProductionObserver
-from simbev_ros.production.scene_maker import FailedScene, MadeScene, SceneMaker
+from simbev_ros.production.scene_maker import Deliveries, FailedScene, MadeScene, SceneMaker, keep_bags
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,9 +76,16 @@ class OwnProcess:
 
     machines = 1
 
-    def __init__(self, scenario: Scenario, staging: Path, observer: ProductionObserver = SILENT) -> None:
-        self._worker = Worker("own", "this machine")
-        self._maker = SceneMaker(scenario, staging / self._worker.name, observer)
+    def __init__(
+        self,
+        scenario: Scenario,
+        staging: Path,
+        observer: ProductionObserver = SILENT,
+        delivery_of: Deliveries = keep_bags,
+    ) -> None:
+        self._worker = worker = Worker("own", "this machine")
+        delivery = delivery_of(worker.name)
+        self._maker = SceneMaker(scenario, staging / worker.name, observer, delivery=delivery)
         self._entry: PlannedEntry | None = None
 
     def __enter__(self) -> Self:

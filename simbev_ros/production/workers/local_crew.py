@@ -10,7 +10,7 @@ from typing import Literal
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.production.observer import SILENT, ProductionObserver
-from simbev_ros.production.scene_maker import MadeScene
+from simbev_ros.production.scene_maker import Deliveries, MadeScene, keep_bags
 from simbev_ros.production.workers.crew import Worker
 from simbev_ros.production.workers.local_worker import LocalWorker
 from simbev_ros.production.workers.machine_capacity import fitting_workers, share_gpus
@@ -40,6 +40,7 @@ class LocalCrew(Team):
         workers: Number of workers; ``auto``: as many as the machine carries, once one of them has made a scene.
         scenes: Number of scenes to make; there are never more workers.
         observer: Receives the progress.
+        delivery_of: Deliveries of finished bags.
 
     Raises:
         RenderError: There are several workers, but EGL is missing.
@@ -54,9 +55,11 @@ class LocalCrew(Team):
         workers: int | Literal["auto"],
         scenes: int,
         observer: ProductionObserver = SILENT,
+        delivery_of: Deliveries = keep_bags,
     ) -> None:
         super().__init__(observer)
         self._scenario, self._staging, self._scenes = scenario, staging, scenes
+        self._delivery_of = delivery_of
         self._chosen_by_cost = workers == "auto"
         self._numbers = count(1)
         self._seats: list[_Seat] = []
@@ -88,7 +91,8 @@ class LocalCrew(Team):
 
     def _start_worker(self, rendering: Rendering | None) -> str:
         worker = Worker(f"worker-{next(self._numbers)}", THIS_MACHINE)
-        settings = Settings(self._scenario, self._staging / worker.name, rendering=rendering)
+        folder, delivery = self._staging / worker.name, self._delivery_of(worker.name)
+        settings = Settings(self._scenario, folder, rendering=rendering, delivery=delivery)
         self._hire(LocalWorker(worker, settings))
         return worker.name
 

@@ -15,7 +15,7 @@ from simbev_ros.maps.source import file_of
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.production.drawing import maps_of
 from simbev_ros.production.observer import SILENT, ProductionObserver
-from simbev_ros.production.scene_maker import Delivery, MadeScene
+from simbev_ros.production.scene_maker import Deliveries, MadeScene, keep_bags
 from simbev_ros.production.workers.crew import Worker
 from simbev_ros.production.workers.machine_capacity import MEMORY_MARGIN
 from simbev_ros.production.workers.messages import Settings
@@ -40,9 +40,9 @@ class RayCrew(Team):
         cluster: The cluster.
         scenario: The configuration.
         staging: Folder for unfinished scenes that all nodes see; None: workers have temporary folders on their nodes.
-        delivery: Takes away finished bags.
         scenes: Number of scenes to make.
         observer: Receives the progress.
+        delivery_of: Deliveries of finished bags.
 
     Raises:
         InputError: No node has enough memory for a graph, or a map file cannot be read.
@@ -53,13 +53,13 @@ class RayCrew(Team):
         cluster: RayCluster,
         scenario: Scenario,
         staging: Path | None,
-        delivery: Delivery | None,
         scenes: int,
         observer: ProductionObserver = SILENT,
+        delivery_of: Deliveries = keep_bags,
     ) -> None:
         super().__init__(observer)
         self._cluster, self._scenario, self._left = cluster, scenario, scenes
-        self._staging, self._delivery = staging, delivery
+        self._staging, self._delivery_of = staging, delivery_of
         self._numbers = count(1)
         self._looked_s, self._began_s = 0.0, time.monotonic()
         self._needs = self._first_needs()
@@ -110,7 +110,7 @@ class RayCrew(Team):
         for _ in range(min(wanted - waiting, self._left - len(self._handles))):
             worker = Worker(f"worker-{next(self._numbers)}", "")
             staging = None if self._staging is None else self._staging.absolute() / worker.name
-            settings = Settings(self._scenario, staging, self._maps, delivery=self._delivery)
+            settings = Settings(self._scenario, staging, self._maps, delivery=self._delivery_of(worker.name))
             self._hire(RayWorker(worker, self._needs, settings, self._map_files))
 
     def _learn(self, scene: MadeScene) -> None:

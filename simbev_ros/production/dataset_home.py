@@ -1,0 +1,117 @@
+"""The home of a dataset as the driver of its production sees it: a folder, or a prefix of an object store."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Protocol
+
+from simbev_ros.dataset.growing_index import GrowingIndex
+from simbev_ros.dataset.index_row import Row
+from simbev_ros.dataset.lock import DatasetLock
+from simbev_ros.dataset.plan import PlannedEntry
+from simbev_ros.dataset.staging import clean_up_staging, staging_of
+from simbev_ros.object_store.object_lock import ObjectLock, require_writable_store
+from simbev_ros.object_store.object_path import AnyPath, ObjectPath
+from simbev_ros.object_store.transfers import delete_tree
+from simbev_ros.production.scene_log import Attempt
+from simbev_ros.production.scene_maker import Delivery
+from simbev_ros.recording.whole_files import require_writable
+
+Lock = DatasetLock | ObjectLock
+
+
+class DatasetHome(Protocol):
+    """Takes finished scenes from workers, and keeps index and logs. Only the driver writes into it.
+
+    Every method may raise ``InputError``: a file or an object cannot be written or read; and ``DiskError``: the disk is
+    full.
+
+    Attributes:
+        staging: Folder on this machine for the workers' folders of unfinished scenes. Its name is new, because workers
+            of a driver that was killed may still write into theirs.
+        damaged: Problems of scenes that exist and are damaged, by name.
+    """
+
+    staging: Path
+    damaged: dict[str, str]
+
+    @property
+    def index(self) -> GrowingIndex:
+        """The index."""
+
+    def delivery_of(self, worker: str) -> Delivery | None:
+        """What a worker hands its finished bags to; None: they stay in the worker's folder in ``staging``."""
+
+    def adopt(self, worker: str, entry: PlannedEntry, row: Row) -> None:
+        """Move a finished scene from a worker into the dataset, and add it to the index."""
+
+    def log(self, attempt: Attempt, summary: str, output: Mapping[str, str], *, failed: bool = False) -> None:
+        """Write the log of an attempt."""
+
+    def check_space(self, scenes: int) -> None:
+        """Refuse to begin another scene that may not fit.
+
+        Args:
+            scenes: Number of unfinished scenes, including the one to begin.
+
+        Raises:
+            DiskError: Less is free than that many of the largest scene so far take plus what must stay free.
+        """
+
+    def discard(self, worker: str) -> None:
+        """Remove what a worker that is lost has left."""
+
+    def close(self) -> None:
+        """Write the index, and remove all unfinished scenes."""
+
+
+@contextmanager
+def hold_home(path: AnyPath) -> Iterator[Lock]:
+    """Lock a dataset against other drivers, and clean up after one that was killed.
+
+    Raises:
+        InputError: It cannot be written to, or another process writes into it.
+    """
+    if isinstance(path, ObjectPath):
+        with ObjectLock(path) as lock:
+            delete_tree(staging_of(path))
+            yield lock
+    else:
+        with DatasetLock(path) as file_lock:
+            clean_up_staging(path)
+            yield file_lock
+
+
+def open_home(path: AnyPath, lock: Lock, existing: Sequence[PlannedEntry], min_free_bytes: int) -> DatasetHome:
+    """Open a dataset to add scenes to it.
+
+    Args:
+        path: The dataset.
+        lock: Its lock, from ``hold_home``.
+        existing: Scenes that have a finished bag.
+        min_free_bytes: Space on this machine's disk that must stay free.
+
+    Raises:
+        InputError: The index is damaged, or cannot be written.
+    """
+    if isinstance(path, ObjectPath):
+        from simbev_ros.production.dataset_bucket import DatasetBucket
+
+        assert isinstance(lock, ObjectLock)
+        return DatasetBucket(path, lock, min_free_bytes)
+    from simbev_ros.production.dataset_folder import DatasetFolder
+
+    return DatasetFolder(path, existing, min_free_bytes)
+
+
+def require_writable_home(path: AnyPath) -> None:
+    """Check that a dataset can be written to. At most an empty object that stands for its prefix stays.
+
+    Raises:
+        InputError: It cannot.
+        DiskError: The disk is full.
+    """
+    if isinstance(path, ObjectPath):
+        require_writable_store(path)
+    else:
+        require_writable(path)

@@ -1,0 +1,67 @@
+"""A graph that is not there, configurations for it, and the death of drivers."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+from bucket_content import DieAfter, Killed
+from fake_graph import FakeGraph, Scenarios
+
+from simbev_ros.config.scenario import Scenario
+from simbev_ros.object_store import object_lock
+from simbev_ros.object_store.connection import connection
+from simbev_ros.production import scene_maker
+
+_WRITES = ("open_output_stream", "copy_file", "delete_dir", "delete_file")
+
+
+@pytest.fixture
+def graph(monkeypatch: pytest.MonkeyPatch) -> FakeGraph:
+    fake = FakeGraph()
+    monkeypatch.setattr(scene_maker, "GraphSession", fake.session)
+    monkeypatch.setattr(scene_maker, "build_surroundings", lambda *_: None)
+    return fake
+
+
+@pytest.fixture
+def scenario() -> Scenarios:
+    """A configuration of some scenes with next to nothing in them."""
+
+    def make(scenes: int) -> Scenario:
+        return Scenario.model_validate(
+            {
+                "scenes": [{"map": "Blocks", "train": scenes}],
+                "rig": {"sensors": []},
+                "time": {"duration_s": 0.1},
+                "traffic": {"vehicles": 1, "pedestrians": 0, "spawn_radius_m": 100},
+            }
+        )
+
+    return make
+
+
+@pytest.fixture
+def die_after(monkeypatch: pytest.MonkeyPatch) -> DieAfter:
+    """Context in which this process writes into the store a number of times and is dead then; a minute passes after."""
+
+    @contextmanager
+    def arrange(writes: int) -> Iterator[None]:
+        left = iter(range(writes))
+
+        class Files:
+            def __init__(self, files: Any) -> None:
+                self._files = files
+
+            def __getattr__(self, name: str) -> Any:
+                if name in _WRITES and next(left, None) is None:
+                    raise Killed
+                return getattr(self._files, name)
+
+        monkeypatch.setattr(object_lock, "_EXPIRY_S", 0.0)
+        with monkeypatch.context() as patch:
+            for one in (connection(), connection(is_patient=True)):
+                patch.setattr(one, "files", Files(one.files))
+            yield
+
+    return arrange

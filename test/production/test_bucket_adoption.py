@@ -11,7 +11,7 @@ from store_server import BUCKET, StoreServer, upload
 
 from simbev_ros.dataset import growing_index
 from simbev_ros.dataset.index import read_index, update_index
-from simbev_ros.dataset.index_row import index_row
+from simbev_ros.dataset.index_row import Row, index_row
 from simbev_ros.dataset.plan import Plan, PlannedEntry, bag_of
 from simbev_ros.dataset.stored_index import StoredIndex, load_stored_index
 from simbev_ros.object_store.connection import StoreError
@@ -32,18 +32,18 @@ class Made:
     folder: Path
     before: Path
     after: dict[str, bytes]
+    row: Row
 
     def adopt(self, dataset: ObjectPath, death: AbstractContextManager[None] | None = None) -> None:
         """Have it delivered and adopted; ``death`` befalls the driver that adopts it."""
         bag = bag_of(self.folder, ENTRY)
-        row = index_row(bag, self.folder)
         with hold_home(dataset) as lock:
             home = open_home(dataset, lock, [], 0)
             delivery = home.delivery_of("worker-1")
             assert delivery is not None
             delivery.deliver(bag, ENTRY)
             with death or nullcontext(), closing(home):
-                home.adopt("worker-1", ENTRY, row)
+                home.adopt("worker-1", ENTRY, self.row)
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +61,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
     del after["index.parquet"]
     (folder / f"before/{BAG}.rear").mkdir()
     (folder / f"before/{BAG}.rear/Blocks-0001.rear_0.mcap").write_bytes(b"2")
-    return Made(folder / "made", folder / "before", after)
+    return Made(folder / "made", folder / "before", after, index_row(folder / "made" / BAG, folder / "made"))
 
 
 def state(dataset: ObjectPath, made: Made) -> str:
@@ -117,11 +117,11 @@ def test_what_a_lost_worker_has_uploaded_is_removed(made: Made, store: StoreServ
 
 
 def test_a_scene_of_which_a_part_is_missing_is_not_adopted(made: Made, store: StoreServer) -> None:
-    bag = bag_of(made.folder, ENTRY)
-    row = index_row(bag, made.folder)
     with hold_home(SET) as lock, closing(open_home(SET, lock, [], 0)) as home:
-        with pytest.raises(StoreError, match=rf"Blocks-0001: 0 of {row['bytes']:,} bytes are there; the others were"):
-            home.adopt("worker-1", ENTRY, row)
+        with pytest.raises(
+            StoreError, match=rf"Blocks-0001: 0 of {made.row['bytes']:,} bytes are there; the others were"
+        ):
+            home.adopt("worker-1", ENTRY, made.row)
         assert len(home.index) == 0
 
 

@@ -5,6 +5,8 @@ from pathlib import Path
 
 from commands import Command
 
+from simbev_ros.object_store.object_path import AnyPath
+
 Simbev = Callable[..., Command]
 CONFIG = """
 seed: 5
@@ -32,7 +34,7 @@ def files(dataset: Path) -> dict[str, bytes]:
     return {str(path.relative_to(dataset)): path.read_bytes() for path in sorted(dataset.glob("scenes/*/*/*.mcap"))}
 
 
-def generate(simbev: Simbev, config: Path, dataset: Path, *more: object) -> str:
+def generate(simbev: Simbev, config: Path, dataset: AnyPath, *more: object) -> str:
     code, output = simbev("generate", config, "--out", dataset, *more).finish(600)
     assert code == 0, output
     return output

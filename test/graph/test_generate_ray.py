@@ -5,6 +5,8 @@ import random
 import re
 import shutil
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -23,6 +25,10 @@ from simbev_ros.recording.verify import verify_bag
 pytest.importorskip("ray", reason="Ray is not installed: pip install -e .[cluster]")
 
 from ray_nodes import RayNodes, processes
+from store_server import BUCKET, StoreServer
+
+from simbev_ros.object_store.object_path import AnyPath, ObjectPath
+from simbev_ros.object_store.transfers import list_objects
 
 pytestmark = pytest.mark.graph
 
@@ -41,17 +47,57 @@ def find(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Find]:
 
 
 @pytest.fixture
-def nodes(find: Find) -> Iterator[RayNodes]:
-    """Three nodes with two CPUs each."""
+def nodes(find: Find, store: StoreServer) -> Iterator[RayNodes]:
+    """Three nodes with two CPUs each, whose environment leads to the object store."""
     cluster = RayNodes(3)
     yield cluster
     cluster.close()
+
+
+TOWNS = ", ".join(f"{{map: {name}, train: 6}}" for name in ("Blocks", "Town01", "Town02", "Town07"))
+"""24 scenes."""
 
 
 def leftovers(dataset: Path) -> list[str]:
     """Names in a dataset's folder that do not belong there."""
     expected = {".lock", "index.parquet", "logs", "plan.json", "scenes"}
     return sorted({path.name for path in dataset.iterdir()} - expected)
+
+
+def all_but_logs(dataset: AnyPath) -> dict[str, bytes]:
+    """Content of all files or objects of a dataset but logs and lock, by path."""
+    found = list_objects(dataset) if isinstance(dataset, ObjectPath) else [p for p in dataset.rglob("*") if p.is_file()]
+    paths = {str(path.relative_to(dataset)): path for path in found}
+    return {name: path.read_bytes() for name, path in paths.items() if not name.startswith(("logs/", ".lock"))}
+
+
+def report(dataset: AnyPath, page: Path) -> bytes:
+    """The report of a dataset, without its address."""
+    command = [sys.executable, "-m", "simbev_ros.cli.main", "info", str(dataset), "--report", str(page)]
+    subprocess.run(command, check=True, capture_output=True)
+    return page.read_bytes().replace(str(dataset).encode(), b"SET")
+
+
+@pytest.mark.slow
+def test_one_graph_two_workers_and_a_cluster_with_a_folder_and_with_a_store_make_the_same(
+    simbev: Simbev, find: Find, nodes: RayNodes, store: StoreServer, tmp_path: Path
+) -> None:
+    config, bucket = write(tmp_path, TOWNS), ObjectPath(BUCKET, "sets/four")
+    store.refuse_every = 5
+    ways: dict[AnyPath, tuple[object, ...]] = {
+        tmp_path / "one": (),
+        tmp_path / "workers": ("--workers", 2),
+        tmp_path / "cluster": ("--ray", nodes.address),
+        bucket: ("--ray", nodes.address),
+    }
+    for out, options in ways.items():
+        generate(simbev, config, out, *options)
+    store.refuse_every = 0
+    first, *others = map(all_but_logs, ways)
+    assert len([name for name in first if name.endswith(".mcap")]) == 24
+    assert [other == first for other in others] == [True] * 3
+    pages = [report(out, tmp_path / f"{k}.html") for k, out in enumerate(ways)]
+    assert [page == pages[0] for page in pages] == [True] * 4
 
 
 @pytest.mark.slow
@@ -77,8 +123,7 @@ def test_a_cluster_makes_the_same_dataset_and_an_interrupt_ends_it(
 def test_whatever_dies_the_dataset_is_complete_and_the_same(
     simbev: Simbev, find: Find, nodes: RayNodes, tmp_path: Path
 ) -> None:
-    towns = ("Blocks", "Town01", "Town02", "Town07")
-    config = write(tmp_path, ", ".join(f"{{map: {name}, train: 6}}" for name in towns))
+    config = write(tmp_path, TOWNS)
     one, two, before = tmp_path / "one", tmp_path / "two", set(middleware_files())
     generate(simbev, config, one)
     arguments = ("generate", config, "--out", two, "--ray", nodes.address)

@@ -20,7 +20,7 @@ from simbev_ros.production.workers.crew import Worker
 from simbev_ros.production.workers.machine_capacity import MEMORY_MARGIN
 from simbev_ros.production.workers.messages import Settings
 from simbev_ros.production.workers.ray_cluster import RayCluster, largest
-from simbev_ros.production.workers.ray_worker import Needs, RayWorker
+from simbev_ros.production.workers.ray_worker import Needs, RayWorker, WorkerActor
 from simbev_ros.production.workers.team import Team
 
 _POLL_S, _NODES_S = 0.5, 5.0
@@ -43,6 +43,7 @@ class RayCrew(Team):
         delivery: Takes away finished bags.
         scenes: Number of scenes to make.
         observer: Receives the progress.
+        actor_class: Class of the workers' ends on the nodes.
 
     Raises:
         InputError: No node has enough memory for a graph, or a map file cannot be read.
@@ -56,10 +57,11 @@ class RayCrew(Team):
         delivery: Delivery | None,
         scenes: int,
         observer: ProductionObserver = SILENT,
+        actor_class: type[Any] = WorkerActor,
     ) -> None:
         super().__init__(observer)
         self._cluster, self._scenario, self._left = cluster, scenario, scenes
-        self._staging, self._delivery = staging, delivery
+        self._staging, self._delivery, self._actor_class = staging, delivery, actor_class
         self._numbers = count(1)
         self._looked_s, self._began_s = 0.0, time.monotonic()
         self._needs = self._first_needs()
@@ -111,7 +113,7 @@ class RayCrew(Team):
             worker = Worker(f"worker-{next(self._numbers)}", "")
             staging = None if self._staging is None else self._staging.absolute() / worker.name
             settings = Settings(self._scenario, staging, self._maps, delivery=self._delivery)
-            self._hire(RayWorker(worker, self._needs, settings, self._map_files))
+            self._hire(RayWorker(worker, self._needs, settings, self._map_files, self._actor_class))
 
     def _learn(self, scene: MadeScene) -> None:
         """Correct the needs by what a scene has cost, where they are off by much."""

@@ -61,8 +61,9 @@ class GrowingIndex:
         """
         if not self._new:
             return
-        others = self._table.filter(pc.invert(pc.is_in(self._table["number"], pa.array(self._new, pa.int64()))))
-        table = pa.concat_tables([others, index_table(self._new.values())]).combine_chunks()
+        is_replaced = pc.is_in(self._table["number"], pa.array(self._new, pa.int64()))
+        others = self._table.filter(pc.invert(is_replaced)) if pc.any(is_replaced).as_py() else self._table
+        table = pa.concat_tables([others, index_table(self._new.values())])  # copies nothing
         save_index(self._dataset, table)
         self._table = table
         self._new.clear()

@@ -29,7 +29,7 @@ from simbev_ros.recording.whole_files import whole_file, write_errors
 from simbev_ros.scene.weather import Weather
 from simbev_ros.semantics import BOX_CLASSES
 
-_MAX_ROWS = MAX_SCENE_NUMBER + 1
+_MAX_ROWS, _GROUP_ROWS = MAX_SCENE_NUMBER + 1, 1 << 13
 _LARGEST = {
     **dict.fromkeys(("ticks", "recorded_ticks"), MAX_SCENE_TICKS),
     **dict.fromkeys(("vehicles", "pedestrians"), MAX_ACTORS),
@@ -149,14 +149,20 @@ def write_index(dataset: Path, rows: Iterable[Row]) -> None:
 
 
 def save_index(dataset: Path, table: pa.Table) -> None:
-    """Write the index atomically, sorted by the scenes' numbers.
+    """Write the index atomically, sorted by the scenes' numbers, with a copy of a part of the table at a time.
 
     Raises:
         InputError: It cannot be written.
     """
     path = dataset / INDEX_FILE
-    with write_errors(path), whole_file(path) as unfinished:
-        pq.write_table(table.sort_by("number").combine_chunks(), unfinished)
+    order = pc.sort_indices(table, [("number", "ascending")])
+    with (
+        write_errors(path),
+        whole_file(path) as unfinished,
+        pq.ParquetWriter(unfinished, table.schema) as writer,
+    ):
+        for begin in range(0, len(table), _GROUP_ROWS):
+            writer.write_table(table.take(order.slice(begin, _GROUP_ROWS)).combine_chunks())
 
 
 def update_index(dataset: Path, bags: Sequence[Path]) -> tuple[pa.Table, dict[Path, str]]:

@@ -170,13 +170,21 @@ def _in_new_process(recorded: RecordedScene, count: int, out: Path, workers: int
     """Measure in a new process, whose memory is its own."""
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as process:
         try:
-            return process.submit(_make, recorded, count, out, workers, ray).result()
+            return process.submit(_measure, recorded, count, out, workers, ray).result()
         except BrokenProcessPool:
             raise SimbevError(f"the driver of {count:,} scenes was killed; is there memory enough?") from None
 
 
+def _measure(recorded: RecordedScene, count: int, out: Path, workers: int, ray: str | None) -> DriverRun:
+    """Make a dataset in this process, and read it again."""
+    run = _make(recorded, count, out, workers, ray)
+    reopening_s = _reopening_s(out)
+    peak_mib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / _KIB_PER_MIB
+    return replace(run, reopening_s=reopening_s, peak_mib=peak_mib)
+
+
 def _make(recorded: RecordedScene, count: int, out: Path, workers: int, ray: str | None) -> DriverRun:
-    """Make a dataset in this process as ``make_dataset`` does, with workers that copy."""
+    """Make a dataset as ``make_dataset`` does, with workers that copy; reading it again is not measured yet."""
     map_name, split = recorded.row["map"], recorded.row["split"]
     with ExitStack() as held:
         cluster = None if ray is None else held.enter_context(RayCluster(ray))
@@ -190,23 +198,21 @@ def _make(recorded: RecordedScene, count: int, out: Path, workers: int, ray: str
         scenes_folder(out).mkdir()
         folder = held.enter_context(closing(DatasetFolder(out, [], 0)))
         folder.index = index = _TimedIndex(out)
-        copying: CopyingCrew | None = None
         crew: CopyingCrew | RayCrew
         if cluster is None:
-            crew = copying = held.enter_context(CopyingCrew(recorded, folder.staging, workers))
+            crew = CopyingCrew(recorded, folder.staging, workers)
         else:
             actor, scenario = copying_actor(recorded), load_scenario("demo")
-            crew = held.enter_context(RayCrew(cluster, scenario, folder.staging, None, count, observer, actor))
+            crew = RayCrew(cluster, scenario, folder.staging, None, count, observer, actor)
+        held.enter_context(crew)
         began_s = time.perf_counter()
         outcome = DatasetMaker(folder, crew, retries=0, observer=observer).make(plan.scenes)
         making_s = time.perf_counter() - began_s
     if outcome.failed:
         name, reason = next(iter(outcome.failed.items()))
         raise SimbevError(f"{len(outcome.failed):,} of {count:,} scenes could not be copied; {name}: {reason}")
-    reopening_s = _reopening_s(out)
-    peak_mib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / _KIB_PER_MIB
-    copying_s = 0.0 if copying is None else copying.copying_s
-    return DriverRun(count, making_s, copying_s, index.writing_s, index.writes, reopening_s, peak_mib)
+    copying_s = crew.copying_s if isinstance(crew, CopyingCrew) else 0.0
+    return DriverRun(count, making_s, copying_s, index.writing_s, index.writes, 0.0, 0.0)
 
 
 def _reopening_s(out: Path) -> float:

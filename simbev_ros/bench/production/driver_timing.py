@@ -22,7 +22,8 @@ from simbev_ros.errors import DiskError, SimbevError
 from simbev_ros.production.dataset import existing_scenes
 from simbev_ros.production.dataset_folder import DatasetFolder
 from simbev_ros.production.dataset_maker import DatasetMaker
-from simbev_ros.production.observer import SILENT
+from simbev_ros.production.observer import ProductionObserver, SeveralObservers
+from simbev_ros.production.workers.crew import Crew
 from simbev_ros.production.workers.ray_cluster import RayCluster
 from simbev_ros.production.workers.ray_crew import RayCrew
 from simbev_ros.production.workers.ray_metrics import RayMetrics
@@ -38,7 +39,8 @@ class DriverRun:
 
     Attributes:
         scenes: Number of scenes.
-        making_s: Time to make them all.
+        making_s: Time to make them all, including the start of workers.
+        late_ms_per_scene: Time per scene in the second half of the scenes, without copying in the driver's process.
         copying_s: Part of it in which a worker copied in the driver's process; 0 with Ray.
         index_s: Part of it in which the index was written.
         index_writes: Number of times that the index was written.
@@ -48,16 +50,12 @@ class DriverRun:
 
     scenes: int
     making_s: float
+    late_ms_per_scene: float
     copying_s: float
     index_s: float
     index_writes: int
     reopening_s: float
     peak_mib: float
-
-    @property
-    def driver_ms_per_scene(self) -> float:
-        """Time of the driver per scene, without copying in its process."""
-        return (self.making_s - self.copying_s) / self.scenes * 1e3
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +82,7 @@ class ProductionTiming:
             (
                 f"{run.scenes:,}",
                 f"{run.making_s:.1f}",
-                f"{run.driver_ms_per_scene:.2f}",
+                f"{run.late_ms_per_scene:.2f}",
                 f"{run.copying_s:.1f}",
                 f"{run.index_s:.1f}",
                 f"{run.index_writes}",
@@ -95,8 +93,21 @@ class ProductionTiming:
         ]
 
 
+def require_space(folder: Path, recorded: RecordedScene, count: int) -> None:
+    """Refuse to fill a disk with copies of a scene.
+
+    Raises:
+        DiskError: They do not fit.
+    """
+    wanted_bytes, free_bytes = count * _bytes_on_disk(recorded), shutil.disk_usage(folder).free
+    if wanted_bytes > free_bytes:
+        raise DiskError(
+            f"{folder}: the copies take {wanted_bytes / 1e9:.1f} GB, and {free_bytes / 1e9:.1f} GB are free"
+        )
+
+
 def timed_production(
-    dataset: Path,
+    recorded: RecordedScene,
     counts: Sequence[int],
     *,
     folder: Path,
@@ -104,10 +115,10 @@ def timed_production(
     ray: str | None,
     advance: Callable[[], None] = lambda: None,
 ) -> ProductionTiming:
-    """Make datasets of copies of a dataset's first scene.
+    """Make datasets of copies of a scene.
 
     Args:
-        dataset: The dataset.
+        recorded: The scene.
         counts: Numbers of scenes.
         folder: Folder in which datasets are made, and removed again; the nodes of a cluster see it.
         workers: Number of workers without Ray.
@@ -115,14 +126,10 @@ def timed_production(
         advance: Called after each dataset.
 
     Raises:
-        InputError: There is no scene, the cluster cannot be used, or the folder cannot be written to.
-        BagError: The scene is damaged.
-        DiskError: The folder has no space for the copies.
+        InputError: The cluster cannot be used, or the folder cannot be written to.
+        DiskError: The disk is full.
         SimbevError: A process was killed.
     """
-    recorded = RecordedScene.first_of(dataset)
-    scene_bytes: int = recorded.row["bytes"]
-    _require_space(folder, _bytes_on_disk(recorded) * max(counts))
     runs = []
     with write_errors(folder), tempfile.TemporaryDirectory(prefix="simbev_ros-bench-", dir=folder) as place:
         own = replace(recorded, bag=Path(place).absolute() / recorded.bag.name)
@@ -133,22 +140,13 @@ def timed_production(
             shutil.rmtree(out)
             advance()
     crew = f"{workers} workers in its process" if ray is None else "actors on a Ray cluster"
-    return ProductionTiming(crew, scene_bytes, runs)
+    return ProductionTiming(crew, recorded.row["bytes"], runs)
 
 
 def _bytes_on_disk(recorded: RecordedScene) -> int:
     """Space that a copy takes: its files, its folder and its log, in whole blocks."""
     sizes = [file.stat().st_size for file in recorded.bag.iterdir() if file.is_file()]
     return sum(-(-size // _BLOCK_BYTES) for size in (*sizes, 1, 1)) * _BLOCK_BYTES
-
-
-def _require_space(folder: Path, wanted_bytes: int) -> None:
-    """Refuse to fill a disk."""
-    free_bytes = shutil.disk_usage(folder).free
-    if wanted_bytes > free_bytes:
-        raise DiskError(
-            f"{folder}: the copies take {wanted_bytes / 1e9:.1f} GB, and {free_bytes / 1e9:.1f} GB are free"
-        )
 
 
 class _TimedIndex(GrowingIndex):
@@ -164,6 +162,31 @@ class _TimedIndex(GrowingIndex):
         super().write()
         self.writes += is_new
         self.writing_s += time.perf_counter() - began_s
+
+
+class _SecondHalf(ProductionObserver):
+    """Times the second half of the scenes.
+
+    Args:
+        scenes: Number of scenes, at least 2.
+        copying_s: Time that the driver's process has spent on copies so far.
+    """
+
+    def __init__(self, scenes: int, copying_s: Callable[[], float]) -> None:
+        self._scenes, self._copying_s, self._made = scenes, copying_s, 0
+        self._times_s: list[float] = []
+
+    def scene_made(self, entry: PlannedEntry, dataset_bytes: int) -> None:
+        """Note the time at the middle and at the end."""
+        self._made += 1
+        if self._made in (self._scenes // 2, self._scenes):
+            self._times_s.append(time.perf_counter() - self._copying_s())
+
+    @property
+    def ms_per_scene(self) -> float:
+        """Time per scene, without copies."""
+        middle_s, end_s = self._times_s
+        return (end_s - middle_s) / (self._scenes - self._scenes // 2) * 1e3
 
 
 def _in_new_process(recorded: RecordedScene, count: int, out: Path, workers: int, ray: str | None) -> DriverRun:
@@ -189,30 +212,31 @@ def _make(recorded: RecordedScene, count: int, out: Path, workers: int, ray: str
     with ExitStack() as held:
         cluster = None if ray is None else held.enter_context(RayCluster(ray))
         held.enter_context(DatasetLock(out))
-        observer = SILENT
         if cluster is not None:
             cluster.check_nodes(out)
-            observer = RayMetrics(out.name)
         plan = Plan().with_entries(PlannedEntry(number=k, map=map_name, split=split) for k in range(count))
         plan.save(out)
         scenes_folder(out).mkdir()
         folder = held.enter_context(closing(DatasetFolder(out, [], 0)))
         folder.index = index = _TimedIndex(out)
-        crew: CopyingCrew | RayCrew
+        copying: CopyingCrew | None = None
         if cluster is None:
-            crew = CopyingCrew(recorded, folder.staging, workers)
+            crew: Crew = (copying := CopyingCrew(recorded, folder.staging, workers))
+            others = []
         else:
             actor, scenario = copying_actor(recorded), load_scenario("demo")
-            crew = RayCrew(cluster, scenario, folder.staging, None, count, observer, actor)
+            crew = RayCrew(cluster, scenario, folder.staging, None, count, actor_class=actor)
+            others = [RayMetrics(out.name)]
         held.enter_context(crew)
+        late = _SecondHalf(count, lambda: copying.copying_s if copying else 0.0)
         began_s = time.perf_counter()
-        outcome = DatasetMaker(folder, crew, retries=0, observer=observer).make(plan.scenes)
+        outcome = DatasetMaker(folder, crew, retries=0, observer=SeveralObservers(late, *others)).make(plan.scenes)
         making_s = time.perf_counter() - began_s
     if outcome.failed:
         name, reason = next(iter(outcome.failed.items()))
         raise SimbevError(f"{len(outcome.failed):,} of {count:,} scenes could not be copied; {name}: {reason}")
-    copying_s = crew.copying_s if isinstance(crew, CopyingCrew) else 0.0
-    return DriverRun(count, making_s, copying_s, index.writing_s, index.writes, 0.0, 0.0)
+    copying_s = copying.copying_s if copying else 0.0
+    return DriverRun(count, making_s, late.ms_per_scene, copying_s, index.writing_s, index.writes, 0.0, 0.0)
 
 
 def _reopening_s(out: Path) -> float:

@@ -32,24 +32,27 @@ def production(
     """Time the driver of generate alone, and measure its memory: its workers only copy a recorded scene.
 
     Each number of scenes is made in a process of its own, as a dataset that is removed afterwards. Without Ray the
-    driver's process copies, which does not count as time of the driver. The last time is that of reading the finished
-    dataset again, with which every further run begins.
+    driver's process copies. The time per scene is that of the second half of the scenes, without copying there. The
+    last time is that of reading the finished dataset again, with which every further run begins.
 
     [bold]Example[/]
 
     simbev bench production datasets/first --scenes 100,1000 --json
     """
-    from simbev_ros.bench.production.driver_timing import timed_production
+    from simbev_ros.bench.production.copying_workers import RecordedScene
+    from simbev_ros.bench.production.driver_timing import require_space, timed_production
 
-    counts = numbers_in(scenes, "--scenes", MAX_SCENE_NUMBER + 1)
+    counts = numbers_in(scenes, "--scenes", MAX_SCENE_NUMBER + 1, smallest=2)
     target = folder or Path(tempfile.gettempdir())
     require_writable(target)
+    recorded = RecordedScene.first_of(dataset)
+    require_space(target, recorded, max(counts))
     with counting_bar("datasets", make_console(stderr=True), len(counts)) as bar:
-        result = timed_production(dataset, counts, folder=target, workers=workers, ray=ray, advance=bar.advance)
+        result = timed_production(recorded, counts, folder=target, workers=workers, ray=ray, advance=bar.advance)
     show_timing(
         result,
         result.title(),
-        ("scenes", "s", "driver ms/scene", "copying, s", "index, s", "written", "read again, s", "peak MiB"),
+        ("scenes", "s", "late ms/scene", "copying, s", "index, s", "written", "read again, s", "peak MiB"),
         result.rows(),
         as_json=as_json,
     )

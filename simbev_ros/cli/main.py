@@ -5,8 +5,9 @@ import io
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib import import_module
+from itertools import pairwise
 from typing import Any
 
 import typer
@@ -73,9 +74,12 @@ class _LazyVerbs(Mapping[str, Any]):
         return len(VERBS)
 
 
-def _value(argument: str) -> str:
-    """The value in ``--option=value``, or the argument itself."""
-    return argument.partition("=")[2] if argument.startswith("--") else argument
+def _values(arguments: Sequence[str]) -> Iterator[str]:
+    """Arguments and values of options, which may be names of files, without the value of ``--ray``."""
+    for before, argument in pairwise(("", *arguments)):
+        option, _, value = argument.partition("=") if argument.startswith("--") else ("", "", argument)
+        if "--ray" not in (before, option):
+            yield value
 
 
 class _Verbs(TyperGroup):
@@ -88,7 +92,7 @@ class _Verbs(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Find the verb, and refuse URLs that it would take for the names of local files."""
         name, command, rest = super().resolve_command(ctx, args)
-        url = next((each for each in map(_value, rest) if _URL.match(each)), None)
+        url = next((each for each in _values(rest) if _URL.match(each)), None)
         if url is not None and name not in _TAKE_URLS:
             others = f"{', '.join(_TAKE_URLS[:-1])} and {_TAKE_URLS[-1]}"
             raise InputError(f"{url}: simbev {name} needs a local folder; {others} take URLs")

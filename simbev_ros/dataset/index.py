@@ -29,7 +29,7 @@ from simbev_ros.recording.whole_files import write_errors, write_whole
 from simbev_ros.scene.weather import Weather
 from simbev_ros.semantics import BOX_CLASSES
 
-_MAX_ROWS = MAX_SCENE_NUMBER + 1
+_MAX_ROWS, _GROUP_ROWS = MAX_SCENE_NUMBER + 1, 1 << 13
 _LARGEST = {
     **dict.fromkeys(("ticks", "recorded_ticks"), MAX_SCENE_TICKS),
     **dict.fromkeys(("vehicles", "pedestrians"), MAX_ACTORS),
@@ -99,9 +99,10 @@ def index_table(rows: Iterable[Row]) -> pa.Table:
 
 
 def with_rows(table: pa.Table, added: pa.Table) -> pa.Table:
-    """A table with further rows, which take the place of those with their numbers."""
-    others = table.filter(pc.invert(pc.is_in(table["number"], pa.array(added["number"].to_pylist(), pa.int64()))))
-    return pa.concat_tables([others, added]).sort_by("number").combine_chunks()
+    """A table with more rows at its end, which replace those with the same numbers; the rest is not copied."""
+    is_replaced = pc.is_in(table["number"], pa.array(added["number"].to_pylist(), pa.int64()))
+    others = table.filter(pc.invert(is_replaced)) if pc.any(is_replaced).as_py() else table
+    return pa.concat_tables([others, added])
 
 
 def indexed_bags(dataset: ObjectPath) -> dict[ObjectPath, Row]:
@@ -173,13 +174,16 @@ def save_index(dataset: AnyPath, table: pa.Table) -> None:
     """
     path = dataset / INDEX_FILE
     with write_errors(path):
-        write_whole(path, packed_rows(table.sort_by("number")))
+        write_whole(path, packed_rows(table))
 
 
 def packed_rows(table: pa.Table) -> bytes:
-    """The content of a file with the rows of a table."""
+    """The content of a file with the rows of a table, by ascending number; parts of the table are copied in turn."""
     content = pa.BufferOutputStream()
-    pq.write_table(table.combine_chunks(), content)
+    order = pc.sort_indices(table, [("number", "ascending")])
+    with pq.ParquetWriter(content, table.schema) as writer:
+        for begin in range(0, max(len(table), 1), _GROUP_ROWS):
+            writer.write_table(table.take(order.slice(begin, _GROUP_ROWS)).combine_chunks())
     return content.getvalue().to_pybytes()
 
 

@@ -26,7 +26,7 @@ def load_stored_index(dataset: ObjectPath) -> pa.Table:
     """
     table = load_index(dataset)
     rows = [read_rows(path, pa.BufferReader(path.read_bytes(_MAX_ROW_BYTES))) for path in _row_objects(dataset)]
-    return with_rows(table, pa.concat_tables(rows)) if rows else table
+    return with_rows(table, pa.concat_tables(rows)).sort_by("number") if rows else table
 
 
 class StoredIndex(GrowingIndex):

@@ -1,5 +1,7 @@
-"""What a scene costs: time, processor time and memory, measured while its graph plays it."""
+"""What a scene costs: time, processor time, memory and GPUs, measured while its graph plays it."""
 
+import shutil
+import subprocess
 import time
 from collections.abc import Iterable
 from contextlib import suppress
@@ -8,8 +10,8 @@ from pathlib import Path
 
 import psutil
 
-_MEMORY_INTERVAL_S = 5.0
-"""Time between two looks at the memory; the kernel adds up the pages of each process for them."""
+_INTERVAL_S, _GPU_TIMEOUT_S = 5.0, 5.0
+"""Time between two looks at memory and GPUs; the kernel adds up the pages of each process for them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,12 +23,14 @@ class SceneCost:
         cpu_s: Processor time of all processes of the graph in that time.
         memory_mib: Peak memory of all processes together; pages that they share count once.
         frames: Number of recorded ticks.
+        gpus: Average number of GPUs in use, by everything that ran on this machine.
     """
 
     wall_s: float
     cpu_s: float
     memory_mib: float
     frames: int
+    gpus: float = 0.0
 
     @property
     def cores(self) -> float:
@@ -44,12 +48,14 @@ class CostMeter:
     def __init__(self, pids: Iterable[int]) -> None:
         self._began_s, self._cpu_before_s = time.monotonic(), _cpu_s(pids)
         self._next_look_s, self._memory_mib = self._began_s, 0.0
+        self._gpus: list[float] = []
 
     def look(self, pids: Iterable[int]) -> None:
-        """Note the memory in use, if the last look was a while ago; call it several times per second."""
+        """Note what is in use, if the last look was a while ago; call it several times per second."""
         if time.monotonic() >= self._next_look_s:
             self._memory_mib = max(self._memory_mib, sum(map(_memory_mib, pids)))
-            self._next_look_s = time.monotonic() + _MEMORY_INTERVAL_S
+            self._gpus.append(_busy_gpus())
+            self._next_look_s = time.monotonic() + _INTERVAL_S
 
     def cost(self, pids: Iterable[int], frames: int) -> SceneCost:
         """The cost of the scene up to now."""
@@ -57,7 +63,8 @@ class CostMeter:
         pids = list(pids)
         self.look(pids)
         cpu_s = max(_cpu_s(pids) - self._cpu_before_s, 0.0)
-        return SceneCost(max(time.monotonic() - self._began_s, 1e-3), cpu_s, self._memory_mib, frames)
+        wall_s, gpus = max(time.monotonic() - self._began_s, 1e-3), sum(self._gpus) / len(self._gpus)
+        return SceneCost(wall_s, cpu_s, self._memory_mib, frames, gpus)
 
 
 def _cpu_s(pids: Iterable[int]) -> float:
@@ -76,6 +83,18 @@ def _memory_mib(pid: int) -> float:
         for line in Path(f"/proc/{pid}/smaps_rollup").read_text().splitlines():
             if line.startswith("Pss:"):
                 return int(line.split()[1]) / 1024.0
+    return 0.0
+
+
+def _busy_gpus() -> float:
+    """Number of GPUs in use, a fraction for one that is idle at times, as NVIDIA's tool tells; 0 without it."""
+    command = shutil.which("nvidia-smi")
+    if command is None:
+        return 0.0
+    with suppress(OSError, ValueError, subprocess.TimeoutExpired):
+        query = [command, "--query-gpu=utilization.gpu", "--format=csv,noheader,nounits"]
+        told = subprocess.run(query, capture_output=True, text=True, timeout=_GPU_TIMEOUT_S, check=False)
+        return sum(map(float, told.stdout.split())) / 100.0
     return 0.0
 
 

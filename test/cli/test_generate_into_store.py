@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from fake_crew import COST
 from store_server import BUCKET, StoreServer
 
 from simbev_ros.dataset.plan import Plan, PlannedEntry
@@ -94,7 +95,7 @@ def test_a_scene_to_replace_that_does_not_exist_is_refused(refused: Refused, con
 def test_a_dry_run_counts_the_scenes_in_the_store_and_writes_no_object(
     simbev: Simbev, config: Path, store: StoreServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(estimate, "_measure_sample", lambda *_: Sample(1.0, 0.5, 1e6, 1e3))
+    monkeypatch.setattr(estimate, "_measure_sample", lambda *_: Sample(1.0, 0.5, 1e6, 1e3, COST))
     answer = simbev("generate", config, "--out", SET, "--dry-run")
     assert (answer.code, answer.err) == (0, "")
     assert "2 scenes, " in answer.out and " are free)" not in answer.out

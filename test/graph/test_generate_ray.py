@@ -82,12 +82,12 @@ def report(dataset: AnyPath, page: Path) -> bytes:
 def test_one_graph_two_workers_and_a_cluster_with_a_folder_and_with_a_store_make_the_same(
     simbev: Simbev, find: Find, nodes: RayNodes, store: StoreServer, tmp_path: Path
 ) -> None:
-    config, bucket = write(tmp_path, TOWNS), ObjectPath(BUCKET, "sets/four")
+    config, bucket = write(tmp_path, TOWNS), ObjectPath(BUCKET, "sets/set")
     store.refuse_every = 5
     ways: dict[AnyPath, tuple[object, ...]] = {
-        tmp_path / "one": (),
-        tmp_path / "workers": ("--workers", 2),
-        tmp_path / "cluster": ("--ray", nodes.address),
+        tmp_path / "one/set": (),
+        tmp_path / "workers/set": ("--workers", 2),
+        tmp_path / "cluster/set": ("--ray", nodes.address),
         bucket: ("--ray", nodes.address),
     }
     for out, options in ways.items():

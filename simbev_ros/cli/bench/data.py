@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
+from simbev_ros.cli.bench.number_list import numbers_in
 from simbev_ros.cli.bench.report import Json, show_timing
 from simbev_ros.cli.console import counting_bar, make_console
-from simbev_ros.errors import InputError
 from simbev_ros.recording.whole_files import require_writable
 
 _MAX_SIDES = 30
@@ -122,11 +122,9 @@ def city(
     """
     from simbev_ros.bench.city_timing import timed_city
 
-    numbers = [each.strip() for each in sides.split(",")]
-    if not all(each.isdecimal() and 0 < int(each) <= _MAX_SIDES for each in numbers):
-        raise InputError(f"--sides: must be numbers from 1 to {_MAX_SIDES}, separated by commas, not {sides!r}")
+    numbers = numbers_in(sides, "--sides", _MAX_SIDES)
     with counting_bar("areas", make_console(stderr=True), len(numbers)) as bar:
-        result = timed_city(path, [int(each) for each in numbers], bar.advance)
+        result = timed_city(path, numbers, bar.advance)
     show_timing(
         result,
         result.city,

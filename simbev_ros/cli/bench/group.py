@@ -9,6 +9,7 @@ from typer.core import TyperGroup
 
 from simbev_ros.cli.bench.data import city, evaluate, reading, record
 from simbev_ros.cli.bench.endurance import endurance
+from simbev_ros.cli.bench.production import production
 from simbev_ros.cli.bench.report import Json, show_timing
 from simbev_ros.cli.bench.sensing import cameras, labels, rays
 from simbev_ros.cli.console import make_console
@@ -112,7 +113,7 @@ def _show_graph(scenario: Scenario, ticks: int, *, record: bool, as_json: bool) 
     )
 
 
-for _command in (cameras, rays, labels, reading, record, evaluate, city, endurance):
+for _command in (cameras, rays, labels, reading, record, evaluate, city, production, endurance):
     bench.command()(_command)
 
 

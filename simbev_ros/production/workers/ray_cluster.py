@@ -71,6 +71,13 @@ def node_label(node_id: str, address: str) -> str:
     return f"node {node_id[:6]} at {address}"
 
 
+def this_node() -> str:
+    """Name of the node that this task or actor runs on, for messages."""
+    import ray
+
+    return node_label(ray.get_runtime_context().get_node_id(), ray.util.get_node_ip_address())
+
+
 class RayCluster:
     """Connects to a running cluster; as a context manager it disconnects at the end.
 

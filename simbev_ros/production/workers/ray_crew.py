@@ -15,12 +15,13 @@ from simbev_ros.maps.source import file_of
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.production.drawing import maps_of
 from simbev_ros.production.observer import SILENT, ProductionObserver
+from simbev_ros.production.scene_cost import SceneCost
 from simbev_ros.production.scene_maker import Deliveries, MadeScene, keep_bags
 from simbev_ros.production.workers.crew import Worker
 from simbev_ros.production.workers.machine_capacity import MEMORY_MARGIN
 from simbev_ros.production.workers.messages import Settings
 from simbev_ros.production.workers.ray_cluster import RayCluster, largest
-from simbev_ros.production.workers.ray_worker import Needs, RayWorker
+from simbev_ros.production.workers.ray_worker import Needs, RayWorker, WorkerActor
 from simbev_ros.production.workers.team import Team
 
 _POLL_S, _NODES_S = 0.5, 5.0
@@ -43,6 +44,7 @@ class RayCrew(Team):
         scenes: Number of scenes to make.
         observer: Receives the progress.
         delivery_of: Deliveries of finished bags.
+        actor_class: Class of the workers' ends on the nodes.
 
     Raises:
         InputError: No node has enough memory for a graph, or a map file cannot be read.
@@ -56,10 +58,11 @@ class RayCrew(Team):
         scenes: int,
         observer: ProductionObserver = SILENT,
         delivery_of: Deliveries = keep_bags,
+        actor_class: type[Any] = WorkerActor,
     ) -> None:
         super().__init__(observer)
         self._cluster, self._scenario, self._left = cluster, scenario, scenes
-        self._staging, self._delivery_of = staging, delivery_of
+        self._staging, self._delivery_of, self._actor_class = staging, delivery_of, actor_class
         self._numbers = count(1)
         self._looked_s, self._began_s = 0.0, time.monotonic()
         self._needs = self._first_needs()
@@ -111,7 +114,7 @@ class RayCrew(Team):
             worker = Worker(f"worker-{next(self._numbers)}", "")
             staging = None if self._staging is None else self._staging.absolute() / worker.name
             settings = Settings(self._scenario, staging, self._maps, delivery=self._delivery_of(worker.name))
-            self._hire(RayWorker(worker, self._needs, settings, self._map_files))
+            self._hire(RayWorker(worker, self._needs, settings, self._map_files, self._actor_class))
 
     def _learn(self, scene: MadeScene) -> None:
         """Correct the needs by what a scene has cost, where they are off by much."""
@@ -122,7 +125,14 @@ class RayCrew(Team):
         wanted_mib = -(-int(cost.memory_mib * MEMORY_MARGIN) // _MEMORY_STEP_MIB) * _MEMORY_STEP_MIB
         if wanted_mib > needs.memory_mib or wanted_mib < needs.memory_mib // 2:
             needs = replace(needs, memory_mib=max(wanted_mib, _MEMORY_STEP_MIB))
-        self._needs = needs
+        self._needs = replace(needs, gpus=self._gpu_share(cost))
+
+    def _gpu_share(self, cost: SceneCost) -> float:
+        """Fraction of a GPU that a worker needs: what is in use on a machine, shared by its workers."""
+        before = self._needs.gpus
+        workers = max(sum(isinstance(handle, RayWorker) and handle.is_placed for handle in self._handles), 1)
+        share = max(round(cost.gpus * self.machines / workers / _GPU_STEP), 1) * _GPU_STEP
+        return min(share, 1.0) if before and abs(share - before) > _GPU_STEP else before
 
     def _pause(self, timeout_s: float) -> None:
         import ray

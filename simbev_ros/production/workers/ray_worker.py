@@ -16,7 +16,7 @@ from simbev_ros.maps.spec import MapSpec
 from simbev_ros.production.workers.crew import Worker
 from simbev_ros.production.workers.local_worker import PATIENCE_S, LocalWorker
 from simbev_ros.production.workers.messages import Report, Settings, Sign
-from simbev_ros.production.workers.ray_cluster import node_label
+from simbev_ros.production.workers.ray_cluster import this_node
 from simbev_ros.production.workers.team import WorkerLost
 from simbev_ros.recording.whole_files import write_whole
 from simbev_ros.render.gl.devices import accessible_gpus
@@ -42,7 +42,7 @@ class Needs:
 
 
 @dataclass(frozen=True, slots=True)
-class _Answer:
+class Answer:
     """What an actor answers to a poll: its node, messages of its process, and how that was lost, if it was."""
 
     node: str
@@ -60,16 +60,13 @@ class WorkerActor:
     """
 
     def __init__(self, name: str, settings: Settings, map_files: Mapping[MapSpec, Any]) -> None:
-        import ray
-
-        node_id = ray.get_runtime_context().get_node_id()
-        self._node = node_label(node_id, ray.util.get_node_ip_address())
+        self._node = this_node()
         os.environ[MAP_FILES_VARIABLE] = str(_fetch(map_files))
         if settings.scenario.rig.of_type(Camera) and (chosen := _own_gpus()):
             settings = replace(settings, rendering=settings.scenario.rendering.model_copy(update={"gpus": chosen}))
         self._worker = LocalWorker(Worker(name, self._node), settings)
 
-    def poll(self) -> "_Answer":
+    def poll(self) -> Answer:
         """The messages of about a second; less if the worker waits for the driver, or is lost."""
         messages: list[Any] = []
         end_s = time.monotonic() + _BATCH_S
@@ -78,10 +75,10 @@ class WorkerActor:
             try:
                 messages += self._worker.read()
             except WorkerLost as loss:
-                return _Answer(self._node, messages, str(loss))
+                return Answer(self._node, messages, str(loss))
             if any(not isinstance(message, Report) and message is not Sign.ALIVE for message in messages):
                 break
-        return _Answer(self._node, [message for message in messages if message is not Sign.ALIVE], None)
+        return Answer(self._node, [message for message in messages if message is not Sign.ALIVE], None)
 
     def give(self, entry: PlannedEntry) -> None:
         """Let the process make a scene."""
@@ -101,15 +98,23 @@ class RayWorker:
         needs: What it asks of its node.
         settings: What the worker's process needs to begin.
         map_files: See ``WorkerActor``.
+        actor_class: Class of the end on the node.
     """
 
-    def __init__(self, worker: Worker, needs: Needs, settings: Settings, map_files: Mapping[MapSpec, Any]) -> None:
+    def __init__(
+        self,
+        worker: Worker,
+        needs: Needs,
+        settings: Settings,
+        map_files: Mapping[MapSpec, Any],
+        actor_class: type[Any] = WorkerActor,
+    ) -> None:
         import ray
 
         self.worker, self.needs = worker, needs
         self.is_placed = False
         self._deadline_s = float("inf")
-        actor = ray.remote(WorkerActor).options(
+        actor = ray.remote(actor_class).options(
             num_cpus=needs.cpus,
             num_gpus=needs.gpus,
             memory=needs.memory_mib << 20,

@@ -1,0 +1,247 @@
+"""Times the driver of datasets with many scenes, and measures its memory; each number of scenes in a process."""
+
+import multiprocessing
+import resource
+import shutil
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import ExitStack, closing
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from simbev_ros.bench.production.copying_workers import CopyingCrew, RecordedScene, copying_actor
+from simbev_ros.config.load import load_scenario
+from simbev_ros.dataset.growing_index import GrowingIndex
+from simbev_ros.dataset.index import index_table
+from simbev_ros.dataset.lock import DatasetLock
+from simbev_ros.dataset.plan import Plan, PlannedEntry
+from simbev_ros.errors import DiskError, SimbevError
+from simbev_ros.production.dataset_folder import DatasetFolder
+from simbev_ros.production.dataset_maker import DatasetMaker
+from simbev_ros.production.observer import ProductionObserver, SeveralObservers
+from simbev_ros.production.workers.crew import Crew
+from simbev_ros.production.workers.ray_cluster import RayCluster
+from simbev_ros.production.workers.ray_crew import RayCrew
+from simbev_ros.production.workers.ray_metrics import RayMetrics
+from simbev_ros.recording.layout import scenes_folder
+from simbev_ros.recording.whole_files import write_errors
+
+_KIB_PER_MIB, _BLOCK_BYTES = 1024.0, 4096
+
+
+@dataclass(frozen=True, slots=True)
+class DriverRun:
+    """What the driver took for a dataset.
+
+    Attributes:
+        scenes: Number of scenes.
+        making_s: Time to make them all, including the start of workers.
+        late_ms_per_scene: Time per scene in the second half of the scenes, without copying in the driver's process.
+        copying_s: Part of it in which a worker copied in the driver's process; 0 with Ray.
+        index_s: Part of it in which the index was written.
+        index_writes: Number of times that the index was written.
+        reopening_s: Time to read the finished dataset, as every further run does before it makes scenes.
+        peak_mib: Peak resident memory of the driver.
+    """
+
+    scenes: int
+    making_s: float
+    late_ms_per_scene: float
+    copying_s: float
+    index_s: float
+    index_writes: int
+    reopening_s: float
+    peak_mib: float
+
+
+@dataclass(frozen=True, slots=True)
+class ProductionTiming:
+    """The driver's time and memory at several numbers of scenes.
+
+    Attributes:
+        crew: What copied the scenes.
+        scene_bytes: Size of each scene.
+        runs: The measurements.
+    """
+
+    crew: str
+    scene_bytes: int
+    runs: list[DriverRun]
+
+    def title(self) -> str:
+        """Title of the table."""
+        return f"the driver of a production whose scenes, of {self.scene_bytes:,} bytes, are copied by {self.crew}"
+
+    def rows(self) -> list[tuple[str, ...]]:
+        """Rows of a table, one for each number of scenes."""
+        return [
+            (
+                f"{run.scenes:,}",
+                f"{run.making_s:.1f}",
+                f"{run.late_ms_per_scene:.2f}",
+                f"{run.copying_s:.1f}",
+                f"{run.index_s:.1f}",
+                f"{run.index_writes}",
+                f"{run.reopening_s:.1f}",
+                f"{run.peak_mib:.0f}",
+            )
+            for run in self.runs
+        ]
+
+
+def require_space(folder: Path, recorded: RecordedScene, count: int) -> None:
+    """Refuse to fill a disk with copies of a scene.
+
+    Raises:
+        DiskError: They do not fit.
+    """
+    wanted_bytes, free_bytes = count * _bytes_on_disk(recorded), shutil.disk_usage(folder).free
+    if wanted_bytes > free_bytes:
+        raise DiskError(
+            f"{folder}: the copies take {wanted_bytes / 1e9:.1f} GB, and {free_bytes / 1e9:.1f} GB are free"
+        )
+
+
+def timed_production(
+    recorded: RecordedScene,
+    counts: Sequence[int],
+    *,
+    folder: Path,
+    workers: int,
+    ray: str | None,
+    advance: Callable[[], None] = lambda: None,
+) -> ProductionTiming:
+    """Make datasets of copies of a scene.
+
+    Args:
+        recorded: The scene.
+        counts: Numbers of scenes.
+        folder: Folder in which datasets are made, and removed again; the nodes of a cluster see it.
+        workers: Number of workers without Ray.
+        ray: Address of a Ray cluster, whose nodes copy; None: the driver's process does.
+        advance: Called after each dataset.
+
+    Raises:
+        InputError: The cluster cannot be used, or the folder cannot be written to.
+        DiskError: The disk is full.
+        SimbevError: A process was killed.
+    """
+    runs = []
+    with write_errors(folder), tempfile.TemporaryDirectory(prefix="simbev_ros-bench-", dir=folder) as place:
+        own = replace(recorded, bag=Path(place).absolute() / recorded.bag.name)
+        shutil.copytree(recorded.bag, own.bag)
+        for count in counts:
+            out = Path(place).absolute() / "dataset"
+            runs.append(_in_new_process(own, count, out, workers, ray))
+            shutil.rmtree(out)
+            advance()
+    crew = f"{workers} workers in its process" if ray is None else "actors on a Ray cluster"
+    return ProductionTiming(crew, recorded.row["bytes"], runs)
+
+
+def _bytes_on_disk(recorded: RecordedScene) -> int:
+    """Space that a copy takes: its files, its folder and its log, in whole blocks."""
+    sizes = [file.stat().st_size for file in recorded.bag.iterdir() if file.is_file()]
+    return sum(-(-size // _BLOCK_BYTES) for size in (*sizes, 1, 1)) * _BLOCK_BYTES
+
+
+class _TimedIndex(GrowingIndex):
+    """Counts how often it is written, and how long that takes."""
+
+    def __init__(self, dataset: Path) -> None:
+        super().__init__(dataset, index_table([]))
+        self.writes, self.writing_s = 0, 0.0
+
+    def write(self) -> None:
+        """Write it, if there are new rows."""
+        is_new, began_s = bool(self._new), time.perf_counter()
+        super().write()
+        self.writes += is_new
+        self.writing_s += time.perf_counter() - began_s
+
+
+class _SecondHalf(ProductionObserver):
+    """Times the second half of the scenes.
+
+    Args:
+        scenes: Number of scenes, at least 2.
+        copying_s: Time that the driver's process has spent on copies so far.
+    """
+
+    def __init__(self, scenes: int, copying_s: Callable[[], float]) -> None:
+        self._scenes, self._copying_s, self._made = scenes, copying_s, 0
+        self._times_s: list[float] = []
+
+    def scene_made(self, entry: PlannedEntry, dataset_bytes: int) -> None:
+        """Note the time at the middle and at the end."""
+        self._made += 1
+        if self._made in (self._scenes // 2, self._scenes):
+            self._times_s.append(time.perf_counter() - self._copying_s())
+
+    @property
+    def ms_per_scene(self) -> float:
+        """Time per scene, without copies."""
+        middle_s, end_s = self._times_s
+        return (end_s - middle_s) / (self._scenes - self._scenes // 2) * 1e3
+
+
+def _in_new_process(recorded: RecordedScene, count: int, out: Path, workers: int, ray: str | None) -> DriverRun:
+    """Measure in a new process, whose memory is its own."""
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as process:
+        try:
+            return process.submit(_measure, recorded, count, out, workers, ray).result()
+        except BrokenProcessPool:
+            raise SimbevError(f"the driver of {count:,} scenes was killed; is there memory enough?") from None
+
+
+def _measure(recorded: RecordedScene, count: int, out: Path, workers: int, ray: str | None) -> DriverRun:
+    """Make a dataset in this process, and read it again."""
+    run = _make(recorded, count, out, workers, ray)
+    reopening_s = _reopening_s(out)
+    peak_mib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / _KIB_PER_MIB
+    return replace(run, reopening_s=reopening_s, peak_mib=peak_mib)
+
+
+def _make(recorded: RecordedScene, count: int, out: Path, workers: int, ray: str | None) -> DriverRun:
+    """Make a dataset as ``make_dataset`` does, with workers that copy; reading it again is not measured yet."""
+    map_name, split = recorded.row["map"], recorded.row["split"]
+    with ExitStack() as held:
+        cluster = None if ray is None else held.enter_context(RayCluster(ray))
+        held.enter_context(DatasetLock(out))
+        if cluster is not None:
+            cluster.check_nodes(out)
+        plan = Plan().with_entries(PlannedEntry(number=k, map=map_name, split=split) for k in range(count))
+        plan.save(out)
+        scenes_folder(out).mkdir()
+        folder = held.enter_context(closing(DatasetFolder(out, [], 0)))
+        folder.index = index = _TimedIndex(out)
+        copying: CopyingCrew | None = None
+        if cluster is None:
+            crew: Crew = (copying := CopyingCrew(recorded, folder.staging, workers))
+            others = []
+        else:
+            actor, scenario = copying_actor(recorded), load_scenario("demo")
+            crew = RayCrew(cluster, scenario, folder.staging, count, actor_class=actor)
+            others = [RayMetrics(out.name)]
+        held.enter_context(crew)
+        late = _SecondHalf(count, lambda: copying.copying_s if copying else 0.0)
+        began_s = time.perf_counter()
+        outcome = DatasetMaker(folder, crew, retries=0, observer=SeveralObservers(late, *others)).make(plan.scenes)
+        making_s = time.perf_counter() - began_s
+    if outcome.failed:
+        name, reason = next(iter(outcome.failed.items()))
+        raise SimbevError(f"{len(outcome.failed):,} of {count:,} scenes could not be copied; {name}: {reason}")
+    copying_s = copying.copying_s if copying else 0.0
+    return DriverRun(count, making_s, late.ms_per_scene, copying_s, index.writing_s, index.writes, 0.0, 0.0)
+
+
+def _reopening_s(out: Path) -> float:
+    """Time to read a finished dataset before scenes are made."""
+    began_s = time.perf_counter()
+    plan = Plan.load(out)
+    plan.save(out)
+    DatasetFolder(out, plan.finished_entries(out), 0).close()
+    return time.perf_counter() - began_s

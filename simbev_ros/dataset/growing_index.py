@@ -5,6 +5,7 @@ scenes have become a twentieth more. Rows that a crash has kept from being writt
 """
 
 from pathlib import Path
+from typing import Any
 
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -26,7 +27,7 @@ class GrowingIndex:
 
     def __init__(self, dataset: Path, table: pa.Table) -> None:
         self._dataset, self._table = dataset, table
-        self._new: dict[int, Row] = {}
+        self._new: dict[int, tuple[Any, ...]] = {}
         self._bytes: dict[int, int] = dict(
             zip(*(table.column(name).to_pylist() for name in ("number", "bytes")), strict=True)
         )
@@ -48,7 +49,8 @@ class GrowingIndex:
         number, size = row["number"], row["bytes"]
         self.total_bytes += size - self._bytes.get(number, 0)
         self.largest_bytes = max(self.largest_bytes, size)
-        self._new[number], self._bytes[number] = row, size
+        self._new[number] = tuple(row[name] for name in self._table.column_names)  # rows take four times as much
+        self._bytes[number] = size
         if len(self._new) * _GROWTH >= len(self):
             self.write()
 
@@ -61,9 +63,10 @@ class GrowingIndex:
         """
         if not self._new:
             return
+        rows = (dict(zip(self._table.column_names, values, strict=True)) for values in self._new.values())
         is_replaced = pc.is_in(self._table["number"], pa.array(self._new, pa.int64()))
         others = self._table.filter(pc.invert(is_replaced)) if pc.any(is_replaced).as_py() else self._table
-        table = pa.concat_tables([others, index_table(self._new.values())])  # copies nothing
+        table = pa.concat_tables([others, index_table(rows)])  # copies nothing
         save_index(self._dataset, table)
         self._table = table
         self._new.clear()

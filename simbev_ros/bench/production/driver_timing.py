@@ -168,18 +168,18 @@ class _SecondHalf(ProductionObserver):
 
     Args:
         scenes: Number of scenes, at least 2.
-        copying_s: Time that the driver's process has spent on copies so far.
+        crew: The workers, whose copies in this process do not count.
     """
 
-    def __init__(self, scenes: int, copying_s: Callable[[], float]) -> None:
-        self._scenes, self._copying_s, self._made = scenes, copying_s, 0
+    def __init__(self, scenes: int, crew: Crew) -> None:
+        self._scenes, self._crew, self._made = scenes, crew, 0
         self._times_s: list[float] = []
 
     def scene_made(self, entry: PlannedEntry, dataset_bytes: int) -> None:
         """Note the time at the middle and at the end."""
         self._made += 1
         if self._made in (self._scenes // 2, self._scenes):
-            self._times_s.append(time.perf_counter() - self._copying_s())
+            self._times_s.append(time.perf_counter() - _copying_s(self._crew))
 
     @property
     def ms_per_scene(self) -> float:
@@ -218,24 +218,29 @@ def _make(recorded: RecordedScene, count: int, out: Path, workers: int, ray: str
         scenes_folder(out).mkdir()
         folder = held.enter_context(closing(DatasetFolder(out, [], 0)))
         folder.index = index = _TimedIndex(out)
-        copying: CopyingCrew | None = None
-        if cluster is None:
-            crew: Crew = (copying := CopyingCrew(recorded, folder.staging, workers))
-            others = []
-        else:
-            actor, scenario = copying_actor(recorded), load_scenario("demo")
-            crew = RayCrew(cluster, scenario, folder.staging, count, actor_class=actor)
-            others = [RayMetrics(out.name)]
-        held.enter_context(crew)
-        late = _SecondHalf(count, lambda: copying.copying_s if copying else 0.0)
+        crew = held.enter_context(_open_crew(recorded, folder.staging, workers, cluster, count))
+        late = _SecondHalf(count, crew)
+        observer = late if cluster is None else SeveralObservers(late, RayMetrics(out.name))
         began_s = time.perf_counter()
-        outcome = DatasetMaker(folder, crew, retries=0, observer=SeveralObservers(late, *others)).make(plan.scenes)
+        outcome = DatasetMaker(folder, crew, retries=0, observer=observer).make(plan.scenes)
         making_s = time.perf_counter() - began_s
     if outcome.failed:
         name, reason = next(iter(outcome.failed.items()))
         raise SimbevError(f"{len(outcome.failed):,} of {count:,} scenes could not be copied; {name}: {reason}")
-    copying_s = copying.copying_s if copying else 0.0
-    return DriverRun(count, making_s, late.ms_per_scene, copying_s, index.writing_s, index.writes, 0.0, 0.0)
+    times = making_s, late.ms_per_scene, _copying_s(crew), index.writing_s
+    return DriverRun(count, *times, index.writes, reopening_s=0.0, peak_mib=0.0)
+
+
+def _open_crew(recorded: RecordedScene, staging: Path, workers: int, cluster: RayCluster | None, count: int) -> Crew:
+    """Workers that copy, in this process or on a cluster."""
+    if cluster is None:
+        return CopyingCrew(recorded, staging, workers)
+    return RayCrew(cluster, load_scenario("demo"), staging, count, actor_class=copying_actor(recorded))
+
+
+def _copying_s(crew: Crew) -> float:
+    """Time that this process has spent on copies."""
+    return crew.copying_s if isinstance(crew, CopyingCrew) else 0.0
 
 
 def _reopening_s(out: Path) -> float:

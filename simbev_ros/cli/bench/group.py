@@ -55,6 +55,8 @@ def _bench() -> None:
 
     simbev bench evaluate
 
+    simbev bench production datasets/first
+
     simbev bench world Town10HD --ticks 200
     """
 

@@ -1,6 +1,6 @@
 """The index of a dataset: a Parquet file with the settings, weather and contents of each finished scene."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated
 
@@ -82,14 +82,10 @@ def read_rows(path: AnyPath, source: Path | pa.BufferReader) -> pa.Table:
         table = pq.read_table(source, columns=_schema().names)
         for name, largest in _LARGEST.items():
             _require_range(path, name, table.column(name), largest)
-        names = table.select(["number", *_RowNames.model_fields]).to_pylist()
+        for batch in table.select(["number", *_RowNames.model_fields]).to_batches(_GROUP_ROWS):
+            _require_names(path, batch.to_pylist())
     except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: {error}; {_REBUILD_HINT}") from None
-    for row in names:
-        try:
-            _RowNames.model_validate(row)
-        except ValidationError as error:
-            raise InputError(f"{path}: scene {row['number']}: {first_problem(error)}; {_REBUILD_HINT}") from None
     return table
 
 
@@ -157,6 +153,15 @@ def _require_range(path: AnyPath, name: str, values: pa.ChunkedArray, largest: i
         raise InputError(f"{path}: {name}: is {wrong[0].as_py()}; allowed: 0 to {largest}; {_REBUILD_HINT}")
 
 
+def _require_names(path: AnyPath, rows: Iterable[Row]) -> None:
+    """Raise InputError if a path or a name in one of the rows is not allowed."""
+    for row in rows:
+        try:
+            _RowNames.model_validate(row)
+        except ValidationError as error:
+            raise InputError(f"{path}: scene {row['number']}: {first_problem(error)}; {_REBUILD_HINT}") from None
+
+
 def write_index(dataset: Path, rows: Iterable[Row]) -> None:
     """Write the index atomically.
 
@@ -175,6 +180,7 @@ def save_index(dataset: AnyPath, table: pa.Table) -> None:
     path = dataset / INDEX_FILE
     with write_errors(path):
         write_whole(path, packed_rows(table))
+    pa.default_memory_pool().release_unused()
 
 
 def packed_rows(table: pa.Table) -> bytes:
@@ -187,11 +193,11 @@ def packed_rows(table: pa.Table) -> bytes:
     return content.getvalue().to_pybytes()
 
 
-def update_index(dataset: Path, bags: Sequence[Path]) -> tuple[pa.Table, dict[Path, str]]:
+def update_index(dataset: Path, bags: Iterable[Path]) -> tuple[pa.Table, dict[Path, str]]:
     """Write the index of finished bags, with new rows for bags that are not in it or have changed.
 
     Returns:
-        The index, and the problems of bags that cannot be indexed, by bag.
+        The index, in any order, and the problems of bags that cannot be indexed, by bag.
 
     Raises:
         InputError: The index is damaged, or cannot be written.
@@ -209,8 +215,10 @@ def update_index(dataset: Path, bags: Sequence[Path]) -> tuple[pa.Table, dict[Pa
                 added.append(index_row(bag, dataset))
         except BagError as error:
             damaged[bag] = str(error).removeprefix(f"{bag}: ")
-    after = pa.concat_tables([before.take(pa.array(kept, pa.int64())), index_table(added)]).sort_by("number")
-    if not after.equals(before):
+    after = before if len(kept) == len(before) else before.take(pa.array(kept, pa.int64()))
+    if added:
+        after = pa.concat_tables([after, index_table(added)])
+    if after is not before:
         save_index(dataset, after)
     return after, damaged
 

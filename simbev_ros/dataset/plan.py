@@ -4,9 +4,11 @@ The plan is stored in the dataset as ``plan.json``, so that interrupted work con
 were recorded into the dataset without a plan are added to it.
 """
 
+import os
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from itertools import islice
 from pathlib import Path
 from typing import Self, overload
@@ -175,7 +177,13 @@ def _recorded_entries(dataset: AnyPath) -> Iterator[PlannedEntry]:
         return
     refuse_links_out(dataset, SCENES_FOLDER)
     for split in SPLITS:
-        for folder in sorted((dataset / SCENES_FOLDER / split).glob("*")):
-            match = _SCENE.fullmatch(folder.name)
-            if match and folder.is_dir() and int(match["number"]) <= MAX_SCENE_NUMBER:
+        for match in filter(None, map(_SCENE.fullmatch, _folder_names(dataset / SCENES_FOLDER / split))):
+            if int(match["number"]) <= MAX_SCENE_NUMBER:
                 yield PlannedEntry(number=int(match["number"]), map=match["map"], split=split)
+
+
+def _folder_names(path: Path) -> list[str]:
+    """Names of the folders in a folder, sorted; none if it cannot be read. A path for each would take much memory."""
+    with suppress(FileNotFoundError, NotADirectoryError, PermissionError), os.scandir(path) as found:
+        return sorted(entry.name for entry in found if entry.is_dir())
+    return []

@@ -37,7 +37,7 @@ class DatasetFolder:
         self._path, self._min_free_bytes = path, min_free_bytes
         self.staging = staging_of(path) / secrets.token_hex(4)
         scenes_folder(path).mkdir(exist_ok=True)  # from now on it is recognized as a dataset
-        table, damaged = update_index(path, [bag_of(path, entry) for entry in existing])
+        table, damaged = update_index(path, (bag_of(path, entry) for entry in existing))
         self.index = GrowingIndex(path, table)
         self.damaged = {bag.name: problem for bag, problem in damaged.items()}
 

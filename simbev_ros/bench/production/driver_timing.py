@@ -1,7 +1,7 @@
 """Times the driver of datasets with many scenes, and measures its memory; each number of scenes in a process."""
 
 import multiprocessing
-import resource
+import re
 import shutil
 import tempfile
 import time
@@ -201,8 +201,13 @@ def _measure(recorded: RecordedScene, count: int, out: Path, workers: int, ray: 
     """Make a dataset in this process, and read it again."""
     run = _make(recorded, count, out, workers, ray)
     reopening_s = _reopening_s(out)
-    peak_mib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / _KIB_PER_MIB
-    return replace(run, reopening_s=reopening_s, peak_mib=peak_mib)
+    return replace(run, reopening_s=reopening_s, peak_mib=_peak_mib())
+
+
+def _peak_mib() -> float:
+    """Peak resident memory of this program; ``getrusage`` counts the process that it was started by as well."""
+    status = Path("/proc/self/status").read_text()
+    return int(re.findall(r"^VmHWM:\s*(\d+) kB$", status, re.MULTILINE)[0]) / _KIB_PER_MIB
 
 
 def _make(recorded: RecordedScene, count: int, out: Path, workers: int, ray: str | None) -> DriverRun:

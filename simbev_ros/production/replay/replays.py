@@ -23,7 +23,7 @@ from simbev_ros.production.workers.ray_cluster import RayCluster
 from simbev_ros.production.workers.ray_metrics import RayMetrics
 from simbev_ros.recording.bag_files import disk_error_consequence
 from simbev_ros.recording.layout import additional_folder
-from simbev_ros.recording.whole_files import require_writable, write_errors
+from simbev_ros.recording.whole_files import nearest_existing, require_writable
 from simbev_ros.scene.spec import SceneSpec
 
 
@@ -148,10 +148,9 @@ def _require_recordable(scenario: Scenario, out: Path | None, merge: str | None)
 
 
 def _require_shared(cluster: RayCluster, place: Path, bags: Sequence[Path]) -> None:
-    """Check that all nodes see the bags and the folder to record into, which is made if necessary."""
-    with write_errors(place):
-        place.mkdir(parents=True, exist_ok=True)
-    cluster.check_nodes(place, bags, "replays must be recorded into a folder that all nodes see")
+    """Check that all nodes see the bags and the folder to record into, or the one that it will be made in."""
+    folder = nearest_existing(place.absolute())
+    cluster.check_nodes(folder, bags, "replays must be recorded into a folder that all nodes see")
 
 
 def _target(entry: ReplayedEntry, out: Path | None, label: str | None) -> Path:

@@ -102,7 +102,7 @@ def _play(bags: Sequence[Path], scenario: "Scenario", record: Path | None, merge
     from simbev_ros.cli.production_display import SceneDisplay
     from simbev_ros.production.play import play_specs
     from simbev_ros.production.replay.entry import checked_scene, require_distinct
-    from simbev_ros.production.replay.replays import hold_place
+    from simbev_ros.production.replay.place import hold_place
     from simbev_ros.production.replay.selection import folder_of, select_bags
 
     console = make_console()

@@ -9,19 +9,18 @@ from typing import Literal
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import PlannedEntry, bag_of
-from simbev_ros.dataset.staging import ON_FULL_DISK, clean_up_staging, staging_of
+from simbev_ros.dataset.staging import clean_up_staging
 from simbev_ros.errors import InputError
 from simbev_ros.production.dataset import check_workers, open_crew
 from simbev_ros.production.dataset_home import hold_home
 from simbev_ros.production.dataset_maker import DatasetMaker
 from simbev_ros.production.observer import SILENT, ProductionObserver, SeveralObservers
-from simbev_ros.production.record_folder import hold_bags, keep_recorded
+from simbev_ros.production.record_folder import hold_bags
 from simbev_ros.production.replay.entry import ReplayedEntry, checked_scene, replayed_scene, require_distinct
 from simbev_ros.production.replay.home import ReplayHome
 from simbev_ros.production.replay.selection import folder_of, require_mergeable, select_bags
 from simbev_ros.production.workers.ray_cluster import RayCluster
 from simbev_ros.production.workers.ray_metrics import RayMetrics
-from simbev_ros.recording.bag_files import disk_error_consequence
 from simbev_ros.recording.layout import additional_folder
 from simbev_ros.recording.whole_files import nearest_existing, require_writable
 from simbev_ros.scene.spec import SceneSpec
@@ -107,34 +106,6 @@ def replay_bags(
         crew = open_crew(loaded, place, home, workers, cluster, len(entries), observer, maps=())
         outcome = DatasetMaker(home, held.enter_context(crew), retries=retries, observer=observer).make(entries)
     return ReplayResult(tuple(targets[entry] for entry in outcome.made), tuple(selection.recorded), outcome.failed)
-
-
-@contextmanager
-def hold_place(out: Path | None, folders: Sequence[Path], label: str | None) -> Iterator[Path | None]:
-    """The folder that one graph records replays into, None if there is none.
-
-    If the bags get a label, it is the folder for unfinished scenes of the dataset that contains them all, which is held
-    meanwhile.
-
-    Args:
-        out: Dataset to record into; None: nothing is recorded there.
-        folders: Folders of the bags to replay.
-        label: Label of the additional bags to record instead; None: none.
-
-    Raises:
-        DiskError: The disk is full, or nearly; the message says what was kept.
-        InputError: The bags cannot get additional bags with this label, or another process writes into their dataset.
-    """
-    if label is None:
-        with keep_recorded(out):
-            yield out
-        return
-    dataset = require_mergeable(folders, label)
-    with hold_home(dataset), disk_error_consequence(ON_FULL_DISK):
-        try:
-            yield staging_of(dataset)
-        finally:
-            clean_up_staging(dataset)
 
 
 def _require_recordable(scenario: Scenario, out: Path | None, merge: str | None) -> None:

@@ -182,7 +182,7 @@ def test_while_another_process_writes_nothing_is_touched(
 
 def test_a_stack_in_the_configuration_is_refused(graph: FakeGraph, rig: Scenario, dataset: Path) -> None:
     evaluated = rig.model_copy(update={"evaluation": Evaluation()})
-    with pytest.raises(InputError, match=r"^evaluation: a perception stack is evaluated by simbev replay without"):
+    with pytest.raises(InputError, match=r"^evaluation: several graphs evaluate no stack; remove the section"):
         replay_bags(evaluated, [dataset], merge="rear")
 
 

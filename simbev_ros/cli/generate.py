@@ -1,5 +1,6 @@
 """``simbev generate``: makes a dataset, or its missing scenes."""
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
@@ -130,7 +131,11 @@ def _show(result: "DatasetResult", console: Console) -> None:
         name: f"damaged: {problem}; --replace {int(name.rpartition('-')[2])} makes it anew"
         for name, problem in result.damaged.items()
     }
-    failed = {**result.failed, **remedies}
+    show_failures({**result.failed, **remedies}, console)
+
+
+def show_failures(failed: Mapping[str, str], console: Console) -> None:
+    """Print a table of the scenes that failed, each with what is wrong, if there are any."""
     if failed:
         table = Table("scene", "what is wrong", title=f"{len(failed)} failed")
         for name, problem in failed.items():

@@ -19,7 +19,7 @@ from simbev_ros.scene.spec import SceneSpec
 
 
 class MapDisplay(ProductionObserver):
-    """Shows how maps are loaded and their surroundings are built, and prints the notes of maps.
+    """Shows what is prepared before scenes are played: maps, their surroundings, and leftovers that are removed.
 
     Args:
         console: Where to show it.
@@ -48,6 +48,10 @@ class MapDisplay(ProductionObserver):
     def map_noted(self, map_name: str, note: str) -> None:
         """Print the note."""
         self.console.print(f"map {map_name}: {note}", style="dim", highlight=False, soft_wrap=True)
+
+    def leftover_removed(self, spec: SceneSpec) -> None:
+        """Print which scene is recorded again."""
+        self.console.print(f"{spec.name}: a run that was ended has left a part of it; it is made anew", soft_wrap=True)
 
     def surroundings_started(self, map_name: str, regions: int) -> None:
         """Show a bar of regions."""
@@ -82,10 +86,6 @@ class SceneDisplay(MapDisplay):
     def stack_evaluated(self, figures: Mapping[str, Any]) -> None:
         """Print the figures as tables."""
         print_live_tables(figures, self.console)
-
-    def leftover_removed(self, spec: SceneSpec) -> None:
-        """Print which scene is recorded again."""
-        self.console.print(f"{spec.name}: a run that was ended has left a part of it; it is made anew", soft_wrap=True)
 
     def scene_started(self, spec: SceneSpec) -> None:
         """Show a bar of ticks."""

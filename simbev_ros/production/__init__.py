@@ -14,9 +14,17 @@ if TYPE_CHECKING:
     from simbev_ros.production.dataset import DatasetResult, make_dataset
     from simbev_ros.production.observer import ProductionObserver
     from simbev_ros.production.play import play_scenes
+    from simbev_ros.production.replay.replays import ReplayResult, replay_bags
 
-__all__ = ["DatasetResult", "ProductionObserver", "make_dataset", "play_scenes"]
+__all__ = ["DatasetResult", "ProductionObserver", "ReplayResult", "make_dataset", "play_scenes", "replay_bags"]
 __getattr__ = lazy_names(
     __name__,
-    {"DatasetResult": "dataset", "ProductionObserver": "observer", "make_dataset": "dataset", "play_scenes": "play"},
+    {
+        "DatasetResult": "dataset",
+        "ProductionObserver": "observer",
+        "ReplayResult": "replay.replays",
+        "make_dataset": "dataset",
+        "play_scenes": "play",
+        "replay_bags": "replay.replays",
+    },
 )

@@ -11,6 +11,7 @@ from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import Plan, PlannedEntry
 from simbev_ros.errors import InputError
 from simbev_ros.graph.domain import ISOLATED_DOMAINS
+from simbev_ros.maps.spec import MapSpec
 from simbev_ros.object_store.object_path import AnyPath, ObjectPath, path_or_url
 from simbev_ros.production.dataset_home import DatasetHome, hold_home, open_home
 from simbev_ros.production.dataset_maker import DatasetMaker
@@ -105,7 +106,7 @@ def make_dataset(
         skipped = tuple(entry for entry in existing if entry.number not in wanted)
         with observe_step(observer, "reading the scenes that are there"):
             home = held.enter_context(closing(open_home(out, lock, existing, scenario.recording.min_free_mib << 20)))
-        crew = held.enter_context(_open_crew(scenario, out, home, workers, cluster, len(entries), observer))
+        crew = held.enter_context(open_crew(scenario, out, home, workers, cluster, len(entries), observer))
         outcome = DatasetMaker(home, crew, retries=retries, observer=observer).make(entries)
     skipped = tuple(entry for entry in skipped if entry.name not in outcome.damaged)
     return DatasetResult(out, tuple(outcome.made), skipped, outcome.failed, outcome.damaged)
@@ -123,7 +124,7 @@ def check_workers(workers: int | Literal["auto"] | None, ray: str | None) -> Non
         raise InputError("is for this machine alone; a cluster has as many as there is room for", parameter="workers")
 
 
-def _open_crew(
+def open_crew(
     scenario: Scenario,
     out: AnyPath,
     home: DatasetHome,
@@ -131,13 +132,26 @@ def _open_crew(
     cluster: RayCluster | None,
     scenes: int,
     observer: ProductionObserver,
+    *,
+    maps: Sequence[MapSpec] | None = None,
 ) -> Crew:
-    """The workers that make scenes, here or on a cluster."""
+    """The workers that make scenes, here or on a cluster.
+
+    Args:
+        scenario: The configuration.
+        out: The dataset.
+        home: The same, open.
+        workers: Number of workers on this machine; None: this process makes the scenes, unless there is a cluster.
+        cluster: The cluster.
+        scenes: Number of scenes to make.
+        observer: Receives the progress.
+        maps: Maps whose files a cluster's nodes need; None: those of the configuration.
+    """
     if not scenes or (workers is None and cluster is None):
         return OwnProcess(scenario, home.staging, observer, home.delivery_of)
     if cluster is not None:
         shared = None if isinstance(out, ObjectPath) else home.staging
-        return RayCrew(cluster, scenario, shared, scenes, observer, home.delivery_of)
+        return RayCrew(cluster, scenario, shared, scenes, observer, home.delivery_of, maps=maps)
     return LocalCrew(scenario, home.staging, workers or "auto", scenes, observer, home.delivery_of)
 
 

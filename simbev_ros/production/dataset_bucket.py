@@ -50,6 +50,11 @@ class DatasetBucket:
         self.damaged = _find_damage(path, self.index.sizes())
         self.staging = temporary_folder()
 
+    @property
+    def total_bytes(self) -> int:
+        """Size of all scenes."""
+        return self.index.total_bytes
+
     def delivery_of(self, worker: str) -> ObjectDelivery:
         """Uploads a worker's bags to where ``adopt`` finds them."""
         return ObjectDelivery(self._uploads / worker)

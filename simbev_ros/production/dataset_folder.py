@@ -41,6 +41,11 @@ class DatasetFolder:
         self.index = GrowingIndex(path, table)
         self.damaged = {bag.name: problem for bag, problem in damaged.items()}
 
+    @property
+    def total_bytes(self) -> int:
+        """Size of all scenes."""
+        return self.index.total_bytes
+
     def delivery_of(self, worker: str) -> None:
         """Bags stay in the worker's folder, where ``adopt`` finds them."""
 

@@ -5,7 +5,6 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
 
-from simbev_ros.dataset.growing_index import GrowingIndex
 from simbev_ros.dataset.index_row import Row
 from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.dataset.plan import PlannedEntry
@@ -36,8 +35,8 @@ class DatasetHome(Protocol):
     damaged: dict[str, str]
 
     @property
-    def index(self) -> GrowingIndex:
-        """The index."""
+    def total_bytes(self) -> int:
+        """Size of all scenes."""
 
     def delivery_of(self, worker: str) -> Delivery | None:
         """What a worker hands its finished bags to; None: they stay in the worker's folder in ``staging``."""

@@ -53,7 +53,7 @@ class DatasetMaker:
     def __init__(self, home: DatasetHome, crew: Crew, *, retries: int, observer: ProductionObserver = SILENT) -> None:
         self._home, self._crew, self._retries, self._observer = home, crew, retries, observer
         self._waiting: deque[PlannedEntry] = deque()
-        self._histories: dict[int, _History] = {}
+        self._histories: dict[PlannedEntry, _History] = {}
         self._busy = 0
         self._first: PlannedEntry | None = None
         self._outcome = Outcome()
@@ -69,7 +69,7 @@ class DatasetMaker:
         """
         self._waiting.extend(entries)
         self._first = next(iter(entries), None)
-        self._observer.dataset_started(len(entries), self._home.index.total_bytes)
+        self._observer.dataset_started(len(entries), self._home.total_bytes)
         try:
             with disk_error_consequence(ON_FULL_DISK):
                 while self._waiting or self._busy:
@@ -90,7 +90,7 @@ class DatasetMaker:
                 continue
             self._home.check_space(self._busy + 1)
             self._waiting.remove(entry)
-            history = self._histories.setdefault(entry.number, _History())
+            history = self._histories.setdefault(entry, _History())
             history.attempts += 1
             history.latest = Attempt(entry.name, history.attempts, f"{worker.name}, {worker.machine}")
             self._crew.give(worker, entry)
@@ -98,22 +98,22 @@ class DatasetMaker:
 
     def _may_try(self, worker: Worker, entry: PlannedEntry) -> bool:
         """Whether a worker's machine is a new one for a scene, or all machines have failed at it."""
-        history = self._histories.get(entry.number)
+        history = self._histories.get(entry)
         if history is None or worker.machine not in history.machines:
             return True
         return len(history.machines) >= self._crew.machines
 
     def _settle(self, worker: Worker, entry: PlannedEntry, ending: SceneEnding) -> None:
         """Take a finished scene into the dataset, or decide what becomes of one that is not finished."""
-        attempt = self._histories[entry.number].latest
+        attempt = self._histories[entry].latest
         assert attempt is not None, "it was given to a worker"
         match ending:
             case MadeScene():
                 self._home.adopt(worker.name, entry, ending.row)
                 self._home.log(attempt, ending.summary, ending.output)
-                del self._histories[entry.number]
+                del self._histories[entry]
                 self._outcome.made.append(entry)
-                self._observer.scene_made(entry, self._home.index.total_bytes)
+                self._observer.scene_made(entry, self._home.total_bytes)
             case LostScene():
                 self._home.discard(worker.name)
                 self._home.log(attempt, ending.reason, {}, failed=True)
@@ -125,7 +125,7 @@ class DatasetMaker:
                 assert_never(ending)
 
     def _handle_loss(self, entry: PlannedEntry, reason: str) -> None:
-        history = self._histories[entry.number]
+        history = self._histories[entry]
         history.losses += 1
         if history.losses < _MAX_LOSSES:
             self._try_again(entry, reason)
@@ -134,7 +134,7 @@ class DatasetMaker:
 
     def _handle_failure(self, worker: Worker, entry: PlannedEntry, error: SimbevError) -> None:
         """Try again after a failure of graph or delivery, and on another machine what may be this machine's fault."""
-        history = self._histories[entry.number]
+        history = self._histories[entry]
         history.machines.add(worker.machine)
         is_elsewhere_left = len(history.machines) < self._crew.machines
         if isinstance(error, DiskError) and not is_elsewhere_left:

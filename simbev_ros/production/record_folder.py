@@ -1,7 +1,7 @@
 """The folder that scenes are recorded into: held against other writers, never overwritten, cleared of leftovers."""
 
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
@@ -25,28 +25,50 @@ def hold_record_folder(
     live: bool,
     observer: ProductionObserver = SILENT,
 ) -> Iterator[None]:
+    """Hold a dataset while scenes are recorded into it; see ``hold_bags``."""
+    bags = {scene_folder(dataset, spec.split, spec.name): spec for spec in specs}
+    with hold_bags(dataset, scenario, bags, bags.__getitem__, live=live, observer=observer):
+        yield
+
+
+@contextmanager
+def hold_bags(
+    dataset: Path,
+    scenario: Scenario,
+    bags: Collection[Path],
+    spec_of: Callable[[Path], SceneSpec],
+    *,
+    live: bool,
+    observer: ProductionObserver = SILENT,
+) -> Iterator[None]:
     """Hold a dataset while scenes are recorded into it, and remove leftovers that the recording reproduces exactly.
+
+    Args:
+        dataset: The dataset's folder.
+        scenario: The configuration.
+        bags: Folders of the scenes' finished bags.
+        spec_of: Returns the scene of a bag; it is called for leftovers only.
+        live: Whether the recording is paced by the wall clock.
+        observer: Receives the progress.
 
     Raises:
         InputError: The folder cannot be made or written to, another process records into it, a scene exists already,
             or an unfinished bag of a scene exists that this recording would not reproduce.
         DiskError: The disk is nearly full.
     """
-    bags = [scene_folder(dataset, spec.split, spec.name) for spec in specs]
     for bag in bags:
         if bag.exists():
             raise InputError(f"{bag}: exists already; nothing was overwritten. Choose another folder or move it away")
     with DatasetLock(dataset):
-        leftovers = [(partial_of(bag), spec) for bag, spec in zip(bags, specs, strict=True)]
-        leftovers = [(partial, spec) for partial, spec in leftovers if partial.exists()]
-        for partial, spec in leftovers:
-            if live or not _is_reproduced(partial, scenario, spec):
+        leftovers = {unfinished: spec_of(bag) for bag in bags if (unfinished := partial_of(bag)).exists()}
+        for unfinished, spec in leftovers.items():
+            if live or not _is_reproduced(unfinished, scenario, spec):
                 raise InputError(
-                    f"{partial}: an earlier run has recorded this until something ended it, and it would not come back "
-                    f"the same. simbev repair {partial} saves what is in it; then remove or rename it"
+                    f"{unfinished}: an earlier run has recorded this until something ended it, and it would not come "
+                    f"back the same. simbev repair {unfinished} saves what is in it; then remove or rename it"
                 )
-        for partial, spec in leftovers:
-            shutil.rmtree(partial)
+        for unfinished, spec in leftovers.items():
+            shutil.rmtree(unfinished)
             observer.leftover_removed(spec)
         require_writable(dataset)
         with write_errors(dataset):

@@ -8,7 +8,7 @@ from simbev_ros.confined_paths import path_inside
 from simbev_ros.object_store.object_path import AnyPath, ObjectPath
 from simbev_ros.recording.whole_files import write_errors, write_whole
 
-LOG_FOLDER = "logs"
+LOG_FOLDER, _FAILED = "logs", ".failed-"
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,7 +16,7 @@ class Attempt:
     """An attempt at a scene.
 
     Attributes:
-        scene: Name of the scene.
+        scene: Name of the scene, or of an additional bag of it.
         number: Number of the attempt, from 1.
         worker: Who makes it, for readers of the log.
         began_s: When it began, s since 1970.
@@ -45,7 +45,7 @@ def write_scene_log(
         InputError: It cannot be written for another reason.
     """
     folder = _log_folder(dataset)
-    name = f"{attempt.scene}.failed-{attempt.number}" if failed else attempt.scene
+    name = f"{attempt.scene}{_FAILED}{attempt.number}" if failed else attempt.scene
     duration_s = time.time() - attempt.began_s
     began = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(attempt.began_s))
     by = f" on {attempt.worker}" if attempt.worker else ""
@@ -57,12 +57,14 @@ def write_scene_log(
 
 
 def scene_logs(dataset: AnyPath, scene: str) -> list[AnyPath]:
-    """Logs of the attempts at a scene, the failed ones first, in their order; empty if there is none."""
-    folder = _log_folder(dataset)
-    found: list[AnyPath] = [*folder.glob(f"{scene}.failed-*.log")]
-    failed = sorted(found, key=lambda path: (len(path.name), path.name))
-    made = folder / f"{scene}.log"
-    return [*failed, *([made] if made.is_file() else [])]
+    """Logs of the attempts at a scene, the failed ones first, in their order; then those of its additional bags."""
+    found: list[AnyPath] = [*_log_folder(dataset).glob(f"{scene}.*log")]
+
+    def place(path: AnyPath) -> tuple[str, bool, int, str]:
+        label, is_failed, number = path.stem.removeprefix(scene).partition(_FAILED)
+        return label, not is_failed, len(number), number
+
+    return sorted(found, key=place)
 
 
 def _log_folder(dataset: AnyPath) -> AnyPath:

@@ -1,7 +1,8 @@
 """Makes scenes of a dataset one by one, on a graph that starts with the first scene and restarts after a failure.
 
-In: entries of the dataset's plan. Out: a finished bag in a folder for unfinished work, with its row for the index, or
-the reason why there is none. It runs in the process of ``make_dataset`` or in a worker, here or on another machine.
+In: entries of the dataset's plan, or replays. Out: a finished bag in a folder for unfinished work, with its row for the
+index, or the reason why there is none. It runs in the process of ``make_dataset`` or ``replay_bags``, or in a worker,
+here or on another machine.
 """
 
 import shutil
@@ -21,8 +22,10 @@ from simbev_ros.maps.spec import MapSpec
 from simbev_ros.production.drawing import PlannedSceneDrawer
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.play import play_on
+from simbev_ros.production.replay.entry import ReplayedEntry, replayed_scene
 from simbev_ros.production.scene_cost import CostMeter, SceneCost
 from simbev_ros.production.surroundings import build_surroundings
+from simbev_ros.scene.spec import SceneSpec
 
 Output = Mapping[str, str]
 """What the processes of a graph have written while they played a scene, by label of the process."""
@@ -97,7 +100,8 @@ class SceneMaker:
         self._scenario, self._observer = scenario, observer
         self._rendering, self._delivery = rendering, delivery
         self._staging = staging or temporary_folder()
-        self._drawer = PlannedSceneDrawer(scenario, observer, maps)
+        self._maps = maps
+        self._drawer: PlannedSceneDrawer | None = None
         self._session: GraphSession | None = None
 
     def make(self, entry: PlannedEntry) -> MadeScene | FailedScene:
@@ -114,11 +118,15 @@ class SceneMaker:
         shutil.rmtree(self._staging, ignore_errors=True)
 
     def _make(self, entry: PlannedEntry) -> MadeScene:
-        spec = self._drawer.draw(entry)
+        spec, replay = self._scene_of(entry)
         build_surroundings([spec], self._observer)
         session = self._running_session()
         meter = CostMeter(session.pids().values())
-        end = play_on(session, spec, self._observer, on_tick=lambda _: meter.look(session.pids().values()))
+
+        def look(_: int | None) -> None:
+            meter.look(session.pids().values())
+
+        end = play_on(session, spec, self._observer, replay=replay, on_tick=look)
         bag = bag_of(self._staging, entry)
         row = index_row(bag, self._staging)
         cost = meter.cost(session.pids().values(), row["recorded_ticks"])
@@ -127,6 +135,14 @@ class SceneMaker:
             shutil.rmtree(bag)
         summary = f"{end.reason} after tick {end.tick}, {row['bytes']:,} bytes"
         return MadeScene(row, summary, self._new_output(), cost)
+
+    def _scene_of(self, entry: PlannedEntry) -> tuple[SceneSpec, Path | None]:
+        """The scene to play, and the bag to take its motion from; None: motion is simulated."""
+        if isinstance(entry, ReplayedEntry):
+            return replayed_scene(entry.bag, self._scenario, self._observer), entry.bag
+        if self._drawer is None:
+            self._drawer = PlannedSceneDrawer(self._scenario, self._observer, self._maps)
+        return self._drawer.draw(entry), None
 
     def _running_session(self) -> GraphSession:
         if self._session is None:

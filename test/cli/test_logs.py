@@ -40,6 +40,14 @@ def test_failed_attempts_come_first_in_their_order_each_with_a_heading(simbev: S
     assert lines[2:5] == ["problem 1", "--- world", "[red] line"] and lines[-1] == "duration after tick 9"
 
 
+def test_logs_of_additional_bags_follow_those_of_the_scene(simbev: Simbev, dataset: Path) -> None:
+    write_scene_log(dataset, Attempt("Blocks-0017.rear", 2, ""), "made", {})
+    write_scene_log(dataset, Attempt("Blocks-0017.rear", 1, ""), "problem", {}, failed=True)
+    write_scene_log(dataset, Attempt("Blocks-00170", 1, ""), "another scene", {})
+    headings = [line.rstrip("─ ") for line in simbev("logs", dataset, 17).out.splitlines() if line.endswith("──")]
+    assert headings[3:] == ["Blocks-0017.log", "Blocks-0017.rear.failed-1.log", "Blocks-0017.rear.log"]
+
+
 def test_control_characters_in_a_log_do_not_reach_the_terminal(simbev: Simbev, dataset: Path) -> None:
     (dataset / "logs/Blocks-0017.log").write_bytes(b"\x1b]0;title\x07 \xff\n")
     answer = simbev("logs", dataset, "0017")

@@ -35,6 +35,12 @@ def bars(display: DatasetDisplay) -> list[str]:
     return [f"{task.description} {task.fields['count'].removesuffix(' frames')}".strip() for task in tasks]
 
 
+def test_workers_too_print_which_scene_is_recorded_again(spec: SceneSpec) -> None:
+    display = DatasetDisplay(console())
+    display.leftover_removed(spec)
+    assert written(display.console).startswith(f"{spec.name}: a run that was ended has left a part of it")
+
+
 def test_a_scene_leaves_its_bar_and_why_it_ended_early(spec: SceneSpec) -> None:
     display = SceneDisplay(console())
     display.step_started("roads of Blocks")

@@ -5,42 +5,23 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
-from ros_messages import point_cloud
+from fake_ray import install_fake_ray
+from replayable_scene import replayable_scene
 
-from simbev_ros.config.load import load_scenario
-from simbev_ros.maps.build import load_network
-from simbev_ros.recording.bag_writer import SceneBagWriter
-from simbev_ros.recording.qos import QosProfile
-from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
-from simbev_ros.scene.state import ACTOR_DTYPE, SIGNAL_DTYPE
+from simbev_ros.production.replay import replays
 
 pytestmark = pytest.mark.usefixtures("no_graph")
 
 Refused = Callable[..., str]
-CLOUD = "sensor_msgs/msg/PointCloud2"
 
 
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """One scene of three ticks in which little moves, and a second one on other roads."""
     folder = tmp_path_factory.mktemp("dataset")
-    scenario = load_scenario("demo")
-    planned = next(planned_scenes(scenario))
-    network = load_network(planned.map)
-    spec = draw_scene(scenario, planned, network).model_copy(update={"ticks": 3})
-    for number, roads in ((0, network.opendrive), (1, "other roads")):
-        one = spec.model_copy(update={"number": number})
-        with SceneBagWriter(folder / "scenes/train" / one.name) as writer:
-            writer.add_attachment("scene.json", "application/json", one.model_dump_json().encode())
-            writer.add_attachment("map.xodr", "application/xml", roads.encode())
-            for name in ("/world/actors", "/world/signals"):
-                writer.add_topic(name, CLOUD, QosProfile())
-            for stamp_ns in map(spec.stamp_ns, range(3)):
-                writer.write("/world/actors", stamp_ns, point_cloud(stamp_ns, np.zeros(2, ACTOR_DTYPE)))
-                writer.write("/world/signals", stamp_ns, point_cloud(stamp_ns, np.zeros(1, SIGNAL_DTYPE)))
-            writer.finish({"complete": "true"})
+    replayable_scene(folder, 0)
+    replayable_scene(folder, 1, roads="other roads")
     return folder
 
 
@@ -103,3 +84,68 @@ def test_of_a_dataset_only_what_is_not_recorded_yet_is_replayed(
     assert "Blocks-0001: was recorded on other roads" in refused("replay", dataset, "demo", "--merge", "front")
     shutil.rmtree(dataset / "scenes/train/Blocks-0001")
     assert "there is no finished scene to replay" in refused("replay", dataset, "demo", "--out", tmp_path / "y")
+
+
+@pytest.mark.parametrize("crew", [("--workers", 2), ("--ray", "auto")], ids=["workers", "ray"])
+@pytest.mark.parametrize(
+    "option", [("--live",), ("--evaluate", "figures.json"), ("--stack", "reference")], ids=lambda option: option[0]
+)
+def test_what_one_graph_does_is_refused_for_several(
+    refused: Refused, bag: Path, tmp_path: Path, crew: tuple[object, ...], option: tuple[str, ...]
+) -> None:
+    error = refused("replay", bag, "demo", "--out", tmp_path / "x", *crew, *option)
+    assert error == f"error: {option[0]}: is for one graph; give neither --workers nor --ray with it\n"
+    assert not (tmp_path / "x").exists()
+
+
+def test_several_graphs_have_to_record(refused: Refused, bag: Path) -> None:
+    error = refused("replay", bag, "demo", "--workers", 2)
+    assert error == "error: --workers and --ray record scenes; give --out or --merge with them\n"
+
+
+@pytest.mark.parametrize("text", ["0", "61", "x", "1.5", "", "AUTO"])
+def test_a_bad_number_of_workers_is_refused(refused: Refused, bag: Path, tmp_path: Path, text: str) -> None:
+    error = refused("replay", bag, "demo", "--out", tmp_path / "x", f"--workers={text}")
+    assert error == f"error: --workers: is {text!r}; allowed: 1 to 60, or auto\n" and not (tmp_path / "x").exists()
+
+
+def test_workers_beside_a_cluster_are_refused(refused: Refused, bag: Path, tmp_path: Path) -> None:
+    error = refused("replay", bag, "demo", "--out", tmp_path / "x", "--workers", 2, "--ray", "auto")
+    assert error.startswith("error: --workers: is for this machine alone; a cluster ") and error.count("\n") == 1
+    assert not (tmp_path / "x").exists()
+
+
+def test_a_bad_address_of_a_cluster_is_refused(
+    refused: Refused, bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    install_fake_ray(monkeypatch)
+    error = refused("replay", bag, "demo", "--out", tmp_path / "x", "--ray", "ray://a:1")
+    assert error.startswith("error: --ray: is 'ray://a:1'; allowed: auto, or HOST:PORT of a cluster's head, such as ")
+    assert not (tmp_path / "x").exists()
+
+
+@pytest.mark.parametrize("place", ["--out", "--merge"])
+def test_workers_are_not_started_for_bags_that_cannot_be_replayed(
+    refused: Refused, bag: Path, tmp_path: Path, place: str
+) -> None:
+    where = (place, tmp_path / "x" if place == "--out" else "rear")
+    error = refused("replay", bag, bag.with_name("Blocks-0001"), "demo", *where, "--workers", 2)
+    assert error == f"error: {bag.with_name('Blocks-0001')}: was recorded on other roads than map Blocks has now\n"
+    assert not (tmp_path / "x").exists() and not (bag.parents[2] / ".making").exists()
+
+
+def test_with_workers_nothing_is_played_that_is_recorded(simbev: Callable[..., Any], bag: Path) -> None:
+    for name in ("Blocks-0000.rear", "Blocks-0001.rear"):
+        bag.with_name(name).mkdir()
+    answer = simbev("replay", bag.parents[2], "demo", "--merge", "rear", "--workers", 2)
+    assert (answer.code, answer.out.strip()) == (0, "2 scenes recorded before")
+
+
+def test_replays_of_workers_that_failed_are_listed_with_exit_code_1(
+    simbev: Callable[..., Any], bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    result = replays.ReplayResult((tmp_path / "x/Blocks-0001",), (), {"Blocks-0000": "world died"})
+    monkeypatch.setattr(replays, "replay_bags", lambda *_, **__: result)
+    answer = simbev("replay", bag, "demo", "--out", tmp_path / "x", "--workers", 2)
+    assert answer.code == 1 and f"recorded {tmp_path}/x/Blocks-0001\n" in answer.out
+    assert "1 failed" in answer.out and "world died" in answer.out

@@ -24,11 +24,13 @@ class FakeGraph:
     Attributes:
         problems: By number of scene the errors of its first attempts.
         log: What happened to sessions: ``start``, ``close`` and names of scenes.
+        replays: For each scene that was played the bag with its motion; None: it was simulated.
     """
 
     def __init__(self) -> None:
         self.problems: dict[int, list[BaseException]] = {}
         self.log: list[str] = []
+        self.replays: list[Path | None] = []
 
     def session(self, scenario: Scenario, *, dataset: Path, rendering: Rendering | None) -> Any:
         """Called instead of ``GraphSession``."""
@@ -59,6 +61,7 @@ class FakeSession:
 
     def play(self, spec: SceneSpec, progress: Progress, replay: Path | None = None) -> SceneEnd:
         self._graph.log.append(spec.name)
+        self._graph.replays.append(replay)
         bag = scene_folder(self._dataset, spec.split, spec.name)
         progress(None)
         if problems := self._graph.problems.get(spec.number):

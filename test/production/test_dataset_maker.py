@@ -8,14 +8,15 @@ import pytest
 from fake_crew import FakeCrew
 
 from simbev_ros.dataset.index import read_index
-from simbev_ros.dataset.plan import PlannedEntry
+from simbev_ros.dataset.plan import PlannedEntry, bag_of
 from simbev_ros.errors import DiskError, GraphError, InputError, SimbevError
 from simbev_ros.production import ProductionObserver
 from simbev_ros.production.dataset_folder import DatasetFolder
 from simbev_ros.production.dataset_maker import DatasetMaker, Outcome
+from simbev_ros.production.replay.home import ReplayHome
 from simbev_ros.production.scene_maker import FailedScene
 from simbev_ros.production.workers.crew import LostScene
-from simbev_ros.recording.layout import scenes_folder
+from simbev_ros.recording.layout import bytes_of, scenes_folder
 
 
 @pytest.fixture
@@ -160,6 +161,41 @@ def test_a_disk_that_is_full_everywhere_ends_production(folder: DatasetFolder, t
     assert len(attempts(crew, 2)) == 2
     made = {path.name for path in scenes_folder(tmp_path / "set").glob("*/*")}
     assert made >= {"Blocks-0000", "Blocks-0001"}
+
+
+def test_scenes_with_one_number_in_different_splits_have_histories_of_their_own(tmp_path: Path) -> None:
+    replays = [PlannedEntry(number=0, map="Blocks", split=split) for split in ("train", "val")]
+    targets = {entry: bag_of(tmp_path / "set", entry) for entry in replays}
+    with closing(ReplayHome(tmp_path / "set", targets, [], 0)) as home:
+        crew = FakeCrew(home.staging, "a", "a")
+        crew.endings = {0: failures(GraphError("world died"), GraphError("world died"))}
+        outcome = DatasetMaker(home, crew, retries=1).make(replays)
+    assert not outcome.failed and all(target.is_dir() for target in targets.values())
+
+
+def test_replays_are_tried_elsewhere_after_a_failure_and_again_after_a_loss(tmp_path: Path) -> None:
+    replays = entries(3)
+    targets = {entry: bag_of(tmp_path, entry).with_suffix(".rear") for entry in replays}
+    with closing(ReplayHome(tmp_path, targets, [], 0)) as home:
+        crew = FakeCrew(home.staging, "a", "b")
+        crew.endings = {0: failures(GraphError("world died")), 1: [LostScene("killed")]}
+        outcome = DatasetMaker(home, crew, retries=0).make(replays)
+        assert home.total_bytes == sum(bytes_of(target) for target in targets.values()) > 0
+    assert len(outcome.made) == 3 and set(attempts(crew, 0)) == {"a", "b"} and len(attempts(crew, 1)) == 2
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["logs", "scenes"]
+    logs = {path.name for path in (tmp_path / "logs").iterdir()}
+    assert {"Blocks-0000.rear.failed-1.log", "Blocks-0000.rear.log", "Blocks-0001.rear.failed-1.log"} <= logs
+
+
+def test_a_replay_does_not_take_the_place_of_a_bag_that_has_appeared_meanwhile(tmp_path: Path) -> None:
+    (entry,) = entries(1)
+    target = bag_of(tmp_path, entry)
+    with closing(ReplayHome(tmp_path, {entry: target}, [], 0)) as home:
+        target.mkdir(parents=True)
+        (target / "precious").touch()
+        with pytest.raises(InputError, match=r"Blocks-0000: cannot be written: Directory not empty$"):
+            DatasetMaker(home, FakeCrew(home.staging, "a"), retries=0).make([entry])
+    assert [path.name for path in target.iterdir()] == ["precious"]
 
 
 def test_space_is_required_for_all_scenes_in_the_making(folder: DatasetFolder, monkeypatch: pytest.MonkeyPatch) -> None:

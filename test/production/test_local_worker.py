@@ -14,6 +14,7 @@ import pytest
 
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import PlannedEntry
+from simbev_ros.production.replay.entry import ReplayedEntry
 from simbev_ros.production.workers import local_worker
 from simbev_ros.production.workers.crew import Worker
 from simbev_ros.production.workers.local_worker import LocalWorker
@@ -95,6 +96,14 @@ def test_settings_and_scenes_arrive_and_the_worker_has_no_ros_domain_yet(start: 
     assert next_messages(worker, 2) == [settings, None]
     worker.give(ENTRY)
     assert next_messages(worker) == [ENTRY]
+
+
+def test_a_replay_arrives_with_its_bag(start: Start) -> None:
+    worker = start(ECHO)
+    next_messages(worker, 2)
+    replay = ReplayedEntry(**ENTRY.model_dump(), bag=Path("/sets/first/scenes/val/Blocks-0003"))
+    worker.give(replay)
+    assert next_messages(worker) == [replay]
 
 
 def test_a_worker_that_is_told_to_end_ends_by_itself(start: Start) -> None:

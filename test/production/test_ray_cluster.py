@@ -45,6 +45,14 @@ def report(**changes: Any) -> Any:
     return ray_cluster._NodeReport(**{"version": __version__, "code": CODE, "problem": None, **changes})
 
 
+def made_up_bag(folder: Path) -> Path:
+    """A bag with one small file."""
+    bag = folder / "Blocks-0000"
+    bag.mkdir()
+    (bag / "Blocks-0000_0.mcap").write_bytes(b"bag")
+    return bag
+
+
 def refusal_of_nodes(folder: Path | None) -> str:
     """Message with which nodes are refused."""
     with RayCluster(AUTO) as cluster, pytest.raises(InputError) as refused:
@@ -171,6 +179,28 @@ def test_a_node_that_cannot_write_to_the_folder_is_refused(tmp_path: Path, monke
     assert ray_cluster._folder_problem(tmp_path / ".probe") is None
     monkeypatch.setattr(ray_cluster.os, "access", lambda path, mode: False)
     assert ray_cluster._folder_problem(tmp_path / ".probe") == f"cannot write to {tmp_path}"
+
+
+def test_nodes_that_see_the_bags_are_accepted_and_the_bags_stay_as_they_are(ray: FakeRay, tmp_path: Path) -> None:
+    bag = made_up_bag(tmp_path)
+    before = sorted(tmp_path.rglob("*"))
+    with RayCluster(AUTO) as cluster:
+        cluster.check_nodes(None, [bag, bag / "Blocks-0000_0.mcap"])
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_a_node_that_lacks_a_bag_or_has_another_one_is_refused(tmp_path: Path) -> None:
+    files = ray_cluster._first_files([made_up_bag(tmp_path)])
+    (name, size), everywhere = next(iter(files.items())), "the bags to replay must be in a folder that all nodes see"
+    assert ray_cluster._bag_problem(files) is None
+    assert ray_cluster._bag_problem({name: size + 1}) == f"{name} is another file there; {everywhere}"
+    Path(name).unlink()
+    assert ray_cluster._bag_problem(files) == f"cannot read {name}; {everywhere}"
+
+
+def test_a_folder_that_a_node_does_not_see_is_refused_with_what_the_command_takes(tmp_path: Path) -> None:
+    problem = ray_cluster._folder_problem(tmp_path / ".probe", "replays need one")
+    assert problem == f"does not see the folder {tmp_path}; replays need one"
 
 
 def test_the_probe_is_removed_when_a_node_is_refused(ray: FakeRay, tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from fake_ray import FakeActor, FakeRay, install_fake_ray
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.errors import GraphError, InputError
+from simbev_ros.maps.spec import MapSpec
 from simbev_ros.production.scene_maker import MadeScene
 from simbev_ros.production.workers import ray_crew
 from simbev_ros.production.workers.messages import Sign
@@ -43,14 +44,14 @@ def open_crew(ray: FakeRay, tmp_path: Path) -> Iterator[Open]:
     """Function that opens a crew for a number of scenes, with a number of cameras, on the cluster as it is."""
     with ExitStack() as held:
 
-        def open_crew(scenes: int, *, cameras: int = 0, gpus: Any = "auto") -> RayCrew:
+        def open_crew(scenes: int, *, cameras: int = 0, gpus: Any = "auto", **options: Any) -> RayCrew:
             for node in ray.listed:
                 ray.answers["_sweep_node", node["NodeID"]] = None
             sensors = [{"type": "camera", "name": f"camera_{k}"} for k in range(cameras)]
             content = {"scenes": [{"map": "Blocks", "train": 1}], "rig": {"sensors": sensors}}
             scenario = Scenario.model_validate({**content, "rendering": {"gpus": gpus}})
             cluster = held.enter_context(RayCluster("auto"))
-            return held.enter_context(RayCrew(cluster, scenario, tmp_path, scenes))
+            return held.enter_context(RayCrew(cluster, scenario, tmp_path, scenes, **options))
 
         yield open_crew
 
@@ -254,6 +255,15 @@ def test_workers_without_a_node_are_replaced_at_once(ray: FakeRay, open_crew: Op
     make_scene(crew, ray.actors[0], cores=4.0)
     crew.wait(0.0)
     assert waiting.calls == ["kill"]
+
+
+@pytest.mark.parametrize(("maps", "names"), [(None, ["Blocks"]), ((), [])], ids=["configured", "none"])
+def test_workers_are_sent_the_configured_maps_or_those_that_are_given(
+    ray: FakeRay, open_crew: Open, maps: tuple[MapSpec, ...] | None, names: list[str]
+) -> None:
+    ray.add_node("a")
+    open_crew(1, maps=maps)
+    assert [spec.name for spec in ray.actors[0].arguments[1].maps] == names
 
 
 def test_all_workers_end_with_the_crew(ray: FakeRay, open_crew: Open) -> None:

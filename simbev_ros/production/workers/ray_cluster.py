@@ -10,7 +10,7 @@ import signal
 import socket
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
@@ -22,9 +22,11 @@ from simbev_ros import __version__
 from simbev_ros.cache.fingerprint import fingerprint_inputs
 from simbev_ros.errors import InputError
 from simbev_ros.production.scene_cost import SceneCost
+from simbev_ros.recording.layout import locate_mcap
 from simbev_ros.recording.whole_files import write_errors
 
 _CONNECT_TIMEOUT_S, _CHECK_TIMEOUT_S, _SWEEP_TIMEOUT_S = 5.0, 120.0, 15.0
+_CHOICES = "--out must be a folder that all nodes see, or s3://…"
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +60,7 @@ class _NodeReport:
     Attributes:
         version: Version of this package there.
         code: What decides about the bytes of a scene (``fingerprint_inputs``).
-        problem: Why it cannot use the shared folder; None: it can.
+        problem: Why it cannot use the shared folder or a bag; None: it can.
     """
 
     version: str
@@ -130,20 +132,25 @@ class RayCluster:
         """Factor by which the cluster makes scenes faster than one graph: until all CPUs of the nodes are busy."""
         return max(sum(node.cpus for node in self.nodes()) / cost.cores, 1.0) if cost.cores else 1.0
 
-    def check_nodes(self, folder: Path | None) -> None:
-        """Check that each node that has CPUs runs the same code and can use the dataset's folder.
+    def check_nodes(self, folder: Path | None, bags: Iterable[Path] = (), choices: str = _CHOICES) -> None:
+        """Check that each node that has CPUs runs the same code, can use the dataset's folder and sees some bags.
 
         Args:
             folder: The folder, which exists; None: nodes need none.
+            bags: The bags, which are only read.
+            choices: What the folder may be, for messages.
 
         Raises:
             InputError: One of them does not; the message names it.
+            BagError: A bag is not here.
         """
         import ray
 
+        files = _first_files(bags)
         nodes = [node for node in self.nodes() if node.cpus]
         with _probe(folder) as probe:
-            asked = [_on(node, _describe_node).remote(None if probe is None else str(probe)) for node in nodes]
+            place = None if probe is None else str(probe)
+            asked = [_on(node, _describe_node).remote(place, files, choices) for node in nodes]
             for node, report in zip(nodes, asked, strict=True):
                 try:
                     _require_same(node, ray.get(report, timeout=_CHECK_TIMEOUT_S))
@@ -171,9 +178,10 @@ def _on(node: Node, function: Any) -> Any:
     )(function)
 
 
-def _describe_node(probe: str | None) -> _NodeReport:
+def _describe_node(probe: str | None, files: Mapping[str, int], choices: str) -> _NodeReport:
     """Runs on a node."""
-    return _NodeReport(__version__, _code(), None if probe is None else _folder_problem(Path(probe)))
+    problem = None if probe is None else _folder_problem(Path(probe), choices)
+    return _NodeReport(__version__, _code(), problem or _bag_problem(files))
 
 
 def _sweep_node() -> None:
@@ -183,11 +191,28 @@ def _sweep_node() -> None:
     sweep()
 
 
-def _folder_problem(probe: Path) -> str | None:
+def _folder_problem(probe: Path, choices: str = _CHOICES) -> str | None:
     """Why a node cannot use the folder of a probe, a file that the driver has made there; None: it can."""
     if not probe.is_file():
-        return f"does not see the folder {probe.parent}; --out must be a folder that all nodes see, or s3://…"
+        return f"does not see the folder {probe.parent}; {choices}"
     return None if os.access(probe.parent, os.W_OK) else f"cannot write to {probe.parent}"
+
+
+def _first_files(bags: Iterable[Path]) -> dict[str, int]:
+    """Size of the first file of each bag, by path. Raises BagError if there is none."""
+    files = (locate_mcap(bag) for bag in bags)
+    return {str(file.absolute()): file.stat().st_size for file in files}
+
+
+def _bag_problem(files: Mapping[str, int]) -> str | None:
+    """Why a node cannot read bags, given by the sizes of files; None: it can."""
+    for name, size in files.items():
+        file = Path(name)
+        if not (file.is_file() and os.access(file, os.R_OK)):
+            return f"cannot read {file}; the bags to replay must be in a folder that all nodes see"
+        if file.stat().st_size != size:
+            return f"{file} is another file there; the bags to replay must be in a folder that all nodes see"
+    return None
 
 
 @contextmanager

@@ -45,6 +45,7 @@ class RayCrew(Team):
         observer: Receives the progress.
         delivery_of: Deliveries of finished bags.
         actor_class: Class of the workers' ends on the nodes.
+        maps: Maps whose files the nodes need; None: those of the configuration.
 
     Raises:
         InputError: No node has enough memory for a graph, or a map file cannot be read.
@@ -59,6 +60,8 @@ class RayCrew(Team):
         observer: ProductionObserver = SILENT,
         delivery_of: Deliveries = keep_bags,
         actor_class: type[Any] = WorkerActor,
+        *,
+        maps: Iterable[MapSpec] | None = None,
     ) -> None:
         super().__init__(observer)
         self._cluster, self._scenario, self._left = cluster, scenario, scenes
@@ -66,7 +69,7 @@ class RayCrew(Team):
         self._numbers = count(1)
         self._looked_s, self._began_s = 0.0, time.monotonic()
         self._needs = self._first_needs()
-        self._maps = tuple(maps_of(scenario))
+        self._maps = tuple(maps_of(scenario) if maps is None else maps)
         self._map_files = _share_files(self._maps)
         self.machines = 1
         self._look_at_nodes()

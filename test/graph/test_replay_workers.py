@@ -1,0 +1,80 @@
+"""Replays by several graphs side by side: the bytes are those of one graph, also after an interrupt."""
+
+import shutil
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from commands import wait_until
+from generating import Simbev, files, generate, write
+
+pytestmark = [pytest.mark.graph, pytest.mark.slow]
+
+_MARK = "SIMBEV_TEST_REPLAY"
+
+
+@pytest.fixture(autouse=True)
+def no_process_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Wait for the end of all processes that the test has started, with those that they have started."""
+    monkeypatch.setenv(_MARK, str(tmp_path))
+    mark = f"{_MARK}={tmp_path}".encode()
+
+    def is_left(process: Path) -> bool:
+        try:
+            return mark in (process / "environ").read_bytes().split(b"\0")
+        except OSError:
+            return False
+
+    yield
+    wait_until(lambda: not any(map(is_left, Path("/proc").glob("[0-9]*"))), 25)
+
+
+@pytest.fixture
+def dataset(simbev: Simbev, tmp_path: Path) -> Path:
+    """Three short scenes on two maps."""
+    generate(simbev, write(tmp_path, "{map: Blocks, train: 2}, {map: Town01, val: 1}", has_lidar=False), tmp_path / "a")
+    return tmp_path / "a"
+
+
+@pytest.fixture
+def night(tmp_path: Path) -> Path:
+    """A configuration with other sensors and another time of day."""
+    path = write(tmp_path, "{map: Blocks, train: 1}")
+    path.write_text(path.read_text().replace("sun_altitude_deg: 45", "sun_altitude_deg: -40"))
+    return path.rename(tmp_path / "night.yaml")
+
+
+def replay(simbev: Simbev, dataset: Path, config: Path, *more: object) -> str:
+    code, output = simbev("replay", dataset, config, *more).finish(600)
+    assert code == 0, output
+    return output
+
+
+def test_workers_record_the_bytes_of_one_graph_also_after_an_interrupt(
+    simbev: Simbev, dataset: Path, night: Path, tmp_path: Path
+) -> None:
+    one, two = tmp_path / "one", tmp_path / "two"
+    replay(simbev, dataset, night, "--out", one)
+    command = simbev("replay", dataset, night, "--out", two, "--workers", 2)
+    command.wait_for(lambda: len(files(two)) > 0, 180)
+    command.process.send_signal(signal.SIGINT)
+    code, output = command.finish(60)
+    assert code == 130, output
+    assert sorted(path.name for path in two.iterdir()) == [".lock", "logs", "scenes"]
+    assert set(files(two)) < set(files(one)) and not list(two.glob("scenes/*/*.partial"))
+    output = replay(simbev, dataset, night, "--out", two, "--workers", 2)
+    assert "recorded before" in output
+    assert len(files(one)) == 3 and files(two) == files(one) != files(dataset)
+    assert sorted(path.name for path in two.iterdir()) == [".lock", "logs", "scenes"]
+
+
+def test_workers_record_the_additional_bags_of_one_graph(
+    simbev: Simbev, dataset: Path, night: Path, tmp_path: Path
+) -> None:
+    other = shutil.copytree(dataset, tmp_path / "b")
+    replay(simbev, dataset, night, "--merge", "rear")
+    replay(simbev, other, night, "--merge", "rear", "--workers", 2)
+    assert len(files(dataset)) == 6 and files(other) == files(dataset)
+    assert sorted(path.name for path in other.iterdir()) == sorted(path.name for path in dataset.iterdir())
+    assert (other / "index.parquet").read_bytes() == (dataset / "index.parquet").read_bytes()

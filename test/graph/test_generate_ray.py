@@ -132,7 +132,7 @@ def test_whatever_dies_the_dataset_is_complete_and_the_same(
     def is_working(scenes: int) -> bool:
         return len(files(two)) >= scenes and all(map(find, (ACTOR, WORKER, NODE)))
 
-    for victim in ("raylet", ACTOR, WORKER, NODE, "driver", "raylet", "stopped", WORKER, "driver", ACTOR):
+    for victim in ("raylet", ACTOR, WORKER, NODE, "driver", "node stopped", "stopped", WORKER, "driver", ACTOR):
         made = len(files(two))
         command.wait_for(partial(is_working, made + 1), 180)
         time.sleep(chance.uniform(0.0, 1.0))
@@ -143,10 +143,14 @@ def test_whatever_dies_the_dataset_is_complete_and_the_same(
         elif victim == "raylet":
             nodes.kill_raylet(chance.randrange(len(nodes.others)))
             nodes.add()
+        elif victim == "node stopped":
+            nodes.stop(chance.randrange(len(nodes.others)))
+            nodes.add()
         elif victim == "stopped":
             os.kill(chance.choice(find(WORKER)), signal.SIGSTOP)
         else:
             os.kill(chance.choice(find(victim)), signal.SIGKILL)
+    nodes.resume()
     code, output = command.finish(600)
     assert code == 0, output
     assert files(two) == files(one) and read_index(two) == read_index(one) and not leftovers(two)

@@ -1,9 +1,11 @@
 """A Ray cluster on this machine, whose nodes a test can kill; each node is a raylet with processes of its own."""
 
 import os
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import psutil
 from ray.cluster_utils import Cluster
 
 
@@ -21,6 +23,7 @@ class RayNodes:
         self._offers = {"num_cpus": cpus, "memory": memory_mib << 20, "object_store_memory": 100 << 20}
         self._cluster = Cluster(initialize_head=True, head_node_args={**self._offers, "include_dashboard": False})
         self.others: list[Any] = []
+        self._stopped: list[psutil.Process] = []
         for _ in range(nodes - 1):
             self.add()
 
@@ -37,8 +40,23 @@ class RayNodes:
         """Kill the raylet of a node that is not the head, as when the machine fails."""
         self._cluster.remove_node(self.others.pop(index), allow_graceful=False)
 
+    def stop(self, index: int) -> None:
+        """Stop all processes of a node that is not the head, as when the machine hangs."""
+        raylet = psutil.Process(self.others.pop(index).all_processes["raylet"][0].process.pid)
+        self._stopped = [raylet, *raylet.children(recursive=True)]
+        for process in self._stopped:
+            with suppress(psutil.NoSuchProcess):
+                process.suspend()
+
+    def resume(self) -> None:
+        """Let the processes of the node that was stopped last go on."""
+        for process in self._stopped:
+            with suppress(psutil.NoSuchProcess):
+                process.resume()
+
     def close(self) -> None:
         """End all nodes."""
+        self.resume()
         self._cluster.shutdown()
 
 

@@ -96,7 +96,7 @@ def make_dataset(
         cluster = None if ray is None else held.enter_context(RayCluster(ray))
         lock = held.enter_context(hold_home(out))
         if cluster is not None:
-            cluster.check_nodes(None if isinstance(out, ObjectPath) else out)
+            cluster.check_nodes(*([] if isinstance(out, ObjectPath) else [out]))
             observer = SeveralObservers(observer, RayMetrics(out.name))
         plan, entries = plan_scenes(scenario, out, replace)
         plan.save(out)

@@ -45,10 +45,10 @@ def report(**changes: Any) -> Any:
     return ray_cluster._NodeReport(**{"version": __version__, "code": CODE, "problem": None, **changes})
 
 
-def refusal_of_nodes(folder: Path | None) -> str:
+def refusal_of_nodes(*folders: Path) -> str:
     """Message with which nodes are refused."""
     with RayCluster(AUTO) as cluster, pytest.raises(InputError) as refused:
-        cluster.check_nodes(folder)
+        cluster.check_nodes(*folders)
     assert "\n" not in str(refused.value)
     return str(refused.value)
 
@@ -117,10 +117,11 @@ def test_workers_beside_a_cluster_are_refused(ray: FakeRay, tmp_path: Path) -> N
 
 
 def test_nodes_with_the_same_code_that_see_the_folder_are_accepted(ray: FakeRay, tmp_path: Path) -> None:
+    (second := tmp_path / "second").mkdir()
     with RayCluster(AUTO) as cluster:
-        cluster.check_nodes(tmp_path)
-        cluster.check_nodes(None)
-    assert list(tmp_path.iterdir()) == []
+        cluster.check_nodes(tmp_path, second)
+        cluster.check_nodes()
+    assert list(tmp_path.rglob("*")) == [second]
 
 
 @pytest.mark.parametrize(
@@ -138,18 +139,18 @@ def test_nodes_with_the_same_code_that_see_the_folder_are_accepted(ray: FakeRay,
 )
 def test_a_node_that_differs_is_named_with_the_difference(ray: FakeRay, changes: dict[str, Any], message: str) -> None:
     ray.answers["_describe_node", "bbbbbbbb"] = report(**changes)
-    assert refusal_of_nodes(None).startswith(f"node bbbbbb at 10.0.0.2: {message}")
+    assert refusal_of_nodes().startswith(f"node bbbbbb at 10.0.0.2: {message}")
 
 
 def test_a_node_that_does_not_answer_is_named(ray: FakeRay) -> None:
     ray.answers["_describe_node", "aaaaaaaa"] = GetTimeoutError()
-    assert refusal_of_nodes(None) == "node aaaaaa at 10.0.0.1: has not answered within 120 s"
+    assert refusal_of_nodes() == "node aaaaaa at 10.0.0.1: has not answered within 120 s"
 
 
 def test_a_node_without_this_package_is_named_with_the_error(ray: FakeRay) -> None:
     ray.answers["_describe_node", "aaaaaaaa"] = RayError("No module named\n  'simbev_ros'\n\nTraceback")
     expected = "node aaaaaa at 10.0.0.1: cannot run this package: No module named 'simbev_ros'"
-    assert refusal_of_nodes(None) == expected
+    assert refusal_of_nodes() == expected
 
 
 def test_nodes_without_cpus_and_dead_ones_are_not_asked(ray: FakeRay) -> None:
@@ -158,7 +159,7 @@ def test_nodes_without_cpus_and_dead_ones_are_not_asked(ray: FakeRay) -> None:
     for name in ("aaaaaaaa", "bbbbbbbb"):
         ray.answers["_describe_node", name] = GetTimeoutError()
     with RayCluster(AUTO) as cluster:
-        cluster.check_nodes(None)
+        cluster.check_nodes()
 
 
 def test_a_node_that_does_not_see_the_folder_is_refused(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import socket
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from importlib.util import find_spec
@@ -58,7 +58,7 @@ class _NodeReport:
     Attributes:
         version: Version of this package there.
         code: What decides about the bytes of a scene (``fingerprint_inputs``).
-        problem: Why it cannot use the shared folder; None: it can.
+        problem: Why it cannot use a shared folder; None: it can use all of them.
     """
 
     version: str
@@ -130,11 +130,11 @@ class RayCluster:
         """Factor by which the cluster makes scenes faster than one graph: until all CPUs of the nodes are busy."""
         return max(sum(node.cpus for node in self.nodes()) / cost.cores, 1.0) if cost.cores else 1.0
 
-    def check_nodes(self, folder: Path | None) -> None:
-        """Check that each node that has CPUs runs the same code and can use the dataset's folder.
+    def check_nodes(self, *folders: Path) -> None:
+        """Check that each node that has CPUs runs the same code and can use the shared folders.
 
         Args:
-            folder: The folder, which exists; None: nodes need none.
+            folders: The folders, which exist, and which all nodes write to.
 
         Raises:
             InputError: One of them does not; the message names it.
@@ -142,8 +142,9 @@ class RayCluster:
         import ray
 
         nodes = [node for node in self.nodes() if node.cpus]
-        with _probe(folder) as probe:
-            asked = [_on(node, _describe_node).remote(None if probe is None else str(probe)) for node in nodes]
+        with ExitStack() as held:
+            probes = [str(held.enter_context(_probe(folder))) for folder in folders]
+            asked = [_on(node, _describe_node).remote(probes) for node in nodes]
             for node, report in zip(nodes, asked, strict=True):
                 try:
                     _require_same(node, ray.get(report, timeout=_CHECK_TIMEOUT_S))
@@ -171,9 +172,10 @@ def _on(node: Node, function: Any) -> Any:
     )(function)
 
 
-def _describe_node(probe: str | None) -> _NodeReport:
+def _describe_node(probes: Sequence[str]) -> _NodeReport:
     """Runs on a node."""
-    return _NodeReport(__version__, _code(), None if probe is None else _folder_problem(Path(probe)))
+    problems = filter(None, (_folder_problem(Path(probe)) for probe in probes))
+    return _NodeReport(__version__, _code(), next(problems, None))
 
 
 def _sweep_node() -> None:
@@ -191,11 +193,8 @@ def _folder_problem(probe: Path) -> str | None:
 
 
 @contextmanager
-def _probe(folder: Path | None) -> Iterator[Path | None]:
+def _probe(folder: Path) -> Iterator[Path]:
     """Make a file in a folder for as long as the context is open."""
-    if folder is None:
-        yield None
-        return
     path = folder.absolute() / f".probe-{secrets.token_hex(4)}"
     with write_errors(folder):
         path.touch()

@@ -95,15 +95,15 @@ def _estimate(
 ) -> None:
     """Print what the scenes would cost, on this machine or on a cluster."""
     from simbev_ros.cli.estimate_table import show_estimate
+    from simbev_ros.cluster.ray_cluster import RayCluster
     from simbev_ros.production.workers.machine_capacity import expected_speedup
-    from simbev_ros.production.workers.ray_cluster import RayCluster
     from simbev_ros.threads import usable_cores
 
     if ray is None:
         show_estimate(scenario, out, numbers, console, lambda cost: expected_speedup(workers, cost, usable_cores()))
         return
     with RayCluster(ray) as cluster:
-        show_estimate(scenario, out, numbers, console, cluster.expected_speedup)
+        show_estimate(scenario, out, numbers, console, lambda cost: cluster.expected_speedup(cost.cores))
 
 
 def worker_count(text: str | None) -> int | Literal["auto"] | None:

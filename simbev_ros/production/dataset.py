@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from simbev_ros.cluster.ray_cluster import RayCluster
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import Plan, PlannedEntry
@@ -17,7 +18,6 @@ from simbev_ros.production.dataset_maker import DatasetMaker
 from simbev_ros.production.observer import SILENT, ProductionObserver, SeveralObservers, observe_step
 from simbev_ros.production.workers.crew import Crew, OwnProcess
 from simbev_ros.production.workers.local_crew import LocalCrew
-from simbev_ros.production.workers.ray_cluster import RayCluster
 from simbev_ros.production.workers.ray_crew import RayCrew
 from simbev_ros.production.workers.ray_metrics import RayMetrics
 

@@ -75,7 +75,7 @@ def require_writable(folder: Path) -> None:
         InputError: It cannot be written to for another reason.
     """
     try:
-        with tempfile.TemporaryFile(dir=_nearest_existing(folder.absolute())):
+        with tempfile.TemporaryFile(dir=nearest_existing(folder.absolute())):
             pass
     except OSError as error:
         if error.errno in DISK_FULL:
@@ -83,7 +83,7 @@ def require_writable(folder: Path) -> None:
         raise InputError(f"{folder}: cannot be written to: {error.strerror}") from None
 
 
-def _nearest_existing(folder: Path) -> Path:
+def nearest_existing(folder: Path) -> Path:
     """The path, or the nearest one above it at which there is something."""
     for path in (folder, *folder.parents):
         with suppress(FileNotFoundError, NotADirectoryError):

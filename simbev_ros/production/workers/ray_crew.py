@@ -7,6 +7,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
+from simbev_ros.cluster.ray_cluster import RayCluster, largest
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.errors import GraphError, InputError
@@ -20,7 +21,6 @@ from simbev_ros.production.scene_maker import Deliveries, MadeScene, keep_bags
 from simbev_ros.production.workers.crew import Worker
 from simbev_ros.production.workers.machine_capacity import MEMORY_MARGIN
 from simbev_ros.production.workers.messages import Settings
-from simbev_ros.production.workers.ray_cluster import RayCluster, largest
 from simbev_ros.production.workers.ray_worker import Needs, RayWorker, WorkerActor
 from simbev_ros.production.workers.team import Team
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from simbev_ros.cache.entries import default_cache_dir
+from simbev_ros.cluster.ray_cluster import this_node
 from simbev_ros.config.camera import Camera
 from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.maps.source import MAP_FILES_VARIABLE, name_of_copy
@@ -16,7 +17,6 @@ from simbev_ros.maps.spec import MapSpec
 from simbev_ros.production.workers.crew import Worker
 from simbev_ros.production.workers.local_worker import PATIENCE_S, LocalWorker
 from simbev_ros.production.workers.messages import Report, Settings, Sign
-from simbev_ros.production.workers.ray_cluster import this_node
 from simbev_ros.production.workers.team import WorkerLost
 from simbev_ros.recording.whole_files import write_whole
 from simbev_ros.render.gl.devices import accessible_gpus

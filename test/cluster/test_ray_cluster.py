@@ -12,10 +12,10 @@ import pytest
 from fake_ray import FakeRay, GetTimeoutError, RayError, install_fake_ray
 
 from simbev_ros import __version__
+from simbev_ros.cluster import ray_cluster
+from simbev_ros.cluster.ray_cluster import RayCluster
 from simbev_ros.errors import InputError
 from simbev_ros.production import make_dataset
-from simbev_ros.production.workers import ray_cluster
-from simbev_ros.production.workers.ray_cluster import RayCluster
 
 CODE = {"python": b"3.12", "module simbev_ros.world": b"a", "library numpy": b"2.1.0"}
 AUTO = "auto"
@@ -24,7 +24,7 @@ AUTO = "auto"
 @pytest.fixture
 def ray(monkeypatch: pytest.MonkeyPatch) -> FakeRay:
     """A cluster of two nodes that run the same code as this machine."""
-    monkeypatch.setattr(ray_cluster, "_code", lambda: CODE)
+    monkeypatch.setattr(ray_cluster, "_code", lambda modules: CODE)
     fake = install_fake_ray(monkeypatch)
     for name in ("aaaaaaaa", "bbbbbbbb"):
         fake.add_node(name)

@@ -1,4 +1,4 @@
-"""The connection to a Ray cluster: its nodes, and whether they can make scenes with the same bytes as this machine.
+"""The connection to a Ray cluster: its nodes, and whether they give the same results as this machine.
 
 Ray is an extra. It is imported with the first connection.
 """
@@ -21,8 +21,7 @@ from typing import Any, Self
 from simbev_ros import __version__
 from simbev_ros.cache.fingerprint import fingerprint_inputs
 from simbev_ros.errors import InputError
-from simbev_ros.production.scene_cost import SceneCost
-from simbev_ros.recording.whole_files import write_errors
+from simbev_ros.recording.whole_files import nearest_existing, write_errors
 
 _CONNECT_TIMEOUT_S, _CHECK_TIMEOUT_S, _SWEEP_TIMEOUT_S = 5.0, 120.0, 15.0
 
@@ -57,13 +56,42 @@ class _NodeReport:
 
     Attributes:
         version: Version of this package there.
-        code: What decides about the bytes of a scene (``fingerprint_inputs``).
-        problem: Why it cannot use a shared folder; None: it can use all of them.
+        code: What decides about the results (``fingerprint_inputs``).
+        problem: Why it cannot use a shared folder or file; None: it can use all of them.
     """
 
     version: str
     code: dict[str, bytes]
     problem: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class _Sample:
+    """A bag's file by which a node shows that it sees what this machine reads.
+
+    Attributes:
+        shared: Folder or file that all nodes must see.
+        file: The sample, in the folder.
+        size: Its size in bytes.
+    """
+
+    shared: str
+    file: str
+    size: int
+
+    @classmethod
+    def of(cls, shared: Path) -> Self:
+        """Choose a sample; of a folder without bags, the folder itself."""
+        shared = shared.absolute()
+        file = next(shared.rglob("*.mcap"), shared)
+        return cls(str(shared), str(file), file.stat().st_size if file.is_file() else 0)
+
+    def problem(self) -> str | None:
+        """Runs on a node: why it does not see the sample; None: it does."""
+        file = Path(self.file)
+        if file.exists() and (not file.is_file() or file.stat().st_size == self.size):
+            return None
+        return f"does not see {self.shared} as this machine does; all nodes must see it"
 
 
 def node_label(node_id: str, address: str) -> str:
@@ -83,12 +111,13 @@ class RayCluster:
 
     Args:
         address: ``auto``: the cluster that this machine is a node of; or ``HOST:PORT`` of the head.
+        sweeps_graphs: Whether to remove at the end what killed graphs have left on the nodes.
 
     Raises:
         InputError: Ray is not installed, there is no cluster at the address, or its version of Ray or Python differs.
     """
 
-    def __init__(self, address: str) -> None:
+    def __init__(self, address: str, *, sweeps_graphs: bool = True) -> None:
         if find_spec("ray") is None:
             raise InputError(f"--ray needs Ray; install it: {sys.executable} -m pip install 'ray[default]'")
         head = _head_of(address)
@@ -100,6 +129,7 @@ class RayCluster:
         except (ConnectionError, RuntimeError, ValueError) as error:
             raise InputError(f"--ray {address}: {_one_line(error)}") from None
         self.address = str(context.address_info["gcs_address"])
+        self._sweeps_graphs = sweeps_graphs
 
     def __enter__(self) -> Self:
         return self
@@ -107,7 +137,8 @@ class RayCluster:
     def __exit__(self, *_: object) -> None:
         import ray
 
-        self._sweep_nodes()
+        if self._sweeps_graphs:
+            self._sweep_nodes()
         ray.shutdown()
 
     def nodes(self) -> list[Node]:
@@ -126,15 +157,17 @@ class RayCluster:
             if node["Alive"]
         ]
 
-    def expected_speedup(self, cost: SceneCost) -> float:
-        """Factor by which the cluster makes scenes faster than one graph: until all CPUs of the nodes are busy."""
-        return max(sum(node.cpus for node in self.nodes()) / cost.cores, 1.0) if cost.cores else 1.0
+    def expected_speedup(self, cores: float) -> float:
+        """Factor by which the cluster makes scenes faster than one graph, which keeps a number of cores busy."""
+        return max(sum(node.cpus for node in self.nodes()) / cores, 1.0) if cores else 1.0
 
-    def check_nodes(self, *folders: Path) -> None:
+    def check_nodes(self, *folders: Path, reads: Sequence[Path] = (), modules: Sequence[str] = ()) -> None:
         """Check that each node that has CPUs runs the same code and can use the shared folders.
 
         Args:
-            folders: The folders, which exist, and which all nodes write to.
+            folders: The folders that all nodes write to; of those that do not exist yet, the nearest ones above.
+            reads: Datasets and bags that exist, and that all nodes read.
+            modules: Names of the modules whose code matters; none: those that make scenes.
 
         Raises:
             InputError: One of them does not; the message names it.
@@ -144,10 +177,11 @@ class RayCluster:
         nodes = [node for node in self.nodes() if node.cpus]
         with ExitStack() as held:
             probes = [str(held.enter_context(_probe(folder))) for folder in folders]
-            asked = [_on(node, _describe_node).remote(probes) for node in nodes]
+            question = (probes, [*map(_Sample.of, reads)], tuple(modules))
+            asked = [_on(node, _describe_node).remote(*question) for node in nodes]
             for node, report in zip(nodes, asked, strict=True):
                 try:
-                    _require_same(node, ray.get(report, timeout=_CHECK_TIMEOUT_S))
+                    _require_same(node, tuple(modules), ray.get(report, timeout=_CHECK_TIMEOUT_S))
                 except ray.exceptions.GetTimeoutError:
                     raise InputError(f"{node.label}: has not answered within {_CHECK_TIMEOUT_S:g} s") from None
                 except ray.exceptions.RayError as error:
@@ -172,10 +206,10 @@ def _on(node: Node, function: Any) -> Any:
     )(function)
 
 
-def _describe_node(probes: Sequence[str]) -> _NodeReport:
+def _describe_node(probes: Sequence[str], samples: Sequence[_Sample], modules: tuple[str, ...]) -> _NodeReport:
     """Runs on a node."""
-    problems = filter(None, (_folder_problem(Path(probe)) for probe in probes))
-    return _NodeReport(__version__, _code(), next(problems, None))
+    problems = [*(_folder_problem(Path(probe)) for probe in probes), *(sample.problem() for sample in samples)]
+    return _NodeReport(__version__, _code(modules), next(filter(None, problems), None))
 
 
 def _sweep_node() -> None:
@@ -195,7 +229,7 @@ def _folder_problem(probe: Path) -> str | None:
 @contextmanager
 def _probe(folder: Path) -> Iterator[Path]:
     """Make a file in a folder for as long as the context is open."""
-    path = folder.absolute() / f".probe-{secrets.token_hex(4)}"
+    path = nearest_existing(folder.absolute()) / f".probe-{secrets.token_hex(4)}"
     with write_errors(folder):
         path.touch()
     try:
@@ -205,30 +239,32 @@ def _probe(folder: Path) -> Iterator[Path]:
 
 
 @cache
-def _code() -> dict[str, bytes]:
-    """All code on this machine that decides about the bytes of a scene."""
+def _code(modules: tuple[str, ...]) -> dict[str, bytes]:
+    """All code on this machine that decides about the results of modules, or without any about the bytes of a scene."""
+    if modules:
+        return fingerprint_inputs(*modules)
     nodes = importlib.import_module("simbev_ros.nodes.main").KINDS  # loads ROS
     return fingerprint_inputs("simbev_ros.production.scene_maker", *(f"simbev_ros.nodes.{kind}_node" for kind in nodes))
 
 
-def _require_same(node: Node, report: _NodeReport) -> None:
-    """Refuse a node that would make other bytes, or that cannot use the folder."""
+def _require_same(node: Node, modules: tuple[str, ...], report: _NodeReport) -> None:
+    """Refuse a node that would give other results, or that cannot use what is shared."""
     if report.version != __version__:
         raise InputError(f"{node.label}: has simbev_ros {report.version}, this machine {__version__}")
-    here = _code()
+    here = _code(modules)
     if differing := sorted(
         name for name in here.keys() | report.code.keys() if here.get(name) != report.code.get(name)
     ):
         raise InputError(
-            f"{node.label}: {_describe_difference(differing[0], report.code)}; all nodes need the same code"
+            f"{node.label}: {_describe_difference(differing[0], here, report.code)}; all nodes need the same code"
         )
     if report.problem is not None:
         raise InputError(f"{node.label}: {report.problem}")
 
 
-def _describe_difference(name: str, code: dict[str, bytes]) -> str:
+def _describe_difference(name: str, here_code: dict[str, bytes], code: dict[str, bytes]) -> str:
     """How a part of the code differs on a node."""
-    there, here = code.get(name), _code().get(name)
+    there, here = code.get(name), here_code.get(name)
     if name.startswith(("module ", "data ")):
         return f"{name} differs" if there and here else f"{name} is {'not there' if here else 'not here'}"
     versions = ("not at all" if version is None else version.decode() for version in (there, here))

@@ -7,6 +7,7 @@ from rich.console import Console
 from rich.table import Table
 
 from simbev_ros.cli.console import make_console, plural
+from simbev_ros.cli.pool import worker_count
 from simbev_ros.cli.scene_numbers import scene_numbers
 from simbev_ros.config.load import load_scenario
 from simbev_ros.errors import InputError
@@ -74,7 +75,7 @@ def generate(
     if isinstance(path_or_url(config), ObjectPath):
         raise InputError(f"{config}: a configuration is a local file; only --out takes a URL")
     scenario, numbers, console = load_scenario(config), scene_numbers("--replace", replace or ()), make_console()
-    count, dataset = worker_count(workers), path_or_url(out)
+    count, dataset = worker_count(workers, _MAX_WORKERS), path_or_url(out)
     check_workers(count, ray)
     if dry_run:
         _estimate(scenario, dataset, numbers, console, count, ray)
@@ -104,23 +105,6 @@ def _estimate(
         return
     with RayCluster(ray) as cluster:
         show_estimate(scenario, out, numbers, console, lambda cost: cluster.expected_speedup(cost.cores))
-
-
-def worker_count(text: str | None) -> int | Literal["auto"] | None:
-    """The value of ``--workers``.
-
-    Raises:
-        InputError: It is neither ``auto`` nor a number that is allowed.
-    """
-    if text is None:
-        return None
-    if text == "auto":
-        return "auto"
-    if not (
-        text.isascii() and text.isdecimal() and len(text) <= len(str(_MAX_WORKERS)) and 1 <= int(text) <= _MAX_WORKERS
-    ):
-        raise InputError(f"--workers: is {text!r:.80}; allowed: 1 to {_MAX_WORKERS}, or auto")
-    return int(text)
 
 
 def _show(result: "DatasetResult", console: Console) -> None:

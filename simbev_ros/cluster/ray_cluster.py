@@ -127,7 +127,7 @@ class RayCluster:
             with _kept_signals():
                 context = ray.init(address=head, log_to_driver=False, logging_level="ERROR", namespace="simbev_ros")
         except (ConnectionError, RuntimeError, ValueError) as error:
-            raise InputError(f"--ray {address}: {_one_line(error)}") from None
+            raise InputError(f"--ray {address}: {one_line(error)}") from None
         self.address = str(context.address_info["gcs_address"])
         self._sweeps_graphs = sweeps_graphs
 
@@ -185,7 +185,7 @@ class RayCluster:
                 except ray.exceptions.GetTimeoutError:
                     raise InputError(f"{node.label}: has not answered within {_CHECK_TIMEOUT_S:g} s") from None
                 except ray.exceptions.RayError as error:
-                    raise InputError(f"{node.label}: cannot run this package: {_one_line(error)}") from None
+                    raise InputError(f"{node.label}: cannot run this package: {one_line(error)}") from None
 
     def _sweep_nodes(self) -> None:
         """Remove what killed graphs have left on the nodes; those that do not answer are left alone."""
@@ -310,7 +310,7 @@ def _kept_signals() -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def _one_line(error: Exception) -> str:
+def one_line(error: Exception) -> str:
     """The lines of a message of Ray, without its indentation and the advice after the first paragraph."""
     lines = str(error).strip().split("\n\n")[0].splitlines()
     return " ".join(line.strip() for line in lines)

@@ -279,7 +279,7 @@ def test_the_parts_beyond_the_end_of_a_shorter_scene_are_removed(tmp_path: Path)
 def test_the_command_exports_in_processes(tmp_path: Path) -> None:
     for number in range(2):
         made_up_scene(tmp_path / f"set/scenes/train/Blocks-{number:04d}", number=number, ticks=21)
-    arguments = ["export", "simbev", str(tmp_path / "set"), "--out", str(tmp_path / "out"), "--jobs", "2"]
+    arguments = ["export", "simbev", str(tmp_path / "set"), "--out", str(tmp_path / "out"), "--workers", "2"]
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 0 and "42 frames of 2 scenes" in result.output, result.output
     assert "42 of them were there already" in CliRunner().invoke(app, arguments).output

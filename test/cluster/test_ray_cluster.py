@@ -4,7 +4,7 @@ import importlib.util
 import re
 import socket
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -178,3 +178,35 @@ def test_the_probe_is_removed_when_a_node_is_refused(ray: FakeRay, tmp_path: Pat
     ray.answers["_describe_node", "bbbbbbbb"] = report(problem="cannot write")
     assert re.fullmatch(r"node bbbbbb at 10\.0\.0\.2: cannot write", refusal_of_nodes(tmp_path))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_is_still_to_be_made_is_checked_where_it_will_be(ray: FakeRay, tmp_path: Path) -> None:
+    ray.answers["_describe_node", "bbbbbbbb"] = report(problem="cannot write")
+    assert refusal_of_nodes(tmp_path / "new/export") == "node bbbbbb at 10.0.0.2: cannot write"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_nodes_that_read_the_same_dataset_are_accepted(ray: FakeRay, tmp_path: Path) -> None:
+    bag = tmp_path / "set/scenes/train/Blocks-0000/Blocks-0000_0.mcap"
+    bag.parent.mkdir(parents=True)
+    bag.write_bytes(b"bag")
+    with RayCluster(AUTO) as cluster:
+        cluster.check_nodes(reads=[tmp_path / "set", bag.parent, bag])
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == [bag]
+
+
+@pytest.mark.parametrize("change", [lambda bag: bag.unlink(), lambda bag: bag.write_bytes(b"another bag")])
+def test_a_node_that_does_not_see_the_bags_as_they_are_here_is_refused(
+    tmp_path: Path, change: Callable[[Path], object]
+) -> None:
+    bag = tmp_path / "bag.mcap"
+    bag.write_bytes(b"bag")
+    sample = ray_cluster._Sample.of(tmp_path)
+    assert sample.problem() is None
+    change(bag)
+    assert sample.problem() == f"does not see {tmp_path} as this machine does; all nodes must see it"
+
+
+def test_the_code_of_the_modules_that_do_the_work_is_compared() -> None:
+    known = ray_cluster._code.__wrapped__(("simbev_ros.recording.verify",))
+    assert "module simbev_ros.recording.verify" in known and "module simbev_ros.production.scene_maker" not in known

@@ -1,5 +1,6 @@
 """Tests that the SimBEV layout, read back by its description, contains what was recorded, and that exports resume."""
 
+import gc
 import json
 import os
 from pathlib import Path
@@ -15,7 +16,9 @@ from typer.testing import CliRunner
 
 from simbev_ros.cli.main import app
 from simbev_ros.dataset import open_dataset
+from simbev_ros.dataset.frame import Frame
 from simbev_ros.errors import InputError
+from simbev_ros.export.parts import Part
 from simbev_ros.export.simbev import encodings
 from simbev_ros.export.simbev.export import finish, make_part, parts_of, remove_vanished
 from simbev_ros.semantics import BEV_CLASSES
@@ -286,6 +289,19 @@ def test_the_command_exports_in_processes(tmp_path: Path) -> None:
     infos = json.loads((tmp_path / "out/simbev/infos/simbev_infos_train.json").read_text())
     assert [len(scene["scene_data"]) for scene in infos["data"].values()] == [21, 21]
     assert (tmp_path / "out/simbev/configs/SimBEV-scene-0001.yaml").read_bytes() == b"seed: 1\n"
+
+
+def test_a_part_holds_one_frame_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made_up_scene(tmp_path / "set/scenes/train/Blocks-0000", ticks=5)
+    held: list[int] = []
+
+    def count_frames(*_: object) -> None:
+        held.append(sum(isinstance(each, Frame) for each in gc.get_objects()))
+
+    monkeypatch.setattr(Part, "write", count_frames)
+    for part in parts_of(open_dataset(tmp_path / "set"), tmp_path / "out"):
+        make_part(part)
+    assert max(held) <= 2, "the one that was read last, and the one before"
 
 
 def test_scenes_of_different_rigs_are_refused(tmp_path: Path) -> None:

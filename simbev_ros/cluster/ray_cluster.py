@@ -222,7 +222,7 @@ def _sweep_node() -> None:
 def _folder_problem(probe: Path) -> str | None:
     """Why a node cannot use the folder of a probe, a file that the driver has made there; None: it can."""
     if not probe.is_file():
-        return f"does not see the folder {probe.parent}; --out must be a folder that all nodes see, or s3://…"
+        return f"does not see the folder {probe.parent}; --out must be a folder that all nodes see"
     return None if os.access(probe.parent, os.W_OK) else f"cannot write to {probe.parent}"
 
 

@@ -44,6 +44,7 @@ FLOORS = [
     {"msgs"},
     {"nodes"},
     {"graph"},
+    {"cluster"},
     {"production"},
     {"bench"},
     {"cli"},

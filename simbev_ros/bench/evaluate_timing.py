@@ -54,7 +54,7 @@ class EvaluateTiming:
         truths: Number of ground-truth boxes in them.
         predictions: Number of predicted boxes in them.
         costs: Times of the parts of an evaluation, per scene.
-        jobs: Number of processes that shared the scenes.
+        workers: Number of processes that shared the scenes.
         scenes_s: Wall time of all scenes, including their generation.
         result_s: Wall time of merging them and of computing the result.
         memory_mib: Maximum memory of all processes together; shared memory is counted for each of them.
@@ -65,7 +65,7 @@ class EvaluateTiming:
     truths: int
     predictions: int
     costs: list[Cost]
-    jobs: int
+    workers: int
     scenes_s: float
     result_s: float
     memory_mib: float
@@ -81,7 +81,7 @@ class EvaluateTiming:
         rows = [(f"a scene {each.name}", each.wall_ms / 1e3, each.cpu_ms / 1e3) for each in self.costs]
         return [
             *((name, f"{wall_s:.3f}", f"{cpu_s:.3f}") for name, wall_s, cpu_s in rows),
-            (f"all scenes, {self.jobs} processes", f"{self.scenes_s:.1f}", ""),
+            (f"all scenes, {self.workers} processes", f"{self.scenes_s:.1f}", ""),
             ("merged, and the table", f"{self.result_s:.1f}", ""),
         ]
 
@@ -97,12 +97,12 @@ class EvaluateTiming:
         )
 
 
-def timed_evaluation(scenes: int, jobs: int, advance: Callable[[], None] = lambda: None) -> EvaluateTiming:
+def timed_evaluation(scenes: int, workers: int, advance: Callable[[], None] = lambda: None) -> EvaluateTiming:
     """Evaluate synthetic scenes.
 
     Args:
         scenes: Number of scenes.
-        jobs: Number of processes that share them.
+        workers: Number of processes that share them.
         advance: Called after each scene.
 
     Raises:
@@ -110,7 +110,7 @@ def timed_evaluation(scenes: int, jobs: int, advance: Callable[[], None] = lambd
     """
     costs = _costs()
     began_s, tallies = time.perf_counter(), []
-    for each in map_in_processes(_tally_of, range(scenes), jobs):
+    for each in map_in_processes(_tally_of, range(scenes), workers):
         tallies.append(each)
         advance()
     scenes_s = time.perf_counter() - began_s
@@ -118,7 +118,9 @@ def timed_evaluation(scenes: int, jobs: int, advance: Callable[[], None] = lambd
     detection_result(total)
     result_s = time.perf_counter() - began_s - scenes_s
     truths, predictions = int(total.truths.sum()), len(total.score)
-    return EvaluateTiming(scenes, truths, predictions, costs, jobs, scenes_s, result_s, _memory_mib(jobs), _compared())
+    return EvaluateTiming(
+        scenes, truths, predictions, costs, workers, scenes_s, result_s, _memory_mib(workers), _compared()
+    )
 
 
 def _tally_of(seed: int) -> DetectionTally:
@@ -136,10 +138,10 @@ def _costs() -> list[Cost]:
     return [watch.cost(name) for name in (*_WAYS, _NUSCENES)]
 
 
-def _memory_mib(jobs: int) -> float:
+def _memory_mib(workers: int) -> float:
     """Maximum memory of this process and its children so far."""
     own, others = (resource.getrusage(who).ru_maxrss for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    return (own + (jobs * others if jobs > 1 else 0)) / 1024
+    return (own + (workers * others if workers > 1 else 0)) / 1024
 
 
 def _compared() -> DevkitTiming | None:

@@ -8,17 +8,15 @@ from rich.console import Console
 from rich.table import Table
 
 from simbev_ros.cli.console import make_console, plural
+from simbev_ros.cli.pool import MAX_GRAPHS, worker_count
 from simbev_ros.cli.scene_numbers import scene_numbers
 from simbev_ros.config.load import load_scenario
 from simbev_ros.errors import InputError
-from simbev_ros.graph.domain import ISOLATED_DOMAINS
 from simbev_ros.object_store.object_path import AnyPath, ObjectPath, path_or_url
 
 if TYPE_CHECKING:
     from simbev_ros.config.scenario import Scenario
     from simbev_ros.production.dataset import DatasetResult
-
-_MAX_WORKERS = len(ISOLATED_DOMAINS)
 
 
 def generate(
@@ -75,7 +73,7 @@ def generate(
     if isinstance(path_or_url(config), ObjectPath):
         raise InputError(f"{config}: a configuration is a local file; only --out takes a URL")
     scenario, numbers, console = load_scenario(config), scene_numbers("--replace", replace or ()), make_console()
-    count, dataset = worker_count(workers), path_or_url(out)
+    count, dataset = worker_count(workers, MAX_GRAPHS), path_or_url(out)
     check_workers(count, ray)
     if dry_run:
         _estimate(scenario, dataset, numbers, console, count, ray)
@@ -96,32 +94,15 @@ def _estimate(
 ) -> None:
     """Print what the scenes would cost, on this machine or on a cluster."""
     from simbev_ros.cli.estimate_table import show_estimate
+    from simbev_ros.cluster.ray_cluster import RayCluster
     from simbev_ros.production.workers.machine_capacity import expected_speedup
-    from simbev_ros.production.workers.ray_cluster import RayCluster
     from simbev_ros.threads import usable_cores
 
     if ray is None:
         show_estimate(scenario, out, numbers, console, lambda cost: expected_speedup(workers, cost, usable_cores()))
         return
     with RayCluster(ray) as cluster:
-        show_estimate(scenario, out, numbers, console, cluster.expected_speedup)
-
-
-def worker_count(text: str | None) -> int | Literal["auto"] | None:
-    """The value of ``--workers``.
-
-    Raises:
-        InputError: It is neither ``auto`` nor a number that is allowed.
-    """
-    if text is None:
-        return None
-    if text == "auto":
-        return "auto"
-    if not (
-        text.isascii() and text.isdecimal() and len(text) <= len(str(_MAX_WORKERS)) and 1 <= int(text) <= _MAX_WORKERS
-    ):
-        raise InputError(f"--workers: is {text!r:.80}; allowed: 1 to {_MAX_WORKERS}, or auto")
-    return int(text)
+        show_estimate(scenario, out, numbers, console, lambda cost: cluster.expected_speedup(cost.cores))
 
 
 def _show(result: "DatasetResult", console: Console) -> None:

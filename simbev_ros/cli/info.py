@@ -1,7 +1,6 @@
 """``simbev info``: prints the content of a bag or a dataset."""
 
 import json
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -13,6 +12,8 @@ from rich.text import Text
 
 from simbev_ros.cli.console import counting_bar, format_size, make_console, percent_bar, table_console
 from simbev_ros.cli.output_file import require_place
+from simbev_ros.cli.pool import Workers, processes
+from simbev_ros.dataset.parallel import Pool
 from simbev_ros.errors import BagError
 from simbev_ros.object_store.object_path import AnyPath, ObjectPath, path_or_url
 from simbev_ros.recording.layout import PARTIAL_SUFFIX, finished_scenes, is_dataset, is_scene, scenes_of
@@ -36,9 +37,7 @@ def info(
     report: Annotated[
         Path | None, typer.Option(help="Also write statistics with plots, one HTML page.", metavar="FILE")
     ] = None,
-    jobs: Annotated[
-        int | None, typer.Option(help="Processes for the statistics; default: number of cores.", min=1)
-    ] = None,
+    workers: Workers = None,
 ) -> None:
     """Print the content of a recorded scene, finished or not, or of a dataset.
 
@@ -52,6 +51,7 @@ def info(
 
     simbev info s3://bucket/datasets/first
     """
+    pool = processes(workers)
     if report is not None:
         require_place(report)
     place = path_or_url(path)
@@ -75,7 +75,7 @@ def info(
     else:
         table_console().print(*parts, sep="\n")
     if report is not None:
-        _write_report(place, report, jobs or os.cpu_count() or 1)
+        _write_report(place, report, pool)
 
 
 def _bags_of(dataset: AnyPath) -> Sequence[AnyPath]:
@@ -84,7 +84,7 @@ def _bags_of(dataset: AnyPath) -> Sequence[AnyPath]:
     return [*indexed_bags(dataset)] if isinstance(dataset, ObjectPath) else scenes_of(dataset)
 
 
-def _write_report(path: AnyPath, report: Path, jobs: int) -> None:
+def _write_report(path: AnyPath, report: Path, pool: Pool) -> None:
     """Write statistics of the finished scenes of a dataset, or of a bag."""
     from simbev_ros.dataset import open_dataset
     from simbev_ros.dataset.statistics import statistics_of
@@ -92,7 +92,7 @@ def _write_report(path: AnyPath, report: Path, jobs: int) -> None:
 
     console = make_console(stderr=True, soft_wrap=True)
     with counting_bar("frames", console) as bar:
-        statistics = statistics_of(open_dataset(path, threads=1), jobs, bar.show)
+        statistics = statistics_of(open_dataset(path, threads=1), pool, bar.show)
     with write_errors(report):
         report.write_text(dataset_report(statistics), encoding="utf-8")
     console.print(f"statistics in {report}", highlight=False)

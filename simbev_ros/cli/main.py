@@ -38,6 +38,7 @@ VERBS = {
 """Module and function, or group, of each verb, below ``simbev_ros.cli``, in the order of the help."""
 _TAKE_URLS = ("generate", "info", "logs", "verify")
 """Verbs that work with datasets in object stores."""
+_OLD_NAMES = {"jobs": "workers"}
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://")
 _TRACEBACK_VARIABLE = "SIMBEV_TRACEBACK"
 _MAX_LENGTH = 300
@@ -103,6 +104,11 @@ class _Verbs(TyperGroup):
         return list(self.commands)
 
 
+def _present_name(token: str) -> str:
+    """The present name of an option, or of a command, that had another one once."""
+    return _OLD_NAMES.get(token, token)
+
+
 app = typer.Typer(
     name="simbev",
     cls=_Verbs,
@@ -111,7 +117,7 @@ app = typer.Typer(
     add_completion=False,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"]},
+    context_settings={"help_option_names": ["-h", "--help"], "token_normalize_func": _present_name},
 )
 
 

@@ -10,7 +10,8 @@ from rich.console import Console
 
 from simbev_ros.cli.console import make_console, plural
 from simbev_ros.cli.evaluate.live import FiguresOption, StackOption, with_evaluation
-from simbev_ros.cli.generate import show_failures, worker_count
+from simbev_ros.cli.generate import show_failures
+from simbev_ros.cli.pool import MAX_GRAPHS, worker_count
 from simbev_ros.config.load import load_scenario
 from simbev_ros.errors import InputError
 from simbev_ros.recording.layout import additional_folder
@@ -73,7 +74,7 @@ def replay(
     """
     if merge is not None and (record is not None or live):
         raise InputError("--merge records beside the replayed bags; give neither --out nor --live with it")
-    count = worker_count(workers)
+    count = worker_count(workers, MAX_GRAPHS)
     if workers is None and ray is None:
         scenario = with_evaluation(load_scenario(config), evaluate, stack)
         _play(bags, scenario, record, merge, live=live)

@@ -1,10 +1,9 @@
 """``simbev verify``: checks that bags and datasets are complete and undamaged."""
 
 import json
-import os
 import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,6 +12,8 @@ import typer
 from rich.table import Table
 
 from simbev_ros.cli.console import counting_bar, make_console, plural
+from simbev_ros.cli.pool import Ray, Workers, open_pool, shared_path
+from simbev_ros.dataset.parallel import Pool
 from simbev_ros.errors import InputError
 from simbev_ros.input_file import path_exists
 from simbev_ros.object_store.object_path import AnyPath, ObjectPath, path_or_url
@@ -21,7 +22,7 @@ from simbev_ros.recording.layout import is_dataset, scenes_of
 if TYPE_CHECKING:
     from simbev_ros.recording.verify import Fault
 
-_MAX_SHOWN = 200
+_MAX_SHOWN, _MEMORY_MIB = 200, 512
 _Bag = tuple[AnyPath, dict[str, Any] | None]
 """A bag, and its row of the index if it is in an object store."""
 
@@ -33,7 +34,8 @@ def verify(
             help="Scenes' bags, their .mcap files, or datasets; also as s3://bucket/prefix.", metavar="PATHS"
         ),
     ],
-    jobs: Annotated[int | None, typer.Option(help="Bags to read at once; default: number of cores.", min=1)] = None,
+    workers: Workers = None,
+    ray: Ray = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")] = False,
 ) -> None:
     """Read every byte and check checksums, indexes, types, payloads, stamps, and the completeness of scenes.
@@ -46,20 +48,20 @@ def verify(
 
     simbev verify datasets/first datasets/second --json
 
-    simbev verify s3://bucket/datasets/first
+    simbev verify s3://bucket/datasets/first --ray auto
     """
     from simbev_ros.dataset.check import dataset_faults, plan_faults
 
-    found = [path_or_url(path) for path in paths]
-    for path in found:
-        if isinstance(path, Path) and not path_exists(path):
-            raise InputError(f"{path}: no such file or folder")
+    found = [shared_path(path, ray) if isinstance(path, Path) else path for path in map(path_or_url, paths)]
+    local = [path for path in found if isinstance(path, Path)]
+    for missing in (path for path in local if not path_exists(path)):
+        raise InputError(f"{missing}: no such file or folder")
     datasets = [path for path in found if is_dataset(path)]
     bags = [bag for path in found for bag in (_bags_of(path) if path in datasets else [(path, None)])]
-    jobs = jobs or os.cpu_count() or 1
-    faults = _faults(bags, jobs)
-    for path in datasets:
-        faults += plan_faults(path) if isinstance(path, ObjectPath) else dataset_faults(path, jobs)
+    with open_pool(workers, ray, module=__name__, memory_mib=_MEMORY_MIB, reads=local) as pool:
+        faults = _faults(bags, pool, is_remote=ray is not None)
+        for path in datasets:
+            faults += plan_faults(path) if isinstance(path, ObjectPath) else dataset_faults(path, pool)
     if not bags and not faults:
         raise InputError(f"{', '.join(map(str, paths))}: there is no scene to verify")
     if as_json:
@@ -86,14 +88,12 @@ def _verify(bag: _Bag, temporary: Path | None) -> "list[Fault]":
     return verify_fetched_bag(path, row, temporary) if isinstance(path, ObjectPath) else verify_bag(path)
 
 
-def _faults(bags: Sequence[_Bag], jobs: int) -> "list[Fault]":
+def _faults(bags: Sequence[_Bag], pool: Pool, *, is_remote: bool) -> "list[Fault]":
     """The faults of all bags, in the order of the bags, which are read in parallel."""
-    from simbev_ros.dataset.parallel import map_in_processes
-
     faults: list[Fault] = []
-    with _temporary_folder(bags) as folder, counting_bar("bags", make_console(stderr=True), len(bags)) as bar:
-        verify_one = partial(_verify, temporary=folder)
-        for found in map_in_processes(verify_one, bags, min(jobs, max(len(bags), 1))):
+    temporary = nullcontext() if is_remote else _temporary_folder(bags)  # nodes have temporary folders of their own
+    with temporary as folder, counting_bar("bags", make_console(stderr=True), len(bags)) as bar:
+        for found in pool.map(partial(_verify, temporary=folder), bags):
             faults += found
             bar.advance()
     return faults

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from simbev_ros.dataset.index import read_index
 from simbev_ros.dataset.index_row import Row, index_row, sha256_of
-from simbev_ros.dataset.parallel import map_in_processes
+from simbev_ros.dataset.parallel import OWN_PROCESS, Pool
 from simbev_ros.dataset.plan import PLAN_FILE, Plan
 from simbev_ros.dataset.staging import staging_of
 from simbev_ros.errors import BagError, InputError
@@ -19,14 +19,14 @@ _NOT_FROM_BAG = ("simbev_ros",)
 """Index columns that do not depend on the bag: the version that wrote the row."""
 
 
-def dataset_faults(dataset: Path, jobs: int = 1) -> list[Fault]:
+def dataset_faults(dataset: Path, pool: Pool = OWN_PROCESS) -> list[Fault]:
     """Faults of a dataset other than those within its bags, which ``recording.verify`` finds.
 
     A dataset that was recorded scene by scene need not have an index.
 
     Args:
         dataset: The dataset's folder.
-        jobs: Number of processes that read bags.
+        pool: Workers that read bags.
     """
     bags = [bag for bag in scenes_of(dataset) if is_scene(bag)]
     empty = sorted(bag for bag in dataset.glob("scenes/*/*") if is_scene(bag) and bag.is_dir() and bag not in bags)
@@ -43,7 +43,7 @@ def dataset_faults(dataset: Path, jobs: int = 1) -> list[Fault]:
     except InputError as error:
         return [*faults, Fault(dataset, INDEX_FILE, str(error).removeprefix(f"{dataset / INDEX_FILE}: "))]
     indexed = {bag: row for bag, row in rows.items() if bag not in empty}
-    found = map_in_processes(partial(row_faults, dataset), indexed.values(), min(jobs, max(len(indexed), 1)))
+    found = pool.map(partial(row_faults, dataset), [*indexed.values()])
     faults += [Fault(bag, *fault) for bag, each in zip(indexed, found, strict=True) for fault in each]
     faults += [Fault(bag, INDEX_FILE, "the index does not list this scene") for bag in bags if bag not in rows]
     return faults

@@ -1,16 +1,20 @@
-"""Parallel work over bags: a picklable function is mapped over items in processes, with results in order."""
+"""Parallel work over bags: a picklable function is mapped over items in a pool of workers, with results in order.
+
+The pools are ``Processes`` on this machine and ``cluster.ray_pool.RayPool`` on the nodes of a cluster.
+"""
 
 import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from dataclasses import dataclass
 from itertools import count, islice
 from multiprocessing.sharedctypes import Synchronized
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 from simbev_ros.errors import SimbevError
 
@@ -33,8 +37,54 @@ def report_step() -> None:
         _on_step()
 
 
+def call_on_step(function: Callable[[], None]) -> None:
+    """Let ``report_step`` call a function from now on."""
+    global _on_step
+    _on_step = function
+
+
+class Pool(Protocol):
+    """Workers over which work is spread."""
+
+    def map(
+        self, work: Callable[[W], R], items: Sequence[W], report: Callable[[int], None] = lambda steps: None
+    ) -> Iterator[R]:
+        """Map a picklable function over items and yield its results in order.
+
+        Items that have not been started when the caller stops iterating are not processed.
+
+        Args:
+            work: Called once for each item, in one of the workers; again if a worker on another machine is lost.
+            items: Picklable arguments of ``work``.
+            report: Called while results are awaited, with the number of steps done so far by all workers together.
+
+        Raises:
+            SimbevError: Workers were killed, as happens when memory runs out.
+        """
+
+
+@dataclass(frozen=True, slots=True)
+class Processes:
+    """A pool of processes on this machine.
+
+    Attributes:
+        workers: Number of processes; with 1, or a single item, the work is done in the calling process.
+    """
+
+    workers: int = 1
+
+    def map(
+        self, work: Callable[[W], R], items: Sequence[W], report: Callable[[int], None] = lambda steps: None
+    ) -> Iterator[R]:
+        """See ``Pool``."""
+        return map_in_processes(work, items, min(self.workers, max(len(items), 1)), report)
+
+
+OWN_PROCESS = Processes(1)
+
+
 def map_in_processes(
-    work: Callable[[W], R], items: Iterable[W], jobs: int, report: Callable[[int], None] = lambda steps: None
+    work: Callable[[W], R], items: Iterable[W], workers: int, report: Callable[[int], None] = lambda steps: None
 ) -> Iterator[R]:
     """Map a picklable function over items in processes and yield its results in order.
 
@@ -43,23 +93,23 @@ def map_in_processes(
     Args:
         work: Called once for each item, in one of the processes.
         items: Picklable arguments of ``work``.
-        jobs: Number of processes; with 1, ``work`` is called in the calling process.
+        workers: Number of processes; with 1, ``work`` is called in the calling process.
         report: Called while results are awaited, with the number of steps done so far by all processes together.
 
     Raises:
         SimbevError: A process was killed, as happens when memory runs out.
     """
-    if jobs == 1:
+    if workers == 1:
         steps = count(1)
-        _call_on_step(lambda: report(next(steps)))
+        call_on_step(lambda: report(next(steps)))
         yield from map(work, items)
         return
     rest, existing_children, done = iter(items), set(multiprocessing.active_children()), multiprocessing.Value("q", 0)
-    with ProcessPoolExecutor(jobs, initializer=_set_up_worker, initargs=(done,)) as pool:
+    with ProcessPoolExecutor(workers, initializer=_set_up_worker, initargs=(done,)) as pool:
         try:
             with _interrupts_blocked():  # the first submit starts the processes; no interrupt may hit them halfway
                 waiting: list[Future[R]] = [
-                    pool.submit(work, item) for item in islice(rest, jobs * _QUEUED_PER_PROCESS)
+                    pool.submit(work, item) for item in islice(rest, workers * _QUEUED_PER_PROCESS)
                 ]
             while waiting:
                 while not wait([waiting[0]], _POLL_S).done:
@@ -99,7 +149,7 @@ def _set_up_worker(done: "Synchronized[int]") -> None:
         with done.get_lock():
             done.value += 1
 
-    _call_on_step(count_step)
+    call_on_step(count_step)
 
 
 def _end_with_parent() -> None:
@@ -107,8 +157,3 @@ def _end_with_parent() -> None:
     assert parent is not None, "a worker has a parent"
     parent.join()
     os._exit(1)
-
-
-def _call_on_step(function: Callable[[], None]) -> None:
-    global _on_step
-    _on_step = function

@@ -1,6 +1,6 @@
 """Statistics of a dataset, or of one bag: settings of its scenes, and counts over their frames.
 
-Batches of frames are read in parallel processes; in a large dataset only every Nth frame of each scene is read.
+Batches of frames are read in parallel; in a large dataset only every Nth frame of each scene is read.
 """
 
 from collections.abc import Callable
@@ -10,7 +10,7 @@ from functools import lru_cache
 import numpy as np
 
 from simbev_ros.dataset import Dataset, Scene, open_dataset
-from simbev_ros.dataset.parallel import map_in_processes
+from simbev_ros.dataset.parallel import OWN_PROCESS, Pool
 from simbev_ros.dataset.tallies import Tally
 from simbev_ros.errors import InputError
 from simbev_ros.object_store.object_path import AnyPath
@@ -79,7 +79,7 @@ class Statistics:
 
 @dataclass(frozen=True, slots=True)
 class _Batch:
-    """A batch of frames of a scene, which one process reads.
+    """A batch of frames of a scene, which one worker reads.
 
     Attributes:
         dataset: The dataset's folder, or the bag.
@@ -95,13 +95,13 @@ class _Batch:
 
 
 def statistics_of(
-    dataset: Dataset, jobs: int = 1, progress: Callable[[int, int], None] = lambda done, total: None
+    dataset: Dataset, pool: Pool = OWN_PROCESS, progress: Callable[[int, int], None] = lambda done, total: None
 ) -> Statistics:
     """Compute the statistics of a dataset from its frames.
 
     Args:
         dataset: A dataset with at least one scene.
-        jobs: Number of processes.
+        pool: Workers that read frames.
         progress: Called with the number of frames read so far and the number of frames that will be read.
 
     Raises:
@@ -114,7 +114,7 @@ def statistics_of(
     batches = {scene.path: _batches(dataset, scene, every) for scene in dataset.scenes}
     work = [batch for each in batches.values() for batch in each]
     total, done = sum(len(batch.ticks) for batch in work), 0
-    results = map_in_processes(_tally_batch, work, min(jobs, len(work)))
+    results = pool.map(_tally_batch, work)
     total_tally, facts, visited = Tally(), [], dict[str, Int64Array]()
     for scene in dataset.scenes:
         tally = Tally()

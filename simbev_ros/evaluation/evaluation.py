@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from simbev_ros.dataset import Scene
-from simbev_ros.dataset.parallel import map_in_processes
+from simbev_ros.dataset.parallel import OWN_PROCESS, Pool
 from simbev_ros.errors import InputError
 from simbev_ros.evaluation.metrics.curves import Curve
 from simbev_ros.evaluation.metrics.detection import (
@@ -69,7 +69,7 @@ def evaluate(
     scenes: Sequence[Scene],
     predictions: PredictionSet,
     options: EvaluationOptions | None = None,
-    jobs: int = 1,
+    pool: Pool = OWN_PROCESS,
     report: Callable[[int], None] = lambda frames: None,
 ) -> Evaluation:
     """Evaluate predictions on recorded scenes.
@@ -78,7 +78,7 @@ def evaluate(
         scenes: Scenes with ground truth; a scene without predictions counts as missed.
         predictions: Predictions for these scenes; predictions for other scenes are ignored.
         options: What to evaluate; None selects the settings of the paper.
-        jobs: Number of processes.
+        pool: Workers that share the scenes.
         report: Callback that receives the number of finished frames.
 
     Raises:
@@ -87,7 +87,7 @@ def evaluate(
     """
     options = options or EvaluationOptions()
     task = _SceneTask(predictions, options)
-    tallies = list(map_in_processes(task, scenes, min(jobs, max(len(scenes), 1)), report))
+    tallies = list(pool.map(task, scenes, report))
     if not any(len(each.frames) for each in tallies):
         raise InputError(f"{predictions.path}: no frame of {len(tallies)} scenes is left to evaluate")
     return evaluation_from_tallies(tallies, options)

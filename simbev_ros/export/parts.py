@@ -1,7 +1,8 @@
 """Divides an export into parts and records which are finished, so that a killed export resumes. All exporters use it.
 
-A part is the files of one scene, or of some of its frames. Parts can be made in any order and in many processes, one
-process for a part; a part is small and is sent there. Whatever ends a run, a power cut too, this holds:
+A part is the files of one scene, or of some of its frames. Parts can be made in any order and in many processes, also
+on several machines, one process for a part; a part is small and is sent there. Whatever ends a run, a power cut too,
+this holds:
 
 1. ``Part.begin`` removes what an earlier part of the same name has left, and makes a staging folder.
 2. ``Part.write`` writes files to the staging folder.
@@ -15,6 +16,7 @@ Records and staging folders are in the export's folder ``.parts``. The caller ho
 
 import json
 import shutil
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -64,7 +66,7 @@ class Part:
         Raises:
             InputError: It is not; another process has changed the export.
         """
-        record = self.record()
+        record = self.record() or self._look_again()
         if record is None:
             raise InputError(f"{self._record_path}: this part of the export has been changed meanwhile")
         return record
@@ -145,6 +147,13 @@ class Part:
             else:
                 with write_errors(self.out):
                     shutil.rmtree(self._staging)
+
+    def _look_again(self) -> Json | None:
+        """The record; NFS remembers for a while that a file was not there, until its folders are opened."""
+        with suppress(OSError):
+            for folder in (self.out, self._record_path.parent):
+                list(folder.iterdir())
+        return self.record()
 
     @property
     def _record_path(self) -> Path:

@@ -19,7 +19,8 @@ def raising_interrupts() -> Iterator[None]:
     """Let the first SIGINT or SIGTERM raise ``Interrupted``; further ones are ignored, so that clean-up completes.
 
     Python drops what is raised in a destructor or in a callback of C code. An interrupt that arrives there is raised
-    again by a timer (SIGALRM).
+    again by a timer (SIGALRM). One that C code does not expect makes Python raise SystemError, with the interrupt as
+    its cause; it is raised in place of that.
     """
 
     def stop(_number: int, _frame: FrameType | None) -> None:
@@ -42,6 +43,10 @@ def raising_interrupts() -> Iterator[None]:
     before[signal.SIGALRM] = signal.signal(signal.SIGALRM, stop_again)
     try:
         yield
+    except SystemError as error:
+        if isinstance(error.__cause__, Interrupted):
+            raise error.__cause__ from None
+        raise
     finally:
         signal.setitimer(signal.ITIMER_REAL, 0)
         for number, handler in before.items():

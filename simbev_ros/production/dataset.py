@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from simbev_ros.cluster.node_check import check_nodes
+from simbev_ros.cluster.ray_cluster import RayCluster
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import Plan, PlannedEntry
@@ -18,7 +20,6 @@ from simbev_ros.production.dataset_maker import DatasetMaker
 from simbev_ros.production.observer import SILENT, ProductionObserver, SeveralObservers, observe_step
 from simbev_ros.production.workers.crew import Crew, OwnProcess
 from simbev_ros.production.workers.local_crew import LocalCrew
-from simbev_ros.production.workers.ray_cluster import RayCluster
 from simbev_ros.production.workers.ray_crew import RayCrew
 from simbev_ros.production.workers.ray_metrics import RayMetrics
 
@@ -97,7 +98,7 @@ def make_dataset(
         cluster = None if ray is None else held.enter_context(RayCluster(ray))
         lock = held.enter_context(hold_home(out))
         if cluster is not None:
-            cluster.check_nodes(None if isinstance(out, ObjectPath) else out)
+            check_nodes(cluster, *([] if isinstance(out, ObjectPath) else [out]))
             observer = SeveralObservers(observer, RayMetrics(out.name))
         plan, entries = plan_scenes(scenario, out, replace)
         plan.save(out)

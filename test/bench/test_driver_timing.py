@@ -10,6 +10,7 @@ from made_up_scene import made_up_scene
 from simbev_ros.bench.production import driver_timing
 from simbev_ros.bench.production.copying_workers import CopyingCrew, RecordedScene, copying_actor
 from simbev_ros.bench.production.driver_timing import require_space, timed_production
+from simbev_ros.cluster.node_check import Code
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.index import update_index
 from simbev_ros.dataset.plan import PlannedEntry, bag_of
@@ -86,7 +87,7 @@ def test_an_actor_copies_what_it_is_given(
 ) -> None:
     install_fake_ray(monkeypatch)
     scenario = Scenario.model_validate({"scenes": [{"map": "Blocks", "train": 1}], "rig": {"sensors": []}})
-    actor = copying_actor(recorded)("worker-1", Settings(scenario, place), {})
+    actor = copying_actor(recorded)("worker-1", Settings(scenario, place), Code("0.1.0", {}), {})
     assert actor.poll().messages == [Sign.READY]
     actor.give(ENTRY)
     made, ready = actor.poll().messages

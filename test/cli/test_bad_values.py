@@ -60,7 +60,7 @@ NUMBERS = [
     "generate demo --out OUT --replace NUMBER",
     "generate demo --out OUT --workers NUMBER --dry-run",
     "scene demo --count NUMBER",
-    "info BAG --jobs NUMBER",
+    "info BAG --workers NUMBER",
     "logs DATASET NUMBER",
     "preview BAG --frame NUMBER --out OUT",
     "preview --gallery --seed NUMBER --out OUT",

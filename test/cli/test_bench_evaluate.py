@@ -21,10 +21,10 @@ def run(*words: str) -> str:
 @pytest.mark.slow
 def test_bench_evaluate_counts_all_boxes_and_says_that_there_is_no_devkit(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(evaluate_timing, "devkit_python", lambda: None)
-    timing = json.loads(run("--jobs", "1", "--json"))
+    timing = json.loads(run("--workers", "1", "--json"))
     assert timing["truths"] == 2 * 320 * 81 and timing["devkit"] is None
     assert 0 < timing["costs"][0]["wall_ms"] < 60e3 and timing["memory_mib"] > 50
-    assert "There is no nuscenes-devkit" in run("--jobs", "2")
+    assert "There is no nuscenes-devkit" in run("--workers", "2")
 
 
 def test_scenes_are_hard_enough_to_mean_something() -> None:

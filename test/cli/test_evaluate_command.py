@@ -37,7 +37,7 @@ def called(*words: str | Path) -> Result:
 def test_tables_and_figures_say_the_same(dataset: Path, predictions: Path, tmp_path: Path) -> None:
     file = tmp_path / "figures.json"
     result = called(
-        predictions, dataset, "--json", file, "--by", "distance,weather", "--scenes", made.NAMES[0], "--jobs", "1"
+        predictions, dataset, "--json", file, "--by", "distance,weather", "--scenes", made.NAMES[0], "--workers", "1"
     )
     assert result.exit_code == 0, result.output
     figures = json.loads(file.read_text())
@@ -55,7 +55,7 @@ def test_figures_are_written_although_nobody_reads_the_tables(
         raise BrokenPipeError
 
     monkeypatch.setattr("simbev_ros.cli.evaluate.tables.print_tables", gone)
-    called(predictions, dataset, "--json", tmp_path / "figures.json", "--jobs", "1")
+    called(predictions, dataset, "--json", tmp_path / "figures.json", "--workers", "1")
     assert json.loads((tmp_path / "figures.json").read_text())["frames"]["evaluated"] == 20
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from fake_ray import install_fake_ray
 
-from simbev_ros.production.workers import ray_cluster
+from simbev_ros.cluster import ray_cluster
 
 pytestmark = pytest.mark.usefixtures("no_graph")
 

@@ -44,7 +44,7 @@ def test_info_is_that_of_the_folder(simbev: Simbev, folder: Path, url: str, part
 def test_the_report_is_that_of_the_folder(simbev: Simbev, folder: Path, url: str, tmp_path: Path) -> None:
     pages = tmp_path / "there.html", tmp_path / "here.html"
     for place, page in zip((url, folder), pages, strict=True):
-        assert simbev("info", place, "--report", page, "--jobs", 1).code == 0
+        assert simbev("info", place, "--report", page, "--workers", 1).code == 0
     assert pages[0].read_text() == pages[1].read_text()
 
 
@@ -56,7 +56,7 @@ def test_info_lists_a_bag_that_is_missing_in_the_store(simbev: Simbev, url: str)
 
 
 def test_verify_finds_what_it_finds_in_the_folder(simbev: Simbev, folder: Path, url: str) -> None:
-    there, here = (simbev("verify", place, "--json", "--jobs", 1) for place in (url, folder))
+    there, here = (simbev("verify", place, "--json", "--workers", 1) for place in (url, folder))
     assert there.code == here.code == 1  # made-up scenes have no accounts
     assert json.loads(there.out) == json.loads(here.out.replace(str(folder), url))
 
@@ -67,7 +67,7 @@ def test_verify_finds_a_flipped_byte_in_a_bag_and_in_a_dataset(simbev: Simbev, f
     content[len(content) // 2] ^= 1
     put_bytes(bytes(content), ObjectPath(BUCKET, f"sets/first/{bag}/Blocks-0001_0.mcap"))
     for place in (url, f"{url}/{bag}"):
-        answer = simbev("verify", place, "--json", "--jobs", 2)
+        answer = simbev("verify", place, "--json", "--workers", 2)
         faults = json.loads(answer.out)["faults"]
         assert answer.code == 1
         assert any("CRC" in fault["problem"] and fault["bag"] == f"{url}/{bag}" for fault in faults)
@@ -75,7 +75,7 @@ def test_verify_finds_a_flipped_byte_in_a_bag_and_in_a_dataset(simbev: Simbev, f
 
 def test_verify_finds_a_damaged_plan(simbev: Simbev, url: str) -> None:
     put_bytes(b"{", ObjectPath(BUCKET, "sets/first/plan.json"))
-    faults = json.loads(simbev("verify", url, "--json", "--jobs", 1).out)["faults"]
+    faults = json.loads(simbev("verify", url, "--json", "--workers", 1).out)["faults"]
     assert [(fault["bag"], fault["place"]) for fault in faults][-1] == (url, "plan.json")
 
 

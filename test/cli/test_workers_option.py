@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from simbev_ros.cli.generate import worker_count
+from simbev_ros.cli.pool import worker_count
 
 pytestmark = pytest.mark.usefixtures("no_graph")
 
@@ -21,4 +21,4 @@ def test_a_bad_number_of_workers_is_refused_in_one_line(
 
 
 def test_numbers_from_1_to_60_and_auto_are_allowed() -> None:
-    assert [worker_count(text) for text in (None, "auto", "1", "07", "60")] == [None, "auto", 1, 7, 60]
+    assert [worker_count(text, 60) for text in (None, "auto", "1", "07", "60")] == [None, "auto", 1, 7, 60]

@@ -10,6 +10,7 @@ from made_up_scene import MadeUp, made_up_scene
 
 from simbev_ros.dataset import open_dataset
 from simbev_ros.dataset import statistics as statistics_module
+from simbev_ros.dataset.parallel import Processes
 from simbev_ros.dataset.statistics import Statistics, statistics_of
 from simbev_ros.errors import InputError
 from simbev_ros.scene.legend import legend
@@ -23,7 +24,7 @@ def counted(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[MadeUp], Sta
         made_up_scene(folder / "scenes/train/Blocks-0000", ticks=60),
         made_up_scene(folder / "scenes/val/Blocks-0001", number=1, split="val", ticks=5),
     ]
-    return scenes, statistics_of(open_dataset(folder), jobs=2)
+    return scenes, statistics_of(open_dataset(folder), Processes(2))
 
 
 def all_boxes(scenes: list[MadeUp]) -> list[Table]:
@@ -136,5 +137,5 @@ def test_an_empty_dataset_is_refused(tmp_path: Path) -> None:
 def test_two_scenes_with_the_same_name_are_both_counted(tmp_path: Path) -> None:
     for split, ticks in (("train", 5), ("val", 3)):
         made_up_scene(tmp_path / "scenes" / split / "Blocks-0000", split=split, ticks=ticks)
-    statistics = statistics_of(open_dataset(tmp_path), jobs=2)
+    statistics = statistics_of(open_dataset(tmp_path), Processes(2))
     assert [scene.sampled_frames for scene in statistics.scenes] == [5, 3] and statistics.tally.frames == 8

@@ -111,12 +111,12 @@ def three_steps(number: int) -> int:
     return -number
 
 
-@pytest.mark.parametrize("jobs", [1, 2])
-def test_steps_are_reported_while_the_work_is_running(jobs: int) -> None:
+@pytest.mark.parametrize("workers", [1, 2])
+def test_steps_are_reported_while_the_work_is_running(workers: int) -> None:
     reported: list[int] = []
     results = []
-    for result in map_in_processes(three_steps, range(2), jobs, reported.append):
+    for result in map_in_processes(three_steps, range(2), workers, reported.append):
         results.append(result)
-        assert any(1 <= steps < 3 * jobs for steps in reported), "nothing was reported before the first result"
+        assert any(1 <= steps < 3 * workers for steps in reported), "nothing was reported before the first result"
     assert results == [0, -1]
     assert reported == sorted(reported) and reported[-1] <= 6

@@ -14,6 +14,7 @@ from simbev_ros.dataset import Dataset, open_dataset
 from simbev_ros.dataset.fetched_check import verify_fetched_bag
 from simbev_ros.dataset.index import indexed_bags, read_index, update_index
 from simbev_ros.dataset.opened import open_bag
+from simbev_ros.dataset.parallel import Processes
 from simbev_ros.dataset.plan import Plan
 from simbev_ros.dataset.statistics import statistics_of
 from simbev_ros.errors import BagError, InputError
@@ -123,7 +124,7 @@ def test_forked_processes_read_pickled_scenes(folder: Path, url: str) -> None:
 
 
 def test_statistics_are_those_of_the_folder(folder: Path, url: str) -> None:
-    there, here = (statistics_of(open_dataset(path, threads=1), jobs=2) for path in (url, folder))
+    there, here = (statistics_of(open_dataset(path, threads=1), Processes(2)) for path in (url, folder))
     assert [fact.boxes for fact in there.scenes] == [fact.boxes for fact in here.scenes]
     for name, counts in here.tally.counts.items():
         np.testing.assert_array_equal(there.tally.counts[name], counts)

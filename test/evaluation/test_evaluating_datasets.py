@@ -10,6 +10,7 @@ from pydantic import ValidationError
 
 from simbev_ros.config.evaluation import Evaluation as EvaluationSection
 from simbev_ros.dataset import open_dataset
+from simbev_ros.dataset.parallel import Processes
 from simbev_ros.errors import InputError
 from simbev_ros.evaluation.evaluation import Evaluation, evaluate
 from simbev_ros.evaluation.figures import figures_of
@@ -35,11 +36,11 @@ def write_answers(folder: Path, *parts: Predictions, grids: bool = False, frame_
 
 
 def run_evaluation(
-    dataset: Path, predictions: Path, options: EvaluationOptions | None = None, jobs: int = 1
+    dataset: Path, predictions: Path, options: EvaluationOptions | None = None, workers: int = 1
 ) -> Evaluation:
     scenes = open_dataset(dataset).scenes
     predictions = open_predictions(predictions).for_dataset([scene.name for scene in scenes])
-    return evaluate(scenes, predictions, options, jobs)
+    return evaluate(scenes, predictions, options, Processes(workers))
 
 
 def test_truth_as_prediction_is_perfect_in_every_table(dataset: Path, tmp_path: Path) -> None:
@@ -146,7 +147,7 @@ def test_processes_give_the_same_figures(dataset: Path, tmp_path: Path) -> None:
     own = made.truth()
     noisy = made.as_predicted(center_m=own.center_m + np.random.default_rng(1).normal(0, 0.5, own.center_m.shape))
     folder = write_answers(tmp_path, noisy, noisy, grids=True)
-    assert figures_of(run_evaluation(dataset, folder)) == figures_of(run_evaluation(dataset, folder, jobs=2))
+    assert figures_of(run_evaluation(dataset, folder)) == figures_of(run_evaluation(dataset, folder, workers=2))
 
 
 def test_every_nth_frame_is_evaluated(dataset: Path, tmp_path: Path) -> None:

@@ -37,6 +37,23 @@ def test_a_finished_part_has_its_files_and_a_record(tmp_path: Path) -> None:
     assert contents(tmp_path) == {"x/a__0", "y/a__0"} and (tmp_path / "x/a__0").read_bytes() == b"x/a__0"
 
 
+def test_a_record_that_another_machine_wrote_is_found_when_the_folder_is_listed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make(part(tmp_path), "x/a__0")
+    read_bytes, listed = Path.read_bytes, list[Path]()
+
+    def read_if_listed(path: Path) -> bytes:
+        if tmp_path / PARTS_FOLDER not in listed:
+            raise FileNotFoundError
+        return read_bytes(path)
+
+    monkeypatch.setattr(Path, "read_bytes", read_if_listed)
+    monkeypatch.setattr(Path, "iterdir", lambda folder: [listed.append(folder)])
+    assert part(tmp_path).record() is None
+    assert part(tmp_path).finished_record()["count"] == 1
+
+
 def test_an_unfinished_part_has_no_file_at_its_final_path(tmp_path: Path) -> None:
     part(tmp_path).begin()
     part(tmp_path).write("x/a__0", b"")

@@ -1,5 +1,6 @@
 """Tests that the SimBEV layout, read back by its description, contains what was recorded, and that exports resume."""
 
+import gc
 import json
 import os
 from pathlib import Path
@@ -15,7 +16,9 @@ from typer.testing import CliRunner
 
 from simbev_ros.cli.main import app
 from simbev_ros.dataset import open_dataset
+from simbev_ros.dataset.frame import Frame
 from simbev_ros.errors import InputError
+from simbev_ros.export.parts import Part
 from simbev_ros.export.simbev import encodings
 from simbev_ros.export.simbev.export import finish, make_part, parts_of, remove_vanished
 from simbev_ros.semantics import BEV_CLASSES
@@ -279,13 +282,26 @@ def test_the_parts_beyond_the_end_of_a_shorter_scene_are_removed(tmp_path: Path)
 def test_the_command_exports_in_processes(tmp_path: Path) -> None:
     for number in range(2):
         made_up_scene(tmp_path / f"set/scenes/train/Blocks-{number:04d}", number=number, ticks=21)
-    arguments = ["export", "simbev", str(tmp_path / "set"), "--out", str(tmp_path / "out"), "--jobs", "2"]
+    arguments = ["export", "simbev", str(tmp_path / "set"), "--out", str(tmp_path / "out"), "--workers", "2"]
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 0 and "42 frames of 2 scenes" in result.output, result.output
     assert "42 of them were there already" in CliRunner().invoke(app, arguments).output
     infos = json.loads((tmp_path / "out/simbev/infos/simbev_infos_train.json").read_text())
     assert [len(scene["scene_data"]) for scene in infos["data"].values()] == [21, 21]
     assert (tmp_path / "out/simbev/configs/SimBEV-scene-0001.yaml").read_bytes() == b"seed: 1\n"
+
+
+def test_a_part_holds_one_frame_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made_up_scene(tmp_path / "set/scenes/train/Blocks-0000", ticks=5)
+    held: list[int] = []
+
+    def count_frames(*_: object) -> None:
+        held.append(sum(isinstance(each, Frame) for each in gc.get_objects()))
+
+    monkeypatch.setattr(Part, "write", count_frames)
+    for part in parts_of(open_dataset(tmp_path / "set"), tmp_path / "out"):
+        make_part(part)
+    assert max(held) <= 2, "the one that was read last, and the one before"
 
 
 def test_scenes_of_different_rigs_are_refused(tmp_path: Path) -> None:

@@ -31,6 +31,13 @@ def test_an_interrupt_in_a_destructor_is_raised_after_it() -> None:
     assert sys.unraisablehook is hook
 
 
+def test_an_interrupt_that_c_code_does_not_expect_is_raised_in_place_of_its_error() -> None:
+    with pytest.raises(Interrupted), raising_interrupts():
+        raise SystemError("returned a result with an exception set") from Interrupted()
+    with pytest.raises(SystemError, match="made up"), raising_interrupts():
+        raise SystemError("made up") from ValueError()
+
+
 def test_other_exceptions_of_destructors_are_reported_as_before() -> None:
     class Failing:
         def __del__(self) -> None:

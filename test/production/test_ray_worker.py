@@ -7,9 +7,10 @@ from typing import Any
 import pytest
 from fake_ray import ActorDiedError, FakeActor, FakeRay, RayTaskError, Ref, install_fake_ray
 
+from simbev_ros.cluster.node_check import Code
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import PlannedEntry
-from simbev_ros.errors import RenderError
+from simbev_ros.errors import InputError, RenderError
 from simbev_ros.maps.source import map_spec
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.production.workers import ray_worker
@@ -21,6 +22,7 @@ from simbev_ros.render.gl.devices import EglDevice
 
 ENTRY = PlannedEntry(number=3, map="Blocks", split="val")
 SCENARIO = Scenario.model_validate({"scenes": [{"map": "Blocks", "train": 1}], "rig": {"sensors": []}})
+CODE = Code.here()
 NODE = "node abcdef at 10.0.0.1"
 
 
@@ -39,7 +41,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
 
 @pytest.fixture
 def worker(ray: FakeRay) -> RayWorker:
-    return RayWorker(Worker("worker-1", ""), Needs(2, 1024, 0.25), Settings(SCENARIO, None), {})
+    return RayWorker(Worker("worker-1", ""), Needs(2, 1024, 0.25), Settings(SCENARIO, None), CODE, {})
 
 
 @pytest.fixture
@@ -56,7 +58,7 @@ def placed(worker: RayWorker, actor: FakeActor) -> None:
 def test_an_actor_asks_for_what_its_worker_needs_and_is_not_restarted(actor: FakeActor) -> None:
     wanted = {"num_cpus": 2, "num_gpus": 0.25, "memory": 1 << 30, "max_restarts": 0, "scheduling_strategy": "SPREAD"}
     assert wanted.items() <= actor.options.items()
-    assert actor.arguments == ("worker-1", Settings(SCENARIO, None), {})
+    assert actor.arguments == ("worker-1", Settings(SCENARIO, None), CODE, {})
 
 
 def test_an_actor_that_waits_for_room_is_never_silent(worker: RayWorker, actor: FakeActor, clock: list[float]) -> None:
@@ -158,14 +160,26 @@ class FakeLocalWorker:
 
 
 def actor_with(
-    monkeypatch: pytest.MonkeyPatch, batches: list[list[Any] | WorkerLost], files: Mapping[MapSpec, Any] | None = None
+    monkeypatch: pytest.MonkeyPatch,
+    batches: list[list[Any] | WorkerLost],
+    files: Mapping[MapSpec, Any] | None = None,
+    code: Code = CODE,
 ) -> WorkerActor:
     """An actor whose process sends batches of messages."""
     monkeypatch.setattr(FakeLocalWorker, "batches", batches, raising=False)
     monkeypatch.setattr(ray_worker, "LocalWorker", FakeLocalWorker)
     monkeypatch.setattr(ray_worker, "wait", lambda connections, timeout_s: connections)
     monkeypatch.setenv(ray_worker.MAP_FILES_VARIABLE, "")
-    return WorkerActor("worker-1", Settings(SCENARIO, None), files or {})
+    return WorkerActor("worker-1", Settings(SCENARIO, None), code, files or {})
+
+
+def test_an_actor_on_a_node_with_other_code_refuses_to_work(ray: FakeRay, monkeypatch: pytest.MonkeyPatch) -> None:
+    actor = actor_with(monkeypatch, [], code=Code("0.0.9", CODE.inputs))
+    [refusal] = actor.poll().messages
+    assert isinstance(refusal, InputError)
+    assert str(refusal) == f"{NODE}: has simbev_ros {CODE.version}, this machine 0.0.9"
+    actor.give(ENTRY)
+    actor.end()
 
 
 def test_an_actor_passes_on_at_once_what_the_driver_waits_for(ray: FakeRay, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,13 +9,13 @@ from fake_graph import FakeGraph, Scenarios
 from fake_ray import FakeRay, install_fake_ray
 from replayable_scene import replayable_scene
 
+from simbev_ros.cluster import node_check
 from simbev_ros.config.evaluation import Evaluation
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.index import read_index, update_index
 from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.errors import DiskError, GraphError, InputError
 from simbev_ros.production import ProductionObserver, ReplayResult, replay_bags
-from simbev_ros.production.workers import ray_cluster
 from simbev_ros.recording.layout import partial_of
 from simbev_ros.scene.spec import SceneSpec
 
@@ -201,9 +201,11 @@ def test_a_node_that_does_not_see_the_bags_is_refused_before_anything_is_written
     merge: str | None,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(ray_cluster, "_code", dict)
-    monkeypatch.setattr(ray_cluster, "_bag_problem", lambda files: f"cannot read {next(iter(files))}")
+    asked = list[object]()
+    answer = f"does not see {dataset} as this machine does"
+    monkeypatch.setattr(node_check, "node_problem", lambda *question: asked.extend(question) or answer)
     before, bag = content(tmp_path), dataset / "scenes/train/Blocks-0000/Blocks-0000_0.mcap"
-    with pytest.raises(InputError, match=rf"^node aaaaaa at 10\.0\.0\.1: cannot read {bag}$"):
+    with pytest.raises(InputError, match=rf"^node aaaaaa at 10\.0\.0\.1: {answer}$"):
         replay_bags(rig, [dataset], out=None if merge else tmp_path / "night", merge=merge, ray="auto")
+    assert str(bag) in repr(asked)
     assert content(tmp_path) == before and not (tmp_path / "night").exists() and not ray.is_open

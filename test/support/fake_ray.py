@@ -1,4 +1,7 @@
-"""A Ray cluster without processes, in place of the module ``ray``: tests say what its nodes and actors answer."""
+"""A Ray cluster without processes, in place of the module ``ray``: tests say what its nodes and actors answer.
+
+Tasks that may run on any node are run in this process when they are waited for.
+"""
 
 import socket
 import sys
@@ -75,6 +78,38 @@ class FakeActor:
         return Ref(None)
 
 
+class CalledActor:
+    """An actor whose methods are called at once."""
+
+    def __init__(self, instance: Any) -> None:
+        self._instance, self.calls = instance, list[str]()
+
+    def __getattr__(self, name: str) -> Any:
+        method = getattr(self._instance, name)
+        return SimpleNamespace(remote=lambda *arguments: Ref(method(*arguments)))
+
+
+class FakeTask(Ref):
+    """A task that has been submitted.
+
+    Attributes:
+        arguments: Arguments of its function.
+        cancels: Whether each request to end it was one by force.
+    """
+
+    def __init__(self, function: Any, arguments: tuple[Any, ...]) -> None:
+        super().__init__()
+        self._function, self.cancels = function, list[bool]()
+        self.arguments = [each.get() if isinstance(each, Ref) else each for each in arguments]
+
+    def run(self, loss: Exception | None) -> None:
+        """Run it to its end, or lose it."""
+        try:
+            self.values.append(loss or self._function(*self.arguments))
+        except Exception as error:
+            self.values.append(RayTaskError(f"Traceback\n{error}", error))
+
+
 class FakeGauge:
     """A metric; ``values`` has the latest value of each by name."""
 
@@ -100,6 +135,10 @@ class FakeRay(ModuleType):
         answers: What a function with a name answers on the node with an id; otherwise it is called here.
         actors: All actors that were started.
         gpu_ids: GPUs that an actor was given.
+        tasks: All tasks that may run on any node.
+        task_options: What the latest one asks for.
+        losses: Errors by which the next tasks are lost; None: it is not.
+        is_stuck: Whether tasks do not end by themselves, but by force.
         is_open: Whether there is a connection.
     """
 
@@ -111,6 +150,10 @@ class FakeRay(ModuleType):
         self.answers: dict[tuple[str, str], Any] = {}
         self.actors: list[FakeActor] = []
         self.gpu_ids: list[Any] = []
+        self.tasks: list[FakeTask] = []
+        self.task_options: dict[str, Any] = {}
+        self.losses: list[Exception | None] = []
+        self.is_stuck = False
         self.is_open = False
         self.exceptions = SimpleNamespace(RayError=RayError, GetTimeoutError=GetTimeoutError, RayTaskError=RayTaskError)
         self.util = ModuleType("ray.util")
@@ -140,10 +183,19 @@ class FakeRay(ModuleType):
     def nodes(self) -> list[dict[str, Any]]:
         return self.listed
 
-    def remote(self, actor_class: Any = None, *, scheduling_strategy: Any = None, **_: Any) -> Any:
-        """Functions with a node to run on, and classes of actors."""
-        if actor_class is not None:
+    def remote(self, actor_class: Any = None, *, scheduling_strategy: Any = None, **options: Any) -> Any:
+        """Functions with a node to run on, functions that may run on any node, and classes of actors."""
+        if hasattr(actor_class, "poll"):
             return SimpleNamespace(options=lambda **options: SimpleNamespace(remote=self._starter(options)))
+        if actor_class is not None:
+            return SimpleNamespace(options=lambda **_: SimpleNamespace(remote=lambda: CalledActor(actor_class())))
+
+        def on_any(function: Any) -> Any:
+            self.task_options = options
+            return SimpleNamespace(remote=lambda *arguments: self._submit(FakeTask(function, arguments)))
+
+        if scheduling_strategy == "SPREAD":
+            return on_any
 
         def on_node(function: Any) -> Any:
             key = (function.__name__, scheduling_strategy)
@@ -160,16 +212,30 @@ class FakeRay(ModuleType):
 
         return start
 
+    def _submit(self, task: FakeTask) -> FakeTask:
+        self.tasks.append(task)
+        return task
+
+    def cancel(self, task: FakeTask, *, force: bool) -> None:
+        task.cancels.append(force)
+        if force or not self.is_stuck:
+            task.values.append(RayError("cancelled"))
+
     def get(self, ref: Ref, timeout: float | None = None) -> Any:
         return ref.get()
 
-    def wait(self, refs: list[Ref], num_returns: int = 1, timeout: float | None = None) -> tuple[list[Ref], list[Ref]]:
+    def wait(
+        self, refs: list[Ref], num_returns: int = 1, timeout: float | None = None, fetch_local: bool = True
+    ) -> tuple[list[Ref], list[Ref]]:
+        for ref in refs:
+            if isinstance(ref, FakeTask) and not ref.values and not self.is_stuck:
+                ref.run(self.losses.pop(0) if self.losses else None)
         return [ref for ref in refs if ref.values], [ref for ref in refs if not ref.values]
 
     def put(self, value: Any) -> Ref:
         return Ref(value)
 
-    def kill(self, actor: FakeActor, *, no_restart: bool) -> None:
+    def kill(self, actor: FakeActor | CalledActor, *, no_restart: bool) -> None:
         assert no_restart
         actor.calls.append("kill")
 

@@ -14,6 +14,8 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any, ClassVar, Self
 
+from simbev_ros.cluster.node_check import Code
+from simbev_ros.cluster.ray_cluster import this_node
 from simbev_ros.dataset.index_row import Row, index_row
 from simbev_ros.dataset.plan import PlannedEntry, bag_of
 from simbev_ros.errors import InputError, SimbevError
@@ -22,7 +24,6 @@ from simbev_ros.production.scene_cost import SceneCost
 from simbev_ros.production.scene_maker import FailedScene, MadeScene
 from simbev_ros.production.workers.crew import SceneEnding, Worker
 from simbev_ros.production.workers.messages import Settings, Sign
-from simbev_ros.production.workers.ray_cluster import this_node
 from simbev_ros.production.workers.ray_worker import Answer
 from simbev_ros.recording.layout import finished_scenes
 from simbev_ros.recording.whole_files import write_errors
@@ -122,7 +123,7 @@ class _CopyingActor:
 
     recorded: ClassVar[RecordedScene]
 
-    def __init__(self, name: str, settings: Settings, map_files: Mapping[MapSpec, Any]) -> None:
+    def __init__(self, name: str, settings: Settings, code: Code, map_files: Mapping[MapSpec, Any]) -> None:
         assert settings.staging is not None, "nodes and driver share a folder"
         self._node, self._staging = this_node(), settings.staging
         self._messages: SimpleQueue[Any] = SimpleQueue()

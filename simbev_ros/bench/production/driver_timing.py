@@ -13,6 +13,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from simbev_ros.bench.production.copying_workers import CopyingCrew, RecordedScene, copying_actor
+from simbev_ros.cluster.node_check import check_nodes
+from simbev_ros.cluster.ray_cluster import RayCluster
 from simbev_ros.config.load import load_scenario
 from simbev_ros.dataset.growing_index import GrowingIndex
 from simbev_ros.dataset.index import index_table
@@ -23,7 +25,6 @@ from simbev_ros.production.dataset_folder import DatasetFolder
 from simbev_ros.production.dataset_maker import DatasetMaker
 from simbev_ros.production.observer import ProductionObserver, SeveralObservers
 from simbev_ros.production.workers.crew import Crew
-from simbev_ros.production.workers.ray_cluster import RayCluster
 from simbev_ros.production.workers.ray_crew import RayCrew
 from simbev_ros.production.workers.ray_metrics import RayMetrics
 from simbev_ros.recording.layout import scenes_folder
@@ -217,7 +218,7 @@ def _make(recorded: RecordedScene, count: int, out: Path, workers: int, ray: str
         cluster = None if ray is None else held.enter_context(RayCluster(ray))
         held.enter_context(DatasetLock(out))
         if cluster is not None:
-            cluster.check_nodes(out)
+            check_nodes(cluster, out)
         plan = Plan().with_entries(PlannedEntry(number=k, map=map_name, split=split) for k in range(count))
         plan.save(out)
         scenes_folder(out).mkdir()

@@ -1,6 +1,5 @@
 """``simbev bench`` commands that time work on data: reading, recording, evaluation, and maps."""
 
-import os
 import tempfile
 from pathlib import Path
 from typing import Annotated
@@ -10,6 +9,7 @@ import typer
 from simbev_ros.cli.bench.number_list import numbers_in
 from simbev_ros.cli.bench.report import Json, show_timing
 from simbev_ros.cli.console import counting_bar, make_console
+from simbev_ros.cli.pool import Workers, processes
 from simbev_ros.recording.whole_files import require_writable
 
 _MAX_SIDES = 30
@@ -83,7 +83,7 @@ def evaluate(
     scenes: Annotated[
         int, typer.Option(help="Number of scenes of 320 frames with 81 boxes each; the paper has 320.", min=1)
     ] = 320,
-    jobs: Annotated[int | None, typer.Option(help="Scenes at once; default: number of cores.", min=1)] = None,
+    workers: Workers = None,
     as_json: Json = False,
 ) -> None:
     """Time the detection metrics on synthetic boxes with noisy predictions: matching by IoU and by distance, averages.
@@ -97,8 +97,9 @@ def evaluate(
     """
     from simbev_ros.bench.evaluate_timing import timed_evaluation
 
+    pool = processes(workers)
     with counting_bar("scenes", make_console(stderr=True), scenes) as bar:
-        result = timed_evaluation(scenes, jobs or os.cpu_count() or 1, bar.advance)
+        result = timed_evaluation(scenes, pool.workers, bar.advance)
     show_timing(
         result, result.title(), ("", "s", "CPU s"), result.rows(), as_json=as_json, comparison=result.comparison()
     )

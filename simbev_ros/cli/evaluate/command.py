@@ -1,7 +1,6 @@
 """``simbev evaluate``: measures predictions with the metrics of the paper."""
 
 import json
-import os
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -9,6 +8,7 @@ import typer
 
 from simbev_ros.cli.console import counting_bar, make_console
 from simbev_ros.cli.output_file import require_place
+from simbev_ros.cli.pool import Workers, processes
 from simbev_ros.recording.whole_files import write_errors
 
 _WORDS = "with commas between"
@@ -81,7 +81,7 @@ def evaluate(
     json_file: Annotated[
         Path | None, typer.Option("--json", help="File for all figures.", rich_help_panel=_OUTPUT)
     ] = None,
-    jobs: Annotated[int | None, typer.Option(help="Scenes at once; default: number of cores.", min=1)] = None,
+    workers: Workers = None,
 ) -> None:
     """Measure predictions: AP by 3D IoU and distance, mAP, ATE, AOE, ASE, AVE, SDS, and bird's-eye-view IoU.
 
@@ -131,6 +131,7 @@ def evaluate(
         every=every,
         nuscenes=nuscenes,
     )
+    pool = processes(workers)
     for file in filter(None, (report, json_file)):
         require_place(file)
     opened, console = open_dataset(dataset, threads=1), make_console(highlight=False)
@@ -138,7 +139,7 @@ def evaluate(
     predicted = open_predictions(predictions, boxes_topic, grids_topic).for_dataset([s.name for s in opened.scenes])
     frames = sum(len(range(0, len(scene), every)) for scene in chosen)
     with counting_bar("frames", make_console(stderr=True), frames) as bar:
-        result = evaluate_dataset(chosen, predicted, options, jobs or os.cpu_count() or 1, bar.show)
+        result = evaluate_dataset(chosen, predicted, options, pool, bar.show)
     figures = {"dataset": str(dataset), "predictions": str(predictions), **figures_of(result)}
     if json_file is not None:  # before the tables, whose reader may close the pipe, as head does
         with write_errors(json_file):

@@ -1,13 +1,15 @@
 """``simbev export nuscenes``: writes a dataset in the layout of nuScenes."""
 
-import os
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from simbev_ros.cli.console import counting_bar, make_console, plural
+from simbev_ros.cli.pool import Ray, Workers, open_pool, shared_path
 from simbev_ros.errors import SimbevError
+
+_MODULE, _MEMORY_MIB = "simbev_ros.export.nuscenes.export", 1024
 
 
 def export_nuscenes(
@@ -19,7 +21,8 @@ def export_nuscenes(
     all_frames: Annotated[bool, typer.Option("--all-frames", help="Every frame is a sample.")] = False,
     sweeps: Annotated[bool, typer.Option(help="Write the sensor data between samples.")] = True,
     version: Annotated[str, typer.Option(help="Name of the folder of tables.")] = "v1.0-trainval",
-    jobs: Annotated[int | None, typer.Option(help="Scenes at once; default: number of cores.", min=1)] = None,
+    workers: Workers = None,
+    ray: Ray = None,
 ) -> None:
     """Write finished scenes in the layout of nuScenes for its devkit: tables, samples, sweeps, masks of maps.
 
@@ -36,20 +39,23 @@ def export_nuscenes(
     simbev export nuscenes datasets/first --out exported
 
     simbev export nuscenes datasets/first --out exported --keyframe-hz 4 --no-sweeps
+
+    simbev export nuscenes /shared/datasets/first --out /shared/exported --ray auto
     """
     from simbev_ros.dataset import open_dataset
     from simbev_ros.export.nuscenes.export import export_nuscenes
 
-    opened = open_dataset(dataset, threads=1)
+    opened, out = open_dataset(shared_path(dataset, ray), threads=1), shared_path(out, ray)
     rate_hz = None if all_frames else keyframe_hz
-    with counting_bar("frames", make_console(stderr=True), elapsed=True) as bar:
+    pooled = open_pool(workers, ray, module=_MODULE, memory_mib=_MEMORY_MIB, reads=[dataset], writes=[out])
+    with pooled as pool, counting_bar("frames", make_console(stderr=True), elapsed=True) as bar:
         done = export_nuscenes(
             opened,
             out,
             keyframe_hz=rate_hz,
             sweeps=sweeps,
             version=version,
-            jobs=jobs or os.cpu_count() or 1,
+            pool=pool,
             report=bar.show,
         )
     console = make_console(soft_wrap=True, highlight=False)

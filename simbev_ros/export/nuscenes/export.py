@@ -1,4 +1,4 @@
-"""Exports a dataset to nuScenes' layout: scenes in parallel processes, then masks of maps and the tables.
+"""Exports a dataset to nuScenes' layout: scenes in parallel, then masks of maps and the tables.
 
 The entry point of ``simbev export nuscenes``: an opened dataset enters; a folder that the devkit can open leaves.
 """
@@ -9,7 +9,7 @@ from pathlib import Path
 
 from simbev_ros.dataset import Dataset, Scene
 from simbev_ros.dataset.lock import DatasetLock
-from simbev_ros.dataset.parallel import map_in_processes
+from simbev_ros.dataset.parallel import OWN_PROCESS, Pool
 from simbev_ros.errors import BagError, InputError
 from simbev_ros.export.nuscenes.map_masks import sites_of, write_mask
 from simbev_ros.export.nuscenes.scene_part import ScenePart, make_part, parts_of
@@ -46,7 +46,7 @@ def export_nuscenes(
     keyframe_hz: float | None = 2.0,
     sweeps: bool = True,
     version: str = VERSION,
-    jobs: int = 1,
+    pool: Pool = OWN_PROCESS,
     report: Callable[[int, int], None] = lambda done, total: None,
 ) -> Exported:
     """Export the finished scenes of a dataset; scenes that are already in the folder and have not changed are kept.
@@ -57,7 +57,7 @@ def export_nuscenes(
         keyframe_hz: Number of keyframes, which have annotations, per second; None: every frame is one.
         sweeps: Whether to write sensor data between keyframes.
         version: Name of the tables' folder.
-        jobs: Number of scenes that are exported in parallel.
+        pool: Workers that export scenes.
         report: Called from time to time with the number of finished frames and the number of all frames to export.
 
     Raises:
@@ -72,7 +72,7 @@ def export_nuscenes(
         raise InputError(f"{out}: it holds data of nuScenes' layout that simbev has not written; take another folder")
     with DatasetLock(out), write_errors(out):
         missing = [part for part in parts if part.record() is None]
-        failures = _make_parts(missing, jobs, report)
+        failures = _make_parts(missing, pool, report)
         finished = [part for part in parts if part.scene.name not in failures]
         summaries = [{**part.summary(), "bag": str(part.scene.path)} for part in finished]
         if finished:
@@ -86,12 +86,11 @@ def export_nuscenes(
     return Exported(len(finished), len(missing) - len(failures), samples, files, failures)
 
 
-def _make_parts(parts: Sequence[ScenePart], jobs: int, report: Callable[[int, int], None]) -> dict[str, str]:
+def _make_parts(parts: Sequence[ScenePart], pool: Pool, report: Callable[[int, int], None]) -> dict[str, str]:
     """Make parts in parallel; return why scenes could not be exported, by name of the scene."""
     frames = sum(_frame_count(part.scene) for part in parts)
     report(0, frames)
-    jobs = min(jobs, max(len(parts), 1))
-    problems = list(map_in_processes(_problem_of, parts, jobs, lambda done: report(done, frames)))
+    problems = list(pool.map(_problem_of, parts, lambda done: report(done, frames)))
     report(frames, frames)
     return {part.scene.name: problem for part, problem in zip(parts, problems, strict=True) if problem is not None}
 

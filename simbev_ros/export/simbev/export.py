@@ -110,7 +110,8 @@ def make_part(part: FramesPart) -> int:
     made = channels(scene)
     frames = []
     part.begin()
-    for frame in scene[part.first : part.first + part.count]:
+    for tick in range(part.first, part.first + part.count):
+        frame = scene[tick]  # one at a time: a frame keeps its images
         if "odom" not in frame:
             continue  # end of a truncated bag
         files = {c.name: c.path(part.number, frame.tick) for c in made if all(key in frame for key in c.keys)}

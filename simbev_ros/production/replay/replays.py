@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from simbev_ros.cluster.node_check import check_nodes
+from simbev_ros.cluster.ray_cluster import RayCluster
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import PlannedEntry, bag_of
@@ -19,10 +21,9 @@ from simbev_ros.production.record_folder import hold_bags
 from simbev_ros.production.replay.entry import ReplayedEntry, checked_scene, replayed_scene, require_distinct
 from simbev_ros.production.replay.home import ReplayHome
 from simbev_ros.production.replay.selection import folder_of, require_mergeable, select_bags
-from simbev_ros.production.workers.ray_cluster import RayCluster
 from simbev_ros.production.workers.ray_metrics import RayMetrics
 from simbev_ros.recording.layout import additional_folder
-from simbev_ros.recording.whole_files import nearest_existing, require_writable
+from simbev_ros.recording.whole_files import require_writable
 from simbev_ros.scene.spec import SceneSpec
 
 
@@ -94,7 +95,7 @@ def replay_bags(
     with ExitStack() as held:
         cluster = None if ray is None else held.enter_context(RayCluster(ray))
         if cluster is not None:
-            _require_shared(cluster, place, selection.bags)
+            check_nodes(cluster, place, reads=selection.bags)
             observer = SeveralObservers(observer, RayMetrics(place.name))
         entries = [ReplayedEntry.of(checked_scene(bag, loaded, observer), bag) for bag in selection.bags]
         require_distinct(entries)
@@ -116,12 +117,6 @@ def _require_recordable(scenario: Scenario, out: Path | None, merge: str | None)
         raise InputError("evaluation: several graphs evaluate no stack; remove the section, or replay on one graph")
     if out is not None:
         require_writable(out)
-
-
-def _require_shared(cluster: RayCluster, place: Path, bags: Sequence[Path]) -> None:
-    """Check that all nodes see the bags and the folder to record into, or the one that it will be made in."""
-    folder = nearest_existing(place.absolute())
-    cluster.check_nodes(folder, bags, "replays must be recorded into a folder that all nodes see")
 
 
 def _target(entry: ReplayedEntry, out: Path | None, label: str | None) -> Path:

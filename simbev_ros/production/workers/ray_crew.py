@@ -7,6 +7,8 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
+from simbev_ros.cluster.node_check import Code
+from simbev_ros.cluster.ray_cluster import RayCluster, largest
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.errors import GraphError, InputError
@@ -20,7 +22,6 @@ from simbev_ros.production.scene_maker import Deliveries, MadeScene, keep_bags
 from simbev_ros.production.workers.crew import Worker
 from simbev_ros.production.workers.machine_capacity import MEMORY_MARGIN
 from simbev_ros.production.workers.messages import Settings
-from simbev_ros.production.workers.ray_cluster import RayCluster, largest
 from simbev_ros.production.workers.ray_worker import Needs, RayWorker, WorkerActor
 from simbev_ros.production.workers.team import Team
 
@@ -63,6 +64,8 @@ class RayCrew(Team):
         *,
         maps: Iterable[MapSpec] | None = None,
     ) -> None:
+        import ray
+
         super().__init__(observer)
         self._cluster, self._scenario, self._left = cluster, scenario, scenes
         self._staging, self._delivery_of, self._actor_class = staging, delivery_of, actor_class
@@ -70,7 +73,7 @@ class RayCrew(Team):
         self._looked_s, self._began_s = 0.0, time.monotonic()
         self._needs = self._first_needs()
         self._maps = tuple(maps_of(scenario) if maps is None else maps)
-        self._map_files = _share_files(self._maps)
+        self._map_files, self._code = _share_files(self._maps), ray.put(Code.here())
         self.machines = 1
         self._look_at_nodes()
 
@@ -117,7 +120,7 @@ class RayCrew(Team):
             worker = Worker(f"worker-{next(self._numbers)}", "")
             staging = None if self._staging is None else self._staging.absolute() / worker.name
             settings = Settings(self._scenario, staging, self._maps, delivery=self._delivery_of(worker.name))
-            self._hire(RayWorker(worker, self._needs, settings, self._map_files, self._actor_class))
+            self._hire(RayWorker(worker, self._needs, settings, self._code, self._map_files, self._actor_class))
 
     def _learn(self, scene: MadeScene) -> None:
         """Correct the needs by what a scene has cost, where they are off by much."""

@@ -9,14 +9,16 @@ from pathlib import Path
 from typing import Any
 
 from simbev_ros.cache.entries import default_cache_dir
+from simbev_ros.cluster.node_check import Code, node_problem
+from simbev_ros.cluster.ray_cluster import this_node
 from simbev_ros.config.camera import Camera
 from simbev_ros.dataset.plan import PlannedEntry
+from simbev_ros.errors import InputError
 from simbev_ros.maps.source import MAP_FILES_VARIABLE, name_of_copy
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.production.workers.crew import Worker
 from simbev_ros.production.workers.local_worker import PATIENCE_S, LocalWorker
 from simbev_ros.production.workers.messages import Report, Settings, Sign
-from simbev_ros.production.workers.ray_cluster import this_node
 from simbev_ros.production.workers.team import WorkerLost
 from simbev_ros.recording.whole_files import write_whole
 from simbev_ros.render.gl.devices import accessible_gpus
@@ -56,11 +58,15 @@ class WorkerActor:
     Args:
         name: Name of the worker.
         settings: What the worker's process needs to begin.
+        code: The code on the driver's machine. A node that has joined the cluster late was not checked before.
         map_files: Ray's references to the contents of map files, by what identifies each map.
     """
 
-    def __init__(self, name: str, settings: Settings, map_files: Mapping[MapSpec, Any]) -> None:
-        self._node = this_node()
+    def __init__(self, name: str, settings: Settings, code: Code, map_files: Mapping[MapSpec, Any]) -> None:
+        self._node, self._problem = this_node(), node_problem(code)
+        self._worker: LocalWorker | None = None
+        if self._problem is not None:
+            return
         os.environ[MAP_FILES_VARIABLE] = str(_fetch(map_files))
         if settings.scenario.rig.of_type(Camera) and (chosen := _own_gpus()):
             settings = replace(settings, rendering=settings.scenario.rendering.model_copy(update={"gpus": chosen}))
@@ -68,6 +74,8 @@ class WorkerActor:
 
     def poll(self) -> Answer:
         """The messages of about a second; less if the worker waits for the driver, or is lost."""
+        if self._worker is None:
+            return Answer(self._node, [InputError(f"{self._node}: {self._problem}")], None)
         messages: list[Any] = []
         end_s = time.monotonic() + _BATCH_S
         while (left_s := end_s - time.monotonic()) > 0.0:
@@ -82,12 +90,14 @@ class WorkerActor:
 
     def give(self, entry: PlannedEntry) -> None:
         """Let the process make a scene."""
-        self._worker.give(entry)
+        if self._worker is not None:
+            self._worker.give(entry)
 
     def end(self) -> None:
         """End the process, with its graph."""
-        self._worker.end()
-        self._worker.join()
+        if self._worker is not None:
+            self._worker.end()
+            self._worker.join()
 
 
 class RayWorker:
@@ -97,6 +107,7 @@ class RayWorker:
         worker: Its name; the machine becomes known when Ray has found one.
         needs: What it asks of its node.
         settings: What the worker's process needs to begin.
+        code: Ray's reference to the code on this machine.
         map_files: See ``WorkerActor``.
         actor_class: Class of the end on the node.
     """
@@ -106,6 +117,7 @@ class RayWorker:
         worker: Worker,
         needs: Needs,
         settings: Settings,
+        code: Any,
         map_files: Mapping[MapSpec, Any],
         actor_class: type[Any] = WorkerActor,
     ) -> None:
@@ -122,7 +134,7 @@ class RayWorker:
             max_restarts=0,
             scheduling_strategy="SPREAD",
         )
-        self._actor = actor.remote(worker.name, settings, map_files)
+        self._actor = actor.remote(worker.name, settings, code, map_files)
         self.poll = self._actor.poll.remote()
         self._end: Any = None
 

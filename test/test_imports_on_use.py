@@ -13,6 +13,7 @@ import pytest
         ("simbev_ros.dataset.plan", {"pyarrow", "rosbags", "simbev_ros.dataset.frame"}),
         ("simbev_ros.recording.reader", {"pyarrow"}),
         ("simbev_ros.production.play", {"pyarrow", "simbev_ros.dataset.frame", "simbev_ros.evaluation"}),
+        ("simbev_ros.production.dataset", {"scipy", "pyproj", "simbev_ros.production.scene_maker", "simbev_ros.world"}),
         ("simbev_ros.nodes.lidar_node", {"moderngl", "libsumo", "scipy.interpolate", "simbev_ros.maps.builder"}),
         ("simbev_ros.nodes.camera_node", {"open3d", "libsumo", "scipy.interpolate", "simbev_ros.assets.regions.build"}),
         ("simbev_ros.nodes.world_node", {"moderngl", "open3d", "simbev_ros.maps.builder"}),

@@ -23,6 +23,7 @@ from simbev_ros.errors import InputError
 from simbev_ros.input_file import path_exists, read_small_file
 from simbev_ros.limits import MAX_SCENE_NUMBER
 from simbev_ros.maps.source import map_spec
+from simbev_ros.maps.spec import MapSpec
 from simbev_ros.object_store.object_path import AnyPath, ObjectPath
 from simbev_ros.recording.layout import SCENES_FOLDER, scene_folder
 from simbev_ros.recording.whole_files import write_errors, write_whole
@@ -145,6 +146,15 @@ class Plan(Model):
             has = f"its numbers are {min(known)} to {max(known)}" if known else "it has none"
             raise InputError(f"the dataset has no scene {', '.join(map(str, unknown))}; {has}", parameter="replace")
         return [entry for entry in self.scenes if any(entry.number in each for each in numbers)]
+
+
+def maps_of(scenario: Scenario) -> list[MapSpec]:
+    """The maps of a configuration, in its order.
+
+    Raises:
+        InputError: There is no such town or file.
+    """
+    return list(dict.fromkeys(map_spec(wanted.map, bounds=wanted.bounds) for wanted in scenario.scenes))
 
 
 @overload

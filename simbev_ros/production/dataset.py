@@ -18,7 +18,7 @@ from simbev_ros.object_store.object_path import AnyPath, ObjectPath, path_or_url
 from simbev_ros.production.dataset_home import DatasetHome, hold_home, open_home
 from simbev_ros.production.dataset_maker import DatasetMaker
 from simbev_ros.production.observer import SILENT, ProductionObserver, SeveralObservers, observe_step
-from simbev_ros.production.workers.crew import Crew, OwnProcess
+from simbev_ros.production.workers.crew import Crew
 from simbev_ros.production.workers.local_crew import LocalCrew
 from simbev_ros.production.workers.ray_crew import RayCrew
 from simbev_ros.production.workers.ray_metrics import RayMetrics
@@ -149,6 +149,8 @@ def open_crew(
         maps: Maps whose files a cluster's nodes need; None: those of the configuration.
     """
     if not scenes or (workers is None and cluster is None):
+        from simbev_ros.production.workers.own_process import OwnProcess  # loads what makes scenes
+
         return OwnProcess(scenario, home.staging, observer, home.delivery_of)
     if cluster is not None:
         shared = None if isinstance(out, ObjectPath) else home.staging

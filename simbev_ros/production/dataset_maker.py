@@ -11,9 +11,9 @@ from simbev_ros.errors import DeliveryError, DiskError, GraphError, InputError, 
 from simbev_ros.graph.traces import sweep
 from simbev_ros.production.dataset_home import DatasetHome
 from simbev_ros.production.observer import SILENT, ProductionObserver
+from simbev_ros.production.scene_ending import FailedScene, LostScene, MadeScene, SceneEnding
 from simbev_ros.production.scene_log import Attempt
-from simbev_ros.production.scene_maker import FailedScene, MadeScene
-from simbev_ros.production.workers.crew import Crew, LostScene, SceneEnding, Worker
+from simbev_ros.production.workers.crew import Crew, Worker
 from simbev_ros.recording.bag_files import disk_error_consequence
 
 _POLL_S = 1.0

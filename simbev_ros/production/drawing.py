@@ -3,9 +3,8 @@
 from collections.abc import Iterable, Mapping
 
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.dataset.plan import PlannedEntry
+from simbev_ros.dataset.plan import PlannedEntry, maps_of
 from simbev_ros.errors import InputError
-from simbev_ros.maps.source import map_spec
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.surroundings import load_roads
@@ -24,15 +23,6 @@ def draw_scenes(scenario: Scenario, observer: ProductionObserver = SILENT) -> li
     networks = {spec: load_roads(spec, observer) for spec in dict.fromkeys(scene.map for scene in planned)}
     starts = {spec: start_positions(scenario, network) for spec, network in networks.items()}
     return [draw_scene(scenario, scene, networks[scene.map], starts[scene.map]) for scene in planned]
-
-
-def maps_of(scenario: Scenario) -> list[MapSpec]:
-    """The maps of a configuration, in its order.
-
-    Raises:
-        InputError: There is no such town or file.
-    """
-    return list(dict.fromkeys(map_spec(wanted.map, bounds=wanted.bounds) for wanted in scenario.scenes))
 
 
 class PlannedSceneDrawer:

@@ -6,73 +6,26 @@ here or on another machine.
 """
 
 import shutil
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Protocol
 
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.dataset.index_row import Row, index_row
+from simbev_ros.dataset.index_row import index_row
 from simbev_ros.dataset.plan import PlannedEntry, bag_of
 from simbev_ros.errors import SimbevError
 from simbev_ros.graph.session import GraphSession
 from simbev_ros.graph.traces import temporary_folder
 from simbev_ros.maps.spec import MapSpec
+from simbev_ros.production.delivery import Delivery
 from simbev_ros.production.drawing import PlannedSceneDrawer
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.play import play_on
 from simbev_ros.production.replay.entry import ReplayedEntry, replayed_scene
-from simbev_ros.production.scene_cost import CostMeter, SceneCost
+from simbev_ros.production.scene_cost import CostMeter
+from simbev_ros.production.scene_ending import FailedScene, MadeScene, Output
 from simbev_ros.production.surroundings import build_surroundings
 from simbev_ros.scene.spec import SceneSpec
-
-Output = Mapping[str, str]
-"""What the processes of a graph have written while they played a scene, by label of the process."""
-
-
-@dataclass(frozen=True, slots=True)
-class MadeScene:
-    """A scene whose bag is finished.
-
-    Attributes:
-        row: The scene's row of the dataset's index.
-        summary: One line on how it ended.
-        output: Output of the graph.
-        cost: What it took.
-    """
-
-    row: Row
-    summary: str
-    output: Output
-    cost: SceneCost
-
-
-@dataclass(frozen=True, slots=True)
-class FailedScene:
-    """An attempt at a scene that has left no bag, with its reason and the output of the graph."""
-
-    error: SimbevError
-    output: Output = field(default_factory=dict)
-
-
-class Delivery(Protocol):
-    """Takes a finished bag from the machine that made it to where the driver of the dataset finds it."""
-
-    def deliver(self, bag: Path, entry: PlannedEntry) -> None:
-        """Copy or move a bag.
-
-        Raises:
-            SimbevError: It could not be delivered.
-        """
-
-
-Deliveries = Callable[[str], Delivery | None]
-"""The delivery for a worker, by its name; None: bags stay in the worker's folder."""
-
-
-def keep_bags(worker: str) -> None:
-    """No delivery for any worker."""
 
 
 class SceneMaker:
@@ -151,10 +104,10 @@ class SceneMaker:
             self._session = session
         return self._session
 
-    def _new_output(self) -> dict[str, str]:
+    def _new_output(self) -> Output:
         return {} if self._session is None else self._session.new_output()
 
-    def _stop_graph(self) -> dict[str, str]:
+    def _stop_graph(self) -> Output:
         """Stop the graph, if it runs, and return what its processes have written since the last call."""
         output = self._new_output()
         if self._session is not None:

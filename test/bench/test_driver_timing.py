@@ -15,7 +15,7 @@ from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.index import update_index
 from simbev_ros.dataset.plan import PlannedEntry, bag_of
 from simbev_ros.errors import DiskError, InputError
-from simbev_ros.production.scene_maker import FailedScene, MadeScene
+from simbev_ros.production.scene_ending import FailedScene, MadeScene
 from simbev_ros.production.workers.messages import Settings, Sign
 
 ENTRY = PlannedEntry(number=7, map="Blocks", split="val")

@@ -14,8 +14,7 @@ from simbev_ros.production import ProductionObserver
 from simbev_ros.production.dataset_folder import DatasetFolder
 from simbev_ros.production.dataset_maker import DatasetMaker, Outcome
 from simbev_ros.production.replay.home import ReplayHome
-from simbev_ros.production.scene_maker import FailedScene
-from simbev_ros.production.workers.crew import LostScene
+from simbev_ros.production.scene_ending import FailedScene, LostScene
 from simbev_ros.recording.layout import bytes_of, scenes_folder
 
 

@@ -14,7 +14,7 @@ from simbev_ros.object_store.object_path import ObjectPath
 from simbev_ros.production import ProductionObserver
 from simbev_ros.production.object_delivery import ObjectDelivery
 from simbev_ros.production.scene_cost import SceneCost
-from simbev_ros.production.scene_maker import MadeScene
+from simbev_ros.production.scene_ending import MadeScene
 from simbev_ros.production.workers import local_crew
 from simbev_ros.production.workers.crew import Worker
 from simbev_ros.production.workers.local_crew import LocalCrew

@@ -15,7 +15,7 @@ from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.errors import GraphError, InputError
 from simbev_ros.maps.spec import MapSpec
-from simbev_ros.production.scene_maker import MadeScene
+from simbev_ros.production.scene_ending import MadeScene
 from simbev_ros.production.workers import ray_crew
 from simbev_ros.production.workers.messages import Sign
 from simbev_ros.production.workers.ray_crew import RayCrew

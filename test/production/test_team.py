@@ -10,8 +10,8 @@ from made_up_scene import made_up_spec
 from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.errors import GraphError, RenderError
 from simbev_ros.production import ProductionObserver
-from simbev_ros.production.scene_maker import FailedScene, MadeScene
-from simbev_ros.production.workers.crew import LostScene, Worker
+from simbev_ros.production.scene_ending import FailedScene, LostScene, MadeScene
+from simbev_ros.production.workers.crew import Worker
 from simbev_ros.production.workers.messages import ReportingObserver, Sign
 from simbev_ros.production.workers.team import Team, WorkerLost
 from simbev_ros.scene.ending import SceneEnd

@@ -9,8 +9,8 @@ from made_up_scene import made_up_scene
 from simbev_ros.dataset.index_row import index_row
 from simbev_ros.dataset.plan import PlannedEntry, bag_of
 from simbev_ros.production.scene_cost import SceneCost
-from simbev_ros.production.scene_maker import FailedScene, MadeScene
-from simbev_ros.production.workers.crew import LostScene, SceneEnding, Worker
+from simbev_ros.production.scene_ending import FailedScene, LostScene, MadeScene, SceneEnding
+from simbev_ros.production.workers.crew import Worker
 from simbev_ros.recording.layout import partial_of
 
 COST = SceneCost(wall_s=1.0, cpu_s=2.0, memory_mib=100.0, frames=2)

@@ -21,8 +21,8 @@ from simbev_ros.dataset.plan import PlannedEntry, bag_of
 from simbev_ros.errors import InputError, SimbevError
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.production.scene_cost import SceneCost
-from simbev_ros.production.scene_maker import FailedScene, MadeScene
-from simbev_ros.production.workers.crew import SceneEnding, Worker
+from simbev_ros.production.scene_ending import FailedScene, MadeScene, SceneEnding
+from simbev_ros.production.workers.crew import Worker
 from simbev_ros.production.workers.messages import Settings, Sign
 from simbev_ros.production.workers.ray_worker import Answer
 from simbev_ros.recording.layout import finished_scenes

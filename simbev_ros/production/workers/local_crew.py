@@ -9,8 +9,9 @@ from typing import Literal
 
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.scenario import Scenario
+from simbev_ros.production.delivery import Deliveries, keep_bags
 from simbev_ros.production.observer import SILENT, ProductionObserver
-from simbev_ros.production.scene_maker import Deliveries, MadeScene, keep_bags
+from simbev_ros.production.scene_ending import MadeScene
 from simbev_ros.production.workers.crew import Worker
 from simbev_ros.production.workers.local_worker import LocalWorker
 from simbev_ros.production.workers.machine_capacity import fitting_workers, share_gpus

@@ -10,8 +10,8 @@ from typing import Any
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.maps.spec import MapSpec
+from simbev_ros.production.delivery import Delivery
 from simbev_ros.production.observer import ProductionObserver
-from simbev_ros.production.scene_maker import Delivery
 from simbev_ros.scene.spec import SceneSpec
 
 _PROGRESS_INTERVAL_S = 0.25

@@ -11,14 +11,15 @@ from simbev_ros.cluster.node_check import Code
 from simbev_ros.cluster.ray_cluster import RayCluster, largest
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.scenario import Scenario
+from simbev_ros.dataset.plan import maps_of
 from simbev_ros.errors import GraphError, InputError
 from simbev_ros.limits import MAX_OSM_BYTES
 from simbev_ros.maps.source import file_of
 from simbev_ros.maps.spec import MapSpec
-from simbev_ros.production.drawing import maps_of
+from simbev_ros.production.delivery import Deliveries, keep_bags
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.scene_cost import SceneCost
-from simbev_ros.production.scene_maker import Deliveries, MadeScene, keep_bags
+from simbev_ros.production.scene_ending import MadeScene
 from simbev_ros.production.workers.crew import Worker
 from simbev_ros.production.workers.machine_capacity import MEMORY_MARGIN
 from simbev_ros.production.workers.messages import Settings

@@ -8,8 +8,8 @@ from typing import Any, Protocol, Self
 from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.errors import GraphError, SimbevError
 from simbev_ros.production.observer import SILENT, ProductionObserver
-from simbev_ros.production.scene_maker import FailedScene, MadeScene
-from simbev_ros.production.workers.crew import LostScene, SceneEnding, Worker
+from simbev_ros.production.scene_ending import FailedScene, LostScene, MadeScene, SceneEnding
+from simbev_ros.production.workers.crew import Worker
 from simbev_ros.production.workers.messages import Report, Sign
 from simbev_ros.scene.spec import SceneSpec
 

@@ -1,0 +1,46 @@
+"""How an attempt at a scene has ended."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from simbev_ros.dataset.index_row import Row
+from simbev_ros.errors import SimbevError
+from simbev_ros.production.scene_cost import SceneCost
+
+Output = Mapping[str, str]
+"""What the processes of a graph have written while they played a scene, by label of the process."""
+
+
+@dataclass(frozen=True, slots=True)
+class MadeScene:
+    """A scene whose bag is finished.
+
+    Attributes:
+        row: The scene's row of the dataset's index.
+        summary: One line on how it ended.
+        output: Output of the graph.
+        cost: What it took.
+    """
+
+    row: Row
+    summary: str
+    output: Output
+    cost: SceneCost
+
+
+@dataclass(frozen=True, slots=True)
+class FailedScene:
+    """An attempt at a scene that has left no bag, with its reason and the output of the graph."""
+
+    error: SimbevError
+    output: Output = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class LostScene:
+    """A scene whose worker has died or fallen silent before it was done; that says nothing about the scene."""
+
+    reason: str
+
+
+SceneEnding = MadeScene | FailedScene | LostScene

@@ -1,0 +1,134 @@
+"""Plays a recorded scene into a log: frame by frame, the most important first, within a limit of memory."""
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from simbev_ros.annotation.trajectories import Tracks
+from simbev_ros.dataset.frame import Frame
+from simbev_ros.dataset.scene import Scene
+from simbev_ros.errors import BagError
+from simbev_ros.viewer.drawings import layer_drawings, main_drawings
+from simbev_ros.viewer.scene_log import SceneLog
+from simbev_ros.viewer.subject import Drawing, Subject
+
+_LARGE = re.compile(r".*/(rgb|semantic|instance|depth|flow|points|semantic_points)|bev/.*|prediction/bev.*")
+"""Keys of the samples that fill the memory; only these are thinned out."""
+
+
+class ShownFrame:
+    """A frame without those large samples that are left out, as only every Nth is shown.
+
+    Samples of a sensor that is slower than the ticks are counted, so that none of them is left out if they are as far
+    apart as the ticks that are shown.
+
+    Args:
+        frame: The frame.
+        every: N, in ticks.
+    """
+
+    def __init__(self, frame: Frame, every: int) -> None:
+        self._frame, self._every = frame, every
+        self.tick, self.stamp_ns = frame.tick, frame.stamp_ns
+
+    def __contains__(self, key: object) -> bool:
+        return key in self._frame and self._is_shown(str(key))
+
+    def __iter__(self) -> Iterator[str]:
+        return (key for key in self._frame if self._is_shown(key))
+
+    def __getitem__(self, key: str) -> Any:
+        return self._frame[key]
+
+    def messages(self, key: str) -> list[Any]:
+        """The messages of a key."""
+        return self._frame.messages(key)
+
+    def _is_shown(self, key: str) -> bool:
+        if self._every == 1 or not _LARGE.fullmatch(key):
+            return True
+        stamps_ns = self._frame.scene.sources[key].stamps_ns
+        index = int(np.searchsorted(stamps_ns, self.stamp_ns, side="right")) - 1
+        period_ns = (stamps_ns[-1] - stamps_ns[0]) / max(len(stamps_ns) - 1, 1)
+        ticks = max(1, round(period_ns / self._frame.scene.tick_ns))
+        return index % max(1, self._every // ticks) == 0
+
+
+class ScenePlayer:
+    """Draws all frames of a recorded scene.
+
+    Args:
+        scene: The scene; its bag may be cut off.
+        log: Where to draw.
+        limit_bytes: Approximate size of everything that is drawn; None: no limit. Large samples are thinned out for it.
+        max_points: Maximum number of points of a cloud.
+        layers: Whether the cameras' other modalities are drawn.
+
+    Attributes:
+        every: Only every Nth of the large samples is shown; known once the first frame has been drawn.
+        damage: Why the scene ends early, if it does.
+    """
+
+    def __init__(
+        self, scene: Scene, log: SceneLog, limit_bytes: int | None, max_points: int, *, layers: bool = True
+    ) -> None:
+        self._scene, self._log, self._limit_bytes = scene, log, limit_bytes
+        self.subject = Subject(scene.spec, _tracks_of(scene), max_points)
+        self._layers = layers
+        self.every, self.damage = 1, ""
+
+    def play(self, advance: Callable[[], None], is_over: Callable[[], bool] = lambda: False) -> None:
+        """Draw all frames, then the layers of all frames.
+
+        Args:
+            advance: Called after each frame, twice if there are layers.
+            is_over: Whether to stop.
+        """
+        main = main_drawings(self._log, self.subject)
+        layers = layer_drawings(self._log, self.subject) if self._layers else []
+        count = len(self._scene)
+        if count and self._limit_bytes is not None:
+            self._draw(0, [*main, *layers])
+            self.every = max(1, -(-self._log.size_bytes * count // self._limit_bytes))
+        for drawings in (main, layers):
+            for tick in range(count) if drawings else ():
+                if is_over():
+                    return
+                try:
+                    self._draw(tick, drawings)
+                except BagError as error:
+                    self.damage, count = str(error), tick
+                    break
+                advance()
+
+    @property
+    def steps(self) -> int:
+        """Number of calls of ``advance`` for the whole scene."""
+        return len(self._scene) * (1 + self._layers)
+
+    @property
+    def has_predictions(self) -> bool:
+        """Whether the bag holds bird's-eye views of a perception stack."""
+        return any(key.startswith("prediction/bev") for key in self._scene.keys)
+
+    @property
+    def is_cut_off(self) -> bool:
+        """Whether the bag was not closed by its writer."""
+        return self.subject.tracks is None
+
+    def _draw(self, tick: int, drawings: Sequence[Drawing]) -> None:
+        frame = ShownFrame(self._scene[tick], self.every)
+        self._log.begin(frame.tick, frame.stamp_ns)
+        for drawing in drawings:
+            drawing.draw(frame)
+        self._log.flush()
+
+
+def _tracks_of(scene: Scene) -> Tracks | None:
+    """The tracks, unless the bag was cut off before they were written."""
+    try:
+        return scene.tracks
+    except BagError:
+        return None

@@ -65,6 +65,9 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
         (f"share/{NAME}/config", [*files("config/*.yaml"), *files("config/*.xml")]),
         (f"share/{NAME}/config/rigs", files("config/rigs/*.yaml")),
+        (f"share/{NAME}/config/rviz", files("config/rviz/*.rviz")),
+        (f"share/{NAME}/config/foxglove", files("config/foxglove/*.json")),
+        (f"share/{NAME}/config/plotjuggler", files("config/plotjuggler/*.xml")),
     ],
     install_requires=[
         "eclipse-sumo>=1.28",

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from queue import Empty, SimpleQueue
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from simbev_ros.foxglove_server.playback_clock import PlaybackClock
 from simbev_ros.recording.reader import RawMessage, SceneBag
 
 if TYPE_CHECKING:
-    from foxglove.websocket import PlaybackControlRequest, PlaybackState
+    from foxglove.websocket import PlaybackControlRequest, PlaybackState, ServerListener
 
 _PERIOD_S = 0.01
 _BACKLOG = 256
@@ -53,7 +53,7 @@ def serve_bag(bag: SceneBag, port: int, on_started: Callable[[int], None]) -> No
             host=_HOST,
             port=port,
             capabilities=[Capability.Time],
-            server_listener=player,
+            server_listener=cast("ServerListener", player),  # it has the methods that its capabilities need
             context=context,
             playback_time_range=(start_ns, end_ns),
             message_backlog_size=_BACKLOG,

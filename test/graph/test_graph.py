@@ -45,7 +45,7 @@ def test_every_topic_has_exactly_its_messages(recorded: Path) -> None:
     with AnyReader([recorded]) as reader:
         counts = {name: topic.msgcount for name, topic in reader.topics.items()}
     world = ("scene", "map", "legend", "lights", "building_lights")
-    once = {"/tf_static", *(f"/world/{name}" for name in world)}
+    once = {"/tf_static", "/robot_description", *(f"/world/{name}" for name in world)}
     camera = {name for name in counts if name.startswith("/ego/cam_front/")}
     assert len(camera) == 11
     assert (counts.pop("/ego/occupancy/points"), counts.pop("/ego/vector_map")) == (5, 3)

@@ -227,7 +227,7 @@ def test_more_cores_lead_to_more_processes_and_the_same_bytes(
 
 @pytest.mark.slow
 def test_bench_reports_the_time_of_every_process(simbev: Simbev, small_config: Config) -> None:
-    code, output = simbev("bench", small_config(), "--ticks", 5, "--json").finish()
+    code, output = simbev("bench", small_config(), "--ticks", 20, "--json").finish()
     assert code == 0, output
     result = json.loads(output[output.index("{") :])
     assert result["ticks_per_s"] > 0

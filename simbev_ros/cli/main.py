@@ -27,6 +27,7 @@ VERBS = {
     "info": "info:info",
     "preview": "preview:preview",
     "view": "view:view",
+    "foxglove": "foxglove:foxglove",
     "verify": "verify:verify",
     "logs": "logs:logs",
     "repair": "repair:repair",

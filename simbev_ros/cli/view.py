@@ -103,13 +103,11 @@ def _write_file(scene: "Scene", out: Path, points: int, *, layers: bool, console
     if out.suffix != _SUFFIX:
         raise InputError(f"--out {out}: must end in {_SUFFIX}")
     require_place(out)
-    log = SceneLog(scene.spec)
-    player = ScenePlayer(scene, log, None, points, layers=layers)
-    with whole_file(out) as file:
+    with whole_file(out) as file, SceneLog(scene.spec) as log:
+        player = ScenePlayer(scene, log, None, points, layers=layers)
         log.save(file, scene_blueprint(player.subject, with_predictions=player.has_predictions))
         with counting_bar(scene.name, console, player.steps) as bar:
             player.play(bar.advance)
-        log.close()
     _report_damage(player, console)
     console.print(f"wrote {out}", soft_wrap=True)
 
@@ -122,8 +120,7 @@ def _serve(
     from simbev_ros.viewer.scene_log import SceneLog
     from simbev_ros.viewer.server import ViewerServer
 
-    with ViewerServer(port, bind, memory_bytes + memory_bytes // 4) as server:
-        log = SceneLog(scene.spec)
+    with ViewerServer(port, bind, memory_bytes + memory_bytes // 4) as server, SceneLog(scene.spec) as log:
         player = ScenePlayer(scene, log, memory_bytes, points, layers=layers)
         log.connect(server.data_url, scene_blueprint(player.subject, with_predictions=player.has_predictions))
         show_address(server.page_url, console, opens=opens)

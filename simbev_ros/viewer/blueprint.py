@@ -28,14 +28,12 @@ def scene_blueprint(subject: Subject, *, with_predictions: bool = False) -> rrb.
     """
     ground_views = [_ground_view("Bird's-eye view", ground.TRUTH)]
     if with_predictions:
-        ground_views.append(_ground_view("Predicted", ground.PREDICTION))
+        ground_views.append(_ground_view("Predicted bird's-eye view", ground.PREDICTION))
+    below = rrb.Horizontal(*ground_views, _facts_tabs(subject), column_shares=[*([1.0] * len(ground_views)), 1.6])
     cameras = _camera_tabs(subject)
-    below = rrb.Horizontal(
-        rrb.Vertical(*ground_views, name="Grid"), _facts_tabs(subject), column_shares=[1, 1.5], name="Labels"
-    )
-    right = rrb.Vertical(_world_view(subject), below, row_shares=[1.25, 1], name="Scene")
+    left = rrb.Vertical(cameras, below, row_shares=[1, 1]) if cameras else below
     return rrb.Blueprint(
-        rrb.Horizontal(cameras, right, column_shares=[1.15, 1]) if cameras else right,
+        rrb.Horizontal(left, _world_view(subject), column_shares=[1.2, 1]),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(state="collapsed", timeline=TIME, play_state="playing", loop_mode="all"),
@@ -86,6 +84,7 @@ def _camera_view(name: str, modality: str) -> rrb.Spatial2DView:
         origin=entity,
         contents=[f"{entity}/{modality}", f"{entity}/boxes/**"],
         name=name.removeprefix("cam_").replace("_", " "),
+        background=_BACKGROUND,
         overrides={} if modality in ("rgb", "depth") else {f"{entity}/boxes": _HIDDEN},
     )
 
@@ -126,18 +125,26 @@ def _ground_view(title: str, entity: str) -> rrb.Spatial2DView:
 def _facts_tabs(subject: Subject) -> rrb.Tabs:
     views: list[rrb.View | rrb.Container] = [
         rrb.Vertical(
-            rrb.TimeSeriesView(origin=plots.SPEED, name="Speed"),
-            rrb.TimeSeriesView(origin=plots.ACCELERATION, name="IMU: specific force"),
-            rrb.TimeSeriesView(origin=plots.TURN_RATE, name="IMU: turn rate"),
+            _plot(plots.SPEED, "Speed, m/s", legend=False),
+            _plot(plots.ACCELERATION, "IMU: specific force, m/s²"),
+            _plot(plots.TURN_RATE, "IMU: turn rate, rad/s"),
             name="Motion",
         ),
-        rrb.TimeSeriesView(origin=plots.BOX_COUNTS, name="Boxes by class"),
-        rrb.TimeSeriesView(origin=plots.TICK_RATE, name="Ticks/s"),
+        _plot(plots.BOX_COUNTS, "Boxes"),
+        _plot(plots.TICK_RATE, "Ticks/s", legend=False),
     ]
     if subject.sensors("gnss"):
-        views.append(rrb.MapView(origin=plots.GNSS, name="GNSS on a map", zoom=16.0))
+        views.append(rrb.MapView(origin=plots.GNSS, name="GNSS", zoom=16.0))
     views += [
         rrb.TextDocumentView(origin=SHEET, name="Scene"),
         rrb.TextLogView(origin=plots.EVENTS, name="Collisions"),
     ]
     return rrb.Tabs(*views, name="Facts", active_tab=0)
+
+
+def _plot(origin: str, title: str, *, legend: bool = True) -> rrb.TimeSeriesView:
+    return rrb.TimeSeriesView(
+        origin=origin,
+        name=title,
+        plot_legend=rrb.PlotLegend(visible=legend, corner=rrb.Corner2D.LeftTop),
+    )

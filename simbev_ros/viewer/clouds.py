@@ -14,7 +14,7 @@ from simbev_ros.viewer.subject import Samples, Subject
 from simbev_ros.viz.sheet.panels import doppler_color
 
 _POINT_RADIUS_M = 0.035
-_RADAR_RADIUS_M = 0.15
+_RADAR_RADIUS_M = 0.08
 _HEIGHT_RANGE_M = (-3.0, 5.0)
 """Heights above the sensor that get the first and the last color."""
 

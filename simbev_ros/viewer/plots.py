@@ -29,12 +29,10 @@ class PlotDrawing:
 
     def __init__(self, log: SceneLog, subject: Subject) -> None:
         self._log, self._imus = log, [sensor.name for sensor in subject.sensors("imu")]
-        _name_series(log, SPEED, {"speed, m/s": (255, 196, 60)})
-        for entity, quantity in ((ACCELERATION, "specific force, m/s²"), (TURN_RATE, "turn rate, rad/s")):
+        _name_series(log, SPEED, {"speed": (255, 196, 60)})
+        for entity in (ACCELERATION, TURN_RATE):
             for imu in self._imus:
-                _name_series(
-                    log, f"{entity}/{imu}", {f"{imu} {quantity}, {axis}": color for axis, color in _AXES.items()}
-                )
+                _name_series(log, f"{entity}/{imu}", {f"{imu} {axis}": color for axis, color in _AXES.items()})
         for name in BOX_CLASSES:
             _name_series(log, f"{BOX_COUNTS}/{name}", {name: class_color(name)})
 

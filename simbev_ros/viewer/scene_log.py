@@ -4,7 +4,7 @@ All coordinates below ``WORLD`` are those of the map frame, below ``EGO`` those 
 """
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import rerun as rr
 
@@ -57,7 +57,11 @@ class SceneLog:
         """Wait until everything has been written or sent."""
         self._stream.flush()
 
-    def close(self) -> None:
-        """Finish the file, or the connection."""
-        self._stream.flush()
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: object, *_: object) -> None:
+        """Finish the file, or the connection; after an error without waiting until everything has been sent."""
+        if kind is None:
+            self.flush()
         self._stream.disconnect()

@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Self
 from urllib.parse import quote
 
-from simbev_ros.errors import InputError, SimbevError
+from simbev_ros.errors import SimbevError
+from simbev_ros.viewer.page_server import PageServer
 
 LOOPBACK = "127.0.0.1"
-DEFAULT_PORT = 9090
 _START_TIMEOUT_S, _END_TIMEOUT_S = 30.0, 5.0
 _STEP_S = 0.05
 _PR_SET_PDEATHSIG = 1
@@ -33,7 +33,7 @@ if os.getppid() == int(sys.argv[1]):
 
 
 class ViewerServer:
-    """A process that serves the viewer; as a context manager it ends with the context.
+    """Serves the viewer; as a context manager it ends with the context.
 
     Args:
         port: Port of the viewer's page; 0: any free one.
@@ -42,36 +42,49 @@ class ViewerServer:
 
     Raises:
         InputError: The port is taken, or the address is none of this machine.
-        SimbevError: The server does not start.
     """
 
     def __init__(self, port: int, address: str, memory_bytes: int) -> None:
         self._address, self._memory_bytes = address, memory_bytes
-        self._port = free_port(address, port)
-        self._data_port = free_port(address, 0)
+        self._page = PageServer(address, port)
+        self._data_port, self._source_port = (_free_port(address) for _ in range(2))
+        self._page.source = address, self._source_port
+        self._page.data_origin = self._origin(self._data_port)
         self._stack = ExitStack()
 
     @property
     def page_url(self) -> str:
         """Address of the viewer's page."""
-        return f"http://{_in_url(self._address)}:{self._port}/?url={quote(self.data_url, safe='')}"
+        return f"{self._origin(self._page.server_address[1])}/?url={quote(self.data_url, safe='')}"
 
     @property
     def data_url(self) -> str:
         """Address to send logs to."""
-        return f"rerun+http://{_in_url(self._address)}:{self._data_port}/proxy"
+        return f"rerun+{self._origin(self._data_port)}/proxy"
+
+    @property
+    def pid(self) -> int:
+        """Id of the process that keeps the data."""
+        return self._process.pid
 
     def __enter__(self) -> Self:
+        """Start the server.
+
+        Raises:
+            SimbevError: It does not start.
+        """
         folder = Path(self._stack.enter_context(tempfile.TemporaryDirectory(prefix="simbev-view-")))
+        self._stack.enter_context(self._page)
+        with (folder / "log").open("wb") as log:
+            self._process = subprocess.Popen(
+                self._command(),
+                env=_environment(folder),
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=log,
+                start_new_session=True,  # Ctrl-C in the terminal ends it through this process
+            )
         self._stack.callback(self._end)
-        self._process = subprocess.Popen(
-            self._command(),
-            env=_environment(folder),
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=(folder / "log").open("wb"),
-            start_new_session=True,  # Ctrl-C in the terminal ends it through this process
-        )
         try:
             self._wait_until_ready(folder / "log")
         except BaseException:
@@ -87,28 +100,32 @@ class ViewerServer:
         if (code := self._process.poll()) is not None:
             raise SimbevError(f"Rerun's server ended with exit code {code}")
 
+    def _origin(self, port: int) -> str:
+        host = f"[{self._address}]" if ":" in self._address else self._address
+        return f"http://{host}:{port}"
+
     def _command(self) -> list[str]:
         import rerun_cli
 
         server = Path(rerun_cli.__file__).with_name("rerun")
-        origin = f"http://{_in_url(self._address)}:{self._port}"
         return [
             *(sys.executable, "-I", "-c", _START, str(os.getpid()), str(server)),
-            *("--serve-web", "--hide-welcome-screen"),
-            *("--bind", self._address, "--port", str(self._data_port), "--web-viewer-port", str(self._port)),
-            *("--server-memory-limit", f"{self._memory_bytes >> 20}MiB", "--cors-allow-origin", origin),
+            *("--serve-web", "--bind", self._address, "--port", str(self._data_port)),
+            *("--web-viewer-port", str(self._source_port), "--server-memory-limit", f"{self._memory_bytes >> 20}MiB"),
+            *("--cors-allow-origin", self._origin(self._page.server_address[1])),
         ]
 
     def _wait_until_ready(self, log: Path) -> None:
         deadline = time.monotonic() + _START_TIMEOUT_S
-        while not all(_answers(self._address, port) for port in (self._port, self._data_port)):
+        while not all(_answers(self._address, port) for port in (self._source_port, self._data_port)):
             if self._process.poll() is not None or time.monotonic() > deadline:
                 lines = log.read_text(errors="replace").strip().splitlines()
                 raise SimbevError(f"Rerun's server did not start: {lines[-1] if lines else 'it says nothing'}")
             time.sleep(_STEP_S)
 
     def _end(self) -> None:
-        self._process.send_signal(signal.SIGTERM)
+        self._process.terminate()
+        self._process.send_signal(signal.SIGCONT)  # a stopped process would never receive the request
         try:
             self._process.wait(_END_TIMEOUT_S)
         except subprocess.TimeoutExpired:
@@ -116,20 +133,11 @@ class ViewerServer:
             self._process.wait()
 
 
-def free_port(address: str, port: int) -> int:
-    """A port that can be listened on: the given one, or any if it is 0.
-
-    Raises:
-        InputError: The port is taken or reserved, or the address is none of this machine.
-    """
+def _free_port(address: str) -> int:
+    """A port on which nothing listens."""
     family = socket.AF_INET6 if ":" in address else socket.AF_INET
     with socket.socket(family, socket.SOCK_STREAM) as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((address, port))
-        except OSError as error:
-            words = error.strerror or error
-            raise InputError(f"{address}, port {port}: {words}; choose another with --port, 0 for any free one") from None
+        probe.bind((address, 0))
         return int(probe.getsockname()[1])
 
 
@@ -137,10 +145,6 @@ def _answers(address: str, port: int) -> bool:
     with suppress(OSError), socket.create_connection((address, port), timeout=1.0):
         return True
     return False
-
-
-def _in_url(address: str) -> str:
-    return f"[{address}]" if ":" in address else address
 
 
 def _environment(folder: Path) -> dict[str, str]:

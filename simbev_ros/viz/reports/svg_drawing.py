@@ -120,9 +120,14 @@ def ticks(low: float, high: float, min_step: float = 0.0) -> list[float]:
 
 def jpeg(picture: UInt8Array, quality: int = 82) -> str:
     """A data URL that contains a (H, W, 3) uint8 RGB picture as JPEG."""
+    return _address("jpeg", jpeg_bytes(picture, quality))
+
+
+def jpeg_bytes(picture: UInt8Array, quality: int = 82) -> bytes:
+    """A (H, W, 3) uint8 RGB picture as JPEG."""
     file = io.BytesIO()
     Image.fromarray(picture).save(file, "JPEG", quality=quality, optimize=True)
-    return _address("jpeg", file)
+    return file.getvalue()
 
 
 def _png(indices: AnyArray, ramp_colors: AnyArray) -> str:
@@ -131,8 +136,8 @@ def _png(indices: AnyArray, ramp_colors: AnyArray) -> str:
     opacities = {"transparency": ramp_colors[:, 3].astype(np.uint8).tobytes()} if ramp_colors.shape[1] > 3 else {}
     file = io.BytesIO()
     picture.save(file, "PNG", optimize=True, **opacities)
-    return _address("png", file)
+    return _address("png", file.getvalue())
 
 
-def _address(kind: str, file: io.BytesIO) -> str:
-    return f"data:image/{kind};base64," + base64.b64encode(file.getvalue()).decode()
+def _address(kind: str, data: bytes) -> str:
+    return f"data:image/{kind};base64," + base64.b64encode(data).decode()

@@ -20,7 +20,7 @@ from simbev_ros.dataset.tallies import (
 from simbev_ros.palette import class_color
 from simbev_ros.semantics import BOX_CLASSES, DIFFICULTIES
 from simbev_ros.types import Int64Array
-from simbev_ros.viz.pages.charts import SMALL_PX, WIDE_PX, Chart, bars, curves, figure, heat_map, histogram
+from simbev_ros.viz.pages.charts import SMALL_PX, WIDE_PX, Chart, axis_title, bars, curves, figure, heat_map, histogram
 from simbev_ros.viz.reports.svg_charts import Series, words
 from simbev_ros.viz.reports.svg_drawing import Color, number
 
@@ -116,9 +116,9 @@ def _level_heat(levels: Int64Array) -> Chart:
     chart = heat_map(percent.T, (0.0, used * DISTANCE_STEP_M), (0.0, float(top)), hover, height_px=WIDE_PX)
     names = ["0", *(str(1 << k) for k in range(POINT_LEVELS - 1))][:top:2]
     ticks = {"tickvals": [k + 0.5 for k in range(0, top, 2)], "ticktext": names}
-    chart.layout["xaxis"] |= {"title": {"text": "m"}}
-    chart.layout["yaxis"] |= {"title": {"text": "points, from"}, **ticks}
-    chart.layout["margin"] |= {"l": 52, "b": 38}
+    chart.layout["xaxis"] |= {"title": axis_title("m")}
+    chart.layout["yaxis"] |= {"title": axis_title("points, from"), **ticks}
+    chart.layout["margin"] |= {"l": 52, "b": 44}
     return chart
 
 
@@ -131,9 +131,9 @@ def _position_figure(positions: Int64Array, names: Sequence[str], title: str) ->
     rings = [{"type": "circle", "x0": -r, "x1": r, "y0": -r, "y1": r, "line": _RING} for r in _RINGS_M]
     chart.layout["shapes"] = rings
     chart.layout["annotations"] = [{"x": 0, "y": 0, "text": "▲", "showarrow": False}]
-    chart.layout["xaxis"] |= {"title": {"text": "m to the right"}, "constrain": "domain"}
-    chart.layout["yaxis"] |= {"title": {"text": "m ahead"}, "scaleanchor": "x", "constrain": "domain"}
-    chart.layout["margin"] |= {"l": 52, "b": 38}
+    chart.layout["xaxis"] |= {"title": axis_title("m to the right"), "constrain": "domain"}
+    chart.layout["yaxis"] |= {"title": axis_title("m ahead"), "scaleanchor": "x", "constrain": "domain"}
+    chart.layout["margin"] |= {"l": 52, "b": 44}
     return figure(title, chart, "The ego is in the middle and faces up.")
 
 

@@ -17,8 +17,8 @@ WIDE_PX, SMALL_PX = 280, 190
 """Heights of charts in wide and narrow columns."""
 
 _TOP_SHARE = 0.998
-_MARGIN = {"l": 44, "r": 12, "t": 10, "b": 38}
-_LEGEND = {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0}
+_MARGIN = {"l": 48, "r": 12, "t": 10, "b": 44}
+_LEGEND = {"traceorder": "normal", "orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0}
 _ROW_PX = 22
 
 
@@ -84,8 +84,8 @@ def histogram(
         for each in series
         if np.any(each.values)
     ]
-    x_axis = {"title": {"text": x_label}, "range": [start, start + used * step]}
-    layout = {"barmode": "stack", "height": height_px, "xaxis": x_axis, "yaxis": {"title": {"text": y_label}}}
+    x_axis = {"title": axis_title(x_label), "range": [start, start + used * step]}
+    layout = {"barmode": "stack", "height": height_px, "xaxis": x_axis, "yaxis": {"title": axis_title(y_label)}}
     return Chart("Histogram", data, layout)
 
 
@@ -148,8 +148,8 @@ def curves(
         for each, there in zip(series, known, strict=True)
         if there.any()
     ]
-    y_axis = {"title": {"text": y_label}, "type": "log" if is_log else "linear"}
-    layout = {"height": height_px, "xaxis": {"title": {"text": x_label}}, "yaxis": y_axis}
+    y_axis = {"title": axis_title(y_label), "type": "log" if is_log else "linear"}
+    layout = {"height": height_px, "xaxis": {"title": axis_title(x_label)}, "yaxis": y_axis}
     if not is_log:
         y_axis["rangemode"] = "tozero"
     return Chart("Line chart", data, layout, {"data-clock": "axis"} if over_time else {})
@@ -197,6 +197,11 @@ def typed_array(values: AnyArray) -> dict[str, str]:
     data = np.ascontiguousarray(values, "<f4")
     shape = ", ".join(map(str, data.shape))
     return {"dtype": "f4", "bdata": base64.b64encode(data.tobytes()).decode(), "shape": shape}
+
+
+def axis_title(text: str) -> dict[str, Any]:
+    """Title of an axis, close to its ticks."""
+    return {"text": text, "standoff": 6}
 
 
 def _bar(series: Series, x: Sequence[Any], y: Sequence[Any]) -> dict[str, Any]:

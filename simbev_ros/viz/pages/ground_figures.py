@@ -81,7 +81,7 @@ def _map(cells: Int64Array, scenes: Sequence[SceneFacts], square: Square, plan: 
     x, y = ((low, low + square.side_m) for low in low_m.tolist())
     others = heat_map((visited > 0).astype(np.float32), x, y, "", _VISITED).data[0]
     split_seen: set[str] = set()
-    data = [others | {"opacity": 0.35, "hoverinfo": "skip", "hovertemplate": None, "showlegend": True, "name": "others"}]
+    data = [others | {"opacity": 0.35, "hoverinfo": "skip", "hovertemplate": None, "showlegend": True, "name": "other actors"}]
     for scene in scenes:
         color, positions = css(SPLIT_COLORS[scene.split]), np.round(scene.ego_m, 1).tolist()
         data.append(

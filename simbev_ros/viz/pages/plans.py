@@ -11,6 +11,7 @@ import numpy as np
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.types import Float64Array
 from simbev_ros.viz.maps.map_plan import MapPlan
+from simbev_ros.viz.pages.charts import axis_title
 from simbev_ros.viz.reports.svg_drawing import jpeg_bytes
 
 _PIXELS = 900
@@ -39,11 +40,11 @@ class Square:
     def layout(self, height_px: int, picture: str = "") -> dict[str, Any]:
         """Plotly's layout of a chart of this square, north up, over a picture at an address; empty: over nothing."""
         (x, y), half = self.center_m.tolist(), self.side_m / 2.0
-        bare = {"showgrid": False, "zeroline": False}
+        bare = {"showgrid": False, "zeroline": False, "constrain": "domain"}
         layout: dict[str, Any] = {
             "height": height_px,
-            "xaxis": {"range": [x - half, x + half], "title": {"text": "x, m"}, **bare},
-            "yaxis": {"range": [y - half, y + half], "title": {"text": "y, m"}, "scaleanchor": "x", **bare},
+            "xaxis": {"range": [x - half, x + half], "title": axis_title("x, m"), **bare},
+            "yaxis": {"range": [y - half, y + half], "title": axis_title("y, m"), "scaleanchor": "x", **bare},
         }
         if picture:
             place = {"xref": "x", "yref": "y", "x": x - half, "y": y + half, "sizex": self.side_m, "sizey": self.side_m}

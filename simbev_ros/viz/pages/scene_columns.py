@@ -10,15 +10,12 @@ CONDITIONS = (
     Column("light", "choice", "time of day at the start, by the sun's altitude"),
     Column("weather", "choice", "weather at the start"),
     Column("sun °", None, "altitude of the sun at the start", is_number=True),
-    Column("rain %", None, "precipitation at the start", is_number=True),
-    Column("fog %", None, "density of fog at the start", is_number=True),
 )
 
 
 def condition_cells(weather: Weather) -> list[Cell]:
     """Cells of ``CONDITIONS`` for a scene's weather at its start."""
-    figures = (weather.sun_altitude_deg, weather.precipitation, weather.fog_density)
-    return [Cell(daytime_of(weather)), Cell(weather_of(weather)), *(Cell(round(value)) for value in figures)]
+    return [Cell(daytime_of(weather)), Cell(weather_of(weather)), Cell(round(weather.sun_altitude_deg))]
 
 
 def hazard_cell(hazards: Mapping[str, int]) -> Cell:

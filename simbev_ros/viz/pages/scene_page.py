@@ -4,7 +4,6 @@ A scene and its facts enter; a folder with the page, its pictures and its video 
 """
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from html import escape
@@ -183,14 +182,14 @@ def _curves(known: SceneFacts, spec: SceneSpec, square: Square | None, *, has_pl
     classes = [k for k in range(len(BOX_CLASSES)) if counts[:, k].any()]
     boxes = [Series(words(BOX_CLASSES[k]), counts[:, k], class_color(BOX_CLASSES[k])) for k in classes]
     right = [figure("Boxes by class", curves(time_s, boxes, "s", "boxes", over_time=True))] if boxes else []
-    right += list(_weather_curves(spec, known.duration_s))
+    weather = _weather_curves(spec, known.duration_s)
     if square is None:
-        return section("Over time", "".join(right))
+        return section("Over time", "".join(right) + weather)
     speed = [Series("ego", known.moments["speed_mps"])]
-    right.insert(0, figure("Speed of the ego", curves(time_s, speed, "s", "m/s", over_time=True, height_px=210)))
+    right.insert(0, figure("Speed of the ego", curves(time_s, speed, "s", "m/s", over_time=True)))
     note = "Click a curve or the way to move the video." if has_plan else "The roads of this map could not be built."
     way = figure("The ego's way", _map(known, spec, square, PLAN if has_plan else ""), note)
-    sides = f'<div class="stack">{way}</div><div class="stack">{"".join(right)}</div>'
+    sides = f'<div class="stack">{way}{weather}</div><div class="stack">{"".join(right)}</div>'
     return f'<div class="columns">{sides}</div>'
 
 
@@ -221,21 +220,22 @@ def _map(known: SceneFacts, spec: SceneSpec, square: Square, plan: str) -> Chart
     return Chart("Map", data, square.layout(_MAP_PX, plan), {"data-clock": "way", "data-path": str(len(data) - 2)})
 
 
-def _weather_curves(spec: SceneSpec, duration_s: float) -> Iterator[str]:
-    """The figure of the weather over time, if it changes."""
-    if spec.final_weather is not None:
-        ends_s = np.array([0.0, duration_s])
-        series = [
-            Series(parameter_title(name), _start_and_end(spec, name), color)
-            for name, color in (
-                ("cloudiness", (120, 130, 140)),
-                ("precipitation", (40, 110, 200)),
-                ("fog_density", (170, 130, 190)),
-                ("wetness", (40, 160, 160)),
-                ("sun_altitude_deg", (226, 150, 40)),
-            )
-        ]
-        yield figure("Weather, % and °", curves(ends_s, series, "s", "", over_time=True, height_px=230))
+def _weather_curves(spec: SceneSpec, duration_s: float) -> str:
+    """The figure of the weather over time; empty if it does not change."""
+    if spec.final_weather is None:
+        return ""
+    ends_s = np.array([0.0, duration_s])
+    series = [
+        Series(parameter_title(name), _start_and_end(spec, name), color)
+        for name, color in (
+            ("cloudiness", (120, 130, 140)),
+            ("precipitation", (40, 110, 200)),
+            ("fog_density", (170, 130, 190)),
+            ("wetness", (40, 160, 160)),
+            ("sun_altitude_deg", (226, 150, 40)),
+        )
+    ]
+    return figure("Weather, % and °", curves(ends_s, series, "s", "", over_time=True))
 
 
 def _start_and_end(spec: SceneSpec, name: str) -> np.ndarray[Any, Any]:

@@ -71,10 +71,10 @@ class Drawing:
         """Add the ego's mark, a small arrow that points up."""
         self.add(f'<path class="ego" d="M{x:.1f} {y - 7:.1f}l5 12l-5 -3l-5 3z"/>')
 
-    def svg(self) -> str:
-        """The whole sheet as SVG text."""
-        box = f"0 0 {self.width:.0f} {self.height:.0f}"
-        return f'<svg viewBox="{box}" width="{self.width:.0f}" role="img">{"".join(self.marks)}</svg>'
+    def svg(self, label: str = "") -> str:
+        """The whole sheet as SVG text; ``label`` is read aloud in its place."""
+        box, said = f"0 0 {self.width:.0f} {self.height:.0f}", f' aria-label="{escape(label)}"' if label else ""
+        return f'<svg viewBox="{box}" width="{self.width:.0f}" role="img"{said}>{"".join(self.marks)}</svg>'
 
 
 def heat(values: AnyArray, color: Color = INK, gamma: float = 0.5) -> tuple[AnyArray, AnyArray]:

@@ -97,4 +97,4 @@ def _facts(spec: SceneSpec) -> str:
 def _weather_range(spec: SceneSpec, parameter: str) -> str:
     """A weather parameter at the start of the scene and, if it changes, at the end."""
     moments = [spec.weather] if spec.final_weather is None else [spec.weather, spec.final_weather]
-    return " → ".join(f"{getattr(weather, parameter):.0f}" for weather in moments)
+    return " to ".join(f"{getattr(weather, parameter):.0f}" for weather in moments)

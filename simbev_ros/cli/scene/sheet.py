@@ -9,7 +9,13 @@ from simbev_ros.config.load import load_scenario
 from simbev_ros.dataset.parallel import Pool
 from simbev_ros.errors import InputError
 from simbev_ros.recording.whole_files import write_errors, write_whole
-from simbev_ros.viz.pages.drawn_scenes import MAX_SCENES, DrawnScene, PlannedDrawing, draw_scene_with_map, drawn_scenes_page
+from simbev_ros.viz.pages.drawn_scenes import (
+    MAX_SCENES,
+    DrawnScene,
+    PlannedDrawing,
+    draw_scene_with_map,
+    drawn_scenes_page,
+)
 
 
 def write_sheet(config: str, count: int | None, map_name: str | None, out: Path, pool: Pool) -> None:

@@ -75,7 +75,8 @@ def crowd_figures(statistics: Statistics) -> Iterator[str]:
             step = maximum // _COLUMNS + 1
             series = Series("frames", _merge_bins(counts, step), class_color(name))
             yield figure(
-                f"{words(name).capitalize()}: boxes in a frame", histogram([series], step, "boxes", "", height_px=SMALL_PX)
+                f"{words(name).capitalize()}: boxes in a frame",
+                histogram([series], step, "boxes", "", height_px=SMALL_PX),
             )
 
 
@@ -87,11 +88,15 @@ def size_figures(statistics: Statistics) -> Iterator[str]:
         if not counts["boxes"][row]:
             continue
         if name in _MOVING:
-            chart = histogram([Series("boxes", counts["speed"][row], color)], SPEED_STEP_MPS, "m/s", "", height_px=SMALL_PX)
+            chart = histogram(
+                [Series("boxes", counts["speed"][row], color)], SPEED_STEP_MPS, "m/s", "", height_px=SMALL_PX
+            )
             yield figure(f"{words(name).capitalize()}: speed", chart)
         for axis, side in enumerate(("length", "width", "height")):
             series = Series("boxes", counts["size"][axis, row], color)
-            yield figure(f"{words(name).capitalize()}: {side}", histogram([series], SIZE_STEP_M, "m", "", height_px=SMALL_PX))
+            yield figure(
+                f"{words(name).capitalize()}: {side}", histogram([series], SIZE_STEP_M, "m", "", height_px=SMALL_PX)
+            )
 
 
 def _point_figures(
@@ -124,7 +129,10 @@ def _level_heat(levels: Int64Array) -> Chart:
 
 def _position_figure(positions: Int64Array, names: Sequence[str], title: str) -> str:
     """Figure of the positions of boxes of some classes around the ego, which faces up."""
-    values, half_m = positions[[BOX_CLASSES.index(name) for name in names]].sum(axis=0), POSITION_BINS * POSITION_STEP_M / 2
+    values, half_m = (
+        positions[[BOX_CLASSES.index(name) for name in names]].sum(axis=0),
+        POSITION_BINS * POSITION_STEP_M / 2,
+    )
     ends_m = (-half_m, half_m)
     hover = "%{y} m ahead, %{x} m to the right: %{z} boxes"
     chart = heat_map(values[::-1], ends_m, ends_m, hover, class_color(names[0]), _SQUARE_PX)

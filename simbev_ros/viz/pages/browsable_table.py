@@ -46,23 +46,33 @@ class Cell:
             return self.html
         return escape(self.value) if isinstance(self.value, str) else number(self.value)
 
-    def render(self) -> str:
-        """HTML of the cell."""
+    def render(self, label: str) -> str:
+        """HTML of the cell with a label, which is shown where there are no heads above."""
         kind = ' class="text"' if isinstance(self.value, str) else ""
-        return f'<td{kind} data-value="{escape(str(self.value))}">{self.shown}</td>'
+        return f'<td{kind} data-label="{escape(label)}" data-value="{escape(str(self.value))}">{self.shown}</td>'
 
 
-def browsable_table(caption: str, columns: Sequence[Column], rows: Sequence[Sequence[Cell]]) -> str:
-    """HTML of a table with controls that filter its rows above it; without scripts all rows are shown."""
+def browsable_table(
+    caption: str, columns: Sequence[Column], rows: Sequence[Sequence[Cell]], *, cards: bool = False
+) -> str:
+    """HTML of a table with controls that filter its rows above it; without scripts all rows are shown.
+
+    Args:
+        caption: What the rows are.
+        columns: The columns.
+        rows: The cells of each row, one for each column.
+        cards: Whether rows are shown as cards beside each other.
+    """
+    titles = [column.title for column in columns]
     head = "".join(map(_head, columns))
-    body = "".join(f"<tr>{''.join(cell.render() for cell in row)}</tr>" for row in rows)
+    body = "".join(f"<tr>{''.join(map(Cell.render, row, titles))}</tr>" for row in rows)
     controls = "".join(
         _control(index, column, [row[index].value for row in rows]) for index, column in enumerate(columns)
     )
     return (
         f'<form class="filters" hidden aria-label="Filter the scenes">{controls}'
         f'<button type="reset">Reset</button><output id="shown" aria-live="polite">{len(rows)} scenes</output></form>'
-        f'<div class="table" tabindex="0" role="region" aria-label="{escape(caption)}"><table class="browse">'
+        f'<div class="table" tabindex="0" role="region" aria-label="{escape(caption)}"><table class="browse{" cards" if cards else ""}">'
         f"<caption>{escape(caption)}</caption>"
         f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
     )

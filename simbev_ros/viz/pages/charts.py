@@ -189,7 +189,9 @@ def heat_map(
         "xaxis": {"range": list(x), "showgrid": False, "zeroline": False},
         "yaxis": {"range": list(y), "showgrid": False, "zeroline": False},
     }
-    return Chart("Heat map", [{**trace, **place, "showscale": False, "hovertemplate": f"{hover}<extra></extra>"}], layout)
+    return Chart(
+        "Heat map", [{**trace, **place, "showscale": False, "hovertemplate": f"{hover}<extra></extra>"}], layout
+    )
 
 
 def typed_array(values: AnyArray) -> dict[str, str]:

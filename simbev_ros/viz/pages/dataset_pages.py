@@ -37,7 +37,7 @@ _COLUMNS = (
     Column("collisions", "range", is_number=True),
     Column("s", "range", "duration in seconds", is_number=True),
     Column("boxes", None, "boxes a frame", is_number=True),
-    Column("ego m", None, "length of the ego's way", is_number=True),
+    Column("ego m", None, "length of the ego's path", is_number=True),
     Column("MB", None, "size of the bag", is_number=True),
 )
 
@@ -72,7 +72,11 @@ def write_pages(
         for done, ok in enumerate(pool.map(write_scene_page, scenes), 1 + len(plans))
     ]
     write_whole(folder / _PLOTLY, _plotly())
-    drawn = {plan.file.stem: f"{folder.name}/{_MAPS}/{plan.file.name}" for plan, ok in zip(plans, has_plan, strict=True) if ok}
+    drawn = {
+        plan.file.stem: f"{folder.name}/{_MAPS}/{plan.file.name}"
+        for plan, ok in zip(plans, has_plan, strict=True)
+        if ok
+    }
     pictured = {work.facts.name for work, ok in zip(scenes, has_pictures, strict=True) if ok}
     write_whole(page, dataset_page(statistics, folder.name, drawn, pictured).encode())
 
@@ -91,7 +95,7 @@ def dataset_page(statistics: Statistics, folder: str, plans: Mapping[str, str], 
     parts = [
         section("Scenes", table),
         section("Scenes and traffic", sheet("wide", scene_figures(statistics))),
-        section("Maps", sheet("pair", map_figures(statistics, plans)), "Ways of the ego, each starting at a dot."),
+        section("Maps", sheet("pair", map_figures(statistics, plans)), "Paths of the ego, each starting at a dot."),
         section(
             "Boxes",
             sheet("wide", box_figures(statistics)) + sheet("small", crowd_figures(statistics)),

@@ -13,7 +13,6 @@ from html import escape
 import numpy as np
 
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.evaluation.conditions import daytime_of, weather_of
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.spec import MapSpec
@@ -26,7 +25,7 @@ from simbev_ros.units import NS_PER_S
 from simbev_ros.viz.maps.map_plan import MapPlan
 from simbev_ros.viz.pages.browsable_table import Cell, Column, browsable_table
 from simbev_ros.viz.pages.plans import Square
-from simbev_ros.viz.pages.scene_columns import CONDITIONS, condition_cells, hazard_cell
+from simbev_ros.viz.pages.scene_columns import CONDITIONS, condition_cells, hazard_cell, hazard_text
 from simbev_ros.viz.pages.web_page import web_page
 from simbev_ros.viz.reports.page import key_figures, section
 from simbev_ros.viz.reports.svg_charts import words
@@ -38,7 +37,6 @@ MAX_SCENES = 1000
 _SIDE = 360.0
 _QUALITY = 70
 _MARGIN_M, _MIN_SIDE_M = 40.0, 200.0
-_NO_NOTE = "–"
 _COLUMNS = (
     Column("", None, "map with start, route and hazards"),
     Column("scene", "text"),
@@ -106,7 +104,7 @@ def drawn_scenes_page(title: str, scenes: Sequence[DrawnScene]) -> str:
         "Drawn, not simulated. On the maps: the ego's start (white), its route as far as it gets without waiting (blue), "
         "and hazard areas (red); north is up."
     )
-    table = browsable_table("Drawn scenes", _COLUMNS, [_row(scene) for scene in scenes])
+    table = browsable_table("Drawn scenes", _COLUMNS, [_row(scene) for scene in scenes], cards=True)
     return web_page(title, key_figures(figures), section("Scenes", table, note), ("browse.js",))
 
 
@@ -157,36 +155,30 @@ def _map(spec: SceneSpec, network: RoadNetwork) -> str:
     sheet.block(8, _SIDE - 26, bar_m * scale + 8, 22, (250, 249, 246))
     sheet.line(12, _SIDE - 9, 12 + bar_m * scale, _SIDE - 9, "scale")
     sheet.add(f'<text class="scale" x="12" y="{_SIDE - 13}">{number(bar_m)} m</text>')
-    return sheet.svg(f"Map of {spec.name}: start and route of the ego, {_hazards(spec)}")
+    return sheet.svg(f"Map of {spec.name}: start and route of the ego, {hazard_text(_hazards(spec))}")
 
 
-def _hazards(spec: SceneSpec) -> str:
-    kinds = Counter(hazard.kind.value for hazard in spec.hazards)
-    return ", ".join(f"{count} {words(kind)}" for kind, count in sorted(kinds.items())) or "no hazards"
+def _hazards(spec: SceneSpec) -> Counter[str]:
+    return Counter(hazard.kind.value for hazard in spec.hazards)
 
 
 def _row(scene: DrawnScene) -> list[Cell]:
     """Cells of a scene in the order of ``_COLUMNS``."""
     spec, weather, ego = scene.spec, scene.spec.weather, scene.spec.vehicles[0]
-    final = spec.final_weather
-    changes = "" if final is None else f" → {daytime_of(final)}, {weather_of(final)}"
-    light, sky, sun = condition_cells(weather)
     driver = " reckless" if ego.reckless else " distracted" if ego.distracted else ""
     return [
         Cell("", scene.map_svg),
         Cell(spec.name, f"<b>{escape(spec.name)}</b>"),
         Cell(spec.map.name),
         Cell(spec.split),
-        light,
-        Cell(sky.value, escape(f"{sky.value}{changes}")),
-        sun,
+        *condition_cells(weather, spec.final_weather),
         *(Cell(round(value)) for value in (weather.cloudiness, weather.precipitation, weather.fog_density)),
         Cell(round(_duration_s(spec), 2)),
         Cell(len(spec.vehicles)),
         Cell(len(spec.pedestrians)),
-        hazard_cell(Counter(hazard.kind.value for hazard in spec.hazards)),
+        hazard_cell(_hazards(spec)),
         Cell(f"{ego.blueprint.removeprefix('vehicle.')}, {ego.speed_factor:.2f}{driver}"),
-        Cell("; ".join(scene.notes) or _NO_NOTE),
+        Cell("; ".join(scene.notes)),
     ]
 
 

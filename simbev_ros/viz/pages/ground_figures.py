@@ -55,13 +55,13 @@ def grid_figures(statistics: Statistics) -> Iterator[str]:
 
 
 def square_of_map(statistics: Statistics, name: str) -> Square | None:
-    """The square of a map that contains all ways of the ego; None if there are none."""
-    ways_m = [scene.ego_m for scene in statistics.scenes if scene.map == name and len(scene.ego_m)]
-    return Square.around(np.concatenate(ways_m), _MARGIN_M, _MIN_SIDE_M) if ways_m else None
+    """The square of a map that contains all paths of the ego; None if there are none."""
+    paths_m = [scene.ego_m for scene in statistics.scenes if scene.map == name and len(scene.ego_m)]
+    return Square.around(np.concatenate(paths_m), _MARGIN_M, _MIN_SIDE_M) if paths_m else None
 
 
 def map_figures(statistics: Statistics, plans: Mapping[str, str]) -> Iterator[str]:
-    """Figures of each map from above: the ways of the ego, and the positions of other actors.
+    """Figures of each map from above: the paths of the ego, and the positions of other actors.
 
     Args:
         statistics: The statistics.
@@ -75,13 +75,16 @@ def map_figures(statistics: Statistics, plans: Mapping[str, str]) -> Iterator[st
 
 
 def _map(cells: Int64Array, scenes: Sequence[SceneFacts], square: Square, plan: str) -> Chart:
-    """Chart of a map: cells in which other actors were, and the ways of the ego, each starting at a dot."""
+    """Chart of a map: cells in which other actors were, and the paths of the ego, each starting at a dot."""
     low_m = square.center_m - square.side_m / 2
     visited = _raster((cells + 0.5) * CELL_M - low_m, square.side_m)
     x, y = ((low, low + square.side_m) for low in low_m.tolist())
     others = heat_map((visited > 0).astype(np.float32), x, y, "", _VISITED).data[0]
     split_seen: set[str] = set()
-    data = [others | {"opacity": 0.35, "hoverinfo": "skip", "hovertemplate": None, "showlegend": True, "name": "other actors"}]
+    data = [
+        others
+        | {"opacity": 0.35, "hoverinfo": "skip", "hovertemplate": None, "showlegend": True, "name": "other actors"}
+    ]
     for scene in scenes:
         color, positions = css(SPLIT_COLORS[scene.split]), np.round(scene.ego_m, 1).tolist()
         data.append(

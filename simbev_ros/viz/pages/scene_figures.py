@@ -81,7 +81,9 @@ def weather_figures(statistics: Statistics) -> Iterator[str]:
         inside = np.clip(values, low, high - step / 2)
         yield figure(
             parameter_title(name),
-            histogram(_by_split(statistics.scenes, inside, low, step), step, unit, "scenes", low, SMALL_PX, _WEATHER_BINS),
+            histogram(
+                _by_split(statistics.scenes, inside, low, step), step, unit, "scenes", low, SMALL_PX, _WEATHER_BINS
+            ),
         )
 
 

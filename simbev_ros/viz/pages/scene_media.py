@@ -55,7 +55,9 @@ def write_media(bag: AnyPath, folder: Path, *, video: bool) -> bool:
     reader = FrameReader(opened, views)
     (frame,) = reader.frames(len(reader.stamps_ns) // 2, 1)
     sheet = draw_sheet(reader, frame, _VIDEO_WIDTH_PX * 3 // 2)
-    camera = next((name for name in sorted(views.cameras, key=main_camera_rank) if views.cameras[name] in frame.arrays), "")
+    camera = next(
+        (name for name in sorted(views.cameras, key=main_camera_rank) if views.cameras[name] in frame.arrays), ""
+    )
     write_whole(folder / SHEET, jpeg_bytes(sheet))
     write_whole(folder / THUMBNAIL, jpeg_bytes(_fill(frame.arrays[views.cameras[camera]] if camera else sheet)))
     if video and not is_newer(folder / VIDEO, bag):

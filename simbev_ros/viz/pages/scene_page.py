@@ -1,4 +1,4 @@
-"""Writes the page of one recorded scene: video, map with the ego's way, curves over time, and all parameters.
+"""Writes the page of one recorded scene: video, map with the ego's path, curves over time, and all parameters.
 
 A scene and its facts enter; a folder with the page, its pictures and its video leaves.
 """
@@ -31,6 +31,7 @@ from simbev_ros.semantics import BOX_CLASSES
 from simbev_ros.units import NS_PER_S
 from simbev_ros.viz.pages.charts import Chart, curves, figure
 from simbev_ros.viz.pages.plans import Square, plan_picture
+from simbev_ros.viz.pages.scene_columns import hazard_text
 from simbev_ros.viz.pages.scene_figures import WEATHER_ENDS, parameter_title
 from simbev_ros.viz.pages.scene_media import PLAN, SHEET, VIDEO, is_newer, write_media
 from simbev_ros.viz.pages.web_page import facts, web_page
@@ -42,7 +43,7 @@ PAGE = "index.html"
 
 _MARGIN_M, _MIN_SIDE_M = 50.0, 160.0
 _MAP_PX = 520
-_WAY, _HAZARD = (20, 110, 190), (214, 60, 40)
+_PATH, _HAZARD = (20, 110, 190), (214, 60, 40)
 _CLOSED = {"type": "scatter", "mode": "lines", "fill": "toself", "fillcolor": "rgba(214,60,40,0.35)"}
 
 
@@ -98,7 +99,9 @@ def write_scene_page(work: ScenePage) -> bool:
     known = work.facts.ego_m
     square = Square.around(known, _MARGIN_M, _MIN_SIDE_M) if len(known) else None
     plan = square is not None and write_plan(PlanPicture(work.dataset, work.bag, square, work.folder / PLAN))
-    body = _screen(work, has_pictures) + _curves(work.facts, scene.spec, square, has_plan=plan) + _parameters(scene.spec)
+    body = (
+        _screen(work, has_pictures) + _curves(work.facts, scene.spec, square, has_plan=plan) + _parameters(scene.spec)
+    )
     page = web_page(work.facts.name, _head(work), body, ("charts.js",), work.plotly)
     write_whole(work.folder / PAGE, page.encode())
     return has_pictures
@@ -147,16 +150,15 @@ def _head(work: ScenePage) -> str:
         if name:
             links.append(f'<a href="../{quote(name)}/{PAGE}">{escape(text.format(name))}</a>')
     known = work.facts
-    hazards = ", ".join(f"{count} {words(kind)}" for kind, count in sorted(known.hazards.items())) or "none"
     pairs = [
         ("map", known.map),
         ("split", known.split),
         ("seed", str(known.seed)),
         ("duration", f"{known.duration_s:g} s, {known.frames} frames"),
         ("light and weather", f"{daytime_of(known.weather)}, {weather_of(known.weather)}"),
-        ("ego's way", f"{known.distance_m:.0f} m"),
+        ("path of the ego", f"{known.distance_m:.0f} m"),
         ("actors", f"{known.vehicles} vehicles, {known.pedestrians} pedestrians"),
-        ("hazards", hazards),
+        ("hazards", hazard_text(known.hazards)),
         ("collisions", str(known.collisions)),
         ("recorded", decimal(known.file_bytes)),
     ]
@@ -187,14 +189,14 @@ def _curves(known: SceneFacts, spec: SceneSpec, square: Square | None, *, has_pl
         return section("Over time", "".join(right) + weather)
     speed = [Series("ego", known.moments["speed_mps"])]
     right.insert(0, figure("Speed of the ego", curves(time_s, speed, "s", "m/s", over_time=True)))
-    note = "Click a curve or the way to move the video." if has_plan else "The roads of this map could not be built."
-    way = figure("The ego's way", _map(known, spec, square, PLAN if has_plan else ""), note)
-    sides = f'<div class="stack">{way}{weather}</div><div class="stack">{"".join(right)}</div>'
+    note = "Click a curve or the path to move the video." if has_plan else "The roads of this map could not be built."
+    path = figure("Path of the ego", _map(known, spec, square, PLAN if has_plan else ""), note)
+    sides = f'<div class="stack">{path}{weather}</div><div class="stack">{"".join(right)}</div>'
     return f'<div class="columns">{sides}</div>'
 
 
 def _map(known: SceneFacts, spec: SceneSpec, square: Square, plan: str) -> Chart:
-    """Chart of the ego's way, which starts at a ring, with the hazard areas, and a dot at the video's time."""
+    """Chart of the ego's path, which starts at a ring, with the hazard areas, and a dot at the video's time."""
     data: list[dict[str, Any]] = []
     for hazard in spec.hazards:
         corners = [*hazard.outline_m, hazard.outline_m[0]]
@@ -209,15 +211,15 @@ def _map(known: SceneFacts, spec: SceneSpec, square: Square, plan: str) -> Chart
             "customdata": np.round(moments["time_s"], 3).tolist(),
             "text": [f"{speed:.1f} m/s" for speed in moments["speed_mps"].tolist()],
             "hovertemplate": "%{customdata} s: %{text}<extra></extra>",
-            "line": {"color": css(_WAY), "width": 5},
-            "marker": {"color": css(_WAY), "size": 5},
+            "line": {"color": css(_PATH), "width": 5},
+            "marker": {"color": css(_PATH), "size": 5},
         },
         {
             **{"type": "scatter", "mode": "markers", "x": x[:1], "y": y[:1], "showlegend": False, "hoverinfo": "skip"},
-            "marker": {"color": "#ffffff", "size": 13, "line": {"color": css(_WAY), "width": 4}},
+            "marker": {"color": "#ffffff", "size": 13, "line": {"color": css(_PATH), "width": 4}},
         },
     ]
-    return Chart("Map", data, square.layout(_MAP_PX, plan), {"data-clock": "way", "data-path": str(len(data) - 2)})
+    return Chart("Map", data, square.layout(_MAP_PX, plan), {"data-clock": "path", "data-path": str(len(data) - 2)})
 
 
 def _weather_curves(spec: SceneSpec, duration_s: float) -> str:
@@ -246,11 +248,21 @@ def _parameters(spec: SceneSpec) -> str:
     """HTML of the tables of weather, rig and actors."""
     start, end = spec.weather, spec.weather_at(spec.ticks - 1)
     weather = [
-        _row(f"{parameter_title(name)}", f"{getattr(start, name):.3g}", f"{getattr(end, name):.3g}", WEATHER_ENDS[name][2])
+        _row(
+            f"{parameter_title(name)}",
+            f"{getattr(start, name):.3g}",
+            f"{getattr(end, name):.3g}",
+            WEATHER_ENDS[name][2],
+        )
         for name in Weather.model_fields
     ]
     rig = [
-        _row(sensor.name, sensor.type, _pose(sensor.pose), "every tick" if sensor.rate_hz is None else f"{sensor.rate_hz:g} Hz")
+        _row(
+            sensor.name,
+            sensor.type,
+            _pose(sensor.pose),
+            "every tick" if sensor.rate_hz is None else f"{sensor.rate_hz:g} Hz",
+        )
         for sensor in spec.rig.sensors
     ]
     actors = Counter(actor.blueprint for actor in (*spec.vehicles, *spec.pedestrians))
@@ -266,7 +278,7 @@ def _parameters(spec: SceneSpec) -> str:
         _row("map's file", spec.map.path.rpartition("/")[2] or "built in"),
     ]
     sides = (
-        [("Settings", ("", ""), settings), ("Weather", ("", "start", "end", "unit"), weather)],
+        [("Settings", ("setting", "value"), settings), ("Weather", ("parameter", "start", "end", "unit"), weather)],
         [("Sensors", ("sensor", "type", "position, heading", "rate"), rig), ("Actors", ("blueprint", "count"), kinds)],
     )
     columns = ("".join(f"<h3>{title}</h3>{table(heads, rows)}" for title, heads, rows in side) for side in sides)

@@ -37,7 +37,7 @@ def info(
     report: Annotated[
         Path | None,
         typer.Option(
-            help="Also write pages to browse: scenes, videos, statistics. A page FILE.html, or a folder with index.html.",
+            help="Also write pages to browse: scenes, videos, statistics; as FILE.html or FOLDER/index.html.",
             metavar="FOLDER|FILE.html",
         ),
     ] = None,

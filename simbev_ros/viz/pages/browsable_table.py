@@ -63,7 +63,7 @@ def browsable_table(
         rows: The cells of each row, one for each column.
         cards: Whether rows are shown as cards beside each other.
     """
-    titles = [column.title for column in columns]
+    titles, kind = [column.title for column in columns], "browse cards" if cards else "browse"
     head = "".join(map(_head, columns))
     body = "".join(f"<tr>{''.join(map(Cell.render, row, titles))}</tr>" for row in rows)
     controls = "".join(
@@ -72,7 +72,7 @@ def browsable_table(
     return (
         f'<form class="filters" hidden aria-label="Filter the scenes">{controls}'
         f'<button type="reset">Reset</button><output id="shown" aria-live="polite">{len(rows)} scenes</output></form>'
-        f'<div class="table" tabindex="0" role="region" aria-label="{escape(caption)}"><table class="browse{" cards" if cards else ""}">'
+        f'<div class="table" tabindex="0" role="region" aria-label="{escape(caption)}"><table class="{kind}">'
         f"<caption>{escape(caption)}</caption>"
         f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
     )

@@ -101,8 +101,8 @@ def drawn_scenes_page(title: str, scenes: Sequence[DrawnScene]) -> str:
         (number(sum(len(spec.hazards) for spec in specs)), "hazards"),
     ]
     note = (
-        "Drawn, not simulated. On the maps: the ego's start (white), its route as far as it gets without waiting (blue), "
-        "and hazard areas (red); north is up."
+        "Drawn, not simulated. On the maps: the ego's start (white), its route as far as it gets if nothing stops it "
+        "(blue), and hazard areas (red); north is up."
     )
     table = browsable_table("Drawn scenes", _COLUMNS, [_row(scene) for scene in scenes], cards=True)
     return web_page(title, key_figures(figures), section("Scenes", table, note), ("browse.js",))

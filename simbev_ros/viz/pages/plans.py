@@ -1,4 +1,4 @@
-"""Draws the plans of maps that pages show paths on: a square of the road network as a picture, and its place in a chart.
+"""Plans of maps, on which pages show paths: a square of the road network as a picture, and its place in a chart.
 
 A road network and positions on it enter; JPEG pictures and Plotly layouts leave.
 """

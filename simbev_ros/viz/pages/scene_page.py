@@ -205,20 +205,15 @@ def _map(known: SceneFacts, spec: SceneSpec, square: Square, plan: str) -> Chart
         data.append({**_CLOSED, **look, "x": x, "y": y, "name": words(hazard.kind.value)})
     moments = known.moments[np.isfinite(known.moments["ego_m"]).all(axis=1)]
     x, y = (np.round(moments["ego_m"][:, k], 2).tolist() for k in range(2))
-    data += [
-        {
-            **{"type": "scatter", "mode": "lines+markers", "name": "ego", "x": x, "y": y, "showlegend": False},
-            "customdata": np.round(moments["time_s"], 3).tolist(),
-            "text": [f"{speed:.1f} m/s" for speed in moments["speed_mps"].tolist()],
-            "hovertemplate": "%{customdata} s: %{text}<extra></extra>",
-            "line": {"color": css(_PATH), "width": 5},
-            "marker": {"color": css(_PATH), "size": 5},
-        },
-        {
-            **{"type": "scatter", "mode": "markers", "x": x[:1], "y": y[:1], "showlegend": False, "hoverinfo": "skip"},
-            "marker": {"color": "#ffffff", "size": 13, "line": {"color": css(_PATH), "width": 4}},
-        },
-    ]
+    ego = {"type": "scatter", "mode": "lines+markers", "name": "ego", "x": x, "y": y, "showlegend": False}
+    values = {
+        "customdata": np.round(moments["time_s"], 3).tolist(),
+        "text": [f"{speed:.1f} m/s" for speed in moments["speed_mps"].tolist()],
+        "hovertemplate": "%{customdata} s: %{text}<extra></extra>",
+    }
+    data.append({**ego, **values, "line": {"color": css(_PATH), "width": 5}, "marker": {"color": css(_PATH), "size": 5}})
+    dot = {"color": "#ffffff", "size": 13, "line": {"color": css(_PATH), "width": 4}}
+    data.append({**ego, "mode": "markers", "x": x[:1], "y": y[:1], "hoverinfo": "skip", "marker": dot})
     return Chart("Map", data, square.layout(_MAP_PX, plan), {"data-clock": "path", "data-path": str(len(data) - 2)})
 
 

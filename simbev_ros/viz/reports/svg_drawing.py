@@ -18,9 +18,7 @@ Color = tuple[int, int, int]
 INK: Color = (47, 111, 143)
 Size = tuple[float, float]
 
-_PAPER: Color = (250, 249, 246)
 _TICKS = 5
-_TOP_SHARE = 0.998
 
 
 @dataclass(slots=True)
@@ -75,23 +73,6 @@ class Drawing:
         """The whole sheet as SVG text; ``label`` is read aloud in its place."""
         box, said = f"0 0 {self.width:.0f} {self.height:.0f}", f' aria-label="{escape(label)}"' if label else ""
         return f'<svg viewBox="{box}" width="{self.width:.0f}" role="img"{said}>{"".join(self.marks)}</svg>'
-
-
-def heat(values: AnyArray, color: Color = INK, gamma: float = 0.5) -> tuple[AnyArray, AnyArray]:
-    """Heat map of (H, W) values ≥ 0: (H, W) uint8 indices and their (256, 3) colors, from paper to dark.
-
-    The top 0.2 % of values, such as at the ego's own position, saturate.
-    """
-    top = float(np.quantile(values, _TOP_SHARE)) or float(values.max()) or 1.0
-    return np.rint(np.minimum(values / top, 1.0) ** gamma * 255).astype(np.uint8), ramp(color)
-
-
-def ramp(color: Color) -> AnyArray:
-    """(256, 3) uint8 color ramp from paper over a color to a darker version of it."""
-    dark = np.array(color) * 0.35
-    stops = np.array([_PAPER, np.array(color), dark], np.float64)
-    positions = np.linspace(0, 2, 256)
-    return np.stack([np.interp(positions, (0, 1.4, 2), stops[:, k]) for k in range(3)], axis=1).round().astype(np.uint8)
 
 
 def number(value: float) -> str:

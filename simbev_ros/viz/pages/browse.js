@@ -65,7 +65,7 @@
     sort();
     save();
   }));
-  form.addEventListener("input", () => { filter(); save(); });
+  for (const kind of ["input", "change"]) form.addEventListener(kind, () => { filter(); save(); });
   form.addEventListener("submit", (event) => event.preventDefault());
   form.addEventListener("reset", () => setTimeout(() => { order = null; sort(); filter(); save(); }));
   window.addEventListener("hashchange", restore);

@@ -3,7 +3,6 @@
 A scene and its facts enter; a folder with the page, its pictures and its video leaves.
 """
 
-from collections import Counter
 from dataclasses import dataclass
 from functools import lru_cache
 from html import escape
@@ -26,18 +25,17 @@ from simbev_ros.recording.reader import SceneBag
 from simbev_ros.recording.replay import build_recorded_roads
 from simbev_ros.recording.whole_files import write_whole
 from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.scene.weather import Weather
 from simbev_ros.semantics import BOX_CLASSES
-from simbev_ros.units import NS_PER_S
 from simbev_ros.viz.pages.charts import Chart, curves, figure
 from simbev_ros.viz.pages.plans import Square, plan_picture
 from simbev_ros.viz.pages.scene_columns import hazard_text
-from simbev_ros.viz.pages.scene_figures import WEATHER_ENDS, parameter_title
+from simbev_ros.viz.pages.scene_figures import parameter_title
 from simbev_ros.viz.pages.scene_media import PLAN, SHEET, VIDEO, is_newer, write_media
+from simbev_ros.viz.pages.scene_parameters import parameter_section, weather_ends
 from simbev_ros.viz.pages.web_page import facts, web_page
-from simbev_ros.viz.reports.page import section, table
+from simbev_ros.viz.reports.page import section
 from simbev_ros.viz.reports.svg_charts import Series, words
-from simbev_ros.viz.reports.svg_drawing import css, number
+from simbev_ros.viz.reports.svg_drawing import css
 
 PAGE = "index.html"
 
@@ -100,7 +98,9 @@ def write_scene_page(work: ScenePage) -> bool:
     square = Square.around(known, _MARGIN_M, _MIN_SIDE_M) if len(known) else None
     plan = square is not None and write_plan(PlanPicture(work.dataset, work.bag, square, work.folder / PLAN))
     body = (
-        _screen(work, has_pictures) + _curves(work.facts, scene.spec, square, has_plan=plan) + _parameters(scene.spec)
+        _screen(work, has_pictures)
+        + _curves(work.facts, scene.spec, square, has_plan=plan)
+        + parameter_section(scene.spec)
     )
     page = web_page(work.facts.name, _head(work), body, ("charts.js",), work.plotly)
     write_whole(work.folder / PAGE, page.encode())
@@ -211,7 +211,9 @@ def _map(known: SceneFacts, spec: SceneSpec, square: Square, plan: str) -> Chart
         "text": [f"{speed:.1f} m/s" for speed in moments["speed_mps"].tolist()],
         "hovertemplate": "%{customdata} s: %{text}<extra></extra>",
     }
-    data.append({**ego, **values, "line": {"color": css(_PATH), "width": 5}, "marker": {"color": css(_PATH), "size": 5}})
+    data.append(
+        {**ego, **values, "line": {"color": css(_PATH), "width": 5}, "marker": {"color": css(_PATH), "size": 5}}
+    )
     dot = {"color": "#ffffff", "size": 13, "line": {"color": css(_PATH), "width": 4}}
     data.append({**ego, "mode": "markers", "x": x[:1], "y": y[:1], "hoverinfo": "skip", "marker": dot})
     return Chart("Map", data, square.layout(_MAP_PX, plan), {"data-clock": "path", "data-path": str(len(data) - 2)})
@@ -223,7 +225,7 @@ def _weather_curves(spec: SceneSpec, duration_s: float) -> str:
         return ""
     ends_s = np.array([0.0, duration_s])
     series = [
-        Series(parameter_title(name), _start_and_end(spec, name), color)
+        Series(parameter_title(name), np.array(weather_ends(spec, name)), color)
         for name, color in (
             ("cloudiness", (120, 130, 140)),
             ("precipitation", (40, 110, 200)),
@@ -233,57 +235,3 @@ def _weather_curves(spec: SceneSpec, duration_s: float) -> str:
         )
     ]
     return figure("Weather, % and °", curves(ends_s, series, "s", "", over_time=True))
-
-
-def _start_and_end(spec: SceneSpec, name: str) -> np.ndarray[Any, Any]:
-    return np.array([getattr(spec.weather_at(tick), name) for tick in (0, spec.ticks - 1)])
-
-
-def _parameters(spec: SceneSpec) -> str:
-    """HTML of the tables of weather, rig and actors."""
-    start, end = spec.weather, spec.weather_at(spec.ticks - 1)
-    weather = [
-        _row(
-            f"{parameter_title(name)}",
-            f"{getattr(start, name):.3g}",
-            f"{getattr(end, name):.3g}",
-            WEATHER_ENDS[name][2],
-        )
-        for name in Weather.model_fields
-    ]
-    rig = [
-        _row(
-            sensor.name,
-            sensor.type,
-            _pose(sensor.pose),
-            "every tick" if sensor.rate_hz is None else f"{sensor.rate_hz:g} Hz",
-        )
-        for sensor in spec.rig.sensors
-    ]
-    actors = Counter(actor.blueprint for actor in (*spec.vehicles, *spec.pedestrians))
-    kinds = [_row(name, number(count)) for name, count in sorted(actors.items(), key=lambda item: (-item[1], item[0]))]
-    ego = spec.vehicles[0]
-    settings = [
-        _row("tick", f"{spec.tick_ns / NS_PER_S:g} s"),
-        _row("warm-up", f"{spec.warm_up_ticks * spec.tick_ns / NS_PER_S:g} s"),
-        _row("ego", f"{ego.blueprint}, driven by {spec.ego_driver}"),
-        _row("ego's start", f"lane {ego.start.lane}, {ego.start.s_m:.1f} m"),
-        _row("ego's speed factor", f"{ego.speed_factor:.2f}"),
-        _row("jaywalking", f"{100 * spec.walker_cross_factor:.0f} % of pedestrians may"),
-        _row("map's file", spec.map.path.rpartition("/")[2] or "built in"),
-    ]
-    sides = (
-        [("Settings", ("setting", "value"), settings), ("Weather", ("parameter", "start", "end", "unit"), weather)],
-        [("Sensors", ("sensor", "type", "position, heading", "rate"), rig), ("Actors", ("blueprint", "count"), kinds)],
-    )
-    columns = ("".join(f"<h3>{title}</h3>{table(heads, rows)}" for title, heads, rows in side) for side in sides)
-    body = "".join(f'<div class="stack">{column}</div>' for column in columns)
-    return section("Parameters", f'<div class="columns">{body}</div>')
-
-
-def _pose(pose: Any) -> str:
-    return f"{pose.x_m:g}, {pose.y_m:g}, {pose.z_m:g} m, {pose.yaw_deg:g}°"
-
-
-def _row(head: str, *cells: str) -> str:
-    return f'<th scope="row">{escape(head)}</th>' + "".join(f"<td>{escape(cell)}</td>" for cell in cells)

@@ -14,7 +14,7 @@ from simbev_ros.cli.console import counting_bar, format_size, make_console, perc
 from simbev_ros.cli.output_file import make_room, require_name, require_place
 from simbev_ros.cli.pool import Workers, processes
 from simbev_ros.dataset.parallel import Pool
-from simbev_ros.errors import BagError
+from simbev_ros.errors import BagError, InputError
 from simbev_ros.object_store.object_path import AnyPath, ObjectPath, path_or_url
 from simbev_ros.recording.layout import PARTIAL_SUFFIX, finished_scenes, is_dataset, is_scene, scenes_of
 from simbev_ros.recording.whole_files import write_errors
@@ -89,13 +89,18 @@ def _bags_of(dataset: AnyPath) -> Sequence[AnyPath]:
 
 
 def _page(report: Path) -> Path:
-    """The page that ``--report`` asks for, which can be written."""
+    """The page that ``--report`` asks for.
+
+    Raises:
+        DiskError: The disk is full.
+        InputError: It cannot be written.
+    """
     if report.suffix.lower() in (".html", ".htm"):
         require_place(report)
         return report
     require_name(report)
-    if not report.is_dir():
-        require_place(report)
+    if report.exists() and not report.is_dir():
+        raise InputError(f"{report}: is a file; allowed: a folder, or a name that ends in .html")
     make_room(report, [], overwrite=True)
     return report / "index.html"
 

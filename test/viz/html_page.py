@@ -6,7 +6,7 @@ from html.parser import HTMLParser
 from typing import Any
 from xml.etree import ElementTree
 
-_VOID = {"meta", "br", "img", "input"}
+_VOID = {"meta", "br", "img", "input", "link"}
 
 
 class Page(HTMLParser):
@@ -51,6 +51,8 @@ class Page(HTMLParser):
         given = {name: value or "" for name, value in attrs}
         if tag == "a":
             self.links.append(given["href"])
+        elif tag == "link":
+            assert given == {"rel": "icon", "href": "data:,"}
         elif tag == "script":
             self.scripts += [given["src"]] if "src" in given else []
             self._is_data = given.get("type") == "application/json"

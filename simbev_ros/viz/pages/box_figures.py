@@ -123,7 +123,7 @@ def _level_heat(levels: Int64Array) -> Chart:
     ticks = {"tickvals": [k + 0.5 for k in range(0, top, 2)], "ticktext": names}
     chart.layout["xaxis"] |= {"title": axis_title("m")}
     chart.layout["yaxis"] |= {"title": axis_title("points, from"), **ticks}
-    chart.layout["margin"] |= {"l": 52, "b": 44}
+    chart.layout["margin"] |= {"l": 52, "b": 50}
     return chart
 
 
@@ -141,7 +141,7 @@ def _position_figure(positions: Int64Array, names: Sequence[str], title: str) ->
     chart.layout["annotations"] = [{"x": 0, "y": 0, "text": "▲", "showarrow": False}]
     chart.layout["xaxis"] |= {"title": axis_title("m to the right"), "constrain": "domain"}
     chart.layout["yaxis"] |= {"title": axis_title("m ahead"), "scaleanchor": "x", "constrain": "domain"}
-    chart.layout["margin"] |= {"l": 52, "b": 44}
+    chart.layout["margin"] |= {"l": 52, "b": 50}
     return figure(title, chart, "The ego is in the middle and faces up.")
 
 

@@ -17,7 +17,7 @@ WIDE_PX, SMALL_PX = 280, 190
 """Heights of charts in wide and narrow columns."""
 
 _TOP_SHARE = 0.998
-_MARGIN = {"l": 48, "r": 12, "t": 10, "b": 44}
+_MARGIN = {"l": 48, "r": 12, "t": 10, "b": 50}
 _LEGEND = {"traceorder": "normal", "orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0}
 _ROW_PX = 22
 

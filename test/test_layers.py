@@ -46,7 +46,7 @@ FLOORS = [
     {"graph"},
     {"cluster"},
     {"production"},
-    {"bench"},
+    {"bench", "foxglove_server"},
     {"cli"},
     {"reference_stack"},
 ]

@@ -26,6 +26,7 @@ VERBS = {
     "scene": "scene.command:scene",
     "info": "info:info",
     "preview": "preview:preview",
+    "foxglove": "foxglove:foxglove",
     "verify": "verify:verify",
     "logs": "logs:logs",
     "repair": "repair:repair",

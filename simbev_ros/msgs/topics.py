@@ -30,6 +30,7 @@ DIAGNOSTICS = "/diagnostics"
 EVALUATION = "/evaluation"
 TF = "/tf"
 TF_STATIC = "/tf_static"
+ROBOT_DESCRIPTION = "/robot_description"
 
 REPLAY_TOPICS = (SCENE, MAP, ACTORS, SIGNALS, WEATHER, EVENTS)
 """Topics that a replay needs; always recorded, so that everything else can be computed again."""
@@ -52,6 +53,7 @@ def world_topics(spec: SceneSpec) -> Iterator[Topic]:
     yield Topic(LEGEND, "std_msgs/msg/String", 0)
     yield Topic(LIGHTS, "sensor_msgs/msg/PointCloud2", 0)
     yield Topic(BUILDING_LIGHTS, "std_msgs/msg/String", 0)
+    yield Topic(ROBOT_DESCRIPTION, "std_msgs/msg/String", 0)
     yield Topic(EVENTS, "std_msgs/msg/String", sporadic=True)
     yield Topic(CLOCK, "rosgraph_msgs/msg/Clock")
     yield Topic(ACTORS, "sensor_msgs/msg/PointCloud2")

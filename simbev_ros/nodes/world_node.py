@@ -22,6 +22,7 @@ from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.markers import world_markers
 from simbev_ros.msgs.qos import STEERING, rclpy_qos
+from simbev_ros.msgs.robot_description import robot_description
 from simbev_ros.msgs.signing import signed_json
 from simbev_ros.msgs.stamps import time_message
 from simbev_ros.msgs.transforms import TransformBroadcaster
@@ -131,6 +132,7 @@ class WorldNode(GraphNode):
             self._commands[command] = self.create_subscription(Twist, command, self._on_command, 10)
         self._lockstep.start_scene(spec)
         self.publish(topics.MAP, String(data=network.opendrive))
+        self.publish(topics.ROBOT_DESCRIPTION, String(data=robot_description(spec)))
         self.publish(topics.LEGEND, String(data=json.dumps(legend(network.signals))))
         streetside = load_streetside(spec.map, network, reach=loaded_reach(spec, network))
         self._publish_lights(spec, streetside)

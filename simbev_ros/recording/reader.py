@@ -10,7 +10,7 @@ from typing import Any, BinaryIO, NamedTuple, Self
 
 import numpy as np
 from mcap.opcode import Opcode
-from mcap.records import Channel, Message
+from mcap.records import Channel, Message, Schema
 from pydantic import ValidationError
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
@@ -151,6 +151,16 @@ class SceneBag:
         """Stamps of the first and the last message; (0, 0) for an empty bag."""
         chunks = [chunk for part in self._parts for chunk in part.index.chunks]
         return (min(c.start_ns for c in chunks), max(c.end_ns for c in chunks)) if chunks else (0, 0)
+
+    def definitions(self) -> list[tuple[Channel, Schema]]:
+        """Channel and schema of each topic, from the first file that has it; topics without a schema are left out."""
+        found = {
+            channel.topic: (channel, part.index.schemas[channel.schema_id])
+            for part in reversed(self._parts)
+            for channel in part.index.channels.values()
+            if channel.schema_id in part.index.schemas
+        }
+        return [found[topic] for topic in self.topics if topic in found]
 
     def messages(
         self, topics: Collection[str] | None = None, *, from_ns: int | None = None, to_ns: int | None = None

@@ -40,10 +40,13 @@ NAMED = [
 @pytest.mark.parametrize(("verb", "option"), NAMED)
 def test_what_is_named_exists(verb: str, option: str) -> None:
     assert verb in VERBS
-    app = typer.Typer()
-    app.command()(load_verb(verb))
-    names = {name for parameter in typer.main.get_command(app).params for name in parameter.opts}
-    assert not option or option in names
+    loaded = load_verb(verb)
+    if not isinstance(loaded, typer.Typer):
+        function, loaded = loaded, typer.Typer()
+        loaded.command()(function)
+    command = typer.main.get_command(loaded)
+    commands = [command, *getattr(command, "commands", {}).values()]
+    assert not option or option in {name for each in commands for parameter in each.params for name in parameter.opts}
 
 
 def test_the_pages_name_the_verbs_that_matter() -> None:

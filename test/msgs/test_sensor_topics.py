@@ -56,9 +56,10 @@ def test_a_tick_is_written_in_the_order_world_transforms_sensors_labels() -> Non
     topics = manifest(made_up_spec(RIG), compressed_images=True)
     names = [topic.name for topic in topics]
     assert names[:4] == ["/world/scene", "/world/map", "/world/legend", "/world/lights"]
-    assert names[10:13] == ["/ego/odom", "/tf_static", "/tf"]
-    assert names[13:] == [f"/ego/{name}" for name in (*SENSED, *LABELS)]
-    assert {t.name: t.period_ticks for t in topics[13 + len(SENSED) :]} == {f"/ego/{n}": p for n, p in LABELS.items()}
+    assert names[5] == "/robot_description"
+    assert names[11:14] == ["/ego/odom", "/tf_static", "/tf"]
+    assert names[14:] == [f"/ego/{name}" for name in (*SENSED, *LABELS)]
+    assert {t.name: t.period_ticks for t in topics[14 + len(SENSED) :]} == {f"/ego/{n}": p for n, p in LABELS.items()}
 
 
 @pytest.mark.parametrize("compressed", [True, False])

@@ -11,6 +11,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeVar
 
 from simbev_ros.bench.production.copying_workers import CopyingCrew, RecordedScene, copying_actor
 from simbev_ros.cluster.node_check import check_nodes
@@ -30,6 +31,8 @@ from simbev_ros.production.workers.ray_metrics import RayMetrics
 from simbev_ros.recording.layout import scenes_folder
 from simbev_ros.recording.whole_files import write_errors
 
+R = TypeVar("R")
+
 _KIB_PER_MIB, _BLOCK_BYTES = 1024.0, 4096
 
 
@@ -45,7 +48,7 @@ class DriverRun:
         index_s: Part of it in which the index was written.
         index_writes: Number of times that the index was written.
         reopening_s: Time to read the finished dataset, as every further run does before it makes scenes.
-        peak_mib: Peak resident memory of the driver.
+        peak_mib: Peak resident memory of the driver, in this run or the further one.
     """
 
     scenes: int
@@ -136,7 +139,7 @@ def timed_production(
         shutil.copytree(recorded.bag, own.bag)
         for count in counts:
             out = Path(place).absolute() / "dataset"
-            runs.append(_in_new_process(own, count, out, workers, ray))
+            runs.append(_measure(own, count, out, workers, ray))
             shutil.rmtree(out)
             advance()
     crew = f"{workers} workers in its process" if ray is None else "actors on a Ray cluster"
@@ -189,20 +192,20 @@ class _SecondHalf(ProductionObserver):
         return (end_s - middle_s) / (self._scenes - self._scenes // 2) * 1e3
 
 
-def _in_new_process(recorded: RecordedScene, count: int, out: Path, workers: int, ray: str | None) -> DriverRun:
-    """Measure in a new process, whose memory is its own."""
+def _measure(recorded: RecordedScene, count: int, out: Path, workers: int, ray: str | None) -> DriverRun:
+    """Make a dataset in one process, and read it again in another one, as a further run does."""
+    run = _in_new_process(count, _make, recorded, count, out, workers, ray)
+    reopening_s, peak_mib = _in_new_process(count, _reopen, out)
+    return replace(run, reopening_s=reopening_s, peak_mib=max(run.peak_mib, peak_mib))
+
+
+def _in_new_process(count: int, work: Callable[..., R], *arguments: object) -> R:
+    """Do a part of the work in a new process, whose memory is its own."""
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as process:
         try:
-            return process.submit(_measure, recorded, count, out, workers, ray).result()
+            return process.submit(work, *arguments).result()
         except BrokenProcessPool:
             raise SimbevError(f"the driver of {count:,} scenes was killed; is there memory enough?") from None
-
-
-def _measure(recorded: RecordedScene, count: int, out: Path, workers: int, ray: str | None) -> DriverRun:
-    """Make a dataset in this process, and read it again."""
-    run = _make(recorded, count, out, workers, ray)
-    reopening_s = _reopening_s(out)
-    return replace(run, reopening_s=reopening_s, peak_mib=_peak_mib())
 
 
 def _peak_mib() -> float:
@@ -234,7 +237,7 @@ def _make(recorded: RecordedScene, count: int, out: Path, workers: int, ray: str
         name, reason = next(iter(outcome.failed.items()))
         raise SimbevError(f"{len(outcome.failed):,} of {count:,} scenes could not be copied; {name}: {reason}")
     times = making_s, late.ms_per_scene, _copying_s(crew), index.writing_s
-    return DriverRun(count, *times, index.writes, reopening_s=0.0, peak_mib=0.0)
+    return DriverRun(count, *times, index.writes, reopening_s=0.0, peak_mib=_peak_mib())
 
 
 def _open_crew(recorded: RecordedScene, staging: Path, workers: int, cluster: RayCluster | None, count: int) -> Crew:
@@ -249,10 +252,10 @@ def _copying_s(crew: Crew) -> float:
     return crew.copying_s if isinstance(crew, CopyingCrew) else 0.0
 
 
-def _reopening_s(out: Path) -> float:
-    """Time to read a finished dataset before scenes are made."""
+def _reopen(out: Path) -> tuple[float, float]:
+    """Read a finished dataset, as before scenes are made; return the time, and the peak memory in MiB."""
     began_s = time.perf_counter()
     plan = Plan.load(out)
     plan.save(out)
     DatasetFolder(out, plan.finished_entries(out), 0).close()
-    return time.perf_counter() - began_s
+    return time.perf_counter() - began_s, _peak_mib()

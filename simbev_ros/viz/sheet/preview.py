@@ -17,6 +17,8 @@ from simbev_ros.viz.sheet.frames import FrameReader, SheetFrame
 VIDEO_WIDTH_PX = 1280
 _BT709 = 1
 _QUALITY = "21"
+_SAME_BYTES = "mbtree=0"
+"""With its macroblock tree, libx264 makes other bytes of the same frames, as it reads memory that nobody has written."""
 
 
 def write_picture(reader: FrameReader, index: int, path: Path) -> None:
@@ -57,8 +59,9 @@ def write_video(
         stream = container.add_stream("libx264", rate=Fraction(reader.rate_hz / every).limit_denominator(1000))
         stream.width, stream.height = sheet.size_px
         stream.pix_fmt = "yuv420p"
-        stream.options = {"crf": _QUALITY, "preset": "veryfast"}
+        stream.options = {"crf": _QUALITY, "preset": "veryfast", "x264-params": _SAME_BYTES}
         context = stream.codec_context
+        context.thread_count = 1  # with other numbers the bytes are others
         context.colorspace = context.color_primaries = context.color_trc = _BT709
         context.color_range = ColorRange.MPEG
         for frame in reader.frames(0, len(reader.stamps_ns), every):

@@ -1,0 +1,1 @@
+"""Serves bags to Foxglove and Lichtblick over a WebSocket."""

@@ -74,7 +74,7 @@ HOMES = {
     "moderngl": ("render",),
     "open3d": ("raycast",),
     "libsumo": ("world/sumo/traffic", "world/sumo/libsumo_import"),
-    "rich": ("cli", "recording/bag_files", "viz/reports/dataset_scenes"),
+    "rich": ("cli", "recording/bag_files", "viz/pages/scene_figures", "viz/pages/scene_page"),
     "typer": ("cli",),
 }
 

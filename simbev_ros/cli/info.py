@@ -11,10 +11,10 @@ from rich.table import Table
 from rich.text import Text
 
 from simbev_ros.cli.console import counting_bar, format_size, make_console, percent_bar, table_console
-from simbev_ros.cli.output_file import require_place
+from simbev_ros.cli.output_file import make_room, require_name, require_place
 from simbev_ros.cli.pool import Workers, processes
 from simbev_ros.dataset.parallel import Pool
-from simbev_ros.errors import BagError
+from simbev_ros.errors import BagError, InputError
 from simbev_ros.object_store.object_path import AnyPath, ObjectPath, path_or_url
 from simbev_ros.recording.layout import PARTIAL_SUFFIX, finished_scenes, is_dataset, is_scene, scenes_of
 from simbev_ros.recording.whole_files import write_errors
@@ -35,8 +35,13 @@ def info(
     digest: Annotated[bool, typer.Option("--digest", help="One hash per topic over all payloads and stamps.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
     report: Annotated[
-        Path | None, typer.Option(help="Also write statistics with plots, one HTML page.", metavar="FILE")
+        Path | None,
+        typer.Option(
+            help="Also write pages to browse: scenes, videos, statistics; as FILE.html or FOLDER/index.html.",
+            metavar="FOLDER|FILE.html",
+        ),
     ] = None,
+    videos: Annotated[bool, typer.Option(help="Make a short video of each scene for the report.")] = True,
     workers: Workers = None,
 ) -> None:
     """Print the content of a recorded scene, finished or not, or of a dataset.
@@ -47,13 +52,12 @@ def info(
 
     simbev info out/demo/scenes/train/Blocks-0000 --digest
 
-    simbev info datasets/first --report first.html
+    simbev info datasets/first --report first
 
     simbev info s3://bucket/datasets/first
     """
     pool = processes(workers)
-    if report is not None:
-        require_place(report)
+    page = None if report is None else _page(report)
     place = path_or_url(path)
     if is_dataset(place):
         bags = _bags_of(place)
@@ -74,8 +78,8 @@ def info(
         print(json.dumps(facts, indent=2))
     else:
         table_console().print(*parts, sep="\n")
-    if report is not None:
-        _write_report(place, report, pool)
+    if page is not None:
+        _write_report(place, page, pool, videos=videos)
 
 
 def _bags_of(dataset: AnyPath) -> Sequence[AnyPath]:
@@ -84,18 +88,35 @@ def _bags_of(dataset: AnyPath) -> Sequence[AnyPath]:
     return [*indexed_bags(dataset)] if isinstance(dataset, ObjectPath) else scenes_of(dataset)
 
 
-def _write_report(path: AnyPath, report: Path, pool: Pool) -> None:
-    """Write statistics of the finished scenes of a dataset, or of a bag."""
+def _page(report: Path) -> Path:
+    """The page that ``--report`` asks for.
+
+    Raises:
+        DiskError: The disk is full.
+        InputError: It cannot be written.
+    """
+    if report.suffix.lower() in (".html", ".htm"):
+        require_place(report)
+        return report
+    require_name(report)
+    if report.exists() and not report.is_dir():
+        raise InputError(f"{report}: is a file; allowed: a folder, or a name that ends in .html")
+    make_room(report, [], overwrite=True)
+    return report / "index.html"
+
+
+def _write_report(path: AnyPath, page: Path, pool: Pool, *, videos: bool) -> None:
+    """Write pages about the finished scenes of a dataset, or about a bag."""
     from simbev_ros.dataset import open_dataset
     from simbev_ros.dataset.statistics import statistics_of
-    from simbev_ros.viz.reports.dataset_report import dataset_report
+    from simbev_ros.viz.pages.dataset_pages import write_pages
 
     console = make_console(stderr=True, soft_wrap=True)
     with counting_bar("frames", console) as bar:
         statistics = statistics_of(open_dataset(path, threads=1), pool, bar.show)
-    with write_errors(report):
-        report.write_text(dataset_report(statistics), encoding="utf-8")
-    console.print(f"statistics in {report}", highlight=False)
+    with write_errors(page), counting_bar("pages", console) as bar:
+        write_pages(statistics, page, pool, bar.show, videos=videos)
+    console.print(f"pages in {page}", highlight=False)
 
 
 def _describe_any(bag: AnyPath, digest: bool) -> dict[str, Any]:

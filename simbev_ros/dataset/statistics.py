@@ -3,7 +3,8 @@
 Batches of frames are read in parallel; in a large dataset only every Nth frame of each scene is read.
 """
 
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -16,7 +17,7 @@ from simbev_ros.errors import InputError
 from simbev_ros.object_store.object_path import AnyPath
 from simbev_ros.recording.layout import bytes_of
 from simbev_ros.scene.weather import Weather
-from simbev_ros.types import Float64Array, Int64Array
+from simbev_ros.types import Float64Array, Int64Array, Table
 from simbev_ros.units import NS_PER_S
 
 MAX_FRAMES = 20_000
@@ -34,10 +35,12 @@ class SceneFacts:
         duration_s: Length of the scene in simulated time.
         file_bytes: Size of the scene's bag.
         vehicles: Number of vehicles drawn, including the ego.
+        hazards: Number of hazard areas by kind; only kinds that there are.
+        collisions: Number of collisions between actors.
         boxes: Number of boxes in the sampled frames.
         sampled_frames: Number of frames that were read.
         distance_m: Distance that the ego drove, measured along its positions in the sampled frames.
-        ego_m: (sampled_frames, 2) ego positions, map frame.
+        moments: (sampled_frames,) ``MOMENT_DTYPE``, one row per sampled frame.
     """
 
     name: str
@@ -50,12 +53,18 @@ class SceneFacts:
     file_bytes: int
     vehicles: int
     pedestrians: int
-    hazards: int
+    hazards: Mapping[str, int]
+    collisions: int
     weather: Weather
     boxes: int
     sampled_frames: int
     distance_m: float
-    ego_m: Float64Array
+    moments: Table
+
+    @property
+    def ego_m(self) -> Float64Array:
+        """(K, 2) known positions of the ego in the sampled frames, map frame."""
+        return _known_positions(self.moments)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -146,7 +155,8 @@ def _open(path: AnyPath) -> Dataset:
 
 
 def _scene_facts(scene: Scene, tally: Tally) -> SceneFacts:
-    spec = scene.spec
+    spec, ego_m = scene.spec, _known_positions(tally.moments)
+    events = scene.sources.get("world/events")
     return SceneFacts(
         name=scene.name,
         number=scene.number,
@@ -158,10 +168,16 @@ def _scene_facts(scene: Scene, tally: Tally) -> SceneFacts:
         file_bytes=bytes_of(scene.path),
         vehicles=len(spec.vehicles),
         pedestrians=len(spec.pedestrians),
-        hazards=len(spec.hazards),
+        hazards=Counter(hazard.kind.value for hazard in spec.hazards),
+        collisions=0 if events is None else int((events.stamps_ns >= spec.start_ns).sum()),
         weather=spec.weather,
         boxes=int(tally.counts["boxes"].sum()),
         sampled_frames=tally.frames,
-        distance_m=float(np.linalg.norm(np.diff(tally.ego_m, axis=0), axis=1).sum()),
-        ego_m=tally.ego_m,
+        distance_m=float(np.linalg.norm(np.diff(ego_m, axis=0), axis=1).sum()),
+        moments=tally.moments,
     )
+
+
+def _known_positions(moments: Table) -> Float64Array:
+    ego_m: Float64Array = moments["ego_m"]
+    return ego_m[np.isfinite(ego_m).all(axis=1)]

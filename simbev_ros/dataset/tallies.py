@@ -11,7 +11,8 @@ from simbev_ros.dataset import Frame
 from simbev_ros.errors import BagError
 from simbev_ros.scene.state import EGO_ID
 from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES, DIFFICULTIES
-from simbev_ros.types import AnyArray, Float64Array, Int64Array, Table, UInt16Array
+from simbev_ros.types import AnyArray, Int64Array, Table, UInt16Array
+from simbev_ros.units import NS_PER_S
 
 DISTANCE_STEP_M, DISTANCES = 5.0, 200
 SPEED_STEP_MPS, SPEEDS = 1.0, 60
@@ -26,6 +27,16 @@ CELL_M = 4.0
 """Side of the cells of the map in which visits of actors are recorded."""
 
 _CLASSES = len(BOX_CLASSES)
+MOMENT_DTYPE = np.dtype(
+    [
+        ("time_s", "<f8"),  # since the scene's first frame
+        ("ego_m", "<f8", (2,)),  # position, map frame; NaN in frames without odometry, as in a bag that ends early
+        ("speed_mps", "<f8"),  # of the ego; NaN as well
+        ("boxes", "<i8", (_CLASSES,)),  # number of boxes of each class
+    ]
+)
+"""One row per frame of a scene."""
+
 _SHAPES: dict[str, tuple[int, ...]] = {
     "boxes": (_CLASSES,),
     "valid": (_CLASSES,),
@@ -62,7 +73,7 @@ class Tally:
         bev: (classes, rows, columns) number of frames in which each cell had a class; None: no frame has a grid.
         bev_cell_m: Side of a cell of the grid.
         actors: Number of actors of each blueprint, in the first frame.
-        ego_m: (frames, 2) ego positions, map frame; frames without odometry, as in a bag that ends early, have none.
+        moments: (frames,) ``MOMENT_DTYPE``, in the order of the frames.
         visited: (K, 2) unique indices of cells with side ``CELL_M``, map frame, that actors visited.
     """
 
@@ -73,7 +84,7 @@ class Tally:
     bev: Int64Array | None = None
     bev_cell_m: float = 0.0
     actors: Counter[str] = field(default_factory=Counter)
-    ego_m: Float64Array = field(default_factory=lambda: np.zeros((0, 2)))
+    moments: Table = field(default_factory=lambda: np.zeros(0, MOMENT_DTYPE))
     visited: Int64Array = field(default_factory=lambda: np.zeros((0, 2), np.int64))
 
     @classmethod
@@ -87,12 +98,15 @@ class Tally:
         Raises:
             BagError: The bag is damaged, or its boxes are of another version.
         """
-        tally = cls(frames=len(frames))
+        tally = cls(frames=len(frames), moments=np.zeros(len(frames), MOMENT_DTYPE))
+        tally.moments["ego_m"] = tally.moments["speed_mps"] = np.nan
         for index, frame in enumerate(frames):
+            moment = tally.moments[index : index + 1]
+            moment["time_s"] = (frame.stamp_ns - frame.scene.spec.start_ns) / NS_PER_S
             if "odom" in frame:
-                tally._add_ego(frame["odom"][-1])
+                tally._add_ego(frame["odom"][-1], moment)
             if "boxes" in frame:
-                tally._add_boxes(_boxes(frame))
+                moment["boxes"] = tally._add_boxes(_boxes(frame))
             if "bev/labels" in frame:
                 tally._add_grid(frame["bev/labels"], frame.scene.spec.annotation.bev.cell_m)
             if "world/actors" in frame:
@@ -100,7 +114,7 @@ class Tally:
         return tally
 
     def add_counts(self, other: "Tally") -> None:
-        """Add the counts of other frames, also on another map; ``ego_m`` and ``visited`` are left unchanged."""
+        """Add the counts of other frames, also on another map; ``moments`` and ``visited`` are left unchanged."""
         self.frames += other.frames
         for name, counts in other.counts.items():
             if not name.startswith("bev_"):
@@ -111,7 +125,7 @@ class Tally:
     def append_frames(self, other: "Tally") -> None:
         """Add the counts and positions of further frames of the same scene."""
         self.add_counts(other)
-        self.ego_m = np.concatenate([self.ego_m, other.ego_m])
+        self.moments = np.concatenate([self.moments, other.moments])
         self.visited = np.unique(np.concatenate([self.visited, other.visited]), axis=0)
 
     def _add_bev(self, other: "Tally") -> None:
@@ -126,9 +140,9 @@ class Tally:
         for name in ("bev_frames", "bev_present", "bev_other"):
             self.counts[name] = self.counts[name] + other.counts[name]
 
-    def _add_ego(self, row: Table) -> None:
-        self.ego_m = np.append(self.ego_m, row["position_m"][None, :2], axis=0)
-        self._count("ego_speed", _bin(np.linalg.norm(row["velocity_mps"][None], axis=1), SPEED_STEP_MPS, SPEEDS))
+    def _add_ego(self, row: Table, moment: Table) -> None:
+        moment["ego_m"], moment["speed_mps"] = row["position_m"][:2], np.linalg.norm(row["velocity_mps"])
+        self._count("ego_speed", _bin(moment["speed_mps"], SPEED_STEP_MPS, SPEEDS))
 
     def _add_actors(self, frame: Frame, *, with_kinds: bool) -> None:
         actors = frame["world/actors"]
@@ -150,7 +164,8 @@ class Tally:
         self.counts["bev_present"] += masks.any(axis=(1, 2))
         self.counts["bev_frames"] += 1
 
-    def _add_boxes(self, boxes: Table) -> None:
+    def _add_boxes(self, boxes: Table) -> Int64Array:
+        """Count boxes, and return the (classes,) number of each class."""
         classes = boxes["class"]
         distances = _bin(boxes["distance"], DISTANCE_STEP_M, DISTANCES)
         totals = np.bincount(classes, minlength=_CLASSES)
@@ -168,6 +183,11 @@ class Tally:
         self._count("unseen", classes[~seen])
         self._count("visibility", classes[seen], _bin(boxes["visibility"][seen], 1 / VISIBILITIES, VISIBILITIES))
         self._add_positions(boxes)
+        self._add_points(boxes, distances)
+        return totals
+
+    def _add_points(self, boxes: Table, distances: Int64Array) -> None:
+        classes = boxes["class"]
         for kind in ("lidar", "radar"):
             points = boxes[f"{kind}_points"]
             known = points >= 0

@@ -168,6 +168,22 @@ class RoadNetwork:
         """OpenDRIVE text of the same roads, read from the file."""
         return self.opendrive_path.read_text(encoding="utf-8")
 
+    @cached_property
+    def max_speed_mps(self) -> float:
+        """The highest speed limit of any lane."""
+        return max(lane.speed_mps for lane in self.lanes.values())
+
+    def lanes_of_edge(self, edge: str) -> tuple[Lane, ...]:
+        """The lanes of an edge."""
+        return self._lanes_by_edge.get(edge, ())
+
+    @cached_property
+    def _lanes_by_edge(self) -> Mapping[str, tuple[Lane, ...]]:
+        lanes: dict[str, tuple[Lane, ...]] = {}
+        for lane in self.lanes.values():
+            lanes[lane.edge] = (*lanes.get(lane.edge, ()), lane)
+        return lanes
+
     def lanes_of(self, *kinds: LaneKind) -> tuple[Lane, ...]:
         """The lanes of these kinds, including those inside junctions, in the network's order."""
         return tuple(lane for lane in self.lanes.values() if lane.kind in kinds)

@@ -12,7 +12,7 @@ from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.random import stream
 from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.spec import PedestrianSpec, SceneSpec, VehicleSpec
-from simbev_ros.scene.streets.street_graph import streets_of
+from simbev_ros.scene.streets.vehicle_route import draw_vehicle_route
 from simbev_ros.units import NS_PER_S
 from simbev_ros.world.driving.rain import RainEffect, rain_effect
 from simbev_ros.world.pedestrians.crossing_sites import CrossingSite
@@ -71,27 +71,19 @@ def demand_of(spec: SceneSpec, network: RoadNetwork, plazas: Sequence[Plaza] = (
         SimulationError: A vehicle starts where its class may not drive.
     """
     duration_s = (spec.warm_up_ticks + spec.ticks) * spec.tick_ns / NS_PER_S
-    streets = streets_of(network)
     start_edges = {network.lanes[vehicle.start.lane].edge for vehicle in spec.drivers}
     tracks = LaneTracks([lane for lane in network.lanes.values() if lane.edge in start_edges])
-    max_limit_mps = max(lane.speed_mps for lane in network.lanes.values())
     rain = rain_effect(spec.weather)
     root = ElementTree.Element("routes")
     edges: set[str] = set()
     for index, vehicle in enumerate(spec.drivers):
-        blueprint = blueprint_named(vehicle.blueprint)
-        max_distance_m = duration_s * min(max_limit_mps * vehicle.speed_factor, blueprint.max_speed_mps)
-        rng = stream(spec.seed, f"{vehicle_name(index)}.route")
-        graph = streets.for_blueprint(blueprint, spec.closed_edges)
-        if not graph.has_successor(vehicle.start.lane):  # a start set by hand: drive on, however tight the turns
-            graph = streets.for_blueprint(blueprint, spec.closed_edges, tight=True)
-        route = graph.draw_route(vehicle.start.lane, max_distance_m, rng)
+        route = draw_vehicle_route(spec, network, index)
         lane = network.lanes[vehicle.start.lane]
         start_m = tracks.sumo_position_m(lane.id, min(vehicle.start.s_m, lane.length_m - _START_MARGIN_M))
-        edges.update(route)
-        element = _add_vehicle(root, vehicle_name(index), vehicle, rain, route, start_m)
-        if graph.is_dead_end(route[-1]):
-            ElementTree.SubElement(element, "stop", {"edge": route[-1], "duration": _FOREVER_S})
+        edges.update(route.edges)
+        element = _add_vehicle(root, vehicle_name(index), vehicle, rain, route.edges, start_m)
+        if route.ends:
+            ElementTree.SubElement(element, "stop", {"edge": route.edges[-1], "duration": _FOREVER_S})
     itineraries = Itineraries(network, spec.hazards, plazas)
     excursions: dict[int, tuple[Leg, ...]] = {}
     for index, pedestrian in enumerate(spec.pedestrians):

@@ -48,6 +48,8 @@ OUTPUTS = [
     "repair BAG --out OUT/bag",
     "map Town10HD --out OUT/picture.png",
     "info DATASET --report OUT/report.html",
+    "info DATASET --report OUT",
+    "scene CONFIG --out OUT/scenes.html",
     "evaluate DATASET DATASET --json OUT/figures.json",
     "export simbev DATASET --out OUT",
     "export nuscenes DATASET --out OUT",

@@ -102,10 +102,20 @@ def test_a_damaged_bag_hides_no_other_of_the_dataset(tmp_path: Path, capsys: pyt
     assert [scene["state"] for scene in json.loads(capsys.readouterr().out)["scenes"]] == ["finished", "damaged"]
 
 
-@pytest.mark.parametrize(("report", "problem"), [("none/a.html", "there is no folder"), (".", "is a folder")])
+@pytest.mark.parametrize(
+    ("report", "problem"),
+    [
+        ("none/a.html", "there is no folder"),
+        ("folder.html", "is a folder"),
+        ("file", "is a file; allowed: a folder"),
+        ("..", "must end in"),
+    ],
+)
 def test_a_report_that_cannot_be_written_is_refused_at_once(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], report: str, problem: str
 ) -> None:
+    (tmp_path / "folder.html").mkdir()
+    (tmp_path / "file").touch()
     with pytest.raises(InputError, match=problem):
         info(write_words(tmp_path / "a"), report=tmp_path / report)
     assert capsys.readouterr().out == ""

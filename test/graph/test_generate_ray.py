@@ -71,11 +71,12 @@ def all_but_logs(dataset: AnyPath) -> dict[str, bytes]:
     return {name: path.read_bytes() for name, path in paths.items() if not name.startswith(("logs/", ".lock"))}
 
 
-def report(dataset: AnyPath, page: Path) -> bytes:
-    """The report of a dataset, without its address."""
-    command = [sys.executable, "-m", "simbev_ros.cli.main", "info", str(dataset), "--report", str(page)]
+def report(dataset: AnyPath, folder: Path) -> dict[str, bytes]:
+    """Content of all files of a dataset's report, without the dataset's address."""
+    command = [sys.executable, "-m", "simbev_ros.cli.main", "info", str(dataset), "--report", str(folder)]
     subprocess.run(command, check=True, capture_output=True)
-    return page.read_bytes().replace(str(dataset).encode(), b"SET")
+    paths = sorted(path for path in folder.rglob("*") if path.is_file())
+    return {str(path.relative_to(folder)): path.read_bytes().replace(str(dataset).encode(), b"SET") for path in paths}
 
 
 @pytest.mark.slow
@@ -96,7 +97,7 @@ def test_one_graph_two_workers_and_a_cluster_with_a_folder_and_with_a_store_make
     first, *others = map(all_but_logs, ways)
     assert len([name for name in first if name.endswith(".mcap")]) == 24
     assert [other == first for other in others] == [True] * 3
-    pages = [report(out, tmp_path / f"{k}.html") for k, out in enumerate(ways)]
+    pages = [report(out, tmp_path / f"page{k}") for k, out in enumerate(ways)]
     assert [page == pages[0] for page in pages] == [True] * 4
 
 

@@ -1,10 +1,12 @@
-"""Parses HTML reports in tests: checks that they are well-formed and self-contained; gives headings and tables."""
+"""Parses HTML pages in tests: checks that they are well-formed and fetch nothing; gives headings, tables and charts."""
 
+import json
 import re
 from html.parser import HTMLParser
+from typing import Any
 from xml.etree import ElementTree
 
-_VOID = {"meta", "br"}
+_VOID = {"meta", "br", "img", "input", "link"}
 
 
 class Page(HTMLParser):
@@ -15,23 +17,50 @@ class Page(HTMLParser):
         tables: Cell texts of each table, by row.
         pictures: Addresses of all pictures.
         drawings: All SVG elements.
+        links: Targets of all links.
+        unlabeled: Pictures and videos without a text in their place.
+        charts: Data of all charts and their labels.
+        scripts: Addresses of scripts.
+
+    Args:
+        text: The page.
+        has_scripts: Whether the page has scripts, charts, and files beside it.
     """
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text: str, *, has_scripts: bool = False) -> None:
         super().__init__()
         self.headings: list[str] = []
         self.tables: list[list[list[str]]] = []
         self.pictures: list[str] = []
+        self.links: list[str] = []
+        self.unlabeled: list[str] = []
+        self.charts: dict[str, Any] = {}
+        self.scripts: list[str] = []
         self._open: list[str] = []
+        self._label, self._is_data = "", False
         self.feed(text)
         self.close()
         assert self._open == []
-        assert all(re.match(r"data:image/(png|jpeg);base64,", address) for address in self.pictures)
-        assert "://" not in re.sub(r"base64,[\w+/=]+", "", text) and "<script" not in text
+        assert "://" not in re.sub(r"base64,[\w+/=]+", "", text)
+        if not has_scripts:
+            assert all(re.match(r"data:image/(png|jpeg);base64,", address) for address in self.pictures)
+            assert "<script" not in text
         self.drawings = [ElementTree.fromstring(svg) for svg in re.findall(r"<svg .*?</svg>", text)]
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.pictures += [value or "" for name, value in attrs if name in ("href", "src", "xlink:href")]
+        given = {name: value or "" for name, value in attrs}
+        if tag == "a":
+            self.links.append(given["href"])
+        elif tag == "link":
+            assert given == {"rel": "icon", "href": "data:,"}
+        elif tag == "script":
+            self.scripts += [given["src"]] if "src" in given else []
+            self._is_data = given.get("type") == "application/json"
+        else:
+            self.pictures += [given[name] for name in ("href", "src", "poster", "xlink:href") if name in given]
+        if tag in ("img", "video", "svg") and not given.get("alt", given.get("aria-label")):
+            self.unlabeled.append(tag)
+        self._label = given["aria-label"] if given.get("class") == "chart" else self._label
         if tag == "h2":
             self.headings.append("")
         elif tag == "table":
@@ -47,9 +76,11 @@ class Page(HTMLParser):
         assert self._open.pop() == tag
 
     def handle_data(self, data: str) -> None:
-        if self._open and self._open[-1] == "h2":
+        if self._open and self._open[-1] == "script" and self._is_data:
+            self.charts[self._label] = json.loads(data)
+        elif self._open and self._open[-1] == "h2":
             self.headings[-1] += data
-        elif self._open and self._open[-1] in ("td", "th"):
+        elif set(self._open) & {"td", "th"}:
             self.tables[-1][-1][-1] += data
 
     def table(self, first_head: str, occurrence: int = 0) -> dict[str, list[str]]:

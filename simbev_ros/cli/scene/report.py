@@ -38,7 +38,7 @@ def report_scenes(config: str, count: int | None, map_name: str | None, *, as_js
         as_json: Print JSON in place of tables.
     """
     scenario = load_scenario(config)
-    planned = _planned(scenario, count, map_name)
+    planned = numbered_scenes(scenario, count, map_name)
     console = make_console(stderr=True)
     statistics = SceneStatistics()
     with _counted_notes(console):
@@ -54,8 +54,17 @@ def report_scenes(config: str, count: int | None, map_name: str | None, *, as_js
     output.print(_kinds_table(statistics))
 
 
-def _planned(scenario: Scenario, count: int | None, map_name: str | None) -> list[PlannedScene]:
-    """The scenes to draw; beyond the last one the configuration's scenes are repeated."""
+def numbered_scenes(scenario: Scenario, count: int | None, map_name: str | None) -> list[PlannedScene]:
+    """The scenes to draw; beyond the last one the configuration's scenes are repeated.
+
+    Args:
+        scenario: The configuration.
+        count: Number of scenes; that of the configuration when None.
+        map_name: Town or map file for all scenes, in place of the configuration's.
+
+    Raises:
+        InputError: There is no such map.
+    """
     wanted = list(planned_scenes(scenario))
     if map_name is not None:
         chosen = map_spec(map_name)

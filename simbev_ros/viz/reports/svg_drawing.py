@@ -18,9 +18,7 @@ Color = tuple[int, int, int]
 INK: Color = (47, 111, 143)
 Size = tuple[float, float]
 
-_PAPER: Color = (250, 249, 246)
 _TICKS = 5
-_TOP_SHARE = 0.998
 
 
 @dataclass(slots=True)
@@ -71,27 +69,10 @@ class Drawing:
         """Add the ego's mark, a small arrow that points up."""
         self.add(f'<path class="ego" d="M{x:.1f} {y - 7:.1f}l5 12l-5 -3l-5 3z"/>')
 
-    def svg(self) -> str:
-        """The whole sheet as SVG text."""
-        box = f"0 0 {self.width:.0f} {self.height:.0f}"
-        return f'<svg viewBox="{box}" width="{self.width:.0f}" role="img">{"".join(self.marks)}</svg>'
-
-
-def heat(values: AnyArray, color: Color = INK, gamma: float = 0.5) -> tuple[AnyArray, AnyArray]:
-    """Heat map of (H, W) values ≥ 0: (H, W) uint8 indices and their (256, 3) colors, from paper to dark.
-
-    The top 0.2 % of values, such as at the ego's own position, saturate.
-    """
-    top = float(np.quantile(values, _TOP_SHARE)) or float(values.max()) or 1.0
-    return np.rint(np.minimum(values / top, 1.0) ** gamma * 255).astype(np.uint8), ramp(color)
-
-
-def ramp(color: Color) -> AnyArray:
-    """(256, 3) uint8 color ramp from paper over a color to a darker version of it."""
-    dark = np.array(color) * 0.35
-    stops = np.array([_PAPER, np.array(color), dark], np.float64)
-    positions = np.linspace(0, 2, 256)
-    return np.stack([np.interp(positions, (0, 1.4, 2), stops[:, k]) for k in range(3)], axis=1).round().astype(np.uint8)
+    def svg(self, label: str = "") -> str:
+        """The whole sheet as SVG text; ``label`` is read aloud in its place."""
+        box, said = f"0 0 {self.width:.0f} {self.height:.0f}", f' aria-label="{escape(label)}"' if label else ""
+        return f'<svg viewBox="{box}" width="{self.width:.0f}" role="img"{said}>{"".join(self.marks)}</svg>'
 
 
 def number(value: float) -> str:
@@ -120,9 +101,14 @@ def ticks(low: float, high: float, min_step: float = 0.0) -> list[float]:
 
 def jpeg(picture: UInt8Array, quality: int = 82) -> str:
     """A data URL that contains a (H, W, 3) uint8 RGB picture as JPEG."""
+    return _address("jpeg", jpeg_bytes(picture, quality))
+
+
+def jpeg_bytes(picture: UInt8Array, quality: int = 82) -> bytes:
+    """A (H, W, 3) uint8 RGB picture as JPEG."""
     file = io.BytesIO()
     Image.fromarray(picture).save(file, "JPEG", quality=quality, optimize=True)
-    return _address("jpeg", file)
+    return file.getvalue()
 
 
 def _png(indices: AnyArray, ramp_colors: AnyArray) -> str:
@@ -131,8 +117,8 @@ def _png(indices: AnyArray, ramp_colors: AnyArray) -> str:
     opacities = {"transparency": ramp_colors[:, 3].astype(np.uint8).tobytes()} if ramp_colors.shape[1] > 3 else {}
     file = io.BytesIO()
     picture.save(file, "PNG", optimize=True, **opacities)
-    return _address("png", file)
+    return _address("png", file.getvalue())
 
 
-def _address(kind: str, file: io.BytesIO) -> str:
-    return f"data:image/{kind};base64," + base64.b64encode(file.getvalue()).decode()
+def _address(kind: str, data: bytes) -> str:
+    return f"data:image/{kind};base64," + base64.b64encode(data).decode()

@@ -73,9 +73,10 @@ class FrameReader:
         arrays = {topic: source.value(source.topic.locations[:1]) for topic, source in firsts.items()}
         return {topic: a.shape[1] / a.shape[0] if a.ndim > 1 else 1.0 for topic, a in arrays.items()}
 
-    def frames(self, first: int, count: int) -> Iterator[SheetFrame]:
-        """Read up to ``count`` consecutive frames, starting at index ``first``."""
-        for index, stamp_ns in enumerate(self.stamps_ns[first : first + count], first):
+    def frames(self, first: int, count: int, every: int = 1) -> Iterator[SheetFrame]:
+        """Read every Nth one of ``count`` consecutive frames, starting at index ``first``."""
+        for index in range(len(self.stamps_ns))[first : first + count : every]:
+            stamp_ns = self.stamps_ns[index]
             yield self._frame(index, stamp_ns)
             self._forget(stamp_ns - 2 * HOLD_NS)
 

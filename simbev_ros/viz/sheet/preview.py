@@ -12,11 +12,13 @@ from simbev_ros.recording.whole_files import whole_file, write_whole
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import UInt8Array
 from simbev_ros.viz.sheet.contact_sheet import DESIGN_WIDTH_PX, Captions, ContactSheet
-from simbev_ros.viz.sheet.frames import FrameReader
+from simbev_ros.viz.sheet.frames import FrameReader, SheetFrame
 
 VIDEO_WIDTH_PX = 1280
 _BT709 = 1
 _QUALITY = "21"
+_SAME_BYTES = "mbtree=0"
+"""With its macroblock tree, libx264 makes other bytes of the same frames, as it reads memory that nobody has written."""
 
 
 def write_picture(reader: FrameReader, index: int, path: Path) -> None:
@@ -27,33 +29,42 @@ def write_picture(reader: FrameReader, index: int, path: Path) -> None:
         index: Index of the frame in ``reader.stamps_ns``.
         path: The file.
     """
-    sheet = _sheet(reader, DESIGN_WIDTH_PX)
     (frame,) = reader.frames(index, 1)
-    _, data = cv2.imencode(".png", cv2.cvtColor(sheet.draw(frame), cv2.COLOR_RGB2BGR))
+    _, data = cv2.imencode(".png", cv2.cvtColor(draw_sheet(reader, frame, DESIGN_WIDTH_PX), cv2.COLOR_RGB2BGR))
     write_whole(path, data.tobytes())
 
 
-def write_video(reader: FrameReader, path: Path, progress: Callable[[], None]) -> None:
-    """Write all frames as H.264 in MP4, at the scene's own rate.
+def draw_sheet(reader: FrameReader, frame: SheetFrame, width_px: int) -> UInt8Array:
+    """Draw the contact sheet of one frame as (H, width_px, 3) uint8 RGB."""
+    return _sheet(reader, width_px).draw(frame)
+
+
+def write_video(
+    reader: FrameReader, path: Path, progress: Callable[[], None], *, width_px: int = VIDEO_WIDTH_PX, every: int = 1
+) -> None:
+    """Write frames as H.264 in MP4, in simulated time.
 
     Args:
         reader: The bag's frames.
         path: The file; it gets this name only once it is complete.
         progress: Called after each frame.
+        width_px: Width of the video, even.
+        every: Only every Nth frame is shown.
     """
-    sheet = _sheet(reader, VIDEO_WIDTH_PX)
+    sheet = _sheet(reader, width_px)
     with (
         whole_file(path) as unfinished,
         av.open(str(unfinished), "w", format="mp4", options={"movflags": "faststart"}) as container,
     ):
-        stream = container.add_stream("libx264", rate=Fraction(reader.rate_hz).limit_denominator(1000))
+        stream = container.add_stream("libx264", rate=Fraction(reader.rate_hz / every).limit_denominator(1000))
         stream.width, stream.height = sheet.size_px
         stream.pix_fmt = "yuv420p"
-        stream.options = {"crf": _QUALITY, "preset": "veryfast"}
+        stream.options = {"crf": _QUALITY, "preset": "veryfast", "x264-params": _SAME_BYTES}
         context = stream.codec_context
+        context.thread_count = 1  # with other numbers the bytes are others
         context.colorspace = context.color_primaries = context.color_trc = _BT709
         context.color_range = ColorRange.MPEG
-        for frame in reader.frames(0, len(reader.stamps_ns)):
+        for frame in reader.frames(0, len(reader.stamps_ns), every):
             container.mux(stream.encode(_video_frame(sheet.draw(frame))))
             progress()
         container.mux(stream.encode())
@@ -89,4 +100,4 @@ def _facts(spec: SceneSpec) -> str:
 def _weather_range(spec: SceneSpec, parameter: str) -> str:
     """A weather parameter at the start of the scene and, if it changes, at the end."""
     moments = [spec.weather] if spec.final_weather is None else [spec.weather, spec.final_weather]
-    return " → ".join(f"{getattr(weather, parameter):.0f}" for weather in moments)
+    return " to ".join(f"{getattr(weather, parameter):.0f}" for weather in moments)

@@ -1,10 +1,9 @@
-"""Figures of a dataset report about its scenes: counts by map, traffic, weather, and a table of all scenes.
+"""Figures of a dataset's page about its scenes: counts by map, traffic and weather.
 
-A dataset's ``Statistics`` enter; HTML figures with SVG charts, and one HTML table, leave.
+A dataset's ``Statistics`` enter; HTML figures with charts leave.
 """
 
 from collections.abc import Iterator, Sequence
-from html import escape
 
 import numpy as np
 from rich.filesize import decimal
@@ -14,15 +13,15 @@ from simbev_ros.dataset.statistics import SceneFacts, Statistics
 from simbev_ros.dataset.tallies import SPEED_STEP_MPS
 from simbev_ros.scene.weather import Weather
 from simbev_ros.types import AnyArray
-from simbev_ros.viz.reports.page import table
-from simbev_ros.viz.reports.svg_charts import SMALL, Series, bars, figure, histogram, legend
-from simbev_ros.viz.reports.svg_drawing import Color, css, number
+from simbev_ros.viz.pages.charts import SMALL_PX, bars, figure, histogram
+from simbev_ros.viz.reports.svg_charts import Series
+from simbev_ros.viz.reports.svg_drawing import Color, number
 
 SPLIT_COLORS: dict[str, Color] = {"train": (47, 111, 143), "val": (217, 142, 50), "test": (166, 68, 92)}
 _MAX_KINDS = 20
 _COLUMNS = 24
 _WEATHER_BINS = 20
-_WEATHER_ENDS: dict[str, tuple[float, float, str]] = {
+WEATHER_ENDS: dict[str, tuple[float, float, str]] = {
     "cloudiness": (0, 100, "%"),
     "precipitation": (0, 100, "%"),
     "precipitation_deposits": (0, 100, "%"),
@@ -34,6 +33,7 @@ _WEATHER_ENDS: dict[str, tuple[float, float, str]] = {
     "fog_distance_m": (0, 100, "m"),
     "fog_falloff": (0, 5, ""),
 }
+"""Limits of each parameter of the weather in figures, and its unit."""
 
 
 def key_figures(statistics: Statistics) -> list[tuple[str, str]]:
@@ -58,7 +58,7 @@ def scene_figures(statistics: Statistics) -> Iterator[str]:
     maps = sorted({scene.map for scene in scenes})
     counts = {split: [sum(s.map == name and s.split == split for s in scenes) for name in maps] for split in SPLITS}
     series = [Series(split, np.array(counts[split]), SPLIT_COLORS[split]) for split in SPLITS]
-    yield figure("Scenes by map", bars(maps, series), legend(SPLIT_COLORS))
+    yield figure("Scenes by map", bars(maps, [each for each in series if each.values.any()]))
     for name, title in (("vehicles", "Vehicles in a scene"), ("pedestrians", "Pedestrians in a scene")):
         values = np.array([getattr(scene, name) for scene in scenes])
         step = max(1, int(np.ceil((values.max() + 1) / _COLUMNS)))
@@ -75,38 +75,21 @@ def scene_figures(statistics: Statistics) -> Iterator[str]:
 def weather_figures(statistics: Statistics) -> Iterator[str]:
     """Figures of the distribution of each weather parameter over the scenes."""
     for name in Weather.model_fields:
-        low, high, unit = _WEATHER_ENDS[name]
+        low, high, unit = WEATHER_ENDS[name]
         values = np.array([getattr(scene.weather, name) for scene in statistics.scenes])
         step = (high - low) / _WEATHER_BINS
         inside = np.clip(values, low, high - step / 2)
-        title = name.removesuffix("_deg").removesuffix("_m").replace("_", " ").capitalize()
         yield figure(
-            title,
-            histogram(_by_split(statistics.scenes, inside, low, step), step, unit, "scenes", low, SMALL, _WEATHER_BINS),
-        )
-
-
-def scene_table(statistics: Statistics) -> str:
-    """HTML table with a row for each scene."""
-    scene_heads = ("scene", "split", "frames", "s", "vehicles", "pedestrians", "hazards")
-    heads = (*scene_heads, "sun °", "clouds", "rain", "fog", "boxes a frame", "ego m", "MB")
-    lines = []
-    for scene in statistics.scenes:
-        weather = scene.weather
-        values = (
-            *(scene.frames, round(scene.duration_s, 2), scene.vehicles, scene.pedestrians, scene.hazards),
-            *(round(value) for value in (weather.sun_altitude_deg, weather.cloudiness)),
-            *(round(value) for value in (weather.precipitation, weather.fog_density)),
-            *(
-                round(scene.boxes / max(scene.sampled_frames, 1), 1),
-                round(scene.distance_m),
-                round(scene.file_bytes / 1e6, 1),
+            parameter_title(name),
+            histogram(
+                _by_split(statistics.scenes, inside, low, step), step, unit, "scenes", low, SMALL_PX, _WEATHER_BINS
             ),
         )
-        cells = "".join(f"<td>{number(value)}</td>" for value in values)
-        split = f'<td><b style="color:{css(SPLIT_COLORS[scene.split])}">{escape(scene.split)}</b></td>'
-        lines.append(f"<th>{escape(scene.name)}</th>{split}{cells}")
-    return table(heads, lines)
+
+
+def parameter_title(name: str) -> str:
+    """Name of a parameter of the weather as a title, without its unit."""
+    return name.removesuffix("_deg").removesuffix("_m").replace("_", " ").capitalize()
 
 
 def _by_split(scenes: Sequence[SceneFacts], values: AnyArray, low: float, step: float) -> list[Series]:

@@ -113,6 +113,7 @@ setup(
         ],
         "cluster": ["ray[default]>=2.50"],
         "foxglove": ["foxglove-sdk>=0.30"],
+        "view": ["rerun-sdk==0.41.*"],
         "docs": ["mkdocs-material>=9.5"],
         "test": [
             "dockerfile-parse>=2",
@@ -124,6 +125,7 @@ setup(
             "mypy>=1.15",
             "pytest>=8.3",
             "ray>=2.50",
+            "rerun-sdk==0.41.*",
             "ruff>=0.9",
             "selenium>=4.25",
             "setuptools>=71",

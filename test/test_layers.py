@@ -46,7 +46,7 @@ FLOORS = [
     {"graph"},
     {"cluster"},
     {"production"},
-    {"bench", "foxglove_server"},
+    {"bench", "foxglove_server", "viewer"},
     {"cli"},
     {"reference_stack"},
 ]
@@ -75,6 +75,8 @@ HOMES = {
     "open3d": ("raycast",),
     "libsumo": ("world/sumo/traffic", "world/sumo/libsumo_import"),
     "rich": ("cli", "recording/bag_files", "viz/pages/scene_figures", "viz/pages/scene_page"),
+    "rerun": ("viewer",),
+    "foxglove": ("foxglove_server",),
     "typer": ("cli",),
 }
 

@@ -1,6 +1,7 @@
 """Lays the views of a scene out: cameras by the rig's arrangement, 3D, bird's-eye view, plots, map and table."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from typing import Any
 
 import rerun.blueprint as rrb
 
@@ -108,7 +109,7 @@ def _world_view(subject: Subject) -> rrb.Spatial3DView:
     )
 
 
-def _hidden_in_3d(subject: Subject) -> Mapping[str, rrb.EntityBehavior]:
+def _hidden_in_3d(subject: Subject) -> dict[Any, Any]:
     """Entities that are off until they are switched on: colorings of lidar points but one, and occupancy."""
     lidars = [f"{EGO}/{sensor.name}" for sensor in subject.sensors("lidar")]
     shown = "height"

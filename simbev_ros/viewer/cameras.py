@@ -63,7 +63,10 @@ class CameraDrawing:
         corners = np.stack([views[f"amodal_{name}"] for name in ("left", "top", "right", "bottom")], axis=1)
         dashes, row = dashed_boxes(corners.astype(np.float64) + 0.5, self._width_px * _DASH_SHARE)
         colors = _faded(self._colors[views["class"]])[row]
-        self._log.add(f"{self._entity}/boxes/hidden", rr.LineStrips2D(dashes, colors=colors, radii=_HIDDEN_RADIUS, draw_order=19.0))
+        self._log.add(
+            f"{self._entity}/boxes/hidden",
+            rr.LineStrips2D(dashes.astype(np.float32), colors=colors, radii=_HIDDEN_RADIUS, draw_order=19.0),
+        )
 
 
 def dashed_boxes(corners_px: Float64Array, dash_px: float) -> tuple[Float64Array, Table]:

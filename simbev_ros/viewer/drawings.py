@@ -34,6 +34,4 @@ def main_drawings(log: SceneLog, subject: Subject) -> list[Drawing]:
 
 def layer_drawings(log: SceneLog, subject: Subject) -> list[Drawing]:
     """The other modalities of the cameras."""
-    return [
-        LayerDrawing(log, sensor.name, modality) for modality in LAYERS for sensor in subject.sensors("camera")
-    ]
+    return [LayerDrawing(log, sensor.name, modality) for modality in LAYERS for sensor in subject.sensors("camera")]

@@ -26,7 +26,9 @@ def scene_sheet(spec: SceneSpec) -> str:
 
 
 def _table(rows: Mapping[str, str]) -> str:
-    return "\n".join(["| | |", "|---|---|", *(f"| {_escaped(name)} | {_escaped(text)} |" for name, text in rows.items())])
+    return "\n".join(
+        ["| | |", "|---|---|", *(f"| {_escaped(name)} | {_escaped(text)} |" for name, text in rows.items())]
+    )
 
 
 def _escaped(text: str) -> str:

@@ -60,4 +60,4 @@ class VectorMapDrawing:
 
 def _in_map(map_from_patch: Float64Array, line: Any) -> Float64Array:
     """(N, 3) points of a line in the map frame, slightly raised."""
-    return apply(map_from_patch, np.array(line, np.float64).reshape(-1, 3)) + [0.0, 0.0, _LIFT_M]
+    return apply(map_from_patch, np.array(line, np.float64).reshape(-1, 3)) + np.array([0.0, 0.0, _LIFT_M])

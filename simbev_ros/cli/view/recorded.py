@@ -1,0 +1,94 @@
+"""A recorded scene in Rerun's viewer, or as a file for it."""
+
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+
+from simbev_ros.cli.console import counting_bar, plural
+from simbev_ros.cli.output_file import require_place
+from simbev_ros.cli.view.browser import show_address, wait_for_end
+from simbev_ros.errors import InputError
+
+if TYPE_CHECKING:
+    from simbev_ros.dataset.scene import Scene
+    from simbev_ros.viewer.recorded import ScenePlayer
+
+_SUFFIX = ".rrd"
+
+
+def require_rerun() -> None:
+    """Raise InputError if Rerun is not installed."""
+    if find_spec("rerun") is None:
+        raise InputError(f"simbev view needs Rerun; install it: {sys.executable} -m pip install 'simbev_ros[view]'")
+
+
+def write_file(scene: "Scene", out: Path, points: int, *, layers: bool, console: Console) -> None:
+    """Write a scene as a file for Rerun.
+
+    Raises:
+        InputError: The file cannot be written there.
+        BagError: The bag cannot be read.
+    """
+    from simbev_ros.recording.whole_files import whole_file
+    from simbev_ros.viewer.blueprint import scene_blueprint
+    from simbev_ros.viewer.recorded import ScenePlayer
+    from simbev_ros.viewer.scene_log import SceneLog
+
+    if out.suffix != _SUFFIX:
+        raise InputError(f"--out {out}: must end in {_SUFFIX}")
+    require_place(out)
+    with whole_file(out) as file, SceneLog(scene.spec) as log:
+        player = ScenePlayer(scene, log, None, points, layers=layers)
+        log.save(file, scene_blueprint(player.subject, with_predictions=player.has_predictions))
+        with counting_bar(scene.name, console, player.steps) as bar:
+            player.play(bar.advance)
+    _report_damage(player, console)
+    console.print(f"wrote {out}", soft_wrap=True)
+
+
+def show_recorded(
+    scene: "Scene",
+    place: tuple[int, str],
+    memory_bytes: int,
+    points: int,
+    *,
+    layers: bool,
+    opens: bool,
+    console: Console,
+) -> None:
+    """Show a scene in the browser until an interrupt.
+
+    Raises:
+        InputError: The port, or the address, of ``place`` cannot be used.
+        BagError: The bag cannot be read.
+    """
+    from simbev_ros.viewer.blueprint import scene_blueprint
+    from simbev_ros.viewer.recorded import ScenePlayer
+    from simbev_ros.viewer.scene_log import SceneLog
+    from simbev_ros.viewer.server import ViewerServer
+
+    with ViewerServer(*place, memory_bytes + memory_bytes // 4) as server, SceneLog(scene.spec) as log:
+        player = ScenePlayer(scene, log, memory_bytes, points, layers=layers)
+        log.connect(server.data_url, scene_blueprint(player.subject, with_predictions=player.has_predictions))
+        show_address(server.page_url, console, opens=opens)
+        with counting_bar(scene.name, console, player.steps) as bar:
+            player.play(bar.advance)
+        _report_damage(player, console)
+        if player.every > 1:
+            console.print(
+                f"every {player.every}th image and cloud is shown, so that the scene fits in {memory_bytes >> 20} MiB; "
+                "--memory allows more",
+                soft_wrap=True,
+            )
+        console.print(f"{plural(len(scene), 'frame')} sent; Ctrl-C ends the viewer", soft_wrap=True)
+        wait_for_end(server)
+
+
+def _report_damage(player: "ScenePlayer", console: Console) -> None:
+    if player.damage:
+        console.print(f"warning: {player.damage}; the frames before are shown", soft_wrap=True)
+    elif player.is_cut_off:
+        console.print("warning: the bag was cut off; what it holds is shown", soft_wrap=True)

@@ -8,7 +8,7 @@ import rerun.blueprint as rrb
 from simbev_ros.config.camera import Camera
 from simbev_ros.viewer import ground, plots
 from simbev_ros.viewer.camera_layers import LAYERS
-from simbev_ros.viewer.clouds import COLORINGS
+from simbev_ros.viewer.clouds import COLORINGS, FIRST_COLORING
 from simbev_ros.viewer.scene_log import EGO, TIME, WORLD
 from simbev_ros.viewer.scene_sheet import SHEET
 from simbev_ros.viewer.subject import Subject
@@ -112,8 +112,7 @@ def _world_view(subject: Subject) -> rrb.Spatial3DView:
 def _hidden_in_3d(subject: Subject) -> dict[Any, Any]:
     """Entities that are off until they are switched on: colorings of lidar points but one, and occupancy."""
     lidars = [f"{EGO}/{sensor.name}" for sensor in subject.sensors("lidar")]
-    shown = "height"
-    hidden = [f"{lidar}/{coloring}" for lidar in lidars for coloring in COLORINGS if coloring != shown]
+    hidden = [f"{lidar}/{coloring}" for lidar in lidars for coloring in COLORINGS if coloring != FIRST_COLORING]
     return dict.fromkeys([*hidden, f"{EGO}/occupancy"], _HIDDEN)
 
 

@@ -1,6 +1,6 @@
 """Draws point clouds: lidars by intensity, ring, height and class, radars by Doppler velocity, and occupied voxels."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 
 import cv2
 import numpy as np
@@ -42,18 +42,25 @@ _COLORINGS: Mapping[str, Mapping[str, Callable[[Table], UInt8Array]]] = {
 }
 """Colors of points, by entity, for each of a lidar's topics."""
 COLORINGS = tuple(name for names in _COLORINGS.values() for name in names)
+"""Ways to color a lidar's points; each is an entity."""
+FIRST_COLORING = "height"
+"""The one that is shown until another one is switched on."""
 
 
 class LidarDrawing:
-    """Draws a lidar's points, once for each way to color them."""
+    """Draws a lidar's points, once for each of the ways to color them."""
 
-    def __init__(self, log: SceneLog, subject: Subject, name: str) -> None:
+    def __init__(self, log: SceneLog, subject: Subject, name: str, colorings: Collection[str]) -> None:
         self._log, self._name, self._max_points = log, name, subject.max_points
+        self._colorings = {
+            topic: {coloring: color for coloring, color in known.items() if coloring in colorings}
+            for topic, known in _COLORINGS.items()
+        }
 
     def draw(self, samples: Samples) -> None:
         """Log the points."""
-        for topic, colorings in _COLORINGS.items():
-            if (key := f"{self._name}/{topic}") not in samples:
+        for topic, colorings in self._colorings.items():
+            if not colorings or (key := f"{self._name}/{topic}") not in samples:
                 continue
             points = thin_out(samples[key], self._max_points)
             for coloring, color in colorings.items():

@@ -1,9 +1,9 @@
-"""All drawings of a scene: those that are shown first, and the layers of cameras, which take longer."""
+"""All drawings of a scene: those that are shown first, and those that can be switched on."""
 
 from simbev_ros.viewer.boxes import BoxDrawing, PredictionDrawing
 from simbev_ros.viewer.camera_layers import LAYERS, LayerDrawing
 from simbev_ros.viewer.cameras import CameraDrawing
-from simbev_ros.viewer.clouds import LidarDrawing, OccupancyDrawing, RadarDrawing
+from simbev_ros.viewer.clouds import COLORINGS, FIRST_COLORING, LidarDrawing, OccupancyDrawing, RadarDrawing
 from simbev_ros.viewer.ego import EgoDrawing
 from simbev_ros.viewer.ground import GroundDrawing
 from simbev_ros.viewer.plots import EventDrawing, FixDrawing, PlotDrawing
@@ -14,17 +14,17 @@ from simbev_ros.viewer.vector_map import VectorMapDrawing
 
 
 def main_drawings(log: SceneLog, subject: Subject) -> list[Drawing]:
-    """Everything but the layers of cameras; what does not change in time is logged at once."""
+    """Everything that is shown at first; what does not change in time is logged at once."""
     draw_sheet(log, subject.spec)
     return [
         EgoDrawing(log, subject),
         PlotDrawing(log, subject),
         *(CameraDrawing(log, subject, sensor.name) for sensor in subject.sensors("camera")),
-        *(LidarDrawing(log, subject, sensor.name) for sensor in subject.sensors("lidar")),
+        *(LidarDrawing(log, subject, sensor.name, [FIRST_COLORING]) for sensor in subject.sensors("lidar")),
         *(RadarDrawing(log, subject, sensor.name) for sensor in subject.sensors("radar")),
         BoxDrawing(log, subject),
         PredictionDrawing(log, subject),
-        GroundDrawing(log),
+        GroundDrawing(log, subject.spec),
         VectorMapDrawing(log),
         OccupancyDrawing(log, subject),
         *(FixDrawing(log, sensor.name) for sensor in subject.sensors("gnss")),
@@ -33,5 +33,9 @@ def main_drawings(log: SceneLog, subject: Subject) -> list[Drawing]:
 
 
 def layer_drawings(log: SceneLog, subject: Subject) -> list[Drawing]:
-    """The other modalities of the cameras."""
-    return [LayerDrawing(log, sensor.name, modality) for modality in LAYERS for sensor in subject.sensors("camera")]
+    """The other colors of lidar points, and the other modalities of the cameras."""
+    colorings = [coloring for coloring in COLORINGS if coloring != FIRST_COLORING]
+    return [
+        *(LidarDrawing(log, subject, sensor.name, colorings) for sensor in subject.sensors("lidar")),
+        *(LayerDrawing(log, sensor.name, modality) for modality in LAYERS for sensor in subject.sensors("camera")),
+    ]

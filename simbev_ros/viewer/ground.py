@@ -6,21 +6,30 @@ import rerun as rr
 from simbev_ros.evaluation.predictions.prediction_messages import image_scores, occupancy_scores
 from simbev_ros.palette import bev_color, class_color
 from simbev_ros.recording.png import RowFilter, encode_png
+from simbev_ros.scene.blueprints import blueprint_index, load_blueprints
+from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.semantics import BEV_CLASSES
-from simbev_ros.types import AnyArray, UInt16Array
+from simbev_ros.types import AnyArray, Float64Array, UInt16Array
 from simbev_ros.viewer.pictures import mask_picture
 from simbev_ros.viewer.scene_log import SceneLog
 from simbev_ros.viewer.subject import Samples
 
 TRUTH, PREDICTION = "bev/truth", "bev/prediction"
 _MIN_SCORE = 0.5
+_EGO_COLOR = (255, 196, 60)
+_EGO_RADIUS = rr.Radius.ui_points(1.0)
 
 
 class GroundDrawing:
     """Draws the grid of the truth, and that of a perception stack."""
 
-    def __init__(self, log: SceneLog) -> None:
+    def __init__(self, log: SceneLog, spec: SceneSpec) -> None:
         self._log = log
+        outline = ego_outline_px(spec)
+        for entity in (TRUTH, PREDICTION):
+            log.add_static(
+                f"{entity}/ego", rr.LineStrips2D([outline], colors=_EGO_COLOR, radii=_EGO_RADIUS, draw_order=50.0)
+            )
 
     def draw(self, samples: Samples) -> None:
         """Log the grids.
@@ -44,6 +53,16 @@ class GroundDrawing:
                 f"{entity}/classes/{name}",
                 rr.EncodedImage(contents=picture, media_type="image/png", draw_order=float(bit)),
             )
+
+
+def ego_outline_px(spec: SceneSpec) -> Float64Array:
+    """(7, 2) x and y in the picture of the ego's outline, with a line from its center to its front."""
+    length_m, width_m, _ = load_blueprints()[blueprint_index()[spec.vehicles[0].blueprint]].size_m
+    front, left = length_m / 2.0, width_m / 2.0
+    corners_m = np.array(
+        [(0, 0), (front, 0), (front, left), (-front, left), (-front, -left), (front, -left), (front, 0)]
+    )
+    return np.asarray(spec.annotation.bev.cells_from_ego(corners_m)[:, ::-1] + 0.5)
 
 
 def predicted_scores(samples: Samples) -> dict[str, AnyArray]:

@@ -1,5 +1,6 @@
 """Plays a recorded scene into a log: frame by frame, the most important first, within a limit of memory."""
 
+import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
@@ -14,6 +15,8 @@ from simbev_ros.viewer.drawings import layer_drawings, main_drawings
 from simbev_ros.viewer.scene_log import SceneLog
 from simbev_ros.viewer.subject import Drawing, Subject
 
+_MAIN_SHARE = 0.65
+"""Share of the memory for what is shown at first, if layers are drawn too."""
 _LARGE = re.compile(r".*/(rgb|semantic|instance|depth|flow|points|semantic_points)|bev/.*|prediction/bev.*")
 """Keys of the samples that fill the memory; only these are thinned out."""
 
@@ -67,7 +70,8 @@ class ScenePlayer:
         layers: Whether the cameras' other modalities are drawn.
 
     Attributes:
-        every: Only every Nth of the large samples is shown; known once the first frame has been drawn.
+        every: Of the large samples, one in this many is shown; known once the first frame has been drawn.
+        every_layer: The same of the layers.
         damage: Why the scene ends early, if it does.
     """
 
@@ -77,31 +81,20 @@ class ScenePlayer:
         self._scene, self._log, self._limit_bytes = scene, log, limit_bytes
         self.subject = Subject(scene.spec, _tracks_of(scene), max_points)
         self._layers = layers
-        self.every, self.damage = 1, ""
+        self.every, self.every_layer, self.damage = 1, 1, ""
+        self._damaged_tick: int | None = None
 
-    def play(self, advance: Callable[[], None], is_over: Callable[[], bool] = lambda: False) -> None:
+    def play(self, advance: Callable[[], None]) -> None:
         """Draw all frames, then the layers of all frames.
 
         Args:
             advance: Called after each frame, twice if there are layers.
-            is_over: Whether to stop.
         """
         main = main_drawings(self._log, self.subject)
         layers = layer_drawings(self._log, self.subject) if self._layers else []
-        count = len(self._scene)
-        if count and self._limit_bytes is not None:
-            self._draw(0, [*main, *layers])
-            self.every = max(1, -(-self._log.size_bytes * count // self._limit_bytes))
-        for drawings in (main, layers):
-            for tick in range(count) if drawings else ():
-                if is_over():
-                    return
-                try:
-                    self._draw(tick, drawings)
-                except BagError as error:
-                    self.damage, count = str(error), tick
-                    break
-                advance()
+        share = _MAIN_SHARE if layers else 1.0
+        self.every = self._draw_all(main, share, advance)
+        self.every_layer = self._draw_all(layers, 1.0 - share, advance)
 
     @property
     def steps(self) -> int:
@@ -118,8 +111,25 @@ class ScenePlayer:
         """Whether the bag was not closed by its writer."""
         return self.subject.tracks is None
 
-    def _draw(self, tick: int, drawings: Sequence[Drawing]) -> None:
-        frame = ShownFrame(self._scene[tick], self.every)
+    def _draw_all(self, drawings: Sequence[Drawing], share: float, advance: Callable[[], None]) -> int:
+        """Draw all frames up to a damaged one; return one in how many of the large samples fits."""
+        before_bytes, every = self._log.size_bytes, 1
+        for tick in range(len(self._scene)) if drawings else ():
+            if tick == self._damaged_tick:
+                break
+            try:
+                self._draw(tick, drawings, every)
+            except BagError as error:
+                self.damage, self._damaged_tick = str(error), tick
+                break
+            if tick == 0 and self._limit_bytes is not None:
+                size_bytes = (self._log.size_bytes - before_bytes) * len(self._scene)
+                every = max(1, math.ceil(size_bytes / (share * self._limit_bytes)))
+            advance()
+        return every
+
+    def _draw(self, tick: int, drawings: Sequence[Drawing], every: int) -> None:
+        frame = ShownFrame(self._scene[tick], every)
         self._log.begin(frame.tick, frame.stamp_ns)
         for drawing in drawings:
             drawing.draw(frame)

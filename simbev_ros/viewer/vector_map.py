@@ -1,6 +1,6 @@
 """Draws the vector map: lanes, painted lines, edges of paved ground, crosswalks and stop lines around the ego."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -16,13 +16,16 @@ _LIFT_M = 0.03
 """Height of lines above the ground, which lidar points would cover otherwise."""
 
 
+_Polylines = Callable[[Mapping[str, Any]], Iterator[Any]]
+
+
 def _centers(record: Mapping[str, Any]) -> Iterator[Any]:
     for lane in record["lanes"]:
         if lane["type"] == "driving":
             yield from lane["center"]
 
 
-def _pieces(name: str) -> Any:
+def _pieces(name: str) -> _Polylines:
     def pieces(record: Mapping[str, Any]) -> Iterator[Any]:
         for each in record[name]:
             yield from each["pieces"]
@@ -30,11 +33,17 @@ def _pieces(name: str) -> Any:
     return pieces
 
 
-_KINDS = {
+def _outlines(record: Mapping[str, Any]) -> Iterator[Any]:
+    for each in record["crosswalks"]:
+        for outline in each["outlines"]:
+            yield [*outline, outline[0]]
+
+
+_KINDS: Mapping[str, tuple[_Polylines, tuple[int, int, int], float]] = {
     "lanes": (_centers, (80, 160, 255), 0.05),
     "lines": (_pieces("lines"), (240, 235, 200), 0.07),
     "edges": (_pieces("edges"), (230, 90, 90), 0.07),
-    "crosswalks": (_pieces("crosswalks"), (90, 220, 160), 0.09),
+    "crosswalks": (_outlines, (90, 220, 160), 0.09),
     "stop_lines": (_pieces("stop_lines"), (255, 140, 0), 0.12),
 }
 """Polylines of a record, color and radius in meters, by entity."""

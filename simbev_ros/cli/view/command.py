@@ -41,7 +41,7 @@ def view(
         typer.Option(
             help="MiB that the scene may take in the viewer; images and clouds are thinned out for it.", min=64
         ),
-    ] = 1000,
+    ] = 600,
     points: Annotated[int, typer.Option(help="Points of a cloud that are shown.", min=1)] = 60_000,
     layers: Annotated[
         bool, typer.Option("--layers/--no-layers", help="Show semantic, instance, depth and flow images too.")

@@ -77,14 +77,19 @@ def show_recorded(
         with counting_bar(scene.name, console, player.steps) as bar:
             player.play(bar.advance)
         _report_damage(player, console)
-        if player.every > 1:
-            console.print(
-                f"every {player.every}th image and cloud is shown, so that the scene fits in {memory_bytes >> 20} MiB; "
-                "--memory allows more",
-                soft_wrap=True,
-            )
+        _report_thinning(player, memory_bytes, console)
         console.print(f"{plural(len(scene), 'frame')} sent; Ctrl-C ends the viewer", soft_wrap=True)
         wait_for_end(server)
+
+
+def _report_thinning(player: "ScenePlayer", memory_bytes: int, console: Console) -> None:
+    if max(player.every, player.every_layer) > 1:
+        layers = f", and of the layers one in {player.every_layer}" if player.every_layer > 1 else ""
+        console.print(
+            f"one in {player.every} of the images and clouds is shown{layers}, so that the scene fits in "
+            f"{memory_bytes >> 20} MiB; --memory allows more",
+            soft_wrap=True,
+        )
 
 
 def _report_damage(player: "ScenePlayer", console: Console) -> None:

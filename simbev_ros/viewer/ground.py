@@ -62,7 +62,7 @@ def ego_outline_px(spec: SceneSpec) -> Float64Array:
     corners_m = np.array(
         [(0, 0), (front, 0), (front, left), (-front, left), (-front, -left), (front, -left), (front, 0)]
     )
-    return np.asarray(spec.annotation.bev.cells_from_ego(corners_m)[:, ::-1] + 0.5)
+    return np.asarray(spec.annotation.bev.grid.cells_from_ego(corners_m)[:, ::-1] + 0.5)
 
 
 def predicted_scores(samples: Samples) -> dict[str, AnyArray]:

@@ -6,7 +6,7 @@ import rerun as rr
 from simbev_ros.palette import class_color
 from simbev_ros.semantics import BOX_CLASSES
 from simbev_ros.types import Float64Array, Table, UInt8Array
-from simbev_ros.viewer.pictures import compressed
+from simbev_ros.viewer.pictures import color_jpeg
 from simbev_ros.viewer.scene_log import EGO, SceneLog
 from simbev_ros.viewer.subject import Samples, Subject
 
@@ -25,13 +25,14 @@ class CameraDrawing:
 
     def __init__(self, log: SceneLog, subject: Subject, name: str) -> None:
         self._log, self._name, self._entity = log, name, f"{EGO}/{name}"
-        self._width_px = subject.calibration[name].size_px[0]
+        self._step = subject.image_step(name)
+        self._width_px = subject.calibration[name].size_px[0] / self._step
         self._colors = np.array([class_color(each) for each in BOX_CLASSES], np.uint8)
 
     def draw(self, samples: Samples) -> None:
         """Log the image and the boxes."""
         if (key := f"{self._name}/rgb") in samples:
-            data = compressed(samples.messages(key)[-1])
+            data = color_jpeg(samples.messages(key)[-1], self._step)
             self._log.add(f"{self._entity}/rgb", rr.EncodedImage(contents=data, media_type="image/jpeg"))
         if (key := f"{self._name}/boxes") in samples:
             views = samples[key]
@@ -50,7 +51,7 @@ class CameraDrawing:
         self._log.add(
             f"{self._entity}/boxes/visible",
             rr.Boxes2D(
-                array=corners + 0.5,
+                array=(corners + 0.5) / self._step,
                 array_format=rr.Box2DFormat.XYXY,
                 labels=labels,
                 show_labels=False,
@@ -61,7 +62,7 @@ class CameraDrawing:
 
     def _draw_hidden(self, views: Table) -> None:
         corners = np.stack([views[f"amodal_{name}"] for name in ("left", "top", "right", "bottom")], axis=1)
-        dashes, row = dashed_boxes(corners.astype(np.float64) + 0.5, self._width_px * _DASH_SHARE)
+        dashes, row = dashed_boxes((corners + 0.5) / self._step, self._width_px * _DASH_SHARE)
         colors = _faded(self._colors[views["class"]])[row]
         self._log.add(
             f"{self._entity}/boxes/hidden",

@@ -51,7 +51,7 @@ class LidarDrawing:
     """Draws a lidar's points, once for each of the ways to color them."""
 
     def __init__(self, log: SceneLog, subject: Subject, name: str, colorings: Collection[str]) -> None:
-        self._log, self._name, self._max_points = log, name, subject.max_points
+        self._log, self._name, self._max_points = log, name, subject.detail.max_points
         self._colorings = {
             topic: {coloring: color for coloring, color in known.items() if coloring in colorings}
             for topic, known in _COLORINGS.items()
@@ -74,7 +74,7 @@ class RadarDrawing:
     """Draws a radar's detections: blue ones approach, red ones recede."""
 
     def __init__(self, log: SceneLog, subject: Subject, name: str) -> None:
-        self._log, self._name, self._max_points = log, name, subject.max_points
+        self._log, self._name, self._max_points = log, name, subject.detail.max_points
 
     def draw(self, samples: Samples) -> None:
         """Log the detections."""

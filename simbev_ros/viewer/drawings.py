@@ -37,5 +37,9 @@ def layer_drawings(log: SceneLog, subject: Subject) -> list[Drawing]:
     colorings = [coloring for coloring in COLORINGS if coloring != FIRST_COLORING]
     return [
         *(LidarDrawing(log, subject, sensor.name, colorings) for sensor in subject.sensors("lidar")),
-        *(LayerDrawing(log, sensor.name, modality) for modality in LAYERS for sensor in subject.sensors("camera")),
+        *(
+            LayerDrawing(log, subject, sensor.name, modality)
+            for modality in LAYERS
+            for sensor in subject.sensors("camera")
+        ),
     ]

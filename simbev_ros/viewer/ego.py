@@ -59,13 +59,15 @@ def _draw_sensors(log: SceneLog, subject: Subject) -> None:
             continue
         pose = calibration.ego_from_optical
         # Pixel centers are at integers here, and at halves in Rerun.
-        image_from_camera = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, 0.5], [0.0, 0.0, 1.0]]) @ camera.matrix
+        step = subject.image_step(name)
+        shift = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, 0.5], [0.0, 0.0, 1.0]])
+        image_from_camera = np.diag([1.0 / step, 1.0 / step, 1.0]) @ shift @ camera.matrix
         log.add_static(
             entity,
             rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]),
             rr.Pinhole(
                 image_from_camera=image_from_camera,
-                resolution=[camera.width_px, camera.height_px],
+                resolution=[camera.width_px / step, camera.height_px / step],
                 camera_xyz=rr.ViewCoordinates.RDF,
                 image_plane_distance=_FRUSTUM_M,
             ),

@@ -4,11 +4,12 @@ import struct
 import zlib
 from typing import Any
 
+import cv2
 import numpy as np
 
 from simbev_ros.recording.arrays import image_array
-from simbev_ros.recording.image_codecs import encode_image, encode_labels
-from simbev_ros.types import BoolArray, UInt8Array
+from simbev_ros.recording.image_codecs import encode_labels, encode_rgb
+from simbev_ros.types import AnyArray, BoolArray, UInt8Array
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _HEADER_END = len(_SIGNATURE) + 25
@@ -17,11 +18,19 @@ _COLOR_TYPE_AT = len(_SIGNATURE) + 17
 _INDEXED = 3
 
 
-def compressed(message: Any) -> bytes:
-    """JPEG of color images, PNG of others: the data of a CompressedImage, or those of an Image, compressed."""
-    if hasattr(message, "format"):
+def color_jpeg(message: Any, step: int) -> bytes:
+    """JPEG of a color image, made smaller by a step; what is recorded is taken as it is if the step is 1."""
+    if step == 1 and hasattr(message, "format"):
         return bytes(message.data)
-    return encode_image(message.encoding, image_array(message))
+    image = np.asarray(image_array(message), np.uint8)
+    height_px, width_px = every_pixel(image, step).shape[:2]
+    smaller = cv2.resize(image, (width_px, height_px), interpolation=cv2.INTER_AREA)
+    return encode_rgb(np.asarray(smaller, np.uint8))
+
+
+def every_pixel(image: AnyArray, step: int) -> AnyArray:
+    """One in ``step`` pixels of an (H, W, …) image in each direction: those in the middle."""
+    return image[step // 2 :: step, step // 2 :: step]
 
 
 def with_palette(png: bytes, colors: UInt8Array) -> bytes:

@@ -13,7 +13,7 @@ from simbev_ros.dataset.scene import Scene
 from simbev_ros.errors import BagError
 from simbev_ros.viewer.drawings import layer_drawings, main_drawings
 from simbev_ros.viewer.scene_log import SceneLog
-from simbev_ros.viewer.subject import Drawing, Subject
+from simbev_ros.viewer.subject import Detail, Drawing, Subject
 
 _MAIN_SHARE = 0.65
 """Share of the memory for what is shown at first, if layers are drawn too."""
@@ -65,9 +65,7 @@ class ScenePlayer:
     Args:
         scene: The scene; its bag may be cut off.
         log: Where to draw.
-        limit_bytes: Approximate size of everything that is drawn; None: no limit. Large samples are thinned out for it.
-        max_points: Maximum number of points of a cloud.
-        layers: Whether the cameras' other modalities are drawn.
+        detail: How much of it to draw.
 
     Attributes:
         every: Of the large samples, one in this many is shown; known once the first frame has been drawn.
@@ -75,12 +73,9 @@ class ScenePlayer:
         damage: Why the scene ends early, if it does.
     """
 
-    def __init__(
-        self, scene: Scene, log: SceneLog, limit_bytes: int | None, max_points: int, *, layers: bool = True
-    ) -> None:
-        self._scene, self._log, self._limit_bytes = scene, log, limit_bytes
-        self.subject = Subject(scene.spec, _tracks_of(scene), max_points)
-        self._layers = layers
+    def __init__(self, scene: Scene, log: SceneLog, detail: Detail) -> None:
+        self._scene, self._log, self._detail = scene, log, detail
+        self.subject = Subject(scene.spec, _tracks_of(scene), detail)
         self.every, self.every_layer, self.damage = 1, 1, ""
         self._damaged_tick: int | None = None
 
@@ -91,7 +86,7 @@ class ScenePlayer:
             advance: Called after each frame, twice if there are layers.
         """
         main = main_drawings(self._log, self.subject)
-        layers = layer_drawings(self._log, self.subject) if self._layers else []
+        layers = layer_drawings(self._log, self.subject) if self._detail.layers else []
         share = _MAIN_SHARE if layers else 1.0
         self.every = self._draw_all(main, share, advance)
         self.every_layer = self._draw_all(layers, 1.0 - share, advance)
@@ -99,7 +94,7 @@ class ScenePlayer:
     @property
     def steps(self) -> int:
         """Number of calls of ``advance`` for the whole scene."""
-        return len(self._scene) * (1 + self._layers)
+        return len(self._scene) * (1 + self._detail.layers)
 
     @property
     def has_predictions(self) -> bool:
@@ -122,9 +117,9 @@ class ScenePlayer:
             except BagError as error:
                 self.damage, self._damaged_tick = str(error), tick
                 break
-            if tick == 0 and self._limit_bytes is not None:
+            if tick == 0:
                 size_bytes = (self._log.size_bytes - before_bytes) * len(self._scene)
-                every = max(1, math.ceil(size_bytes / (share * self._limit_bytes)))
+                every = max(1, math.ceil(size_bytes / (share * self._detail.limit_bytes)))
             advance()
         return every
 

@@ -1,5 +1,6 @@
 """What drawings know: the scene, and its samples at one tick."""
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -33,6 +34,23 @@ class Samples(Protocol):
         """The messages, with JPEG and PNG as they are."""
 
 
+@dataclass(frozen=True)
+class Detail:
+    """How much of a scene is shown.
+
+    Attributes:
+        max_points: Maximum number of points of a cloud.
+        max_width_px: Maximum width of an image; None: as recorded.
+        layers: Whether the cameras' other modalities and the other colors of lidar points are shown.
+        limit_bytes: Approximate size of everything that is drawn. Large samples are thinned out for it.
+    """
+
+    max_points: int = 60_000
+    max_width_px: int | None = None
+    layers: bool = True
+    limit_bytes: float = math.inf
+
+
 @dataclass(frozen=True, eq=False)
 class Subject:
     """The scene that is shown.
@@ -40,17 +58,22 @@ class Subject:
     Attributes:
         spec: Specification of the scene.
         tracks: Tracks of all actors; None if they are not known.
-        max_points: Maximum number of points that are shown of a cloud.
+        detail: How much of it is shown.
     """
 
     spec: SceneSpec
     tracks: Tracks | None = None
-    max_points: int = 60_000
+    detail: Detail = Detail()
 
     @cached_property
     def calibration(self) -> Mapping[str, Calibration]:
         """Calibrations by sensor name."""
         return calibrations(self.spec.rig)
+
+    def image_step(self, camera: str) -> int:
+        """Of a camera's pixels, one in this many is shown in each direction."""
+        width_px = self.calibration[camera].size_px[0]
+        return 1 if self.detail.max_width_px is None else -(-width_px // self.detail.max_width_px)
 
     def sensors(self, kind: str) -> list[AnySensor]:
         """Sensors of a type, such as ``camera``, in the order of the rig."""

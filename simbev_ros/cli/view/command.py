@@ -11,6 +11,7 @@ from simbev_ros.errors import InputError
 if TYPE_CHECKING:
     from simbev_ros.dataset.scene import Scene
 
+_BROWSER_WIDTH_PX = 800
 _RERUN_PORT, _FOXGLOVE_PORT = 9090, 8765
 
 
@@ -42,6 +43,14 @@ def view(
             help="MiB that the scene may take in the viewer; images and clouds are thinned out for it.", min=64
         ),
     ] = 600,
+    image_width: Annotated[
+        int | None,
+        typer.Option(
+            help="Maximum width of images, px; 0: as recorded; default: 800 in the browser, 0 in a file.",
+            min=0,
+            show_default=False,
+        ),
+    ] = None,
     points: Annotated[int, typer.Option(help="Points of a cloud that are shown.", min=1)] = 60_000,
     layers: Annotated[
         bool, typer.Option("--layers/--no-layers", help="Show semantic, instance, depth and flow images too.")
@@ -72,12 +81,15 @@ def view(
     from simbev_ros.cli.view.recorded import require_rerun, show_recorded, write_file
 
     require_rerun()
+    from simbev_ros.viewer.subject import Detail
+
     chosen = choose_scene(path, scene)
     if out is not None:
-        write_file(chosen, out, points, layers=layers, console=console)
+        write_file(chosen, out, Detail(points, image_width or None, layers), console)
         return
-    place = (_RERUN_PORT if port is None else port), bind
-    show_recorded(chosen, place, memory << 20, points, layers=layers, opens=open_, console=console)
+    width_px = _BROWSER_WIDTH_PX if image_width is None else image_width
+    detail = Detail(points, width_px or None, layers, memory << 20)
+    show_recorded(chosen, (_RERUN_PORT if port is None else port, bind), detail, console, opens=open_)
 
 
 def choose_scene(path: Path, wanted: str | None) -> "Scene":

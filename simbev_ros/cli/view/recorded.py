@@ -15,6 +15,7 @@ from simbev_ros.errors import InputError
 if TYPE_CHECKING:
     from simbev_ros.dataset.scene import Scene
     from simbev_ros.viewer.recorded import ScenePlayer
+    from simbev_ros.viewer.subject import Detail
 
 _SUFFIX = ".rrd"
 
@@ -25,7 +26,7 @@ def require_rerun() -> None:
         raise InputError(f"simbev view needs Rerun; install it: {sys.executable} -m pip install 'simbev_ros[view]'")
 
 
-def write_file(scene: "Scene", out: Path, points: int, *, layers: bool, console: Console) -> None:
+def write_file(scene: "Scene", out: Path, detail: "Detail", console: Console) -> None:
     """Write a scene as a file for Rerun.
 
     Raises:
@@ -41,7 +42,7 @@ def write_file(scene: "Scene", out: Path, points: int, *, layers: bool, console:
         raise InputError(f"--out {out}: must end in {_SUFFIX}")
     require_place(out)
     with whole_file(out) as file, SceneLog(scene.spec) as log:
-        player = ScenePlayer(scene, log, None, points, layers=layers)
+        player = ScenePlayer(scene, log, detail)
         log.save(file, scene_blueprint(player.subject, with_predictions=player.has_predictions))
         with counting_bar(scene.name, console, player.steps) as bar:
             player.play(bar.advance)
@@ -49,16 +50,7 @@ def write_file(scene: "Scene", out: Path, points: int, *, layers: bool, console:
     console.print(f"wrote {out}", soft_wrap=True)
 
 
-def show_recorded(
-    scene: "Scene",
-    place: tuple[int, str],
-    memory_bytes: int,
-    points: int,
-    *,
-    layers: bool,
-    opens: bool,
-    console: Console,
-) -> None:
+def show_recorded(scene: "Scene", place: tuple[int, str], detail: "Detail", console: Console, *, opens: bool) -> None:
     """Show a scene in the browser until an interrupt.
 
     Raises:
@@ -70,24 +62,24 @@ def show_recorded(
     from simbev_ros.viewer.scene_log import SceneLog
     from simbev_ros.viewer.server import ViewerServer
 
-    with ViewerServer(*place, memory_bytes + memory_bytes // 4) as server, SceneLog(scene.spec) as log:
-        player = ScenePlayer(scene, log, memory_bytes, points, layers=layers)
+    with ViewerServer(*place, detail.limit_bytes * 5 // 4) as server, SceneLog(scene.spec) as log:
+        player = ScenePlayer(scene, log, detail)
         log.connect(server.data_url, scene_blueprint(player.subject, with_predictions=player.has_predictions))
         show_address(server.page_url, console, opens=opens)
         with counting_bar(scene.name, console, player.steps) as bar:
             player.play(bar.advance)
         _report_damage(player, console)
-        _report_thinning(player, memory_bytes, console)
+        _report_thinning(player, detail.limit_bytes, console)
         console.print(f"{plural(len(scene), 'frame')} sent; Ctrl-C ends the viewer", soft_wrap=True)
         wait_for_end(server)
 
 
-def _report_thinning(player: "ScenePlayer", memory_bytes: int, console: Console) -> None:
+def _report_thinning(player: "ScenePlayer", limit_bytes: int, console: Console) -> None:
     if max(player.every, player.every_layer) > 1:
         layers = f", and of the layers one in {player.every_layer}" if player.every_layer > 1 else ""
         console.print(
             f"one in {player.every} of the images and clouds is shown{layers}, so that the scene fits in "
-            f"{memory_bytes >> 20} MiB; --memory allows more",
+            f"{limit_bytes >> 20} MiB; --memory allows more",
             soft_wrap=True,
         )
 

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from simbev_ros.viewer.subject import Detail
 
 _SUFFIX = ".rrd"
+_SERVER_SHARE = 1.25
+"""Of the size of what is drawn: what the server may keep, so that it drops nothing."""
 
 
 def require_rerun() -> None:
@@ -62,7 +64,7 @@ def show_recorded(scene: "Scene", place: tuple[int, str], detail: "Detail", cons
     from simbev_ros.viewer.scene_log import SceneLog
     from simbev_ros.viewer.server import ViewerServer
 
-    with ViewerServer(*place, detail.limit_bytes * 5 // 4) as server, SceneLog(scene.spec) as log:
+    with ViewerServer(*place, int(detail.limit_bytes * _SERVER_SHARE)) as server, SceneLog(scene.spec) as log:
         player = ScenePlayer(scene, log, detail)
         log.connect(server.data_url, scene_blueprint(player.subject, with_predictions=player.has_predictions))
         show_address(server.page_url, console, opens=opens)
@@ -74,12 +76,12 @@ def show_recorded(scene: "Scene", place: tuple[int, str], detail: "Detail", cons
         wait_for_end(server)
 
 
-def _report_thinning(player: "ScenePlayer", limit_bytes: int, console: Console) -> None:
+def _report_thinning(player: "ScenePlayer", limit_bytes: float, console: Console) -> None:
     if max(player.every, player.every_layer) > 1:
         layers = f", and of the layers one in {player.every_layer}" if player.every_layer > 1 else ""
         console.print(
             f"one in {player.every} of the images and clouds is shown{layers}, so that the scene fits in "
-            f"{limit_bytes >> 20} MiB; --memory allows more",
+            f"{limit_bytes / (1 << 20):.0f} MiB; --memory allows more",
             soft_wrap=True,
         )
 

@@ -26,16 +26,16 @@ def main_drawings(log: SceneLog, subject: Subject) -> list[Drawing]:
         PredictionDrawing(log, subject),
         GroundDrawing(log, subject.spec),
         VectorMapDrawing(log),
-        OccupancyDrawing(log, subject),
         *(FixDrawing(log, sensor.name) for sensor in subject.sensors("gnss")),
         EventDrawing(log),
     ]
 
 
 def layer_drawings(log: SceneLog, subject: Subject) -> list[Drawing]:
-    """The other colors of lidar points, and the other modalities of the cameras."""
+    """Occupied voxels, the other colors of lidar points, and the other modalities of the cameras."""
     colorings = [coloring for coloring in COLORINGS if coloring != FIRST_COLORING]
     return [
+        OccupancyDrawing(log, subject),
         *(LidarDrawing(log, subject, sensor.name, colorings) for sensor in subject.sensors("lidar")),
         *(
             LayerDrawing(log, subject, sensor.name, modality)

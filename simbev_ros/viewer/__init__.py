@@ -1,5 +1,8 @@
-"""Interactive pictures of scenes in Rerun: what is shown, where it is laid out, and how it is served to a browser."""
+"""Rerun's viewer: draws recorded scenes and running graphs, and serves the viewer's page.
+
+Needs the extra ``view``. Coordinates follow the scene's frames; Rerun's entities are named by ``scene_log``.
+"""
 
 import os
 
-os.environ.setdefault("RUST_LOG", "off")  # Rerun reads it when it is imported; what concerns users is raised here
+os.environ.setdefault("RUST_LOG", "off")  # Rerun reads it when it is imported; its log is about its own connections

@@ -51,7 +51,8 @@ class LidarDrawing:
     """Draws a lidar's points, once for each of the ways to color them."""
 
     def __init__(self, log: SceneLog, subject: Subject, name: str, colorings: Collection[str]) -> None:
-        self._log, self._name, self._max_points = log, name, subject.detail.max_points
+        self._log, self._name = log, name
+        self._max_points = subject.detail.max_points // (1 if FIRST_COLORING in colorings else 2)
         self._colorings = {
             topic: {coloring: color for coloring, color in known.items() if coloring in colorings}
             for topic, known in _COLORINGS.items()

@@ -15,7 +15,7 @@ from simbev_ros.viewer.drawings import layer_drawings, main_drawings
 from simbev_ros.viewer.scene_log import SceneLog
 from simbev_ros.viewer.subject import Detail, Drawing, Subject
 
-_MAIN_SHARE = 0.65
+_MAIN_SHARE = 0.5
 """Share of the memory for what is shown at first, if layers are drawn too."""
 _LARGE = re.compile(r".*/(rgb|semantic|instance|depth|flow|points|semantic_points)|bev/.*|prediction/bev.*")
 """Keys of the samples that fill the memory; only these are thinned out."""

@@ -39,13 +39,13 @@ class Detail:
     """How much of a scene is shown.
 
     Attributes:
-        max_points: Maximum number of points of a cloud.
+        max_points: Maximum number of points of a cloud; half of it in its other colors.
         max_width_px: Maximum width of an image; None: as recorded.
         layers: Whether the cameras' other modalities and the other colors of lidar points are shown.
         limit_bytes: Approximate size of everything that is drawn. Large samples are thinned out for it.
     """
 
-    max_points: int = 60_000
+    max_points: int = 40_000
     max_width_px: int | None = None
     layers: bool = True
     limit_bytes: float = math.inf

@@ -42,7 +42,7 @@ def view(
         typer.Option(
             help="MiB that the scene may take in the viewer; images and clouds are thinned out for it.", min=64
         ),
-    ] = 600,
+    ] = 300,
     image_width: Annotated[
         int | None,
         typer.Option(
@@ -51,7 +51,7 @@ def view(
             show_default=False,
         ),
     ] = None,
-    points: Annotated[int, typer.Option(help="Points of a cloud that are shown.", min=1)] = 60_000,
+    points: Annotated[int, typer.Option(help="Points of a cloud that are shown.", min=2)] = 40_000,
     layers: Annotated[
         bool, typer.Option("--layers/--no-layers", help="Show semantic, instance, depth and flow images too.")
     ] = True,

@@ -77,11 +77,12 @@ def show_recorded(scene: "Scene", place: tuple[int, str], detail: "Detail", cons
 
 
 def _report_thinning(player: "ScenePlayer", limit_bytes: float, console: Console) -> None:
-    if max(player.every, player.every_layer) > 1:
-        layers = f", and of the layers one in {player.every_layer}" if player.every_layer > 1 else ""
+    numbers = {"images and clouds": player.every, "layers": player.every_layer}
+    thinned = [f"one in {every} of the {kind}" for kind, every in numbers.items() if every > 1]
+    if thinned:
         console.print(
-            f"one in {player.every} of the images and clouds is shown{layers}, so that the scene fits in "
-            f"{limit_bytes / (1 << 20):.0f} MiB; --memory allows more",
+            f"shown: {', '.join(thinned)}, so that the scene fits in {limit_bytes / (1 << 20):.0f} MiB; "
+            "--memory allows more",
             soft_wrap=True,
         )
 

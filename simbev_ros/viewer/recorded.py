@@ -15,6 +15,8 @@ from simbev_ros.viewer.drawings import layer_drawings, main_drawings
 from simbev_ros.viewer.scene_log import SceneLog
 from simbev_ros.viewer.subject import Detail, Drawing, Subject
 
+_SENT_TOGETHER = 16
+"""Ticks that are sent at once; the viewer takes few large packages faster than many small ones."""
 _MAIN_SHARE = 0.5
 """Share of the memory for what is shown at first, if layers are drawn too."""
 _LARGE = re.compile(r".*/(rgb|semantic|instance|depth|flow|points|semantic_points)|bev/.*|prediction/bev.*")
@@ -128,7 +130,8 @@ class ScenePlayer:
         self._log.begin(frame.tick, frame.stamp_ns)
         for drawing in drawings:
             drawing.draw(frame)
-        self._log.flush()
+        if tick % _SENT_TOGETHER == 0:
+            self._log.flush()
 
 
 def _tracks_of(scene: Scene) -> Tracks | None:

@@ -17,6 +17,16 @@ TIME, TICK = "time", "tick"
 WORLD, EGO = "world", "world/ego"
 
 
+_BATCH_BYTES, _BATCH_S = 32 << 20, 2.0
+
+
+def _batches() -> rr.ChunkBatcherConfig:
+    """Rows of an entity that are sent together; each package costs the viewer time and memory."""
+    config = rr.ChunkBatcherConfig()
+    config.flush_num_bytes, config.flush_tick = _BATCH_BYTES, _BATCH_S
+    return config
+
+
 class SceneLog:
     """A Rerun recording of one scene.
 
@@ -27,7 +37,9 @@ class SceneLog:
     def __init__(self, spec: SceneSpec) -> None:
         rr.set_strict_mode(True)  # else it logs errors and goes on
         self._start_ns = spec.start_ns
-        self._stream = rr.RecordingStream(APPLICATION, recording_id=f"{spec.name}-{spec.seed}")
+        self._stream = rr.RecordingStream(
+            APPLICATION, recording_id=f"{spec.name}-{spec.seed}", batcher_config=_batches()
+        )
         self._stream.send_recording_name(spec.name)
         self.size_bytes = 0
 

@@ -25,7 +25,7 @@ _MESSAGE = struct.Struct("<BIQ")
 
 
 def command(*arguments: object) -> list[str]:
-    return [sys.executable, "-m", "simbev_ros.cli.main", "foxglove", *map(str, arguments)]
+    return [sys.executable, "-m", "simbev_ros.cli.main", "view", "--foxglove", *map(str, arguments)]
 
 
 @pytest.fixture(scope="module")
@@ -50,8 +50,9 @@ def server(bag: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
 def connect(url: str) -> tuple[Any, dict[str, Any], list[dict[str, Any]]]:
     """A connection, the server's description, and its channels."""
     client = websocket.create_connection(url, subprotocols=["foxglove.sdk.v1"], timeout=20)
-    info = json.loads(client.recv())
-    channels = json.loads(client.recv())["channels"]
+    info, channels = json.loads(client.recv()), []
+    while isinstance(data := client.recv(), str):  # binary data is the time, which comes afterwards
+        channels += json.loads(data).get("channels", [])
     client.send(
         json.dumps({"op": "subscribe", "subscriptions": [{"id": c["id"], "channelId": c["id"]} for c in channels]})
     )
@@ -127,7 +128,7 @@ def test_without_the_library_one_line_says_how_to_install_it(bag: Path) -> None:
     program = f"""
 import sys
 sys.modules["foxglove"] = None
-sys.argv = ["simbev", "foxglove", {str(bag)!r}]
+sys.argv = ["simbev", "view", "--foxglove", {str(bag)!r}]
 from simbev_ros.cli.main import main
 main()
 """

@@ -9,7 +9,6 @@ import numpy as np
 
 from simbev_ros.config.camera import Camera
 from simbev_ros.errors import BagError
-from simbev_ros.geometry.transforms import matrices_from_xyz_quaternion, rpy_from_rotation
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.annotation_topics import annotation_topics
 from simbev_ros.msgs.displays.box_markers import box_markers, world_markers
@@ -26,7 +25,9 @@ from simbev_ros.palette import bev_color
 from simbev_ros.recording.arrays import image_array, point_array
 from simbev_ros.recording.reader import RawMessage, SceneBag
 from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.scene.state import EGO_ID
 from simbev_ros.semantics import BEV_CLASSES
+from simbev_ros.sensors.mount import vector
 from simbev_ros.structured_text import parse_json
 from simbev_ros.types import AnyArray, UInt16Array
 
@@ -102,9 +103,8 @@ def _labels(spec: SceneSpec) -> Iterator[_Part]:
     yield labels.lane_status, (labels.hd_map.name,), partial(_status, "lane")
     if labels.vector_map is not None and labels.map_markers is not None:
         yield labels.map_markers, (labels.vector_map.name,), _map_markers
-    grid_sources = labels.bev_labels.name, topics.odometry_name(spec.rig.agent)
     for index, name in enumerate(BEV_CLASSES):
-        yield labels.grids[name], grid_sources, partial(_grid, spec, index)
+        yield labels.grids[name], (labels.bev_labels.name, topics.ACTORS), partial(_grid, spec, index)
 
 
 def _views(spec: SceneSpec) -> Iterator[_Part]:
@@ -148,11 +148,12 @@ def _bev_picture(frame: str, stamp_ns: int, message: Any) -> bytes:
     return rgb_image(bev_color(_bev_labels(message)), stamp_ns, frame)
 
 
-def _grid(spec: SceneSpec, index: int, stamp_ns: int, labels: Any, odometry: Any) -> bytes:
+def _grid(spec: SceneSpec, index: int, stamp_ns: int, labels: Any, table: Any) -> bytes:
+    actors = point_array(table)
+    ego = actors[actors["id"] == EGO_ID][0]
     covered = (_bev_labels(labels) >> index & 1).astype(bool)
-    rotation = matrices_from_xyz_quaternion(np.zeros(3), np.array(_pose(0, odometry).xyzw))[:3, :3]
-    frame = f"{spec.rig.agent}/base_link"
-    return occupancy_grid(covered, spec.annotation.bev.grid, stamp_ns, frame, rpy_from_rotation(rotation))
+    frame, rpy_rad = f"{spec.rig.agent}/base_link", vector(ego, "roll pitch yaw")
+    return occupancy_grid(covered, spec.annotation.bev.grid, stamp_ns, frame, rpy_rad)
 
 
 def _bev_labels(message: Any) -> UInt16Array:

@@ -36,6 +36,10 @@ def relay(simbev: Simbev) -> Iterator[tuple[Command, FoxgloveClient]]:
     try:
         with FoxgloveClient(url) as client:
             yield command, client
+    except AssertionError:
+        command.process.terminate()
+        print(command.finish(10))
+        raise
     finally:
         command.process.send_signal(signal.SIGCONT)
 

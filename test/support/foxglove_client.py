@@ -53,6 +53,7 @@ class FoxgloveClient:
                 _, number, stamp_ns = _MESSAGE.unpack_from(data)
                 self.messages.setdefault(self._topics[number], []).append((stamp_ns, data[_MESSAGE.size :]))
             return
+        assert data, "the server has closed the connection"
         news = json.loads(data)
         if news["op"] == "advertise":
             channels = news["channels"]

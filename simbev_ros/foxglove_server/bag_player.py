@@ -17,6 +17,7 @@ from simbev_ros.errors import BagError
 from simbev_ros.foxglove_server.derived import Derivation, derivations
 from simbev_ros.foxglove_server.playback_clock import PlaybackClock
 from simbev_ros.foxglove_server.schemas import schema_of
+from simbev_ros.foxglove_server.server import TIME_PERIOD_S
 from simbev_ros.recording.reader import RawMessage, SceneBag
 
 if TYPE_CHECKING:
@@ -89,7 +90,7 @@ class BagPlayer:
 
     def play(self, server: "WebSocketServer") -> None:
         """Send messages until an exception ends it."""
-        before_s = time.monotonic()
+        before_s, told_s = time.monotonic(), 0.0
         while True:
             with suppress(Empty):
                 self._requests.get(timeout=_PERIOD_S)()
@@ -98,7 +99,9 @@ class BagPlayer:
             now_s = time.monotonic()
             position_ns, before_s = self._clock.advance(now_s - before_s), now_s
             self._send_until(position_ns)
-            server.broadcast_time(self._clock.position_ns)
+            if now_s - told_s >= TIME_PERIOD_S:
+                server.broadcast_time(self._clock.position_ns)
+                told_s = now_s
             if self._clock.playing and self._clock.at_end:
                 self._end(server)
 

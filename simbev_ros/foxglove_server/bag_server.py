@@ -9,7 +9,7 @@ from simbev_ros.foxglove_server.server import Address, require_foxglove, running
 from simbev_ros.recording.reader import SceneBag
 
 _BACKLOG_BYTES = 512 << 20
-_BACKLOG = range(64, 257)
+_BACKLOG = range(128, 257)
 """Limits of the number of messages that wait for a slow client; then the oldest are dropped for it."""
 
 

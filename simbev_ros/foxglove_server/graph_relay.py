@@ -6,6 +6,7 @@ to latched topics, which are sent once per scene.
 """
 
 import struct
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from queue import Empty, SimpleQueue
@@ -18,6 +19,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from simbev_ros.foxglove_server.offers import Offer, differences, graph_offers
 from simbev_ros.foxglove_server.schemas import begins_with_stamp, schema_of
+from simbev_ros.foxglove_server.server import TIME_PERIOD_S
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.message_types import message_class
 from simbev_ros.msgs.stamps import serialized_stamp_ns
@@ -49,7 +51,7 @@ class GraphRelay:
         self._subscriptions: dict[str, Any] = {}
         self._latched: dict[str, bytes] = {}
         self._warned: set[str] = set()
-        self._now_ns = 0
+        self._now_ns, self._told_s = 0, 0.0
         self.server: WebSocketServer | None = None
         self.failure: Exception | None = None
         newest = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -161,5 +163,7 @@ class GraphRelay:
         if self.server is not None:
             if stamp_ns < self._now_ns:
                 self.server.clear_session()  # another scene, whose time starts again
-            self.server.broadcast_time(stamp_ns)
+            if (now_s := time.monotonic()) - self._told_s >= TIME_PERIOD_S:
+                self.server.broadcast_time(stamp_ns)
+                self._told_s = now_s
         self._now_ns = stamp_ns

@@ -16,7 +16,7 @@ from simbev_ros.foxglove_server.server import Address, running_server
 from simbev_ros.graph.environment import graph_environment
 from simbev_ros.nodes.main import make_executor
 
-_BACKLOG = 64
+_BACKLOG = 128
 """Maximum number of messages that wait for a slow client; then the oldest are dropped for it."""
 _NICENESS = 10
 """Lower priority than that of the graph, which needs the cores more."""

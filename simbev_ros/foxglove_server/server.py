@@ -10,6 +10,9 @@ if TYPE_CHECKING:
     from foxglove import Context
     from foxglove.websocket import WebSocketServer
 
+TIME_PERIOD_S = 0.1
+"""Time between two messages with the current time. A client that leaves too many of them waiting is disconnected."""
+
 
 class Address(NamedTuple):
     """Where a server listens: host name or address of an interface, and TCP port; 0: any free one."""

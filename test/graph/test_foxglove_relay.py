@@ -76,7 +76,8 @@ def test_clients_get_the_bytes_that_are_recorded_and_displays_those_that_follow_
         assert {"/ego/cam_front/depth/color/compressed", "/ego/bev/car/grid", "/world/weather/status"} <= shown
         for name in shown - {name for name in shown if "/color/" in name}:  # recorded depth and flow are quantized
             kind, start_ns = derived[name].type_name, bag.span_ns[0]
-            found = {data for _, data in client.messages[name] if not is_lead_in(data, kind, start_ns)}
+            messages = [data for _, data in client.messages[name] if not is_lead_in(data, kind, start_ns)]
+            found = {bytes(canonical_cdr(data, kind)) for data in messages}  # the middleware pads messages at their end
             assert found <= set(made(bag, name)), name
 
 
@@ -97,6 +98,7 @@ def made(bag: SceneBag, name: str) -> Iterator[bytes]:
             yield derived.make([latest[source] for source in derived.sources])
 
 
+@pytest.mark.slow
 def test_a_relay_that_is_stopped_in_the_middle_changes_nothing(
     simbev: Simbev, small_config: Config, tmp_path: Path
 ) -> None:
@@ -112,6 +114,7 @@ def test_a_relay_that_is_stopped_in_the_middle_changes_nothing(
     assert digests(tmp_path / "watched" / SCENE) == digests(alone)
 
 
+@pytest.mark.slow
 def test_topics_vanish_with_a_graph_and_come_back_with_the_next(simbev: Simbev, small_config: Config) -> None:
     config = small_config(60, without=["camera", "lidar", "radar", "imu"])
     with relay(simbev) as (command, client):

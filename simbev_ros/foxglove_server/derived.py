@@ -18,7 +18,7 @@ from simbev_ros.msgs.displays.image_boxes import image_boxes
 from simbev_ros.msgs.displays.map_markers import map_markers
 from simbev_ros.msgs.displays.messages import rgb_image
 from simbev_ros.msgs.displays.pictures import color_picture
-from simbev_ros.msgs.displays.status import status
+from simbev_ros.msgs.displays.status import EVENT, LANE, WEATHER, status
 from simbev_ros.msgs.sensor_topics import camera_topics, picture_topics
 from simbev_ros.msgs.topic import Topic
 from simbev_ros.palette import bev_color
@@ -92,15 +92,15 @@ def _world(spec: SceneSpec, bag: SceneBag) -> Iterator[_Part]:
     odometry = topics.odometry_name(agent)
     yield known[topics.WORLD_MARKERS], (topics.SIGNALS, topics.ACTORS, topics.LIGHTS), _world_markers
     yield known[topics.path_name(agent)], (odometry,), _PathMaker(bag, odometry)
-    yield known[topics.WEATHER_STATUS], (topics.WEATHER,), partial(_status, "weather")
-    yield known[topics.EVENT_STATUS], (topics.EVENTS,), partial(_status, "event")
+    yield known[topics.WEATHER_STATUS], (topics.WEATHER,), partial(_status, WEATHER)
+    yield known[topics.EVENT_STATUS], (topics.EVENTS,), partial(_status, EVENT)
 
 
 def _labels(spec: SceneSpec) -> Iterator[_Part]:
     labels, frame = annotation_topics(spec), f"{spec.rig.agent}/base_link"
     yield labels.box_markers, (labels.boxes.name,), lambda stamp_ns, boxes: box_markers(point_array(boxes), stamp_ns)
     yield labels.bev_color, (labels.bev_labels.name,), partial(_bev_picture, frame)
-    yield labels.lane_status, (labels.hd_map.name,), partial(_status, "lane")
+    yield labels.lane_status, (labels.hd_map.name,), partial(_status, LANE)
     if labels.vector_map is not None and labels.map_markers is not None:
         yield labels.map_markers, (labels.vector_map.name,), _map_markers
     for index, name in enumerate(BEV_CLASSES):

@@ -31,7 +31,7 @@ from simbev_ros.msgs.displays.box_markers import box_markers
 from simbev_ros.msgs.displays.grids import occupancy_grid
 from simbev_ros.msgs.displays.image_boxes import image_boxes
 from simbev_ros.msgs.displays.map_markers import map_markers
-from simbev_ros.msgs.displays.status import status
+from simbev_ros.msgs.displays.status import LANE, status
 from simbev_ros.msgs.images import image_message, labels_from_image
 from simbev_ros.msgs.message_types import message_class
 from simbev_ros.msgs.qos import qos_of, rclpy_qos
@@ -185,7 +185,7 @@ class AnnotatorNode(Participant):
             self.publish_display(topics.map_markers, map_markers, labels.roads, stamp_ns)
         lane = lane_record(self._network, vector(state.ego, "x y z"), float(state.ego["yaw"]))
         self.publish(topics.hd_map.name, record_message(lane, stamp_ns))
-        self.publish_display(topics.lane_status, status, "lane", lane, stamp_ns)
+        self.publish_display(topics.lane_status, status, LANE, lane, stamp_ns)
 
     def _publish_grids(self, grid: UInt16Array, spec: SceneSpec, state: WorldState) -> None:
         geometry, frame = spec.annotation.bev.grid, f"{spec.rig.agent}/base_link"

@@ -6,6 +6,9 @@ from typing import Any
 
 from simbev_ros.msgs.displays.messages import DIAGNOSTICS, build, serialize, stamped
 
+WEATHER, EVENT, LANE = "weather", "event", "lane"
+"""Names of the statuses."""
+
 
 def status(name: str, record: Mapping[str, Any], stamp_ns: int) -> bytes:
     """DiagnosticArray with one status, whose values are those of a record, nested ones with a dot in their key.

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from foxglove.websocket import WebSocketServer
 
 _REQUESTS_S, _DISCOVERY_S = 0.02, 0.5
-_NEW_PER_DISCOVERY = 32
+_NEW_PER_DISCOVERY = 64
 """Number of topics that are offered at a time; a client whose queue is full of news would be disconnected."""
 _STAMPED_ARRAYS = ("visualization_msgs/msg/MarkerArray", "tf2_msgs/msg/TFMessage")
 

@@ -24,7 +24,7 @@ pytestmark = pytest.mark.graph
 
 Simbev = Callable[..., Command]
 Config = Callable[..., Path]
-DURATION_S = 4
+DURATION_S = 8
 
 
 @contextmanager

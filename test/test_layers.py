@@ -67,10 +67,11 @@ ROS = {
     "visualization_msgs",
 }
 STACK = tuple(f"reference_stack/{module}" for module in ("messages", "node", "__main__"))
+RELAY = tuple(f"foxglove_server/{module}" for module in ("graph_relay", "graph_server", "offers"))
 BENCH = ("bench/recorder_timing", "bench/world_node_timing", "bench/topic_reader")
 """They send to a node what the graph would send, and read what it answers."""
 HOMES = {
-    **dict.fromkeys(ROS, ("nodes", "graph", "msgs", *BENCH, *STACK)),
+    **dict.fromkeys(ROS, ("nodes", "graph", "msgs", *BENCH, *RELAY, *STACK)),
     "moderngl": ("render",),
     "open3d": ("raycast",),
     "libsumo": ("world/sumo/traffic", "world/sumo/libsumo_import"),

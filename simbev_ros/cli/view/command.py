@@ -24,6 +24,10 @@ def view(
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Write a .rrd file for Rerun instead of opening the viewer.")] = None,
     foxglove: Annotated[bool, typer.Option("--foxglove", help="Serve Foxglove and Lichtblick instead.")] = False,
+    live: Annotated[bool, typer.Option("--live", help="Show the running graph instead of a recorded scene.")] = False,
+    domain: Annotated[
+        int | None, typer.Option(help="ROS domain of the running graph; default: ROS_DOMAIN_ID, or 0.", min=0, max=232)
+    ] = None,
     port: Annotated[
         int | None,
         typer.Option(
@@ -69,8 +73,15 @@ def view(
     simbev view out/demo --out demo.rrd
 
     simbev view out/demo --foxglove
+
+    simbev view --live --foxglove
     """
     console = make_console()
+    if live and foxglove:
+        from simbev_ros.cli.view.foxglove import serve_graph
+
+        serve_graph(_FOXGLOVE_PORT if port is None else port, bind, domain, console)
+        return
     if path is None:
         raise InputError("give a scene's bag or a dataset")
     if foxglove:

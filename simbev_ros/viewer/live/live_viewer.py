@@ -1,0 +1,113 @@
+"""Shows the graph of a ROS domain in Rerun: server, node and drawing in one process, each in threads of its own."""
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from threading import Event, Thread
+
+import rclpy
+from rclpy.signals import SignalHandlerOptions
+
+from simbev_ros.nodes.main import make_executor
+from simbev_ros.viewer.live.graph_drawing import GraphDrawing
+from simbev_ros.viewer.live.graph_reader import GraphReader
+from simbev_ros.viewer.live.newest_frame import NewestFrame
+from simbev_ros.viewer.server import ViewerServer
+
+_STEP_S = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class LiveOptions:
+    """What is shown, and how often.
+
+    Attributes:
+        rate_hz: Maximum number of frames per second of wall time.
+        max_points: Maximum number of points of a cloud.
+        layers: Whether to show what is hidden until it is switched on too.
+    """
+
+    rate_hz: float
+    max_points: int
+    layers: bool
+
+
+class LiveViewer:
+    """A viewer that runs.
+
+    Args:
+        server: Rerun's server.
+        reader: The node.
+        drawing: The thread that draws.
+    """
+
+    def __init__(self, server: ViewerServer, reader: GraphReader, drawing: GraphDrawing) -> None:
+        self._server, self._reader, self._drawing = server, reader, drawing
+
+    @property
+    def page_url(self) -> str:
+        """Address of the viewer's page."""
+        return self._server.page_url
+
+    def require_running(self) -> None:
+        """Raise what has ended a part of it; SimbevError if that is Rerun's server."""
+        self._server.require_running()
+        self._reader.raise_failure()
+        self._drawing.raise_failure()
+
+
+@contextmanager
+def running_viewer(
+    place: tuple[int, str],
+    memory_bytes: int,
+    options: LiveOptions,
+    report_graph: Callable[[bool], None],
+    report: Callable[[str], None],
+) -> Iterator[LiveViewer]:
+    """Show the graph of the environment's domain for as long as the context is open.
+
+    Args:
+        place: Port and address to listen on.
+        memory_bytes: Maximum size of what the server keeps; beyond it, the earliest is dropped.
+        options: What is shown.
+        report_graph: Called with whether there is a graph, when that is known and when it changes.
+        report: Called with a line for the user.
+
+    Raises:
+        InputError: The port cannot be used.
+        SimbevError: Rerun's server does not start.
+    """
+    frames = NewestFrame()
+    drawing = GraphDrawing(frames, options.max_points, layers=options.layers, report=report)
+    with ExitStack() as stack:
+        stack.callback(drawing.join)  # last: a thread that waits for a stalled server ends with the server
+        server = stack.enter_context(ViewerServer(*place, memory_bytes))
+        stack.callback(drawing.end)
+        drawing.start(server.data_url)
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        stack.callback(rclpy.try_shutdown)
+        reader = GraphReader(frames, options.rate_hz, layers=options.layers, report=report_graph)
+        stack.callback(reader.destroy_node)
+        stack.enter_context(_spinning(reader))
+        yield LiveViewer(server, reader, drawing)
+
+
+@contextmanager
+def _spinning(reader: GraphReader) -> Iterator[None]:
+    """Run a node in a thread of its own."""
+    ended = Event()
+    executor = make_executor(takes_message_info=False)
+    executor.add_node(reader)
+
+    def spin() -> None:
+        while not ended.is_set():
+            executor.spin_once(timeout_sec=_STEP_S)
+
+    thread = Thread(target=spin, name="reading")
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
+        executor.shutdown()

@@ -42,7 +42,7 @@ def show_graph(
     from simbev_ros.graph.domain import domain_of_environment
     from simbev_ros.graph.environment import graph_environment
     from simbev_ros.graph.exposure import Exposure
-    from simbev_ros.nodes.lifeline import end_with_supervisor
+    from simbev_ros.nodes.lifeline import SUPERVISOR_VARIABLE, end_with_supervisor
     from simbev_ros.viewer.live.live_viewer import running_viewer
 
     end_with_supervisor()
@@ -52,7 +52,7 @@ def show_graph(
 
     def report_graph(is_there: bool) -> None:
         nonlocal had_graph
-        if not is_there:
+        if not is_there and SUPERVISOR_VARIABLE not in os.environ:  # else the graph comes and goes with the supervisor
             waiting = f"waiting for a graph in domain {chosen}; Ctrl-C ends"
             console.print(f"the graph has ended; {waiting}" if had_graph else waiting, soft_wrap=True, highlight=False)
         had_graph = is_there

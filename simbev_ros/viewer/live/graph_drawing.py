@@ -72,7 +72,8 @@ class GraphDrawing:
         scene = frame.scene
         subject = Subject(scene.spec, max_points=self._max_points)
         with SceneLog(scene.spec, f"-{scene.run}") as log:
-            log.connect(self._url, _blueprint(subject))
+            is_answered = any(key.startswith("prediction/bev") for key in frame)
+            log.connect(self._url, _blueprint(subject, is_answered))
             drawings = main_drawings(log, subject) + (layer_drawings(log, subject) if self._layers else [])
             following: LiveFrame | None = frame
             while not self._ended.is_set():
@@ -101,11 +102,12 @@ class GraphDrawing:
         kind = type(drawing).__name__
         if kind not in self._reported:
             self._reported.add(kind)
-            self._report(f"messages are not drawn: {error!s:.{_MAX_REASON_CHARACTERS}}")
+            words = f"{type(error).__name__}: {error!s:.{_MAX_REASON_CHARACTERS}}"
+            self._report(f"messages are not drawn ({kind}): {words}")
 
 
-def _blueprint(subject: Subject) -> rrb.Blueprint:
+def _blueprint(subject: Subject, with_predictions: bool) -> rrb.Blueprint:
     """The layout of a recorded scene, which follows the newest time."""
-    blueprint = scene_blueprint(subject)
+    blueprint = scene_blueprint(subject, with_predictions=with_predictions)
     blueprint.time_panel = rrb.TimePanel(state="collapsed", timeline=TIME, play_state="following")
     return blueprint

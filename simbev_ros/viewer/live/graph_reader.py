@@ -51,9 +51,7 @@ class GraphReader(Node):
         report: Called with whether there is a graph, when that is known and when it changes.
     """
 
-    def __init__(
-        self, frames: NewestFrame, rate_hz: float, *, layers: bool, report: Callable[[bool], None]
-    ) -> None:
+    def __init__(self, frames: NewestFrame, rate_hz: float, *, layers: bool, report: Callable[[bool], None]) -> None:
         super().__init__(NAME, enable_rosout=False, start_parameter_services=False)
         self._frames, self._interval_s, self._layers, self._report = frames, 1.0 / rate_hz, layers, report
         self._scene: LiveScene | None = None
@@ -61,7 +59,8 @@ class GraphReader(Node):
         self._rate = TickRate()
         self._runs, self._last_tick, self._text = 0, 0, ""
         self._graph: frozenset[bytes] = frozenset()
-        self._polls, self._reported = 0, False
+        self._polls = 0
+        self._reported: bool | None = None
         self._read_topics: dict[str, tuple[Topic, Any]] = {}
         self._failure: Exception | None = None
         self.create_subscription(String, topics.SCENE, self._guard(self._on_scene), rclpy_qos(LATCHED), raw=True)
@@ -91,10 +90,11 @@ class GraphReader(Node):
         """Notice the end of a graph and the start of another one, and topics that come and go."""
         self._notice_graph()
         self._polls += 1
-        if bool(self._graph) != self._reported or self._polls == _POLLS_TO_FIND:
-            if self._graph or self._polls >= _POLLS_TO_FIND:
-                self._reported = bool(self._graph)
-                self._report(self._reported)
+        is_there = bool(self._graph)
+        if is_there or self._polls >= _POLLS_TO_FIND:
+            if is_there != self._reported:
+                self._report(is_there)
+            self._reported = is_there
         if self._join is not None:
             self._read_answers(self._join)
             self._join.await_only([name for name in self._read_topics if self.count_publishers(name)])

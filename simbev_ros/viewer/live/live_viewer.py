@@ -7,6 +7,7 @@ from threading import Event, Thread
 
 import rclpy
 from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import try_shutdown
 
 from simbev_ros.nodes.main import make_executor
 from simbev_ros.viewer.live.graph_drawing import GraphDrawing
@@ -85,7 +86,7 @@ def running_viewer(
         stack.callback(drawing.end)
         drawing.start(server.data_url)
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-        stack.callback(rclpy.try_shutdown)
+        stack.callback(try_shutdown)
         reader = GraphReader(frames, options.rate_hz, layers=options.layers, report=report_graph)
         stack.callback(reader.destroy_node)
         stack.enter_context(_spinning(reader))

@@ -13,7 +13,7 @@ from simbev_ros.cli.view.recorded import require_rerun
 from simbev_ros.errors import InputError
 
 if TYPE_CHECKING:
-    from simbev_ros.cli.view.viewer_process import ViewerProcess
+    from simbev_ros.cli.view.graph_viewer import GraphViewer
 
 _LOOPBACK = "127.0.0.1"
 
@@ -29,7 +29,7 @@ ViewPortOption = Annotated[
 @contextmanager
 def viewer_beside(
     port: int | None, console: Console, *, wanted: bool, network: bool = False
-) -> Iterator["ViewerProcess"]:
+) -> Iterator["GraphViewer"]:
     """A viewer of the graph that is started in this context, if one is wanted; it ends with the context.
 
     If standard input is a terminal, the viewer stays until Ctrl-C after the scenes.
@@ -43,7 +43,7 @@ def viewer_beside(
     Raises:
         InputError: Rerun is not installed, the port is taken, or there is a port without a viewer.
     """
-    from simbev_ros.cli.view.viewer_process import ViewerProcess
+    from simbev_ros.cli.view.graph_viewer import GraphViewer
 
     if not wanted and port is not None:
         raise InputError(f"--view-port {port}: is for --view")
@@ -51,7 +51,7 @@ def viewer_beside(
     if wanted:
         require_rerun()
         _require_free(chosen)
-    viewer = ViewerProcess(chosen, console, wanted=wanted, network=network)
+    viewer = GraphViewer(chosen, console, wanted=wanted, network=network)
     with viewer:
         yield viewer
         viewer.stay()

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from simbev_ros.cli.view.browser import show_address
+from simbev_ros.viewer.live.viewer_process import SHOWING
 
 if TYPE_CHECKING:
     from simbev_ros.viewer.live.live_viewer import LiveOptions
@@ -48,20 +49,40 @@ def show_graph(
     end_with_supervisor()
     chosen = domain_of_environment() if domain is None else domain
     os.environ.update(graph_environment(chosen, Exposure(network=network)))
-    had_graph = False
-
-    def report_graph(is_there: bool) -> None:
-        nonlocal had_graph
-        if not is_there and SUPERVISOR_VARIABLE not in os.environ:  # else the graph comes and goes with the supervisor
-            waiting = f"waiting for a graph in domain {chosen}; Ctrl-C ends"
-            console.print(f"the graph has ended; {waiting}" if had_graph else waiting, soft_wrap=True, highlight=False)
-        had_graph = is_there
-
-    def report(line: str) -> None:
-        console.print(f"warning: {line}", soft_wrap=True)
-
-    with running_viewer(place, memory_bytes, options, report_graph, report) as viewer:
+    printing = _Printing(chosen, console, is_alone=SUPERVISOR_VARIABLE not in os.environ)
+    with running_viewer(place, memory_bytes, options, printing) as viewer:
         show_address(viewer.page_url, console, opens=opens)
         while True:
             viewer.require_running()
             time.sleep(_IDLE_S)
+
+
+class _Printing:
+    """Prints what happens; not whether there is a graph beside a command that runs it.
+
+    Args:
+        domain: ROS domain.
+        console: Where to print.
+        is_alone: Whether the graph belongs to somebody else.
+    """
+
+    def __init__(self, domain: int, console: Console, *, is_alone: bool) -> None:
+        self._waiting = f"waiting for a graph in domain {domain}; Ctrl-C ends"
+        self._console, self._is_alone, self._had_graph = console, is_alone, False
+
+    def graph_noticed(self, is_there: bool) -> None:
+        """Print that there is no graph."""
+        if self._is_alone and not is_there:
+            self._print(f"the graph has ended; {self._waiting}" if self._had_graph else self._waiting)
+        self._had_graph = is_there
+
+    def scene_shown(self, name: str) -> None:
+        """Print the name."""
+        self._print(f"{SHOWING}{name}")
+
+    def messages_ignored(self, reason: str) -> None:
+        """Print the reason."""
+        self._print(f"warning: messages are not drawn: {reason}")
+
+    def _print(self, line: str) -> None:
+        self._console.print(line, soft_wrap=True, highlight=False)

@@ -66,7 +66,7 @@ class FrameJoin:
         """
         spec = self._scene.spec
         tick = spec.publishing_tick_of(stamp_ns)
-        if tick < 0 or (spec.ticks and tick >= spec.ticks):
+        if not 0 <= tick < spec.ticks:
             return None
         self._notice(tick, now_s)
         stream = self._streams[name]

@@ -1,6 +1,5 @@
 """The thread that draws frames of a running graph; if Rerun's server stalls, only this thread waits."""
 
-from collections.abc import Callable
 from threading import Event, Thread
 
 import rerun as rr
@@ -10,6 +9,7 @@ from simbev_ros.nodes.graph_node import MALFORMED
 from simbev_ros.viewer.blueprint import scene_blueprint
 from simbev_ros.viewer.drawings import layer_drawings, main_drawings
 from simbev_ros.viewer.live.live_frame import LiveFrame
+from simbev_ros.viewer.live.live_observer import LiveObserver
 from simbev_ros.viewer.live.newest_frame import NewestFrame
 from simbev_ros.viewer.plots import TICK_RATE
 from simbev_ros.viewer.scene_log import TIME, SceneLog
@@ -27,11 +27,11 @@ class GraphDrawing:
         frames: Where frames come from.
         max_points: Maximum number of points of a cloud.
         layers: Whether the cameras' other modalities are drawn.
-        report: Called with a line for the user when messages cannot be drawn.
+        observer: Receives what is shown, and what cannot be drawn.
     """
 
-    def __init__(self, frames: NewestFrame, max_points: int, *, layers: bool, report: Callable[[str], None]) -> None:
-        self._frames, self._max_points, self._layers, self._report = frames, max_points, layers, report
+    def __init__(self, frames: NewestFrame, max_points: int, *, layers: bool, observer: LiveObserver) -> None:
+        self._frames, self._max_points, self._layers, self._observer = frames, max_points, layers, observer
         self._url, self._ended = "", Event()
         self._reported: set[str] = set()
         self._failure: Exception | None = None
@@ -81,6 +81,8 @@ class GraphDrawing:
                     if following.scene is not scene:
                         return following
                     self._draw(log, drawings, following)
+                    if following is frame:
+                        self._observer.scene_shown(scene.spec.name)
                 following = self._frames.take(_STEP_S)
         return None
 
@@ -103,7 +105,7 @@ class GraphDrawing:
         if kind not in self._reported:
             self._reported.add(kind)
             words = f"{type(error).__name__}: {error!s:.{_MAX_REASON_CHARACTERS}}"
-            self._report(f"messages are not drawn ({kind}): {words}")
+            self._observer.messages_ignored(f"{kind}: {words}")
 
 
 def _blueprint(subject: Subject, with_predictions: bool) -> rrb.Blueprint:

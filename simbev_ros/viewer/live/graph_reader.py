@@ -29,6 +29,7 @@ from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.viewer.live.drawn_topics import drawn_topics
 from simbev_ros.viewer.live.frame_join import MAX_LAG_TICKS, FrameJoin
 from simbev_ros.viewer.live.live_frame import LiveScene
+from simbev_ros.viewer.live.live_observer import LiveObserver
 from simbev_ros.viewer.live.newest_frame import NewestFrame
 from simbev_ros.viewer.live.tick_rate import TickRate
 
@@ -48,12 +49,12 @@ class GraphReader(Node):
         frames: Where frames go.
         rate_hz: Maximum number of frames per second of wall time.
         layers: Whether to read what is hidden until it is switched on.
-        report: Called with whether there is a graph, when that is known and when it changes.
+        observer: Receives whether there is a graph.
     """
 
-    def __init__(self, frames: NewestFrame, rate_hz: float, *, layers: bool, report: Callable[[bool], None]) -> None:
+    def __init__(self, frames: NewestFrame, rate_hz: float, *, layers: bool, observer: LiveObserver) -> None:
         super().__init__(NAME, enable_rosout=False, start_parameter_services=False)
-        self._frames, self._interval_s, self._layers, self._report = frames, 1.0 / rate_hz, layers, report
+        self._frames, self._interval_s, self._layers, self._observer = frames, 1.0 / rate_hz, layers, observer
         self._scene: LiveScene | None = None
         self._join: FrameJoin | None = None
         self._rate = TickRate()
@@ -93,7 +94,7 @@ class GraphReader(Node):
         is_there = bool(self._graph)
         if is_there or self._polls >= _POLLS_TO_FIND:
             if is_there != self._reported:
-                self._report(is_there)
+                self._observer.graph_noticed(is_there)
             self._reported = is_there
         if self._join is not None:
             self._read_answers(self._join)
@@ -128,7 +129,7 @@ class GraphReader(Node):
             return
         spec = self._scene.spec
         tick = spec.tick_of(stamp_ns)
-        if tick < -spec.lead_in_ticks or (spec.ticks and tick >= spec.ticks):
+        if not -spec.lead_in_ticks <= tick < spec.ticks:
             return  # the scene before, or the next one
         if tick < self._last_tick - MAX_LAG_TICKS:
             self._begin(spec)

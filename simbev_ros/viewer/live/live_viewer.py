@@ -1,6 +1,6 @@
 """Shows the graph of a ROS domain in Rerun: server, node and drawing in one process, each in threads of its own."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from threading import Event, Thread
@@ -12,6 +12,7 @@ from rclpy.utilities import try_shutdown
 from simbev_ros.nodes.main import make_executor
 from simbev_ros.viewer.live.graph_drawing import GraphDrawing
 from simbev_ros.viewer.live.graph_reader import GraphReader
+from simbev_ros.viewer.live.live_observer import LiveObserver
 from simbev_ros.viewer.live.newest_frame import NewestFrame
 from simbev_ros.viewer.server import ViewerServer
 
@@ -62,8 +63,7 @@ def running_viewer(
     place: tuple[int, str],
     memory_bytes: int,
     options: LiveOptions,
-    report_graph: Callable[[bool], None],
-    report: Callable[[str], None],
+    observer: LiveObserver,
 ) -> Iterator[LiveViewer]:
     """Show the graph of the environment's domain for as long as the context is open.
 
@@ -71,15 +71,14 @@ def running_viewer(
         place: Port and address to listen on.
         memory_bytes: Maximum size of what the server keeps; beyond it, the earliest is dropped.
         options: What is shown.
-        report_graph: Called with whether there is a graph, when that is known and when it changes.
-        report: Called with a line for the user.
+        observer: Receives what happens.
 
     Raises:
         InputError: The port cannot be used.
         SimbevError: Rerun's server does not start.
     """
     frames = NewestFrame()
-    drawing = GraphDrawing(frames, options.max_points, layers=options.layers, report=report)
+    drawing = GraphDrawing(frames, options.max_points, layers=options.layers, observer=observer)
     with ExitStack() as stack:
         stack.callback(drawing.join)  # last: a thread that waits for a stalled server ends with the server
         server = stack.enter_context(ViewerServer(*place, memory_bytes))
@@ -87,7 +86,7 @@ def running_viewer(
         drawing.start(server.data_url)
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         stack.callback(try_shutdown)
-        reader = GraphReader(frames, options.rate_hz, layers=options.layers, report=report_graph)
+        reader = GraphReader(frames, options.rate_hz, layers=options.layers, observer=observer)
         stack.callback(reader.destroy_node)
         stack.enter_context(_spinning(reader))
         yield LiveViewer(server, reader, drawing)

@@ -15,14 +15,16 @@ from simbev_ros.config.load import load_scenario
 def view(
     config: Annotated[str, typer.Argument(help="Configuration to time: a file, or demo, live, paper, stack.")] = "demo",
     ticks: Annotated[int, typer.Option(help="Ticks of each scene.", min=30, max=10_000)] = 60,
-    rounds: Annotated[int, typer.Option(help="Number of times each case is timed, one after the other.", min=1)] = 3,
+    rounds: Annotated[
+        int, typer.Option(help="Number of times each case is timed, one after the other.", min=1, max=100)
+    ] = 3,
     as_json: Json = False,
 ) -> None:
     """Time a recorded lockstep graph without a viewer, beside one, and beside one that is stopped, or whose server is.
 
     All cases play the same scene on the same graph, in turns. Ratios are to the graph without a viewer; all figures
-    are medians over the rounds. A viewer that runs needs processor time of its own, for which the graph competes with it if all cores are busy; there is no
-    browser.
+    are medians over the rounds. A viewer that runs needs processor time of its own, for which it competes with the
+    graph if all cores are busy. There is no browser.
 
     [bold]Example[/]
 

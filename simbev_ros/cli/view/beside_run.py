@@ -1,5 +1,6 @@
 """The viewer beside a command that plays scenes: its options, and when it is there."""
 
+import os
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -62,7 +63,7 @@ def _require_free(port: int) -> None:
     try:
         socket.create_server((_LOOPBACK, port)).close()
     except OSError as error:
-        words = f"{error.strerror or error}".lower()
+        words = os.strerror(error.errno or 0).lower()
         raise InputError(
             f"--view-port {port}: {_LOOPBACK}:{port} cannot be listened on: {words}; 0 takes any free port"
         ) from None

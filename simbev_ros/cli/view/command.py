@@ -1,5 +1,6 @@
 """``simbev view``: its options, and which viewer gets what."""
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
 
 RERUN_PORT = 9090
 _FOXGLOVE_PORT = 8765
+_RATE_HZ = 5.0
 
 
 def view(
@@ -32,8 +34,14 @@ def view(
     ] = None,
     network: Annotated[bool, typer.Option("--network", help="The running graph may be on another host.")] = False,
     rate: Annotated[
-        float, typer.Option(help="Frames of the running graph that are shown per second.", min=0.1, max=60)
-    ] = 5.0,
+        float | None,
+        typer.Option(
+            help=f"Frames of the running graph that are shown per second; default: {_RATE_HZ:g}.",
+            min=0.1,
+            max=60,
+            show_default=False,
+        ),
+    ] = None,
     foxglove: Annotated[bool, typer.Option("--foxglove", help="Serve Foxglove and Lichtblick instead.")] = False,
     port: Annotated[
         int | None,
@@ -83,26 +91,18 @@ def view(
     simbev view --live --domain 3
     """
     console = make_console()
+    place = ((_FOXGLOVE_PORT if foxglove else RERUN_PORT) if port is None else port), bind
     if live:
-        _require_no_recording(path, scene, out)
-        if foxglove:
-            raise InputError("--live: is for Rerun's viewer; leave out --foxglove")
-        from simbev_ros.cli.view.live import show_graph
-        from simbev_ros.cli.view.recorded import require_rerun
-
-        require_rerun()
-        from simbev_ros.viewer.live.live_viewer import LiveOptions
-
-        place = (RERUN_PORT if port is None else port), bind
-        options = LiveOptions(rate, points, bool(layers))
-        show_graph(place, domain, memory << 20, options, network=network, opens=open_, console=console)
+        _require_no_recording(path, scene, out, foxglove=foxglove)
+        _show_live(place, domain, memory, rate, points, layers=bool(layers), network=network, opens=open_)
         return
+    _require_recording_options(domain, rate, network=network)
     if path is None:
         raise InputError("give a scene's bag or a dataset, or --live for a running graph")
     if foxglove:
         from simbev_ros.cli.view.foxglove import serve_recorded
 
-        serve_recorded(choose_scene(path, scene), _FOXGLOVE_PORT if port is None else port, bind, console)
+        serve_recorded(choose_scene(path, scene), *place, console)
         return
     from simbev_ros.cli.view.recorded import require_rerun, show_recorded, write_file
 
@@ -111,16 +111,46 @@ def view(
     if out is not None:
         write_file(chosen, out, points, layers=layers is not False, console=console)
         return
-    place = (RERUN_PORT if port is None else port), bind
     show_recorded(chosen, place, memory << 20, points, layers=layers is not False, opens=open_, console=console)
 
 
-def _require_no_recording(path: Path | None, scene: str | None, out: Path | None) -> None:
+def _show_live(
+    place: tuple[int, str],
+    domain: int | None,
+    memory_mib: int,
+    rate_hz: float | None,
+    points: int,
+    *,
+    layers: bool,
+    network: bool,
+    opens: bool,
+) -> None:
+    """Show a running graph in Rerun's viewer."""
+    from simbev_ros.cli.view.live import show_graph
+    from simbev_ros.cli.view.recorded import require_rerun
+    from simbev_ros.viewer.live.live_options import LiveOptions
+
+    if rate_hz is not None and math.isnan(rate_hz):
+        raise InputError("--rate nan: must be a number from 0.1 to 60")
+    require_rerun()
+    options = LiveOptions(rate_hz or _RATE_HZ, points, layers)
+    show_graph(place, domain, memory_mib << 20, options, network=network, opens=opens, console=make_console())
+
+
+def _require_no_recording(path: Path | None, scene: str | None, out: Path | None, *, foxglove: bool) -> None:
     """Refuse what belongs to recorded scenes."""
-    given = {str(path): path, f"--scene {scene}": scene, f"--out {out}": out}
-    for words, value in given.items():
-        if value is not None:
-            raise InputError(f"{words}: --live shows a running graph; give one or the other")
+    given = {str(path): path is not None, f"--scene {scene}": scene is not None, f"--out {out}": out is not None}
+    for words, is_given in {**given, "--foxglove": foxglove}.items():
+        if is_given:
+            raise InputError(f"{words}: --live shows a running graph in Rerun's viewer; give one or the other")
+
+
+def _require_recording_options(domain: int | None, rate: float | None, *, network: bool) -> None:
+    """Refuse what belongs to running graphs."""
+    given = {f"--domain {domain}": domain is not None, f"--rate {rate}": rate is not None, "--network": network}
+    for words, is_given in given.items():
+        if is_given:
+            raise InputError(f"{words}: is for --live")
 
 
 def choose_scene(path: Path, wanted: str | None) -> "Scene":

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
 from threading import Event, Thread
 
 import rclpy
@@ -13,25 +12,11 @@ from simbev_ros.nodes.main import make_executor
 from simbev_ros.viewer.live.graph_drawing import GraphDrawing
 from simbev_ros.viewer.live.graph_reader import GraphReader
 from simbev_ros.viewer.live.live_observer import LiveObserver
+from simbev_ros.viewer.live.live_options import LiveOptions
 from simbev_ros.viewer.live.newest_frame import NewestFrame
 from simbev_ros.viewer.server import ViewerServer
 
 _STEP_S = 0.1
-
-
-@dataclass(frozen=True, slots=True)
-class LiveOptions:
-    """What is shown, and how often.
-
-    Attributes:
-        rate_hz: Maximum number of frames per second of wall time.
-        max_points: Maximum number of points of a cloud.
-        layers: Whether to show what is hidden until it is switched on too.
-    """
-
-    rate_hz: float
-    max_points: int
-    layers: bool
 
 
 class LiveViewer:

@@ -31,7 +31,7 @@ class DomainLock:
 
     def __init__(self, wanted: int | None = None) -> None:
         if wanted is None and os.environ.get("ROS_DOMAIN_ID"):
-            wanted = domain_of_environment()
+            wanted = domain_from_environment()
         self._descriptor: int | None = None
         for domain in [wanted] if wanted is not None else ISOLATED_DOMAINS:
             self._descriptor = _try_lock(domain)
@@ -55,7 +55,7 @@ class DomainLock:
             self._descriptor = None
 
 
-def domain_of_environment() -> int:
+def domain_from_environment() -> int:
     """The domain that ``ROS_DOMAIN_ID`` names; 0 if it is not set.
 
     Raises:

@@ -40,14 +40,14 @@ def show_graph(
         InputError: The port cannot be used, or ROS_DOMAIN_ID is no domain.
         SimbevError: Rerun's server does not start, or has ended by itself.
     """
-    from simbev_ros.graph.domain import domain_of_environment
+    from simbev_ros.graph.domain import domain_from_environment
     from simbev_ros.graph.environment import graph_environment
     from simbev_ros.graph.exposure import Exposure
     from simbev_ros.nodes.lifeline import SUPERVISOR_VARIABLE, end_with_supervisor
     from simbev_ros.viewer.live.live_viewer import running_viewer
 
     end_with_supervisor()
-    chosen = domain_of_environment() if domain is None else domain
+    chosen = domain_from_environment() if domain is None else domain
     os.environ.update(graph_environment(chosen, Exposure(network=network)))
     printing = _Printing(chosen, console, is_alone=SUPERVISOR_VARIABLE not in os.environ)
     with running_viewer(place, memory_bytes, options, printing) as viewer:

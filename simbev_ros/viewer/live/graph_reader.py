@@ -101,15 +101,14 @@ class GraphReader(Node):
             self._join.await_only([name for name in self._read_topics if self.count_publishers(name)])
 
     def _notice_graph(self) -> None:
-        """Let go of everything if the world node is another one: the readers of a new graph are not counted."""
+        """Let go of everything if the graph has ended or another one begins, so that its nodes do not count us."""
         graph = frozenset(bytes(each.endpoint_gid) for each in self.get_publishers_info_by_topic(topics.SCENE))
-        if graph != self._graph:
-            self._graph = graph
+        before, self._graph = self._graph, graph
+        if before and (not graph or graph - before):  # a killed graph disappears later than the next one appears
             for _, subscription in self._read_topics.values():
                 self.destroy_subscription(subscription)
             self._read_topics.clear()
-            self._scene = self._join = None
-            self._text = ""
+            self._scene, self._join, self._text = None, None, ""
 
     def _on_scene(self, payload: bytes) -> None:
         self._notice_graph()

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Self
 
@@ -51,9 +52,11 @@ class ViewerProcess:
 
     def __exit__(self, *_: object) -> None:
         """End it, with time to end Rerun's server."""
+        pids = self.pids()
         self._process.send_signal(signal.SIGTERM)
-        for pid in self.pids():
-            os.kill(pid, signal.SIGCONT)  # a stopped process would never receive the request
+        for pid in pids:
+            with suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGCONT)  # a stopped process would never receive the request
         try:
             self._process.wait(_END_TIMEOUT_S)
         except subprocess.TimeoutExpired:
@@ -72,9 +75,10 @@ class ViewerProcess:
 
     def pids(self) -> list[int]:
         """Ids of the viewer's process and of Rerun's server, if they run."""
-        if self.exit_code is not None:
-            return []
-        return [self.pid, *(child.pid for child in psutil.Process(self.pid).children())]
+        with suppress(psutil.NoSuchProcess):
+            if self.exit_code is None:
+                return [self.pid, *(child.pid for child in psutil.Process(self.pid).children())]
+        return []
 
     def lines(self) -> Iterator[str]:
         """Lines that it prints, until it ends."""

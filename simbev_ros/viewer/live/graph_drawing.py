@@ -73,7 +73,7 @@ class GraphDrawing:
         subject = Subject(scene.spec, max_points=self._max_points)
         with SceneLog(scene.spec, f"-{scene.run}") as log:
             is_answered = any(key.startswith("prediction/bev") for key in frame)
-            log.connect(self._url, _blueprint(subject, is_answered))
+            log.connect(self._url, _blueprint(subject, with_predictions=is_answered, layers=self._layers))
             drawings = main_drawings(log, subject) + (layer_drawings(log, subject) if self._layers else [])
             following: LiveFrame | None = frame
             while not self._ended.is_set():
@@ -108,8 +108,8 @@ class GraphDrawing:
             self._observer.messages_ignored(f"{kind}: {words}")
 
 
-def _blueprint(subject: Subject, with_predictions: bool) -> rrb.Blueprint:
+def _blueprint(subject: Subject, *, with_predictions: bool, layers: bool) -> rrb.Blueprint:
     """The layout of a recorded scene, which follows the newest time."""
-    blueprint = scene_blueprint(subject, with_predictions=with_predictions)
+    blueprint = scene_blueprint(subject, with_predictions=with_predictions, layers=layers)
     blueprint.time_panel = rrb.TimePanel(state="collapsed", timeline=TIME, play_state="following")
     return blueprint

@@ -13,7 +13,6 @@ from rclpy.signals import SignalHandlerOptions
 
 from simbev_ros.foxglove_server.graph_relay import GraphRelay
 from simbev_ros.foxglove_server.server import Address, running_server
-from simbev_ros.graph.environment import graph_environment
 from simbev_ros.nodes.main import make_executor
 
 _BACKLOG = 128
@@ -42,7 +41,6 @@ def serve_domain(
     import foxglove
 
     os.nice(_NICENESS)
-    os.environ.update(graph_environment(domain))
     context = foxglove.Context()
     with _spinning_node(domain) as node:
         relay = GraphRelay(node, context, warn)

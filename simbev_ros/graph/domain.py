@@ -56,12 +56,12 @@ class DomainLock:
 
 
 def domain_from_environment() -> int:
-    """The domain in ROS_DOMAIN_ID, which is set.
+    """The domain that ``ROS_DOMAIN_ID`` names; 0 if it is not set.
 
     Raises:
         InputError: It is no domain.
     """
-    text = os.environ["ROS_DOMAIN_ID"]
+    text = os.environ.get("ROS_DOMAIN_ID") or "0"
     if not re.fullmatch(r"[0-9]{1,3}", text) or int(text) > 232:
         raise InputError(f"ROS_DOMAIN_ID: must be a number from 0 to 232, not {text!r:.80}")
     return int(text)

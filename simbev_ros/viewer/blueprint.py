@@ -1,6 +1,6 @@
 """Lays the views of a scene out: cameras by the rig's arrangement, 3D, bird's-eye view, plots, map and table."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import rerun.blueprint as rrb
@@ -20,18 +20,19 @@ _HIDDEN = rrb.EntityBehavior(visible=False)
 _BACKGROUND = (22, 24, 28)
 
 
-def scene_blueprint(subject: Subject, *, with_predictions: bool = False) -> rrb.Blueprint:
+def scene_blueprint(subject: Subject, *, with_predictions: bool = False, layers: bool = True) -> rrb.Blueprint:
     """Layout for a scene.
 
     Args:
         subject: The scene.
         with_predictions: Whether a perception stack's bird's-eye view is shown beside the truth.
+        layers: Whether the cameras' other modalities have views.
     """
     ground_views = [_ground_view("Bird's-eye view", ground.TRUTH)]
     if with_predictions:
         ground_views.append(_ground_view("Predicted bird's-eye view", ground.PREDICTION))
     below = rrb.Horizontal(*ground_views, _facts_tabs(subject), column_shares=[*([1.0] * len(ground_views)), 1.6])
-    cameras = _camera_tabs(subject)
+    cameras = _camera_tabs(subject, LAYERS if layers else ())
     left = rrb.Vertical(cameras, below, row_shares=[1, 1]) if cameras else below
     return rrb.Blueprint(
         rrb.Horizontal(left, _world_view(subject), column_shares=[1.2, 1]),
@@ -62,11 +63,11 @@ def _side_deg(yaw_deg: float) -> float:
     return 180.0 - yaw_deg if yaw_deg > 0 else -180.0 - yaw_deg
 
 
-def _camera_tabs(subject: Subject) -> rrb.Tabs | None:
-    """A tab for each modality, with all cameras that have it."""
+def _camera_tabs(subject: Subject, layers: Iterable[str]) -> rrb.Tabs | None:
+    """A tab for the colors and each layer, with all cameras that have it."""
     cameras = [sensor for sensor in subject.spec.rig.sensors if isinstance(sensor, Camera)]
     tabs = []
-    for modality in ("rgb", *LAYERS):
+    for modality in ("rgb", *layers):
         rows = rows_of_cameras([camera for camera in cameras if modality in camera.modalities])
         if rows:
             views = [[_camera_view(name, modality) for name in row] for row in rows]

@@ -30,15 +30,19 @@ def _batches() -> rr.ChunkBatcherConfig:
 class SceneLog:
     """A Rerun recording of one scene.
 
+    Args:
+        spec: The scene.
+        run: Text that tells several runs of the same scene apart.
+
     Attributes:
         size_bytes: Size of everything that was logged with a time.
     """
 
-    def __init__(self, spec: SceneSpec) -> None:
+    def __init__(self, spec: SceneSpec, run: str = "") -> None:
         rr.set_strict_mode(True)  # else it logs errors and goes on
         self._start_ns = spec.start_ns
         self._stream = rr.RecordingStream(
-            APPLICATION, recording_id=f"{spec.name}-{spec.seed}", batcher_config=_batches()
+            APPLICATION, recording_id=f"{spec.name}-{spec.seed}{run}", batcher_config=_batches()
         )
         self._stream.send_recording_name(spec.name)
         self.size_bytes = 0
@@ -68,6 +72,14 @@ class SceneLog:
     def flush(self) -> None:
         """Wait until everything has been written or sent."""
         self._stream.flush()
+
+    def is_flushed(self, timeout_s: float) -> bool:
+        """Wait until everything has been sent; return whether that took less than ``timeout_s`` seconds."""
+        try:
+            self._stream.flush(timeout_sec=timeout_s)
+        except RuntimeError:  # the server is stalled, or has ended
+            return False
+        return True
 
     def __enter__(self) -> Self:
         return self

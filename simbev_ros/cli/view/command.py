@@ -1,5 +1,6 @@
 """``simbev view``: its options, and which viewer gets what."""
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,9 +11,12 @@ from simbev_ros.errors import InputError
 
 if TYPE_CHECKING:
     from simbev_ros.dataset.scene import Scene
+    from simbev_ros.viewer.subject import Detail
 
 _BROWSER_WIDTH_PX = 800
-_RERUN_PORT, _FOXGLOVE_PORT = 9090, 8765
+RERUN_PORT = 9090
+_FOXGLOVE_PORT = 8765
+_RATE_HZ = 5.0
 
 
 def view(
@@ -23,15 +27,28 @@ def view(
         str | None, typer.Option(help="Name or number of a dataset's scene; by default the first one.")
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Write a .rrd file for Rerun instead of opening the viewer.")] = None,
-    foxglove: Annotated[bool, typer.Option("--foxglove", help="Serve Foxglove and Lichtblick instead.")] = False,
-    live: Annotated[bool, typer.Option("--live", help="Show the running graph instead of a recorded scene.")] = False,
+    live: Annotated[bool, typer.Option("--live", help="Show a running graph, and the next one.")] = False,
     domain: Annotated[
-        int | None, typer.Option(help="ROS domain of the running graph; default: ROS_DOMAIN_ID, or 0.", min=0, max=232)
+        int | None,
+        typer.Option(
+            help="ROS domain of the running graph; default: ROS_DOMAIN_ID, or 0.", min=0, max=232, show_default=False
+        ),
     ] = None,
+    network: Annotated[bool, typer.Option("--network", help="The running graph may be on another host.")] = False,
+    rate: Annotated[
+        float | None,
+        typer.Option(
+            help=f"Frames of the running graph that are shown per second; default: {_RATE_HZ:g}.",
+            min=0.1,
+            max=60,
+            show_default=False,
+        ),
+    ] = None,
+    foxglove: Annotated[bool, typer.Option("--foxglove", help="Serve Foxglove and Lichtblick instead.")] = False,
     port: Annotated[
         int | None,
         typer.Option(
-            help=f"Port to listen on; 0: any free one; default: {_RERUN_PORT}, with --foxglove {_FOXGLOVE_PORT}.",
+            help=f"Port to listen on; 0: any free one; default: {RERUN_PORT}, with --foxglove {_FOXGLOVE_PORT}.",
             min=0,
             max=65535,
             show_default=False,
@@ -57,12 +74,19 @@ def view(
     ] = None,
     points: Annotated[int, typer.Option(help="Points of a cloud that are shown.", min=2)] = 40_000,
     layers: Annotated[
-        bool, typer.Option("--layers/--no-layers", help="Show semantic, instance, depth and flow images too.")
-    ] = True,
+        bool | None,
+        typer.Option(
+            "--layers/--no-layers",
+            help="Show semantic, instance, depth and flow images too, and with --live classes of lidar points and "
+            "occupancy; default: --layers, with --live --no-layers.",
+            show_default=False,
+        ),
+    ] = None,
 ) -> None:
-    """Look at a recorded scene in Rerun's viewer: cameras, 3D, bird's-eye view, plots, map and table.
+    """Look at a recorded scene or a running graph in Rerun's viewer: cameras, 3D, bird's-eye view, plots, map, table.
 
-    The viewer's page and the data come from this machine alone. Ctrl-C ends it.
+    The viewer's page and the data come from this machine alone. Ctrl-C ends it. A running graph does not wait for the
+    viewer, which drops what it cannot show in time.
 
     [bold]Examples[/]
 
@@ -74,33 +98,78 @@ def view(
 
     simbev view out/demo --foxglove
 
+    simbev view --live --domain 3
+
     simbev view --live --foxglove
     """
     console = make_console()
-    if live and foxglove:
-        from simbev_ros.cli.view.foxglove import serve_graph
+    place = ((_FOXGLOVE_PORT if foxglove else RERUN_PORT) if port is None else port), bind
+    width_px = _BROWSER_WIDTH_PX if image_width is None else image_width
+    if live:
+        _require_no_recording(path, scene, out)
+        if foxglove:
+            from simbev_ros.cli.view.foxglove import serve_graph
 
-        serve_graph(_FOXGLOVE_PORT if port is None else port, bind, domain, console)
+            serve_graph(*place, domain, network=network, console=console)
+            return
+        detail = _detail(points, width_px, layers=bool(layers), memory_mib=memory)
+        _show_live(place, domain, rate, detail, network=network, opens=open_)
         return
+    _require_recording_options(domain, rate, network=network)
     if path is None:
-        raise InputError("give a scene's bag or a dataset")
+        raise InputError("give a scene's bag or a dataset, or --live for a running graph")
     if foxglove:
         from simbev_ros.cli.view.foxglove import serve_recorded
 
-        serve_recorded(choose_scene(path, scene), _FOXGLOVE_PORT if port is None else port, bind, console)
+        serve_recorded(choose_scene(path, scene), *place, console)
         return
     from simbev_ros.cli.view.recorded import require_rerun, show_recorded, write_file
 
     require_rerun()
-    from simbev_ros.viewer.subject import Detail
-
     chosen = choose_scene(path, scene)
     if out is not None:
-        write_file(chosen, out, Detail(points, image_width or None, layers), console)
+        everything = _detail(points, image_width or 0, layers=layers is not False, memory_mib=math.inf)
+        write_file(chosen, out, everything, console)
         return
-    width_px = _BROWSER_WIDTH_PX if image_width is None else image_width
-    detail = Detail(points, width_px or None, layers, memory << 20)
-    show_recorded(chosen, (_RERUN_PORT if port is None else port, bind), detail, console, opens=open_)
+    detail = _detail(points, width_px, layers=layers is not False, memory_mib=memory)
+    show_recorded(chosen, place, detail, console, opens=open_)
+
+
+def _detail(points: int, width_px: int, *, layers: bool, memory_mib: float) -> "Detail":
+    """How much is shown; a width of 0 means as recorded."""
+    from simbev_ros.viewer.subject import Detail
+
+    return Detail(points, width_px or None, layers, memory_mib * (1 << 20))
+
+
+def _show_live(
+    place: tuple[int, str], domain: int | None, rate_hz: float | None, detail: "Detail", *, network: bool, opens: bool
+) -> None:
+    """Show a running graph in Rerun's viewer."""
+    if rate_hz is not None and math.isnan(rate_hz):
+        raise InputError("--rate nan: must be a number from 0.1 to 60")
+    from simbev_ros.cli.view.recorded import require_rerun
+
+    require_rerun()
+    from simbev_ros.cli.view.live import show_graph
+
+    show_graph(place, domain, rate_hz or _RATE_HZ, detail, network=network, opens=opens, console=make_console())
+
+
+def _require_no_recording(path: Path | None, scene: str | None, out: Path | None) -> None:
+    """Refuse what belongs to recorded scenes."""
+    given = {str(path): path is not None, f"--scene {scene}": scene is not None, f"--out {out}": out is not None}
+    for words, is_given in given.items():
+        if is_given:
+            raise InputError(f"{words}: --live shows a running graph; give one or the other")
+
+
+def _require_recording_options(domain: int | None, rate: float | None, *, network: bool) -> None:
+    """Refuse what belongs to running graphs."""
+    given = {f"--domain {domain}": domain is not None, f"--rate {rate}": rate is not None, "--network": network}
+    for words, is_given in given.items():
+        if is_given:
+            raise InputError(f"{words}: is for --live")
 
 
 def choose_scene(path: Path, wanted: str | None) -> "Scene":

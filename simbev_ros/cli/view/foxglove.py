@@ -33,13 +33,14 @@ def serve_recorded(scene: "Scene", port: int, bind: str, console: Console) -> No
         serve_bag(bag, Address(bind, port), announce, warn)
 
 
-def serve_graph(port: int, bind: str, domain: int | None, console: Console) -> None:
+def serve_graph(port: int, bind: str, domain: int | None, *, network: bool, console: Console) -> None:
     """Serve the running graph of a ROS domain until an interrupt; graphs may end and start meanwhile.
 
     Args:
         port: TCP port; 0: any free one.
         bind: Address to listen on.
         domain: ROS domain; None: that of ROS_DOMAIN_ID, or 0.
+        network: Whether the graph may be on another host.
         console: Console for messages.
 
     Raises:
@@ -50,8 +51,11 @@ def serve_graph(port: int, bind: str, domain: int | None, console: Console) -> N
     require_foxglove()
     from simbev_ros.foxglove_server.graph_server import serve_domain
     from simbev_ros.graph.domain import domain_from_environment
+    from simbev_ros.graph.environment import graph_environment
+    from simbev_ros.graph.exposure import Exposure
 
-    number = domain if domain is not None else domain_from_environment() if os.environ.get("ROS_DOMAIN_ID") else 0
+    number = domain_from_environment() if domain is None else domain
+    os.environ.update(graph_environment(number, Exposure(network=network)))
 
     def announce(address: Address) -> None:
         console.print(f"serving ROS domain {number} at {address.url}", soft_wrap=True, highlight=False)

@@ -20,19 +20,21 @@ _HIDDEN = rrb.EntityBehavior(visible=False)
 _BACKGROUND = (22, 24, 28)
 
 
-def scene_blueprint(subject: Subject, *, with_predictions: bool = False, layers: bool = True) -> rrb.Blueprint:
+def scene_blueprint(subject: Subject, *, with_predictions: bool = False, is_live: bool = False) -> rrb.Blueprint:
     """Layout for a scene.
 
     Args:
         subject: The scene.
         with_predictions: Whether a perception stack's bird's-eye view is shown beside the truth.
-        layers: Whether the cameras' other modalities have views.
+        is_live: Whether a running graph is shown, of which the speed is known.
     """
     ground_views = [_ground_view("Bird's-eye view", ground.TRUTH)]
     if with_predictions:
         ground_views.append(_ground_view("Predicted bird's-eye view", ground.PREDICTION))
-    below = rrb.Horizontal(*ground_views, _facts_tabs(subject), column_shares=[*([1.0] * len(ground_views)), 1.6])
-    cameras = _camera_tabs(subject, LAYERS if layers else ())
+    below = rrb.Horizontal(
+        *ground_views, _facts_tabs(subject, is_live=is_live), column_shares=[*([1.0] * len(ground_views)), 1.6]
+    )
+    cameras = _camera_tabs(subject, LAYERS if subject.detail.layers else ())
     left = rrb.Vertical(cameras, below, row_shares=[1, 1]) if cameras else below
     return rrb.Blueprint(
         rrb.Horizontal(left, _world_view(subject), column_shares=[1.2, 1]),
@@ -123,7 +125,7 @@ def _ground_view(title: str, entity: str) -> rrb.Spatial2DView:
     )
 
 
-def _facts_tabs(subject: Subject) -> rrb.Tabs:
+def _facts_tabs(subject: Subject, *, is_live: bool) -> rrb.Tabs:
     views: list[rrb.View | rrb.Container] = [
         rrb.Vertical(
             _plot(plots.SPEED, "Speed, m/s", legend=False),
@@ -132,8 +134,9 @@ def _facts_tabs(subject: Subject) -> rrb.Tabs:
             name="Motion",
         ),
         _plot(plots.BOX_COUNTS, "Boxes"),
-        _plot(plots.TICK_RATE, "Ticks/s", legend=False),
     ]
+    if is_live:
+        views.append(_plot(plots.TICK_RATE, "Ticks/s", legend=False))
     if subject.sensors("gnss"):
         views.append(rrb.MapView(origin=plots.GNSS, name="GNSS", zoom=16.0))
     views += [

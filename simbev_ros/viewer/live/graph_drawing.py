@@ -72,7 +72,7 @@ class GraphDrawing:
         subject = Subject(scene.spec, detail=self._detail)
         with SceneLog(scene.spec, f"-{scene.run}") as log:
             is_answered = any(key.startswith("prediction/bev") for key in frame)
-            log.connect(self._url, _blueprint(subject, with_predictions=is_answered, layers=self._detail.layers))
+            log.connect(self._url, _blueprint(subject, with_predictions=is_answered))
             drawings = main_drawings(log, subject) + (layer_drawings(log, subject) if self._detail.layers else [])
             following: LiveFrame | None = frame
             while not self._ended.is_set():
@@ -107,8 +107,8 @@ class GraphDrawing:
             self._observer.messages_ignored(f"{kind}: {words}")
 
 
-def _blueprint(subject: Subject, *, with_predictions: bool, layers: bool) -> rrb.Blueprint:
+def _blueprint(subject: Subject, *, with_predictions: bool) -> rrb.Blueprint:
     """The layout of a recorded scene, which follows the newest time."""
-    blueprint = scene_blueprint(subject, with_predictions=with_predictions, layers=layers)
+    blueprint = scene_blueprint(subject, with_predictions=with_predictions, is_live=True)
     blueprint.time_panel = rrb.TimePanel(state="collapsed", timeline=TIME, play_state="following")
     return blueprint

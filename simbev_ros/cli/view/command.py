@@ -119,6 +119,10 @@ def view(
     if path is None:
         raise InputError("give a scene's bag or a dataset, or --live for a running graph")
     if foxglove:
+        if out is not None:
+            raise InputError(
+                f"--out {out}: a file is for Rerun, --foxglove serves other viewers; give one or the other"
+            )
         from simbev_ros.cli.view.foxglove import serve_recorded
 
         serve_recorded(choose_scene(path, scene), *place, console)
@@ -146,8 +150,6 @@ def _show_live(
     place: tuple[int, str], domain: int | None, rate_hz: float | None, detail: "Detail", *, network: bool, opens: bool
 ) -> None:
     """Show a running graph in Rerun's viewer."""
-    if rate_hz is not None and math.isnan(rate_hz):
-        raise InputError("--rate nan: must be a number from 0.1 to 60")
     from simbev_ros.cli.view.recorded import require_rerun
 
     require_rerun()
@@ -169,7 +171,7 @@ def _require_recording_options(domain: int | None, rate: float | None, *, networ
     given = {f"--domain {domain}": domain is not None, f"--rate {rate}": rate is not None, "--network": network}
     for words, is_given in given.items():
         if is_given:
-            raise InputError(f"{words}: is for --live")
+            raise InputError(f"{words} is for --live")
 
 
 def choose_scene(path: Path, wanted: str | None) -> "Scene":

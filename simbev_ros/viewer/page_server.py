@@ -41,8 +41,7 @@ class PageServer(ThreadingHTTPServer):
         except OSError as error:
             words = f"{error.strerror or error}".lower()
             raise InputError(
-                f"{address}:{port} cannot be listened on: {words}; choose another port with --port (0: any free one), or "
-                "another address with --bind"
+                f"--port {port}: {address}:{port} cannot be listened on: {words}; 0 takes any free port"
             ) from None
         self._thread = Thread(target=self.serve_forever, daemon=True)
 

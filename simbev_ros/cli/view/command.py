@@ -171,7 +171,7 @@ def _require_recording_options(domain: int | None, rate: float | None, *, networ
     given = {f"--domain {domain}": domain is not None, f"--rate {rate}": rate is not None, "--network": network}
     for words, is_given in given.items():
         if is_given:
-            raise InputError(f"{words} is for --live")
+            raise InputError(f"{words}: is for --live")
 
 
 def choose_scene(path: Path, wanted: str | None) -> "Scene":

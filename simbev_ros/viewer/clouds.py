@@ -20,7 +20,7 @@ _HEIGHT_RANGE_M = (-3.0, 5.0)
 
 
 def _by_intensity(points: Table) -> UInt8Array:
-    return _colormap(np.sqrt(points["intensity"]))
+    return _colormap(np.sqrt(np.maximum(points["intensity"], 0.0)))
 
 
 def _by_ring(points: Table) -> UInt8Array:

@@ -3,6 +3,7 @@
 Left alone, the page loads a font, looks for a newer version of Rerun and sends statistics of its use.
 """
 
+from errno import EACCES, EADDRINUSE
 from http.client import HTTPConnection
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from socket import AF_INET, AF_INET6
@@ -12,6 +13,7 @@ from typing import Any, Self
 from simbev_ros.errors import InputError
 
 _TIMEOUT_S = 30.0
+_PORT_ERRORS = (EADDRINUSE, EACCES)
 _KEPT_HEADERS = ("Content-Type", "Content-Encoding")
 
 
@@ -39,10 +41,10 @@ class PageServer(ThreadingHTTPServer):
         try:
             super().__init__((address, port), _Handler)
         except OSError as error:
-            words = f"{error.strerror or error}".lower()
-            raise InputError(
-                f"--port {port}: {address}:{port} cannot be listened on: {words}; 0 takes any free port"
-            ) from None
+            words = f"cannot be listened on: {error.strerror or error}".lower()
+            if error.errno in _PORT_ERRORS:
+                raise InputError(f"--port {port}: {address}:{port} {words}; 0 takes any free port") from None
+            raise InputError(f"--bind {address}: {words}; must be an address of this machine") from None
         self._thread = Thread(target=self.serve_forever, daemon=True)
 
     def __enter__(self) -> Self:

@@ -106,7 +106,7 @@ class ScenePlayer:
     @property
     def is_cut_off(self) -> bool:
         """Whether the bag was not closed by its writer."""
-        return self.subject.tracks is None
+        return self._scene.is_cut_off
 
     def _draw_all(self, drawings: Sequence[Drawing], share: float, advance: Callable[[], None]) -> int:
         """Draw all frames up to a damaged one; return one in how many of the large samples fits."""
@@ -135,7 +135,7 @@ class ScenePlayer:
 
 
 def _tracks_of(scene: Scene) -> Tracks | None:
-    """The tracks, unless the bag was cut off before they were written."""
+    """The tracks, if the bag holds them; one that was cut off does not."""
     try:
         return scene.tracks
     except BagError:

@@ -18,12 +18,11 @@ pytest.importorskip("rerun", reason="Rerun is not installed: pip install -e .[vi
         (["out/demo"], "out/demo"),
         (["--scene", "3"], "--scene 3"),
         (["--out", "file.rrd"], "--out file.rrd"),
-        (["--foxglove"], "--foxglove"),
     ],
 )
 def test_a_running_graph_is_no_recording(refused: Callable[..., str], words: list[str], named: str) -> None:
     message = refused("view", "--live", *words)
-    assert message == f"error: {named}: --live shows a running graph in Rerun's viewer; give one or the other\n"
+    assert message == f"error: {named}: --live shows a running graph; give one or the other\n"
 
 
 @pytest.mark.parametrize("words", [["--domain", "3"], ["--network"], ["--rate", "2.0"]])

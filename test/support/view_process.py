@@ -21,7 +21,7 @@ class Viewer:
     Attributes:
         process: The command.
         url: Address of the page.
-        lines: What it has printed until the scene was sent.
+        lines: Lines that it printed until the scene was sent.
         temporary: The folder for its temporary files.
     """
 

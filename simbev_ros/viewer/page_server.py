@@ -36,6 +36,8 @@ class PageServer(ThreadingHTTPServer):
     allow_reuse_address = True
 
     def __init__(self, address: str, port: int) -> None:
+        if not address:  # for sockets it means all interfaces
+            raise InputError("--bind '': must be an address of this machine")
         self.source, self.data_origin = ("", 0), ""
         self.address_family = AF_INET6 if ":" in address else AF_INET
         try:

@@ -75,6 +75,11 @@ def test_an_address_of_another_machine_is_named(refused: Callable[..., str], bag
     )
 
 
+def test_an_empty_address_does_not_open_all_interfaces(refused: Callable[..., str], bag: Path) -> None:
+    message = refused("view", bag, "--port", 0, "--bind", "")
+    assert message == "error: --bind '': must be an address of this machine\n"
+
+
 @pytest.mark.parametrize("options", [[], ["--out", "scene.rrd"]])
 def test_without_rerun_one_line_says_how_to_install_it(
     refused: Callable[..., str], monkeypatch: pytest.MonkeyPatch, bag: Path, options: list[str]

@@ -10,11 +10,11 @@ from rerun.chunk import RrdReader
 
 @dataclass(frozen=True)
 class Row:
-    """What was logged for an entity at a time.
+    """Components that were logged for an entity at a time.
 
     Attributes:
-        tick: Number of the tick; None for what does not change in time.
-        time_ns: Time on the viewer's time line; None for what does not change in time.
+        tick: Number of the tick; None if the row is static.
+        time_ns: Time on the viewer's time line; None if the row is static.
         values: Components by name, such as ``Transform3D:translation``.
     """
 

@@ -1,4 +1,4 @@
-"""What the viewer's drawings compute: dashes, outer voxels, thinning, rows of cameras, the ego's outline, the sheet."""
+"""Geometry and text that the viewer draws: dashes, outer voxels, rows of cameras, the ego's outline, the sheet."""
 
 import re
 

@@ -125,7 +125,6 @@ setup(
             "mypy>=1.15",
             "pytest>=8.3",
             "ray>=2.50",
-            "rerun-sdk==0.41.*",
             "ruff>=0.9",
             "selenium>=4.25",
             "setuptools>=71",

@@ -67,7 +67,7 @@ def _draw_sensors(log: SceneLog, subject: Subject) -> None:
             rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3]),
             rr.Pinhole(
                 image_from_camera=image_from_camera,
-                resolution=[camera.width_px / step, camera.height_px / step],
+                resolution=[len(range(step // 2, side_px, step)) for side_px in (camera.width_px, camera.height_px)],
                 camera_xyz=rr.ViewCoordinates.RDF,
                 image_plane_distance=_FRUSTUM_M,
             ),

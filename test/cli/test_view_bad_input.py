@@ -19,6 +19,14 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+def test_where_ros_needs_numpy_1_the_reason_is_named(
+    refused: Callable[..., str], bag: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("simbev_ros.cli.view.recorded.version", lambda name: "1.26.4")
+    message = refused("view", bag)
+    assert "needs NumPy 2" in message and "call it where no ROS is sourced, or with --foxglove" in message
+
+
 def test_without_a_path_both_ways_are_named(refused: Callable[..., str]) -> None:
     assert refused("view") == "error: give a scene's bag or a dataset, or --live for a running graph\n"
 

@@ -1,6 +1,7 @@
 """A recorded scene in Rerun's viewer, or as a file for it."""
 
 import sys
+from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,7 +24,12 @@ _SERVER_SHARE = 1.25
 
 
 def require_rerun() -> None:
-    """Raise InputError if Rerun is not installed."""
+    """Raise InputError if Rerun is not installed, or cannot be."""
+    if version("numpy").startswith("1."):
+        raise InputError(
+            "simbev view needs Rerun, which needs NumPy 2, and an installed ROS 2 Jazzy needs NumPy 1; "
+            "call it where no ROS is sourced, or with --foxglove"
+        )
     if find_spec("rerun") is None:
         raise InputError(f"simbev view needs Rerun; install it: {sys.executable} -m pip install 'simbev_ros[view]'")
 

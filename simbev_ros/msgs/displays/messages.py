@@ -93,7 +93,8 @@ def _default(kind: Nodetype, of: Any) -> Any:
             return _ZEROS.get(of[0], 0)
         case Nodetype.NAME:
             return build(of, w=1.0) if of == "geometry_msgs/msg/Quaternion" else build(of)
-    (element_kind, element), length = of
-    if element_kind is Nodetype.BASE and element[0] != "string":
-        return np.zeros(length, element[0])
-    return [_default(element_kind, element) for _ in range(length)]
+        case _:
+            (element_kind, element), length = of
+            if element_kind is Nodetype.BASE and element[0] != "string":
+                return np.zeros(length, element[0])
+            return [_default(element_kind, element) for _ in range(length)]

@@ -1,10 +1,12 @@
 """Topics of a running graph that the viewer draws, and so subscribes to. Pure: imports no ROS."""
 
 from collections.abc import Callable, Iterator
+from typing import assert_never
 
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar
-from simbev_ros.config.positioning import Imu
+from simbev_ros.config.positioning import Gnss, Imu
+from simbev_ros.config.radar import Radar
 from simbev_ros.config.rig import AnySensor
 from simbev_ros.msgs.annotation_topics import annotation_topics
 from simbev_ros.msgs.sensor_topics import CameraTopics, camera_topics, imu_topics, lidar_topics, topics_of_sensor
@@ -48,5 +50,7 @@ def _sensor_topics(spec: SceneSpec, sensor: AnySensor, choose_image: ChooseImage
             yield from clouds if layers else clouds[:1]
         case Imu():
             yield imu_topics(spec, sensor).oriented
-        case _:
+        case Radar() | Gnss():
             yield from topics_of_sensor(spec, sensor, compressed_images=True)
+        case _:
+            assert_never(sensor)

@@ -113,6 +113,7 @@ setup(
         ],
         "cluster": ["ray[default]>=2.50"],
         "foxglove": ["foxglove-sdk>=0.30"],
+        "view": ["rerun-sdk==0.41.*"],
         "docs": ["mkdocs-material>=9.5"],
         "test": [
             "dockerfile-parse>=2",

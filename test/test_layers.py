@@ -46,7 +46,7 @@ FLOORS = [
     {"graph"},
     {"cluster"},
     {"production"},
-    {"bench", "foxglove_server"},
+    {"bench", "foxglove_server", "viewer"},
     {"cli"},
     {"reference_stack"},
 ]
@@ -67,14 +67,19 @@ ROS = {
     "visualization_msgs",
 }
 STACK = tuple(f"reference_stack/{module}" for module in ("messages", "node", "__main__"))
+RELAY = tuple(f"foxglove_server/{module}" for module in ("graph_relay", "graph_server", "offers"))
+LIVE = ("viewer/live/graph_reader", "viewer/live/live_viewer")
+"""The node that the viewer reads a running graph with."""
 BENCH = ("bench/recorder_timing", "bench/world_node_timing", "bench/topic_reader")
 """They send to a node what the graph would send, and read what it answers."""
 HOMES = {
-    **dict.fromkeys(ROS, ("nodes", "graph", "msgs", *BENCH, *STACK)),
+    **dict.fromkeys(ROS, ("nodes", "graph", "msgs", *BENCH, *LIVE, *RELAY, *STACK)),
     "moderngl": ("render",),
     "open3d": ("raycast",),
     "libsumo": ("world/sumo/traffic", "world/sumo/libsumo_import"),
     "rich": ("cli", "recording/bag_files", "viz/pages/scene_figures", "viz/pages/scene_page"),
+    "rerun": ("viewer",),
+    "foxglove": ("foxglove_server",),
     "typer": ("cli",),
 }
 

@@ -1,12 +1,15 @@
 """``simbev demo``: makes a bag, a picture and a video of one short scene."""
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.console import Console
 
 from simbev_ros.cli.console import make_console
+from simbev_ros.cli.view.beside_run import ViewOption, ViewPortOption, viewer_beside
 from simbev_ros.config.load import load_scenario
 from simbev_ros.errors import InputError
 from simbev_ros.input_file import path_exists
@@ -17,6 +20,8 @@ def demo(
         Path | None, typer.Option(help="Folder to make; default: out/demo, or the next free out/demo-2, …")
     ] = None,
     seed: Annotated[int | None, typer.Option(help="Seed of the scene.", min=0, max=2**31, show_default=False)] = None,
+    view: ViewOption = False,
+    view_port: ViewPortOption = None,
 ) -> None:
     """Simulate, sense, label and record one short scene, and draw a preview of it.
 
@@ -28,6 +33,7 @@ def demo(
     """
     from simbev_ros.cli.preview import make_preview
     from simbev_ros.cli.production_display import SceneDisplay
+    from simbev_ros.production.observer import SeveralObservers
     from simbev_ros.production.play import play_scenes
 
     console = make_console()
@@ -37,8 +43,14 @@ def demo(
     folder = out or _free_folder(Path("out/demo"))
     if path_exists(folder):
         raise InputError(f"--out {folder}: exists already; nothing was overwritten")
-    (bag,) = play_scenes(scenario, dataset=folder, observer=SceneDisplay(console))
-    preview = make_preview(bag, folder, console=console)
+    with viewer_beside(view_port, console, wanted=view) as viewer:
+        (bag,) = play_scenes(scenario, dataset=folder, observer=SeveralObservers(SceneDisplay(console), viewer))
+        preview = make_preview(bag, folder, console=console)
+        _print_result(bag, preview, console)
+
+
+def _print_result(bag: Path, preview: Sequence[Path], console: Console) -> None:
+    """Print what was made and what to do with it."""
     command = os.environ.get("SIMBEV_COMMAND", "simbev")
     console.print()
     console.print(f"bag      {bag}", soft_wrap=True)

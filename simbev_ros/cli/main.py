@@ -26,7 +26,7 @@ VERBS = {
     "scene": "scene.command:scene",
     "info": "info:info",
     "preview": "preview:preview",
-    "foxglove": "foxglove:foxglove",
+    "view": "view.command:view",
     "verify": "verify:verify",
     "logs": "logs:logs",
     "repair": "repair:repair",

@@ -8,6 +8,7 @@ import typer
 
 from simbev_ros.cli.console import make_console
 from simbev_ros.cli.evaluate.live import FiguresOption, StackOption, with_evaluation
+from simbev_ros.cli.view.beside_run import ViewOption, ViewPortOption, viewer_beside
 from simbev_ros.config.load import load_scenario
 
 
@@ -26,6 +27,8 @@ def run(
     ] = False,
     evaluate: FiguresOption = None,
     stack: StackOption = None,
+    view: ViewOption = False,
+    view_port: ViewPortOption = None,
 ) -> None:
     """Start the graph and stream, until Ctrl-C or until the scenes end.
 
@@ -36,9 +39,12 @@ def run(
     simbev run my.yaml --record datasets/first   as fast as it goes, every message recorded
 
     simbev run my.yaml --stack reference --evaluate figures.json
+
+    simbev run my.yaml --record datasets/first --view
     """
     from simbev_ros.cli.production_display import SceneDisplay
     from simbev_ros.graph.exposure import Exposure
+    from simbev_ros.production.observer import SeveralObservers
     from simbev_ros.production.play import play_scenes
 
     scenario = with_evaluation(load_scenario(config), evaluate, stack)
@@ -48,6 +54,8 @@ def run(
     exposure = Exposure(network=network, security=security)
     profile = f"FASTRTPS_DEFAULT_PROFILES_FILE={exposure.profile_file}"
     console.print(f"subscribers: export {profile}", style="dim", soft_wrap=True)
-    display = SceneDisplay(console)
-    for bag in play_scenes(scenario, live=live, dataset=record, domain=domain, exposure=exposure, observer=display):
-        console.print(f"recorded {bag}", soft_wrap=True)
+    with viewer_beside(view_port, console, wanted=view, network=network) as viewer:
+        observer = SeveralObservers(SceneDisplay(console), viewer)
+        bags = play_scenes(scenario, live=live, dataset=record, domain=domain, exposure=exposure, observer=observer)
+        for bag in bags:
+            console.print(f"recorded {bag}", soft_wrap=True)

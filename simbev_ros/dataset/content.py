@@ -161,18 +161,19 @@ def read_spec(bag: IndexedBag) -> SceneSpec:
     return spec
 
 
+def key_of_topic(name: str, agent: str) -> str:
+    """Key of a topic: its name without the agent and, for an image, without its transport."""
+    return _IMAGE.sub("", name.removeprefix(f"/{agent}/").removeprefix("/"))
+
+
 def sources_by_topic(bag: IndexedBag) -> dict[str, Source]:
     """Every topic of a bag by topic name; the bag need neither hold a scene nor be finished."""
     return {name: Source(bag, topic) for name, topic in bag.topics.items()}
 
 
 def _sources(bag: IndexedBag, spec: SceneSpec) -> dict[str, Source]:
-    """Sources by key: the topic's name without the agent and, for an image, without its transport."""
-    prefix = f"/{spec.rig.agent}/"
-    return {
-        _IMAGE.sub("", name.removeprefix(prefix).removeprefix("/")): source
-        for name, source in sources_by_topic(bag).items()
-    }
+    """Sources by key."""
+    return {key_of_topic(name, spec.rig.agent): source for name, source in sources_by_topic(bag).items()}
 
 
 def _stamps_ns(bag: IndexedBag, spec: SceneSpec, sources: Mapping[str, Source]) -> Int64Array:

@@ -72,6 +72,11 @@ class Scene(Sequence[Frame]):
         return self.spec.weather
 
     @property
+    def is_cut_off(self) -> bool:
+        """Whether the bag was not closed by its writer."""
+        return not self._content.bag.closed
+
+    @property
     def stamps_ns(self) -> Int64Array:
         """(T,) stamps of the frames, ns."""
         return self._content.stamps_ns

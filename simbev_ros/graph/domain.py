@@ -31,7 +31,7 @@ class DomainLock:
 
     def __init__(self, wanted: int | None = None) -> None:
         if wanted is None and os.environ.get("ROS_DOMAIN_ID"):
-            wanted = _domain_from_environment()
+            wanted = domain_from_environment()
         self._descriptor: int | None = None
         for domain in [wanted] if wanted is not None else ISOLATED_DOMAINS:
             self._descriptor = _try_lock(domain)
@@ -55,8 +55,13 @@ class DomainLock:
             self._descriptor = None
 
 
-def _domain_from_environment() -> int:
-    text = os.environ["ROS_DOMAIN_ID"]
+def domain_from_environment() -> int:
+    """The domain that ``ROS_DOMAIN_ID`` names; 0 if it is not set.
+
+    Raises:
+        InputError: It is no domain.
+    """
+    text = os.environ.get("ROS_DOMAIN_ID") or "0"
     if not re.fullmatch(r"[0-9]{1,3}", text) or int(text) > 232:
         raise InputError(f"ROS_DOMAIN_ID: must be a number from 0 to 232, not {text!r:.80}")
     return int(text)

@@ -40,6 +40,9 @@ class AnnotationTopics:
         occupancy: Occupied voxels; None: not configured.
         vector_map: The roads around the ego; None: not configured.
         grids: The grid of each class for displays, by the name of the class; not recorded in bags.
+        lane_status: The lane under the ego for displays; not recorded.
+        map_markers: The roads around the ego as markers; not recorded. None: no vector map is configured.
+        view_markers: The 2D boxes of each camera in ``views`` as markers over its image; not recorded.
     """
 
     bev_labels: Topic
@@ -51,6 +54,9 @@ class AnnotationTopics:
     occupancy: Topic | None
     vector_map: Topic | None
     grids: Mapping[str, Topic]
+    lane_status: Topic
+    map_markers: Topic | None
+    view_markers: Mapping[str, Topic]
 
     @property
     def recorded(self) -> tuple[Topic, ...]:
@@ -66,6 +72,13 @@ class AnnotationTopics:
         others = tuple(topic for topic in self.recorded if topic not in (*boxes, *views))
         return {Label.BOXES: boxes, Label.VIEWS: views, Label.SURROUNDINGS: others}
 
+    @property
+    def displays(self) -> dict[Label, tuple[Topic, ...]]:
+        """Topics that are published while somebody subscribes, and not recorded, by what they are about."""
+        roads = () if self.map_markers is None else (self.map_markers,)
+        surroundings = (*self.grids.values(), self.lane_status, *roads)
+        return {Label.BOXES: (), Label.VIEWS: tuple(self.view_markers.values()), Label.SURROUNDINGS: surroundings}
+
 
 def boxes_name(agent: str) -> str:
     """Name of the topic with the 3D boxes around an agent."""
@@ -80,6 +93,7 @@ def bev_labels_name(agent: str) -> str:
 def annotation_topics(spec: SceneSpec) -> AnnotationTopics:
     """Topics that the annotator publishes in a scene."""
     agent, occupancy, vector_map = spec.rig.agent, spec.annotation.occupancy, spec.annotation.vector_map
+    cameras, markers = viewing_cameras(spec.rig, spec.annotation), "visualization_msgs/msg/MarkerArray"
 
     def topic(name: str, type_name: str, rate_hz: float | None = None) -> Topic:
         return Topic(agent_topic(agent, name), type_name, spec.period_ticks(rate_hz))
@@ -88,15 +102,21 @@ def annotation_topics(spec: SceneSpec) -> AnnotationTopics:
         bev_labels=Topic(bev_labels_name(agent), "sensor_msgs/msg/Image"),
         bev_color=topic("bev/color", "sensor_msgs/msg/Image"),
         boxes=Topic(boxes_name(agent), "sensor_msgs/msg/PointCloud2"),
-        box_markers=topic("boxes/markers", "visualization_msgs/msg/MarkerArray"),
+        box_markers=topic("boxes/markers", markers),
         hd_map=topic("hd_map", "std_msgs/msg/String"),
         views={
             camera.name: topic(f"{camera.name}/boxes", "sensor_msgs/msg/PointCloud2", camera.rate_hz)
-            for camera in viewing_cameras(spec.rig, spec.annotation)
+            for camera in cameras
         },
         occupancy=topic("occupancy/points", "sensor_msgs/msg/PointCloud2", occupancy.rate_hz) if occupancy else None,
         vector_map=topic("vector_map", "std_msgs/msg/String", vector_map.rate_hz) if vector_map else None,
         grids={name: topic(f"bev/{name}/grid", "nav_msgs/msg/OccupancyGrid") for name in BEV_CLASSES},
+        lane_status=topic("hd_map/status", "diagnostic_msgs/msg/DiagnosticArray"),
+        map_markers=topic("vector_map/markers", markers, vector_map.rate_hz) if vector_map else None,
+        view_markers={
+            camera.name: topic(f"{camera.name}/boxes/markers", "visualization_msgs/msg/ImageMarker", camera.rate_hz)
+            for camera in cameras
+        },
     )
 
 

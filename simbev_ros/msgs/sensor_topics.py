@@ -84,6 +84,15 @@ def camera_topics(spec: SceneSpec, camera: Camera) -> dict[Modality, CameraTopic
     return topics
 
 
+def picture_topics(spec: SceneSpec, camera: Camera) -> dict[Modality, Topic]:
+    """Topics with colored pictures of a camera's other modalities, for displays; not recorded in bags."""
+    return {
+        modality: _topic(spec, camera, f"{modality}/color/compressed", "sensor_msgs/msg/CompressedImage")
+        for modality in camera.modalities
+        if modality != "rgb"
+    }
+
+
 def lidar_topics(spec: SceneSpec, lidar: Lidar) -> LidarTopics:
     """Topics of a lidar."""
     return LidarTopics(

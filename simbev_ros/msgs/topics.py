@@ -7,8 +7,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
+from simbev_ros.config.camera import Camera
 from simbev_ros.msgs.annotation_topics import annotation_topics
-from simbev_ros.msgs.sensor_topics import sensor_topics
+from simbev_ros.msgs.sensor_topics import picture_topics, sensor_topics
 from simbev_ros.msgs.topic import Topic, agent_topic
 from simbev_ros.scene.spec import SceneSpec
 
@@ -25,6 +26,8 @@ BUILDING_LIGHTS = "/world/building_lights"
 WEATHER = "/world/weather"
 EVENTS = "/world/events"
 WORLD_MARKERS = "/world/markers"
+WEATHER_STATUS = "/world/weather/status"
+EVENT_STATUS = "/world/events/status"
 READY = "/sync/ready"
 DIAGNOSTICS = "/diagnostics"
 EVALUATION = "/evaluation"
@@ -62,10 +65,32 @@ def world_topics(spec: SceneSpec) -> Iterator[Topic]:
     yield odometry_topic(spec)
 
 
-def unrecorded_world_topics() -> Iterator[Topic]:
+def path_name(agent: str) -> str:
+    """Name of the topic with an agent's path up to now."""
+    return agent_topic(agent, "path")
+
+
+def unrecorded_world_topics(spec: SceneSpec) -> Iterator[Topic]:
     """Topics of the world node that are not recorded: the end of a scene, and displays."""
     yield Topic(END, "std_msgs/msg/String", 0)
+    yield from world_displays(spec)
+
+
+def world_displays(spec: SceneSpec) -> Iterator[Topic]:
+    """Topics of the world node that it publishes while somebody subscribes, and that are not recorded."""
     yield Topic(WORLD_MARKERS, "visualization_msgs/msg/MarkerArray")
+    yield Topic(path_name(spec.rig.agent), "nav_msgs/msg/Path")
+    yield Topic(WEATHER_STATUS, "diagnostic_msgs/msg/DiagnosticArray")
+    yield Topic(EVENT_STATUS, "diagnostic_msgs/msg/DiagnosticArray", sporadic=True)
+
+
+def display_topics(spec: SceneSpec) -> Iterator[Topic]:
+    """Topics that the graph publishes while somebody subscribes, and that are not recorded."""
+    yield from world_displays(spec)
+    for camera in spec.rig.of_type(Camera):
+        yield from picture_topics(spec, camera).values()
+    for topics in annotation_topics(spec).displays.values():
+        yield from topics
 
 
 def transform_topics() -> Iterator[Topic]:

@@ -55,10 +55,13 @@ def record_message(record: dict[str, Any], stamp_ns: int) -> String:
 
 def event_message(event: Event, state: WorldState) -> String:
     """Message with an event of this tick as JSON, including the stamp that a String lacks."""
+    return String(data=json.dumps(event_record(event, state)))
+
+
+def event_record(event: Event, state: WorldState) -> dict[str, Any]:
+    """An event of this tick with stamp and tick."""
     fields = asdict(event)
-    return String(
-        data=json.dumps({"type": fields.pop("type"), "stamp_ns": state.stamp_ns, "tick": state.tick, **fields})
-    )
+    return {"type": fields.pop("type"), "stamp_ns": state.stamp_ns, "tick": state.tick, **fields}
 
 
 def actors_from_message(message: PointCloud2) -> Table:

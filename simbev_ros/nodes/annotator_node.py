@@ -27,10 +27,13 @@ from simbev_ros.errors import InputError
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.hd_map import lane_record
 from simbev_ros.msgs.annotation_topics import Label, annotation_topics, annotator_inputs, viewing_cameras
+from simbev_ros.msgs.displays.box_markers import box_markers
+from simbev_ros.msgs.displays.grids import occupancy_grid
+from simbev_ros.msgs.displays.image_boxes import image_boxes
+from simbev_ros.msgs.displays.map_markers import map_markers
+from simbev_ros.msgs.displays.status import LANE, status
 from simbev_ros.msgs.images import image_message, labels_from_image
-from simbev_ros.msgs.markers import box_markers
 from simbev_ros.msgs.message_types import message_class
-from simbev_ros.msgs.occupancy import occupancy_grid_message
 from simbev_ros.msgs.qos import qos_of, rclpy_qos
 from simbev_ros.msgs.stamps import serialized_stamp_ns
 from simbev_ros.msgs.tables import message_from_table, table_from_cdr
@@ -111,7 +114,7 @@ class AnnotatorNode(Participant):
         self._topics = topics = annotation_topics(spec)
         self._subscribe_to_sensors(spec)
         recorded = [topic for label in sorted(self._labels) for topic in topics.by_label[label]]
-        displayed = topics.grids.values() if Label.SURROUNDINGS in self._labels else ()
+        displayed = [topic for label in sorted(self._labels) for topic in topics.displays[label]]
         for topic in (*recorded, *displayed):
             self.advertise(topic)
         return [topic.name for topic in recorded]
@@ -179,17 +182,19 @@ class AnnotatorNode(Participant):
             self.publish(topics.occupancy.name, message_from_table(labels.voxels, stamp_ns, frame))
         if topics.vector_map is not None and labels.roads is not None:
             self.publish(topics.vector_map.name, record_message(labels.roads, stamp_ns))
+            self.publish_display(topics.map_markers, map_markers, labels.roads, stamp_ns)
         lane = lane_record(self._network, vector(state.ego, "x y z"), float(state.ego["yaw"]))
         self.publish(topics.hd_map.name, record_message(lane, stamp_ns))
+        self.publish_display(topics.lane_status, status, LANE, lane, stamp_ns)
 
     def _publish_grids(self, grid: UInt16Array, spec: SceneSpec, state: WorldState) -> None:
         geometry, frame = spec.annotation.bev.grid, f"{spec.rig.agent}/base_link"
+        rpy_rad = vector(state.ego, "roll pitch yaw")
         for index, name in enumerate(BEV_CLASSES):
             topic = self._topics.grids[name]
             if self.reader_count(topic.name):
                 covered = (grid >> index & 1).astype(bool)
-                message = occupancy_grid_message(covered, geometry, state.stamp_ns, frame, state.ego)
-                self.publish(topic.name, message)
+                self.publish(topic.name, occupancy_grid(covered, geometry, state.stamp_ns, frame, rpy_rad))
 
     def _publish_ready_boxes(self, spec: SceneSpec) -> None:
         """Start to complete boxes and views of all ticks whose messages are there or overdue; then publish them."""
@@ -218,12 +223,12 @@ class AnnotatorNode(Participant):
         topics, (boxes, views) = self._topics, labels.result()
         if Label.BOXES in self._labels:
             self.publish(topics.boxes.name, message_from_table(boxes, state.stamp_ns, MAP_FRAME))
-            if self.reader_count(topics.box_markers.name):
-                self.publish(topics.box_markers.name, box_markers(boxes, state.stamp_ns))
+            self.publish_display(topics.box_markers, box_markers, boxes, state.stamp_ns)
         if Label.VIEWS in self._labels:
             for camera, table in views.items():
-                message = message_from_table(table, state.stamp_ns, f"{spec.rig.agent}/{camera}_optical")
-                self.publish(topics.views[camera].name, message)
+                frame = f"{spec.rig.agent}/{camera}_optical"
+                self.publish(topics.views[camera].name, message_from_table(table, state.stamp_ns, frame))
+                self.publish_display(topics.view_markers[camera], image_boxes, table, state.stamp_ns, frame)
 
     def _views_of(self, tick: _Tick, cameras: Sequence[Camera], images: Mapping[str, AnyArray]) -> dict[str, Table]:
         """What the cameras whose images are there see of the boxes."""

@@ -1,7 +1,8 @@
 """The camera node: renders its cameras' images of each due tick and publishes them, raw and compressed.
 
-An image is drawn, read back, encoded and sent only if its topic has a reader; a recorder is a reader like any other. In
-lockstep, threads encode the images of a tick while those of the next one are drawn.
+An image is drawn, read back, encoded and sent only if its topic has a reader; a recorder is a reader like any other.
+The same holds for colored pictures. In lockstep, threads encode the images of a tick while those of the next one are
+drawn.
 """
 
 from collections.abc import Iterable, Iterator
@@ -16,8 +17,10 @@ from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.config.camera import Camera, Modality
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.scenario import Recording
+from simbev_ros.msgs.displays.pictures import color_picture
 from simbev_ros.msgs.images import camera_info_message, compressed_image_message, encoding_of, image_message
-from simbev_ros.msgs.sensor_topics import CameraTopics, camera_topics
+from simbev_ros.msgs.sensor_topics import CameraTopics, camera_topics, picture_topics
+from simbev_ros.msgs.topic import Topic
 from simbev_ros.nodes.participant import Participant
 from simbev_ros.nodes.surroundings import Surroundings
 from simbev_ros.recording.image_codecs import compressed_format, encode_image
@@ -30,14 +33,25 @@ from simbev_ros.types import AnyArray
 
 
 class _Output(NamedTuple):
-    """One modality of a camera at a tick: its topics, whether raw and compressed form have readers, and the image."""
+    """One modality of a camera at a tick: its topics, whether raw and compressed form have readers, and the image.
+
+    ``picture`` is the topic of the colored picture, None if it has no reader.
+    """
 
     camera: Camera
     modality: Modality
     topics: CameraTopics
     raw: bool
     compressed: bool
+    picture: Topic | None
     image: AnyArray | None = None
+
+
+class _Encoded(NamedTuple):
+    """What threads make of an image: its compressed form, and a message with its colored picture."""
+
+    compressed: bytes | None = None
+    picture: bytes | None = None
 
 
 class CameraNode(Participant):
@@ -62,6 +76,7 @@ class CameraNode(Participant):
         self._surroundings = Surroundings(self._make_renderer, Renderer.close)
         self._cameras: list[Camera] = []
         self._topics: dict[str, dict[Modality, CameraTopics]] = {}
+        self._pictures: dict[str, dict[Modality, Topic]] = {}
         self._previous: dict[int, WorldState] = {}
         self._outputs: list[_Output] = []
         self._encoders = self.meter.pool("encode")
@@ -79,6 +94,7 @@ class CameraNode(Participant):
         cameras = [c for c in spec.rig.of_type(Camera) if not self._names or c.name in self._names]
         self._cameras = sorted(cameras, key=lambda camera: spec.period_ticks(camera.rate_hz))
         self._topics = {camera.name: camera_topics(spec, camera) for camera in self._cameras}
+        self._pictures = {camera.name: picture_topics(spec, camera) for camera in self._cameras}
         self._previous.clear()
         self._outputs.clear()
         return list(self._advertise())
@@ -102,9 +118,9 @@ class CameraNode(Participant):
     def finish(self, spec: SceneSpec, state: WorldState) -> None:
         """Start to compress the images of a tick, which is finished when they are published."""
         outputs, self._outputs = self._outputs, []
-        compressed = [self._encoders.submit(self._compress, output) for output in outputs]
-        publish = partial(self._publish, spec, state.stamp_ns, outputs, compressed)
-        self.finish_after(spec, state.tick, compressed, publish)
+        encoded = [self._encoders.submit(self._encode, spec, state.stamp_ns, output) for output in outputs]
+        publish = partial(self._publish, spec, state.stamp_ns, outputs, encoded)
+        self.finish_after(spec, state.tick, encoded, publish)
 
     def _due_outputs(self, cameras: Iterable[Camera]) -> list[_Output]:
         """All modalities of the given cameras, and whether their topics have readers now."""
@@ -112,14 +128,16 @@ class CameraNode(Participant):
         for camera in cameras:
             for modality, topics in self._topics[camera.name].items():
                 raw, compressed = self.reader_count(topics.raw.name) > 0, self.reader_count(topics.compressed.name) > 0
-                outputs.append(_Output(camera, modality, topics, raw, compressed))
+                picture = self._pictures[camera.name].get(modality)
+                shown = picture if picture is not None and self.reader_count(picture.name) else None
+                outputs.append(_Output(camera, modality, topics, raw, compressed, shown))
         return outputs
 
     def _render(self, spec: SceneSpec, outputs: list[_Output], frame: RenderFrame) -> list[_Output]:
         """Render the outputs that have readers; return all outputs, with the images of the rendered ones."""
         wanted: dict[str, list[_Output]] = {}
         for output in outputs:
-            if output.raw or output.compressed:
+            if output.raw or output.compressed or output.picture:
                 wanted.setdefault(output.camera.name, []).append(output)
         views = [
             CameraView.from_config(each[0].camera, spec.seed, frame.world.tick, [output.modality for output in each])
@@ -131,26 +149,34 @@ class CameraNode(Participant):
         ]
 
     def _publish(
-        self, spec: SceneSpec, stamp_ns: int, outputs: list[_Output], compressed_images: list[Future[bytes | None]]
+        self, spec: SceneSpec, stamp_ns: int, outputs: list[_Output], encoded_images: list[Future[_Encoded]]
     ) -> None:
-        for output, compressed in zip(outputs, compressed_images, strict=True):
-            frame_id = f"{spec.rig.agent}/{output.camera.name}_optical"
+        for output, future in zip(outputs, encoded_images, strict=True):
+            encoded, frame_id = future.result(), _optical_frame(spec, output.camera)
             if output.raw and output.image is not None:
                 self.publish(output.topics.raw.name, image_message(output.image, stamp_ns, frame_id))
-            if output.image is not None and (data := compressed.result()) is not None:
+            if output.image is not None and encoded.compressed is not None:
                 image_format = compressed_format(encoding_of(output.image))
-                message = compressed_image_message(data, image_format, stamp_ns, frame_id)
+                message = compressed_image_message(encoded.compressed, image_format, stamp_ns, frame_id)
                 self.publish(output.topics.compressed.name, message)
+            if output.picture is not None and encoded.picture is not None:
+                self.publish(output.picture.name, encoded.picture)
             self.publish(output.topics.info.name, camera_info_message(output.camera.model, stamp_ns, frame_id))
 
-    def _compress(self, output: _Output) -> bytes | None:
-        """Compress an image if its compressed form has readers."""
-        if not output.compressed or output.image is None:
-            return None
-        return encode_image(encoding_of(output.image), output.image, self._jpeg_quality)
+    def _encode(self, spec: SceneSpec, stamp_ns: int, output: _Output) -> _Encoded:
+        """Compress an image, and color it, if these forms have readers."""
+        image, compressed, picture = output.image, None, None
+        if image is not None and output.compressed:
+            compressed = encode_image(encoding_of(image), image, self._jpeg_quality)
+        if image is not None and output.picture is not None:
+            picture = color_picture(output.modality, image, stamp_ns, _optical_frame(spec, output.camera))
+        return _Encoded(compressed, picture)
 
     def _advertise(self) -> Iterator[str]:
         """Create the publishers; yield the names of the topics that can be recorded."""
+        for pictures in self._pictures.values():
+            for topic in pictures.values():
+                self.advertise(topic)
         for modalities in self._topics.values():
             for topics in modalities.values():
                 for topic in topics:
@@ -161,3 +187,8 @@ class CameraNode(Participant):
         """Stop the encoding threads and free the GL resources."""
         self._encoders.shutdown()
         self._surroundings.close()
+
+
+def _optical_frame(spec: SceneSpec, camera: Camera) -> str:
+    """Frame of a camera's images."""
+    return f"{spec.rig.agent}/{camera.name}_optical"

@@ -123,8 +123,13 @@ class GraphNode(Node):
             kind, qos = message_class(topic.type), rclpy_qos(qos_of(topic, live=self.live))
             self._topic_publishers[topic.name] = self.create_publisher(kind, topic.name, qos)
 
+    def publish_display(self, topic: Topic | None, make: Callable[..., bytes], *values: Any) -> None:
+        """Make a message from values and publish it, if somebody subscribes; None: the scene has no such topic."""
+        if topic is not None and self.reader_count(topic.name):
+            self.publish(topic.name, make(*values))
+
     def publish(self, name: str, message: Any) -> None:
-        """Publish on an advertised topic."""
+        """Publish a message, as object or serialized, on an advertised topic."""
         with self.meter.part("send"):
             self._topic_publishers[name].publish(message)
 

@@ -43,7 +43,7 @@ def main(arguments: list[str] | None = None) -> int:
             keep_freed_memory()
         for kind, name in requested:
             nodes.append(kind(name))
-        executor = _make_executor(takes_message_info=any(node.takes_message_info for node in nodes))
+        executor = make_executor(takes_message_info=any(node.takes_message_info for node in nodes))
         for node in nodes:
             executor.add_node(node)
         while not stop.requested:
@@ -83,7 +83,7 @@ def node_class(kind: str) -> type[GraphNode]:
     return getattr(module, f"{name}Node")
 
 
-def _make_executor(*, takes_message_info: bool) -> Executor:
+def make_executor(*, takes_message_info: bool) -> Executor:
     """Make the events executor, which is faster per message, if rclpy has it and it can call the nodes' callbacks."""
     if takes_message_info:
         return SingleThreadedExecutor()

@@ -20,7 +20,6 @@ from simbev_ros.assets.regions.static_cache import load_streetside
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.msgs import topics
-from simbev_ros.msgs.markers import world_markers
 from simbev_ros.msgs.qos import STEERING, rclpy_qos
 from simbev_ros.msgs.robot_description import robot_description
 from simbev_ros.msgs.signing import signed_json
@@ -39,6 +38,7 @@ from simbev_ros.nodes.graph_node import GraphNode
 from simbev_ros.nodes.lockstep import Lockstep
 from simbev_ros.nodes.pacer import Pacer
 from simbev_ros.nodes.reports import read_report
+from simbev_ros.nodes.world_displays import WorldDisplays
 from simbev_ros.process_memory import freeze_after_loading
 from simbev_ros.recording.replay import Replay
 from simbev_ros.scene.ending import SceneEnd, SceneEndDetector
@@ -60,12 +60,14 @@ class _LoadedScene:
         request: The request for the scene.
         source: Simulation or replay that computes its states.
         ending: Decides when the scene ends.
+        displays: Publishes what somebody looks at.
         end: How the scene has ended; None: it has not.
     """
 
     request: SceneRequest
     source: StateSource
     ending: SceneEndDetector
+    displays: WorldDisplays
     end: SceneEnd | None = None
 
     @property
@@ -113,18 +115,19 @@ class WorldNode(GraphNode):
         """Load a scene, announce it and simulate its warm-up; ticks start when all participants are connected."""
         self.close()
         with freeze_after_loading():
-            source = self._load(request)
-        self._scene = _LoadedScene(request, source, SceneEndDetector(request.spec, source.available))
+            source, displays = self._load(request)
+        ending = SceneEndDetector(request.spec, source.available)
+        self._scene = _LoadedScene(request, source, ending, displays)
         for _ in range(request.spec.warm_up_ticks - request.spec.lead_in_ticks):
             source.step()
         self._next_tick = -request.spec.lead_in_ticks
         self._pacer.start()
 
-    def _load(self, request: SceneRequest) -> StateSource:
-        """Load and announce a scene; return the source of its states."""
+    def _load(self, request: SceneRequest) -> tuple[StateSource, WorldDisplays]:
+        """Load and announce a scene; return the source of its states, and its displays."""
         spec = request.spec
         network = load_network(spec.map)
-        for topic in (*topics.unrecorded_world_topics(), *topics.world_topics(spec)):
+        for topic in (*topics.unrecorded_world_topics(spec), *topics.world_topics(spec)):
             self.advertise(topic)
         self._transforms.start_scene(spec)
         command = topics.agent_topic(spec.rig.agent, "cmd_vel")
@@ -135,13 +138,11 @@ class WorldNode(GraphNode):
         self.publish(topics.ROBOT_DESCRIPTION, String(data=robot_description(spec)))
         self.publish(topics.LEGEND, String(data=json.dumps(legend(network.signals))))
         streetside = load_streetside(spec.map, network, reach=loaded_reach(spec, network))
-        self._publish_lights(spec, streetside)
-        self.publish(topics.SCENE, String(data=spec.model_dump_json()))
-        return _make_source(request, network, streetside)
-
-    def _publish_lights(self, spec: SceneSpec, streetside: Streetside) -> None:
-        self.publish(topics.LIGHTS, lights_message(street_lights(spec.lights, streetside.light_m), spec.start_ns))
+        lamps = street_lights(spec.lights, streetside.light_m)
+        self.publish(topics.LIGHTS, lights_message(lamps, spec.start_ns))
         self.publish(topics.BUILDING_LIGHTS, building_lights_message(spec.lights.buildings))
+        self.publish(topics.SCENE, String(data=spec.model_dump_json()))
+        return _make_source(request, network, streetside), WorldDisplays(self, spec, lamps)
 
     def _on_command(self, message: Twist) -> None:
         if self._scene is not None:
@@ -183,20 +184,19 @@ class WorldNode(GraphNode):
             if scene.end is not None:  # published first: all nodes know it before they can finish the last tick
                 self.publish(topics.END, String(data=signed_json(scene.end, self.signer)))
             with self.meter.part("message"):
-                self._publish_state(scene.spec, state)
+                self._publish_state(scene, state)
         self.report_finished(scene.spec, self._next_tick)
         self._next_tick += 1
 
-    def _publish_state(self, spec: SceneSpec, state: WorldState) -> None:
-        agent = spec.rig.agent
+    def _publish_state(self, scene: _LoadedScene, state: WorldState) -> None:
+        agent = scene.spec.rig.agent
         for event in state.events:  # first, so that they arrive well before the tick is finished
             self.publish(topics.EVENTS, event_message(event, state))
         self.publish(topics.CLOCK, Clock(clock=time_message(state.stamp_ns)))
         self.publish(topics.ACTORS, actors_message(state))
         self.publish(topics.SIGNALS, signals_message(state))
         self.publish(topics.WEATHER, weather_message(state))
-        if self.reader_count(topics.WORLD_MARKERS):
-            self.publish(topics.WORLD_MARKERS, world_markers(state))
+        scene.displays.publish(state)
         odometry = odometry_message(state.ego, state.stamp_ns, f"{agent}/base_link")
         self.publish(topics.odometry_name(agent), odometry)
         self._transforms.publish(odometry)

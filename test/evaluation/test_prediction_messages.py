@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from prediction_bags import TABLE_DTYPE, TYPES, detections, header, image, markers, occupancy, pose, table_message
 
+from simbev_ros.annotation.boxes.boxes import blank_boxes
 from simbev_ros.errors import InputError
 from simbev_ros.evaluation.predictions.prediction_messages import (
     BOX_TYPES,
@@ -15,6 +16,9 @@ from simbev_ros.evaluation.predictions.prediction_messages import (
     occupancy_scores,
     stamp_ns_of,
 )
+from simbev_ros.geometry.grid import BevGrid
+from simbev_ros.msgs.displays.box_markers import box_markers
+from simbev_ros.msgs.displays.grids import occupancy_grid
 from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES
 from simbev_ros.types import AnyArray, Table
 
@@ -98,13 +102,9 @@ def test_a_marker_without_text_has_score_1_and_a_class_may_be_a_number() -> None
 
 
 def test_our_own_markers_are_perfect_predictions() -> None:
-    pytest.importorskip("rclpy")
-    from simbev_ros.annotation.boxes.boxes import blank_boxes
-    from simbev_ros.msgs.markers import box_markers
-
     truth = blank_boxes(3)
     truth["class"], truth["yaw"], truth["x"], truth["length"] = [0, 5, 9], [3, -2, 0.5], [1, 2, 3], [4, 1, 2]
-    found = read_message(MARKERS, box_markers(truth, STAMP_NS))
+    found = read_message(MARKERS, TYPES.deserialize_cdr(box_markers(truth, STAMP_NS), MARKERS))
     np.testing.assert_array_equal(found.predictions.boxes.label, truth["class"])
     np.testing.assert_allclose(found.predictions.boxes.yaw_rad, truth["yaw"], rtol=1e-6)
     np.testing.assert_array_equal(found.predictions.boxes.size_m[:, 0], truth["length"])
@@ -208,15 +208,10 @@ def test_every_percentage_is_the_nearest_float() -> None:
 
 @pytest.mark.parametrize("tilt_rad", [0.0, 0.12])
 def test_our_own_occupancy_grids_are_read_back(tilt_rad: float) -> None:
-    pytest.importorskip("rclpy")
-    from simbev_ros.geometry.grid import BevGrid
-    from simbev_ros.msgs.occupancy import occupancy_grid_message
-    from simbev_ros.scene.state import ACTOR_DTYPE
-
-    ego = np.zeros((), ACTOR_DTYPE)
-    ego["pitch"], ego["roll"], ego["yaw"] = tilt_rad, -tilt_rad / 2, 2.0
+    rpy_rad = np.array([-tilt_rad / 2, tilt_rad, 2.0])
     covered = np.random.default_rng(5).random((360, 200)) < 0.3
-    message = occupancy_grid_message(covered, BevGrid(360, 200, 0.4), STAMP_NS, "ego/base_link", ego)
+    made = occupancy_grid(covered, BevGrid(360, 200, 0.4), STAMP_NS, "ego/base_link", rpy_rad)
+    message = TYPES.deserialize_cdr(made, "nav_msgs/msg/OccupancyGrid")
     np.testing.assert_array_equal(occupancy_scores(message, "/bev"), covered)
 
 

@@ -1,31 +1,38 @@
 """A client of the Foxglove WebSocket protocol receives a bag's messages as they are in the file."""
 
 import json
+import re
 import shutil
 import signal
 import socket
 import struct
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pytest
 from made_up_scene import made_up_scene
+from rosbags.typesys import Stores, get_typestore
 
+from simbev_ros.foxglove_server.derived import derivations
 from simbev_ros.foxglove_server.playback_clock import PlaybackClock
+from simbev_ros.msgs.displays.box_markers import box_markers
+from simbev_ros.recording.arrays import point_array
 from simbev_ros.recording.reader import SceneBag
 
-websocket = pytest.importorskip("websocket")
+pytest.importorskip("websocket")
 pytest.importorskip("foxglove")
+from foxglove_client import FoxgloveClient
+
 JAVASCRIPT = Path(__file__).parent / "javascript"
-_MESSAGE = struct.Struct("<BIQ")
+TYPES = get_typestore(Stores.ROS2_JAZZY)
 
 
 def command(*arguments: object) -> list[str]:
-    return [sys.executable, "-m", "simbev_ros.cli.main", "foxglove", *map(str, arguments)]
+    return [sys.executable, "-m", "simbev_ros.cli.main", "view", "--foxglove", *map(str, arguments)]
 
 
 @pytest.fixture(scope="module")
@@ -35,10 +42,12 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.fixture
-def server(bag: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
+@contextmanager
+def served(bag: Path, *options: object) -> Iterator[tuple[subprocess.Popen[str], str]]:
     """A running command and its address."""
-    process = subprocess.Popen(command(bag, "--port", 0), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(
+        command(bag, "--port", 0, *options), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
     assert process.stdout is not None
     try:
         yield process, process.stdout.readline().split()[-1]
@@ -47,51 +56,93 @@ def server(bag: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
         process.communicate()
 
 
-def connect(url: str) -> tuple[Any, dict[str, Any], list[dict[str, Any]]]:
-    """A connection, the server's description, and its channels."""
-    client = websocket.create_connection(url, subprotocols=["foxglove.sdk.v1"], timeout=20)
-    info = json.loads(client.recv())
-    channels = json.loads(client.recv())["channels"]
-    client.send(
-        json.dumps({"op": "subscribe", "subscriptions": [{"id": c["id"], "channelId": c["id"]} for c in channels]})
-    )
-    return client, info, channels
+@pytest.fixture
+def server(bag: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """A running command and its address."""
+    with served(bag) as started:
+        yield started
 
 
 def test_every_message_arrives_with_its_bytes_and_stamp(bag: Path, server: tuple[Any, str]) -> None:
     with SceneBag(bag) as opened:
         expected = {(m.topic, m.stamp_ns, bytes(m.data)) for m in opened.messages()}
-    client, info, channels = connect(server[1])
-    assert set(info["capabilities"]) == {"time", "playbackControl"}
-    names = {channel["id"]: channel["topic"] for channel in channels}
-    assert {(channel["encoding"], channel["schemaEncoding"]) for channel in channels} == {("cdr", "ros2msg")}
-    found, end_s = set(), time.monotonic() + 20
-    while found != expected and time.monotonic() < end_s:
-        data = client.recv()
-        if data[0] == 1:
-            _, channel, stamp_ns = _MESSAGE.unpack_from(data)
-            found.add((names[channel], stamp_ns, data[_MESSAGE.size :]))
-    client.close()
-    assert found == expected
+
+    def found() -> set[tuple[str, int, bytes]]:
+        return {(topic, *each) for topic, messages in client.messages.items() for each in messages if topic in recorded}
+
+    recorded = {topic for topic, _, _ in expected}
+    with FoxgloveClient(server[1]) as client:
+        client.receive_until(lambda: found() == expected)
+        assert set(client.info["capabilities"]) == {"time", "playbackControl"}
+        kinds = {(channel["encoding"], channel["schemaEncoding"]) for channel in client.channels.values()}
+    assert kinds == {("cdr", "ros2msg")}
+
+
+def test_displays_are_made_of_what_is_recorded(bag: Path, server: tuple[Any, str]) -> None:
+    with SceneBag(bag) as opened:
+        boxes = {box_markers(point_array(opened.decode(m)), m.stamp_ns) for m in opened.messages(["/ego/boxes"])}
+        latest = max(opened.topics["/ego/odom"].stamps_ns)
+    with FoxgloveClient(server[1]) as client:
+        client.receive_until(lambda: {data for _, data in client.messages.get("/ego/boxes/markers", [])} == boxes)
+        client.receive_until(lambda: latest in [stamp_ns for stamp_ns, _ in client.messages["/ego/path"]])
+        pictures = {name for name in client.channels if name.endswith("/color/compressed")}
+    assert len(pictures) == 2 * 4 and pictures <= client.messages.keys()
+    path = dict(client.messages["/ego/path"])[latest]
+    places = TYPES.deserialize_cdr(path, "nav_msgs/msg/Path").poses
+    assert [each.pose.position.x for each in places] == [0.0, 5.0, 10.0]
+    assert "/world/markers" not in client.channels, "the bag has no table of street lights"
 
 
 def test_a_seek_sends_what_was_there_at_that_time(bag: Path, server: tuple[Any, str]) -> None:
     with SceneBag(bag) as opened:
         stamp_ns = int(opened.topics["/ego/odom"].stamps_ns[1])
-    client, _, channels = connect(server[1])
-    names = {channel["id"]: channel["topic"] for channel in channels}
-    request = struct.pack("<BBfBQI", 3, 1, 1.0, 1, stamp_ns, 1) + b"a"  # pause, and seek
-    client.send_binary(request)
-    last_ns: dict[str, int] = {}
-    end_s = time.monotonic() + 1.5
-    while time.monotonic() < end_s:
-        data = client.recv()
-        if data[0] == 1:
-            _, channel, sent_ns = _MESSAGE.unpack_from(data)
-            last_ns[names[channel]] = sent_ns
-    client.close()
-    assert last_ns["/ego/odom"] == stamp_ns
-    assert "/world/legend" in last_ns, "latched topics are sent again"
+    with FoxgloveClient(server[1]) as client:
+        client.receive_until(lambda: "/world/legend" in client.messages)
+        client.send(struct.pack("<BBfBQI", 3, 1, 1.0, 1, stamp_ns, 1) + b"a")  # pause, and seek
+        client.receive(1.5)
+    for topic in ("/ego/odom", "/ego/path", "/ego/bev/car/grid"):
+        assert client.messages[topic][-1][0] == stamp_ns, topic
+    assert len(client.messages["/world/legend"]) > 1, "latched topics are sent again"
+
+
+def test_a_bag_that_was_cut_off_is_served_as_far_as_it_goes(bag: Path, tmp_path: Path) -> None:
+    cut = Path(shutil.copytree(bag, tmp_path / "Blocks-0000"))
+    (cut / "metadata.yaml").unlink()
+    (file,) = cut.glob("*.mcap")
+    file.write_bytes(file.read_bytes()[:-400])  # the end of the file, with its index
+    with served(cut) as (process, url), FoxgloveClient(url) as client:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "warning: the bag was cut off; what it holds is served\n"
+        client.receive_until(lambda: {"/ego/odom", "/ego/path", "/ego/lidar/points"} <= client.messages.keys())
+
+
+def test_damage_in_the_middle_is_reported_once(bag: Path, tmp_path: Path) -> None:
+    damaged = Path(shutil.copytree(bag, tmp_path / "Blocks-0000"))
+    (file,) = damaged.glob("*.mcap")
+    data = bytearray(file.read_bytes())
+    data[len(data) // 2] ^= 0xFF
+    file.write_bytes(data)
+    with served(damaged) as (process, url), FoxgloveClient(url) as client:
+        assert process.stdout is not None
+        client.receive(1.5)
+        assert re.match(r"warning: .* damaged .*; what comes before is served", process.stdout.readline())
+        assert process.poll() is None
+
+
+@pytest.mark.parametrize(("bind", "shown"), [("127.0.0.2", "127.0.0.2"), ("::1", "[::1]")])
+def test_it_listens_where_it_is_told_to_and_nowhere_else(bag: Path, bind: str, shown: str) -> None:
+    with served(bag, "--bind", bind) as (_, url):
+        host, _, port = url.removeprefix("ws://").rpartition(":")
+        assert host == shown
+        with FoxgloveClient(url) as client:
+            client.receive_until(lambda: "/ego/odom" in client.messages)
+        with pytest.raises(ConnectionRefusedError):
+            socket.create_connection(("127.0.0.1", int(port)), timeout=5)
+
+
+def test_an_address_of_another_machine_is_named(bag: Path) -> None:
+    line = failure(bag, "--port", 0, "--bind", "192.0.2.1")
+    assert "192.0.2.1 cannot be used" in line and "--bind" in line
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -127,7 +178,7 @@ def test_without_the_library_one_line_says_how_to_install_it(bag: Path) -> None:
     program = f"""
 import sys
 sys.modules["foxglove"] = None
-sys.argv = ["simbev", "foxglove", {str(bag)!r}]
+sys.argv = ["simbev", "view", "--foxglove", {str(bag)!r}]
 from simbev_ros.cli.main import main
 main()
 """
@@ -161,6 +212,7 @@ def test_foxgloves_own_client_decodes_every_topic(bag: Path, server: tuple[Any, 
         pytest.skip(f"npm cannot install the packages: {installed.stderr.decode()[-300:]}")
     with SceneBag(bag) as opened:
         expected = {name: topic.type_name for name, topic in opened.topics.items()}
+        expected |= {name: derived.type_name for name, derived in derivations(opened).items()}
     output = subprocess.run(
         ["node", str(folder / "client.mjs"), server[1], str(len(expected))],
         capture_output=True,

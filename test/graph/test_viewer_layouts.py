@@ -14,10 +14,12 @@ from made_up_scene import made_up_spec
 from rosbags.typesys import Stores, get_typestore
 
 from simbev_ros.annotation.occupancy.occupancy import VOXEL_DTYPE
+from simbev_ros.config.annotation import VectorMapPatch
 from simbev_ros.config.load import load_scenario
+from simbev_ros.foxglove_server.derived import derivations
 from simbev_ros.msgs.qos import qos_of
 from simbev_ros.msgs.topic import Topic
-from simbev_ros.msgs.topics import DIAGNOSTICS, manifest, unrecorded_world_topics
+from simbev_ros.msgs.topics import DIAGNOSTICS, display_topics, manifest
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.sensors.lidar import POINT_DTYPE, SEMANTIC_POINT_DTYPE
 from simbev_ros.sensors.radar import RADAR_POINT_DTYPE
@@ -30,11 +32,17 @@ TYPES = get_typestore(Stores.ROS2_JAZZY)
 RVIZ_TYPES = {
     "RobotModel": {"std_msgs/msg/String"},
     "Odometry": {"nav_msgs/msg/Odometry"},
+    "Path": {"nav_msgs/msg/Path"},
     "PointCloud2": {"sensor_msgs/msg/PointCloud2"},
     "MarkerArray": {"visualization_msgs/msg/MarkerArray"},
     "Image": {"sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"},
 }
-SHOWN_IN_3D = {"sensor_msgs/msg/PointCloud2", "visualization_msgs/msg/MarkerArray", "std_msgs/msg/String"}
+SHOWN_IN_3D = {
+    "sensor_msgs/msg/PointCloud2",
+    "visualization_msgs/msg/MarkerArray",
+    "nav_msgs/msg/Path",
+    "std_msgs/msg/String",
+}
 COLUMNS = {
     "lidar/points": POINT_DTYPE,
     "lidar/semantic_points": SEMANTIC_POINT_DTYPE,
@@ -48,9 +56,11 @@ def topics() -> dict[str, Topic]:
     """Topics that a graph with the paper's rig offers, by name."""
     rig = load_scenario("paper").rig
     sensors = [sensor.model_dump() for sensor in rig.sensors]
-    spec = made_up_spec(sensors)
+    plain = made_up_spec(sensors)
+    labels = plain.annotation.model_copy(update={"vector_map": VectorMapPatch()})
+    spec = plain.model_copy(update={"annotation": labels})
     found = [topic for form in (True, False) for topic in manifest(spec, compressed_images=form)]
-    found += [*unrecorded_world_topics(), Topic(DIAGNOSTICS, "diagnostic_msgs/msg/DiagnosticArray")]
+    found += [*display_topics(spec), Topic(DIAGNOSTICS, "diagnostic_msgs/msg/DiagnosticArray")]
     return {topic.name: topic for topic in found}
 
 
@@ -73,6 +83,11 @@ def name_of(display: dict[str, Any]) -> str:
 def panels(kind: str) -> list[dict[str, Any]]:
     """Settings of Foxglove's panels of one kind."""
     return [settings for name, settings in FOXGLOVE["configById"].items() if name.startswith(f"{kind}!")]
+
+
+def diagnostics() -> list[dict[str, Any]]:
+    """Settings of Foxglove's panels for diagnostics."""
+    return [*panels("DiagnosticSummary"), *panels("DiagnosticStatusPanel")]
 
 
 def colored_clouds() -> Iterator[tuple[str, str]]:
@@ -105,12 +120,11 @@ def named_topics() -> set[str]:
     names = {name_of(display) for display in displays()} | {topic for topic, _ in message_paths()}
     for panel in panels("Image"):
         names |= {panel["imageMode"][key] for key in ("imageTopic", "calibrationTopic") if key in panel["imageMode"]}
+        names |= panel["imageMode"].get("annotations", {}).keys()
     for panel in panels("3D"):
         names |= panel["topics"].keys()
     return (
-        names
-        | {panel["followTopic"] for panel in panels("map")}
-        | {panel["topicToRender"] for panel in panels("DiagnosticSummary")}
+        names | {panel["followTopic"] for panel in panels("map")} | {panel["topicToRender"] for panel in diagnostics()}
     )
 
 
@@ -128,6 +142,8 @@ def test_displays_and_panels_get_the_types_that_they_draw() -> None:
         mode = panel["imageMode"]
         assert topics()[mode["imageTopic"]].type in RVIZ_TYPES["Image"]
         assert topics()[mode.get("calibrationTopic", "/ego/cam_front/rgb/camera_info")].type.endswith("CameraInfo")
+        assert {topics()[name].type for name in mode.get("annotations", {})} <= {"visualization_msgs/msg/ImageMarker"}
+    assert {topics()[panel["topicToRender"]].type for panel in diagnostics()} == {"diagnostic_msgs/msg/DiagnosticArray"}
     assert {topics()[panel["followTopic"]].type for panel in panels("map")} == {"sensor_msgs/msg/NavSatFix"}
 
 
@@ -176,9 +192,14 @@ def test_a_recorded_scene_has_them_with_these_types_and_columns(recorded: Path) 
     with SceneBag(recorded) as bag:
         found = {name: topic.type_name for name, topic in bag.topics.items()}
         shown = named_topics() & found.keys()
+        made = {name: derived.type_name for name, derived in derivations(bag).items()}
+        displays = named_topics() & made.keys()
         front = {name for name in named_topics() if "cam_front/" in name or "radar_front/" in name or "/lidar/" in name}
-        assert front <= shown and {"/robot_description", "/ego/occupancy/points", "/ego/boxes/markers"} <= shown
+        others = {"/robot_description", "/ego/occupancy/points", "/ego/boxes/markers"}
+        assert front <= shown | displays and others <= shown
         assert {name: found[name] for name in shown} == {name: topics()[name].type for name in shown}
+        assert {"/ego/path", "/ego/vector_map/markers", "/world/markers", "/ego/cam_front/boxes/markers"} <= displays
+        assert {name: made[name] for name in displays} == {name: topics()[name].type for name in displays}
         for topic, column in colored_clouds():
             if topic in found:
                 cloud = bag.decode(next(bag.messages([topic])))

@@ -1,22 +1,22 @@
 """Grids and markers follow the conventions of RViz and Foxglove, checked on deserialized messages."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 from nav_msgs.msg import OccupancyGrid
-from rclpy.serialization import deserialize_message, serialize_message
-from synthetic_world import actor, box_model, world
+from rclpy.serialization import deserialize_message
+from synthetic_world import actor, box_model
 from visualization_msgs.msg import Marker, MarkerArray
 
 from simbev_ros.annotation.boxes.boxes import BOX_DTYPE
 from simbev_ros.geometry.grid import BevGrid
 from simbev_ros.geometry.transforms import apply, inverse
-from simbev_ros.msgs.markers import box_markers, world_markers
-from simbev_ros.msgs.occupancy import occupancy_grid_message
+from simbev_ros.msgs.displays.box_markers import box_markers, world_markers
+from simbev_ros.msgs.displays.grids import occupancy_grid
 from simbev_ros.msgs.stamps import stamp_of
+from simbev_ros.scene.lights import STREET_LIGHT_DTYPE
 from simbev_ros.scene.state import SIGNAL_DTYPE, SignalState, map_from_actors
 from simbev_ros.semantics import BOX_CLASSES, Tag
+from simbev_ros.sensors.mount import vector
 from simbev_ros.types import BoolArray, Float64Array, Table
 
 STAMP_NS = 7_204_050_000_001
@@ -50,8 +50,8 @@ def test_grid_cells_are_where_the_message_puts_them_in_the_map(tilt: dict[str, f
     ego = actor(box_model(Tag.CAR, (4.0, 2.0, 1.5)), **EGO, **tilt)
     rotation = np.array([[np.cos(EGO["yaw"]), -np.sin(EGO["yaw"])], [np.sin(EGO["yaw"]), np.cos(EGO["yaw"])]])
     covered = pattern(GRID.centers_ego @ rotation.T + [EGO["x"], EGO["y"]])
-    made = occupancy_grid_message(covered, GRID, STAMP_NS, "ego/base_link", ego[0])
-    message = deserialize_message(serialize_message(made), OccupancyGrid)
+    made = occupancy_grid(covered, GRID, STAMP_NS, "ego/base_link", vector(ego[0], "roll pitch yaw"))
+    message = deserialize_message(made, OccupancyGrid)
     assert (message.header.frame_id, stamp_of(message.header.stamp)) == ("ego/base_link", STAMP_NS)
     info, position, q = message.info, message.info.origin.position, message.info.origin.orientation
     assert (info.width, info.height, info.resolution) == (GRID.rows, GRID.columns, 0.5)
@@ -79,7 +79,7 @@ def boxes(count: int = 12) -> Table:
 
 
 def read(table: Table, stamp_ns: int = STAMP_NS) -> list[Marker]:
-    markers: list[Marker] = deserialize_message(serialize_message(box_markers(table, stamp_ns)), MarkerArray).markers
+    markers: list[Marker] = deserialize_message(box_markers(table, stamp_ns), MarkerArray).markers
     return markers
 
 
@@ -136,8 +136,9 @@ def test_actors_have_their_own_color_and_signals_that_of_their_state() -> None:
     bus = actor(box_model(Tag.BUS, (11.0, 2.5, 3.2)), **EGO, roll=0.1, pitch=-0.2, color=0xFF8000)
     signals = np.zeros(2, SIGNAL_DTYPE)
     signals["id"], signals["x"], signals["state"] = [1, 2], [5.0, 6.0], [SignalState.RED, SignalState.GREEN]
-    message = world_markers(dataclasses.replace(world(bus), signals=signals))
-    _, cube, heading, *lamps = deserialize_message(serialize_message(message), MarkerArray).markers
+    _, cube, heading, *lamps = deserialize_message(
+        world_markers(bus, signals, np.zeros(0, STREET_LIGHT_DTYPE), STAMP_NS), MarkerArray
+    ).markers
     assert (cube.ns, cube.id, cube.color.r, cube.color.g, cube.color.b) == (
         "bus",
         7,

@@ -48,12 +48,18 @@ class MadeUp:
 
 
 def made_up_scene(
-    path: Path, *, number: int = 0, split: str = "train", ticks: int = 3, sensors: list[dict[str, Any]] | None = None
+    path: Path,
+    *,
+    number: int = 0,
+    split: str = "train",
+    ticks: int = 3,
+    sensors: list[dict[str, Any]] | None = None,
+    chunk_bytes: int = 4 << 20,
 ) -> MadeUp:
     """Write a finished bag. Occupancy is there at every second tick."""
     spec = made_up_spec(SENSORS if sensors is None else sensors, number=number, split=split, ticks=ticks)
     made, rng = MadeUp(spec), np.random.default_rng(number)
-    with SceneBagWriter(path) as writer:
+    with SceneBagWriter(path, chunk_bytes=chunk_bytes) as writer:
         writer.add_attachment(SCENE_ATTACHMENT, "application/json", spec.model_dump_json().encode())
         writer.add_attachment("config.yaml", "application/yaml", b"seed: 1\n")
         latched = QosProfile(durability="transient_local")

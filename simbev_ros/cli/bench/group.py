@@ -12,6 +12,7 @@ from simbev_ros.cli.bench.endurance import endurance
 from simbev_ros.cli.bench.production import production
 from simbev_ros.cli.bench.report import Json, show_timing
 from simbev_ros.cli.bench.sensing import cameras, labels, rays
+from simbev_ros.cli.bench.viewing import view
 from simbev_ros.cli.console import make_console
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.rendering import Quality
@@ -115,7 +116,7 @@ def _show_graph(scenario: Scenario, ticks: int, *, record: bool, as_json: bool) 
     )
 
 
-for _command in (cameras, rays, labels, reading, record, evaluate, city, production, endurance):
+for _command in (cameras, rays, labels, reading, record, evaluate, city, production, endurance, view):
     bench.command()(_command)
 
 

@@ -112,13 +112,17 @@ def radar_picture(clouds: Sequence[tuple[Table, Float64Array]], size_px: int, ha
     """
     points_ego = [apply(pose, np.stack([cloud[axis] for axis in "xyz"], axis=1)) for cloud, pose in clouds]
     speed_mps = np.concatenate([np.zeros(0), *(cloud["doppler_velocity"] for cloud, _ in clouds)])
+    fastest_last = np.argsort(np.minimum(np.abs(speed_mps), FULL_SPEED_MPS), kind="stable")
+    xy_m = np.concatenate([np.zeros((0, 3)), *points_ego])[:, :2]
+    return _from_above(xy_m[fastest_last], doppler_color(speed_mps[fastest_last]), 4, size_px, half_extent_m)
+
+
+def doppler_color(speed_mps: AnyArray) -> UInt8Array:
+    """(N, 3) colors of (N,) radial speeds, m/s: blue approaches, red recedes, gray does neither."""
     share = np.clip(speed_mps / FULL_SPEED_MPS, -1.0, 1.0)[:, None]
     end = np.where(share < 0, _APPROACHING, _RECEDING)
     strength = np.sqrt(np.abs(share))
-    colors = np.rint(end * strength + np.array(_NEITHER) * (1 - strength)).astype(np.uint8)
-    fastest_last = np.argsort(np.abs(share[:, 0]), kind="stable")
-    xy_m = np.concatenate([np.zeros((0, 3)), *points_ego])[:, :2]
-    return _from_above(xy_m[fastest_last], colors[fastest_last], 4, size_px, half_extent_m)
+    return np.rint(end * strength + np.array(_NEITHER) * (1 - strength)).astype(np.uint8)
 
 
 def _from_above(

@@ -18,7 +18,7 @@ VIDEO_WIDTH_PX = 1280
 _BT709 = 1
 _QUALITY = "21"
 _SAME_BYTES = "mbtree=0"
-"""With its macroblock tree, libx264 makes other bytes of the same frames, as it reads memory that nobody has written."""
+"""With its macroblock tree, libx264 makes other bytes of the same frames: it reads memory that nobody has written."""
 
 
 def write_picture(reader: FrameReader, index: int, path: Path) -> None:

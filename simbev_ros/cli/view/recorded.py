@@ -1,0 +1,100 @@
+"""A recorded scene in Rerun's viewer, or as a file for it."""
+
+import sys
+from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+
+from simbev_ros.cli.console import counting_bar, plural
+from simbev_ros.cli.output_file import require_place
+from simbev_ros.cli.view.browser import show_address, wait_for_end
+from simbev_ros.errors import InputError
+
+if TYPE_CHECKING:
+    from simbev_ros.dataset.scene import Scene
+    from simbev_ros.viewer.recorded import ScenePlayer
+    from simbev_ros.viewer.subject import Detail
+
+_SUFFIX = ".rrd"
+_SERVER_SHARE = 1.25
+"""Of the size of what is drawn: what the server may keep, so that it drops nothing."""
+
+
+def require_rerun() -> None:
+    """Raise InputError if Rerun is not installed, or cannot be."""
+    if version("numpy").startswith("1."):
+        raise InputError(
+            "simbev view needs Rerun, which needs NumPy 2, and an installed ROS 2 Jazzy needs NumPy 1; "
+            "call it where no ROS is sourced, or with --foxglove"
+        )
+    if find_spec("rerun") is None:
+        raise InputError(f"simbev view needs Rerun; install it: {sys.executable} -m pip install 'simbev_ros[view]'")
+
+
+def write_file(scene: "Scene", out: Path, detail: "Detail", console: Console) -> None:
+    """Write a scene as a file for Rerun.
+
+    Raises:
+        InputError: The file cannot be written there.
+        BagError: The bag cannot be read.
+    """
+    from simbev_ros.recording.whole_files import whole_file
+    from simbev_ros.viewer.blueprint import scene_blueprint
+    from simbev_ros.viewer.recorded import ScenePlayer
+    from simbev_ros.viewer.scene_log import SceneLog
+
+    if out.suffix != _SUFFIX:
+        raise InputError(f"--out {out}: must end in {_SUFFIX}")
+    require_place(out)
+    with whole_file(out) as file, SceneLog(scene.spec) as log:
+        player = ScenePlayer(scene, log, detail)
+        log.save(file, scene_blueprint(player.subject, with_predictions=player.has_predictions))
+        with counting_bar(scene.name, console, player.steps) as bar:
+            player.play(bar.advance)
+    _report_damage(player, console)
+    console.print(f"wrote {out}", soft_wrap=True)
+
+
+def show_recorded(scene: "Scene", place: tuple[int, str], detail: "Detail", console: Console, *, opens: bool) -> None:
+    """Show a scene in the browser until an interrupt.
+
+    Raises:
+        InputError: The port, or the address, of ``place`` cannot be used.
+        BagError: The bag cannot be read.
+    """
+    from simbev_ros.viewer.blueprint import scene_blueprint
+    from simbev_ros.viewer.recorded import ScenePlayer
+    from simbev_ros.viewer.scene_log import SceneLog
+    from simbev_ros.viewer.server import ViewerServer
+
+    with ViewerServer(*place, int(detail.limit_bytes * _SERVER_SHARE)) as server, SceneLog(scene.spec) as log:
+        player = ScenePlayer(scene, log, detail)
+        log.connect(server.data_url, scene_blueprint(player.subject, with_predictions=player.has_predictions))
+        show_address(server.page_url, console, opens=opens)
+        with counting_bar(scene.name, console, player.steps) as bar:
+            player.play(bar.advance)
+        _report_damage(player, console)
+        _report_thinning(player, detail.limit_bytes, console)
+        console.print(f"{plural(len(scene), 'frame')} sent; Ctrl-C ends the viewer", soft_wrap=True)
+        wait_for_end(server)
+
+
+def _report_thinning(player: "ScenePlayer", limit_bytes: float, console: Console) -> None:
+    numbers = {"images and clouds": player.every, "layers": player.every_layer}
+    thinned = [f"one in {every} of the {kind}" for kind, every in numbers.items() if every > 1]
+    if thinned:
+        console.print(
+            f"shown: {', '.join(thinned)}, so that the scene fits in {limit_bytes / (1 << 20):.0f} MiB; "
+            "--memory allows more",
+            soft_wrap=True,
+        )
+
+
+def _report_damage(player: "ScenePlayer", console: Console) -> None:
+    if player.damage:
+        console.print(f"warning: {player.damage}; the frames before are shown", soft_wrap=True)
+    elif player.is_cut_off:
+        console.print("warning: the bag was cut off; what it holds is shown", soft_wrap=True)

@@ -1,0 +1,199 @@
+"""Topics for displays that bags do not contain, made from the recorded messages as the graph's nodes make them."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from simbev_ros.config.camera import Camera
+from simbev_ros.errors import BagError
+from simbev_ros.msgs import topics
+from simbev_ros.msgs.annotation_topics import annotation_topics
+from simbev_ros.msgs.displays.box_markers import box_markers, world_markers
+from simbev_ros.msgs.displays.ego_path import EgoPath, PathPose
+from simbev_ros.msgs.displays.grids import occupancy_grid
+from simbev_ros.msgs.displays.image_boxes import image_boxes
+from simbev_ros.msgs.displays.map_markers import map_markers
+from simbev_ros.msgs.displays.messages import rgb_image
+from simbev_ros.msgs.displays.pictures import color_picture
+from simbev_ros.msgs.displays.status import EVENT, LANE, WEATHER, status
+from simbev_ros.msgs.sensor_topics import camera_topics, picture_topics
+from simbev_ros.msgs.topic import Topic
+from simbev_ros.palette import bev_color
+from simbev_ros.recording.arrays import image_array, point_array
+from simbev_ros.recording.reader import RawMessage, SceneBag
+from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.scene.state import EGO_ID
+from simbev_ros.semantics import BEV_CLASSES
+from simbev_ros.sensors.mount import vector
+from simbev_ros.structured_text import parse_json
+from simbev_ros.types import AnyArray, UInt16Array
+
+_MALFORMED = (ValueError, KeyError, TypeError, IndexError, AttributeError, OverflowError)
+_Make = Callable[..., bytes]
+"""Makes a serialized message from a stamp, ns, and the decoded messages of the sources."""
+
+
+@dataclass(frozen=True, slots=True)
+class Derivation:
+    """How a topic is made.
+
+    Attributes:
+        name: The topic.
+        type_name: Its type.
+        sources: Recorded topics; each message of the first one leads to one of this topic.
+    """
+
+    name: str
+    type_name: str
+    sources: tuple[str, ...]
+    _bag: SceneBag
+    _make: _Make
+
+    def make(self, messages: Sequence[RawMessage]) -> bytes:
+        """The serialized message that follows from messages of the sources, in their order.
+
+        Raises:
+            BagError: A message is malformed.
+        """
+        try:
+            return self._make(messages[0].stamp_ns, *(self._bag.decode(message) for message in messages))
+        except _MALFORMED as error:
+            words = " ".join(str(error).split())
+            raise BagError(f"{self._bag.path}: {self.name} cannot be made: {words:.200}") from None
+
+
+def derivations(bag: SceneBag) -> dict[str, Derivation]:
+    """Topics that can be made of a bag and are not in it; none if its scene is not attached.
+
+    Raises:
+        BagError: The attached scene is damaged.
+    """
+    spec = bag.spec
+    if spec is None:
+        return {}
+    found = (
+        Derivation(topic.name, topic.type, sources, bag, make)
+        for parts in (_world(spec, bag), _labels(spec), _views(spec), _pictures(spec, bag))
+        for topic, sources, make in parts
+        if topic.name not in bag.topics and all(source in bag.topics for source in sources)
+    )
+    return {derived.name: derived for derived in found}
+
+
+_Part = tuple[Topic, tuple[str, ...], _Make]
+
+
+def _world(spec: SceneSpec, bag: SceneBag) -> Iterator[_Part]:
+    agent = spec.rig.agent
+    known = {topic.name: topic for topic in topics.world_displays(spec)}
+    odometry = topics.odometry_name(agent)
+    yield known[topics.WORLD_MARKERS], (topics.SIGNALS, topics.ACTORS, topics.LIGHTS), _world_markers
+    yield known[topics.path_name(agent)], (odometry,), _PathMaker(bag, odometry)
+    yield known[topics.WEATHER_STATUS], (topics.WEATHER,), partial(_status, WEATHER)
+    yield known[topics.EVENT_STATUS], (topics.EVENTS,), partial(_status, EVENT)
+
+
+def _labels(spec: SceneSpec) -> Iterator[_Part]:
+    labels, frame = annotation_topics(spec), f"{spec.rig.agent}/base_link"
+    yield labels.box_markers, (labels.boxes.name,), lambda stamp_ns, boxes: box_markers(point_array(boxes), stamp_ns)
+    yield labels.bev_color, (labels.bev_labels.name,), partial(_bev_picture, frame)
+    yield labels.lane_status, (labels.hd_map.name,), partial(_status, LANE)
+    if labels.vector_map is not None and labels.map_markers is not None:
+        yield labels.map_markers, (labels.vector_map.name,), _map_markers
+    for index, name in enumerate(BEV_CLASSES):
+        yield labels.grids[name], (labels.bev_labels.name, topics.ACTORS), partial(_grid, spec, index)
+
+
+def _views(spec: SceneSpec) -> Iterator[_Part]:
+    labels = annotation_topics(spec)
+    for camera, topic in labels.view_markers.items():
+        frame = f"{spec.rig.agent}/{camera}_optical"
+        yield topic, (labels.views[camera].name,), partial(_image_boxes, frame)
+
+
+def _pictures(spec: SceneSpec, bag: SceneBag) -> Iterator[_Part]:
+    for camera in spec.rig.of_type(Camera):
+        images = camera_topics(spec, camera)
+        frame = f"{spec.rig.agent}/{camera.name}_optical"
+        for modality, topic in picture_topics(spec, camera).items():
+            forms = images[modality].compressed.name, images[modality].raw.name
+            recorded = next((name for name in forms if name in bag.topics), forms[0])
+            yield topic, (recorded,), partial(_picture, modality, frame)
+
+
+def _world_markers(stamp_ns: int, signals: Any, actors: Any, lamps: Any) -> bytes:
+    return world_markers(point_array(actors), point_array(signals), point_array(lamps), stamp_ns)
+
+
+def _status(name: str, stamp_ns: int, message: Any) -> bytes:
+    return status(name, _record(message), stamp_ns)
+
+
+def _map_markers(stamp_ns: int, message: Any) -> bytes:
+    return map_markers(_record(message), stamp_ns)
+
+
+def _image_boxes(frame: str, stamp_ns: int, views: Any) -> bytes:
+    return image_boxes(point_array(views), stamp_ns, frame)
+
+
+def _picture(modality: str, frame: str, stamp_ns: int, message: Any) -> bytes:
+    return color_picture(modality, image_array(message), stamp_ns, frame)
+
+
+def _bev_picture(frame: str, stamp_ns: int, message: Any) -> bytes:
+    return rgb_image(bev_color(_bev_labels(message)), stamp_ns, frame)
+
+
+def _grid(spec: SceneSpec, index: int, stamp_ns: int, labels: Any, table: Any) -> bytes:
+    actors = point_array(table)
+    ego = actors[actors["id"] == EGO_ID][0]
+    covered = (_bev_labels(labels) >> index & 1).astype(bool)
+    frame, rpy_rad = f"{spec.rig.agent}/base_link", vector(ego, "roll pitch yaw")
+    return occupancy_grid(covered, spec.annotation.bev.grid, stamp_ns, frame, rpy_rad)
+
+
+def _bev_labels(message: Any) -> UInt16Array:
+    """The grid; only images of 16-bit labels have one."""
+    labels: AnyArray = image_array(message)
+    if labels.dtype != np.uint16 or labels.ndim != 2:
+        raise ValueError(f"its encoding is {message.encoding!r:.40}, not mono16")
+    return labels
+
+
+def _record(message: Any) -> dict[str, Any]:
+    """The JSON object in a String."""
+    record = parse_json(message.data)
+    if not isinstance(record, dict):
+        raise ValueError("its text is no JSON object")
+    return record
+
+
+def _pose(stamp_ns: int, odometry: Any) -> PathPose:
+    position, turn = odometry.pose.pose.position, odometry.pose.pose.orientation
+    return PathPose(stamp_ns, [position.x, position.y, position.z], [turn.x, turn.y, turn.z, turn.w])
+
+
+class _PathMaker:
+    """Makes the path up to a message; when the first one is wanted, it reads all of them."""
+
+    def __init__(self, bag: SceneBag, topic: str) -> None:
+        self._bag, self._topic = bag, topic
+        self._path: EgoPath | None = None
+
+    def __call__(self, stamp_ns: int, odometry: Any) -> bytes:
+        if self._path is None:
+            self._path = self._read()
+        return self._path.message(_pose(stamp_ns, odometry))
+
+    def _read(self) -> EgoPath:
+        path = EgoPath()
+        try:
+            for message in self._bag.messages([self._topic]):
+                path.add(_pose(message.stamp_ns, self._bag.decode(message)))
+        except BagError:  # it is reported when it is played
+            return path
+        return path

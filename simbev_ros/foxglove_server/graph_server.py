@@ -1,0 +1,82 @@
+"""Serves a running graph to Foxglove and Lichtblick; the node that it starts ends with it."""
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from threading import Event, Thread
+from typing import Any
+
+import rclpy
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from simbev_ros.foxglove_server.graph_relay import GraphRelay
+from simbev_ros.foxglove_server.server import Address, running_server
+from simbev_ros.nodes.main import make_executor
+
+_BACKLOG = 128
+"""Maximum number of messages that wait for a slow client; then the oldest are dropped for it."""
+_NICENESS = 10
+"""Lower priority than that of the graph, which needs the cores more."""
+_IDLE_S = 0.1
+
+
+def serve_domain(
+    domain: int, address: Address, on_started: Callable[[Address], None], warn: Callable[[str], None]
+) -> None:
+    """Serve the graph of a ROS domain until an exception, such as an interrupt, ends it.
+
+    Graphs may start and end meanwhile.
+
+    Args:
+        domain: ROS domain.
+        address: Where to listen.
+        on_started: Called with the address once clients can connect.
+        warn: Called with a line for each topic that cannot be shown.
+
+    Raises:
+        InputError: The address cannot be used.
+    """
+    import foxglove
+
+    os.nice(_NICENESS)
+    context = foxglove.Context()
+    with _spinning_node(domain) as node:
+        relay = GraphRelay(node, context, warn)
+        with running_server(f"ROS domain {domain}", address, relay, context, message_backlog_size=_BACKLOG) as (
+            server,
+            used,
+        ):
+            relay.server = server
+            on_started(used)
+            while relay.failure is None:
+                time.sleep(_IDLE_S)
+            relay.server = None
+            raise relay.failure
+
+
+@contextmanager
+def _spinning_node(domain: int) -> Iterator[Node]:
+    """A node whose callbacks run in a thread, so that an interrupt never ends one of them."""
+    rclpy.init(domain_id=domain, args=[], signal_handler_options=SignalHandlerOptions.NO)
+    stop = Event()
+    node = rclpy.create_node("simbev_view", enable_rosout=False, start_parameter_services=False)
+    try:
+        executor = make_executor(takes_message_info=False)
+        executor.add_node(node)
+        thread = Thread(target=_spin, args=(executor, stop))
+        thread.start()
+        try:
+            yield node
+        finally:
+            stop.set()
+            thread.join()
+    finally:
+        node.destroy_node()
+        rclpy.shutdown()
+
+
+def _spin(executor: Any, stop: Event) -> None:
+    while not stop.is_set():
+        executor.spin_once(timeout_sec=_IDLE_S)

@@ -1,0 +1,98 @@
+"""Shows the graph of a ROS domain in Rerun: server, node and drawing in one process, each in threads of its own."""
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from threading import Event, Thread
+
+import rclpy
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import try_shutdown
+
+from simbev_ros.nodes.main import make_executor
+from simbev_ros.viewer.live.graph_drawing import GraphDrawing
+from simbev_ros.viewer.live.graph_reader import GraphReader
+from simbev_ros.viewer.live.live_observer import LiveObserver
+from simbev_ros.viewer.live.newest_frame import NewestFrame
+from simbev_ros.viewer.server import ViewerServer
+from simbev_ros.viewer.subject import Detail
+
+_STEP_S = 0.1
+
+
+class LiveViewer:
+    """A viewer that runs.
+
+    Args:
+        server: Rerun's server.
+        reader: The node.
+        drawing: The thread that draws.
+    """
+
+    def __init__(self, server: ViewerServer, reader: GraphReader, drawing: GraphDrawing) -> None:
+        self._server, self._reader, self._drawing = server, reader, drawing
+
+    @property
+    def page_url(self) -> str:
+        """Address of the viewer's page."""
+        return self._server.page_url
+
+    def require_running(self) -> None:
+        """Raise what has ended a part of it; SimbevError if that is Rerun's server."""
+        self._server.require_running()
+        self._reader.raise_failure()
+        self._drawing.raise_failure()
+
+
+@contextmanager
+def running_viewer(
+    place: tuple[int, str],
+    rate_hz: float,
+    detail: Detail,
+    observer: LiveObserver,
+) -> Iterator[LiveViewer]:
+    """Show the graph of the environment's domain for as long as the context is open.
+
+    Args:
+        place: Port and address to listen on.
+        rate_hz: Maximum number of frames per second of wall time.
+        detail: How much is shown; beyond its limit of memory, the earliest is dropped.
+        observer: Receives what happens.
+
+    Raises:
+        InputError: The port cannot be used.
+        SimbevError: Rerun's server does not start.
+    """
+    frames = NewestFrame()
+    drawing = GraphDrawing(frames, detail, observer)
+    with ExitStack() as stack:
+        stack.callback(drawing.join)  # last: a thread that waits for a stalled server ends with the server
+        server = stack.enter_context(ViewerServer(*place, int(detail.limit_bytes)))
+        stack.callback(drawing.end)
+        drawing.start(server.data_url)
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        stack.callback(try_shutdown)
+        reader = GraphReader(frames, rate_hz, layers=detail.layers, observer=observer)
+        stack.callback(reader.destroy_node)
+        stack.enter_context(_spinning(reader))
+        yield LiveViewer(server, reader, drawing)
+
+
+@contextmanager
+def _spinning(reader: GraphReader) -> Iterator[None]:
+    """Run a node in a thread of its own."""
+    ended = Event()
+    executor = make_executor(takes_message_info=False)
+    executor.add_node(reader)
+
+    def spin() -> None:
+        while not ended.is_set():
+            executor.spin_once(timeout_sec=_STEP_S)
+
+    thread = Thread(target=spin, name="reading")
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
+        executor.shutdown()

@@ -138,7 +138,7 @@ def _facts_tabs(subject: Subject, *, is_live: bool) -> rrb.Tabs:
     if is_live:
         views.append(_plot(plots.TICK_RATE, "Ticks/s", legend=False))
     if subject.sensors("gnss"):
-        views.append(rrb.MapView(origin=plots.GNSS, name="GNSS", zoom=16.0))
+        views.append(rrb.MapView(origin=plots.GNSS, name="GNSS", zoom=18.0))
     views += [
         rrb.TextDocumentView(origin=SHEET, name="Scene"),
         rrb.TextLogView(origin=plots.EVENTS, name="Collisions"),

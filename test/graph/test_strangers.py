@@ -57,7 +57,7 @@ def strangers(spec: SceneSpec) -> Iterator[None]:
             clock = node.create_publisher(Clock, "/clock", 10)
             diagnostics = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
             tables = [node.create_publisher(PointCloud2, f"/world/{name}", 10) for name in ("actors", "signals")]
-            while not ended.wait(0.2):
+            while not ended.wait(1.0):
                 for topic, messages in texts.items():
                     for message in messages:
                         senders[topic].publish(message)

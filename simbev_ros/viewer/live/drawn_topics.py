@@ -1,12 +1,10 @@
 """Topics of a running graph that the viewer draws, and so subscribes to. Pure: imports no ROS."""
 
 from collections.abc import Callable, Iterator
-from typing import assert_never
 
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar
-from simbev_ros.config.positioning import Gnss, Imu
-from simbev_ros.config.radar import Radar
+from simbev_ros.config.positioning import Imu
 from simbev_ros.config.rig import AnySensor
 from simbev_ros.msgs.annotation_topics import annotation_topics
 from simbev_ros.msgs.sensor_topics import CameraTopics, camera_topics, imu_topics, lidar_topics, topics_of_sensor
@@ -40,17 +38,14 @@ def drawn_topics(spec: SceneSpec, choose_image: ChooseImage, *, layers: bool) ->
 
 
 def _sensor_topics(spec: SceneSpec, sensor: AnySensor, choose_image: ChooseImage, layers: bool) -> Iterator[Topic]:
-    match sensor:
-        case Camera():
-            for modality, forms in camera_topics(spec, sensor).items():
-                if modality == "rgb" or layers:
-                    yield choose_image(forms)
-        case Lidar():
-            clouds = [topic for topic in lidar_topics(spec, sensor) if topic is not None]
-            yield from clouds if layers else clouds[:1]
-        case Imu():
-            yield imu_topics(spec, sensor).oriented
-        case Radar() | Gnss():
-            yield from topics_of_sensor(spec, sensor, compressed_images=True)
-        case _:
-            assert_never(sensor)
+    if isinstance(sensor, Camera):
+        for modality, forms in camera_topics(spec, sensor).items():
+            if modality == "rgb" or layers:
+                yield choose_image(forms)
+    elif isinstance(sensor, Lidar):
+        clouds = [topic for topic in lidar_topics(spec, sensor) if topic is not None]
+        yield from clouds if layers else clouds[:1]
+    elif isinstance(sensor, Imu):
+        yield imu_topics(spec, sensor).oriented
+    else:
+        yield from topics_of_sensor(spec, sensor, compressed_images=True)

@@ -4,8 +4,6 @@ import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from threading import Event, Thread
-from typing import Any
 
 import rclpy
 from rclpy.node import Node
@@ -13,7 +11,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from simbev_ros.foxglove_server.graph_relay import GraphRelay
 from simbev_ros.foxglove_server.server import Address, running_server
-from simbev_ros.nodes.main import make_executor
+from simbev_ros.nodes.spinning import spinning
 
 _BACKLOG = 128
 """Maximum number of messages that wait for a slow client; then the oldest are dropped for it."""
@@ -58,25 +56,12 @@ def serve_domain(
 
 @contextmanager
 def _spinning_node(domain: int) -> Iterator[Node]:
-    """A node whose callbacks run in a thread, so that an interrupt never ends one of them."""
+    """A node of a domain whose callbacks run in a thread."""
     rclpy.init(domain_id=domain, args=[], signal_handler_options=SignalHandlerOptions.NO)
-    stop = Event()
     node = rclpy.create_node("simbev_view", enable_rosout=False, start_parameter_services=False)
     try:
-        executor = make_executor(takes_message_info=False)
-        executor.add_node(node)
-        thread = Thread(target=_spin, args=(executor, stop))
-        thread.start()
-        try:
+        with spinning(node):
             yield node
-        finally:
-            stop.set()
-            thread.join()
     finally:
         node.destroy_node()
         rclpy.shutdown()
-
-
-def _spin(executor: Any, stop: Event) -> None:
-    while not stop.is_set():
-        executor.spin_once(timeout_sec=_IDLE_S)

@@ -2,21 +2,18 @@
 
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from threading import Event, Thread
 
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
-from simbev_ros.nodes.main import make_executor
+from simbev_ros.nodes.spinning import spinning
 from simbev_ros.viewer.live.graph_drawing import GraphDrawing
 from simbev_ros.viewer.live.graph_reader import GraphReader
 from simbev_ros.viewer.live.live_observer import LiveObserver
 from simbev_ros.viewer.live.newest_frame import NewestFrame
 from simbev_ros.viewer.server import ViewerServer
 from simbev_ros.viewer.subject import Detail
-
-_STEP_S = 0.1
 
 
 class LiveViewer:
@@ -73,26 +70,5 @@ def running_viewer(
         stack.callback(try_shutdown)
         reader = GraphReader(frames, rate_hz, layers=detail.layers, observer=observer)
         stack.callback(reader.destroy_node)
-        stack.enter_context(_spinning(reader))
+        stack.enter_context(spinning(reader))
         yield LiveViewer(server, reader, drawing)
-
-
-@contextmanager
-def _spinning(reader: GraphReader) -> Iterator[None]:
-    """Run a node in a thread of its own."""
-    ended = Event()
-    executor = make_executor(takes_message_info=False)
-    executor.add_node(reader)
-
-    def spin() -> None:
-        while not ended.is_set():
-            executor.spin_once(timeout_sec=_STEP_S)
-
-    thread = Thread(target=spin, name="reading")
-    thread.start()
-    try:
-        yield
-    finally:
-        ended.set()
-        thread.join()
-        executor.shutdown()

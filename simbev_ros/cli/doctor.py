@@ -14,8 +14,8 @@ from rich.table import Table
 from rich.text import Text
 
 from simbev_ros.cli.console import make_console
-from simbev_ros.config.paths import PACKAGE
 from simbev_ros.errors import SimbevError
+from simbev_ros.installation.shipped_files import PACKAGE
 from simbev_ros.process_memory import address_space_problem
 
 

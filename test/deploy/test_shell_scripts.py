@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-SCRIPTS = [ROOT / "simbev", ROOT / ".ci/run", *sorted((ROOT / "deploy").rglob("*.sbatch"))]
+SCRIPTS = [ROOT / "simbev", ROOT / ".ci/run", ROOT / ".ci/jazzy", *sorted((ROOT / "deploy").rglob("*.sbatch"))]
 PAGES = [ROOT / "docs/guide/container.md", ROOT / "docs/guide/many-machines.md"]
 BLOCKS = [
     pytest.param(block, id=f"{page.stem}-{number}")

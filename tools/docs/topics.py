@@ -101,6 +101,7 @@ def _row(description: Description, known: Mapping[str, Topic]) -> tuple[str, ...
     given = description.given
     if given:
         qos = given["qos"] if given["qos"] == "any" else _qos(given["qos"], given["durability"], given["depth"])
+        qos += f", live {given['live']}" if "live" in given else ""
         return code(description.show), given["type"].replace("/msg/", "/"), given["when"], qos, description.text
     topic = known[matching(description, list(known))[0]]
     profile = qos_of(topic, live=False)

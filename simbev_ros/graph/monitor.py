@@ -20,7 +20,7 @@ from simbev_ros.msgs.signing import Signer, content_of, signed_json
 from simbev_ros.nodes.graph_node import MALFORMED
 from simbev_ros.nodes.load_meter import BUSY, Part, part_keys
 from simbev_ros.nodes.lockstep import Lockstep
-from simbev_ros.nodes.reports import read_report
+from simbev_ros.nodes.reports import read_report, subscribe_to_reports
 from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.request import SceneRequest
 
@@ -70,8 +70,9 @@ class GraphMonitor:
     def __init__(self, domain: int, nodes: Iterable[str], participants: Iterable[str], signer: Signer) -> None:
         self._nodes = tuple(nodes)
         self._signer, self._requests = signer, 0
-        self.behind_world = Lockstep(participants, window_ticks=1)
-        self._outside = frozenset(self.behind_world.participants) - frozenset(self._nodes)
+        participants = tuple(participants)
+        self._outside = frozenset(participants) - frozenset(self._nodes)
+        self.behind_world = Lockstep(participants, window_ticks=1, outside=self._outside)
         self.world = Lockstep(["world"], window_ticks=1)
         self.writers = Lockstep([name for name in _WRITERS if name in self._nodes], window_ticks=1)
         self.end: SceneEnd | None = None
@@ -86,7 +87,7 @@ class GraphMonitor:
         self._executor.add_node(self._node)
         self._request = self._node.create_publisher(String, topics.REQUEST, rclpy_qos(LATCHED))
         self._node.create_subscription(String, topics.END, self._on_end, rclpy_qos(STEERING))
-        self._node.create_subscription(Header, topics.READY, self._on_ready, rclpy_qos(STEERING))
+        subscribe_to_reports(self._node, self._on_ready, self._outside)
         self._node.create_subscription(DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, 64)
 
     def request(self, request: SceneRequest) -> None:
@@ -144,7 +145,9 @@ class GraphMonitor:
     def _on_ready(self, message: Header) -> None:
         with suppress(*MALFORMED):  # the world node logs it
             report = read_report(message, self._signer, self._outside)
-            counts = [each.record_report(report) for each in (self.behind_world, self.world, self.writers)]
+            published_tick = self.world.finished_by_all()
+            everybody = (self.behind_world, self.world, self.writers)
+            counts = [each.record_report(report, published_tick) for each in everybody]
             if any(counts):
                 self._progress_s = time.monotonic()
             self._note_sign_of_life(report.node)

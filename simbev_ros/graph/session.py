@@ -251,8 +251,7 @@ class GraphSession:
         if tick is None and self._loading is not None:
             self.monitor.note_computing(self._loading.computing(time.monotonic(), self.cpu_s()))
         if silent := self.monitor.silent_nodes(timeout_s):
-            early = self.monitor.behind_world.describe_early_reports()
-            self._fail("; ".join([f"{_nodes_have(silent)} been silent for {timeout_s:g} s, {where}", *early]))
+            self._fail(f"{_nodes_have(silent)} been silent for {timeout_s:g} s, {where}")
 
     def _pids(self) -> list[int]:
         """Ids of this process and of those that have been started."""

@@ -98,6 +98,10 @@ class Lockstep:
         last = {name: self._finished.get(name, -(2**62)) for name in self.participants}
         return [name for name, tick in last.items() if tick == min(last.values())]
 
+    def finished_tick(self, name: str) -> int | None:
+        """The last tick that a participant has finished; negative when it has loaded the scene, None before."""
+        return self._finished.get(name)
+
     def finished_by_all(self) -> int | None:
         """The last tick that all participants have finished; None before all have loaded the scene."""
         return min(self._finished.values(), default=None) if self.all_loaded else None

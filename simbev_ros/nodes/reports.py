@@ -55,6 +55,11 @@ def read_report(message: Header, signer: Signer, outside: Collection[str]) -> Re
     return report
 
 
+def is_signed(frame_id: str) -> bool:
+    """Whether the frame id of a report has a signature, valid or not, as those of a graph's own nodes have."""
+    return frame_id.count(":") > 1
+
+
 def subscribe_to_reports(node: Node, receive: Callable[[Header], None], outside: Collection[str]) -> None:
     """Subscribe to the reports of the graph's nodes and of outside participants, whatever durability these offer.
 
@@ -72,7 +77,7 @@ def subscribe_to_reports(node: Node, receive: Callable[[Header], None], outside:
         return
 
     def receive_from_outside(message: Header) -> None:
-        if message.frame_id.partition(":")[0] in outside:
+        if not is_signed(message.frame_id):  # the graph's own reports have arrived by the other subscription
             receive(message)
 
     # rclpy's own warning would be wrong about a publisher that the other subscription is compatible with.

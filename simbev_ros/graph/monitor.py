@@ -22,9 +22,10 @@ from simbev_ros.msgs.signing import Signer, content_of, signed_json
 from simbev_ros.nodes.graph_node import MALFORMED
 from simbev_ros.nodes.load_meter import BUSY, Part, part_keys
 from simbev_ros.nodes.lockstep import Lockstep
-from simbev_ros.nodes.reports import read_report, subscribe_to_reports
+from simbev_ros.nodes.reports import Report, read_report, subscribe_to_reports
 from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.request import SceneRequest
+from simbev_ros.scene.spec import SceneSpec
 
 SUPERVISOR = "supervisor"
 """Name of this node."""
@@ -86,6 +87,8 @@ class GraphMonitor:
         self._advised: set[str] = set()
         self._next_advice_s = 0.0
         self._scene = ""
+        self._spec: SceneSpec | None = None
+        self._world_ns = -math.inf
         self._loads = {name: _Load() for name in self._nodes}
         self._heard_s = dict.fromkeys(self._nodes, time.monotonic())
         self._progress_s = time.monotonic()
@@ -101,8 +104,7 @@ class GraphMonitor:
 
     def request(self, request: SceneRequest) -> None:
         """Ask the world node to play a scene."""
-        for each in (self.behind_world, self.world, self.writers):
-            each.start_scene(request.spec)
+        self._start_scene(request.spec)
         self._joining.start_scene(request.spec)
         self._scene, self.end = request.spec.name, None
         self._progress_s = time.monotonic()
@@ -110,6 +112,12 @@ class GraphMonitor:
         self._requests += 1
         request = request.model_copy(update={"number": self._requests})
         self._request.publish(String(data=signed_json(request, self._signer)))
+
+    def _start_scene(self, spec: SceneSpec) -> None:
+        """Expect the reports of a scene's first ticks."""
+        self._spec, self._world_ns = spec, -math.inf
+        for each in (self.behind_world, self.world, self.writers):
+            each.start_scene(spec)
 
     def spin(self, duration_s: float) -> None:
         """Handle messages for a given time."""
@@ -186,6 +194,7 @@ class GraphMonitor:
         except MALFORMED:  # the world node logs it
             self._joining.note_unknown(message.frame_id)
             return
+        self._notice_restart(report)
         published_tick = self.world.finished_by_all()
         everybody = (self.behind_world, self.world, self.writers)
         counts = [each.record_report(report, published_tick) for each in everybody]
@@ -194,6 +203,14 @@ class GraphMonitor:
         self._note_sign_of_life(report.node)
         if report.node in self._outside:
             self._joining.note_report(report, message.frame_id)
+
+    def _notice_restart(self, report: Report) -> None:
+        """Begin anew if the world reports an earlier tick than before, which means that the scene was reset."""
+        if report.node != "world" or report.scene != self._scene or self._spec is None:
+            return
+        if report.stamp_ns < self._world_ns:
+            self._start_scene(self._spec)
+        self._world_ns = report.stamp_ns
 
     def _on_end(self, message: String) -> None:
         with suppress(*MALFORMED):

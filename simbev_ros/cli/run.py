@@ -44,6 +44,7 @@ def run(
     """
     from simbev_ros.cli.production_display import SceneDisplay
     from simbev_ros.graph.exposure import Exposure
+    from simbev_ros.installation.message_packages.installer import describe_remedy
     from simbev_ros.production.observer import SeveralObservers
     from simbev_ros.production.play import play_scenes
 
@@ -54,6 +55,8 @@ def run(
     exposure = Exposure(network=network, security=security)
     profile = f"FASTRTPS_DEFAULT_PROFILES_FILE={exposure.profile_file}"
     console.print(f"subscribers: export {profile}", style="dim", soft_wrap=True)
+    if remedy := describe_remedy():
+        console.print(f"no /tf and no detections live: {remedy}", style="dim", soft_wrap=True)
     with viewer_beside(view_port, console, wanted=view, network=network) as viewer:
         observer = SeveralObservers(SceneDisplay(console), viewer)
         bags = play_scenes(scenario, live=live, dataset=record, domain=domain, exposure=exposure, observer=observer)

@@ -22,7 +22,7 @@ from simbev_ros.nodes.load_meter import BUSY, Part, part_keys
 from simbev_ros.nodes.lockstep import Lockstep
 from simbev_ros.nodes.reports import read_report
 from simbev_ros.scene.ending import SceneEnd
-from simbev_ros.scene.request import SceneRequest
+from simbev_ros.scene.request import SceneRequest, SceneStop
 
 _WRITERS = ("recorder", "evaluator")
 """Nodes that report one tick more than a scene has, when their files are closed."""
@@ -85,6 +85,7 @@ class GraphMonitor:
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
         self._request = self._node.create_publisher(String, topics.REQUEST, rclpy_qos(LATCHED))
+        self._stop = self._node.create_publisher(String, topics.STOP, rclpy_qos(LATCHED))
         self._node.create_subscription(String, topics.END, self._on_end, rclpy_qos(STEERING))
         self._node.create_subscription(Header, topics.READY, self._on_ready, rclpy_qos(STEERING))
         self._node.create_subscription(DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, 64)
@@ -99,6 +100,11 @@ class GraphMonitor:
         self._requests += 1
         request = request.model_copy(update={"number": self._requests})
         self._request.publish(String(data=signed_json(request, self._signer)))
+
+    def stop(self, reason: str) -> None:
+        """Ask the world node to end the scene with its next tick, for a reason in words."""
+        stop = SceneStop(number=self._requests, reason=reason)
+        self._stop.publish(String(data=signed_json(stop, self._signer)))
 
     def spin(self, duration_s: float) -> None:
         """Handle messages for a given time."""

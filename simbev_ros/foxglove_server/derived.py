@@ -16,10 +16,10 @@ from simbev_ros.msgs.displays.ego_path import EgoPath, PathPose
 from simbev_ros.msgs.displays.grids import occupancy_grid
 from simbev_ros.msgs.displays.image_boxes import image_boxes
 from simbev_ros.msgs.displays.map_markers import map_markers
-from simbev_ros.msgs.displays.messages import rgb_image
+from simbev_ros.msgs.displays.messages import rgb_image, serialize
 from simbev_ros.msgs.displays.pictures import color_picture
 from simbev_ros.msgs.displays.status import EVENT, LANE, WEATHER, status
-from simbev_ros.msgs.sensor_topics import camera_topics, picture_topics
+from simbev_ros.msgs.sensor_topics import camera_info_topic, camera_topics, picture_topics
 from simbev_ros.msgs.topic import Topic
 from simbev_ros.palette import bev_color
 from simbev_ros.recording.arrays import image_array, point_array
@@ -76,7 +76,7 @@ def derivations(bag: SceneBag) -> dict[str, Derivation]:
         return {}
     found = (
         Derivation(topic.name, topic.type, sources, bag, make)
-        for parts in (_world(spec, bag), _labels(spec), _views(spec), _pictures(spec, bag))
+        for parts in (_world(spec, bag), _labels(spec), _views(spec), _camera_infos(spec), _pictures(spec, bag))
         for topic, sources, make in parts
         if topic.name not in bag.topics and all(source in bag.topics for source in sources)
     )
@@ -112,6 +112,13 @@ def _views(spec: SceneSpec) -> Iterator[_Part]:
     for camera, topic in labels.view_markers.items():
         frame = f"{spec.rig.agent}/{camera}_optical"
         yield topic, (labels.views[camera].name,), partial(_image_boxes, frame)
+
+
+def _camera_infos(spec: SceneSpec) -> Iterator[_Part]:
+    """The CameraInfo that the images of a camera share; bags of earlier versions have it beside each image only."""
+    for camera in spec.rig.of_type(Camera):
+        beside = next(iter(camera_topics(spec, camera).values())).info
+        yield camera_info_topic(spec, camera), (beside.name,), lambda _, info: serialize(info)
 
 
 def _pictures(spec: SceneSpec, bag: SceneBag) -> Iterator[_Part]:

@@ -35,7 +35,7 @@ class CameraTopics(NamedTuple):
     Attributes:
         raw: Its images.
         compressed: Its compressed images, named as in image_transport.
-        info: The CameraInfo of the images.
+        info: The CameraInfo of the images, beside them, where image_transport looks for it.
     """
 
     raw: Topic
@@ -84,6 +84,11 @@ def camera_topics(spec: SceneSpec, camera: Camera) -> dict[Modality, CameraTopic
     return topics
 
 
+def camera_info_topic(spec: SceneSpec, camera: Camera) -> Topic:
+    """Topic with the CameraInfo that all images of a camera share: one lens, one frame, one rate."""
+    return _topic(spec, camera, _CAMERA_INFO, "sensor_msgs/msg/CameraInfo")
+
+
 def picture_topics(spec: SceneSpec, camera: Camera) -> dict[Modality, Topic]:
     """Topics with colored pictures of a camera's other modalities, for displays; not recorded in bags."""
     return {
@@ -130,7 +135,8 @@ def topics_of_sensor(spec: SceneSpec, sensor: AnySensor, *, compressed_images: b
     match sensor:
         case Camera():
             modalities = camera_topics(spec, sensor).values()
-            return tuple(topic for each in modalities for topic in each.recorded(compressed=compressed_images))
+            images = (topic for each in modalities for topic in each.recorded(compressed=compressed_images))
+            return (camera_info_topic(spec, sensor), *images)
         case Lidar():
             return tuple(topic for topic in lidar_topics(spec, sensor) if topic is not None)
         case Radar():

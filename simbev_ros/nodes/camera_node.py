@@ -12,6 +12,8 @@ from functools import partial
 from itertools import groupby
 from typing import NamedTuple
 
+from rclpy.serialization import serialize_message
+
 from simbev_ros.assets.actors.catalogue import load_models
 from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.config.camera import Camera, Modality
@@ -19,7 +21,7 @@ from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.scenario import Recording
 from simbev_ros.msgs.displays.pictures import color_picture
 from simbev_ros.msgs.images import camera_info_message, compressed_image_message, encoding_of, image_message
-from simbev_ros.msgs.sensor_topics import CameraTopics, camera_topics, picture_topics
+from simbev_ros.msgs.sensor_topics import CameraTopics, camera_info_topic, camera_topics, picture_topics
 from simbev_ros.msgs.topic import Topic
 from simbev_ros.nodes.participant import Participant
 from simbev_ros.nodes.surroundings import Surroundings
@@ -76,6 +78,7 @@ class CameraNode(Participant):
         self._surroundings = Surroundings(self._make_renderer, Renderer.close)
         self._cameras: list[Camera] = []
         self._topics: dict[str, dict[Modality, CameraTopics]] = {}
+        self._infos: dict[str, Topic] = {}
         self._pictures: dict[str, dict[Modality, Topic]] = {}
         self._previous: dict[int, WorldState] = {}
         self._outputs: list[_Output] = []
@@ -94,6 +97,7 @@ class CameraNode(Participant):
         cameras = [c for c in spec.rig.of_type(Camera) if not self._names or c.name in self._names]
         self._cameras = sorted(cameras, key=lambda camera: spec.period_ticks(camera.rate_hz))
         self._topics = {camera.name: camera_topics(spec, camera) for camera in self._cameras}
+        self._infos = {camera.name: camera_info_topic(spec, camera) for camera in self._cameras}
         self._pictures = {camera.name: picture_topics(spec, camera) for camera in self._cameras}
         self._previous.clear()
         self._outputs.clear()
@@ -151,17 +155,26 @@ class CameraNode(Participant):
     def _publish(
         self, spec: SceneSpec, stamp_ns: int, outputs: list[_Output], encoded_images: list[Future[_Encoded]]
     ) -> None:
-        for output, future in zip(outputs, encoded_images, strict=True):
-            encoded, frame_id = future.result(), _optical_frame(spec, output.camera)
-            if output.raw and output.image is not None:
-                self.publish(output.topics.raw.name, image_message(output.image, stamp_ns, frame_id))
-            if output.image is not None and encoded.compressed is not None:
-                image_format = compressed_format(encoding_of(output.image))
-                message = compressed_image_message(encoded.compressed, image_format, stamp_ns, frame_id)
-                self.publish(output.topics.compressed.name, message)
-            if output.picture is not None and encoded.picture is not None:
-                self.publish(output.picture.name, encoded.picture)
-            self.publish(output.topics.info.name, camera_info_message(output.camera.model, stamp_ns, frame_id))
+        """Publish the images of a tick, and the CameraInfo of each camera on the topics that share it."""
+        pairs = zip(outputs, encoded_images, strict=True)
+        for camera, of_camera in groupby(pairs, key=lambda pair: pair[0].camera):
+            frame_id = _optical_frame(spec, camera)
+            info = serialize_message(camera_info_message(camera.model, stamp_ns, frame_id))
+            for output, future in of_camera:
+                self._publish_image(output, future.result(), stamp_ns, frame_id)
+                self.publish(output.topics.info.name, info)
+            self.publish(self._infos[camera.name].name, info)
+
+    def _publish_image(self, output: _Output, encoded: _Encoded, stamp_ns: int, frame_id: str) -> None:
+        """Publish one image in all forms that have readers."""
+        if output.raw and output.image is not None:
+            self.publish(output.topics.raw.name, image_message(output.image, stamp_ns, frame_id))
+        if output.image is not None and encoded.compressed is not None:
+            image_format = compressed_format(encoding_of(output.image))
+            message = compressed_image_message(encoded.compressed, image_format, stamp_ns, frame_id)
+            self.publish(output.topics.compressed.name, message)
+        if output.picture is not None and encoded.picture is not None:
+            self.publish(output.picture.name, encoded.picture)
 
     def _encode(self, spec: SceneSpec, stamp_ns: int, output: _Output) -> _Encoded:
         """Compress an image, and color it, if these forms have readers."""
@@ -177,7 +190,9 @@ class CameraNode(Participant):
         for pictures in self._pictures.values():
             for topic in pictures.values():
                 self.advertise(topic)
-        for modalities in self._topics.values():
+        for camera, modalities in self._topics.items():
+            self.advertise(self._infos[camera])
+            yield self._infos[camera].name
             for topics in modalities.values():
                 for topic in topics:
                     self.advertise(topic)

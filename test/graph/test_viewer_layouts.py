@@ -141,7 +141,7 @@ def test_displays_and_panels_get_the_types_that_they_draw() -> None:
     for panel in panels("Image"):
         mode = panel["imageMode"]
         assert topics()[mode["imageTopic"]].type in RVIZ_TYPES["Image"]
-        assert topics()[mode.get("calibrationTopic", "/ego/cam_front/rgb/camera_info")].type.endswith("CameraInfo")
+        assert topics()[mode.get("calibrationTopic", "/ego/cam_front/camera_info")].type.endswith("CameraInfo")
         assert {topics()[name].type for name in mode.get("annotations", {})} <= {"visualization_msgs/msg/ImageMarker"}
     assert {topics()[panel["topicToRender"]].type for panel in diagnostics()} == {"diagnostic_msgs/msg/DiagnosticArray"}
     assert {topics()[panel["followTopic"]].type for panel in panels("map")} == {"sensor_msgs/msg/NavSatFix"}

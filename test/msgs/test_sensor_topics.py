@@ -17,6 +17,7 @@ RIG = [
     {"type": "imu", "name": "imu", "rate_hz": 100},
 ]
 SENSED = {
+    "cam/camera_info": ("CameraInfo", 2, 1),
     "cam/rgb/image_raw/compressed": ("CompressedImage", 2, 1),
     "cam/rgb/camera_info": ("CameraInfo", 2, 1),
     "cam/instance/image_raw/compressed": ("CompressedImage", 2, 1),

@@ -5,11 +5,11 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import TimeoutError as FutureTimeoutError
 from contextlib import contextmanager, suppress
+from importlib import import_module
 from typing import Any
 
 import rclpy
-from rclpy.action import ActionServer, CancelResponse
-from rclpy.action.server import ServerGoalHandle
+from rclpy.action.server import ActionServer, CancelResponse, ServerGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
@@ -35,8 +35,7 @@ def require_interfaces() -> None:
         InputError: They are not; the message says how to get them.
     """
     try:
-        import simbev_interfaces.action  # noqa: F401
-        import simbev_interfaces.srv  # noqa: F401
+        import_module("simbev_interfaces.action")
     except ImportError:
         remedy = describe_remedy() or "build the package in interfaces/ with colcon, and source it"
         raise InputError(f"the package simbev_interfaces is not installed: {remedy}") from None

@@ -15,6 +15,7 @@ from simbev_ros.installation.message_packages.sources import TYPESUPPORTS, Sourc
 REMEDY = "apt-get install g++ python3-dev"
 _FLAGS = ("-O1", "-fPIC", "-shared", "-w", "-Wl,--as-needed")
 _MAX_MESSAGE = 300
+_DESCRIPTION = "__description.c"
 _RUNTIME = (
     *("rosidl_runtime_c", "rosidl_typesupport_c", *TYPESUPPORTS, "rosidl_typesupport_fastrtps_cpp"),
     *("rcutils", "rmw", "fastcdr"),
@@ -73,9 +74,11 @@ def _sources(root: Path) -> list[Path]:
 
 def _compile(files: Sequence[Path], library: Path, includes: Iterable[Path], libraries: Iterable[Path]) -> None:
     """Compile C and C++ files into a library, which refers to those of the given ones that it uses."""
-    words = [*_FLAGS, *(f"-I{folder}" for folder in includes), f"-Wl,-soname,{library.name}", *files, *libraries]
+    files = _joined(files, library)
+    words = [*_FLAGS, *(f"-I{folder}" for folder in includes), f"-Wl,-soname,{library.name}"]
+    words += [*map(str, files), *map(str, libraries), "-lstdc++", "-o", str(library)]
     done = subprocess.run(
-        ["gcc", *words, "-lstdc++", "-o", library],
+        ["gcc", *words],
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
@@ -84,3 +87,18 @@ def _compile(files: Sequence[Path], library: Path, includes: Iterable[Path], lib
     if done.returncode:
         errors = [line for line in done.stderr.splitlines() if re.search(r"\berror\b", line)] or ["no message"]
         raise CompilationError(f"{library.name}: {errors[0]:.{_MAX_MESSAGE}}")
+
+
+def _joined(files: Sequence[Path], library: Path) -> list[Path]:
+    """Fewer files with the same content: most time is spent on headers, which the files of a library share.
+
+    Descriptions of types stay apart, because their static names are the same in each.
+    """
+    apart = [path for path in files if path.name.endswith(_DESCRIPTION)]
+    joined = []
+    for suffix in (".c", ".cpp"):
+        together = [path for path in files if path.suffix == suffix and path not in apart]
+        if together:
+            joined.append(library.with_suffix(f".joined{suffix}"))
+            joined[-1].write_text("".join(f'#include "{path}"\n' for path in together), encoding="utf-8")
+    return [*apart, *joined]

@@ -2,9 +2,10 @@
 
 import os
 import sys
-from collections.abc import Callable, Iterable, Mapping
-from contextlib import redirect_stderr, redirect_stdout
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
+from functools import cache
 from io import StringIO
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from rosidl_adapter.msg import convert_msg_to_idl
 from rosidl_adapter.srv import convert_srv_to_idl
 from rosidl_generator_c.cli import GenerateC
 from rosidl_generator_py.cli import GeneratePython
+from rosidl_parser import parser
 from rosidl_typesupport_c.cli import GenerateCTypesupport
 from rosidl_typesupport_fastrtps_c.cli import GenerateFastRTPSCTypesupport
 from rosidl_typesupport_introspection_c.cli import GenerateIntrospectionCTypesupport
@@ -57,7 +59,7 @@ def generate_sources(package: MessagePackage, folder: Path) -> Sources:
     os.environ["AMENT_PREFIX_PATH"] = sys.prefix  # where the generators find their templates
     printed = StringIO()
     try:
-        with redirect_stdout(printed), redirect_stderr(printed):
+        with redirect_stdout(printed), redirect_stderr(printed), _each_definition_parsed_once():
             return _generate(package, folder)
     except Exception as error:
         raise ValueError(f"{package.name}: {error}\n{printed.getvalue()}") from error
@@ -89,6 +91,17 @@ def _generate(package: MessagePackage, folder: Path) -> Sources:
     )
     (python / name / "__init__.py").touch()
     return Sources(definitions, python, {suffix: folder / suffix for suffix in by_library})
+
+
+@contextmanager
+def _each_definition_parsed_once() -> Iterator[None]:
+    """Let the generators share what they parse: each of them parses all definitions anew, which takes longest."""
+    parse = parser.get_ast_from_idl_string
+    parser.get_ast_from_idl_string = cache(parse)
+    try:
+        yield
+    finally:
+        parser.get_ast_from_idl_string = parse
 
 
 def _run(generator: object, package: MessagePackage, idl_files: list[str], include: Iterable[str], root: Path) -> None:

@@ -42,7 +42,7 @@ def pack_wheel(package: MessagePackage, version: str, sources: Sources, librarie
     with _Wheel(wheel, f"{name}.dist-info") as archive:
         for path in _python_files(sources.python):
             archive.add(path.relative_to(sources.python).as_posix(), path.read_bytes())
-        for path in sorted(libraries.iterdir()):
+        for path in sorted(libraries.glob("*.so")):
             archive.add(f"{data}/lib/{path.name}", path.read_bytes())
         for root in (sources.definitions, *sources.by_library.values()):
             for path in _interface_files(root):

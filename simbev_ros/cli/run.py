@@ -25,6 +25,10 @@ def run(
     security: Annotated[
         bool, typer.Option("--security", help="Encrypt with keys that are made for this run (needs SROS 2).")
     ] = False,
+    serve: Annotated[
+        bool,
+        typer.Option("--serve", help="Play the scenes that ROS nodes ask for (/world/load_scene, /world/run_scene)."),
+    ] = False,
     evaluate: FiguresOption = None,
     stack: StackOption = None,
     view: ViewOption = False,
@@ -41,12 +45,15 @@ def run(
     simbev run my.yaml --stack reference --evaluate figures.json
 
     simbev run my.yaml --record datasets/first --view
+
+    simbev run my.yaml --serve                   scenes on request: a service, and an action
     """
     from simbev_ros.cli.production_display import SceneDisplay
     from simbev_ros.graph.exposure import Exposure
     from simbev_ros.installation.message_packages.installer import describe_remedy
     from simbev_ros.production.observer import SeveralObservers
     from simbev_ros.production.play import play_scenes
+    from simbev_ros.production.serve import serve_scenes
 
     scenario = with_evaluation(load_scenario(config), evaluate, stack)
     console = make_console()
@@ -59,6 +66,7 @@ def run(
         console.print(f"no /tf and no detections live: {remedy}", style="dim", soft_wrap=True)
     with viewer_beside(view_port, console, wanted=view, network=network) as viewer:
         observer = SeveralObservers(SceneDisplay(console), viewer)
-        bags = play_scenes(scenario, live=live, dataset=record, domain=domain, exposure=exposure, observer=observer)
+        play = serve_scenes if serve else play_scenes
+        bags = play(scenario, live=live, dataset=record, domain=domain, exposure=exposure, observer=observer)
         for bag in bags:
             console.print(f"recorded {bag}", soft_wrap=True)

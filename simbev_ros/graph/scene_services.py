@@ -23,7 +23,6 @@ LOAD_SCENE, RUN_SCENE = "/world/load_scene", "/world/run_scene"
 _NODE = "scenes"
 _FEEDBACK_S = 0.2
 _MIN_RATE_S = 0.5
-"""Time over which the rate of ticks is measured at least."""
 _THREADS = 8
 """Number of orders that are served at the same time; further ones wait."""
 
@@ -117,28 +116,30 @@ class _SceneServer:
 
     def _follow(self, goal: ServerGoalHandle, scene: OrderedScene) -> Outcome:
         """Send feedback until the scene has ended."""
-        meter = _RateMeter()
+        meter: _RateMeter | None = None
         while True:
             with suppress(FutureTimeoutError):
                 return scene.outcome.result(_FEEDBACK_S)
             if goal.is_cancel_requested:
                 scene.stop("its goal was canceled")
+            if meter is None and scene.phase is Phase.PLAYING:
+                meter = _RateMeter(scene.tick)
             goal.publish_feedback(
                 self._run_scene.Feedback(
                     phase=int(scene.phase),
                     scene=scene.spec.name,
                     tick=scene.tick,
                     ticks=scene.spec.ticks,
-                    rate_hz=meter.rate_hz(scene.tick) if scene.phase is Phase.PLAYING else 0.0,
+                    rate_hz=0.0 if meter is None else meter.rate_hz(scene.tick),
                 )
             )
 
 
 class _RateMeter:
-    """Measures ticks per second of wall time, over the time since it was asked before."""
+    """Measures ticks per second of wall time, over at least half a second."""
 
-    def __init__(self) -> None:
-        self._since_s, self._tick, self._rate_hz = time.monotonic(), -1, 0.0
+    def __init__(self, tick: int) -> None:
+        self._since_s, self._tick, self._rate_hz = time.monotonic(), tick, 0.0
 
     def rate_hz(self, tick: int) -> float:
         elapsed_s = time.monotonic() - self._since_s

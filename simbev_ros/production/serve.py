@@ -8,11 +8,13 @@ from typing import Any
 
 from simbev_ros.config.load import load_scenario, parse_scenario
 from simbev_ros.config.scenario import Scenario
+from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.errors import GraphError, InputError, SimbevError
 from simbev_ros.graph.exposure import LOCAL, Exposure
 from simbev_ros.graph.scene_queue import OrderedScene, Outcome, Phase, SceneOrder, SceneQueue
 from simbev_ros.graph.scene_services import require_interfaces, scene_services
 from simbev_ros.graph.session import GraphSession
+from simbev_ros.limits import MAX_SCENE_NUMBER
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.production.observer import SILENT, ProductionObserver
@@ -35,10 +37,11 @@ class OrderDrawer:
 
     Args:
         scenario: The configuration of the graph, for orders without one.
+        dataset: Folder into which scenes are recorded; None: they are not.
     """
 
-    def __init__(self, scenario: Scenario) -> None:
-        self._scenario = scenario
+    def __init__(self, scenario: Scenario, dataset: Path | None) -> None:
+        self._scenario, self._dataset = scenario, dataset
         self._next_number = 0
         self._starts: tuple[tuple[MapSpec, float], StartPositions] | None = None
 
@@ -46,18 +49,30 @@ class OrderDrawer:
         """Draw the scene of an order; return its configuration and its specification.
 
         Raises:
-            InputError: The configuration is wrong or starts a program, it has no scene of this number, or the scene
-                cannot be drawn.
+            InputError: The configuration is wrong or evaluates another stack, the scene cannot be drawn, or there is
+                a bag of it.
         """
         scenario = self._scenario_of(order)
-        planned = list(planned_scenes(scenario))
-        number = self._next_number % len(planned) if order.number is None else order.number
-        if not 0 <= number < len(planned):
-            raise InputError(f"number {number}: the configuration has scenes 0 to {len(planned) - 1}")
-        network = load_roads(planned[number].map)
-        spec = draw_scene(scenario, planned[number], network, self._start_positions(scenario, network, planned[number]))
+        number = order.number
+        if number is None:
+            number = self._next_number if order.seed is None else 0
+        if not 0 <= number <= MAX_SCENE_NUMBER:
+            raise InputError(f"number {number}: must be 0 to {MAX_SCENE_NUMBER}")
+        configured = list(planned_scenes(scenario))
+        planned = configured[number % len(configured)]._replace(number=number)
+        self._require_new(planned)
+        network = load_roads(planned.map)
+        spec = draw_scene(scenario, planned, network, self._start_positions(scenario, network, planned))
         self._next_number = number + 1
         return scenario, spec
+
+    def _require_new(self, planned: PlannedScene) -> None:
+        """Refuse a scene of which there is a bag."""
+        if self._dataset is None:
+            return
+        name = PlannedEntry(number=planned.number, map=planned.map.name, split=planned.split).name
+        if (bag := scene_folder(self._dataset, planned.split, name)).exists():
+            raise InputError(f"{bag}: exists already; ask for another number than {planned.number}")
 
     def _start_positions(self, scenario: Scenario, network: RoadNetwork, planned: PlannedScene) -> StartPositions:
         """Start positions of a map, kept for further scenes there."""
@@ -111,7 +126,7 @@ def serve_scenes(
     require_interfaces()
     if dataset is not None:
         require_writable(dataset)
-    queue = SceneQueue(OrderDrawer(scenario).draw)
+    queue = SceneQueue(OrderDrawer(scenario, dataset).draw)
     with ExitStack() as held:
         graph = _Graph(live=live, dataset=dataset, domain=domain, exposure=exposure)
         held.callback(graph.close)
@@ -178,12 +193,15 @@ def _play(
                 held.enter_context(hold_record_folder(dataset, scenario, [spec], live=live, observer=observer))
             build_surroundings([spec], observer)
             session = graph.session_for(scenario)
-            end = play_on(session, spec, observer, on_tick=follow, config=scenario)
+            try:
+                end = play_on(session, spec, observer, on_tick=follow, config=scenario)
+            except SimbevError:
+                graph.close()
+                raise
         bag = None if dataset is None else scene_folder(dataset, spec.split, spec.name)
         if bag is not None and not bag.is_dir():  # live, where the graph does not wait for the recorder
             raise GraphError(f"node recorder has not left a bag: {bag}")
     except SimbevError as error:
-        graph.close()
         observer.graph_warned(spec.name, str(error))
         ordered.finish(Outcome(success=False, message=str(error), last_tick=ordered.tick))
         return None

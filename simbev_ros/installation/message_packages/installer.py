@@ -10,6 +10,7 @@ from importlib import metadata, util
 from pathlib import Path
 
 from simbev_ros.errors import SimbevError
+from simbev_ros.installation.interface_files import FOREIGN_PACKAGES, OWN_PACKAGE
 from simbev_ros.installation.message_packages.definitions import MESSAGE_PACKAGES, MessagePackage
 
 FIX = "simbev doctor --fix"
@@ -46,22 +47,25 @@ def is_possible() -> bool:
     return _version(_ORIGIN_OF_ROS) is not None
 
 
-def find_problem() -> str | None:
-    """Why packages cannot be made on this machine, and what to do about it; None if they can."""
-    from simbev_ros.installation.message_packages.libraries import REMEDY, find_compiler_problem
-
-    if not is_possible():
-        return "ROS is installed on this machine: install its packages"
-    problem = find_compiler_problem()
-    return None if problem is None else f"{problem}: {REMEDY}"
-
-
 def describe_remedy() -> str | None:
     """What to do so that all packages are there and current; None if they are."""
-    if all(state.is_current for state in survey_packages()):
+    missing = [state.package.name for state in survey_packages() if not state.is_current]
+    if not missing:
         return None
-    problem = find_problem()
-    return FIX if problem is None else f"{problem}, then {FIX}"
+    if not is_possible():
+        return _ros_remedy(missing)
+    from simbev_ros.installation.message_packages.libraries import REMEDY, find_compiler_problem
+
+    problem = find_compiler_problem()
+    return FIX if problem is None else f"{problem}: {REMEDY}, then {FIX}"
+
+
+def _ros_remedy(missing: Sequence[str]) -> str:
+    """How packages come to a machine with an installed ROS."""
+    debian = " ".join(f"ros-jazzy-{name.replace('_', '-')}" for name in missing if name in FOREIGN_PACKAGES)
+    remedies = [f"apt-get install {debian}"] if debian else []
+    remedies += ["build the package in interfaces/ with colcon, and source it"] if OWN_PACKAGE in missing else []
+    return "; ".join(remedies)
 
 
 def install_missing(progress: Callable[[MessagePackage], None] = lambda _: None) -> list[MessagePackage]:
@@ -73,15 +77,20 @@ def install_missing(progress: Callable[[MessagePackage], None] = lambda _: None)
     Raises:
         SimbevError: A package cannot be made or installed; the message says why.
     """
-    from simbev_ros.installation.message_packages.libraries import CompilationError, compile_libraries
+    from simbev_ros.installation.message_packages.libraries import (
+        CompilationError,
+        compile_libraries,
+        find_compiler_problem,
+    )
     from simbev_ros.installation.message_packages.sources import generate_sources
     from simbev_ros.installation.message_packages.wheel import pack_wheel
 
     missing = [state.package for state in survey_packages() if not state.is_current]
     if not missing:
         return []
-    if problem := find_problem():
-        raise SimbevError(f"{', '.join(package.name for package in missing)} cannot be made: {problem}")
+    if not is_possible() or find_compiler_problem() is not None:
+        names = ", ".join(package.name for package in missing)
+        raise SimbevError(f"{names} cannot be made on this machine: {describe_remedy()}")
     with tempfile.TemporaryDirectory(prefix="simbev_messages_") as folder:
         wheels = []
         for package in missing:

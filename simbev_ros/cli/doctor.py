@@ -3,8 +3,10 @@
 import os
 import platform
 import shutil
+import sys
 from collections.abc import Callable, Iterator
 from importlib import metadata, util
+from pathlib import Path
 from typing import Annotated, NamedTuple
 
 import typer
@@ -13,6 +15,7 @@ from rich.text import Text
 
 from simbev_ros.cli.console import make_console
 from simbev_ros.errors import SimbevError
+from simbev_ros.installation.shipped_files import PACKAGE
 from simbev_ros.process_memory import address_space_problem
 
 
@@ -62,6 +65,7 @@ def _findings() -> Iterator[Finding]:
     yield from _libraries()
     yield _checked("ROS 2", _ros)
     yield from _message_packages()
+    yield _package_index()
     yield from _renderers()
     yield _checked("ray caster", _ray_caster)
     yield _checked("traffic", _traffic)
@@ -124,6 +128,15 @@ def _message_packages() -> Iterator[Finding]:
         else:
             found = f"no {state.package.use} (bags are not affected): {remedy}"
         yield Finding(state.package.name, found)
+
+
+def _package_index() -> Finding:
+    """Whether ``ros2 pkg`` and ``ros2 launch`` find this package, once ``simbev env`` is sourced."""
+    command = f"source <({os.environ.get('SIMBEV_COMMAND', 'simbev')} env)"
+    marker = Path(sys.prefix) / "share" / "ament_index" / "resource_index" / "packages" / PACKAGE
+    if not marker.exists():
+        return Finding("ros2 command line", f"does not find {PACKAGE} in {sys.prefix}; ./simbev setup puts it there")
+    return Finding("ros2 command line", f"finds {PACKAGE} after {command}", True)
 
 
 def _renderers() -> Iterator[Finding]:

@@ -64,6 +64,8 @@ def run(
     console.print(f"subscribers: export {profile}", style="dim", soft_wrap=True)
     if remedy := describe_remedy():
         console.print(f"no /tf and no detections live: {remedy}", style="dim", soft_wrap=True)
+    command = " ".join([os.environ.get("SIMBEV_COMMAND", "simbev"), "env", *(["--network"] if network else [])])
+    console.print(f"ros2 and RViz: source <({command})", style="dim", highlight=False, soft_wrap=True)
     with viewer_beside(view_port, console, wanted=view, network=network) as viewer:
         observer = SeveralObservers(SceneDisplay(console), viewer)
         play = serve_scenes if serve else play_scenes

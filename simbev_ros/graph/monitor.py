@@ -20,9 +20,10 @@ from simbev_ros.msgs.signing import Signer, content_of, signed_json
 from simbev_ros.nodes.graph_node import MALFORMED
 from simbev_ros.nodes.load_meter import BUSY, Part, part_keys
 from simbev_ros.nodes.lockstep import Lockstep
-from simbev_ros.nodes.reports import read_report
+from simbev_ros.nodes.reports import Report, read_report
 from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.request import SceneRequest, SceneStop
+from simbev_ros.scene.spec import SceneSpec
 
 _WRITERS = ("recorder", "evaluator")
 """Nodes that report one tick more than a scene has, when their files are closed."""
@@ -76,6 +77,8 @@ class GraphMonitor:
         self.writers = Lockstep([name for name in _WRITERS if name in self._nodes], window_ticks=1)
         self.end: SceneEnd | None = None
         self._scene = ""
+        self._spec: SceneSpec | None = None
+        self._world_ns = -math.inf
         self._loads = {name: _Load() for name in self._nodes}
         self._heard_s = dict.fromkeys(self._nodes, time.monotonic())
         self._progress_s = time.monotonic()
@@ -92,8 +95,7 @@ class GraphMonitor:
 
     def request(self, request: SceneRequest) -> None:
         """Ask the world node to play a scene."""
-        for each in (self.behind_world, self.world, self.writers):
-            each.start_scene(request.spec)
+        self._start_scene(request.spec)
         self._scene, self.end = request.spec.name, None
         self._progress_s = time.monotonic()
         self._heard_s = dict.fromkeys(self._nodes, self._progress_s)
@@ -105,6 +107,12 @@ class GraphMonitor:
         """Ask the world node to end the scene with its next tick, for a reason in words."""
         stop = SceneStop(number=self._requests, reason=reason)
         self._stop.publish(String(data=signed_json(stop, self._signer)))
+
+    def _start_scene(self, spec: SceneSpec) -> None:
+        """Expect the reports of a scene's first ticks."""
+        self._spec, self._world_ns = spec, -math.inf
+        for each in (self.behind_world, self.world, self.writers):
+            each.start_scene(spec)
 
     def spin(self, duration_s: float) -> None:
         """Handle messages for a given time."""
@@ -150,10 +158,19 @@ class GraphMonitor:
     def _on_ready(self, message: Header) -> None:
         with suppress(*MALFORMED):  # the world node logs it
             report = read_report(message, self._signer, self._outside)
+            self._notice_restart(report)
             counts = [each.record_report(report) for each in (self.behind_world, self.world, self.writers)]
             if any(counts):
                 self._progress_s = time.monotonic()
             self._note_sign_of_life(report.node)
+
+    def _notice_restart(self, report: Report) -> None:
+        """Begin anew if the world reports an earlier tick than before, which means that the scene was reset."""
+        if report.node != "world" or report.scene != self._scene or self._spec is None:
+            return
+        if report.stamp_ns < self._world_ns:
+            self._start_scene(self._spec)
+        self._world_ns = report.stamp_ns
 
     def _on_end(self, message: String) -> None:
         with suppress(*MALFORMED):

@@ -71,7 +71,7 @@ class EvaluatorNode(GraphNode):
         self._files = [Path(file) for file in files if file]
         self._input: str = self.declare_read_only("input_topic", "", "Topic that the stack answers to")
         self._patience_s: float = self.declare_read_only(
-            "patience_s", 60.0, "Time that the first scene waits for the stack, s"
+            "patience_s", 60.0, "Time that the first scene waits for the stack, s", minimum=0.0
         )
         stack = self._evaluation.participants
         idle_s = math.inf if stack else self._patience_s / 2

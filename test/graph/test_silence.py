@@ -92,6 +92,18 @@ def test_the_error_states_the_early_report_and_the_expected_one(monitor: GraphMo
         session.close()
 
 
+def test_after_a_reset_the_ticks_are_counted_from_the_start(monitor: GraphMonitor, clock: FakeClock) -> None:
+    for name in (*OWN_NODES, "planner"):
+        report(monitor, name, SPEC.stamp_ns(2))
+    assert (monitor.world.finished_by_all(), monitor.behind_world.finished_by_all()) == (2, 2)
+    report(monitor, "gnss", SPEC.stamp_ns(SPEC.loaded_tick))  # only the world's reports tell
+    assert monitor.behind_world.finished_by_all() == 2
+    for tick in (SPEC.loaded_tick, 1):
+        for name in (*OWN_NODES, "planner"):
+            report(monitor, name, SPEC.stamp_ns(tick))
+    assert (monitor.world.finished_by_all(), monitor.behind_world.finished_by_all()) == (1, 1)
+
+
 def test_several_silent_nodes_are_named_in_the_plural(monitor: GraphMonitor, clock: FakeClock) -> None:
     session = GraphSession(load_scenario("paper"), domain=DOMAIN)
     session._monitor = monitor

@@ -37,7 +37,7 @@ from simbev_ros.msgs.world import (
 from simbev_ros.nodes.graph_node import GraphNode
 from simbev_ros.nodes.lockstep import Lockstep
 from simbev_ros.nodes.pacer import Pacer
-from simbev_ros.nodes.reports import read_report
+from simbev_ros.nodes.reports import read_report, subscribe_to_reports
 from simbev_ros.nodes.world_displays import WorldDisplays
 from simbev_ros.process_memory import freeze_after_loading
 from simbev_ros.recording.replay import Replay
@@ -97,7 +97,7 @@ class WorldNode(GraphNode):
         window_ticks = self.declare_read_only(
             "window_ticks", 3, "Number of ticks that the world may be ahead of the slowest participant", minimum=1
         )
-        self._lockstep = Lockstep(participants, 1 if self.live else window_ticks)
+        self._lockstep = Lockstep(participants, 1 if self.live else window_ticks, self._outside)
         self._pacer = Pacer(live=self.live)
         self._scene: _LoadedScene | None = None
         self._commands: dict[str, Any] = {}
@@ -107,7 +107,7 @@ class WorldNode(GraphNode):
         self._transforms = TransformBroadcaster(self)
         self.create_subscription(String, topics.REQUEST, self._on_request, rclpy_qos(STEERING))
         self.create_subscription(String, topics.STOP, self._on_stop, rclpy_qos(STEERING))
-        self.create_subscription(Header, topics.READY, self._on_ready, rclpy_qos(STEERING))
+        subscribe_to_reports(self, self._on_ready, self._outside)
         self.create_service(SetBool, "/world/pause", self._pause)
         self.create_service(Trigger, "/world/step", self._step)
         self.create_service(Trigger, "/world/reset", self._reset)
@@ -173,7 +173,7 @@ class WorldNode(GraphNode):
     def _on_ready(self, message: Header) -> None:
         report = self.read(topics.READY, partial(read_report, message, self.signer, self._outside))
         if report is not None:
-            self._lockstep.record_report(report)
+            self._lockstep.record_report(report, self._next_tick - 1)
             self.advance()
 
     def advance(self) -> None:

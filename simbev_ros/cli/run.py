@@ -10,11 +10,16 @@ from simbev_ros.cli.console import make_console
 from simbev_ros.cli.evaluate.live import FiguresOption, StackOption, with_evaluation
 from simbev_ros.cli.view.beside_run import ViewOption, ViewPortOption, viewer_beside
 from simbev_ros.config.load import load_scenario
+from simbev_ros.errors import InputError
 
 
 def run(
     config: Annotated[str, typer.Argument(help="Configuration file, or demo, live, paper, stack.", show_default=False)],
     live: Annotated[bool, typer.Option("--live", help="In real time; sensor topics are best effort.")] = False,
+    reliable: Annotated[
+        bool,
+        typer.Option("--reliable", help="With --live: sensor topics are reliable, for subscribers with default QoS."),
+    ] = False,
     record: Annotated[Path | None, typer.Option(help="Record each scene as a bag in this dataset folder.")] = None,
     domain: Annotated[
         int | None, typer.Option(help="ROS domain; default: ROS_DOMAIN_ID, or 0.", min=0, max=232)
@@ -40,6 +45,8 @@ def run(
 
     simbev run live --live                       stream in real time
 
+    simbev run live --live --reliable            and for subscribers with ROS's default QoS, such as RViz's displays
+
     simbev run my.yaml --record datasets/first   as fast as it goes, every message recorded
 
     simbev run my.yaml --stack reference --evaluate figures.json
@@ -55,7 +62,13 @@ def run(
     from simbev_ros.production.play import play_scenes
     from simbev_ros.production.serve import serve_scenes
 
+    if reliable and not live:
+        raise InputError("--reliable: is for --live; in lockstep, all topics are reliable")
     scenario = with_evaluation(load_scenario(config), evaluate, stack)
+    if reliable:
+        scenario = scenario.model_copy(
+            update={"graph": scenario.graph.model_copy(update={"live_reliability": "reliable"})}
+        )
     console = make_console()
     if domain is None and not os.environ.get("ROS_DOMAIN_ID"):
         domain = 0

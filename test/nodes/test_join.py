@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-import rclpy
 from made_up_scene import made_up_spec
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
@@ -32,8 +31,8 @@ NAME = "mine"
 class World:
     """Announces scenes and hears reports, as the world node does, in the same thread as the stack."""
 
-    def __init__(self, context: Context) -> None:
-        self.context = context
+    def __init__(self, context: Context, make_node: Callable[[str], Node]) -> None:
+        self.context, self._make_node = context, make_node
         self.executor = SingleThreadedExecutor(context=context)
         self.stack = self._node("stack")
         self.node: Node | None = None
@@ -41,7 +40,7 @@ class World:
         self.lockstep = LockstepOfWorld([NAME], 3, outside=[NAME])
 
     def _node(self, name: str) -> Node:
-        node = rclpy.create_node(name, context=self.context)
+        node = self._make_node(name)
         self.executor.add_node(node)
         return node
 
@@ -74,13 +73,10 @@ class World:
 
 
 @pytest.fixture
-def world() -> Iterator[World]:
-    context = Context()
-    rclpy.init(context=context, domain_id=39)
-    made = World(context)
+def world(own_domain: Context, make_node: Callable[[str], Node]) -> Iterator[World]:
+    made = World(own_domain, make_node)
     yield made
     made.executor.shutdown()
-    context.try_shutdown()
 
 
 def test_each_scene_is_loaded_reported_and_followed_tick_by_tick(world: World) -> None:

@@ -30,6 +30,10 @@ def run(
     security: Annotated[
         bool, typer.Option("--security", help="Encrypt with keys that are made for this run (needs SROS 2).")
     ] = False,
+    serve: Annotated[
+        bool,
+        typer.Option("--serve", help="Play the scenes that ROS nodes ask for (/world/load_scene, /world/run_scene)."),
+    ] = False,
     evaluate: FiguresOption = None,
     stack: StackOption = None,
     view: ViewOption = False,
@@ -48,11 +52,15 @@ def run(
     simbev run my.yaml --stack reference --evaluate figures.json
 
     simbev run my.yaml --record datasets/first --view
+
+    simbev run my.yaml --serve                   scenes on request: a service, and an action
     """
     from simbev_ros.cli.production_display import SceneDisplay
     from simbev_ros.graph.exposure import Exposure
+    from simbev_ros.installation.message_packages.installer import describe_remedy
     from simbev_ros.production.observer import SeveralObservers
     from simbev_ros.production.play import play_scenes
+    from simbev_ros.production.serve import serve_scenes
 
     if reliable and not live:
         raise InputError("--reliable: is for --live; in lockstep, all topics are reliable")
@@ -67,10 +75,13 @@ def run(
     exposure = Exposure(network=network, security=security)
     profile = f"FASTRTPS_DEFAULT_PROFILES_FILE={exposure.profile_file}"
     console.print(f"subscribers: export {profile}", style="dim", soft_wrap=True)
+    if remedy := describe_remedy():
+        console.print(f"no /tf and no detections live: {remedy}", style="dim", soft_wrap=True)
     command = " ".join([os.environ.get("SIMBEV_COMMAND", "simbev"), "env", *(["--network"] if network else [])])
     console.print(f"ros2 and RViz: source <({command})", style="dim", highlight=False, soft_wrap=True)
     with viewer_beside(view_port, console, wanted=view, network=network) as viewer:
         observer = SeveralObservers(SceneDisplay(console), viewer)
-        bags = play_scenes(scenario, live=live, dataset=record, domain=domain, exposure=exposure, observer=observer)
+        play = serve_scenes if serve else play_scenes
+        bags = play(scenario, live=live, dataset=record, domain=domain, exposure=exposure, observer=observer)
         for bag in bags:
             console.print(f"recorded {bag}", soft_wrap=True)

@@ -68,7 +68,7 @@ class GraphNode(Node):
         self.signer = Signer.from_environment()
         self._simulated_ns = 0
         self._ignored: set[str] = set()
-        self._last_request = -1
+        self._last_request: SceneRequest | None = None
         self._failure: Exception | None = None
         self._topic_publishers: dict[str, Any] = {}
         self._ready = self.create_publisher(Header, topics.READY, rclpy_qos(LATCHED))
@@ -175,9 +175,10 @@ class GraphNode(Node):
     def read_request(self, message: String) -> SceneRequest | None:
         """The supervisor's request in a message from /world/request; None if it is somebody else's, or an old one."""
         request = self.read(topics.REQUEST, partial(content_of, SceneRequest, message.data, self.signer))
-        if request is None or (self.signer.checks and request.number <= self._last_request):
+        last = self._last_request
+        if request is None or (self.signer.checks and last is not None and request.number <= last.number):
             return None
-        self._last_request = request.number
+        self._last_request = request
         return request
 
     def read_end(self, message: String) -> SceneEnd | None:

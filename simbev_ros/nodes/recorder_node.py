@@ -97,7 +97,8 @@ class RecorderNode(GraphNode):
         self._tracker = TrackRecorder(spec.tick_ns)
         self._writer = bag_writer(scene_folder(self._dataset, spec.split, spec.name), self._recording)
         self._writer.add_attachment(SCENE_ATTACHMENT, "application/json", scene_json.encode())
-        self._writer.add_attachment(CONFIG_ATTACHMENT, "application/yaml", self._config.encode())
+        config = self._last_request.config if self._last_request is not None else None
+        self._writer.add_attachment(CONFIG_ATTACHMENT, "application/yaml", (config or self._config).encode())
         if spec.map.path:
             self._writer.add_attachment(MAP_SOURCE_ATTACHMENT, "application/x-bzip2", load_source(spec.map))
         for topic in self._manifest.values():

@@ -208,8 +208,8 @@ class Recording(Model):
     topics: RecordedTopics = RecordedTopics()
     forms: tuple[Literal["tables", "messages"], ...] = Field(
         ("tables",),
-        description="forms in which the world and its labels are recorded; messages: in addition to the tables and the "
-        "JSON, which readers of this package need, as messages of simbev_interfaces on <topic>/typed",
+        description="forms of the world and its labels; messages: in addition to the tables and the JSON, which this "
+        "package itself reads, messages of simbev_interfaces on topics that end in /typed",
     )
     images: Literal["compressed", "raw"] = Field(
         "compressed", description="format of recorded images; compressed: JPEG and PNG"

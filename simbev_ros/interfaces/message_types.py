@@ -37,7 +37,7 @@ def message_definition(type_name: str) -> str:
     Definitions of this package keep their comments, with units and frames.
 
     Raises:
-        KeyError: The type is unknown.
+        TypesysError: The type is unknown.
     """
     definition, _ = types_with(type_name).generate_msgdef(type_name, ros_version=2)
     first, *others = definition.split(_SEPARATOR)
@@ -53,7 +53,7 @@ def type_hash(type_name: str) -> str:
     """Hash of a known type's description (REP-2016), as in the metadata of bags.
 
     Raises:
-        KeyError: The type is unknown.
+        TypesysError: The type is unknown.
     """
     return types_with(type_name).hash_rihs01(type_name)
 

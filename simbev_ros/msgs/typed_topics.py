@@ -4,12 +4,14 @@ The recorder makes them of the messages that it records; a node that has the tab
 away. Publishers of rclpy send serialized messages as they are. Pure: imports no ROS.
 """
 
+import struct
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
 from rosbags.serde import SerdeError
 
+from simbev_ros.errors import SimbevError
 from simbev_ros.interfaces import table_messages
 from simbev_ros.interfaces.message_types import types_with
 from simbev_ros.interfaces.table_messages import serialize_table
@@ -23,6 +25,8 @@ from simbev_ros.structured_text import parse_json
 from simbev_ros.types import Table
 
 _SUFFIX = "typed"
+_MALFORMED = (SimbevError, SerdeError, KeyError, TypeError, AttributeError, OverflowError, struct.error)
+"""What reading or serializing malformed content raises, apart from ValueError."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +55,7 @@ class TypedTopic:
         """
         try:
             return self.serialize(self.read(payload), stamp_ns)
-        except (SerdeError, KeyError, TypeError, AttributeError) as error:
+        except _MALFORMED as error:
             raise ValueError(f"its content is not that of {self.topic.type}: {error!r}") from None
 
 

@@ -3,8 +3,10 @@
 import os
 import platform
 import shutil
+import sys
 from collections.abc import Callable, Iterator
 from importlib import metadata, util
+from pathlib import Path
 from typing import NamedTuple
 
 import typer
@@ -13,6 +15,7 @@ from rich.text import Text
 
 from simbev_ros.cli.console import make_console
 from simbev_ros.errors import SimbevError
+from simbev_ros.installation.shipped_files import PACKAGE
 from simbev_ros.process_memory import address_space_problem
 
 
@@ -55,6 +58,7 @@ def _findings() -> Iterator[Finding]:
     for package, use in (("tf2_msgs", "/tf live"), ("vision_msgs", "Detection3DArray")):
         there = util.find_spec(package) is not None
         yield Finding(package, f"installed: {use}" if there else f"not installed: no {use} (bags are not affected)")
+    yield _package_index()
     yield from _renderers()
     yield _checked("ray caster", _ray_caster)
     yield _checked("traffic", _traffic)
@@ -91,6 +95,15 @@ def _ros() -> str:
 
     origin = "wheels" if _installed("ros-rclpy") else f"{os.environ.get('ROS_DISTRO', 'unknown')} of this machine"
     return f"rclpy from {origin}, {describe_ros()}"
+
+
+def _package_index() -> Finding:
+    """Whether ``ros2 pkg`` and ``ros2 launch`` find this package, once ``simbev env`` is sourced."""
+    command = f"source <({os.environ.get('SIMBEV_COMMAND', 'simbev')} env)"
+    marker = Path(sys.prefix) / "share" / "ament_index" / "resource_index" / "packages" / PACKAGE
+    if not marker.exists():
+        return Finding("ros2 command line", f"does not find {PACKAGE} in {sys.prefix}; ./simbev setup puts it there")
+    return Finding("ros2 command line", f"finds {PACKAGE} after {command}", True)
 
 
 def _renderers() -> Iterator[Finding]:

@@ -32,6 +32,7 @@ VERBS = {
     "repair": "repair:repair",
     "evaluate": "evaluate.command:evaluate",
     "doctor": "doctor:doctor",
+    "env": "env:env",
     "map": "map.command:map_",
     "bench": "bench.group:bench",
     "export": "export.group:export",
@@ -143,7 +144,7 @@ def main() -> None:
     stderr = make_console(stderr=True, soft_wrap=True)
     try:
         with raising_interrupts():
-            app(standalone_mode=True)
+            app(prog_name=app.info.name, standalone_mode=True)
     except (Interrupted, KeyboardInterrupt):
         stderr.print("interrupted")
         sys.exit(130)

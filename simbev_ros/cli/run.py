@@ -54,6 +54,8 @@ def run(
     exposure = Exposure(network=network, security=security)
     profile = f"FASTRTPS_DEFAULT_PROFILES_FILE={exposure.profile_file}"
     console.print(f"subscribers: export {profile}", style="dim", soft_wrap=True)
+    command = " ".join([os.environ.get("SIMBEV_COMMAND", "simbev"), "env", *(["--network"] if network else [])])
+    console.print(f"ros2 and RViz: source <({command})", style="dim", highlight=False, soft_wrap=True)
     with viewer_beside(view_port, console, wanted=view, network=network) as viewer:
         observer = SeveralObservers(SceneDisplay(console), viewer)
         bags = play_scenes(scenario, live=live, dataset=record, domain=domain, exposure=exposure, observer=observer)

@@ -17,7 +17,7 @@ from simbev_ros.graph.domain import DomainLock
 from simbev_ros.graph.environment import graph_environment
 from simbev_ros.graph.exposure import LOCAL, NEEDS_SROS, Exposure
 from simbev_ros.graph.loading_watch import LoadingWatch
-from simbev_ros.graph.monitor import GraphMonitor
+from simbev_ros.graph.monitor import SUPERVISOR, GraphMonitor
 from simbev_ros.graph.node_starter import NodeStarter
 from simbev_ros.graph.plan import plan_processes, stack_command
 from simbev_ros.graph.process import GraphProcess, NodeProcess, StackProcess
@@ -212,6 +212,10 @@ class GraphSession:
         """Node and text of the warnings that the nodes have logged since the last call."""
         return [warning for process in self._processes for warning in process.new_warnings()]
 
+    def new_advice(self) -> list[str]:
+        """What nodes outside should change that the graph has been waiting for; each sentence is returned once."""
+        return self.monitor.new_advice()
+
     def cpu_s(self) -> dict[str, float]:
         """Processor time of every process, s, by process label."""
         return {process.label: process.cpu_s for process in self._processes}
@@ -229,7 +233,7 @@ class GraphSession:
         """Ids of all processes of the graph that have been started, by label, with supervisor and fork server."""
         servers = {} if self._starter is None else {"fork server": self._starter.pid}
         nodes = {process.label: process.pid for process in self._processes if process.pid is not None}
-        return {"supervisor": os.getpid(), **servers, **nodes}
+        return {SUPERVISOR: os.getpid(), **servers, **nodes}
 
     def _finished_tick(self) -> int | None:
         """The last tick finished by all participants; live, where they may skip ticks, by the world node alone."""
@@ -251,8 +255,8 @@ class GraphSession:
         if tick is None and self._loading is not None:
             self.monitor.note_computing(self._loading.computing(time.monotonic(), self.cpu_s()))
         if silent := self.monitor.silent_nodes(timeout_s):
-            early = self.monitor.behind_world.describe_early_reports()
-            self._fail("; ".join([f"{_nodes_have(silent)} been silent for {timeout_s:g} s, {where}", *early]))
+            words = [f"{_nodes_have(silent)} been silent for {timeout_s:g} s, {where}", *self.monitor.advice(silent)]
+            self._fail("; ".join(words))
 
     def _pids(self) -> list[int]:
         """Ids of this process and of those that have been started."""

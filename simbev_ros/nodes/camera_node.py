@@ -71,7 +71,9 @@ class CameraNode(Participant):
         )
         self._jpeg_quality = self.declare_section("recording", Recording).jpeg_quality
         rendering = self.declare_section("rendering", Rendering)
-        process = self.declare_read_only("process", 0, "Index of this process among those that share the rig's cameras")
+        process = self.declare_read_only(
+            "process", 0, "Index of this process among those that share the rig's cameras", minimum=0
+        )
         self._quality = rendering.quality
         self._open_context = partial(open_context, rendering.device_of(process), process)
         self._open_context().release()  # a machine that cannot draw is reported before anything is loaded

@@ -7,11 +7,9 @@ from typing import Any, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from pydantic import ValidationError
-from rcl_interfaces.msg import ParameterDescriptor, ParameterType
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Header, String
 
@@ -25,6 +23,7 @@ from simbev_ros.msgs.stamps import header
 from simbev_ros.msgs.topic import Topic
 from simbev_ros.nodes.load_meter import BUSY, LoadMeter
 from simbev_ros.nodes.reports import Report, report_message
+from simbev_ros.nodes.ros.parameters import declare_read_only
 from simbev_ros.nodes.scene_inbox import SceneInbox
 from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.request import SceneRequest
@@ -95,13 +94,11 @@ class GraphNode(Node):
         if self._failure is not None:
             raise self._failure
 
-    def declare_read_only(self, name: str, default: Any, description: str) -> Any:
-        """Declare a read-only parameter and return its value; the default ``[]`` means a list of strings."""
-        descriptor = ParameterDescriptor(description=description, read_only=True)
-        if default == []:
-            descriptor.type = ParameterType.PARAMETER_STRING_ARRAY
-            return list(self.declare_parameter(name, Parameter.Type.STRING_ARRAY, descriptor).value or [])
-        return self.declare_parameter(name, default, descriptor).value
+    def declare_read_only(
+        self, name: str, default: Any, description: str, *, minimum: float | None = None, allowed: str = ""
+    ) -> Any:
+        """Declare a read-only parameter and return its value, see ``nodes.ros.parameters``."""
+        return declare_read_only(self, name, default, description, minimum=minimum, allowed=allowed)
 
     def declare_section(self, name: str, model: type[Section]) -> Section:
         """Declare a read-only parameter with a section of the configuration as JSON; return the validated section.
@@ -109,7 +106,8 @@ class GraphNode(Node):
         Raises:
             InputError: The parameter is no JSON, or a value in it is not allowed.
         """
-        text = self.declare_read_only(name, "{}", f"The configuration's section {name}, as JSON; {{}}: all defaults")
+        words = f"The configuration's section {name}, as JSON; {{}}: all defaults"
+        text = self.declare_read_only(name, "{}", words, allowed=f"as {name} in docs/reference/configuration.md")
         try:
             return model.model_validate_json(text)
         except ValidationError as error:

@@ -86,7 +86,7 @@ class RecorderNode(GraphNode):
     def _on_scene(self, scene_json: str, payload: bytes) -> None:
         self.close()
         self._spec = spec = SceneSpec.model_validate_json(scene_json)
-        self._end, self._lead_in = None, []
+        self._end, self._lead_in, self._clock_ns = None, [], -1
         self._loaded_reported = False
         chosen = topics.TopicFilter(self._recording.topics.include, self._recording.topics.exclude)
         typed = typed_topics(spec) if "messages" in self._recording.forms else ()
@@ -134,7 +134,7 @@ class RecorderNode(GraphNode):
         with self.meter.part("receive"):
             makers = self._makers.get(topic.name, {})
             message = self.read(topic.name, partial(_stamped, payload, topic, self._spec, makers))
-            if message is None or message.stamp_ns is None:
+            if message is None or message.stamp_ns is None or self._is_repeated(topic, message.stamp_ns):
                 return
             if message.stamp_ns < self._spec.start_ns and topic.name in _REPLAYED:
                 self._lead_in.append(RawMessage(topic.name, message.stamp_ns, topic.type, bytes(message.payload)))
@@ -142,6 +142,13 @@ class RecorderNode(GraphNode):
                 self._record(topic.name, message.stamp_ns, message.payload)  # the last message of a scene ends it
                 for name, made in message.made.items():
                     self._record(name, message.stamp_ns, memoryview(made))
+
+    def _is_repeated(self, topic: Topic, stamp_ns: int) -> bool:
+        """Whether this is the time that a paused world has published before."""
+        if topic.name != topics.CLOCK:
+            return False
+        before_ns, self._clock_ns = self._clock_ns, stamp_ns
+        return stamp_ns == before_ns
 
     def _report_loaded(self) -> None:
         """Report the scene as loaded once every topic has a publisher; called by a timer until then."""
@@ -213,6 +220,7 @@ class RecorderNode(GraphNode):
         self._add_tracks(self._writer)
         self._writer.finish(self._facts(spec))
         self._writer = self._spec = None
+        self.get_logger().info(f"scene {spec.name} is recorded")
         self.report_finished(spec, self._end.tick + 1)
 
     def _add_tracks(self, writer: SceneBagWriter) -> None:

@@ -37,7 +37,7 @@ from simbev_ros.msgs.world import (
 from simbev_ros.nodes.graph_node import GraphNode
 from simbev_ros.nodes.lockstep import Lockstep
 from simbev_ros.nodes.pacer import Pacer
-from simbev_ros.nodes.reports import read_report
+from simbev_ros.nodes.reports import read_report, subscribe_to_reports
 from simbev_ros.nodes.world_displays import WorldDisplays
 from simbev_ros.process_memory import freeze_after_loading
 from simbev_ros.recording.replay import Replay
@@ -50,6 +50,9 @@ from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.world.simulation import Simulation
 from simbev_ros.world.source import StateSource
+
+_CLOCK_PERIOD_S = 0.1
+"""Wall time between messages on /clock while the world is paused."""
 
 
 @dataclass
@@ -89,23 +92,25 @@ class WorldNode(GraphNode):
         )
         self._recorded = self.declare_read_only("recorded", False, "A recorder writes each scene into a bag")
         self._state_readers = self.declare_read_only(
-            "state_readers", 0, "Number of readers of /world/actors to wait for before a scene"
+            "state_readers", 0, "Number of readers of /world/actors to wait for before a scene", minimum=0
         )
         window_ticks = self.declare_read_only(
-            "window_ticks", 3, "Number of ticks that the world may be ahead of the slowest participant"
+            "window_ticks", 3, "Number of ticks that the world may be ahead of the slowest participant", minimum=1
         )
-        self._lockstep = Lockstep(participants, 1 if self.live else window_ticks)
+        self._lockstep = Lockstep(participants, 1 if self.live else window_ticks, self._outside)
         self._pacer = Pacer(live=self.live)
         self._scene: _LoadedScene | None = None
         self._commands: dict[str, Any] = {}
         self._next_tick = 0
+        self._now = Clock()
         self._transforms = TransformBroadcaster(self)
         self.create_subscription(String, topics.REQUEST, self._on_request, rclpy_qos(STEERING))
-        self.create_subscription(Header, topics.READY, self._on_ready, rclpy_qos(STEERING))
+        subscribe_to_reports(self, self._on_ready, self._outside)
         self.create_service(SetBool, "/world/pause", self._pause)
         self.create_service(Trigger, "/world/step", self._step)
         self.create_service(Trigger, "/world/reset", self._reset)
         self.create_wall_timer(0.005 if self.live else 0.02, self.advance)
+        self.create_wall_timer(_CLOCK_PERIOD_S, self._repeat_clock)
 
     def _on_request(self, message: String) -> None:
         if (request := self.read_request(message)) is not None:
@@ -121,7 +126,9 @@ class WorldNode(GraphNode):
         for _ in range(request.spec.warm_up_ticks - request.spec.lead_in_ticks):
             source.step()
         self._next_tick = -request.spec.lead_in_ticks
+        self._now = Clock(clock=time_message(request.spec.stamp_ns(request.spec.loaded_tick)))
         self._pacer.start()
+        self.get_logger().info(f"scene {request.spec.name} is loaded")
 
     def _load(self, request: SceneRequest) -> tuple[StateSource, WorldDisplays]:
         """Load and announce a scene; return the source of its states, and its displays."""
@@ -151,7 +158,7 @@ class WorldNode(GraphNode):
     def _on_ready(self, message: Header) -> None:
         report = self.read(topics.READY, partial(read_report, message, self.signer, self._outside))
         if report is not None:
-            self._lockstep.record_report(report)
+            self._lockstep.record_report(report, self._next_tick - 1)
             self.advance()
 
     def advance(self) -> None:
@@ -186,13 +193,27 @@ class WorldNode(GraphNode):
             with self.meter.part("message"):
                 self._publish_state(scene, state)
         self.report_finished(scene.spec, self._next_tick)
+        self._log_progress(scene)
         self._next_tick += 1
+
+    def _log_progress(self, scene: _LoadedScene) -> None:
+        """Log the first tick of a scene and its end."""
+        if self._next_tick == 0:
+            self.get_logger().info(f"scene {scene.spec.name} starts: {scene.spec.ticks} ticks")
+        if scene.end is not None:
+            self.get_logger().info(f"scene {scene.spec.name} ends with tick {scene.end.tick}: {scene.end.reason}")
+
+    def _repeat_clock(self) -> None:
+        """Publish the time again while the world is paused: nodes that are started then would stay at time 0."""
+        if self._pacer.paused and self._scene is not None and self._scene.end is None:
+            self.publish(topics.CLOCK, self._now)
 
     def _publish_state(self, scene: _LoadedScene, state: WorldState) -> None:
         agent = scene.spec.rig.agent
         for event in state.events:  # first, so that they arrive well before the tick is finished
             self.publish(topics.EVENTS, event_message(event, state))
-        self.publish(topics.CLOCK, Clock(clock=time_message(state.stamp_ns)))
+        self._now = Clock(clock=time_message(state.stamp_ns))
+        self.publish(topics.CLOCK, self._now)
         self.publish(topics.ACTORS, actors_message(state))
         self.publish(topics.SIGNALS, signals_message(state))
         self.publish(topics.WEATHER, weather_message(state))
@@ -205,6 +226,7 @@ class WorldNode(GraphNode):
         self._pacer.pause(request.data)
         response.success = True
         response.message = "paused" if request.data else "running"
+        self.get_logger().info(f"{response.message}; the next tick is {self._next_tick}")
         return response
 
     def _step(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -226,6 +248,7 @@ class WorldNode(GraphNode):
         response.success = refusal is None
         response.message = refusal or "restarted"
         if refusal is None and self._scene is not None:
+            self.get_logger().info(f"scene {self._scene.spec.name} starts again")
             self.start(self._scene.request)
         return response
 

@@ -9,6 +9,7 @@ from typing import Any
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.errors import GraphError, SimbevError
 from simbev_ros.graph.exposure import LOCAL, Exposure
+from simbev_ros.graph.monitor import SUPERVISOR
 from simbev_ros.graph.session import GraphSession
 from simbev_ros.production.drawing import draw_scenes
 from simbev_ros.production.observer import SILENT, ProductionObserver
@@ -127,6 +128,8 @@ def play_on(
 
     def progress(tick: int | None) -> None:
         observer.scene_progressed(spec, tick)
+        for advice in session.new_advice():
+            observer.graph_warned(SUPERVISOR, advice)
         on_tick(tick)
 
     end: SceneEnd | None = None

@@ -84,14 +84,16 @@ def predictions(nusc):
 
 
 def evaluate_truth(nusc, folder):
-    """The devkit's scores of the ground truth as predictions, over the classes that occur."""
+    """The devkit's scores of the ground truth as predictions, over all classes and over those that occur."""
     path = folder / "predictions.json"
     path.write_text(json.dumps(predictions(nusc)))
     config = config_factory("detection_cvpr_2019")
     evaluation = DetectionEval(nusc, config, str(path), SPLIT, str(folder / "eval"), verbose=False)
+    metrics, _ = evaluation.evaluate()
+    whole = {"mean_ap_of_all": metrics.mean_ap, "nd_score_of_all": metrics.nd_score}
     config.class_names = sorted({box.detection_name for box in evaluation.gt_boxes.all})
     metrics, _ = evaluation.evaluate()
-    return {"classes": config.class_names, "mean_ap": metrics.mean_ap, "nd_score": metrics.nd_score}
+    return {**whole, "classes": config.class_names, "mean_ap": metrics.mean_ap, "nd_score": metrics.nd_score}
 
 
 def main():

@@ -12,12 +12,11 @@ from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.dataset.parallel import OWN_PROCESS, Pool
 from simbev_ros.errors import BagError, InputError
 from simbev_ros.export.nuscenes.map_masks import sites_of, write_mask
+from simbev_ros.export.nuscenes.origins import VERSION
 from simbev_ros.export.nuscenes.scene_part import ScenePart, make_part, parts_of
 from simbev_ros.export.nuscenes.tables import write_tables
 from simbev_ros.export.parts import is_begun
 from simbev_ros.recording.whole_files import write_errors
-
-VERSION = "v1.0-trainval"
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +29,8 @@ class Exported:
         samples: Number of keyframes of all scenes.
         files: Number of sensor files of all scenes.
         failures: Reasons why scenes could not be exported, by name of the scene.
+        origins_m: Origin of nuScenes' global frame in the frame ``map``, by name of the location.
+        classes: Classes of nuScenes' detection task that occur as its evaluation counts them, by name of the split.
     """
 
     scenes: int
@@ -37,6 +38,8 @@ class Exported:
     samples: int
     files: int
     failures: dict[str, str]
+    origins_m: dict[str, tuple[float, float]]
+    classes: dict[str, tuple[str, ...]]
 
 
 def export_nuscenes(
@@ -75,15 +78,22 @@ def export_nuscenes(
         failures = _make_parts(missing, pool, report)
         finished = [part for part in parts if part.scene.name not in failures]
         summaries = [{**part.summary(), "bag": str(part.scene.path)} for part in finished]
-        if finished:
-            sites = sites_of(summaries)
-            for site in sites:
-                write_mask(site, out)
-            write_tables(out, finished, sites, version)
+        sites = sites_of(summaries)
+        for site in sites:
+            write_mask(site, out)
+        classes = write_tables(out, finished, sites, version) if finished else {}
         for part in parts:
             part.tidy_up()
     samples, files = (sum(each[name] for each in summaries) for name in ("samples", "files"))
-    return Exported(len(finished), len(missing) - len(failures), samples, files, failures)
+    return Exported(
+        scenes=len(finished),
+        made=len(missing) - len(failures),
+        samples=samples,
+        files=files,
+        failures=failures,
+        origins_m={site.name: site.low_m for site in sites},
+        classes=classes,
+    )
 
 
 def _make_parts(parts: Sequence[ScenePart], pool: Pool, report: Callable[[int, int], None]) -> dict[str, str]:

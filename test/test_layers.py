@@ -61,9 +61,11 @@ ROS = {
     "rclpy",
     "rosgraph_msgs",
     "sensor_msgs",
+    "simbev_interfaces",
     "std_msgs",
     "std_srvs",
     "tf2_msgs",
+    "vision_msgs",
     "visualization_msgs",
 }
 STACK = tuple(f"reference_stack/{module}" for module in ("messages", "node", "__main__"))

@@ -24,7 +24,7 @@ from simbev_ros.nodes.load_meter import BUSY, Part, part_keys
 from simbev_ros.nodes.lockstep import Lockstep
 from simbev_ros.nodes.reports import Report, read_report, subscribe_to_reports
 from simbev_ros.scene.ending import SceneEnd
-from simbev_ros.scene.request import SceneRequest
+from simbev_ros.scene.request import SceneRequest, SceneStop
 from simbev_ros.scene.spec import SceneSpec
 
 SUPERVISOR = "supervisor"
@@ -98,6 +98,7 @@ class GraphMonitor:
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
         self._request = self._node.create_publisher(String, topics.REQUEST, rclpy_qos(LATCHED))
+        self._stop = self._node.create_publisher(String, topics.STOP, rclpy_qos(LATCHED))
         self._node.create_subscription(String, topics.END, self._on_end, rclpy_qos(STEERING))
         subscribe_to_reports(self._node, self._on_ready, self._outside)
         self._node.create_subscription(DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, 64)
@@ -112,6 +113,11 @@ class GraphMonitor:
         self._requests += 1
         request = request.model_copy(update={"number": self._requests})
         self._request.publish(String(data=signed_json(request, self._signer)))
+
+    def stop(self, reason: str) -> None:
+        """Ask the world node to end the scene with its next tick, for a reason in words."""
+        stop = SceneStop(number=self._requests, reason=reason)
+        self._stop.publish(String(data=signed_json(stop, self._signer)))
 
     def _start_scene(self, spec: SceneSpec) -> None:
         """Expect the reports of a scene's first ticks."""

@@ -109,6 +109,7 @@ def play_on(
     observer: ProductionObserver = SILENT,
     *,
     replay: Path | None = None,
+    config: Scenario | None = None,
     on_tick: Callable[[int | None], None] = lambda tick: None,
 ) -> SceneEnd:
     """Play one scene on a running graph and report its progress.
@@ -118,6 +119,7 @@ def play_on(
         spec: The scene.
         observer: Receives the progress.
         replay: A bag to take all motion from; None: motion is simulated.
+        config: The scene's configuration, if it is not that of the graph.
         on_tick: Called after the observer with the last finished tick, for callers that measure.
 
     Raises:
@@ -135,7 +137,7 @@ def play_on(
     end: SceneEnd | None = None
     observer.scene_started(spec)
     try:
-        end = session.play(spec, progress, replay)
+        end = session.play(spec, progress, replay, config)
     finally:
         observer.scene_ended(spec, end)
         for node, message in session.new_warnings():

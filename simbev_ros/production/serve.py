@@ -30,6 +30,7 @@ from simbev_ros.scene.spec import SceneSpec
 _IDLE_S = 0.1
 _ORDER_NAME = "configuration"
 """What messages call a configuration that comes as text."""
+_SUFFIXES = (".yaml", ".yml")
 
 
 class OrderDrawer:
@@ -84,10 +85,7 @@ class OrderDrawer:
     def _scenario_of(self, order: SceneOrder) -> Scenario:
         scenario = self._scenario
         if order.configuration:
-            is_text = "\n" in order.configuration or ":" in order.configuration
-            scenario = (
-                parse_scenario(order.configuration, _ORDER_NAME) if is_text else load_scenario(order.configuration)
-            )
+            scenario = _read_configuration(order.configuration)
         if scenario.evaluation != self._scenario.evaluation:
             raise InputError("evaluation: must be that of the configuration with which the graph was started")
         if order.seed is None:
@@ -95,6 +93,18 @@ class OrderDrawer:
         if order.seed < 0:
             raise InputError(f"seed {order.seed}: must be 0 or more")
         return scenario.model_copy(update={"seed": order.seed})
+
+
+def _read_configuration(words: str) -> Scenario:
+    """The configuration in a file, of a name, or in YAML text.
+
+    Files have the suffixes of configurations, as a message about the content of any other file would quote from it.
+    """
+    if "\n" in words or ": " in words:
+        return parse_scenario(words, _ORDER_NAME)
+    if Path(words).suffix not in _SUFFIXES and "/" in words:
+        raise InputError(f"{words}: the name of a configuration file ends in {' or '.join(_SUFFIXES)}")
+    return load_scenario(words)
 
 
 def serve_scenes(

@@ -6,7 +6,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from simbev_ros.config.load import load_scenario, parse_scenario
+from simbev_ros.config.load import CONFIG_SUFFIXES, load_scenario, parse_scenario
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.errors import GraphError, InputError, SimbevError
@@ -14,6 +14,7 @@ from simbev_ros.graph.exposure import LOCAL, Exposure
 from simbev_ros.graph.scene_queue import OrderedScene, Outcome, Phase, SceneOrder, SceneQueue
 from simbev_ros.graph.scene_services import require_interfaces, scene_services
 from simbev_ros.graph.session import GraphSession
+from simbev_ros.input_file import path_exists
 from simbev_ros.limits import MAX_SCENE_NUMBER
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.spec import MapSpec
@@ -30,7 +31,6 @@ from simbev_ros.scene.spec import SceneSpec
 _IDLE_S = 0.1
 _ORDER_NAME = "configuration"
 """What messages call a configuration that comes as text."""
-_SUFFIXES = (".yaml", ".yml")
 
 
 class OrderDrawer:
@@ -96,14 +96,11 @@ class OrderDrawer:
 
 
 def _read_configuration(words: str) -> Scenario:
-    """The configuration in a file, of a name, or in YAML text.
-
-    Files have the suffixes of configurations, as a message about the content of any other file would quote from it.
-    """
+    """The configuration in a file, of a name, or in YAML text."""
     if "\n" in words or ": " in words:
         return parse_scenario(words, _ORDER_NAME)
-    if Path(words).suffix not in _SUFFIXES and "/" in words:
-        raise InputError(f"{words}: the name of a configuration file ends in {' or '.join(_SUFFIXES)}")
+    if Path(words).suffix not in CONFIG_SUFFIXES and path_exists(Path(words)):
+        raise InputError(f"{words}: the name of a configuration file ends in {' or '.join(CONFIG_SUFFIXES)}")
     return load_scenario(words)
 
 

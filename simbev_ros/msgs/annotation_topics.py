@@ -48,6 +48,7 @@ class AnnotationTopics:
         views: How each camera with instance images sees the boxes, by the camera's name.
         occupancy: Occupied voxels; None: not configured.
         vector_map: The roads around the ego; None: not configured.
+        box_points: The 3D boxes as a cloud of float32 for displays; not recorded.
         grids: The grid of each class for displays and planners, by the name of the class; not recorded in bags.
         lane_status: The lane under the ego for displays; not recorded.
         map_markers: The roads around the ego as markers; not recorded. None: no vector map is configured.
@@ -65,6 +66,7 @@ class AnnotationTopics:
     views: Mapping[str, Topic]
     occupancy: Topic | None
     vector_map: Topic | None
+    box_points: Topic
     grids: Mapping[str, Topic]
     lane_status: Topic
     map_markers: Topic | None
@@ -93,7 +95,8 @@ class AnnotationTopics:
         roads = () if self.map_markers is None else (self.map_markers,)
         surroundings = (*self.grids.values(), self.lane_status, *roads, self.bev_label_info)
         views = (*self.view_markers.values(), *(topic for each in self.camera_detections.values() for topic in each))
-        return {Label.BOXES: (self.detections,), Label.VIEWS: views, Label.SURROUNDINGS: surroundings}
+        boxes = (self.box_points, self.detections)
+        return {Label.BOXES: boxes, Label.VIEWS: views, Label.SURROUNDINGS: surroundings}
 
 
 def boxes_name(agent: str) -> str:
@@ -126,6 +129,7 @@ def annotation_topics(spec: SceneSpec) -> AnnotationTopics:
         },
         occupancy=topic("occupancy/points", "sensor_msgs/msg/PointCloud2", occupancy.rate_hz) if occupancy else None,
         vector_map=topic("vector_map", "std_msgs/msg/String", vector_map.rate_hz) if vector_map else None,
+        box_points=topic("boxes/points", "sensor_msgs/msg/PointCloud2"),
         grids={name: _grid_topic(agent, name) for name in BEV_CLASSES},
         lane_status=topic("hd_map/status", "diagnostic_msgs/msg/DiagnosticArray"),
         map_markers=topic("vector_map/markers", markers, vector_map.rate_hz) if vector_map else None,

@@ -76,12 +76,15 @@ def _field_rows(part: Part) -> Iterator[tuple[str, str, str]]:
 
 
 def _part(lines: Sequence[str]) -> Part:
-    """Parse a message: comments at its beginning, above constants and behind fields."""
+    """Parse a message: comments at its beginning, above constants, and behind fields, continued on indented lines."""
     part, comments = Part(), list[str]()
     for line in lines:
         definition, _, comment = line.partition("#")
         if not definition.strip():
-            if comment:
+            if comment and definition and part.fields:
+                names, kind, text = part.fields[-1]
+                part.fields[-1] = (names, kind, f"{text} {comment.strip()}")
+            elif comment:
                 comments.append(comment.strip())
             elif not (part.text or part.constants or part.fields):
                 part.text, comments = " ".join(comments), []

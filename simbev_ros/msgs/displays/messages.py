@@ -19,6 +19,7 @@ IMAGE_MARKER = "visualization_msgs/msg/ImageMarker"
 PATH = "nav_msgs/msg/Path"
 GRID = "nav_msgs/msg/OccupancyGrid"
 IMAGE = "sensor_msgs/msg/Image"
+CLOUD = "sensor_msgs/msg/PointCloud2"
 COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 

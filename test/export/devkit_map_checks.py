@@ -76,6 +76,7 @@ def main():
         "near": {layer: len(tokens) for layer, tokens in near.items()},
         "invalid": invalid,
         "lanes": len(nusc_map.lane),
+        "connectors": len(nusc_map.lane_connector),
         "found_at_their_middle": sum(
             nusc_map.record_on_point(*middles[record["token"]], "lane") == record["token"] for record in nusc_map.lane
         ),

@@ -119,8 +119,9 @@ def _fits(arcs: list[_Arc], points_m: Float64Array) -> bool:
 
 def _biarc(points_m: Float64Array, headings_rad: Float64Array, start: int, end: int) -> list[_Arc]:
     """Two arcs from one point to another, with the headings there."""
-    first = _Pose(*points_m[start].tolist(), float(headings_rad[start]))
-    last = _Pose(*points_m[end].tolist(), float(headings_rad[end]))
+    first, last = (
+        _Pose(float(points_m[row, 0]), float(points_m[row, 1]), float(headings_rad[row])) for row in (start, end)
+    )
     ahead = np.array([math.cos(first.yaw_rad), math.sin(first.yaw_rad)])
     beyond = np.array([math.cos(last.yaw_rad), math.sin(last.yaw_rad)])
     chord_m = points_m[end] - points_m[start]

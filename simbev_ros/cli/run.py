@@ -2,17 +2,19 @@
 
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from simbev_ros.cli.console import make_console
 from simbev_ros.cli.evaluate.live import FiguresOption, StackOption, with_evaluation
+from simbev_ros.cli.ros_options import NamespaceOption, ros_arguments
 from simbev_ros.cli.view.beside_run import ViewOption, ViewPortOption, viewer_beside
 from simbev_ros.config.load import load_scenario
 
 
 def run(
+    context: typer.Context,
     config: Annotated[str, typer.Argument(help="Configuration file, or demo, live, paper, stack.", show_default=False)],
     live: Annotated[bool, typer.Option("--live", help="In real time; sensor topics are best effort.")] = False,
     record: Annotated[Path | None, typer.Option(help="Record each scene as a bag in this dataset folder.")] = None,
@@ -25,12 +27,15 @@ def run(
     security: Annotated[
         bool, typer.Option("--security", help="Encrypt with keys that are made for this run (needs SROS 2).")
     ] = False,
+    namespace: NamespaceOption = None,
     evaluate: FiguresOption = None,
     stack: StackOption = None,
     view: ViewOption = False,
     view_port: ViewPortOption = None,
 ) -> None:
     """Start the graph and stream, until Ctrl-C or until the scenes end.
+
+    What follows --ros-args goes to all nodes: remapping, parameters, files of parameters, log levels.
 
     [bold]Examples[/]
 
@@ -41,12 +46,15 @@ def run(
     simbev run my.yaml --stack reference --evaluate figures.json
 
     simbev run my.yaml --record datasets/first --view
+
+    simbev run live --live --ros-args -r /ego/lidar/points:=/points
     """
     from simbev_ros.cli.production_display import SceneDisplay
     from simbev_ros.graph.exposure import Exposure
     from simbev_ros.production.observer import SeveralObservers
     from simbev_ros.production.play import play_scenes
 
+    ros = ros_arguments(context, namespace)
     scenario = with_evaluation(load_scenario(config), evaluate, stack)
     console = make_console()
     if domain is None and not os.environ.get("ROS_DOMAIN_ID"):
@@ -56,8 +64,9 @@ def run(
     console.print(f"subscribers: export {profile}", style="dim", soft_wrap=True)
     command = " ".join([os.environ.get("SIMBEV_COMMAND", "simbev"), "env", *(["--network"] if network else [])])
     console.print(f"ros2 and RViz: source <({command})", style="dim", highlight=False, soft_wrap=True)
-    with viewer_beside(view_port, console, wanted=view, network=network) as viewer:
+    with viewer_beside(view_port, console, wanted=view, network=network, ros=ros) as viewer:
         observer = SeveralObservers(SceneDisplay(console), viewer)
-        bags = play_scenes(scenario, live=live, dataset=record, domain=domain, exposure=exposure, observer=observer)
+        where: dict[str, Any] = {"domain": domain, "exposure": exposure, "ros": ros}
+        bags = play_scenes(scenario, live=live, dataset=record, **where, observer=observer)
         for bag in bags:
             console.print(f"recorded {bag}", soft_wrap=True)

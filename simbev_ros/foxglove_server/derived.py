@@ -17,7 +17,7 @@ from simbev_ros.msgs.displays.grids import occupancy_grid
 from simbev_ros.msgs.displays.image_boxes import image_boxes
 from simbev_ros.msgs.displays.map_markers import map_markers
 from simbev_ros.msgs.displays.messages import rgb_image, serialize
-from simbev_ros.msgs.displays.pictures import color_picture
+from simbev_ros.msgs.displays.pictures import color_picture, compressed_picture
 from simbev_ros.msgs.displays.status import EVENT, LANE, WEATHER, status
 from simbev_ros.msgs.sensor_topics import camera_info_topic, camera_topics, picture_topics
 from simbev_ros.msgs.topic import Topic
@@ -29,11 +29,13 @@ from simbev_ros.scene.state import EGO_ID
 from simbev_ros.semantics import BEV_CLASSES
 from simbev_ros.sensors.mount import vector
 from simbev_ros.structured_text import parse_json
-from simbev_ros.types import AnyArray, UInt16Array
+from simbev_ros.types import AnyArray, UInt8Array, UInt16Array
 
 _MALFORMED = (ValueError, KeyError, TypeError, IndexError, AttributeError, OverflowError)
 _Make = Callable[..., bytes]
 """Makes a serialized message from a stamp, ns, and the decoded messages of the sources."""
+_MakePicture = Callable[[UInt8Array, int, str], bytes]
+"""Makes a serialized message from a picture, its stamp, ns, and its frame."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,10 +127,11 @@ def _pictures(spec: SceneSpec, bag: SceneBag) -> Iterator[_Part]:
     for camera in spec.rig.of_type(Camera):
         images = camera_topics(spec, camera)
         frame = f"{spec.rig.agent}/{camera.name}_optical"
-        for modality, topic in picture_topics(spec, camera).items():
+        for modality, pictures in picture_topics(spec, camera).items():
             forms = images[modality].compressed.name, images[modality].raw.name
             recorded = next((name for name in forms if name in bag.topics), forms[0])
-            yield topic, (recorded,), partial(_picture, modality, frame)
+            yield pictures.raw, (recorded,), partial(_picture, rgb_image, modality, frame)
+            yield pictures.compressed, (recorded,), partial(_picture, compressed_picture, modality, frame)
 
 
 def _world_markers(stamp_ns: int, signals: Any, actors: Any, lamps: Any) -> bytes:
@@ -147,8 +150,8 @@ def _image_boxes(frame: str, stamp_ns: int, views: Any) -> bytes:
     return image_boxes(point_array(views), stamp_ns, frame)
 
 
-def _picture(modality: str, frame: str, stamp_ns: int, message: Any) -> bytes:
-    return color_picture(modality, image_array(message), stamp_ns, frame)
+def _picture(make: _MakePicture, modality: str, frame: str, stamp_ns: int, message: Any) -> bytes:
+    return make(color_picture(modality, image_array(message)), stamp_ns, frame)
 
 
 def _bev_picture(frame: str, stamp_ns: int, message: Any) -> bytes:

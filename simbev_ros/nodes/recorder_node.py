@@ -21,7 +21,7 @@ from simbev_ros.errors import DiskError
 from simbev_ros.maps.build import load_source
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.message_types import message_class
-from simbev_ros.msgs.qos import STEERING, qos_of, rclpy_qos, reader_qos_of
+from simbev_ros.msgs.qos import STEERING, rclpy_qos, reader_qos_of
 from simbev_ros.msgs.stamps import serialized_stamp_ns
 from simbev_ros.msgs.tables import table_from_message
 from simbev_ros.msgs.topic import Topic
@@ -98,11 +98,12 @@ class RecorderNode(GraphNode):
         self._tracker = TrackRecorder(spec.tick_ns)
         self._writer = bag_writer(scene_folder(self._dataset, spec.split, spec.name), self._recording)
         self._writer.add_attachment(SCENE_ATTACHMENT, "application/json", scene_json.encode())
-        self._writer.add_attachment(CONFIG_ATTACHMENT, "application/yaml", self._config.encode())
+        config = self._last_request.config if self._last_request is not None else None
+        self._writer.add_attachment(CONFIG_ATTACHMENT, "application/yaml", (config or self._config).encode())
         if spec.map.path:
             self._writer.add_attachment(MAP_SOURCE_ATTACHMENT, "application/x-bzip2", load_source(spec.map))
         for topic in self._manifest.values():
-            self._writer.add_topic(topic.name, topic.type, qos_of(topic, live=self.live), separate_chunks=topic.sensor)
+            self._writer.add_topic(topic.name, topic.type, self.offered_qos(topic), separate_chunks=topic.sensor)
         odometry = topics.odometry_name(spec.rig.agent)
         for topic in all_topics:
             if topic.name in self._manifest or (topic.name == odometry and topics.TF in self._manifest):

@@ -22,7 +22,7 @@ from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.qos import STEERING, rclpy_qos
 from simbev_ros.msgs.robot_description import robot_description
-from simbev_ros.msgs.signing import signed_json
+from simbev_ros.msgs.signing import content_of, signed_json
 from simbev_ros.msgs.stamps import time_message
 from simbev_ros.msgs.transforms import TransformBroadcaster
 from simbev_ros.msgs.world import (
@@ -37,7 +37,7 @@ from simbev_ros.msgs.world import (
 from simbev_ros.nodes.graph_node import GraphNode
 from simbev_ros.nodes.lockstep import Lockstep
 from simbev_ros.nodes.pacer import Pacer
-from simbev_ros.nodes.reports import read_report
+from simbev_ros.nodes.reports import read_report, subscribe_to_reports
 from simbev_ros.nodes.ros.names import NodeName
 from simbev_ros.nodes.world_displays import WorldDisplays
 from simbev_ros.process_memory import freeze_after_loading
@@ -46,7 +46,7 @@ from simbev_ros.scene.ending import SceneEnd, SceneEndDetector
 from simbev_ros.scene.legend import legend
 from simbev_ros.scene.lights import street_lights
 from simbev_ros.scene.reach import loaded_reach
-from simbev_ros.scene.request import SceneRequest
+from simbev_ros.scene.request import SceneRequest, SceneStop
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.world.simulation import Simulation
@@ -98,15 +98,17 @@ class WorldNode(GraphNode):
         window_ticks = self.declare_read_only(
             "window_ticks", 3, "Number of ticks that the world may be ahead of the slowest participant", minimum=1
         )
-        self._lockstep = Lockstep(participants, 1 if self.live else window_ticks)
+        self._lockstep = Lockstep(participants, 1 if self.live else window_ticks, self._outside)
         self._pacer = Pacer(live=self.live)
         self._scene: _LoadedScene | None = None
         self._commands: dict[str, Any] = {}
         self._next_tick = 0
+        self._stop: SceneStop | None = None
         self._now = Clock()
         self._transforms = TransformBroadcaster(self)
         self.create_subscription(String, topics.REQUEST, self._on_request, rclpy_qos(STEERING))
-        self.create_subscription(Header, topics.READY, self._on_ready, rclpy_qos(STEERING))
+        self.create_subscription(String, topics.STOP, self._on_stop, rclpy_qos(STEERING))
+        subscribe_to_reports(self, self._on_ready, self._outside)
         self.create_service(SetBool, "/world/pause", self._pause)
         self.create_service(Trigger, "/world/step", self._step)
         self.create_service(Trigger, "/world/reset", self._reset)
@@ -129,6 +131,7 @@ class WorldNode(GraphNode):
         self._next_tick = -request.spec.lead_in_ticks
         self._now = Clock(clock=time_message(request.spec.stamp_ns(request.spec.loaded_tick)))
         self._pacer.start()
+        self._end_if_asked()
         self.get_logger().info(f"scene {request.spec.name} is loaded")
 
     def _load(self, request: SceneRequest) -> tuple[StateSource, WorldDisplays]:
@@ -152,6 +155,18 @@ class WorldNode(GraphNode):
         self.publish(topics.SCENE, String(data=spec.model_dump_json()))
         return _make_source(request, network, streetside), WorldDisplays(self, spec, lamps)
 
+    def _on_stop(self, message: String) -> None:
+        stop = self.read(topics.STOP, partial(content_of, SceneStop, message.data, self.signer))
+        if stop is not None:
+            self._stop = stop
+            self._end_if_asked()
+
+    def _end_if_asked(self) -> None:
+        """Let the scene end with its next tick, also a paused one, if the supervisor has asked for it."""
+        if self._scene is not None and self._stop is not None and self._stop.number == self._scene.request.number:
+            self._scene.ending.end_soon(self._stop.reason)
+            self._pacer.pause(False)
+
     def _on_command(self, message: Twist) -> None:
         if self._scene is not None:
             self._scene.source.drive_ego(message.linear.x, message.angular.z)
@@ -159,7 +174,7 @@ class WorldNode(GraphNode):
     def _on_ready(self, message: Header) -> None:
         report = self.read(topics.READY, partial(read_report, message, self.signer, self._outside))
         if report is not None:
-            self._lockstep.record_report(report)
+            self._lockstep.record_report(report, self._next_tick - 1)
             self.advance()
 
     def advance(self) -> None:

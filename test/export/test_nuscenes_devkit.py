@@ -55,6 +55,15 @@ def test_the_ground_truth_as_prediction_is_perfect_over_the_classes_that_occur(f
 
 
 @pytest.mark.graph
+def test_points_in_boxes_have_the_categories_of_boxes(found: dict[str, Any]) -> None:
+    assert found["lidarseg"]["files"] == found["samples"]
+    right, total = (found["lidarseg"]["boxes"][name] for name in ("right", "total"))
+    assert sum(total.values()) > 500
+    for name, count in total.items():
+        assert right[name] >= 0.98 * count - 5, f"{name}: besides ground that noise lifts into the box"
+
+
+@pytest.mark.graph
 def test_classes_that_do_not_occur_count_0_as_the_export_says(found: dict[str, Any], recorded: Path) -> None:
     exported = export(recorded / "set", recorded / "out")
     assert exported.made == 0 and sorted(exported.classes["simbev_train"]) == found["detection"]["classes"]
@@ -64,7 +73,9 @@ def test_classes_that_do_not_occur_count_0_as_the_export_says(found: dict[str, A
 
 
 @pytest.mark.graph
-@pytest.mark.parametrize("name", ["CAM_FRONT", "CAM_BACK", "LIDAR_TOP", "RADAR_FRONT", "map", "points_in_image"])
+@pytest.mark.parametrize(
+    "name", ["CAM_FRONT", "CAM_BACK", "LIDAR_TOP", "RADAR_FRONT", "map", "points_in_image", "lidarseg"]
+)
 def test_the_devkit_draws_the_export(found: dict[str, Any], name: str) -> None:
     picture = cv2.imread(str(found["folder"] / f"{name}.png"))
     assert len(np.unique(picture.reshape(-1, 3)[::7], axis=0)) > 20

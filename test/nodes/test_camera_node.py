@@ -137,6 +137,20 @@ def test_modalities_share_the_camera_info_of_their_camera(
         assert all(infos[f"/ego/{camera}/{each}/camera_info"] == shared for each in ("rgb", "semantic", "flow"))
 
 
+@pytest.mark.parametrize("forms", [("",), ("", "/compressed"), ("/compressed",)])
+def test_a_picture_is_made_in_the_forms_that_have_readers(
+    node: Any, spec: SceneSpec, monkeypatch: pytest.MonkeyPatch, forms: tuple[str, ...]
+) -> None:
+    names = [f"/ego/fast/semantic/color{form}" for form in forms]
+    set_readers(node, monkeypatch, *names)
+    assert play(node, spec, [0]) == [(16, ("semantic",), 0, None)]
+    pictures = [(name, message) for name, message in node.sent if not name.endswith("camera_info")]
+    assert [name for name, _ in pictures] == names
+    for name, message in pictures:
+        kind = CompressedImage if name.endswith("/compressed") else Image
+        assert deserialize_message(message, kind).header.frame_id == "ego/fast_optical"
+
+
 def test_images_of_the_lead_in_are_drawn_but_not_published(
     node: Any, spec: SceneSpec, monkeypatch: pytest.MonkeyPatch
 ) -> None:

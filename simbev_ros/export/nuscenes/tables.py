@@ -32,7 +32,7 @@ _DECIMALS = 9
 
 
 def write_tables(
-    out: Path, parts: Sequence[ScenePart], sites: Sequence[Site], version: str
+    out: Path, parts: Sequence[ScenePart], sites: Sequence[Site], version: str, labels: Sequence[Record] = ()
 ) -> dict[str, tuple[str, ...]]:
     """Write the folder of tables and replace an earlier one with it.
 
@@ -41,6 +41,7 @@ def write_tables(
         parts: The finished parts of the scenes.
         sites: The sites of all these scenes.
         version: Name of the folder.
+        labels: Rows of the table ``lidarseg``; without any, there is no such table.
 
     Returns:
         Classes of the detection task that occur, in its order, by name of the split.
@@ -50,7 +51,7 @@ def write_tables(
     for leftover in (unfinished, old):
         shutil.rmtree(leftover, ignore_errors=True)
     unfinished.mkdir()
-    classes = _write(parts, sites, unfinished)
+    classes = _write(parts, sites, unfinished, labels)
     sync(*unfinished.iterdir(), unfinished)
     if folder.exists():
         folder.rename(old)
@@ -61,7 +62,9 @@ def write_tables(
     return {split: tuple(name for name in detection_ranges_m() if name in found) for split, found in classes.items()}
 
 
-def _write(parts: Sequence[ScenePart], sites: Sequence[Site], folder: Path) -> dict[str, set[str]]:
+def _write(
+    parts: Sequence[ScenePart], sites: Sequence[Site], folder: Path, labels: Sequence[Record]
+) -> dict[str, set[str]]:
     """Write the tables; return the classes of the detection task that occur, by name of the split."""
     site_of = {name: site for site in sites for name in site.scenes}
     logs: defaultdict[str, list[str]] = defaultdict(list)
@@ -79,7 +82,9 @@ def _write(parts: Sequence[ScenePart], sites: Sequence[Site], folder: Path) -> d
             split = f"simbev_{summary['split']}"
             splits[split].append(part.scene.name)
             classes[split] |= evaluated_classes(rows)
-    rest = {**taxonomy_tables(), "sensor": list(sensors.values())}
+    rest = {**taxonomy_tables(lidarseg=bool(labels)), "sensor": list(sensors.values())}
+    if labels:
+        rest["lidarseg"] = list(labels)
     rest["map"] = [site.record(logs[site.token]) for site in sites]
     for name, records in rest.items():
         with _Table(folder / f"{name}.json") as table:

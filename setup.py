@@ -127,6 +127,7 @@ setup(
             "hypothesis>=6.100",
             "jsonschema>=4.20",
             "kubernetes-validate>=1.33",
+            "mcap-ros2-support>=0.5",
             "moto[server]>=5.2",
             "mypy>=1.15",
             "pytest>=8.3",

@@ -53,7 +53,7 @@ def typed_topics() -> Iterator[tuple[str, str]]:
 def planned_nodes() -> set[str]:
     """Full names of the graph's nodes on two cores."""
     plan = plan_processes(SCENARIO, 1, live=True, dataset=None, cores=2)
-    return {str(node.ros_name("")) for process in plan for node in process} | {f"/{SUPERVISOR}"}
+    return {node.ros_name("").full for process in plan for node in process} | {f"/{SUPERVISOR}"}
 
 
 def test_the_transcript_is_of_the_shipped_configuration() -> None:

@@ -9,21 +9,22 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from pydantic import ValidationError
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Header, String
 
 from simbev_ros.config.base import Model
 from simbev_ros.errors import InputError, SimbevError
 from simbev_ros.msgs import topics
-from simbev_ros.msgs.message_types import message_class
+from simbev_ros.msgs.message_types import is_installed, message_class
 from simbev_ros.msgs.qos import LATCHED, STEERING, qos_of, rclpy_qos
 from simbev_ros.msgs.qos_overrides import override_options
 from simbev_ros.msgs.signing import Signer, content_of
 from simbev_ros.msgs.stamps import header
 from simbev_ros.msgs.topic import Topic
+from simbev_ros.msgs.typed_topics import TypedTopic, typed_topics
 from simbev_ros.nodes.load_meter import BUSY, LoadMeter
 from simbev_ros.nodes.reports import Report, report_message
+from simbev_ros.nodes.ros.names import NamespacedNode, NodeName, ros_name
 from simbev_ros.nodes.ros.parameters import declare_read_only
 from simbev_ros.nodes.scene_inbox import SceneInbox
 from simbev_ros.recording.qos import QosProfile
@@ -43,10 +44,14 @@ MALFORMED = (
 """What reading a malformed message may raise."""
 
 
-class GraphNode(Node):
+class GraphNode(NamespacedNode):
     """Base of every node of the graph.
 
+    Args:
+        name: Its name; in /sync/ready it is the one within the graph, also if ROS's arguments rename the node.
+
     Attributes:
+        node_name: Its name.
         takes_message_info: Whether it has callbacks that take message and message info, which rclpy's events executor
             cannot call.
         reuses_large_buffers: Whether it allocates and frees large arrays at each tick, so that its process had better
@@ -56,8 +61,9 @@ class GraphNode(Node):
     takes_message_info = False
     reuses_large_buffers = False
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: NodeName) -> None:
         super().__init__(name)
+        self.node_name = name
         self.live: bool = self.declare_read_only(
             "live", False, "Paced by the wall clock; sensor topics are best effort"
         )
@@ -71,6 +77,7 @@ class GraphNode(Node):
         self._last_request: SceneRequest | None = None
         self._failure: Exception | None = None
         self._topic_publishers: dict[str, Any] = {}
+        self._typed: dict[str, TypedTopic] = {}
         self._ready = self.create_publisher(Header, topics.READY, rclpy_qos(LATCHED))
         self._diagnostics = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, 10)
         self.create_wall_timer(1.0, self._publish_diagnostics)
@@ -121,10 +128,14 @@ class GraphNode(Node):
             raise InputError(f"parameter {where}: {first['msg']}") from None
 
     def advertise(self, topic: Topic) -> None:
-        """Create the publisher of a topic unless it exists; parameters may override the QoS of live sensor topics."""
-        if topic.name not in self._topic_publishers:
+        """Create the publisher of a topic unless it exists, or its message package is not installed.
+
+        Parameters may override the QoS of live sensor topics.
+        """
+        if topic.name not in self._topic_publishers and is_installed(topic.type):
             kind, qos = message_class(topic.type), rclpy_qos(self.offered_qos(topic))
-            overrides = override_options(self, topic.name) if self.live and topic.sensor else None
+            in_ros = ros_name(topic.name, self.graph_namespace)
+            overrides = override_options(self, in_ros) if self.live and topic.sensor else None
             publisher = self.create_publisher(kind, topic.name, qos, qos_overriding_options=overrides)
             self._topic_publishers[topic.name] = publisher
 
@@ -134,8 +145,37 @@ class GraphNode(Node):
 
     def publish_display(self, topic: Topic | None, make: Callable[..., bytes], *values: Any) -> None:
         """Make a message from values and publish it, if somebody subscribes; None: the scene has no such topic."""
-        if topic is not None and self.reader_count(topic.name):
+        if topic is not None and topic.name in self._topic_publishers and self.reader_count(topic.name):
             self.publish(topic.name, make(*values))
+
+    def publish_once(self, topic: Topic, make: Callable[..., bytes], *values: Any) -> None:
+        """Make the message of a latched display and publish it, if its message package is installed."""
+        if topic.name in self._topic_publishers:
+            self.publish(topic.name, make(*values))
+
+    def advertise_typed(self, spec: SceneSpec) -> None:
+        """Create the publishers of typed messages for the topics that this node has advertised."""
+        self._typed = {
+            each.source.name: each for each in typed_topics(spec) if each.source.name in self._topic_publishers
+        }
+        for each in self._typed.values():
+            self.advertise(each.topic)
+
+    def publish_typed_once(self, source: str, content: Any, stamp_ns: int) -> None:
+        """Publish the content of a latched message as a typed message, which is latched, too."""
+        if (typed := self._typed.get(source)) is not None:
+            self.publish_once(typed.topic, typed.serialize, content, stamp_ns)
+
+    def publish_typed(self, source: str, content: Any, stamp_ns: int) -> None:
+        """Publish the content of a message on another topic as a typed message, if somebody subscribes.
+
+        Args:
+            source: Name of the other topic.
+            content: The table or record in its message.
+            stamp_ns: Its stamp.
+        """
+        if (typed := self._typed.get(source)) is not None:
+            self.publish_display(typed.topic, typed.serialize, content, stamp_ns)
 
     def publish(self, name: str, message: Any) -> None:
         """Publish a message, as object or serialized, on an advertised topic."""
@@ -149,7 +189,7 @@ class GraphNode(Node):
     def report_finished(self, spec: SceneSpec, tick: int) -> None:
         """Report on /sync/ready that this node has finished a tick."""
         self._simulated_ns = spec.stamp_ns(tick)
-        self._ready.publish(report_message(Report(self.get_name(), spec.name, self._simulated_ns), self.signer))
+        self._ready.publish(report_message(Report(self.node_name.name, spec.name, self._simulated_ns), self.signer))
 
     def follow_scenes(self, start: Callable[[str, bytes], None]) -> None:
         """Subscribe to scenes; ``start`` receives the JSON of each specification, and the serialized message.
@@ -208,9 +248,9 @@ class GraphNode(Node):
         load = self.meter.read()
         status = DiagnosticStatus(
             level=DiagnosticStatus.WARN if load["dropped"] or load["ignored_total"] else DiagnosticStatus.OK,
-            name=f"simbev: {self.get_name()}",
+            name=f"simbev: {self.node_name.name}",
             message=f"{load['rate_hz']:.1f} Hz, {load[BUSY]:.1f} ms a tick",
-            hardware_id=self.get_name(),
+            hardware_id=self.node_name.full,
             values=[KeyValue(key=key, value=f"{value:g}") for key, value in load.items()],
         )
         self._diagnostics.publish(DiagnosticArray(header=header(self._simulated_ns, ""), status=[status]))

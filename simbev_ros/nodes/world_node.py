@@ -38,6 +38,7 @@ from simbev_ros.nodes.graph_node import GraphNode
 from simbev_ros.nodes.lockstep import Lockstep
 from simbev_ros.nodes.pacer import Pacer
 from simbev_ros.nodes.reports import read_report, subscribe_to_reports
+from simbev_ros.nodes.ros.names import NodeName
 from simbev_ros.nodes.world_displays import WorldDisplays
 from simbev_ros.process_memory import freeze_after_loading
 from simbev_ros.recording.replay import Replay
@@ -82,7 +83,7 @@ class _LoadedScene:
 class WorldNode(GraphNode):
     """Plays one requested scene after the other."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: NodeName) -> None:
         super().__init__(name)
         participants = self.declare_read_only(
             "participants", [], "Names of nodes that must report each tick on /sync/ready"
@@ -139,6 +140,7 @@ class WorldNode(GraphNode):
         network = load_network(spec.map)
         for topic in (*topics.unrecorded_world_topics(spec), *topics.world_topics(spec)):
             self.advertise(topic)
+        self.advertise_typed(spec)
         self._transforms.start_scene(spec)
         command = topics.agent_topic(spec.rig.agent, "cmd_vel")
         if spec.ego_driver == "twist" and command not in self._commands:
@@ -151,7 +153,9 @@ class WorldNode(GraphNode):
         lamps = street_lights(spec.lights, streetside.light_m)
         self.publish(topics.LIGHTS, lights_message(lamps, spec.start_ns))
         self.publish(topics.BUILDING_LIGHTS, building_lights_message(spec.lights.buildings))
-        self.publish(topics.SCENE, String(data=spec.model_dump_json()))
+        specification = spec.model_dump_json()
+        self.publish(topics.SCENE, String(data=specification))
+        self.publish_typed_once(topics.SCENE, specification, spec.start_ns)
         return _make_source(request, network, streetside), WorldDisplays(self, spec, lamps)
 
     def _on_stop(self, message: String) -> None:

@@ -6,7 +6,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from simbev_ros.config.load import load_scenario, parse_scenario
+from simbev_ros.config.load import CONFIG_SUFFIXES, load_scenario, parse_scenario
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.errors import GraphError, InputError, SimbevError
@@ -14,9 +14,11 @@ from simbev_ros.graph.exposure import LOCAL, Exposure
 from simbev_ros.graph.scene_queue import OrderedScene, Outcome, Phase, SceneOrder, SceneQueue
 from simbev_ros.graph.scene_services import require_interfaces, scene_services
 from simbev_ros.graph.session import GraphSession
+from simbev_ros.input_file import path_exists
 from simbev_ros.limits import MAX_SCENE_NUMBER
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.spec import MapSpec
+from simbev_ros.nodes.ros.arguments import PLAIN, RosArguments
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.play import play_on
 from simbev_ros.production.record_folder import hold_record_folder
@@ -84,10 +86,7 @@ class OrderDrawer:
     def _scenario_of(self, order: SceneOrder) -> Scenario:
         scenario = self._scenario
         if order.configuration:
-            is_text = "\n" in order.configuration or ":" in order.configuration
-            scenario = (
-                parse_scenario(order.configuration, _ORDER_NAME) if is_text else load_scenario(order.configuration)
-            )
+            scenario = _read_configuration(order.configuration)
         if scenario.evaluation != self._scenario.evaluation:
             raise InputError("evaluation: must be that of the configuration with which the graph was started")
         if order.seed is None:
@@ -97,6 +96,15 @@ class OrderDrawer:
         return scenario.model_copy(update={"seed": order.seed})
 
 
+def _read_configuration(words: str) -> Scenario:
+    """The configuration in a file, of a name, or in YAML text."""
+    if "\n" in words or ": " in words:
+        return parse_scenario(words, _ORDER_NAME)
+    if Path(words).suffix not in CONFIG_SUFFIXES and path_exists(Path(words)):
+        raise InputError(f"{words}: the name of a configuration file ends in {' or '.join(CONFIG_SUFFIXES)}")
+    return load_scenario(words)
+
+
 def serve_scenes(
     scenario: Scenario,
     *,
@@ -104,6 +112,7 @@ def serve_scenes(
     dataset: Path | None = None,
     domain: int | None = None,
     exposure: Exposure = LOCAL,
+    ros: RosArguments = PLAIN,
     observer: ProductionObserver = SILENT,
 ) -> Generator[Path, None, None]:
     """Start a graph and play the scenes that are asked for through service and action; yield the bags of recorded ones.
@@ -117,6 +126,7 @@ def serve_scenes(
         dataset: Folder to record into; None: nothing is recorded.
         domain: ROS domain; None: that of the environment, else a free one.
         exposure: Who can take part in the graph.
+        ros: What all nodes of the graph are told, and its namespace.
         observer: Receives the progress.
 
     Raises:
@@ -128,11 +138,11 @@ def serve_scenes(
         require_writable(dataset)
     queue = SceneQueue(OrderDrawer(scenario, dataset).draw)
     with ExitStack() as held:
-        graph = _Graph(live=live, dataset=dataset, domain=domain, exposure=exposure)
+        graph = _Graph(live=live, dataset=dataset, domain=domain, exposure=exposure, ros=ros)
         held.callback(graph.close)
         session = graph.session_for(scenario)
         observer.graph_started(session.domain, session.security_variables)
-        held.enter_context(scene_services(queue, session.domain))
+        held.enter_context(scene_services(queue, session.domain, ros))
         while True:
             ordered = queue.take(0.0)
             if ordered is None:

@@ -25,7 +25,7 @@ from simbev_ros.msgs.qos import STEERING, qos_of, rclpy_qos, reader_qos_of
 from simbev_ros.msgs.stamps import serialized_stamp_ns
 from simbev_ros.msgs.tables import table_from_message
 from simbev_ros.msgs.topic import Topic
-from simbev_ros.msgs.transforms import ego_transform, serialize_transforms, static_transforms
+from simbev_ros.msgs.transforms import EgoTransforms, serialize_transforms, static_transforms
 from simbev_ros.msgs.world import actors_from_message, signals_from_message, weather_from_message
 from simbev_ros.nodes.graph_node import GraphNode
 from simbev_ros.recording.accounting import Accounting, Schedule, Verdict
@@ -94,7 +94,7 @@ class RecorderNode(GraphNode):
         self._accounting = Accounting(schedules, start_ns=spec.start_ns, tick_ns=spec.tick_ns, ticks=spec.ticks)
         self._waiting: defaultdict[int, defaultdict[str, list[tuple[int, memoryview]]]] = defaultdict(_message_lists)
         self._next_tick = 0
-        self._tracker = TrackRecorder(spec.tick_ns)
+        self._tracker, self._transforms = TrackRecorder(spec.tick_ns), EgoTransforms(spec)
         self._writer = bag_writer(scene_folder(self._dataset, spec.split, spec.name), self._recording)
         self._writer.add_attachment(SCENE_ATTACHMENT, "application/json", scene_json.encode())
         self._writer.add_attachment(CONFIG_ATTACHMENT, "application/yaml", self._config.encode())
@@ -135,9 +135,9 @@ class RecorderNode(GraphNode):
             elif message.stamp_ns >= self._spec.start_ns:
                 odometry = topics.odometry_name(self._spec.rig.agent)
                 self._record(topic.name, message.stamp_ns, message.payload)  # the last message of a scene ends it
-                if topic.name == odometry:
-                    transform = ego_transform(deserialize_message(payload, Odometry))
-                    self._record_own(topics.TF, message.stamp_ns, serialize_transforms([transform]))
+                if topic.name == odometry and topics.TF in self._manifest:
+                    transforms = self._transforms.at(deserialize_message(payload, Odometry))
+                    self._record_own(topics.TF, message.stamp_ns, serialize_transforms(transforms))
 
     def _report_loaded(self) -> None:
         """Report the scene as loaded once every topic has a publisher; called by a timer until then."""

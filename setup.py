@@ -6,6 +6,7 @@ from pathlib import Path
 from setuptools import find_packages, setup
 
 NAME = "simbev_ros"
+INTERFACES = ("**/*.msg", "**/*.srv", "**/*.action")
 MANIFEST = ElementTree.parse("package.xml").getroot()
 
 
@@ -59,11 +60,16 @@ setup(
     ],
     python_requires=">=3.11",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed", "**/*.yaml", "**/*.glsl", "**/*.css", "**/*.js"]},
+    package_data={NAME: ["py.typed", "**/*.yaml", "**/*.glsl", "**/*.css", "**/*.js", *INTERFACES]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}/interfaces/msg", files("interfaces/msg/*.msg")),
+        (f"share/{NAME}/interfaces/srv", files("interfaces/srv/*.srv")),
+        (f"share/{NAME}/interfaces/action", files("interfaces/action/*.action")),
         (f"share/{NAME}/config", [*files("config/*.yaml"), *files("config/*.xml")]),
+        (f"share/{NAME}/config/autoware", files("config/autoware/*")),
+        (f"share/{NAME}/config/nav2", files("config/nav2/*")),
         (f"share/{NAME}/config/rigs", files("config/rigs/*.yaml")),
         (f"share/{NAME}/config/rviz", files("config/rviz/*.rviz")),
         (f"share/{NAME}/config/foxglove", files("config/foxglove/*.json")),

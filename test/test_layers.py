@@ -46,7 +46,7 @@ FLOORS = [
     {"graph"},
     {"cluster"},
     {"production"},
-    {"bench", "foxglove_server", "viewer"},
+    {"bench", "foxglove_server", "relays", "viewer"},
     {"cli"},
     {"reference_stack"},
 ]
@@ -61,9 +61,11 @@ ROS = {
     "rclpy",
     "rosgraph_msgs",
     "sensor_msgs",
+    "simbev_interfaces",
     "std_msgs",
     "std_srvs",
     "tf2_msgs",
+    "vision_msgs",
     "visualization_msgs",
 }
 STACK = tuple(f"reference_stack/{module}" for module in ("messages", "node", "__main__"))
@@ -72,8 +74,10 @@ LIVE = ("viewer/live/graph_reader", "viewer/live/live_viewer")
 """The node that the viewer reads a running graph with."""
 BENCH = ("bench/recorder_timing", "bench/world_node_timing", "bench/topic_reader")
 """They send to a node what the graph would send, and read what it answers."""
+RELAYS = tuple(f"relays/{module}" for module in ("autoware.py", "autoware_messages", "nav2.py", "running"))
+"""They send what other stacks read."""
 HOMES = {
-    **dict.fromkeys(ROS, ("nodes", "graph", "msgs", *BENCH, *LIVE, *RELAY, *STACK)),
+    **dict.fromkeys(ROS, ("nodes", "graph", "msgs", *BENCH, *LIVE, *RELAY, *RELAYS, *STACK)),
     "moderngl": ("render",),
     "open3d": ("raycast",),
     "libsumo": ("world/sumo/traffic", "world/sumo/libsumo_import"),

@@ -3,9 +3,11 @@
 import os
 import platform
 import shutil
+import sys
 from collections.abc import Callable, Iterator
 from importlib import metadata, util
-from typing import NamedTuple
+from pathlib import Path
+from typing import Annotated, NamedTuple
 
 import typer
 from rich.table import Table
@@ -13,6 +15,7 @@ from rich.text import Text
 
 from simbev_ros.cli.console import make_console
 from simbev_ros.errors import SimbevError
+from simbev_ros.installation.shipped_files import PACKAGE
 from simbev_ros.process_memory import address_space_problem
 
 
@@ -24,15 +27,24 @@ class Finding(NamedTuple):
     fine: bool | None = None
 
 
-def doctor() -> None:
+def doctor(
+    fix: Annotated[
+        bool,
+        typer.Option("--fix", help="Make the ROS message packages that are missing, with this machine's compiler."),
+    ] = False,
+) -> None:
     """Check Python, ROS, renderer, ray caster, traffic simulator and memory of this machine.
 
     Exit code 1 if something that is needed is missing.
 
-    [bold]Example[/]
+    [bold]Examples[/]
 
     simbev doctor
+
+    simbev doctor --fix    make tf2_msgs, vision_msgs and simbev_interfaces, for /tf and detections live
     """
+    if fix:
+        _make_message_packages()
     table = Table("", "part", "found", box=None)
     with make_console(stderr=True).status("looking at this machine"):
         findings = list(_findings())
@@ -52,9 +64,8 @@ def _findings() -> Iterator[Finding]:
         yield Finding("memory", problem, False)
     yield from _libraries()
     yield _checked("ROS 2", _ros)
-    for package, use in (("tf2_msgs", "/tf live"), ("vision_msgs", "Detection3DArray")):
-        there = util.find_spec(package) is not None
-        yield Finding(package, f"installed: {use}" if there else f"not installed: no {use} (bags are not affected)")
+    yield from _message_packages()
+    yield _package_index()
     yield from _renderers()
     yield _checked("ray caster", _ray_caster)
     yield _checked("traffic", _traffic)
@@ -91,6 +102,41 @@ def _ros() -> str:
 
     origin = "wheels" if _installed("ros-rclpy") else f"{os.environ.get('ROS_DISTRO', 'unknown')} of this machine"
     return f"rclpy from {origin}, {describe_ros()}"
+
+
+def _make_message_packages() -> None:
+    """Make and install the missing message packages."""
+    from simbev_ros.installation.message_packages.installer import install_missing
+
+    console = make_console(stderr=True)
+    with console.status("looking for message packages") as status:
+        made = install_missing(lambda package: status.update(f"making {package.name}"))
+    for package in made:
+        console.print(f"made {package.name} {package.version}: {package.use}")
+
+
+def _message_packages() -> Iterator[Finding]:
+    """The message packages that ROS's wheels lack."""
+    from simbev_ros.installation.message_packages.installer import describe_remedy, survey_packages
+
+    remedy = describe_remedy()
+    for state in survey_packages():
+        if state.is_current:
+            found = f"installed: {state.package.use}"
+        elif state.is_there:
+            found = f"made from older definitions: {remedy}"
+        else:
+            found = f"no {state.package.use} (bags are not affected): {remedy}"
+        yield Finding(state.package.name, found)
+
+
+def _package_index() -> Finding:
+    """Whether ``ros2 pkg`` and ``ros2 launch`` find this package, once ``simbev env`` is sourced."""
+    command = f"source <({os.environ.get('SIMBEV_COMMAND', 'simbev')} env)"
+    marker = Path(sys.prefix) / "share" / "ament_index" / "resource_index" / "packages" / PACKAGE
+    if not marker.exists():
+        return Finding("ros2 command line", f"does not find {PACKAGE} in {sys.prefix}; ./simbev setup puts it there")
+    return Finding("ros2 command line", f"finds {PACKAGE} after {command}", True)
 
 
 def _renderers() -> Iterator[Finding]:

@@ -32,11 +32,13 @@ VERBS = {
     "repair": "repair:repair",
     "evaluate": "evaluate.command:evaluate",
     "doctor": "doctor:doctor",
+    "env": "env:env",
     "map": "map.command:map_",
     "bench": "bench.group:bench",
     "export": "export.group:export",
 }
 """Module and function, or group, of each verb, below ``simbev_ros.cli``, in the order of the help."""
+_NAME = "simbev"
 _TAKE_URLS = ("generate", "info", "logs", "verify")
 """Verbs that work with datasets in object stores."""
 _OLD_NAMES = {"jobs": "workers"}
@@ -111,7 +113,7 @@ def _present_name(token: str) -> str:
 
 
 app = typer.Typer(
-    name="simbev",
+    name=_NAME,
     cls=_Verbs,
     help="Random driving scenes as a ROS 2 graph: sensors, exact bird's-eye-view ground truth, MCAP bags.",
     no_args_is_help=True,
@@ -143,7 +145,7 @@ def main() -> None:
     stderr = make_console(stderr=True, soft_wrap=True)
     try:
         with raising_interrupts():
-            app(standalone_mode=True)
+            app(prog_name=_NAME, standalone_mode=True)
     except (Interrupted, KeyboardInterrupt):
         stderr.print("interrupted")
         sys.exit(130)

@@ -10,11 +10,16 @@ from simbev_ros.cli.console import make_console
 from simbev_ros.cli.evaluate.live import FiguresOption, StackOption, with_evaluation
 from simbev_ros.cli.view.beside_run import ViewOption, ViewPortOption, viewer_beside
 from simbev_ros.config.load import load_scenario
+from simbev_ros.errors import InputError
 
 
 def run(
     config: Annotated[str, typer.Argument(help="Configuration file, or demo, live, paper, stack.", show_default=False)],
     live: Annotated[bool, typer.Option("--live", help="In real time; sensor topics are best effort.")] = False,
+    reliable: Annotated[
+        bool,
+        typer.Option("--reliable", help="With --live: sensor topics are reliable, for subscribers with default QoS."),
+    ] = False,
     record: Annotated[Path | None, typer.Option(help="Record each scene as a bag in this dataset folder.")] = None,
     domain: Annotated[
         int | None, typer.Option(help="ROS domain; default: ROS_DOMAIN_ID, or 0.", min=0, max=232)
@@ -24,6 +29,10 @@ def run(
     ] = False,
     security: Annotated[
         bool, typer.Option("--security", help="Encrypt with keys that are made for this run (needs SROS 2).")
+    ] = False,
+    serve: Annotated[
+        bool,
+        typer.Option("--serve", help="Play the scenes that ROS nodes ask for (/world/load_scene, /world/run_scene)."),
     ] = False,
     evaluate: FiguresOption = None,
     stack: StackOption = None,
@@ -36,26 +45,43 @@ def run(
 
     simbev run live --live                       stream in real time
 
+    simbev run live --live --reliable            and for subscribers with ROS's default QoS, such as RViz's displays
+
     simbev run my.yaml --record datasets/first   as fast as it goes, every message recorded
 
     simbev run my.yaml --stack reference --evaluate figures.json
 
     simbev run my.yaml --record datasets/first --view
+
+    simbev run my.yaml --serve                   scenes on request: a service, and an action
     """
     from simbev_ros.cli.production_display import SceneDisplay
     from simbev_ros.graph.exposure import Exposure
+    from simbev_ros.installation.message_packages.installer import describe_remedy
     from simbev_ros.production.observer import SeveralObservers
     from simbev_ros.production.play import play_scenes
+    from simbev_ros.production.serve import serve_scenes
 
+    if reliable and not live:
+        raise InputError("--reliable: is for --live; in lockstep, all topics are reliable")
     scenario = with_evaluation(load_scenario(config), evaluate, stack)
+    if reliable:
+        scenario = scenario.model_copy(
+            update={"graph": scenario.graph.model_copy(update={"live_reliability": "reliable"})}
+        )
     console = make_console()
     if domain is None and not os.environ.get("ROS_DOMAIN_ID"):
         domain = 0
     exposure = Exposure(network=network, security=security)
     profile = f"FASTRTPS_DEFAULT_PROFILES_FILE={exposure.profile_file}"
     console.print(f"subscribers: export {profile}", style="dim", soft_wrap=True)
+    if remedy := describe_remedy():
+        console.print(f"no /tf and no detections live: {remedy}", style="dim", soft_wrap=True)
+    command = " ".join([os.environ.get("SIMBEV_COMMAND", "simbev"), "env", *(["--network"] if network else [])])
+    console.print(f"ros2 and RViz: source <({command})", style="dim", highlight=False, soft_wrap=True)
     with viewer_beside(view_port, console, wanted=view, network=network) as viewer:
         observer = SeveralObservers(SceneDisplay(console), viewer)
-        bags = play_scenes(scenario, live=live, dataset=record, domain=domain, exposure=exposure, observer=observer)
+        play = serve_scenes if serve else play_scenes
+        bags = play(scenario, live=live, dataset=record, domain=domain, exposure=exposure, observer=observer)
         for bag in bags:
             console.print(f"recorded {bag}", soft_wrap=True)

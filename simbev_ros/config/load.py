@@ -19,6 +19,7 @@ from simbev_ros.config.scenario import Scenario
 from simbev_ros.config.yaml_file import YamlFile
 from simbev_ros.errors import InputError
 from simbev_ros.input_file import is_file, path_exists
+from simbev_ros.limits import MAX_YAML_BYTES
 
 
 def load_scenario(path_or_name: str | Path) -> Scenario:
@@ -27,7 +28,25 @@ def load_scenario(path_or_name: str | Path) -> Scenario:
     Raises:
         InputError: There is no such file, or it is invalid.
     """
-    file = YamlFile(find_config(path_or_name))
+    return _read(YamlFile(find_config(path_or_name)))
+
+
+def parse_scenario(text: str, name: str) -> Scenario:
+    """Read a configuration from YAML text; files that it names are relative to the current folder.
+
+    Args:
+        text: The configuration.
+        name: What messages call it.
+
+    Raises:
+        InputError: It is too long, or invalid.
+    """
+    if len(text.encode(errors="replace")) > MAX_YAML_BYTES:
+        raise InputError(f"{name}: is longer than {MAX_YAML_BYTES >> 20} MiB")
+    return _read(YamlFile(Path(name), text))
+
+
+def _read(file: YamlFile) -> Scenario:
     data = file.data
     if not isinstance(data, dict):
         raise InputError(f"{file.path}: must be a mapping of sections, not {short_repr(data)}")

@@ -229,6 +229,10 @@ class GraphConfig(Model):
         "outside takes part and none drives the ego",
     )
     participants: tuple[str, ...] = Field((), description="outside nodes on /sync/ready for which the world waits")
+    live_reliability: Literal["best_effort", "reliable"] = Field(
+        "best_effort",
+        description="reliability of sensor topics in real time; reliable: for subscribers with ROS's default QoS, too",
+    )
     silence_timeout_s: float = Field(
         60.0,
         ge=1,

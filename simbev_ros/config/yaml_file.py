@@ -21,6 +21,10 @@ _UNUSABLE = re.compile("[\0\ud800-\udfff]")
 class YamlFile:
     """A parsed YAML file.
 
+    Args:
+        path: The file.
+        text: Its contents, of which ``path`` is only the name in messages; None: they are read from the file.
+
     Attributes:
         path: The file.
         data: Its contents as mappings, lists and scalars.
@@ -30,10 +34,10 @@ class YamlFile:
             also by its aliases.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, text: str | None = None) -> None:
         self.path = path
         try:
-            loader = _Loader(read_small_file(path, MAX_YAML_BYTES).decode())
+            loader = _Loader(read_small_file(path, MAX_YAML_BYTES).decode() if text is None else text)
             loader.name = path.name
             self._root = loader.get_single_node()
             self.data: Any = None

@@ -12,7 +12,7 @@ from simbev_ros.evaluation.evaluation import Evaluation
 from simbev_ros.evaluation.metrics.averages import mean_ignoring_nan
 from simbev_ros.evaluation.metrics.detection import DetectionResult, Method
 from simbev_ros.evaluation.metrics.errors import ERRORS
-from simbev_ros.evaluation.metrics.nuscenes import CLASSES, DISTANCES_M, NuscenesResult
+from simbev_ros.evaluation.metrics.nuscenes import DISTANCES_M, NuscenesResult
 from simbev_ros.evaluation.metrics.nuscenes import ERRORS as NUSCENES_ERRORS
 from simbev_ros.evaluation.metrics.segmentation import THRESHOLDS, SegmentationTally
 from simbev_ros.evaluation.slices import TableSlice
@@ -91,16 +91,30 @@ def segmentation_figures(tally: SegmentationTally, classes: Iterable[str]) -> di
 
 
 def _nuscenes(result: NuscenesResult) -> dict[str, Any]:
-    distances = [f"{each:g}" for each in DISTANCES_M]
+    distances, occurring = [f"{each:g}" for each in DISTANCES_M], result.over_occurring
     classes = {
-        name: {"AP": _finite_or_none(ap.mean()), **_by_name(NUSCENES_ERRORS, errors), "AP_at": _by_name(distances, ap)}
-        for name, ap, errors in zip(CLASSES, result.ap, result.errors, strict=True)
+        name: {
+            "boxes": boxes,
+            "AP": _finite_or_none(ap.mean()),
+            **_by_name(NUSCENES_ERRORS, errors),
+            "AP_at": _by_name(distances, ap),
+        }
+        for name, boxes, ap, errors in zip(
+            result.classes, result.truths.tolist(), result.ap, result.errors, strict=True
+        )
     }
+    return {
+        **_nuscenes_means(result),
+        "occurring": None if occurring is None else _nuscenes_means(occurring),
+        "classes": classes,
+    }
+
+
+def _nuscenes_means(result: NuscenesResult) -> dict[str, float | None]:
     return {
         "mAP": _finite_or_none(result.mean_ap),
         **_finite_values(result.mean_errors),
         "NDS": _finite_or_none(result.nds),
-        "classes": classes,
     }
 
 

@@ -142,25 +142,51 @@ def condition_table(condition: str, figures: Figures, *, with_empty: bool = Fals
 
 
 def nuscenes_table(nuscenes: Figures) -> FigureTable:
-    """NuScenes metrics: a row of means, then one row per class with AP at each distance and errors."""
-    classes = nuscenes["classes"]
+    """NuScenes metrics: means over all classes and over those that occur, then a row per class with AP and errors."""
+    classes, occurring = nuscenes["classes"], nuscenes["occurring"]
     distances = list(next(iter(classes.values()))["AP_at"])
-    errors = [name for name in nuscenes if name not in ("classes", "mAP", "NDS")]
+    errors = [name for name in nuscenes if name not in ("classes", "occurring", "mAP", "NDS")]
     blank = [Cell(CellKind.NAME, "")] * len(distances)
+    count = sum(values["boxes"] > 0 for values in classes.values())
+    means = {f"all {len(classes)}": nuscenes}
+    if occurring is not None and count < len(classes):
+        means[f"the {count} that occur"] = occurring
     rows = [
-        [_name_cell("mean"), _share_cell(nuscenes["mAP"]), *blank, *_number_cells(nuscenes[error] for error in errors)]
+        [
+            _name_cell(name),
+            _count_cell(sum(values["boxes"] for values in classes.values())),
+            _share_cell(mean["mAP"]),
+            *blank,
+            *_number_cells(mean[error] for error in errors),
+        ]
+        for name, mean in means.items()
     ]
     rows += [
         [
             _name_cell(name),
+            _count_cell(values["boxes"]),
             _share_cell(values["AP"]),
             *_share_cells(values["AP_at"].values()),
             *_number_cells(values[error] for error in errors),
         ]
         for name, values in classes.items()
     ]
-    title = f"nuScenes: mAP {text_of(nuscenes['mAP'])}, NDS {text_of(nuscenes['NDS'])}"
-    return FigureTable(title, ("class", "AP", *(f"< {each} m" for each in distances), *errors), rows)
+    heads = ("class", "boxes", "AP", *(f"< {each} m" for each in distances), *errors)
+    return FigureTable(_nuscenes_title(nuscenes), heads, rows)
+
+
+def _nuscenes_title(nuscenes: Figures) -> str:
+    """Title with the devkit's totals and, where classes have no boxes, those over the classes that occur."""
+    classes, occurring = nuscenes["classes"], nuscenes["occurring"]
+    count = sum(values["boxes"] > 0 for values in classes.values())
+    title = f"nuScenes: {_nuscenes_totals(nuscenes)}"
+    if occurring is None or count == len(classes):
+        return title
+    return f"{title}; over the {count} of {len(classes)} classes that occur: {_nuscenes_totals(occurring)}"
+
+
+def _nuscenes_totals(figures: Figures) -> str:
+    return f"mAP {text_of(figures['mAP'])}, NDS {text_of(figures['NDS'])}"
 
 
 def measured_methods(boxes: Iterable[Figures]) -> list[str]:

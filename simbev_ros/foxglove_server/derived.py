@@ -16,10 +16,10 @@ from simbev_ros.msgs.displays.ego_path import EgoPath, PathPose
 from simbev_ros.msgs.displays.grids import occupancy_grid
 from simbev_ros.msgs.displays.image_boxes import image_boxes
 from simbev_ros.msgs.displays.map_markers import map_markers
-from simbev_ros.msgs.displays.messages import rgb_image
-from simbev_ros.msgs.displays.pictures import color_picture
+from simbev_ros.msgs.displays.messages import rgb_image, serialize
+from simbev_ros.msgs.displays.pictures import color_picture, compressed_picture
 from simbev_ros.msgs.displays.status import EVENT, LANE, WEATHER, status
-from simbev_ros.msgs.sensor_topics import camera_topics, picture_topics
+from simbev_ros.msgs.sensor_topics import camera_info_topic, camera_topics, picture_topics
 from simbev_ros.msgs.topic import Topic
 from simbev_ros.palette import bev_color
 from simbev_ros.recording.arrays import image_array, point_array
@@ -30,11 +30,13 @@ from simbev_ros.scene.state import EGO_ID
 from simbev_ros.semantics import BEV_CLASSES
 from simbev_ros.sensors.mount import vector
 from simbev_ros.structured_text import parse_json
-from simbev_ros.types import AnyArray, UInt16Array
+from simbev_ros.types import AnyArray, UInt8Array, UInt16Array
 
 _MALFORMED = (ValueError, KeyError, TypeError, IndexError, AttributeError, OverflowError)
 _Make = Callable[..., bytes]
 """Makes a serialized message from a stamp, ns, and the decoded messages of the sources."""
+_MakePicture = Callable[[UInt8Array, int, str], bytes]
+"""Makes a serialized message from a picture, its stamp, ns, and its frame."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +79,7 @@ def derivations(bag: SceneBag) -> dict[str, Derivation]:
         return {}
     found = (
         Derivation(topic.name, topic.type, sources, bag, make)
-        for parts in (_world(spec, bag), _labels(spec), _views(spec), _pictures(spec, bag))
+        for parts in (_world(spec, bag), _labels(spec), _views(spec), _camera_infos(spec), _pictures(spec, bag))
         for topic, sources, make in parts
         if topic.name not in bag.topics and all(source in bag.topics for source in sources)
     )
@@ -115,14 +117,22 @@ def _views(spec: SceneSpec) -> Iterator[_Part]:
         yield topic, (labels.views[camera].name,), partial(_image_boxes, frame)
 
 
+def _camera_infos(spec: SceneSpec) -> Iterator[_Part]:
+    """The CameraInfo that the images of a camera share; bags of earlier versions have it beside each image only."""
+    for camera in spec.rig.of_type(Camera):
+        beside = next(iter(camera_topics(spec, camera).values())).info
+        yield camera_info_topic(spec, camera), (beside.name,), lambda _, info: serialize(info)
+
+
 def _pictures(spec: SceneSpec, bag: SceneBag) -> Iterator[_Part]:
     for camera in spec.rig.of_type(Camera):
         images = camera_topics(spec, camera)
         frame = f"{spec.rig.agent}/{camera.name}_optical"
-        for modality, topic in picture_topics(spec, camera).items():
+        for modality, pictures in picture_topics(spec, camera).items():
             forms = images[modality].compressed.name, images[modality].raw.name
             recorded = next((name for name in forms if name in bag.topics), forms[0])
-            yield topic, (recorded,), partial(_picture, modality, frame)
+            yield pictures.raw, (recorded,), partial(_picture, rgb_image, modality, frame)
+            yield pictures.compressed, (recorded,), partial(_picture, compressed_picture, modality, frame)
 
 
 def _world_markers(stamp_ns: int, signals: Any, actors: Any, lamps: Any) -> bytes:
@@ -141,8 +151,8 @@ def _image_boxes(frame: str, stamp_ns: int, views: Any) -> bytes:
     return image_boxes(point_array(views), stamp_ns, frame)
 
 
-def _picture(modality: str, frame: str, stamp_ns: int, message: Any) -> bytes:
-    return color_picture(modality, image_array(message), stamp_ns, frame)
+def _picture(make: _MakePicture, modality: str, frame: str, stamp_ns: int, message: Any) -> bytes:
+    return make(color_picture(modality, image_array(message)), stamp_ns, frame)
 
 
 def _bev_picture(frame: str, stamp_ns: int, message: Any) -> bytes:

@@ -11,21 +11,28 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Header, String
 
+from simbev_ros.graph.joining_advice import JoiningAdvice, OutsidePublisher
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.qos import LATCHED, STEERING, rclpy_qos
 from simbev_ros.msgs.signing import Signer, content_of, signed_json
 from simbev_ros.nodes.graph_node import MALFORMED
 from simbev_ros.nodes.load_meter import BUSY, Part, part_keys
 from simbev_ros.nodes.lockstep import Lockstep
-from simbev_ros.nodes.reports import read_report
+from simbev_ros.nodes.reports import Report, read_report, subscribe_to_reports
 from simbev_ros.scene.ending import SceneEnd
-from simbev_ros.scene.request import SceneRequest
+from simbev_ros.scene.request import SceneRequest, SceneStop
+from simbev_ros.scene.spec import SceneSpec
 
+SUPERVISOR = "supervisor"
+"""Name of this node."""
 _WRITERS = ("recorder", "evaluator")
 """Nodes that report one tick more than a scene has, when their files are closed."""
+_PATIENCE_S, _ADVICE_PERIOD_S = 5.0, 1.0
+"""Time without progress after which advice is given, and time between two looks for reasons."""
 _TIMES = (BUSY, *(key for part in get_args(Part) for key in part_keys(part)))
 """Names of the times in a node's diagnostics."""
 
@@ -70,35 +77,53 @@ class GraphMonitor:
     def __init__(self, domain: int, nodes: Iterable[str], participants: Iterable[str], signer: Signer) -> None:
         self._nodes = tuple(nodes)
         self._signer, self._requests = signer, 0
-        self.behind_world = Lockstep(participants, window_ticks=1)
-        self._outside = frozenset(self.behind_world.participants) - frozenset(self._nodes)
+        participants = tuple(participants)
+        self._outside = frozenset(participants) - frozenset(self._nodes)
+        self.behind_world = Lockstep(participants, window_ticks=1, outside=self._outside)
         self.world = Lockstep(["world"], window_ticks=1)
         self.writers = Lockstep([name for name in _WRITERS if name in self._nodes], window_ticks=1)
         self.end: SceneEnd | None = None
+        self._joining = JoiningAdvice(self._outside, domain)
+        self._advised: set[str] = set()
+        self._next_advice_s = 0.0
         self._scene = ""
+        self._spec: SceneSpec | None = None
+        self._world_ns = -math.inf
         self._loads = {name: _Load() for name in self._nodes}
         self._heard_s = dict.fromkeys(self._nodes, time.monotonic())
         self._progress_s = time.monotonic()
         self._context = Context()
         rclpy.init(context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
-        self._node = rclpy.create_node("supervisor", context=self._context)
+        self._node = rclpy.create_node(SUPERVISOR, context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
         self._request = self._node.create_publisher(String, topics.REQUEST, rclpy_qos(LATCHED))
+        self._stop = self._node.create_publisher(String, topics.STOP, rclpy_qos(LATCHED))
         self._node.create_subscription(String, topics.END, self._on_end, rclpy_qos(STEERING))
-        self._node.create_subscription(Header, topics.READY, self._on_ready, rclpy_qos(STEERING))
+        subscribe_to_reports(self._node, self._on_ready, self._outside)
         self._node.create_subscription(DiagnosticArray, topics.DIAGNOSTICS, self._on_diagnostics, 64)
 
     def request(self, request: SceneRequest) -> None:
         """Ask the world node to play a scene."""
-        for each in (self.behind_world, self.world, self.writers):
-            each.start_scene(request.spec)
+        self._start_scene(request.spec)
+        self._joining.start_scene(request.spec)
         self._scene, self.end = request.spec.name, None
         self._progress_s = time.monotonic()
         self._heard_s = dict.fromkeys(self._nodes, self._progress_s)
         self._requests += 1
         request = request.model_copy(update={"number": self._requests})
         self._request.publish(String(data=signed_json(request, self._signer)))
+
+    def stop(self, reason: str) -> None:
+        """Ask the world node to end the scene with its next tick, for a reason in words."""
+        stop = SceneStop(number=self._requests, reason=reason)
+        self._stop.publish(String(data=signed_json(stop, self._signer)))
+
+    def _start_scene(self, spec: SceneSpec) -> None:
+        """Expect the reports of a scene's first ticks."""
+        self._spec, self._world_ns = spec, -math.inf
+        for each in (self.behind_world, self.world, self.writers):
+            each.start_scene(spec)
 
     def spin(self, duration_s: float) -> None:
         """Handle messages for a given time."""
@@ -122,6 +147,34 @@ class GraphMonitor:
             return [name for name in behind if name not in self._nodes] or behind  # own nodes are heard: they wait
         return [] if world_tick is not None else ["world"]
 
+    def advice(self, silent: Iterable[str]) -> list[str]:
+        """Sentences about what participants from outside should change, of nodes that hold up the graph."""
+        waiting = {name: self.behind_world.finished_tick(name) for name in silent if name in self._outside}
+        return self._joining.advice(waiting, self._outside_publishers()) if waiting else []
+
+    def new_advice(self) -> list[str]:
+        """The advice that has not been returned yet; call it often while the graph waits."""
+        now_s = time.monotonic()
+        if not self._outside or now_s < self._next_advice_s:
+            return []
+        self._next_advice_s = now_s + _ADVICE_PERIOD_S
+        new = [words for words in self.advice(self.silent_nodes(_PATIENCE_S)) if words not in self._advised]
+        self._advised.update(new)
+        return new
+
+    def _outside_publishers(self) -> list[OutsidePublisher]:
+        """The publishers of reports in nodes that are not of the graph."""
+        return [
+            OutsidePublisher(
+                publisher.node_name,
+                publisher.topic_type,
+                is_reliable=publisher.qos_profile.reliability != ReliabilityPolicy.BEST_EFFORT,
+                is_latched=publisher.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL,
+            )
+            for publisher in self._node.get_publishers_info_by_topic(topics.READY)
+            if publisher.node_name not in self._nodes
+        ]
+
     def note_computing(self, names: Iterable[str]) -> None:
         """Count it as a sign of life, and as progress, that own nodes are computing while a scene loads."""
         for name in names:
@@ -142,12 +195,28 @@ class GraphMonitor:
         self._context.shutdown()
 
     def _on_ready(self, message: Header) -> None:
-        with suppress(*MALFORMED):  # the world node logs it
+        try:
             report = read_report(message, self._signer, self._outside)
-            counts = [each.record_report(report) for each in (self.behind_world, self.world, self.writers)]
-            if any(counts):
-                self._progress_s = time.monotonic()
-            self._note_sign_of_life(report.node)
+        except MALFORMED:  # the world node logs it
+            self._joining.note_unknown(message.frame_id)
+            return
+        self._notice_restart(report)
+        published_tick = self.world.finished_by_all()
+        everybody = (self.behind_world, self.world, self.writers)
+        counts = [each.record_report(report, published_tick) for each in everybody]
+        if any(counts):
+            self._progress_s = time.monotonic()
+        self._note_sign_of_life(report.node)
+        if report.node in self._outside:
+            self._joining.note_report(report, message.frame_id)
+
+    def _notice_restart(self, report: Report) -> None:
+        """Begin anew if the world reports an earlier tick than before, which means that the scene was reset."""
+        if report.node != "world" or report.scene != self._scene or self._spec is None:
+            return
+        if report.stamp_ns < self._world_ns:
+            self._start_scene(self._spec)
+        self._world_ns = report.stamp_ns
 
     def _on_end(self, message: String) -> None:
         with suppress(*MALFORMED):

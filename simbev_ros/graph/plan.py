@@ -101,7 +101,8 @@ def _processes_behind_world(
 ) -> Iterator[ProcessPlan]:
     chosen = scenario.recording.topics.model_dump(mode="json")
     patterns = {f"{name}_topics": list(words) for name, words in chosen.items() if words}
-    common: dict[str, object] = {"live": live, "recorded": dataset is not None, "annotated": True, **patterns}
+    pace = {"live": live, "reliable": live and scenario.graph.live_reliability == "reliable"}
+    common: dict[str, object] = {**pace, "recorded": dataset is not None, "annotated": True, **patterns}
     if scenario.evaluation is not None:
         agent, read = scenario.rig.agent, input_topic(scenario.rig, scenario.evaluation)
         common["evaluated_topics"] = [boxes_name(agent), bev_labels_name(agent), read]
@@ -111,7 +112,7 @@ def _processes_behind_world(
     yield from _annotator_processes(scenario, {**common, "compressed": compressed}, cores)
     if dataset is not None:
         parameters = {
-            "live": live,
+            **pace,
             "dataset": str(dataset.resolve()),
             "config": scenario.as_yaml(),
             "recording": scenario.recording.model_dump_json(),

@@ -22,6 +22,8 @@ _REFUSALS: Mapping[int | None, type[SimbevError]] = {InputError.exit_code: Input
 
 _WARNING = re.compile(r"^\[WARN\] \[[\d.]+\] \[([^\]]+)\]: (.*)$", re.MULTILINE)
 """A line of a node's log, as rcl writes it."""
+_INFORMATION = re.compile(r"^\[INFO\] \[[\d.]+\] \[[^\]]+\]: .*\n?", re.MULTILINE)
+"""A line of a node's log that reports no trouble."""
 
 
 class _Plain(yaml.SafeDumper):
@@ -91,12 +93,12 @@ class GraphProcess:
         return new
 
     def describe_end(self) -> str:
-        """Describe why the process ended, with the last line of its log."""
-        return describe_exit(self.exit_code, self._output().splitlines())
+        """Describe why the process ended, with the last line of its log that is more than information."""
+        return describe_exit(self.exit_code, _without_information(self._output()).splitlines())
 
     def refusal(self) -> SimbevError | None:
         """The error to report if input, machine or disk made the process end; None if the process itself failed."""
-        _, mark, words = f"\n{self._output()}".rpartition(f"\n{ERROR_MARK}")
+        _, mark, words = f"\n{_without_information(self._output())}".rpartition(f"\n{ERROR_MARK}")
         kind = _REFUSALS.get(self.exit_code)
         return kind(f"{self.title}: {words.strip()}") if mark and kind else None
 
@@ -166,3 +168,8 @@ class StackProcess(GraphProcess):
             for number in (signal.SIGTERM, signal.SIGCONT):
                 with suppress(ProcessLookupError):
                     os.killpg(pid, number)
+
+
+def _without_information(output: str) -> str:
+    """The output of a process without lines that report no trouble."""
+    return _INFORMATION.sub("", output)

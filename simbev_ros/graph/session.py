@@ -4,6 +4,7 @@ import json
 import os
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -17,9 +18,9 @@ from simbev_ros.graph.domain import DomainLock
 from simbev_ros.graph.environment import graph_environment
 from simbev_ros.graph.exposure import LOCAL, NEEDS_SROS, Exposure
 from simbev_ros.graph.loading_watch import LoadingWatch
-from simbev_ros.graph.monitor import GraphMonitor
+from simbev_ros.graph.monitor import SUPERVISOR, GraphMonitor
 from simbev_ros.graph.node_starter import NodeStarter
-from simbev_ros.graph.plan import plan_processes, stack_command
+from simbev_ros.graph.plan import ProcessPlan, plan_processes, stack_command
 from simbev_ros.graph.process import GraphProcess, NodeProcess, StackProcess
 from simbev_ros.graph.traces import Traces
 from simbev_ros.msgs.signing import KEY_VARIABLE, Signer, make_key
@@ -78,6 +79,7 @@ class GraphSession:
         self.domain = self._lock.domain
         self._traces = Traces()
         self._starter: NodeStarter | None = None
+        self._plans: list[ProcessPlan] = []
         self._processes: list[GraphProcess] = []
         self._monitor: GraphMonitor | None = None
         self._loading: LoadingWatch | None = None
@@ -112,17 +114,8 @@ class GraphSession:
         self.security_variables = self._exposure.security_environment(self._traces.folder)
         environment |= self.security_variables
         os.environ.update(environment)  # for the monitor: the middleware reads them when the first node is created
-        cameras = camera_processes(self._rendering, len(self._scenario.rig.of_type(Camera)))
-        environment |= drawing_environment(cameras)
-        plans = plan_processes(
-            self._scenario,
-            cameras,
-            live=self._live,
-            dataset=self._dataset,
-            figures=self._figures,
-            rendering=self._rendering,
-            cores=usable_cores(),
-        )
+        environment |= drawing_environment(self._camera_processes(self._scenario))
+        self._plans = plans = self._plan(self._scenario)
         key = make_key()
         kinds_of_all = (node.kind for nodes in plans for node in nodes)
         self._starter = NodeStarter(kinds_of_all, self._traces.folder, {**environment, KEY_VARIABLE: key})
@@ -142,13 +135,35 @@ class GraphSession:
             raise
         self._traces.note([os.getpid()])
 
-    def play(self, spec: SceneSpec, progress: Progress, replay: Path | None = None) -> SceneEnd:
+    def _camera_processes(self, scenario: Scenario) -> int:
+        return camera_processes(self._rendering, len(scenario.rig.of_type(Camera)))
+
+    def _plan(self, scenario: Scenario) -> list[ProcessPlan]:
+        """Plan the processes for a configuration."""
+        return plan_processes(
+            scenario,
+            self._camera_processes(scenario),
+            live=self._live,
+            dataset=self._dataset,
+            figures=self._figures,
+            rendering=self._rendering,
+            cores=usable_cores(),
+        )
+
+    def can_play(self, scenario: Scenario) -> bool:
+        """Whether the running processes are those that a configuration needs; only its scenes may differ."""
+        return scenario.graph == self._scenario.graph and _comparable(self._plan(scenario)) == _comparable(self._plans)
+
+    def play(
+        self, spec: SceneSpec, progress: Progress, replay: Path | None = None, config: Scenario | None = None
+    ) -> SceneEnd:
         """Play a scene to its end and return the end.
 
         Args:
             spec: The scene.
             progress: Called several times per second.
             replay: A bag to take all motion from; None: motion is simulated.
+            config: The scene's configuration, if it is not that of the graph.
 
         Raises:
             InputError: A node cannot do what is configured, or not on this machine; the message says what to change.
@@ -156,7 +171,9 @@ class GraphSession:
             GraphError: A node died or was silent for too long; the message names it.
         """
         self._loading = LoadingWatch(time.monotonic(), self._scenario.graph.silence_timeout_s)
-        self.monitor.request(SceneRequest(spec=spec, replay=None if replay is None else str(replay.resolve())))
+        path = None if replay is None else str(replay.resolve())
+        text = None if config is None else config.as_yaml()
+        self.monitor.request(SceneRequest(spec=spec, replay=path, config=text))
         while (end := self.monitor.end) is None or not self._finished(end.tick):
             tick = self._finished_tick()
             progress(tick)
@@ -167,6 +184,20 @@ class GraphSession:
         if self._dataset is not None and not self._live:
             self._check_bag(scene_folder(self._dataset, spec.split, spec.name), end)
         return end
+
+    def end_scene(self, reason: str) -> None:
+        """Let the scene that is being played end with its next tick, for a reason in words."""
+        self.monitor.stop(reason)
+
+    def wait(self, duration_s: float) -> None:
+        """Watch the processes while no scene is played.
+
+        Raises:
+            InputError: A node cannot do what is configured.
+            GraphError: A node died.
+        """
+        self.monitor.spin(duration_s)
+        self._check_processes("while it waited for a scene")
 
     def _check_bag(self, folder: Path, end: SceneEnd) -> None:
         """Fail unless the recorder has left the whole scene, which its reports alone do not prove."""
@@ -212,6 +243,10 @@ class GraphSession:
         """Node and text of the warnings that the nodes have logged since the last call."""
         return [warning for process in self._processes for warning in process.new_warnings()]
 
+    def new_advice(self) -> list[str]:
+        """What nodes outside should change that the graph has been waiting for; each sentence is returned once."""
+        return self.monitor.new_advice()
+
     def cpu_s(self) -> dict[str, float]:
         """Processor time of every process, s, by process label."""
         return {process.label: process.cpu_s for process in self._processes}
@@ -229,7 +264,7 @@ class GraphSession:
         """Ids of all processes of the graph that have been started, by label, with supervisor and fork server."""
         servers = {} if self._starter is None else {"fork server": self._starter.pid}
         nodes = {process.label: process.pid for process in self._processes if process.pid is not None}
-        return {"supervisor": os.getpid(), **servers, **nodes}
+        return {SUPERVISOR: os.getpid(), **servers, **nodes}
 
     def _finished_tick(self) -> int | None:
         """The last tick finished by all participants; live, where they may skip ticks, by the world node alone."""
@@ -238,8 +273,18 @@ class GraphSession:
         return self.monitor.world.finished_by_all()
 
     def _check(self, tick: int | None) -> None:
-        self._traces.note(self._pids())
         where = "while the scene was loading" if tick is None else f"after tick {tick}"
+        self._check_processes(where)
+        timeout_s = self._scenario.graph.silence_timeout_s
+        if tick is None and self._loading is not None:
+            self.monitor.note_computing(self._loading.computing(time.monotonic(), self.cpu_s()))
+        if silent := self.monitor.silent_nodes(timeout_s):
+            words = [f"{_nodes_have(silent)} been silent for {timeout_s:g} s, {where}", *self.monitor.advice(silent)]
+            self._fail("; ".join(words))
+
+    def _check_processes(self, where: str) -> None:
+        """Fail if a process has died."""
+        self._traces.note(self._pids())
         if self._starter is not None and (failure := self._starter.failure()):
             self._fail(f"{failure}, {where}")
         for process in self._processes:
@@ -247,12 +292,6 @@ class GraphSession:
                 if refusal := process.refusal():
                     raise refusal
                 self._fail(f"{process.title} died {where}: {process.describe_end()}")
-        timeout_s = self._scenario.graph.silence_timeout_s
-        if tick is None and self._loading is not None:
-            self.monitor.note_computing(self._loading.computing(time.monotonic(), self.cpu_s()))
-        if silent := self.monitor.silent_nodes(timeout_s):
-            early = self.monitor.behind_world.describe_early_reports()
-            self._fail("; ".join([f"{_nodes_have(silent)} been silent for {timeout_s:g} s, {where}", *early]))
 
     def _pids(self) -> list[int]:
         """Ids of this process and of those that have been started."""
@@ -278,6 +317,11 @@ class GraphSession:
             self._monitor.close()
         self._traces.remove(keep_logs=self._failed)
         self._lock.close()
+
+
+def _comparable(plans: Sequence[ProcessPlan]) -> list[ProcessPlan]:
+    """Plans without the configuration that a recorder attaches, which a request for a scene can replace."""
+    return [tuple(replace(node, parameters={**node.parameters, "config": ""}) for node in process) for process in plans]
 
 
 def _nodes_have(names: Sequence[str]) -> str:

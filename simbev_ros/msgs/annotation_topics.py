@@ -39,7 +39,7 @@ class AnnotationTopics:
         views: How each camera with instance images sees the boxes, by the camera's name.
         occupancy: Occupied voxels; None: not configured.
         vector_map: The roads around the ego; None: not configured.
-        grids: The grid of each class for displays, by the name of the class; not recorded in bags.
+        grids: The grid of each class for displays and planners, by the name of the class; not recorded in bags.
         lane_status: The lane under the ego for displays; not recorded.
         map_markers: The roads around the ego as markers; not recorded. None: no vector map is configured.
         view_markers: The 2D boxes of each camera in ``views`` as markers over its image; not recorded.
@@ -110,7 +110,7 @@ def annotation_topics(spec: SceneSpec) -> AnnotationTopics:
         },
         occupancy=topic("occupancy/points", "sensor_msgs/msg/PointCloud2", occupancy.rate_hz) if occupancy else None,
         vector_map=topic("vector_map", "std_msgs/msg/String", vector_map.rate_hz) if vector_map else None,
-        grids={name: topic(f"bev/{name}/grid", "nav_msgs/msg/OccupancyGrid") for name in BEV_CLASSES},
+        grids={name: _grid_topic(agent, name) for name in BEV_CLASSES},
         lane_status=topic("hd_map/status", "diagnostic_msgs/msg/DiagnosticArray"),
         map_markers=topic("vector_map/markers", markers, vector_map.rate_hz) if vector_map else None,
         view_markers={
@@ -118,6 +118,11 @@ def annotation_topics(spec: SceneSpec) -> AnnotationTopics:
             for camera in cameras
         },
     )
+
+
+def _grid_topic(agent: str, name: str) -> Topic:
+    """Topic with the grid of one class; it has the QoS of a map, which is what planners such as Nav2 ask for."""
+    return Topic(agent_topic(agent, f"bev/{name}/grid"), "nav_msgs/msg/OccupancyGrid", keeps_newest=True)
 
 
 def viewing_cameras(rig: Rig, annotation: Annotation) -> list[Camera]:

@@ -13,6 +13,8 @@ _DEPTH = 16
 LATCHED = QosProfile(reliability="reliable", durability="transient_local", depth=1)
 STEERING = replace(LATCHED, depth=4000)
 """Subscriptions to latched topics that steer the graph: a busy node must not lose one among messages of others."""
+STEERING_VOLATILE = replace(STEERING, durability="volatile")
+"""Subscriptions beside those, for publishers that are not latched."""
 STATE = QosProfile(reliability="reliable", durability="volatile", depth=_DEPTH)
 EVENTS = QosProfile(reliability="reliable", durability="volatile", depth=1000)
 """A pile-up causes many events at once, none of which may be lost."""
@@ -22,20 +24,27 @@ SENSOR_LOCKSTEP = QosProfile(reliability="reliable", durability="volatile", dept
 SENSOR_LIVE = QosProfile(reliability="best_effort", durability="volatile", depth=5)
 
 
-def qos_of(topic: Topic, *, live: bool) -> QosProfile:
-    """QoS profile with which a topic is published."""
-    if topic.period_ticks == 0:
+def qos_of(topic: Topic, *, live: bool, reliable: bool = False) -> QosProfile:
+    """QoS profile with which a topic is published.
+
+    Args:
+        topic: The topic.
+        live: Whether the graph is paced by the wall clock.
+        reliable: Whether a live graph's sensor topics are reliable all the same.
+    """
+    if topic.period_ticks == 0 or topic.keeps_newest:
         return LATCHED
     if topic.sporadic:
         return EVENTS
     if topic.sensor:
         profile = SENSOR_LIVE if live else SENSOR_LOCKSTEP
-        return replace(profile, depth=profile.depth * topic.messages_per_tick)
+        depth = profile.depth * topic.messages_per_tick
+        return replace(profile, depth=depth, reliability="reliable" if reliable else profile.reliability)
     return STATE
 
 
 def reader_qos_of(topic: Topic, *, live: bool) -> QosProfile:
-    """QoS profile with which the graph's own nodes subscribe to a topic."""
+    """QoS profile with which the graph's own nodes subscribe to a topic; it fits publishers of both reliabilities."""
     profile = qos_of(topic, live=live)
     return STATE_READER if profile == STATE and not live else profile
 

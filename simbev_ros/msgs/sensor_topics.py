@@ -36,7 +36,7 @@ class CameraTopics(NamedTuple):
     Attributes:
         raw: Its images.
         compressed: Its compressed images, named as in image_transport.
-        info: The CameraInfo of the images.
+        info: The CameraInfo of the images, beside them, where image_transport looks for it.
     """
 
     raw: Topic
@@ -46,6 +46,18 @@ class CameraTopics(NamedTuple):
     def recorded(self, *, compressed: bool) -> tuple[Topic, Topic]:
         """Topics that a bag contains: images in one of the two forms, and their CameraInfo."""
         return (self.compressed if compressed else self.raw), self.info
+
+
+class PictureTopics(NamedTuple):
+    """Topics with a colored picture of one modality of a camera, for displays; not recorded.
+
+    Attributes:
+        raw: Pictures in rgb8.
+        compressed: The same as JPEG, named as in image_transport.
+    """
+
+    raw: Topic
+    compressed: Topic
 
 
 class LidarTopics(NamedTuple):
@@ -85,10 +97,18 @@ def camera_topics(spec: SceneSpec, camera: Camera) -> dict[Modality, CameraTopic
     return topics
 
 
-def picture_topics(spec: SceneSpec, camera: Camera) -> dict[Modality, Topic]:
-    """Topics with colored pictures of a camera's other modalities, for displays; not recorded in bags."""
+def camera_info_topic(spec: SceneSpec, camera: Camera) -> Topic:
+    """Topic with the CameraInfo that all images of a camera share: one lens, one frame, one rate."""
+    return _topic(spec, camera, _CAMERA_INFO, "sensor_msgs/msg/CameraInfo")
+
+
+def picture_topics(spec: SceneSpec, camera: Camera) -> dict[Modality, PictureTopics]:
+    """Topics with colored pictures of a camera's other modalities, by modality in the rig's order."""
     return {
-        modality: _topic(spec, camera, f"{modality}/color/compressed", "sensor_msgs/msg/CompressedImage")
+        modality: PictureTopics(
+            _topic(spec, camera, f"{modality}/color", "sensor_msgs/msg/Image"),
+            _topic(spec, camera, f"{modality}/color/compressed", "sensor_msgs/msg/CompressedImage"),
+        )
         for modality in camera.modalities
         if modality != "rgb"
     }
@@ -136,7 +156,8 @@ def topics_of_sensor(spec: SceneSpec, sensor: AnySensor, *, compressed_images: b
     match sensor:
         case Camera():
             modalities = camera_topics(spec, sensor).values()
-            return tuple(topic for each in modalities for topic in each.recorded(compressed=compressed_images))
+            images = (topic for each in modalities for topic in each.recorded(compressed=compressed_images))
+            return (camera_info_topic(spec, sensor), *images)
         case Lidar():
             return tuple(topic for topic in lidar_topics(spec, sensor) if topic is not None)
         case Radar():

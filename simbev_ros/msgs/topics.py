@@ -18,6 +18,7 @@ SCENE = "/world/scene"
 MAP = "/world/map"
 LEGEND = "/world/legend"
 REQUEST = "/world/request"
+STOP = "/world/stop"
 END = "/world/end"
 ACTORS = "/world/actors"
 SIGNALS = "/world/signals"
@@ -88,7 +89,8 @@ def display_topics(spec: SceneSpec) -> Iterator[Topic]:
     """Topics that the graph publishes while somebody subscribes, and that are not recorded."""
     yield from world_displays(spec)
     for camera in spec.rig.of_type(Camera):
-        yield from picture_topics(spec, camera).values()
+        for pictures in picture_topics(spec, camera).values():
+            yield from pictures
     for topics in annotation_topics(spec).displays.values():
         yield from topics
 

@@ -90,7 +90,9 @@ class AnnotatorNode(Participant):
         self._compressed = self.declare_read_only(
             "compressed", True, "Read the compressed instance images instead of the raw ones"
         )
-        labels = self.declare_read_only("scope", list(Label), f"What this node labels: {', '.join(Label)}")
+        labels = self.declare_read_only(
+            "scope", list(Label), "What this node labels", allowed=f"each one of {', '.join(Label)}"
+        )
         if unknown := [label for label in labels if label not in list(Label)]:
             raise InputError(f"parameter scope: {unknown[0]!r}; allowed: {', '.join(Label)}")
         self._labels = frozenset(map(Label, labels))

@@ -5,21 +5,30 @@ The same holds for colored pictures. In lockstep, threads encode the images of a
 drawn.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import Future
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
-from itertools import groupby
+from itertools import chain, groupby
 from typing import NamedTuple
+
+from rclpy.serialization import serialize_message
 
 from simbev_ros.assets.actors.catalogue import load_models
 from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.config.camera import Camera, Modality
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.scenario import Recording
-from simbev_ros.msgs.displays.pictures import color_picture
+from simbev_ros.msgs.displays.messages import rgb_image
+from simbev_ros.msgs.displays.pictures import color_picture, compressed_picture
 from simbev_ros.msgs.images import camera_info_message, compressed_image_message, encoding_of, image_message
-from simbev_ros.msgs.sensor_topics import CameraTopics, camera_topics, picture_topics
+from simbev_ros.msgs.sensor_topics import (
+    CameraTopics,
+    PictureTopics,
+    camera_info_topic,
+    camera_topics,
+    picture_topics,
+)
 from simbev_ros.msgs.topic import Topic
 from simbev_ros.nodes.participant import Participant
 from simbev_ros.nodes.surroundings import Surroundings
@@ -33,25 +42,35 @@ from simbev_ros.types import AnyArray
 
 
 class _Output(NamedTuple):
-    """One modality of a camera at a tick: its topics, whether raw and compressed form have readers, and the image.
+    """One modality of a camera at a tick.
 
-    ``picture`` is the topic of the colored picture, None if it has no reader.
+    Attributes:
+        camera: The camera.
+        modality: The modality.
+        topics: Topics of the image.
+        pictures: Topics of its colored picture; None: it has none.
+        read: Names of those topics that have readers.
+        image: The image; None: it is not drawn.
     """
 
     camera: Camera
     modality: Modality
     topics: CameraTopics
-    raw: bool
-    compressed: bool
-    picture: Topic | None
+    pictures: PictureTopics | None
+    read: frozenset[str]
     image: AnyArray | None = None
 
 
 class _Encoded(NamedTuple):
-    """What threads make of an image: its compressed form, and a message with its colored picture."""
+    """Forms of an image that threads make.
 
-    compressed: bytes | None = None
-    picture: bytes | None = None
+    Attributes:
+        compressed: The compressed image; None: it has no reader.
+        pictures: Messages with its colored picture, by topic.
+    """
+
+    compressed: bytes | None
+    pictures: Mapping[str, bytes]
 
 
 class CameraNode(Participant):
@@ -69,14 +88,17 @@ class CameraNode(Participant):
         )
         self._jpeg_quality = self.declare_section("recording", Recording).jpeg_quality
         rendering = self.declare_section("rendering", Rendering)
-        process = self.declare_read_only("process", 0, "Index of this process among those that share the rig's cameras")
+        process = self.declare_read_only(
+            "process", 0, "Index of this process among those that share the rig's cameras", minimum=0
+        )
         self._quality = rendering.quality
         self._open_context = partial(open_context, rendering.device_of(process), process)
         self._open_context().release()  # a machine that cannot draw is reported before anything is loaded
         self._surroundings = Surroundings(self._make_renderer, Renderer.close)
         self._cameras: list[Camera] = []
         self._topics: dict[str, dict[Modality, CameraTopics]] = {}
-        self._pictures: dict[str, dict[Modality, Topic]] = {}
+        self._infos: dict[str, Topic] = {}
+        self._pictures: dict[str, dict[Modality, PictureTopics]] = {}
         self._previous: dict[int, WorldState] = {}
         self._outputs: list[_Output] = []
         self._encoders = self.meter.pool("encode")
@@ -94,6 +116,7 @@ class CameraNode(Participant):
         cameras = [c for c in spec.rig.of_type(Camera) if not self._names or c.name in self._names]
         self._cameras = sorted(cameras, key=lambda camera: spec.period_ticks(camera.rate_hz))
         self._topics = {camera.name: camera_topics(spec, camera) for camera in self._cameras}
+        self._infos = {camera.name: camera_info_topic(spec, camera) for camera in self._cameras}
         self._pictures = {camera.name: picture_topics(spec, camera) for camera in self._cameras}
         self._previous.clear()
         self._outputs.clear()
@@ -123,21 +146,21 @@ class CameraNode(Participant):
         self.finish_after(spec, state.tick, encoded, publish)
 
     def _due_outputs(self, cameras: Iterable[Camera]) -> list[_Output]:
-        """All modalities of the given cameras, and whether their topics have readers now."""
+        """All modalities of the given cameras, and which of their topics have readers now."""
         outputs = []
         for camera in cameras:
             for modality, topics in self._topics[camera.name].items():
-                raw, compressed = self.reader_count(topics.raw.name) > 0, self.reader_count(topics.compressed.name) > 0
-                picture = self._pictures[camera.name].get(modality)
-                shown = picture if picture is not None and self.reader_count(picture.name) else None
-                outputs.append(_Output(camera, modality, topics, raw, compressed, shown))
+                pictures = self._pictures[camera.name].get(modality)
+                forms = (topics.raw, topics.compressed, *(pictures or ()))
+                read = frozenset(topic.name for topic in forms if self.reader_count(topic.name))
+                outputs.append(_Output(camera, modality, topics, pictures, read))
         return outputs
 
     def _render(self, spec: SceneSpec, outputs: list[_Output], frame: RenderFrame) -> list[_Output]:
         """Render the outputs that have readers; return all outputs, with the images of the rendered ones."""
         wanted: dict[str, list[_Output]] = {}
         for output in outputs:
-            if output.raw or output.compressed or output.picture:
+            if output.read:
                 wanted.setdefault(output.camera.name, []).append(output)
         views = [
             CameraView.from_config(each[0].camera, spec.seed, frame.world.tick, [output.modality for output in each])
@@ -151,33 +174,46 @@ class CameraNode(Participant):
     def _publish(
         self, spec: SceneSpec, stamp_ns: int, outputs: list[_Output], encoded_images: list[Future[_Encoded]]
     ) -> None:
-        for output, future in zip(outputs, encoded_images, strict=True):
-            encoded, frame_id = future.result(), _optical_frame(spec, output.camera)
-            if output.raw and output.image is not None:
-                self.publish(output.topics.raw.name, image_message(output.image, stamp_ns, frame_id))
-            if output.image is not None and encoded.compressed is not None:
-                image_format = compressed_format(encoding_of(output.image))
-                message = compressed_image_message(encoded.compressed, image_format, stamp_ns, frame_id)
-                self.publish(output.topics.compressed.name, message)
-            if output.picture is not None and encoded.picture is not None:
-                self.publish(output.picture.name, encoded.picture)
-            self.publish(output.topics.info.name, camera_info_message(output.camera.model, stamp_ns, frame_id))
+        """Publish the images of a tick, and the CameraInfo of each camera on the topics that share it."""
+        pairs = zip(outputs, encoded_images, strict=True)
+        for camera, of_camera in groupby(pairs, key=lambda pair: pair[0].camera):
+            frame_id = _optical_frame(spec, camera)
+            info = serialize_message(camera_info_message(camera.model, stamp_ns, frame_id))
+            for output, future in of_camera:
+                self._publish_image(output, future.result(), stamp_ns, frame_id)
+                self.publish(output.topics.info.name, info)
+            self.publish(self._infos[camera.name].name, info)
+
+    def _publish_image(self, output: _Output, encoded: _Encoded, stamp_ns: int, frame_id: str) -> None:
+        """Publish one image in all forms that have readers."""
+        if output.image is None:
+            return
+        if output.topics.raw.name in output.read:
+            self.publish(output.topics.raw.name, image_message(output.image, stamp_ns, frame_id))
+        if encoded.compressed is not None:
+            image_format = compressed_format(encoding_of(output.image))
+            message = compressed_image_message(encoded.compressed, image_format, stamp_ns, frame_id)
+            self.publish(output.topics.compressed.name, message)
+        for name, picture in encoded.pictures.items():
+            self.publish(name, picture)
 
     def _encode(self, spec: SceneSpec, stamp_ns: int, output: _Output) -> _Encoded:
         """Compress an image, and color it, if these forms have readers."""
-        image, compressed, picture = output.image, None, None
-        if image is not None and output.compressed:
+        image, compressed = output.image, None
+        if image is None:
+            return _Encoded(None, {})
+        if output.topics.compressed.name in output.read:
             compressed = encode_image(encoding_of(image), image, self._jpeg_quality)
-        if image is not None and output.picture is not None:
-            picture = color_picture(output.modality, image, stamp_ns, _optical_frame(spec, output.camera))
-        return _Encoded(compressed, picture)
+        return _Encoded(compressed, _pictures_of(output, image, stamp_ns, _optical_frame(spec, output.camera)))
 
     def _advertise(self) -> Iterator[str]:
         """Create the publishers; yield the names of the topics that can be recorded."""
         for pictures in self._pictures.values():
-            for topic in pictures.values():
+            for topic in chain.from_iterable(pictures.values()):
                 self.advertise(topic)
-        for modalities in self._topics.values():
+        for camera, modalities in self._topics.items():
+            self.advertise(self._infos[camera])
+            yield self._infos[camera].name
             for topics in modalities.values():
                 for topic in topics:
                     self.advertise(topic)
@@ -192,3 +228,13 @@ class CameraNode(Participant):
 def _optical_frame(spec: SceneSpec, camera: Camera) -> str:
     """Frame of a camera's images."""
     return f"{spec.rig.agent}/{camera.name}_optical"
+
+
+def _pictures_of(output: _Output, image: AnyArray, stamp_ns: int, frame_id: str) -> dict[str, bytes]:
+    """Messages with the colored picture of an image, by those of its topics that have readers."""
+    forms = zip(output.pictures or (), (rgb_image, compressed_picture), strict=False)
+    makers = {topic.name: make for topic, make in forms if topic.name in output.read}
+    if not makers:
+        return {}
+    picture = color_picture(output.modality, image)
+    return {name: make(picture, stamp_ns, frame_id) for name, make in makers.items()}

@@ -38,7 +38,8 @@ from simbev_ros.msgs.topic import Topic
 from simbev_ros.msgs.world import map_from_base_link
 from simbev_ros.nodes.answer_topics import Answer, AnswerTopics, received_s
 from simbev_ros.nodes.graph_node import GraphNode
-from simbev_ros.nodes.reports import read_report
+from simbev_ros.nodes.lockstep import Lockstep
+from simbev_ros.nodes.reports import read_report, subscribe_to_reports
 from simbev_ros.recording.bag_files import disk_errors
 from simbev_ros.recording.whole_files import write_whole
 from simbev_ros.scene.frames import ego_from_base_link
@@ -74,13 +75,14 @@ class EvaluatorNode(GraphNode):
         self._files = [Path(file) for file in files if file]
         self._input: str = self.declare_read_only("input_topic", "", "Topic that the stack answers to")
         self._patience_s: float = self.declare_read_only(
-            "patience_s", 60.0, "Time that the first scene waits for the stack, s"
+            "patience_s", 60.0, "Time that the first scene waits for the stack, s", minimum=0.0
         )
         stack = self._evaluation.participants
         idle_s = math.inf if stack else self._patience_s / 2
         self._patience = WaitLimits(_LIVE_GRACE_TICKS, _LIVE_IDLE_S) if self.live else WaitLimits(None, idle_s)
         self._options, self._scenes = options_of(self._evaluation), list[LiveScene]()
         self._numbers: set[int] = set()
+        self._stack = Lockstep(stack, window_ticks=1, outside=stack)
         self._spec: SceneSpec | None = None
         self._subscriptions_by_topic: dict[str, Subscription] = {}
         self._polls_connected, self._loaded_reported, self._scene_since_s = 0, False, 0.0
@@ -92,7 +94,7 @@ class EvaluatorNode(GraphNode):
         self.follow_scenes(self._on_scene)
         self.create_subscription(String, topics.END, self._on_end, rclpy_qos(STEERING))
         if stack:
-            self.create_subscription(Header, topics.READY, self._on_ready, rclpy_qos(STEERING))
+            subscribe_to_reports(self, self._on_ready, stack)
         self.create_wall_timer(0.05, self._report_loaded)
         self.create_wall_timer(0.1, self._advance)
         self.create_wall_timer(0.5, self._look_for_answers)
@@ -112,6 +114,7 @@ class EvaluatorNode(GraphNode):
         self._subscribe(labels.bev_labels, self._truth(LABELS, labels_from_image))
         self._subscribe(answered, self._on_input, raw=True)
         self._polls_connected, self._loaded_reported, self._scene_since_s = 0, False, time.monotonic()
+        self._stack.start_scene(spec)
         self._spec = spec
         self._numbers.add(spec.number)
 
@@ -177,11 +180,10 @@ class EvaluatorNode(GraphNode):
             self._join.counts.malformed += 1
 
     def _on_ready(self, message: Header) -> None:
-        stack = self._evaluation.participants
-        report = self.read(topics.READY, partial(read_report, message, self.signer, stack))
-        if report is None or self._spec is None or report.scene != self._spec.name or report.node not in stack:
+        report = self.read(topics.READY, partial(read_report, message, self.signer, self._stack.participants))
+        if report is None or not self._stack.record_report(report):
             return
-        if (tick := self._spec.tick_of(report.stamp_ns)) < self._spec.ticks:
+        if (tick := self._stack.finished_by_all()) is not None:
             self._join.mark_stack_finished(tick)
 
     def _on_end(self, message: String) -> None:

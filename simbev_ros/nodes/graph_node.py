@@ -7,11 +7,9 @@ from typing import Any, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from pydantic import ValidationError
-from rcl_interfaces.msg import ParameterDescriptor, ParameterType
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Header, String
 
@@ -20,12 +18,15 @@ from simbev_ros.errors import InputError, SimbevError
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.message_types import message_class
 from simbev_ros.msgs.qos import LATCHED, STEERING, qos_of, rclpy_qos
+from simbev_ros.msgs.qos_overrides import override_options
 from simbev_ros.msgs.signing import Signer, content_of
 from simbev_ros.msgs.stamps import header
 from simbev_ros.msgs.topic import Topic
 from simbev_ros.nodes.load_meter import BUSY, LoadMeter
 from simbev_ros.nodes.reports import Report, report_message
+from simbev_ros.nodes.ros.parameters import declare_read_only
 from simbev_ros.nodes.scene_inbox import SceneInbox
+from simbev_ros.recording.qos import QosProfile
 from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.request import SceneRequest
 from simbev_ros.scene.spec import SceneSpec
@@ -60,11 +61,14 @@ class GraphNode(Node):
         self.live: bool = self.declare_read_only(
             "live", False, "Paced by the wall clock; sensor topics are best effort"
         )
+        self.reliable: bool = self.declare_read_only(
+            "reliable", False, "Sensor topics are reliable although it is live"
+        )
         self.meter = LoadMeter()
         self.signer = Signer.from_environment()
         self._simulated_ns = 0
         self._ignored: set[str] = set()
-        self._last_request = -1
+        self._last_request: SceneRequest | None = None
         self._failure: Exception | None = None
         self._topic_publishers: dict[str, Any] = {}
         self._ready = self.create_publisher(Header, topics.READY, rclpy_qos(LATCHED))
@@ -95,13 +99,11 @@ class GraphNode(Node):
         if self._failure is not None:
             raise self._failure
 
-    def declare_read_only(self, name: str, default: Any, description: str) -> Any:
-        """Declare a read-only parameter and return its value; the default ``[]`` means a list of strings."""
-        descriptor = ParameterDescriptor(description=description, read_only=True)
-        if default == []:
-            descriptor.type = ParameterType.PARAMETER_STRING_ARRAY
-            return list(self.declare_parameter(name, Parameter.Type.STRING_ARRAY, descriptor).value or [])
-        return self.declare_parameter(name, default, descriptor).value
+    def declare_read_only(
+        self, name: str, default: Any, description: str, *, minimum: float | None = None, allowed: str = ""
+    ) -> Any:
+        """Declare a read-only parameter and return its value, see ``nodes.ros.parameters``."""
+        return declare_read_only(self, name, default, description, minimum=minimum, allowed=allowed)
 
     def declare_section(self, name: str, model: type[Section]) -> Section:
         """Declare a read-only parameter with a section of the configuration as JSON; return the validated section.
@@ -109,7 +111,8 @@ class GraphNode(Node):
         Raises:
             InputError: The parameter is no JSON, or a value in it is not allowed.
         """
-        text = self.declare_read_only(name, "{}", f"The configuration's section {name}, as JSON; {{}}: all defaults")
+        words = f"The configuration's section {name}, as JSON; {{}}: all defaults"
+        text = self.declare_read_only(name, "{}", words, allowed=f"as {name} in docs/reference/configuration.md")
         try:
             return model.model_validate_json(text)
         except ValidationError as error:
@@ -118,10 +121,16 @@ class GraphNode(Node):
             raise InputError(f"parameter {where}: {first['msg']}") from None
 
     def advertise(self, topic: Topic) -> None:
-        """Create the publisher of a topic unless it exists."""
+        """Create the publisher of a topic unless it exists; parameters may override the QoS of live sensor topics."""
         if topic.name not in self._topic_publishers:
-            kind, qos = message_class(topic.type), rclpy_qos(qos_of(topic, live=self.live))
-            self._topic_publishers[topic.name] = self.create_publisher(kind, topic.name, qos)
+            kind, qos = message_class(topic.type), rclpy_qos(self.offered_qos(topic))
+            overrides = override_options(self, topic.name) if self.live and topic.sensor else None
+            publisher = self.create_publisher(kind, topic.name, qos, qos_overriding_options=overrides)
+            self._topic_publishers[topic.name] = publisher
+
+    def offered_qos(self, topic: Topic) -> QosProfile:
+        """QoS profile with which the graph publishes a topic."""
+        return qos_of(topic, live=self.live, reliable=self.reliable)
 
     def publish_display(self, topic: Topic | None, make: Callable[..., bytes], *values: Any) -> None:
         """Make a message from values and publish it, if somebody subscribes; None: the scene has no such topic."""
@@ -166,9 +175,10 @@ class GraphNode(Node):
     def read_request(self, message: String) -> SceneRequest | None:
         """The supervisor's request in a message from /world/request; None if it is somebody else's, or an old one."""
         request = self.read(topics.REQUEST, partial(content_of, SceneRequest, message.data, self.signer))
-        if request is None or (self.signer.checks and request.number <= self._last_request):
+        last = self._last_request
+        if request is None or (self.signer.checks and last is not None and request.number <= last.number):
             return None
-        self._last_request = request.number
+        self._last_request = request
         return request
 
     def read_end(self, message: String) -> SceneEnd | None:

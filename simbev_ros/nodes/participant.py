@@ -31,6 +31,7 @@ _MAX_WAITING = 64
 
 _MAX_UNSENT = 1
 """Lockstep: number of ticks whose messages threads may still prepare while the next tick is processed."""
+_PATTERNS = "topics as in a shell: * and ? stand for any characters"
 
 
 class _Unsent(NamedTuple):
@@ -64,8 +65,11 @@ class Participant(GraphNode):
             "include_topics",
             [],
             "Patterns of which a recorded topic matches at least one; none: every topic is recorded",
+            allowed=_PATTERNS,
         )
-        exclude = self.declare_read_only("exclude_topics", [], "Patterns that no recorded topic matches")
+        exclude = self.declare_read_only(
+            "exclude_topics", [], "Patterns that no recorded topic matches", allowed=_PATTERNS
+        )
         self._recorded_topics = topics.TopicFilter(include or ("*",), exclude)
         self.annotated: bool = self.declare_read_only(
             "annotated", False, "An annotator reads clouds, instance images or views: wait until it is connected"
@@ -144,6 +148,7 @@ class Participant(GraphNode):
             waiting.clear()
         spec = SceneSpec.model_validate_json(specification)
         self._awaited_readers = self._expected_readers(spec, self.start_scene(spec))
+        self.get_logger().info(f"scene {spec.name} is loaded")
         self._last_tick = spec.loaded_tick
         self.spec = spec
         self._loaded_reported = False

@@ -21,7 +21,7 @@ from simbev_ros.errors import DiskError
 from simbev_ros.maps.build import load_source
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.message_types import message_class
-from simbev_ros.msgs.qos import STEERING, qos_of, rclpy_qos, reader_qos_of
+from simbev_ros.msgs.qos import STEERING, rclpy_qos, reader_qos_of
 from simbev_ros.msgs.stamps import serialized_stamp_ns
 from simbev_ros.msgs.tables import table_from_message
 from simbev_ros.msgs.topic import Topic
@@ -85,7 +85,7 @@ class RecorderNode(GraphNode):
     def _on_scene(self, scene_json: str, payload: bytes) -> None:
         self.close()
         self._spec = spec = SceneSpec.model_validate_json(scene_json)
-        self._end, self._lead_in = None, []
+        self._end, self._lead_in, self._clock_ns = None, [], -1
         self._loaded_reported = False
         chosen = topics.TopicFilter(self._recording.topics.include, self._recording.topics.exclude)
         all_topics = topics.manifest(spec, compressed_images=self._recording.images == "compressed")
@@ -97,11 +97,12 @@ class RecorderNode(GraphNode):
         self._tracker, self._transforms = TrackRecorder(spec.tick_ns), EgoTransforms(spec)
         self._writer = bag_writer(scene_folder(self._dataset, spec.split, spec.name), self._recording)
         self._writer.add_attachment(SCENE_ATTACHMENT, "application/json", scene_json.encode())
-        self._writer.add_attachment(CONFIG_ATTACHMENT, "application/yaml", self._config.encode())
+        config = self._last_request.config if self._last_request is not None else None
+        self._writer.add_attachment(CONFIG_ATTACHMENT, "application/yaml", (config or self._config).encode())
         if spec.map.path:
             self._writer.add_attachment(MAP_SOURCE_ATTACHMENT, "application/x-bzip2", load_source(spec.map))
         for topic in self._manifest.values():
-            self._writer.add_topic(topic.name, topic.type, qos_of(topic, live=self.live), separate_chunks=topic.sensor)
+            self._writer.add_topic(topic.name, topic.type, self.offered_qos(topic), separate_chunks=topic.sensor)
         odometry = topics.odometry_name(spec.rig.agent)
         for topic in all_topics:
             if topic.name in self._manifest or (topic.name == odometry and topics.TF in self._manifest):
@@ -128,7 +129,7 @@ class RecorderNode(GraphNode):
             return
         with self.meter.part("receive"):
             message = self.read(topic.name, partial(_stamped, payload, topic, self._spec))
-            if message is None or message.stamp_ns is None:
+            if message is None or message.stamp_ns is None or self._is_repeated(topic, message.stamp_ns):
                 return
             if message.stamp_ns < self._spec.start_ns and topic.name in _REPLAYED:
                 self._lead_in.append(RawMessage(topic.name, message.stamp_ns, topic.type, bytes(message.payload)))
@@ -138,6 +139,13 @@ class RecorderNode(GraphNode):
                 if topic.name == odometry and topics.TF in self._manifest:
                     transforms = self._transforms.at(deserialize_message(payload, Odometry))
                     self._record_own(topics.TF, message.stamp_ns, serialize_transforms(transforms))
+
+    def _is_repeated(self, topic: Topic, stamp_ns: int) -> bool:
+        """Whether this is the time that a paused world has published before."""
+        if topic.name != topics.CLOCK:
+            return False
+        before_ns, self._clock_ns = self._clock_ns, stamp_ns
+        return stamp_ns == before_ns
 
     def _report_loaded(self) -> None:
         """Report the scene as loaded once every topic has a publisher; called by a timer until then."""
@@ -208,6 +216,7 @@ class RecorderNode(GraphNode):
         self._add_tracks(self._writer)
         self._writer.finish(self._facts(spec))
         self._writer = self._spec = None
+        self.get_logger().info(f"scene {spec.name} is recorded")
         self.report_finished(spec, self._end.tick + 1)
 
     def _add_tracks(self, writer: SceneBagWriter) -> None:

@@ -22,7 +22,7 @@ from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.qos import STEERING, rclpy_qos
 from simbev_ros.msgs.robot_description import robot_description
-from simbev_ros.msgs.signing import signed_json
+from simbev_ros.msgs.signing import content_of, signed_json
 from simbev_ros.msgs.stamps import time_message
 from simbev_ros.msgs.transforms import TransformBroadcaster
 from simbev_ros.msgs.world import (
@@ -37,7 +37,7 @@ from simbev_ros.msgs.world import (
 from simbev_ros.nodes.graph_node import GraphNode
 from simbev_ros.nodes.lockstep import Lockstep
 from simbev_ros.nodes.pacer import Pacer
-from simbev_ros.nodes.reports import read_report
+from simbev_ros.nodes.reports import read_report, subscribe_to_reports
 from simbev_ros.nodes.world_displays import WorldDisplays
 from simbev_ros.process_memory import freeze_after_loading
 from simbev_ros.recording.replay import Replay
@@ -46,11 +46,14 @@ from simbev_ros.scene.frames import base_link_frame
 from simbev_ros.scene.legend import legend
 from simbev_ros.scene.lights import street_lights
 from simbev_ros.scene.reach import loaded_reach
-from simbev_ros.scene.request import SceneRequest
+from simbev_ros.scene.request import SceneRequest, SceneStop
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.world.simulation import Simulation
 from simbev_ros.world.source import StateSource
+
+_CLOCK_PERIOD_S = 0.1
+"""Wall time between messages on /clock while the world is paused."""
 
 
 @dataclass
@@ -90,23 +93,27 @@ class WorldNode(GraphNode):
         )
         self._recorded = self.declare_read_only("recorded", False, "A recorder writes each scene into a bag")
         self._state_readers = self.declare_read_only(
-            "state_readers", 0, "Number of readers of /world/actors to wait for before a scene"
+            "state_readers", 0, "Number of readers of /world/actors to wait for before a scene", minimum=0
         )
         window_ticks = self.declare_read_only(
-            "window_ticks", 3, "Number of ticks that the world may be ahead of the slowest participant"
+            "window_ticks", 3, "Number of ticks that the world may be ahead of the slowest participant", minimum=1
         )
-        self._lockstep = Lockstep(participants, 1 if self.live else window_ticks)
+        self._lockstep = Lockstep(participants, 1 if self.live else window_ticks, self._outside)
         self._pacer = Pacer(live=self.live)
         self._scene: _LoadedScene | None = None
         self._commands: dict[str, Any] = {}
         self._next_tick = 0
+        self._stop: SceneStop | None = None
+        self._now = Clock()
         self._transforms = TransformBroadcaster(self)
         self.create_subscription(String, topics.REQUEST, self._on_request, rclpy_qos(STEERING))
-        self.create_subscription(Header, topics.READY, self._on_ready, rclpy_qos(STEERING))
+        self.create_subscription(String, topics.STOP, self._on_stop, rclpy_qos(STEERING))
+        subscribe_to_reports(self, self._on_ready, self._outside)
         self.create_service(SetBool, "/world/pause", self._pause)
         self.create_service(Trigger, "/world/step", self._step)
         self.create_service(Trigger, "/world/reset", self._reset)
         self.create_wall_timer(0.005 if self.live else 0.02, self.advance)
+        self.create_wall_timer(_CLOCK_PERIOD_S, self._repeat_clock)
 
     def _on_request(self, message: String) -> None:
         if (request := self.read_request(message)) is not None:
@@ -122,7 +129,10 @@ class WorldNode(GraphNode):
         for _ in range(request.spec.warm_up_ticks - request.spec.lead_in_ticks):
             source.step()
         self._next_tick = -request.spec.lead_in_ticks
+        self._now = Clock(clock=time_message(request.spec.stamp_ns(request.spec.loaded_tick)))
         self._pacer.start()
+        self._end_if_asked()
+        self.get_logger().info(f"scene {request.spec.name} is loaded")
 
     def _load(self, request: SceneRequest) -> tuple[StateSource, WorldDisplays]:
         """Load and announce a scene; return the source of its states, and its displays."""
@@ -145,6 +155,18 @@ class WorldNode(GraphNode):
         self.publish(topics.SCENE, String(data=spec.model_dump_json()))
         return _make_source(request, network, streetside), WorldDisplays(self, spec, lamps)
 
+    def _on_stop(self, message: String) -> None:
+        stop = self.read(topics.STOP, partial(content_of, SceneStop, message.data, self.signer))
+        if stop is not None:
+            self._stop = stop
+            self._end_if_asked()
+
+    def _end_if_asked(self) -> None:
+        """Let the scene end with its next tick, also a paused one, if the supervisor has asked for it."""
+        if self._scene is not None and self._stop is not None and self._stop.number == self._scene.request.number:
+            self._scene.ending.end_soon(self._stop.reason)
+            self._pacer.pause(False)
+
     def _on_command(self, message: Twist) -> None:
         if self._scene is not None:
             self._scene.source.drive_ego(message.linear.x, message.angular.z)
@@ -152,7 +174,7 @@ class WorldNode(GraphNode):
     def _on_ready(self, message: Header) -> None:
         report = self.read(topics.READY, partial(read_report, message, self.signer, self._outside))
         if report is not None:
-            self._lockstep.record_report(report)
+            self._lockstep.record_report(report, self._next_tick - 1)
             self.advance()
 
     def advance(self) -> None:
@@ -187,13 +209,27 @@ class WorldNode(GraphNode):
             with self.meter.part("message"):
                 self._publish_state(scene, state)
         self.report_finished(scene.spec, self._next_tick)
+        self._log_progress(scene)
         self._next_tick += 1
+
+    def _log_progress(self, scene: _LoadedScene) -> None:
+        """Log the first tick of a scene and its end."""
+        if self._next_tick == 0:
+            self.get_logger().info(f"scene {scene.spec.name} starts: {scene.spec.ticks} ticks")
+        if scene.end is not None:
+            self.get_logger().info(f"scene {scene.spec.name} ends with tick {scene.end.tick}: {scene.end.reason}")
+
+    def _repeat_clock(self) -> None:
+        """Publish the time again while the world is paused: nodes that are started then would stay at time 0."""
+        if self._pacer.paused and self._scene is not None and self._scene.end is None:
+            self.publish(topics.CLOCK, self._now)
 
     def _publish_state(self, scene: _LoadedScene, state: WorldState) -> None:
         agent = scene.spec.rig.agent
         for event in state.events:  # first, so that they arrive well before the tick is finished
             self.publish(topics.EVENTS, event_message(event, state))
-        self.publish(topics.CLOCK, Clock(clock=time_message(state.stamp_ns)))
+        self._now = Clock(clock=time_message(state.stamp_ns))
+        self.publish(topics.CLOCK, self._now)
         self.publish(topics.ACTORS, actors_message(state))
         self.publish(topics.SIGNALS, signals_message(state))
         self.publish(topics.WEATHER, weather_message(state))
@@ -206,6 +242,7 @@ class WorldNode(GraphNode):
         self._pacer.pause(request.data)
         response.success = True
         response.message = "paused" if request.data else "running"
+        self.get_logger().info(f"{response.message}; the next tick is {self._next_tick}")
         return response
 
     def _step(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -227,6 +264,7 @@ class WorldNode(GraphNode):
         response.success = refusal is None
         response.message = refusal or "restarted"
         if refusal is None and self._scene is not None:
+            self.get_logger().info(f"scene {self._scene.spec.name} starts again")
             self.start(self._scene.request)
         return response
 

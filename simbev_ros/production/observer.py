@@ -60,7 +60,7 @@ class ProductionObserver:
         """A scene was played to its end; None: it failed or was interrupted."""
 
     def graph_warned(self, node: str, message: str) -> None:
-        """A node of the graph has logged a warning."""
+        """A node of the graph has logged a warning, or the supervisor waits for a node outside and says why."""
 
     def dataset_started(self, scenes: int, dataset_bytes: int) -> None:
         """A number of scenes is about to be made; those that exist take this much space."""

@@ -9,6 +9,7 @@ from typing import Any
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.errors import GraphError, SimbevError
 from simbev_ros.graph.exposure import LOCAL, Exposure
+from simbev_ros.graph.monitor import SUPERVISOR
 from simbev_ros.graph.session import GraphSession
 from simbev_ros.production.drawing import draw_scenes
 from simbev_ros.production.observer import SILENT, ProductionObserver
@@ -108,6 +109,7 @@ def play_on(
     observer: ProductionObserver = SILENT,
     *,
     replay: Path | None = None,
+    config: Scenario | None = None,
     on_tick: Callable[[int | None], None] = lambda tick: None,
 ) -> SceneEnd:
     """Play one scene on a running graph and report its progress.
@@ -117,6 +119,7 @@ def play_on(
         spec: The scene.
         observer: Receives the progress.
         replay: A bag to take all motion from; None: motion is simulated.
+        config: The scene's configuration, if it is not that of the graph.
         on_tick: Called after the observer with the last finished tick, for callers that measure.
 
     Raises:
@@ -127,12 +130,14 @@ def play_on(
 
     def progress(tick: int | None) -> None:
         observer.scene_progressed(spec, tick)
+        for advice in session.new_advice():
+            observer.graph_warned(SUPERVISOR, advice)
         on_tick(tick)
 
     end: SceneEnd | None = None
     observer.scene_started(spec)
     try:
-        end = session.play(spec, progress, replay)
+        end = session.play(spec, progress, replay, config)
     finally:
         observer.scene_ended(spec, end)
         for node, message in session.new_warnings():

@@ -1,4 +1,7 @@
-"""Detection of the end of a scene: after its duration, or earlier when the ego has stood still for too long."""
+"""Detection of the end of a scene: after its duration, or earlier when the ego has stood still for too long.
+
+It also ends early when the supervisor asks for it.
+"""
 
 import math
 
@@ -35,6 +38,11 @@ class SceneEndDetector:
         self._last_tick, self._reason = available[0] - 1, available[1]
         self._standing_ticks = 0
         self._events = 0
+        self._requested: str | None = None
+
+    def end_soon(self, reason: str) -> None:
+        """Let the scene end with its next tick, for a reason in words."""
+        self._requested = reason
 
     def end_at(self, state: WorldState) -> SceneEnd | None:
         """The end of the scene if this tick is its last one, otherwise None. Call it for every tick in order."""
@@ -47,6 +55,8 @@ class SceneEndDetector:
         if max_ticks is not None and self._standing_ticks >= max_ticks:
             standing_s = max_ticks * self._spec.tick_ns / NS_PER_S
             return self._end(state.tick, f"ego stood still for {standing_s:g} s at tick {state.tick}")
+        if self._requested is not None:
+            return self._end(state.tick, self._requested)
         return self._end(state.tick, self._reason) if state.tick >= self._last_tick else None
 
     def _end(self, tick: int, reason: str) -> SceneEnd:

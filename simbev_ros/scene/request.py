@@ -1,4 +1,4 @@
-"""The request message that tells the world node which scene to play."""
+"""The messages with which the supervisor tells the world node which scene to play, and to end it early."""
 
 from pydantic import Field
 
@@ -11,4 +11,12 @@ class SceneRequest(Model):
 
     spec: SceneSpec
     replay: str | None = Field(None, description="absolute path of the bag to replay; none: simulate the scene")
+    config: str | None = Field(None, description="configuration as YAML, for the bag; none: the recorder's parameter")
     number: int = Field(0, ge=0, description="one more with each request of a graph: earlier ones do not count again")
+
+
+class SceneStop(Model):
+    """Request to end a scene with its next tick, as sent on /world/stop."""
+
+    number: int = Field(ge=0, description="number of the request for the scene")
+    reason: str = Field(description="why the scene ends, in words")

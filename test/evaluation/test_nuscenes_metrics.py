@@ -1,13 +1,17 @@
 """The nuScenes metrics equal nuscenes-devkit's own numbers."""
 
+import io
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 from made_up_boxes import random_predictions, random_truth, some_boxes
+from rich.console import Console
 
 from simbev_ros.bench.devkit_comparison import devkit_numbers, devkit_python
+from simbev_ros.cli.evaluate.tables import print_tables
+from simbev_ros.evaluation.figures import _nuscenes
 from simbev_ros.evaluation.metrics.boxes import Boxes, Predictions, empty_boxes
 from simbev_ros.evaluation.metrics.nuscenes import (
     CLASSES,
@@ -18,6 +22,7 @@ from simbev_ros.evaluation.metrics.nuscenes import (
     nuscenes_result,
     nuscenes_tally,
 )
+from simbev_ros.evaluation.tables import nuscenes_table
 from simbev_ros.semantics import BOX_CLASSES
 
 DEVKIT_NAMES = ("trans_err", "orient_err", "scale_err", "vel_err", "attr_err")
@@ -85,6 +90,34 @@ def test_truth_as_prediction_is_perfect_but_for_absent_classes() -> None:
     total = nuscenes_tally(truth, Predictions(truth, np.ones(120)), np.arange(3))
     assert nuscenes_result(total, present).nds == pytest.approx(1.0)
     assert nuscenes_result(total).mean_ap == pytest.approx(0.8)
+    occurring = nuscenes_result(total).over_occurring
+    assert occurring is not None and set(occurring.classes) == set(CLASSES) - {"trailer", "construction_vehicle"}
+    assert occurring.mean_ap == pytest.approx(1.0) and occurring.nds == pytest.approx(1.0)
+
+
+def test_both_means_are_among_the_figures_and_in_the_title() -> None:
+    truth = some_boxes([(0, 0, 0), (30, 0, 0)])
+    result = compute_metrics(truth, Predictions(truth, np.ones(2)))
+    figures = _nuscenes(result)
+    assert figures["mAP"] == pytest.approx(0.1) and figures["occurring"]["mAP"] == pytest.approx(1.0)
+    assert {name: values["boxes"] for name, values in figures["classes"].items() if values["boxes"]} == {"car": 2}
+    table = nuscenes_table(figures)
+    whole, _, occurring = table.title.partition("; over the 1 of 10 classes that occur: ")
+    assert whole.startswith("nuScenes: mAP 0.100, NDS ") and occurring.startswith("mAP 1.000, NDS ")
+    assert [str(row[0].value) for row in table.rows[:2]] == ["all 10", "the 1 that occur"]
+    nothing = _nuscenes(compute_metrics(empty_boxes(), Predictions(truth, np.ones(2))))
+    assert nothing["occurring"] is None
+    assert nuscenes_table(nothing).title == "nuScenes: mAP 0.000, NDS 0.000"
+
+
+def test_a_table_in_a_file_is_as_wide_as_it_needs_to_be() -> None:
+    truth, file = some_boxes([(0, 0, 0), (30, 0, 0)]), io.StringIO()
+    frames = {"evaluated": 1, "scenes": 1, "answered_boxes": 1, "answered_grids": 0}
+    figures = {"frames": frames, "nuscenes": _nuscenes(compute_metrics(truth, Predictions(truth, np.ones(2))))}
+    print_tables(figures, Console(file=file, width=80))
+    assert "construction_vehicle" in file.getvalue() and "…" not in file.getvalue()
+    row = next(line.split() for line in file.getvalue().splitlines() if "the 1 that occur" in line)
+    assert row[4:7] == ["2", "1.000", "0.000"]
 
 
 def test_metrics_by_hand() -> None:

@@ -2,6 +2,7 @@
 
 import json
 import sys
+from collections import Counter
 from pathlib import Path
 
 import matplotlib as mpl
@@ -14,6 +15,7 @@ from nuscenes.eval.common.config import config_factory
 from nuscenes.eval.detection.evaluate import DetectionEval
 from nuscenes.eval.detection.utils import category_to_detection_name
 from nuscenes.utils.data_classes import LidarPointCloud, RadarPointCloud
+from nuscenes.utils.data_io import load_bin_file
 from nuscenes.utils.geometry_utils import BoxVisibility, points_in_box
 from pyquaternion import Quaternion
 
@@ -53,6 +55,38 @@ def miscounted(nusc, modality):
     return {"wrong": wrong, "inside": inside}
 
 
+def labels_in_boxes(nusc):
+    """Share of the lidar points in boxes that have the category of the box, by category, and their number."""
+    right, total = Counter(), Counter()
+    for sample in nusc.sample:
+        data = nusc.get("sample_data", sample["data"]["LIDAR_TOP"])
+        labels = load_bin_file(str(Path(nusc.dataroot, nusc.get("lidarseg", data["token"])["filename"])), "lidarseg")
+        path, boxes, _ = nusc.get_sample_data(data["token"])
+        cloud = LidarPointCloud.from_file(path).points[:3]
+        assert len(labels) == cloud.shape[1]
+        for box in boxes:
+            inside = points_in_box(box, cloud, 0.95)
+            total[box.name] += int(inside.sum())
+            right[box.name] += int((labels[inside] == nusc.lidarseg_name2idx_mapping[box.name]).sum())
+    return {"right": right, "total": total}
+
+
+def lidarseg(nusc, folder):
+    """What the devkit says of the labels, and its pictures of them."""
+    sample = nusc.sample[len(nusc.sample) // 2]
+    nusc.get_sample_lidarseg_stats(sample["token"])
+    nusc.render_sample_data(
+        sample["data"]["LIDAR_TOP"],
+        with_anns=False,
+        show_lidarseg=True,
+        show_lidarseg_legend=True,
+        underlay_map=False,
+        out_path=str(folder / "lidarseg.png"),
+        verbose=False,
+    )
+    return {"files": len(nusc.lidarseg), "boxes": labels_in_boxes(nusc)}
+
+
 def predictions(nusc):
     """The ground truth as detections."""
     attribute = {each["token"]: each["name"] for each in nusc.attribute}
@@ -84,14 +118,16 @@ def predictions(nusc):
 
 
 def evaluate_truth(nusc, folder):
-    """The devkit's scores of the ground truth as predictions, over the classes that occur."""
+    """The devkit's scores of the ground truth as predictions, over all classes and over those that occur."""
     path = folder / "predictions.json"
     path.write_text(json.dumps(predictions(nusc)))
     config = config_factory("detection_cvpr_2019")
     evaluation = DetectionEval(nusc, config, str(path), SPLIT, str(folder / "eval"), verbose=False)
+    metrics, _ = evaluation.evaluate()
+    whole = {"mean_ap_of_all": metrics.mean_ap, "nd_score_of_all": metrics.nd_score}
     config.class_names = sorted({box.detection_name for box in evaluation.gt_boxes.all})
     metrics, _ = evaluation.evaluate()
-    return {"classes": config.class_names, "mean_ap": metrics.mean_ap, "nd_score": metrics.nd_score}
+    return {**whole, "classes": config.class_names, "mean_ap": metrics.mean_ap, "nd_score": metrics.nd_score}
 
 
 def main():
@@ -119,6 +155,7 @@ def main():
         "mask_share": float((nusc.map[0]["mask"].mask() == 255).mean()),
         "lidar": miscounted(nusc, "lidar"),
         "radar": miscounted(nusc, "radar"),
+        "lidarseg": lidarseg(nusc, folder),
         "detection": evaluate_truth(nusc, folder),
     }
     (folder / "found.json").write_text(json.dumps(found))

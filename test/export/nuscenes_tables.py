@@ -1,5 +1,6 @@
 """Exports datasets to nuScenes' layout in tests, and reads the tables."""
 
+import hashlib
 import json
 from pathlib import Path
 from typing import Any
@@ -18,3 +19,8 @@ def export(dataset: Path, out: Path, **options: Any) -> Exported:
 
 def tables_of(out: Path) -> Tables:
     return {name: json.loads((out / "v1.0-trainval" / f"{name}.json").read_text()) for name in TABLES}
+
+
+def digest(out: Path) -> dict[str, str]:
+    files = [path for path in out.rglob("*") if path.is_file() and path.name != ".lock"]
+    return {str(path.relative_to(out)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}

@@ -1,6 +1,7 @@
 """Tests that nuScenes' layout is consistent and that its positions agree with the bags."""
 
 import json
+import re
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -9,19 +10,24 @@ import numpy as np
 import pytest
 import shapely
 from made_up_scene import made_up_scene
-from nuscenes_tables import Tables, tables_of
+from nuscenes_tables import Tables, digest, export, tables_of
 from PIL import Image
 from scipy.spatial.transform import Rotation
+from typer.testing import CliRunner
 
+from simbev_ros.cli.main import app
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.sensor import Pose
 from simbev_ros.dataset import Scene, columns, open_dataset
 from simbev_ros.dataset.calibration import Calibration
+from simbev_ros.errors import InputError
 from simbev_ros.export.nuscenes import sensor_files, taxonomy
 from simbev_ros.export.nuscenes.channels import Channel
+from simbev_ros.export.nuscenes.evaluated_classes import evaluated_classes
 from simbev_ros.export.nuscenes.keyframes import keyframe_by_tick
 from simbev_ros.export.nuscenes.map_masks import sites_of
+from simbev_ros.export.nuscenes.origins import origins_by_scene
 from simbev_ros.export.nuscenes.sensor_files import radar_rows
 from simbev_ros.export.nuscenes.taxonomy import taxonomy_tables, visibility_tokens
 from simbev_ros.geometry.camera import LensCamera
@@ -281,6 +287,87 @@ def test_the_mask_is_white_on_roads_and_sidewalks(tables: Tables, nuscenes_folde
     sure = shapely.distance(shapely.boundary(paved), points) > 0.2
     np.testing.assert_array_equal((mask[row, column] == 255)[sure], shapely.contains(paved, points)[sure])
     assert 0.02 < (mask == 255).mean() < 0.5
+
+
+def test_origins_lead_back_to_the_map(tables: Tables, scene: Scene, nuscenes_folder: Path) -> None:
+    origins_m = origins_by_scene(nuscenes_folder / "out")
+    assert set(origins_m) == {"Blocks-0000", "Blocks-0001"}
+    data = row_of(tables, "LIDAR_TOP", scene[10].stamp_ns)
+    pose_m = index(tables["ego_pose"])[data["ego_pose_token"]]["translation"]
+    assert min(pose_m[:2]) >= 150, "at least the margin around the ego's paths"
+    np.testing.assert_allclose(np.add(pose_m, [*origins_m["Blocks-0000"], 0]), scene[10].map_from_ego[:3, 3])
+    for record, row in zip(annotations_of(tables, data), scene[10]["boxes"], strict=True):
+        center_m = np.add(record["translation"], [*origins_m["Blocks-0000"], 0])
+        np.testing.assert_allclose(center_m, [row["x"], row["y"], row["z"]], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("table", "content", "message"),
+    [
+        ("map", None, r"map\.json: is no table of nuScenes' layout: .*No such file"),
+        ("map", "{", r"map\.json: is no table of nuScenes' layout"),
+        ("map", "{}", r"map\.json: is no table of nuScenes' layout: it is not a list"),
+        ("map", '[{"log_tokens": ["a"]}]', r"map\.json: a map has no origin_m; simbev export nuscenes writes it"),
+        (
+            "scene",
+            '[{"name": "a", "log_token": "b"}]',
+            r"scene\.json: 'b' is missing, or a log that has no map",
+        ),
+        ("scene", '[{"log_token": "a"}]', r"scene\.json: 'name' is missing"),
+    ],
+)
+def test_origins_are_only_in_an_export_of_ours(tmp_path: Path, table: str, content: str | None, message: str) -> None:
+    contents = {"map": '[{"log_tokens": ["a"], "origin_m": [1, 2.5]}]', "scene": '[{"name": "x", "log_token": "a"}]'}
+    (tmp_path / "v1").mkdir()
+    for name, text in contents.items():
+        (tmp_path / f"v1/{name}.json").write_text(text)
+    assert origins_by_scene(tmp_path, "v1") == {"x": (1.0, 2.5)}
+    path = tmp_path / f"v1/{table}.json"
+    path.unlink() if content is None else path.write_text(content)
+    with pytest.raises(InputError, match=message):
+        origins_by_scene(tmp_path, "v1")
+
+
+def test_classes_occur_if_their_boxes_are_hit_and_in_range() -> None:
+    kinds = ["vehicle.car", "vehicle.truck", "vehicle.bus.rigid", "human.pedestrian.child", "vehicle.emergency.police"]
+    category = {record["name"]: record["token"] for record in taxonomy_tables()["category"]}
+    x_m, points = [100.0 + 49, 100 + 51, 100 + 49, 100 - 39, 100], [(0, 1), (5, 0), (0, 0), (-1, 0), (9, 9)]
+    annotations = [
+        {"instance_token": kind, "sample_token": "s", "translation": [x, 0, 0], "num_lidar_pts": a, "num_radar_pts": b}
+        for kind, x, (a, b) in zip(kinds, x_m, points, strict=True)
+    ]
+    data = [
+        {"sample_token": "s", "ego_pose_token": pose, "is_key_frame": key, "filename": f"samples/{channel}/x"}
+        for pose, key, channel in [("far", False, "LIDAR_TOP"), ("near", True, "LIDAR_TOP"), ("far", True, "CAM_FRONT")]
+    ]
+    rows: dict[str, Any] = {
+        "instance": [{"token": kind, "category_token": category[kind]} for kind in kinds],
+        "sample_annotation": annotations,
+        "sample_data": data,
+        "ego_pose": [{"token": "near", "translation": [100, 0, 0]}, {"token": "far", "translation": [0, 0, 0]}],
+    }
+    assert evaluated_classes(rows) == {"car", "pedestrian"}
+
+
+def test_the_command_says_where_the_origin_is_and_which_classes_count_0(nuscenes_folder: Path) -> None:
+    words = ["export", "nuscenes", str(nuscenes_folder / "set"), "--out", str(nuscenes_folder / "out")]
+    result = CliRunner().invoke(app, words)
+    origin_m = tables_of(nuscenes_folder / "out")["map"][0]["origin_m"]
+    assert result.exit_code == 0 and "2 scenes were there already" in result.output
+    place = f"x {origin_m[0]:g} m, y {origin_m[1]:g} m of the map (origin_m in map.json)"
+    assert f"Blocks: nuScenes' origin is at {place}" in result.output
+    said = re.search(r"simbev_train: (\d) of 10 classes occur, .* mAP of 0\.(\d) .*; not: (.*)", result.output)
+    assert said is not None and said[1] == said[2] and len(said[3].split(", ")) == 10 - int(said[1])
+    assert {"trailer", "construction_vehicle"} <= set(said[3].split(", "))
+
+
+def test_a_moved_export_is_not_made_again(tmp_path: Path) -> None:
+    made_up_scene(tmp_path / "set/scenes/train/Blocks-0000")
+    export(tmp_path / "set", tmp_path / "out")
+    before = digest(tmp_path / "out")
+    (tmp_path / "out").rename(tmp_path / "elsewhere")
+    assert export(tmp_path / "set", tmp_path / "elsewhere").made == 0
+    assert digest(tmp_path / "elsewhere") == before
 
 
 def test_distant_scenes_have_separate_masks() -> None:

@@ -1,8 +1,11 @@
 """Tests that the SimBEV layout, read back by its description, contains what was recorded, and that exports resume."""
 
 import gc
+import io
 import json
 import os
+import pickletools
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -25,14 +28,14 @@ from simbev_ros.semantics import BEV_CLASSES
 from simbev_ros.types import AnyArray
 
 
-def export(dataset: Path, root: Path) -> list[str]:
+def export(dataset: Path, root: Path, **options: Any) -> list[str]:
     opened = open_dataset(dataset)
     parts = parts_of(opened, root)
     remove_vanished(parts)
     for part in parts:
         if part.record() is None:
             make_part(part)
-    return finish(opened, parts)
+    return finish(opened, parts, **options)
 
 
 @pytest.fixture(scope="module")
@@ -122,6 +125,24 @@ def test_grids_read_back(exported: tuple[MadeUp, Path]) -> None:
     assert record == {"id": "a_0", "s": 1.5, "is_junction": False}
 
 
+def test_boxes_can_be_loaded_by_every_numpy(exported: tuple[MadeUp, Path]) -> None:
+    _, root = exported
+    for path in (root / "ground-truth/det").iterdir():
+        pickled = path.read_bytes().partition(b"\n")[2]  # behind the header
+        assert {argument for name, argument in opcodes(pickled) if name == "GLOBAL"} == {"numpy array"}
+        assert not {"STACK_GLOBAL", "REDUCE_EX", "EXT1", "FRAME"} & {name for name, _ in opcodes(pickled)}
+        assert int(next(opcodes(pickled))[1]) <= 3, "the protocol of NumPy 1"
+
+
+def test_a_frame_without_boxes_has_an_empty_array() -> None:
+    loaded = np.load(io.BytesIO(encodings.npy_of_records([])), allow_pickle=True)
+    assert loaded.shape == (0,) and loaded.dtype == object
+
+
+def opcodes(pickled: bytes) -> Iterator[tuple[str, Any]]:
+    return ((code.name, argument) for code, argument, _ in pickletools.genops(pickled))
+
+
 def objects(root: Path, frame: int) -> list[dict[str, Any]]:
     path = root / f"ground-truth/det/SimBEV-scene-0000-frame-{frame:04d}-GT_DET.bin"
     return list(np.load(path, allow_pickle=True))
@@ -177,7 +198,8 @@ def test_infos_name_all_files_and_poses(exported: tuple[MadeUp, Path]) -> None:
     frames = scene["scene_data"]
     assert [frame["frame"] for frame in frames] == [0, 1, 2] and "VOXEL-GRID" not in frames[1]
     files = [value for frame in frames for key, value in frame.items() if isinstance(value, str)]
-    assert len(files) == 3 * 20 - 1 and all(Path(file).is_absolute() and Path(file).is_file() for file in files)
+    assert len(files) == 3 * 20 - 1 and all((root / file).is_file() for file in files)
+    assert not any(Path(file).is_absolute() for file in files)
     assert len(list(root.glob("sweeps/*/*-scene-0000-*"))) + len(list(root.glob("ground-truth/*/*-scene-0000-*"))) == 59
     position_m, rpy_rad = made.ticks[2]["odom"]
     np.testing.assert_allclose(frames[2]["ego2global_translation"], position_m)
@@ -268,6 +290,38 @@ def test_an_interrupted_export_resumes_with_the_missing_parts(tmp_path: Path, mo
     assert list(record) == ["source", "count", "frames"] and record["count"] == 5
 
 
+def paths_in_infos(root: Path) -> list[Path]:
+    infos = json.loads((root / "infos/simbev_infos_train.json").read_text())
+    frames = infos["data"]["scene_0000"]["scene_data"]
+    return [Path(value) for frame in frames for value in frame.values() if isinstance(value, str)]
+
+
+def test_a_moved_export_is_whole_and_resumes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made_up_scene(tmp_path / "set/scenes/train/Blocks-0000", ticks=21)
+    export(tmp_path / "set", tmp_path / "out")
+    before = (tmp_path / "out/infos/simbev_infos_train.json").read_bytes()
+    moved = (tmp_path / "out").rename(tmp_path / "elsewhere")
+    assert len(paths_in_infos(moved)) > 20 * 21 - 21 and all((moved / path).is_file() for path in paths_in_infos(moved))
+    monkeypatch.setattr(Part, "begin", lambda part: pytest.fail(f"{part.name} is made again"))
+    export(tmp_path / "set", moved)
+    assert (moved / "infos/simbev_infos_train.json").read_bytes() == before
+
+
+def test_absolute_paths_are_corrected_after_a_move_without_making_files_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made_up_scene(tmp_path / "set/scenes/train/Blocks-0000")
+    export(tmp_path / "set", tmp_path / "out", absolute_paths=True)
+    assert all(path.is_absolute() and path.is_file() for path in paths_in_infos(tmp_path / "out"))
+    moved = (tmp_path / "out").rename(tmp_path / "elsewhere")
+    assert not any(path.is_file() for path in paths_in_infos(moved))
+    monkeypatch.setattr(Part, "begin", lambda part: pytest.fail(f"{part.name} is made again"))
+    export(tmp_path / "set", moved, absolute_paths=True)
+    assert all(path.is_relative_to(moved) and path.is_file() for path in paths_in_infos(moved))
+    export(tmp_path / "set", moved)
+    assert not any(path.is_absolute() for path in paths_in_infos(moved))
+
+
 def test_the_parts_beyond_the_end_of_a_shorter_scene_are_removed(tmp_path: Path) -> None:
     bag, root = tmp_path / "set/scenes/train/Blocks-0000", tmp_path / "out"
     made_up_scene(bag, ticks=21)
@@ -285,7 +339,8 @@ def test_the_command_exports_in_processes(tmp_path: Path) -> None:
     arguments = ["export", "simbev", str(tmp_path / "set"), "--out", str(tmp_path / "out"), "--workers", "2"]
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 0 and "42 frames of 2 scenes" in result.output, result.output
-    assert "42 of them were there already" in CliRunner().invoke(app, arguments).output
+    assert "42 of them were there already" in CliRunner().invoke(app, [*arguments, "--absolute-paths"]).output
+    assert all(path.is_file() for path in paths_in_infos(tmp_path / "out/simbev"))
     infos = json.loads((tmp_path / "out/simbev/infos/simbev_infos_train.json").read_text())
     assert [len(scene["scene_data"]) for scene in infos["data"].values()] == [21, 21]
     assert (tmp_path / "out/simbev/configs/SimBEV-scene-0001.yaml").read_bytes() == b"seed: 1\n"

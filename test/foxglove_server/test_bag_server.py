@@ -85,12 +85,21 @@ def test_displays_are_made_of_what_is_recorded(bag: Path, server: tuple[Any, str
     with FoxgloveClient(server[1]) as client:
         client.receive_until(lambda: {data for _, data in client.messages.get("/ego/boxes/markers", [])} == boxes)
         client.receive_until(lambda: latest in [stamp_ns for stamp_ns, _ in client.messages["/ego/path"]])
-        pictures = {name for name in client.channels if name.endswith("/color/compressed")}
-    assert len(pictures) == 2 * 4 and pictures <= client.messages.keys()
+        ends = ("/color", "/color/compressed")
+        pictures = {name for name in client.channels if name.endswith(ends) and "/cam_" in name}
+    assert len(pictures) == 2 * 2 * 4 and pictures <= client.messages.keys()
     path = dict(client.messages["/ego/path"])[latest]
     places = TYPES.deserialize_cdr(path, "nav_msgs/msg/Path").poses
     assert [each.pose.position.x for each in places] == [0.0, 5.0, 10.0]
     assert "/world/markers" not in client.channels, "the bag has no table of street lights"
+
+
+def test_a_bag_of_an_earlier_version_has_the_camera_info_that_images_share(bag: Path, server: tuple[Any, str]) -> None:
+    with SceneBag(bag) as opened:
+        assert "/ego/cam_front/camera_info" not in opened.topics
+        infos = {(m.stamp_ns, bytes(m.data)) for m in opened.messages(["/ego/cam_front/rgb/camera_info"])}
+    with FoxgloveClient(server[1]) as client:
+        client.receive_until(lambda: set(client.messages.get("/ego/cam_front/camera_info", [])) == infos)
 
 
 def test_a_seek_sends_what_was_there_at_that_time(bag: Path, server: tuple[Any, str]) -> None:

@@ -50,6 +50,7 @@ def test_world_is_at_most_the_window_ahead_of_a_listed_participant(simbev: Simbe
         def last_tick() -> int:
             return spec.tick_of(clocks[-1].clock.sec * 10**9 + clocks[-1].clock.nanosec) if clocks else -100
 
+        finish(-1)
         finish(3)
         spin_until(lambda: last_tick() >= 5, 60)
         with pytest.raises(AssertionError, match="timed out"):

@@ -119,6 +119,15 @@ def test_the_world_waits_for_the_evaluator_and_its_participant() -> None:
     assert world["state_readers"] == before["state_readers"]
 
 
+@pytest.mark.parametrize("live", [True, False])
+def test_reliable_sensor_topics_are_a_matter_of_real_time(live: bool) -> None:
+    scenario = load_scenario("paper")
+    graph = scenario.graph.model_copy(update={"live_reliability": "reliable"})
+    for chosen, expected in ((scenario, False), (scenario.model_copy(update={"graph": graph}), live)):
+        _, *behind = plan_processes(chosen, 1, live=live, dataset=Path("dataset"))
+        assert all(node.parameters["reliable"] == expected for process in behind for node in process)
+
+
 def test_nodes_wait_for_the_evaluator_on_topics_that_it_reads() -> None:
     processes = plan_processes(scenario_with_evaluation({}), 1, live=False, dataset=None)
     read = ["/ego/boxes", "/ego/bev/labels", "/ego/lidar/points"]

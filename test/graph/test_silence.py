@@ -1,4 +1,4 @@
-"""A participant that holds up the scene is named, also if all it has reported are ticks before the scene."""
+"""A participant that holds up the scene is named."""
 
 from collections.abc import Iterator
 
@@ -57,39 +57,31 @@ def wait(monitor: GraphMonitor, clock: FakeClock, duration_s: float) -> None:
         monitor._note_sign_of_life(name)
 
 
-def test_a_participant_that_only_reports_ticks_before_the_scene_is_named(
-    monitor: GraphMonitor, clock: FakeClock
-) -> None:
-    for _ in range(3):  # repeating such a report does not count either
+def test_a_participant_that_only_repeats_its_first_report_is_named(monitor: GraphMonitor, clock: FakeClock) -> None:
+    report(monitor, "gnss", SPEC.stamp_ns(0))
+    report(monitor, "world", SPEC.stamp_ns(0))
+    for _ in range(3):
         report(monitor, "planner", 0)
         wait(monitor, clock, 0.4 * TIMEOUT_S)
     assert monitor.silent_nodes(TIMEOUT_S) == ["planner"]
 
 
-def test_after_a_right_report_a_world_that_does_not_start_is_named(monitor: GraphMonitor, clock: FakeClock) -> None:
+def test_when_all_have_loaded_a_world_that_does_not_start_is_named(monitor: GraphMonitor, clock: FakeClock) -> None:
     report(monitor, "planner", 0)
-    report(monitor, "planner", SPEC.stamp_ns(SPEC.loaded_tick))
     wait(monitor, clock, 1.1 * TIMEOUT_S)
     assert monitor.silent_nodes(TIMEOUT_S) == ["world"]
 
 
-def test_the_error_states_the_early_report_and_the_expected_one(monitor: GraphMonitor, clock: FakeClock) -> None:
-    report(monitor, "planner", 0)
-    session = GraphSession(load_scenario("paper"), domain=DOMAIN)
-    session._monitor = monitor
-    timeout_s = load_scenario("paper").graph.silence_timeout_s
-    wait(monitor, clock, 1.1 * timeout_s)
-    first_ns = SPEC.stamp_ns(SPEC.loaded_tick)
-    message = (
-        f"node planner has been silent for {timeout_s:g} s, while the scene was loading; "
-        f"planner has reported stamp 0 ns, which precedes the scene; its first should be {first_ns} ns\n"
-    )
-    try:
-        with pytest.raises(GraphError, match=f"^{message}"):
-            session._check(None)
-    finally:
-        session._failed, session._monitor = False, None
-        session.close()
+def test_after_a_reset_the_ticks_are_counted_from_the_start(monitor: GraphMonitor, clock: FakeClock) -> None:
+    for name in (*OWN_NODES, "planner"):
+        report(monitor, name, SPEC.stamp_ns(2))
+    assert (monitor.world.finished_by_all(), monitor.behind_world.finished_by_all()) == (2, 2)
+    report(monitor, "gnss", SPEC.stamp_ns(SPEC.loaded_tick))  # only the world's reports tell
+    assert monitor.behind_world.finished_by_all() == 2
+    for tick in (SPEC.loaded_tick, 1):
+        for name in (*OWN_NODES, "planner"):
+            report(monitor, name, SPEC.stamp_ns(tick))
+    assert (monitor.world.finished_by_all(), monitor.behind_world.finished_by_all()) == (1, 1)
 
 
 def test_several_silent_nodes_are_named_in_the_plural(monitor: GraphMonitor, clock: FakeClock) -> None:

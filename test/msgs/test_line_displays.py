@@ -5,7 +5,7 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from nav_msgs.msg import Path
 from rclpy.serialization import deserialize_message, serialize_message
-from sensor_msgs.msg import CompressedImage
+from sensor_msgs.msg import CompressedImage, Image
 from visualization_msgs.msg import ImageMarker, Marker, MarkerArray
 
 from simbev_ros.annotation.visibility.views import VIEW_DTYPE
@@ -13,7 +13,8 @@ from simbev_ros.msgs.displays.box_markers import world_markers
 from simbev_ros.msgs.displays.ego_path import EgoPath, PathPose
 from simbev_ros.msgs.displays.image_boxes import image_boxes
 from simbev_ros.msgs.displays.map_markers import map_markers
-from simbev_ros.msgs.displays.pictures import color_picture
+from simbev_ros.msgs.displays.messages import rgb_image
+from simbev_ros.msgs.displays.pictures import color_picture, compressed_picture
 from simbev_ros.msgs.displays.status import status
 from simbev_ros.msgs.stamps import stamp_of
 from simbev_ros.palette import class_color
@@ -109,11 +110,20 @@ def test_a_long_path_keeps_its_newest_part() -> None:
 def test_flow_becomes_a_picture_of_its_size_in_which_directions_differ() -> None:
     flow_px = np.zeros((24, 32, 2), np.float32)
     flow_px[:, :16, 0], flow_px[:, 16:, 0] = 5.0, -5.0
-    message = deserialize_message(color_picture("flow", flow_px, STAMP_NS, "ego/cam_optical"), CompressedImage)
-    picture = decode_rgb(bytes(message.data))
-    assert picture.shape == (24, 32, 3) and "jpeg" in message.format
+    picture = color_picture("flow", flow_px)
+    assert (picture.shape, picture.dtype) == ((24, 32, 3), np.uint8)
     right, left = picture[12, 6].astype(int), picture[12, 26].astype(int)
     assert np.abs(right - left).max() > 100
+
+
+def test_a_picture_is_sent_raw_and_as_jpeg() -> None:
+    picture = np.full((24, 32, 3), (200, 90, 30), np.uint8)
+    raw = deserialize_message(rgb_image(picture, STAMP_NS, "ego/cam_optical"), Image)
+    assert (raw.encoding, raw.height, raw.width, raw.step, raw.is_bigendian) == ("rgb8", 24, 32, 96, 0)
+    assert bytes(raw.data) == picture.tobytes()
+    compressed = deserialize_message(compressed_picture(picture, STAMP_NS, "ego/cam_optical"), CompressedImage)
+    assert compressed.format == "rgb8; jpeg compressed bgr8" and compressed.header == raw.header
+    assert np.abs(decode_rgb(bytes(compressed.data)).astype(int) - picture).max() < 4
 
 
 def test_street_lights_are_one_marker_in_the_color_of_their_state() -> None:

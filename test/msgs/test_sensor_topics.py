@@ -18,6 +18,7 @@ RIG = [
     {"type": "odometry", "name": "wheel", "rate_hz": 10},
 ]
 SENSED = {
+    "cam/camera_info": ("CameraInfo", 2, 1),
     "cam/rgb/image_raw/compressed": ("CompressedImage", 2, 1),
     "cam/rgb/camera_info": ("CameraInfo", 2, 1),
     "cam/instance/image_raw/compressed": ("CompressedImage", 2, 1),

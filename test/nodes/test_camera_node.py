@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 import rclpy
 from rclpy.experimental.events_executor import EventsExecutor
-from sensor_msgs.msg import CompressedImage, Image
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.maps.build import load_network
@@ -117,10 +118,36 @@ def test_without_readers_nothing_is_drawn_but_camera_info_is_published(
 ) -> None:
     set_readers(node, monkeypatch)
     assert play(node, spec, [0, 1]) == []
-    infos = [f"/ego/fast/{modality}/camera_info" for modality in ("rgb", "semantic", "flow")]
+    infos = [f"/ego/fast/{part}camera_info" for part in ("rgb/", "semantic/", "flow/", "")]
     assert [name for name, _ in node.sent if "fast" in name] == infos * 2
     set_readers(node, monkeypatch, SLOW)
     assert play(node, spec, [2]) == [(32, ("flow",), 2, 0)], "its previous frame counts although it had no reader"
+
+
+def test_modalities_share_the_camera_info_of_their_camera(
+    node: Any, spec: SceneSpec, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    set_readers(node, monkeypatch)
+    play(node, spec, [0])
+    infos = {name: deserialize_message(message, CameraInfo) for name, message in node.sent}
+    for camera, width_px in ("fast", 16), ("slow", 32):
+        shared = infos[f"/ego/{camera}/camera_info"]
+        assert (shared.width, shared.header.frame_id) == (width_px, f"ego/{camera}_optical")
+        assert all(infos[f"/ego/{camera}/{each}/camera_info"] == shared for each in ("rgb", "semantic", "flow"))
+
+
+@pytest.mark.parametrize("forms", [("",), ("", "/compressed"), ("/compressed",)])
+def test_a_picture_is_made_in_the_forms_that_have_readers(
+    node: Any, spec: SceneSpec, monkeypatch: pytest.MonkeyPatch, forms: tuple[str, ...]
+) -> None:
+    names = [f"/ego/fast/semantic/color{form}" for form in forms]
+    set_readers(node, monkeypatch, *names)
+    assert play(node, spec, [0]) == [(16, ("semantic",), 0, None)]
+    pictures = [(name, message) for name, message in node.sent if not name.endswith("camera_info")]
+    assert [name for name, _ in pictures] == names
+    for name, message in pictures:
+        kind = CompressedImage if name.endswith("/compressed") else Image
+        assert deserialize_message(message, kind).header.frame_id == "ego/fast_optical"
 
 
 def test_images_of_the_lead_in_are_drawn_but_not_published(

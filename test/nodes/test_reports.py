@@ -33,6 +33,11 @@ def test_an_outside_participant_needs_no_signature() -> None:
     assert read_report(header(5, "planner:Blocks-0000"), Signer("key"), ("planner",)).node == "planner"
 
 
+def test_an_outside_participant_may_leave_out_the_scene() -> None:
+    for frame_id in ("planner", "planner:"):
+        assert read_report(header(5, frame_id), Signer("key"), ("planner",)) == Report("planner", "", 5)
+
+
 @pytest.mark.parametrize("frame_id", ["", "lidar", "lidar:"])
 def test_what_is_no_report_is_refused(frame_id: str) -> None:
     with pytest.raises(ValueError, match="it must be name:scene"):

@@ -59,6 +59,9 @@ class FakeSession:
     def new_warnings(self) -> list[tuple[str, str]]:
         return []
 
+    def new_advice(self) -> list[str]:
+        return []
+
     def play(self, spec: SceneSpec, progress: Progress, replay: Path | None = None) -> SceneEnd:
         self._graph.log.append(spec.name)
         self._graph.replays.append(replay)

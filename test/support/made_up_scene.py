@@ -155,8 +155,10 @@ def _values(rng: np.random.Generator, spec: SceneSpec, tick: int) -> dict[str, A
                 for modality in sensor.modalities:
                     values[f"{sensor.name}/{modality}"] = _image(rng, modality)
             case "lidar":
-                values[f"{sensor.name}/points"] = noise(rng, POINT_DTYPE, 200)
-                values[f"{sensor.name}/semantic_points"] = noise(rng, SEMANTIC_POINT_DTYPE, 100)
+                if sensor.points:
+                    values[f"{sensor.name}/points"] = noise(rng, POINT_DTYPE, 200)
+                if sensor.semantic_points:
+                    values[f"{sensor.name}/semantic_points"] = noise(rng, SEMANTIC_POINT_DTYPE, 100)
             case "radar":
                 values[f"{sensor.name}/points"] = noise(rng, RADAR_POINT_DTYPE, 50)
             case "gnss":

@@ -69,7 +69,8 @@ def random_nuscenes_figures() -> NuscenesResult:
     """Random figures, all different, one of them missing."""
     figures = np.random.default_rng(0).random((len(nuscenes.CLASSES), 9))
     figures[8, 5] = np.nan
-    return NuscenesResult(figures[:, :4], figures[:, 4:])
+    truths = np.array([3, 0, 1, 4, 1, 5, 9, 2, 6, 5])
+    return NuscenesResult(nuscenes.CLASSES, truths, figures[:, :4], figures[:, 4:])
 
 
 def texts(values: Iterable[float | None]) -> list[str]:
@@ -97,7 +98,10 @@ def test_the_page_has_all_sections_and_shows_the_figures(dataset: Path, tmp_path
         assert page.table("class", 3)[name.replace("_", " ")] == texts(own.values())
     for name, own in figures["nuscenes"]["classes"].items():
         row = [own["AP"], *own["AP_at"].values(), *(own[each] for each in nuscenes.ERRORS)]
-        assert page.table("class", 4)[name.replace("_", " ")] == texts(row)
+        assert page.table("class", 4)[name.replace("_", " ")] == [str(own["boxes"]), *texts(row)]
+    for words, own in (("all 10", figures["nuscenes"]), ("the 9 that occur", figures["nuscenes"]["occurring"])):
+        errors = texts(own[each] for each in nuscenes.ERRORS)
+        assert page.table("class", 4)[words] == ["36", *texts([own["mAP"]]), *[""] * 4, *errors]
 
 
 def test_tables_by_condition_show_the_figures(dataset: Path, tmp_path: Path) -> None:

@@ -27,7 +27,8 @@ All messages of a tick carry the same stamp. A rate is that of the paper's setti
 `rate_hz` publishes at that rate instead.
 
 QoS: *latched* is reliable and transient local with depth 1. In lockstep everything is reliable. With `--live`, sensor
-topics are best effort with depth 5. A subscriber with the sensor-data profile receives both.
+topics are best effort with depth 5; `--reliable` and [ROS parameters](../guide/viewers.md#quality-of-service) change
+that. A subscriber with the sensor-data profile receives both.
 """
 
 
@@ -101,6 +102,7 @@ def _row(description: Description, known: Mapping[str, Topic]) -> tuple[str, ...
     given = description.given
     if given:
         qos = given["qos"] if given["qos"] == "any" else _qos(given["qos"], given["durability"], given["depth"])
+        qos += f", live {given['live']}" if "live" in given else ""
         return code(description.show), given["type"].replace("/msg/", "/"), given["when"], qos, description.text
     topic = known[matching(description, list(known))[0]]
     profile = qos_of(topic, live=False)

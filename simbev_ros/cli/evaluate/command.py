@@ -86,7 +86,7 @@ def evaluate(
     """Measure predictions: AP by 3D IoU and distance, mAP, ATE, AOE, ASE, AVE, SDS, and bird's-eye-view IoU.
 
     Every frame of the chosen scenes counts; one without a prediction is missed. Classes without ground truth are not
-    part of any mean.
+    part of any mean; nuScenes' own means count them as 0, so --nuscenes also gives means without them.
     Conditions: rain from a precipitation of 10 % on, else fog from a density of 20 %, else cloudy from 60 %; twilight
     while the sun is within 6° of the horizon. Each row of a table covers a part of the data: a false positive counts
     in every row that its distance and frame belong to, and in none beyond the range within which boxes are labeled.

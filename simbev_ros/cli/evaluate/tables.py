@@ -10,6 +10,9 @@ from rich.table import Table
 from simbev_ros.cli.console import plural
 from simbev_ros.evaluation.tables import Cell, CellKind, FigureTable, evaluation_tables, text_of
 
+_MAX_WIDTH = 1000
+"""Maximum number of characters of a table's line in a file."""
+
 
 def print_tables(figures: Mapping[str, Any], console: Console) -> None:
     """Print ``evaluation.figures.figures_of`` as tables."""
@@ -22,7 +25,8 @@ def print_tables(figures: Mapping[str, Any], console: Console) -> None:
     for figure_table in evaluation_tables(figures):
         table = _draw(figure_table)
         if not console.is_terminal:  # in a file nothing is cut off
-            console.width = max(console.width, console.measure(table).maximum)
+            unlimited = console.options.update(max_width=_MAX_WIDTH)
+            console.width = max(console.width, console.measure(table, options=unlimited).maximum)
         console.print(table)
 
 

@@ -1,5 +1,6 @@
 """``simbev export nuscenes``: writes a dataset in the layout of nuScenes."""
 
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -20,11 +21,17 @@ def export_nuscenes(
     ] = 2.0,
     all_frames: Annotated[bool, typer.Option("--all-frames", help="Every frame is a sample.")] = False,
     sweeps: Annotated[bool, typer.Option(help="Write the sensor data between samples.")] = True,
+    lidarseg: Annotated[
+        bool, typer.Option(help="Write the categories of the lidar's points, if its semantic cloud was recorded.")
+    ] = True,
     version: Annotated[str, typer.Option(help="Name of the folder of tables.")] = "v1.0-trainval",
     workers: Workers = None,
     ray: Ray = None,
 ) -> None:
-    """Write finished scenes in the layout of nuScenes for its devkit: tables, samples, sweeps, masks of maps.
+    """Write finished scenes in the layout of nuScenes for its devkit: tables, samples, sweeps, maps, labels of points.
+
+    Coordinates are nuScenes': relative to the lower left corner of the map's mask, so that none is negative. origin_m
+    in the table map is that corner in the frame map; it can move when scenes are added.
 
     A sample has the data of each sensor at its time, or else the last before it: boxes match the images if the rates of
     all sensors are multiples of --keyframe-hz.
@@ -54,6 +61,7 @@ def export_nuscenes(
             out,
             keyframe_hz=rate_hz,
             sweeps=sweeps,
+            lidarseg=lidarseg,
             version=version,
             pool=pool,
             report=bar.show,
@@ -63,7 +71,26 @@ def export_nuscenes(
     console.print(f"{done.samples} samples of {plural(done.scenes, 'scene')}, {done.files} files in {out}")
     if there:
         console.print(f"{plural(there, 'scene')} {'was' if there == 1 else 'were'} there already")
+    for place, (x_m, y_m) in done.origins_m.items():
+        console.print(f"{place}: nuScenes' origin is at x {x_m:g} m, y {y_m:g} m of the map (origin_m in map.json)")
+    for why in sorted(set(done.unlabeled.values())):
+        count = sum(each == why for each in done.unlabeled.values())
+        console.print(f"{plural(count, 'scene')} without categories of lidar points: {why}")
+    for line in _bounds_of_map(done.classes):
+        console.print(line)
     for reason in done.failures.values():
         console.print(reason, style="red")
     if done.failures:
         raise SimbevError(f"{len(done.failures)} of {plural(len(opened.scenes), 'scene')} could not be exported")
+
+
+def _bounds_of_map(classes: Mapping[str, Sequence[str]]) -> Iterator[str]:
+    """Lines of text that say which mAP perfect detections have in nuScenes' evaluation, by split."""
+    from simbev_ros.export.nuscenes.taxonomy import detection_ranges_m
+
+    known = list(detection_ranges_m())
+    for split, found in classes.items():
+        missing = [name for name in known if name not in found]
+        if missing:
+            share = f"{len(found)} of {len(known)} classes occur, so perfect detections have a mAP of"
+            yield f"{split}: {share} {len(found) / len(known):g} in nuScenes' evaluation; not: {', '.join(missing)}"

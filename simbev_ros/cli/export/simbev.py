@@ -18,17 +18,27 @@ _MODULE, _MEMORY_MIB = "simbev_ros.export.simbev.export", 1024
 def export_simbev(
     dataset: Annotated[Path, typer.Argument(help="A dataset's folder, or one scene's bag.", show_default=False)],
     out: Annotated[Path, typer.Option(help="Folder in which the folder simbev is made.", show_default=False)],
+    absolute_paths: Annotated[
+        bool,
+        typer.Option(
+            "--absolute-paths",
+            help="Absolute paths in infos/*.json, as SimBEV's own tools expect, not relative to the folder simbev.",
+        ),
+    ] = False,
     workers: Workers = None,
     ray: Ray = None,
 ) -> None:
     """Write finished scenes in the layout of SimBEV: sweeps, ground truth, infos.
 
     After Ctrl-C or a crash the same command continues where it stopped; of a dataset that has grown only new scenes are
-    written.
+    written. The infos are written anew each time, so the same command with or without --absolute-paths changes only
+    these, and after an export with absolute paths was moved, it corrects them.
 
     [bold]Examples[/]
 
     simbev export simbev datasets/first --out exported
+
+    simbev export simbev datasets/first --out exported --absolute-paths
 
     simbev export simbev /shared/datasets/first --out /shared/exported --ray auto
     """
@@ -42,7 +52,7 @@ def export_simbev(
         parts = parts_of(opened, root)
         remove_vanished(parts)
         made = _make(parts, pool)
-        missing = finish(opened, parts)
+        missing = finish(opened, parts, absolute_paths=absolute_paths)
     console, frames = make_console(), sum(part.count for part in parts)
     scenes = plural(len(opened.scenes), "scene")
     console.print(f"{frames} frames of {scenes} in {root}", highlight=False)

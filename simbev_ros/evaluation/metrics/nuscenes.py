@@ -66,12 +66,25 @@ class NuscenesResult:
     """NuScenes metrics by class, in the order of ``CLASSES`` or of the requested classes.
 
     Attributes:
+        classes: C names of classes.
+        truths: (C,) number of ground-truth boxes.
         ap: (C, 4) average precision.
         errors: (C, 5) in the order of ``ERRORS``; NaN: not defined for this class.
     """
 
+    classes: tuple[str, ...]
+    truths: Int64Array
     ap: Float64Array
     errors: Float64Array
+
+    @property
+    def over_occurring(self) -> "NuscenesResult | None":
+        """The metrics over the classes that have ground truth, as the devkit computes them if it knows no others."""
+        rows = np.flatnonzero(self.truths)
+        if not len(rows):
+            return None
+        names = tuple(self.classes[row] for row in rows.tolist())
+        return NuscenesResult(names, self.truths[rows], self.ap[rows], self.errors[rows])
 
     @property
     def mean_ap(self) -> float:
@@ -125,11 +138,9 @@ def nuscenes_merge(tallies: Sequence[NuscenesTally]) -> NuscenesTally:
 
 
 def nuscenes_result(total: NuscenesTally, classes: Sequence[str] = CLASSES) -> NuscenesResult:
-    """Compute the metrics of a tally.
-
-    Without those of ``CLASSES`` that never occur, NDS is higher than the devkit's.
-    """
+    """Compute the metrics of a tally; they are the devkit's if ``classes`` are all of ``CLASSES``."""
     ap, errors = np.zeros((len(classes), len(DISTANCES_M))), np.ones((len(classes), len(ERRORS)))
+    counts = np.zeros(len(classes), np.int64)
     row_of_hit = np.cumsum(total.hit[:, _ERRORS_AT]) - 1
     for row, name in enumerate(classes):
         label = BOX_CLASSES.index(name) if name in BOX_CLASSES else None
@@ -137,11 +148,12 @@ def nuscenes_result(total: NuscenesTally, classes: Sequence[str] = CLASSES) -> N
             chosen = np.flatnonzero(total.label == label)
             order = chosen[np.argsort(total.score[chosen], kind="stable")][::-1]
             score, hit, truths = total.score[order], total.hit[order], int(total.truths[label])
+            counts[row] = truths
             ap[row] = [_average_precision(each, truths) for each in hit.T]
             hit_at = hit[:, _ERRORS_AT]
             errors[row] = _mean_errors(score, hit_at, total.errors[row_of_hit[order[hit_at]]], truths)
         errors[row, [ERRORS.index(error) for error in _NO_FIGURE.get(name, ())]] = np.nan
-    return NuscenesResult(ap, errors)
+    return NuscenesResult(tuple(classes), counts, ap, errors)
 
 
 def _errors(truth: Boxes, predicted: Boxes) -> Float64Array:

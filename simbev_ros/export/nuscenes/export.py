@@ -3,21 +3,34 @@
 The entry point of ``simbev export nuscenes``: an opened dataset enters; a folder that the devkit can open leaves.
 """
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
 from simbev_ros.dataset import Dataset, Scene
 from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.dataset.parallel import OWN_PROCESS, Pool
 from simbev_ros.errors import BagError, InputError
+from simbev_ros.export.nuscenes.lidarseg import (
+    LidarsegPart,
+    lidarseg_parts,
+    make_lidarseg_part,
+    remove_unnamed_labels,
+    why_without_labels,
+)
 from simbev_ros.export.nuscenes.map_masks import sites_of, write_mask
+from simbev_ros.export.nuscenes.origins import VERSION
 from simbev_ros.export.nuscenes.scene_part import ScenePart, make_part, parts_of
 from simbev_ros.export.nuscenes.tables import write_tables
-from simbev_ros.export.parts import is_begun
+from simbev_ros.export.parts import Part, is_begun
 from simbev_ros.recording.whole_files import write_errors
 
-VERSION = "v1.0-trainval"
+P = TypeVar("P", bound=Part)
+_VERSION = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]*")
+_OTHER_FOLDERS = ("samples", "sweeps", "maps", "lidarseg", "can_bus")
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +43,9 @@ class Exported:
         samples: Number of keyframes of all scenes.
         files: Number of sensor files of all scenes.
         failures: Reasons why scenes could not be exported, by name of the scene.
+        origins_m: Origin of nuScenes' global frame in the frame ``map``, by name of the location.
+        classes: Classes of nuScenes' detection task that occur as its evaluation counts them, by name of the split.
+        unlabeled: Reasons why scenes have no labels of lidar points although labels were wanted, by name of the scene.
     """
 
     scenes: int
@@ -37,6 +53,9 @@ class Exported:
     samples: int
     files: int
     failures: dict[str, str]
+    origins_m: dict[str, tuple[float, float]]
+    classes: dict[str, tuple[str, ...]]
+    unlabeled: dict[str, str]
 
 
 def export_nuscenes(
@@ -45,6 +64,7 @@ def export_nuscenes(
     *,
     keyframe_hz: float | None = 2.0,
     sweeps: bool = True,
+    lidarseg: bool = True,
     version: str = VERSION,
     pool: Pool = OWN_PROCESS,
     report: Callable[[int, int], None] = lambda done, total: None,
@@ -56,49 +76,77 @@ def export_nuscenes(
         out: Folder of the export, nuScenes' ``dataroot``.
         keyframe_hz: Number of keyframes, which have annotations, per second; None: every frame is one.
         sweeps: Whether to write sensor data between keyframes.
+        lidarseg: Whether to write the categories of lidar points, for scenes whose semantic cloud was recorded.
         version: Name of the tables' folder.
         pool: Workers that export scenes.
         report: Called from time to time with the number of finished frames and the number of all frames to export.
 
     Raises:
         InputError: There is nothing to export, the folder cannot be written to or contains other data, another process
-            writes into it, or a map's roads cannot be built.
+            writes into it, a map's roads cannot be built, or ``version`` is no name of a folder.
         SimbevError: A process was killed.
     """
     if not dataset.scenes:
         raise InputError(f"{dataset.path}: it has no finished scene to export")
+    if not _VERSION.fullmatch(version) or version in _OTHER_FOLDERS:
+        raise InputError(
+            f"{version!r} cannot be the name of the tables' folder: letters, digits, '.', '_' and '-' are allowed, but "
+            f"not {', '.join(_OTHER_FOLDERS)}",
+            parameter="version",
+        )
     parts = parts_of(dataset, out, keyframe_hz=keyframe_hz, sweeps=sweeps)
     if not is_begun(out) and any((out / name).exists() for name in (version, "samples", "maps")):
         raise InputError(f"{out}: it holds data of nuScenes' layout that simbev has not written; take another folder")
     with DatasetLock(out), write_errors(out):
         missing = [part for part in parts if part.record() is None]
         failures = _make_parts(missing, pool, report)
+        made = len(missing) - len(failures)
         finished = [part for part in parts if part.scene.name not in failures]
+        labeled = lidarseg_parts(finished, version) if lidarseg else []
+        failures |= _make_labels([part for part in labeled if part.record() is None], pool)
+        finished = [part for part in finished if part.scene.name not in failures]
+        labeled = [part for part in labeled if part.scene.name not in failures]
+        labels = [row for part in labeled for row in part.rows()]
         summaries = [{**part.summary(), "bag": str(part.scene.path)} for part in finished]
-        if finished:
-            sites = sites_of(summaries)
-            for site in sites:
-                write_mask(site, out)
-            write_tables(out, finished, sites, version)
-        for part in parts:
+        sites = sites_of(summaries)
+        for site in sites:
+            write_mask(site, out)
+        classes = write_tables(out, finished, sites, version, labels) if finished else {}
+        remove_unnamed_labels(out, version, labels)
+        for part in (*parts, *labeled):
             part.tidy_up()
     samples, files = (sum(each[name] for each in summaries) for name in ("samples", "files"))
-    return Exported(len(finished), len(missing) - len(failures), samples, files, failures)
+    return Exported(
+        scenes=len(finished),
+        made=made,
+        samples=samples,
+        files=files,
+        failures=failures,
+        origins_m={site.name: site.low_m for site in sites},
+        classes=classes,
+        unlabeled={part.scene.name: why for part in finished if lidarseg and (why := why_without_labels(part.scene))},
+    )
 
 
 def _make_parts(parts: Sequence[ScenePart], pool: Pool, report: Callable[[int, int], None]) -> dict[str, str]:
     """Make parts in parallel; return why scenes could not be exported, by name of the scene."""
     frames = sum(_frame_count(part.scene) for part in parts)
     report(0, frames)
-    problems = list(pool.map(_problem_of, parts, lambda done: report(done, frames)))
+    problems = list(pool.map(partial(_problem_of, make_part), parts, lambda done: report(done, frames)))
     report(frames, frames)
     return {part.scene.name: problem for part, problem in zip(parts, problems, strict=True) if problem is not None}
 
 
-def _problem_of(part: ScenePart) -> str | None:
+def _make_labels(parts: Sequence[LidarsegPart], pool: Pool) -> dict[str, str]:
+    """Make labels in parallel; return why scenes could not be exported, by name of the scene."""
+    problems = list(pool.map(partial(_problem_of, make_lidarseg_part), parts))
+    return {part.scene.name: problem for part, problem in zip(parts, problems, strict=True) if problem is not None}
+
+
+def _problem_of(make: Callable[[P], None], part: P) -> str | None:
     """Make one part; return what is wrong with the scene's bag, or None."""
     try:
-        make_part(part)
+        make(part)
     except BagError as error:
         return str(error)
     return None

@@ -21,7 +21,7 @@ from simbev_ros.export.nuscenes.annotations import Annotations, link
 from simbev_ros.export.nuscenes.channels import Channel, channels_of, wxyz
 from simbev_ros.export.nuscenes.keyframes import complete_ticks, keyframe_by_tick, keyframes_of
 from simbev_ros.export.nuscenes.sensor_files import encode_file
-from simbev_ros.export.nuscenes.taxonomy import Record, token
+from simbev_ros.export.nuscenes.taxonomy import Record, sample_data_token, scene_token, token
 from simbev_ros.export.parts import PARTS_FOLDER, Json, Part, fingerprint_of
 from simbev_ros.object_store.object_path import require_local
 from simbev_ros.recording.layout import bytes_of, mcap_files
@@ -71,7 +71,7 @@ def parts_of(dataset: Dataset, out: Path, *, keyframe_hz: float | None, sweeps: 
         ScenePart(
             out=out,
             name=scene.name,
-            identity={"made_from": {**_fingerprint(scene), "by": __version__, **settings}},
+            identity={"made_from": {**source_of(scene), **settings}},
             patterns=(f"*/*/{escape(scene.name)}__*",),
             record_suffix=".head.json",
             scene=scene,
@@ -82,13 +82,13 @@ def parts_of(dataset: Dataset, out: Path, *, keyframe_hz: float | None, sweeps: 
     ]
 
 
-def _fingerprint(scene: Scene) -> Json:
-    """Fingerprint of a scene's bags; without additional ones it is that of earlier versions."""
+def source_of(scene: Scene) -> Json:
+    """Fingerprint of a scene's bags, and the version of simbev_ros, for the identity of parts."""
     bag = require_local(scene.path)
     newest_ns = max(file.stat().st_mtime_ns for file in mcap_files(bag))
     own = {"bytes": bytes_of(bag), "mtime_ns": newest_ns}
     additional = [fingerprint_of(require_local(each)) for each in scene.additional.values()]
-    return {**own, "additional": additional} if additional else own
+    return {**own, **({"additional": additional} if additional else {}), "by": __version__}
 
 
 def make_part(part: ScenePart) -> None:
@@ -114,7 +114,7 @@ class _Job:
 
     def __init__(self, part: ScenePart, ticks: Int64Array) -> None:
         self._part, self._scene, self._ticks = part, part.scene, ticks
-        self._token = token("scene", self._scene.name, self._scene.spec.seed)
+        self._token = scene_token(self._scene)
         self._channels = channels_of(self._scene)
         self._is_key = {channel.name: keyframe_by_tick(self._scene, channel, ticks) for channel in self._channels}
         self._data: dict[str, list[Record]] = {channel.name: [] for channel in self._channels}
@@ -173,7 +173,7 @@ class _Job:
         self._part.write(file.as_posix(), encode_file(frame, channel))
         width_px, height_px = channel.size_px
         return {
-            "token": token("sample_data", self._token, channel.name, frame.tick),
+            "token": sample_data_token(self._token, channel.name, frame.tick),
             "sample_token": self._sample_token(self._keyframe_of_sweep(frame.tick) if keyframe is None else keyframe),
             "ego_pose_token": token("ego_pose", self._token, frame.tick),
             "calibrated_sensor_token": token("calibrated_sensor", self._token, channel.name),

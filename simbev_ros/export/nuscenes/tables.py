@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import TextIO
 
 from simbev_ros.config.scenario import SPLITS
+from simbev_ros.export.nuscenes.evaluated_classes import evaluated_classes
 from simbev_ros.export.nuscenes.map_masks import Site
 from simbev_ros.export.nuscenes.scene_part import ScenePart
-from simbev_ros.export.nuscenes.taxonomy import Record, taxonomy_tables
+from simbev_ros.export.nuscenes.taxonomy import Record, detection_ranges_m, taxonomy_tables
 from simbev_ros.recording.mcap.syncing import sync
 
 _SCENE_TABLES = (
@@ -30,7 +31,9 @@ _SCENE_TABLES = (
 _DECIMALS = 9
 
 
-def write_tables(out: Path, parts: Sequence[ScenePart], sites: Sequence[Site], version: str) -> None:
+def write_tables(
+    out: Path, parts: Sequence[ScenePart], sites: Sequence[Site], version: str, labels: Sequence[Record] = ()
+) -> dict[str, tuple[str, ...]]:
     """Write the folder of tables and replace an earlier one with it.
 
     Args:
@@ -38,13 +41,17 @@ def write_tables(out: Path, parts: Sequence[ScenePart], sites: Sequence[Site], v
         parts: The finished parts of the scenes.
         sites: The sites of all these scenes.
         version: Name of the folder.
+        labels: Rows of the table ``lidarseg``; without any, there is no such table.
+
+    Returns:
+        Classes of the detection task that occur, in its order, by name of the split.
     """
     folder = out / version
     unfinished, old = (out / f".{version}{suffix}" for suffix in (".part", ".old"))
     for leftover in (unfinished, old):
         shutil.rmtree(leftover, ignore_errors=True)
     unfinished.mkdir()
-    _write(parts, sites, unfinished)
+    classes = _write(parts, sites, unfinished, labels)
     sync(*unfinished.iterdir(), unfinished)
     if folder.exists():
         folder.rename(old)
@@ -52,13 +59,18 @@ def write_tables(out: Path, parts: Sequence[ScenePart], sites: Sequence[Site], v
     sync(out)
     shutil.rmtree(old, ignore_errors=True)
     _remove_masks(out)
+    return {split: tuple(name for name in detection_ranges_m() if name in found) for split, found in classes.items()}
 
 
-def _write(parts: Sequence[ScenePart], sites: Sequence[Site], folder: Path) -> None:
+def _write(
+    parts: Sequence[ScenePart], sites: Sequence[Site], folder: Path, labels: Sequence[Record]
+) -> dict[str, set[str]]:
+    """Write the tables; return the classes of the detection task that occur, by name of the split."""
     site_of = {name: site for site in sites for name in site.scenes}
     logs: defaultdict[str, list[str]] = defaultdict(list)
     sensors: dict[str, Record] = {}
     splits: dict[str, list[str]] = {f"simbev_{split}": [] for split in SPLITS}
+    classes: defaultdict[str, set[str]] = defaultdict(set)
     with ExitStack() as stack:
         files = {name: stack.enter_context(_Table(folder / f"{name}.json")) for name in _SCENE_TABLES}
         for part in parts:
@@ -67,13 +79,18 @@ def _write(parts: Sequence[ScenePart], sites: Sequence[Site], folder: Path) -> N
                 file.add(_CONVERSIONS[name](rows[name], site) if name in _CONVERSIONS else rows[name])
             logs[site.token] += [record["token"] for record in rows["log"]]
             sensors.update({record["token"]: record for record in summary["sensors"]})
-            splits[f"simbev_{summary['split']}"].append(part.scene.name)
-    rest = {**taxonomy_tables(), "sensor": list(sensors.values())}
+            split = f"simbev_{summary['split']}"
+            splits[split].append(part.scene.name)
+            classes[split] |= evaluated_classes(rows)
+    rest = {**taxonomy_tables(lidarseg=bool(labels)), "sensor": list(sensors.values())}
+    if labels:
+        rest["lidarseg"] = list(labels)
     rest["map"] = [site.record(logs[site.token]) for site in sites]
     for name, records in rest.items():
         with _Table(folder / f"{name}.json") as table:
             table.add(records)
     (folder / "splits.json").write_text(json.dumps(splits, indent=1), encoding="utf-8")
+    return classes
 
 
 def _remove_masks(out: Path) -> None:

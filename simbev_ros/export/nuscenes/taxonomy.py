@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from simbev_ros.annotation.boxes.boxes import NO_BLUEPRINT
+from simbev_ros.dataset import Scene
 from simbev_ros.scene.state import SignalState
-from simbev_ros.semantics import BOX_CLASSES, SIGN_TYPES
+from simbev_ros.semantics import BOX_CLASSES, SIGN_TYPES, Tag
 from simbev_ros.tables import load_table
 from simbev_ros.types import AnyArray, Table
 
@@ -28,12 +29,26 @@ def token(*parts: object) -> str:
     return hashlib.md5("/".join(map(str, parts)).encode(), usedforsecurity=False).hexdigest()
 
 
-def taxonomy_tables() -> dict[str, list[Record]]:
-    """Rows of the tables ``category``, ``attribute`` and ``visibility``, by name of the table."""
+def scene_token(scene: Scene) -> str:
+    """Token of a scene."""
+    return token("scene", scene.name, scene.spec.seed)
+
+
+def sample_data_token(of_scene: str, channel: str, tick: int) -> str:
+    """Token of the data of a channel at a tick in the scene with a token."""
+    return token("sample_data", of_scene, channel, tick)
+
+
+def taxonomy_tables(*, lidarseg: bool = False) -> dict[str, list[Record]]:
+    """Rows of the tables ``category``, ``attribute`` and ``visibility``, by name of the table.
+
+    Args:
+        lidarseg: Whether the categories are also those of points, with the ``index`` that labels have.
+    """
     tables = _taxonomy()
     levels = tables["visibility"]
     return {
-        "category": [_named("category", name, text) for name, text in tables["categories"].items()],
+        "category": _categories(lidarseg=lidarseg),
         "attribute": [_named("attribute", name, text) for name, text in tables["attributes"].items()],
         "visibility": [
             {"token": each["token"], "level": each["level"], "description": f"visible share of pixels: {each['level']}"}
@@ -44,12 +59,9 @@ def taxonomy_tables() -> dict[str, list[Record]]:
 
 def categories_of(boxes: Table, blueprints: Sequence[str]) -> list[str]:
     """Names of the categories of (N,) boxes; ``blueprints`` are the names that their column ``blueprint`` indexes."""
-    by_class, by_blueprint = _taxonomy()["of_class"], _taxonomy()["of_blueprint"]
-    names = []
-    for box_class, blueprint in zip(boxes["class"].tolist(), boxes["blueprint"].tolist(), strict=True):
-        known = "" if blueprint == NO_BLUEPRINT else by_blueprint.get(blueprints[blueprint], "")
-        names.append(known or by_class[BOX_CLASSES[box_class]])
-    return names
+    names = ["" if blueprint == NO_BLUEPRINT else blueprints[blueprint] for blueprint in boxes["blueprint"].tolist()]
+    classes = [BOX_CLASSES[box_class] for box_class in boxes["class"].tolist()]
+    return [category_of_blueprint(name, box_class) or "" for name, box_class in zip(names, classes, strict=True)]
 
 
 def detection_class_of(category: str) -> str | None:
@@ -101,12 +113,40 @@ def _attributes(category: str, row: Any, *, moves: bool, parked: bool, ridden: b
     return []
 
 
+def point_labels() -> dict[str, int]:
+    """Labels of points in nuScenes-lidarseg by name of the category."""
+    return {name: label for label, name in enumerate(_taxonomy()["lidarseg"])}
+
+
+def category_of_tag(tag: Tag) -> str:
+    """Name of the category of a static surface's points."""
+    name: str = _taxonomy()["of_tag"][tag.name]
+    return name
+
+
+def category_of_blueprint(name: str, box_class: str) -> str | None:
+    """Name of the category of a blueprint with a box class; None: it has no boxes, as riders."""
+    tables = _taxonomy()
+    category: str | None = tables["of_blueprint"].get(name) or tables["of_class"].get(box_class)
+    return category
+
+
 def visibility_tokens(visibility: AnyArray) -> list[str]:
     """Tokens of the visibility levels of (N,) visible shares; boxes in no image (NaN) have the lowest level."""
     levels = _taxonomy()["visibility"]
     edges = [each["from"] for each in levels[1:]]
     indices = np.searchsorted(edges, np.nan_to_num(visibility), side="right")
     return [levels[index]["token"] for index in indices.tolist()]
+
+
+def _categories(*, lidarseg: bool) -> list[Record]:
+    tables = _taxonomy()
+    records = [_named("category", name, text) for name, text in tables["categories"].items()]
+    if lidarseg:
+        records += [_named("category", name, text) for name, text in tables["lidarseg_only"].items()]
+        labels = point_labels()
+        records = [{**record, "index": labels[record["name"]]} for record in records]
+    return records
 
 
 def _named(table: str, name: str, description: str) -> Record:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from simbev_ros.annotation.boxes.boxes import LIGHT_IDS, NO_BLUEPRINT
-from simbev_ros.export.simbev.encodings import npy
+from simbev_ros.export.simbev.encodings import npy_of_records
 from simbev_ros.geometry.transforms import rotations_from_rpy
 from simbev_ros.scene.state import SignalState
 from simbev_ros.semantics import BOX_CLASSES, DIFFICULTIES, SIGN_TYPES, Tag
@@ -38,10 +38,7 @@ _MPS_TO_KMH = 3.6
 
 def box_file(boxes: Table, signals: Table, legend: Mapping[str, Any]) -> bytes:
     """Content of a frame's box file: an array of dictionaries in numpy's format; arguments as for ``box_records``."""
-    records = box_records(boxes, signals, legend)
-    array = np.empty(len(records), object)
-    array[:] = records
-    return npy(array)
+    return npy_of_records(box_records(boxes, signals, legend))
 
 
 def box_records(boxes: Table, signals: Table, legend: Mapping[str, Any]) -> list[dict[str, Any]]:

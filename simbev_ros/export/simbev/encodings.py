@@ -5,6 +5,8 @@ Arrays as ``simbev_ros.dataset`` reads them enter; the bytes of files leave.
 
 import io
 import json
+import pickle
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import cv2
@@ -21,6 +23,7 @@ from simbev_ros.semantics import BEV_CLASSES
 from simbev_ros.types import AnyArray, Float32Array, Table, UInt8Array, UInt16Array
 
 _JPEG_QUALITY = 80
+_PICKLE_PROTOCOL = 3  # of NumPy 1
 _MAX_DEPTH_M = 1000.0
 _MAX_CODE = (1 << 24) - 1
 _EGO_HALF_LENGTH_M, _EGO_HALF_WIDTH_M = 2.44, 1.04
@@ -61,10 +64,32 @@ def npz(array: AnyArray) -> bytes:
 
 
 def npy(array: AnyArray) -> bytes:
-    """NPY file of one array; arrays of objects are pickled."""
+    """NPY file of one array of numbers."""
     file = io.BytesIO()
-    np.save(file, array, allow_pickle=True)
+    np.save(file, array, allow_pickle=False)
     return file.getvalue()
+
+
+def npy_of_records(records: Sequence[Mapping[str, Any]]) -> bytes:
+    """NPY file of an (N,) array of dictionaries, which NumPy 1 and 2 load with ``allow_pickle=True``.
+
+    ``numpy.save`` would name functions of ``numpy._core`` in the pickle, which NumPy before 1.26 does not have.
+    """
+    file = io.BytesIO()
+    header = {"descr": "|O", "fortran_order": False, "shape": (len(records),)}
+    np.lib.format.write_array_header_1_0(file, header)
+    array = np.empty(len(records), object)
+    array[:] = records
+    _PortablePickler(file, _PICKLE_PROTOCOL).dump(array)
+    return file.getvalue()
+
+
+class _PortablePickler(pickle.Pickler):
+    """Pickles arrays as calls of ``numpy.array``, a name that no release of NumPy has moved."""
+
+    def reducer_override(self, value: Any) -> Any:
+        """How an array is made again from plain values; other objects are pickled as usual."""
+        return (np.array, (value.tolist(), value.dtype.str)) if isinstance(value, np.ndarray) else NotImplemented
 
 
 def lidar_npz(cloud: Table) -> bytes:

@@ -123,8 +123,14 @@ def make_part(part: FramesPart) -> int:
     return part.count
 
 
-def finish(dataset: Dataset, parts: Sequence[FramesPart]) -> list[str]:
+def finish(dataset: Dataset, parts: Sequence[FramesPart], *, absolute_paths: bool = False) -> list[str]:
     """Write info files, configurations and logs, once all parts are finished.
+
+    Args:
+        dataset: The dataset.
+        parts: All its parts.
+        absolute_paths: Whether info files have absolute paths, which are wrong once the export is moved, instead of
+            paths relative to the layout's root.
 
     Returns:
         Lines of text that name what is missing in the layout.
@@ -141,17 +147,18 @@ def finish(dataset: Dataset, parts: Sequence[FramesPart]) -> list[str]:
         for split in sorted({scene.split for scene in dataset.scenes}):
             scenes = [scene for scene in dataset.scenes if scene.split == split]
             infos = ((scene, parts_of_scene[scene.name]) for scene in scenes if scene.name in parts_of_scene)
-            write_whole(root / "infos" / f"simbev_infos_{split}.json", _info_file(metadata(first), infos))
+            content = _info_file(metadata(first), infos, root.resolve() if absolute_paths else Path())
+            write_whole(root / "infos" / f"simbev_infos_{split}.json", content)
         for scene in dataset.scenes:
             _write_config_and_log(dataset, scene, root)
     return left_out(first)
 
 
-def _info_file(head: Json, scenes: Iterable[tuple[Scene, Sequence[FramesPart]]]) -> Iterator[bytes]:
+def _info_file(head: Json, scenes: Iterable[tuple[Scene, Sequence[FramesPart]]], prefix: Path) -> Iterator[bytes]:
     """Content of the info file of one split, scene by scene, as it may be too large for the memory."""
     yield b'{"metadata": ' + _json(head) + b', "data": {'
     for index, (scene, parts) in enumerate(scenes):
-        frames = [_with_file_paths(frame, part.out) for part in parts for frame in part.finished_record()["frames"]]
+        frames = [_with_file_paths(frame, prefix) for part in parts for frame in part.finished_record()["frames"]]
         info = _json({"scene_info": scene_info(scene), "scene_data": frames})
         yield b", " * (index > 0) + f'"scene_{scene.number:04d}": '.encode() + info
     yield b"}}"
@@ -163,10 +170,10 @@ def _patterns(number: int, first: int) -> tuple[str, ...]:
     return tuple(f"*/*/SimBEV-scene-{number:04d}-frame-{ten:03d}[0-9]-*" for ten in tens)
 
 
-def _with_file_paths(frame: Mapping[str, Any], root: Path) -> dict[str, Any]:
-    """The entry of a frame with the absolute paths of its files."""
+def _with_file_paths(frame: Mapping[str, Any], prefix: Path) -> dict[str, Any]:
+    """The entry of a frame with the paths of its files behind a prefix."""
     rest = {name: value for name, value in frame.items() if name != "files"}
-    return {**rest, **{name: str(root.resolve() / file) for name, file in frame["files"].items()}}
+    return {**rest, **{name: str(prefix / file) for name, file in frame["files"].items()}}
 
 
 def _write_config_and_log(dataset: Dataset, scene: Scene, root: Path) -> None:

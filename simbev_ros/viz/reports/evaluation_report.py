@@ -40,6 +40,10 @@ _BOXES_NOTE = (
     "nothing matches, an error counts as 1."
 )
 
+_NUSCENES_NOTE = (
+    "Its own metrics, over its classes, ranges and keyframes. In NDS and mAP, classes that do not occur count 0."
+)
+
 _SCENES_NOTE = (
     "Found: share of a frame's boxes that the same number of top-scored predictions find. Frames without an answer "
     "count as missed."
@@ -138,4 +142,8 @@ def _nuscenes(nuscenes: Figures) -> str:
         return ""
     shown = [(text_of(nuscenes[name]), name) for name in ("NDS", "mAP")]
     body = key_figures(shown) + html_table(nuscenes_table(nuscenes))
-    return section("nuScenes", body, "Its own metrics, over its classes, ranges and keyframes.")
+    return section(
+        "nuScenes",
+        body,
+        _NUSCENES_NOTE,
+    )

@@ -1,0 +1,210 @@
+"""Playing scenes that ROS nodes ask for: the core of ``simbev run --serve``."""
+
+import time
+from collections.abc import Generator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+from simbev_ros.config.load import load_scenario, parse_scenario
+from simbev_ros.config.scenario import Scenario
+from simbev_ros.dataset.plan import PlannedEntry
+from simbev_ros.errors import GraphError, InputError, SimbevError
+from simbev_ros.graph.exposure import LOCAL, Exposure
+from simbev_ros.graph.scene_queue import OrderedScene, Outcome, Phase, SceneOrder, SceneQueue
+from simbev_ros.graph.scene_services import require_interfaces, scene_services
+from simbev_ros.graph.session import GraphSession
+from simbev_ros.limits import MAX_SCENE_NUMBER
+from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.spec import MapSpec
+from simbev_ros.production.observer import SILENT, ProductionObserver
+from simbev_ros.production.play import play_on
+from simbev_ros.production.record_folder import hold_record_folder
+from simbev_ros.production.surroundings import build_surroundings, load_roads
+from simbev_ros.recording.layout import scene_folder
+from simbev_ros.recording.whole_files import require_writable
+from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, planned_scenes, start_positions
+from simbev_ros.scene.drawing.starts import StartPositions
+from simbev_ros.scene.spec import SceneSpec
+
+_IDLE_S = 0.1
+_ORDER_NAME = "configuration"
+"""What messages call a configuration that comes as text."""
+
+
+class OrderDrawer:
+    """Draws the scenes of orders.
+
+    Args:
+        scenario: The configuration of the graph, for orders without one.
+        dataset: Folder into which scenes are recorded; None: they are not.
+    """
+
+    def __init__(self, scenario: Scenario, dataset: Path | None) -> None:
+        self._scenario, self._dataset = scenario, dataset
+        self._next_number = 0
+        self._starts: tuple[tuple[MapSpec, float], StartPositions] | None = None
+
+    def draw(self, order: SceneOrder) -> tuple[Scenario, SceneSpec]:
+        """Draw the scene of an order; return its configuration and its specification.
+
+        Raises:
+            InputError: The configuration is wrong or evaluates another stack, the scene cannot be drawn, or there is
+                a bag of it.
+        """
+        scenario = self._scenario_of(order)
+        number = order.number
+        if number is None:
+            number = self._next_number if order.seed is None else 0
+        if not 0 <= number <= MAX_SCENE_NUMBER:
+            raise InputError(f"number {number}: must be 0 to {MAX_SCENE_NUMBER}")
+        configured = list(planned_scenes(scenario))
+        planned = configured[number % len(configured)]._replace(number=number)
+        self._require_new(planned)
+        network = load_roads(planned.map)
+        spec = draw_scene(scenario, planned, network, self._start_positions(scenario, network, planned))
+        self._next_number = number + 1
+        return scenario, spec
+
+    def _require_new(self, planned: PlannedScene) -> None:
+        """Refuse a scene of which there is a bag."""
+        if self._dataset is None:
+            return
+        name = PlannedEntry(number=planned.number, map=planned.map.name, split=planned.split).name
+        if (bag := scene_folder(self._dataset, planned.split, name)).exists():
+            raise InputError(f"{bag}: exists already; ask for another number than {planned.number}")
+
+    def _start_positions(self, scenario: Scenario, network: RoadNetwork, planned: PlannedScene) -> StartPositions:
+        """Start positions of a map, kept for further scenes there."""
+        key = planned.map, scenario.traffic.waypoint_spacing_m
+        if self._starts is None or self._starts[0] != key:
+            self._starts = key, start_positions(scenario, network)
+        return self._starts[1]
+
+    def _scenario_of(self, order: SceneOrder) -> Scenario:
+        scenario = self._scenario
+        if order.configuration:
+            is_text = "\n" in order.configuration or ":" in order.configuration
+            scenario = (
+                parse_scenario(order.configuration, _ORDER_NAME) if is_text else load_scenario(order.configuration)
+            )
+        if scenario.evaluation != self._scenario.evaluation:
+            raise InputError("evaluation: must be that of the configuration with which the graph was started")
+        if order.seed is None:
+            return scenario
+        if order.seed < 0:
+            raise InputError(f"seed {order.seed}: must be 0 or more")
+        return scenario.model_copy(update={"seed": order.seed})
+
+
+def serve_scenes(
+    scenario: Scenario,
+    *,
+    live: bool = False,
+    dataset: Path | None = None,
+    domain: int | None = None,
+    exposure: Exposure = LOCAL,
+    observer: ProductionObserver = SILENT,
+) -> Generator[Path, None, None]:
+    """Start a graph and play the scenes that are asked for through service and action; yield the bags of recorded ones.
+
+    The graph starts anew for a scene whose configuration needs other nodes, and after a failure, which the client is
+    told. It runs until the generator is closed.
+
+    Args:
+        scenario: The configuration of the graph, and of orders without one.
+        live: Paced by the wall clock instead of as fast as possible.
+        dataset: Folder to record into; None: nothing is recorded.
+        domain: ROS domain; None: that of the environment, else a free one.
+        exposure: Who can take part in the graph.
+        observer: Receives the progress.
+
+    Raises:
+        InputError: The messages of service and action are not installed, or the folder cannot be written to.
+        GraphError: A node died while no scene was played.
+    """
+    require_interfaces()
+    if dataset is not None:
+        require_writable(dataset)
+    queue = SceneQueue(OrderDrawer(scenario, dataset).draw)
+    with ExitStack() as held:
+        graph = _Graph(live=live, dataset=dataset, domain=domain, exposure=exposure)
+        held.callback(graph.close)
+        session = graph.session_for(scenario)
+        observer.graph_started(session.domain, session.security_variables)
+        held.enter_context(scene_services(queue, session.domain))
+        while True:
+            ordered = queue.take(0.0)
+            if ordered is None:
+                graph.wait(_IDLE_S)
+            elif (bag := _play(graph, ordered, dataset, observer, live=live)) is not None:
+                yield bag
+
+
+class _Graph:
+    """A running graph, which is replaced by another one where that is needed."""
+
+    def __init__(self, **options: Any) -> None:
+        self._options = options
+        self._session: GraphSession | None = None
+
+    def session_for(self, scenario: Scenario) -> GraphSession:
+        """The running graph if it can play scenes of a configuration, else a new one."""
+        if self._session is not None and not self._session.can_play(scenario):
+            self.close()
+        if self._session is None:
+            self._session = GraphSession(scenario, **self._options)
+            self._options["domain"] = self._session.domain
+            self._session.start()
+        return self._session
+
+    def wait(self, duration_s: float) -> None:
+        """Watch the graph, if it runs, while no scene is played."""
+        if self._session is None:
+            time.sleep(duration_s)
+        else:
+            self._session.wait(duration_s)
+
+    def close(self) -> None:
+        """Stop the graph."""
+        if self._session is not None:
+            self._session.close()
+            self._session = None
+
+
+def _play(
+    graph: _Graph, ordered: OrderedScene, dataset: Path | None, observer: ProductionObserver, *, live: bool
+) -> Path | None:
+    """Play an ordered scene and tell its client how it ended; return its bag, None if there is none."""
+    scenario, spec = ordered.scenario, ordered.spec
+    is_stopped = False
+
+    def follow(tick: int | None) -> None:
+        nonlocal is_stopped
+        ordered.note_progress(tick)
+        if ordered.stop_reason is not None and not is_stopped:
+            session.end_scene(ordered.stop_reason)
+            is_stopped = True
+
+    ordered.phase = Phase.LOADING
+    try:
+        with ExitStack() as held:
+            if dataset is not None:
+                held.enter_context(hold_record_folder(dataset, scenario, [spec], live=live, observer=observer))
+            build_surroundings([spec], observer)
+            session = graph.session_for(scenario)
+            try:
+                end = play_on(session, spec, observer, on_tick=follow, config=scenario)
+            except SimbevError:
+                graph.close()
+                raise
+        bag = None if dataset is None else scene_folder(dataset, spec.split, spec.name)
+        if bag is not None and not bag.is_dir():  # live, where the graph does not wait for the recorder
+            raise GraphError(f"node recorder has not left a bag: {bag}")
+    except SimbevError as error:
+        observer.graph_warned(spec.name, str(error))
+        ordered.finish(Outcome(success=False, message=str(error), last_tick=ordered.tick))
+        return None
+    path = "" if bag is None else str(bag.resolve())
+    ordered.finish(Outcome(success=True, last_tick=end.tick, reason=end.reason, bag=path))
+    return bag

@@ -1,0 +1,107 @@
+"""A running graph answers ROS's own tools: ros2 param dump, rqt_console, nodes that start while the world is paused."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from commands import SCENE, Command
+from rcl_interfaces.msg import Log, ParameterType
+from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rosgraph_msgs.msg import Clock
+from std_srvs.srv import SetBool, Trigger
+from subscriber import keep, outside_node
+
+from simbev_ros.recording.reader import SceneBag
+
+pytestmark = pytest.mark.graph
+
+Simbev = Callable[..., Command]
+ROSOUT = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""Profile of /rosout, as rqt_console has it."""
+
+
+class Caller:
+    """Calls services of a graph from a node outside."""
+
+    def __init__(self, node: Any, spin_until: Callable[[Callable[[], bool], float], None]) -> None:
+        self._node, self._spin_until = node, spin_until
+
+    def call(self, kind: Any, name: str, request: Any) -> Any:
+        client = self._node.create_client(kind, name)
+        self._spin_until(client.service_is_ready, 20)
+        future = client.call_async(request)
+        self._spin_until(future.done, 20)
+        return future.result()
+
+
+def nanoseconds(clock: Clock) -> int:
+    return int(clock.clock.sec * 10**9 + clock.clock.nanosec)
+
+
+def test_every_parameter_has_a_value_and_a_description_and_nodes_log_what_happens(
+    simbev: Simbev, small_config: Callable[..., Path]
+) -> None:
+    simbev("run", small_config(60, without=["camera", "radar"]), "--live")
+    logged: list[Log] = []
+    clocks: list[Clock] = []
+    with outside_node("tools") as (node, spin_until):
+        node.create_subscription(Log, "/rosout", keep(logged), ROSOUT)
+        node.create_subscription(Clock, "/clock", keep(clocks), 1000)
+        spin_until(lambda: len(clocks) > 20, 60)
+        caller = Caller(node, spin_until)
+        for name in ("/world", "/lidar", "/gnss", "/imu", "/annotator"):
+            names = caller.call(ListParameters, f"{name}/list_parameters", ListParameters.Request()).result.names
+            assert {"live", "use_sim_time"} <= set(names)
+            values = caller.call(GetParameters, f"{name}/get_parameters", GetParameters.Request(names=names)).values
+            assert len(values) == len(names)
+            assert ParameterType.PARAMETER_NOT_SET not in {value.type for value in values}
+            request = DescribeParameters.Request(names=[each for each in names if each not in OF_RCLPY])
+            described = caller.call(DescribeParameters, f"{name}/describe_parameters", request).descriptors
+            assert all(each.description and each.read_only for each in described)
+        assert not caller.call(Trigger, "/world/step", Trigger.Request()).success
+        before_ns = nanoseconds(clocks[-1])
+        assert caller.call(Trigger, "/world/reset", Trigger.Request()).success
+        spin_until(lambda: nanoseconds(clocks[-1]) < before_ns, 20)
+        spin_until(lambda: any("starts: 1200 ticks" in each.msg for each in logged[len(logged) // 2 :]), 20)
+    texts = {(each.name, each.msg) for each in logged}
+    assert {
+        ("world", "scene Blocks-0000 is loaded"),
+        ("lidar", "scene Blocks-0000 is loaded"),
+        ("world", "scene Blocks-0000 starts: 1200 ticks"),
+        ("world", "scene Blocks-0000 starts again"),
+    } <= texts
+    assert len(logged) < 30
+
+
+OF_RCLPY = ("use_sim_time", "start_type_description_service")
+"""Parameters that rclpy declares for every node, without a description."""
+
+
+def test_time_is_repeated_while_a_recorded_world_is_paused_and_the_bag_holds_it_once(
+    simbev: Simbev, small_config: Callable[..., Path], tmp_path: Path
+) -> None:
+    config = small_config(2, without=["camera", "radar"])
+    command = simbev("run", config, "--record", tmp_path / "out")
+    with outside_node("tools") as (node, spin_until):
+        caller = Caller(node, spin_until)
+        assert caller.call(SetBool, "/world/pause", SetBool.Request(data=True)).success
+        clocks: list[Clock] = []
+        node.create_subscription(Clock, "/clock", keep(clocks), 1000)
+        spin_until(lambda: len(clocks) > 4, 60)
+        assert len({nanoseconds(each) for each in clocks}) == 1
+        for _ in range(12):
+            assert caller.call(Trigger, "/world/step", Trigger.Request()).success
+        stepped_ns = nanoseconds(clocks[0]) + 12 * 50_000_000
+        spin_until(lambda: nanoseconds(clocks[-1]) == stepped_ns, 30)
+        before = len(clocks)
+        spin_until(lambda: len(clocks) > before + 4, 20)
+        assert caller.call(SetBool, "/world/pause", SetBool.Request(data=False)).success
+    code, output = command.finish()
+    assert code == 0, output
+    with SceneBag(tmp_path / "out" / SCENE) as bag:
+        facts = bag.custom_data
+    assert json.loads(facts["problems"]) == []
+    assert json.loads(facts["recorded"])["/clock"] == 40

@@ -1,0 +1,78 @@
+"""Orders of scenes are drawn as a dataset would draw them, and refused in one line."""
+
+from pathlib import Path
+
+import pytest
+
+from simbev_ros.config.load import parse_scenario
+from simbev_ros.config.scenario import Scenario
+from simbev_ros.errors import InputError
+from simbev_ros.graph.scene_queue import SceneOrder
+from simbev_ros.production.drawing import draw_scenes
+from simbev_ros.production.serve import OrderDrawer
+
+CONFIG = """
+seed: 7
+scenes: [{map: Blocks, train: 1, test: 1}]
+time: {warm_up_s: 1, duration_s: 1}
+rig: {sensors: [{type: gnss, name: gnss}]}
+traffic: {vehicles: 5, pedestrians: 5, spawn_radius_m: 100}
+"""
+
+
+@pytest.fixture(scope="module")
+def scenario() -> Scenario:
+    return parse_scenario(CONFIG, "test.yaml")
+
+
+@pytest.fixture
+def drawer(scenario: Scenario) -> OrderDrawer:
+    return OrderDrawer(scenario, None)
+
+
+def test_scenes_without_a_number_follow_each_other_as_in_a_dataset(scenario: Scenario, drawer: OrderDrawer) -> None:
+    drawn = [drawer.draw(SceneOrder())[1] for _ in range(3)]
+    assert drawn[:2] == draw_scenes(scenario)
+    assert (drawn[2].name, drawn[2].split, drawn[2].seed) == ("Blocks-0002", "train", 9)
+
+
+def test_a_seed_without_a_number_means_scene_zero_of_that_seed(drawer: OrderDrawer) -> None:
+    drawer.draw(SceneOrder(number=5))
+    scenario, spec = drawer.draw(SceneOrder(seed=40))
+    assert (spec.number, spec.seed, scenario.seed) == (0, 40, 40)
+    assert drawer.draw(SceneOrder(seed=40))[1] == spec
+
+
+def test_a_configuration_comes_as_text_as_a_name_or_as_a_file(drawer: OrderDrawer, tmp_path: Path) -> None:
+    text = CONFIG.replace("vehicles: 5", "vehicles: 3")
+    (tmp_path / "other.yaml").write_text(text)
+    from_text, from_file = (drawer.draw(SceneOrder(each)) for each in (text, str(tmp_path / "other.yaml")))
+    assert from_text[0] == from_file[0]
+    assert from_text[0].traffic.vehicles == 3
+    assert drawer.draw(SceneOrder("demo"))[0].rig.of_type is not None
+
+
+@pytest.mark.parametrize(
+    ("order", "words"),
+    [
+        (SceneOrder("nonsense"), "nonsense: no such file; shipped configurations are"),
+        (SceneOrder(CONFIG.replace("7", "many")), "configuration:2: seed: "),
+        (SceneOrder("a: ["), "configuration: not valid YAML: "),
+        (SceneOrder(CONFIG + "evaluation: {stack: [rm, -rf, x]}\n"), "evaluation: must be that of the configuration"),
+        (SceneOrder(seed=-2), "seed -2: must be 0 or more"),
+        (SceneOrder(number=-2), "number -2: must be 0 to "),
+        (SceneOrder(number=10**12), "number 1000000000000: must be 0 to "),
+        (SceneOrder("x" * (5 << 20) + ":"), "configuration: is longer than "),
+    ],
+)
+def test_a_wrong_order_is_refused_in_words(drawer: OrderDrawer, order: SceneOrder, words: str) -> None:
+    with pytest.raises(InputError, match=f"^{words}".replace("(", r"\(")):
+        drawer.draw(order)
+
+
+def test_a_scene_of_which_there_is_a_bag_is_refused_before_it_is_drawn(scenario: Scenario, tmp_path: Path) -> None:
+    (tmp_path / "scenes" / "train" / "Blocks-0000").mkdir(parents=True)
+    drawer = OrderDrawer(scenario, tmp_path)
+    with pytest.raises(InputError, match=r"Blocks-0000: exists already; ask for another number than 0$"):
+        drawer.draw(SceneOrder())
+    assert drawer.draw(SceneOrder(number=1))[1].name == "Blocks-0001"

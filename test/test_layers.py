@@ -48,10 +48,10 @@ FLOORS = [
     {"production"},
     {"bench", "foxglove_server", "relays", "viewer"},
     {"cli"},
-    {"reference_stack"},
+    {"reference_stack", "join"},
 ]
-ALONE = {"reference_stack"}
-"""Imports nothing of the house, not even from above."""
+ALONE = {"reference_stack", "join"}
+"""Import nothing of the house, not even from above."""
 ROS = {
     "builtin_interfaces",
     "diagnostic_msgs",
@@ -77,7 +77,7 @@ BENCH = ("bench/recorder_timing", "bench/world_node_timing", "bench/topic_reader
 RELAYS = tuple(f"relays/{module}" for module in ("autoware.py", "autoware_messages", "nav2.py", "running"))
 """They send what other stacks read."""
 HOMES = {
-    **dict.fromkeys(ROS, ("nodes", "graph", "msgs", *BENCH, *LIVE, *RELAY, *RELAYS, *STACK)),
+    **dict.fromkeys(ROS, ("nodes", "graph", "msgs", "join", *BENCH, *LIVE, *RELAY, *RELAYS, *STACK)),
     "moderngl": ("render",),
     "open3d": ("raycast",),
     "libsumo": ("world/sumo/traffic", "world/sumo/libsumo_import"),

@@ -1,4 +1,4 @@
-"""The verbs and options of simbev that the pages and templates for containers and clusters name exist."""
+"""The verbs and options of simbev that pages on its use with other programs, and templates, name exist."""
 
 import re
 from pathlib import Path
@@ -12,6 +12,8 @@ ROOT = Path(__file__).parents[2]
 TEXTS = [
     ROOT / "docs/guide/container.md",
     ROOT / "docs/guide/many-machines.md",
+    ROOT / "docs/guide/autoware.md",
+    ROOT / "docs/guide/nav2.md",
     ROOT / "deploy/kubernetes/rayjob.yaml",
     ROOT / "deploy/slurm/generate.sbatch",
 ]
@@ -28,7 +30,10 @@ def calls() -> set[tuple[str, str]]:
         if path.suffix == ".md":
             text = "\n".join(block or inline for block, inline in CODE.findall(text))
         for verb, rest in CALL.findall(text):
-            found |= {(verb, ""), *((verb, option) for option in re.findall(r"--[a-z-]+", rest))}
+            found |= {
+                (verb, ""),
+                *((verb, option) for option in re.findall(r"--[a-z-]+", rest.partition("--ros-args")[0])),
+            }
     return found
 
 

@@ -1,11 +1,9 @@
 """Reports arrive from publishers of any durability, over the middleware."""
 
-import os
 import time
 from collections.abc import Callable, Iterator
 
 import pytest
-import rclpy
 from rclpy.context import Context
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.experimental.events_executor import EventsExecutor
@@ -21,29 +19,20 @@ OUTSIDE = ("mine",)
 
 
 @pytest.fixture
-def context() -> Iterator[Context]:
-    made = Context()
-    rclpy.init(context=made, domain_id=39)
-    yield made
-    made.shutdown()
-
-
-@pytest.fixture
-def stack(context: Context) -> Iterator[Node]:
-    node = rclpy.create_node(f"stack_{os.getpid()}", context=context)
-    yield node
-    node.destroy_node()
+def stack(make_node: Callable[[str], Node]) -> Node:
+    return make_node("stack")
 
 
 class World:
-    """A node that subscribes to reports."""
+    """A node that subscribes to reports, with its executor."""
 
-    def __init__(self, context: Context, executor: Executor, outside: tuple[str, ...]) -> None:
-        self.node = rclpy.create_node("world", context=context)
+    def __init__(self, node: Node, executor: Executor) -> None:
+        self.node, self.executor = node, executor
         self.reports: list[str] = []
+        self.executor.add_node(node)
+
+    def listen(self, outside: tuple[str, ...]) -> None:
         subscribe_to_reports(self.node, lambda message: self.reports.append(message.frame_id), outside)
-        self.executor = executor
-        self.executor.add_node(self.node)
 
     def spin(self, until: Callable[[], bool], timeout_s: float) -> bool:
         end_s = time.monotonic() + timeout_s
@@ -53,33 +42,33 @@ class World:
 
 
 @pytest.fixture(params=[EventsExecutor, SingleThreadedExecutor])
-def executor(request: pytest.FixtureRequest, context: Context) -> Iterator[Executor]:
-    made = request.param(context=context)
-    yield made
-    made.shutdown()
+def world(request: pytest.FixtureRequest, own_domain: Context, make_node: Callable[[str], Node]) -> Iterator[World]:
+    executor = request.param(context=own_domain)
+    node = make_node("world")
+    yield World(node, executor)
+    executor.remove_node(node)
+    executor.shutdown()
 
 
-def test_a_publisher_with_the_default_qos_is_heard(context: Context, stack: Node, executor: Executor) -> None:
-    world = World(context, executor, OUTSIDE)
+def test_a_publisher_with_the_default_qos_is_heard(world: World, stack: Node) -> None:
+    world.listen(OUTSIDE)
     ready = stack.create_publisher(Header, "/sync/ready", 10)
     assert world.spin(lambda: ready.get_subscription_count() == 1, 10)
     ready.publish(Header(frame_id="mine:Blocks-0000"))
     assert world.spin(lambda: world.reports == ["mine:Blocks-0000"], 10)
 
 
-def test_a_latched_report_is_heard_although_it_was_sent_before(
-    context: Context, stack: Node, executor: Executor
-) -> None:
+def test_a_latched_report_is_heard_although_it_was_sent_before(world: World, stack: Node) -> None:
     ready = stack.create_publisher(Header, "/sync/ready", LATCHED)
     ready.publish(Header(frame_id="mine:Blocks-0000"))
-    world = World(context, executor, OUTSIDE)
+    world.listen(OUTSIDE)
     assert world.spin(lambda: world.reports == ["mine:Blocks-0000"], 10)
 
 
 def test_reports_of_the_graph_itself_arrive_once_and_those_of_best_effort_publishers_never(
-    context: Context, stack: Node, executor: Executor
+    world: World, stack: Node
 ) -> None:
-    world = World(context, executor, OUTSIDE)
+    world.listen(OUTSIDE)
     unheard = stack.create_publisher(Header, "/sync/ready", BEST_EFFORT)
     ready = stack.create_publisher(Header, "/sync/ready", LATCHED)
     assert world.spin(lambda: ready.get_subscription_count() == 2, 10)
@@ -90,8 +79,6 @@ def test_reports_of_the_graph_itself_arrive_once_and_those_of_best_effort_publis
     assert world.reports == [f"lidar:Blocks-{scene:04d}:signature" for scene in range(3)]
 
 
-def test_a_graph_without_outside_participants_has_one_subscription(
-    context: Context, stack: Node, executor: Executor
-) -> None:
-    world = World(context, executor, ())
+def test_a_graph_without_outside_participants_has_one_subscription(world: World) -> None:
+    world.listen(())
     assert len(list(world.node.subscriptions)) == 1

@@ -75,10 +75,9 @@ def test_served_topics_have_the_type_that_is_read(stack: str, row: Input) -> Non
 
 @pytest.mark.parametrize(("stack", "row"), SERVED)
 def test_their_subscriptions_hear_our_publishers(stack: str, row: Input) -> None:
-    topic = offered(stack)[str(row.ours)]
-    profile = qos_of(topic, live=True)
-    first = next(line for line in commands(page(stack)) if line.startswith("./simbev run"))
-    assert profile.reliability == "reliable" or "--reliable" in first or not row.subscribes.startswith("reliable")
+    reliable = load_scenario(ROOT / "config" / stack / "simbev.yaml").graph.live_reliability == "reliable"
+    profile = qos_of(offered(stack)[str(row.ours)], live=True, reliable=reliable)
+    assert profile.reliability == "reliable" or not row.subscribes.startswith("reliable")
     assert profile.durability == "transient_local" or "latched" not in row.subscribes
 
 

@@ -1,0 +1,139 @@
+"""Lets a Python node join a graph's lockstep, so that the world waits until the node has finished each tick.
+
+It needs rclpy and std_msgs, and nothing else of simbev_ros: copy this file to where your stack runs, if you like.
+
+Example:
+    >>> rclpy.init()
+    >>> node = rclpy.create_node("perception")
+    >>> with Lockstep(node, "my_stack") as lockstep:
+    ...     def on_cloud(cloud):
+    ...         detect(cloud)
+    ...         lockstep.finished(cloud.header.stamp)
+    ...     node.create_subscription(PointCloud2, "/ego/lidar/points", on_cloud, 64)
+    ...     rclpy.spin(node)
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from typing import TYPE_CHECKING, Any
+
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.duration import Duration
+from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import Header, String
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from builtin_interfaces.msg import Time
+    from rclpy.node import Node
+
+_NS_PER_S = 1_000_000_000
+_HOUR_NS = 3600 * _NS_PER_S
+"""Every scene has an hour of simulated time of its own: scene 0 the second one, scene 1 the third."""
+_LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_POLL_S, _REPEAT_S = 0.1, 1.0
+_POLLS_TO_SETTLE = 3
+"""This side of a connection is established a moment before the other side is."""
+_CONNECTION_PATIENCE_S = 5.0
+_LAST_REPORT_PATIENCE_S = 1.0
+
+
+class Lockstep:
+    """Reports to the world which scenes a node has loaded and which ticks it has finished.
+
+    Each scene is reported as loaded when ``load`` has returned and something publishes to every subscription of the
+    node; what nobody publishes within 5 s is not waited for again. This report is repeated every second until the first
+    input is finished, so it cannot get lost. As a context manager, it leaves on exit.
+
+    Args:
+        node: The node that receives the inputs. Something has to spin it.
+        name: Name of the participant, as in ``graph.participants`` of the configuration.
+        load: Called with each new scene, which is the JSON object of /world/scene, before it is reported as loaded.
+        period_ticks: Number of ticks from one input to the next: 2 for a sensor at 10 Hz and ticks of 50 ms.
+
+    Attributes:
+        scene: The scene that plays, as given to ``load``; None: there has been none yet.
+        period_ticks: As above; ``load`` may set it for each scene.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        name: str,
+        *,
+        load: Callable[[dict[str, Any]], object] | None = None,
+        period_ticks: int = 1,
+    ) -> None:
+        self.scene: dict[str, Any] | None = None
+        self.period_ticks = period_ticks
+        self._node, self._name, self._load = node, name, load
+        self._polls_connected = 0
+        self._announced_s = self._reported_s = 0.0
+        self._is_awaited = False
+        self._passed_over: set[str] = set()
+        # Each listener has two subscriptions, of which one is for latched publishers: rclpy would warn of that one.
+        silent = PublisherEventCallbacks(use_default_callbacks=False)
+        self._ready = node.create_publisher(Header, "/sync/ready", 10, event_callbacks=silent)
+        self._scenes = node.create_subscription(String, "/world/scene", self._on_scene, _LATCHED)
+        self._timer = node.create_timer(_POLL_S, self._poll, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def __enter__(self) -> Lockstep:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def finished(self, stamp: Time) -> None:
+        """Report that the input with this stamp, and all before it, need the world to wait no longer.
+
+        Stamps of other scenes are ignored: an input may still arrive when the next scene has been announced.
+
+        Args:
+            stamp: ``header.stamp`` of the input.
+        """
+        stamp_ns = stamp.sec * _NS_PER_S + stamp.nanosec
+        if self.scene is None or stamp_ns // _HOUR_NS != self.scene["number"] + 1:
+            return
+        self._is_awaited = False
+        self._report(self.scene, stamp_ns + (self.period_ticks - 1) * self.scene["tick_ns"])
+
+    def close(self) -> None:
+        """Leave, when the last report has arrived. The world does not wait any longer only if the scene has ended."""
+        if self._node.context.ok():
+            self._ready.wait_for_all_acked(Duration(seconds=_LAST_REPORT_PATIENCE_S))
+        self._node.destroy_timer(self._timer)
+        self._node.destroy_subscription(self._scenes)
+        self._node.destroy_publisher(self._ready)
+
+    def _on_scene(self, message: String) -> None:
+        scene = json.loads(message.data)
+        self.scene = None  # while it loads, no tick of it can be finished
+        if self._load is not None:
+            self._load(scene)
+        self.scene = scene
+        self._announced_s, self._reported_s, self._is_awaited = time.monotonic(), 0.0, True
+
+    def _poll(self) -> None:
+        """Report the scene as loaded, again and again, once everything is connected; called by a timer."""
+        unconnected = {each.topic_name for each in self._node.subscriptions if not each.get_publisher_count()}
+        unconnected -= self._passed_over
+        self._polls_connected = 0 if unconnected else self._polls_connected + 1
+        now_s = time.monotonic()
+        if self.scene is None or not self._is_awaited or now_s < self._reported_s + _REPEAT_S:
+            return
+        if unconnected and now_s > self._announced_s + _CONNECTION_PATIENCE_S:
+            self._passed_over |= unconnected
+            self._node.get_logger().warning(f"nothing publishes {', '.join(sorted(unconnected))}; not waiting for it")
+        if self._polls_connected >= _POLLS_TO_SETTLE:
+            self._reported_s = now_s
+            self._report(self.scene, stamp_ns=0)
+
+    def _report(self, scene: dict[str, Any], stamp_ns: int) -> None:
+        message = Header(frame_id=f"{self._name}:{scene['map']['name']}-{scene['number']:04d}")
+        message.stamp.sec, message.stamp.nanosec = divmod(stamp_ns, _NS_PER_S)
+        self._ready.publish(message)

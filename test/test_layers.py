@@ -38,7 +38,7 @@ FLOORS = [
     {"sensors"},
     {"annotation"},
     {"object_store"},
-    {"recording"},
+    {"interfaces", "recording"},
     {"dataset"},
     {"export", "viz", "evaluation"},
     {"msgs"},

@@ -207,6 +207,11 @@ class Recording(Model):
     """Recording of scenes: topics, compression, file sizes and disk space."""
 
     topics: RecordedTopics = RecordedTopics()
+    forms: tuple[Literal["tables", "messages"], ...] = Field(
+        ("tables",),
+        description="forms of the world and its labels; messages: in addition to the tables and the JSON, which this "
+        "package itself reads, messages of simbev_interfaces on topics that end in /typed",
+    )
     images: Literal["compressed", "raw"] = Field(
         "compressed", description="format of recorded images; compressed: JPEG and PNG"
     )
@@ -218,6 +223,12 @@ class Recording(Model):
     )
     sync_mib: int = Field(32, ge=1, le=4096, description="amount of messages that is synced to disk together")
     min_free_mib: int = Field(512, ge=0, description="free disk space below which recording ends")
+
+    @model_validator(mode="after")
+    def _has_tables(self) -> Self:
+        if "tables" not in self.forms or len(set(self.forms)) < len(self.forms):
+            raise ValueError("forms: allowed are [tables] and [tables, messages]")
+        return self
 
 
 class GraphConfig(Model):

@@ -4,6 +4,7 @@
 |---|---|
 | Image, CompressedImage | (H, W) or (H, W, C) array: rgb, semantic uint8; instance uint16; depth, flow float32 |
 | PointCloud2 | (N,) structured array, one row per point, box, actor, signal or voxel |
+| Actors, TrafficSignals, Boxes, Views | (N,) structured array, the same as of the topic's table |
 | Odometry, Imu, NavSatFix | (K,) structured array, a row each: ``ODOMETRY_DTYPE``, ``IMU_DTYPE``, ``FIX_DTYPE`` |
 | CameraInfo | dict of ``width_px``, ``height_px``, ``distortion_model`` and the arrays ``d``, ``k``, ``r``, ``p`` |
 | TFMessage | dict from (parent, child) to the (4, 4) transform parent from child |
@@ -13,20 +14,20 @@
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 from rosbags.serde import SerdeError
-from rosbags.typesys import Stores, get_typestore
 
 from simbev_ros.errors import BagError
 from simbev_ros.geometry.transforms import matrices_from_xyz_quaternion
+from simbev_ros.interfaces.message_types import types_with
+from simbev_ros.interfaces.table_messages import TABLE_TYPES, table_of
 from simbev_ros.recording.arrays import image_array, point_array
 from simbev_ros.structured_text import parse_json
 from simbev_ros.types import AnyArray, Float64Array, Table
 from simbev_ros.units import NS_PER_S
-
-_TYPES = get_typestore(Stores.ROS2_JAZZY)
 
 ODOMETRY_TYPE = "nav_msgs/msg/Odometry"
 
@@ -62,10 +63,10 @@ def decode_message(type_name: str, payload: memoryview) -> Any:
     """Deserialize a message into an object with the fields of its ROS type.
 
     Raises:
-        BagError: The bytes are not a message of this type, or ROS 2 Jazzy does not ship the type.
+        BagError: The bytes are not a message of this type, or the type is unknown.
     """
     try:
-        return _TYPES.deserialize_cdr(payload, type_name)
+        return types_with(type_name).deserialize_cdr(payload, type_name)
     except (SerdeError, KeyError) as error:
         raise BagError(f"no {type_name}: {error}") from None
 
@@ -202,4 +203,5 @@ _READERS: dict[str, Callable[[Any], Any]] = {
     "tf2_msgs/msg/TFMessage": _transforms,
     "std_msgs/msg/String": _text,
     "rosgraph_msgs/msg/Clock": lambda message: _nanoseconds(message.clock),
+    **{type_name: partial(table_of, type_name) for type_name in TABLE_TYPES},
 }

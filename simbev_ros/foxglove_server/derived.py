@@ -19,6 +19,7 @@ from simbev_ros.msgs.displays.map_markers import map_markers
 from simbev_ros.msgs.displays.messages import rgb_image, serialize
 from simbev_ros.msgs.displays.pictures import color_picture, compressed_picture
 from simbev_ros.msgs.displays.status import EVENT, LANE, WEATHER, status
+from simbev_ros.msgs.displays.table_points import table_points
 from simbev_ros.msgs.sensor_topics import camera_info_topic, camera_topics, picture_topics
 from simbev_ros.msgs.topic import Topic
 from simbev_ros.palette import bev_color
@@ -94,6 +95,9 @@ def _world(spec: SceneSpec, bag: SceneBag) -> Iterator[_Part]:
     known = {topic.name: topic for topic in topics.world_displays(spec)}
     odometry = topics.odometry_name(agent)
     yield known[topics.WORLD_MARKERS], (topics.SIGNALS, topics.ACTORS, topics.LIGHTS), _world_markers
+    yield known[topics.ACTOR_POINTS], (topics.ACTORS,), _points
+    yield known[topics.SIGNAL_POINTS], (topics.SIGNALS,), _points
+    yield known[topics.LIGHT_POINTS], (topics.ACTORS, topics.LIGHTS), lambda stamp, _, lamps: _points(stamp, lamps)
     yield known[topics.path_name(agent)], (odometry,), _PathMaker(bag, odometry)
     yield known[topics.WEATHER_STATUS], (topics.WEATHER,), partial(_status, WEATHER)
     yield known[topics.EVENT_STATUS], (topics.EVENTS,), partial(_status, EVENT)
@@ -102,6 +106,7 @@ def _world(spec: SceneSpec, bag: SceneBag) -> Iterator[_Part]:
 def _labels(spec: SceneSpec) -> Iterator[_Part]:
     labels, frame = annotation_topics(spec), ego_frame(spec)
     yield labels.box_markers, (labels.boxes.name,), lambda stamp_ns, boxes: box_markers(point_array(boxes), stamp_ns)
+    yield labels.box_points, (labels.boxes.name,), _points
     yield labels.bev_color, (labels.bev_labels.name,), partial(_bev_picture, frame)
     yield labels.lane_status, (labels.hd_map.name,), partial(_status, LANE)
     if labels.vector_map is not None and labels.map_markers is not None:
@@ -137,6 +142,10 @@ def _pictures(spec: SceneSpec, bag: SceneBag) -> Iterator[_Part]:
 
 def _world_markers(stamp_ns: int, signals: Any, actors: Any, lamps: Any) -> bytes:
     return world_markers(point_array(actors), point_array(signals), point_array(lamps), stamp_ns)
+
+
+def _points(stamp_ns: int, table: Any) -> bytes:
+    return table_points(point_array(table), stamp_ns)
 
 
 def _status(name: str, stamp_ns: int, message: Any) -> bytes:

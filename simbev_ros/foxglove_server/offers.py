@@ -9,7 +9,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 
-from simbev_ros.foxglove_server.schemas import is_known
+from simbev_ros.interfaces.message_types import is_known_type
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.message_types import message_class
 from simbev_ros.msgs.transforms import ego_transform, serialize_transforms, static_transforms
@@ -84,7 +84,7 @@ def _is_readable(type_name: str) -> bool:
         message_class(type_name)
     except (ImportError, AttributeError, ValueError):
         return False
-    return is_known(type_name)
+    return is_known_type(type_name)
 
 
 def _transform_offers(offers: Mapping[str, Offer]) -> Iterator[Offer]:

@@ -39,6 +39,7 @@ class AnnotationTopics:
         views: How each camera with instance images sees the boxes, by the camera's name.
         occupancy: Occupied voxels; None: not configured.
         vector_map: The roads around the ego; None: not configured.
+        box_points: The 3D boxes as a cloud of float32 for displays; not recorded.
         grids: The grid of each class for displays and planners, by the name of the class; not recorded in bags.
         lane_status: The lane under the ego for displays; not recorded.
         map_markers: The roads around the ego as markers; not recorded. None: no vector map is configured.
@@ -53,6 +54,7 @@ class AnnotationTopics:
     views: Mapping[str, Topic]
     occupancy: Topic | None
     vector_map: Topic | None
+    box_points: Topic
     grids: Mapping[str, Topic]
     lane_status: Topic
     map_markers: Topic | None
@@ -77,7 +79,11 @@ class AnnotationTopics:
         """Topics that are published while somebody subscribes, and not recorded, by what they are about."""
         roads = () if self.map_markers is None else (self.map_markers,)
         surroundings = (*self.grids.values(), self.lane_status, *roads)
-        return {Label.BOXES: (), Label.VIEWS: tuple(self.view_markers.values()), Label.SURROUNDINGS: surroundings}
+        return {
+            Label.BOXES: (self.box_points,),
+            Label.VIEWS: tuple(self.view_markers.values()),
+            Label.SURROUNDINGS: surroundings,
+        }
 
 
 def boxes_name(agent: str) -> str:
@@ -110,6 +116,7 @@ def annotation_topics(spec: SceneSpec) -> AnnotationTopics:
         },
         occupancy=topic("occupancy/points", "sensor_msgs/msg/PointCloud2", occupancy.rate_hz) if occupancy else None,
         vector_map=topic("vector_map", "std_msgs/msg/String", vector_map.rate_hz) if vector_map else None,
+        box_points=topic("boxes/points", "sensor_msgs/msg/PointCloud2"),
         grids={name: _grid_topic(agent, name) for name in BEV_CLASSES},
         lane_status=topic("hd_map/status", "diagnostic_msgs/msg/DiagnosticArray"),
         map_markers=topic("vector_map/markers", markers, vector_map.rate_hz) if vector_map else None,

@@ -27,6 +27,9 @@ BUILDING_LIGHTS = "/world/building_lights"
 WEATHER = "/world/weather"
 EVENTS = "/world/events"
 WORLD_MARKERS = "/world/markers"
+ACTOR_POINTS = "/world/actors/points"
+SIGNAL_POINTS = "/world/signals/points"
+LIGHT_POINTS = "/world/lights/points"
 WEATHER_STATUS = "/world/weather/status"
 EVENT_STATUS = "/world/events/status"
 READY = "/sync/ready"
@@ -80,6 +83,8 @@ def unrecorded_world_topics(spec: SceneSpec) -> Iterator[Topic]:
 def world_displays(spec: SceneSpec) -> Iterator[Topic]:
     """Topics of the world node that it publishes while somebody subscribes, and that are not recorded."""
     yield Topic(WORLD_MARKERS, "visualization_msgs/msg/MarkerArray")
+    for name in (ACTOR_POINTS, SIGNAL_POINTS, LIGHT_POINTS):
+        yield Topic(name, "sensor_msgs/msg/PointCloud2")
     yield Topic(path_name(spec.rig.agent), "nav_msgs/msg/Path")
     yield Topic(WEATHER_STATUS, "diagnostic_msgs/msg/DiagnosticArray")
     yield Topic(EVENT_STATUS, "diagnostic_msgs/msg/DiagnosticArray", sporadic=True)

@@ -32,6 +32,7 @@ from simbev_ros.msgs.displays.grids import occupancy_grid
 from simbev_ros.msgs.displays.image_boxes import image_boxes
 from simbev_ros.msgs.displays.map_markers import map_markers
 from simbev_ros.msgs.displays.status import LANE, status
+from simbev_ros.msgs.displays.table_points import table_points
 from simbev_ros.msgs.images import image_message, labels_from_image
 from simbev_ros.msgs.message_types import message_class
 from simbev_ros.msgs.qos import qos_of, rclpy_qos
@@ -227,6 +228,7 @@ class AnnotatorNode(Participant):
         if Label.BOXES in self._labels:
             self.publish(topics.boxes.name, message_from_table(boxes, state.stamp_ns, MAP_FRAME))
             self.publish_display(topics.box_markers, box_markers, boxes, state.stamp_ns)
+            self.publish_display(topics.box_points, table_points, boxes, state.stamp_ns)
         if Label.VIEWS in self._labels:
             for camera, table in views.items():
                 frame = f"{spec.rig.agent}/{camera}_optical"

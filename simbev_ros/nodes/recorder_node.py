@@ -10,7 +10,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from nav_msgs.msg import Odometry
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
@@ -20,12 +19,14 @@ from simbev_ros.config.scenario import Recording
 from simbev_ros.errors import DiskError
 from simbev_ros.maps.build import load_source
 from simbev_ros.msgs import topics
+from simbev_ros.msgs.derived_messages import Maker, message_makers
 from simbev_ros.msgs.message_types import message_class
 from simbev_ros.msgs.qos import STEERING, rclpy_qos, reader_qos_of
 from simbev_ros.msgs.stamps import serialized_stamp_ns
 from simbev_ros.msgs.tables import table_from_message
 from simbev_ros.msgs.topic import Topic
-from simbev_ros.msgs.transforms import EgoTransforms, serialize_transforms, static_transforms
+from simbev_ros.msgs.transforms import serialize_transforms, static_transforms
+from simbev_ros.msgs.typed_topics import typed_topics
 from simbev_ros.msgs.world import actors_from_message, signals_from_message, weather_from_message
 from simbev_ros.nodes.graph_node import GraphNode
 from simbev_ros.recording.accounting import Accounting, Schedule, Verdict
@@ -88,13 +89,16 @@ class RecorderNode(GraphNode):
         self._end, self._lead_in, self._clock_ns = None, [], -1
         self._loaded_reported = False
         chosen = topics.TopicFilter(self._recording.topics.include, self._recording.topics.exclude)
-        all_topics = topics.manifest(spec, compressed_images=self._recording.images == "compressed")
+        typed = typed_topics(spec) if "messages" in self._recording.forms else ()
+        sent = topics.manifest(spec, compressed_images=self._recording.images == "compressed")
+        all_topics = (*sent, *(each.topic for each in typed))
         self._manifest = {topic.name: topic for topic in all_topics if topic.name in chosen}
+        self._makers = message_makers(spec, typed, self._manifest)
         schedules = {name: _schedule(topic) for name, topic in self._manifest.items()}
         self._accounting = Accounting(schedules, start_ns=spec.start_ns, tick_ns=spec.tick_ns, ticks=spec.ticks)
         self._waiting: defaultdict[int, defaultdict[str, list[tuple[int, memoryview]]]] = defaultdict(_message_lists)
         self._next_tick = 0
-        self._tracker, self._transforms = TrackRecorder(spec.tick_ns), EgoTransforms(spec)
+        self._tracker = TrackRecorder(spec.tick_ns)
         self._writer = bag_writer(scene_folder(self._dataset, spec.split, spec.name), self._recording)
         self._writer.add_attachment(SCENE_ATTACHMENT, "application/json", scene_json.encode())
         config = self._last_request.config if self._last_request is not None else None
@@ -103,11 +107,12 @@ class RecorderNode(GraphNode):
             self._writer.add_attachment(MAP_SOURCE_ATTACHMENT, "application/x-bzip2", load_source(spec.map))
         for topic in self._manifest.values():
             self._writer.add_topic(topic.name, topic.type, self.offered_qos(topic), separate_chunks=topic.sensor)
-        odometry = topics.odometry_name(spec.rig.agent)
-        for topic in all_topics:
-            if topic.name in self._manifest or (topic.name == odometry and topics.TF in self._manifest):
+        for topic in sent:
+            if topic.name in self._manifest or topic.name in self._makers:
                 self._subscribe(topic)
         self._record_own(topics.SCENE, spec.start_ns, payload)
+        for name, make in self._makers.get(topics.SCENE, {}).items():
+            self._record(name, spec.start_ns, memoryview(make(payload, spec.start_ns)))
         self._record_own(topics.TF_STATIC, spec.start_ns, serialize_transforms(static_transforms(spec)))
 
     def _subscribe(self, topic: Topic) -> None:
@@ -128,17 +133,16 @@ class RecorderNode(GraphNode):
         if self._spec is None:
             return
         with self.meter.part("receive"):
-            message = self.read(topic.name, partial(_stamped, payload, topic, self._spec))
+            makers = self._makers.get(topic.name, {})
+            message = self.read(topic.name, partial(_stamped, payload, topic, self._spec, makers))
             if message is None or message.stamp_ns is None or self._is_repeated(topic, message.stamp_ns):
                 return
             if message.stamp_ns < self._spec.start_ns and topic.name in _REPLAYED:
                 self._lead_in.append(RawMessage(topic.name, message.stamp_ns, topic.type, bytes(message.payload)))
             elif message.stamp_ns >= self._spec.start_ns:
-                odometry = topics.odometry_name(self._spec.rig.agent)
                 self._record(topic.name, message.stamp_ns, message.payload)  # the last message of a scene ends it
-                if topic.name == odometry and topics.TF in self._manifest:
-                    transforms = self._transforms.at(deserialize_message(payload, Odometry))
-                    self._record_own(topics.TF, message.stamp_ns, serialize_transforms(transforms))
+                for name, made in message.made.items():
+                    self._record(name, message.stamp_ns, memoryview(made))
 
     def _is_repeated(self, topic: Topic, stamp_ns: int) -> bool:
         """Whether this is the time that a paused world has published before."""
@@ -168,7 +172,7 @@ class RecorderNode(GraphNode):
         if self._accounting.add_message(topic, stamp_ns) is not Verdict.EXPECTED:
             return
         tick = spec.publishing_tick_of(stamp_ns)
-        if tick < self._next_tick and topic == topics.EVENTS:  # its tick has already been written
+        if tick < self._next_tick and self._manifest[topic].sporadic:  # its tick has already been written
             self._writer.write(topic, stamp_ns, payload)
             return
         self._waiting[tick][topic].append((stamp_ns, payload))
@@ -182,7 +186,8 @@ class RecorderNode(GraphNode):
         end = self.read_end(message)
         if end is not None and self._spec is not None and end.scene == self._spec.name:
             self._end = end
-            self._accounting.end_at(end.tick + 1, {topics.EVENTS: end.events})
+            sporadic = [name for name, topic in self._manifest.items() if topic.sporadic]
+            self._accounting.end_at(end.tick + 1, dict.fromkeys(sporadic, end.events))
             self._finish_after_last(self._spec)
 
     def _write_until(self, spec: SceneSpec, writer: SceneBagWriter, last_tick: int) -> None:
@@ -257,19 +262,22 @@ def bag_writer(path: Path, recording: Recording) -> SceneBagWriter:
 
 
 class _Stamped(NamedTuple):
-    """A message in canonical form, with its stamp, ns; None: it has none."""
+    """A message in canonical form, with its stamp, ns (None: it has none), and the messages made of it, by topic."""
 
     stamp_ns: int | None
     payload: memoryview
+    made: Mapping[str, bytes]
 
 
-def _stamped(payload: bytes, topic: Topic, spec: SceneSpec) -> _Stamped:
-    """Check a message of a scene; raises what malformed ones do."""
+def _stamped(payload: bytes, topic: Topic, spec: SceneSpec, makers: Mapping[str, Maker]) -> _Stamped:
+    """Check a message of a scene, and make others of it; raises what malformed ones do."""
     message = canonical_cdr(payload, topic.type)
     if topic.name in _READERS:
         _READERS[topic.name](deserialize_message(payload, message_class(topic.type)))
-    latched = topic.period_ticks == 0
-    return _Stamped(spec.start_ns if latched else serialized_stamp_ns(message, topic.type), message)
+    stamp_ns = spec.start_ns if topic.period_ticks == 0 else serialized_stamp_ns(message, topic.type)
+    if stamp_ns is None or stamp_ns < spec.start_ns:
+        return _Stamped(stamp_ns, message, {})
+    return _Stamped(stamp_ns, message, {name: make(payload, stamp_ns) for name, make in makers.items()})
 
 
 def _schedule(topic: Topic) -> Schedule:

@@ -5,6 +5,7 @@ from simbev_ros.msgs import topics
 from simbev_ros.msgs.displays.box_markers import world_markers
 from simbev_ros.msgs.displays.ego_path import EgoPath, PathPose
 from simbev_ros.msgs.displays.status import EVENT, WEATHER, status
+from simbev_ros.msgs.displays.table_points import table_points
 from simbev_ros.msgs.topic import Topic
 from simbev_ros.msgs.world import event_record
 from simbev_ros.nodes.graph_node import GraphNode
@@ -35,6 +36,8 @@ class WorldDisplays:
         publish = self._node.publish_display
         tables = state.actors, state.signals, self._lamps
         publish(self._topics[topics.WORLD_MARKERS], world_markers, *tables, state.stamp_ns)
+        for name, table in zip((topics.ACTOR_POINTS, topics.SIGNAL_POINTS, topics.LIGHT_POINTS), tables, strict=True):
+            publish(self._topics[name], table_points, table, state.stamp_ns)
         publish(self._topics[topics.WEATHER_STATUS], status, WEATHER, state.weather.model_dump(), state.stamp_ns)
         for event in state.events:
             publish(self._topics[topics.EVENT_STATUS], status, EVENT, event_record(event, state), state.stamp_ns)

@@ -19,9 +19,9 @@ from types import TracebackType
 from typing import NamedTuple, Self
 
 from mcap.records import Attachment, Channel, Schema
-from rosbags.typesys import Stores, get_typestore
 
 from simbev_ros.errors import DiskError, InputError
+from simbev_ros.interfaces.message_types import message_definition, type_hash
 from simbev_ros.recording.bag_files import BagFiles, check_space, disk_errors
 from simbev_ros.recording.bag_metadata import RecordedTopic, bag_information, to_yaml
 from simbev_ros.recording.layout import METADATA_FILE, partial_of
@@ -30,7 +30,6 @@ from simbev_ros.recording.mcap.syncing import sync
 from simbev_ros.recording.qos import QosProfile
 from simbev_ros.threads import usable_cores
 
-_TYPES = get_typestore(Stores.ROS2_JAZZY)
 _MAX_PACKERS = 4
 """Maximum number of threads that compress chunks."""
 _MAX_WAITING = 4
@@ -117,26 +116,26 @@ class SceneBagWriter:
 
         Args:
             name: Full topic name.
-            type_name: A type such as ``sensor_msgs/msg/Image``, from one of ROS 2 Jazzy's own message packages.
+            type_name: A type such as ``sensor_msgs/msg/Image``, that ``interfaces.message_types`` knows.
             qos: Quality of service that the publisher offers.
             separate_chunks: Whether to keep the topic, with others for which this is set, out of the common chunks.
         """
         if name in self._topics:
             raise ValueError(f"topic {name} was added before")
         if type_name not in self._schemas:
-            definition, _ = _TYPES.generate_msgdef(type_name, ros_version=2)
+            definition = message_definition(type_name).encode()
             self._schemas[type_name] = Schema(
-                id=len(self._schemas) + 1, data=definition.encode(), encoding="ros2msg", name=type_name
+                id=len(self._schemas) + 1, data=definition, encoding="ros2msg", name=type_name
             )
-        type_hash, schema = _TYPES.hash_rihs01(type_name), self._schemas[type_name]
+        digest, schema = type_hash(type_name), self._schemas[type_name]
         channel = Channel(
             id=len(self._topics) + 1,
             topic=name,
             message_encoding="cdr",
-            metadata={"offered_qos_profiles": qos.as_yaml(), "topic_type_hash": type_hash},
+            metadata={"offered_qos_profiles": qos.as_yaml(), "topic_type_hash": digest},
             schema_id=schema.id,
         )
-        self._topics[name] = RecordedTopic(name, type_name, type_hash, qos, channel.id)
+        self._topics[name] = RecordedTopic(name, type_name, digest, qos, channel.id)
         self._groups[name] = _COMMON if self._shares_chunks else _Group(separate_chunks, type_name in _COMPRESSED)
         self._submit(self._files.define, Definition(channel, schema))
 

@@ -4,9 +4,8 @@ CDR aligns numbers with padding bytes, which middleware leaves with whatever its
 """
 
 from rosbags.serde import SerdeError
-from rosbags.typesys import Stores, get_typestore
 
-_TYPES = get_typestore(Stores.ROS2_JAZZY)
+from simbev_ros.interfaces.message_types import types_with
 
 
 def canonical_cdr(payload: bytes, type_name: str) -> memoryview:
@@ -15,7 +14,8 @@ def canonical_cdr(payload: bytes, type_name: str) -> memoryview:
     Raises:
         ValueError: The bytes are no message of this type.
     """
+    types = types_with(type_name)
     try:
-        return _TYPES.serialize_cdr(_TYPES.deserialize_cdr(payload, type_name), type_name)
+        return types.serialize_cdr(types.deserialize_cdr(payload, type_name), type_name)
     except SerdeError as error:
         raise ValueError(str(error)) from None

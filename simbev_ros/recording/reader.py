@@ -13,10 +13,10 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Message, Schema
 from pydantic import ValidationError
 from rosbags.serde import SerdeError
-from rosbags.typesys import Stores, get_typestore
 
 from simbev_ros.config.base import first_problem
 from simbev_ros.errors import BagError
+from simbev_ros.interfaces.message_types import types_with
 from simbev_ros.limits import MAX_SCENE_TICKS
 from simbev_ros.object_store.object_path import AnyPath, ObjectPath
 from simbev_ros.recording.layout import PARTIAL_SUFFIX, SCENE_ATTACHMENT, mcap_files, read_errors
@@ -25,8 +25,6 @@ from simbev_ros.recording.mcap.mcap_index import DAMAGE, McapIndex, read_mcap_in
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.structured_text import parse_json, parse_yaml
 from simbev_ros.types import Int64Array
-
-_TYPES = get_typestore(Stores.ROS2_JAZZY)
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,10 +196,10 @@ class SceneBag:
         """Deserialize a message into an object with the fields of its ROS type; arrays are numpy arrays.
 
         Raises:
-            BagError: The bytes are not a message of this type, or ROS 2 Jazzy does not ship the type.
+            BagError: The bytes are not a message of this type, or the type is unknown.
         """
         try:
-            return _TYPES.deserialize_cdr(message.data, message.type_name)
+            return types_with(message.type_name).deserialize_cdr(message.data, message.type_name)
         except (SerdeError, KeyError) as error:
             raise BagError(f"{self.path}: {message.topic} at {message.stamp_ns} ns: {error}") from None
 

@@ -9,17 +9,15 @@ from itertools import chain
 from pathlib import Path
 
 from mcap.records import Channel, Message, Schema
-from rosbags.typesys import Stores, get_typestore
 
 from simbev_ros.errors import BagError, DiskError
+from simbev_ros.interfaces.message_types import is_known_type
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.layout import METADATA_FILE, numbered_files, partial_of
 from simbev_ros.recording.mcap.salvage import Salvage, salvage
 from simbev_ros.recording.qos import QosProfile
 from simbev_ros.recording.reader import custom_data_in, parse_counts
 from simbev_ros.structured_text import load_yaml, parse_yaml
-
-_KNOWN_TYPES = frozenset(get_typestore(Stores.ROS2_JAZZY).types)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,11 +82,11 @@ def _salvage_files(files: Mapping[int, Path], found: Salvage) -> Iterator[tuple[
         for message in salvage(file, part):
             channel = part.channels[message.channel_id]
             schema = part.schemas.get(channel.schema_id)
-            if schema is None or schema.name not in _KNOWN_TYPES:
+            if schema is None or not is_known_type(schema.name):
                 unknown[channel.topic] += 1
                 continue
             yield channel, schema, message
-        part.lost += [f"{topic}: {count} messages of no type of ROS 2 Jazzy" for topic, count in unknown.items()]
+        part.lost += [f"{topic}: {count} messages of an unknown type" for topic, count in unknown.items()]
         found.attachments |= part.attachments
         found.metadata |= part.metadata
         found.lost += [f"{file.name}: {loss}" if len(files) > 1 else loss for loss in part.lost]

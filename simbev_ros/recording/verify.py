@@ -8,10 +8,10 @@ from typing import Any
 
 from mcap.records import Message
 from rosbags.serde import SerdeError
-from rosbags.typesys import Stores, get_typestore
 
 from simbev_ros.annotation.trajectories import tracks_from_npz
 from simbev_ros.errors import BagError
+from simbev_ros.interfaces.message_types import types_with
 from simbev_ros.object_store.object_path import AnyPath
 from simbev_ros.recording.layout import (
     METADATA_FILE,
@@ -24,8 +24,6 @@ from simbev_ros.recording.mcap.mcap_check import McapContent, check_mcap
 from simbev_ros.recording.reader import SceneBag, attached_spec
 from simbev_ros.structured_text import load_yaml, parse_json, parse_yaml
 from simbev_ros.units import NS_PER_S
-
-_TYPES = get_typestore(Stores.ROS2_JAZZY)
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +87,7 @@ class _MessageChecker:
             return
         kind = content.schemas[channel.schema_id].name
         try:
-            stamp_ns = embedded_stamp_ns(_TYPES.deserialize_cdr(message.data, kind))
+            stamp_ns = embedded_stamp_ns(types_with(kind).deserialize_cdr(message.data, kind))
         except (SerdeError, KeyError, ValueError, AssertionError, TypeError, OverflowError) as error:
             self.faults.append((channel.topic, f"at {message.log_time} ns: no {kind}: {error}"))
             return

@@ -1,10 +1,14 @@
 """The reference pages say what the code says, completely."""
 
+import re
+
 import pytest
 
+from simbev_ros.installation.interface_files import OWN_PACKAGE, interface_files
 from simbev_ros.msgs import topics
 from tools.docs.commands import commands
 from tools.docs.configuration import documented_models, models_in
+from tools.docs.interfaces import render_interfaces
 from tools.docs.pages import PAGES, REFERENCE
 from tools.docs.topics import descriptions, matching, paper_topics
 
@@ -41,6 +45,18 @@ def test_every_row_stands_for_a_topic() -> None:
 def test_every_fixed_topic_of_the_code_is_on_the_page() -> None:
     fixed = {value for name, value in vars(topics).items() if name.isupper() and str(value).startswith("/")}
     assert fixed <= {each.show for each in descriptions()}
+
+
+def test_every_field_of_the_interfaces_has_a_row_with_its_comment() -> None:
+    page = render_interfaces()
+    for path in interface_files(OWN_PACKAGE).values():
+        (section,) = re.findall(rf"^## {path.stem}\n(.*?)(?=^## |\Z)", page, re.MULTILINE | re.DOTALL)
+        for line in path.read_text(encoding="utf-8").splitlines():
+            if match := re.fullmatch(r"(\S+) (\w+)(?: (\S+))? +# (.*)", line):
+                comment = re.escape(match[4].replace("<", "&lt;"))
+                assert re.search(
+                    rf"^\| .*`{match[2]}`.* \| `{re.escape(match[1])}.*` \| {comment}.*\|$", section, re.M
+                ), line
 
 
 def test_verbs_and_commands_of_groups_are_documented() -> None:

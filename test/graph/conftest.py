@@ -34,6 +34,15 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return record(Command, folder / "small.yaml", folder / "dataset")
 
 
+@pytest.fixture(scope="session")
+def in_both_forms(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same scene, recorded as tables and as typed messages."""
+    folder = tmp_path_factory.mktemp("in_both_forms")
+    text = SMALL.replace("DURATION", "0.5") + "recording: {forms: [tables, messages]}\n"
+    (folder / "small.yaml").write_text(text)
+    return record(Command, folder / "small.yaml", folder / "dataset")
+
+
 @pytest.fixture
 def simbev() -> Iterator[Callable[..., Command]]:
     """Function that starts commands; those still running at the end of the test are ended."""

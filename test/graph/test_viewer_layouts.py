@@ -8,11 +8,13 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 import yaml
 from made_up_scene import made_up_spec
 from rosbags.typesys import Stores, get_typestore
 
+from simbev_ros.annotation.boxes.boxes import BOX_DTYPE
 from simbev_ros.annotation.occupancy.occupancy import VOXEL_DTYPE
 from simbev_ros.config.annotation import VectorMapPatch
 from simbev_ros.config.load import load_scenario
@@ -21,6 +23,7 @@ from simbev_ros.msgs.qos import qos_of
 from simbev_ros.msgs.topic import Topic
 from simbev_ros.msgs.topics import DIAGNOSTICS, display_topics, manifest
 from simbev_ros.recording.reader import SceneBag
+from simbev_ros.scene.state import ACTOR_DTYPE
 from simbev_ros.sensors.lidar import POINT_DTYPE, SEMANTIC_POINT_DTYPE
 from simbev_ros.sensors.radar import RADAR_POINT_DTYPE
 
@@ -38,6 +41,13 @@ RVIZ_TYPES = {
     "Map": {"nav_msgs/msg/OccupancyGrid"},
     "Image": {"sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"},
 }
+
+
+def with_speed(dtype: Any) -> Any:
+    """A table's columns and the one that is added for displays."""
+    return np.dtype([*dtype.descr, ("speed", "<f4")])
+
+
 SHOWN_IN_3D = {
     "sensor_msgs/msg/PointCloud2",
     "visualization_msgs/msg/MarkerArray",
@@ -49,6 +59,8 @@ COLUMNS = {
     "lidar/semantic_points": SEMANTIC_POINT_DTYPE,
     "radar_*/points": RADAR_POINT_DTYPE,
     "occupancy/points": VOXEL_DTYPE,
+    "boxes/points": BOX_DTYPE,
+    "/world/actors/points": with_speed(ACTOR_DTYPE),
 }
 
 

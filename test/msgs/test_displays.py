@@ -14,7 +14,7 @@ from simbev_ros.msgs.displays.box_markers import box_markers, world_markers
 from simbev_ros.msgs.displays.grids import occupancy_grid
 from simbev_ros.msgs.stamps import stamp_of
 from simbev_ros.scene.lights import STREET_LIGHT_DTYPE
-from simbev_ros.scene.state import SIGNAL_DTYPE, SignalState, map_from_actors
+from simbev_ros.scene.state import ACTOR_DTYPE, SIGNAL_DTYPE, SignalState, map_from_actors
 from simbev_ros.semantics import BOX_CLASSES, Tag
 from simbev_ros.sensors.mount import vector
 from simbev_ros.types import BoolArray, Float64Array, Table
@@ -156,3 +156,11 @@ def test_actors_have_their_own_color_and_signals_that_of_their_state() -> None:
     ]
     red, green = (each.color for each in lamps)
     assert red.r > 0.8 > 0.5 > red.g and green.g > 0.7 > 0.5 > green.r
+
+
+def test_a_traffic_light_that_is_off_is_dark() -> None:
+    signals = np.zeros(1, SIGNAL_DTYPE)
+    signals["state"] = SignalState.OFF
+    made = world_markers(np.zeros(0, ACTOR_DTYPE), signals, np.zeros(0, STREET_LIGHT_DTYPE), STAMP_NS)
+    _, ball = deserialize_message(made, MarkerArray).markers
+    assert ball.ns == "traffic_light" and max(ball.color.r, ball.color.g, ball.color.b) < 0.25

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from tools.docs.commands import render_commands
 from tools.docs.configuration import render_configuration
+from tools.docs.interfaces import render_interfaces
 from tools.docs.limits import render_limits
 from tools.docs.tables import render_tables
 from tools.docs.topics import render_topics
@@ -17,6 +18,7 @@ PAGES: dict[str, Callable[[], str]] = {
     "topics.md": render_topics,
     "commands.md": render_commands,
     "box-columns.md": render_tables,
+    "interfaces.md": render_interfaces,
     "limits-of-input.md": render_limits,
 }
 """File name below docs/reference → function that renders the page."""

@@ -13,6 +13,7 @@ from simbev_ros.config.annotation import Occupancy, VectorMapPatch
 from simbev_ros.config.load import load_scenario
 from simbev_ros.msgs.qos import qos_of
 from simbev_ros.msgs.topics import Topic, manifest
+from simbev_ros.msgs.typed_topics import typed_topics
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.units import NS_PER_S
 from tools.docs.markdown import GENERATED, code, table
@@ -55,7 +56,8 @@ def render_topics() -> str:
     parts = [GENERATED, _INTRODUCTION]
     for group in data["groups"]:
         rows = [_row(description, known) for description in _descriptions(group["topics"])]
-        parts.append(f"## {group['title']}\n\n{table(('topic', 'type', 'rate', 'QoS', 'content'), rows)}")
+        text = f"{group['text']}\n\n" if "text" in group else ""
+        parts.append(f"## {group['title']}\n\n{text}{table(('topic', 'type', 'rate', 'QoS', 'content'), rows)}")
     services = [(code(name), kind, text) for name, kind, text in data["services"]]
     parts.append(f"## Services\n\n{table(('service', 'type', 'effect'), services)}")
     return "\n".join(part.rstrip("\n") + "\n" for part in parts)
@@ -68,12 +70,13 @@ def descriptions() -> list[Description]:
 
 @lru_cache(maxsize=1)
 def paper_topics() -> dict[str, Topic]:
-    """By name all topics of the paper's rig with every label, images in both forms."""
+    """By name all topics of the paper's rig with every label, images in both forms, and typed messages."""
     scenario = load_scenario("paper")
     labels = scenario.annotation.model_copy(update={"occupancy": Occupancy(), "vector_map": VectorMapPatch()})
     values: dict[str, Any] = {"rig": scenario.rig, "annotation": labels, "tick_ns": scenario.time.tick_ns}
     spec: SceneSpec = getattr(SceneSpec, "model_construct")(**values)  # noqa: B009 - topics need no more of a scene
-    return {topic.name: topic for form in (False, True) for topic in manifest(spec, compressed_images=form)}
+    sent = [topic for form in (False, True) for topic in manifest(spec, compressed_images=form)]
+    return {topic.name: topic for topic in (*sent, *(each.topic for each in typed_topics(spec)))}
 
 
 def matching(description: Description, names: Sequence[str]) -> list[str]:

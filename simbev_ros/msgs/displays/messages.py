@@ -1,12 +1,15 @@
-"""Builds and serializes messages of ROS 2 Jazzy's standard types without ROS; several times faster than rclpy does."""
+"""Builds and serializes messages without ROS; several times faster than rclpy does.
+
+Their types are those of ROS 2 Jazzy, of vision_msgs and of this project.
+"""
 
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from rosbags.interfaces import Nodetype
-from rosbags.typesys import Stores, get_typestore
 
+from simbev_ros.interfaces.message_types import types_with
 from simbev_ros.types import AnyArray, Float64Array
 from simbev_ros.units import NS_PER_S
 
@@ -16,21 +19,21 @@ IMAGE_MARKER = "visualization_msgs/msg/ImageMarker"
 PATH = "nav_msgs/msg/Path"
 GRID = "nav_msgs/msg/OccupancyGrid"
 IMAGE = "sensor_msgs/msg/Image"
+CLOUD = "sensor_msgs/msg/PointCloud2"
 COMPRESSED_IMAGE = "sensor_msgs/msg/CompressedImage"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
 
-_TYPES = get_typestore(Stores.ROS2_JAZZY)
 _ZEROS: dict[str, Any] = {"string": "", "bool": False, "float32": 0.0, "float64": 0.0}
 
 
 def build(type_name: str, **fields: Any) -> Any:
     """A message; fields that are not given have the defaults of ROS."""
-    return _TYPES.types[type_name](**{**_defaults(type_name), **fields})
+    return types_with(type_name).types[type_name](**{**_defaults(type_name), **fields})
 
 
 def serialize(message: Any) -> bytes:
     """A message as CDR with its encapsulation header."""
-    return bytes(_TYPES.serialize_cdr(message, message.__msgtype__))
+    return bytes(types_with(message.__msgtype__).serialize_cdr(message, message.__msgtype__))
 
 
 def stamped(stamp_ns: int, frame: str) -> Any:
@@ -45,7 +48,7 @@ def moment(stamp_ns: int) -> Any:
 
 def points(positions: Float64Array) -> list[Any]:
     """Points from (N, 3)."""
-    kind = _TYPES.types["geometry_msgs/msg/Point"]
+    kind = types_with("geometry_msgs/msg/Point").types["geometry_msgs/msg/Point"]
     return [kind(x=x, y=y, z=z) for x, y, z in positions.tolist()]
 
 
@@ -84,7 +87,7 @@ def rgb_image(image: AnyArray, stamp_ns: int, frame: str) -> bytes:
 @lru_cache
 def _defaults(type_name: str) -> dict[str, Any]:
     """Default values of a type's fields; messages share those that are messages, which nobody changes."""
-    return {name: _default(kind, of) for name, (kind, of) in _TYPES.fielddefs[type_name][1]}
+    return {name: _default(kind, of) for name, (kind, of) in types_with(type_name).fielddefs[type_name][1]}
 
 
 def _default(kind: Nodetype, of: Any) -> Any:

@@ -18,9 +18,11 @@ COPY interfaces interfaces
 COPY simbev_ros/__init__.py simbev_ros/
 COPY simbev_ros/installation simbev_ros/installation
 
+# The set-up makes ROS messages that have no wheels, with a compiler that is not needed afterwards.
 # With Ray come the programs that those who start Ray in containers call there: wget, for the probes of older KubeRays;
 # rsync, for files that `ray up` copies. Byte code is compiled here because the user below cannot write it.
 RUN export PIP_NO_CACHE_DIR=1 DEBIAN_FRONTEND=noninteractive \
+    && apt-get update && apt-get install -y --no-install-recommends g++ python3-dev \
     && if ! ./simbev setup; then cat .setup.log; exit 1; fi \
     && if [ -n "${EXTRAS}${PACKAGES}" ]; then \
         .venv/bin/python -m pip install --no-compile -e ".${EXTRAS:+[${EXTRAS}]}" ${PACKAGES}; fi \
@@ -28,6 +30,7 @@ RUN export PIP_NO_CACHE_DIR=1 DEBIAN_FRONTEND=noninteractive \
         .venv/bin/ray --version && ln -s /opt/simbev/.venv/bin/ray /usr/local/bin/ \
         && apt-get update && apt-get install -y --no-install-recommends rsync wget ;; esac \
     && .venv/bin/python -W ignore -m compileall -q -j 0 .venv/lib \
+    && apt-get purge -y --auto-remove g++ python3-dev \
     && apt-get clean && rm -rf .setup.log .setup.lock /var/lib/apt/lists/*
 
 # How libEGL finds NVIDIA's library, which the container toolkit brings; without a GPU, libEGL passes on to Mesa's.

@@ -21,6 +21,9 @@ from simbev_ros.errors import InputError
 from simbev_ros.input_file import is_file, path_exists
 from simbev_ros.limits import MAX_YAML_BYTES
 
+CONFIG_SUFFIXES = (".yaml", ".yml")
+"""Suffixes of files that configurations name, or that others ask for: messages about any other file would quote it."""
+
 
 def load_scenario(path_or_name: str | Path) -> Scenario:
     """Load the configuration at a path, or the shipped one with that name (``demo``, ``live``, ``paper``).
@@ -122,6 +125,10 @@ def _with_absolute_maps(data: dict[str, Any], file: YamlFile) -> dict[str, Any]:
 
 
 def _find_rig(name: str, config_path: Path) -> Path:
+    if Path(name).suffix not in CONFIG_SUFFIXES:
+        raise InputError(
+            f"{config_path}: rig: must be a file that ends in {' or '.join(CONFIG_SUFFIXES)}, not {name!r}"
+        )
     candidates = [config_path.parent / name, shipped_config_dir() / name]
     for candidate in candidates:
         if is_file(candidate):

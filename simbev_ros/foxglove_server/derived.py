@@ -12,6 +12,7 @@ from simbev_ros.errors import BagError
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.annotation_topics import annotation_topics
 from simbev_ros.msgs.displays.box_markers import box_markers, world_markers
+from simbev_ros.msgs.displays.detections import detections_2d, detections_3d
 from simbev_ros.msgs.displays.ego_path import EgoPath, PathPose
 from simbev_ros.msgs.displays.grids import occupancy_grid
 from simbev_ros.msgs.displays.image_boxes import image_boxes
@@ -106,6 +107,7 @@ def _world(spec: SceneSpec, bag: SceneBag) -> Iterator[_Part]:
 def _labels(spec: SceneSpec) -> Iterator[_Part]:
     labels, frame = annotation_topics(spec), ego_frame(spec)
     yield labels.box_markers, (labels.boxes.name,), lambda stamp_ns, boxes: box_markers(point_array(boxes), stamp_ns)
+    yield labels.detections, (labels.boxes.name,), lambda stamp_ns, boxes: detections_3d(point_array(boxes), stamp_ns)
     yield labels.box_points, (labels.boxes.name,), _points
     yield labels.bev_color, (labels.bev_labels.name,), partial(_bev_picture, frame)
     yield labels.lane_status, (labels.hd_map.name,), partial(_status, LANE)
@@ -119,7 +121,11 @@ def _views(spec: SceneSpec) -> Iterator[_Part]:
     labels = annotation_topics(spec)
     for camera, topic in labels.view_markers.items():
         frame = f"{spec.rig.agent}/{camera}_optical"
-        yield topic, (labels.views[camera].name,), partial(_image_boxes, frame)
+        yield topic, (labels.views[camera].name,), partial(_of_views, image_boxes, frame)
+    for camera, (visible, amodal) in labels.camera_detections.items():
+        sources, frame = (labels.views[camera].name,), f"{spec.rig.agent}/{camera}_optical"
+        yield visible, sources, partial(_of_views, detections_2d, frame)
+        yield amodal, sources, partial(_of_views, partial(detections_2d, prefix="amodal_"), frame)
 
 
 def _camera_infos(spec: SceneSpec) -> Iterator[_Part]:
@@ -156,8 +162,8 @@ def _map_markers(stamp_ns: int, message: Any) -> bytes:
     return map_markers(_record(message), stamp_ns)
 
 
-def _image_boxes(frame: str, stamp_ns: int, views: Any) -> bytes:
-    return image_boxes(point_array(views), stamp_ns, frame)
+def _of_views(make: _Make, frame: str, stamp_ns: int, views: Any) -> bytes:
+    return make(point_array(views), stamp_ns, frame)
 
 
 def _picture(make: _MakePicture, modality: str, frame: str, stamp_ns: int, message: Any) -> bytes:

@@ -6,12 +6,14 @@ All of them follow from a scene's specification. Pure: imports no ROS.
 from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import NamedTuple
 
 from simbev_ros.config.annotation import Annotation
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.radar import Radar
 from simbev_ros.config.rig import Rig
+from simbev_ros.msgs.displays.detections import DETECTIONS_2D, DETECTIONS_3D, LABEL_INFO
 from simbev_ros.msgs.sensor_topics import camera_topics, lidar_topics, radar_topic
 from simbev_ros.msgs.topic import Topic, agent_topic
 from simbev_ros.scene.spec import SceneSpec
@@ -24,6 +26,13 @@ class Label(StrEnum):
     BOXES = "boxes"
     VIEWS = "views"
     SURROUNDINGS = "surroundings"
+
+
+class CameraDetections(NamedTuple):
+    """Topics with what a camera sees as vision_msgs: boxes around visible pixels, and around whole silhouettes."""
+
+    visible: Topic
+    amodal: Topic
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +53,9 @@ class AnnotationTopics:
         lane_status: The lane under the ego for displays; not recorded.
         map_markers: The roads around the ego as markers; not recorded. None: no vector map is configured.
         view_markers: The 2D boxes of each camera in ``views`` as markers over its image; not recorded.
+        detections: The boxes as detections; not recorded.
+        camera_detections: The 2D boxes of each camera in ``views`` as detections; not recorded.
+        bev_label_info: Names of the bits of ``bev_labels``, latched; not recorded.
     """
 
     bev_labels: Topic
@@ -59,6 +71,9 @@ class AnnotationTopics:
     lane_status: Topic
     map_markers: Topic | None
     view_markers: Mapping[str, Topic]
+    detections: Topic
+    camera_detections: Mapping[str, CameraDetections]
+    bev_label_info: Topic
 
     @property
     def recorded(self) -> tuple[Topic, ...]:
@@ -78,12 +93,10 @@ class AnnotationTopics:
     def displays(self) -> dict[Label, tuple[Topic, ...]]:
         """Topics that are published while somebody subscribes, and not recorded, by what they are about."""
         roads = () if self.map_markers is None else (self.map_markers,)
-        surroundings = (*self.grids.values(), self.lane_status, *roads)
-        return {
-            Label.BOXES: (self.box_points,),
-            Label.VIEWS: tuple(self.view_markers.values()),
-            Label.SURROUNDINGS: surroundings,
-        }
+        surroundings = (*self.grids.values(), self.lane_status, *roads, self.bev_label_info)
+        views = (*self.view_markers.values(), *(topic for each in self.camera_detections.values() for topic in each))
+        boxes = (self.box_points, self.detections)
+        return {Label.BOXES: boxes, Label.VIEWS: views, Label.SURROUNDINGS: surroundings}
 
 
 def boxes_name(agent: str) -> str:
@@ -124,6 +137,15 @@ def annotation_topics(spec: SceneSpec) -> AnnotationTopics:
             camera.name: topic(f"{camera.name}/boxes/markers", "visualization_msgs/msg/ImageMarker", camera.rate_hz)
             for camera in cameras
         },
+        detections=topic("detections", DETECTIONS_3D),
+        camera_detections={
+            camera.name: CameraDetections(
+                topic(f"{camera.name}/detections", DETECTIONS_2D, camera.rate_hz),
+                topic(f"{camera.name}/detections/amodal", DETECTIONS_2D, camera.rate_hz),
+            )
+            for camera in cameras
+        },
+        bev_label_info=Topic(agent_topic(agent, "bev/label_info"), LABEL_INFO, 0),
     )
 
 

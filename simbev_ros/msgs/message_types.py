@@ -1,6 +1,7 @@
-"""Finds message classes by type name, for code that subscribes to topics of any type."""
+"""Finds message classes by type name, for code that publishes and subscribes to topics of any type."""
 
 import importlib
+from functools import cache
 from typing import Any
 
 
@@ -12,3 +13,13 @@ def message_class(type_name: str) -> Any:
     """
     package, _, kind = type_name.split("/")
     return getattr(importlib.import_module(f"{package}.msg"), kind)
+
+
+@cache
+def is_installed(type_name: str) -> bool:
+    """Whether the package of a type such as ``vision_msgs/msg/LabelInfo`` is installed; not all come with ROS."""
+    try:
+        message_class(type_name)
+    except (ImportError, AttributeError):
+        return False
+    return True

@@ -15,11 +15,13 @@ from simbev_ros.config.positioning import Gnss, Imu
 from simbev_ros.config.radar import Radar
 from simbev_ros.config.rig import AnySensor
 from simbev_ros.config.sensor import Sensor
+from simbev_ros.msgs.displays.detections import LABEL_INFO
 from simbev_ros.msgs.topic import Topic, agent_topic
 from simbev_ros.scene.spec import SceneSpec
 
 _POINTS = "points"
 _CAMERA_INFO = "camera_info"
+_LABEL_INFO = "label_info"
 _COMPRESSED: dict[Modality, str] = {
     "rgb": "compressed",
     "semantic": "compressed",
@@ -112,6 +114,13 @@ def picture_topics(spec: SceneSpec, camera: Camera) -> dict[Modality, PictureTop
         for modality in camera.modalities
         if modality != "rgb"
     }
+
+
+def label_info_topic(spec: SceneSpec, camera: Camera) -> Topic | None:
+    """Latched topic with the names of the classes in a camera's semantic images; None: it has no such images."""
+    if "semantic" not in camera.modalities:
+        return None
+    return Topic(agent_topic(spec.rig.agent, f"{camera.name}/semantic/{_LABEL_INFO}"), LABEL_INFO, 0)
 
 
 def lidar_topics(spec: SceneSpec, lidar: Lidar) -> LidarTopics:

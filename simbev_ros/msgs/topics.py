@@ -9,7 +9,7 @@ from fnmatch import fnmatchcase
 
 from simbev_ros.config.camera import Camera
 from simbev_ros.msgs.annotation_topics import annotation_topics
-from simbev_ros.msgs.sensor_topics import picture_topics, sensor_topics
+from simbev_ros.msgs.sensor_topics import label_info_topic, picture_topics, sensor_topics
 from simbev_ros.msgs.topic import Topic, agent_topic
 from simbev_ros.scene.spec import SceneSpec
 
@@ -96,6 +96,8 @@ def display_topics(spec: SceneSpec) -> Iterator[Topic]:
     for camera in spec.rig.of_type(Camera):
         for pictures in picture_topics(spec, camera).values():
             yield from pictures
+        if (names := label_info_topic(spec, camera)) is not None:
+            yield names
     for topics in annotation_topics(spec).displays.values():
         yield from topics
 

@@ -28,6 +28,7 @@ from simbev_ros.maps.build import load_network
 from simbev_ros.maps.hd_map import lane_record
 from simbev_ros.msgs.annotation_topics import Label, annotation_topics, annotator_inputs, viewing_cameras
 from simbev_ros.msgs.displays.box_markers import box_markers
+from simbev_ros.msgs.displays.detections import detections_2d, detections_3d, label_info
 from simbev_ros.msgs.displays.grids import occupancy_grid
 from simbev_ros.msgs.displays.image_boxes import image_boxes
 from simbev_ros.msgs.displays.map_markers import map_markers
@@ -121,6 +122,10 @@ class AnnotatorNode(Participant):
         displayed = [topic for label in sorted(self._labels) for topic in topics.displays[label]]
         for topic in (*recorded, *displayed):
             self.advertise(topic)
+        self.advertise_typed(spec)
+        if Label.SURROUNDINGS in self._labels:
+            bits = {1 << index: name for index, name in enumerate(BEV_CLASSES)}
+            self.publish_once(topics.bev_label_info, label_info, bits, spec.start_ns, f"{spec.rig.agent}/base_link")
         return [topic.name for topic in recorded]
 
     def _subscribe_to_sensors(self, spec: SceneSpec) -> None:
@@ -190,6 +195,7 @@ class AnnotatorNode(Participant):
         lane = lane_record(self._network, vector(state.ego, "x y z"), float(state.ego["yaw"]))
         self.publish(topics.hd_map.name, record_message(lane, stamp_ns))
         self.publish_display(topics.lane_status, status, LANE, lane, stamp_ns)
+        self.publish_typed(topics.hd_map.name, lane, stamp_ns)
 
     def _publish_grids(self, grid: UInt16Array, spec: SceneSpec, state: WorldState) -> None:
         geometry, frame = spec.annotation.bev.grid, ego_frame(spec)
@@ -228,12 +234,18 @@ class AnnotatorNode(Participant):
         if Label.BOXES in self._labels:
             self.publish(topics.boxes.name, message_from_table(boxes, state.stamp_ns, MAP_FRAME))
             self.publish_display(topics.box_markers, box_markers, boxes, state.stamp_ns)
+            self.publish_display(topics.detections, detections_3d, boxes, state.stamp_ns)
+            self.publish_typed(topics.boxes.name, boxes, state.stamp_ns)
             self.publish_display(topics.box_points, table_points, boxes, state.stamp_ns)
         if Label.VIEWS in self._labels:
             for camera, table in views.items():
                 frame = f"{spec.rig.agent}/{camera}_optical"
                 self.publish(topics.views[camera].name, message_from_table(table, state.stamp_ns, frame))
                 self.publish_display(topics.view_markers[camera], image_boxes, table, state.stamp_ns, frame)
+                visible, amodal = topics.camera_detections[camera]
+                self.publish_display(visible, detections_2d, table, state.stamp_ns, frame)
+                self.publish_display(amodal, detections_2d, table, state.stamp_ns, frame, "amodal_")
+                self.publish_typed(topics.views[camera].name, table, state.stamp_ns)
 
     def _views_of(self, tick: _Tick, cameras: Sequence[Camera], images: Mapping[str, AnyArray]) -> dict[str, Table]:
         """What the cameras whose images are there see of the boxes."""

@@ -19,6 +19,7 @@ from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.config.camera import Camera, Modality
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.scenario import Recording
+from simbev_ros.msgs.displays.detections import label_info
 from simbev_ros.msgs.displays.messages import rgb_image
 from simbev_ros.msgs.displays.pictures import color_picture, compressed_picture
 from simbev_ros.msgs.images import camera_info_message, compressed_image_message, encoding_of, image_message
@@ -27,6 +28,7 @@ from simbev_ros.msgs.sensor_topics import (
     PictureTopics,
     camera_info_topic,
     camera_topics,
+    label_info_topic,
     picture_topics,
 )
 from simbev_ros.msgs.topic import Topic
@@ -38,6 +40,7 @@ from simbev_ros.render.gl.context import open_context
 from simbev_ros.render.renderer import READ_BACK, Renderer
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
+from simbev_ros.semantics import Tag
 from simbev_ros.types import AnyArray
 
 
@@ -120,7 +123,10 @@ class CameraNode(Participant):
         self._pictures = {camera.name: picture_topics(spec, camera) for camera in self._cameras}
         self._previous.clear()
         self._outputs.clear()
-        return list(self._advertise())
+        recorded = list(self._advertise())
+        for camera in self._cameras:
+            self._publish_label_info(spec, camera)
+        return recorded
 
     def is_due(self, spec: SceneSpec, tick: int) -> bool:
         """Whether any camera takes a picture."""
@@ -218,6 +224,13 @@ class CameraNode(Participant):
                 for topic in topics:
                     self.advertise(topic)
                 yield from (topic.name for topic in topics.recorded(compressed=self._compressed))
+
+    def _publish_label_info(self, spec: SceneSpec, camera: Camera) -> None:
+        """Publish the names of the classes in a camera's semantic images."""
+        if (topic := label_info_topic(spec, camera)) is not None:
+            self.advertise(topic)
+            names = {int(tag): tag.name.lower() for tag in Tag}
+            self.publish_once(topic, label_info, names, spec.start_ns, _optical_frame(spec, camera))
 
     def close(self) -> None:
         """Stop the encoding threads and free the GL resources."""

@@ -16,12 +16,13 @@ from std_msgs.msg import Header, String
 from simbev_ros.config.base import Model
 from simbev_ros.errors import InputError, SimbevError
 from simbev_ros.msgs import topics
-from simbev_ros.msgs.message_types import message_class
+from simbev_ros.msgs.message_types import is_installed, message_class
 from simbev_ros.msgs.qos import LATCHED, STEERING, qos_of, rclpy_qos
 from simbev_ros.msgs.qos_overrides import override_options
 from simbev_ros.msgs.signing import Signer, content_of
 from simbev_ros.msgs.stamps import header
 from simbev_ros.msgs.topic import Topic
+from simbev_ros.msgs.typed_topics import TypedTopic, typed_topics
 from simbev_ros.nodes.load_meter import BUSY, LoadMeter
 from simbev_ros.nodes.reports import Report, report_message
 from simbev_ros.nodes.ros.parameters import declare_read_only
@@ -71,6 +72,7 @@ class GraphNode(Node):
         self._last_request: SceneRequest | None = None
         self._failure: Exception | None = None
         self._topic_publishers: dict[str, Any] = {}
+        self._typed: dict[str, TypedTopic] = {}
         self._ready = self.create_publisher(Header, topics.READY, rclpy_qos(LATCHED))
         self._diagnostics = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, 10)
         self.create_wall_timer(1.0, self._publish_diagnostics)
@@ -121,8 +123,11 @@ class GraphNode(Node):
             raise InputError(f"parameter {where}: {first['msg']}") from None
 
     def advertise(self, topic: Topic) -> None:
-        """Create the publisher of a topic unless it exists; parameters may override the QoS of live sensor topics."""
-        if topic.name not in self._topic_publishers:
+        """Create the publisher of a topic unless it exists, or its message package is not installed.
+
+        Parameters may override the QoS of live sensor topics.
+        """
+        if topic.name not in self._topic_publishers and is_installed(topic.type):
             kind, qos = message_class(topic.type), rclpy_qos(self.offered_qos(topic))
             overrides = override_options(self, topic.name) if self.live and topic.sensor else None
             publisher = self.create_publisher(kind, topic.name, qos, qos_overriding_options=overrides)
@@ -134,8 +139,37 @@ class GraphNode(Node):
 
     def publish_display(self, topic: Topic | None, make: Callable[..., bytes], *values: Any) -> None:
         """Make a message from values and publish it, if somebody subscribes; None: the scene has no such topic."""
-        if topic is not None and self.reader_count(topic.name):
+        if topic is not None and topic.name in self._topic_publishers and self.reader_count(topic.name):
             self.publish(topic.name, make(*values))
+
+    def publish_once(self, topic: Topic, make: Callable[..., bytes], *values: Any) -> None:
+        """Make the message of a latched display and publish it, if its message package is installed."""
+        if topic.name in self._topic_publishers:
+            self.publish(topic.name, make(*values))
+
+    def advertise_typed(self, spec: SceneSpec) -> None:
+        """Create the publishers of typed messages for the topics that this node has advertised."""
+        self._typed = {
+            each.source.name: each for each in typed_topics(spec) if each.source.name in self._topic_publishers
+        }
+        for each in self._typed.values():
+            self.advertise(each.topic)
+
+    def publish_typed_once(self, source: str, content: Any, stamp_ns: int) -> None:
+        """Publish the content of a latched message as a typed message, which is latched, too."""
+        if (typed := self._typed.get(source)) is not None:
+            self.publish_once(typed.topic, typed.serialize, content, stamp_ns)
+
+    def publish_typed(self, source: str, content: Any, stamp_ns: int) -> None:
+        """Publish the content of a message on another topic as a typed message, if somebody subscribes.
+
+        Args:
+            source: Name of the other topic.
+            content: The table or record in its message.
+            stamp_ns: Its stamp.
+        """
+        if (typed := self._typed.get(source)) is not None:
+            self.publish_display(typed.topic, typed.serialize, content, stamp_ns)
 
     def publish(self, name: str, message: Any) -> None:
         """Publish a message, as object or serialized, on an advertised topic."""

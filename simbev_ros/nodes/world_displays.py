@@ -34,13 +34,18 @@ class WorldDisplays:
     def publish(self, state: WorldState) -> None:
         """Publish what somebody looks at."""
         publish = self._node.publish_display
-        tables = state.actors, state.signals, self._lamps
+        tables, weather = (state.actors, state.signals, self._lamps), state.weather.model_dump()
         publish(self._topics[topics.WORLD_MARKERS], world_markers, *tables, state.stamp_ns)
+        publish(self._topics[topics.WEATHER_STATUS], status, WEATHER, weather, state.stamp_ns)
+        typed = {topics.ACTORS: state.actors, topics.SIGNALS: state.signals, topics.WEATHER: weather}
+        for source, content in typed.items():
+            self._node.publish_typed(source, content, state.stamp_ns)
         for name, table in zip((topics.ACTOR_POINTS, topics.SIGNAL_POINTS, topics.LIGHT_POINTS), tables, strict=True):
             publish(self._topics[name], table_points, table, state.stamp_ns)
-        publish(self._topics[topics.WEATHER_STATUS], status, WEATHER, state.weather.model_dump(), state.stamp_ns)
         for event in state.events:
-            publish(self._topics[topics.EVENT_STATUS], status, EVENT, event_record(event, state), state.stamp_ns)
+            record = event_record(event, state)
+            publish(self._topics[topics.EVENT_STATUS], status, EVENT, record, state.stamp_ns)
+            self._node.publish_typed(topics.EVENTS, record, state.stamp_ns)
         here = self._base_link(state)
         publish(self._path_topic, self._path.message, here)
         self._path.add(here)

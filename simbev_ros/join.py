@@ -55,6 +55,7 @@ class Lockstep:
         name: Name of the participant, as in ``graph.participants`` of the configuration.
         load: Called with each new scene, which is the JSON object of /world/scene, before it is reported as loaded.
         period_ticks: Number of ticks from one input to the next: 2 for a sensor at 10 Hz and ticks of 50 ms.
+        namespace: Namespace of the graph, such as ``/sim1``, if it has one.
 
     Attributes:
         scene: The scene that plays, as given to ``load``; None: there has been none yet.
@@ -68,6 +69,7 @@ class Lockstep:
         *,
         load: Callable[[dict[str, Any]], object] | None = None,
         period_ticks: int = 1,
+        namespace: str = "",
     ) -> None:
         self.scene: dict[str, Any] | None = None
         self.period_ticks = period_ticks
@@ -78,8 +80,8 @@ class Lockstep:
         self._passed_over: set[str] = set()
         # Each listener has two subscriptions, of which one is for latched publishers: rclpy would warn of that one.
         silent = PublisherEventCallbacks(use_default_callbacks=False)
-        self._ready = node.create_publisher(Header, "/sync/ready", 10, event_callbacks=silent)
-        self._scenes = node.create_subscription(String, "/world/scene", self._on_scene, _LATCHED)
+        self._ready = node.create_publisher(Header, f"{namespace}/sync/ready", 10, event_callbacks=silent)
+        self._scenes = node.create_subscription(String, f"{namespace}/world/scene", self._on_scene, _LATCHED)
         self._timer = node.create_timer(_POLL_S, self._poll, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def __enter__(self) -> Lockstep:

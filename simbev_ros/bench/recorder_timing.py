@@ -22,6 +22,7 @@ from simbev_ros.errors import SimbevError
 from simbev_ros.graph.domain import DomainLock
 from simbev_ros.graph.environment import graph_environment
 from simbev_ros.graph.node_starter import NodeStarter
+from simbev_ros.graph.plan import NodePlan
 from simbev_ros.graph.process import NodeProcess
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.message_types import message_class
@@ -76,7 +77,7 @@ def timed_recorder(spec: SceneSpec, recording: Recording, tick: Mapping[str, byt
         os.environ.update(environment)
         parameters = {"dataset": str(folder.resolve()), "config": "", "recording": recording.model_dump_json()}
         starter = NodeStarter(["recorder"], Path(scratch), environment)
-        recorder = NodeProcess(starter, ["recorder"], {"recorder": parameters}, Path(scratch))
+        recorder = NodeProcess(starter, (NodePlan("recorder", "recorder", parameters),), Path(scratch))
         rclpy.init(domain_id=lock.domain, signal_handler_options=SignalHandlerOptions.NO)
         node = Node("sender")
         try:

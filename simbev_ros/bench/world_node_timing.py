@@ -13,6 +13,7 @@ from rclpy.signals import SignalHandlerOptions
 from simbev_ros.graph.domain import DomainLock
 from simbev_ros.graph.environment import graph_environment
 from simbev_ros.nodes.load_meter import LoadMeter
+from simbev_ros.nodes.ros.names import NodeName
 from simbev_ros.nodes.world_node import WorldNode
 from simbev_ros.scene.request import SceneRequest
 from simbev_ros.scene.spec import SceneSpec
@@ -55,7 +56,7 @@ def timed_scenes(specs: Sequence[SceneSpec]) -> list[SceneTiming]:
 
 
 def _timed_scene(request: SceneRequest) -> SceneTiming:
-    node = WorldNode("world")
+    node = WorldNode(NodeName("world"))
     meter = node.meter = _TickTimes()
     try:
         node.start(request)

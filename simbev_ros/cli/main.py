@@ -17,6 +17,7 @@ from simbev_ros import __version__
 from simbev_ros.cli.console import make_console
 from simbev_ros.errors import DISK_FULL, InputError, SimbevError
 from simbev_ros.graph.interrupts import Interrupted, raising_interrupts
+from simbev_ros.nodes.ros.arguments import split_ros_arguments
 
 VERBS = {
     "demo": "demo:demo",
@@ -41,6 +42,8 @@ VERBS = {
 _NAME = "simbev"
 _TAKE_URLS = ("generate", "info", "logs", "verify")
 """Verbs that work with datasets in object stores."""
+_TAKE_ROS_ARGUMENTS = ("run", "replay", "view")
+"""Verbs that pass on what follows --ros-args to nodes."""
 _OLD_NAMES = {"jobs": "workers"}
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://")
 _TRACEBACK_VARIABLE = "SIMBEV_TRACEBACK"
@@ -93,9 +96,17 @@ class _Verbs(TyperGroup):
         super().__init__(**options)
         self.commands = _LazyVerbs()  # type: ignore[assignment]  # no command is ever added or removed
 
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Set ROS's arguments aside, which launch files also add where they are none: see ``ros_arguments``."""
+        own, ctx.obj = split_ros_arguments(args)
+        return list(super().parse_args(ctx, own))
+
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Find the verb, and refuse URLs that it would take for the names of local files."""
+        """Find the verb; refuse what it does not take: URLs that are no names of local files, ROS's arguments."""
         name, command, rest = super().resolve_command(ctx, args)
+        if ctx.obj and name not in _TAKE_ROS_ARGUMENTS:
+            others = f"{', '.join(_TAKE_ROS_ARGUMENTS[:-1])} and {_TAKE_ROS_ARGUMENTS[-1]}"
+            raise InputError(f"--ros-args: simbev {name} takes no arguments for nodes; {others} do")
         url = next((each for each in _values(rest) if _URL.match(each)), None)
         if url is not None and name not in _TAKE_URLS:
             others = f"{', '.join(_TAKE_URLS[:-1])} and {_TAKE_URLS[-1]}"

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
@@ -12,8 +12,10 @@ from simbev_ros.cli.console import make_console, plural
 from simbev_ros.cli.evaluate.live import FiguresOption, StackOption, with_evaluation
 from simbev_ros.cli.generate import show_failures
 from simbev_ros.cli.pool import MAX_GRAPHS, worker_count
+from simbev_ros.cli.ros_options import NamespaceOption, ros_arguments
 from simbev_ros.config.load import load_scenario
 from simbev_ros.errors import InputError
+from simbev_ros.nodes.ros.arguments import RosArguments
 from simbev_ros.recording.layout import additional_folder
 from simbev_ros.recording.whole_files import require_writable
 
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
 
 
 def replay(
+    context: typer.Context,
     bags: Annotated[
         list[Path], typer.Argument(help="Scenes' bags, their .mcap files, or datasets.", show_default=False)
     ],
@@ -50,6 +53,7 @@ def replay(
         ),
     ] = None,
     live: Annotated[bool, typer.Option("--live", help="In real time; sensor topics are best effort.")] = False,
+    namespace: NamespaceOption = None,
     evaluate: FiguresOption = None,
     stack: StackOption = None,
 ) -> None:
@@ -74,12 +78,13 @@ def replay(
     """
     if merge is not None and (record is not None or live):
         raise InputError("--merge records beside the replayed bags; give neither --out nor --live with it")
-    count = worker_count(workers, MAX_GRAPHS)
+    ros, count = ros_arguments(context, namespace), worker_count(workers, MAX_GRAPHS)
     if workers is None and ray is None:
         scenario = with_evaluation(load_scenario(config), evaluate, stack)
-        _play(bags, scenario, record, merge, live=live)
+        _play(bags, scenario, record, merge, live=live, ros=ros)
         return
     one_graph = {"--live": live, "--evaluate": evaluate is not None, "--stack": stack is not None}
+    one_graph |= {"--namespace": namespace is not None, "--ros-args": bool(context.obj)}
     _require_recording([option for option, is_given in one_graph.items() if is_given], record, merge)
     from simbev_ros.cli.production_display import DatasetDisplay
     from simbev_ros.production.replay.replays import replay_bags
@@ -98,7 +103,15 @@ def replay(
     raise typer.Exit(0 if result.is_complete else 1)
 
 
-def _play(bags: Sequence[Path], scenario: "Scenario", record: Path | None, merge: str | None, *, live: bool) -> None:
+def _play(
+    bags: Sequence[Path],
+    scenario: "Scenario",
+    record: Path | None,
+    merge: str | None,
+    *,
+    live: bool,
+    ros: RosArguments,
+) -> None:
     """Play scenes one after the other on one graph, with or without recording."""
     from simbev_ros.cli.production_display import SceneDisplay
     from simbev_ros.production.play import play_specs
@@ -119,7 +132,8 @@ def _play(bags: Sequence[Path], scenario: "Scenario", record: Path | None, merge
         specs = [checked_scene(bag, scenario, display) for bag in selection.bags]
         if dataset is not None:
             require_distinct(specs)
-        playing = play_specs(scenario, specs, live=live, dataset=dataset, replays=selection.bags, observer=display)
+        options: dict[str, Any] = {"live": live, "dataset": dataset, "ros": ros, "replays": selection.bags}
+        playing = play_specs(scenario, specs, **options, observer=display)
         with closing(playing) as scenes:
             for folder, recorded in zip(folders, scenes, strict=True):
                 bag = recorded if merge is None else recorded.rename(additional_folder(folder, merge))

@@ -2,18 +2,20 @@
 
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from simbev_ros.cli.console import make_console
 from simbev_ros.cli.evaluate.live import FiguresOption, StackOption, with_evaluation
+from simbev_ros.cli.ros_options import NamespaceOption, ros_arguments
 from simbev_ros.cli.view.beside_run import ViewOption, ViewPortOption, viewer_beside
 from simbev_ros.config.load import load_scenario
 from simbev_ros.errors import InputError
 
 
 def run(
+    context: typer.Context,
     config: Annotated[str, typer.Argument(help="Configuration file, or demo, live, paper, stack.", show_default=False)],
     live: Annotated[bool, typer.Option("--live", help="In real time; sensor topics are best effort.")] = False,
     reliable: Annotated[
@@ -30,6 +32,7 @@ def run(
     security: Annotated[
         bool, typer.Option("--security", help="Encrypt with keys that are made for this run (needs SROS 2).")
     ] = False,
+    namespace: NamespaceOption = None,
     serve: Annotated[
         bool,
         typer.Option("--serve", help="Play the scenes that ROS nodes ask for (/world/load_scene, /world/run_scene)."),
@@ -40,6 +43,8 @@ def run(
     view_port: ViewPortOption = None,
 ) -> None:
     """Start the graph and stream, until Ctrl-C or until the scenes end.
+
+    What follows --ros-args goes to all nodes: remapping, parameters, files of parameters, log levels.
 
     [bold]Examples[/]
 
@@ -53,6 +58,8 @@ def run(
 
     simbev run my.yaml --record datasets/first --view
 
+    simbev run live --live --ros-args -r /ego/lidar/points:=/points
+
     simbev run my.yaml --serve                   scenes on request: a service, and an action
     """
     from simbev_ros.cli.production_display import SceneDisplay
@@ -62,6 +69,7 @@ def run(
     from simbev_ros.production.play import play_scenes
     from simbev_ros.production.serve import serve_scenes
 
+    ros = ros_arguments(context, namespace)
     if reliable and not live:
         raise InputError("--reliable: is for --live; in lockstep, all topics are reliable")
     scenario = with_evaluation(load_scenario(config), evaluate, stack)
@@ -79,9 +87,10 @@ def run(
         console.print(f"no /tf and no detections live: {remedy}", style="dim", soft_wrap=True)
     command = " ".join([os.environ.get("SIMBEV_COMMAND", "simbev"), "env", *(["--network"] if network else [])])
     console.print(f"ros2 and RViz: source <({command})", style="dim", highlight=False, soft_wrap=True)
-    with viewer_beside(view_port, console, wanted=view, network=network) as viewer:
+    with viewer_beside(view_port, console, wanted=view, network=network, ros=ros) as viewer:
         observer = SeveralObservers(SceneDisplay(console), viewer)
         play = serve_scenes if serve else play_scenes
-        bags = play(scenario, live=live, dataset=record, domain=domain, exposure=exposure, observer=observer)
+        where: dict[str, Any] = {"domain": domain, "exposure": exposure, "ros": ros}
+        bags = play(scenario, live=live, dataset=record, **where, observer=observer)
         for bag in bags:
             console.print(f"recorded {bag}", soft_wrap=True)

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from simbev_ros.foxglove_server.offers import Offer, differences, graph_offers
@@ -24,6 +23,7 @@ from simbev_ros.msgs import topics
 from simbev_ros.msgs.message_types import message_class
 from simbev_ros.msgs.stamps import serialized_stamp_ns
 from simbev_ros.nodes.graph_node import MALFORMED
+from simbev_ros.nodes.ros.names import NamespacedNode
 
 if TYPE_CHECKING:
     from foxglove import Context
@@ -42,7 +42,7 @@ class GraphRelay:
     threads of its own; they leave their requests in a queue.
     """
 
-    def __init__(self, node: Node, context: "Context", warn: Callable[[str], None]) -> None:
+    def __init__(self, node: NamespacedNode, context: "Context", warn: Callable[[str], None]) -> None:
         self._node, self._context, self._warn = node, context, warn
         self._requests: SimpleQueue[Callable[[], None]] = SimpleQueue()
         self._offers: dict[str, Offer] = {}

@@ -6,11 +6,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 import rclpy
-from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from simbev_ros.foxglove_server.graph_relay import GraphRelay
 from simbev_ros.foxglove_server.server import Address, running_server
+from simbev_ros.nodes.ros.arguments import PLAIN, RosArguments
+from simbev_ros.nodes.ros.names import NamespacedNode, NodeName
 from simbev_ros.nodes.spinning import spinning
 
 _BACKLOG = 128
@@ -21,7 +22,11 @@ _IDLE_S = 0.1
 
 
 def serve_domain(
-    domain: int, address: Address, on_started: Callable[[Address], None], warn: Callable[[str], None]
+    domain: int,
+    address: Address,
+    on_started: Callable[[Address], None],
+    warn: Callable[[str], None],
+    ros: RosArguments = PLAIN,
 ) -> None:
     """Serve the graph of a ROS domain until an exception, such as an interrupt, ends it.
 
@@ -32,6 +37,7 @@ def serve_domain(
         address: Where to listen.
         on_started: Called with the address once clients can connect.
         warn: Called with a line for each topic that cannot be shown.
+        ros: What the nodes of the graph are told, and its namespace; clients see the names without it.
 
     Raises:
         InputError: The address cannot be used.
@@ -40,7 +46,7 @@ def serve_domain(
 
     os.nice(_NICENESS)
     context = foxglove.Context()
-    with _spinning_node(domain) as node:
+    with _spinning_node(domain, ros) as node:
         relay = GraphRelay(node, context, warn)
         with running_server(f"ROS domain {domain}", address, relay, context, message_backlog_size=_BACKLOG) as (
             server,
@@ -55,10 +61,11 @@ def serve_domain(
 
 
 @contextmanager
-def _spinning_node(domain: int) -> Iterator[Node]:
+def _spinning_node(domain: int, ros: RosArguments) -> Iterator[NamespacedNode]:
     """A node of a domain whose callbacks run in a thread."""
-    rclpy.init(domain_id=domain, args=[], signal_handler_options=SignalHandlerOptions.NO)
-    node = rclpy.create_node("simbev_view", enable_rosout=False, start_parameter_services=False)
+    rclpy.init(domain_id=domain, args=ros.for_nodes, signal_handler_options=SignalHandlerOptions.NO)
+    name = NodeName("simbev_view", graph=ros.namespace)
+    node = NamespacedNode(name, enable_rosout=False, start_parameter_services=False)
     try:
         with spinning(node):
             yield node

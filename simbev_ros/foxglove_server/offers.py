@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from nav_msgs.msg import Odometry
-from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
@@ -13,6 +12,7 @@ from simbev_ros.interfaces.message_types import is_known_type
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.message_types import message_class
 from simbev_ros.msgs.transforms import ego_transform, serialize_transforms, static_transforms
+from simbev_ros.nodes.ros.names import NamespacedNode
 from simbev_ros.scene.spec import SceneSpec
 
 _TRANSFORMS, _ODOMETRY = "tf2_msgs/msg/TFMessage", "nav_msgs/msg/Odometry"
@@ -51,14 +51,14 @@ class Offer:
         return QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
-def graph_offers(node: Node) -> tuple[dict[str, Offer], dict[str, str]]:
-    """Topics with publishers in the domain of a node.
+def graph_offers(node: NamespacedNode) -> tuple[dict[str, Offer], dict[str, str]]:
+    """Topics with publishers in the domain and namespace of a node.
 
     Returns:
         Offers by name, and types by name of topics that cannot be offered because their package is not installed.
     """
     offers, unknown = {}, {}
-    for name, types in node.get_topic_names_and_types():
+    for name, types in node.graph_topics():
         publishers = [] if name in _INTERNAL else node.get_publishers_info_by_topic(name)
         if not publishers:
             continue

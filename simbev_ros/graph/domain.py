@@ -1,4 +1,4 @@
-"""Reserves a ROS domain for each running graph with a lock file, so that graphs on one machine stay apart."""
+"""Reserves a namespace of a ROS domain for each running graph with a lock file, so that graphs stay apart."""
 
 import fcntl
 import os
@@ -18,28 +18,31 @@ ISOLATED_DOMAINS = range(41, 101)
 
 
 class DomainLock:
-    """Holds a ROS domain until it is closed.
+    """Holds a namespace of a ROS domain until it is closed.
 
     Args:
         wanted: The domain; None: ``ROS_DOMAIN_ID`` if it is set, else the first free domain of a reserved range.
+        namespace: The graph's namespace; empty: it has none.
 
     Raises:
         GraphError: All domains of the range are in use.
-        InputError: The domain is out of range, another simbev graph runs in it, or the folder of lock files is not
+        InputError: The domain is out of range, another simbev graph runs there, or the folder of lock files is not
             this user's alone.
     """
 
-    def __init__(self, wanted: int | None = None) -> None:
+    def __init__(self, wanted: int | None = None, namespace: str = "") -> None:
         if wanted is None and os.environ.get("ROS_DOMAIN_ID"):
             wanted = domain_from_environment()
         self._descriptor: int | None = None
         for domain in [wanted] if wanted is not None else ISOLATED_DOMAINS:
-            self._descriptor = _try_lock(domain)
+            self._descriptor = _try_lock(domain, namespace)
             if self._descriptor is not None:
                 self.domain = domain
                 return
         if wanted is not None:
-            raise InputError(f"ROS domain {wanted} is in use by another simbev graph; set ROS_DOMAIN_ID to another one")
+            place = f"ROS domain {wanted}" if not namespace else f"namespace {namespace} of ROS domain {wanted}"
+            remedy = "set ROS_DOMAIN_ID to another one, or give the graph a namespace of its own"
+            raise InputError(f"{place} is in use by another simbev graph; {remedy}")
         raise GraphError(f"all ROS domains from {ISOLATED_DOMAINS.start} to {ISOLATED_DOMAINS.stop - 1} are in use")
 
     def __enter__(self) -> Self:
@@ -67,10 +70,11 @@ def domain_from_environment() -> int:
     return int(text)
 
 
-def _try_lock(domain: int) -> int | None:
-    """Descriptor of a domain's locked file; None if another process has locked it."""
+def _try_lock(domain: int, namespace: str) -> int | None:
+    """Descriptor of the locked file of a namespace in a domain; None if another process has locked it."""
+    name = f"domain-{domain}{namespace.replace('/', '.')}.lock"  # no name in ROS has a dot
     with _lock_folder() as folder:
-        descriptor = open_lock_file(Path(f"domain-{domain}.lock"), folder)
+        descriptor = open_lock_file(Path(name), folder)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

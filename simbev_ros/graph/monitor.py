@@ -23,6 +23,8 @@ from simbev_ros.nodes.graph_node import MALFORMED
 from simbev_ros.nodes.load_meter import BUSY, Part, part_keys
 from simbev_ros.nodes.lockstep import Lockstep
 from simbev_ros.nodes.reports import Report, read_report, subscribe_to_reports
+from simbev_ros.nodes.ros.arguments import PLAIN, RosArguments
+from simbev_ros.nodes.ros.names import NamespacedNode, NodeName
 from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.request import SceneRequest, SceneStop
 from simbev_ros.scene.spec import SceneSpec
@@ -63,9 +65,10 @@ class GraphMonitor:
 
     Args:
         domain: ROS domain of the graph.
-        nodes: Names of simbev's own nodes, which also send diagnostics.
+        nodes: Names of simbev's own nodes, which also send diagnostics; all of one graph.
         participants: Names of all nodes that report finished ticks to the world, including outside nodes.
         signer: Signs requests, and tells the nodes' messages from those of others.
+        ros: What all nodes of the graph are told.
 
     Attributes:
         behind_world: Ticks finished by the participants.
@@ -74,8 +77,16 @@ class GraphMonitor:
         end: How the current scene ends; set just before its last tick.
     """
 
-    def __init__(self, domain: int, nodes: Iterable[str], participants: Iterable[str], signer: Signer) -> None:
-        self._nodes = tuple(nodes)
+    def __init__(
+        self,
+        domain: int,
+        nodes: Iterable[NodeName],
+        participants: Iterable[str],
+        signer: Signer,
+        ros: RosArguments = PLAIN,
+    ) -> None:
+        self._names_by_id = {node.full: node.name for node in nodes}
+        self._nodes = tuple(self._names_by_id.values())
         self._signer, self._requests = signer, 0
         participants = tuple(participants)
         self._outside = frozenset(participants) - frozenset(self._nodes)
@@ -93,8 +104,13 @@ class GraphMonitor:
         self._heard_s = dict.fromkeys(self._nodes, time.monotonic())
         self._progress_s = time.monotonic()
         self._context = Context()
-        rclpy.init(context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
-        self._node = rclpy.create_node(SUPERVISOR, context=self._context)
+        rclpy.init(
+            args=ros.for_nodes,
+            context=self._context,
+            domain_id=domain,
+            signal_handler_options=SignalHandlerOptions.NO,
+        )
+        self._node = NamespacedNode(NodeName(SUPERVISOR, graph=ros.namespace), context=self._context)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
         self._request = self._node.create_publisher(String, topics.REQUEST, rclpy_qos(LATCHED))
@@ -226,9 +242,10 @@ class GraphMonitor:
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            self._note_sign_of_life(status.hardware_id)
             with suppress(KeyError, ValueError):  # others may use the topic, too
-                self._loads[status.hardware_id].add({entry.key: entry.value for entry in status.values})
+                name = self._names_by_id[status.hardware_id]
+                self._note_sign_of_life(name)
+                self._loads[name].add({entry.key: entry.value for entry in status.values})
 
     def _note_sign_of_life(self, name: str) -> None:
         if name in self._heard_s:

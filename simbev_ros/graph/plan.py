@@ -6,8 +6,10 @@ What is recorded does not depend on it.
 
 import sys
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+from rclpy.time_source import USE_SIM_TIME_NAME
 
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.evaluation import BOXES_TOPIC, GRIDS_TOPIC, REFERENCE_STACK, Evaluation
@@ -19,17 +21,24 @@ from simbev_ros.config.scenario import Scenario
 from simbev_ros.msgs.annotation_topics import Label, bev_labels_name, boxes_name, viewing_cameras
 from simbev_ros.msgs.sensor_topics import camera_info_name, points_name
 from simbev_ros.msgs.topics import odometry_name
+from simbev_ros.nodes.ros.arguments import PLAIN, RosArguments
+from simbev_ros.nodes.ros.names import NodeName
 
 _Parameters = Mapping[str, object]
 
 
 @dataclass(frozen=True, slots=True)
 class NodePlan:
-    """A node of the graph: its kind, its name and its ROS parameters."""
+    """A node of the graph: its kind, its name, its ROS parameters, and the agent that it belongs to, if any."""
 
     kind: str
     name: str
     parameters: _Parameters
+    agent: str = ""
+
+    def ros_name(self, namespace: str) -> NodeName:
+        """Its name in a graph with this namespace."""
+        return NodeName(self.name, self.agent, namespace)
 
 
 ProcessPlan = tuple[NodePlan, ...]
@@ -85,7 +94,12 @@ def plan_processes(
         "state_readers": state_readers,
         "window_ticks": _window_ticks(scenario, cores),
     }
-    return [(NodePlan("world", "world", parameters),), *behind]
+    return [(NodePlan("world", "world", parameters),), *map(_in_simulated_time, behind)]
+
+
+def _in_simulated_time(nodes: ProcessPlan) -> ProcessPlan:
+    """The nodes with ROS's parameter ``use_sim_time``, which all but the owner of time have."""
+    return tuple(replace(node, parameters={USE_SIM_TIME_NAME: True, **node.parameters}) for node in nodes)
 
 
 def _window_ticks(scenario: Scenario, cores: int) -> int:
@@ -120,8 +134,13 @@ def _processes_behind_world(
         yield (NodePlan("recorder", "recorder", parameters),)
 
 
-def stack_command(scenario: Scenario) -> tuple[str, ...]:
-    """Command of the perception stack to run with the graph; empty: none."""
+def stack_command(scenario: Scenario, ros: RosArguments = PLAIN) -> tuple[str, ...]:
+    """Command of the perception stack to run with the graph; empty: none.
+
+    Args:
+        scenario: The configuration.
+        ros: What all nodes of the graph are told; so is the reference stack, but no other one.
+    """
     evaluation = scenario.evaluation
     if evaluation is None or evaluation.stack is None:
         return ()
@@ -129,14 +148,16 @@ def stack_command(scenario: Scenario) -> tuple[str, ...]:
         return evaluation.stack
     agent, boxes = scenario.rig.agent, evaluation.boxes_topic
     topics = {
-        "/ego/lidar/points": input_topic(scenario.rig, evaluation),
         "/ego/odom": odometry_name(agent),
         BOXES_TOPIC: boxes,
         f"{BOXES_TOPIC}/markers": f"{boxes}/markers",
         GRIDS_TOPIC: evaluation.grids_topic,
     }
-    remapping = [word for old, new in topics.items() if new != old for word in ("--remap", f"{old}:={new}")]
-    return (sys.executable, "-m", f"simbev_ros.{REFERENCE_STACK}", "--ros-args", *remapping)
+    rules = [f"{old}:={new}" for old, new in topics.items() if new != old]
+    below = [":=".join(name.removeprefix("/") for name in rule.split(":=")) for rule in rules]  # the namespace
+    remapping = [word for rule in below for word in ("--remap", rule)]
+    lidar = ("-p", f"lidar_topic:={input_topic(scenario.rig, evaluation)}")
+    return (sys.executable, "-m", f"simbev_ros.{REFERENCE_STACK}", *ros.command(*lidar, *remapping))
 
 
 def input_topic(rig: Rig, evaluation: Evaluation) -> str:
@@ -160,7 +181,8 @@ def _camera_processes(scenario: Scenario, processes: int, common: _Parameters) -
             "recording": scenario.recording.model_dump_json(),
             "process": index,
         }
-        yield (NodePlan("camera", "camera" if processes == 1 else f"camera_{index}", {**common, **parameters}),)
+        name = "camera" if processes == 1 else f"camera_{index}"
+        yield (NodePlan("camera", name, {**common, **parameters}, scenario.rig.agent),)
 
 
 def _sensor_processes(rig: Rig, common: _Parameters, cores: int) -> Iterator[ProcessPlan]:
@@ -171,7 +193,7 @@ def _sensor_processes(rig: Rig, common: _Parameters, cores: int) -> Iterator[Pro
     apart = [casting] if cores < _MANY_CORES else [[kind] for kind in casting]
     for together in (*apart, light):
         if together:
-            yield tuple(NodePlan(kind, kind, common) for kind in together)
+            yield tuple(NodePlan(kind, kind, common, rig.agent) for kind in together)
 
 
 def _annotator_processes(scenario: Scenario, parameters: _Parameters, cores: int) -> Iterator[ProcessPlan]:
@@ -182,11 +204,8 @@ def _annotator_processes(scenario: Scenario, parameters: _Parameters, cores: int
             continue
         name = "annotator" if len(shares) == 1 else f"annotator_{labels[0]}"
         is_read = Label.VIEWS in labels and Label.BOXES not in labels
-        yield (
-            NodePlan(
-                "annotator", name, {**parameters, "scope": [label.value for label in labels], "annotated": is_read}
-            ),
-        )
+        own = {"scope": [label.value for label in labels], "annotated": is_read}
+        yield (NodePlan("annotator", name, {**parameters, **own}, scenario.rig.agent),)
 
 
 def _evaluator(scenario: Scenario, evaluation: Evaluation, *, live: bool, figures: Path | None) -> NodePlan:

@@ -15,7 +15,10 @@ import yaml
 
 from simbev_ros.errors import DiskError, InputError, SimbevError
 from simbev_ros.graph.node_starter import NodeStarter, RunningProcess, describe_exit
+from simbev_ros.graph.plan import ProcessPlan
 from simbev_ros.nodes.main import DISK_EXIT_CODE, ERROR_MARK
+from simbev_ros.nodes.ros.arguments import PLAIN, RosArguments
+from simbev_ros.nodes.ros.names import logger_name
 
 _REFUSALS: Mapping[int | None, type[SimbevError]] = {InputError.exit_code: InputError, DISK_EXIT_CODE: DiskError}
 
@@ -31,10 +34,6 @@ class _Plain(yaml.SafeDumper):
 
     def ignore_aliases(self, data: object) -> bool:
         return True
-
-
-NodeParameters = Mapping[str, Mapping[str, object]]
-"""Parameters by node name."""
 
 
 class GraphProcess:
@@ -87,7 +86,7 @@ class GraphProcess:
 
     def new_warnings(self) -> list[tuple[str, str]]:
         """Node and text of the warnings that have been logged since the last call."""
-        found = _WARNING.findall(self._output())
+        found = [(logger_name(logger), text) for logger, text in _WARNING.findall(self._output())]
         new = found[self._warnings :]
         self._warnings = len(found)
         return new
@@ -127,20 +126,21 @@ class NodeProcess(GraphProcess):
 
     Args:
         starter: What starts the process.
-        kinds: Kind of each node, in the order of ``parameters``.
-        parameters: ROS parameters of each node, by node name.
+        nodes: The nodes.
         folder: Folder for its parameter file and its log.
+        ros: What all nodes of the graph are told.
     """
 
-    def __init__(self, starter: NodeStarter, kinds: Sequence[str], parameters: NodeParameters, folder: Path) -> None:
-        names = tuple(parameters)
-        label = "+".join(names)
+    def __init__(self, starter: NodeStarter, nodes: ProcessPlan, folder: Path, ros: RosArguments = PLAIN) -> None:
+        names = [node.ros_name(ros.namespace) for node in nodes]
+        label = "+".join(name.name for name in names)
         file = folder / f"{label}.yaml"
-        text = yaml.dump({name: {"ros__parameters": dict(p)} for name, p in parameters.items()}, Dumper=_Plain)
-        file.write_text(text)
-        nodes = [f"{kind}:{name}" for kind, name in zip(kinds, names, strict=True)]
+        parameters = [{"ros__parameters": dict(node.parameters)} for node in nodes]
+        full_names = [name.full for name in names]
+        file.write_text(yaml.dump(dict(zip(full_names, parameters, strict=True)), Dumper=_Plain))
+        words = [f"{node.kind}:{name.path}" for node, name in zip(nodes, names, strict=True)]
         log = folder / f"{label}.log"
-        process = starter.start([*nodes, "--ros-args", "--params-file", str(file)], log)
+        process = starter.start([*words, *ros.command("--params-file", str(file))], log)
         super().__init__(label, f"node {label}", process, log)
 
 

@@ -18,6 +18,8 @@ from rclpy.signals import SignalHandlerOptions
 from simbev_ros.errors import InputError, SimbevError
 from simbev_ros.graph.scene_queue import OrderedScene, Outcome, Phase, SceneOrder, SceneQueue
 from simbev_ros.installation.message_packages.installer import describe_remedy
+from simbev_ros.nodes.ros.arguments import PLAIN, RosArguments
+from simbev_ros.nodes.ros.names import NamespacedNode, NodeName, ros_name
 
 LOAD_SCENE, RUN_SCENE = "/world/load_scene", "/world/run_scene"
 _NODE = "scenes"
@@ -41,16 +43,18 @@ def require_interfaces() -> None:
 
 
 @contextmanager
-def scene_services(queue: SceneQueue, domain: int) -> Iterator[None]:
+def scene_services(queue: SceneQueue, domain: int, ros: RosArguments = PLAIN) -> Iterator[None]:
     """Offer service and action for as long as the context is open.
 
     Args:
         queue: Where ordered scenes go.
         domain: ROS domain of the graph.
+        ros: What all nodes of the graph are told.
     """
     context = Context()
-    rclpy.init(context=context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
-    node = rclpy.create_node(_NODE, context=context)
+    no_handlers = SignalHandlerOptions.NO
+    rclpy.init(args=ros.for_nodes, context=context, domain_id=domain, signal_handler_options=no_handlers)
+    node = NamespacedNode(NodeName(_NODE, graph=ros.namespace), context=context)
     server = _SceneServer(node, queue)
     executor = MultiThreadedExecutor(_THREADS, context=context)
     executor.add_node(node)
@@ -83,7 +87,12 @@ class _SceneServer:
         group = ReentrantCallbackGroup()
         node.create_service(LoadScene, LOAD_SCENE, self._load, callback_group=group)
         self._action = ActionServer(
-            node, RunScene, RUN_SCENE, self._run, cancel_callback=lambda _: CancelResponse.ACCEPT, callback_group=group
+            node,
+            RunScene,
+            ros_name(RUN_SCENE, node.graph_namespace),
+            self._run,
+            cancel_callback=lambda _: CancelResponse.ACCEPT,
+            callback_group=group,
         )
 
     def close(self) -> None:

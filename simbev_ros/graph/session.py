@@ -24,6 +24,7 @@ from simbev_ros.graph.plan import ProcessPlan, plan_processes, stack_command
 from simbev_ros.graph.process import GraphProcess, NodeProcess, StackProcess
 from simbev_ros.graph.traces import Traces
 from simbev_ros.msgs.signing import KEY_VARIABLE, Signer, make_key
+from simbev_ros.nodes.ros.arguments import PLAIN, RosArguments
 from simbev_ros.process_memory import require_address_space
 from simbev_ros.recording.layout import scene_folder
 from simbev_ros.recording.reader import SceneBag
@@ -55,6 +56,7 @@ class GraphSession:
         domain: ROS domain; None: that of the environment, else a free one.
         exposure: Who can take part in the graph.
         rendering: Devices and processes that render, in place of the configuration's, which is recorded all the same.
+        ros: What all nodes are told, and the graph's namespace.
 
     Attributes:
         security_variables: Environment variables with which other nodes can take part in a secure graph.
@@ -70,12 +72,15 @@ class GraphSession:
         domain: int | None = None,
         exposure: Exposure = LOCAL,
         rendering: Rendering | None = None,
+        ros: RosArguments = PLAIN,
     ) -> None:
+        ros.require_valid()
+        self._ros = ros
         self._scenario, self._exposure = scenario, exposure
         self._rendering = rendering or scenario.rendering
         self._live = live
         self._dataset = dataset
-        self._lock = DomainLock(domain)
+        self._lock = DomainLock(domain, ros.namespace)
         self.domain = self._lock.domain
         self._traces = Traces()
         self._starter: NodeStarter | None = None
@@ -120,15 +125,13 @@ class GraphSession:
         kinds_of_all = (node.kind for nodes in plans for node in nodes)
         self._starter = NodeStarter(kinds_of_all, self._traces.folder, {**environment, KEY_VARIABLE: key})
         for nodes in plans:
-            parameters = {node.name: node.parameters for node in nodes}
-            kinds = [node.kind for node in nodes]
-            self._processes.append(NodeProcess(self._starter, kinds, parameters, self._traces.folder))
-        if stack := stack_command(self._scenario):
+            self._processes.append(NodeProcess(self._starter, nodes, self._traces.folder, self._ros))
+        if stack := stack_command(self._scenario, self._ros):
             self._processes.append(StackProcess(self._starter, stack, self._traces.folder))
-        names = [node.name for nodes in plans for node in nodes]
-        reporting = [*names[1:], *self._scenario.participants]
+        names = [node.ros_name(self._ros.namespace) for nodes in plans for node in nodes]
+        reporting = [*(name.name for name in names[1:]), *self._scenario.participants]
         try:
-            self._monitor = GraphMonitor(self.domain, names, reporting, Signer(key))
+            self._monitor = GraphMonitor(self.domain, names, reporting, Signer(key), self._ros)
         except rclpy_implementation.RCLError as error:
             if self.security_variables:
                 raise InputError(f"{str(error).splitlines()[0]}; {NEEDS_SROS}") from None

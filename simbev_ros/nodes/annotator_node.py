@@ -42,6 +42,7 @@ from simbev_ros.msgs.tables import message_from_table, table_from_cdr
 from simbev_ros.msgs.topic import Topic
 from simbev_ros.msgs.world import MAP_FRAME, record_message
 from simbev_ros.nodes.participant import Participant
+from simbev_ros.nodes.ros.names import NodeName
 from simbev_ros.nodes.sensor_join import SensorJoin
 from simbev_ros.nodes.surroundings import Surroundings
 from simbev_ros.palette import bev_color
@@ -87,7 +88,7 @@ class AnnotatorNode(Participant):
 
     reuses_large_buffers = True
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: NodeName) -> None:
         super().__init__(name)
         self._compressed = self.declare_read_only(
             "compressed", True, "Read the compressed instance images instead of the raw ones"

@@ -33,6 +33,7 @@ from simbev_ros.msgs.sensor_topics import (
 )
 from simbev_ros.msgs.topic import Topic
 from simbev_ros.nodes.participant import Participant
+from simbev_ros.nodes.ros.names import NodeName
 from simbev_ros.nodes.surroundings import Surroundings
 from simbev_ros.recording.image_codecs import compressed_format, encode_image
 from simbev_ros.render.frame import CameraView, RenderFrame
@@ -81,7 +82,7 @@ class CameraNode(Participant):
 
     reuses_large_buffers = True
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: NodeName) -> None:
         super().__init__(name)
         self._names = self.declare_read_only(
             "sensors", [], "Names of the rig's cameras that this node serves; empty: all"

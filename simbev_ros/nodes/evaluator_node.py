@@ -40,6 +40,7 @@ from simbev_ros.nodes.answer_topics import Answer, AnswerTopics, received_s
 from simbev_ros.nodes.graph_node import GraphNode
 from simbev_ros.nodes.lockstep import Lockstep
 from simbev_ros.nodes.reports import read_report, subscribe_to_reports
+from simbev_ros.nodes.ros.names import NodeName
 from simbev_ros.recording.bag_files import disk_errors
 from simbev_ros.recording.whole_files import write_whole
 from simbev_ros.scene.frames import ego_from_base_link
@@ -65,7 +66,7 @@ class EvaluatorNode(GraphNode):
 
     takes_message_info = True
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: NodeName) -> None:
         super().__init__(name)
         self._evaluation = self.declare_section("evaluation", Evaluation)
         files = [self.declare_read_only("figures", "", "File for the figures of all scenes up to now; empty: none")]
@@ -245,7 +246,7 @@ class EvaluatorNode(GraphNode):
             level=DiagnosticStatus.WARN if counts.missed else DiagnosticStatus.OK,
             name=f"simbev: evaluation of {spec.name}",
             message=", ".join([f"{figures['frames']:g} frames, {counts.missed} missed", *shown]),
-            hardware_id=self.get_name(),
+            hardware_id=self.node_name.full,
             values=[KeyValue(key=key, value=f"{value:g}") for key, value in figures.items()],
         )
         stamp = header(spec.stamp_ns(max(self._join.finished_tick, 0)), "")

@@ -170,7 +170,7 @@ def _become(arguments: list[str], *, is_command: bool) -> list[str]:
     if not is_command:
         words = ["simbev_ros.nodes.main", *arguments]
         setproctitle(" ".join(words))  # as if it had been started by hand
-        setthreadtitle(arguments[0].partition(":")[2])
+        setthreadtitle(arguments[0].partition(":")[2].rpartition("/")[2])
         return words
     for name in (KEY_VARIABLE, "SPT_NOENV"):
         os.environ.pop(name, None)

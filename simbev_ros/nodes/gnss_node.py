@@ -8,6 +8,7 @@ from simbev_ros.msgs.motion import fix_message
 from simbev_ros.msgs.sensor_topics import gnss_topic
 from simbev_ros.msgs.topic import Topic
 from simbev_ros.nodes.participant import Participant
+from simbev_ros.nodes.ros.names import NodeName
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.sensors.gnss import GnssModel
@@ -22,7 +23,7 @@ class _Mounted(NamedTuple):
 class GnssNode(Participant):
     """Serves all GNSS receivers of the rig."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: NodeName) -> None:
         super().__init__(name)
         self._mounted: list[_Mounted] = []
 

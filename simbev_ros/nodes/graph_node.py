@@ -9,7 +9,6 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from pydantic import ValidationError
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Header, String
 
@@ -25,6 +24,7 @@ from simbev_ros.msgs.topic import Topic
 from simbev_ros.msgs.typed_topics import TypedTopic, typed_topics
 from simbev_ros.nodes.load_meter import BUSY, LoadMeter
 from simbev_ros.nodes.reports import Report, report_message
+from simbev_ros.nodes.ros.names import NamespacedNode, NodeName, ros_name
 from simbev_ros.nodes.ros.parameters import declare_read_only
 from simbev_ros.nodes.scene_inbox import SceneInbox
 from simbev_ros.recording.qos import QosProfile
@@ -44,10 +44,14 @@ MALFORMED = (
 """What reading a malformed message may raise."""
 
 
-class GraphNode(Node):
+class GraphNode(NamespacedNode):
     """Base of every node of the graph.
 
+    Args:
+        name: Its name; in /sync/ready it is the one within the graph, also if ROS's arguments rename the node.
+
     Attributes:
+        node_name: Its name.
         takes_message_info: Whether it has callbacks that take message and message info, which rclpy's events executor
             cannot call.
         reuses_large_buffers: Whether it allocates and frees large arrays at each tick, so that its process had better
@@ -57,8 +61,9 @@ class GraphNode(Node):
     takes_message_info = False
     reuses_large_buffers = False
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: NodeName) -> None:
         super().__init__(name)
+        self.node_name = name
         self.live: bool = self.declare_read_only(
             "live", False, "Paced by the wall clock; sensor topics are best effort"
         )
@@ -129,7 +134,8 @@ class GraphNode(Node):
         """
         if topic.name not in self._topic_publishers and is_installed(topic.type):
             kind, qos = message_class(topic.type), rclpy_qos(self.offered_qos(topic))
-            overrides = override_options(self, topic.name) if self.live and topic.sensor else None
+            in_ros = ros_name(topic.name, self.graph_namespace)
+            overrides = override_options(self, in_ros) if self.live and topic.sensor else None
             publisher = self.create_publisher(kind, topic.name, qos, qos_overriding_options=overrides)
             self._topic_publishers[topic.name] = publisher
 
@@ -183,7 +189,7 @@ class GraphNode(Node):
     def report_finished(self, spec: SceneSpec, tick: int) -> None:
         """Report on /sync/ready that this node has finished a tick."""
         self._simulated_ns = spec.stamp_ns(tick)
-        self._ready.publish(report_message(Report(self.get_name(), spec.name, self._simulated_ns), self.signer))
+        self._ready.publish(report_message(Report(self.node_name.name, spec.name, self._simulated_ns), self.signer))
 
     def follow_scenes(self, start: Callable[[str, bytes], None]) -> None:
         """Subscribe to scenes; ``start`` receives the JSON of each specification, and the serialized message.
@@ -242,9 +248,9 @@ class GraphNode(Node):
         load = self.meter.read()
         status = DiagnosticStatus(
             level=DiagnosticStatus.WARN if load["dropped"] or load["ignored_total"] else DiagnosticStatus.OK,
-            name=f"simbev: {self.get_name()}",
+            name=f"simbev: {self.node_name.name}",
             message=f"{load['rate_hz']:.1f} Hz, {load[BUSY]:.1f} ms a tick",
-            hardware_id=self.get_name(),
+            hardware_id=self.node_name.full,
             values=[KeyValue(key=key, value=f"{value:g}") for key, value in load.items()],
         )
         self._diagnostics.publish(DiagnosticArray(header=header(self._simulated_ns, ""), status=[status]))

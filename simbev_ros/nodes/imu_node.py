@@ -6,6 +6,7 @@ from simbev_ros.config.positioning import Imu
 from simbev_ros.msgs.motion import imu_messages
 from simbev_ros.msgs.sensor_topics import ImuTopics, imu_topics
 from simbev_ros.nodes.participant import Participant
+from simbev_ros.nodes.ros.names import NodeName
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.sensors.imu import ImuModel
@@ -23,7 +24,7 @@ class ImuNode(Participant):
     Samples between two ticks are published at the later tick, in order, each with its own stamp.
     """
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: NodeName) -> None:
         super().__init__(name)
         self._previous: WorldState | None = None
         self._mounted: list[_Mounted] = []

@@ -15,6 +15,7 @@ from simbev_ros.config.lidar import Lidar
 from simbev_ros.msgs.sensor_topics import LidarTopics, lidar_topics
 from simbev_ros.msgs.tables import message_from_table
 from simbev_ros.nodes.participant import Participant
+from simbev_ros.nodes.ros.names import NodeName
 from simbev_ros.nodes.surroundings import Surroundings, predicted_position_m, ray_view_radius_m
 from simbev_ros.raycast.scene import RayScene
 from simbev_ros.scene.spec import SceneSpec
@@ -56,7 +57,7 @@ class LidarNode(Participant):
 
     reuses_large_buffers = True
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: NodeName) -> None:
         super().__init__(name)
         self._surroundings = Surroundings(lambda static: RayScene(static, load_models()))
         self._mounted: list[_Mounted] = []

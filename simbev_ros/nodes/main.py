@@ -1,6 +1,6 @@
 """Entry point of a node process, with one or several nodes.
 
-Usage: ``python -m simbev_ros.nodes.main KIND:NAME … --ros-args …``
+Usage: ``simbev_node KIND[:[AGENT/]NAME] … [--ros-args …]``
 """
 
 import importlib
@@ -12,16 +12,26 @@ import rclpy
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.logging import get_logger
 from rclpy.signals import SignalHandlerOptions
-from rclpy.utilities import remove_ros_args
+from rclpy.utilities import try_shutdown
 
 from simbev_ros.config.rig import SENSOR_KINDS
 from simbev_ros.errors import DiskError, InputError, SimbevError
 from simbev_ros.nodes.graph_node import GraphNode
 from simbev_ros.nodes.lifeline import end_with_supervisor
+from simbev_ros.nodes.ros.arguments import RosArguments, split_ros_arguments
+from simbev_ros.nodes.ros.names import NodeName
 from simbev_ros.process_memory import keep_freed_memory
 
 KINDS = ("world", *SENSOR_KINDS, "annotator", "recorder", "evaluator")
 """Kinds of nodes; each kind of sensor has a node kind of the same name."""
+
+USAGE = f"""\
+Usage: simbev_node KIND[:[AGENT/]NAME] … [--ros-args …]
+
+Run nodes of a graph in one process, until SIGINT or SIGTERM. simbev run starts them all.
+
+Kinds: {", ".join(KINDS)}
+Example: simbev_node lidar:ego/lidar radar:ego/radar --ros-args --params-file nodes.yaml -r __ns:=/sim1"""
 
 ERROR_MARK = "error: "
 """Prefix of the output, up to its end, in which a process states why it ends."""
@@ -32,13 +42,17 @@ DISK_EXIT_CODE = os.EX_IOERR
 
 def main(arguments: list[str] | None = None) -> int:
     """Run nodes until SIGTERM or SIGINT; return the exit code."""
-    arguments = sys.argv if arguments is None else arguments
+    own, of_ros = split_ros_arguments((sys.argv if arguments is None else arguments)[1:])
+    if not own or {"-h", "--help"}.intersection(own):
+        print(USAGE)
+        return 0
     end_with_supervisor()
     stop = _StopFlag()
-    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     nodes: list[GraphNode] = []
     try:
-        requested = [_requested_node(word) for word in remove_ros_args(arguments)[1:]]
+        ros = RosArguments.parse(of_ros)
+        rclpy.init(args=ros.for_nodes, signal_handler_options=SignalHandlerOptions.NO)
+        requested = [_requested_node(word, ros.namespace) for word in own]
         if any(kind.reuses_large_buffers for kind, _ in requested):
             keep_freed_memory()
         for kind, name in requested:
@@ -57,16 +71,16 @@ def main(arguments: list[str] | None = None) -> int:
         for node in nodes:
             node.close()
             node.destroy_node()
-        rclpy.shutdown()
+        try_shutdown()
     return 0
 
 
-def _requested_node(word: str) -> tuple[type[GraphNode], str]:
-    """Class and name of a node requested as ``KIND:NAME`` or ``KIND``."""
+def _requested_node(word: str, namespace: str) -> tuple[type[GraphNode], NodeName]:
+    """Class and name of a node requested as ``KIND:AGENT/NAME``, ``KIND:NAME`` or ``KIND``."""
     kind, _, name = word.partition(":")
     if kind not in KINDS:
         raise InputError(f"there is no node kind {kind!r}; allowed: {', '.join(KINDS)}")
-    return node_class(kind), name or kind
+    return node_class(kind), NodeName.parse(name or kind, namespace)
 
 
 def node_class(kind: str) -> type[GraphNode]:

@@ -20,6 +20,7 @@ from simbev_ros.msgs.qos import STATE, STATE_READER, rclpy_qos
 from simbev_ros.msgs.stamps import stamp_of
 from simbev_ros.msgs.world import actors_from_message, signals_from_message, weather_from_message
 from simbev_ros.nodes.graph_node import GraphNode
+from simbev_ros.nodes.ros.names import NodeName
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import EGO_ID, WorldState
 from simbev_ros.scene.weather import Weather
@@ -56,7 +57,7 @@ class Participant(GraphNode):
         inputs: Subscriptions that must be connected before a scene starts.
     """
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: NodeName) -> None:
         super().__init__(name)
         self.recorded: bool = self.declare_read_only(
             "recorded", False, "A recorder reads the recorded topics: wait until it is connected"

@@ -9,6 +9,7 @@ from simbev_ros.msgs.sensor_topics import radar_topic
 from simbev_ros.msgs.tables import message_from_table
 from simbev_ros.msgs.topic import Topic
 from simbev_ros.nodes.participant import Participant
+from simbev_ros.nodes.ros.names import NodeName
 from simbev_ros.nodes.surroundings import Surroundings, predicted_position_m, ray_view_radius_m
 from simbev_ros.raycast.scene import RayScene
 from simbev_ros.scene.spec import SceneSpec
@@ -30,7 +31,7 @@ class _Mounted(NamedTuple):
 class RadarNode(Participant):
     """Serves all radars of the rig; the rays of all radars that are due are cast together."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: NodeName) -> None:
         super().__init__(name)
         self._surroundings = Surroundings(lambda static: RayScene(static, load_models()))
         self._reach_m = 0.0  # maximum over all radars, from the ego's origin

@@ -29,6 +29,7 @@ from simbev_ros.msgs.transforms import serialize_transforms, static_transforms
 from simbev_ros.msgs.typed_topics import typed_topics
 from simbev_ros.msgs.world import actors_from_message, signals_from_message, weather_from_message
 from simbev_ros.nodes.graph_node import GraphNode
+from simbev_ros.nodes.ros.names import NodeName
 from simbev_ros.recording.accounting import Accounting, Schedule, Verdict
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.canonical import canonical_cdr
@@ -66,7 +67,7 @@ class RecorderNode(GraphNode):
 
     reuses_large_buffers = True
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: NodeName) -> None:
         super().__init__(name)
         self._dataset = Path(
             self.declare_read_only("dataset", "", "Folder of the dataset into which scenes are written")

@@ -38,6 +38,7 @@ from simbev_ros.nodes.graph_node import GraphNode
 from simbev_ros.nodes.lockstep import Lockstep
 from simbev_ros.nodes.pacer import Pacer
 from simbev_ros.nodes.reports import read_report, subscribe_to_reports
+from simbev_ros.nodes.ros.names import NodeName
 from simbev_ros.nodes.world_displays import WorldDisplays
 from simbev_ros.process_memory import freeze_after_loading
 from simbev_ros.recording.replay import Replay
@@ -83,7 +84,7 @@ class _LoadedScene:
 class WorldNode(GraphNode):
     """Plays one requested scene after the other."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: NodeName) -> None:
         super().__init__(name)
         participants = self.declare_read_only(
             "participants", [], "Names of nodes that must report each tick on /sync/ready"

@@ -11,6 +11,7 @@ from simbev_ros.errors import GraphError, SimbevError
 from simbev_ros.graph.exposure import LOCAL, Exposure
 from simbev_ros.graph.monitor import SUPERVISOR
 from simbev_ros.graph.session import GraphSession
+from simbev_ros.nodes.ros.arguments import PLAIN, RosArguments
 from simbev_ros.production.drawing import draw_scenes
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.record_folder import hold_record_folder, keep_recorded
@@ -28,6 +29,7 @@ def play_scenes(
     dataset: Path | None = None,
     domain: int | None = None,
     exposure: Exposure = LOCAL,
+    ros: RosArguments = PLAIN,
     observer: ProductionObserver = SILENT,
 ) -> list[Path]:
     """Play every scene of a configuration and return the folders of the recorded bags.
@@ -40,6 +42,7 @@ def play_scenes(
         dataset: Folder to record into; None: nothing is recorded.
         domain: ROS domain; None: that of the environment, else a free one.
         exposure: Who can take part in the graph.
+        ros: What all nodes of the graph are told, and its namespace.
         observer: Receives the progress.
 
     Raises:
@@ -50,7 +53,7 @@ def play_scenes(
     if dataset is not None:
         require_writable(dataset)
     specs = draw_scenes(scenario, observer)
-    options: dict[str, Any] = {"live": live, "dataset": dataset, "domain": domain, "exposure": exposure}
+    options: dict[str, Any] = {"live": live, "dataset": dataset, "domain": domain, "exposure": exposure, "ros": ros}
     with keep_recorded(dataset):
         bags = list(play_specs(scenario, specs, **options, observer=observer))
     if dataset is None:
@@ -68,6 +71,7 @@ def play_specs(
     dataset: Path | None = None,
     domain: int | None = None,
     exposure: Exposure = LOCAL,
+    ros: RosArguments = PLAIN,
     replays: Sequence[Path] = (),
     observer: ProductionObserver = SILENT,
 ) -> Generator[Path, None, None]:
@@ -83,6 +87,7 @@ def play_specs(
         dataset: Folder to record into; None: nothing is recorded.
         domain: ROS domain; None: that of the environment, else a free one.
         exposure: Who can take part in the graph.
+        ros: What all nodes of the graph are told, and its namespace.
         replays: For each scene a bag to take all motion from; empty: motion is simulated.
         observer: Receives the progress.
 
@@ -95,7 +100,7 @@ def play_specs(
         if dataset is not None:
             held.enter_context(hold_record_folder(dataset, scenario, specs, live=live, observer=observer))
         build_surroundings(specs, observer)
-        session = GraphSession(scenario, live=live, dataset=dataset, domain=domain, exposure=exposure)
+        session = GraphSession(scenario, live=live, dataset=dataset, domain=domain, exposure=exposure, ros=ros)
         held.enter_context(_run_graph(session, observer))
         observer.graph_started(session.domain, session.security_variables)
         for spec, replay in zip_longest(specs, replays):

@@ -18,6 +18,7 @@ from simbev_ros.input_file import path_exists
 from simbev_ros.limits import MAX_SCENE_NUMBER
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.spec import MapSpec
+from simbev_ros.nodes.ros.arguments import PLAIN, RosArguments
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.play import play_on
 from simbev_ros.production.record_folder import hold_record_folder
@@ -111,6 +112,7 @@ def serve_scenes(
     dataset: Path | None = None,
     domain: int | None = None,
     exposure: Exposure = LOCAL,
+    ros: RosArguments = PLAIN,
     observer: ProductionObserver = SILENT,
 ) -> Generator[Path, None, None]:
     """Start a graph and play the scenes that are asked for through service and action; yield the bags of recorded ones.
@@ -124,6 +126,7 @@ def serve_scenes(
         dataset: Folder to record into; None: nothing is recorded.
         domain: ROS domain; None: that of the environment, else a free one.
         exposure: Who can take part in the graph.
+        ros: What all nodes of the graph are told, and its namespace.
         observer: Receives the progress.
 
     Raises:
@@ -135,11 +138,11 @@ def serve_scenes(
         require_writable(dataset)
     queue = SceneQueue(OrderDrawer(scenario, dataset).draw)
     with ExitStack() as held:
-        graph = _Graph(live=live, dataset=dataset, domain=domain, exposure=exposure)
+        graph = _Graph(live=live, dataset=dataset, domain=domain, exposure=exposure, ros=ros)
         held.callback(graph.close)
         session = graph.session_for(scenario)
         observer.graph_started(session.domain, session.security_variables)
-        held.enter_context(scene_services(queue, session.domain))
+        held.enter_context(scene_services(queue, session.domain, ros))
         while True:
             ordered = queue.take(0.0)
             if ordered is None:

@@ -38,24 +38,27 @@ _POLLS_TO_SETTLE = 10
 class ReferenceStack(Node):
     """Answers lidar clouds: every cloud in lockstep, the newest one live.
 
-    Topics, which can be remapped as usual: /ego/lidar/points, /ego/odom, /world/scene in; /prediction/boxes,
-    /prediction/boxes/markers (only with subscribers), /prediction/bev and /sync/ready out.
+    Topics, relative to the node's namespace, which can be remapped as usual: ego/lidar/points, ego/odom, world/scene
+    in; prediction/boxes, prediction/boxes/markers (only with subscribers), prediction/bev and sync/ready out. The
+    parameter ``lidar_topic`` chooses another lidar by its topic in the scene, which may itself be remapped.
     """
 
     def __init__(self) -> None:
         super().__init__("reference_stack")
-        self._points_topic = self.resolve_topic_name("/ego/lidar/points")
+        lidar_topic = self.declare_parameter("lidar_topic", "").value
+        self._points_topic = self.resolve_topic_name(lidar_topic.removeprefix("/") or "ego/lidar/points")
+        self._lidar_topic = lidar_topic or self._points_topic.removeprefix(self.get_namespace().rstrip("/"))
         self._scene: Scene | None = None
         self._pipeline: Pipeline | None = None
         self._join: TickJoin[PointCloud2, Odometry] = TickJoin()
         self._points: Subscription | None = None
         self._polls_connected = 0
-        self._odom = self.create_subscription(Odometry, "/ego/odom", self._on_odometry, _EVERY)
-        self._boxes = self.create_publisher(PointCloud2, "/prediction/boxes", _EVERY)
-        self._markers = self.create_publisher(MarkerArray, "/prediction/boxes/markers", _EVERY)
-        self._grid = self.create_publisher(Image, "/prediction/bev", _EVERY)
-        self._ready = self.create_publisher(Header, "/sync/ready", _LATCHED)
-        self.create_subscription(String, "/world/scene", self._on_scene, _LATCHED)
+        self._odom = self.create_subscription(Odometry, "ego/odom", self._on_odometry, _EVERY)
+        self._boxes = self.create_publisher(PointCloud2, "prediction/boxes", _EVERY)
+        self._markers = self.create_publisher(MarkerArray, "prediction/boxes/markers", _EVERY)
+        self._grid = self.create_publisher(Image, "prediction/bev", _EVERY)
+        self._ready = self.create_publisher(Header, "sync/ready", _LATCHED)
+        self.create_subscription(String, "world/scene", self._on_scene, _LATCHED)
         self.create_timer(_POLL_S, self._connect, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def _on_scene(self, message: String) -> None:
@@ -64,7 +67,7 @@ class ReferenceStack(Node):
         if self._points is not None:  # the next graph may be live although this one is not, or vice versa
             self.destroy_subscription(self._points)
         self._points, self._polls_connected = None, 0
-        self._scene = read_scene(message.data, self._points_topic)
+        self._scene = read_scene(message.data, self._lidar_topic)
         self._pipeline = Pipeline(self._scene.ego_from_lidar, self._scene.grid)
 
     def _connect(self) -> None:

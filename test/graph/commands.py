@@ -85,7 +85,7 @@ class Command:
             with suppress(psutil.NoSuchProcess):
                 words = " ".join(process.cmdline()).split()
                 if words[:1] == ["simbev_ros.nodes.main"]:
-                    names = [word.partition(":")[2] for word in words[1 : words.index("--ros-args")]]
+                    names = [word.partition(":")[2].rpartition("/")[2] for word in words[1 : words.index("--ros-args")]]
                     found["+".join(names)] = process.pid
         return found
 

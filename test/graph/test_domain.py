@@ -26,6 +26,13 @@ def test_a_domain_has_one_holder_at_a_time(folder: Path) -> None:
     assert folder.stat().st_mode & 0o777 == 0o700
 
 
+def test_a_domain_has_one_holder_for_each_namespace(folder: Path) -> None:
+    with DomainLock(7), DomainLock(7, "/sim1"), DomainLock(7, "/sim1/a"):
+        with pytest.raises(InputError, match="namespace /sim1 of ROS domain 7 is in use by another simbev graph"):
+            DomainLock(7, "/sim1")
+        assert len(list(folder.iterdir())) == 3
+
+
 @pytest.mark.parametrize("mode", [0o770, 0o707, 0o777])
 def test_a_folder_that_others_may_write_to_is_refused(folder: Path, mode: int) -> None:
     folder.mkdir()

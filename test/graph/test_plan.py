@@ -11,6 +11,7 @@ from simbev_ros.config.load import load_scenario
 from simbev_ros.config.rendering import Device, Rendering
 from simbev_ros.config.scenario import GraphConfig, Scenario
 from simbev_ros.graph.plan import NodePlan, input_topic, plan_processes, stack_command
+from simbev_ros.nodes.ros.arguments import RosArguments
 
 
 def cameras(number: int, **rendering: object) -> list[NodePlan]:
@@ -151,9 +152,13 @@ def test_a_stack_answers_to_the_configured_topic_or_else_the_first_sensor(
     assert input_topic(reduced, Evaluation.model_validate(section)) == topic
 
 
-def test_the_reference_stack_gets_its_topics_as_remappings() -> None:
+def test_the_reference_stack_gets_its_topics_relative_to_the_namespace_and_what_all_nodes_are_told() -> None:
     assert stack_command(load_scenario("paper")) == stack_command(scenario_with_evaluation({})) == ()
     assert stack_command(scenario_with_evaluation({"stack": "run 'my stack'"})) == ("run", "my stack")
     command = stack_command(scenario_with_evaluation({"stack": "reference", "grids_topic": "/grids"}))
-    assert command[1:] == ("-m", "simbev_ros.reference_stack", "--ros-args", "--remap", "/prediction/bev:=/grids")
+    own = ("-p", "lidar_topic:=/ego/lidar/points", "--remap", "prediction/bev:=grids")
+    assert command[1:] == ("-m", "simbev_ros.reference_stack", "--ros-args", *own)
+    told = RosArguments("/sim1", ("-r", "/a:=/b"))
+    command = stack_command(scenario_with_evaluation({"stack": "reference", "grids_topic": "/grids"}), told)
+    assert command[3:] == ("--ros-args", *own, "-r", "/a:=/b", "-r", "__ns:=/sim1")
     assert scenario_with_evaluation({"stack": "reference"}).participants == ("reference_stack",)

@@ -52,11 +52,13 @@ def test_every_parameter_has_a_value_and_a_description_and_nodes_log_what_happen
         node.create_subscription(Clock, "/clock", keep(clocks), 1000)
         spin_until(lambda: len(clocks) > 20, 60)
         caller = Caller(node, spin_until)
-        for name in ("/world", "/lidar", "/gnss", "/imu", "/annotator"):
+        for name in ("/world", "/ego/lidar", "/ego/gnss", "/ego/imu", "/ego/annotator"):
             names = caller.call(ListParameters, f"{name}/list_parameters", ListParameters.Request()).result.names
             assert {"live", "use_sim_time"} <= set(names)
             values = caller.call(GetParameters, f"{name}/get_parameters", GetParameters.Request(names=names)).values
             assert len(values) == len(names)
+            uses_simulated_time = dict(zip(names, values, strict=True))["use_sim_time"].bool_value
+            assert uses_simulated_time == (name != "/world")  # the world owns time
             assert ParameterType.PARAMETER_NOT_SET not in {value.type for value in values}
             request = DescribeParameters.Request(names=[each for each in names if each not in OF_RCLPY])
             described = caller.call(DescribeParameters, f"{name}/describe_parameters", request).descriptors
@@ -69,7 +71,7 @@ def test_every_parameter_has_a_value_and_a_description_and_nodes_log_what_happen
     texts = {(each.name, each.msg) for each in logged}
     assert {
         ("world", "scene Blocks-0000 is loaded"),
-        ("lidar", "scene Blocks-0000 is loaded"),
+        ("ego.lidar", "scene Blocks-0000 is loaded"),
         ("world", "scene Blocks-0000 starts: 1200 ticks"),
         ("world", "scene Blocks-0000 starts again"),
     } <= texts

@@ -13,6 +13,7 @@ from simbev_ros.graph.monitor import GraphMonitor
 from simbev_ros.graph.session import GraphSession
 from simbev_ros.msgs.signing import Signer
 from simbev_ros.msgs.stamps import header
+from simbev_ros.nodes.ros.names import NodeName
 from simbev_ros.scene.request import SceneRequest
 
 SPEC = made_up_spec([{"type": "gnss", "name": "gnss"}])
@@ -39,7 +40,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> FakeClock:
 @pytest.fixture
 def monitor(clock: FakeClock) -> Iterator[GraphMonitor]:
     """A monitor that has requested a scene which the own node has loaded."""
-    made = GraphMonitor(DOMAIN, OWN_NODES, ["gnss", "planner"], Signer(None))
+    made = GraphMonitor(DOMAIN, map(NodeName, OWN_NODES), ["gnss", "planner"], Signer(None))
     made.request(SceneRequest(spec=SPEC))
     report(made, "gnss", SPEC.stamp_ns(SPEC.loaded_tick))
     yield made

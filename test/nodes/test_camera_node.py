@@ -17,6 +17,7 @@ from simbev_ros.maps.build import load_network
 from simbev_ros.maps.roads.tunnels import Tunnels
 from simbev_ros.nodes import camera_node, surroundings
 from simbev_ros.nodes.camera_node import CameraNode
+from simbev_ros.nodes.ros.names import NodeName
 from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.scene.spec import SceneSpec
@@ -70,7 +71,7 @@ def node(spec: SceneSpec, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     monkeypatch.setattr(surroundings, "load_static_scene", lambda *_, **__: SimpleNamespace(tunnels=Tunnels.none()))
     monkeypatch.setattr(surroundings, "_loaded", {})
     rclpy.init(domain_id=39)
-    made: Any = CameraNode("camera")
+    made: Any = CameraNode(NodeName("camera", "ego"))
     made.sent = []
     made.recorded_topics = made.start_scene(spec)
     made.reported = []

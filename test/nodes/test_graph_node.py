@@ -9,6 +9,7 @@ import rclpy
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.errors import InputError
 from simbev_ros.nodes.graph_node import GraphNode
+from simbev_ros.nodes.ros.names import NodeName
 
 
 @pytest.fixture
@@ -20,7 +21,7 @@ def make_node(tmp_path: Path) -> Iterator[Callable[[str], GraphNode]]:
         file = tmp_path / "parameters.yaml"
         file.write_text(f"camera: {{ros__parameters: {{rendering: '{text}'}}}}\n")
         rclpy.init(args=["--ros-args", "--params-file", str(file)], domain_id=39)
-        nodes.append(GraphNode("camera"))
+        nodes.append(GraphNode(NodeName("camera")))
         return nodes[0]
 
     yield make

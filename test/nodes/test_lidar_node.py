@@ -17,6 +17,7 @@ from simbev_ros.msgs.stamps import stamp_of
 from simbev_ros.msgs.tables import table_from_message
 from simbev_ros.nodes import lidar_node, surroundings
 from simbev_ros.nodes.lidar_node import LidarNode
+from simbev_ros.nodes.ros.names import NodeName
 from simbev_ros.raycast.scene import RayScene
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.scene.spec import SceneSpec
@@ -52,7 +53,7 @@ def node(spec: SceneSpec, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     monkeypatch.setattr(surroundings, "load_static_scene", lambda *_, **__: STATIC)
     monkeypatch.setattr(surroundings, "_loaded", {})
     rclpy.init(domain_id=39)
-    made: Any = LidarNode("lidar")
+    made: Any = LidarNode(NodeName("lidar", "ego"))
     made.sent = []
     made.recorded_topics = made.start_scene(spec)
     made.reported = []

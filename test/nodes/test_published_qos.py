@@ -15,6 +15,7 @@ from simbev_ros.errors import InputError
 from simbev_ros.msgs.message_types import message_class
 from simbev_ros.msgs.topic import Topic
 from simbev_ros.nodes.graph_node import GraphNode
+from simbev_ros.nodes.ros.names import NodeName
 
 POINTS = Topic("/ego/lidar/points", "sensor_msgs/msg/PointCloud2", sensor=True)
 ACTORS = Topic("/world/actors", "sensor_msgs/msg/PointCloud2")
@@ -32,11 +33,11 @@ def make_node(tmp_path: Path) -> Iterator[MakeNode]:
     """Function that makes a node of a graph with ROS parameters."""
     nodes: list[GraphNode] = []
 
-    def make(**parameters: object) -> GraphNode:
+    def make(namespace: str = "", **parameters: object) -> GraphNode:
         file = tmp_path / "parameters.yaml"
         file.write_text(yaml.safe_dump({"/**": {"ros__parameters": parameters}}))
         rclpy.init(args=["--ros-args", "--params-file", str(file)], domain_id=39)
-        nodes.append(GraphNode("lidar"))
+        nodes.append(GraphNode(NodeName("lidar", "ego", namespace)))
         return nodes[0]
 
     yield make
@@ -103,6 +104,14 @@ def test_only_overridden_policies_are_parameters(make_node: MakeNode) -> None:
     for topic in (POINTS, ACTORS, Topic("/ego/other/points", POINTS.type, sensor=True)):
         node.advertise(topic)
     assert [name for name in node._parameters if name.startswith("qos_overrides")] == [RELIABILITY]
+
+
+def test_below_a_namespace_an_override_names_the_topic_as_it_is_in_ros(make_node: MakeNode) -> None:
+    name = RELIABILITY.replace("/ego", "/sim1/ego")
+    node = make_node("/sim1", **{"live": True, name: "reliable"})
+    node.advertise(POINTS)
+    (publisher,) = [each for each in node.publishers if each.topic_name == f"/sim1{POINTS.name}"]
+    assert publisher.qos_profile.reliability == ReliabilityPolicy.RELIABLE
 
 
 @pytest.mark.parametrize(("live", "topic"), [(False, POINTS), (True, ACTORS)])

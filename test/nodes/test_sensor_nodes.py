@@ -17,6 +17,7 @@ from simbev_ros.msgs.sensor_topics import sensor_topics
 from simbev_ros.msgs.topics import manifest
 from simbev_ros.nodes.main import KINDS, node_class
 from simbev_ros.nodes.participant import Participant
+from simbev_ros.nodes.ros.names import NodeName
 from simbev_ros.nodes.surroundings import Surroundings
 from simbev_ros.semantics import Tag
 
@@ -39,7 +40,7 @@ def start_node(kind: str, monkeypatch: pytest.MonkeyPatch) -> tuple[Any, list[st
     if kind == "camera":
         module = __import__(made_class.__module__, fromlist=["open_context"])
         monkeypatch.setattr(module, "open_context", lambda *_: SimpleNamespace(release=lambda: None))
-    node: Any = made_class(kind)
+    node: Any = made_class(NodeName(kind))
     return node, node.start_scene(made_up_spec([{"type": kind, "name": "some"}]))
 
 

@@ -12,6 +12,7 @@ from rich.console import Console
 from simbev_ros.cli.view.command import RERUN_PORT
 from simbev_ros.cli.view.recorded import require_rerun
 from simbev_ros.errors import InputError
+from simbev_ros.nodes.ros.arguments import PLAIN, RosArguments
 
 if TYPE_CHECKING:
     from simbev_ros.cli.view.graph_viewer import GraphViewer
@@ -29,7 +30,7 @@ ViewPortOption = Annotated[
 
 @contextmanager
 def viewer_beside(
-    port: int | None, console: Console, *, wanted: bool, network: bool = False
+    port: int | None, console: Console, *, wanted: bool, network: bool = False, ros: RosArguments = PLAIN
 ) -> Iterator["GraphViewer"]:
     """A viewer of the graph that is started in this context, if one is wanted; it ends with the context.
 
@@ -40,6 +41,7 @@ def viewer_beside(
         console: Where to print.
         wanted: Whether there is a viewer.
         network: Whether the graph takes part in the network.
+        ros: What all nodes of the graph are told.
 
     Raises:
         InputError: Rerun is not installed, the port is taken, or there is a port without a viewer.
@@ -52,7 +54,7 @@ def viewer_beside(
     if wanted:
         require_rerun()
         _require_free(chosen)
-    viewer = GraphViewer(chosen, console, wanted=wanted, network=network)
+    viewer = GraphViewer(chosen, console, wanted=wanted, network=network, ros=ros)
     with viewer:
         yield viewer
         viewer.stay()

@@ -1,13 +1,16 @@
 """``simbev view``: its options, and which viewer gets what."""
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from simbev_ros.cli.console import make_console
+from simbev_ros.cli.ros_options import NamespaceOption, ros_arguments
 from simbev_ros.errors import InputError
+from simbev_ros.nodes.ros.arguments import RosArguments
 
 if TYPE_CHECKING:
     from simbev_ros.dataset.scene import Scene
@@ -20,6 +23,7 @@ _RATE_HZ = 5.0
 
 
 def view(
+    context: typer.Context,
     path: Annotated[
         Path | None, typer.Argument(metavar="BAG|DATASET", help="A scene's bag, or a dataset.", show_default=False)
     ] = None,
@@ -35,6 +39,7 @@ def view(
         ),
     ] = None,
     network: Annotated[bool, typer.Option("--network", help="The running graph may be on another host.")] = False,
+    namespace: NamespaceOption = None,
     rate: Annotated[
         float | None,
         typer.Option(
@@ -107,15 +112,18 @@ def view(
     width_px = _BROWSER_WIDTH_PX if image_width is None else image_width
     if live:
         _require_no_recording(path, scene, out)
+        ros = ros_arguments(context, namespace)
         if foxglove:
             from simbev_ros.cli.view.foxglove import serve_graph
 
-            serve_graph(*place, domain, network=network, console=console)
+            serve_graph(*place, domain, network=network, console=console, ros=ros)
             return
         detail = _detail(points, width_px, layers=bool(layers), memory_mib=memory)
-        _show_live(place, domain, rate, detail, network=network, opens=open_)
+        _show_live(place, domain, rate, detail, network=network, opens=open_, ros=ros)
         return
-    _require_recording_options(domain, rate, network=network)
+    named, told = namespace is not None, bool(context.obj)
+    of_graphs = {"--network": network, f"--namespace {namespace}": named, "--ros-args": told}
+    _require_recording_options(domain, rate, of_graphs)
     if path is None:
         raise InputError("give a scene's bag or a dataset, or --live for a running graph")
     if foxglove:
@@ -147,7 +155,14 @@ def _detail(points: int, width_px: int, *, layers: bool, memory_mib: float) -> "
 
 
 def _show_live(
-    place: tuple[int, str], domain: int | None, rate_hz: float | None, detail: "Detail", *, network: bool, opens: bool
+    place: tuple[int, str],
+    domain: int | None,
+    rate_hz: float | None,
+    detail: "Detail",
+    *,
+    network: bool,
+    opens: bool,
+    ros: RosArguments,
 ) -> None:
     """Show a running graph in Rerun's viewer."""
     from simbev_ros.cli.view.recorded import require_rerun
@@ -155,7 +170,8 @@ def _show_live(
     require_rerun()
     from simbev_ros.cli.view.live import show_graph
 
-    show_graph(place, domain, rate_hz or _RATE_HZ, detail, network=network, opens=opens, console=make_console())
+    console = make_console()
+    show_graph(place, domain, rate_hz or _RATE_HZ, detail, network=network, opens=opens, console=console, ros=ros)
 
 
 def _require_no_recording(path: Path | None, scene: str | None, out: Path | None) -> None:
@@ -166,9 +182,9 @@ def _require_no_recording(path: Path | None, scene: str | None, out: Path | None
             raise InputError(f"{words}: --live shows a running graph; give one or the other")
 
 
-def _require_recording_options(domain: int | None, rate: float | None, *, network: bool) -> None:
-    """Refuse what belongs to running graphs."""
-    given = {f"--domain {domain}": domain is not None, f"--rate {rate}": rate is not None, "--network": network}
+def _require_recording_options(domain: int | None, rate: float | None, others: Mapping[str, bool]) -> None:
+    """Refuse what belongs to running graphs; ``others`` says of further options whether they are given."""
+    given = {f"--domain {domain}": domain is not None, f"--rate {rate}": rate is not None, **others}
     for words, is_given in given.items():
         if is_given:
             raise InputError(f"{words}: is for --live")

@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
+from simbev_ros.nodes.ros.arguments import PLAIN, RosArguments
+
 if TYPE_CHECKING:
     from simbev_ros.dataset.scene import Scene
 
@@ -33,7 +35,9 @@ def serve_recorded(scene: "Scene", port: int, bind: str, console: Console) -> No
         serve_bag(bag, Address(bind, port), announce, warn)
 
 
-def serve_graph(port: int, bind: str, domain: int | None, *, network: bool, console: Console) -> None:
+def serve_graph(
+    port: int, bind: str, domain: int | None, *, network: bool, console: Console, ros: RosArguments = PLAIN
+) -> None:
     """Serve the running graph of a ROS domain until an interrupt; graphs may end and start meanwhile.
 
     Args:
@@ -42,6 +46,7 @@ def serve_graph(port: int, bind: str, domain: int | None, *, network: bool, cons
         domain: ROS domain; None: that of ROS_DOMAIN_ID, or 0.
         network: Whether the graph may be on another host.
         console: Console for messages.
+        ros: What the nodes of the graph are told, and its namespace.
 
     Raises:
         InputError: foxglove-sdk is not installed, ROS_DOMAIN_ID is no domain, or the address cannot be used.
@@ -63,4 +68,4 @@ def serve_graph(port: int, bind: str, domain: int | None, *, network: bool, cons
     def warn(line: str) -> None:
         console.print(f"warning: {line}", soft_wrap=True)
 
-    serve_domain(number, Address(bind, port), announce, warn)
+    serve_domain(number, Address(bind, port), announce, warn, ros)

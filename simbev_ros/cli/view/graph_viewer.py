@@ -13,6 +13,7 @@ from simbev_ros.cli.view.browser import show_address
 from simbev_ros.graph.interrupts import Interrupted
 from simbev_ros.graph.node_starter import describe_exit
 from simbev_ros.graph.traces import Traces
+from simbev_ros.nodes.ros.arguments import PLAIN, RosArguments
 from simbev_ros.production.observer import ProductionObserver
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.viewer.live.viewer_process import ADDRESS, SHOWING, ViewerProcess
@@ -29,10 +30,11 @@ class GraphViewer(ProductionObserver):
         console: Where to print.
         wanted: Whether to start it at all.
         network: Whether the graph takes part in the network.
+        ros: What all nodes of the graph are told; the viewer is told the same.
     """
 
-    def __init__(self, port: int, console: Console, *, wanted: bool, network: bool) -> None:
-        self._port, self._console, self._wanted, self._network = port, console, wanted, network
+    def __init__(self, port: int, console: Console, *, wanted: bool, network: bool, ros: RosArguments = PLAIN) -> None:
+        self._port, self._console, self._wanted, self._network, self._ros = port, console, wanted, network, ros
         self._process: ViewerProcess | None = None
         self._stack = ExitStack()
         self._is_ending = False
@@ -51,7 +53,12 @@ class GraphViewer(ProductionObserver):
         self._traces = Traces()
         self._stack.callback(self._traces.remove, keep_logs=False)
         self._process = ViewerProcess(
-            domain_id, self._port, self._traces.folder, security_variables, network=self._network
+            domain_id,
+            self._port,
+            self._traces.folder,
+            security_variables,
+            network=self._network,
+            ros=self._ros,
         )
         printing = Thread(target=self._print, args=(self._process,), daemon=True)
         printing.start()

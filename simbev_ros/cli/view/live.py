@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from simbev_ros.cli.view.browser import show_address
+from simbev_ros.nodes.ros.arguments import PLAIN, RosArguments
 from simbev_ros.viewer.live.viewer_process import SHOWING
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ def show_graph(
     network: bool,
     opens: bool,
     console: Console,
+    ros: RosArguments = PLAIN,
 ) -> None:
     """Show the graph of a domain, and the next one, until an interrupt.
 
@@ -35,6 +37,7 @@ def show_graph(
         network: Whether the graph may be on another host.
         opens: Whether to open the browser.
         console: Where to print.
+        ros: What the nodes of the graph are told, and its namespace.
 
     Raises:
         InputError: The port cannot be used, or ROS_DOMAIN_ID is no domain.
@@ -50,7 +53,7 @@ def show_graph(
     chosen = domain_from_environment() if domain is None else domain
     os.environ.update(graph_environment(chosen, Exposure(network=network)))
     printing = _Printing(chosen, console, is_alone=SUPERVISOR_VARIABLE not in os.environ)
-    with running_viewer(place, rate_hz, detail, printing) as viewer:
+    with running_viewer(place, rate_hz, detail, printing, ros) as viewer:
         show_address(viewer.page_url, console, opens=opens)
         while True:
             viewer.require_running()

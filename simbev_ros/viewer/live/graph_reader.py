@@ -11,7 +11,6 @@ from typing import Any
 
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock as ClockMessage
 from std_msgs.msg import String
@@ -24,6 +23,7 @@ from simbev_ros.msgs.sensor_topics import CameraTopics
 from simbev_ros.msgs.stamps import serialized_stamp_ns
 from simbev_ros.msgs.topic import Topic
 from simbev_ros.nodes.graph_node import MALFORMED
+from simbev_ros.nodes.ros.names import ROOT, NamespacedNode, NodeName
 from simbev_ros.recording.qos import QosProfile
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.viewer.live.drawn_topics import drawn_topics
@@ -42,18 +42,21 @@ _ANSWERS = "/prediction/"
 _ANSWER_TYPES = {*BOX_TYPES, IMAGE_TYPE, OCCUPANCY_TYPE} - {"vision_msgs/msg/Detection3DArray"}
 
 
-class GraphReader(Node):
-    """Follows the graph of its domain, and the next one: joins its messages to frames and offers these.
+class GraphReader(NamespacedNode):
+    """Follows the graph of its domain and namespace, and the next one: joins its messages to frames and offers these.
 
     Args:
         frames: Where frames go.
         rate_hz: Maximum number of frames per second of wall time.
         layers: Whether to read what is hidden until it is switched on.
         observer: Receives whether there is a graph.
+        namespace: The graph's namespace.
     """
 
-    def __init__(self, frames: NewestFrame, rate_hz: float, *, layers: bool, observer: LiveObserver) -> None:
-        super().__init__(NAME, enable_rosout=False, start_parameter_services=False)
+    def __init__(
+        self, frames: NewestFrame, rate_hz: float, *, layers: bool, observer: LiveObserver, namespace: str = ROOT
+    ) -> None:
+        super().__init__(NodeName(NAME, graph=namespace), enable_rosout=False, start_parameter_services=False)
         self._frames, self._interval_s, self._layers, self._observer = frames, 1.0 / rate_hz, layers, observer
         self._scene: LiveScene | None = None
         self._join: FrameJoin | None = None
@@ -155,7 +158,7 @@ class GraphReader(Node):
 
     def _read_answers(self, join: FrameJoin) -> None:
         """Subscribe to what a perception stack has begun to publish."""
-        for name, types in self.get_topic_names_and_types():
+        for name, types in self.graph_topics():
             known = next((each for each in types if each in _ANSWER_TYPES), None)
             if name.startswith(_ANSWERS) and known is not None and name not in self._read_topics:
                 topic = Topic(name, known)

@@ -7,6 +7,7 @@ import rclpy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
+from simbev_ros.nodes.ros.arguments import PLAIN, RosArguments
 from simbev_ros.nodes.spinning import spinning
 from simbev_ros.viewer.live.graph_drawing import GraphDrawing
 from simbev_ros.viewer.live.graph_reader import GraphReader
@@ -46,6 +47,7 @@ def running_viewer(
     rate_hz: float,
     detail: Detail,
     observer: LiveObserver,
+    ros: RosArguments = PLAIN,
 ) -> Iterator[LiveViewer]:
     """Show the graph of the environment's domain for as long as the context is open.
 
@@ -54,6 +56,7 @@ def running_viewer(
         rate_hz: Maximum number of frames per second of wall time.
         detail: How much is shown; beyond its limit of memory, the earliest is dropped.
         observer: Receives what happens.
+        ros: What the nodes of the graph are told, and its namespace.
 
     Raises:
         InputError: The port cannot be used.
@@ -66,9 +69,9 @@ def running_viewer(
         server = stack.enter_context(ViewerServer(*place, int(detail.limit_bytes)))
         stack.callback(drawing.end)
         drawing.start(server.data_url)
-        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=ros.for_nodes, signal_handler_options=SignalHandlerOptions.NO)
         stack.callback(try_shutdown)
-        reader = GraphReader(frames, rate_hz, layers=detail.layers, observer=observer)
+        reader = GraphReader(frames, rate_hz, layers=detail.layers, observer=observer, namespace=ros.namespace)
         stack.callback(reader.destroy_node)
         stack.enter_context(spinning(reader))
         yield LiveViewer(server, reader, drawing)

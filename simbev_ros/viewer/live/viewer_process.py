@@ -12,6 +12,7 @@ from typing import Self
 import psutil
 
 from simbev_ros.nodes.lifeline import SUPERVISOR_VARIABLE
+from simbev_ros.nodes.ros.arguments import PLAIN, RosArguments
 
 ADDRESS, SHOWING = "viewer: ", "showing "
 """Beginnings of the lines in which it prints its address, and the scene whose first frame is shown."""
@@ -28,15 +29,24 @@ class ViewerProcess:
         folder: Folder for its temporary files.
         environment: Further environment variables.
         network: Whether the graph may be on another host.
+        ros: What all nodes of the graph are told.
     """
 
     def __init__(
-        self, domain: int, port: int, folder: Path, environment: Mapping[str, str], *, network: bool = False
+        self,
+        domain: int,
+        port: int,
+        folder: Path,
+        environment: Mapping[str, str],
+        *,
+        network: bool = False,
+        ros: RosArguments = PLAIN,
     ) -> None:
         words = ["view", "--live", "--no-open", "--domain", str(domain), "--port", str(port)]
+        words += ["--network"] if network else []
         own = {SUPERVISOR_VARIABLE: str(os.getpid()), "TMPDIR": str(folder), "PYTHONUNBUFFERED": "1"}
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "simbev_ros.cli.main", *words, *(["--network"] if network else [])],
+            [sys.executable, "-m", "simbev_ros.cli.main", *words, *ros.command()],
             env={**os.environ, **environment, **own},
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,

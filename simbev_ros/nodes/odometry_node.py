@@ -7,6 +7,7 @@ from simbev_ros.msgs.odometry import wheel_odometry_message
 from simbev_ros.msgs.sensor_topics import wheel_odometry_topic
 from simbev_ros.msgs.topic import Topic
 from simbev_ros.nodes.participant import Participant
+from simbev_ros.nodes.ros.names import NodeName
 from simbev_ros.scene.frames import base_link_frame, odom_frame, rear_axle_m
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
@@ -21,7 +22,7 @@ class _Mounted(NamedTuple):
 class OdometryNode(Participant):
     """Serves all wheel odometries of the rig."""
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: NodeName) -> None:
         super().__init__(name)
         self._mounted: list[_Mounted] = []
 

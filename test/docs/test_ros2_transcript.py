@@ -21,11 +21,12 @@ PAGE = (ROOT / "docs/guide/ros.md").read_text(encoding="utf-8")
 SCENARIO = load_scenario(ROOT / "config/autoware/simbev.yaml")
 SPEC = made_up_spec([sensor.model_dump() for sensor in SCENARIO.rig.sensors])
 ANSWERS = dict(re.findall(r"^```console\n\$ (ros2 [^\n]+)\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE))
-OF_ROS = {
+WITHOUT_MANIFEST = {
     "/rosout": "rcl_interfaces/msg/Log",
     "/parameter_events": "rcl_interfaces/msg/ParameterEvent",
     topics.DIAGNOSTICS: "diagnostic_msgs/msg/DiagnosticArray",
     topics.READY: "std_msgs/msg/Header",
+    topics.REQUEST: "std_msgs/msg/String",
 }
 OF_ALL_NODES = {"start_type_description_service", "use_sim_time", "reliable"}
 """Parameters that ROS adds to each node, or that nodes have which are started without them."""
@@ -66,7 +67,7 @@ def test_all_nodes_are_listed() -> None:
 
 @pytest.mark.parametrize(("name", "kind"), sorted(set(typed_topics())))
 def test_topics_have_the_types_of_the_manifest(name: str, kind: str) -> None:
-    assert (OF_ROS.get(name) or known()[name].type) == kind
+    assert (WITHOUT_MANIFEST.get(name) or known()[name].type) == kind
 
 
 def test_a_publisher_has_the_qos_of_its_topic() -> None:

@@ -17,6 +17,8 @@ from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.rig import Rig
 from simbev_ros.units import NS_PER_S
 
+DepthForm = Literal["png", "rvl"]
+"""Compression of depth images."""
 Split = Literal["train", "val", "test"]
 SPLITS: tuple[Split, ...] = ("train", "val", "test")
 
@@ -215,6 +217,10 @@ class Recording(Model):
         "compressed", description="format of recorded images; compressed: JPEG and PNG"
     )
     jpeg_quality: int = Field(90, ge=1, le=100, description="JPEG quality of color images, also on live topics")
+    depth: DepthForm = Field(
+        "png",
+        description="compression of depth images, also on live topics; rvl: the one that Rerun reads, takes longer",
+    )
     chunk_kib: int = Field(4096, ge=64, le=65_536, description="size of chunks, whose messages are compressed together")
     zstd_level: int | None = Field(1, ge=1, le=19, description="compression level of chunks; none: not compressed")
     split_mib: int | None = Field(

@@ -93,7 +93,7 @@ setup(
         "plotly>=6.0",
         "psutil>=6.0",
         "pyarrow>=18",
-        "pydantic>=2.10",
+        "pydantic>=2.12",
         "pyelftools>=0.31",
         "pyproj>=3.6",
         "pyyaml>=6.0",

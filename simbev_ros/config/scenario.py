@@ -9,6 +9,7 @@ from simbev_ros.config.annotation import Annotation
 from simbev_ros.config.base import Model
 from simbev_ros.config.draw import Distribution, Drawn, PaperOrDrawn, within
 from simbev_ros.config.evaluation import Evaluation, ParticipantName
+from simbev_ros.config.frames import DEFAULT_FRAMES, Frames, are_default
 from simbev_ros.config.hazards import Hazards
 from simbev_ros.config.lights import Lights
 from simbev_ros.config.map_files import Bounds
@@ -266,6 +267,7 @@ class Scenario(Model):
     scenes: tuple[MapScenes, ...] = Field(min_length=1)
     time: Timing = Timing()
     rig: Rig
+    frames: Frames = Field(DEFAULT_FRAMES, exclude_if=are_default)
     ego: Ego = Ego()
     weather: WeatherConfig = WeatherConfig()
     lights: Lights = Lights()

@@ -150,7 +150,7 @@ def _read_bag_by_index(data: bytes) -> None:
     bag = IndexedBag(_file(f"bag/{_BAG}", data), ChunkCache(_CACHE_BYTES))
     for topic in bag.topics.values():
         assert (np.diff(topic.stamps_ns) >= 0).all()
-    for source in sources_by_topic(bag).values():
+    for source in sources_by_topic(bag, None).values():
         for location in source.topic.locations:
             source.value(location[None])
     content = Content.from_bags(bag.file, {}, ChunkCache(_CACHE_BYTES), may_be_cut_off=True)

@@ -19,7 +19,7 @@ from simbev_ros.dataset import open_dataset
 from simbev_ros.export.nuscenes.export import export_nuscenes
 from simbev_ros.export.nuscenes.taxonomy import detection_ranges_m
 
-CHECKS = Path(__file__).with_name("devkit_checks.py")
+CHECKS, MAP_CHECKS = (Path(__file__).with_name(name) for name in ("devkit_checks.py", "devkit_map_checks.py"))
 
 pytestmark = [pytest.mark.slow]
 
@@ -79,6 +79,20 @@ def test_classes_that_do_not_occur_count_0_as_the_export_says(found: dict[str, A
 def test_the_devkit_draws_the_export(found: dict[str, Any], name: str) -> None:
     picture = cv2.imread(str(found["folder"] / f"{name}.png"))
     assert len(np.unique(picture.reshape(-1, 3)[::7], axis=0)) > 20
+
+
+@pytest.mark.graph
+def test_the_devkit_opens_the_map_expansion(devkit_python: Path, recorded: Path, tmp_path: Path) -> None:
+    run(devkit_python, MAP_CHECKS, recorded / "out", tmp_path, environment={"PYTHONPATH": ""})
+    found = json.loads((tmp_path / "found.json").read_text())
+    assert found["invalid"] == [] and found["ego_on_road"] > 0.95
+    assert found["lanes"] > 10 and found["found_at_their_middle"] == found["lanes"] and found["closest"] == 20
+    assert found["path_error_m"] < 0.01
+    assert found["connectors"] > 10
+    for layer in ("lane", "road_segment", "road_block", "walkway", "road_divider"):
+        assert found["near"][layer], layer
+    assert all(0.01 < share < 0.5 for share in found["mask_share"])
+    assert len(np.unique(cv2.imread(str(tmp_path / "expansion.png")).reshape(-1, 3)[::7], axis=0)) > 20
 
 
 def test_a_killed_export_resumes_to_the_same_bytes(tmp_path: Path) -> None:

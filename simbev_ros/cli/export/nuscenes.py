@@ -24,6 +24,7 @@ def export_nuscenes(
     lidarseg: Annotated[
         bool, typer.Option(help="Write the categories of the lidar's points, if its semantic cloud was recorded.")
     ] = True,
+    map_expansion: Annotated[bool, typer.Option(help="Write the vector maps of nuScenes' map expansion.")] = True,
     version: Annotated[str, typer.Option(help="Name of the folder of tables.")] = "v1.0-trainval",
     workers: Workers = None,
     ray: Ray = None,
@@ -62,6 +63,7 @@ def export_nuscenes(
             keyframe_hz=rate_hz,
             sweeps=sweeps,
             lidarseg=lidarseg,
+            map_expansion=map_expansion,
             version=version,
             pool=pool,
             report=bar.show,

@@ -21,6 +21,7 @@ from simbev_ros.export.nuscenes.lidarseg import (
     remove_unnamed_labels,
     why_without_labels,
 )
+from simbev_ros.export.nuscenes.map_expansion.expansion import write_expansion
 from simbev_ros.export.nuscenes.map_masks import sites_of, write_mask
 from simbev_ros.export.nuscenes.origins import VERSION
 from simbev_ros.export.nuscenes.scene_part import ScenePart, make_part, parts_of
@@ -65,6 +66,7 @@ def export_nuscenes(
     keyframe_hz: float | None = 2.0,
     sweeps: bool = True,
     lidarseg: bool = True,
+    map_expansion: bool = True,
     version: str = VERSION,
     pool: Pool = OWN_PROCESS,
     report: Callable[[int, int], None] = lambda done, total: None,
@@ -77,6 +79,7 @@ def export_nuscenes(
         keyframe_hz: Number of keyframes, which have annotations, per second; None: every frame is one.
         sweeps: Whether to write sensor data between keyframes.
         lidarseg: Whether to write the categories of lidar points, for scenes whose semantic cloud was recorded.
+        map_expansion: Whether to write the vector maps of nuScenes' map expansion.
         version: Name of the tables' folder.
         pool: Workers that export scenes.
         report: Called from time to time with the number of finished frames and the number of all frames to export.
@@ -111,6 +114,8 @@ def export_nuscenes(
         sites = sites_of(summaries)
         for site in sites:
             write_mask(site, out)
+            if map_expansion:
+                write_expansion(site, out)
         classes = write_tables(out, finished, sites, version, labels) if finished else {}
         remove_unnamed_labels(out, version, labels)
         for part in (*parts, *labeled):

@@ -121,10 +121,19 @@ def write_mask(site: Site, out: Path) -> None:
     path = out / site.filename
     if path.exists():
         return
+    _, data = cv2.imencode(".png", draw_mask(network_of(site), site))
+    write_whole(path, data.tobytes())
+
+
+def network_of(site: Site) -> RoadNetwork:
+    """The road network of a site.
+
+    Raises:
+        InputError: The map's roads cannot be built.
+    """
     with SceneBag(Path(site.bag)) as bag:
         chosen = build_recorded_roads(bag)
-    _, data = cv2.imencode(".png", draw_mask(load_network(chosen), site))
-    write_whole(path, data.tobytes())
+    return load_network(chosen)
 
 
 def draw_mask(network: RoadNetwork, site: Site) -> UInt8Array:

@@ -97,7 +97,7 @@ def _remove_masks(out: Path) -> None:
     """Remove the masks that no table of maps names."""
     maps = [json.loads(table.read_text(encoding="utf-8")) for table in out.glob("*/map.json")]
     kept = {record["filename"] for records in maps for record in records}
-    for mask in (out / "maps").iterdir():
+    for mask in (out / "maps").glob("*.png"):
         if str(mask.relative_to(out)) not in kept:
             mask.unlink()
 

@@ -1,0 +1,1 @@
+"""Export of road networks to the layout of nuScenes' map expansion."""

@@ -94,7 +94,7 @@ setup(
         "plotly>=6.0",
         "psutil>=6.0",
         "pyarrow>=18",
-        "pydantic>=2.10",
+        "pydantic>=2.12",
         "pyelftools>=0.31",
         "pyproj>=3.6",
         "pyyaml>=6.0",

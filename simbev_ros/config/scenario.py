@@ -9,6 +9,7 @@ from simbev_ros.config.annotation import Annotation
 from simbev_ros.config.base import Model
 from simbev_ros.config.draw import Distribution, Drawn, PaperOrDrawn, within
 from simbev_ros.config.evaluation import Evaluation
+from simbev_ros.config.frames import DEFAULT_FRAMES, Frames, are_default
 from simbev_ros.config.hazards import Hazards
 from simbev_ros.config.lights import Lights
 from simbev_ros.config.map_files import Bounds
@@ -17,6 +18,8 @@ from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.rig import Rig
 from simbev_ros.units import NS_PER_S
 
+DepthForm = Literal["png", "rvl"]
+"""Compression of depth images."""
 Split = Literal["train", "val", "test"]
 SPLITS: tuple[Split, ...] = ("train", "val", "test")
 
@@ -215,6 +218,10 @@ class Recording(Model):
         "compressed", description="format of recorded images; compressed: JPEG and PNG"
     )
     jpeg_quality: int = Field(90, ge=1, le=100, description="JPEG quality of color images, also on live topics")
+    depth: DepthForm = Field(
+        "png",
+        description="compression of depth images, also on live topics; rvl: the one that Rerun reads, takes longer",
+    )
     chunk_kib: int = Field(4096, ge=64, le=65_536, description="size of chunks, whose messages are compressed together")
     zstd_level: int | None = Field(1, ge=1, le=19, description="compression level of chunks; none: not compressed")
     split_mib: int | None = Field(
@@ -258,6 +265,7 @@ class Scenario(Model):
     scenes: tuple[MapScenes, ...] = Field(min_length=1)
     time: Timing = Timing()
     rig: Rig
+    frames: Frames = Field(DEFAULT_FRAMES, exclude_if=are_default)
     ego: Ego = Ego()
     weather: WeatherConfig = WeatherConfig()
     lights: Lights = Lights()

@@ -90,7 +90,8 @@ class CameraNode(Participant):
         self._compressed = self.declare_read_only(
             "compressed", True, "Record the compressed image topics instead of the raw ones"
         )
-        self._jpeg_quality = self.declare_section("recording", Recording).jpeg_quality
+        recording = self.declare_section("recording", Recording)
+        self._jpeg_quality, self._depth_form = recording.jpeg_quality, recording.depth
         rendering = self.declare_section("rendering", Rendering)
         process = self.declare_read_only(
             "process", 0, "Index of this process among those that share the rig's cameras", minimum=0
@@ -198,7 +199,7 @@ class CameraNode(Participant):
         if output.topics.raw.name in output.read:
             self.publish(output.topics.raw.name, image_message(output.image, stamp_ns, frame_id))
         if encoded.compressed is not None:
-            image_format = compressed_format(encoding_of(output.image))
+            image_format = compressed_format(encoding_of(output.image), self._depth_form)
             message = compressed_image_message(encoded.compressed, image_format, stamp_ns, frame_id)
             self.publish(output.topics.compressed.name, message)
         for name, picture in encoded.pictures.items():
@@ -210,7 +211,7 @@ class CameraNode(Participant):
         if image is None:
             return _Encoded(None, {})
         if output.topics.compressed.name in output.read:
-            compressed = encode_image(encoding_of(image), image, self._jpeg_quality)
+            compressed = encode_image(encoding_of(image), image, self._jpeg_quality, self._depth_form)
         return _Encoded(compressed, _pictures_of(output, image, stamp_ns, _optical_frame(spec, output.camera)))
 
     def _advertise(self) -> Iterator[str]:

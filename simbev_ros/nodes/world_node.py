@@ -43,6 +43,7 @@ from simbev_ros.nodes.world_displays import WorldDisplays
 from simbev_ros.process_memory import freeze_after_loading
 from simbev_ros.recording.replay import Replay
 from simbev_ros.scene.ending import SceneEnd, SceneEndDetector
+from simbev_ros.scene.frames import base_link_frame
 from simbev_ros.scene.legend import legend
 from simbev_ros.scene.lights import street_lights
 from simbev_ros.scene.reach import loaded_reach
@@ -237,7 +238,7 @@ class WorldNode(GraphNode):
         self.publish(topics.SIGNALS, signals_message(state))
         self.publish(topics.WEATHER, weather_message(state))
         scene.displays.publish(state)
-        odometry = odometry_message(state.ego, state.stamp_ns, f"{agent}/base_link")
+        odometry = odometry_message(state.ego, state.stamp_ns, base_link_frame(agent), scene.spec.base_link_x_m)
         self.publish(topics.odometry_name(agent), odometry)
         self._transforms.publish(odometry)
 

@@ -4,7 +4,7 @@
 |---|---|---|
 | rgb8 | JPEG, by default with quality 90, 4:2:0 | that of JPEG |
 | mono8, mono16 | PNG | none |
-| 32FC1 depth | compressed_depth_image_transport's: inverse depth as 16-bit PNG | see ``encode_depth`` |
+| 32FC1 depth | compressed_depth_image_transport's: inverse depth as 16-bit PNG or as RVL | see ``encode_depth`` |
 | 32FC2 flow | KITTI's: u, v, valid as 16-bit PNG | 1/128 px; values beyond ±512 px become invalid |
 """
 
@@ -16,15 +16,18 @@ import cv2
 import numpy as np
 import simplejpeg
 
-from simbev_ros.config.scenario import Recording
+from simbev_ros.config.scenario import DepthForm, Recording
 from simbev_ros.errors import BagError, LimitError
-from simbev_ros.limits import MAX_IMAGE_SIDE_PX
+from simbev_ros.limits import MAX_IMAGE_SIDE_PX, require_unpacked_size
 from simbev_ros.recording.png import RowFilter, decode_png, encode_png
-from simbev_ros.types import AnyArray, BoolArray, Float32Array, UInt8Array
+from simbev_ros.recording.rvl import decode_rvl, encode_rvl
+from simbev_ros.types import AnyArray, BoolArray, Float32Array, UInt8Array, UInt16Array
 
-_JPEG_QUALITY = Recording().jpeg_quality
+_JPEG_QUALITY, _DEPTH_FORM = Recording().jpeg_quality, Recording().depth
 _DEPTH_HEAD = struct.Struct("<iff")  # compression kind, quantization parameters a and b: level = a / depth + b
 _INVERSE_DEPTH = 0
+_DEPTH_BYTES = np.dtype(np.float32).itemsize
+_RVL_SIZE = struct.Struct("<II")  # width and height
 _MAX_LEVEL = 65535
 _FLOW_UNITS_PER_PX = 64.0
 _FLOW_ZERO = 32768
@@ -65,8 +68,8 @@ def decode_labels(data: bytes) -> AnyArray:
     return decode_png(data, 1, 8, 16)
 
 
-def encode_depth(depth_m: Float32Array) -> bytes:
-    """PNG of inverse depth in 65535 even levels between the farthest and the nearest pixel of the image.
+def encode_depth(depth_m: Float32Array, form: DepthForm = _DEPTH_FORM) -> bytes:
+    """Inverse depth in 65535 even levels between the farthest and the nearest pixel of the image, as PNG or RVL.
 
     The format is that of compressed_depth_image_transport, whose decoder reads the quantization parameters from the
     header. There they are fixed for indoor cameras; here they follow the image. With ``near`` and ``far`` as extreme
@@ -75,6 +78,7 @@ def encode_depth(depth_m: Float32Array) -> bytes:
 
     Args:
         depth_m: (H, W) float32, meters, > 0; values that are not finite (sky) become level 0.
+        form: Lossless compression of the levels.
 
     Raises:
         ValueError: A depth is not positive.
@@ -85,7 +89,10 @@ def encode_depth(depth_m: Float32Array) -> bytes:
     levels += parameters[1]
     levels = np.maximum(np.rint(levels, out=levels), 1, out=levels).astype(np.uint16)
     np.multiply(levels, finite, out=levels)
-    return _DEPTH_HEAD.pack(_INVERSE_DEPTH, *parameters.tolist()) + encode_png(levels, RowFilter.UP)
+    head = _DEPTH_HEAD.pack(_INVERSE_DEPTH, *parameters.tolist())
+    if form == "rvl":
+        return head + _RVL_SIZE.pack(*levels.shape[::-1]) + encode_rvl(levels)
+    return head + encode_png(levels, RowFilter.UP)
 
 
 def _depth_parameters(depth_m: Float32Array, finite: BoolArray) -> Float32Array:
@@ -102,8 +109,27 @@ def _depth_parameters(depth_m: Float32Array, finite: BoolArray) -> Float32Array:
 
 def decode_depth(data: bytes) -> Float32Array:
     """(H, W) float32 depth in meters; +inf where the image had none (the standard decoder gives NaN there)."""
+    return _depth_of(decode_png(data[_DEPTH_HEAD.size :], 1, 16), data)
+
+
+def decode_rvl_depth(data: bytes) -> Float32Array:
+    """The same of an image whose levels are in RVL.
+
+    Raises:
+        ValueError: It is damaged, larger than any camera's image, or beyond ``limits.max_unpacked_bytes``.
+    """
+    width_px, height_px = _RVL_SIZE.unpack_from(data, _DEPTH_HEAD.size)
+    _require_size(width_px, height_px)
+    if min(width_px, height_px) < 1:
+        raise ValueError("it has no pixels")
+    require_unpacked_size(_DEPTH_BYTES * width_px * height_px)
+    levels = decode_rvl(data[_DEPTH_HEAD.size + _RVL_SIZE.size :], width_px * height_px)
+    return _depth_of(levels.reshape(height_px, width_px), data)
+
+
+def _depth_of(levels: UInt16Array, data: bytes) -> Float32Array:
+    """Depth of (H, W) levels, with the parameters at the beginning of the data."""
     _, scale, offset = _DEPTH_HEAD.unpack_from(data)
-    levels = decode_png(data[_DEPTH_HEAD.size :], 1, 16)
     depth_m: Float32Array = levels - np.float32(offset)
     with np.errstate(divide="ignore"):  # level 0 means no depth and is overwritten below
         np.divide(np.float32(scale), depth_m, out=depth_m)
@@ -156,18 +182,23 @@ _CODECS = {
     "32FC1": _Codec("32FC1; compressedDepth png", encode_depth, decode_depth),
     "32FC2": _Codec("rgb16; png compressed bgr16", encode_flow, decode_flow),
 }
-_DECODERS = {codec.format: codec.decode for codec in _CODECS.values()}
+_RVL_FORMAT = "32FC1; compressedDepth rvl"
+_DECODERS = {**{codec.format: codec.decode for codec in _CODECS.values()}, _RVL_FORMAT: decode_rvl_depth}
 
 
-def compressed_format(encoding: str) -> str:
+def compressed_format(encoding: str, depth: DepthForm = _DEPTH_FORM) -> str:
     """Value of ``CompressedImage.format`` for images of a ROS encoding."""
-    return _CODECS[encoding].format
+    return _RVL_FORMAT if (encoding, depth) == ("32FC1", "rvl") else _CODECS[encoding].format
 
 
-def encode_image(encoding: str, image: AnyArray, jpeg_quality: int = _JPEG_QUALITY) -> bytes:
+def encode_image(
+    encoding: str, image: AnyArray, jpeg_quality: int = _JPEG_QUALITY, depth: DepthForm = _DEPTH_FORM
+) -> bytes:
     """Compress an image of a ROS encoding to the value of ``CompressedImage.data``."""
     if encoding == "rgb8":
         return encode_rgb(image, jpeg_quality)
+    if encoding == "32FC1":
+        return encode_depth(image, depth)
     return _CODECS[encoding].encode(image)
 
 

@@ -119,6 +119,7 @@ def samples() -> Iterator[tuple[str, str, bytes]]:
     yield "jpeg", "valid", encode_image("rgb8", np.zeros((16, 16, 3), np.uint8))
     yield "png", "valid", encode_image("mono16", _IMAGE.astype(np.uint16))
     yield "depth", "valid", encode_image("32FC1", _IMAGE.astype(np.float32) + 1)
+    yield "depth_rvl", "valid", encode_image("32FC1", _IMAGE.astype(np.float32) + 1, depth="rvl")
     yield "flow", "valid", encode_image("32FC2", np.stack([_IMAGE, _IMAGE], axis=2).astype(np.float32))
     yield from _predictions()
     yield from _messages()

@@ -150,7 +150,7 @@ def _read_bag_by_index(data: bytes) -> None:
     bag = IndexedBag(_file(f"bag/{_BAG}", data), ChunkCache(_CACHE_BYTES))
     for topic in bag.topics.values():
         assert (np.diff(topic.stamps_ns) >= 0).all()
-    for source in sources_by_topic(bag).values():
+    for source in sources_by_topic(bag, None).values():
         for location in source.topic.locations:
             source.value(location[None])
     content = Content.from_bags(bag.file, {}, ChunkCache(_CACHE_BYTES), may_be_cut_off=True)
@@ -355,6 +355,7 @@ _TARGETS = (
     Target("jpeg", partial(_decode_image, "rgb8; jpeg compressed bgr8"), _BAG_ERROR),
     Target("png", partial(_decode_image, "mono16; png compressed"), _BAG_ERROR, mutation.mutate_png),
     Target("depth", partial(_decode_image, "32FC1; compressedDepth png"), _BAG_ERROR, mutation.mutate_png),
+    Target("depth_rvl", partial(_decode_image, "32FC1; compressedDepth rvl"), _BAG_ERROR),
     Target("flow", partial(_decode_image, "rgb16; png compressed bgr16"), _BAG_ERROR, mutation.mutate_png),
     Target("boxes_npz", partial(_read_boxes, NpzBoxes, ".npz"), _INPUT, mutation.mutate_npz, examples=100),
     Target("boxes_parquet", partial(_read_boxes, ParquetBoxes, ".parquet"), _INPUT),

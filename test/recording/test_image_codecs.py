@@ -5,8 +5,11 @@ import cv2
 import numpy as np
 import pytest
 
+from simbev_ros.config.scenario import DepthForm
 from simbev_ros.errors import BagError
+from simbev_ros.limits import MAX_UNPACKED_VARIABLE
 from simbev_ros.recording.image_codecs import compressed_format, decode_image, encode_image
+from simbev_ros.recording.rvl import decode_rvl
 
 RNG = np.random.default_rng(3)
 
@@ -44,10 +47,11 @@ def depth_image(near_m: float, far_m: float) -> np.ndarray:
     return depth_m
 
 
+@pytest.mark.parametrize("form", ["png", "rvl"])
 @pytest.mark.parametrize(("near_m", "far_m"), [(0.1, 1000.0), (2.0, 300.0), (10.0, 11.0), (5.0, 5.0)])
-def test_depth_error_is_within_the_documented_bound(near_m: float, far_m: float) -> None:
+def test_depth_error_is_within_the_documented_bound(near_m: float, far_m: float, form: DepthForm) -> None:
     depth_m = depth_image(near_m, far_m)
-    read = decode_image(compressed_format("32FC1"), encode_image("32FC1", depth_m))
+    read = decode_image(compressed_format("32FC1", form), encode_image("32FC1", depth_m, depth=form))
     assert read.dtype == np.float32
     assert np.array_equal(np.isinf(read), np.isinf(depth_m))
     seen = np.isfinite(depth_m)
@@ -80,9 +84,34 @@ def test_the_standard_decoder_reads_the_same_depth() -> None:
     assert np.allclose(stock_m, depth_m[9:], rtol=2e-3)
 
 
-def test_depth_of_only_sky_stays_sky() -> None:
-    sky = np.full((8, 8), np.inf, np.float32)
-    assert np.isinf(decode_image(compressed_format("32FC1"), encode_image("32FC1", sky))).all()
+@pytest.mark.parametrize("form", ["png", "rvl"])
+def test_depth_of_only_sky_stays_sky(form: DepthForm) -> None:
+    sky = np.full((8, 9), np.inf, np.float32)
+    read = decode_image(compressed_format("32FC1", form), encode_image("32FC1", sky, depth=form))
+    assert np.isinf(read).all() and read.shape == (8, 9)
+
+
+def test_rvl_has_the_levels_of_the_png_behind_width_and_height() -> None:
+    """As codec.cpp of compressed_depth_image_transport writes them: configuration, columns, rows, stream."""
+    depth_m = depth_image(2.0, 300.0)
+    png, rvl = encode_image("32FC1", depth_m), encode_image("32FC1", depth_m, depth="rvl")
+    assert compressed_format("32FC1", "rvl") == "32FC1; compressedDepth rvl"
+    assert rvl[:12] == png[:12] and struct.unpack_from("<II", rvl, 12) == (80, 45)
+    levels = cv2.imdecode(np.frombuffer(png[12:], np.uint8), cv2.IMREAD_UNCHANGED)
+    assert np.array_equal(decode_rvl(rvl[20:], 45 * 80), levels.ravel())
+
+
+def test_an_rvl_image_larger_than_any_camera_or_without_pixels_is_refused() -> None:
+    for width_px, height_px, problem in ((8193, 2, "it has 8193 x 2 pixels"), (0, 4, "it has no pixels")):
+        data = bytes(12) + struct.pack("<II", width_px, height_px) + bytes(8)
+        with pytest.raises(BagError, match=problem):
+            decode_image("32FC1; compressedDepth rvl", data)
+
+
+def test_an_rvl_image_beyond_what_may_be_unpacked_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(MAX_UNPACKED_VARIABLE, "1")
+    with pytest.raises(BagError, match="1 MiB"):
+        decode_image("32FC1; compressedDepth rvl", bytes(12) + struct.pack("<II", 1000, 1000) + bytes(8))
 
 
 def test_depth_that_is_not_positive_is_refused() -> None:

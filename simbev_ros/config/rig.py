@@ -9,11 +9,12 @@ from simbev_ros.config.base import Model
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.names import TopicName
+from simbev_ros.config.odometry import Odometry
 from simbev_ros.config.positioning import Gnss, Imu
 from simbev_ros.config.radar import Radar
 from simbev_ros.config.sensor import Sensor
 
-AnySensor = Annotated[Camera | Lidar | Radar | Gnss | Imu, Field(discriminator="type")]
+AnySensor = Annotated[Camera | Lidar | Radar | Gnss | Imu | Odometry, Field(discriminator="type")]
 """Union of all kinds of sensors. Code that depends on the kind is derived from this union or checked against it.
 
 How to add a kind: docs/extending/sensor.md.

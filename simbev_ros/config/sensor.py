@@ -1,6 +1,7 @@
 """Base of all sensor models: name, pose on the agent, and rate."""
 
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from pydantic import Field
@@ -31,7 +32,13 @@ class Pose(Model):
 
 
 class Sensor(Model):
-    """Properties that all sensors have."""
+    """Properties that all sensors have.
+
+    Attributes:
+        has_frame: Whether the kind measures at a position on the agent and so has a coordinate frame there.
+    """
+
+    has_frame: ClassVar[bool] = True
 
     name: TopicName = Field(description="name of the sensor, part of its topics and frame, unique in the rig")
     pose: Pose = Pose()

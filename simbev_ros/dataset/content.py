@@ -9,7 +9,7 @@ import numpy as np
 
 from simbev_ros.annotation.trajectories import Tracks, tracks_from_npz
 from simbev_ros.dataset.calibration import Calibration, calibrations
-from simbev_ros.dataset.values import decode_message, value_of
+from simbev_ros.dataset.values import decode_message, in_ego_frame, value_of
 from simbev_ros.errors import BagError
 from simbev_ros.limits import MAX_SCENE_TICKS
 from simbev_ros.object_store.object_path import AnyPath
@@ -22,16 +22,25 @@ from simbev_ros.types import Int64Array
 
 _IMAGE = re.compile(r"/image_raw(/compressed|/compressedDepth)?$")
 _SPORADIC = ("/world/events",)
-_MOTION = ("clock", "odom", "tf")
+ODOMETRY = "odom"
+"""Key of the ego's true motion."""
+_MOTION = ("clock", ODOMETRY, "tf")
 """Keys that additional bags repeat from the scene's own bag."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Source:
-    """A topic in one of a scene's bags, of which single messages can be read."""
+    """A topic in one of a scene's bags, of which single messages can be read.
+
+    Attributes:
+        bag: The bag.
+        topic: The topic.
+        base_link_x_m: For the ego's true motion, x of base_link, whose motion is recorded, in the ego frame.
+    """
 
     bag: IndexedBag
     topic: IndexedTopic
+    base_link_x_m: float = 0.0
 
     @property
     def type_name(self) -> str:
@@ -64,7 +73,8 @@ class Source:
         try:
             if self.topic.name in _SPORADIC:
                 return [value_of(self.type_name, [message]) for message in messages]
-            return value_of(self.type_name, messages)
+            value = value_of(self.type_name, messages)
+            return in_ego_frame(value, self.base_link_x_m) if self.base_link_x_m else value
         except BagError as error:
             raise self._with_topic(error) from None
 
@@ -166,14 +176,15 @@ def key_of_topic(name: str, agent: str) -> str:
     return _IMAGE.sub("", name.removeprefix(f"/{agent}/").removeprefix("/"))
 
 
-def sources_by_topic(bag: IndexedBag) -> dict[str, Source]:
-    """Every topic of a bag by topic name; the bag need neither hold a scene nor be finished."""
-    return {name: Source(bag, topic) for name, topic in bag.topics.items()}
+def sources_by_topic(bag: IndexedBag, spec: SceneSpec | None) -> dict[str, Source]:
+    """Every topic of a bag by topic name; the bag need neither hold a scene (then ``spec`` is None) nor be finished."""
+    arms_m = {} if spec is None else {f"/{spec.rig.agent}/{ODOMETRY}": spec.base_link_x_m}
+    return {name: Source(bag, topic, arms_m.get(name, 0.0)) for name, topic in bag.topics.items()}
 
 
 def _sources(bag: IndexedBag, spec: SceneSpec) -> dict[str, Source]:
     """Sources by key."""
-    return {key_of_topic(name, spec.rig.agent): source for name, source in sources_by_topic(bag).items()}
+    return {key_of_topic(name, spec.rig.agent): source for name, source in sources_by_topic(bag, spec).items()}
 
 
 def _stamps_ns(bag: IndexedBag, spec: SceneSpec, sources: Mapping[str, Source]) -> Int64Array:

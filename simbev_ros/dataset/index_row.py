@@ -8,6 +8,7 @@ import numpy as np
 
 from simbev_ros import __version__
 from simbev_ros.config.camera import Camera
+from simbev_ros.dataset.values import ODOMETRY_TYPE, in_ego_frame, value_of
 from simbev_ros.errors import BagError
 from simbev_ros.recording.arrays import point_array
 from simbev_ros.recording.layout import CONFIG_ATTACHMENT, bytes_of, mcap_files, scene_folder
@@ -43,7 +44,7 @@ def index_row(bag_path: Path, dataset: Path) -> Row:
             **_settings(spec),
             **_weather("", spec.weather),
             **_weather("final_", spec.final_weather),
-            **_content(bag),
+            **_content(bag, spec.base_link_x_m),
             "ended": facts.get("ended", ""),
             "complete": facts.get("complete") == "true",
             "recorded_ticks": bag.recorded_ticks or spec.ticks,
@@ -92,7 +93,7 @@ def _weather(prefix: str, weather: Weather | None) -> Row:
     return {f"{prefix}{name}": None if weather is None else getattr(weather, name) for name in Weather.model_fields}
 
 
-def _content(bag: SceneBag) -> Row:
+def _content(bag: SceneBag, base_link_x_m: float) -> Row:
     """Counts of messages, objects and boxes, and the length of the ego's path."""
     counts = np.zeros((2, len(BOX_CLASSES)), np.int64)
     ids: set[int] = set()
@@ -100,8 +101,8 @@ def _content(bag: SceneBag) -> Row:
     topics = [name for name in bag.topics if name.endswith(("/boxes", "/odom")) and name.count("/") == 2]
     for message in bag.messages(topics):
         if message.topic.endswith("/odom"):
-            position = bag.decode(message).pose.pose.position
-            positions_m.append((position.x, position.y, position.z))
+            (row,) = in_ego_frame(value_of(ODOMETRY_TYPE, [bag.decode(message)]), base_link_x_m)
+            positions_m.append(row["position_m"])
             continue
         table = point_array(bag.decode(message))
         counts += [np.bincount(table["class"][rows], minlength=len(BOX_CLASSES)) for rows in (..., table["valid"] > 0)]

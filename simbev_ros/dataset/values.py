@@ -29,12 +29,14 @@ from simbev_ros.structured_text import parse_json
 from simbev_ros.types import AnyArray, Float64Array, Table
 from simbev_ros.units import NS_PER_S
 
+ODOMETRY_TYPE = "nav_msgs/msg/Odometry"
+
 ODOMETRY_DTYPE = np.dtype(
     [
         ("stamp_ns", "<i8"),
-        ("position_m", "<f8", 3),  # origin of the ego frame, map frame
+        ("position_m", "<f8", 3),  # origin of the ego frame, map frame, even if base_link is elsewhere
         ("orientation_xyzw", "<f8", 4),  # ego frame in the map frame
-        ("velocity_mps", "<f8", 3),  # ego frame
+        ("velocity_mps", "<f8", 3),  # of that origin, ego frame
         ("angular_velocity_radps", "<f8", 3),  # ego frame
     ]
 )
@@ -89,6 +91,25 @@ def value_of(type_name: str, messages: Sequence[Any]) -> Any:
 def poses_from_odometry(rows: Table) -> Float64Array:
     """(…, 4, 4) poses map_from_ego of rows of ``ODOMETRY_DTYPE``."""
     return matrices_from_xyz_quaternion(rows["position_m"], rows["orientation_xyzw"])
+
+
+def in_ego_frame(rows: Table, base_link_x_m: float) -> Table:
+    """The ego's motion from that of its base_link.
+
+    Args:
+        rows: (K,) ``ODOMETRY_DTYPE`` of base_link.
+        base_link_x_m: X of the origin of base_link in the ego frame.
+
+    Returns:
+        (K,) ``ODOMETRY_DTYPE`` of the ego frame.
+    """
+    if not base_link_x_m:
+        return rows
+    arm_m = np.array([-base_link_x_m, 0.0, 0.0])
+    moved = rows.copy()
+    moved["position_m"] += poses_from_odometry(rows)[..., :3, :3] @ arm_m
+    moved["velocity_mps"] += np.cross(rows["angular_velocity_radps"], arm_m)
+    return moved
 
 
 def columns(table: Table, *names: str) -> np.ndarray[Any, Any]:
@@ -170,7 +191,7 @@ def _fix_row(message: Any) -> tuple[Any, ...]:
 
 
 _ROWS: dict[str, tuple[np.dtype[np.void], Callable[[Any], tuple[Any, ...]]]] = {
-    "nav_msgs/msg/Odometry": (ODOMETRY_DTYPE, _odometry_row),
+    ODOMETRY_TYPE: (ODOMETRY_DTYPE, _odometry_row),
     "sensor_msgs/msg/Imu": (IMU_DTYPE, _imu_row),
     "sensor_msgs/msg/NavSatFix": (FIX_DTYPE, _fix_row),
 }

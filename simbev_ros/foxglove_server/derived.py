@@ -26,6 +26,7 @@ from simbev_ros.msgs.topic import Topic
 from simbev_ros.palette import bev_color
 from simbev_ros.recording.arrays import image_array, point_array
 from simbev_ros.recording.reader import RawMessage, SceneBag
+from simbev_ros.scene.frames import ego_frame
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import EGO_ID
 from simbev_ros.semantics import BEV_CLASSES
@@ -104,7 +105,7 @@ def _world(spec: SceneSpec, bag: SceneBag) -> Iterator[_Part]:
 
 
 def _labels(spec: SceneSpec) -> Iterator[_Part]:
-    labels, frame = annotation_topics(spec), f"{spec.rig.agent}/base_link"
+    labels, frame = annotation_topics(spec), ego_frame(spec)
     yield labels.box_markers, (labels.boxes.name,), lambda stamp_ns, boxes: box_markers(point_array(boxes), stamp_ns)
     yield labels.detections, (labels.boxes.name,), lambda stamp_ns, boxes: detections_3d(point_array(boxes), stamp_ns)
     yield labels.box_points, (labels.boxes.name,), _points
@@ -177,7 +178,7 @@ def _grid(spec: SceneSpec, index: int, stamp_ns: int, labels: Any, table: Any) -
     actors = point_array(table)
     ego = actors[actors["id"] == EGO_ID][0]
     covered = (_bev_labels(labels) >> index & 1).astype(bool)
-    frame, rpy_rad = f"{spec.rig.agent}/base_link", vector(ego, "roll pitch yaw")
+    frame, rpy_rad = ego_frame(spec), vector(ego, "roll pitch yaw")
     return occupancy_grid(covered, spec.annotation.bev.grid, stamp_ns, frame, rpy_rad)
 
 

@@ -6,7 +6,7 @@ from nav_msgs.msg import Odometry
 from rclpy.serialization import deserialize_message
 
 from simbev_ros.msgs import topics
-from simbev_ros.msgs.transforms import ego_transform, serialize_transforms
+from simbev_ros.msgs.transforms import EgoTransforms, serialize_transforms
 from simbev_ros.msgs.typed_topics import TypedTopic
 from simbev_ros.scene.spec import SceneSpec
 
@@ -17,7 +17,7 @@ Maker = Callable[[bytes, int], bytes]
 def message_makers(
     spec: SceneSpec, typed: Iterable[TypedTopic], recorded: Container[str]
 ) -> Mapping[str, Mapping[str, Maker]]:
-    """Makers of messages on recorded topics, by source and topic.
+    """Makers of messages on recorded topics, by source and topic; those of /tf take the ticks of a scene in order.
 
     Args:
         spec: The scene.
@@ -25,12 +25,13 @@ def message_makers(
         recorded: Names of the recorded topics.
     """
     odometry = topics.odometry_name(spec.rig.agent)
-    makers: dict[str, dict[str, Maker]] = {odometry: {topics.TF: _transforms}} if topics.TF in recorded else {}
+    makers: dict[str, dict[str, Maker]] = {odometry: {topics.TF: _transforms(spec)}} if topics.TF in recorded else {}
     for each in typed:
         if each.topic.name in recorded:
             makers.setdefault(each.source.name, {})[each.topic.name] = each.convert
     return makers
 
 
-def _transforms(odometry: bytes, _: int) -> bytes:
-    return serialize_transforms([ego_transform(deserialize_message(odometry, Odometry))])
+def _transforms(spec: SceneSpec) -> Maker:
+    transforms = EgoTransforms(spec)
+    return lambda odometry, _: serialize_transforms(transforms.at(deserialize_message(odometry, Odometry)))

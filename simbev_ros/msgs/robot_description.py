@@ -18,8 +18,9 @@ from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.positioning import Gnss
 from simbev_ros.config.radar import Radar
 from simbev_ros.config.sensor import Sensor
-from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL, rpy_from_rotation
+from simbev_ros.geometry.transforms import rpy_from_rotation
 from simbev_ros.scene.blueprints import blueprint_index
+from simbev_ros.scene.frames import base_link_frame, ego_frame, fixed_frames
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import Float64Array
 
@@ -39,21 +40,18 @@ _LYING_RPY_RAD = (math.pi / 2.0, 0.0, 0.0)
 def robot_description(spec: SceneSpec) -> str:
     """URDF of the ego of a scene.
 
-    The root link is ``<agent>/base_link``. Fixed joints lead to the frame of every sensor, and from a camera's body to
-    its optical frame. The car itself belongs to the root link: boxes from cuts through the blueprint's mesh, in the
-    ego's color, and a cylinder per wheel.
+    The root link is ``<agent>/base_link``. Fixed joints lead to the frame of every sensor, from a camera's body to its
+    optical frame, and to the ego frame if that is another one. The car itself belongs to the ego frame: boxes from cuts
+    through the blueprint's mesh, in the ego's color, and a cylinder per wheel.
     """
-    agent, ego = spec.rig.agent, spec.vehicles[0]
+    ego = spec.vehicles[0]
     robot = Element("robot", name=ego.blueprint)
-    base = f"{agent}/base_link"
-    root = SubElement(robot, "link", name=base)
-    _add_car(root, ego.blueprint, ego.color)
-    for sensor in spec.rig.sensors:
-        frame = f"{agent}/{sensor.name}"
-        link = _child_link(robot, base, frame, sensor.pose.ego_from_sensor)
-        _add_visual(link, *_BODIES.get(type(sensor), _SMALL_BODY), _SENSOR_RGB)
-        if isinstance(sensor, Camera):
-            _child_link(robot, frame, f"{frame}_optical", SENSOR_FROM_OPTICAL)
+    links = {(root := base_link_frame(spec.rig.agent)): SubElement(robot, "link", name=root)}
+    for frame in fixed_frames(spec):
+        links[frame.name] = link = _child_link(robot, frame.parent, frame.name, frame.parent_from_frame)
+        if frame.sensor is not None:
+            _add_visual(link, *_BODIES.get(type(frame.sensor), _SMALL_BODY), _SENSOR_RGB)
+    _add_car(links[ego_frame(spec)], ego.blueprint, ego.color)
     ElementTree.indent(robot)
     return ElementTree.tostring(robot, encoding="unicode", xml_declaration=False) + "\n"
 

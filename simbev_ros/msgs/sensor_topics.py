@@ -10,6 +10,7 @@ from typing import NamedTuple, assert_never
 
 from simbev_ros.config.camera import Camera, Modality
 from simbev_ros.config.lidar import Lidar
+from simbev_ros.config.odometry import Odometry
 from simbev_ros.config.positioning import Gnss, Imu
 from simbev_ros.config.radar import Radar
 from simbev_ros.config.rig import AnySensor
@@ -148,6 +149,11 @@ def imu_topics(spec: SceneSpec, imu: Imu) -> ImuTopics:
     )
 
 
+def wheel_odometry_topic(spec: SceneSpec, odometry: Odometry) -> Topic:
+    """Topic with pose and velocity of a wheel odometry."""
+    return _topic(spec, odometry, "odometry", "nav_msgs/msg/Odometry")
+
+
 def sensor_topics(spec: SceneSpec, *, compressed_images: bool) -> Iterator[Topic]:
     """Topics of all sensors of a scene's rig; images in compressed or raw form."""
     for sensor in spec.rig.sensors:
@@ -169,6 +175,8 @@ def topics_of_sensor(spec: SceneSpec, sensor: AnySensor, *, compressed_images: b
             return (gnss_topic(spec, sensor),)
         case Imu():
             return imu_topics(spec, sensor)
+        case Odometry():
+            return (wheel_odometry_topic(spec, sensor),)
         case _:
             assert_never(sensor)
 

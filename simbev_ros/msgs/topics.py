@@ -102,10 +102,21 @@ def display_topics(spec: SceneSpec) -> Iterator[Topic]:
         yield from topics
 
 
-def transform_topics() -> Iterator[Topic]:
-    """Topics of the transforms; they are in every bag, even if the graph cannot publish them."""
-    yield Topic(TF_STATIC, "tf2_msgs/msg/TFMessage", 0)
-    yield Topic(TF, "tf2_msgs/msg/TFMessage")
+def transform_topics(spec: SceneSpec) -> Iterator[Topic]:
+    """Topics of the transforms of a scene; they are in every bag, even if the graph cannot publish them."""
+    yield tf_static_topic()
+    if spec.frames.publish:
+        yield tf_topic()
+
+
+def tf_static_topic() -> Topic:
+    """Topic of the transforms that stay."""
+    return Topic(TF_STATIC, "tf2_msgs/msg/TFMessage", 0)
+
+
+def tf_topic() -> Topic:
+    """Topic of the transforms that change from tick to tick."""
+    return Topic(TF, "tf2_msgs/msg/TFMessage")
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +138,7 @@ def manifest(spec: SceneSpec, *, compressed_images: bool) -> tuple[Topic, ...]:
     """All topics that a scene's bag can have, in the order in which a tick is written."""
     return (
         *world_topics(spec),
-        *transform_topics(),
+        *transform_topics(spec),
         *sensor_topics(spec, compressed_images=compressed_images),
         *annotation_topics(spec).recorded,
     )

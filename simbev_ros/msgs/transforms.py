@@ -1,7 +1,7 @@
 """Transforms of the rig: /tf_static for the sensors, /tf for the ego.
 
-The scene's specification gives the static ones, the odometry the ego's. They are always recorded, but published live
-only if tf2_msgs is installed.
+The scene's specification gives the static ones, the odometry the ego's: map to base_link, or with ``frames.odom`` map
+to odom to base_link. They are always recorded, but published live only if tf2_msgs is installed.
 """
 
 from collections.abc import Iterable, Iterator
@@ -12,14 +12,17 @@ from geometry_msgs.msg import Transform, TransformStamped
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rosbags.typesys import Stores, get_typestore
+from std_msgs.msg import Header
 
-from simbev_ros.config.camera import Camera
-from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL, quaternion_from_rpy, rpy_from_rotation
+from simbev_ros.geometry.transforms import inverse, quaternion_from_rpy, rpy_from_rotation
 from simbev_ros.msgs import topics
+from simbev_ros.msgs.odometry import odom_from_base_link
 from simbev_ros.msgs.qos import qos_of, rclpy_qos
-from simbev_ros.msgs.stamps import header
-from simbev_ros.msgs.world import quaternion_message, vector_message
+from simbev_ros.msgs.stamps import header, stamp_of
+from simbev_ros.msgs.world import map_from_base_link, quaternion_message, vector_message
+from simbev_ros.scene.frames import ego_from_base_link, fixed_frames, odom_frame, odometry_of_frames, rear_axle_m
 from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.sensors.odometry import DeadReckoning
 from simbev_ros.types import Float64Array
 
 try:
@@ -31,17 +34,16 @@ _TYPES = get_typestore(Stores.ROS2_JAZZY)
 
 
 def static_transforms(spec: SceneSpec) -> Iterator[TransformStamped]:
-    """Transforms from ``<agent>/base_link`` to every sensor, and from each camera's body to its optical frame."""
-    agent = spec.rig.agent
-    for sensor in spec.rig.sensors:
-        frame = f"{agent}/{sensor.name}"
-        yield _stamped(spec.start_ns, f"{agent}/base_link", frame, sensor.pose.ego_from_sensor)
-        if isinstance(sensor, Camera):
-            yield _stamped(spec.start_ns, frame, f"{frame}_optical", SENSOR_FROM_OPTICAL)
+    """Transforms from ``<agent>/base_link`` to every sensor, and from each camera's body to its optical frame.
+
+    If base_link is at the rear axle, the first one leads to ``<agent>/footprint``, the frame of grids.
+    """
+    for frame in fixed_frames(spec):
+        yield _stamped(header(spec.start_ns, frame.parent), frame.name, frame.parent_from_frame)
 
 
 def ego_transform(odometry: Odometry) -> TransformStamped:
-    """Transform from map to ``<agent>/base_link``, from the odometry."""
+    """Transform from map to ``<agent>/base_link``, from the true odometry."""
     position = odometry.pose.pose.position
     transform = TransformStamped(header=odometry.header, child_frame_id=odometry.child_frame_id)
     transform.transform = Transform(
@@ -49,6 +51,40 @@ def ego_transform(odometry: Odometry) -> TransformStamped:
         rotation=odometry.pose.pose.orientation,
     )
     return transform
+
+
+class EgoTransforms:
+    """Transforms of /tf of one scene, from the true odometry of each tick in order.
+
+    They follow from the odometry and the specification alone, so that a recorder, which may lack tf2_msgs, makes the
+    ones that the graph publishes.
+    """
+
+    def __init__(self, spec: SceneSpec) -> None:
+        self._spec, self._published = spec, spec.frames.publish
+        self._reckoning: DeadReckoning | None = None
+        if spec.frames.odom:
+            odometry = odometry_of_frames(spec)
+            self._reckoning = DeadReckoning(odometry, spec.seed, spec.tick_ns, rear_axle_m(spec), spec.base_link_x_m)
+
+    def at(self, odometry: Odometry) -> list[TransformStamped]:
+        """Transforms of a tick: map to base_link, or by way of the odom frame those of them that are published.
+
+        Up to tick 0, base_link rests in the odom frame, which begins there.
+        """
+        if self._reckoning is None:
+            return [ego_transform(odometry)]
+        spec, map_from_base = self._spec, map_from_base_link(odometry)
+        tick = spec.tick_of(stamp_of(odometry.header.stamp))
+        self._reckoning.advance_to(tick, map_from_base @ inverse(ego_from_base_link(spec)))
+        odom_from_base = odom_from_base_link(self._reckoning.pose)
+        map_from_odom, odom = map_from_base @ inverse(odom_from_base), odom_frame(spec.rig.agent)
+        in_odom = Header(stamp=odometry.header.stamp, frame_id=odom)
+        made = {
+            "map_to_odom": _stamped(odometry.header, odom, map_from_odom),
+            "odom_to_base_link": _stamped(in_odom, odometry.child_frame_id, odom_from_base),
+        }
+        return [transform for name, transform in made.items() if name in self._published]
 
 
 def serialize_transforms(transforms: Iterable[TransformStamped]) -> bytes:
@@ -66,10 +102,10 @@ def _as_rosbags(message: Any) -> Any:
     return message_class(*[_as_rosbags(v) if hasattr(v, "get_fields_and_field_types") else v for v in values])
 
 
-def _stamped(stamp_ns: int, parent: str, child: str, parent_from_child: Float64Array) -> TransformStamped:
+def _stamped(parent: Header, child: str, parent_from_child: Float64Array) -> TransformStamped:
     rotation = quaternion_message(quaternion_from_rpy(rpy_from_rotation(parent_from_child[:3, :3])))
     return TransformStamped(
-        header=header(stamp_ns, parent),
+        header=parent,
         child_frame_id=child,
         transform=Transform(translation=vector_message(parent_from_child[:3, 3]), rotation=rotation),
     )
@@ -80,17 +116,19 @@ class TransformBroadcaster:
 
     def __init__(self, node: Node) -> None:
         self._publishers: dict[str, Any] = {}
+        self._transforms: EgoTransforms | None = None
         if TFMessage is not None:
-            for topic in topics.transform_topics():
+            for topic in (topics.tf_static_topic(), topics.tf_topic()):
                 qos = rclpy_qos(qos_of(topic, live=False))
                 self._publishers[topic.name] = node.create_publisher(TFMessage, topic.name, qos)
 
     def start_scene(self, spec: SceneSpec) -> None:
         """Publish the rig's transforms, latched."""
+        self._transforms = EgoTransforms(spec)
         if self._publishers:
             self._publishers[topics.TF_STATIC].publish(TFMessage(transforms=list(static_transforms(spec))))
 
     def publish(self, odometry: Odometry) -> None:
-        """Publish the ego's transform."""
-        if self._publishers:
-            self._publishers[topics.TF].publish(TFMessage(transforms=[ego_transform(odometry)]))
+        """Publish the ego's transforms of a tick, if the graph publishes any."""
+        if self._publishers and self._transforms is not None and (moving := self._transforms.at(odometry)):
+            self._publishers[topics.TF].publish(TFMessage(transforms=moving))

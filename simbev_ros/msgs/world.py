@@ -106,25 +106,36 @@ def _rows(message: PointCloud2, dtype: np.dtype[np.void]) -> Table:
     return table.astype(dtype, copy=False)
 
 
-def odometry_message(actor: Table, stamp_ns: int, child_frame: str) -> Odometry:
+def odometry_message(actor: Table, stamp_ns: int, child_frame: str, ahead_m: float = 0.0) -> Odometry:
     """Odometry message from one ``ACTOR_DTYPE`` row.
 
-    The true pose is in the map frame, the twist in the child frame; the covariances are zero.
+    The true pose is in the map frame, the twist in the child frame. The covariances are zero: there is no error.
+
+    Args:
+        actor: The row.
+        stamp_ns: Stamp, ns.
+        child_frame: Name of the frame that the message describes; its axes are the actor's.
+        ahead_m: X of the frame's origin in the actor's frame.
     """
     rpy = np.array([actor["roll"], actor["pitch"], actor["yaw"]], np.float64)
     child_from_map = rotations_from_rpy(rpy).T
     message = Odometry(header=header(stamp_ns, MAP_FRAME), child_frame_id=child_frame)
-    message.pose.pose.position = Point(x=float(actor["x"]), y=float(actor["y"]), z=float(actor["z"]))
+    message.pose.pose.position = point_message(np.array([actor["x"], actor["y"], actor["z"]]))
     message.pose.pose.orientation = quaternion_message(quaternion_from_rpy(rpy))
     velocity = child_from_map @ np.array([actor["vx"], actor["vy"], actor["vz"]], np.float64)
     rates = child_from_map @ np.array([actor["wx"], actor["wy"], actor["wz"]], np.float64)
+    if ahead_m:
+        arm_m = np.array([ahead_m, 0.0, 0.0])
+        position = np.array([actor["x"], actor["y"], actor["z"]], np.float64) + child_from_map.T @ arm_m
+        message.pose.pose.position = point_message(position)
+        velocity = velocity + np.cross(rates, arm_m)
     message.twist.twist.linear = vector_message(velocity)
     message.twist.twist.angular = vector_message(rates)
     return message
 
 
-def map_from_ego(odometry: Odometry) -> Float64Array:
-    """(4, 4) pose from an ``odometry_message``."""
+def map_from_base_link(odometry: Odometry) -> Float64Array:
+    """(4, 4) pose from an ``odometry_message``: map from its child frame, base_link."""
     position, orientation = odometry.pose.pose.position, odometry.pose.pose.orientation
     return matrices_from_xyz_quaternion(
         np.array([position.x, position.y, position.z]),
@@ -135,6 +146,11 @@ def map_from_ego(odometry: Odometry) -> Float64Array:
 def quaternion_message(xyzw: Float64Array) -> Quaternion:
     """Quaternion message from (4,) x y z w."""
     return Quaternion(x=float(xyzw[0]), y=float(xyzw[1]), z=float(xyzw[2]), w=float(xyzw[3]))
+
+
+def point_message(xyz: Float64Array) -> Point:
+    """Point message from (3,)."""
+    return Point(x=float(xyz[0]), y=float(xyz[1]), z=float(xyz[2]))
 
 
 def vector_message(xyz: Float64Array) -> Vector3:

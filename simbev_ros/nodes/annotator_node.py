@@ -49,6 +49,7 @@ from simbev_ros.palette import bev_color
 from simbev_ros.process_memory import freeze_after_loading
 from simbev_ros.recording.image_codecs import decode_labels
 from simbev_ros.render.frame import CameraView
+from simbev_ros.scene.frames import ego_frame
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.semantics import BEV_CLASSES
@@ -125,7 +126,7 @@ class AnnotatorNode(Participant):
         self.advertise_typed(spec)
         if Label.SURROUNDINGS in self._labels:
             bits = {1 << index: name for index, name in enumerate(BEV_CLASSES)}
-            self.publish_once(topics.bev_label_info, label_info, bits, spec.start_ns, f"{spec.rig.agent}/base_link")
+            self.publish_once(topics.bev_label_info, label_info, bits, spec.start_ns, ego_frame(spec))
         return [topic.name for topic in recorded]
 
     def _subscribe_to_sensors(self, spec: SceneSpec) -> None:
@@ -182,7 +183,7 @@ class AnnotatorNode(Participant):
             self._publish_ready_boxes(spec)
 
     def _publish_surroundings(self, spec: SceneSpec, state: WorldState, labels: SurroundingsLabels) -> None:
-        topics, stamp_ns, frame = self._topics, state.stamp_ns, f"{spec.rig.agent}/base_link"
+        topics, stamp_ns, frame = self._topics, state.stamp_ns, ego_frame(spec)
         self.publish(topics.bev_labels.name, image_message(labels.grid, stamp_ns, frame))
         if self.reader_count(topics.bev_color.name):
             self.publish(topics.bev_color.name, image_message(bev_color(labels.grid), stamp_ns, frame))
@@ -198,7 +199,7 @@ class AnnotatorNode(Participant):
         self.publish_typed(topics.hd_map.name, lane, stamp_ns)
 
     def _publish_grids(self, grid: UInt16Array, spec: SceneSpec, state: WorldState) -> None:
-        geometry, frame = spec.annotation.bev.grid, f"{spec.rig.agent}/base_link"
+        geometry, frame = spec.annotation.bev.grid, ego_frame(spec)
         rpy_rad = vector(state.ego, "roll pitch yaw")
         for index, name in enumerate(BEV_CLASSES):
             topic = self._topics.grids[name]

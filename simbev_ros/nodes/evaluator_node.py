@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from nav_msgs.msg import Odometry
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header, String
@@ -24,6 +25,7 @@ from simbev_ros.evaluation.live.answer_join import BOXES, LABELS, POSE, AnswerJo
 from simbev_ros.evaluation.live.answer_stamps import answered_tick
 from simbev_ros.evaluation.live.live_evaluation import LiveEvaluation, LiveScene, live_figures
 from simbev_ros.evaluation.options import options_of
+from simbev_ros.geometry.transforms import inverse
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.annotation_topics import annotation_topics
 from simbev_ros.msgs.images import labels_from_image
@@ -33,16 +35,17 @@ from simbev_ros.msgs.sensor_topics import sensor_topics
 from simbev_ros.msgs.stamps import header, serialized_stamp_ns, stamp_of
 from simbev_ros.msgs.tables import table_from_message
 from simbev_ros.msgs.topic import Topic
-from simbev_ros.msgs.world import map_from_ego
+from simbev_ros.msgs.world import map_from_base_link
 from simbev_ros.nodes.answer_topics import Answer, AnswerTopics, received_s
 from simbev_ros.nodes.graph_node import GraphNode
-from simbev_ros.nodes.lockstep import Lockstep
+from simbev_ros.nodes.lockstep import LockstepWindow
 from simbev_ros.nodes.reports import read_report, subscribe_to_reports
 from simbev_ros.nodes.ros.names import NodeName
 from simbev_ros.recording.bag_files import disk_errors
 from simbev_ros.recording.whole_files import write_whole
+from simbev_ros.scene.frames import ego_from_base_link
 from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.types import Table
+from simbev_ros.types import Float64Array, Table
 
 _LIVE_GRACE_TICKS = 40
 _LIVE_IDLE_S = 2.0
@@ -80,7 +83,7 @@ class EvaluatorNode(GraphNode):
         self._patience = WaitLimits(_LIVE_GRACE_TICKS, _LIVE_IDLE_S) if self.live else WaitLimits(None, idle_s)
         self._options, self._scenes = options_of(self._evaluation), list[LiveScene]()
         self._numbers: set[int] = set()
-        self._stack = Lockstep(stack, window_ticks=1, outside=stack)
+        self._stack = LockstepWindow(stack, window_ticks=1, outside=stack)
         self._spec: SceneSpec | None = None
         self._subscriptions_by_topic: dict[str, Subscription] = {}
         self._polls_connected, self._loaded_reported, self._scene_since_s = 0, False, 0.0
@@ -107,7 +110,7 @@ class EvaluatorNode(GraphNode):
         for name in self._answers.found:
             self._join.add_topic(name)
         labels = annotation_topics(spec)
-        self._subscribe(topics.odometry_topic(spec), self._truth(POSE, map_from_ego))
+        self._subscribe(topics.odometry_topic(spec), self._truth(POSE, self._map_from_ego))
         self._subscribe(labels.boxes, self._truth(BOXES, _boxes))
         self._subscribe(labels.bev_labels, self._truth(LABELS, labels_from_image))
         self._subscribe(answered, self._on_input, raw=True)
@@ -143,6 +146,11 @@ class EvaluatorNode(GraphNode):
                 self._advance()
 
         return receive
+
+    def _map_from_ego(self, odometry: Odometry) -> Float64Array:
+        """(4, 4) pose of the ego frame from the odometry of base_link."""
+        assert self._spec is not None
+        return map_from_base_link(odometry) @ inverse(ego_from_base_link(self._spec))
 
     def _on_input(self, payload: bytes, info: Any) -> None:
         stamp_ns = self.read(self._input, partial(serialized_stamp_ns, payload, self._input_type))

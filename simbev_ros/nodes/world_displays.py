@@ -1,6 +1,6 @@
 """The world node's topics for displays: markers, the path of the ego, weather and events, made while subscribed to."""
 
-from simbev_ros.geometry.transforms import quaternion_from_rpy
+from simbev_ros.geometry.transforms import quaternion_from_rpy, rotations_from_rpy
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.displays.box_markers import world_markers
 from simbev_ros.msgs.displays.ego_path import EgoPath, PathPose
@@ -26,7 +26,7 @@ class WorldDisplays:
             spec: The scene.
             lamps: (L,) ``STREET_LIGHT_DTYPE``.
         """
-        self._node, self._lamps = node, lamps
+        self._node, self._lamps, self._base_link_x_m = node, lamps, spec.base_link_x_m
         self._topics = {topic.name: topic for topic in topics.world_displays(spec)}
         self._path_topic: Topic = self._topics[topics.path_name(spec.rig.agent)]
         self._path = EgoPath()
@@ -46,9 +46,12 @@ class WorldDisplays:
             record = event_record(event, state)
             publish(self._topics[topics.EVENT_STATUS], status, EVENT, record, state.stamp_ns)
             self._node.publish_typed(topics.EVENTS, record, state.stamp_ns)
-        ego = state.ego
-        here = PathPose(
-            state.stamp_ns, vector(ego, "x y z").tolist(), quaternion_from_rpy(vector(ego, "roll pitch yaw")).tolist()
-        )
+        here = self._base_link(state)
         publish(self._path_topic, self._path.message, here)
         self._path.add(here)
+
+    def _base_link(self, state: WorldState) -> PathPose:
+        position_m, rpy_rad = vector(state.ego, "x y z"), vector(state.ego, "roll pitch yaw")
+        if self._base_link_x_m:
+            position_m = position_m + rotations_from_rpy(rpy_rad) @ [self._base_link_x_m, 0.0, 0.0]
+        return PathPose(state.stamp_ns, position_m.tolist(), quaternion_from_rpy(rpy_rad).tolist())

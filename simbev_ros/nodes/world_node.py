@@ -35,7 +35,7 @@ from simbev_ros.msgs.world import (
     weather_message,
 )
 from simbev_ros.nodes.graph_node import GraphNode
-from simbev_ros.nodes.lockstep import Lockstep
+from simbev_ros.nodes.lockstep import LockstepWindow
 from simbev_ros.nodes.pacer import Pacer
 from simbev_ros.nodes.reports import read_report, subscribe_to_reports
 from simbev_ros.nodes.ros.names import NodeName
@@ -43,6 +43,7 @@ from simbev_ros.nodes.world_displays import WorldDisplays
 from simbev_ros.process_memory import freeze_after_loading
 from simbev_ros.recording.replay import Replay
 from simbev_ros.scene.ending import SceneEnd, SceneEndDetector
+from simbev_ros.scene.frames import base_link_frame
 from simbev_ros.scene.legend import legend
 from simbev_ros.scene.lights import street_lights
 from simbev_ros.scene.reach import loaded_reach
@@ -98,7 +99,7 @@ class WorldNode(GraphNode):
         window_ticks = self.declare_read_only(
             "window_ticks", 3, "Number of ticks that the world may be ahead of the slowest participant", minimum=1
         )
-        self._lockstep = Lockstep(participants, 1 if self.live else window_ticks, self._outside)
+        self._lockstep = LockstepWindow(participants, 1 if self.live else window_ticks, self._outside)
         self._pacer = Pacer(live=self.live)
         self._scene: _LoadedScene | None = None
         self._commands: dict[str, Any] = {}
@@ -237,7 +238,7 @@ class WorldNode(GraphNode):
         self.publish(topics.SIGNALS, signals_message(state))
         self.publish(topics.WEATHER, weather_message(state))
         scene.displays.publish(state)
-        odometry = odometry_message(state.ego, state.stamp_ns, f"{agent}/base_link")
+        odometry = odometry_message(state.ego, state.stamp_ns, base_link_frame(agent), scene.spec.base_link_x_m)
         self.publish(topics.odometry_name(agent), odometry)
         self._transforms.publish(odometry)
 

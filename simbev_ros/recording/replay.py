@@ -27,10 +27,12 @@ from simbev_ros.recording.layout import (
 )
 from simbev_ros.recording.lead_in import lead_in_messages
 from simbev_ros.recording.reader import RawMessage, SceneBag
+from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.drawing.draw_lights import draw_lights
 from simbev_ros.scene.drawing.draw_weather import draw_weathers
 from simbev_ros.scene.drawing.starts import StartPositions
 from simbev_ros.scene.ending import DURATION
+from simbev_ros.scene.frames import base_link_x_m
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, Event, Light, WorldState
 from simbev_ros.structured_text import parse_json
@@ -240,7 +242,14 @@ def replayed_spec(bag: SceneBag, scenario: Scenario, network: RoadNetwork, chose
     recorded_map = bag.attachments.get(MAP_ATTACHMENT)
     if recorded_map is not None and recorded_map != network.opendrive.encode():
         raise BagError(f"{bag.path}: was recorded on other roads than map {spec.map.name} has now")
-    changes: dict[str, object] = {"rig": scenario.rig, "annotation": scenario.annotation, "map": chosen or spec.map}
+    ego = blueprint_named(spec.vehicles[0].blueprint)
+    changes: dict[str, object] = {
+        "rig": scenario.rig,
+        "frames": scenario.frames,
+        "base_link_x_m": base_link_x_m(scenario.frames, ego),
+        "annotation": scenario.annotation,
+        "map": chosen or spec.map,
+    }
     if "weather" in scenario.model_fields_set:
         is_hilly = StartPositions(network, scenario.traffic.waypoint_spacing_m).is_hilly
         changes["weather"], changes["final_weather"] = draw_weathers(scenario.weather, spec.seed, hilly=is_hilly)

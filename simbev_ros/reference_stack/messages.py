@@ -48,7 +48,7 @@ def points_of(cloud: PointCloud2) -> tuple[Floats, Integers]:
 
 
 def pose_of(odometry: Odometry) -> Floats:
-    """(4, 4) pose ``map_from_ego`` of an odometry message."""
+    """(4, 4) pose of an odometry message: map from base_link."""
     position, rotation = odometry.pose.pose.position, odometry.pose.pose.orientation
     x, y, z, w = rotation.x, rotation.y, rotation.z, rotation.w
     return np.array(

@@ -98,16 +98,17 @@ class ReferenceStack(Node):
             return
         for stamp_ns, odometry, cloud in self._join.release_complete(self._scene.has_cloud):
             if cloud is not None:
-                self._answer(self._pipeline, cloud, odometry, stamp_ns)
+                self._answer(self._scene, self._pipeline, cloud, odometry, stamp_ns)
             self._report(self._scene, stamp_ns)
 
-    def _answer(self, pipeline: Pipeline, cloud: PointCloud2, odometry: Odometry, stamp_ns: int) -> None:
-        answer = pipeline.step(*points_of(cloud), pose_of(odometry), stamp_ns * 1e-9)
+    def _answer(self, scene: Scene, pipeline: Pipeline, cloud: PointCloud2, odometry: Odometry, stamp_ns: int) -> None:
+        map_from_ego = pose_of(odometry) @ scene.base_link_from_ego
+        answer = pipeline.step(*points_of(cloud), map_from_ego, stamp_ns * 1e-9)
         in_map = header_of(stamp_ns, odometry.header.frame_id)
         self._boxes.publish(table_message(answer.boxes, in_map))
         if self._markers.get_subscription_count():
             self._markers.publish(markers_message(answer.boxes, in_map))
-        self._grid.publish(scores_message(answer.scores, header_of(stamp_ns, odometry.child_frame_id)))
+        self._grid.publish(scores_message(answer.scores, header_of(stamp_ns, scene.ego_frame)))
 
     def _report(self, scene: Scene, stamp_ns: int) -> None:
         """Report a tick as finished; in lockstep, the world waits for it if ``graph.participants`` lists this node."""

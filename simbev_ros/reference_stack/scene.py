@@ -25,6 +25,8 @@ class Scene:
         tick_ns: Time between ticks.
         period_ticks: Number of ticks between clouds.
         ego_from_lidar: (4, 4) pose of the lidar.
+        base_link_from_ego: (4, 4) pose of the ego frame, to which poses of sensors and grids refer.
+        ego_frame: Name of the ego frame.
         grid: Shape of the grid of /ego/bev/labels.
     """
 
@@ -33,6 +35,8 @@ class Scene:
     tick_ns: int
     period_ticks: int
     ego_from_lidar: Floats
+    base_link_from_ego: Floats
+    ego_frame: str
     grid: GridShape
 
     def has_cloud(self, stamp_ns: int) -> bool:
@@ -57,6 +61,9 @@ def read_scene(text: str, points_topic: str) -> Scene:
     if points_topic not in lidars:
         raise NoLidarError(f"no lidar of the scene publishes {points_topic}; remap it to one of: {', '.join(lidars)}")
     lidar = lidars[points_topic]
+    is_behind = spec.get("frames", {}).get("base_link") == "rear_axle"
+    base_link_from_ego = np.eye(4)
+    base_link_from_ego[0, 3] = -spec.get("base_link_x_m", 0.0)  # left out where both are the same frame
     period_ns = _NS_PER_S / lidar["rate_hz"] if lidar["rate_hz"] else tick_ns
     return Scene(
         name=f"{spec['map']['name']}-{spec['number']:04d}",
@@ -64,6 +71,8 @@ def read_scene(text: str, points_topic: str) -> Scene:
         tick_ns=tick_ns,
         period_ticks=max(1, round(period_ns / tick_ns)),
         ego_from_lidar=_pose(lidar["pose"]),
+        base_link_from_ego=base_link_from_ego,
+        ego_frame=f"{rig['agent']}/{'footprint' if is_behind else 'base_link'}",
         grid=GridShape(bev["rows"], bev["columns"], bev["cell_m"]),
     )
 

@@ -10,6 +10,7 @@ from pydantic import Field
 
 from simbev_ros.config.annotation import Annotation
 from simbev_ros.config.base import Model
+from simbev_ros.config.frames import DEFAULT_FRAMES, Frames, are_default
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import EgoDriverKind, Split
 from simbev_ros.limits import MAX_ACTORS, MAX_SCENE_NUMBER, MAX_SCENE_TICKS, MAX_WARM_UP_TICKS
@@ -94,6 +95,14 @@ class SceneSpec(Model):
     lights: LightSpec = LightSpec()
     ego_driver: EgoDriverKind = "traffic"
     rig: Rig
+    frames: Frames = Field(DEFAULT_FRAMES, exclude_if=are_default)
+    base_link_x_m: float = Field(
+        0.0,
+        ge=-20,
+        le=20,
+        exclude_if=lambda x_m: x_m == 0.0,
+        description="x of the origin of base_link in the ego frame; readers need no catalog of vehicles for it",
+    )
     annotation: Annotation
     vehicles: tuple[VehicleSpec, ...] = Field(min_length=1, max_length=MAX_ACTORS)
     pedestrians: tuple[PedestrianSpec, ...] = Field(max_length=MAX_ACTORS)

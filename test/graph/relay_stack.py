@@ -17,7 +17,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from simbev_ros.dataset.calibration import calibrations
 from simbev_ros.geometry.transforms import matrices_from_xyz_quaternion, quaternion_from_rpy
 from simbev_ros.msgs.stamps import header, stamp_of
-from simbev_ros.msgs.world import map_from_ego, quaternion_message
+from simbev_ros.msgs.world import map_from_base_link, quaternion_message
 from simbev_ros.scene.spec import SceneSpec
 
 LATCHED, EVERY = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL), QoSProfile(depth=16)
@@ -78,7 +78,7 @@ class RelayStack(Node):
     def answer(self) -> None:
         """Answer all frames whose cubes and ego pose have arrived."""
         for stamp_ns in self.odometry.keys() & self.cubes.keys():
-            lidar_from_map = np.linalg.inv(map_from_ego(self.odometry.pop(stamp_ns)) @ self.ego_from_lidar)
+            lidar_from_map = np.linalg.inv(map_from_base_link(self.odometry.pop(stamp_ns)) @ self.ego_from_lidar)
             message = self.cubes.pop(stamp_ns)
             for each in message.markers:
                 each.header.frame_id = "ego/lidar"

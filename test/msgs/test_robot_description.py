@@ -4,14 +4,16 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from ego_frames import edges, with_frames
 from made_up_scene import SENSORS, made_up_spec
 
 from simbev_ros.assets.actors.catalogue import load_models
 from simbev_ros.assets.actors.silhouette import silhouette_boxes, wheel_cylinders
-from simbev_ros.geometry.transforms import matrices_from_xyz_quaternion, matrices_from_xyz_rpy
+from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
 from simbev_ros.msgs.robot_description import robot_description
 from simbev_ros.msgs.transforms import static_transforms
 from simbev_ros.scene.blueprints import blueprint_index, load_blueprints
+from simbev_ros.scene.frames import ego_frame
 from simbev_ros.types import Float64Array
 
 SPEC = made_up_spec(
@@ -20,23 +22,21 @@ SPEC = made_up_spec(
         {"type": "camera", "name": "tilted", "pose": {"x_m": -1, "roll_deg": 20, "pitch_deg": -35, "yaw_deg": 140}},
     ]
 )
-ROBOT = ElementTree.fromstring(robot_description(SPEC))
+SPECS = {"footprint": SPEC, "rear_axle": with_frames(SPEC, base_link="rear_axle")}
+ROBOTS = {name: ElementTree.fromstring(robot_description(spec)) for name, spec in SPECS.items()}
+ROBOT = ROBOTS["footprint"]
+BOTH = pytest.mark.parametrize("base_link", SPECS)
 
 
 def numbers(element: ElementTree.Element, attribute: str) -> Float64Array:
     return np.array([float(text) for text in element.attrib[attribute].split()])
 
 
-def test_joints_are_the_static_transforms() -> None:
-    expected = {}
-    for each in static_transforms(SPEC):
-        move, turn = each.transform.translation, each.transform.rotation
-        pose = matrices_from_xyz_quaternion(
-            np.array([move.x, move.y, move.z]), np.array([turn.x, turn.y, turn.z, turn.w])
-        )
-        expected[each.header.frame_id, each.child_frame_id] = pose
+@BOTH
+def test_joints_are_the_static_transforms(base_link: str) -> None:
+    expected = edges(static_transforms(SPECS[base_link]))
     found = {}
-    for joint in ROBOT.iter("joint"):
+    for joint in ROBOTS[base_link].iter("joint"):
         parent, child, origin = (joint.find(tag) for tag in ("parent", "child", "origin"))
         assert parent is not None and child is not None and origin is not None
         pose = matrices_from_xyz_rpy(numbers(origin, "xyz"), numbers(origin, "rpy"))
@@ -46,9 +46,10 @@ def test_joints_are_the_static_transforms() -> None:
         np.testing.assert_allclose(found[frames], pose, atol=1e-8, err_msg=str(frames))
 
 
-def test_each_frame_is_one_link_below_base_link() -> None:
-    links = [link.attrib["name"] for link in ROBOT.iter("link")]
-    children = [child.attrib["link"] for child in ROBOT.iter("child")]
+@BOTH
+def test_each_frame_is_one_link_below_base_link(base_link: str) -> None:
+    links = [link.attrib["name"] for link in ROBOTS[base_link].iter("link")]
+    children = [child.attrib["link"] for child in ROBOTS[base_link].iter("child")]
     assert len(links) == len(set(links)) and set(links) - set(children) == {"ego/base_link"}
 
 
@@ -57,9 +58,11 @@ def test_geometry_needs_no_file() -> None:
     assert shapes == {"box", "cylinder"}
 
 
-def test_every_sensor_is_visible() -> None:
-    seen = {link.attrib["name"] for link in ROBOT.iter("link") if link.find("visual") is not None}
-    assert seen == {"ego/base_link", *(f"ego/{sensor.name}" for sensor in SPEC.rig.sensors)}
+@BOTH
+def test_the_car_is_drawn_in_the_ego_frame_and_every_sensor_in_its_own(base_link: str) -> None:
+    spec = SPECS[base_link]
+    seen = {link.attrib["name"] for link in ROBOTS[base_link].iter("link") if link.find("visual") is not None}
+    assert seen == {ego_frame(spec), *(f"ego/{sensor.name}" for sensor in SPEC.rig.sensors)}
 
 
 @pytest.mark.parametrize("name", [each.name for each in load_blueprints() if each.kind == "vehicle"])

@@ -15,6 +15,7 @@ RIG = [
     {"type": "radar", "name": "radar"},
     {"type": "gnss", "name": "gnss", "rate_hz": 1},
     {"type": "imu", "name": "imu", "rate_hz": 100},
+    {"type": "odometry", "name": "wheel", "rate_hz": 10},
 ]
 SENSED = {
     "cam/camera_info": ("CameraInfo", 2, 1),
@@ -31,8 +32,9 @@ SENSED = {
     "gnss/fix": ("NavSatFix", 20, 1),
     "imu/data_raw": ("Imu", 1, 5),
     "imu/data": ("Imu", 1, 5),
+    "wheel/odometry": ("Odometry", 2, 1),
 }
-"""Topics below /ego: type of sensor_msgs, ticks between messages, messages per tick."""
+"""Topics below /ego: type, ticks between messages, messages per tick."""
 LABELS = {
     "bev/labels": 1, "bev/color": 1, "boxes": 1, "boxes/markers": 1, "hd_map": 1, "cam/boxes": 2, "occupancy/points": 10
 }  # fmt: skip
@@ -48,7 +50,10 @@ def test_every_kind_has_topics(kind: str) -> None:
 
 def test_sensors_send_the_topics_of_the_table() -> None:
     topics = list(sensor_topics(made_up_spec(RIG), compressed_images=True))
-    sensed = {f"/ego/{name}": (f"sensor_msgs/msg/{kind}", *rest) for name, (kind, *rest) in SENSED.items()}
+    sensed = {
+        f"/ego/{name}": (f"{'nav' if kind == 'Odometry' else 'sensor'}_msgs/msg/{kind}", *rest)
+        for name, (kind, *rest) in SENSED.items()
+    }
     assert {t.name: (t.type, t.period_ticks, t.messages_per_tick) for t in topics} == sensed
     assert [topic.name for topic in topics] == list(sensed)
 

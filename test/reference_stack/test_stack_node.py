@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from ego_frames import with_frames
 from made_up_scene import SENSORS, made_up_scene
 from visualization_msgs.msg import Marker
 
@@ -48,6 +49,16 @@ def test_scene_facts_equal_those_of_the_scene_spec(spec: SceneSpec) -> None:
     assert scene.ego_from_lidar == pytest.approx(roof.pose.ego_from_sensor)
     bev = spec.annotation.bev
     assert scene.grid == GridShape(bev.rows, bev.columns, bev.cell_m)
+
+
+def test_the_stack_finds_the_ego_frame_from_base_link(spec: SceneSpec) -> None:
+    same, behind = (
+        read_scene(each.model_dump_json(), "/ego/lidar/points")
+        for each in (spec, with_frames(spec, base_link="rear_axle"))
+    )
+    assert (same.ego_frame, behind.ego_frame) == ("ego/base_link", "ego/footprint")
+    assert same.base_link_from_ego == pytest.approx(np.eye(4))
+    assert behind.base_link_from_ego[:3, 3] == pytest.approx([1.4, 0, 0])
 
 
 def test_clouds_are_due_every_nth_tick_from_tick_0(spec: SceneSpec) -> None:

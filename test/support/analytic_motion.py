@@ -54,6 +54,14 @@ def straight(speed_mps: float, acceleration_mps2: float, yaw_rad: float) -> Path
     return at
 
 
+def hilly(time_s: float) -> tuple[Float64Array, Float64Array]:
+    """Winding road over hills, on which the car rolls, far from the map's origin."""
+    position_m = np.array([1200 + 9 * time_s, -3100 + 40 * np.sin(0.1 * time_s), 60 + 4 * np.sin(0.2 * time_s)])
+    ahead_mps, left_mps, up_mps = 9.0, 4 * np.cos(0.1 * time_s), 0.8 * np.cos(0.2 * time_s)
+    pitch_rad = -np.arctan2(up_mps, np.hypot(ahead_mps, left_mps))
+    return position_m, np.array([0.03 * np.sin(time_s), pitch_rad, np.arctan2(left_mps, ahead_mps)])
+
+
 def screw(spin_radps: float, climb_mps: float, roll_rad: float, pitch_rad: float) -> Path:
     """Tilted ego that rotates about the vertical through the origin and rises along it."""
     return lambda time_s: (

@@ -19,6 +19,8 @@ from tools.docs.markdown import GENERATED, code, sentence, slug, table
 UNITS = {
     "_mps2_per_sqrt_s": "m/s² per √s",
     "_radps_per_sqrt_s": "rad/s per √s",
+    "_rad_per_sqrt_s": "rad per √s",
+    "_m_per_sqrt_m": "m per √m",
     "_per_m": "1/m",
     "_mps2": "m/s²",
     "_mps": "m/s",

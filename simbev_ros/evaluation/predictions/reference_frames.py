@@ -12,6 +12,7 @@ from simbev_ros.dataset.scene import Scene
 from simbev_ros.errors import InputError
 from simbev_ros.evaluation.predictions.predicted_boxes import MAP_FRAME
 from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL
+from simbev_ros.scene.frames import base_link_frame, ego_frame, ego_from_base_link
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import Float64Array
 
@@ -25,7 +26,8 @@ class ReferenceFrames:
         map_from_ego: Gives the (4, 4) pose of the ego at a tick.
 
     Attributes:
-        names: ``map``, ``<agent>/base_link``, ``<agent>/<sensor>`` and ``<agent>/<camera>_optical``.
+        names: ``map``, ``<agent>/base_link``, ``<agent>/<sensor>`` and ``<agent>/<camera>_optical``; and
+            ``<agent>/footprint``, the ego frame, if base_link is at the rear axle.
     """
 
     def __init__(
@@ -33,8 +35,13 @@ class ReferenceFrames:
     ) -> None:
         agent = spec.rig.agent
         self._scene, self._map_from_ego = spec.name, map_from_ego
-        self._fixed: dict[str, Float64Array | None] = {f"{agent}/base_link": None}
+        self._fixed: dict[str, Float64Array | None] = {
+            base_link_frame(agent): ego_from_base_link(spec),
+            ego_frame(spec): None,
+        }
         for name, each in calibration.items():
+            if not each.sensor.has_frame:
+                continue
             self._fixed[f"{agent}/{name}"] = each.ego_from_sensor
             if each.camera is not None:
                 self._fixed[f"{agent}/{name}_optical"] = each.ego_from_sensor @ SENSOR_FROM_OPTICAL

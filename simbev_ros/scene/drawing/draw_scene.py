@@ -10,12 +10,14 @@ from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.source import map_spec
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.random import stream
+from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.drawing.draw_ego import draw_ego
 from simbev_ros.scene.drawing.draw_lights import draw_lights
 from simbev_ros.scene.drawing.draw_weather import draw_weathers
 from simbev_ros.scene.drawing.scene_drawer import SceneDrawer
 from simbev_ros.scene.drawing.start_clearance import StartClearance
 from simbev_ros.scene.drawing.starts import StartPositions
+from simbev_ros.scene.frames import base_link_x_m
 from simbev_ros.scene.spec import SceneSpec
 
 
@@ -82,6 +84,8 @@ def draw_scene(
         lights=draw_lights(scenario.lights, seed),
         ego_driver=scenario.ego.driver,
         rig=scenario.rig,
+        frames=scenario.frames,
+        base_link_x_m=base_link_x_m(scenario.frames, blueprint_named(ego.blueprint)),
         annotation=scenario.annotation,
         vehicles=(ego, *vehicles, *hazards.vehicles),
         pedestrians=tuple(drawer.draw_pedestrians(clearance)),

@@ -4,8 +4,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from simbev_ros.dataset.content import key_of_topic
-from simbev_ros.dataset.values import decode_message, value_of
+from simbev_ros.dataset.content import ODOMETRY, key_of_topic
+from simbev_ros.dataset.values import decode_message, in_ego_frame, value_of
 from simbev_ros.msgs.topic import Topic
 from simbev_ros.scene.spec import SceneSpec
 
@@ -60,7 +60,9 @@ class LiveFrame:
             if topic.sporadic:
                 self._values[key] = [value_of(topic.type, [message]) for message in messages]
             else:
-                self._values[key] = value_of(topic.type, messages)
+                value = value_of(topic.type, messages)
+                ahead_m = self.scene.spec.base_link_x_m
+                self._values[key] = in_ego_frame(value, ahead_m) if key == ODOMETRY else value
         return self._values[key]
 
     def messages(self, key: str) -> list[Any]:

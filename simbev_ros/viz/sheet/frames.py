@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from simbev_ros.dataset.content import sources_by_topic
-from simbev_ros.dataset.values import poses_from_odometry
+from simbev_ros.dataset.values import ODOMETRY_TYPE, poses_from_odometry
 from simbev_ros.recording.indexed_bag import IndexedBag
 from simbev_ros.types import AnyArray
 from simbev_ros.units import NS_PER_S
@@ -18,8 +18,6 @@ from simbev_ros.viz.sheet.views import Views
 
 HOLD_NS = NS_PER_S
 """Maximum age of the sample with which a slower sensor is shown, ns."""
-
-_ODOMETRY = "nav_msgs/msg/Odometry"
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +53,7 @@ class FrameReader:
     """
 
     def __init__(self, bag: IndexedBag, views: Views) -> None:
-        sources = sources_by_topic(bag)
+        sources = sources_by_topic(bag, bag.spec)
         self.bag, self.views = bag, views
         self._sources = {topic: sources[topic] for topic in views.read_topics}
         self._samples: dict[tuple[str, int], AnyArray] = {}
@@ -105,7 +103,7 @@ class FrameReader:
         key = topic, int(rows[0, 0])
         if key not in self._samples:
             value = source.value(rows)
-            self._samples[key] = poses_from_odometry(value[-1]) if source.type_name == _ODOMETRY else value
+            self._samples[key] = poses_from_odometry(value[-1]) if source.type_name == ODOMETRY_TYPE else value
         return key[1], self._samples[key]
 
     def _forget(self, before_ns: int) -> None:

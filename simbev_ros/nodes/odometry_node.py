@@ -1,0 +1,55 @@
+"""The odometry node: publishes pose and velocity as the wheel odometries of the rig measure them."""
+
+from typing import NamedTuple
+
+from simbev_ros.config.odometry import Odometry
+from simbev_ros.msgs.odometry import wheel_odometry_message
+from simbev_ros.msgs.sensor_topics import wheel_odometry_topic
+from simbev_ros.msgs.topic import Topic
+from simbev_ros.nodes.participant import Participant
+from simbev_ros.nodes.ros.names import NodeName
+from simbev_ros.scene.frames import base_link_frame, odom_frame, rear_axle_m
+from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.scene.state import WorldState
+from simbev_ros.sensors.odometry import OdometryModel
+
+
+class _Mounted(NamedTuple):
+    model: OdometryModel
+    topic: Topic
+
+
+class OdometryNode(Participant):
+    """Serves all wheel odometries of the rig."""
+
+    def __init__(self, name: NodeName) -> None:
+        super().__init__(name)
+        self._mounted: list[_Mounted] = []
+
+    def start_scene(self, spec: SceneSpec) -> list[str]:
+        """Advertise the topics."""
+        self._mounted = []
+        for odometry in spec.rig.of_type(Odometry):
+            topic = wheel_odometry_topic(spec, odometry)
+            self.advertise(topic)
+            model = OdometryModel(
+                odometry,
+                spec.seed,
+                spec.tick_ns,
+                topic.period_ticks,
+                axle_m=rear_axle_m(spec),
+                base_link_x_m=spec.base_link_x_m,
+            )
+            self._mounted.append(_Mounted(model, topic))
+        return [mounted.topic.name for mounted in self._mounted]
+
+    def process(self, spec: SceneSpec, state: WorldState) -> None:
+        """Integrate the motion, and publish what is due."""
+        agent = spec.rig.agent
+        for model, topic in self._mounted:
+            model.advance(state)
+            if model.is_due(state.tick):
+                message = wheel_odometry_message(
+                    model.pose, model.twist(state), state.stamp_ns, odom_frame(agent), base_link_frame(agent)
+                )
+                self.publish(topic.name, message)

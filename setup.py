@@ -64,6 +64,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
+        (f"share/{NAME}/launch", files("launch/*.launch.py")),
         (f"share/{NAME}/interfaces/msg", files("interfaces/msg/*.msg")),
         (f"share/{NAME}/interfaces/srv", files("interfaces/srv/*.srv")),
         (f"share/{NAME}/interfaces/action", files("interfaces/action/*.action")),

@@ -38,7 +38,7 @@ def command(*arguments: object) -> list[str]:
 @pytest.fixture(scope="module")
 def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("served") / "Blocks-0000"
-    made_up_scene(path)
+    made_up_scene(path, typed=True)
     return path
 
 

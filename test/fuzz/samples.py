@@ -21,12 +21,14 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import ros_messages
 import xodr_sample as xodr
+from lane_sample import LANE
 from lanelet2_sample import LaneletSample, straight_lane
 from made_up_scene import made_up_spec
 from mcap.writer import CompressionType, Writer
 from targets import KEY, MESSAGE_TYPES, STAMPS_NS, TARGETS
 
 from simbev_ros.annotation.trajectories import TrackRecorder, tracks_to_npz
+from simbev_ros.annotation.visibility.views import VIEW_DTYPE
 from simbev_ros.dataset.index import INDEX_FILE, write_index
 from simbev_ros.dataset.index_row import index_row
 from simbev_ros.dataset.plan import Plan, PlannedEntry
@@ -57,6 +59,7 @@ _SPEC = made_up_spec(_SENSORS, ticks=2)
 _SCENE = _SPEC.model_dump_json().encode()
 _IMAGE = np.arange(12, dtype=np.uint8).reshape(3, 4)
 _ENTRY: prediction_bags.Entry = ("car", 0.5, (1, 2, 3), (4, 2, 1.5), (0, 0, 0.1, 0.995))
+_EVENT = {"type": "collision", "tick": 2, "ids": [1, 7], "position_m": [1.0, 2.0, 0.5], "relative_speed_mps": 3.0}
 
 _CONFIGURATION = """\
 seed: 7
@@ -312,6 +315,9 @@ def _messages() -> Iterator[tuple[str, str, bytes]]:
         "weather": ros_messages.string(json.dumps(weather)),
         "request": ros_messages.string(signed_json(SceneRequest(spec=_SPEC, number=1), signer)),
         "end": ros_messages.string(signed_json(end, signer)),
+        "typed_views": ros_messages.point_cloud(stamp_ns, np.zeros(2, VIEW_DTYPE)),
+        "typed_lane": json.dumps(LANE).encode(),
+        "typed_event": json.dumps(_EVENT).encode(),
     }
     yield from ((name, "valid", data) for name, data in serialized.items())
     by_type = {each.__msgtype__: serialized[name] for name, each in messages.items()}

@@ -16,7 +16,9 @@ from unittest import mock
 
 import mutation
 import numpy as np
+from made_up_scene import SENSORS, made_up_spec
 from rclpy.serialization import deserialize_message
+from ros_messages import string
 from rosbags.typesys import Stores, get_typestore
 
 from simbev_ros.annotation.trajectories import futures, tracks_from_npz
@@ -30,6 +32,7 @@ from simbev_ros.evaluation.predictions.prediction_bag import PredictionBag
 from simbev_ros.evaluation.predictions.prediction_files import NpzBoxes, ParquetBoxes
 from simbev_ros.evaluation.predictions.prediction_messages import image_scores, message_boxes, occupancy_scores
 from simbev_ros.evaluation.predictions.score_grid import ScoreGrid, read_grid
+from simbev_ros.interfaces.message_types import types_with
 from simbev_ros.limits import MAX_SCENE_TICKS
 from simbev_ros.maps.lanelet2.importer import import_lanelet2
 from simbev_ros.maps.opendrive.importer import import_opendrive
@@ -38,6 +41,7 @@ from simbev_ros.maps.sumo.importer import import_sumo
 from simbev_ros.msgs.message_types import message_class
 from simbev_ros.msgs.signing import Signer, content_of, signed_json
 from simbev_ros.msgs.stamps import serialized_stamp_ns
+from simbev_ros.msgs.typed_topics import TypedTopic, typed_topics
 from simbev_ros.msgs.world import actors_from_message, signals_from_message, weather_from_message
 from simbev_ros.nodes.reports import read_report
 from simbev_ros.recording.canonical import canonical_cdr
@@ -316,6 +320,22 @@ def _canonicalize(data: bytes) -> None:
     assert stamp_ns is None or type(stamp_ns) is int
 
 
+@cache
+def _typed_topics() -> dict[str, TypedTopic]:
+    """Typed topics by the names of their sources."""
+    return {each.source.name: each for each in typed_topics(made_up_spec(SENSORS))}
+
+
+def _convert(source: str, data: bytes) -> None:
+    """Make a typed message of the bytes of a table, or of the text of a record."""
+    topic = _typed_topics()[source]
+    if topic.source.type == _STRING:
+        data = string(data.decode(errors="replace"))
+    made, types = topic.convert(data, int(STAMPS_NS[0])), types_with(topic.topic.type)
+    message = types.deserialize_cdr(made, topic.topic.type)
+    assert bytes(types.serialize_cdr(message, topic.topic.type)) == made
+
+
 MESSAGE_TYPES = (
     "sensor_msgs/msg/Image",
     "sensor_msgs/msg/PointCloud2",
@@ -370,6 +390,9 @@ _TARGETS = (
     Target("boxes_markers", _on_message(_MARKERS, partial(_read_predicted_boxes, _MARKERS)), _MESSAGE),
     Target("scores_image", _on_message("sensor_msgs/msg/Image", _read_image_scores), _MESSAGE),
     Target("scores_occupancy", _on_message("nav_msgs/msg/OccupancyGrid", _read_occupancy_scores), _MESSAGE),
+    Target("typed_views", partial(_convert, "/ego/cam_front/boxes"), _VALUE),
+    Target("typed_lane", partial(_convert, "/ego/hd_map"), _VALUE, mutation.mutate_json),
+    Target("typed_event", partial(_convert, "/world/events"), _VALUE, mutation.mutate_json),
     Target("canonical_cdr", _canonicalize, _VALUE, _mutate_canonical),
 )
 TARGETS = {target.name: target for target in _TARGETS}

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from lane_sample import LANE
 from made_up_scene import SENSORS, made_up_spec, noise
 from ros_messages import point_cloud, string
 
@@ -26,25 +27,6 @@ from simbev_ros.types import Table
 STAMP_NS = 3_604_050_000_000
 FRONT = "/ego/cam_front/boxes"
 TABLES = {"/world/actors": ACTOR_DTYPE, "/world/signals": SIGNAL_DTYPE, "/ego/boxes": BOX_DTYPE, FRONT: VIEW_DTYPE}
-LANE: dict[str, Any] = {
-    "stamp_ns": STAMP_NS,
-    "id": "7/0/-1",
-    "s": 12.5,
-    "road_id": "7",
-    "section_id": 0,
-    "lane_id": -1,
-    "lane_type": "Driving",
-    "lane_width": 3.25,
-    "lane_change": "Right",
-    "is_junction": True,
-    "junction_id": "4",
-    "is_intersection": True,
-    "transform": {"location": [1.0, -2.0, 0.5], "rotation": [1.0, -2.0, 90.0]},
-    "left_lane_marking": {"type": "Solid", "width": 0.12, "color": "Yellow", "lane_change": "NONE"},
-    "right_lane_marking": {"type": "SolidBroken", "width": 0.12, "color": "White", "lane_change": "Left"},
-    "left_lane": None,
-    "right_lane": {"id": "7/0/-2", "road_id": "7", "section_id": 0, "lane_id": -2, "lane_type": "Shoulder"},
-}
 EVENT = Event("collision", (1, 70_000), (3.0, 4.0, 0.5), 2.25)
 
 

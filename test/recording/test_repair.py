@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from damage import TICKS, intact_bag
+from made_up_scene import made_up_scene
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.writer import Writer
@@ -155,6 +156,18 @@ def test_topics_of_unknown_types_are_named_and_the_others_saved(tmp_path: Path) 
     repaired = repair_bag(tmp_path / "foreign.mcap", tmp_path / "saved")
     assert repaired.counts == {"/words": 1}
     assert repaired.lost == [f"/{name}: 1 messages of an unknown type" for name in ("own", "none")]
+
+
+def test_typed_messages_are_saved_with_their_definitions(tmp_path: Path) -> None:
+    made_up_scene(tmp_path / "a", typed=True)
+    repaired = repair_bag(tmp_path / "a", tmp_path / "b")
+    assert repaired.lost == [] and repaired.counts["/ego/boxes/typed"] == 3
+    with SceneBag(tmp_path / "a") as before, SceneBag(tmp_path / "b") as after:
+        assert list(before.messages()) == list(after.messages())
+        schemas = [{schema.name: schema.data for _, schema in bag.definitions()} for bag in (before, after)]
+    assert (
+        schemas[0] == schemas[1] and b"# m, map frame: center of the box" in schemas[0]["simbev_interfaces/msg/Boxes"]
+    )
 
 
 def test_a_full_disk_leaves_no_partial_bag(bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

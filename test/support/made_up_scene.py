@@ -11,6 +11,7 @@ from ros_messages import header, image, message, odometry, point_cloud, serializ
 from simbev_ros.annotation.boxes.boxes import BOX_DTYPE, LIGHT_IDS, NO_BLUEPRINT, SIGN_IDS
 from simbev_ros.annotation.occupancy.occupancy import VOXEL_DTYPE
 from simbev_ros.geometry.transforms import quaternion_from_rpy
+from simbev_ros.interfaces import table_messages
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.layout import SCENE_ATTACHMENT
 from simbev_ros.recording.qos import QosProfile
@@ -33,6 +34,7 @@ SENSORS: list[dict[str, Any]] = [
 ]
 SIGNALS = [{"programme": name, "opendrive_id": place} for name, place in (("A", None), ("A", "A_3"), ("B", "B_0"))]
 _ENCODINGS = {"rgb": "rgb8", "semantic": "mono8", "instance": "mono16", "depth": "32FC1", "flow": "32FC2"}
+_TYPED = {"world/actors": table_messages.ACTORS, "world/signals": table_messages.SIGNALS, "boxes": table_messages.BOXES}
 _WEATHER = {
     **dict.fromkeys(("cloudiness", "precipitation", "precipitation_deposits", "wetness", "wind_intensity"), 10),
     **dict.fromkeys(("sun_azimuth_deg", "sun_altitude_deg", "fog_density", "fog_distance_m", "fog_falloff"), 5),
@@ -55,8 +57,9 @@ def made_up_scene(
     ticks: int = 3,
     sensors: list[dict[str, Any]] | None = None,
     chunk_bytes: int = 4 << 20,
+    typed: bool = False,
 ) -> MadeUp:
-    """Write a finished bag. Occupancy is there at every second tick."""
+    """Write a finished bag. Occupancy is there at every second tick; tables also as typed messages if asked for."""
     spec = made_up_spec(SENSORS if sensors is None else sensors, number=number, split=split, ticks=ticks)
     made, rng = MadeUp(spec), np.random.default_rng(number)
     with SceneBagWriter(path, chunk_bytes=chunk_bytes) as writer:
@@ -70,11 +73,15 @@ def made_up_scene(
             values = _values(rng, spec, tick)
             made.ticks.append(values)
             for key, value in values.items():
-                topic, type_name, data = _message(key, value, spec.stamp_ns(tick))
-                if topic not in topics:
-                    writer.add_topic(topic, type_name, QosProfile())
-                    topics.add(topic)
-                writer.write(topic, spec.stamp_ns(tick), data)
+                messages = [_message(key, value, spec.stamp_ns(tick))]
+                if typed and key in _TYPED:
+                    made_of = table_messages.serialize_table(_TYPED[key], value, spec.stamp_ns(tick), "map")
+                    messages.append((f"{messages[0][0]}/typed", _TYPED[key], made_of))
+                for topic, type_name, data in messages:
+                    if topic not in topics:
+                        writer.add_topic(topic, type_name, QosProfile())
+                        topics.add(topic)
+                    writer.write(topic, spec.stamp_ns(tick), data)
         writer.finish({"scene": spec.name})
     return made
 

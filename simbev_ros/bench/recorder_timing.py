@@ -30,7 +30,7 @@ from simbev_ros.msgs.qos import LATCHED, qos_of, rclpy_qos
 from simbev_ros.msgs.signing import Signer
 from simbev_ros.msgs.tables import message_from_table
 from simbev_ros.msgs.world import record_message
-from simbev_ros.nodes.lockstep import Lockstep
+from simbev_ros.nodes.lockstep import LockstepWindow
 from simbev_ros.nodes.reports import read_report
 from simbev_ros.scene.ending import DURATION, SceneEnd
 from simbev_ros.scene.spec import SceneSpec
@@ -97,7 +97,7 @@ class _Sender:
         self, node: Node, spec: SceneSpec, recording: Recording, tick: Mapping[str, bytes], recorder: NodeProcess
     ) -> None:
         self._spec, self._recorder = spec, recorder
-        self._lockstep = Lockstep(["recorder"], _WINDOW_TICKS)
+        self._lockstep = LockstepWindow(["recorder"], _WINDOW_TICKS)
         self._lockstep.start_scene(spec)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(node)

@@ -14,6 +14,8 @@ REFERENCE_STACK = "reference_stack"
 """Name of the reference stack on /sync/ready and of its Python module."""
 _REFERENCE = ("reference",)
 
+ParticipantName = Annotated[str, Field(pattern="^[^:]+$")]
+"""Name of a node outside on /sync/ready, where a colon ends it."""
 _Topic = Annotated[str, Field(pattern=r"^(/[A-Za-z_]\w*)+$")]
 
 
@@ -39,11 +41,8 @@ class Evaluation(Model):
         description="input topic of the stack: latency is measured from its arrival, and the ticks with a message are "
         "evaluated; none: the first lidar's points, else the first camera's camera_info, which comes with its images",
     )
-    participant: str | None = Field(
-        None,
-        min_length=1,
-        pattern="^[^:]+$",
-        description="name of the stack on /sync/ready; the world then waits for it",
+    participant: ParticipantName | None = Field(
+        None, description="name of the stack on /sync/ready; the world then waits for it"
     )
     stack: Annotated[tuple[str, ...] | None, BeforeValidator(_split_command)] = Field(
         None, description="command that starts the stack with the graph; `reference`: the included reference stack"

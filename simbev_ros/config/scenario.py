@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 from simbev_ros.config.annotation import Annotation
 from simbev_ros.config.base import Model
 from simbev_ros.config.draw import Distribution, Drawn, PaperOrDrawn, within
-from simbev_ros.config.evaluation import Evaluation
+from simbev_ros.config.evaluation import Evaluation, ParticipantName
 from simbev_ros.config.frames import DEFAULT_FRAMES, Frames, are_default
 from simbev_ros.config.hazards import Hazards
 from simbev_ros.config.lights import Lights
@@ -245,7 +245,9 @@ class GraphConfig(Model):
         description="maximum lead of the world over the slowest node; auto: 3, or 8 on 8 or more CPU cores if no node "
         "outside takes part and none drives the ego",
     )
-    participants: tuple[str, ...] = Field((), description="outside nodes on /sync/ready for which the world waits")
+    participants: tuple[ParticipantName, ...] = Field(
+        (), description="outside nodes on /sync/ready for which the world waits"
+    )
     live_reliability: Literal["best_effort", "reliable"] = Field(
         "best_effort",
         description="reliability of sensor topics in real time; reliable: for subscribers with ROS's default QoS, too",

@@ -6,6 +6,7 @@ It is pure: the graph's monitor feeds it publishers and reports, and shows the a
 from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
+from simbev_ros.msgs import topics
 from simbev_ros.nodes.reports import Report, is_signed
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.units import NS_PER_S
@@ -35,10 +36,11 @@ class JoiningAdvice:
     Args:
         participants: Names of the participants from outside.
         domain: ROS domain of the graph.
+        topic: Name of the topic of reports in ROS, with the graph's namespace.
     """
 
-    def __init__(self, participants: Collection[str], domain: int) -> None:
-        self._participants, self._domain = frozenset(participants), domain
+    def __init__(self, participants: Collection[str], domain: int, topic: str = topics.READY) -> None:
+        self._participants, self._domain, self._topic = frozenset(participants), domain, topic
         self._spec: SceneSpec | None = None
         self._earlier_scenes: set[str] = set()
         self._last_stamps_ns: dict[str, int] = {}
@@ -82,7 +84,7 @@ class JoiningAdvice:
     def _about_unheard(
         self, spec: SceneSpec, unheard: list[str], publishers: Collection[OutsidePublisher]
     ) -> list[str]:
-        faults = [words for each in publishers if (words := _fault(each)) is not None]
+        faults = [words for each in publishers if (words := self._fault(each)) is not None]
         right = " or ".join(f"{name}:{spec.name}" for name in unheard)
         faults += [f"a report has the frame_id {frame_id!r} instead of {right}" for frame_id in self._unknown]
         if faults:
@@ -90,15 +92,26 @@ class JoiningAdvice:
         names = " and ".join(unheard)
         if not publishers:
             return [
-                f"no node outside the graph publishes on /sync/ready: start {names} with"
+                f"no node outside the graph publishes on {self._topic}: start {names} with"
                 f" ROS_DOMAIN_ID={self._domain} and the profile that simbev run shows for subscribers"
             ]
         nodes = " and ".join(sorted({each.node for each in publishers}))
         repeat = "" if all(each.is_latched for each in publishers) else _REPEAT
         return [
-            f"{nodes} publishes on /sync/ready, but no report of {names} has arrived: publish a std_msgs/Header with"
+            f"{nodes} publishes on {self._topic}, but no report of {names} has arrived: publish a std_msgs/Header with"
             f" frame_id {right} when the scene is loaded{repeat}"
         ]
+
+    def _fault(self, publisher: OutsidePublisher) -> str | None:
+        """Why nothing from a publisher arrives, and what to change; None: everything does."""
+        if publisher.type != READY_TYPE:
+            return f"{publisher.node} publishes {publisher.type} on {self._topic}; it must be {READY_TYPE}"
+        if not publisher.is_reliable:
+            return (
+                f"{publisher.node} publishes best effort on {self._topic}, which is not heard: make the publisher"
+                f' reliable, as create_publisher(Header, "{self._topic}", 10) does'
+            )
+        return None
 
     def _about_stamps(self, spec: SceneSpec, name: str) -> str:
         first_s, last_s = spec.start_ns / NS_PER_S, spec.stamp_ns(spec.ticks - 1) / NS_PER_S
@@ -107,15 +120,3 @@ class JoiningAdvice:
             f" {self._last_stamps_ns.get(name, 0) / NS_PER_S:.2f} s, and those of the scene's ticks are {first_s:.2f} s"
             f" to {last_s:.2f} s: report the header.stamp of each input when it is finished"
         )
-
-
-def _fault(publisher: OutsidePublisher) -> str | None:
-    """Why nothing from a publisher arrives, and what to change; None: everything does."""
-    if publisher.type != READY_TYPE:
-        return f"{publisher.node} publishes {publisher.type} on /sync/ready; it must be {READY_TYPE}"
-    if not publisher.is_reliable:
-        return (
-            f"{publisher.node} publishes best effort on /sync/ready, which is not heard: make the publisher reliable,"
-            ' as create_publisher(Header, "/sync/ready", 10) does'
-        )
-    return None

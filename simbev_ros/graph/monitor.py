@@ -21,11 +21,11 @@ from simbev_ros.msgs.qos import LATCHED, STEERING, rclpy_qos
 from simbev_ros.msgs.signing import Signer, content_of, signed_json
 from simbev_ros.nodes.graph_node import MALFORMED
 from simbev_ros.nodes.load_meter import BUSY, Part, part_keys
-from simbev_ros.nodes.lockstep import Lockstep
+from simbev_ros.nodes.lockstep import LockstepWindow
 from simbev_ros.nodes.reports import Report, read_report, subscribe_to_reports
 from simbev_ros.nodes.ros.arguments import PLAIN, RosArguments
 from simbev_ros.nodes.ros.diagnostics import hardware_id
-from simbev_ros.nodes.ros.names import NamespacedNode, NodeName
+from simbev_ros.nodes.ros.names import NamespacedNode, NodeName, ros_name
 from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.request import SceneRequest, SceneStop
 from simbev_ros.scene.spec import SceneSpec
@@ -34,7 +34,7 @@ SUPERVISOR = "supervisor"
 """Name of this node."""
 _WRITERS = ("recorder", "evaluator")
 """Nodes that report one tick more than a scene has, when their files are closed."""
-_PATIENCE_S, _ADVICE_PERIOD_S = 5.0, 1.0
+_PATIENCE_S, _ADVICE_PERIOD_S = 10.0, 1.0
 """Time without progress after which advice is given, and time between two looks for reasons."""
 _TIMES = (BUSY, *(key for part in get_args(Part) for key in part_keys(part)))
 """Names of the times in a node's diagnostics."""
@@ -91,11 +91,11 @@ class GraphMonitor:
         self._signer, self._requests = signer, 0
         participants = tuple(participants)
         self._outside = frozenset(participants) - frozenset(self._nodes)
-        self.behind_world = Lockstep(participants, window_ticks=1, outside=self._outside)
-        self.world = Lockstep(["world"], window_ticks=1)
-        self.writers = Lockstep([name for name in _WRITERS if name in self._nodes], window_ticks=1)
+        self.behind_world = LockstepWindow(participants, window_ticks=1, outside=self._outside)
+        self.world = LockstepWindow(["world"], window_ticks=1)
+        self.writers = LockstepWindow([name for name in _WRITERS if name in self._nodes], window_ticks=1)
         self.end: SceneEnd | None = None
-        self._joining = JoiningAdvice(self._outside, domain)
+        self._joining = JoiningAdvice(self._outside, domain, ros_name(topics.READY, ros.namespace))
         self._advised: set[str] = set()
         self._next_advice_s = 0.0
         self._scene = ""

@@ -38,7 +38,7 @@ from simbev_ros.msgs.topic import Topic
 from simbev_ros.msgs.world import map_from_base_link
 from simbev_ros.nodes.answer_topics import Answer, AnswerTopics, received_s
 from simbev_ros.nodes.graph_node import GraphNode
-from simbev_ros.nodes.lockstep import Lockstep
+from simbev_ros.nodes.lockstep import LockstepWindow
 from simbev_ros.nodes.reports import read_report, subscribe_to_reports
 from simbev_ros.nodes.ros.diagnostics import status
 from simbev_ros.nodes.ros.names import NodeName
@@ -84,7 +84,7 @@ class EvaluatorNode(GraphNode):
         self._patience = WaitLimits(_LIVE_GRACE_TICKS, _LIVE_IDLE_S) if self.live else WaitLimits(None, idle_s)
         self._options, self._scenes = options_of(self._evaluation), list[LiveScene]()
         self._numbers: set[int] = set()
-        self._stack = Lockstep(stack, window_ticks=1, outside=stack)
+        self._stack = LockstepWindow(stack, window_ticks=1, outside=stack)
         self._spec: SceneSpec | None = None
         self._subscriptions_by_topic: dict[str, Subscription] = {}
         self._polls_connected, self._loaded_reported, self._scene_since_s = 0, False, 0.0

@@ -12,7 +12,7 @@ _LAST_LEAD_IN_TICK = -1
 """A participant from outside that has loaded a scene need not follow the lead-in."""
 
 
-class Lockstep:
+class LockstepWindow:
     """Tracks the last finished tick of every participant.
 
     Args:

@@ -35,7 +35,7 @@ from simbev_ros.msgs.world import (
     weather_message,
 )
 from simbev_ros.nodes.graph_node import GraphNode
-from simbev_ros.nodes.lockstep import Lockstep
+from simbev_ros.nodes.lockstep import LockstepWindow
 from simbev_ros.nodes.pacer import Pacer
 from simbev_ros.nodes.reports import read_report, subscribe_to_reports
 from simbev_ros.nodes.ros.names import NodeName
@@ -99,7 +99,7 @@ class WorldNode(GraphNode):
         window_ticks = self.declare_read_only(
             "window_ticks", 3, "Number of ticks that the world may be ahead of the slowest participant", minimum=1
         )
-        self._lockstep = Lockstep(participants, 1 if self.live else window_ticks, self._outside)
+        self._lockstep = LockstepWindow(participants, 1 if self.live else window_ticks, self._outside)
         self._pacer = Pacer(live=self.live)
         self._scene: _LoadedScene | None = None
         self._commands: dict[str, Any] = {}

@@ -91,6 +91,7 @@ def test_intrinsics_come_from_a_focal_length_or_a_field_of_view() -> None:
         (rig("{type: camera, name: a, exposure: {iso: 100}}"), "iso is set, time_s is not: give both"),
         (rig("{type: camera, name: a, noise: {full_well: 9}}"), r"did you mean full_well_electrons\? allowed"),
         (rig("{type: camera, name: A b}"), r"rig.sensors\[0\].name: .*pattern"),
+        (BASE + "graph: {participants: ['a:b']}", r"graph.participants\[0\]: .*pattern .* not 'a:b'"),
         ("rig: {sensors: []}", "scenes: is missing"),
         (BASE.replace("train: 1", "train: 0"), "all counts are 0"),
         ("rig: rigs/none.yaml\n" + BASE.splitlines()[0], "rig: no such file"),

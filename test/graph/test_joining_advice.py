@@ -46,6 +46,19 @@ def test_a_best_effort_publisher_has_to_become_reliable(joining: JoiningAdvice) 
     assert joining.advice({"mine": None}, [DEFAULT._replace(is_reliable=False)]) == [BEST_EFFORT_REMEDY]
 
 
+def test_the_topic_is_named_with_the_namespace_of_the_graph() -> None:
+    joining = JoiningAdvice(["mine"], 7, "/sim1/sync/ready")
+    joining.start_scene(SPEC)
+    for publishers in (
+        [],
+        [DEFAULT],
+        [DEFAULT._replace(is_reliable=False)],
+        [DEFAULT._replace(type="std_msgs/msg/Bool")],
+    ):
+        (said,) = joining.advice({"mine": None}, publishers)
+        assert " on /sim1/sync/ready" in said
+
+
 def test_a_publisher_of_another_type_has_to_publish_headers(joining: JoiningAdvice) -> None:
     assert joining.advice({"mine": None}, [DEFAULT._replace(type="std_msgs/msg/String")]) == [
         "my_node publishes std_msgs/msg/String on /sync/ready; it must be std_msgs/msg/Header"

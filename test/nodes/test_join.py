@@ -18,7 +18,7 @@ from simbev_ros import join
 from simbev_ros.join import Lockstep
 from simbev_ros.msgs.signing import Signer
 from simbev_ros.msgs.stamps import time_message
-from simbev_ros.nodes.lockstep import Lockstep as LockstepOfWorld
+from simbev_ros.nodes.lockstep import LockstepWindow
 from simbev_ros.nodes.reports import Report, read_report, subscribe_to_reports
 from simbev_ros.scene.spec import SceneSpec
 
@@ -37,7 +37,7 @@ class World:
         self.stack = self._node("stack")
         self.node: Node | None = None
         self.reports: list[Report] = []
-        self.lockstep = LockstepOfWorld([NAME], 3, outside=[NAME])
+        self.lockstep = LockstepWindow([NAME], 3, outside=[NAME])
 
     def _node(self, name: str) -> Node:
         node = self._make_node(name)

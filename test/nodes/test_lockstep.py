@@ -2,7 +2,7 @@ import pytest
 
 from simbev_ros.config.load import load_scenario
 from simbev_ros.maps.build import load_network
-from simbev_ros.nodes.lockstep import Lockstep
+from simbev_ros.nodes.lockstep import LockstepWindow
 from simbev_ros.nodes.reports import Report
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.scene.spec import SceneSpec
@@ -17,13 +17,13 @@ def _spec() -> SceneSpec:
 SPEC = _spec()
 
 
-def lockstep(window_ticks: int) -> Lockstep:
-    result = Lockstep(["camera", "lidar"], window_ticks)
+def lockstep(window_ticks: int) -> LockstepWindow:
+    result = LockstepWindow(["camera", "lidar"], window_ticks)
     result.start_scene(SPEC)
     return result
 
 
-def report(lock: Lockstep, name: str, tick: int) -> None:
+def report(lock: LockstepWindow, name: str, tick: int) -> None:
     lock.record_report(Report(name, SPEC.name, SPEC.stamp_ns(tick)))
 
 
@@ -87,13 +87,13 @@ NOON_NS = 1_795_600_000 * 10**9
 """A stamp from the wall clock."""
 
 
-def outside_lockstep() -> Lockstep:
-    result = Lockstep([STACK], 3, outside=[STACK])
+def outside_lockstep() -> LockstepWindow:
+    result = LockstepWindow([STACK], 3, outside=[STACK])
     result.start_scene(SPEC)
     return result
 
 
-def stack_reports(lock: Lockstep, stamp_ns: int, scene: str = SPEC.name) -> bool:
+def stack_reports(lock: LockstepWindow, stamp_ns: int, scene: str = SPEC.name) -> bool:
     return lock.record_report(Report(STACK, scene, stamp_ns))
 
 
@@ -115,7 +115,7 @@ def test_also_a_stamp_from_the_wall_clock_means_loaded_but_later_ones_are_no_fin
 
 
 def test_who_reports_the_tick_before_the_lead_in_is_waited_for_in_the_lead_in() -> None:
-    lock = Lockstep([STACK], 1, outside=[STACK])
+    lock = LockstepWindow([STACK], 1, outside=[STACK])
     lock.start_scene(SPEC)
     assert stack_reports(lock, SPEC.stamp_ns(SPEC.loaded_tick))
     assert lock.may_start(SPEC.loaded_tick + 1) and not lock.may_start(SPEC.loaded_tick + 2)

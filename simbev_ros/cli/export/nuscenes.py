@@ -25,6 +25,16 @@ def export_nuscenes(
         bool, typer.Option(help="Write the categories of the lidar's points, if its semantic cloud was recorded.")
     ] = True,
     map_expansion: Annotated[bool, typer.Option(help="Write the vector maps of nuScenes' map expansion.")] = True,
+    can_bus: Annotated[
+        bool, typer.Option(help="Write the messages of nuScenes' CAN bus expansion that scenes have.")
+    ] = True,
+    devkit_scene_names: Annotated[
+        bool,
+        typer.Option(
+            "--devkit-scene-names",
+            help="Name scenes scene-2000 and so on, by their numbers, as the devkit's CAN bus API demands.",
+        ),
+    ] = False,
     version: Annotated[str, typer.Option(help="Name of the folder of tables.")] = "v1.0-trainval",
     workers: Workers = None,
     ray: Ray = None,
@@ -64,6 +74,8 @@ def export_nuscenes(
             sweeps=sweeps,
             lidarseg=lidarseg,
             map_expansion=map_expansion,
+            can_bus=can_bus,
+            devkit_scene_names=devkit_scene_names,
             version=version,
             pool=pool,
             report=bar.show,
@@ -78,6 +90,10 @@ def export_nuscenes(
     for why in sorted(set(done.unlabeled.values())):
         count = sum(each == why for each in done.unlabeled.values())
         console.print(f"{plural(count, 'scene')} without categories of lidar points: {why}")
+    if done.without_imu:
+        console.print(
+            f"{plural(done.without_imu, 'scene')} without ms_imu in the CAN bus messages: no IMU was recorded"
+        )
     for line in _bounds_of_map(done.classes):
         console.print(line)
     for reason in done.failures.values():

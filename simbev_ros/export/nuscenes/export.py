@@ -14,6 +14,7 @@ from simbev_ros.dataset import Dataset, Scene
 from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.dataset.parallel import OWN_PROCESS, Pool
 from simbev_ros.errors import BagError, InputError
+from simbev_ros.export.nuscenes.can_bus import CanBusPart, can_bus_parts, devkit_name, imu_of, make_can_bus_part
 from simbev_ros.export.nuscenes.lidarseg import (
     LidarsegPart,
     lidarseg_parts,
@@ -26,10 +27,10 @@ from simbev_ros.export.nuscenes.map_masks import sites_of, write_mask
 from simbev_ros.export.nuscenes.origins import VERSION
 from simbev_ros.export.nuscenes.scene_part import ScenePart, make_part, parts_of
 from simbev_ros.export.nuscenes.tables import write_tables
-from simbev_ros.export.parts import Part, is_begun
+from simbev_ros.export.parts import is_begun
 from simbev_ros.recording.whole_files import write_errors
 
-P = TypeVar("P", bound=Part)
+P = TypeVar("P", CanBusPart, LidarsegPart, ScenePart)
 _VERSION = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]*")
 _OTHER_FOLDERS = ("samples", "sweeps", "maps", "lidarseg", "can_bus")
 
@@ -47,6 +48,7 @@ class Exported:
         origins_m: Origin of nuScenes' global frame in the frame ``map``, by name of the location.
         classes: Classes of nuScenes' detection task that occur as its evaluation counts them, by name of the split.
         unlabeled: Reasons why scenes have no labels of lidar points although labels were wanted, by name of the scene.
+        without_imu: Number of scenes that have CAN bus messages, but none of an IMU.
     """
 
     scenes: int
@@ -57,6 +59,7 @@ class Exported:
     origins_m: dict[str, tuple[float, float]]
     classes: dict[str, tuple[str, ...]]
     unlabeled: dict[str, str]
+    without_imu: int
 
 
 def export_nuscenes(
@@ -67,6 +70,8 @@ def export_nuscenes(
     sweeps: bool = True,
     lidarseg: bool = True,
     map_expansion: bool = True,
+    can_bus: bool = True,
+    devkit_scene_names: bool = False,
     version: str = VERSION,
     pool: Pool = OWN_PROCESS,
     report: Callable[[int, int], None] = lambda done, total: None,
@@ -80,23 +85,22 @@ def export_nuscenes(
         sweeps: Whether to write sensor data between keyframes.
         lidarseg: Whether to write the categories of lidar points, for scenes whose semantic cloud was recorded.
         map_expansion: Whether to write the vector maps of nuScenes' map expansion.
+        can_bus: Whether to write the messages of nuScenes' CAN bus expansion.
+        devkit_scene_names: Whether to name scenes as the devkit demands of scenes with a CAN bus, ``devkit_name``.
         version: Name of the tables' folder.
         pool: Workers that export scenes.
         report: Called from time to time with the number of finished frames and the number of all frames to export.
 
     Raises:
         InputError: There is nothing to export, the folder cannot be written to or contains other data, another process
-            writes into it, a map's roads cannot be built, or ``version`` is no name of a folder.
+            writes into it, a map's roads cannot be built, ``version`` is no name of a folder, or a scene cannot have a
+            name of the devkit's.
         SimbevError: A process was killed.
     """
     if not dataset.scenes:
         raise InputError(f"{dataset.path}: it has no finished scene to export")
-    if not _VERSION.fullmatch(version) or version in _OTHER_FOLDERS:
-        raise InputError(
-            f"{version!r} cannot be the name of the tables' folder: letters, digits, '.', '_' and '-' are allowed, but "
-            f"not {', '.join(_OTHER_FOLDERS)}",
-            parameter="version",
-        )
+    _require_folder_name(version)
+    names = {scene.name: devkit_name(scene) if devkit_scene_names else scene.name for scene in dataset.scenes}
     parts = parts_of(dataset, out, keyframe_hz=keyframe_hz, sweeps=sweeps)
     if not is_begun(out) and any((out / name).exists() for name in (version, "samples", "maps")):
         raise InputError(f"{out}: it holds data of nuScenes' layout that simbev has not written; take another folder")
@@ -106,7 +110,7 @@ def export_nuscenes(
         made = len(missing) - len(failures)
         finished = [part for part in parts if part.scene.name not in failures]
         labeled = lidarseg_parts(finished, version) if lidarseg else []
-        failures |= _make_labels([part for part in labeled if part.record() is None], pool)
+        failures |= _make_missing(make_lidarseg_part, labeled, pool)
         finished = [part for part in finished if part.scene.name not in failures]
         labeled = [part for part in labeled if part.scene.name not in failures]
         labels = [row for part in labeled for row in part.rows()]
@@ -116,9 +120,11 @@ def export_nuscenes(
             write_mask(site, out)
             if map_expansion:
                 write_expansion(site, out)
-        classes = write_tables(out, finished, sites, version, labels) if finished else {}
+        buses = can_bus_parts(finished, sites, names) if can_bus else []
+        failures |= _make_missing(make_can_bus_part, buses, pool)
+        classes = write_tables(out, finished, sites, version, names, labels) if finished else {}
         remove_unnamed_labels(out, version, labels)
-        for part in (*parts, *labeled):
+        for part in (*parts, *labeled, *buses):
             part.tidy_up()
     samples, files = (sum(each[name] for each in summaries) for name in ("samples", "files"))
     return Exported(
@@ -130,6 +136,7 @@ def export_nuscenes(
         origins_m={site.name: site.low_m for site in sites},
         classes=classes,
         unlabeled={part.scene.name: why for part in finished if lidarseg and (why := why_without_labels(part.scene))},
+        without_imu=sum(imu_of(part.scene) is None for part in buses),
     )
 
 
@@ -142,10 +149,21 @@ def _make_parts(parts: Sequence[ScenePart], pool: Pool, report: Callable[[int, i
     return {part.scene.name: problem for part, problem in zip(parts, problems, strict=True) if problem is not None}
 
 
-def _make_labels(parts: Sequence[LidarsegPart], pool: Pool) -> dict[str, str]:
-    """Make labels in parallel; return why scenes could not be exported, by name of the scene."""
-    problems = list(pool.map(partial(_problem_of, make_lidarseg_part), parts))
-    return {part.scene.name: problem for part, problem in zip(parts, problems, strict=True) if problem is not None}
+def _make_missing(make: Callable[[P], None], parts: Sequence[P], pool: Pool) -> dict[str, str]:
+    """Make unfinished parts in parallel; return why scenes could not be exported, by name of the scene."""
+    missing = [part for part in parts if part.record() is None]
+    problems = list(pool.map(partial(_problem_of, make), missing))
+    return {part.scene.name: problem for part, problem in zip(missing, problems, strict=True) if problem is not None}
+
+
+def _require_folder_name(version: str) -> None:
+    """Refuse a name of the tables' folder that is none, or that of another folder."""
+    if not _VERSION.fullmatch(version) or version in _OTHER_FOLDERS:
+        raise InputError(
+            f"{version!r} cannot be the name of the tables' folder: letters, digits, '.', '_' and '-' are allowed, but "
+            f"not {', '.join(_OTHER_FOLDERS)}",
+            parameter="version",
+        )
 
 
 def _problem_of(make: Callable[[P], None], part: P) -> str | None:

@@ -6,7 +6,7 @@ The last stage of an export: finished parts and the sites of their maps enter; t
 import json
 import shutil
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TextIO
@@ -32,7 +32,12 @@ _DECIMALS = 9
 
 
 def write_tables(
-    out: Path, parts: Sequence[ScenePart], sites: Sequence[Site], version: str, labels: Sequence[Record] = ()
+    out: Path,
+    parts: Sequence[ScenePart],
+    sites: Sequence[Site],
+    version: str,
+    names: Mapping[str, str],
+    labels: Sequence[Record],
 ) -> dict[str, tuple[str, ...]]:
     """Write the folder of tables and replace an earlier one with it.
 
@@ -41,6 +46,7 @@ def write_tables(
         parts: The finished parts of the scenes.
         sites: The sites of all these scenes.
         version: Name of the folder.
+        names: Name of each scene in the tables, by its own name.
         labels: Rows of the table ``lidarseg``; without any, there is no such table.
 
     Returns:
@@ -51,7 +57,7 @@ def write_tables(
     for leftover in (unfinished, old):
         shutil.rmtree(leftover, ignore_errors=True)
     unfinished.mkdir()
-    classes = _write(parts, sites, unfinished, labels)
+    classes = _write(parts, sites, unfinished, names, labels)
     sync(*unfinished.iterdir(), unfinished)
     if folder.exists():
         folder.rename(old)
@@ -63,7 +69,7 @@ def write_tables(
 
 
 def _write(
-    parts: Sequence[ScenePart], sites: Sequence[Site], folder: Path, labels: Sequence[Record]
+    parts: Sequence[ScenePart], sites: Sequence[Site], folder: Path, names: Mapping[str, str], labels: Sequence[Record]
 ) -> dict[str, set[str]]:
     """Write the tables; return the classes of the detection task that occur, by name of the split."""
     site_of = {name: site for site in sites for name in site.scenes}
@@ -75,12 +81,13 @@ def _write(
         files = {name: stack.enter_context(_Table(folder / f"{name}.json")) for name in _SCENE_TABLES}
         for part in parts:
             site, summary, rows = site_of[part.scene.name], part.summary(), part.rows()
+            rows["scene"] = [{**record, "name": names[record["name"]]} for record in rows["scene"]]
             for name, file in files.items():
                 file.add(_CONVERSIONS[name](rows[name], site) if name in _CONVERSIONS else rows[name])
             logs[site.token] += [record["token"] for record in rows["log"]]
             sensors.update({record["token"]: record for record in summary["sensors"]})
             split = f"simbev_{summary['split']}"
-            splits[split].append(part.scene.name)
+            splits[split].append(names[part.scene.name])
             classes[split] |= evaluated_classes(rows)
     rest = {**taxonomy_tables(lidarseg=bool(labels)), "sensor": list(sensors.values())}
     if labels:

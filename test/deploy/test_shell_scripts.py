@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-SCRIPTS = [ROOT / "simbev", ROOT / ".ci/run", *sorted((ROOT / "deploy").rglob("*.sbatch"))]
+SCRIPTS = [ROOT / "simbev", ROOT / ".ci/run", ROOT / ".ci/jazzy", *sorted((ROOT / "deploy").rglob("*.sbatch"))]
 PAGES = [ROOT / "docs/guide" / f"{name}.md" for name in ("container", "many-machines", "autoware", "nav2")]
 BLOCKS = [
     pytest.param(block, id=f"{page.stem}-{number}")

@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 import rclpy
 from geometry_msgs.msg import TwistWithCovarianceStamped
+from made_up_scene import made_up_spec
 from nav_msgs.msg import OccupancyGrid, Odometry
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
 
 from simbev_ros.geometry.transforms import matrices_from_xyz_rpy, quaternion_from_rpy
 from simbev_ros.msgs.stamps import header
@@ -23,6 +25,7 @@ from simbev_ros.sensors.lidar import POINT_DTYPE
 
 STAMP_NS = 3_602_050_000_000
 DOMAIN = 57
+SCENE = made_up_spec([]).model_copy(update={"base_link_x_m": -1.4})
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -95,6 +98,7 @@ def test_the_nodes_answer_what_they_hear(context: Context) -> None:
         (stranger.create_publisher(Odometry, "/ego/odom", 5), odometry()),
         (stranger.create_publisher(PointCloud2, "/ego/lidar/points", 5), cloud),
         (stranger.create_publisher(OccupancyGrid, "/ego/bev/road/grid", 5), road()),
+        (stranger.create_publisher(String, "/world/scene", LATCHED), String(data=SCENE.model_dump_json())),
     ]
     executor = SingleThreadedExecutor(context=context)
     for node in nodes:
@@ -112,3 +116,5 @@ def test_the_nodes_answer_what_they_hear(context: Context) -> None:
     assert len(received) == 3
     rows = table_from_message(received["/sensing/lidar/top/pointcloud_raw_ex"])
     assert len(rows) == 3 and received["/map"].header.frame_id == "map"
+    info = received["/map"].info
+    assert abs(info.origin.position.x + info.width / 2 - 11.4) <= 1.0  # base_link at 10 m is 1.4 m behind the center

@@ -58,6 +58,12 @@ def test_the_footprint_is_the_ego_about_its_rear_axle(name: str) -> None:
     assert {tuple(corner) for corner in ast.literal_eval(COSTMAPS[name]["footprint"])} == corners
 
 
+def test_the_frames_are_those_of_the_graph() -> None:
+    named = re.findall(r"^ *(?:\w*_frame|\w*frame_id): (\S+)$", FILE.read_text(), re.MULTILINE)
+    assert len(named) >= 9 and set(named) == {"map", "ego/odom", "ego/base_link"}
+    assert SCENARIO.frames.odom and SCENARIO.frames.base_link == "rear_axle"
+
+
 def test_nav2_drives_the_ego() -> None:
     assert SCENARIO.ego.driver == "twist"
 

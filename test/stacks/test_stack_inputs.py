@@ -49,6 +49,12 @@ def inputs(stack: str) -> list[Input]:
     return found
 
 
+def outputs(stack: str) -> dict[str | None, str]:
+    """Topics that they send and we read: our names and theirs."""
+    table = rows(page(stack), f"{STACKS[stack]} sends") if f"| {STACKS[stack]} sends |" in page(stack) else ()
+    return {quoted(ours): str(quoted(topic)) for topic, _, ours, _ in table}
+
+
 INPUTS = [pytest.param(stack, row, id=f"{stack}{row.topic}") for stack in STACKS for row in inputs(stack)]
 SERVED = [each for each in INPUTS if str(each.values[1].ours).startswith("/")]
 
@@ -96,15 +102,9 @@ def test_relayed_topics_are_those_of_the_relays(stack: str) -> None:
 
 
 @pytest.mark.parametrize("stack", STACKS)
-def test_remapping_rules_lead_from_our_topics_to_theirs(stack: str) -> None:
-    pairs = {row.ours: row.topic for row in inputs(stack)} | {"/ego/cmd_vel": "/cmd_vel"}
-    for ours, theirs in rules(stack).items():
-        assert pairs.get(ours) == theirs
-
-
-def test_every_input_of_autoware_that_is_not_relayed_is_remapped() -> None:
-    other_names = {row.ours: row.topic for row in inputs("autoware") if row.ours not in (None, "relay", row.topic)}
-    assert rules("autoware") == other_names
+def test_inputs_with_another_name_are_remapped_and_nothing_else_is(stack: str) -> None:
+    pairs = {row.ours: row.topic for row in inputs(stack)} | outputs(stack)
+    assert rules(stack) == {ours: theirs for ours, theirs in pairs.items() if ours not in (None, "relay", theirs)}
 
 
 def test_images_are_remapped_with_the_camera_info_beside_them() -> None:

@@ -20,8 +20,8 @@ colcon build --base-paths src/simbev_ros src/simbev_ros/interfaces
 Without an installed ROS, [`simbev doctor --fix`](../guide/ros.md#messages-that-ross-wheels-lack) makes the package.
 
 The messages are on [topics that end in `/typed`](topics.md#typed-messages): live while subscribed, and in bags with
-[`recording: {forms: [tables, messages]}`](../guide/datasets.md#tables-and-messages), together with their definitions and
-these comments. The tables are the fast form: a message of 300 actors has the same bytes as their table, but a reader makes
+[`recording: {forms: [tables, messages]}`](../guide/datasets.md#tables-and-messages), with their definitions and these
+comments. The tables are the fast form: a message of 300 actors has the same bytes as their table, but a reader makes
 300 objects of it.
 
 Units are SI units and angles are in radians, as in REP-103. Names of fields are those of the

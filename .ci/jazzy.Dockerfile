@@ -17,6 +17,7 @@ WORKDIR /workspace/src/simbev_ros
 COPY simbev setup.py setup.cfg pyproject.toml package.xml README.md ./
 COPY resource resource
 COPY config config
+COPY launch launch
 COPY interfaces interfaces
 COPY simbev_ros/__init__.py simbev_ros/
 COPY simbev_ros/installation simbev_ros/installation

@@ -9,7 +9,21 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
+from simbev_ros.config.base import Model
 from simbev_ros.config.sensor import Sensor
+
+
+def _is_none(value: object) -> bool:
+    return value is None
+
+
+class GnssVelocity(Model):
+    """Velocity from the Doppler shift of the carriers; its noise is white, and not that of the fixes."""
+
+    horizontal_noise_sigma_mps: float = Field(
+        0.05, ge=0, le=100, description="standard deviation east and north, per message"
+    )
+    vertical_noise_sigma_mps: float = Field(0.1, ge=0, le=100, description="standard deviation upward, per message")
 
 
 class Gnss(Sensor):
@@ -33,6 +47,11 @@ class Gnss(Sensor):
     )
     dropout_share: float = Field(0.0, ge=0, le=0.99, description="share of time without a fix, in random intervals")
     dropout_mean_s: float = Field(5.0, gt=0, le=3600, description="mean duration of a dropout")
+    velocity: GnssVelocity | None = Field(
+        None,
+        exclude_if=_is_none,
+        description="velocity on the topics `vel` and `fix_velocity`, `{}` for the defaults; none: neither",
+    )
 
 
 def _on_each_axis(value: Any) -> Any:
@@ -46,6 +65,28 @@ def _on_each_axis(value: Any) -> Any:
 _Component = Annotated[float, Field(ge=-10, le=10)]
 PerAxis = Annotated[tuple[_Component, _Component, _Component], BeforeValidator(_on_each_axis)]
 """Values along the sensor's x, y and z axes; a single number stands for three equal ones."""
+
+
+class ImuOrientation(Model):
+    """Errors of the orientation of an attitude and heading reference, by default one of the middle class.
+
+    Slowly changing errors are first-order Gauss-Markov processes: roll and pitch, which gravity keeps in bounds, and
+    the heading, which a magnetometer does, each in its time.
+    """
+
+    tilt_drift_sigma_deg: float = Field(
+        0.3, ge=0, le=30, description="standard deviation of the slowly changing error of roll and of pitch"
+    )
+    tilt_drift_time_s: float = Field(
+        20.0, gt=0, le=86_400, description="time after which its correlation has fallen to 1/e"
+    )
+    heading_drift_sigma_deg: float = Field(
+        1.5, ge=0, le=180, description="standard deviation of the slowly changing error of the heading"
+    )
+    heading_drift_time_s: float = Field(
+        300.0, gt=0, le=86_400, description="time after which its correlation has fallen to 1/e"
+    )
+    noise_sigma_deg: float = Field(0.05, ge=0, le=30, description="standard deviation about each axis, per message")
 
 
 class Imu(Sensor):
@@ -64,4 +105,9 @@ class Imu(Sensor):
     )
     gyroscope_bias_walk_radps_per_sqrt_s: float = Field(
         0.0, ge=0, le=10, description="standard deviation of the bias's change in 1 s"
+    )
+    orientation: ImuOrientation | None = Field(
+        None,
+        exclude_if=_is_none,
+        description="errors of the orientation on the topic `data`, `{}` for the defaults; none: it is exact",
     )

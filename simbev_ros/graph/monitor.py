@@ -24,6 +24,7 @@ from simbev_ros.nodes.load_meter import BUSY, Part, part_keys
 from simbev_ros.nodes.lockstep import LockstepWindow
 from simbev_ros.nodes.reports import Report, read_report, subscribe_to_reports
 from simbev_ros.nodes.ros.arguments import PLAIN, RosArguments
+from simbev_ros.nodes.ros.diagnostics import hardware_id
 from simbev_ros.nodes.ros.names import NamespacedNode, NodeName, ros_name
 from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.request import SceneRequest, SceneStop
@@ -85,7 +86,7 @@ class GraphMonitor:
         signer: Signer,
         ros: RosArguments = PLAIN,
     ) -> None:
-        self._names_by_id = {node.full: node.name for node in nodes}
+        self._names_by_id = {hardware_id(node): node.name for node in nodes}
         self._nodes = tuple(self._names_by_id.values())
         self._signer, self._requests = signer, 0
         participants = tuple(participants)

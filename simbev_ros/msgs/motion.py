@@ -2,11 +2,13 @@
 
 from collections.abc import Iterator
 
+import numpy as np
+from geometry_msgs.msg import TwistStamped, TwistWithCovarianceStamped
 from sensor_msgs.msg import Imu, NavSatFix, NavSatStatus
 
 from simbev_ros.msgs.stamps import header
-from simbev_ros.msgs.world import quaternion_message, vector_message
-from simbev_ros.sensors.gnss import GnssFix
+from simbev_ros.msgs.world import MAP_FRAME, quaternion_message, vector_message
+from simbev_ros.sensors.gnss import GnssFix, GnssVelocitySample
 from simbev_ros.sensors.imu import ImuSamples
 
 
@@ -28,6 +30,25 @@ def fix_message(fix: GnssFix, stamp_ns: int, frame: str) -> NavSatFix:
         message.position_covariance = fix.covariance_m2.ravel().tolist()
         message.position_covariance_type = NavSatFix.COVARIANCE_TYPE_KNOWN
     return message
+
+
+def velocity_messages(sample: GnssVelocitySample, stamp_ns: int) -> tuple[TwistStamped, TwistWithCovarianceStamped]:
+    """A GNSS velocity without and with its covariance.
+
+    Velocities are along the axes of the map frame, so that is their frame; drivers name that of the antenna, although
+    their velocities are east, north and up. Without a fix the velocity is NaN. Rotation is not measured: its
+    covariance starts with -1, as ublox_gps publishes it, and so does that of a velocity without a fix.
+    """
+    with_covariance = TwistWithCovarianceStamped(header=header(stamp_ns, MAP_FRAME))
+    with_covariance.twist.twist.linear = vector_message(sample.velocity_mps)
+    covariance = np.zeros((6, 6))
+    covariance[3, 3] = -1.0
+    if sample.covariance is None:
+        covariance[0, 0] = -1.0
+    else:
+        covariance[:3, :3] = sample.covariance
+    with_covariance.twist.covariance = covariance.ravel().tolist()
+    return TwistStamped(header=with_covariance.header, twist=with_covariance.twist.twist), with_covariance
 
 
 def imu_messages(samples: ImuSamples, frame: str, *, oriented: bool) -> Iterator[Imu]:

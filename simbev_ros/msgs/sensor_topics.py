@@ -69,6 +69,20 @@ class LidarTopics(NamedTuple):
     semantic_points: Topic | None
 
 
+class GnssTopics(NamedTuple):
+    """Topics of a GNSS receiver.
+
+    Attributes:
+        fix: Its fixes.
+        velocity: Its velocity, named as nmea_navsat_driver does; None: it is switched off.
+        fix_velocity: The same with its covariance, named as ublox_gps does; None: it is switched off.
+    """
+
+    fix: Topic
+    velocity: Topic | None
+    fix_velocity: Topic | None
+
+
 class ImuTopics(NamedTuple):
     """Topics of an IMU (REP-145): samples without and with orientation."""
 
@@ -136,9 +150,16 @@ def radar_topic(spec: SceneSpec, radar: Radar) -> Topic:
     return _topic(spec, radar, _POINTS, "sensor_msgs/msg/PointCloud2")
 
 
-def gnss_topic(spec: SceneSpec, gnss: Gnss) -> Topic:
-    """Topic with the fixes of a GNSS receiver."""
-    return _topic(spec, gnss, "fix", "sensor_msgs/msg/NavSatFix")
+def gnss_topics(spec: SceneSpec, gnss: Gnss) -> GnssTopics:
+    """Topics of a GNSS receiver."""
+    fix = _topic(spec, gnss, "fix", "sensor_msgs/msg/NavSatFix")
+    if gnss.velocity is None:
+        return GnssTopics(fix, None, None)
+    return GnssTopics(
+        fix,
+        _topic(spec, gnss, "vel", "geometry_msgs/msg/TwistStamped"),
+        _topic(spec, gnss, "fix_velocity", "geometry_msgs/msg/TwistWithCovarianceStamped"),
+    )
 
 
 def imu_topics(spec: SceneSpec, imu: Imu) -> ImuTopics:
@@ -172,7 +193,7 @@ def topics_of_sensor(spec: SceneSpec, sensor: AnySensor, *, compressed_images: b
         case Radar():
             return (radar_topic(spec, sensor),)
         case Gnss():
-            return (gnss_topic(spec, sensor),)
+            return tuple(topic for topic in gnss_topics(spec, sensor) if topic is not None)
         case Imu():
             return imu_topics(spec, sensor)
         case Odometry():

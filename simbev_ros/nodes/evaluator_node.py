@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from nav_msgs.msg import Odometry
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import PointCloud2
@@ -40,6 +40,7 @@ from simbev_ros.nodes.answer_topics import Answer, AnswerTopics, received_s
 from simbev_ros.nodes.graph_node import GraphNode
 from simbev_ros.nodes.lockstep import LockstepWindow
 from simbev_ros.nodes.reports import read_report, subscribe_to_reports
+from simbev_ros.nodes.ros.diagnostics import status
 from simbev_ros.nodes.ros.names import NodeName
 from simbev_ros.recording.bag_files import disk_errors
 from simbev_ros.recording.whole_files import write_whole
@@ -242,15 +243,11 @@ class EvaluatorNode(GraphNode):
         counts = self._join.counts
         figures = {**self._live_evaluation.running_figures(), **asdict(counts)}
         shown = [f"{name} {figures[name]:.3f}" for name in _STATUS_FIGURES if name in figures]
-        status = DiagnosticStatus(
-            level=DiagnosticStatus.WARN if counts.missed else DiagnosticStatus.OK,
-            name=f"simbev: evaluation of {spec.name}",
-            message=", ".join([f"{figures['frames']:g} frames, {counts.missed} missed", *shown]),
-            hardware_id=self.node_name.full,
-            values=[KeyValue(key=key, value=f"{value:g}") for key, value in figures.items()],
-        )
+        level = DiagnosticStatus.WARN if counts.missed else DiagnosticStatus.OK
+        words = ", ".join([f"{figures['frames']:g} frames, {counts.missed} missed", *shown])
+        evaluated = status(self.node_name, f"evaluation of {spec.name}", level, words, figures)
         stamp = header(spec.stamp_ns(max(self._join.finished_tick, 0)), "")
-        self._figures.publish(DiagnosticArray(header=stamp, status=[status]))
+        self._figures.publish(DiagnosticArray(header=stamp, status=[evaluated]))
 
     def _finish_scene(self, spec: SceneSpec) -> None:
         """Write the figures of all scenes up to now, or those of this one (see the parameters)."""

@@ -4,9 +4,8 @@ from typing import NamedTuple
 
 from simbev_ros.config.positioning import Gnss
 from simbev_ros.maps.build import load_datum, load_tunnels
-from simbev_ros.msgs.motion import fix_message
-from simbev_ros.msgs.sensor_topics import gnss_topic
-from simbev_ros.msgs.topic import Topic
+from simbev_ros.msgs.motion import fix_message, velocity_messages
+from simbev_ros.msgs.sensor_topics import GnssTopics, gnss_topics
 from simbev_ros.nodes.participant import Participant
 from simbev_ros.nodes.ros.names import NodeName
 from simbev_ros.scene.spec import SceneSpec
@@ -17,7 +16,7 @@ from simbev_ros.sensors.gnss import GnssModel
 class _Mounted(NamedTuple):
     frame: str
     model: GnssModel
-    topic: Topic
+    topics: GnssTopics
 
 
 class GnssNode(Participant):
@@ -32,14 +31,21 @@ class GnssNode(Participant):
         datum, tunnels = load_datum(spec.map), load_tunnels(spec.map)
         self._mounted = []
         for gnss in spec.rig.of_type(Gnss):
-            topic = gnss_topic(spec, gnss)
-            self.advertise(topic)
-            model = GnssModel(gnss, datum, spec.seed, spec.tick_ns, topic.period_ticks, tunnels)
-            self._mounted.append(_Mounted(f"{spec.rig.agent}/{gnss.name}", model, topic))
-        return [mounted.topic.name for mounted in self._mounted]
+            topics = gnss_topics(spec, gnss)
+            for topic in topics:
+                if topic is not None:
+                    self.advertise(topic)
+            model = GnssModel(gnss, datum, spec.seed, spec.tick_ns, topics.fix.period_ticks, tunnels)
+            self._mounted.append(_Mounted(f"{spec.rig.agent}/{gnss.name}", model, topics))
+        return [topic.name for mounted in self._mounted for topic in mounted.topics if topic is not None]
 
     def process(self, spec: SceneSpec, state: WorldState) -> None:
-        """Publish the fixes that are due."""
-        for frame, model, topic in self._mounted:
+        """Publish the fixes that are due, and velocities with them."""
+        for frame, model, topics in self._mounted:
             if model.is_due(state.tick):
-                self.publish(topic.name, fix_message(model.measure(state), state.stamp_ns, frame))
+                fix = model.measure(state)
+                self.publish(topics.fix.name, fix_message(fix, state.stamp_ns, frame))
+                if topics.velocity is not None and topics.fix_velocity is not None:
+                    plain, with_covariance = velocity_messages(model.measure_velocity(state, fix), state.stamp_ns)
+                    self.publish(topics.velocity.name, plain)
+                    self.publish(topics.fix_velocity.name, with_covariance)

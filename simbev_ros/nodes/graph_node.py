@@ -5,7 +5,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, TypeVar
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray
 from pydantic import ValidationError
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
@@ -22,8 +22,9 @@ from simbev_ros.msgs.signing import Signer, content_of
 from simbev_ros.msgs.stamps import header
 from simbev_ros.msgs.topic import Topic
 from simbev_ros.msgs.typed_topics import TypedTopic, typed_topics
-from simbev_ros.nodes.load_meter import BUSY, LoadMeter
+from simbev_ros.nodes.load_meter import LoadMeter
 from simbev_ros.nodes.reports import Report, report_message
+from simbev_ros.nodes.ros.diagnostics import frequency_status, load_status
 from simbev_ros.nodes.ros.names import NamespacedNode, NodeName, ros_name
 from simbev_ros.nodes.ros.parameters import declare_read_only
 from simbev_ros.nodes.scene_inbox import SceneInbox
@@ -246,14 +247,8 @@ class GraphNode(NamespacedNode):
 
     def _publish_diagnostics(self) -> None:
         load = self.meter.read()
-        status = DiagnosticStatus(
-            level=DiagnosticStatus.WARN if load["dropped"] or load["ignored_total"] else DiagnosticStatus.OK,
-            name=f"simbev: {self.node_name.name}",
-            message=f"{load['rate_hz']:.1f} Hz, {load[BUSY]:.1f} ms a tick",
-            hardware_id=self.node_name.full,
-            values=[KeyValue(key=key, value=f"{value:g}") for key, value in load.items()],
-        )
-        self._diagnostics.publish(DiagnosticArray(header=header(self._simulated_ns, ""), status=[status]))
+        statuses = [load_status(self.node_name, load), frequency_status(self.node_name, load)]
+        self._diagnostics.publish(DiagnosticArray(header=header(self._simulated_ns, ""), status=statuses))
 
 
 def _specification(payload: bytes) -> str:

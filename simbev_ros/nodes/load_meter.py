@@ -42,7 +42,7 @@ class LoadMeter:
     """Counts a node's ticks and the time they take, between two readings; threads may time parts of the work."""
 
     def __init__(self) -> None:
-        self._dropped_total = self._ignored_total = 0
+        self._dropped_total = self._ignored_total = self._ticks_total = 0
         self._lock = threading.Lock()
         self._thread = threading.local()
         self._parts_s = _no_parts()
@@ -54,7 +54,7 @@ class LoadMeter:
 
     def count_ignored(self) -> None:
         """Count a message that was malformed or came from elsewhere."""
-        self._ignored_total += 1
+        self._ignored += 1
 
     @contextmanager
     def busy(self, ticks: int = 1) -> Iterator[None]:
@@ -93,16 +93,22 @@ class LoadMeter:
     def read(self) -> dict[str, float]:
         """Return rate, load, drops and each part's wall and CPU time per tick since the last reading, and the totals.
 
-        Totals are those of drops and of ignored messages. Wall times of threads that work side by side are summed up.
+        Totals are those of ticks, of drops and of ignored messages. Wall times of threads that work side by side are
+        summed up.
         """
         elapsed_s = max(time.perf_counter() - self._since_s, 1e-9)
+        self._ticks_total += self._ticks
         self._dropped_total += self._dropped
+        self._ignored_total += self._ignored
         load = {
+            "window_s": elapsed_s,
             "rate_hz": self._ticks / elapsed_s,
             "ticks": float(self._ticks),
+            "ticks_total": float(self._ticks_total),
             BUSY: 1000 * self._busy_s / max(self._ticks, 1),
             "dropped": float(self._dropped),
             "dropped_total": float(self._dropped_total),
+            "ignored": float(self._ignored),
             "ignored_total": float(self._ignored_total),
         }
         if self._ticks:  # what threads still do for a tick counts for the next one
@@ -123,7 +129,7 @@ class LoadMeter:
         self._since_s = time.perf_counter()
         self._busy_s = 0.0
         self._ticks = 0
-        self._dropped = 0
+        self._dropped = self._ignored = 0
 
 
 class _TimedPool(ThreadPoolExecutor):

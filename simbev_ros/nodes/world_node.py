@@ -270,6 +270,7 @@ class WorldNode(GraphNode):
         if refusal is None and self._scene is not None:
             self.get_logger().info(f"scene {self._scene.spec.name} starts again")
             self.start(self._scene.request)
+            self.publish(topics.CLOCK, self._now)  # before any message with an earlier stamp: listeners clear buffers
         return response
 
     def _refusal(self) -> str | None:

@@ -1,6 +1,6 @@
-"""GNSS receiver model: turns the world state at a tick into a WGS84 position with errors and drop-outs. No ROS.
+"""GNSS receiver model: turns the world state at a tick into a WGS84 position and a velocity with errors and drop-outs.
 
-In a tunnel there is no fix, from the portal on.
+In a tunnel there is no fix, from the portal on. No ROS.
 """
 
 import math
@@ -13,7 +13,7 @@ from simbev_ros.geometry.geodesy import MapDatum
 from simbev_ros.maps.roads.tunnels import Tunnels
 from simbev_ros.random import stream
 from simbev_ros.scene.state import WorldState
-from simbev_ros.sensors.mount import map_from_sensor
+from simbev_ros.sensors.mount import map_from_sensor, vector
 from simbev_ros.sensors.processes import Drift, Outages
 from simbev_ros.types import Float64Array
 from simbev_ros.units import NS_PER_S
@@ -42,6 +42,19 @@ class GnssFix:
 
 NO_FIX = GnssFix(math.nan, math.nan, math.nan, None)
 """Result of a measurement during a drop-out, or in a tunnel."""
+
+
+@dataclass(frozen=True, slots=True)
+class GnssVelocitySample:
+    """Result of one measurement of the antenna's velocity.
+
+    Attributes:
+        velocity_mps: (3,) along the axes of the map frame; NaN without a fix.
+        covariance: (3, 3) covariance of its errors, (m/s)²; None without a fix.
+    """
+
+    velocity_mps: Float64Array
+    covariance: Float64Array | None
 
 
 class GnssModel:
@@ -105,6 +118,24 @@ class GnssModel:
             altitude_m + float(error_m[2]),
             np.diag(np.square(sigma_m) + np.square(self._walk_sigma_m)),
         )
+
+    def measure_velocity(self, state: WorldState, fix: GnssFix) -> GnssVelocitySample:
+        """Measure the velocity together with a fix of the same tick.
+
+        Raises:
+            ValueError: The receiver is configured without velocity.
+        """
+        gnss, velocity = self._gnss, self._gnss.velocity
+        if velocity is None:
+            raise ValueError(f"{gnss.name} measures no velocity")
+        if fix.covariance_m2 is None:
+            return GnssVelocitySample(np.full(3, np.nan), None)
+        horizontal_mps, vertical_mps = velocity.horizontal_noise_sigma_mps, velocity.vertical_noise_sigma_mps
+        sigma_mps = np.array([horizontal_mps, horizontal_mps, vertical_mps])
+        noise = stream(self._seed, f"gnss.{gnss.name}.velocity", state.tick).standard_normal(3)
+        arm_m = map_from_sensor(gnss.pose, state)[:3, 3] - vector(state.ego, "x y z")
+        antenna_mps = vector(state.ego, "vx vy vz") + np.cross(vector(state.ego, "wx wy wz"), arm_m)
+        return GnssVelocitySample(antenna_mps + sigma_mps * noise, np.diag(np.square(sigma_mps)))
 
 
 def meters_per_degree(latitude_deg: float, altitude_m: float) -> tuple[float, float]:

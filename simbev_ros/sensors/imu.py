@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from simbev_ros.config.positioning import Imu
-from simbev_ros.geometry.transforms import quaternion_from_rpy, rpy_from_rotation
+from simbev_ros.geometry.transforms import quaternion_from_rpy, rotations_from_rpy, rpy_from_rotation
 from simbev_ros.random import stream
 from simbev_ros.scene.state import WorldState
+from simbev_ros.sensors.attitude import MIN_VARIANCE, AttitudeErrors
 from simbev_ros.sensors.processes import Drift
 from simbev_ros.sensors.tick_motion import motion_within_tick
 from simbev_ros.types import Float64Array, Int64Array
@@ -18,9 +19,6 @@ from simbev_ros.units import NS_PER_S
 
 GRAVITY_MPS2 = 9.81
 """Gravitational acceleration, as in CARLA."""
-
-_MIN_VARIANCE = 1e-12
-"""Variance reported for noise-free values, (m/s²)², (rad/s)² and rad²: a covariance of zeros would mean "unknown"."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +32,8 @@ class ImuSamples:
         orientation_xyzw: (S, 4) unit quaternions, map from sensor.
         linear_acceleration_covariance: (3, 3) covariance of the white noise, (m/s²)².
         angular_velocity_covariance: (3, 3) of the white noise, (rad/s)². Neither covariance includes the biases.
-        orientation_covariance: (3, 3) of the orientation, rad².
+        orientation_covariance: (3, 3) of the orientation about the axes of the map frame, rad². In contrast to the
+            others it includes the slowly changing errors.
     """
 
     stamps_ns: Int64Array
@@ -70,6 +69,8 @@ class ImuModel:
             )
         )
 
+        self._attitude = None if imu.orientation is None else AttitudeErrors(imu.name, imu.orientation, seed, step_s)
+
     def is_due(self, tick: int) -> bool:
         """Whether the IMU measures at a tick."""
         return tick >= 0 and tick % self._period_ticks == 0
@@ -90,10 +91,12 @@ class ImuModel:
             stamps_ns=self._stamps_ns(state, count),
             linear_acceleration_mps2=np.einsum("sji,sj->si", map_from_sensor, force) + force_errors,
             angular_velocity_radps=motion.angular_velocity_radps[-count:] + rate_errors,
-            orientation_xyzw=quaternion_from_rpy(rpy_from_rotation(map_from_sensor)),
+            orientation_xyzw=quaternion_from_rpy(
+                rpy_from_rotation(self._measured_attitude(state.tick, map_from_sensor))
+            ),
             linear_acceleration_covariance=_covariance(imu.accelerometer_noise_sigma_mps2),
             angular_velocity_covariance=_covariance(imu.gyroscope_noise_sigma_radps),
-            orientation_covariance=_covariance(0.0),
+            orientation_covariance=_covariance(0.0) if self._attitude is None else self._attitude.covariance,
         )
 
     def _stamps_ns(self, state: WorldState, count: int) -> Int64Array:
@@ -101,6 +104,14 @@ class ImuModel:
         last = state.tick * self._samples
         since_ns = np.arange(last - count + 1, last + 1, dtype=np.int64) * self._tick_ns // self._samples
         return state.stamp_ns - state.tick * self._tick_ns + since_ns
+
+    def _measured_attitude(self, tick: int, map_from_sensor: Float64Array) -> Float64Array:
+        """(S, 3, 3) rotations with their errors."""
+        if self._attitude is None:
+            return map_from_sensor
+        index = tick // self._period_ticks * self._samples
+        errors_rad = self._attitude.errors_until(tick, index, self._samples)[-len(map_from_sensor) :]
+        return rotations_from_rpy(errors_rad) @ map_from_sensor
 
     def _errors(self, tick: int, count: int) -> tuple[Float64Array, Float64Array]:
         """(count, 3) errors of specific force and of angular rate: constant bias, bias walk and white noise."""
@@ -118,4 +129,4 @@ class ImuModel:
 
 def _covariance(sigma: float) -> Float64Array:
     """(3, 3) covariance of equal and independent components."""
-    return np.eye(3) * max(sigma**2, _MIN_VARIANCE)
+    return np.eye(3) * max(sigma**2, MIN_VARIANCE)

@@ -68,6 +68,17 @@ def test_verbs_exist(verb: str) -> None:
     assert verb in {*VERBS, *OF_THE_START_SCRIPT}
 
 
+def launches() -> list[tuple[str, str]]:
+    """Launch file and name of each argument that the script gives it."""
+    calls = re.findall(r"ros2 launch simbev_ros (\S+)(.*)", SCRIPT)
+    return [(file, name) for file, arguments in calls for name in re.findall(r"(\w+):=", arguments)]
+
+
+@pytest.mark.parametrize(("file", "argument"), launches())
+def test_launch_files_take_these_arguments(file: str, argument: str) -> None:
+    assert re.search(rf'DeclareLaunchArgument\(\s*"{argument}"', (ROOT / "launch" / file).read_text())
+
+
 @pytest.mark.parametrize("path", sorted(set(re.findall(r"(?:simbev_ros\)|\$package)/(\w[\w./-]*)", SCRIPT))))
 def test_named_files_of_the_package_exist(path: str) -> None:
     assert (ROOT / path).exists()
@@ -87,6 +98,8 @@ def test_named_interfaces_exist() -> None:
     assert named and all((ROOT / "interfaces" / f"{name}.msg").is_file() for name in named)
 
 
-@pytest.mark.parametrize("tool", ["colcon build", "ros2 run", "ros2 bag info", "ros2 bag play", "rviz2", "test"])
+@pytest.mark.parametrize(
+    "tool", ["colcon build", "ros2 run", "ros2 launch", "ros2 bag info", "ros2 bag play", "xvfb-run", "test"]
+)
 def test_nothing_that_users_of_ros_do_is_left_out(tool: str) -> None:
     assert re.search(rf"^ .*{tool}", SCRIPT, re.MULTILINE)

@@ -151,7 +151,7 @@ def test_labels_of_a_replaced_scene_are_replaced(tmp_path: Path) -> None:
     ("sensors", "reason"),
     [
         ([SENSORS[0], {**SENSORS[2], "semantic_points": False}], "lidar/semantic_points was not recorded"),
-        ([SENSORS[0]], "it has no lidar"),
+        ([SENSORS[0]], "it has no lidar, without which the devkit cannot evaluate detections either"),
     ],
 )
 def test_a_scene_without_a_semantic_cloud_has_no_labels(

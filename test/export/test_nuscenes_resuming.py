@@ -1,25 +1,20 @@
 """Tests that an interrupted nuScenes export resumes, outdated parts are made again, and bad input is explained."""
 
-import hashlib
 import json
 import os
+import shutil
 from pathlib import Path
 from typing import Any
 
 import pytest
 from made_up_scene import made_up_scene
-from nuscenes_tables import export, tables_of
+from nuscenes_tables import digest, export, tables_of
 from typer.testing import CliRunner
 
 from simbev_ros.cli.main import app
 from simbev_ros.errors import InputError
 from simbev_ros.export.nuscenes import scene_part, sensor_files
 from simbev_ros.recording.layout import locate_mcap
-
-
-def digest(out: Path) -> dict[str, str]:
-    files = [path for path in out.rglob("*") if path.is_file() and path.name != ".lock"]
-    return {str(path.relative_to(out)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
 
 
 def test_an_interrupted_export_resumes(nuscenes_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -43,6 +38,30 @@ def test_an_interrupted_export_resumes(nuscenes_folder: Path, tmp_path: Path, mo
     record = json.loads((tmp_path / ".parts/Blocks-0000.head.json").read_text())
     assert list(record) == ["made_from", "summary"]
     assert list(record["made_from"]) == ["bytes", "mtime_ns", "by", "keyframe_hz", "sweeps"], "as in earlier exports"
+
+
+OPTIONS = {"lidarseg": False, "map_expansion": False, "can_bus": False}
+
+
+def test_what_is_left_out_later_is_removed_and_comes_back_whole(tmp_path: Path) -> None:
+    made_up_scene(tmp_path / "set/scenes/train/Blocks-0000")
+    export(tmp_path / "set", tmp_path / "plain", **OPTIONS)
+    export(tmp_path / "set", tmp_path / "out")
+    whole = digest(tmp_path / "out")
+    assert export(tmp_path / "set", tmp_path / "out", **OPTIONS).made == 0
+    assert digest(tmp_path / "out") == digest(tmp_path / "plain")
+    assert export(tmp_path / "set", tmp_path / "out").made == 0
+    assert digest(tmp_path / "out") == whole
+
+
+def test_a_scene_that_is_away_for_a_while_comes_back_whole(nuscenes_folder: Path, tmp_path: Path) -> None:
+    shutil.copytree(nuscenes_folder / "out", tmp_path / "out")
+    bag = nuscenes_folder / "set/scenes/val/Blocks-0001"
+    assert export(bag, tmp_path / "out").scenes == 1
+    rows = json.loads((tmp_path / "out/v1.0-trainval/lidarseg.json").read_text())
+    assert len(rows) == len(list((tmp_path / "out/lidarseg/v1.0-trainval").iterdir())) == 2, "as the devkit demands"
+    assert export(nuscenes_folder / "set", tmp_path / "out").made == 0
+    assert digest(tmp_path / "out") == digest(nuscenes_folder / "out")
 
 
 def test_a_part_with_other_settings_is_replaced(tmp_path: Path) -> None:

@@ -1,16 +1,20 @@
 """A running graph answers ROS's own tools: ros2 param dump, rqt_console, nodes that start while the world is paused."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
 from commands import SCENE, Command
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from nav_msgs.msg import Odometry
+from nav_msgs.msg import Path as Path_
 from rcl_interfaces.msg import Log, ParameterType
 from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import SetBool, Trigger
 from subscriber import keep, outside_node
 
@@ -41,33 +45,70 @@ def nanoseconds(clock: Clock) -> int:
     return int(clock.clock.sec * 10**9 + clock.clock.nanosec)
 
 
-def test_every_parameter_has_a_value_and_a_description_and_nodes_log_what_happens(
+def stamp_ns(message: Any) -> int:
+    return int(message.header.stamp.sec * 10**9 + message.header.stamp.nanosec)
+
+
+def check_parameters(caller: Caller) -> None:
+    """Every parameter has a value and a description, and all nodes but the owner of time follow /clock."""
+    for name in ("/world", "/ego/lidar", "/ego/gnss", "/ego/imu", "/ego/annotator"):
+        names = caller.call(ListParameters, f"{name}/list_parameters", ListParameters.Request()).result.names
+        assert {"live", "use_sim_time"} <= set(names)
+        values = caller.call(GetParameters, f"{name}/get_parameters", GetParameters.Request(names=names)).values
+        assert len(values) == len(names)
+        assert ParameterType.PARAMETER_NOT_SET not in {value.type for value in values}
+        assert dict(zip(names, values, strict=True))["use_sim_time"].bool_value == (name != "/world")
+        request = DescribeParameters.Request(names=[each for each in names if each not in OF_RCLPY])
+        described = caller.call(DescribeParameters, f"{name}/describe_parameters", request).descriptors
+        assert all(each.description and each.read_only for each in described)
+
+
+def check_diagnostics(arrays: Sequence[DiagnosticArray]) -> None:
+    """Names, ids, stamps and values are those that diagnostic_updater would write, and an analyzer takes each one."""
+    statuses = {status.name: status for array in arrays for status in array.status}
+    nodes = ("world", "ego/lidar", "ego/gnss", "ego/imu", "ego/annotator")
+    assert statuses.keys() == {f"{node}: {task}" for node in nodes for task in ("load", "Frequency Status")}
+    assert all(status.name.startswith(f"{status.hardware_id}: ") for status in statuses.values())
+    assert max(array.header.stamp.sec for array in arrays) >= 3600  # simulated time: scenes have an hour each
+    frequency = {each.key: float(each.value) for each in statuses["ego/lidar: Frequency Status"].values}
+    assert frequency["Actual frequency (Hz)"] == pytest.approx(
+        frequency["Events in window"] / frequency["Duration of window (s)"], rel=0.01
+    )
+    assert {status.level for name, status in statuses.items() if name.endswith(": load")} == {DiagnosticStatus.OK}
+
+
+def test_a_live_graph_answers_tools_and_says_that_time_jumps_back_before_it_does(
     simbev: Simbev, small_config: Callable[..., Path]
 ) -> None:
     simbev("run", small_config(60, without=["camera", "radar"]), "--live")
     logged: list[Log] = []
     clocks: list[Clock] = []
+    diagnostics: list[DiagnosticArray] = []
+    seen: list[tuple[str, int]] = []
     with outside_node("tools") as (node, spin_until):
         node.create_subscription(Log, "/rosout", keep(logged), ROSOUT)
         node.create_subscription(Clock, "/clock", keep(clocks), 1000)
+        node.create_subscription(DiagnosticArray, "/diagnostics", keep(diagnostics), 1000)
         spin_until(lambda: len(clocks) > 20, 60)
         caller = Caller(node, spin_until)
-        for name in ("/world", "/ego/lidar", "/ego/gnss", "/ego/imu", "/ego/annotator"):
-            names = caller.call(ListParameters, f"{name}/list_parameters", ListParameters.Request()).result.names
-            assert {"live", "use_sim_time"} <= set(names)
-            values = caller.call(GetParameters, f"{name}/get_parameters", GetParameters.Request(names=names)).values
-            assert len(values) == len(names)
-            uses_simulated_time = dict(zip(names, values, strict=True))["use_sim_time"].bool_value
-            assert uses_simulated_time == (name != "/world")  # the world owns time
-            assert ParameterType.PARAMETER_NOT_SET not in {value.type for value in values}
-            request = DescribeParameters.Request(names=[each for each in names if each not in OF_RCLPY])
-            described = caller.call(DescribeParameters, f"{name}/describe_parameters", request).descriptors
-            assert all(each.description and each.read_only for each in described)
-        assert not caller.call(Trigger, "/world/step", Trigger.Request()).success
-        before_ns = nanoseconds(clocks[-1])
+        check_parameters(caller)
+        diagnostics.clear()
+        spin_until(lambda: len(diagnostics) >= 12, 20)
+        check_diagnostics(diagnostics)
+
+        node.create_subscription(Clock, "/clock", lambda each: seen.append(("clock", nanoseconds(each))), 1000)
+        node.create_subscription(Odometry, "/ego/odom", lambda each: seen.append(("odom", stamp_ns(each))), 1000)
+        node.create_subscription(PointCloud2, "/ego/boxes", lambda each: seen.append(("boxes", stamp_ns(each))), 1000)
+        paths: list[Path_] = []
+        node.create_subscription(Path_, "/ego/path", keep(paths), 1000)
+        spin_until(lambda: {"clock", "odom", "boxes"} == {name for name, _ in seen} and bool(paths), 20)
+        before_ns, length = seen[-1][1], len(paths[-1].poses)
         assert caller.call(Trigger, "/world/reset", Trigger.Request()).success
-        spin_until(lambda: nanoseconds(clocks[-1]) < before_ns, 20)
-        spin_until(lambda: any("starts: 1200 ticks" in each.msg for each in logged[len(logged) // 2 :]), 20)
+        start_ns = before_ns - before_ns % (3600 * 10**9)
+        spin_until(lambda: seen[-1] == ("boxes", seen[-1][1]) and seen[-1][1] < before_ns, 30)
+        earlier = [name for name, stamp in seen if start_ns <= stamp < before_ns - 10**9]
+        assert earlier[0] == "clock" and length > len(paths[-1].poses) >= 1
+        spin_until(lambda: sum("starts: 1200 ticks" in each.msg for each in logged) == 2, 20)
     texts = {(each.name, each.msg) for each in logged}
     assert {
         ("world", "scene Blocks-0000 is loaded"),

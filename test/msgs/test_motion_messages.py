@@ -8,11 +8,11 @@ from sensor_msgs.msg import NavSatFix, NavSatStatus
 
 from simbev_ros.config.positioning import Imu
 from simbev_ros.config.rig import Rig
-from simbev_ros.msgs.motion import fix_message, imu_messages
+from simbev_ros.msgs.motion import fix_message, imu_messages, velocity_messages
 from simbev_ros.msgs.qos import qos_of
 from simbev_ros.msgs.stamps import stamp_of
 from simbev_ros.msgs.topic import Topic
-from simbev_ros.sensors.gnss import NO_FIX, GnssFix
+from simbev_ros.sensors.gnss import NO_FIX, GnssFix, GnssVelocitySample
 from simbev_ros.sensors.imu import ImuSamples
 
 SAMPLES = ImuSamples(
@@ -72,3 +72,19 @@ def test_a_bias_is_one_value_or_one_per_axis() -> None:
     ).of_type(Imu)
     assert imu.gyroscope_bias_radps == (0.1, 0.1, 0.1) and imu.accelerometer_bias_mps2 == (1.0, 2.0, 3.0)
     assert Imu.model_validate(imu.model_dump(mode="json")) == imu
+
+
+def test_a_velocity_has_the_axes_of_the_map_and_no_rotation() -> None:
+    sample = GnssVelocitySample(np.array([1.0, -2.0, 0.5]), np.diag([0.01, 0.02, 0.04]))
+    plain, full = velocity_messages(sample, 5_000_000_010)
+    assert plain.header == full.header and full.header.frame_id == "map"
+    assert stamp_of(full.header.stamp) == 5_000_000_010
+    assert plain.twist == full.twist.twist
+    assert (plain.twist.linear.x, plain.twist.linear.y, plain.twist.linear.z) == (1.0, -2.0, 0.5)
+    covariance = full.twist.covariance.reshape(6, 6)
+    assert np.array_equal(covariance[:3, :3], np.diag([0.01, 0.02, 0.04])) and covariance[3, 3] == -1
+
+
+def test_without_a_fix_velocity_is_nan_and_its_covariance_unknown() -> None:
+    plain, full = velocity_messages(GnssVelocitySample(np.full(3, np.nan), None), 5_000_000_010)
+    assert math.isnan(plain.twist.linear.x) and full.twist.covariance[0] == -1

@@ -16,6 +16,7 @@ RIG = [
     {"type": "gnss", "name": "gnss", "rate_hz": 1},
     {"type": "imu", "name": "imu", "rate_hz": 100},
     {"type": "odometry", "name": "wheel", "rate_hz": 10},
+    {"type": "gnss", "name": "moving", "rate_hz": 4, "velocity": {}},
 ]
 SENSED = {
     "cam/camera_info": ("CameraInfo", 2, 1),
@@ -33,8 +34,16 @@ SENSED = {
     "imu/data_raw": ("Imu", 1, 5),
     "imu/data": ("Imu", 1, 5),
     "wheel/odometry": ("Odometry", 2, 1),
+    "moving/fix": ("NavSatFix", 5, 1),
+    "moving/vel": ("TwistStamped", 5, 1),
+    "moving/fix_velocity": ("TwistWithCovarianceStamped", 5, 1),
 }
 """Topics below /ego: type, ticks between messages, messages per tick."""
+PACKAGES = {
+    "Odometry": "nav_msgs",
+    "TwistStamped": "geometry_msgs",
+    "TwistWithCovarianceStamped": "geometry_msgs",
+}
 LABELS = {
     "bev/labels": 1, "bev/color": 1, "boxes": 1, "boxes/markers": 1, "hd_map": 1, "cam/boxes": 2, "occupancy/points": 10
 }  # fmt: skip
@@ -51,7 +60,7 @@ def test_every_kind_has_topics(kind: str) -> None:
 def test_sensors_send_the_topics_of_the_table() -> None:
     topics = list(sensor_topics(made_up_spec(RIG), compressed_images=True))
     sensed = {
-        f"/ego/{name}": (f"{'nav' if kind == 'Odometry' else 'sensor'}_msgs/msg/{kind}", *rest)
+        f"/ego/{name}": (f"{PACKAGES.get(kind, 'sensor_msgs')}/msg/{kind}", *rest)
         for name, (kind, *rest) in SENSED.items()
     }
     assert {t.name: (t.type, t.period_ticks, t.messages_per_tick) for t in topics} == sensed

@@ -13,7 +13,7 @@ from simbev_ros.maps.build import load_datum
 from simbev_ros.maps.roads.tunnels import Tunnels
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.semantics import Tag
-from simbev_ros.sensors.gnss import GnssFix, GnssModel
+from simbev_ros.sensors.gnss import NO_FIX, GnssFix, GnssModel
 
 CAR = box_model(Tag.CAR, (4.0, 2.0, 1.5))
 DATUM = MapDatum(latitude_deg=60.0, longitude_deg=24.0, altitude_m=50.0)
@@ -144,3 +144,41 @@ def test_there_is_no_fix_in_a_tunnel_and_the_same_one_outside() -> None:
 def test_there_is_a_fix_on_the_street_above_a_tunnel() -> None:
     model = GnssModel(gnss(), DATUM, 1, TICK_NS, tunnels=Tunnels.of_layout(tunnel().layout))
     assert model.measure(world(actor(CAR, x=256.0, y=254.0, z=9.0))).covariance_m2 is not None
+
+
+def test_the_velocity_is_that_of_the_antenna() -> None:
+    silent = {"horizontal_noise_sigma_mps": 0, "vertical_noise_sigma_mps": 0}
+    sensor = gnss(pose=Pose(x_m=2.0, y_m=0.5, z_m=1.0), velocity=silent)
+    model = GnssModel(sensor, DATUM, 1, TICK_NS)
+    state = world(actor(CAR, yaw=np.pi / 2, vy=5.0, vz=-0.5, wz=0.5))
+    sample = model.measure_velocity(state, model.measure(state))
+    assert sample.velocity_mps == pytest.approx([-0.5 * 2.0, 5.0 - 0.5 * 0.5, -0.5], abs=1e-6)
+
+
+def test_the_noise_of_velocities_fits_their_covariance_and_is_not_that_of_the_fixes() -> None:
+    sensor = gnss(velocity={})
+    model, noise_mps, noise_m = GnssModel(sensor, DATUM, 1, TICK_NS), [], []
+    for tick in range(3000):
+        state = world(actor(CAR, x=10.0, y=20.0, vx=3.0), tick=tick)
+        fix = model.measure(state)
+        sample = model.measure_velocity(state, fix)
+        noise_mps.append(sample.velocity_mps - [3.0, 0.0, 0.0])
+        noise_m.append(errors_m([fix])[0])
+    assert np.cov(np.transpose(noise_mps)) == pytest.approx(np.diag([0.05**2, 0.05**2, 0.1**2]), abs=6e-4)
+    assert sample.covariance == pytest.approx(np.diag([0.05**2, 0.05**2, 0.1**2]))
+    assert abs(np.corrcoef(np.array(noise_mps)[:, 0], np.array(noise_m)[:, 0])[0, 1]) < 0.08
+
+
+def test_without_a_fix_there_is_no_velocity() -> None:
+    model = GnssModel(gnss(velocity={}), DATUM, 1, TICK_NS)
+    sample = model.measure_velocity(world(actor(CAR)), NO_FIX)
+    assert np.isnan(sample.velocity_mps).all() and sample.covariance is None
+
+
+def test_velocity_of_a_receiver_without_one_is_refused() -> None:
+    sensor = gnss()
+    assert "velocity" not in sensor.model_dump()
+    state = world(actor(CAR))
+    model = GnssModel(sensor, DATUM, 1, TICK_NS)
+    with pytest.raises(ValueError, match="gnss measures no velocity"):
+        model.measure_velocity(state, model.measure(state))

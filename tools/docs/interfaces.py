@@ -17,9 +17,12 @@ packages in packages, name both folders:
 colcon build --base-paths src/simbev_ros src/simbev_ros/interfaces
 ```
 
-Bags hold the messages with [`recording: {forms: [tables, messages]}`](../guide/datasets.md#tables-and-messages), on the
-topics that end in `/typed`, and their definitions with these comments. The tables are the fast form: a message of 300
-actors has the same bytes as their table, but a reader makes 300 objects of it.
+Without an installed ROS, [`simbev doctor --fix`](../guide/ros.md#messages-that-ross-wheels-lack) makes the package.
+
+The messages are on [topics that end in `/typed`](topics.md#typed-messages): live while subscribed, and in bags with
+[`recording: {forms: [tables, messages]}`](../guide/datasets.md#tables-and-messages), with their definitions and these
+comments. The tables are the fast form: a message of 300 actors has the same bytes as their table, but a reader makes
+300 objects of it.
 
 Units are SI units and angles are in radians, as in REP-103. Names of fields are those of the
 [columns](box-columns.md), except that `class_id` is the column `class`.

@@ -19,10 +19,10 @@ from simbev_ros.export.nuscenes.lidarseg import (
     LidarsegPart,
     lidarseg_parts,
     make_lidarseg_part,
-    remove_unnamed_labels,
+    remove_other_labels,
     why_without_labels,
 )
-from simbev_ros.export.nuscenes.map_expansion.expansion import write_expansion
+from simbev_ros.export.nuscenes.map_expansion.expansion import expansion_part, write_expansion
 from simbev_ros.export.nuscenes.map_masks import sites_of, write_mask
 from simbev_ros.export.nuscenes.origins import VERSION
 from simbev_ros.export.nuscenes.scene_part import ScenePart, make_part, parts_of
@@ -118,12 +118,15 @@ def export_nuscenes(
         sites = sites_of(summaries)
         for site in sites:
             write_mask(site, out)
-            if map_expansion:
-                write_expansion(site, out)
-        buses = can_bus_parts(finished, sites, names) if can_bus else []
-        failures |= _make_missing(make_can_bus_part, buses, pool)
+            write_expansion(site, out) if map_expansion else expansion_part(site, out).remove()
+        buses = can_bus_parts(finished, sites, names)
+        if can_bus:
+            failures |= _make_missing(make_can_bus_part, buses, pool)
+        else:
+            for bus in buses:
+                bus.remove()
         classes = write_tables(out, finished, sites, version, names, labels) if finished else {}
-        remove_unnamed_labels(out, version, labels)
+        remove_other_labels(out, version, labeled)
         for part in (*parts, *labeled, *buses):
             part.tidy_up()
     samples, files = (sum(each[name] for each in summaries) for name in ("samples", "files"))
@@ -136,7 +139,7 @@ def export_nuscenes(
         origins_m={site.name: site.low_m for site in sites},
         classes=classes,
         unlabeled={part.scene.name: why for part in finished if lidarseg and (why := why_without_labels(part.scene))},
-        without_imu=sum(imu_of(part.scene) is None for part in buses),
+        without_imu=sum(imu_of(part.scene) is None for part in buses) if can_bus else 0,
     )
 
 

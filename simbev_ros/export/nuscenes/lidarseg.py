@@ -4,8 +4,9 @@ A scene enters; a part of the export leaves, beside the part with the scene's fi
 get labels without being made again. Labels are of the uppermost lidar, as in nuScenes, and need its semantic cloud.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from glob import escape
 from pathlib import Path
 
 from simbev_ros.config.lidar import Lidar
@@ -15,7 +16,7 @@ from simbev_ros.export.nuscenes.keyframes import keyframe_by_tick, keyframes_of
 from simbev_ros.export.nuscenes.point_categories import labels_of_points, labels_of_surfaces
 from simbev_ros.export.nuscenes.scene_part import ScenePart, source_of
 from simbev_ros.export.nuscenes.taxonomy import Record, sample_data_token, scene_token
-from simbev_ros.export.parts import Part
+from simbev_ros.export.parts import PARTS_FOLDER, Part
 from simbev_ros.types import UInt8Array
 
 FOLDER = "lidarseg"
@@ -49,7 +50,7 @@ def lidarseg_parts(parts: Sequence[ScenePart], version: str) -> list[LidarsegPar
             out=part.out,
             name=f"{part.name}.{version}.lidarseg",
             identity={"made_from": {**source_of(part.scene), "keyframe_hz": part.keyframe_hz}},
-            patterns=(),  # names of labels do not tell their scene; remove_unnamed_labels removes those left over
+            patterns=(),  # names of labels do not tell their scene; remove_other_labels removes those left over
             scene=part.scene,
             keyframe_hz=part.keyframe_hz,
             version=version,
@@ -59,9 +60,20 @@ def lidarseg_parts(parts: Sequence[ScenePart], version: str) -> list[LidarsegPar
     ]
 
 
-def remove_unnamed_labels(out: Path, version: str, rows: Iterable[Record]) -> None:
-    """Remove the files of labels that are in no row of the table: the devkit refuses a folder with others."""
-    named = {record["filename"] for record in rows}
+def remove_other_labels(out: Path, version: str, parts: Sequence[LidarsegPart]) -> None:
+    """Remove the labels of all other parts, as the devkit refuses a folder with files that are not in the table.
+
+    Args:
+        out: Folder of the export.
+        version: Name of the tables' folder.
+        parts: The finished parts whose labels are in the table; none: it has no labels.
+    """
+    kept, suffix = {part.name for part in parts}, f".{version}.lidarseg"
+    for record in (out / PARTS_FOLDER).glob(f"*{escape(suffix)}.json"):
+        name = record.name.removesuffix(".json")
+        if name not in kept:
+            Part(out=out, name=name, identity={}, patterns=()).remove()
+    named = {row["filename"] for part in parts for row in part.rows()}
     for file in (out / FOLDER / version).glob("*"):
         if str(file.relative_to(out)) not in named:
             file.unlink()
@@ -71,7 +83,7 @@ def why_without_labels(scene: Scene) -> str:
     """The reason why a scene cannot have labels; "" if it can."""
     channel = _top_lidar(scene)
     if channel is None:
-        return "it has no lidar"
+        return "it has no lidar, without which the devkit cannot evaluate detections either"
     key = _semantic_key(channel)
     return "" if key in scene.sources else f"{key} was not recorded"
 

@@ -15,7 +15,7 @@ _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # the same values, many
 
 _LIBYAML_DEPTH = "maximum nesting depth"
 """In the message of libyaml's own limit, which newer versions have; ours is lower."""
-_TOO_DEEP = f"line {{}}: it is nested more than {MAX_YAML_DEPTH} deep"
+_TOO_DEEP = f"it is nested more than {MAX_YAML_DEPTH} deep"
 
 
 def parse_json(text: str | bytes) -> Any:
@@ -44,7 +44,7 @@ def parse_yaml(text: str | bytes) -> Any:
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         if _LIBYAML_DEPTH in str(error) and mark is not None:  # its scanner is ahead of the events
-            raise LimitError(_TOO_DEEP.format(mark.line + 1)) from None
+            raise LimitError(f"line {mark.line + 1}: {_TOO_DEEP}") from None
         raise ValueError(" ".join(str(error).split())) from None
     except (AttributeError, TypeError, KeyError, OverflowError) as error:  # values that their tag does not allow
         raise ValueError(f"a value does not fit its tag: {error!r}") from None
@@ -73,7 +73,7 @@ def _check(text: str | bytes) -> None:
             counts.append(1)
             names.append(event.anchor)
             if len(names) > MAX_YAML_DEPTH:
-                raise LimitError(_TOO_DEEP.format(event.start_mark.line + 1))
+                raise LimitError(f"{_place(event)}: {_TOO_DEEP}")
             continue
         if isinstance(event, yaml.CollectionEndEvent):
             size = counts.pop()

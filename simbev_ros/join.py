@@ -91,7 +91,7 @@ class Lockstep:
         self.close()
 
     def finished(self, stamp: Time) -> None:
-        """Report that the input with this stamp, and all before it, need the world to wait no longer.
+        """Report that the input with this stamp, and all before it, have been processed.
 
         Stamps of other scenes are ignored: an input may still arrive when the next scene has been announced.
 

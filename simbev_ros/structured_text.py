@@ -13,6 +13,11 @@ from simbev_ros.limits import MAX_YAML_BYTES, MAX_YAML_DEPTH, MAX_YAML_NUMBER_CH
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # the same values, many times faster
 
 
+_LIBYAML_DEPTH = "maximum nesting depth"
+"""In the message of libyaml's own limit, which newer versions have; ours is lower."""
+_TOO_DEEP = f"it is nested more than {MAX_YAML_DEPTH} deep"
+
+
 def parse_json(text: str | bytes) -> Any:
     """Parse JSON.
 
@@ -37,6 +42,9 @@ def parse_yaml(text: str | bytes) -> Any:
         _check(text)
         return yaml.load(text, Loader=_LOADER)
     except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        if _LIBYAML_DEPTH in str(error) and mark is not None:  # its scanner is ahead of the events
+            raise LimitError(f"line {mark.line + 1}: {_TOO_DEEP}") from None
         raise ValueError(" ".join(str(error).split())) from None
     except (AttributeError, TypeError, KeyError, OverflowError) as error:  # values that their tag does not allow
         raise ValueError(f"a value does not fit its tag: {error!r}") from None
@@ -65,7 +73,7 @@ def _check(text: str | bytes) -> None:
             counts.append(1)
             names.append(event.anchor)
             if len(names) > MAX_YAML_DEPTH:
-                raise LimitError(f"{_place(event)}: it is nested more than {MAX_YAML_DEPTH} deep")
+                raise LimitError(f"{_place(event)}: {_TOO_DEEP}")
             continue
         if isinstance(event, yaml.CollectionEndEvent):
             size = counts.pop()

@@ -64,7 +64,7 @@ def run(
     """
     from simbev_ros.cli.production_display import SceneDisplay
     from simbev_ros.graph.exposure import Exposure
-    from simbev_ros.installation.message_packages.installer import describe_remedy
+    from simbev_ros.installation.message_packages.installer import describe_remedy, survey_packages
     from simbev_ros.production.observer import SeveralObservers
     from simbev_ros.production.play import play_scenes
     from simbev_ros.production.serve import serve_scenes
@@ -83,8 +83,8 @@ def run(
     exposure = Exposure(network=network, security=security)
     profile = f"FASTRTPS_DEFAULT_PROFILES_FILE={exposure.profile_file}"
     console.print(f"subscribers: export {profile}", style="dim", soft_wrap=True)
-    if remedy := describe_remedy():
-        console.print(f"no /tf and no detections live: {remedy}", style="dim", soft_wrap=True)
+    if lacking := [state.package.use for state in survey_packages() if not state.is_there]:
+        console.print(f"not available: {'; '.join(lacking)}. {describe_remedy()}", style="dim", soft_wrap=True)
     command = " ".join([os.environ.get("SIMBEV_COMMAND", "simbev"), "env", *(["--network"] if network else [])])
     console.print(f"ros2 and RViz: source <({command})", style="dim", highlight=False, soft_wrap=True)
     with viewer_beside(view_port, console, wanted=view, network=network, ros=ros) as viewer:

@@ -120,18 +120,24 @@ def odometry_message(actor: Table, stamp_ns: int, child_frame: str, ahead_m: flo
     rpy = np.array([actor["roll"], actor["pitch"], actor["yaw"]], np.float64)
     child_from_map = rotations_from_rpy(rpy).T
     message = Odometry(header=header(stamp_ns, MAP_FRAME), child_frame_id=child_frame)
-    message.pose.pose.position = point_message(np.array([actor["x"], actor["y"], actor["z"]]))
+    message.pose.pose.position = point_message(position_ahead(actor, ahead_m))
     message.pose.pose.orientation = quaternion_message(quaternion_from_rpy(rpy))
     velocity = child_from_map @ np.array([actor["vx"], actor["vy"], actor["vz"]], np.float64)
     rates = child_from_map @ np.array([actor["wx"], actor["wy"], actor["wz"]], np.float64)
     if ahead_m:
-        arm_m = np.array([ahead_m, 0.0, 0.0])
-        position = np.array([actor["x"], actor["y"], actor["z"]], np.float64) + child_from_map.T @ arm_m
-        message.pose.pose.position = point_message(position)
-        velocity = velocity + np.cross(rates, arm_m)
+        velocity = velocity + np.cross(rates, [ahead_m, 0.0, 0.0])
     message.twist.twist.linear = vector_message(velocity)
     message.twist.twist.angular = vector_message(rates)
     return message
+
+
+def position_ahead(actor: Table, ahead_m: float) -> Float64Array:
+    """(3,) position, map frame, of a point on the x axis of the frame of an actor, one ``ACTOR_DTYPE`` row."""
+    position_m = np.array([actor["x"], actor["y"], actor["z"]], np.float64)
+    if not ahead_m:
+        return position_m
+    rpy_rad = np.array([actor["roll"], actor["pitch"], actor["yaw"]], np.float64)
+    return np.asarray(position_m + ahead_m * rotations_from_rpy(rpy_rad)[:, 0], np.float64)
 
 
 def map_from_base_link(odometry: Odometry) -> Float64Array:

@@ -1,13 +1,13 @@
 """The world node's topics for displays: markers, the path of the ego, weather and events, made while subscribed to."""
 
-from simbev_ros.geometry.transforms import quaternion_from_rpy, rotations_from_rpy
+from simbev_ros.geometry.transforms import quaternion_from_rpy
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.displays.box_markers import world_markers
 from simbev_ros.msgs.displays.ego_path import EgoPath, PathPose
 from simbev_ros.msgs.displays.status import EVENT, WEATHER, status
 from simbev_ros.msgs.displays.table_points import table_points
 from simbev_ros.msgs.topic import Topic
-from simbev_ros.msgs.world import event_record
+from simbev_ros.msgs.world import event_record, position_ahead
 from simbev_ros.nodes.graph_node import GraphNode
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
@@ -51,7 +51,6 @@ class WorldDisplays:
         self._path.add(here)
 
     def _base_link(self, state: WorldState) -> PathPose:
-        position_m, rpy_rad = vector(state.ego, "x y z"), vector(state.ego, "roll pitch yaw")
-        if self._base_link_x_m:
-            position_m = position_m + rotations_from_rpy(rpy_rad) @ [self._base_link_x_m, 0.0, 0.0]
-        return PathPose(state.stamp_ns, position_m.tolist(), quaternion_from_rpy(rpy_rad).tolist())
+        position_m = position_ahead(state.ego, self._base_link_x_m)
+        xyzw = quaternion_from_rpy(vector(state.ego, "roll pitch yaw"))
+        return PathPose(state.stamp_ns, position_m.tolist(), xyzw.tolist())

@@ -5,6 +5,7 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from commands import SMALL, Command, record
 from rosbags.highlevel import AnyReader
@@ -12,6 +13,7 @@ from rosbags.highlevel import AnyReader
 from simbev_ros.dataset import open_dataset
 from simbev_ros.dataset.plan import Plan
 from simbev_ros.dataset.staging import staging_of
+from simbev_ros.dataset.values import poses_from_odometry
 from simbev_ros.recording.digest import topic_digests
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.recording.verify import verify_bag
@@ -144,6 +146,33 @@ def test_replay_at_night_with_other_sensors_repeats_all_motion(recorded: Path, s
         before["/ego/cam_front/depth/image_raw/compressedDepth"]
         == (after["/ego/cam_front/depth/image_raw/compressedDepth"])
     )
+
+
+def test_other_frames_and_noisy_localization_change_no_motion(recorded: Path, simbev: Simbev, tmp_path: Path) -> None:
+    """Wheel odometry, GNSS velocity and orientation errors are recorded completely, and /tf composes to the truth."""
+    sensors = [
+        "{type: lidar, name: lidar, pose: {z_m: 1.8}, channels: 8, columns: 128}",
+        "{type: gnss, name: gnss, velocity: {}}",
+        "{type: imu, name: imu_fast, rate_hz: 100, orientation: {}}",
+        "{type: odometry, name: wheel, rate_hz: 10}",
+    ]
+    head, _, tail = SMALL.partition("    - {type: camera")
+    text = head + "".join(f"    - {each}\n" for each in sensors) + tail[tail.index("weather:") :]
+    config = write_config(tmp_path, text + "frames: {odom: true, base_link: rear_axle}\n", "frames.yaml")
+    moved = replay(simbev, recorded, config, tmp_path / "frames")
+    assert not verify_bag(moved)
+    before, after = open_dataset(recorded).scenes[0], open_dataset(moved).scenes[0]
+    for frame, other in zip(before, after, strict=True):
+        for key in ("lidar/points", "bev/labels", "world/actors"):
+            np.testing.assert_array_equal(frame[key], other[key])
+        np.testing.assert_allclose(other.map_from_sensor("lidar"), frame.map_from_sensor("lidar"), rtol=0, atol=1e-9)
+        tree, (odometry,) = other["tf"], other.messages("odom")
+        map_from_base = tree["map", "ego/odom"] @ tree["ego/odom", "ego/base_link"]
+        position = odometry.pose.pose.position
+        np.testing.assert_allclose(map_from_base[:3, 3], [position.x, position.y, position.z], rtol=0, atol=1e-9)
+        if "wheel/odometry" in other:
+            wheel = poses_from_odometry(other["wheel/odometry"][-1])
+            np.testing.assert_allclose(wheel, tree["ego/odom", "ego/base_link"], rtol=0, atol=1e-9)
 
 
 def test_a_bag_that_cannot_be_replayed_is_refused_before_a_process_starts(simbev: Simbev, tmp_path: Path) -> None:

@@ -6,10 +6,8 @@ What is recorded does not depend on it.
 
 import sys
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-
-from rclpy.time_source import USE_SIM_TIME_NAME
 
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.evaluation import BOXES_TOPIC, GRIDS_TOPIC, REFERENCE_STACK, Evaluation
@@ -94,12 +92,7 @@ def plan_processes(
         "state_readers": state_readers,
         "window_ticks": _window_ticks(scenario, cores),
     }
-    return [(NodePlan("world", "world", parameters),), *map(_in_simulated_time, behind)]
-
-
-def _in_simulated_time(nodes: ProcessPlan) -> ProcessPlan:
-    """The nodes with ROS's parameter ``use_sim_time``, which all but the owner of time have."""
-    return tuple(replace(node, parameters={USE_SIM_TIME_NAME: True, **node.parameters}) for node in nodes)
+    return [(NodePlan("world", "world", parameters),), *behind]
 
 
 def _window_ticks(scenario: Scenario, cores: int) -> int:

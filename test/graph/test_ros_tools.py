@@ -50,14 +50,14 @@ def stamp_ns(message: Any) -> int:
 
 
 def check_parameters(caller: Caller) -> None:
-    """Every parameter has a value and a description, and all nodes but the owner of time follow /clock."""
+    """Every parameter has a value and a description; time comes with the messages, not from anybody's /clock."""
     for name in ("/world", "/ego/lidar", "/ego/gnss", "/ego/imu", "/ego/annotator"):
         names = caller.call(ListParameters, f"{name}/list_parameters", ListParameters.Request()).result.names
         assert {"live", "use_sim_time"} <= set(names)
         values = caller.call(GetParameters, f"{name}/get_parameters", GetParameters.Request(names=names)).values
         assert len(values) == len(names)
         assert ParameterType.PARAMETER_NOT_SET not in {value.type for value in values}
-        assert dict(zip(names, values, strict=True))["use_sim_time"].bool_value == (name != "/world")
+        assert dict(zip(names, values, strict=True))["use_sim_time"].bool_value is False
         request = DescribeParameters.Request(names=[each for each in names if each not in OF_RCLPY])
         described = caller.call(DescribeParameters, f"{name}/describe_parameters", request).descriptors
         assert all(each.description and each.read_only for each in described)

@@ -52,7 +52,7 @@ class RosArguments:
                 raise InputError(f"--ros-args -r {word}: all nodes would have this name; allowed: NODE:{word}")
             if is_rule and rule == "__ns":
                 kept.pop()
-                found.append(_checked_namespace(f"--ros-args -r {word}", value))
+                found.append(_checked_namespace("--ros-args -r __ns", value))
             else:
                 kept.append(word)
         if len(set(found)) > 1:
@@ -110,7 +110,7 @@ def _checked_namespace(where: str, text: str) -> str:
     namespace = f"/{text.strip('/')}" if text.strip("/") else ""
     if namespace and not (_NAMESPACE.fullmatch(namespace) and len(namespace) <= _MAX_LENGTH):
         raise InputError(
-            f"{where}: is no namespace; allowed: letters, digits and _ in parts that / separates and no digit begins, "
-            f"at most {_MAX_LENGTH} characters"
+            f"{where}: {text!r:.80} is no namespace; allowed: letters, digits and _ in parts that / separates and no "
+            f"digit begins, at most {_MAX_LENGTH} characters"
         )
     return namespace

@@ -129,6 +129,9 @@ class TransformBroadcaster:
             self._publishers[topics.TF_STATIC].publish(TFMessage(transforms=list(static_transforms(spec))))
 
     def publish(self, odometry: Odometry) -> None:
-        """Publish the ego's transforms of a tick, if the graph publishes any."""
-        if self._publishers and self._transforms is not None and (moving := self._transforms.at(odometry)):
-            self._publishers[topics.TF].publish(TFMessage(transforms=moving))
+        """Publish the ego's transforms of a tick, if the graph publishes any and somebody subscribes."""
+        if not self._publishers or self._transforms is None:
+            return
+        moving, publisher = self._transforms.at(odometry), self._publishers[topics.TF]  # dead reckoning needs each tick
+        if moving and publisher.get_subscription_count():
+            publisher.publish(TFMessage(transforms=moving))

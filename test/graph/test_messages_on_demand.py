@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from commands import DOMAIN, Command
+from scipy.spatial.transform import Rotation
 
 from simbev_ros.msgs.message_types import is_installed, message_class
 from simbev_ros.msgs.qos import LATCHED, STATE_READER, rclpy_qos
@@ -92,7 +93,8 @@ def listener(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Listener]:
 
     config = tmp_path_factory.mktemp("on_demand") / "small.yaml"
     lines = SMALL.replace("DURATION", "600").splitlines(keepends=True)
-    config.write_text("".join(line for line in lines if "type: radar" not in line and "imu" not in line))
+    lines = [line for line in lines if "type: radar" not in line and "imu" not in line]
+    config.write_text("".join([*lines, "frames: {odom: true}\n"]))
     context = Context()
     rclpy.init(context=context, domain_id=DOMAIN)
     node = rclpy.create_node("listener", context=context)
@@ -112,17 +114,25 @@ def listener(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Listener]:
     yield listener
 
 
-def test_tf_is_the_odometry(listener: Listener) -> None:
+def test_the_transforms_of_tf_lead_to_the_pose_of_the_odometry(listener: Listener) -> None:
     pairs = listener.pairs("/ego/odom", "/tf")
     assert len(pairs) >= _PAIRS
     for odometry, message in pairs:
-        [transform] = message.transforms
-        assert (transform.header.frame_id, transform.child_frame_id) == ("map", "ego/base_link")
-        pose, there = odometry.pose.pose, transform.transform
-        position = [pose.position.x, pose.position.y, pose.position.z]
-        assert [there.translation.x, there.translation.y, there.translation.z] == pytest.approx(position, abs=1e-9)
-        turn = [pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w]
-        assert [there.rotation.x, there.rotation.y, there.rotation.z, there.rotation.w] == pytest.approx(turn, abs=1e-9)
+        names = [(each.header.frame_id, each.child_frame_id) for each in message.transforms]
+        assert names == [("map", "ego/odom"), ("ego/odom", "ego/base_link")]
+        map_from_odom, odom_from_base = (
+            pose_matrix(each.transform.translation, each.transform.rotation) for each in message.transforms
+        )
+        truth = pose_matrix(odometry.pose.pose.position, odometry.pose.pose.orientation)
+        assert np.abs(map_from_odom @ odom_from_base - truth).max() < 1e-9
+
+
+def pose_matrix(position: Any, turn: Any) -> np.ndarray:
+    """(4, 4) pose from a position or translation and a quaternion."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).as_matrix()
+    matrix[:3, 3] = position.x, position.y, position.z
+    return matrix
 
 
 def test_static_transforms_reach_every_sensor(listener: Listener) -> None:

@@ -47,7 +47,7 @@ def test_every_topic_has_exactly_its_messages(recorded: Path) -> None:
     world = ("scene", "map", "legend", "lights", "building_lights")
     once = {"/tf_static", "/robot_description", *(f"/world/{name}" for name in world)}
     camera = {name for name in counts if name.startswith("/ego/cam_front/")}
-    assert len(camera) == 11
+    assert len(camera) == 12
     assert (counts.pop("/ego/occupancy/points"), counts.pop("/ego/vector_map")) == (5, 3)
     fast = {"/ego/imu_fast/data", "/ego/imu_fast/data_raw"}
     assert {counts.pop(name) for name in fast} == {1 + 9 * 5}  # from tick 0 on

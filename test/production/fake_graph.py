@@ -62,7 +62,9 @@ class FakeSession:
     def new_advice(self) -> list[str]:
         return []
 
-    def play(self, spec: SceneSpec, progress: Progress, replay: Path | None = None) -> SceneEnd:
+    def play(
+        self, spec: SceneSpec, progress: Progress, replay: Path | None = None, config: Scenario | None = None
+    ) -> SceneEnd:
         self._graph.log.append(spec.name)
         self._graph.replays.append(replay)
         bag = scene_folder(self._dataset, spec.split, spec.name)

@@ -136,6 +136,7 @@ def test_a_wrong_definition_is_named(tmp_path: Path) -> None:
 def outdated(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let no package be installed, on a machine where ROS comes from wheels."""
     versions: Callable[[str], str | None] = {"ros-rclpy": "7.1.6"}.get
+    monkeypatch.setenv("SIMBEV_COMMAND", "./simbev")
     monkeypatch.setattr(installer, "_version", versions)
     monkeypatch.setattr(installer.util, "find_spec", lambda name: None)
 
@@ -147,7 +148,7 @@ def test_without_a_compiler_the_packages_of_the_distribution_are_named(monkeypat
         SimbevError, match=r"^tf2_msgs, vision_msgs, simbev_interfaces cannot be made on this machine: no C"
     ):
         installer.install_missing()
-    assert installer.describe_remedy() == "no C++ compiler: apt-get install g++ python3-dev, then simbev doctor --fix"
+    assert installer.describe_remedy() == "no C++ compiler: apt-get install g++ python3-dev, then ./simbev doctor --fix"
 
 
 @pytest.mark.usefixtures("outdated")
@@ -155,7 +156,7 @@ def test_without_the_headers_of_python_they_are_asked_for(monkeypatch: pytest.Mo
     monkeypatch.setattr(libraries.shutil, "which", lambda name: f"/usr/bin/{name}")
     monkeypatch.setattr(libraries.sysconfig, "get_path", lambda name: str(tmp_path))
     assert (
-        installer.describe_remedy() == "no headers of Python: apt-get install g++ python3-dev, then simbev doctor --fix"
+        installer.describe_remedy() == "no headers of Python: apt-get install g++ python3-dev, then ./simbev doctor --fix"
     )
 
 

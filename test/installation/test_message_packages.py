@@ -156,7 +156,8 @@ def test_without_the_headers_of_python_they_are_asked_for(monkeypatch: pytest.Mo
     monkeypatch.setattr(libraries.shutil, "which", lambda name: f"/usr/bin/{name}")
     monkeypatch.setattr(libraries.sysconfig, "get_path", lambda name: str(tmp_path))
     assert (
-        installer.describe_remedy() == "no headers of Python: apt-get install g++ python3-dev, then ./simbev doctor --fix"
+        installer.describe_remedy()
+        == "no headers of Python: apt-get install g++ python3-dev, then ./simbev doctor --fix"
     )
 
 

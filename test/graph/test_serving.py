@@ -39,6 +39,11 @@ class Client:
         assert self._load.wait_for_service(_TIMEOUT_S)
         assert self._run.wait_for_server(_TIMEOUT_S)
 
+    def close(self) -> None:
+        """Let go of the node, which would stay in the domain otherwise."""
+        self._run.destroy()
+        self._load.destroy()
+
     def load(self, **order: Any) -> Any:
         """Ask for a scene by service; return the answer."""
         return _result(self._load.call_async(self._load_type.Request(**order)))
@@ -80,9 +85,11 @@ def client() -> Iterator[Client]:
 
     thread = threading.Thread(target=spin)
     thread.start()
-    yield Client(node)
+    client = Client(node)
+    yield client
     executor.shutdown()
     thread.join()
+    client.close()
     node.destroy_node()
     rclpy.shutdown(context=context)
 

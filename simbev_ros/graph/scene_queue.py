@@ -128,8 +128,7 @@ class SceneQueue:
             if self._closed:
                 raise SimbevError("the graph is about to end")
             if interrupt:
-                for other in (*self._waiting, *([] if self._current is None else [self._current])):
-                    other.stop(f"{spec.name} was asked for instead")
+                self._end_all(f"{spec.name} was asked for instead")
             if len(self._waiting) >= _MAX_WAITING:
                 raise SimbevError(f"{_MAX_WAITING} scenes are waiting already")
             self._waiting.append(scene)
@@ -154,9 +153,15 @@ class SceneQueue:
         """Refuse further orders, and end those that wait."""
         with self._changed:
             self._closed = True
-            for scene in self._waiting:
-                scene.finish(Outcome(success=False, message="the graph has ended"))
-            self._waiting.clear()
+            self._end_all("the graph has ended")
             current = self._current
         if current is not None:
             current.finish(Outcome(success=False, message="the graph has ended", last_tick=current.tick))
+
+    def _end_all(self, reason: str) -> None:
+        """Drop the scenes that wait, and let the current one end."""
+        for scene in self._waiting:
+            scene.finish(Outcome(success=False, message=reason))
+        self._waiting.clear()
+        if self._current is not None:
+            self._current.stop(reason)

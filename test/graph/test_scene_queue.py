@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from simbev_ros.errors import InputError, SimbevError
+from simbev_ros.graph import scene_queue
 from simbev_ros.graph.scene_queue import Outcome, Phase, SceneOrder, SceneQueue
 
 
@@ -105,3 +106,15 @@ def phases_of_action() -> Callable[[], dict[str, int]]:
         return {name.removeprefix("PHASE_"): int(value) for name, _, value in (word.partition("=") for word in words)}
 
     return read
+
+
+def test_a_full_queue_refuses_a_scene_unless_it_replaces_all_others(
+    queue: SceneQueue, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(scene_queue, "_MAX_WAITING", 2)
+    waiting = [order(queue, number) for number in range(2)]
+    with pytest.raises(SimbevError, match="2 scenes are waiting already"):
+        order(queue, 2)
+    urgent = order(queue, 3, interrupt=True)
+    assert all(scene.outcome.done() for scene in waiting)
+    assert queue.take(0.0) is urgent

@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+import xml.etree.ElementTree as ElementTree
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -192,3 +193,9 @@ def test_every_package_has_definitions() -> None:
     assert "msg/TFMessage.msg" in names["tf2_msgs"]
     assert "msg/Detection3DArray.msg" in names["vision_msgs"]
     assert {"srv/LoadScene.srv", "action/RunScene.action"} < set(names["simbev_interfaces"])
+
+
+def test_our_own_package_has_the_version_and_license_of_its_manifest() -> None:
+    manifest = ElementTree.parse(Path(__file__).parents[2] / "interfaces" / "package.xml").getroot()
+    (own,) = (package for package in MESSAGE_PACKAGES if package.name == manifest.findtext("name"))
+    assert (own.version, own.license) == (manifest.findtext("version"), manifest.findtext("license"))

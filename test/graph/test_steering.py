@@ -34,12 +34,7 @@ def stamp_ns(clock: Clock) -> int:
 @pytest.mark.parametrize(
     ("options", "answer_to_reset"),
     [
-        # Slow although it is not: behind all other graph tests in one process, its node often hears no /clock.
-        pytest.param(
-            [],
-            "only a live scene can start again; in lockstep all nodes are in the middle of this one",
-            marks=pytest.mark.slow,
-        ),
+        ([], "only a live scene can start again; in lockstep all nodes are in the middle of this one"),
         pytest.param(["--live"], "restarted", marks=pytest.mark.slow),
         pytest.param(
             ["--live", "--record", "out"], "a scene that is recorded cannot start again", marks=pytest.mark.slow

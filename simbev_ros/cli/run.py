@@ -81,12 +81,11 @@ def run(
     if domain is None and not os.environ.get("ROS_DOMAIN_ID"):
         domain = 0
     exposure = Exposure(network=network, security=security)
-    profile = f"FASTRTPS_DEFAULT_PROFILES_FILE={exposure.profile_file}"
-    console.print(f"subscribers: export {profile}", style="dim", soft_wrap=True)
+    console.print(
+        f"subscribers: source <({_env_command(domain, network)})", style="dim", highlight=False, soft_wrap=True
+    )
     if lacking := [state.package.use for state in survey_packages() if not state.is_there]:
         console.print(f"not available: {'; '.join(lacking)}. {describe_remedy()}", style="dim", soft_wrap=True)
-    command = " ".join([os.environ.get("SIMBEV_COMMAND", "simbev"), "env", *(["--network"] if network else [])])
-    console.print(f"ros2 and RViz: source <({command})", style="dim", highlight=False, soft_wrap=True)
     with viewer_beside(view_port, console, wanted=view, network=network, ros=ros) as viewer:
         observer = SeveralObservers(SceneDisplay(console), viewer)
         play = serve_scenes if serve else play_scenes
@@ -94,3 +93,9 @@ def run(
         bags = play(scenario, live=live, dataset=record, **where, observer=observer)
         for bag in bags:
             console.print(f"recorded {bag}", soft_wrap=True)
+
+
+def _env_command(domain: int | None, network: bool) -> str:
+    """Command for other shells: prints the variables with which their nodes find this graph."""
+    options = [*(["--domain", str(domain)] if domain else []), *(["--network"] if network else [])]
+    return " ".join([os.environ.get("SIMBEV_COMMAND", "simbev"), "env", *options])

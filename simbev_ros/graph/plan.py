@@ -127,12 +127,13 @@ def _processes_behind_world(
         yield (NodePlan("recorder", "recorder", parameters),)
 
 
-def stack_command(scenario: Scenario, ros: RosArguments = PLAIN) -> tuple[str, ...]:
+def stack_command(scenario: Scenario, ros: RosArguments = PLAIN, *, live: bool = False) -> tuple[str, ...]:
     """Command of the perception stack to run with the graph; empty: none.
 
     Args:
         scenario: The configuration.
         ros: What all nodes of the graph are told; so is the reference stack, but no other one.
+        live: Whether the world is paced by the wall clock.
     """
     evaluation = scenario.evaluation
     if evaluation is None or evaluation.stack is None:
@@ -149,8 +150,9 @@ def stack_command(scenario: Scenario, ros: RosArguments = PLAIN) -> tuple[str, .
     rules = [f"{old}:={new}" for old, new in topics.items() if new != old]
     below = [":=".join(name.removeprefix("/") for name in rule.split(":=")) for rule in rules]  # the namespace
     remapping = [word for rule in below for word in ("--remap", rule)]
-    lidar = ("-p", f"lidar_topic:={input_topic(scenario.rig, evaluation)}")
-    return (sys.executable, "-m", f"simbev_ros.{REFERENCE_STACK}", *ros.command(*lidar, *remapping))
+    settings = [f"lidar_topic:={input_topic(scenario.rig, evaluation)}", *(["live:=true"] if live else [])]
+    parameters = [word for setting in settings for word in ("-p", setting)]
+    return (sys.executable, "-m", f"simbev_ros.{REFERENCE_STACK}", *ros.command(*parameters, *remapping))
 
 
 def input_topic(rig: Rig, evaluation: Evaluation) -> str:

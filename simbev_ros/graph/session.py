@@ -126,7 +126,7 @@ class GraphSession:
         self._starter = NodeStarter(kinds_of_all, self._traces.folder, {**environment, KEY_VARIABLE: key})
         for nodes in plans:
             self._processes.append(NodeProcess(self._starter, nodes, self._traces.folder, self._ros))
-        if stack := stack_command(self._scenario, self._ros):
+        if stack := stack_command(self._scenario, self._ros, live=self._live):
             self._processes.append(StackProcess(self._starter, stack, self._traces.folder))
         names = [node.ros_name(self._ros.namespace) for nodes in plans for node in nodes]
         reporting = [*(name.name for name in names[1:]), *self._scenario.participants]

@@ -39,13 +39,18 @@ class ReferenceStack(Node):
     """Answers lidar clouds: every cloud in lockstep, the newest one live.
 
     Topics, relative to the node's namespace, which can be remapped as usual: ego/lidar/points, ego/odom, world/scene
-    in; prediction/boxes, prediction/boxes/markers (only with subscribers), prediction/bev and sync/ready out. The
-    parameter ``lidar_topic`` chooses another lidar by its topic in the scene, which may itself be remapped.
+    in; prediction/boxes, prediction/boxes/markers (only with subscribers), prediction/bev and sync/ready out.
+
+    Parameters:
+        lidar_topic: Another lidar, by its topic in the scene, which may itself be remapped.
+        live: Whether the graph is, so that the newest cloud counts. Left out, best-effort clouds say so; a live graph
+            with ``--reliable`` does not differ from lockstep in this.
     """
 
     def __init__(self) -> None:
         super().__init__("reference_stack")
         lidar_topic = self.declare_parameter("lidar_topic", "").value
+        self._live = bool(self.declare_parameter("live", False).value)
         self._points_topic = self.resolve_topic_name(lidar_topic.removeprefix("/") or "ego/lidar/points")
         self._lidar_topic = lidar_topic or self._points_topic.removeprefix(self.get_namespace().rstrip("/"))
         self._scene: Scene | None = None
@@ -71,12 +76,12 @@ class ReferenceStack(Node):
         self._pipeline = Pipeline(self._scene.ego_from_lidar, self._scene.grid)
 
     def _connect(self) -> None:
-        """Subscribe to the clouds with the offered reliability; when connected, report the lead-in as finished."""
+        """Subscribe to the clouds, every one or the newest; when connected, report the lead-in as finished."""
         if self._scene is None or self._polls_connected >= _POLLS_TO_SETTLE:
             return
         if self._points is None:
             for publisher in self.get_publishers_info_by_topic(self._points_topic)[:1]:
-                is_live = publisher.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+                is_live = self._live or publisher.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
                 qos = _NEWEST if is_live else _EVERY
                 self._points = self.create_subscription(PointCloud2, self._points_topic, self._on_cloud, qos)
         elif self._points.get_publisher_count() and self._odom.get_publisher_count():

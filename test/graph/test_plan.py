@@ -162,3 +162,8 @@ def test_the_reference_stack_gets_its_topics_relative_to_the_namespace_and_what_
     command = stack_command(scenario_with_evaluation({"stack": "reference", "grids_topic": "/grids"}), told)
     assert command[3:] == ("--ros-args", *own, "-r", "/a:=/b", "-r", "__ns:=/sim1")
     assert scenario_with_evaluation({"stack": "reference"}).participants == ("reference_stack",)
+
+
+def test_the_reference_stack_knows_of_a_live_graph_whose_clouds_are_reliable() -> None:
+    command = stack_command(scenario_with_evaluation({"stack": "reference"}), live=True)
+    assert command[3:] == ("--ros-args", "-p", "lidar_topic:=/ego/lidar/points", "-p", "live:=true")

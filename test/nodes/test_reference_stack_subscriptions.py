@@ -1,0 +1,55 @@
+"""The reference stack queues every cloud in lockstep, and none but the newest in a live graph."""
+
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+import rclpy
+from made_up_scene import made_up_scene
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import String
+
+from simbev_ros.reference_stack.node import ReferenceStack
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+BEST_EFFORT = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+SubscribedAs = Callable[..., ReliabilityPolicy]
+
+
+@pytest.fixture
+def subscribed_as(tmp_path: Path) -> Iterator[SubscribedAs]:
+    """Function that starts the stack beside a publisher of clouds; returns the reliability that it asks for."""
+    nodes: list[Node] = []
+    text = made_up_scene(tmp_path / "bag", number=3, ticks=1).spec.model_dump_json()
+
+    def subscribe(offered: QoSProfile, *arguments: str) -> ReliabilityPolicy:
+        rclpy.init(args=["--ros-args", *arguments], domain_id=39)
+        graph, stack = Node("graph"), ReferenceStack()
+        nodes.extend((graph, stack))
+        graph.create_publisher(PointCloud2, "/ego/lidar/points", offered)
+        graph.create_publisher(String, "/world/scene", LATCHED).publish(String(data=text))
+        end_s = time.monotonic() + 10.0
+        while not (found := graph.get_subscriptions_info_by_topic("/ego/lidar/points")) and time.monotonic() < end_s:
+            rclpy.spin_once(stack, timeout_sec=0.05)
+        return found[0].qos_profile.reliability
+
+    yield subscribe
+    for node in nodes:
+        node.destroy_node()
+    rclpy.shutdown()
+
+
+def test_reliable_clouds_are_all_read(subscribed_as: SubscribedAs) -> None:
+    assert subscribed_as(QoSProfile(depth=16)) == ReliabilityPolicy.RELIABLE
+
+
+def test_of_clouds_that_are_best_effort_the_newest_is_read(subscribed_as: SubscribedAs) -> None:
+    assert subscribed_as(BEST_EFFORT) == ReliabilityPolicy.BEST_EFFORT
+
+
+def test_of_reliable_clouds_of_a_live_graph_the_newest_is_read(subscribed_as: SubscribedAs) -> None:
+    assert subscribed_as(QoSProfile(depth=16), "-p", "live:=true") == ReliabilityPolicy.BEST_EFFORT

@@ -1,0 +1,59 @@
+"""Decodes heat maps and values at their peaks into boxes."""
+
+import numpy as np
+
+from simbev_ros.baselines.grid import FEATURE_CELL_M, FEATURE_CELLS, HALF_M
+from simbev_ros.types import AnyArray, Float32Array, Table
+
+BOX_DTYPE = np.dtype(
+    [
+        ("x", "<f8"),  # m, level frame: center of the box
+        ("y", "<f8"),
+        ("z", "<f8"),
+        ("length", "<f4"),  # m
+        ("width", "<f4"),
+        ("height", "<f4"),
+        ("yaw", "<f4"),  # rad, level frame
+        ("vx", "<f4"),  # m/s over ground, level frame
+        ("vy", "<f4"),
+        ("score", "<f4"),  # 0 … 1
+        ("class", "u1"),  # index into BOX_CLASSES
+    ]
+)
+_MAX_BOXES = 400
+_MIN_SCORE = 0.02
+_APART_WIDTHS = 0.8
+"""Minimum distance of two boxes of a class over the width of the more certain one."""
+
+
+def decode_boxes(heat: Float32Array, values: Float32Array) -> Table:
+    """Boxes of one frame, by descending score.
+
+    Args:
+        heat: (classes, FEATURE_CELLS, FEATURE_CELLS) scores, 0 where a neighbor has a higher one.
+        values: (len(heads.BOX_VALUES), FEATURE_CELLS, FEATURE_CELLS) values of boxes.
+    """
+    flat = heat.ravel()
+    likely = np.flatnonzero(flat > _MIN_SCORE)
+    likely = likely[np.argsort(-flat[likely], kind="stable")][:_MAX_BOXES]
+    label, row, column = np.unravel_index(likely, (len(heat), FEATURE_CELLS, FEATURE_CELLS))
+    dx, dy, z, length, width, height, sine, cosine, vx, vy = values[:, row, column]
+    boxes = np.zeros(len(likely), BOX_DTYPE)
+    boxes["x"] = HALF_M - (row + 0.5 + dx) * FEATURE_CELL_M
+    boxes["y"] = HALF_M - (column + 0.5 + dy) * FEATURE_CELL_M
+    boxes["z"], boxes["yaw"] = z, np.arctan2(sine, cosine)
+    for name, logarithm in (("length", length), ("width", width), ("height", height)):
+        boxes[name] = np.exp(np.clip(logarithm, -3.0, 4.0))
+    boxes["vx"], boxes["vy"], boxes["score"], boxes["class"] = vx, vy, flat[likely], label
+    return boxes[_apart(boxes)]
+
+
+def _apart(boxes: Table) -> AnyArray:
+    """(N,) whether no more certain box of the same class is too near; boxes by descending score."""
+    distance_m = np.hypot(boxes["x"][:, None] - boxes["x"], boxes["y"][:, None] - boxes["y"])
+    near = (distance_m < _APART_WIDTHS * boxes["width"][:, None]) & (boxes["class"][:, None] == boxes["class"])
+    kept = np.ones(len(boxes), np.bool_)
+    for index in range(len(boxes)):
+        if kept[index]:
+            kept[index + 1 :] &= ~near[index, index + 1 :]
+    return kept

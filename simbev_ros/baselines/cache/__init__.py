@@ -1,0 +1,1 @@
+"""Data that training reads: arrays on disk that are mapped into memory, written once from a dataset."""

@@ -1,0 +1,117 @@
+"""Reads a cache as a list of samples; arrays stay on disk until a sample needs them."""
+
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from simbev_ros.baselines.cache.layout import CM_PER_M, FORMAT, SCENE_FILE
+from simbev_ros.baselines.frames import points_of_frame, projections
+from simbev_ros.errors import InputError
+from simbev_ros.types import AnyArray, Float32Array, Table
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """One key frame.
+
+    Attributes:
+        points: (N, 4) float32 x, y, z (m, level frame), index of the sweep.
+        jpegs: Images of the cameras, as JPEG.
+        pixel_from_level: (K, 3, 4) float32 projections.
+        depth_m: (K, H / 8, W / 8) float32 depth; 0: none.
+        cells: (CELLS, CELLS) uint16 grid.
+        boxes: (B,) ``BOX_DTYPE``.
+    """
+
+    points: Float32Array
+    jpegs: tuple[AnyArray, ...]
+    pixel_from_level: Float32Array
+    depth_m: Float32Array
+    cells: AnyArray
+    boxes: Table
+
+
+class CachedScene:
+    """A scene of a cache. It is small when it is sent to another process, which maps the files anew."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    @cached_property
+    def about(self) -> dict[str, Any]:
+        """Facts about the scene.
+
+        Raises:
+            InputError: The scene is damaged, or of another version.
+        """
+        path = self.folder / SCENE_FILE
+        try:
+            about: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            raise InputError(f"{path}: cannot be read: {error}") from None
+        if about.get("format") != FORMAT:
+            raise InputError(
+                f"{path}: format: {about.get('format')!r}; this version reads {FORMAT}; write the cache again"
+            )
+        return about
+
+    @cached_property
+    def frames(self) -> Table:
+        """(F,) ``FRAME_DTYPE``."""
+        return np.asarray(self._map("frames"))
+
+    @cached_property
+    def _arrays(self) -> dict[str, AnyArray]:
+        names = ("sweeps", "points", "images", "image_ends", "depth", "cells", "boxes", "pixels")
+        return {name: self._map(name) for name in names}
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"folder": self.folder}
+
+    def sample(self, index: int) -> Sample:
+        """A key frame."""
+        frame, arrays = self.frames[index], self._arrays
+        sweeps = [int(each) for each in frame["sweeps"]]
+        poses = [arrays["sweeps"]["map_from_ego"][each] if each >= 0 else None for each in sweeps]
+        ends = arrays["image_ends"].ravel()
+        cameras = arrays["image_ends"].shape[1]
+        first = index * cameras
+        starts = [0 if k == 0 else int(ends[k - 1]) for k in range(first, first + cameras)]
+        boxes = slice(int(self.frames["boxes_end"][index - 1]) if index else 0, int(frame["boxes_end"]))
+        return Sample(
+            points=points_of_frame([self._points(each) if each >= 0 else None for each in sweeps], poses),
+            jpegs=tuple(arrays["images"][s : int(ends[first + k])] for k, s in enumerate(starts)),
+            pixel_from_level=projections(arrays["pixels"], frame["map_from_ego"]),
+            depth_m=arrays["depth"][index].astype(np.float32) / np.float32(CM_PER_M),
+            cells=arrays["cells"][index],
+            boxes=np.asarray(arrays["boxes"][boxes]),
+        )
+
+    def _points(self, sweep: int) -> Float32Array:
+        """(N, 3) points of a sweep, m, ego frame."""
+        ends = self._arrays["sweeps"]["points_end"]
+        points = self._arrays["points"][int(ends[sweep - 1]) if sweep else 0 : int(ends[sweep])]
+        return points.astype(np.float32) / np.float32(CM_PER_M)
+
+    def _map(self, name: str) -> AnyArray:
+        path = self.folder / f"{name}.npy"
+        try:
+            return np.asarray(np.load(path, mmap_mode="r"))
+        except (OSError, ValueError) as error:
+            raise InputError(f"{path}: cannot be read: {error}") from None
+
+
+def cached_scenes(cache: Path, split: str) -> list[CachedScene]:
+    """The scenes of a split by ascending number.
+
+    Raises:
+        InputError: There is none.
+    """
+    folders = [path.parent for path in (cache / split).glob(f"[!.]*/{SCENE_FILE}")]
+    if not folders:
+        raise InputError(f"{cache}: holds no scenes of the split {split}")
+    return [CachedScene(folder) for folder in sorted(folders, key=lambda each: int(each.name.rsplit("-", 1)[1]))]

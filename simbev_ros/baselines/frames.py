@@ -1,0 +1,63 @@
+"""Facts about frames that training and the live stack share: earlier sweeps, poses and projections."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from simbev_ros.baselines.grid import level_from_map
+from simbev_ros.types import Float32Array, Float64Array, Int64Array
+
+SWEEPS = 3
+"""Sweeps of a frame: the one of its own stamp and earlier ones, newest first."""
+SWEEP_INTERVAL_NS = 250_000_000
+"""Time from one sweep of a frame to the next."""
+_TOLERANCE_NS = 60_000_000
+_NO_SWEEP = -1
+
+
+def sweeps_of_frame(stamp_ns: int, sweep_stamps_ns: Int64Array) -> list[int]:
+    """Indices of the ``SWEEPS`` sweeps of a frame; -1 where there is none, as in a scene's first frames.
+
+    Args:
+        stamp_ns: Stamp of the frame.
+        sweep_stamps_ns: (S,) stamps of all sweeps, ascending.
+    """
+    chosen = []
+    for age in range(SWEEPS):
+        wanted_ns = stamp_ns - age * SWEEP_INTERVAL_NS
+        nearest = int(np.abs(sweep_stamps_ns - wanted_ns).argmin()) if len(sweep_stamps_ns) else _NO_SWEEP
+        is_near = nearest >= 0 and abs(int(sweep_stamps_ns[nearest]) - wanted_ns) <= _TOLERANCE_NS
+        chosen.append(nearest if is_near and nearest not in chosen else _NO_SWEEP)
+    return chosen
+
+
+def points_of_frame(
+    sweeps_ego: Sequence[Float32Array | None], map_from_ego: Sequence[Float64Array | None]
+) -> Float32Array:
+    """(N, 4) x, y, z (m, level frame of the newest sweep) and index of the sweep of all points of a frame.
+
+    Args:
+        sweeps_ego: Points (N, 3) of each sweep in the ego frame of its own stamp, newest first; None: no such sweep.
+        map_from_ego: (4, 4) pose of the ego at the stamp of each sweep.
+    """
+    if map_from_ego[0] is None:
+        raise ValueError("a frame needs its newest sweep")
+    level = level_from_map(map_from_ego[0])
+    parts = [np.zeros((0, 4), np.float32)]
+    for index, (points, pose) in enumerate(zip(sweeps_ego, map_from_ego, strict=True)):
+        if points is not None and pose is not None:
+            level_from_ego = level @ pose
+            moved = points @ level_from_ego[:3, :3].T.astype(np.float32) + level_from_ego[:3, 3].astype(np.float32)
+            parts.append(np.column_stack([moved, np.full(len(moved), index, np.float32)]))
+    return np.concatenate(parts)
+
+
+def projections(pixel_from_ego: Float64Array, map_from_ego: Float64Array) -> Float32Array:
+    """(K, 3, 4) projections from the level frame to u * depth, v * depth and depth in pixels and m.
+
+    Args:
+        pixel_from_ego: (K, 3, 4) the same from the ego frame.
+        map_from_ego: (4, 4) pose of the ego.
+    """
+    ego_from_level = np.linalg.inv(level_from_map(map_from_ego) @ map_from_ego)
+    return np.asarray(pixel_from_ego @ ego_from_level, np.float32)

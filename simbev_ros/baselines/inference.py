@@ -1,0 +1,111 @@
+"""Answers frames with a trained baseline on ONNX Runtime, on the CPU or a GPU."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from simbev_ros.baselines.boxes import decode_boxes
+from simbev_ros.baselines.modality import Modality
+from simbev_ros.errors import InputError
+from simbev_ros.types import Float32Array, Table, UInt8Array
+
+if TYPE_CHECKING:
+    from onnxruntime import InferenceSession
+
+INSTALL = "pip install 'simbev_ros[baselines]'"
+WEIGHTS_FOLDER = Path(__file__).parent / "weights"
+"""Weights that come with the package: ``lidar.onnx`` and so on."""
+ABOUT_KEY = "simbev_ros"
+"""Metadata of an ONNX file: what it is, as JSON."""
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """A baseline's answer to a frame.
+
+    Attributes:
+        cells: (CELLS, CELLS, len(BEV_CLASSES)) uint8 scores, 255 is 1; row 0 ahead, column 0 left.
+        boxes: (N,) ``boxes.BOX_DTYPE``, level frame, by descending score.
+    """
+
+    cells: UInt8Array
+    boxes: Table
+
+
+class Baseline:
+    """A trained baseline.
+
+    Args:
+        path: ONNX file that ``simbev train`` wrote.
+        threads: Threads on the CPU; None: one for each core.
+        gpu: Whether to use the GPU if ONNX Runtime has been installed for it.
+
+    Attributes:
+        modality: What it sees.
+        camera_size_px: Width and height of the images it takes; None without cameras.
+        cameras: Number of its images.
+
+    Raises:
+        InputError: ONNX Runtime is not installed, or the file is not such a model.
+    """
+
+    def __init__(self, path: Path, threads: int | None = None, *, gpu: bool = True) -> None:
+        self._session = _session(path, threads, gpu)
+        text = self._session.get_modelmeta().custom_metadata_map.get(ABOUT_KEY)
+        if text is None:
+            raise InputError(f"{path}: is not a baseline of simbev_ros; `simbev train` writes such files")
+        about: dict[str, Any] = json.loads(text)
+        self.about = about
+        self.modality = Modality(about["modality"])
+        shapes = {each.name: each.shape for each in self._session.get_inputs()}
+        images = shapes.get("images")
+        self.cameras = int(images[0]) if images else 0
+        self.camera_size_px = (int(images[2]), int(images[1])) if images else None
+
+    def answer(
+        self,
+        points: Float32Array | None = None,
+        images: Sequence[UInt8Array] | UInt8Array | None = None,
+        pixel_from_level: Float32Array | None = None,
+    ) -> Answer:
+        """Answer one frame; what the model does not see may be left out.
+
+        Args:
+            points: (N, 4) x, y, z (m, level frame) and index of the sweep, 0 the newest; see ``frames``.
+            images: K images (H, W, 3), RGB.
+            pixel_from_level: (K, 3, 4) projections to u * depth, v * depth, depth; pixel centers at integers.
+        """
+        given = {
+            "points": None if points is None else np.ascontiguousarray(points, np.float32),
+            "images": None if images is None else np.ascontiguousarray(np.stack(list(images))),
+            "pixel_from_level": None if pixel_from_level is None else np.asarray(pixel_from_level, np.float32),
+        }
+        feed = {each.name: given[each.name] for each in self._session.get_inputs()}
+        cells, heat, values = self._session.run(["cells", "heat", "boxes"], feed)
+        return Answer(cells, decode_boxes(heat, values))
+
+
+def weights_file(modality: Modality) -> Path:
+    """File of the weights that come with the package."""
+    return WEIGHTS_FOLDER / f"{modality}.onnx"
+
+
+def _session(path: Path, threads: int | None, gpu: bool) -> "InferenceSession":
+    try:
+        import onnxruntime
+    except ImportError:
+        raise InputError(f"baselines need ONNX Runtime: {INSTALL}") from None
+    options = onnxruntime.SessionOptions()
+    options.log_severity_level = 3
+    if threads is not None:
+        options.intra_op_num_threads = threads
+    available = onnxruntime.get_available_providers()
+    wanted = ["CUDAExecutionProvider"] if gpu and "CUDAExecutionProvider" in available else []
+    try:
+        return onnxruntime.InferenceSession(str(path), options, providers=[*wanted, "CPUExecutionProvider"])
+    except Exception as error:  # ONNX Runtime's errors have no common base
+        raise InputError(f"{path}: cannot be loaded: {str(error).splitlines()[0]}") from None

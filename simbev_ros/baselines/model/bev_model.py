@@ -1,0 +1,64 @@
+"""A whole baseline: one or two sensor branches, the trunk, and the heads."""
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor, nn
+
+from simbev_ros.baselines.modality import Modality
+from simbev_ros.baselines.model.blocks import conv_norm_relu
+from simbev_ros.baselines.model.cameras import CameraEncoder
+from simbev_ros.baselines.model.heads import Heads, Outputs
+from simbev_ros.baselines.model.pillars import PillarEncoder
+from simbev_ros.baselines.model.trunk import BevTrunk
+
+_CHANNELS = 64
+
+
+class Inputs(NamedTuple):
+    """A batch of B samples; a model leaves out what it does not see.
+
+    Attributes:
+        points: (N, 4) float32 x, y, z (m, level frame), index of the sweep, of all samples.
+        sample: (N,) int64 index of each point's sample.
+        images: (B, K, 3, H, W) RGB, 0 … 255.
+        pixel_from_level: (B, K, 3, 4) float32 projections.
+        samples: B.
+    """
+
+    points: Tensor | None
+    sample: Tensor | None
+    images: Tensor | None
+    pixel_from_level: Tensor | None
+    samples: int
+
+
+class BevModel(nn.Module):
+    """Bird's-eye-view segmentation and 3D detection from lidar sweeps, images, or both.
+
+    Args:
+        modality: What the model sees.
+    """
+
+    def __init__(self, modality: Modality) -> None:
+        super().__init__()
+        self.modality = modality
+        self.lidar = PillarEncoder(_CHANNELS) if modality.has_lidar else None
+        self.cameras = CameraEncoder(_CHANNELS) if modality.has_cameras else None
+        both = self.lidar is not None and self.cameras is not None
+        self.fuse = conv_norm_relu(2 * _CHANNELS, _CHANNELS, 1) if both else nn.Identity()
+        self.trunk = BevTrunk(_CHANNELS, _CHANNELS)
+        self.heads = Heads(_CHANNELS)
+
+    def forward(self, inputs: Inputs) -> Outputs:
+        """Outputs for a batch."""
+        branches, depth = [], None
+        if self.lidar is not None:
+            assert inputs.points is not None and inputs.sample is not None
+            branches.append(self.lidar(inputs.points, inputs.sample, inputs.samples))
+        if self.cameras is not None:
+            assert inputs.images is not None and inputs.pixel_from_level is not None
+            lifted, depth = self.cameras(inputs.images, inputs.pixel_from_level)
+            branches.append(lifted)
+        outputs: Outputs = self.heads(self.trunk(self.fuse(torch.cat(branches, 1))))
+        return outputs._replace(depth=depth)

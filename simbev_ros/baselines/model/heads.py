@@ -1,0 +1,57 @@
+"""The two heads: scores of all classes for each cell of the grid, and boxes by their centers.
+
+Boxes are predicted as in CenterPoint (https://arxiv.org/abs/2006.11275): a heat map for each class, and at its peaks
+the position within the cell, height above the ego's ground, size, heading and velocity.
+"""
+
+from typing import NamedTuple
+
+from torch import Tensor, nn
+from torch.nn.functional import pixel_shuffle
+
+from simbev_ros.baselines.grid import FEATURE_STRIDE
+from simbev_ros.baselines.model.blocks import conv_norm_relu
+from simbev_ros.semantics import BEV_CLASSES
+
+DETECTED_CLASSES = ("car", "truck", "bus", "motorcycle", "bicycle", "pedestrian")
+"""Classes of boxes that are predicted, those of the paper."""
+BOX_VALUES = ("dx", "dy", "z", "log_length", "log_width", "log_height", "sin_yaw", "cos_yaw", "vx", "vy")
+"""Values of a box at its center's cell: offset from the cell's center along x and y in cells, m, log m, and m/s; level frame."""
+_RARE = -4.6
+"""Logit of 1 %: heat maps start low, as centers are rare."""
+
+
+class Heads(nn.Module):
+    """Both heads over the same features."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.segmentation = nn.Sequential(
+            conv_norm_relu(channels, channels), nn.Conv2d(channels, len(BEV_CLASSES) * FEATURE_STRIDE**2, 1)
+        )
+        self.detection = conv_norm_relu(channels, channels)
+        self.heat = nn.Conv2d(channels, len(DETECTED_CLASSES), 3, padding=1)
+        self.boxes = nn.Conv2d(channels, len(BOX_VALUES), 1)
+        nn.init.constant_(self.heat.bias, _RARE)  # type: ignore[arg-type]
+
+    def forward(self, features: Tensor) -> "Outputs":
+        """Outputs for (B, C, FEATURE_CELLS, FEATURE_CELLS) features."""
+        cells = pixel_shuffle(self.segmentation(features), FEATURE_STRIDE)
+        detection = self.detection(features)
+        return Outputs(cells, self.heat(detection), self.boxes(detection), None)
+
+
+class Outputs(NamedTuple):
+    """What a model says of a batch.
+
+    Attributes:
+        cells: (B, len(BEV_CLASSES), CELLS, CELLS) logits.
+        heat: (B, len(DETECTED_CLASSES), FEATURE_CELLS, FEATURE_CELLS) logits of centers.
+        boxes: (B, len(BOX_VALUES), FEATURE_CELLS, FEATURE_CELLS) values of boxes.
+        depth: (B, cameras, DEPTHS, H, W) logits of the depth of each cell of the image features; None without cameras.
+    """
+
+    cells: Tensor
+    heat: Tensor
+    boxes: Tensor
+    depth: Tensor | None

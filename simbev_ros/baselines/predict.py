@@ -1,0 +1,79 @@
+"""Predicts the key frames of a cache and writes what ``simbev evaluate`` reads."""
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import simplejpeg
+
+from simbev_ros.baselines.cache.reader import CachedScene
+from simbev_ros.baselines.grid import level_from_map
+from simbev_ros.baselines.inference import Baseline
+from simbev_ros.evaluation.metrics.boxes import NO_ATTRIBUTE, Boxes, Predictions
+from simbev_ros.evaluation.predictions.prediction_writer import write_grid, write_predictions
+from simbev_ros.types import Float64Array, Table
+
+
+def predict(
+    baseline: Baseline, scenes: Sequence[CachedScene], out: Path, report: Callable[[int], None], every: int = 1
+) -> None:
+    """Write boxes (map frame) and grids of all key frames.
+
+    Args:
+        baseline: The model.
+        scenes: Scenes of a cache.
+        out: A new folder.
+        report: Called with 1 after each frame.
+        every: Only every Nth key frame of a scene.
+
+    Raises:
+        InputError: The folder holds predictions already.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+
+    def answers() -> Iterator[tuple[str, Predictions, list[int]]]:
+        for scene in scenes:
+            name, tables, ticks = str(scene.about["name"]), [], []
+            for index in range(0, len(scene.frames), every):
+                sample, frame = scene.sample(index), scene.frames[index]
+                images = None
+                if baseline.modality.has_cameras:
+                    images = [simplejpeg.decode_jpeg(bytes(each), colorspace="RGB") for each in sample.jpegs]
+                answer = baseline.answer(sample.points, images, sample.pixel_from_level)
+                tick = int(frame["tick"])
+                write_grid(out, name, tick, np.moveaxis(answer.cells, 2, 0))
+                tables.append((tick, answer.boxes, frame["map_from_ego"]))
+                ticks.append(tick)
+                report(1)
+            yield name, _predictions(tables), ticks
+
+    write_predictions(out / "boxes.parquet", answers())
+
+
+def boxes_in_map(boxes: Table, map_from_ego: Float64Array) -> Table:
+    """Boxes of the level frame in the map frame."""
+    map_from_level = np.linalg.inv(level_from_map(map_from_ego))
+    result = boxes.copy()
+    center = np.stack([boxes["x"], boxes["y"], boxes["z"]], 1) @ map_from_level[:3, :3].T + map_from_level[:3, 3]
+    result["x"], result["y"], result["z"] = center.T
+    result["vx"], result["vy"] = map_from_level[:2, :2] @ np.stack([boxes["vx"], boxes["vy"]])
+    heading_rad = np.arctan2(map_from_level[1, 0], map_from_level[0, 0])
+    result["yaw"] = np.angle(np.exp(1j * (boxes["yaw"] + heading_rad)))
+    return result
+
+
+def _predictions(tables: Sequence[tuple[int, Table, Float64Array]]) -> Predictions:
+    placed = [boxes_in_map(boxes, pose) for _, boxes, pose in tables]
+    rows = np.concatenate(placed)
+    frame = np.repeat([tick for tick, _, _ in tables], [len(each) for each in placed]).astype(np.int64)
+    velocity = np.stack([rows["vx"], rows["vy"], np.zeros(len(rows))], 1).astype(np.float64)
+    boxes = Boxes(
+        frame=frame,
+        label=rows["class"],
+        center_m=np.stack([rows["x"], rows["y"], rows["z"]], 1),
+        size_m=np.stack([rows["length"], rows["width"], rows["height"]], 1).astype(np.float64),
+        yaw_rad=rows["yaw"].astype(np.float64),
+        velocity_mps=velocity,
+        attribute=np.full(len(rows), NO_ATTRIBUTE, np.uint8),
+    )
+    return Predictions(boxes, rows["score"].astype(np.float64))

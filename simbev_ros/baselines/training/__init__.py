@@ -1,0 +1,1 @@
+"""Training: augmented batches from a cache, targets, losses, and the loop with checkpoints and a log."""

@@ -1,0 +1,221 @@
+"""The training loop: AdamW with a cosine schedule, mixed precision, a moving average of weights, resumable."""
+
+import math
+import os
+import time
+from collections.abc import Callable
+from copy import deepcopy
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from tensorboardX import SummaryWriter
+from torch import nn
+from torch.utils.data import DataLoader
+
+from simbev_ros.baselines.cache.reader import cached_scenes
+from simbev_ros.baselines.modality import Modality
+from simbev_ros.baselines.model.bev_model import BevModel, Inputs
+from simbev_ros.baselines.training.batches import Batch, CachedBatches
+from simbev_ros.baselines.training.config import Training
+from simbev_ros.baselines.training.losses import losses_of
+from simbev_ros.baselines.training.targets import targets_of
+from simbev_ros.errors import InputError
+
+CHECKPOINT_FILE = "checkpoint.pt"
+_WARM_UP_SHARE = 0.05
+_MAX_GRADIENT = 10.0
+_LOG_STEPS = 20
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a run is: done and all steps, and the newest losses by name."""
+
+    step: int
+    steps: int
+    losses: dict[str, float]
+
+
+def train(
+    training: Training,
+    cache: Path,
+    out: Path,
+    *,
+    device: torch.device,
+    workers: int,
+    report: Callable[[Progress], None],
+    compile_model: bool = False,
+) -> None:
+    """Train a baseline, or go on where its checkpoint in ``out`` stands; the folder then holds the final checkpoint.
+
+    Args:
+        training: The configuration.
+        cache: Cache of the dataset.
+        out: Folder of the run.
+        device: Where to train.
+        workers: Processes that make batches; 0: none.
+        report: Called every few steps.
+        compile_model: Whether torch compiles the network first, which pays from some thousand steps on.
+
+    Raises:
+        InputError: The cache has too few samples, or the checkpoint is of another configuration.
+    """
+    torch.manual_seed(training.seed)
+    model = BevModel(training.modality).to(device, memory_format=torch.channels_last)
+    average = deepcopy(model).eval().requires_grad_(False)
+    optimizer = torch.optim.AdamW(_groups(model, training), lr=training.learning_rate, fused=device.type == "cuda")
+    scenes = cached_scenes(cache, "train")[: training.scenes]
+    data = CachedBatches(scenes, training.modality, training.batch_size, training.augmentation, training.seed)
+    if not len(data):
+        raise InputError(f"{cache}: has fewer samples to train on than batch_size {training.batch_size}")
+    steps, step = training.epochs * len(data), 0
+    out.mkdir(parents=True, exist_ok=True)
+    path = out / CHECKPOINT_FILE
+    if path.exists():
+        step = _resume(path, training, model, average, optimizer)
+    forward = torch.compile(model, dynamic=True) if compile_model else model
+    with SummaryWriter(str(out / "log"), purge_step=step) as log:
+        while step < steps:
+            data.epoch = step // len(data)
+            first = step % len(data)
+            started_s, since = time.perf_counter(), step
+            for batch in _loader(data, range(first, len(data)), workers, device):
+                for group in optimizer.param_groups:
+                    group["lr"] = training.learning_rate * _schedule(step / steps)
+                losses = _step(forward, model, optimizer, batch.to(device), training.modality)
+                _follow(average, model, min(training.average_decay, (1 + step) / (10 + step)))
+                step += 1
+                if step % _LOG_STEPS == 0 or step == steps:
+                    values = {name: float(value) for name, value in losses.items()}
+                    if not all(map(math.isfinite, values.values())):
+                        raise FloatingPointError(f"step {step}: the loss is not finite: {values}")
+                    rate = (step - since) * training.batch_size / (time.perf_counter() - started_s)
+                    for name, value in {**values, "samples_per_s": rate, "epoch": step / len(data)}.items():
+                        log.add_scalar(name, value, step)
+                    report(Progress(step, steps, {**values, "samples_per_s": rate}))
+            save_checkpoint(path, training, model, average, optimizer, step)
+
+
+def save_checkpoint(
+    path: Path, training: Training, model: nn.Module, average: nn.Module, optimizer: torch.optim.Optimizer, step: int
+) -> None:
+    """Write a checkpoint atomically: a run that is killed leaves the one before."""
+    making = path.with_suffix(".making")
+    state = {
+        "training": training.model_dump(mode="json"),
+        "step": step,
+        "model": model.state_dict(),
+        "average": average.state_dict(),
+        "optimizer": optimizer.state_dict(),
+    }
+    torch.save(state, making)
+    os.replace(making, path)
+
+
+def load_model(path: Path) -> tuple[Training, BevModel]:
+    """Configuration and averaged weights of a checkpoint, on the CPU.
+
+    Raises:
+        InputError: It cannot be read.
+    """
+    state = _load(path)
+    training = Training.model_validate(state["training"])
+    model = BevModel(training.modality).eval()
+    model.load_state_dict(state["average"])
+    return training, model
+
+
+def inputs_of(batch: Batch, modality: Modality) -> Inputs:
+    """The part of a batch that a model sees."""
+    images = None
+    if modality.has_cameras:
+        gain = batch.gain[:, :, None, None, None, None]
+        pixels = batch.images.permute(0, 1, 4, 2, 3).to(torch.float32)
+        images = ((pixels - 128.0) * gain[:, 0] + 128.0 + gain[:, 1]).clamp(0, 255)
+    return Inputs(
+        points=batch.points if modality.has_lidar else None,
+        sample=batch.sample if modality.has_lidar else None,
+        images=images,
+        pixel_from_level=batch.pixel_from_level if modality.has_cameras else None,
+        samples=len(batch.cells),
+    )
+
+
+def _step(
+    forward: Any, model: nn.Module, optimizer: torch.optim.Optimizer, batch: Batch, modality: Modality
+) -> dict[str, torch.Tensor]:
+    """One step of the optimizer; returns the losses before it."""
+    model.train()
+    device_type = batch.cells.device.type
+    with torch.autocast(device_type, torch.bfloat16, enabled=device_type == "cuda"):
+        outputs = forward(inputs_of(batch, modality))
+    losses = losses_of(outputs, targets_of(batch), batch.depth_m)
+    optimizer.zero_grad(set_to_none=True)
+    torch.stack(list(losses.values())).sum().backward()  # type: ignore[no-untyped-call]
+    nn.utils.clip_grad_norm_(model.parameters(), _MAX_GRADIENT)
+    optimizer.step()
+    return {name: value.detach() for name, value in losses.items()}
+
+
+def _loader(data: CachedBatches, batches: range, workers: int, device: torch.device) -> DataLoader[Any]:
+    return DataLoader(
+        torch.utils.data.Subset(data, batches),
+        batch_size=None,
+        num_workers=min(workers, len(batches)),
+        pin_memory=device.type == "cuda",
+        prefetch_factor=4 if workers else None,
+        worker_init_fn=_one_thread,
+    )
+
+
+def _one_thread(_: int) -> None:
+    torch.set_num_threads(1)
+
+
+def _groups(model: nn.Module, training: Training) -> list[dict[str, Any]]:
+    """Parameters with decay, and those of normalization and biases without."""
+    decayed = [each for each in model.parameters() if each.ndim > 1]
+    others = [each for each in model.parameters() if each.ndim <= 1]
+    return [{"params": decayed, "weight_decay": training.weight_decay}, {"params": others, "weight_decay": 0.0}]
+
+
+def _schedule(share: float) -> float:
+    """Factor of the learning rate after a share of all steps."""
+    if share < _WARM_UP_SHARE:
+        return (share + 1e-3) / (_WARM_UP_SHARE + 1e-3)
+    return 0.5 * (1.0 + math.cos(math.pi * (share - _WARM_UP_SHARE) / (1.0 - _WARM_UP_SHARE)))
+
+
+@torch.no_grad()
+def _follow(average: nn.Module, model: nn.Module, decay: float) -> None:
+    """Move the average towards the model."""
+    ours = [*average.parameters(), *average.buffers()]
+    new = [*model.parameters(), *model.buffers()]
+    moving = [(a, b) for a, b in zip(ours, new, strict=True) if a.is_floating_point()]
+    torch._foreach_lerp_([a for a, _ in moving], [b for _, b in moving], 1.0 - decay)
+    for a, b in zip(ours, new, strict=True):
+        if not a.is_floating_point():
+            a.copy_(b)
+
+
+def _resume(
+    path: Path, training: Training, model: nn.Module, average: nn.Module, optimizer: torch.optim.Optimizer
+) -> int:
+    state = _load(path)
+    if state["training"] != training.model_dump(mode="json"):
+        differing = [k for k, v in training.model_dump(mode="json").items() if state["training"].get(k) != v]
+        raise InputError(f"{path}: was made with another {', '.join(differing)}; choose another folder for this run")
+    model.load_state_dict(state["model"])
+    average.load_state_dict(state["average"])
+    optimizer.load_state_dict(state["optimizer"])
+    return int(state["step"])
+
+
+def _load(path: Path) -> dict[str, Any]:
+    try:
+        state: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
+    except Exception as error:  # torch raises many kinds for a damaged file
+        raise InputError(f"{path}: is no checkpoint: {error}") from None
+    return state

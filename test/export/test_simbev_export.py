@@ -346,12 +346,18 @@ def test_the_command_exports_in_processes(tmp_path: Path) -> None:
     assert (tmp_path / "out/simbev/configs/SimBEV-scene-0001.yaml").read_bytes() == b"seed: 1\n"
 
 
+def frames() -> list[Frame]:
+    """All frames in memory."""
+    return [each for each in gc.get_objects() if isinstance(each, Frame)]
+
+
 def test_a_part_holds_one_frame_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made_up_scene(tmp_path / "set/scenes/train/Blocks-0000", ticks=5)
+    of_other_tests = frames()
     held: list[int] = []
 
     def count_frames(*_: object) -> None:
-        held.append(sum(isinstance(each, Frame) for each in gc.get_objects()))
+        held.append(len(frames()) - len(of_other_tests))
 
     monkeypatch.setattr(Part, "write", count_frames)
     for part in parts_of(open_dataset(tmp_path / "set"), tmp_path / "out"):

@@ -24,7 +24,7 @@ pytestmark = pytest.mark.graph
 
 Simbev = Callable[..., Command]
 Config = Callable[..., Path]
-DURATION_S = 8
+DURATION_S, SHORT_S = 8, 4
 
 
 @contextmanager
@@ -53,7 +53,7 @@ def test_clients_get_the_bytes_that_are_recorded_and_displays_those_that_follow_
     simbev: Simbev, small_config: Config, tmp_path: Path
 ) -> None:
     with relay(simbev) as (_, client):
-        run = simbev("run", small_config(DURATION_S), "--record", tmp_path / "dataset")
+        run = simbev("run", small_config(SHORT_S), "--record", tmp_path / "dataset")
         client.receive_until(lambda: run.process.poll() is not None, 120)
         assert run.finish()[0] == 0
     with SceneBag(tmp_path / "dataset" / SCENE) as bag:

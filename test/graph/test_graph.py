@@ -203,7 +203,7 @@ def test_nodes_end_when_the_command_is_killed(simbev: Simbev, small_config: Conf
 
 def test_two_graphs_do_not_share_a_domain(simbev: Simbev, small_config: Config) -> None:
     config = small_config(60, without=["camera", "lidar", "radar"])
-    first = simbev("run", config)
+    first = simbev("run", config, "--live")  # or it would play as fast as it can until the other is refused
     first.wait_for(lambda: len(first.nodes()) == 3)
     code, output = simbev("run", config).finish()
     assert code == 2

@@ -70,6 +70,7 @@ def test_a_stopped_viewer_neither_holds_up_a_graph_nor_changes_what_it_records(
     assert digests(tmp_path / "out" / SCENE) == undisturbed
 
 
+@pytest.mark.slow
 def test_a_graph_goes_on_when_its_viewer_is_killed(
     undisturbed: dict[str, str], simbev: Simbev, small_config: Config, tmp_path: Path
 ) -> None:
@@ -100,7 +101,7 @@ def test_a_viewer_follows_one_graph_after_the_other(simbev: Simbev, small_config
 
 
 def test_a_viewer_ends_with_the_run(simbev: Simbev, small_config: Config) -> None:
-    run = simbev("run", small_config(60), "--view", "--view-port", 0)
+    run = simbev("run", small_config(60, without=["camera", "radar"]), "--live", "--view", "--view-port", 0)
     await_line(run, "viewer: http://127.0.0.1:")
     processes = viewers(run)
     assert len(processes) == 2

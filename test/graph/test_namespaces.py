@@ -13,7 +13,7 @@ from subscriber import keep, outside_node
 from simbev_ros.recording.digest import topic_digests
 from simbev_ros.recording.reader import SceneBag
 
-pytestmark = pytest.mark.graph
+pytestmark = [pytest.mark.graph, pytest.mark.slow]
 
 
 def digests(bag: Path) -> dict[str, str]:

@@ -32,6 +32,8 @@ VERBS = {
     "logs": "logs:logs",
     "repair": "repair:repair",
     "evaluate": "evaluate.command:evaluate",
+    "train": "baselines.train:train",
+    "predict": "baselines.predict:predict",
     "doctor": "doctor:doctor",
     "env": "env:env",
     "map": "map.command:map_",

@@ -10,11 +10,11 @@ from enum import IntEnum
 
 import cv2
 import numpy as np
-from isal import isal_zlib
 from zlib_ng import zlib_ng
 
 from simbev_ros.errors import LimitError
 from simbev_ros.limits import MAX_IMAGE_SIDE_PX
+from simbev_ros.recording.deflate import deflate
 from simbev_ros.types import AnyArray, UInt8Array
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
@@ -57,7 +57,7 @@ def encode_png(image: AnyArray, row_filter: RowFilter) -> bytes:
     else:
         rows[:, 1:] = pixels
     header = _HEADER.pack(width_px, height_px, 8 * image.itemsize, _COLOR_TYPES[channels], 0, 0, 0)
-    chunks = ((b"IHDR", header), (b"IDAT", isal_zlib.compress(rows, _ISAL_LEVEL)), (b"IEND", b""))
+    chunks = ((b"IHDR", header), (b"IDAT", deflate(rows.data, _ISAL_LEVEL)), (b"IEND", b""))
     return b"".join([_SIGNATURE, *(part for kind, content in chunks for part in _chunk(kind, content))])
 
 

@@ -3,7 +3,6 @@
 import json
 import shutil
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 
@@ -22,6 +21,7 @@ from simbev_ros.baselines.frames import sweeps_of_frame
 from simbev_ros.baselines.grid import CELL_M, CELLS, level_from_map
 from simbev_ros.dataset import columns, open_dataset
 from simbev_ros.dataset.frame import Frame
+from simbev_ros.dataset.parallel import Pool
 from simbev_ros.dataset.scene import Scene
 from simbev_ros.errors import InputError
 from simbev_ros.geometry.camera import LensCamera
@@ -34,13 +34,13 @@ _BOX_CLASSES = 6
 _DEPTH_LIMIT_M = 655.0
 
 
-def write_cache(dataset: AnyPath, cache: Path, workers: int, lidar: str = "lidar") -> Iterator[tuple[int, int]]:
+def write_cache(dataset: AnyPath, cache: Path, pool: Pool, lidar: str = "lidar") -> Iterator[tuple[int, int]]:
     """Write all finished scenes of a dataset; yield the number of scenes that are done and of all.
 
     Args:
         dataset: The dataset.
         cache: Folder of the cache, new or begun.
-        workers: Processes.
+        pool: Processes that do it.
         lidar: Name of the lidar that models see.
 
     Raises:
@@ -51,10 +51,9 @@ def write_cache(dataset: AnyPath, cache: Path, workers: int, lidar: str = "lidar
     missing = [scene for scene in scenes if not (scene_folder(cache, scene) / SCENE_FILE).is_file()]
     done = len(scenes) - len(missing)
     yield done, len(scenes)
-    with ProcessPoolExecutor(workers) as pool:
-        for _ in pool.map(partial(write_scene, cache=cache, lidar=lidar), missing):
-            done += 1
-            yield done, len(scenes)
+    for _ in pool.map(partial(write_scene, cache=cache, lidar=lidar), missing):
+        done += 1
+        yield done, len(scenes)
 
 
 def scene_folder(cache: Path, scene: Scene) -> Path:
@@ -144,8 +143,8 @@ def _cameras(scene: Scene) -> list[str]:
         width_px, height_px = calibration.size_px
         if calibration.size_px != scene.calibration[names[0]].size_px or width_px % 16 or height_px % 16:
             raise InputError(
-                f"{scene.path}: camera {name}: has {width_px} x {height_px} pixels; all cameras must have the same size, "
-                "a multiple of 16"
+                f"{scene.path}: camera {name}: has {width_px} x {height_px} pixels; "
+                "all cameras must have the same size, a multiple of 16"
             )
         if isinstance(calibration.camera, LensCamera):
             raise InputError(f"{scene.path}: camera {name}: has a distorting lens; the baselines need an ideal one")

@@ -61,7 +61,8 @@ class CameraEncoder(nn.Module):
         channels: Number of features of a cell of the bird's-eye view.
     """
 
-    voxels: Tensor
+    ahead_m: Tensor
+    height_m: Tensor
 
     def __init__(self, channels: int) -> None:
         super().__init__()
@@ -69,10 +70,9 @@ class CameraEncoder(nn.Module):
         self.mix = nn.Sequential(
             conv_norm_relu(_LIFTED * len(HEIGHTS_M), channels, 1), conv_norm_relu(channels, channels)
         )
-        ahead = HALF_M - (torch.arange(FEATURE_CELLS) + 0.5) * FEATURE_CELL_M
-        x, y = torch.meshgrid(ahead, ahead, indexing="ij")
-        voxels = [torch.stack([x, y, torch.full_like(x, z), torch.ones_like(x)], -1) for z in HEIGHTS_M]
-        self.register_buffer("voxels", torch.stack(voxels, 2).reshape(-1, 4), persistent=False)
+        ahead_m = HALF_M - (torch.arange(FEATURE_CELLS) + 0.5) * FEATURE_CELL_M
+        self.register_buffer("ahead_m", ahead_m, persistent=False)
+        self.register_buffer("height_m", torch.tensor(HEIGHTS_M), persistent=False)
 
     def forward(self, images: Tensor, pixel_from_level: Tensor) -> tuple[Tensor, Tensor]:
         """Features (B, C, FEATURE_CELLS, FEATURE_CELLS) and logits of depth (B, K, DEPTHS, H / 8, W / 8).
@@ -98,8 +98,10 @@ class CameraEncoder(nn.Module):
 
         Of several cameras that see a voxel, the one counts in which it is nearest to the middle column.
         """
-        with torch.autocast(self.voxels.device.type, enabled=False):
-            projected = torch.einsum("bkij,vj->bkiv", pixel_from_level.float(), self.voxels)
+        with torch.autocast(self.ahead_m.device.type, enabled=False):
+            along_x, along_y, along_z, origin = pixel_from_level.float()[..., None, None, None].unbind(3)
+            on_plane = along_x * self.ahead_m[:, None, None] + along_y * self.ahead_m[:, None]
+            projected = (on_plane + along_z * self.height_m + origin).flatten(3)
             depth_m = projected[:, :, 2]
             away = depth_m.clamp(min=0.1)
             column = torch.floor((projected[:, :, 0] / away + 0.5) / IMAGE_STRIDE)

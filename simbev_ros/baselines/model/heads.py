@@ -16,9 +16,10 @@ from simbev_ros.semantics import BEV_CLASSES
 DETECTED_CLASSES = ("car", "truck", "bus", "motorcycle", "bicycle", "pedestrian")
 """Classes of boxes that are predicted, those of the paper."""
 BOX_VALUES = ("dx", "dy", "z", "log_length", "log_width", "log_height", "sin_yaw", "cos_yaw", "vx", "vy")
-"""Values of a box at its center's cell: offset from the cell's center along x and y in cells, m, log m, and m/s; level frame."""
+"""Values of a box at the cell of its center: offset from the cell's center along rows and columns, in cells; height, m;
+logarithms of its size in m; heading and velocity in the level frame, m/s."""
 _RARE = -4.6
-"""Logit of 1 %: heat maps start low, as centers are rare."""
+"""Logit of 1 %: scores start low, as centers and most classes are rare."""
 
 
 class Heads(nn.Module):
@@ -26,13 +27,13 @@ class Heads(nn.Module):
 
     def __init__(self, channels: int) -> None:
         super().__init__()
-        self.segmentation = nn.Sequential(
-            conv_norm_relu(channels, channels), nn.Conv2d(channels, len(BEV_CLASSES) * FEATURE_STRIDE**2, 1)
-        )
+        cells = nn.Conv2d(channels, len(BEV_CLASSES) * FEATURE_STRIDE**2, 1)
+        self.segmentation = nn.Sequential(conv_norm_relu(channels, channels), cells)
         self.detection = conv_norm_relu(channels, channels)
         self.heat = nn.Conv2d(channels, len(DETECTED_CLASSES), 3, padding=1)
         self.boxes = nn.Conv2d(channels, len(BOX_VALUES), 1)
-        nn.init.constant_(self.heat.bias, _RARE)  # type: ignore[arg-type]
+        for layer in (cells, self.heat):
+            nn.init.constant_(layer.bias, _RARE)  # type: ignore[arg-type]
 
     def forward(self, features: Tensor) -> "Outputs":
         """Outputs for (B, C, FEATURE_CELLS, FEATURE_CELLS) features."""

@@ -20,8 +20,12 @@ BOTTOM_M, TOP_M = -4.0, 6.0
 SLICES = 8
 _SLICES_BOTTOM_M, _SLICE_M = -1.5, 0.6
 _HEIGHT_SCALE_M = 2.0
+_SUM_STEPS = 2000.0
+"""Steps of a height in its unit, when heights are added up."""
+_BIG = 100.0
+"""Beyond all heights, in their unit."""
 CHANNELS = 5 + SLICES + 3 * (SWEEPS - 1)
-"""Statistics of a pillar: for the newest sweep all, for earlier ones whether there are points and their lowest, highest."""
+"""Statistics of a pillar: all of them for the newest sweep; whether there are points, lowest and highest for others."""
 
 
 class PillarEncoder(nn.Module):
@@ -61,15 +65,16 @@ def pillar_statistics(points: Tensor, sample: Tensor, samples: int) -> Tensor:
     # Points outside go to one element more, which is cut off: shapes then do not depend on the data.
     pillar = torch.where(inside, (sample * SWEEPS + sweep.long()) * area + row * PILLARS + column, size)
     height = z / _HEIGHT_SCALE_M
-    empty = torch.zeros(size + 1, dtype=torch.float32, device=points.device)
+    # One element that is repeated: as a whole, ONNX files would hold it as a constant.
+    empty = points.new_zeros(1).expand(size + 1)
     count = empty.scatter_add(0, pillar, torch.ones_like(z))[:size]
-    total = empty.scatter_add(0, pillar, height)[:size]
-    highest = (empty - BIG).scatter_reduce(0, pillar, height, "amax")[:size]
-    lowest = (empty + BIG).scatter_reduce(0, pillar, height, "amin")[:size]
+    # A sum of integers does not depend on the order of the points, which is arbitrary on a GPU.
+    total = empty.int().scatter_add(0, pillar, torch.round(height * _SUM_STEPS).int())[:size].float() / _SUM_STEPS
+    highest = (empty - _BIG).scatter_reduce(0, pillar, height, "amax")[:size]
+    lowest = (empty + _BIG).scatter_reduce(0, pillar, height, "amin")[:size]
     occupied = count > 0
-    zero = torch.zeros_like(count)
     per_sweep = torch.stack(
-        [occupied.float(), torch.where(occupied, lowest, zero), torch.where(occupied, highest, zero)]
+        [occupied.float(), torch.where(occupied, lowest, 0.0), torch.where(occupied, highest, 0.0)]
     ).reshape(3, samples, SWEEPS, PILLARS, PILLARS)
     per_sweep = per_sweep.permute(1, 2, 0, 3, 4)
     newest = torch.stack([torch.log1p(count), total / count.clamp(min=1)])
@@ -78,11 +83,7 @@ def pillar_statistics(points: Tensor, sample: Tensor, samples: int) -> Tensor:
     is_newest = inside & (sweep < 0.5)
     slice_size = samples * SLICES * area
     cell = torch.where(is_newest, (sample * SLICES + level) * area + row * PILLARS + column, slice_size)
-    slices = torch.zeros(slice_size + 1, dtype=torch.float32, device=points.device)
+    slices = points.new_zeros(1).expand(slice_size + 1)
     slices = slices.scatter(0, cell, torch.ones_like(z))[:slice_size].reshape(samples, SLICES, PILLARS, PILLARS)
     earlier = per_sweep[:, 1:].reshape(samples, 3 * (SWEEPS - 1), PILLARS, PILLARS)
     return torch.cat([per_sweep[:, 0], newest, slices, earlier], 1)
-
-
-BIG = 100.0
-"""Beyond all heights, in their unit."""

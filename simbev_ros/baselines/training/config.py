@@ -1,9 +1,15 @@
 """Configuration of a training run."""
 
-from pydantic import Field
+from pathlib import Path
+
+from pydantic import Field, ValidationError
 
 from simbev_ros.baselines.modality import Modality
-from simbev_ros.config.base import Model
+from simbev_ros.config.base import Model, first_problem
+from simbev_ros.config.paths import shipped_config_dir
+from simbev_ros.config.yaml_file import YamlFile
+from simbev_ros.errors import InputError
+from simbev_ros.input_file import is_file
 
 
 class Augmentation(Model):
@@ -31,3 +37,22 @@ class Training(Model):
         0.998, ge=0, lt=1, description="decay of the moving average of weights, which is what is exported"
     )
     augmentation: Augmentation = Field(Augmentation(), description="random changes of samples")
+
+
+def load_training(path_or_name: str | Path) -> Training:
+    """Load a configuration of training: a file, or the shipped one of that name (``camera``, ``lidar``, ``fused``).
+
+    Raises:
+        InputError: There is no such file, or it is invalid; the message names file, line, field and what is allowed.
+    """
+    path = Path(path_or_name)
+    if not is_file(path):
+        shipped = {each.stem: each for each in sorted((shipped_config_dir() / "baselines").glob("*.yaml"))}
+        if str(path_or_name) not in shipped:
+            raise InputError(f"{path}: no such file; shipped configurations are {', '.join(shipped)}")
+        path = shipped[str(path_or_name)]
+    file = YamlFile(path)
+    try:
+        return Training.model_validate(file.data)
+    except ValidationError as error:
+        raise InputError(f"{path}:{file.line_of(error.errors()[0]['loc']) or 1}: {first_problem(error)}") from None

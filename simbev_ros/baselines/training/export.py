@@ -11,10 +11,13 @@ from onnx import TensorProto, helper, numpy_helper
 from torch import Tensor, nn
 from torch.nn.functional import max_pool2d
 
+from simbev_ros.baselines.cache.reader import cached_scenes
 from simbev_ros.baselines.inference import ABOUT_KEY
 from simbev_ros.baselines.model.bev_model import BevModel, Inputs
+from simbev_ros.baselines.training.loop import CHECKPOINT_FILE, load_model
 from simbev_ros.recording.whole_files import write_whole
 
+MODEL_FILE = "model.onnx"
 _OPSET = 18
 _MIN_HALVED = 256
 """Smaller constants keep their precision."""
@@ -77,6 +80,7 @@ def export_model(model: BevModel, path: Path, about: dict[str, Any], cameras: in
             output_names=["cells", "heat", "boxes"],
             dynamic_axes=dynamic,
             opset_version=_OPSET,
+            do_constant_folding=False,
             dynamo=False,
         )
     exported = onnx.load(str(making))
@@ -99,3 +103,18 @@ def _halve_weights(graph: onnx.GraphProto) -> None:
         casts.append(helper.make_node("Cast", [half], [tensor.name], to=TensorProto.FLOAT))
     for cast in reversed(casts):
         graph.node.insert(0, cast)
+
+
+def export_run(run: Path, cache: Path) -> Path:
+    """Export the checkpoint in a run's folder as ``model.onnx`` beside it; return its path.
+
+    Raises:
+        InputError: The checkpoint or the cache cannot be read.
+    """
+    training, model = load_model(run / CHECKPOINT_FILE)
+    about = cached_scenes(cache, "train")[0].about
+    path = run / MODEL_FILE
+    size_px = int(about["width_px"]), int(about["height_px"])
+    description = {"modality": training.modality.value, "training": training.model_dump(mode="json")}
+    export_model(model, path, description, len(about["cameras"]), size_px)
+    return path

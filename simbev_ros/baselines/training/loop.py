@@ -1,7 +1,6 @@
 """The training loop: AdamW with a cosine schedule, mixed precision, a moving average of weights, resumable."""
 
 import math
-import os
 import time
 from collections.abc import Callable
 from copy import deepcopy
@@ -111,7 +110,7 @@ def save_checkpoint(
         "optimizer": optimizer.state_dict(),
     }
     torch.save(state, making)
-    os.replace(making, path)
+    making.replace(path)
 
 
 def load_model(path: Path) -> tuple[Training, BevModel]:

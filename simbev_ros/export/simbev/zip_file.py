@@ -5,8 +5,9 @@ Format: https://pkware.cachefly.net/webdocs/casestudies/APPNOTE.TXT, sections 4.
 
 import struct
 
-from isal import isal_zlib
 from zlib_ng import zlib_ng
+
+from simbev_ros.recording.deflate import deflate
 
 _ABOUT = struct.Struct("<HHHHHIIIHH")
 """What both headers say of a file: version, flags, method, time, date, CRC, packed size, size, lengths of its name and
@@ -29,7 +30,7 @@ def zip_of_one_file(name: str, content: bytes) -> bytes:
     """
     if len(content) > _MAX_BYTES:
         raise ValueError(f"{name} has {len(content)} bytes; at most {_MAX_BYTES} fit into a ZIP file")
-    packed, raw_name = isal_zlib.compress(content, _ISAL_LEVEL, wbits=-15), name.encode("ascii")
+    packed, raw_name = deflate(content, _ISAL_LEVEL, wbits=-15), name.encode("ascii")
     checksum, sizes = zlib_ng.crc32(content), (len(packed), len(content))
     about = _ABOUT.pack(_VERSION, 0, _DEFLATE, 0, _FIRST_OF_JANUARY_1980, checksum, *sizes, len(raw_name), 0)
     entry = b"".join([b"PK\x03\x04", about, raw_name, packed])

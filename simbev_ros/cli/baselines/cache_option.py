@@ -1,0 +1,32 @@
+"""The option ``--cache`` of commands that read what baselines see, and the filling of the cache."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from simbev_ros.cli.console import counting_bar
+from simbev_ros.dataset.parallel import Processes
+
+Cache = Annotated[
+    Path | None,
+    typer.Option(
+        help="Folder of the cache; by default beside the dataset, with .cache at its end.", show_default=False
+    ),
+]
+
+
+def filled_cache(dataset: Path, cache: Path | None, pool: Processes, console: Console) -> Path:
+    """Write what the cache lacks of a dataset, with a progress bar; return its folder.
+
+    Raises:
+        InputError: The dataset cannot be read, or does not suit the baselines.
+    """
+    from simbev_ros.baselines.cache.writer import write_cache
+
+    folder = dataset.absolute().with_name(f"{dataset.absolute().name}.cache") if cache is None else cache
+    with counting_bar("scenes in the cache", console) as bar:
+        for done, total in write_cache(dataset, folder, pool):
+            bar.show(done, total)
+    return folder

@@ -1,0 +1,69 @@
+"""``simbev train``: trains a baseline on a dataset."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from simbev_ros.cli.baselines.cache_option import Cache, filled_cache
+from simbev_ros.cli.console import counting_bar, make_console
+from simbev_ros.cli.pool import Workers, processes
+from simbev_ros.errors import InputError
+
+
+def train(
+    config: Annotated[
+        str,
+        typer.Argument(help="Configuration file, or camera, lidar, fused.", metavar="CONFIG", show_default=False),
+    ],
+    dataset: Annotated[Path, typer.Argument(help="The dataset; its split train is used.", show_default=False)],
+    out: Annotated[Path, typer.Option(help="Folder of the run, new or begun.", show_default=False)],
+    cache: Cache = None,
+    device: Annotated[
+        str, typer.Option(help="auto, cpu, cuda, or another name that torch knows.", metavar="NAME")
+    ] = "auto",
+    workers: Workers = None,
+) -> None:
+    """Train a baseline for bird's-eye-view segmentation and 3D detection, and export it as ONNX.
+
+    The same command continues after an interruption. The run's folder gets checkpoint.pt, model.onnx, and log, which
+    TensorBoard reads. Before the first run, the dataset is unpacked into a cache, from which all runs read.
+
+    [bold]Examples[/]
+
+    simbev train lidar datasets/baselines --out runs/lidar
+
+    simbev train my.yaml datasets/baselines --out runs/mine --device cuda:1 --workers 8
+    """
+    from simbev_ros.baselines.training.config import load_training
+
+    training = load_training(config)
+    try:
+        import torch
+
+        from simbev_ros.baselines.training.export import export_run
+        from simbev_ros.baselines.training.loop import Progress
+        from simbev_ros.baselines.training.loop import train as run
+    except ImportError as error:
+        raise InputError(f"training needs {error.name}: pip install 'simbev_ros[training]'") from None
+    chosen = _device(torch, device)
+    pool, console = processes(workers), make_console(stderr=True)
+    folder = filled_cache(dataset, cache, pool, console)
+    with counting_bar("steps", console, elapsed=True) as bar:
+
+        def report(progress: Progress) -> None:
+            total = sum(value for name, value in progress.losses.items() if name != "samples_per_s")
+            bar.describe(f"steps, loss {total:.3f}, {progress.losses['samples_per_s']:.0f} samples/s")
+            bar.show(progress.step, progress.steps)
+
+        run(training, folder, out, device=chosen, workers=pool.workers, report=report)
+    path = export_run(out, folder)
+    make_console().print(f"{path} is ready: simbev predict {path} {dataset} --out predictions")
+
+
+def _device(torch: "object", name: str) -> "object":
+    cuda = torch.cuda.is_available()
+    try:
+        return torch.device(("cuda" if cuda else "cpu") if name == "auto" else name)
+    except RuntimeError as error:
+        raise InputError(f"is {name!r}: {str(error).splitlines()[0]}", parameter="device") from None

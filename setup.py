@@ -60,7 +60,9 @@ setup(
     ],
     python_requires=">=3.11",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={NAME: ["py.typed", "**/*.yaml", "**/*.glsl", "**/*.css", "**/*.js", *INTERFACES]},
+    package_data={
+        NAME: ["py.typed", "**/*.yaml", "**/*.glsl", "**/*.css", "**/*.js", "**/*.onnx", "**/weights/*.md", *INTERFACES]
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),
@@ -121,6 +123,8 @@ setup(
         ],
         "cluster": ["ray[default]>=2.50"],
         "foxglove": ["foxglove-sdk>=0.30"],
+        "baselines": ["onnxruntime>=1.20"],
+        "training": ["onnx>=1.17", "tensorboardX>=2.6", "torch>=2.6"],
         "view": ["rerun-sdk==0.41.*"],
         "docs": ["mkdocs-material>=9.5"],
         "test": [
@@ -132,6 +136,7 @@ setup(
             "mcap-ros2-support>=0.5",
             "moto[server]>=5.2",
             "mypy>=1.15",
+            "onnxruntime>=1.20",
             "pytest>=8.3",
             "ray>=2.50",
             "ruff>=0.9",

@@ -43,12 +43,13 @@ FLOORS = [
     {"export", "viz", "evaluation"},
     {"msgs"},
     {"nodes"},
+    {"reference_stack", "join"},
+    {"baselines"},
     {"graph"},
     {"cluster"},
     {"production"},
     {"bench", "foxglove_server", "relays", "viewer"},
     {"cli"},
-    {"reference_stack", "join"},
 ]
 ALONE = {"reference_stack", "join"}
 """Import nothing of the house, not even from above."""
@@ -69,6 +70,7 @@ ROS = {
     "visualization_msgs",
 }
 STACK = tuple(f"reference_stack/{module}" for module in ("messages", "node", "__main__"))
+BASELINES = tuple(f"baselines/node/{module}" for module in ("node", "__main__"))
 RELAY = tuple(f"foxglove_server/{module}" for module in ("graph_relay", "graph_server", "offers"))
 LIVE = ("viewer/live/graph_reader", "viewer/live/live_viewer")
 """The node that the viewer reads a running graph with."""
@@ -77,7 +79,7 @@ BENCH = ("bench/recorder_timing", "bench/world_node_timing", "bench/topic_reader
 RELAYS = tuple(f"relays/{module}" for module in ("autoware.py", "autoware_messages", "nav2.py", "running"))
 """They send what other stacks read."""
 HOMES = {
-    **dict.fromkeys(ROS, ("nodes", "graph", "msgs", "join", *BENCH, *LIVE, *RELAY, *RELAYS, *STACK)),
+    **dict.fromkeys(ROS, ("nodes", "graph", "msgs", "join", *BENCH, *LIVE, *RELAY, *RELAYS, *STACK, *BASELINES)),
     "moderngl": ("render",),
     "open3d": ("raycast",),
     "libsumo": ("world/sumo/traffic", "world/sumo/libsumo_import"),

@@ -6,13 +6,11 @@ from typing import Annotated, Literal, Self
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from simbev_ros.config.base import Model
+from simbev_ros.config.included_stacks import INCLUDED_STACKS, IncludedStack
 from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES
 
 BOXES_TOPIC, GRIDS_TOPIC = "/prediction/boxes", "/prediction/bev"
 """Default topics of the stack's predicted boxes and grids."""
-REFERENCE_STACK = "reference_stack"
-"""Name of the reference stack on /sync/ready and of its Python module."""
-_REFERENCE = ("reference",)
 
 ParticipantName = Annotated[str, Field(pattern="^[^:]+$")]
 """Name of a node outside on /sync/ready, where a colon ends it."""
@@ -39,13 +37,17 @@ class Evaluation(Model):
     answers_to: _Topic | None = Field(
         None,
         description="input topic of the stack: latency is measured from its arrival, and the ticks with a message are "
-        "evaluated; none: the first lidar's points, else the first camera's camera_info, which comes with its images",
+        "evaluated; none: the first lidar's points, else the first camera's camera_info, which comes with its images; "
+        "for an included stack, the slowest sensor that it sees",
     )
     participant: ParticipantName | None = Field(
         None, description="name of the stack on /sync/ready; the world then waits for it"
     )
     stack: Annotated[tuple[str, ...] | None, BeforeValidator(_split_command)] = Field(
-        None, description="command that starts the stack with the graph; `reference`: the included reference stack"
+        None,
+        description="command that starts the stack with the graph, or the name of an included one: "
+        f"{', '.join(f'`{name}`' for name in INCLUDED_STACKS)}; a baseline may be followed by a file (.onnx) of "
+        "weights that replaces the one in the package",
     )
     range_m: float | None = Field(
         None, gt=0, description="maximum distance of evaluated boxes and cells; none: no limit"
@@ -74,19 +76,35 @@ class Evaluation(Model):
         return names
 
     @property
-    def is_reference(self) -> bool:
-        """Whether the stack is the reference stack."""
-        return self.stack == _REFERENCE
+    def included(self) -> IncludedStack | None:
+        """The stack, if it is one of those that come with the package."""
+        return None if self.stack is None else INCLUDED_STACKS.get(self.stack[0])
+
+    @property
+    def weights(self) -> str | None:
+        """The file of weights for the included stack; None: those in the package."""
+        return self.stack[1] if self.stack is not None and self.included is not None and self.stack[1:] else None
 
     @model_validator(mode="after")
-    def _name_of_reference(self) -> Self:
-        if self.is_reference and self.participant not in (None, REFERENCE_STACK):
-            raise ValueError(f"participant: the reference stack is called {REFERENCE_STACK}; leave participant out")
+    def _included_stack_is_given_right(self) -> Self:
+        included = self.included
+        if included is None or self.stack is None:
+            return self
+        allowed = ["one file of weights"] if included.takes_weights else []
+        if len(self.stack) > 1 + len(allowed):
+            raise ValueError(
+                f"stack: after {included.name} may come {' '.join(allowed) or 'nothing'}, not "
+                f"{shlex.join(self.stack[1:])}"
+            )
+        if self.participant not in (None, included.participant):
+            raise ValueError(
+                f"participant: the stack {included.name} is called {included.participant}; leave participant out"
+            )
         return self
 
     @property
     def participants(self) -> tuple[str, ...]:
         """Nodes of the stack for which the world waits, by their names on /sync/ready."""
-        if self.is_reference:
-            return (REFERENCE_STACK,)
+        if self.included is not None:
+            return (self.included.participant,)
         return () if self.participant is None else (self.participant,)

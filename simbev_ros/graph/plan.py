@@ -4,22 +4,19 @@ The plan follows from the configuration and from numbers of cores and camera pro
 What is recorded does not depend on it.
 """
 
-import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from simbev_ros.config.camera import Camera
-from simbev_ros.config.evaluation import BOXES_TOPIC, GRIDS_TOPIC, REFERENCE_STACK, Evaluation
+from simbev_ros.config.evaluation import Evaluation
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.radar import Radar
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.rig import SENSOR_KINDS, Rig
 from simbev_ros.config.scenario import Scenario
+from simbev_ros.graph.evaluated_stack import input_topic
 from simbev_ros.msgs.annotation_topics import Label, bev_labels_name, boxes_name, viewing_cameras
-from simbev_ros.msgs.sensor_topics import camera_info_name, points_name
-from simbev_ros.msgs.topics import odometry_name
-from simbev_ros.nodes.ros.arguments import PLAIN, RosArguments
 from simbev_ros.nodes.ros.names import NodeName
 
 _Parameters = Mapping[str, object]
@@ -125,46 +122,6 @@ def _processes_behind_world(
             "recording": scenario.recording.model_dump_json(),
         }
         yield (NodePlan("recorder", "recorder", parameters),)
-
-
-def stack_command(scenario: Scenario, ros: RosArguments = PLAIN, *, live: bool = False) -> tuple[str, ...]:
-    """Command of the perception stack to run with the graph; empty: none.
-
-    Args:
-        scenario: The configuration.
-        ros: What all nodes of the graph are told; so is the reference stack, but no other one.
-        live: Whether the world is paced by the wall clock.
-    """
-    evaluation = scenario.evaluation
-    if evaluation is None or evaluation.stack is None:
-        return ()
-    if not evaluation.is_reference:
-        return evaluation.stack
-    agent, boxes = scenario.rig.agent, evaluation.boxes_topic
-    topics = {
-        "/ego/odom": odometry_name(agent),
-        BOXES_TOPIC: boxes,
-        f"{BOXES_TOPIC}/markers": f"{boxes}/markers",
-        GRIDS_TOPIC: evaluation.grids_topic,
-    }
-    rules = [f"{old}:={new}" for old, new in topics.items() if new != old]
-    below = [":=".join(name.removeprefix("/") for name in rule.split(":=")) for rule in rules]  # the namespace
-    remapping = [word for rule in below for word in ("--remap", rule)]
-    settings = [f"lidar_topic:={input_topic(scenario.rig, evaluation)}", *(["live:=true"] if live else [])]
-    parameters = [word for setting in settings for word in ("-p", setting)]
-    return (sys.executable, "-m", f"simbev_ros.{REFERENCE_STACK}", *ros.command(*parameters, *remapping))
-
-
-def input_topic(rig: Rig, evaluation: Evaluation) -> str:
-    """Topic that a stack answers to: the configured topic, else that of the rig's first lidar, else first camera."""
-    if evaluation.answers_to is not None:
-        return evaluation.answers_to
-    for lidar in rig.of_type(Lidar):
-        if lidar.points:
-            return points_name(rig.agent, lidar.name)
-    for camera in rig.of_type(Camera):
-        return camera_info_name(rig.agent, camera.name, camera.modalities[0])
-    return odometry_name(rig.agent)
 
 
 def _camera_processes(scenario: Scenario, processes: int, common: _Parameters) -> Iterator[ProcessPlan]:

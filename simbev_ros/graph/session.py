@@ -16,11 +16,12 @@ from simbev_ros.config.scenario import Scenario
 from simbev_ros.errors import GraphError, InputError
 from simbev_ros.graph.domain import DomainLock
 from simbev_ros.graph.environment import graph_environment
+from simbev_ros.graph.evaluated_stack import require_stack, stack_command
 from simbev_ros.graph.exposure import LOCAL, NEEDS_SROS, Exposure
 from simbev_ros.graph.loading_watch import LoadingWatch
 from simbev_ros.graph.monitor import SUPERVISOR, GraphMonitor
 from simbev_ros.graph.node_starter import NodeStarter
-from simbev_ros.graph.plan import ProcessPlan, plan_processes, stack_command
+from simbev_ros.graph.plan import ProcessPlan, plan_processes
 from simbev_ros.graph.process import GraphProcess, NodeProcess, StackProcess
 from simbev_ros.graph.traces import Traces
 from simbev_ros.msgs.signing import KEY_VARIABLE, Signer, make_key
@@ -104,11 +105,13 @@ class GraphSession:
         """Start the processes; if one of them fails to start, stop the others.
 
         Raises:
-            InputError: The limit of address space is too low, or there is no SROS 2 and the graph is to be secure.
+            InputError: The limit of address space is too low, the included stack cannot run, or there is no SROS 2 and
+                the graph is to be secure.
             RenderError: The configured devices cannot draw.
         """
         try:
             require_address_space()
+            require_stack(self._scenario)
             self._start_processes()
         except BaseException:
             self.close()

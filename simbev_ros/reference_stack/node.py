@@ -30,6 +30,7 @@ _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _EVERY = QoSProfile(depth=16)
 """Reliable, with a queue longer than the lockstep window can fill."""
 _NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+_CLOUD = "cloud"
 _POLL_S = 0.05
 _POLLS_TO_SETTLE = 10
 """This side of a connection is established a moment before the other side is."""
@@ -90,7 +91,7 @@ class ReferenceStack(Node):
                 self._report(self._scene, self._scene.start_ns - self._scene.tick_ns)
 
     def _on_cloud(self, message: PointCloud2) -> None:
-        self._join.add_cloud(stamp_ns_of(message.header), message)
+        self._join.add_input(_CLOUD, stamp_ns_of(message.header), message)
         self._finish_ticks()
 
     def _on_odometry(self, message: Odometry) -> None:
@@ -101,10 +102,14 @@ class ReferenceStack(Node):
         """Answer and report each tick whose messages have all arrived."""
         if self._scene is None or self._pipeline is None:
             return
-        for stamp_ns, odometry, cloud in self._join.release_complete(self._scene.has_cloud):
-            if cloud is not None:
-                self._answer(self._scene, self._pipeline, cloud, odometry, stamp_ns)
+        for stamp_ns, odometry, messages in self._join.release_complete(self._due):
+            if _CLOUD in messages:
+                self._answer(self._scene, self._pipeline, messages[_CLOUD], odometry, stamp_ns)
             self._report(self._scene, stamp_ns)
+
+    def _due(self, stamp_ns: int) -> tuple[str, ...]:
+        """The inputs that a tick waits for, besides its odometry."""
+        return (_CLOUD,) if self._scene is not None and self._scene.has_cloud(stamp_ns) else ()
 
     def _answer(self, scene: Scene, pipeline: Pipeline, cloud: PointCloud2, odometry: Odometry, stamp_ns: int) -> None:
         map_from_ego = pose_of(odometry) @ scene.base_link_from_ego

@@ -1,48 +1,53 @@
-"""Joins the messages of one tick: its odometry, sent at every tick, and its cloud, if one is due.
+"""Joins the messages of one tick: its odometry, sent at every tick, and all inputs that are due.
 
-Messages of two topics are not synchronized: either may arrive first, and live some never arrive.
+Messages of different topics are not synchronized: any may arrive first, and live some never arrive.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from typing import Generic, TypeVar
 
-Cloud = TypeVar("Cloud")
+Message = TypeVar("Message")
 Odometry = TypeVar("Odometry")
 
 _MAX_WAITING = 100
-"""Maximum number of waiting ticks; beyond it, the oldest is released without its cloud."""
+"""Maximum number of waiting ticks; beyond it, the oldest is released without what it lacks."""
 
 
-class TickJoin(Generic[Cloud, Odometry]):
+class TickJoin(Generic[Message, Odometry]):
     """Holds messages by stamp until their tick is complete."""
 
     def __init__(self) -> None:
-        self._clouds: dict[int, Cloud] = {}
+        self._inputs: dict[str, dict[int, Message]] = {}
         self._odometry: dict[int, Odometry] = {}
 
     def clear(self) -> None:
         """Forget all messages."""
-        self._clouds.clear()
+        self._inputs.clear()
         self._odometry.clear()
 
-    def add_cloud(self, stamp_ns: int, cloud: Cloud) -> None:
-        """Store a cloud."""
-        self._clouds[stamp_ns] = cloud
+    def add_input(self, name: str, stamp_ns: int, message: Message) -> None:
+        """Store a message of an input."""
+        self._inputs.setdefault(name, {})[stamp_ns] = message
 
     def add_odometry(self, stamp_ns: int, odometry: Odometry) -> None:
         """Store the odometry of a tick."""
         self._odometry[stamp_ns] = odometry
 
-    def release_complete(self, is_due: Callable[[int], bool]) -> Iterator[tuple[int, Odometry, Cloud | None]]:
-        """Release stamp, odometry and cloud of each complete tick, in order and once.
+    def release_complete(
+        self, due: Callable[[int], Collection[str]]
+    ) -> Iterator[tuple[int, Odometry, dict[str, Message]]]:
+        """Release stamp, odometry and messages by input of each complete tick, in order and once.
 
         Args:
-            is_due: Whether a cloud is due at a stamp. A cloud counts as lost when a later one has arrived.
+            due: Names of the inputs that have a message at a stamp. A message counts as lost when a later one of the
+                same input has arrived.
         """
         for stamp_ns in sorted(self._odometry):
-            newest_ns = max(self._clouds, default=-1)
-            if is_due(stamp_ns) and newest_ns < stamp_ns and len(self._odometry) <= _MAX_WAITING:
+            newest_ns = (max(self._inputs.get(name, ()), default=-1) for name in due(stamp_ns))
+            if len(self._odometry) <= _MAX_WAITING and any(each < stamp_ns for each in newest_ns):
                 return
-            for old_ns in [each for each in self._clouds if each < stamp_ns]:
-                del self._clouds[old_ns]
-            yield stamp_ns, self._odometry.pop(stamp_ns), self._clouds.pop(stamp_ns, None)
+            messages = {name: held[stamp_ns] for name, held in self._inputs.items() if stamp_ns in held}
+            for held in self._inputs.values():
+                for old_ns in [each for each in held if each <= stamp_ns]:
+                    del held[old_ns]
+            yield stamp_ns, self._odometry.pop(stamp_ns), messages

@@ -37,7 +37,7 @@ def test_options_fill_the_section_in(tmp_path: Path) -> None:
 
 def test_the_reference_stack_has_its_own_name() -> None:
     scenario = load_scenario("demo").model_copy(update={"evaluation": Evaluation(participant="detector")})
-    with pytest.raises(InputError, match=r"^--stack 'reference': participant: the reference stack is called "):
+    with pytest.raises(InputError, match=r"^--stack 'reference': participant: the stack reference is called "):
         with_evaluation(scenario, None, "reference")
 
 
@@ -45,6 +45,24 @@ def test_the_reference_stack_has_its_own_name() -> None:
 def test_no_command_is_refused(stack: str, words: str) -> None:
     with pytest.raises(InputError, match=f"^--stack .*: .*{words}"):
         with_evaluation(load_scenario("demo"), None, stack)
+
+
+@pytest.mark.parametrize(
+    ("stack", "words"),
+    [
+        ("reference fast", "after reference may come nothing, not fast"),
+        ("baseline-lidar a.onnx b.onnx", "after baseline-lidar may come one file of weights, not a.onnx b.onnx"),
+    ],
+)
+def test_words_that_an_included_stack_does_not_take_are_refused(stack: str, words: str) -> None:
+    with pytest.raises(InputError, match=f"^--stack '{stack}': stack: {words}$"):
+        with_evaluation(load_scenario("demo"), None, stack)
+
+
+def test_missing_weights_are_refused_in_one_line_before_the_graph_starts(refused: Refused, tmp_path: Path) -> None:
+    path = tmp_path / "mine.onnx"
+    message = refused("run", "demo", "--stack", f"baseline-lidar {path}")
+    assert message.startswith(f"error: {path}: there is no such file") and message.count("\n") == 1
 
 
 def test_figures_must_have_a_place(tmp_path: Path) -> None:

@@ -10,8 +10,7 @@ from simbev_ros.config.evaluation import Evaluation
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.rendering import Device, Rendering
 from simbev_ros.config.scenario import GraphConfig, Scenario
-from simbev_ros.graph.plan import NodePlan, input_topic, plan_processes, stack_command
-from simbev_ros.nodes.ros.arguments import RosArguments
+from simbev_ros.graph.plan import NodePlan, plan_processes
 
 
 def cameras(number: int, **rendering: object) -> list[NodePlan]:
@@ -134,36 +133,3 @@ def test_nodes_wait_for_the_evaluator_on_topics_that_it_reads() -> None:
     read = ["/ego/boxes", "/ego/bev/labels", "/ego/lidar/points"]
     assert all(node.parameters["evaluated_topics"] == read for process in processes[1:-1] for node in process)
     assert processes[-1][0].parameters["input_topic"] == "/ego/lidar/points"
-
-
-@pytest.mark.parametrize(
-    ("kept", "section", "topic"),
-    [
-        (("camera", "gnss"), {}, "/ego/cam_front_left/rgb/camera_info"),
-        (("gnss",), {}, "/ego/odom"),
-        (("gnss",), {"answers_to": "/ego/gnss/fix"}, "/ego/gnss/fix"),
-    ],
-)
-def test_a_stack_answers_to_the_configured_topic_or_else_the_first_sensor(
-    kept: tuple[str, ...], section: dict[str, object], topic: str
-) -> None:
-    rig = load_scenario("paper").rig
-    reduced = rig.model_copy(update={"sensors": tuple(each for each in rig.sensors if each.type in kept)})
-    assert input_topic(reduced, Evaluation.model_validate(section)) == topic
-
-
-def test_the_reference_stack_gets_its_topics_relative_to_the_namespace_and_what_all_nodes_are_told() -> None:
-    assert stack_command(load_scenario("paper")) == stack_command(scenario_with_evaluation({})) == ()
-    assert stack_command(scenario_with_evaluation({"stack": "run 'my stack'"})) == ("run", "my stack")
-    command = stack_command(scenario_with_evaluation({"stack": "reference", "grids_topic": "/grids"}))
-    own = ("-p", "lidar_topic:=/ego/lidar/points", "--remap", "prediction/bev:=grids")
-    assert command[1:] == ("-m", "simbev_ros.reference_stack", "--ros-args", *own)
-    told = RosArguments("/sim1", ("-r", "/a:=/b"))
-    command = stack_command(scenario_with_evaluation({"stack": "reference", "grids_topic": "/grids"}), told)
-    assert command[3:] == ("--ros-args", *own, "-r", "/a:=/b", "-r", "__ns:=/sim1")
-    assert scenario_with_evaluation({"stack": "reference"}).participants == ("reference_stack",)
-
-
-def test_the_reference_stack_knows_of_a_live_graph_whose_clouds_are_reliable() -> None:
-    command = stack_command(scenario_with_evaluation({"stack": "reference"}), live=True)
-    assert command[3:] == ("--ros-args", "-p", "lidar_topic:=/ego/lidar/points", "-p", "live:=true")

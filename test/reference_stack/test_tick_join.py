@@ -9,18 +9,47 @@ from simbev_ros.reference_stack.tick_join import TickJoin
 Complete = list[tuple[int, str, str | None]]
 
 
-def _every_second(stamp_ns: int) -> bool:
-    return stamp_ns % 20 == 0
+def _every_second(stamp_ns: int) -> list[str]:
+    return ["c"] if stamp_ns % 20 == 0 else []
 
 
 def _arrive(join: TickJoin[str, str], *messages: str) -> Complete:
     """Add messages such as ``c20`` (cloud) and ``o20`` (odometry); return all ticks that they complete."""
     complete: Complete = []
     for message in messages:
-        add = join.add_cloud if message[0] == "c" else join.add_odometry
-        add(int(message[1:]), message)
-        complete += join.release_complete(_every_second)
+        stamp_ns = int(message[1:])
+        if message[0] == "c":
+            join.add_input("c", stamp_ns, message)
+        else:
+            join.add_odometry(stamp_ns, message)
+        complete += [(at, odometry, found.get("c")) for at, odometry, found in join.release_complete(_every_second)]
     return complete
+
+
+def _fast_and_slow(stamp_ns: int) -> list[str]:
+    return [name for name, period in (("fast", 10), ("slow", 20)) if stamp_ns % period == 0]
+
+
+def test_a_tick_waits_for_all_inputs_that_are_due() -> None:
+    join: TickJoin[str, str] = TickJoin()
+    join.add_odometry(20, "o20")
+    join.add_odometry(30, "o30")
+    join.add_input("fast", 30, "f30")
+    join.add_input("fast", 20, "f20")
+    assert [*join.release_complete(_fast_and_slow)] == []
+    join.add_input("slow", 20, "s20")
+    assert [*join.release_complete(_fast_and_slow)] == [
+        (20, "o20", {"fast": "f20", "slow": "s20"}),
+        (30, "o30", {"fast": "f30"}),
+    ]
+
+
+def test_a_tick_that_lost_one_of_its_inputs_is_released_with_the_other_ones() -> None:
+    join: TickJoin[str, str] = TickJoin()
+    for name, stamp_ns in (("fast", 20), ("fast", 40), ("slow", 40)):
+        join.add_input(name, stamp_ns, f"{name}{stamp_ns}")
+    join.add_odometry(20, "o20")
+    assert [*join.release_complete(_fast_and_slow)] == [(20, "o20", {"fast": "fast20"})]
 
 
 @pytest.mark.parametrize("clouds_at", [*combinations(range(5), 2)])

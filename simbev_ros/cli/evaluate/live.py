@@ -10,6 +10,7 @@ from pydantic import ValidationError
 from rich.console import Console
 
 from simbev_ros.config.evaluation import Evaluation
+from simbev_ros.config.included_stacks import INCLUDED_STACKS
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.errors import InputError
 from simbev_ros.recording.whole_files import require_writable, write_errors
@@ -29,7 +30,8 @@ FiguresOption = Annotated[
 StackOption = Annotated[
     str | None,
     typer.Option(
-        help="Run this command with the graph and evaluate its answers; reference: the included stack.",
+        help="Run this command with the graph and evaluate its answers. Included are "
+        f"{', '.join(INCLUDED_STACKS)}; a file (.onnx) of weights may follow a baseline.",
         metavar="COMMAND",
         rich_help_panel=_PANEL,
     ),
@@ -40,13 +42,16 @@ def with_evaluation(scenario: Scenario, figures: Path | None, stack: str | None)
     """The configuration with the values of the options.
 
     Raises:
-        InputError: An option is wrong, or the figures cannot be written there.
+        InputError: An option is wrong, the figures cannot be written there, or the included stack cannot run.
     """
+    from simbev_ros.graph.evaluated_stack import require_stack
+
     if figures is not None:
         _require_writable(figures)
     given = {"figures": None if figures is None else str(figures), "stack": stack}
     changed = {name: value for name, value in given.items() if value is not None}
     if not changed:
+        require_stack(scenario)
         return scenario
     section = {} if scenario.evaluation is None else scenario.evaluation.model_dump()
     try:
@@ -54,7 +59,9 @@ def with_evaluation(scenario: Scenario, figures: Path | None, stack: str | None)
     except ValidationError as error:
         words = error.errors()[0]["msg"].removeprefix("Value error, ")
         raise InputError(f"--stack {stack!r}: {words}") from None
-    return scenario.model_copy(update={"evaluation": evaluation})
+    changed_scenario = scenario.model_copy(update={"evaluation": evaluation})
+    require_stack(changed_scenario)
+    return changed_scenario
 
 
 def print_live_tables(figures: Mapping[str, Any], console: Console) -> None:

@@ -1,0 +1,55 @@
+"""The file of a baseline's weights: that in the package or one of the user's, and what it takes to read it."""
+
+from importlib.util import find_spec
+from pathlib import Path
+
+from simbev_ros.baselines.inference import INSTALL, Baseline, weights_file
+from simbev_ros.baselines.modality import Modality
+from simbev_ros.errors import InputError
+
+
+def require_onnx_runtime() -> None:
+    """Raise InputError if ONNX Runtime is not installed."""
+    if find_spec("onnxruntime") is None:
+        raise InputError(f"baselines need ONNX Runtime: {INSTALL}")
+
+
+def require_model_file(modality: Modality, path: Path | None) -> Path:
+    """The file of a baseline, which is there.
+
+    Args:
+        modality: What the baseline sees.
+        path: A file of the user's; None: the weights in the package.
+
+    Raises:
+        InputError: There is no such file.
+    """
+    if path is None:
+        path = weights_file(modality)
+        if not path.is_file():
+            raise InputError(
+                f"this package comes without weights for baseline-{modality} ({path}); give a file of your own: "
+                f"'baseline-{modality} model.onnx'"
+            )
+    if not path.is_file():
+        raise InputError(
+            f"{path}: there is no such file; baseline-{modality} needs an ONNX file that `simbev train` wrote"
+        )
+    return path
+
+
+def load_baseline(modality: Modality, path: Path | None) -> Baseline:
+    """Load a baseline.
+
+    Args:
+        modality: What it sees.
+        path: A file of the user's; None: the weights in the package.
+
+    Raises:
+        InputError: There is no such file, it cannot be read, or it is another baseline.
+    """
+    path = require_model_file(modality, path)
+    baseline = Baseline(path)
+    if baseline.modality is not modality:
+        raise InputError(f"{path}: is a {baseline.modality} model, which baseline-{baseline.modality} runs")
+    return baseline

@@ -1,0 +1,56 @@
+"""Runs the stack until Ctrl-C: ``python -m simbev_ros.baselines.node lidar [FILE]``, next to ``simbev run``."""
+
+import argparse
+import sys
+from pathlib import Path
+
+import rclpy
+import rclpy.utilities
+from rclpy.executors import ExternalShutdownException
+
+from simbev_ros.baselines.modality import Modality
+from simbev_ros.baselines.model_file import load_baseline
+from simbev_ros.baselines.node.node import BaselineNode
+from simbev_ros.errors import InputError
+from simbev_ros.nodes.main import ERROR_MARK
+from simbev_ros.nodes.ros.arguments import split_ros_arguments
+
+
+def main() -> int:
+    """Run the node until SIGINT or SIGTERM; return the exit code."""
+    own, of_ros = split_ros_arguments(sys.argv[1:])
+    options = _parser().parse_args(own)
+    node: BaselineNode | None = None
+    try:
+        baseline = load_baseline(Modality(options.modality), options.weights)
+        rclpy.init(args=["--ros-args", *of_ros])
+        node = BaselineNode(baseline)
+        rclpy.spin(node)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except InputError as error:
+        print(f"{ERROR_MARK}{error}", file=sys.stderr)
+        return error.exit_code
+    finally:
+        if node is not None:
+            node.close()
+            node.destroy_node()
+        rclpy.utilities.try_shutdown()
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m simbev_ros.baselines.node",
+        description="Answers the frames of a running graph with a trained baseline.",
+        epilog="What follows --ros-args goes to ROS: remapping, and the parameters lidar_topic and live.",
+    )
+    parser.add_argument("modality", choices=[each.value for each in Modality], help="what the baseline sees")
+    parser.add_argument(
+        "weights", nargs="?", type=Path, help="ONNX file that simbev train wrote; default: the weights in the package"
+    )
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,63 @@
+"""Keeps the lidar's sweeps with the ego's poses, so that a frame can have earlier ones."""
+
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+
+from simbev_ros.baselines.frames import SWEEP_INTERVAL_NS, SWEEPS, sweeps_of_frame
+from simbev_ros.types import Float32Array, Float64Array, Table
+
+_MEMORY_NS = SWEEPS * SWEEP_INTERVAL_NS
+"""Age beyond which no frame needs a sweep."""
+
+
+class Sweep(NamedTuple):
+    """A sweep of the lidar.
+
+    Attributes:
+        stamp_ns: Its stamp.
+        points_ego: (N, 3) points, m, in the ego frame of its stamp.
+        map_from_ego: (4, 4) pose of the ego.
+    """
+
+    stamp_ns: int
+    points_ego: Float32Array
+    map_from_ego: Float64Array
+
+
+class SweepMemory:
+    """The sweeps of the last moments, in the order of their stamps."""
+
+    def __init__(self) -> None:
+        self._sweeps: deque[Sweep] = deque()
+
+    def add(self, sweep: Sweep) -> None:
+        """Add a sweep, which is later than all others; if time has gone back, these are forgotten."""
+        if self._sweeps and sweep.stamp_ns <= self._sweeps[-1].stamp_ns:
+            self._sweeps.clear()
+        while self._sweeps and self._sweeps[0].stamp_ns < sweep.stamp_ns - _MEMORY_NS:
+            self._sweeps.popleft()
+        self._sweeps.append(sweep)
+
+    def of_frame(self, stamp_ns: int) -> list[Sweep | None]:
+        """The sweeps of a frame, newest first; None: there is none of that age."""
+        sweeps = list(self._sweeps)
+        stamps_ns = np.array([sweep.stamp_ns for sweep in sweeps], np.int64)
+        return [sweeps[index] if index >= 0 else None for index in sweeps_of_frame(stamp_ns, stamps_ns)]
+
+
+def points_in_ego(cloud: Table, ego_from_lidar: Float64Array) -> Float32Array:
+    """(N, 3) points, ego frame, of the rows of a cloud whose x, y and z (m, lidar frame) are finite.
+
+    Raises:
+        ValueError: The cloud has no such columns.
+    """
+    points = np.empty((len(cloud), 3), np.float32)
+    for column, name in enumerate("xyz"):
+        points[:, column] = cloud[name]
+    finite = np.isfinite(points).all(axis=1)
+    if not finite.all():
+        points = points[finite]
+    rotation, origin = ego_from_lidar[:3, :3].astype(np.float32), ego_from_lidar[:3, 3].astype(np.float32)
+    return points @ rotation.T + origin

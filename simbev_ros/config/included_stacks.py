@@ -1,0 +1,61 @@
+"""Perception stacks that come with the package; ``evaluation.stack`` starts them by name.
+
+This table is the only place of their names.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+Sight = Literal["camera", "lidar"]
+"""Kinds of sensors that a stack sees."""
+
+
+@dataclass(frozen=True, slots=True)
+class IncludedStack:
+    """A perception stack that comes with the package.
+
+    Attributes:
+        name: Its name in ``evaluation.stack``.
+        module: The module that runs it.
+        participant: Its name on /sync/ready, and that of its node.
+        sees: The sensors that it needs.
+        modality: The baseline, as ``module`` takes it; None: it is not a trained model.
+    """
+
+    name: str
+    module: str
+    participant: str
+    sees: tuple[Sight, ...]
+    modality: str | None = None
+
+    @property
+    def takes_weights(self) -> bool:
+        """Whether a file of weights may follow its name."""
+        return self.modality is not None
+
+
+_BASELINES: dict[str, tuple[Sight, ...]] = {
+    "camera": ("camera",),
+    "lidar": ("lidar",),
+    "fused": ("camera", "lidar"),
+}
+
+
+def baseline_stack(modality: str) -> IncludedStack:
+    """The stack of a trained baseline.
+
+    Raises:
+        KeyError: There is no such baseline.
+    """
+    sees = _BASELINES[modality]
+    return IncludedStack(f"baseline-{modality}", "simbev_ros.baselines.node", f"baseline_{modality}", sees, modality)
+
+
+INCLUDED_STACKS = {
+    stack.name: stack
+    for stack in (
+        IncludedStack("reference", "simbev_ros.reference_stack", "reference_stack", ("lidar",)),
+        *map(baseline_stack, _BASELINES),
+    )
+}
+"""All included stacks by name."""

@@ -1,0 +1,134 @@
+"""The perception stack that runs with a graph: the topic that it answers to, its command, and what it needs."""
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from simbev_ros.baselines.modality import Modality
+from simbev_ros.baselines.model_file import require_model_file, require_onnx_runtime
+from simbev_ros.config.camera import Camera
+from simbev_ros.config.evaluation import BOXES_TOPIC, GRIDS_TOPIC, Evaluation
+from simbev_ros.config.included_stacks import IncludedStack
+from simbev_ros.config.lidar import Lidar
+from simbev_ros.config.rig import Rig
+from simbev_ros.config.scenario import Scenario
+from simbev_ros.errors import InputError
+from simbev_ros.msgs.sensor_topics import camera_info_name, points_name
+from simbev_ros.msgs.topics import odometry_name
+from simbev_ros.nodes.ros.arguments import PLAIN, RosArguments
+
+_AT_EVERY_TICK_HZ = float("inf")
+
+
+def stack_command(scenario: Scenario, ros: RosArguments = PLAIN, *, live: bool = False) -> tuple[str, ...]:
+    """Command of the perception stack to run with the graph; empty: none.
+
+    Args:
+        scenario: The configuration.
+        ros: What all nodes of the graph are told; so is an included stack, but no other one.
+        live: Whether the world is paced by the wall clock.
+
+    Raises:
+        InputError: There are no such weights.
+    """
+    evaluation = scenario.evaluation
+    if evaluation is None or evaluation.stack is None:
+        return ()
+    included = evaluation.included
+    if included is None:
+        return evaluation.stack
+    settings = [f"lidar_topic:={_lidar_topic(scenario.rig, evaluation)}"] if "lidar" in included.sees else []
+    settings += ["live:=true"] if live else []
+    parameters = [word for setting in settings for word in ("-p", setting)]
+    remapping = [word for rule in _remapping(scenario.rig, evaluation) for word in ("--remap", rule)]
+    words = _model_words(included, evaluation)
+    return (sys.executable, "-m", included.module, *words, *ros.command(*parameters, *remapping))
+
+
+def require_stack(scenario: Scenario) -> None:
+    """Check that the included stack, if there is one, has what it needs.
+
+    Raises:
+        InputError: The rig lacks sensors, or packages or weights are missing.
+    """
+    evaluation = scenario.evaluation
+    included = None if evaluation is None else evaluation.included
+    if evaluation is None or included is None:
+        return
+    rig, agent = scenario.rig, scenario.rig.agent
+    found = {"lidar": (list(_lidar_topics(rig)), "points"), "camera": (_color_cameras(rig), "rgb images")}
+    for sensor in included.sees:
+        sensors, data = found[sensor]
+        if not sensors:
+            raise InputError(f"evaluation.stack: {included.name}: the rig of {agent} has no {sensor} with {data}")
+    if included.modality is not None:
+        require_onnx_runtime()
+        _model_words(included, evaluation)
+
+
+def input_topic(rig: Rig, evaluation: Evaluation) -> str:
+    """Topic that a stack answers to.
+
+    It is the configured one. Else it is that of the slowest sensor that an included stack sees, as it answers when all
+    of them are due; for other stacks that of the rig's first lidar, else first camera.
+    """
+    if evaluation.answers_to is not None:
+        return evaluation.answers_to
+    sees = ("lidar",) if evaluation.included is None else evaluation.included.sees
+    topics = [*_camera_topics(rig)] if "camera" in sees else []
+    topics += [*_lidar_topics(rig)][:1] if "lidar" in sees else []
+    if topics:
+        return min(topics, key=lambda topic: topic[1])[0]
+    for camera in rig.of_type(Camera):
+        return camera_info_name(rig.agent, camera.name, camera.modalities[0])
+    return odometry_name(rig.agent)
+
+
+def _model_words(included: IncludedStack, evaluation: Evaluation) -> tuple[str, ...]:
+    """Words of the command that say which model runs."""
+    if included.modality is None:
+        return ()
+    weights = None if evaluation.weights is None else Path(evaluation.weights)
+    return (included.modality, str(require_model_file(Modality(included.modality), weights).resolve()))
+
+
+def _remapping(rig: Rig, evaluation: Evaluation) -> Iterator[str]:
+    """Rules that give a stack's topics their names in this graph, relative to its namespace."""
+    boxes = evaluation.boxes_topic
+    topics = {
+        "/ego/odom": odometry_name(rig.agent),
+        BOXES_TOPIC: boxes,
+        f"{BOXES_TOPIC}/markers": f"{boxes}/markers",
+        GRIDS_TOPIC: evaluation.grids_topic,
+    }
+    for old, new in topics.items():
+        if new != old:
+            yield f"{old.removeprefix('/')}:={new.removeprefix('/')}"
+
+
+def _lidar_topic(rig: Rig, evaluation: Evaluation) -> str:
+    """Topic of the clouds that an included stack sees: that which it answers to, else that of the first lidar."""
+    topics = [name for name, _ in _lidar_topics(rig)]
+    return evaluation.answers_to if evaluation.answers_to in topics else topics[0]
+
+
+def _lidar_topics(rig: Rig) -> Iterator[tuple[str, float]]:
+    """Topic and rate of the points of each lidar."""
+    for lidar in rig.of_type(Lidar):
+        if lidar.points:
+            yield points_name(rig.agent, lidar.name), _rate_hz(lidar.rate_hz)
+
+
+def _camera_topics(rig: Rig) -> Iterator[tuple[str, float]]:
+    """Topic and rate of the camera_info beside the color images of each camera."""
+    for camera in _color_cameras(rig):
+        yield camera_info_name(rig.agent, camera.name, "rgb"), _rate_hz(camera.rate_hz)
+
+
+def _color_cameras(rig: Rig) -> list[Camera]:
+    return [camera for camera in rig.of_type(Camera) if "rgb" in camera.modalities]
+
+
+def _rate_hz(rate_hz: float | None) -> float:
+    """Rate of a sensor, to compare it with others."""
+    return _AT_EVERY_TICK_HZ if rate_hz is None else rate_hz

@@ -1,0 +1,38 @@
+"""A baseline's file is found, or refused with a message that says what is wrong with it."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from simbev_ros.baselines.modality import Modality
+from simbev_ros.baselines.model_file import load_baseline
+from simbev_ros.errors import InputError
+
+
+def test_a_file_that_is_no_model_is_refused(tmp_path: Path) -> None:
+    pytest.importorskip("onnxruntime", reason="ONNX Runtime is not installed")
+    (tmp_path / "model.onnx").write_bytes(b"no model")
+    with pytest.raises(InputError, match=r"model\.onnx: cannot be loaded: "):
+        load_baseline(Modality.LIDAR, tmp_path / "model.onnx")
+
+
+def test_a_model_that_sees_something_else_is_refused(tmp_path: Path) -> None:
+    for package in ("torch", "onnx", "onnxruntime"):
+        pytest.importorskip(package, reason=f"{package} is not installed")
+    from untrained_baseline import export_untrained
+
+    path = export_untrained(tmp_path / "model.onnx", Modality.LIDAR)
+    assert load_baseline(Modality.LIDAR, path).modality is Modality.LIDAR
+    with pytest.raises(InputError, match=f"^{path}: is a lidar model, which baseline-lidar runs$"):
+        load_baseline(Modality.FUSED, path)
+
+
+def test_the_node_ends_with_exit_code_2_and_one_line_if_there_is_no_such_file(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "simbev_ros.baselines.node", "lidar", str(tmp_path / "none.onnx")]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert ended.returncode == 2
+    assert (
+        ended.stderr.startswith(f"error: {tmp_path}/none.onnx: there is no such file") and ended.stderr.count("\n") == 1
+    )

@@ -1,0 +1,54 @@
+"""Frames get the sweeps of a quarter and half a second before, with the poses of their own stamps."""
+
+import numpy as np
+import pytest
+
+from simbev_ros.baselines.node.sweeps import Sweep, SweepMemory, points_in_ego
+from simbev_ros.sensors.lidar import POINT_DTYPE
+
+MS = 1_000_000
+
+
+def memory_of(*stamps_ms: int) -> SweepMemory:
+    memory = SweepMemory()
+    for stamp_ms in stamps_ms:
+        memory.add(Sweep(stamp_ms * MS, np.zeros((0, 3), np.float32), np.eye(4)))
+    return memory
+
+
+def stamps_ms(memory: SweepMemory, stamp_ms: int) -> list[int | None]:
+    return [None if sweep is None else sweep.stamp_ns // MS for sweep in memory.of_frame(stamp_ms * MS)]
+
+
+def test_a_frame_gets_its_own_sweep_and_those_nearest_to_the_ages_that_models_know() -> None:
+    assert stamps_ms(memory_of(*range(0, 1050, 50)), 1000) == [1000, 750, 500]
+    assert stamps_ms(memory_of(*range(0, 1100, 100)), 1000) == [1000, 700, 500]
+    assert stamps_ms(memory_of(500, 750, 1000), 1000) == [1000, 750, 500]
+
+
+def test_the_first_frames_have_fewer_sweeps() -> None:
+    assert stamps_ms(memory_of(0), 0) == [0, None, None]
+    assert stamps_ms(memory_of(0, 250), 250) == [250, 0, None]
+
+
+def test_sweeps_are_forgotten_when_time_goes_back() -> None:
+    assert stamps_ms(memory_of(500, 750, 1000, 0), 0) == [0, None, None]
+
+
+def test_old_sweeps_do_not_fill_the_memory() -> None:
+    memory = memory_of(*range(0, 10_000, 50))
+    assert len(memory._sweeps) <= 16
+
+
+def test_finite_points_come_to_the_ego_frame() -> None:
+    cloud = np.zeros(3, POINT_DTYPE)
+    cloud["x"], cloud["y"], cloud["z"] = [1.0, np.nan, 3.0], [2.0, 0.0, 0.0], 0.5
+    ego_from_lidar = np.array([[0.0, -1, 0, 0.3], [1, 0, 0, 0], [0, 0, 1, 1.8], [0, 0, 0, 1]])  # turned left
+    points = points_in_ego(cloud, ego_from_lidar)
+    assert points.dtype == np.float32
+    assert points == pytest.approx(np.array([[-1.7, 1.0, 2.3], [0.3, 3.0, 2.3]]), abs=1e-6)
+
+
+def test_a_cloud_without_coordinates_is_a_value_error() -> None:
+    with pytest.raises(ValueError, match="no field of name x"):
+        points_in_ego(np.zeros(1, np.dtype([("intensity", "f4")])), np.eye(4))

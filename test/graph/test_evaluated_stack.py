@@ -1,0 +1,150 @@
+"""The stack that runs with a graph gets its topics and its weights, and what it lacks is refused before."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from simbev_ros.baselines.modality import Modality
+from simbev_ros.config.evaluation import Evaluation
+from simbev_ros.config.included_stacks import INCLUDED_STACKS
+from simbev_ros.config.load import load_scenario
+from simbev_ros.config.rig import Rig
+from simbev_ros.config.scenario import Scenario
+from simbev_ros.errors import InputError
+from simbev_ros.graph.evaluated_stack import input_topic, require_stack, stack_command
+from simbev_ros.nodes.ros.arguments import RosArguments
+
+FRONT = "/ego/cam_front_left/rgb/camera_info"
+POINTS = "/ego/lidar/points"
+
+
+def scenario_with_evaluation(section: dict[str, object], **parts: object) -> Scenario:
+    return load_scenario("paper").model_copy(update={"evaluation": Evaluation.model_validate(section), **parts})
+
+
+def rig_with_rates(**rates_hz: float) -> Rig:
+    """The paper's rig with rates for kinds of sensors."""
+    rig = load_scenario("paper").rig
+    sensors = tuple(each.model_copy(update={"rate_hz": rates_hz.get(each.type)}) for each in rig.sensors)
+    return rig.model_copy(update={"sensors": sensors})
+
+
+def rig_without(kind: str) -> Rig:
+    rig = load_scenario("paper").rig
+    return rig.model_copy(update={"sensors": tuple(each for each in rig.sensors if each.type != kind)})
+
+
+@pytest.fixture
+def weights(tmp_path: Path) -> Path:
+    """A file that could hold weights."""
+    path = tmp_path / "my model.onnx"
+    path.touch()
+    return path
+
+
+@pytest.mark.parametrize(
+    ("kept", "section", "topic"),
+    [
+        (("camera", "gnss"), {}, "/ego/cam_front_left/rgb/camera_info"),
+        (("gnss",), {}, "/ego/odom"),
+        (("gnss",), {"answers_to": "/ego/gnss/fix"}, "/ego/gnss/fix"),
+    ],
+)
+def test_a_stack_answers_to_the_configured_topic_or_else_the_first_sensor(
+    kept: tuple[str, ...], section: dict[str, object], topic: str
+) -> None:
+    rig = load_scenario("paper").rig
+    reduced = rig.model_copy(update={"sensors": tuple(each for each in rig.sensors if each.type in kept)})
+    assert input_topic(reduced, Evaluation.model_validate(section)) == topic
+
+
+def test_the_reference_stack_gets_its_topics_relative_to_the_namespace_and_what_all_nodes_are_told() -> None:
+    assert stack_command(load_scenario("paper")) == stack_command(scenario_with_evaluation({})) == ()
+    assert stack_command(scenario_with_evaluation({"stack": "run 'my stack'"})) == ("run", "my stack")
+    command = stack_command(scenario_with_evaluation({"stack": "reference", "grids_topic": "/grids"}))
+    own = ("-p", "lidar_topic:=/ego/lidar/points", "--remap", "prediction/bev:=grids")
+    assert command[1:] == ("-m", "simbev_ros.reference_stack", "--ros-args", *own)
+    told = RosArguments("/sim1", ("-r", "/a:=/b"))
+    command = stack_command(scenario_with_evaluation({"stack": "reference", "grids_topic": "/grids"}), told)
+    assert command[3:] == ("--ros-args", *own, "-r", "/a:=/b", "-r", "__ns:=/sim1")
+    assert scenario_with_evaluation({"stack": "reference"}).participants == ("reference_stack",)
+
+
+def test_the_reference_stack_knows_of_a_live_graph_whose_clouds_are_reliable() -> None:
+    command = stack_command(scenario_with_evaluation({"stack": "reference"}), live=True)
+    assert command[3:] == ("--ros-args", "-p", "lidar_topic:=/ego/lidar/points", "-p", "live:=true")
+
+
+def test_there_is_a_baseline_of_every_modality() -> None:
+    found = [stack.modality for stack in INCLUDED_STACKS.values() if stack.modality is not None]
+    assert sorted(found) == sorted(each.value for each in Modality)
+
+
+@pytest.mark.parametrize("modality", Modality)
+def test_a_baseline_gets_its_weights_and_a_lidar_if_it_sees_one(weights: Path, modality: Modality) -> None:
+    scenario = scenario_with_evaluation({"stack": [f"baseline-{modality}", str(weights)]})
+    lidar = ("-p", f"lidar_topic:={POINTS}") if modality.has_lidar else ()
+    expected = (sys.executable, "-m", "simbev_ros.baselines.node", modality.value, str(weights), "--ros-args", *lidar)
+    assert stack_command(scenario) == expected
+    assert scenario.participants == (f"baseline_{modality}",)
+
+
+@pytest.mark.parametrize(
+    ("name", "rates_hz", "topic"),
+    [
+        ("baseline-lidar", {"camera": 2}, POINTS),
+        ("baseline-camera", {"camera": 10, "lidar": 5}, FRONT),
+        ("baseline-fused", {}, FRONT),
+        ("baseline-fused", {"camera": 2, "lidar": 4}, FRONT),
+        ("baseline-fused", {"camera": 10, "lidar": 5}, POINTS),
+        ("reference", {"camera": 2}, POINTS),
+    ],
+)
+def test_an_included_stack_answers_to_the_slowest_sensor_that_it_sees(
+    name: str, rates_hz: dict[str, float], topic: str
+) -> None:
+    assert input_topic(rig_with_rates(**rates_hz), Evaluation(stack=(name,))) == topic
+
+
+def test_a_baseline_sees_the_lidar_that_it_answers_to(weights: Path) -> None:
+    rig = load_scenario("paper").rig
+    (lidar,) = (each for each in rig.sensors if each.type == "lidar")
+    two = rig.model_copy(update={"sensors": (*rig.sensors, lidar.model_copy(update={"name": "roof"}))})
+    for answers_to, seen in (("/ego/roof/points", "/ego/roof/points"), ("/ego/gnss/fix", POINTS)):
+        section = {"stack": ["baseline-lidar", str(weights)], "answers_to": answers_to}
+        assert f"lidar_topic:={seen}" in stack_command(scenario_with_evaluation(section, rig=two))
+
+
+def test_missing_weights_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "none.onnx"
+    with pytest.raises(InputError, match=f"^{path}: there is no such file; baseline-lidar needs an ONNX file"):
+        require_stack(scenario_with_evaluation({"stack": ["baseline-lidar", str(path)]}))
+
+
+def test_weights_that_the_package_lacks_are_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr("simbev_ros.baselines.inference.WEIGHTS_FOLDER", tmp_path)
+    with pytest.raises(InputError, match=r"comes without weights for baseline-fused .*; give a file of your own"):
+        require_stack(scenario_with_evaluation({"stack": "baseline-fused"}))
+
+
+def test_without_onnx_runtime_the_message_says_how_to_install_it(
+    monkeypatch: pytest.MonkeyPatch, weights: Path
+) -> None:
+    monkeypatch.setattr("simbev_ros.baselines.model_file.find_spec", lambda _: None)
+    with pytest.raises(InputError, match=r"^baselines need ONNX Runtime: pip install 'simbev_ros\[baselines\]'$"):
+        require_stack(scenario_with_evaluation({"stack": ["baseline-lidar", str(weights)]}))
+    require_stack(scenario_with_evaluation({"stack": "reference"}))
+
+
+@pytest.mark.parametrize(
+    ("stack", "kind", "lacking"),
+    [
+        ("reference", "lidar", "lidar with points"),
+        ("baseline-fused", "lidar", "lidar with points"),
+        ("baseline-camera", "camera", "camera with rgb images"),
+    ],
+)
+def test_a_rig_without_what_the_stack_sees_is_refused(stack: str, kind: str, lacking: str) -> None:
+    with pytest.raises(InputError, match=f"^evaluation.stack: {stack}: the rig of ego has no {lacking}$"):
+        require_stack(scenario_with_evaluation({"stack": stack}, rig=rig_without(kind)))

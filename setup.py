@@ -72,6 +72,7 @@ setup(
         (f"share/{NAME}/interfaces/action", files("interfaces/action/*.action")),
         (f"share/{NAME}/config", [*files("config/*.yaml"), *files("config/*.xml")]),
         (f"share/{NAME}/config/autoware", files("config/autoware/*")),
+        (f"share/{NAME}/config/baselines", files("config/baselines/*.yaml")),
         (f"share/{NAME}/config/diagnostics", files("config/diagnostics/*.yaml")),
         (f"share/{NAME}/config/nav2", files("config/nav2/*")),
         (f"share/{NAME}/config/rigs", files("config/rigs/*.yaml")),

@@ -58,7 +58,7 @@ def simbev(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Callable[..
 
 
 def test_the_wheel_holds_every_file_of_data(wheel: Path) -> None:
-    data = {".yaml", ".glsl", ".css", ".typed", ".xml", ".msg", ".srv", ".action"}
+    data = {".yaml", ".glsl", ".css", ".onnx", ".typed", ".xml", ".msg", ".srv", ".action"}
     files = [path for path in REPOSITORY.joinpath("simbev_ros").rglob("*") if path.suffix in data]
     wanted = {path.relative_to(REPOSITORY).as_posix() for path in files}
     wanted |= {path.relative_to(REPOSITORY).as_posix() for path in REPOSITORY.joinpath("config").rglob("*.*ml")}

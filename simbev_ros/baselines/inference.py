@@ -101,6 +101,8 @@ def _session(path: Path, threads: int | None, gpu: bool) -> "InferenceSession":
         raise InputError(f"baselines need ONNX Runtime: {INSTALL}") from None
     options = onnxruntime.SessionOptions()
     options.log_severity_level = 3
+    # Threads that wait do not spin: the graph, and often the simulator's renderer, need the cores as well.
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     if threads is not None:
         options.intra_op_num_threads = threads
     available = onnxruntime.get_available_providers()

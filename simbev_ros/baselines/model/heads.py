@@ -33,7 +33,7 @@ class Heads(nn.Module):
         self.heat = nn.Conv2d(channels, len(DETECTED_CLASSES), 3, padding=1)
         self.boxes = nn.Conv2d(channels, len(BOX_VALUES), 1)
         for layer in (cells, self.heat):
-            nn.init.constant_(layer.bias, _RARE)  # type: ignore[arg-type]
+            nn.init.constant_(layer.bias, _RARE)
 
     def forward(self, features: Tensor) -> "Outputs":
         """Outputs for (B, C, FEATURE_CELLS, FEATURE_CELLS) features."""

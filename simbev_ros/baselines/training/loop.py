@@ -152,7 +152,7 @@ def _step(
         outputs = forward(inputs_of(batch, modality))
     losses = losses_of(outputs, targets_of(batch), batch.depth_m)
     optimizer.zero_grad(set_to_none=True)
-    torch.stack(list(losses.values())).sum().backward()  # type: ignore[no-untyped-call]
+    torch.stack(list(losses.values())).sum().backward()
     nn.utils.clip_grad_norm_(model.parameters(), _MAX_GRADIENT)
     optimizer.step()
     return {name: value.detach() for name, value in losses.items()}

@@ -1,7 +1,7 @@
 """``simbev train``: trains a baseline on a dataset."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -61,7 +61,7 @@ def train(
     make_console().print(f"{path} is ready: simbev predict {path} {dataset} --out predictions")
 
 
-def _device(torch: "object", name: str) -> "object":
+def _device(torch: Any, name: str) -> Any:
     cuda = torch.cuda.is_available()
     try:
         return torch.device(("cuda" if cuda else "cpu") if name == "auto" else name)

@@ -1,0 +1,174 @@
+"""Training on the CPU: targets fit augmented inputs, all weights learn, a batch is learned by heart, runs resume."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cached_scene import CAR, YAW_RAD, write_cached_scene
+
+torch = pytest.importorskip("torch", reason="training is an extra: pip install 'simbev_ros[training]'")
+pytest.importorskip("onnx", reason="training is an extra: pip install 'simbev_ros[training]'")
+
+from simbev_ros.baselines.boxes import decode_boxes  # noqa: E402
+from simbev_ros.baselines.cache.reader import CachedScene  # noqa: E402
+from simbev_ros.baselines.grid import CELLS, FEATURE_CELLS  # noqa: E402
+from simbev_ros.baselines.inference import Baseline  # noqa: E402
+from simbev_ros.baselines.modality import Modality  # noqa: E402
+from simbev_ros.baselines.model.bev_model import BevModel  # noqa: E402
+from simbev_ros.baselines.model.cameras import depth_index  # noqa: E402
+from simbev_ros.baselines.model.pillars import CHANNELS, PILLARS, pillar_statistics  # noqa: E402
+from simbev_ros.baselines.training.batches import CachedBatches  # noqa: E402
+from simbev_ros.baselines.training.config import Augmentation, Training  # noqa: E402
+from simbev_ros.baselines.training.export import ExportedModel, export_model, export_run  # noqa: E402
+from simbev_ros.baselines.training.loop import inputs_of, load_model, train  # noqa: E402
+from simbev_ros.baselines.training.losses import losses_of  # noqa: E402
+from simbev_ros.baselines.training.targets import targets_of  # noqa: E402
+from simbev_ros.errors import InputError  # noqa: E402
+from simbev_ros.semantics import BEV_CLASSES  # noqa: E402
+
+WILD = Augmentation(rotation_deg=180, scale=0.2)
+
+
+def batches(cache: Path, modality: Modality, augmentation: Augmentation | None, size: int = 2) -> CachedBatches:
+    return CachedBatches([CachedScene(write_cached_scene(cache))], modality, size, augmentation, seed=3)
+
+
+def test_statistics_of_a_pillar_worked_by_hand() -> None:
+    points = torch.tensor([[10.0, 4.0, 0.5, 0], [10.05, 4.05, 1.5, 0], [10.0, 4.0, 0.2, 1], [500.0, 0, 0, 0]])
+    statistics = pillar_statistics(points, torch.zeros(4, dtype=torch.int64), 1)
+    assert statistics.shape == (1, CHANNELS, PILLARS, PILLARS)
+    filled = (statistics[0] != 0).any(0).nonzero()
+    assert filled.tolist() == [[309, 339], [310, 340]]
+    pillar = statistics[0, :, 310, 340]
+    assert pillar[:3].tolist() == pytest.approx([1.0, 0.25, 0.25])  # occupied, lowest and highest over 2 m
+    assert pillar[-6:].tolist() == pytest.approx([1.0, 0.1, 0.1, 0.0, 0.0, 0.0])  # the sweep before; none before that
+
+
+def test_statistics_do_not_depend_on_the_order_of_points() -> None:
+    generator = torch.Generator().manual_seed(0)
+    points = torch.rand(5000, 4, generator=generator) * torch.tensor([20.0, 20.0, 3.0, 2.99])
+    points[:, 3] = points[:, 3].floor()
+    order, sample = torch.randperm(5000, generator=generator), torch.zeros(5000, dtype=torch.int64)
+    assert torch.equal(pillar_statistics(points, sample, 1), pillar_statistics(points[order], sample, 1))
+
+
+@pytest.mark.parametrize("augmentation", [None, WILD])
+def test_targets_and_inputs_stay_together(tmp_path: Path, augmentation: Augmentation | None) -> None:
+    batch = batches(tmp_path, Modality.FUSED, augmentation)[0]
+    targets = targets_of(batch)
+    for _, label, x, y, z, length, width, height, yaw, _, _ in batch.boxes[batch.boxes[:, 1] == 0].tolist():
+        assert label == 0
+        row, column = int((72 - x) / 0.4), int((72 - y) / 0.4)
+        assert targets.cells[:, BEV_CLASSES.index("car"), row, column].max() == 1
+        offset = batch.points[:, :3] - torch.tensor([x, y, z])
+        along = offset[:, 0] * np.cos(yaw) + offset[:, 1] * np.sin(yaw)
+        across = offset[:, 1] * np.cos(yaw) - offset[:, 0] * np.sin(yaw)
+        inside = (along.abs() < length / 2) & (across.abs() < width / 2) & (offset[:, 2].abs() < height / 2)
+        assert int((inside & (batch.points[:, 3] == 0)).sum()) >= 190  # of 200 points in the box
+    *_, depth_m = (batch.pixel_from_level[0, 0] @ torch.tensor([*batch.boxes[0, 2:5].tolist(), 1.0])).tolist()
+    assert depth_m == pytest.approx(CAR[0], abs=1e-3)  # a warp moves no pixel
+
+
+def test_the_same_seed_and_epoch_give_the_same_batch(tmp_path: Path) -> None:
+    first, second = (batches(tmp_path / name, Modality.LIDAR, WILD) for name in "ab")
+    assert all(torch.equal(a, b) for a, b in zip(first[0], second[0], strict=True))
+    second.epoch = 1
+    assert not torch.equal(first[0].boxes, second[0].boxes)
+
+
+def test_a_box_survives_its_targets(tmp_path: Path) -> None:
+    """Targets taken as the answer decode to the boxes that they were made from."""
+    targets = targets_of(batches(tmp_path, Modality.LIDAR, None, size=1)[0])
+    values = np.zeros((10, FEATURE_CELLS * FEATURE_CELLS), np.float32)
+    values[:, targets.center.numpy()] = targets.boxes.numpy().T
+    heat = np.where(targets.heat[0].numpy() >= 1.0, 0.9, 0.0).astype(np.float32)
+    boxes = decode_boxes(heat, values.reshape(10, FEATURE_CELLS, FEATURE_CELLS))
+    car = boxes[boxes["class"] == 0]
+    assert [car[name].item() for name in ("x", "y", "z")] == pytest.approx(CAR, abs=1e-4)
+    assert [car[name].item() for name in ("length", "width", "height")] == pytest.approx([4.0, 2.0, 1.6], rel=1e-5)
+    assert car["yaw"].item() == pytest.approx(YAW_RAD, abs=1e-6)
+    assert car["vx"].item() == pytest.approx(2.0)
+
+
+def test_intervals_of_depth_grow_and_cover_the_range() -> None:
+    edges = depth_index(torch.tensor([1.0, 97.0, 2.0, 50.0]))
+    assert edges.tolist() == pytest.approx([0.0, 48.0, 4.475, 34.15], abs=0.01)
+
+
+@pytest.mark.parametrize("modality", list(Modality))
+def test_shapes_and_gradients(tmp_path: Path, modality: Modality) -> None:
+    torch.manual_seed(0)
+    batch, model = batches(tmp_path, modality, None, size=1)[0], BevModel(modality)
+    outputs = model(inputs_of(batch, modality))
+    assert outputs.cells.shape == (1, len(BEV_CLASSES), CELLS, CELLS)
+    assert outputs.heat.shape == (1, 6, FEATURE_CELLS, FEATURE_CELLS)
+    assert (outputs.depth is not None) == modality.has_cameras
+    losses = losses_of(outputs, targets_of(batch), batch.depth_m)
+    sum(losses.values()).backward()
+    for name, parameter in model.named_parameters():
+        assert parameter.grad is not None, name
+        assert torch.isfinite(parameter.grad).all(), name
+        assert parameter.grad.abs().max() > 0, name
+
+
+def test_a_batch_is_learned_by_heart(tmp_path: Path) -> None:
+    torch.manual_seed(0)
+    batch, model = batches(tmp_path, Modality.LIDAR, None, size=1)[0], BevModel(Modality.LIDAR)
+    optimizer, targets = torch.optim.AdamW(model.parameters(), lr=3e-3), targets_of(batch)
+    totals = []
+    for _ in range(14):
+        losses = losses_of(model(inputs_of(batch, Modality.LIDAR)), targets, batch.depth_m)
+        optimizer.zero_grad()
+        total = sum(losses.values())
+        total.backward()
+        optimizer.step()
+        totals.append(total.item())
+    assert totals[-1] < 0.5 * totals[0]
+
+
+def test_an_interrupted_run_ends_like_one_that_was_not(tmp_path: Path) -> None:
+    write_cached_scene(tmp_path)
+    training = Training(modality=Modality.LIDAR, epochs=2, batch_size=2)
+
+    def run(name: str, stop_after: int) -> None:
+        def report(progress: object) -> None:
+            if progress.step == stop_after:  # type: ignore[attr-defined]
+                raise KeyboardInterrupt
+
+        train(training, tmp_path, tmp_path / name, device=torch.device("cpu"), workers=0, report=report)
+
+    run("whole", 99)
+    with pytest.raises(KeyboardInterrupt):
+        run("parts", 2)  # after the checkpoint of the first epoch
+    run("parts", 99)
+    (_, whole), (_, parts) = (load_model(tmp_path / name / "checkpoint.pt") for name in ("whole", "parts"))
+    assert all(torch.equal(a, b) for a, b in zip(whole.state_dict().values(), parts.state_dict().values(), strict=True))
+    path = export_run(tmp_path / "whole", tmp_path)
+    assert Baseline(path).modality is Modality.LIDAR
+    with pytest.raises(InputError, match="was made with another epochs; choose another folder"):
+        train(
+            training.model_copy(update={"epochs": 3}),
+            tmp_path,
+            tmp_path / "whole",
+            device=torch.device("cpu"),
+            workers=0,
+            report=lambda progress: None,
+        )
+
+
+def test_the_exported_model_answers_like_the_trained_one(tmp_path: Path) -> None:
+    torch.manual_seed(0)
+    sample, model = CachedScene(write_cached_scene(tmp_path)).sample(1), BevModel(Modality.FUSED).eval()
+    export_model(model, tmp_path / "model.onnx", {"modality": "fused"}, 6, (64, 32))
+    images = np.random.default_rng(0).integers(0, 255, (6, 32, 64, 3), np.uint8)
+    answer = Baseline(tmp_path / "model.onnx").answer(sample.points, images, sample.pixel_from_level)
+    with torch.no_grad():
+        given = (torch.from_numpy(each) for each in (sample.points, images, sample.pixel_from_level))
+        cells, _, _ = ExportedModel(model)(*given)
+    assert np.abs(answer.cells.astype(int) - cells.numpy()).max() <= 1  # weights have half precision
+
+
+def test_a_checkpoint_that_is_none_is_named(tmp_path: Path) -> None:
+    (tmp_path / "checkpoint.pt").write_bytes(b"nothing")
+    with pytest.raises(InputError, match=r"checkpoint\.pt: is no checkpoint"):
+        load_model(tmp_path / "checkpoint.pt")

@@ -99,6 +99,8 @@ def _session(path: Path, threads: int | None, gpu: bool) -> "InferenceSession":
         import onnxruntime
     except ImportError:
         raise InputError(f"baselines need ONNX Runtime: {INSTALL}") from None
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
     options = onnxruntime.SessionOptions()
     options.log_severity_level = 3
     # Threads that wait do not spin: the graph, and often the simulator's renderer, need the cores as well.

@@ -28,8 +28,8 @@ def require_model_file(modality: Modality, path: Path | None) -> Path:
         path = weights_file(modality)
         if not path.is_file():
             raise InputError(
-                f"this package comes without weights for baseline-{modality} ({path}); give a file of your own: "
-                f"'baseline-{modality} model.onnx'"
+                f"this package comes without weights for the {modality} baseline ({path.name}); give a file of your "
+                "own, which `simbev train` writes"
             )
     if not path.is_file():
         raise InputError(

@@ -76,7 +76,7 @@ class GroundTruthFrame(NamedTuple):
     @classmethod
     def from_frame(cls, frame: Frame) -> "GroundTruthFrame":
         """Ground truth of a recorded frame."""
-        conditions = Conditions.from_weather(frame.scene.spec.weather_at(frame.tick))
+        conditions = Conditions.of_tick(frame.scene.spec, frame.tick)
         return cls(frame.tick, frame["boxes"], frame.map_from_ego, conditions)
 
 

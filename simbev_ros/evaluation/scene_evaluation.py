@@ -73,9 +73,7 @@ def evaluate_scene(scene: Scene, predicted: PredictedScene, options: EvaluationO
         BagError: The bag is damaged.
     """
     base, recorded = options.slices[0], _ticks_with_truth(scene, grids=grids)
-    ticks = [
-        tick for tick in recorded[:: options.every] if base.has(Conditions.from_weather(scene.spec.weather_at(tick)))
-    ]
+    ticks = [tick for tick in recorded[:: options.every] if base.has(Conditions.of_tick(scene.spec, tick))]
     frames = np.zeros(len(ticks), FRAME_DTYPE)
     frames["tick"], frames["iou"] = ticks, np.nan
     frames["answered_boxes"] = [tick in predicted.ticks_with_boxes for tick in ticks]

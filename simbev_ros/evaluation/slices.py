@@ -1,4 +1,4 @@
-"""Table slices: evaluation results by distance, visibility, points, difficulty, time of day or weather.
+"""Table slices: evaluation results by distance, visibility, points, difficulty, time of day, weather or map.
 
 Each row of a table is a slice, a selection of the same boxes, cells and frames. The evaluation tallies every slice.
 """
@@ -13,7 +13,7 @@ import numpy as np
 from simbev_ros.errors import InputError
 from simbev_ros.evaluation.conditions import DAYTIMES, WEATHERS, daytime_of, weather_of
 from simbev_ros.evaluation.filters import BoxFilter
-from simbev_ros.scene.weather import Weather
+from simbev_ros.scene.spec import SceneSpec
 
 RINGS_M: tuple[float, ...] = (0.0, 20.0, 40.0, 60.0)
 """Distances from the ego at which the rings begin; the last one is unbounded."""
@@ -23,15 +23,17 @@ _POINTS = (0, 1, 5, 20, 100)
 
 
 class Conditions(NamedTuple):
-    """Time of day and weather of one frame, by their names in ``conditions``."""
+    """Time of day and weather of one frame, by their names in ``conditions``, and its map."""
 
     daytime: str
     weather: str
+    map: str
 
     @classmethod
-    def from_weather(cls, weather: Weather) -> "Conditions":
-        """Conditions of a frame with the given weather."""
-        return cls(daytime_of(weather), weather_of(weather))
+    def of_tick(cls, spec: SceneSpec, tick: int) -> "Conditions":
+        """Conditions of a frame of a scene."""
+        weather = spec.weather_at(tick)
+        return cls(daytime_of(weather), weather_of(weather), spec.map.name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +46,7 @@ class TableSlice:
         boxes: Filter for the boxes that count.
         daytimes: Times of day of the frames that count, out of ``DAYTIMES``.
         weathers: Weathers of the frames that count, out of ``WEATHERS``.
+        maps: Names of the maps whose frames count; empty: of all maps.
         includes_cells: Whether the row also counts cells, by its distances and frames.
     """
 
@@ -52,6 +55,7 @@ class TableSlice:
     boxes: BoxFilter = field(default_factory=BoxFilter)
     daytimes: tuple[str, ...] = DAYTIMES
     weathers: tuple[str, ...] = WEATHERS
+    maps: tuple[str, ...] = ()
     includes_cells: bool = True
 
     def __post_init__(self) -> None:
@@ -65,7 +69,8 @@ class TableSlice:
 
     def has(self, conditions: Conditions) -> bool:
         """Whether a frame with these conditions counts."""
-        return conditions.daytime in self.daytimes and conditions.weather in self.weathers
+        is_on_map = not self.maps or conditions.map in self.maps
+        return is_on_map and conditions.daytime in self.daytimes and conditions.weather in self.weathers
 
 
 def table_slices(base: TableSlice, groups: Sequence[str], rings_m: Sequence[float] = RINGS_M) -> list[TableSlice]:
@@ -73,7 +78,7 @@ def table_slices(base: TableSlice, groups: Sequence[str], rings_m: Sequence[floa
 
     Args:
         base: Everything that counts; each slice is a part of it.
-        groups: Conditions to slice by, keys of ``GROUPS``.
+        groups: Conditions to slice by, keys of ``GROUPS``; slices by map are those of the maps that ``base`` names.
         rings_m: Distances at which the rings begin, rising from 0 or more.
 
     Raises:
@@ -127,6 +132,11 @@ def _by_weather(base: TableSlice, _rings_m: Sequence[float]) -> Iterator[TableSl
         yield replace(base, group="weather", name=name, weathers=(name,))
 
 
+def _by_map(base: TableSlice, _rings_m: Sequence[float]) -> Iterator[TableSlice]:
+    for name in base.maps:
+        yield replace(base, group="map", name=name, maps=(name,))
+
+
 GROUPS: Mapping[str, Callable[[TableSlice, Sequence[float]], Iterator[TableSlice]]] = {
     "distance": _by_distance,
     "visibility": _by_visibility,
@@ -134,6 +144,7 @@ GROUPS: Mapping[str, Callable[[TableSlice, Sequence[float]], Iterator[TableSlice
     "difficulty": _by_difficulty,
     "daytime": _by_daytime,
     "weather": _by_weather,
+    "map": _by_map,
 }
 """Conditions by which tables can be sliced, each with the function that makes its slices."""
 

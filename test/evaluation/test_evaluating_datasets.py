@@ -118,6 +118,19 @@ def test_table_rows_count_only_their_own_boxes_and_cells(dataset: Path, tmp_path
     assert segmentation["by_distance"]["20 to 40 m"]["IoU_at"]["car"]["0.5"] is None
 
 
+def test_rows_by_map_are_those_of_the_named_maps(dataset: Path, tmp_path: Path) -> None:
+    base = TableSlice(maps=("Blocks", "Elsewhere"))
+    options = EvaluationOptions(tuple(table_slices(base, ("map",))))
+    figures = figures_of(run_evaluation(dataset, write_answers(tmp_path, made.as_predicted(), grids=True), options))
+    assert {name: row["boxes"] for name, row in figures["detection"]["by_map"].items()} == {
+        "Blocks": 60,
+        "Elsewhere": 0,
+    }
+    elsewhere = EvaluationOptions((TableSlice(maps=("Elsewhere",)),))
+    with pytest.raises(InputError, match="no frame of 2 scenes is left to evaluate"):
+        run_evaluation(dataset, tmp_path, elsewhere)
+
+
 def test_boxes_that_do_not_count_are_ignored(dataset: Path, tmp_path: Path) -> None:
     """The far car is predicted wrongly, and there is also a far false positive."""
     own = made.truth()

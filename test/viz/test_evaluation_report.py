@@ -78,7 +78,7 @@ def texts(values: Iterable[float | None]) -> list[str]:
 
 
 def test_the_page_has_all_sections_and_shows_the_figures(dataset: Path, tmp_path: Path) -> None:
-    options = EvaluationOptions(tuple(table_slices(TableSlice(), [*GROUPS])))
+    options = EvaluationOptions(tuple(table_slices(TableSlice(maps=("Blocks",)), [*GROUPS])))
     page, figures = report(dataset, tmp_path, some_boxes(), range(5), options, own_nuscenes=random_nuscenes_figures())
     by = [f"By {name}" for name in GROUPS]
     assert page.headings == [
@@ -105,7 +105,7 @@ def test_the_page_has_all_sections_and_shows_the_figures(dataset: Path, tmp_path
 
 
 def test_tables_by_condition_show_the_figures(dataset: Path, tmp_path: Path) -> None:
-    options = EvaluationOptions(tuple(table_slices(TableSlice(), [*GROUPS])))
+    options = EvaluationOptions(tuple(table_slices(TableSlice(maps=("Blocks",)), [*GROUPS])))
     page, figures = report(dataset, tmp_path, some_boxes(), range(5), options)
     detection, segmentation = figures["detection"], figures["segmentation"]
     for group in GROUPS:

@@ -36,10 +36,11 @@ def predict(
     simbev evaluate predictions/lidar datasets/baselines --split test --every 10 --points 1
     """
     from simbev_ros.baselines.cache.reader import cached_scenes
-    from simbev_ros.baselines.inference import Baseline, weights_file
+    from simbev_ros.baselines.inference import Baseline
+    from simbev_ros.baselines.model_file import load_baseline
     from simbev_ros.baselines.predict import predict as run
 
-    baseline = Baseline(weights_file(Modality(model)) if model in list(Modality) else Path(model))
+    baseline = load_baseline(Modality(model), None) if model in list(Modality) else Baseline(Path(model))
     pool, console = processes(workers), make_console(stderr=True)
     scenes = cached_scenes(filled_cache(dataset, cache, pool, console), split)
     frames = sum(len(range(0, len(scene.frames), every)) for scene in scenes)

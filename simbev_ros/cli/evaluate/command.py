@@ -1,6 +1,7 @@
 """``simbev evaluate``: measures predictions with the metrics of the paper."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -54,7 +55,8 @@ def evaluate(
     by: Annotated[
         str,
         typer.Option(
-            help=f"Tables by distance, visibility, points, difficulty, daytime, weather, {_WORDS}.", metavar="NAMES"
+            help=f"Tables by distance, visibility, points, difficulty, daytime, weather, map, {_WORDS}.",
+            metavar="NAMES",
         ),
     ] = "distance",
     rings: Annotated[
@@ -117,9 +119,10 @@ def evaluate(
         daytime=daytime,
         weather=weather,
     )
+    groups, starts_m = parse.words("--by", by) if by else (), parse.numbers("--rings", rings)
     box_classes, bev_classes = parse.classes("--classes", classes)
     options = EvaluationOptions(
-        slices=tuple(table_slices(counted, parse.words("--by", by) if by else (), parse.numbers("--rings", rings))),
+        slices=tuple(table_slices(counted, groups, starts_m)),
         detection=DetectionOptions(
             ious=parse.thresholds("--ious", ious, 1.0),
             distances_m=parse.thresholds("--distances", distances, 1000.0),
@@ -136,6 +139,9 @@ def evaluate(
         require_place(file)
     opened, console = open_dataset(dataset, threads=1), make_console(highlight=False)
     chosen = parse.chosen_scenes(opened, split, scenes)
+    if "map" in groups:
+        counted = replace(counted, maps=tuple(sorted({scene.map for scene in chosen})))
+        options = replace(options, slices=tuple(table_slices(counted, groups, starts_m)))
     predicted = open_predictions(predictions, boxes_topic, grids_topic).for_dataset([s.name for s in opened.scenes])
     frames = sum(len(range(0, len(scene), every)) for scene in chosen)
     with counting_bar("frames", make_console(stderr=True), frames) as bar:

@@ -83,7 +83,7 @@ class LiveEvaluation:
         Raises:
             InputError: An answer does not fit the scene.
         """
-        conditions, map_from_ego = Conditions.from_weather(self._spec.weather_at(frame.tick)), frame.truth[POSE]
+        conditions, map_from_ego = Conditions.of_tick(self._spec, frame.tick), frame.truth[POSE]
         boxes = [each for each in frame.answers.values() if isinstance(each, PredictedBoxes)]
         grids = [each for each in frame.answers.values() if isinstance(each, ScoreGrid)]
         predictions = boxes_in_map(

@@ -111,9 +111,7 @@ def _class_table(outcomes: Outcomes) -> str:
 def _card(frame: Frame, note: str, body: str) -> str:
     scene = frame.scene
     time_s = (frame.stamp_ns - int(scene.stamps_ns[0])) / NS_PER_S
-    where = (
-        f"tick {frame.tick}, {time_s:.2f} s, {', '.join(Conditions.from_weather(scene.spec.weather_at(frame.tick)))}"
-    )
+    where = f"tick {frame.tick}, {time_s:.2f} s, {', '.join(Conditions.of_tick(scene.spec, frame.tick)[:2])}"
     head = f"<h3>{escape(scene.name)} <span>{where}</span></h3>"
     return f'<article>{head}<p class="note">{escape(note)}</p>{body}</article>'
 

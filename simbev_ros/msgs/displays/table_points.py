@@ -53,7 +53,7 @@ def _columns(table: Table) -> dict[str, Float32Array]:
     names = table.dtype.names or ()
     columns: dict[str, Float32Array] = {name: table[name].astype(np.float32) for name in names}
     if set(_VELOCITY) <= set(names):
-        columns["speed"] = np.linalg.norm([columns[name] for name in _VELOCITY], axis=0)
+        columns["speed"] = np.asarray(np.linalg.norm([columns[name] for name in _VELOCITY], axis=0), np.float32)
     for name, color in _COLORS.items():
         if name in names:
             columns["rgb"] = color(table[name]).astype(np.uint32).view(np.float32)

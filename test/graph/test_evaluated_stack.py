@@ -124,7 +124,7 @@ def test_missing_weights_are_refused(tmp_path: Path) -> None:
 
 def test_weights_that_the_package_lacks_are_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr("simbev_ros.baselines.inference.WEIGHTS_FOLDER", tmp_path)
-    with pytest.raises(InputError, match=r"comes without weights for baseline-fused .*; give a file of your own"):
+    with pytest.raises(InputError, match=r"comes without weights for the fused baseline .*; give a file of your own"):
         require_stack(scenario_with_evaluation({"stack": "baseline-fused"}))
 
 

@@ -1,10 +1,15 @@
-"""Decodes heat maps and values at their peaks into boxes."""
+"""The boxes that baselines predict, and how heat maps and values at their peaks become boxes."""
 
 import numpy as np
 
 from simbev_ros.baselines.grid import FEATURE_CELL_M, FEATURE_CELLS, HALF_M
 from simbev_ros.types import AnyArray, Float32Array, Table
 
+DETECTED_CLASSES = ("car", "truck", "bus", "motorcycle", "bicycle", "pedestrian")
+"""Classes of boxes that are predicted, those of the paper."""
+BOX_VALUES = ("dx", "dy", "z", "log_length", "log_width", "log_height", "sin_yaw", "cos_yaw", "vx", "vy")
+"""Values of a box at the cell of its center: offset from the cell's center along rows and columns, in cells; height, m;
+logarithms of its size in m; heading and velocity in the level frame, m/s."""
 BOX_DTYPE = np.dtype(
     [
         ("x", "<f8"),  # m, level frame: center of the box
@@ -31,7 +36,7 @@ def decode_boxes(heat: Float32Array, values: Float32Array) -> Table:
 
     Args:
         heat: (classes, FEATURE_CELLS, FEATURE_CELLS) scores, 0 where a neighbor has a higher one.
-        values: (len(heads.BOX_VALUES), FEATURE_CELLS, FEATURE_CELLS) values of boxes.
+        values: (len(BOX_VALUES), FEATURE_CELLS, FEATURE_CELLS) values of boxes.
     """
     flat = heat.ravel()
     likely = np.flatnonzero(flat > _MIN_SCORE)

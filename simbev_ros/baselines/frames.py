@@ -11,6 +11,8 @@ SWEEPS = 3
 """Sweeps of a frame: the one of its own stamp and earlier ones, newest first."""
 SWEEP_INTERVAL_NS = 250_000_000
 """Time from one sweep of a frame to the next."""
+IMAGE_STRIDE = 8
+"""Pixels in one cell of an image's features, along each axis; such a patch has one depth in a cache."""
 _TOLERANCE_NS = 60_000_000
 _NO_SWEEP = -1
 

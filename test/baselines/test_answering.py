@@ -10,11 +10,12 @@ from simbev_ros.baselines.boxes import BOX_DTYPE as MODEL_BOX_DTYPE
 from simbev_ros.baselines.grid import CELL_M, CELLS
 from simbev_ros.baselines.inference import Answer
 from simbev_ros.baselines.modality import Modality
-from simbev_ros.baselines.node.answering import BOX_DTYPE, Answering, Frame, scores_on_grid
+from simbev_ros.baselines.node.answering import Answering, Frame, scores_on_grid
 from simbev_ros.baselines.node.scene_inputs import inputs_of_scene
 from simbev_ros.baselines.node.sweeps import Sweep
 from simbev_ros.geometry.grid import BevGrid
 from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
+from simbev_ros.reference_stack.pipeline import BOX_DTYPE
 from simbev_ros.reference_stack.pipeline import BOX_DTYPE as REFERENCE_BOX_DTYPE
 from simbev_ros.types import Float64Array, UInt8Array
 

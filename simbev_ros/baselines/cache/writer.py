@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from simbev_ros.baselines.boxes import DETECTED_CLASSES
 from simbev_ros.baselines.cache.layout import (
     BOX_DTYPE,
     CM_PER_M,
@@ -17,7 +18,7 @@ from simbev_ros.baselines.cache.layout import (
     SCENE_FILE,
     SWEEP_DTYPE,
 )
-from simbev_ros.baselines.frames import sweeps_of_frame
+from simbev_ros.baselines.frames import IMAGE_STRIDE, sweeps_of_frame
 from simbev_ros.baselines.grid import CELL_M, CELLS, level_from_map
 from simbev_ros.dataset import columns, open_dataset
 from simbev_ros.dataset.frame import Frame
@@ -28,9 +29,6 @@ from simbev_ros.geometry.camera import LensCamera
 from simbev_ros.object_store.object_path import AnyPath
 from simbev_ros.types import AnyArray, Float64Array, Table
 
-PATCH_PX = 8
-"""Pixels along each side of a patch that has one depth."""
-_BOX_CLASSES = 6
 _DEPTH_LIMIT_M = 655.0
 
 
@@ -162,7 +160,7 @@ def _points_cm(frame: Frame, lidar: str, ego_from_sensor: Float64Array) -> AnyAr
 def _patch_depth_cm(depth_m: AnyArray) -> AnyArray:
     """(H / 8, W / 8) uint16 smallest depth of each patch of an (H, W) image."""
     height, width = depth_m.shape
-    patches = depth_m.reshape(height // PATCH_PX, PATCH_PX, width // PATCH_PX, PATCH_PX)
+    patches = depth_m.reshape(height // IMAGE_STRIDE, IMAGE_STRIDE, width // IMAGE_STRIDE, IMAGE_STRIDE)
     nearest = np.where(np.isfinite(patches), patches, np.inf).min(axis=(1, 3))
     return np.where(nearest < _DEPTH_LIMIT_M, nearest * CM_PER_M, 0.0).astype(np.uint16)
 
@@ -178,7 +176,7 @@ def _cells(scene: Scene, frame: Frame) -> AnyArray:
 def _boxes(frame: Frame) -> Table:
     """(B,) ``BOX_DTYPE`` boxes of a frame."""
     table = frame["boxes"]
-    table = table[table["class"] < _BOX_CLASSES]
+    table = table[table["class"] < len(DETECTED_CLASSES)]
     level = level_from_map(frame.map_from_ego)
     result = np.zeros(len(table), BOX_DTYPE)
     for name in ("length", "width", "height", "visibility", "class"):

@@ -10,11 +10,10 @@ import torch
 from torch import Tensor, nn
 from torch.nn.functional import interpolate
 
+from simbev_ros.baselines.frames import IMAGE_STRIDE
 from simbev_ros.baselines.grid import FEATURE_CELL_M, FEATURE_CELLS, HALF_M
 from simbev_ros.baselines.model.blocks import conv_norm_relu, residual_stage
 
-IMAGE_STRIDE = 8
-"""Pixels in one cell of an image's features, along each axis."""
 DEPTHS = 48
 """Number of intervals of depth."""
 NEAR_M, FAR_M = 1.0, 97.0

@@ -9,15 +9,11 @@ from typing import NamedTuple
 from torch import Tensor, nn
 from torch.nn.functional import pixel_shuffle
 
+from simbev_ros.baselines.boxes import BOX_VALUES, DETECTED_CLASSES
 from simbev_ros.baselines.grid import FEATURE_STRIDE
 from simbev_ros.baselines.model.blocks import conv_norm_relu
 from simbev_ros.semantics import BEV_CLASSES
 
-DETECTED_CLASSES = ("car", "truck", "bus", "motorcycle", "bicycle", "pedestrian")
-"""Classes of boxes that are predicted, those of the paper."""
-BOX_VALUES = ("dx", "dy", "z", "log_length", "log_width", "log_height", "sin_yaw", "cos_yaw", "vx", "vy")
-"""Values of a box at the cell of its center: offset from the cell's center along rows and columns, in cells; height, m;
-logarithms of its size in m; heading and velocity in the level frame, m/s."""
 _RARE = -4.6
 """Logit of 1 %: scores start low, as centers and most classes are rare."""
 

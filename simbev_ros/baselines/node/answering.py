@@ -15,27 +15,9 @@ from simbev_ros.baselines.node.scene_inputs import SceneInputs, stacked_projecti
 from simbev_ros.baselines.node.sweeps import Sweep
 from simbev_ros.baselines.predict import boxes_in_map
 from simbev_ros.geometry.grid import BevGrid
+from simbev_ros.reference_stack.pipeline import BOX_DTYPE
 from simbev_ros.types import Float32Array, Float64Array, Table, UInt8Array
 from simbev_ros.units import NS_PER_S
-
-BOX_DTYPE = np.dtype(
-    [
-        ("x", "<f8"),  # m, map frame: center of the box
-        ("y", "<f8"),
-        ("z", "<f8"),
-        ("length", "<f4"),  # m
-        ("width", "<f4"),
-        ("height", "<f4"),
-        ("yaw", "<f4"),  # rad, about z
-        ("vx", "<f4"),  # m/s over ground, map frame
-        ("vy", "<f4"),
-        ("vz", "<f4"),  # always 0
-        ("score", "<f4"),  # 0 … 1
-        ("id", "<u4"),  # the same for an object over time
-        ("class", "u1"),  # as in /world/legend
-    ]
-)
-"""One row per box: the fields of /prediction/boxes."""
 
 ReadImage = Callable[[ImageFit], UInt8Array]
 """Gives an image (H, W, 3), RGB, in the model's size."""

@@ -4,8 +4,9 @@ import torch
 from torch import Tensor
 from torch.nn.functional import binary_cross_entropy_with_logits, cross_entropy, logsigmoid
 
+from simbev_ros.baselines.boxes import BOX_VALUES
 from simbev_ros.baselines.model.cameras import DEPTHS, FAR_M, NEAR_M, depth_index
-from simbev_ros.baselines.model.heads import BOX_VALUES, Outputs
+from simbev_ros.baselines.model.heads import Outputs
 from simbev_ros.baselines.training.targets import Targets
 
 _MIN_SHARE = 1e-4

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from simbev_ros.baselines.boxes import DETECTED_CLASSES
 from simbev_ros.baselines.grid import CELL_M, CELLS, FEATURE_CELL_M, FEATURE_CELLS, HALF_M
-from simbev_ros.baselines.model.heads import DETECTED_CLASSES
 from simbev_ros.baselines.training.batches import Batch
 from simbev_ros.semantics import BEV_CLASSES
 

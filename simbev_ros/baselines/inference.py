@@ -1,6 +1,7 @@
 """Answers frames with a trained baseline on ONNX Runtime, on the CPU or a GPU."""
 
 import json
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +17,7 @@ from simbev_ros.types import Float32Array, Table, UInt8Array
 if TYPE_CHECKING:
     from onnxruntime import InferenceSession
 
-INSTALL = "pip install 'simbev_ros[baselines]'"
+INSTALL = f"{sys.executable} -m pip install 'simbev_ros[baselines]'"
 WEIGHTS_FOLDER = Path(__file__).parent / "weights"
 """Weights that come with the package: ``lidar.onnx`` and so on."""
 ABOUT_KEY = "simbev_ros"

@@ -1,5 +1,6 @@
 """``simbev train``: trains a baseline on a dataset."""
 
+import sys
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -45,7 +46,8 @@ def train(
         from simbev_ros.baselines.training.loop import Progress
         from simbev_ros.baselines.training.loop import train as run
     except ImportError as error:
-        raise InputError(f"training needs {error.name}: pip install 'simbev_ros[training]'") from None
+        command = f"{sys.executable} -m pip install 'simbev_ros[training]'"
+        raise InputError(f"training needs {error.name}: {command}") from None
     chosen = _device(torch, device)
     pool, console = processes(workers), make_console(stderr=True)
     folder = filled_cache(dataset, cache, pool, console)

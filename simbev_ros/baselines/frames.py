@@ -7,10 +7,8 @@ import numpy as np
 from simbev_ros.baselines.grid import level_from_map
 from simbev_ros.types import Float32Array, Float64Array, Int64Array
 
-SWEEPS = 3
-"""Sweeps of a frame: the one of its own stamp and earlier ones, newest first."""
-SWEEP_INTERVAL_NS = 250_000_000
-"""Time from one sweep of a frame to the next."""
+SWEEP_AGES_NS = (0, 250_000_000, 500_000_000, 1_000_000_000, 2_000_000_000)
+"""Ages of the sweeps of a frame, newest first: recent ones show motion, old ones what is hidden by now."""
 IMAGE_STRIDE = 8
 """Pixels in one cell of an image's features, along each axis; such a patch has one depth in a cache."""
 _TOLERANCE_NS = 60_000_000
@@ -18,15 +16,15 @@ _NO_SWEEP = -1
 
 
 def sweeps_of_frame(stamp_ns: int, sweep_stamps_ns: Int64Array) -> list[int]:
-    """Indices of the ``SWEEPS`` sweeps of a frame; -1 where there is none, as in a scene's first frames.
+    """Index of the sweep of each age in ``SWEEP_AGES_NS``; -1 where there is none, as in a scene's first frames.
 
     Args:
         stamp_ns: Stamp of the frame.
         sweep_stamps_ns: (S,) stamps of all sweeps, ascending.
     """
     chosen = []
-    for age in range(SWEEPS):
-        wanted_ns = stamp_ns - age * SWEEP_INTERVAL_NS
+    for age_ns in SWEEP_AGES_NS:
+        wanted_ns = stamp_ns - age_ns
         nearest = int(np.abs(sweep_stamps_ns - wanted_ns).argmin()) if len(sweep_stamps_ns) else _NO_SWEEP
         is_near = nearest >= 0 and abs(int(sweep_stamps_ns[nearest]) - wanted_ns) <= _TOLERANCE_NS
         chosen.append(nearest if is_near and nearest not in chosen else _NO_SWEEP)

@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-import simplejpeg
 
 from simbev_ros.baselines.cache.reader import CachedScene
 from simbev_ros.baselines.grid import level_from_map
@@ -36,9 +35,7 @@ def predict(
             name, tables, ticks = str(scene.about["name"]), [], []
             for index in range(0, len(scene.frames), every):
                 sample, frame = scene.sample(index), scene.frames[index]
-                images = None
-                if baseline.modality.has_cameras:
-                    images = [simplejpeg.decode_jpeg(bytes(each), colorspace="RGB") for each in sample.jpegs]
+                images = sample.images() if baseline.modality.has_cameras else None
                 answer = baseline.answer(sample.points, images, sample.pixel_from_level)
                 tick = int(frame["tick"])
                 write_grid(out, name, tick, np.moveaxis(answer.cells, 2, 0))

@@ -31,7 +31,7 @@ def write_cached_scene(cache: Path, frames: int = 2, name: str = "Plain-0000", s
     boxes = np.zeros(2 * frames, BOX_DTYPE)
     for index in range(frames):
         sweeps[index] = (index * 250_000_000, poses[index], (index + 1) * len(points))
-        table[index] = (10 * index, index * 250_000_000, poses[index], [index, index - 1, index - 2], 2 * index + 2)
+        table[index] = (10 * index, index * 250_000_000, poses[index], 2 * index + 2)
         for box, center, size, label in (
             (boxes[2 * index], CAR, (4.0, 2.0, 1.6), "car"),
             (boxes[2 * index + 1], PEDESTRIAN, (0.6, 0.6, 1.8), "pedestrian"),

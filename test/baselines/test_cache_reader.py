@@ -48,7 +48,7 @@ def test_a_split_without_scenes_is_named(tmp_path: Path) -> None:
 def test_a_cache_of_another_version_is_refused(tmp_path: Path) -> None:
     folder = write_cached_scene(tmp_path)
     (folder / "scene.json").write_text('{"format": 99}', encoding="utf-8")
-    with pytest.raises(InputError, match=r"scene\.json: format: 99; this version reads 1"):
+    with pytest.raises(InputError, match=r"scene\.json: format: 99; this version reads 2"):
         _ = CachedScene(folder).about
 
 

@@ -1,4 +1,4 @@
-"""Frames get the sweeps of a quarter and half a second before, with the poses of their own stamps."""
+"""Frames get the sweeps of 1/4, 1/2, 1 and 2 seconds before, with the poses of their own stamps."""
 
 import numpy as np
 import pytest
@@ -21,23 +21,23 @@ def stamps_ms(memory: SweepMemory, stamp_ms: int) -> list[int | None]:
 
 
 def test_a_frame_gets_its_own_sweep_and_those_nearest_to_the_ages_that_models_know() -> None:
-    assert stamps_ms(memory_of(*range(0, 1050, 50)), 1000) == [1000, 750, 500]
-    assert stamps_ms(memory_of(*range(0, 1100, 100)), 1000) == [1000, 700, 500]
-    assert stamps_ms(memory_of(500, 750, 1000), 1000) == [1000, 750, 500]
+    assert stamps_ms(memory_of(*range(0, 2050, 50)), 2000) == [2000, 1750, 1500, 1000, 0]
+    assert stamps_ms(memory_of(*range(0, 2100, 100)), 2000) == [2000, 1700, 1500, 1000, 0]
+    assert stamps_ms(memory_of(1500, 1750, 2000), 2000) == [2000, 1750, 1500, None, None]
 
 
 def test_the_first_frames_have_fewer_sweeps() -> None:
-    assert stamps_ms(memory_of(0), 0) == [0, None, None]
-    assert stamps_ms(memory_of(0, 250), 250) == [250, 0, None]
+    assert stamps_ms(memory_of(0), 0) == [0, None, None, None, None]
+    assert stamps_ms(memory_of(0, 250), 250) == [250, 0, None, None, None]
 
 
 def test_sweeps_are_forgotten_when_time_goes_back() -> None:
-    assert stamps_ms(memory_of(500, 750, 1000, 0), 0) == [0, None, None]
+    assert stamps_ms(memory_of(1500, 1750, 2000, 0), 0) == [0, None, None, None, None]
 
 
 def test_old_sweeps_do_not_fill_the_memory() -> None:
     memory = memory_of(*range(0, 10_000, 50))
-    assert len(memory._sweeps) <= 16
+    assert len(memory._sweeps) <= 46
 
 
 def test_finite_points_come_to_the_ego_frame() -> None:

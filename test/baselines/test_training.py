@@ -34,19 +34,23 @@ def batches(cache: Path, modality: Modality, augmentation: Augmentation | None, 
 
 
 def test_statistics_of_a_pillar_worked_by_hand() -> None:
-    points = torch.tensor([[10.0, 4.0, 0.5, 0], [10.05, 4.05, 1.5, 0], [10.0, 4.0, 0.2, 1], [500.0, 0, 0, 0]])
-    statistics = pillar_statistics(points, torch.zeros(4, dtype=torch.int64), 1)
+    newest, earlier = [[10.0, 4.0, 0.5, 0], [10.05, 4.05, 1.5, 0]], [[10.0, 4.0, 0.2, 1], [10.0, 4.0, 1.2, 3]]
+    points = torch.tensor([*newest, *earlier, [10.0, 4.0, 0.4, 4], [500.0, 0, 0, 0]])
+    statistics = pillar_statistics(points, torch.zeros(len(points), dtype=torch.int64), 1)
     assert statistics.shape == (1, CHANNELS, PILLARS, PILLARS)
     filled = (statistics[0] != 0).any(0).nonzero()
     assert filled.tolist() == [[309, 339], [310, 340]]
     pillar = statistics[0, :, 310, 340]
-    assert pillar[:3].tolist() == pytest.approx([1.0, 0.25, 0.25])  # occupied, lowest and highest over 2 m
-    assert pillar[-6:].tolist() == pytest.approx([1.0, 0.1, 0.1, 0.0, 0.0, 0.0])  # the sweep before; none before that
+    occupied, lowest, highest = pillar[:12].reshape(3, 4).tolist()
+    assert occupied == [1.0, 1.0, 0.0, 1.0]  # the newest sweep, the one before, none of the next, older ones together
+    assert lowest == pytest.approx([0.25, 0.1, 0.0, 0.2])  # over 2 m
+    assert highest == pytest.approx([0.25, 0.1, 0.0, 0.6])
+    assert pillar[12:14].tolist() == pytest.approx([np.log(2.0), 0.25])
 
 
 def test_statistics_do_not_depend_on_the_order_of_points() -> None:
     generator = torch.Generator().manual_seed(0)
-    points = torch.rand(5000, 4, generator=generator) * torch.tensor([20.0, 20.0, 3.0, 2.99])
+    points = torch.rand(5000, 4, generator=generator) * torch.tensor([20.0, 20.0, 3.0, 4.99])
     points[:, 3] = points[:, 3].floor()
     order, sample = torch.randperm(5000, generator=generator), torch.zeros(5000, dtype=torch.int64)
     assert torch.equal(pillar_statistics(points, sample, 1), pillar_statistics(points[order], sample, 1))
@@ -72,8 +76,7 @@ def test_targets_and_inputs_stay_together(tmp_path: Path, augmentation: Augmenta
 def test_the_same_seed_and_epoch_give_the_same_batch(tmp_path: Path) -> None:
     first, second = (batches(tmp_path / name, Modality.LIDAR, WILD) for name in "ab")
     assert all(torch.equal(a, b) for a, b in zip(first[0], second[0], strict=True))
-    second.epoch = 1
-    assert not torch.equal(first[0].boxes, second[0].boxes)
+    assert not torch.equal(first[0].boxes, second[first.steps_per_epoch].boxes)
 
 
 def test_a_box_survives_its_targets(tmp_path: Path) -> None:

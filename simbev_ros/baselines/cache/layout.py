@@ -3,7 +3,7 @@
 =================  ===================================================================================================
 ``scene.json``     name, map, split, cameras, image size and conditions of the scene
 ``frames.npy``     (F,) ``FRAME_DTYPE``: the key frames
-``sweeps.npy``     (S,) ``SWEEP_DTYPE``: the lidar sweeps that they refer to
+``sweeps.npy``     (S,) ``SWEEP_DTYPE``: all sweeps of the lidar
 ``points.npy``     (P, 3) int16 points of all sweeps, cm, in the ego frame of their stamp
 ``images.npy``     (I,) uint8: the JPEG images of all frames, one behind the other
 ``image_ends.npy`` (F, K) int64: end of each image; it starts where the one before ends
@@ -16,9 +16,7 @@
 
 import numpy as np
 
-from simbev_ros.baselines.frames import SWEEPS
-
-FORMAT = 1
+FORMAT = 2
 SCENE_FILE = "scene.json"
 CM_PER_M = 100.0
 MAX_POINT_M = 320.0
@@ -29,7 +27,6 @@ FRAME_DTYPE = np.dtype(
         ("tick", "<i4"),
         ("stamp_ns", "<i8"),
         ("map_from_ego", "<f8", (4, 4)),
-        ("sweeps", "<i4", (SWEEPS,)),  # -1: none
         ("boxes_end", "<i4"),
     ]
 )

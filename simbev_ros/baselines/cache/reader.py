@@ -7,11 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import simplejpeg
 
 from simbev_ros.baselines.cache.layout import CM_PER_M, FORMAT, SCENE_FILE
-from simbev_ros.baselines.frames import points_of_frame, projections
+from simbev_ros.baselines.frames import points_of_frame, projections, sweeps_of_frame
 from simbev_ros.errors import InputError
-from simbev_ros.types import AnyArray, Float32Array, Table
+from simbev_ros.types import AnyArray, Float32Array, Table, UInt8Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,6 +34,10 @@ class Sample:
     depth_m: Float32Array
     cells: AnyArray
     boxes: Table
+
+    def images(self) -> UInt8Array:
+        """(K, H, W, 3) decoded images, RGB."""
+        return np.stack([simplejpeg.decode_jpeg(bytes(each), colorspace="RGB") for each in self.jpegs])
 
 
 class CachedScene:
@@ -75,7 +80,7 @@ class CachedScene:
     def sample(self, index: int) -> Sample:
         """A key frame."""
         frame, arrays = self.frames[index], self._arrays
-        sweeps = [int(each) for each in frame["sweeps"]]
+        sweeps = sweeps_of_frame(int(frame["stamp_ns"]), arrays["sweeps"]["stamp_ns"])
         poses = [arrays["sweeps"]["map_from_ego"][each] if each >= 0 else None for each in sweeps]
         ends = arrays["image_ends"].ravel()
         cameras = arrays["image_ends"].shape[1]

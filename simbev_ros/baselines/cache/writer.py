@@ -18,7 +18,7 @@ from simbev_ros.baselines.cache.layout import (
     SCENE_FILE,
     SWEEP_DTYPE,
 )
-from simbev_ros.baselines.frames import IMAGE_STRIDE, sweeps_of_frame
+from simbev_ros.baselines.frames import IMAGE_STRIDE
 from simbev_ros.baselines.grid import CELL_M, CELLS, level_from_map
 from simbev_ros.dataset import columns, open_dataset
 from simbev_ros.dataset.frame import Frame
@@ -117,7 +117,6 @@ def _arrays(scene: Scene, cameras: list[str], lidar: str) -> dict[str, AnyArray]
         boxes.append(_boxes(frame))
         boxes_end += len(boxes[-1])
         row["tick"], row["stamp_ns"], row["map_from_ego"] = tick, frame.stamp_ns, frame.map_from_ego
-        row["sweeps"] = sweeps_of_frame(frame.stamp_ns, sweeps["stamp_ns"])
         row["boxes_end"] = boxes_end
     projection = [_pixel_from_ego(scene, name) for name in cameras]
     return {

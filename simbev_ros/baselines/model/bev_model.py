@@ -13,6 +13,7 @@ from simbev_ros.baselines.model.pillars import PillarEncoder
 from simbev_ros.baselines.model.trunk import BevTrunk
 
 _CHANNELS = 64
+_FINE_CHANNELS = 32
 
 
 class Inputs(NamedTuple):
@@ -43,22 +44,23 @@ class BevModel(nn.Module):
     def __init__(self, modality: Modality) -> None:
         super().__init__()
         self.modality = modality
-        self.lidar = PillarEncoder(_CHANNELS) if modality.has_lidar else None
+        self.lidar = PillarEncoder(_CHANNELS, _FINE_CHANNELS) if modality.has_lidar else None
         self.cameras = CameraEncoder(_CHANNELS) if modality.has_cameras else None
         both = self.lidar is not None and self.cameras is not None
         self.fuse = conv_norm_relu(2 * _CHANNELS, _CHANNELS, 1) if both else nn.Identity()
         self.trunk = BevTrunk(_CHANNELS, _CHANNELS)
-        self.heads = Heads(_CHANNELS)
+        self.heads = Heads(_CHANNELS, _FINE_CHANNELS if self.lidar is not None else 0)
 
     def forward(self, inputs: Inputs) -> Outputs:
         """Outputs for a batch."""
-        branches, depth = [], None
+        branches, fine, depth = [], None, None
         if self.lidar is not None:
             assert inputs.points is not None and inputs.sample is not None
-            branches.append(self.lidar(inputs.points, inputs.sample, inputs.samples))
+            features, fine = self.lidar(inputs.points, inputs.sample, inputs.samples)
+            branches.append(features)
         if self.cameras is not None:
             assert inputs.images is not None and inputs.pixel_from_level is not None
             lifted, depth = self.cameras(inputs.images, inputs.pixel_from_level)
             branches.append(lifted)
-        outputs: Outputs = self.heads(self.trunk(self.fuse(torch.cat(branches, 1))))
+        outputs: Outputs = self.heads(self.trunk(self.fuse(torch.cat(branches, 1))), fine)
         return outputs._replace(depth=depth)

@@ -19,7 +19,7 @@ DEPTHS = 48
 NEAR_M, FAR_M = 1.0, 97.0
 HEIGHTS_M = (-3.0, -1.2, 0.0, 0.8, 1.8, 3.2)
 """Heights of the voxels of a cell above the ego's origin on the ground."""
-_WIDTHS = (32, 56, 112, 224)
+_WIDTHS = (32, 56, 112, 208)
 _LIFTED = 32
 _MEAN, _SCALE = 110.0, 60.0
 

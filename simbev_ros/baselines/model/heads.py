@@ -6,6 +6,7 @@ the position within the cell, height above the ego's ground, size, heading and v
 
 from typing import NamedTuple
 
+import torch
 from torch import Tensor, nn
 from torch.nn.functional import pixel_shuffle
 
@@ -14,26 +15,38 @@ from simbev_ros.baselines.grid import FEATURE_STRIDE
 from simbev_ros.baselines.model.blocks import conv_norm_relu
 from simbev_ros.semantics import BEV_CLASSES
 
+_CELL_CHANNELS, _MIXED_CHANNELS = 16, 32
 _RARE = -4.6
 """Logit of 1 %: scores start low, as centers and most classes are rare."""
 
 
 class Heads(nn.Module):
-    """Both heads over the same features."""
+    """Both heads over the same features; the scores of cells see the features of small objects as well.
 
-    def __init__(self, channels: int) -> None:
+    Args:
+        channels: Features of a cell of the feature grid.
+        fine_channels: Features of a cell of the bird's-eye-view grid; 0: none.
+    """
+
+    def __init__(self, channels: int, fine_channels: int) -> None:
         super().__init__()
-        cells = nn.Conv2d(channels, len(BEV_CLASSES) * FEATURE_STRIDE**2, 1)
-        self.segmentation = nn.Sequential(conv_norm_relu(channels, channels), cells)
+        self.segmentation = nn.Sequential(
+            conv_norm_relu(channels, channels), nn.Conv2d(channels, _CELL_CHANNELS * FEATURE_STRIDE**2, 1)
+        )
+        self.cells = nn.Sequential(
+            conv_norm_relu(_CELL_CHANNELS + fine_channels, _MIXED_CHANNELS),
+            nn.Conv2d(_MIXED_CHANNELS, len(BEV_CLASSES), 1),
+        )
         self.detection = conv_norm_relu(channels, channels)
         self.heat = nn.Conv2d(channels, len(DETECTED_CLASSES), 3, padding=1)
         self.boxes = nn.Conv2d(channels, len(BOX_VALUES), 1)
-        for layer in (cells, self.heat):
+        for layer in (self.cells[-1], self.heat):
             nn.init.constant_(layer.bias, _RARE)
 
-    def forward(self, features: Tensor) -> "Outputs":
-        """Outputs for (B, C, FEATURE_CELLS, FEATURE_CELLS) features."""
+    def forward(self, features: Tensor, fine: Tensor | None) -> "Outputs":
+        """Outputs for (B, C, FEATURE_CELLS, FEATURE_CELLS) and (B, C', CELLS, CELLS) features."""
         cells = pixel_shuffle(self.segmentation(features), FEATURE_STRIDE)
+        cells = self.cells(cells if fine is None else torch.cat([cells, fine], 1))
         detection = self.detection(features)
         return Outputs(cells, self.heat(detection), self.boxes(detection), None)
 

@@ -8,8 +8,8 @@ they do not depend on the order of the points.
 import torch
 from torch import Tensor, nn
 
-from simbev_ros.baselines.frames import SWEEPS
-from simbev_ros.baselines.grid import FEATURE_CELLS, HALF_M
+from simbev_ros.baselines.grid import FEATURE_CELLS, FEATURE_STRIDE, HALF_M
+from simbev_ros.baselines.model.blocks import conv_norm_relu
 
 PATCH = 4
 """Pillars along each side of one cell of the features."""
@@ -24,34 +24,37 @@ _SUM_STEPS = 2000.0
 """Steps of a height in its unit, when heights are added up."""
 _BIG = 100.0
 """Beyond all heights, in their unit."""
-CHANNELS = 5 + SLICES + 3 * (SWEEPS - 1)
-"""Statistics of a pillar: all of them for the newest sweep; whether there are points, lowest and highest for others."""
+GROUPS = 4
+"""Groups of sweeps whose points are put together: the three newest sweeps each, and all older ones."""
+CHANNELS = 3 * GROUPS + 2 + SLICES
+"""Statistics of a pillar: whether there are points, the lowest and the highest, for each group; logarithm of the number
+of points, their mean height and whether there are points in each slice of height, for the newest sweep."""
+_FINE_PATCH = PATCH // FEATURE_STRIDE
 
 
 class PillarEncoder(nn.Module):
     """Features of a batch of clouds.
 
     Args:
-        channels: Number of features of a cell.
+        channels: Number of features of a cell of the feature grid.
+        fine_channels: Number of features of a cell of the bird's-eye-view grid.
     """
 
-    def __init__(self, channels: int) -> None:
+    def __init__(self, channels: int, fine_channels: int) -> None:
         super().__init__()
-        self.patches = nn.Sequential(
-            nn.Conv2d(CHANNELS, channels, PATCH, PATCH, bias=False), nn.BatchNorm2d(channels), nn.ReLU(inplace=True)
-        )
+        self.fine = conv_norm_relu(CHANNELS, fine_channels, _FINE_PATCH, _FINE_PATCH, padding=0)
+        self.patches = conv_norm_relu(fine_channels, channels, FEATURE_STRIDE, FEATURE_STRIDE, padding=0)
 
-    def forward(self, points: Tensor, sample: Tensor, samples: int) -> Tensor:
-        """Features (B, C, FEATURE_CELLS, FEATURE_CELLS) of the points of B samples.
+    def forward(self, points: Tensor, sample: Tensor, samples: int) -> tuple[Tensor, Tensor]:
+        """Features (B, C, FEATURE_CELLS, FEATURE_CELLS) and (B, C', CELLS, CELLS) of the points of B samples.
 
         Args:
             points: (N, 4) float32 x, y, z (m, level frame) and the index of the sweep, 0 the newest.
             sample: (N,) int64 index of each point's sample.
             samples: B.
         """
-        statistics = pillar_statistics(points, sample, samples)
-        result: Tensor = self.patches(statistics)
-        return result
+        fine = self.fine(pillar_statistics(points, sample, samples))
+        return self.patches(fine), fine
 
 
 def pillar_statistics(points: Tensor, sample: Tensor, samples: int) -> Tensor:
@@ -60,30 +63,29 @@ def pillar_statistics(points: Tensor, sample: Tensor, samples: int) -> Tensor:
     row = torch.floor((HALF_M - x) * (PILLARS / (2 * HALF_M))).long()
     column = torch.floor((HALF_M - y) * (PILLARS / (2 * HALF_M))).long()
     inside = (row >= 0) & (row < PILLARS) & (column >= 0) & (column < PILLARS) & (z >= BOTTOM_M) & (z < TOP_M)
-    area = PILLARS * PILLARS
-    size = samples * SWEEPS * area
-    # Points outside go to one element more, which is cut off: shapes then do not depend on the data.
-    pillar = torch.where(inside, (sample * SWEEPS + sweep.long()) * area + row * PILLARS + column, size)
+    is_newest = inside & (sweep < 0.5)
+    area, within = PILLARS * PILLARS, row * PILLARS + column
+    group = sweep.long().clamp(max=GROUPS - 1)
     height = z / _HEIGHT_SCALE_M
-    # One element that is repeated: as a whole, ONNX files would hold it as a constant.
+    # Points outside go to one element more, which is cut off: shapes then do not depend on the data.
+    # A new array is one element that is repeated: as a whole, ONNX files would hold it as a constant.
+    size = samples * GROUPS * area
+    pillar = torch.where(inside, (sample * GROUPS + group) * area + within, size)
+    empty = points.new_zeros(1).expand(size + 1)
+    highest = (empty - _BIG).scatter_reduce(0, pillar, height, "amax")[:size]
+    lowest = (empty + _BIG).scatter_reduce(0, pillar, height, "amin")[:size]
+    occupied = highest > -_BIG
+    extent = [occupied.float(), torch.where(occupied, lowest, 0.0), torch.where(occupied, highest, 0.0)]
+    size = samples * area
+    pillar = torch.where(is_newest, sample * area + within, size)
     empty = points.new_zeros(1).expand(size + 1)
     count = empty.scatter_add(0, pillar, torch.ones_like(z))[:size]
     # A sum of integers does not depend on the order of the points, which is arbitrary on a GPU.
     total = empty.int().scatter_add(0, pillar, torch.round(height * _SUM_STEPS).int())[:size].float() / _SUM_STEPS
-    highest = (empty - _BIG).scatter_reduce(0, pillar, height, "amax")[:size]
-    lowest = (empty + _BIG).scatter_reduce(0, pillar, height, "amin")[:size]
-    occupied = count > 0
-    per_sweep = torch.stack(
-        [occupied.float(), torch.where(occupied, lowest, 0.0), torch.where(occupied, highest, 0.0)]
-    ).reshape(3, samples, SWEEPS, PILLARS, PILLARS)
-    per_sweep = per_sweep.permute(1, 2, 0, 3, 4)
-    newest = torch.stack([torch.log1p(count), total / count.clamp(min=1)])
-    newest = newest.reshape(2, samples, SWEEPS, PILLARS, PILLARS)[:, :, 0].transpose(0, 1)
+    mean = total / count.clamp(min=1)
     level = torch.floor((z - _SLICES_BOTTOM_M) / _SLICE_M).long().clamp(0, SLICES - 1)
-    is_newest = inside & (sweep < 0.5)
-    slice_size = samples * SLICES * area
-    cell = torch.where(is_newest, (sample * SLICES + level) * area + row * PILLARS + column, slice_size)
-    slices = points.new_zeros(1).expand(slice_size + 1)
-    slices = slices.scatter(0, cell, torch.ones_like(z))[:slice_size].reshape(samples, SLICES, PILLARS, PILLARS)
-    earlier = per_sweep[:, 1:].reshape(samples, 3 * (SWEEPS - 1), PILLARS, PILLARS)
-    return torch.cat([per_sweep[:, 0], newest, slices, earlier], 1)
+    size = samples * SLICES * area
+    cell = torch.where(is_newest, (sample * SLICES + level) * area + within, size)
+    slices = points.new_zeros(1).expand(size + 1).scatter(0, cell, torch.ones_like(z))[:size]
+    statistics = [*extent, torch.log1p(count), mean, slices]
+    return torch.cat([each.reshape(samples, -1, PILLARS, PILLARS) for each in statistics], 1)

@@ -6,6 +6,8 @@ from torch.nn.functional import interpolate
 from simbev_ros.baselines.model.blocks import conv_norm_relu, residual_stage
 
 _WIDTHS = (64, 128, 256)
+_DILATIONS = (2, 4)
+"""Dilations of the last blocks: what a road does is seen from far away."""
 
 
 class BevTrunk(nn.Module):
@@ -21,7 +23,7 @@ class BevTrunk(nn.Module):
         fine, middle, coarse = _WIDTHS
         self.fine = residual_stage(channels_in, fine, 1, 1)
         self.middle = residual_stage(fine, middle, 2, 2)
-        self.coarse = residual_stage(middle, coarse, 2, 2)
+        self.coarse = residual_stage(middle, coarse, 1, 2, _DILATIONS)
         self.from_coarse = nn.Conv2d(coarse, middle, 1)
         self.smooth_middle = conv_norm_relu(middle, middle)
         self.from_middle = nn.Conv2d(middle, fine, 1)

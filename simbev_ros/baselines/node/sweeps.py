@@ -5,10 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simbev_ros.baselines.frames import SWEEP_INTERVAL_NS, SWEEPS, sweeps_of_frame
+from simbev_ros.baselines.frames import SWEEP_AGES_NS, sweeps_of_frame
 from simbev_ros.types import Float32Array, Float64Array, Table
 
-_MEMORY_NS = SWEEPS * SWEEP_INTERVAL_NS
+_MEMORY_NS = SWEEP_AGES_NS[-1] + 250_000_000
 """Age beyond which no frame needs a sweep."""
 
 

@@ -4,16 +4,18 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import simplejpeg
 import torch
 from torch import Tensor
 from torch.utils.data import Dataset
 
 from simbev_ros.baselines.cache.reader import CachedScene
+from simbev_ros.baselines.grid import HALF_M
 from simbev_ros.baselines.modality import Modality
 from simbev_ros.baselines.training.augmentation import Warp
 from simbev_ros.baselines.training.config import Augmentation
-from simbev_ros.types import UInt8Array
+
+_MAX_CENTER_M = HALF_M - 1e-3
+"""Centers are on the grid, whatever is rounded later."""
 
 
 class Batch(NamedTuple):
@@ -28,7 +30,8 @@ class Batch(NamedTuple):
         depth_m: (B, K, H / 8, W / 8) float32; 0: unknown.
         cells: (B, CELLS, CELLS) int32 grid as recorded, before the warp.
         level_from_warped: (B, 2, 2) float32 inverse of the warp of x and y.
-        boxes: (M, 11) float32 index of the sample, class, x, y, z, length, width, height, yaw, vx, vy.
+        boxes: (M, 11) float32 boxes on the grid that have points: index of the sample, class, x, y, z, length, width,
+            height, yaw, vx, vy.
     """
 
     points: Tensor
@@ -51,7 +54,7 @@ class Batch(NamedTuple):
 
 
 class CachedBatches(Dataset[Batch]):
-    """The batches of one epoch after another; ``epoch`` says of which.
+    """The batch of each step of a run: steps count through all epochs.
 
     Args:
         scenes: Scenes of the cache.
@@ -59,6 +62,9 @@ class CachedBatches(Dataset[Batch]):
         batch_size: Samples in a batch; what is left over at the end of an epoch is left out.
         augmentation: Random changes; None: none, and the order is that of the scenes.
         seed: Seed of order and augmentation.
+
+    Attributes:
+        steps_per_epoch: Number of batches in an epoch.
     """
 
     def __init__(
@@ -70,31 +76,32 @@ class CachedBatches(Dataset[Batch]):
         seed: int,
     ) -> None:
         self._scenes, self._modality, self._batch_size = list(scenes), modality, batch_size
-        self._augmentation, self._seed, self.epoch = augmentation, seed, 0
+        self._augmentation, self._seed = augmentation, seed
         self._samples = [(scene, frame) for scene in range(len(scenes)) for frame in range(len(scenes[scene].frames))]
 
-    def __len__(self) -> int:
-        return len(self._samples) // self._batch_size
+        self.steps_per_epoch = len(self._samples) // batch_size
 
-    def __getitem__(self, index: int) -> Batch:
+    def __getitem__(self, step: int) -> Batch:
+        epoch, index = divmod(step, self.steps_per_epoch)
         order = np.arange(len(self._samples))
         if self._augmentation is not None:
-            order = np.random.default_rng([self._seed, self.epoch]).permutation(len(order))
+            order = np.random.default_rng([self._seed, epoch]).permutation(len(order))
         chosen = order[index * self._batch_size : (index + 1) * self._batch_size]
-        return self._collate([self._sample(int(each)) for each in chosen])
+        return self._collate([self._sample(int(each), epoch) for each in chosen])
 
-    def _sample(self, number: int) -> dict[str, Tensor]:
+    def _sample(self, number: int, epoch: int) -> dict[str, Tensor]:
         scene, frame = self._samples[number]
         sample = self._scenes[scene].sample(frame)
-        rng = np.random.default_rng([self._seed, self.epoch, number])
+        rng = np.random.default_rng([self._seed, epoch, number])
         warp, gain = Warp(np.eye(2), 1.0), (1.0, 0.0)
         if self._augmentation is not None:
             warp, amount = Warp.draw(self._augmentation, rng), self._augmentation.brightness
             gain = (rng.uniform(1 - amount, 1 + amount), 128.0 * rng.uniform(-amount, amount))
         boxes = warp.boxes(sample.boxes[sample.boxes["points"] > 0])
+        boxes = boxes[np.maximum(np.abs(boxes["x"]), np.abs(boxes["y"])) < _MAX_CENTER_M]
         names = ("class", "x", "y", "z", "length", "width", "height", "yaw", "vx", "vy")
         points = warp.points(sample.points) if self._modality.has_lidar else np.zeros((0, 4), np.float32)
-        images = _decode(sample.jpegs) if self._modality.has_cameras else np.zeros((0, 0, 0, 3), np.uint8)
+        images = sample.images() if self._modality.has_cameras else np.zeros((0, 0, 0, 3), np.uint8)
         depth_m = sample.depth_m if self._modality.has_cameras else np.zeros((0, 0, 0), np.float32)
         return {
             "points": torch.from_numpy(points),
@@ -120,8 +127,3 @@ class CachedBatches(Dataset[Batch]):
             boxes=torch.cat(boxes),
             **stacked,
         )
-
-
-def _decode(jpegs: Sequence[UInt8Array]) -> UInt8Array:
-    """(K, H, W, 3) RGB images."""
-    return np.stack([simplejpeg.decode_jpeg(bytes(each), colorspace="RGB", fastdct=True) for each in jpegs])

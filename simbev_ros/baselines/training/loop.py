@@ -67,34 +67,34 @@ def train(
     optimizer = torch.optim.AdamW(_groups(model, training), lr=training.learning_rate, fused=device.type == "cuda")
     scenes = cached_scenes(cache, "train")[: training.scenes]
     data = CachedBatches(scenes, training.modality, training.batch_size, training.augmentation, training.seed)
-    if not len(data):
+    if not data.steps_per_epoch:
         raise InputError(f"{cache}: has fewer samples to train on than batch_size {training.batch_size}")
-    steps, step = training.epochs * len(data), 0
+    steps, step = training.epochs * data.steps_per_epoch, 0
     out.mkdir(parents=True, exist_ok=True)
     path = out / CHECKPOINT_FILE
     if path.exists():
         step = _resume(path, training, model, average, optimizer)
     forward = torch.compile(model, dynamic=True) if compile_model else model
     with SummaryWriter(str(out / "log"), purge_step=step) as log:
-        while step < steps:
-            data.epoch = step // len(data)
-            first = step % len(data)
-            started_s, since = time.perf_counter(), step
-            for batch in _loader(data, range(first, len(data)), workers, device):
-                for group in optimizer.param_groups:
-                    group["lr"] = training.learning_rate * _schedule(step / steps)
-                losses = _step(forward, model, optimizer, batch.to(device), training.modality)
-                _follow(average, model, min(training.average_decay, (1 + step) / (10 + step)))
-                step += 1
-                if step % _LOG_STEPS == 0 or step == steps:
-                    values = {name: float(value) for name, value in losses.items()}
-                    if not all(map(math.isfinite, values.values())):
-                        raise FloatingPointError(f"step {step}: the loss is not finite: {values}")
-                    rate = (step - since) * training.batch_size / (time.perf_counter() - started_s)
-                    for name, value in {**values, "samples_per_s": rate, "epoch": step / len(data)}.items():
-                        log.add_scalar(name, value, step)
-                    report(Progress(step, steps, {**values, "samples_per_s": rate}))
-            save_checkpoint(path, training, model, average, optimizer, step)
+        logged_s, logged = time.perf_counter(), step
+        for batch in _loader(data, range(step, steps), workers, device):
+            for group in optimizer.param_groups:
+                group["lr"] = training.learning_rate * _schedule(step / steps)
+            losses = _step(forward, model, optimizer, batch.to(device), training.modality)
+            _follow(average, model, min(training.average_decay, (1 + step) / (10 + step)))
+            step += 1
+            if step % _LOG_STEPS == 0 or step == steps:
+                values = {name: float(value) for name, value in losses.items()}
+                if not all(map(math.isfinite, values.values())):
+                    raise FloatingPointError(f"step {step}: the loss is not finite: {values}")
+                now_s = time.perf_counter()
+                rate = (step - logged) * training.batch_size / (now_s - logged_s)
+                logged_s, logged = now_s, step
+                for name, value in {**values, "samples_per_s": rate, "epoch": step / data.steps_per_epoch}.items():
+                    log.add_scalar(name, value, step)
+                report(Progress(step, steps, {**values, "samples_per_s": rate}))
+            if step % data.steps_per_epoch == 0:
+                save_checkpoint(path, training, model, average, optimizer, step)
 
 
 def save_checkpoint(
@@ -158,11 +158,12 @@ def _step(
     return {name: value.detach() for name, value in losses.items()}
 
 
-def _loader(data: CachedBatches, batches: range, workers: int, device: torch.device) -> DataLoader[Any]:
+def _loader(data: CachedBatches, steps: range, workers: int, device: torch.device) -> DataLoader[Any]:
     return DataLoader(
-        torch.utils.data.Subset(data, batches),
+        data,
         batch_size=None,
-        num_workers=min(workers, len(batches)),
+        sampler=steps,
+        num_workers=min(workers, len(steps)),
         pin_memory=device.type == "cuda",
         prefetch_factor=4 if workers else None,
         worker_init_fn=_one_thread,

@@ -10,7 +10,7 @@ from simbev_ros.baselines.model.heads import Outputs
 from simbev_ros.baselines.training.targets import Targets
 
 _MIN_SHARE = 1e-4
-_VALUE_WEIGHTS = (2.0, 2.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.2, 0.2)
+_VALUE_WEIGHTS = (2.0, 2.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
 _BOX_WEIGHT, _DEPTH_WEIGHT = 0.25, 0.5
 
 

@@ -58,11 +58,9 @@ def _warped_cells(batch: Batch) -> tuple[Tensor, Tensor]:
 
 
 def _box_targets(boxes: Tensor, samples: int) -> tuple[Tensor, Tensor, Tensor, Tensor]:
-    """Heat maps, and center, class and values of the M boxes whose centers are on the grid."""
+    """Heat maps, and center, class and values of M boxes. Their number is known without waiting for a GPU."""
     position = (HALF_M - boxes[:, 2:4]) / FEATURE_CELL_M
     cell = torch.floor(position).long()
-    boxes_inside = ((cell >= 0) & (cell < FEATURE_CELLS)).all(1)
-    boxes, position, cell = boxes[boxes_inside], position[boxes_inside], cell[boxes_inside]
     sample, label = boxes[:, 0].long(), boxes[:, 1].long()
     size = boxes[:, 5:8]
     radius = (_RADIUS_SHARE * size[:, :2].mean(1) / FEATURE_CELL_M).clamp(_MIN_RADIUS, _MAX_RADIUS)

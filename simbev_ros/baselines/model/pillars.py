@@ -63,29 +63,28 @@ def pillar_statistics(points: Tensor, sample: Tensor, samples: int) -> Tensor:
     row = torch.floor((HALF_M - x) * (PILLARS / (2 * HALF_M))).long()
     column = torch.floor((HALF_M - y) * (PILLARS / (2 * HALF_M))).long()
     inside = (row >= 0) & (row < PILLARS) & (column >= 0) & (column < PILLARS) & (z >= BOTTOM_M) & (z < TOP_M)
-    is_newest = inside & (sweep < 0.5)
-    area, within = PILLARS * PILLARS, row * PILLARS + column
-    group = sweep.long().clamp(max=GROUPS - 1)
+    is_newest = (inside & (sweep < 0.5)).float()
+    # Points that do not count stay, with values that change nothing: shapes do not depend on the data, and on a GPU
+    # they would wait for each other at a common place.
+    area = PILLARS * PILLARS
+    within = row.clamp(0, PILLARS - 1) * PILLARS + column.clamp(0, PILLARS - 1)
     height = z / _HEIGHT_SCALE_M
-    # Points outside go to one element more, which is cut off: shapes then do not depend on the data.
     # A new array is one element that is repeated: as a whole, ONNX files would hold it as a constant.
-    size = samples * GROUPS * area
-    pillar = torch.where(inside, (sample * GROUPS + group) * area + within, size)
-    empty = points.new_zeros(1).expand(size + 1)
-    highest = (empty - _BIG).scatter_reduce(0, pillar, height, "amax")[:size]
-    lowest = (empty + _BIG).scatter_reduce(0, pillar, height, "amin")[:size]
+    one = points.new_zeros(1)
+    group = sweep.long().clamp(0, GROUPS - 1)
+    pillar = (sample * GROUPS + group) * area + within
+    none = one.expand(samples * GROUPS * area)
+    highest = (none - _BIG).scatter_reduce(0, pillar, torch.where(inside, height, -_BIG), "amax")
+    lowest = (none + _BIG).scatter_reduce(0, pillar, torch.where(inside, height, _BIG), "amin")
     occupied = highest > -_BIG
     extent = [occupied.float(), torch.where(occupied, lowest, 0.0), torch.where(occupied, highest, 0.0)]
-    size = samples * area
-    pillar = torch.where(is_newest, sample * area + within, size)
-    empty = points.new_zeros(1).expand(size + 1)
-    count = empty.scatter_add(0, pillar, torch.ones_like(z))[:size]
+    pillar = sample * area + within
+    none = one.expand(samples * area)
+    count = none.scatter_add(0, pillar, is_newest)
     # A sum of integers does not depend on the order of the points, which is arbitrary on a GPU.
-    total = empty.int().scatter_add(0, pillar, torch.round(height * _SUM_STEPS).int())[:size].float() / _SUM_STEPS
-    mean = total / count.clamp(min=1)
+    total = none.int().scatter_add(0, pillar, torch.round(is_newest * height * _SUM_STEPS).int()).float() / _SUM_STEPS
     level = torch.floor((z - _SLICES_BOTTOM_M) / _SLICE_M).long().clamp(0, SLICES - 1)
-    size = samples * SLICES * area
-    cell = torch.where(is_newest, (sample * SLICES + level) * area + within, size)
-    slices = points.new_zeros(1).expand(size + 1).scatter(0, cell, torch.ones_like(z))[:size]
-    statistics = [*extent, torch.log1p(count), mean, slices]
+    cell = (sample * SLICES + level) * area + within
+    slices = one.expand(samples * SLICES * area).scatter_reduce(0, cell, is_newest, "amax")
+    statistics = [*extent, torch.log1p(count), total / count.clamp(min=1), slices]
     return torch.cat([each.reshape(samples, -1, PILLARS, PILLARS) for each in statistics], 1)

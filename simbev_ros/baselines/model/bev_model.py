@@ -62,5 +62,5 @@ class BevModel(nn.Module):
             assert inputs.images is not None and inputs.pixel_from_level is not None
             lifted, depth = self.cameras(inputs.images, inputs.pixel_from_level)
             branches.append(lifted)
-        outputs: Outputs = self.heads(self.trunk(self.fuse(torch.cat(branches, 1))), fine)
-        return outputs._replace(depth=depth)
+        cells, heat, boxes = self.heads(self.trunk(self.fuse(torch.cat(branches, 1))), fine)
+        return Outputs(cells, heat, boxes, depth)

@@ -43,12 +43,12 @@ class Heads(nn.Module):
         for layer in (self.cells[-1], self.heat):
             nn.init.constant_(layer.bias, _RARE)
 
-    def forward(self, features: Tensor, fine: Tensor | None) -> "Outputs":
-        """Outputs for (B, C, FEATURE_CELLS, FEATURE_CELLS) and (B, C', CELLS, CELLS) features."""
+    def forward(self, features: Tensor, fine: Tensor | None) -> tuple[Tensor, Tensor, Tensor]:
+        """Cells, heat and boxes as of ``Outputs`` for (B, C, FEATURE_CELLS, FEATURE_CELLS) and (B, C', CELLS, CELLS) features."""
         cells = pixel_shuffle(self.segmentation(features), FEATURE_STRIDE)
         cells = self.cells(cells if fine is None else torch.cat([cells, fine], 1))
         detection = self.detection(features)
-        return Outputs(cells, self.heat(detection), self.boxes(detection), None)
+        return cells, self.heat(detection), self.boxes(detection)
 
 
 class Outputs(NamedTuple):

@@ -36,7 +36,7 @@ def predict(
             for index in range(0, len(scene.frames), every):
                 sample, frame = scene.sample(index), scene.frames[index]
                 images = sample.images() if baseline.modality.has_cameras else None
-                answer = baseline.answer(sample.points, images, sample.pixel_from_level)
+                answer = baseline.answer(sample.points(), images, sample.pixel_from_level)
                 tick = int(frame["tick"])
                 write_grid(out, name, tick, np.moveaxis(answer.cells, 2, 0))
                 tables.append((tick, answer.boxes, frame["map_from_ego"]))

@@ -11,13 +11,13 @@ from simbev_ros.errors import InputError
 
 
 def test_earlier_sweeps_are_where_the_ego_was(tmp_path: Path) -> None:
-    sample = CachedScene(write_cached_scene(tmp_path)).sample(1)
-    newest, earlier = (sample.points[sample.points[:, 3] == sweep, :3] for sweep in (0, 1))
+    points = CachedScene(write_cached_scene(tmp_path)).sample(1).points()
+    newest, earlier = (points[points[:, 3] == sweep, :3] for sweep in (0, 1))
     assert np.allclose(newest - earlier, [5.0, 0.0, 0.0], atol=1e-5)  # it drove 5 m ahead
 
 
 def test_the_first_frame_has_only_its_own_sweep(tmp_path: Path) -> None:
-    assert set(CachedScene(write_cached_scene(tmp_path)).sample(0).points[:, 3]) == {0.0}
+    assert set(CachedScene(write_cached_scene(tmp_path)).sample(0).points()[:, 3]) == {0.0}
 
 
 def test_boxes_and_images_belong_to_their_frame(tmp_path: Path) -> None:

@@ -59,16 +59,16 @@ def test_statistics_do_not_depend_on_the_order_of_points() -> None:
 @pytest.mark.parametrize("augmentation", [None, WILD])
 def test_targets_and_inputs_stay_together(tmp_path: Path, augmentation: Augmentation | None) -> None:
     batch = batches(tmp_path, Modality.FUSED, augmentation)[0]
-    targets = targets_of(batch)
+    targets, (points, _) = targets_of(batch), batch.points()
     for _, label, x, y, z, length, width, height, yaw, _, _ in batch.boxes[batch.boxes[:, 1] == 0].tolist():
         assert label == 0
         row, column = int((72 - x) / 0.4), int((72 - y) / 0.4)
         assert targets.cells[:, BEV_CLASSES.index("car"), row, column].max() == 1
-        offset = batch.points[:, :3] - torch.tensor([x, y, z])
+        offset = points[:, :3] - torch.tensor([x, y, z])
         along = offset[:, 0] * np.cos(yaw) + offset[:, 1] * np.sin(yaw)
         across = offset[:, 1] * np.cos(yaw) - offset[:, 0] * np.sin(yaw)
         inside = (along.abs() < length / 2) & (across.abs() < width / 2) & (offset[:, 2].abs() < height / 2)
-        assert int((inside & (batch.points[:, 3] == 0)).sum()) >= 190  # of 200 points in the box
+        assert int((inside & (points[:, 3] == 0)).sum()) >= 190  # of 200 points in the box
     *_, depth_m = (batch.pixel_from_level[0, 0] @ torch.tensor([*batch.boxes[0, 2:5].tolist(), 1.0])).tolist()
     assert depth_m == pytest.approx(CAR[0], abs=1e-3)  # a warp moves no pixel
 
@@ -164,9 +164,9 @@ def test_the_exported_model_answers_like_the_trained_one(tmp_path: Path) -> None
     sample, model = CachedScene(write_cached_scene(tmp_path)).sample(1), BevModel(Modality.FUSED).eval()
     export_model(model, tmp_path / "model.onnx", {"modality": "fused"}, 6, (64, 32))
     images = np.random.default_rng(0).integers(0, 255, (6, 32, 64, 3), np.uint8)
-    answer = Baseline(tmp_path / "model.onnx").answer(sample.points, images, sample.pixel_from_level)
+    answer = Baseline(tmp_path / "model.onnx").answer(sample.points(), images, sample.pixel_from_level)
     with torch.no_grad():
-        given = (torch.from_numpy(each) for each in (sample.points, images, sample.pixel_from_level))
+        given = (torch.from_numpy(each) for each in (sample.points(), images, sample.pixel_from_level))
         cells, _, _ = ExportedModel(model)(*given)
     assert np.abs(answer.cells.astype(int) - cells.numpy()).max() <= 1  # weights have half precision
 

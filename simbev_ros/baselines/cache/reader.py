@@ -12,7 +12,7 @@ import simplejpeg
 from simbev_ros.baselines.cache.layout import CM_PER_M, FORMAT, SCENE_FILE
 from simbev_ros.baselines.frames import points_of_frame, projections, sweeps_of_frame
 from simbev_ros.errors import InputError
-from simbev_ros.types import AnyArray, Float32Array, Table, UInt8Array
+from simbev_ros.types import AnyArray, Float32Array, Float64Array, Table, UInt8Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +20,8 @@ class Sample:
     """One key frame.
 
     Attributes:
-        points: (N, 4) float32 x, y, z (m, level frame), index of the sweep.
+        sweeps_cm: (N, 3) int16 points of each of the frame's sweeps, cm, ego frame of its stamp; None: no such sweep.
+        sweep_poses: (4, 4) pose of the ego at the stamp of each sweep.
         jpegs: Images of the cameras, as JPEG.
         pixel_from_level: (K, 3, 4) float32 projections.
         depth_m: (K, H / 8, W / 8) float32 depth; 0: none.
@@ -28,12 +29,19 @@ class Sample:
         boxes: (B,) ``BOX_DTYPE``.
     """
 
-    points: Float32Array
+    sweeps_cm: tuple[AnyArray | None, ...]
+    sweep_poses: tuple[Float64Array | None, ...]
     jpegs: tuple[AnyArray, ...]
     pixel_from_level: Float32Array
     depth_m: Float32Array
     cells: AnyArray
     boxes: Table
+
+    def points(self) -> Float32Array:
+        """(N, 4) points as of ``points_of_frame``."""
+        in_m = np.float32(CM_PER_M)
+        sweeps = [None if each is None else each.astype(np.float32) / in_m for each in self.sweeps_cm]
+        return points_of_frame(sweeps, self.sweep_poses)
 
     def images(self) -> UInt8Array:
         """(K, H, W, 3) decoded images, RGB."""
@@ -81,14 +89,14 @@ class CachedScene:
         """A key frame."""
         frame, arrays = self.frames[index], self._arrays
         sweeps = sweeps_of_frame(int(frame["stamp_ns"]), arrays["sweeps"]["stamp_ns"])
-        poses = [arrays["sweeps"]["map_from_ego"][each] if each >= 0 else None for each in sweeps]
         ends = arrays["image_ends"].ravel()
         cameras = arrays["image_ends"].shape[1]
         first = index * cameras
         starts = [0 if k == 0 else int(ends[k - 1]) for k in range(first, first + cameras)]
         boxes = slice(int(self.frames["boxes_end"][index - 1]) if index else 0, int(frame["boxes_end"]))
         return Sample(
-            points=points_of_frame([self._points(each) if each >= 0 else None for each in sweeps], poses),
+            sweeps_cm=tuple(self._points_cm(each) if each >= 0 else None for each in sweeps),
+            sweep_poses=tuple(arrays["sweeps"]["map_from_ego"][each] if each >= 0 else None for each in sweeps),
             jpegs=tuple(arrays["images"][s : int(ends[first + k])] for k, s in enumerate(starts)),
             pixel_from_level=projections(arrays["pixels"], frame["map_from_ego"]),
             depth_m=arrays["depth"][index].astype(np.float32) / np.float32(CM_PER_M),
@@ -96,11 +104,10 @@ class CachedScene:
             boxes=np.asarray(arrays["boxes"][boxes]),
         )
 
-    def _points(self, sweep: int) -> Float32Array:
-        """(N, 3) points of a sweep, m, ego frame."""
+    def _points_cm(self, sweep: int) -> AnyArray:
+        """(N, 3) points of a sweep."""
         ends = self._arrays["sweeps"]["points_end"]
-        points = self._arrays["points"][int(ends[sweep - 1]) if sweep else 0 : int(ends[sweep])]
-        return points.astype(np.float32) / np.float32(CM_PER_M)
+        return self._arrays["points"][int(ends[sweep - 1]) if sweep else 0 : int(ends[sweep])]
 
     def _map(self, name: str) -> AnyArray:
         path = self.folder / f"{name}.npy"

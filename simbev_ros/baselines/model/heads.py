@@ -44,7 +44,12 @@ class Heads(nn.Module):
             nn.init.constant_(layer.bias, _RARE)
 
     def forward(self, features: Tensor, fine: Tensor | None) -> tuple[Tensor, Tensor, Tensor]:
-        """Cells, heat and boxes as of ``Outputs`` for (B, C, FEATURE_CELLS, FEATURE_CELLS) and (B, C', CELLS, CELLS) features."""
+        """Cells, heat and boxes as of ``Outputs``.
+
+        Args:
+            features: (B, C, FEATURE_CELLS, FEATURE_CELLS).
+            fine: (B, C', CELLS, CELLS); None: the model has none.
+        """
         cells = pixel_shuffle(self.segmentation(features), FEATURE_STRIDE)
         cells = self.cells(cells if fine is None else torch.cat([cells, fine], 1))
         detection = self.detection(features)

@@ -30,12 +30,13 @@ class Warp:
         rotation = np.array([[cosine, -sine], [sine, cosine]])
         return cls(scale * rotation @ np.diag(flips), scale)
 
-    def points(self, points: Float32Array) -> Float32Array:
-        """(N, 4) points of a sample."""
-        warped = points.copy()
-        warped[:, :2] = points[:, :2] @ self.matrix.T.astype(np.float32)
-        warped[:, 2] *= np.float32(self.scale)
-        return warped
+    @property
+    def warped_from_level(self) -> Float64Array:
+        """(4, 4) the map as a homogeneous transform."""
+        result = np.eye(4)
+        result[:2, :2] = self.matrix
+        result[2, 2] = self.scale
+        return result
 
     def boxes(self, boxes: Table) -> Table:
         """(B,) boxes of a sample."""
@@ -50,7 +51,4 @@ class Warp:
 
     def projections(self, pixel_from_level: Float32Array) -> Float32Array:
         """(K, 3, 4) projections of a sample."""
-        level_from_warped = np.eye(4)
-        level_from_warped[:2, :2] = np.linalg.inv(self.matrix)
-        level_from_warped[2, 2] = 1.0 / self.scale
-        return np.asarray(pixel_from_level @ level_from_warped, np.float32)
+        return np.asarray(pixel_from_level @ np.linalg.inv(self.warped_from_level), np.float32)

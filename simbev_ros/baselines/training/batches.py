@@ -8,11 +8,13 @@ import torch
 from torch import Tensor
 from torch.utils.data import Dataset
 
+from simbev_ros.baselines.cache.layout import CM_PER_M
 from simbev_ros.baselines.cache.reader import CachedScene
-from simbev_ros.baselines.grid import HALF_M
+from simbev_ros.baselines.grid import HALF_M, level_from_map
 from simbev_ros.baselines.modality import Modality
 from simbev_ros.baselines.training.augmentation import Warp
 from simbev_ros.baselines.training.config import Augmentation
+from simbev_ros.types import Float32Array, Float64Array
 
 _MAX_CENTER_M = HALF_M - 1e-3
 """Centers are on the grid, whatever is rounded later."""
@@ -22,8 +24,9 @@ class Batch(NamedTuple):
     """A batch of B samples.
 
     Attributes:
-        points: (N, 4) float32 x, y, z (m, level frame), index of the sweep.
-        sample: (N,) int64 index of each point's sample.
+        points_cm: (N, 3) int16 points of all sweeps, cm, in the ego frame of their stamp.
+        part: (N,) int16 number of each point's sweep: index of the sample times the number of sweeps, plus the sweep.
+        warped_from_sweep: (B, sweeps, 3, 4) float32 transforms from the sweeps' ego frames to the warped level frame.
         images: (B, K, H, W, 3) uint8 RGB.
         gain: (B, 2) float32 contrast and brightness (0 … 255) that are applied to images.
         pixel_from_level: (B, K, 3, 4) float32.
@@ -34,8 +37,9 @@ class Batch(NamedTuple):
             height, yaw, vx, vy.
     """
 
-    points: Tensor
-    sample: Tensor
+    points_cm: Tensor
+    part: Tensor
+    warped_from_sweep: Tensor
     images: Tensor
     gain: Tensor
     pixel_from_level: Tensor
@@ -47,6 +51,17 @@ class Batch(NamedTuple):
     def to(self, device: torch.device) -> "Batch":
         """Copy to a device."""
         return Batch(*(each.to(device, non_blocking=True) for each in self))
+
+    def points(self) -> tuple[Tensor, Tensor]:
+        """(N, 4) float32 x, y, z (m, warped level frame) and index of the sweep, and (N,) int64 index of the sample.
+
+        Transforming points here instead of when a batch is made leaves that to the GPU.
+        """
+        part = self.part.long()
+        transform = self.warped_from_sweep.flatten(0, 1)[part]
+        points = (transform[..., :3] * (self.points_cm.float() / CM_PER_M)[:, None]).sum(-1) + transform[..., 3]
+        sweeps = self.warped_from_sweep.shape[1]
+        return torch.cat([points, (part % sweeps).float()[:, None]], 1), part // sweeps
 
     def pin_memory(self) -> "Batch":
         """Copy to memory from which copies to a GPU are asynchronous."""
@@ -100,11 +115,16 @@ class CachedBatches(Dataset[Batch]):
         boxes = warp.boxes(sample.boxes[sample.boxes["points"] > 0])
         boxes = boxes[np.maximum(np.abs(boxes["x"]), np.abs(boxes["y"])) < _MAX_CENTER_M]
         names = ("class", "x", "y", "z", "length", "width", "height", "yaw", "vx", "vy")
-        points = warp.points(sample.points) if self._modality.has_lidar else np.zeros((0, 4), np.float32)
+        none = np.zeros((0, 3), np.int16)
+        sweeps = [none if each is None or not self._modality.has_lidar else each for each in sample.sweeps_cm]
         images = sample.images() if self._modality.has_cameras else np.zeros((0, 0, 0, 3), np.uint8)
         depth_m = sample.depth_m if self._modality.has_cameras else np.zeros((0, 0, 0), np.float32)
         return {
-            "points": torch.from_numpy(points),
+            "points_cm": torch.from_numpy(np.concatenate(sweeps)),
+            "sweep": torch.from_numpy(
+                np.repeat(np.arange(len(sweeps), dtype=np.int16), [len(each) for each in sweeps])
+            ),
+            "warped_from_sweep": torch.from_numpy(_transforms(warp, sample.sweep_poses)),
             "images": torch.from_numpy(images),
             "gain": torch.tensor(gain, dtype=torch.float32),
             "pixel_from_level": torch.from_numpy(warp.projections(sample.pixel_from_level)),
@@ -115,15 +135,21 @@ class CachedBatches(Dataset[Batch]):
         }
 
     def _collate(self, samples: list[dict[str, Tensor]]) -> Batch:
-        counts = torch.tensor([len(each["points"]) for each in samples])
+        sweeps = len(samples[0]["warped_from_sweep"])
         boxes = [torch.nn.functional.pad(each["boxes"], (1, 0), value=k) for k, each in enumerate(samples)]
-        stacked = {
-            name: torch.stack([each[name] for each in samples])
-            for name in ("images", "gain", "pixel_from_level", "depth_m", "cells", "level_from_warped")
-        }
+        names = ("warped_from_sweep", "images", "gain", "pixel_from_level", "depth_m", "cells", "level_from_warped")
+        stacked = {name: torch.stack([each[name] for each in samples]) for name in names}
         return Batch(
-            points=torch.cat([each["points"] for each in samples]),
-            sample=torch.repeat_interleave(torch.arange(len(samples)), counts),
+            points_cm=torch.cat([each["points_cm"] for each in samples]),
+            part=torch.cat([each["sweep"] + k * sweeps for k, each in enumerate(samples)]),
             boxes=torch.cat(boxes),
             **stacked,
         )
+
+
+def _transforms(warp: Warp, poses: Sequence[Float64Array | None]) -> Float32Array:
+    """(sweeps, 3, 4) transforms from the ego frames of sweeps, newest first, to the warped level frame; 0: no sweep."""
+    newest = poses[0]
+    assert newest is not None
+    warped_from_map = warp.warped_from_level @ level_from_map(newest)
+    return np.array([np.zeros((3, 4)) if pose is None else (warped_from_map @ pose)[:3] for pose in poses], np.float32)

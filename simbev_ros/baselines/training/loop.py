@@ -133,9 +133,10 @@ def inputs_of(batch: Batch, modality: Modality) -> Inputs:
         gain = batch.gain[:, :, None, None, None, None]
         pixels = batch.images.permute(0, 1, 4, 2, 3).to(torch.float32)
         images = ((pixels - 128.0) * gain[:, 0] + 128.0 + gain[:, 1]).clamp(0, 255)
+    points, sample = batch.points() if modality.has_lidar else (None, None)
     return Inputs(
-        points=batch.points if modality.has_lidar else None,
-        sample=batch.sample if modality.has_lidar else None,
+        points=points,
+        sample=sample,
         images=images,
         pixel_from_level=batch.pixel_from_level if modality.has_cameras else None,
         samples=len(batch.cells),

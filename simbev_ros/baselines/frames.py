@@ -6,24 +6,29 @@ import numpy as np
 
 from simbev_ros.baselines.grid import level_from_map
 from simbev_ros.types import Float32Array, Float64Array, Int64Array
+from simbev_ros.units import NS_PER_S
 
-SWEEP_AGES_NS = (0, 250_000_000, 500_000_000, 1_000_000_000, 2_000_000_000)
-"""Ages of the sweeps of a frame, newest first: recent ones show motion, old ones what is hidden by now."""
 IMAGE_STRIDE = 8
 """Pixels in one cell of an image's features, along each axis; such a patch has one depth in a cache."""
 _TOLERANCE_NS = 60_000_000
 _NO_SWEEP = -1
 
 
-def sweeps_of_frame(stamp_ns: int, sweep_stamps_ns: Int64Array) -> list[int]:
-    """Index of the sweep of each age in ``SWEEP_AGES_NS``; -1 where there is none, as in a scene's first frames.
+def sweep_ages_ns(ages_s: Sequence[float]) -> tuple[int, ...]:
+    """Ages of sweeps in ns."""
+    return tuple(round(each * NS_PER_S) for each in ages_s)
+
+
+def sweeps_of_frame(stamp_ns: int, sweep_stamps_ns: Int64Array, ages_ns: Sequence[int]) -> list[int]:
+    """Index of the sweep of each age; -1 where there is none, as in a scene's first frames.
 
     Args:
         stamp_ns: Stamp of the frame.
         sweep_stamps_ns: (S,) stamps of all sweeps, ascending.
+        ages_ns: Ages of the sweeps, ascending.
     """
     chosen = []
-    for age_ns in SWEEP_AGES_NS:
+    for age_ns in ages_ns:
         wanted_ns = stamp_ns - age_ns
         nearest = int(np.abs(sweep_stamps_ns - wanted_ns).argmin()) if len(sweep_stamps_ns) else _NO_SWEEP
         is_near = nearest >= 0 and abs(int(sweep_stamps_ns[nearest]) - wanted_ns) <= _TOLERANCE_NS

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from simbev_ros.baselines.boxes import decode_boxes
+from simbev_ros.baselines.frames import sweep_ages_ns
 from simbev_ros.baselines.modality import Modality
 from simbev_ros.errors import InputError
 from simbev_ros.types import Float32Array, Table, UInt8Array
@@ -49,6 +50,7 @@ class Baseline:
         modality: What it sees.
         camera_size_px: Width and height of the images it takes; None without cameras.
         cameras: Number of its images.
+        sweep_ages_ns: Ages of the sweeps it takes, ascending.
 
     Raises:
         InputError: ONNX Runtime is not installed, or the file is not such a model.
@@ -60,8 +62,12 @@ class Baseline:
         if text is None:
             raise InputError(f"{path}: is not a baseline of simbev_ros; `simbev train` writes such files")
         about: dict[str, Any] = json.loads(text)
+        missing = {"modality", "sweep_ages_s"} - about.keys()
+        if missing:
+            raise InputError(f"{path}: says no {', '.join(sorted(missing))}; export it with this version")
         self.about = about
         self.modality = Modality(about["modality"])
+        self.sweep_ages_ns = sweep_ages_ns(about["sweep_ages_s"])
         shapes = {each.name: each.shape for each in self._session.get_inputs()}
         images = shapes.get("images")
         self.cameras = int(images[0]) if images else 0

@@ -29,7 +29,7 @@ SENSORS = [
 class FakeBaseline:
     """Notes what it is given and answers with one box 10 m ahead, and with cells that name their row and column."""
 
-    modality, cameras, camera_size_px = Modality.FUSED, 3, SIZE_PX
+    modality, cameras, camera_size_px, sweep_ages_ns = Modality.FUSED, 3, SIZE_PX, (0, 250_000_000, 500_000_000)
 
     def __init__(self) -> None:
         self.given: list[Any] = []

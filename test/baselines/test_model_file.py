@@ -36,3 +36,13 @@ def test_the_node_ends_with_exit_code_2_and_one_line_if_there_is_no_such_file(tm
     assert (
         ended.stderr.startswith(f"error: {tmp_path}/none.onnx: there is no such file") and ended.stderr.count("\n") == 1
     )
+
+
+def test_a_model_that_does_not_say_what_it_takes_is_refused(tmp_path: Path) -> None:
+    for package in ("torch", "onnx", "onnxruntime"):
+        pytest.importorskip(package, reason=f"{package} is not installed")
+    from untrained_baseline import export_untrained
+
+    path = export_untrained(tmp_path / "model.onnx", Modality.LIDAR, about={"modality": "lidar"})
+    with pytest.raises(InputError, match=r"model\.onnx: says no sweep_ages_s; export it with this version"):
+        load_baseline(Modality.LIDAR, path)

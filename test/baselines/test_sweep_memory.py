@@ -10,7 +10,7 @@ MS = 1_000_000
 
 
 def memory_of(*stamps_ms: int) -> SweepMemory:
-    memory = SweepMemory()
+    memory = SweepMemory([0, 250 * MS, 500 * MS, 1000 * MS, 2000 * MS])
     for stamp_ms in stamps_ms:
         memory.add(Sweep(stamp_ms * MS, np.zeros((0, 3), np.float32), np.eye(4)))
     return memory

@@ -30,7 +30,8 @@ WILD = Augmentation(rotation_deg=180, scale=0.2)
 
 
 def batches(cache: Path, modality: Modality, augmentation: Augmentation | None, size: int = 2) -> CachedBatches:
-    return CachedBatches([CachedScene(write_cached_scene(cache))], modality, size, augmentation, seed=3)
+    training = Training(modality=modality, augmentation=augmentation or Augmentation(), batch_size=size, seed=3)
+    return CachedBatches([CachedScene(write_cached_scene(cache))], training, augmented=augmentation is not None)
 
 
 def test_statistics_of_a_pillar_worked_by_hand() -> None:
@@ -161,8 +162,11 @@ def test_an_interrupted_run_ends_like_one_that_was_not(tmp_path: Path) -> None:
 
 def test_the_exported_model_answers_like_the_trained_one(tmp_path: Path) -> None:
     torch.manual_seed(0)
-    sample, model = CachedScene(write_cached_scene(tmp_path)).sample(1), BevModel(Modality.FUSED).eval()
-    export_model(model, tmp_path / "model.onnx", {"modality": "fused"}, 6, (64, 32))
+    sample, model = (
+        CachedScene(write_cached_scene(tmp_path)).sample(1, (0, 250_000_000)),
+        BevModel(Modality.FUSED).eval(),
+    )
+    export_model(model, tmp_path / "model.onnx", {"modality": "fused", "sweep_ages_s": [0, 0.25]}, 6, (64, 32))
     images = np.random.default_rng(0).integers(0, 255, (6, 32, 64, 3), np.uint8)
     answer = Baseline(tmp_path / "model.onnx").answer(sample.points(), images, sample.pixel_from_level)
     with torch.no_grad():

@@ -56,11 +56,12 @@ def made_up_scene(
     split: str = "train",
     ticks: int = 3,
     sensors: list[dict[str, Any]] | None = None,
+    grid: tuple[int, int] = (20, 24),
     chunk_bytes: int = 4 << 20,
     typed: bool = False,
 ) -> MadeUp:
     """Write a finished bag. Occupancy is there at every second tick; tables also as typed messages if asked for."""
-    spec = made_up_spec(SENSORS if sensors is None else sensors, number=number, split=split, ticks=ticks)
+    spec = made_up_spec(SENSORS if sensors is None else sensors, number=number, split=split, ticks=ticks, grid=grid)
     made, rng = MadeUp(spec), np.random.default_rng(number)
     with SceneBagWriter(path, chunk_bytes=chunk_bytes) as writer:
         writer.add_attachment(SCENE_ATTACHMENT, "application/json", spec.model_dump_json().encode())
@@ -119,7 +120,14 @@ def noise(rng: np.random.Generator, dtype: np.dtype[Any], count: int) -> Table:
     return table
 
 
-def made_up_spec(sensors: list[dict[str, Any]], *, number: int = 0, split: str = "train", ticks: int = 3) -> SceneSpec:
+def made_up_spec(
+    sensors: list[dict[str, Any]],
+    *,
+    number: int = 0,
+    split: str = "train",
+    ticks: int = 3,
+    grid: tuple[int, int] = (20, 24),
+) -> SceneSpec:
     """A scene with some sensors, which nobody has drawn; every label is on."""
     start = {"lane": "a_0", "s_m": 0}
     car = {"blueprint": "vehicle.sedan", "color": 0, "start": start, "speed_factor": 1, "min_gap_m": 2}
@@ -134,7 +142,10 @@ def made_up_spec(sensors: list[dict[str, Any]], *, number: int = 0, split: str =
             "ticks": ticks,
             "weather": _WEATHER | {"sun_altitude_deg": 10.0 * number},
             "rig": {"sensors": sensors},
-            "annotation": {"bev": {"rows": 20, "columns": 24}, "occupancy": {"half_side_m": 4, "voxel_m": 1}},
+            "annotation": {
+                "bev": {"rows": grid[0], "columns": grid[1]},
+                "occupancy": {"half_side_m": 4, "voxel_m": 1},
+            },
             "vehicles": [car] * (2 + number),
             "pedestrians": [],
             "green_time_s": [10.0],
@@ -144,10 +155,12 @@ def made_up_spec(sensors: list[dict[str, Any]], *, number: int = 0, split: str =
 
 def _values(rng: np.random.Generator, spec: SceneSpec, tick: int) -> dict[str, Any]:
     """Values of one tick by key of the reader, in the form that the reader returns."""
+    assert spec.annotation.bev is not None
+    grid = spec.annotation.bev.rows, spec.annotation.bev.columns
     values: dict[str, Any] = {
         "odom": (np.array([5.0 * tick, 1.0, 0.5]), np.array([0.01, 0.02, 0.3 + 0.1 * tick])),
         "boxes": boxes(rng, 12),
-        "bev/labels": rng.integers(0, 1 << len(BEV_CLASSES), (20, 24)).astype(np.uint16),
+        "bev/labels": rng.integers(0, 1 << len(BEV_CLASSES), grid).astype(np.uint16),
         "world/actors": noise(rng, ACTOR_DTYPE, 9),
         "world/signals": noise(rng, SIGNAL_DTYPE, 4),
         "hd_map": {"stamp_ns": spec.stamp_ns(tick), "id": "a_0", "s": 1.5, "is_junction": False},
@@ -160,7 +173,7 @@ def _values(rng: np.random.Generator, spec: SceneSpec, tick: int) -> dict[str, A
         match sensor.type:
             case "camera":
                 for modality in sensor.modalities:
-                    values[f"{sensor.name}/{modality}"] = _image(rng, modality)
+                    values[f"{sensor.name}/{modality}"] = _image(rng, modality, (sensor.height_px, sensor.width_px))
             case "lidar":
                 if sensor.points:
                     values[f"{sensor.name}/points"] = noise(rng, POINT_DTYPE, 200)
@@ -175,16 +188,17 @@ def _values(rng: np.random.Generator, spec: SceneSpec, tick: int) -> dict[str, A
     return values
 
 
-def _image(rng: np.random.Generator, modality: str) -> AnyArray:
+def _image(rng: np.random.Generator, modality: str, shape: tuple[int, int]) -> AnyArray:
+    height, width = shape
     if modality == "rgb":
-        return np.tile(np.linspace(0, 255, 32, dtype=np.uint8)[None, :, None], (24, 1, 3))
+        return np.tile(np.linspace(0, 255, width, dtype=np.uint8)[None, :, None], (height, 1, 3))
     if modality == "semantic":
-        return rng.integers(0, 29, (24, 32)).astype(np.uint8)
+        return rng.integers(0, 29, shape).astype(np.uint8)
     if modality == "instance":
-        return rng.integers(0, 1 << 16, (24, 32)).astype(np.uint16)
+        return rng.integers(0, 1 << 16, shape).astype(np.uint16)
     if modality == "depth":
-        return np.where(rng.random((24, 32)) < 0.1, np.inf, rng.uniform(0.5, 900, (24, 32))).astype(np.float32)
-    return rng.normal(0, 9, (24, 32, 2)).astype(np.float32)
+        return np.where(rng.random(shape) < 0.1, np.inf, rng.uniform(0.5, 900, shape)).astype(np.float32)
+    return rng.normal(0, 9, (*shape, 2)).astype(np.float32)
 
 
 def _voxels(rng: np.random.Generator) -> Table:

@@ -1,7 +1,7 @@
 """Layout of a cache: a folder for each split and scene with NumPy files.
 
 =================  ===================================================================================================
-``scene.json``     name, map, split, cameras, image size and conditions of the scene
+``scene.json``     name, SHA-256 of the bag, map, split, cameras, image size and conditions of the scene
 ``frames.npy``     (F,) ``FRAME_DTYPE``: the key frames
 ``sweeps.npy``     (S,) ``SWEEP_DTYPE``: all sweeps of the lidar
 ``points.npy``     (P, 3) int16 points of all sweeps, cm, in the ego frame of their stamp

@@ -1,6 +1,7 @@
 """Reads a cache as a list of samples; arrays stay on disk until a sample needs them."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -85,10 +86,10 @@ class CachedScene:
     def __getstate__(self) -> dict[str, Any]:
         return {"folder": self.folder}
 
-    def sample(self, index: int) -> Sample:
-        """A key frame."""
+    def sample(self, index: int, sweep_ages_ns: Sequence[int]) -> Sample:
+        """A key frame with the sweeps of some ages, newest first."""
         frame, arrays = self.frames[index], self._arrays
-        sweeps = sweeps_of_frame(int(frame["stamp_ns"]), arrays["sweeps"]["stamp_ns"])
+        sweeps = sweeps_of_frame(int(frame["stamp_ns"]), arrays["sweeps"]["stamp_ns"], sweep_ages_ns)
         ends = arrays["image_ends"].ravel()
         cameras = arrays["image_ends"].shape[1]
         first = index * cameras

@@ -1,4 +1,4 @@
-"""Writes the cache of a dataset, scene by scene; scenes that are there already are left alone."""
+"""Writes the cache of a dataset, scene by scene; scenes that are there already, from the same bag, are left alone."""
 
 import json
 import shutil
@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import simplejpeg
 
 from simbev_ros.baselines.boxes import DETECTED_CLASSES
 from simbev_ros.baselines.cache.layout import (
@@ -30,6 +31,7 @@ from simbev_ros.object_store.object_path import AnyPath
 from simbev_ros.types import AnyArray, Float64Array, Table
 
 _DEPTH_LIMIT_M = 655.0
+_JPEG_QUALITY = 90
 
 
 def write_cache(dataset: AnyPath, cache: Path, pool: Pool, lidar: str = "lidar") -> Iterator[tuple[int, int]]:
@@ -46,7 +48,7 @@ def write_cache(dataset: AnyPath, cache: Path, pool: Pool, lidar: str = "lidar")
         BagError: A bag is damaged.
     """
     scenes = open_dataset(dataset, threads=1).scenes
-    missing = [scene for scene in scenes if not (scene_folder(cache, scene) / SCENE_FILE).is_file()]
+    missing = [scene for scene in scenes if not _is_written(cache, scene)]
     done = len(scenes) - len(missing)
     yield done, len(scenes)
     for _ in pool.map(partial(write_scene, cache=cache, lidar=lidar), missing):
@@ -57,6 +59,15 @@ def write_cache(dataset: AnyPath, cache: Path, pool: Pool, lidar: str = "lidar")
 def scene_folder(cache: Path, scene: Scene) -> Path:
     """Folder of a scene."""
     return cache / scene.split / scene.name
+
+
+def _is_written(cache: Path, scene: Scene) -> bool:
+    """Whether the cache has a scene, from its present bag and in the present format."""
+    try:
+        about = json.loads((scene_folder(cache, scene) / SCENE_FILE).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return bool(about.get("format") == FORMAT and about.get("sha256") == scene.row.get("sha256"))
 
 
 def write_scene(scene: Scene, cache: Path, lidar: str) -> None:
@@ -71,6 +82,7 @@ def write_scene(scene: Scene, cache: Path, lidar: str) -> None:
     width_px, height_px = scene.calibration[cameras[0]].size_px if cameras else (0, 0)
     about = {
         "format": FORMAT,
+        "sha256": scene.row.get("sha256"),
         "name": scene.name,
         "map": scene.map,
         "split": scene.split,
@@ -80,6 +92,7 @@ def write_scene(scene: Scene, cache: Path, lidar: str) -> None:
         "weather": scene.weather.model_dump(),
     }
     (making / SCENE_FILE).write_text(json.dumps(about, indent=1), encoding="utf-8")
+    shutil.rmtree(folder, ignore_errors=True)
     making.rename(folder)
 
 
@@ -108,7 +121,7 @@ def _arrays(scene: Scene, cameras: list[str], lidar: str) -> dict[str, AnyArray]
     size = boxes_end = 0
     for row, tick in zip(frames, ticks, strict=True):
         frame = scene[int(tick)]
-        jpegs = [bytes(frame.messages(f"{name}/rgb")[-1].data) for name in cameras]
+        jpegs = [_jpeg(frame, name) for name in cameras]
         images += jpegs
         image_ends.append(size + np.cumsum([len(each) for each in jpegs], dtype=np.int64))
         size += sum(map(len, jpegs))
@@ -154,6 +167,14 @@ def _points_cm(frame: Frame, lidar: str, ego_from_sensor: Float64Array) -> AnyAr
     points = points[np.isfinite(points).all(1)] @ ego_from_sensor[:3, :3].T + ego_from_sensor[:3, 3]
     points = points[(np.abs(points) < MAX_POINT_M).all(1)]
     return np.rint(points * CM_PER_M).astype(np.int16)
+
+
+def _jpeg(frame: Frame, camera: str) -> bytes:
+    """A camera's image as JPEG: as recorded, or encoded if it was not compressed."""
+    message = frame.messages(f"{camera}/rgb")[-1]
+    if "jpeg" in getattr(message, "format", ""):
+        return bytes(message.data)
+    return bytes(simplejpeg.encode_jpeg(np.ascontiguousarray(frame[f"{camera}/rgb"]), _JPEG_QUALITY, "RGB"))
 
 
 def _patch_depth_cm(depth_m: AnyArray) -> AnyArray:

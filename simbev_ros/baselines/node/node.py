@@ -77,7 +77,7 @@ class BaselineNode(Node):
         self._is_live = self._live_parameter
         self._inputs: SceneInputs | None = None
         self._answering: Answering | None = None
-        self._sweeps = SweepMemory()
+        self._sweeps = SweepMemory(baseline.sweep_ages_ns)
         self._join: TickJoin[Any, Odometry] = TickJoin()
         self._newest: NewestOnly[_Task] | None = None
         self._offers: dict[str, tuple[_Offer, ...]] = {}
@@ -99,7 +99,7 @@ class BaselineNode(Node):
     def _on_scene(self, message: String) -> None:
         """Start a new scene; its first tick waits until this node reports that it is ready."""
         self._join.clear()
-        self._sweeps = SweepMemory()
+        self._sweeps = SweepMemory(self._baseline.sweep_ages_ns)
         for each in self._connected.values():  # the next graph may be live although this one is not, or vice versa
             self.destroy_subscription(each)
         self._connected, self._polls, self._polls_connected = {}, 0, 0

@@ -1,15 +1,16 @@
 """Keeps the lidar's sweeps with the ego's poses, so that a frame can have earlier ones."""
 
 from collections import deque
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from simbev_ros.baselines.frames import SWEEP_AGES_NS, sweeps_of_frame
+from simbev_ros.baselines.frames import sweeps_of_frame
 from simbev_ros.types import Float32Array, Float64Array, Table
 
-_MEMORY_NS = SWEEP_AGES_NS[-1] + 250_000_000
-"""Age beyond which no frame needs a sweep."""
+_MARGIN_NS = 250_000_000
+"""Time for which a sweep is kept after the oldest age that is asked for."""
 
 
 class Sweep(NamedTuple):
@@ -27,16 +28,21 @@ class Sweep(NamedTuple):
 
 
 class SweepMemory:
-    """The sweeps of the last moments, in the order of their stamps."""
+    """The sweeps of the last moments, in the order of their stamps.
 
-    def __init__(self) -> None:
+    Args:
+        ages_ns: Ages of the sweeps of a frame, ascending.
+    """
+
+    def __init__(self, ages_ns: Sequence[int]) -> None:
+        self._ages_ns = ages_ns
         self._sweeps: deque[Sweep] = deque()
 
     def add(self, sweep: Sweep) -> None:
         """Add a sweep, which is later than all others; if time has gone back, these are forgotten."""
         if self._sweeps and sweep.stamp_ns <= self._sweeps[-1].stamp_ns:
             self._sweeps.clear()
-        while self._sweeps and self._sweeps[0].stamp_ns < sweep.stamp_ns - _MEMORY_NS:
+        while self._sweeps and self._sweeps[0].stamp_ns < sweep.stamp_ns - self._ages_ns[-1] - _MARGIN_NS:
             self._sweeps.popleft()
         self._sweeps.append(sweep)
 
@@ -44,7 +50,8 @@ class SweepMemory:
         """The sweeps of a frame, newest first; None: there is none of that age."""
         sweeps = list(self._sweeps)
         stamps_ns = np.array([sweep.stamp_ns for sweep in sweeps], np.int64)
-        return [sweeps[index] if index >= 0 else None for index in sweeps_of_frame(stamp_ns, stamps_ns)]
+        indices = sweeps_of_frame(stamp_ns, stamps_ns, self._ages_ns)
+        return [sweeps[index] if index >= 0 else None for index in indices]
 
 
 def points_in_ego(cloud: Table, ego_from_lidar: Float64Array) -> Float32Array:

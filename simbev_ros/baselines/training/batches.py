@@ -10,10 +10,10 @@ from torch.utils.data import Dataset
 
 from simbev_ros.baselines.cache.layout import CM_PER_M
 from simbev_ros.baselines.cache.reader import CachedScene
+from simbev_ros.baselines.frames import sweep_ages_ns
 from simbev_ros.baselines.grid import HALF_M, level_from_map
-from simbev_ros.baselines.modality import Modality
 from simbev_ros.baselines.training.augmentation import Warp
-from simbev_ros.baselines.training.config import Augmentation
+from simbev_ros.baselines.training.config import Training
 from simbev_ros.types import Float32Array, Float64Array
 
 _MAX_CENTER_M = HALF_M - 1e-3
@@ -73,28 +73,20 @@ class CachedBatches(Dataset[Batch]):
 
     Args:
         scenes: Scenes of the cache.
-        modality: What the model sees; the rest is not read.
-        batch_size: Samples in a batch; what is left over at the end of an epoch is left out.
-        augmentation: Random changes; None: none, and the order is that of the scenes.
-        seed: Seed of order and augmentation.
+        training: Size of batches, sweeps, augmentation and seed.
+        augmented: Whether samples are changed and come in random order; else the order is that of the scenes.
 
     Attributes:
         steps_per_epoch: Number of batches in an epoch.
     """
 
-    def __init__(
-        self,
-        scenes: Sequence[CachedScene],
-        modality: Modality,
-        batch_size: int,
-        augmentation: Augmentation | None,
-        seed: int,
-    ) -> None:
-        self._scenes, self._modality, self._batch_size = list(scenes), modality, batch_size
-        self._augmentation, self._seed = augmentation, seed
+    def __init__(self, scenes: Sequence[CachedScene], training: Training, *, augmented: bool = True) -> None:
+        self._scenes, self._modality, self._batch_size = list(scenes), training.modality, training.batch_size
+        self._augmentation, self._seed = training.augmentation if augmented else None, training.seed
+        self._sweep_ages_ns = sweep_ages_ns(training.sweep_ages_s)
         self._samples = [(scene, frame) for scene in range(len(scenes)) for frame in range(len(scenes[scene].frames))]
 
-        self.steps_per_epoch = len(self._samples) // batch_size
+        self.steps_per_epoch = len(self._samples) // training.batch_size
 
     def __getitem__(self, step: int) -> Batch:
         epoch, index = divmod(step, self.steps_per_epoch)
@@ -106,7 +98,7 @@ class CachedBatches(Dataset[Batch]):
 
     def _sample(self, number: int, epoch: int) -> dict[str, Tensor]:
         scene, frame = self._samples[number]
-        sample = self._scenes[scene].sample(frame)
+        sample = self._scenes[scene].sample(frame, self._sweep_ages_ns)
         rng = np.random.default_rng([self._seed, epoch, number])
         warp, gain = Warp(np.eye(2), 1.0), (1.0, 0.0)
         if self._augmentation is not None:

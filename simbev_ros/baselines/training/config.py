@@ -1,8 +1,9 @@
 """Configuration of a training run."""
 
 from pathlib import Path
+from typing import Annotated
 
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, field_validator
 
 from simbev_ros.baselines.modality import Modality
 from simbev_ros.config.base import Model, first_problem
@@ -27,6 +28,12 @@ class Training(Model):
     modality: Modality = Field(description="what the model sees: camera, lidar or fused")
     seed: int = Field(0, ge=0, description="seed of weights, order and augmentation")
     scenes: int | None = Field(None, ge=1, description="number of scenes to train on, the first by number; none: all")
+    sweep_ages_s: tuple[Annotated[float, Field(ge=0, le=10)], ...] = Field(
+        (0.0, 0.25, 0.5, 1.0, 2.0),
+        min_length=1,
+        description="ages of the lidar's sweeps that a frame has, ascending from 0: recent ones show motion, old ones "
+        "what is hidden by now",
+    )
     epochs: int = Field(20, ge=1, le=10_000, description="passes over the data")
     batch_size: int = Field(16, ge=1, le=1024, description="samples in a step")
     learning_rate: float = Field(
@@ -37,6 +44,13 @@ class Training(Model):
         0.998, ge=0, lt=1, description="decay of the moving average of weights, which is what is exported"
     )
     augmentation: Augmentation = Field(Augmentation(), description="random changes of samples")
+
+    @field_validator("sweep_ages_s")
+    @classmethod
+    def _ascend(cls, ages_s: tuple[float, ...]) -> tuple[float, ...]:
+        if ages_s[0] != 0 or sorted(set(ages_s)) != list(ages_s):
+            raise ValueError("must begin with 0 and ascend")
+        return ages_s
 
 
 def load_training(path_or_name: str | Path) -> Training:

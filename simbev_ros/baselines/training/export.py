@@ -56,7 +56,7 @@ def export_model(model: BevModel, path: Path, about: dict[str, Any], cameras: in
     Args:
         model: The model, on the CPU.
         path: The file.
-        about: What it is, for the metadata; must hold ``modality``.
+        about: What it is, for the metadata; must hold ``modality`` and ``sweep_ages_s``.
         cameras: Number of images.
         size_px: Width and height of an image.
     """
@@ -115,6 +115,7 @@ def export_run(run: Path, cache: Path) -> Path:
     about = cached_scenes(cache, "train")[0].about
     path = run / MODEL_FILE
     size_px = int(about["width_px"]), int(about["height_px"])
-    description = {"modality": training.modality.value, "training": training.model_dump(mode="json")}
+    settings = training.model_dump(mode="json")
+    description = {"modality": settings["modality"], "sweep_ages_s": settings["sweep_ages_s"], "training": settings}
     export_model(model, path, description, len(about["cameras"]), size_px)
     return path

@@ -66,7 +66,7 @@ def train(
     average = deepcopy(model).eval().requires_grad_(False)
     optimizer = torch.optim.AdamW(_groups(model, training), lr=training.learning_rate, fused=device.type == "cuda")
     scenes = cached_scenes(cache, "train")[: training.scenes]
-    data = CachedBatches(scenes, training.modality, training.batch_size, training.augmentation, training.seed)
+    data = CachedBatches(scenes, training)
     if not data.steps_per_epoch:
         raise InputError(f"{cache}: has fewer samples to train on than batch_size {training.batch_size}")
     steps, step = training.epochs * data.steps_per_epoch, 0

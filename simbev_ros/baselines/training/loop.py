@@ -45,7 +45,7 @@ def train(
     device: torch.device,
     workers: int,
     report: Callable[[Progress], None],
-    compile_model: bool = False,
+    compile_parts: bool = False,
 ) -> None:
     """Train a baseline, or go on where its checkpoint in ``out`` stands; the folder then holds the final checkpoint.
 
@@ -56,7 +56,7 @@ def train(
         device: Where to train.
         workers: Processes that make batches; 0: none.
         report: Called every few steps.
-        compile_model: Whether torch compiles the network first, which pays from some thousand steps on.
+        compile_parts: Whether torch compiles the convolutions first.
 
     Raises:
         InputError: The cache has too few samples, or the checkpoint is of another configuration.
@@ -74,13 +74,14 @@ def train(
     path = out / CHECKPOINT_FILE
     if path.exists():
         step = _resume(path, training, model, average, optimizer)
-    forward = torch.compile(model, dynamic=True) if compile_model else model
+    if compile_parts:
+        model.compile_parts()
     with SummaryWriter(str(out / "log"), purge_step=step) as log:
         logged_s, logged = time.perf_counter(), step
         for batch in _loader(data, range(step, steps), workers, device):
             for group in optimizer.param_groups:
                 group["lr"] = training.learning_rate * _schedule(step / steps)
-            losses = _step(forward, model, optimizer, batch.to(device), training.modality)
+            losses = _step(model, optimizer, batch.to(device), training.modality)
             _follow(average, model, min(training.average_decay, (1 + step) / (10 + step)))
             step += 1
             if step % _LOG_STEPS == 0 or step == steps:
@@ -144,13 +145,13 @@ def inputs_of(batch: Batch, modality: Modality) -> Inputs:
 
 
 def _step(
-    forward: Any, model: nn.Module, optimizer: torch.optim.Optimizer, batch: Batch, modality: Modality
+    model: nn.Module, optimizer: torch.optim.Optimizer, batch: Batch, modality: Modality
 ) -> dict[str, torch.Tensor]:
     """One step of the optimizer; returns the losses before it."""
     model.train()
     device_type = batch.cells.device.type
     with torch.autocast(device_type, torch.bfloat16, enabled=device_type == "cuda"):
-        outputs = forward(inputs_of(batch, modality))
+        outputs = model(inputs_of(batch, modality))
     losses = losses_of(outputs, targets_of(batch), batch.depth_m)
     optimizer.zero_grad(set_to_none=True)
     torch.stack(list(losses.values())).sum().backward()

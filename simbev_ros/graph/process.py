@@ -29,6 +29,10 @@ _INFORMATION = re.compile(r"^\[INFO\] \[[\d.]+\] \[[^\]]+\]: .*\n?", re.MULTILIN
 """A line of a node's log that reports no trouble."""
 
 
+_KILLED_PATIENCE_S = 30.0
+"""Time that the system has to take down a killed process, which takes seconds with gigabytes on a busy machine."""
+
+
 class _Plain(yaml.SafeDumper):
     """A YAML dumper that writes no aliases, which ROS cannot read; shared values are repeated."""
 
@@ -114,7 +118,8 @@ class GraphProcess:
             return True
         except subprocess.TimeoutExpired:
             self._process.send_signal(signal.SIGKILL)
-            self._process.wait(timeout_s)
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(_KILLED_PATIENCE_S)
             return False
 
     def _output(self) -> str:

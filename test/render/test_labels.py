@@ -6,6 +6,7 @@ from render_scene import CAMERA, car, front_pose, plane, scene, snap_error_m, ve
 
 from simbev_ros.assets.actors.posing import pose_actors
 from simbev_ros.assets.materials import Material
+from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.placement.static_scene import StaticScene, Tile
 from simbev_ros.config.camera import MODALITIES
 from simbev_ros.errors import RenderError
@@ -179,3 +180,21 @@ def test_the_ego_and_its_rider_are_drawn_only_on_request(renderer: Renderer) -> 
 def test_an_actor_id_too_large_for_instance_images_is_refused(renderer: Renderer) -> None:
     with pytest.raises(RenderError, match="largest actor id 65536"):
         draw(renderer, world(EGO, {**OTHER, "id": 65536}))
+
+
+def test_slivers_seen_edge_on_have_a_depth_in_front_of_the_camera() -> None:
+    """Their inverse depth changes sign within the rounding of a pixel: llvmpipe gave -697 m for one of these."""
+    camera, rng, count = PinholeCamera(704, 256, 419.5, 419.5, 352, 58), np.random.default_rng(8), 20_000
+    first = rng.uniform((-0.8, -0.4), (0.8, 0.1), (count, 2))
+    second = first + rng.normal(0, 0.1, (count, 2))
+    between = first + (second - first) * rng.uniform(size=(count, 1))
+    between += rng.normal(size=(count, 2)) * 10.0 ** rng.uniform(-6.5, -3.5, (count, 1))
+    rays = np.stack([np.column_stack([np.ones(count), each]) for each in (first, second, between)], axis=1)
+    corners = rays * 10.0 ** rng.uniform(0.5, 2.9, (count, 3, 1))
+    slivers = Mesh.flat(corners, material=Material.CONCRETE, tag=Tag.SIDEWALK, color=(120, 120, 120))
+    renderer = Renderer(StaticScene((Tile(np.zeros(3), slivers, {}),), ()), [car()], use_compute=False)
+    [images] = renderer.render([CameraView(camera, np.eye(4), ("depth",))], RenderFrame(world({"id": 1})))
+    assert images.depth is not None
+    depth_m = images.depth[np.isfinite(images.depth)]
+    assert len(depth_m) > 1000
+    assert depth_m.min() > 0

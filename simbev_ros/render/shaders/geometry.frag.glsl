@@ -13,11 +13,14 @@ in vec2 v_corner;
 flat in float v_lift;
 #endif
 
+const float HORIZON_M = 1e4;
+
 void main() {
     bool is_leaf = v_surface.x >> 24u == uint(MATERIAL_FOLIAGE);  // leaves are shaded the same on both sides
     vec3 normal = gl_FrontFacing || is_leaf ? v_normal : -v_normal;
     g_surface = uvec4(v_surface.x, pack_normal(normal), floatBitsToUint(v_uv));
-    g_depth = 1.0 / gl_FragCoord.w;
+    // Rounding can put the center of a pixel beyond the horizon of a sliver that is seen edge-on.
+    g_depth = gl_FragCoord.w > 0.0 ? 1.0 / gl_FragCoord.w : HORIZON_M;
     g_color = color_of(v_surface.y);
     semantic = (v_surface.x >> 16u) & 0xFFu;
     instance = v_instance;

@@ -26,7 +26,7 @@ from simbev_ros.baselines.training.targets import targets_of  # noqa: E402
 from simbev_ros.errors import InputError  # noqa: E402
 from simbev_ros.semantics import BEV_CLASSES  # noqa: E402
 
-WILD = Augmentation(rotation_deg=180, scale=0.2)
+WILD = Augmentation(rotation_deg=180, scale=0.2, thinning=0)
 
 
 def batches(cache: Path, modality: Modality, augmentation: Augmentation | None, size: int = 2) -> CachedBatches:
@@ -179,3 +179,11 @@ def test_a_checkpoint_that_is_none_is_named(tmp_path: Path) -> None:
     (tmp_path / "checkpoint.pt").write_bytes(b"nothing")
     with pytest.raises(InputError, match=r"checkpoint\.pt: is no checkpoint"):
         load_model(tmp_path / "checkpoint.pt")
+
+
+def test_thinning_leaves_out_another_share_of_the_points_of_each_sample(tmp_path: Path) -> None:
+    whole = len(batches(tmp_path / "whole", Modality.LIDAR, None)[0].part)
+    thinned = batches(tmp_path / "thinned", Modality.LIDAR, Augmentation(thinning=0.6))
+    shares = np.array([len(thinned[step].part) for step in range(40)]) / whole
+    assert 0.4 < shares.min() < 0.55
+    assert 0.85 < shares.max() < 1

@@ -100,15 +100,19 @@ class CachedBatches(Dataset[Batch]):
         scene, frame = self._samples[number]
         sample = self._scenes[scene].sample(frame, self._sweep_ages_ns)
         rng = np.random.default_rng([self._seed, epoch, number])
-        warp, gain = Warp(np.eye(2), 1.0), (1.0, 0.0)
+        warp, gain, left_out = Warp(np.eye(2), 1.0), (1.0, 0.0), 0.0
         if self._augmentation is not None:
             warp, amount = Warp.draw(self._augmentation, rng), self._augmentation.brightness
             gain = (rng.uniform(1 - amount, 1 + amount), 128.0 * rng.uniform(-amount, amount))
+            left_out = rng.uniform(0.0, self._augmentation.thinning)
         boxes = warp.boxes(sample.boxes[sample.boxes["points"] > 0])
         boxes = boxes[np.maximum(np.abs(boxes["x"]), np.abs(boxes["y"])) < _MAX_CENTER_M]
         names = ("class", "x", "y", "z", "length", "width", "height", "yaw", "vx", "vy")
         none = np.zeros((0, 3), np.int16)
-        sweeps = [none if each is None or not self._modality.has_lidar else each for each in sample.sweeps_cm]
+        sweeps = [
+            none if each is None or not self._modality.has_lidar else each[rng.random(len(each)) >= left_out]
+            for each in sample.sweeps_cm
+        ]
         images = sample.images() if self._modality.has_cameras else np.zeros((0, 0, 0, 3), np.uint8)
         depth_m = sample.depth_m if self._modality.has_cameras else np.zeros((0, 0, 0), np.float32)
         return {

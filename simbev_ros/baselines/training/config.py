@@ -17,8 +17,9 @@ class Augmentation(Model):
     """Random changes of each sample, drawn anew in each epoch."""
 
     flip: bool = Field(True, description="mirror x and y, each with a probability of one half")
-    rotation_deg: float = Field(22.5, ge=0, le=180, description="maximum rotation about z, in both directions")
+    rotation_deg: float = Field(45.0, ge=0, le=180, description="maximum rotation about z, in both directions")
     scale: float = Field(0.1, ge=0, lt=0.5, description="maximum change of scale: 0.1 is a factor of 0.9 to 1.1")
+    thinning: float = Field(0.5, ge=0, lt=1, description="maximum share of the lidar's points that is left out")
     brightness: float = Field(0.3, ge=0, lt=1, description="maximum change of an image's brightness and contrast")
 
 

@@ -104,6 +104,9 @@ MAX_WARM_UP_TICKS = 600_000
 MAX_ACTORS = 20_000
 """Vehicles in a scene, and pedestrians in a scene. A configuration allows 10,000 of each; hazard areas add vehicles."""
 
+MAX_AGENTS = 32
+"""Agents in a scene: vehicles and roadside units with sensors. A mask of 32 bits says which of them see an object."""
+
 _MIB = 1 << 20
 
 

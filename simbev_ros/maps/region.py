@@ -36,7 +36,7 @@ class Region(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """The circle of a map that a scene can see: (2,) center in the map frame, and radius."""
+    """The circle of a map that an agent can see: (2,) center in the map frame, and radius."""
 
     center_m: tuple[float, float]
     radius_m: float
@@ -47,7 +47,19 @@ class Reach:
         return np.hypot(gap_m[:, 0], gap_m[:, 1]) <= self.radius_m
 
 
-def regions_of(layout: Layout, reach: Reach | None = None) -> tuple[Region, ...]:
+@dataclass(frozen=True, slots=True)
+class Reaches:
+    """The part of a map that several agents can see: the union of their circles."""
+
+    circles: tuple[Reach, ...]
+
+    def touches(self, low_m: Float64Array, side_m: float) -> BoolArray:
+        """(N,) whether any circle touches each square. Arguments as of ``Reach.touches``."""
+        touched: BoolArray = np.any([circle.touches(low_m, side_m) for circle in self.circles], axis=0)
+        return touched
+
+
+def regions_of(layout: Layout, reach: Reach | Reaches | None = None) -> tuple[Region, ...]:
     """Regions of a map with land near roads, from south-west to north-east; with ``reach``, only those within it."""
     positions_m = np.concatenate([np.empty((0, 2)), *(strip.left_m[:, :2] for strip in layout.strips)])
     corners = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1], [0, 0]]) * OUTSKIRTS_M

@@ -7,7 +7,7 @@ from weakref import WeakValueDictionary
 from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.assets.regions.static_cache import load_static_scene
 from simbev_ros.maps.build import load_network
-from simbev_ros.maps.region import Reach
+from simbev_ros.maps.region import Reach, Reaches
 from simbev_ros.maps.roads.tunnels import Tunnels
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.scene.reach import VIEW_M, loaded_reach
@@ -22,7 +22,7 @@ _MAX_MOUNT_M = 30.0
 _LOOKAHEAD_S = 1.0
 
 _Built = TypeVar("_Built")
-_Key = tuple[MapSpec, Reach | None]
+_Key = tuple[MapSpec, Reach | Reaches | None]
 
 _loaded: WeakValueDictionary[_Key, StaticScene] = WeakValueDictionary()
 """Scenes shared by the nodes of a process, as long as one of them holds the scene."""

@@ -95,6 +95,6 @@ def _is_reproduced(partial: Path, scenario: Scenario, spec: SceneSpec) -> bool:
     try:
         with SceneBag(partial) as bag:
             config = bag.attachments.get(CONFIG_ATTACHMENT)
-            return spec.ego_driver == "traffic" and bag.spec == spec and config == scenario.as_yaml().encode()
+            return spec.is_driven_by_traffic and bag.spec == spec and config == scenario.as_yaml().encode()
     except BagError:
         return False

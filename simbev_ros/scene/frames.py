@@ -66,8 +66,14 @@ def ego_from_base_link(spec: SceneSpec) -> Float64Array:
 
 
 def rear_axle_m(spec: SceneSpec) -> float:
-    """Distance from the origin of the ego frame back to the rear axle."""
-    return blueprint_named(spec.vehicles[0].blueprint).footprint.axle_m
+    """Distance from the origin of the ego frame back to the rear axle; the ego must be a vehicle."""
+    assert spec.ego is not None, "a roadside unit has no axles"
+    return blueprint_named(spec.ego.blueprint).footprint.axle_m
+
+
+def ego_size_m(spec: SceneSpec) -> tuple[float, float, float]:
+    """Length, width and height of the ego's box; a roadside unit has no body, so its size is zero."""
+    return (0.0, 0.0, 0.0) if spec.ego is None else blueprint_named(spec.ego.blueprint).size_m
 
 
 def odometry_of_frames(spec: SceneSpec) -> Odometry:

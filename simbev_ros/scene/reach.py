@@ -1,4 +1,4 @@
-"""Region of interest of a scene: the part of a map that its ego can drive to or see."""
+"""Region of interest of a scene: the part of a map that its agents can drive to or see."""
 
 import heapq
 from collections import defaultdict
@@ -6,7 +6,8 @@ from collections import defaultdict
 import numpy as np
 
 from simbev_ros.maps.network import Lane, RoadNetwork
-from simbev_ros.maps.region import Reach, regions_of
+from simbev_ros.maps.region import Reach, Reaches, regions_of
+from simbev_ros.scene.agents import agent_views
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import Float64Array
 from simbev_ros.units import NS_PER_S
@@ -18,16 +19,22 @@ _MAX_WHOLE_REGIONS = 12  # maps with at most this number of regions are loaded w
 _MARGIN_M = 30.0
 
 
-def loaded_reach(spec: SceneSpec, network: RoadNetwork, view_m: float = VIEW_M) -> Reach | None:
-    """The part of a map to load for a scene; None means all of it, because the map is small."""
-    return None if len(regions_of(network.layout)) <= _MAX_WHOLE_REGIONS else reach_of(spec, network, view_m)
+def loaded_reach(spec: SceneSpec, network: RoadNetwork, view_m: float = VIEW_M) -> Reach | Reaches | None:
+    """The part of a map to load for a scene with all its agents; None means all of it, because the map is small."""
+    if len(regions_of(network.layout)) <= _MAX_WHOLE_REGIONS:
+        return None
+    circles = tuple(reach_of(view, network, view_m) for view in agent_views(spec))
+    return circles[0] if len(circles) == 1 else Reaches(circles)
 
 
-def reach_of(spec: SceneSpec, network: RoadNetwork, view_m: float = VIEW_M) -> Reach:
-    """Circle around the ego's start: the distance that it can drive in the scene plus ``view_m``."""
-    ego = spec.vehicles[0]
+def reach_of(view: SceneSpec, network: RoadNetwork, view_m: float = VIEW_M) -> Reach:
+    """Circle around an agent's start: the distance that it can drive in the scene, plus ``view_m``."""
+    if view.station is not None:
+        return Reach((view.station.x_m, view.station.y_m), _MARGIN_M + view_m)
+    ego = view.ego
+    assert ego is not None
     start_m, _ = network.pose_on_lane(ego.start.lane, ego.start.s_m)
-    duration_s = (spec.warm_up_ticks + spec.ticks) * spec.tick_ns / NS_PER_S
+    duration_s = (view.warm_up_ticks + view.ticks) * view.tick_ns / NS_PER_S
     travel_m = _max_travel_m(network, start_m[:2], ego.start.lane, duration_s * max(ego.speed_factor, 1.0))
     return Reach((float(start_m[0]), float(start_m[1])), travel_m + _MARGIN_M + view_m)
 

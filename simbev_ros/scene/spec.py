@@ -4,19 +4,21 @@ Scene drawing produces a ``SceneSpec`` from a configuration and a map. The world
 specification and the map, and replays it byte for byte.
 """
 
-from functools import cached_property
+from typing import Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from simbev_ros.config.annotation import Annotation
 from simbev_ros.config.base import Model
 from simbev_ros.config.frames import DEFAULT_FRAMES, Frames, are_default
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import EgoDriverKind, Split
-from simbev_ros.limits import MAX_ACTORS, MAX_SCENE_NUMBER, MAX_SCENE_TICKS, MAX_WARM_UP_TICKS
+from simbev_ros.limits import MAX_ACTORS, MAX_AGENTS, MAX_SCENE_NUMBER, MAX_SCENE_TICKS, MAX_WARM_UP_TICKS
 from simbev_ros.maps.spec import MapSpec
+from simbev_ros.scene.agent_spec import AgentSpec, BaseLinkX, StationSpec
 from simbev_ros.scene.hazards.hazard import HazardSpec
 from simbev_ros.scene.lights import LightSpec
+from simbev_ros.scene.state import EGO_ID
 from simbev_ros.scene.weather import Weather
 from simbev_ros.units import NS_PER_S
 
@@ -43,7 +45,7 @@ class StandSpec(Model):
 
 
 class VehicleSpec(Model):
-    """One vehicle. The first vehicle of a scene is the ego."""
+    """One vehicle. The first vehicle of a scene carries the first agent."""
 
     blueprint: str
     color: int = Field(ge=0, le=0xFFFFFF, description="0xRRGGBB, sRGB")
@@ -75,7 +77,11 @@ class PedestrianSpec(Model):
 
 
 class SceneSpec(Model):
-    """Everything that was drawn for one scene."""
+    """Everything that was drawn for one scene.
+
+    The specification is also the first agent's view of the scene: ``rig``, ``frames``, ``base_link_x_m``,
+    ``annotation``, ``ego_driver`` and ``ego`` are its own. ``scene.agents.agent_views`` gives the views of all agents.
+    """
 
     number: int = Field(ge=0, le=MAX_SCENE_NUMBER)
     split: Split
@@ -96,19 +102,68 @@ class SceneSpec(Model):
     ego_driver: EgoDriverKind = "traffic"
     rig: Rig
     frames: Frames = Field(DEFAULT_FRAMES, exclude_if=are_default)
-    base_link_x_m: float = Field(
-        0.0,
-        ge=-20,
-        le=20,
-        exclude_if=lambda x_m: x_m == 0.0,
-        description="x of the origin of base_link in the ego frame; readers need no catalog of vehicles for it",
-    )
+    base_link_x_m: BaseLinkX = 0.0
     annotation: Annotation
+    agents: tuple[AgentSpec, ...] = Field(
+        (), max_length=MAX_AGENTS - 1, exclude_if=lambda agents: not agents, description="agents beside the first one"
+    )
     vehicles: tuple[VehicleSpec, ...] = Field(min_length=1, max_length=MAX_ACTORS)
     pedestrians: tuple[PedestrianSpec, ...] = Field(max_length=MAX_ACTORS)
     walker_cross_factor: float = Field(0.0, ge=0, le=1, description="probability that a pedestrian may jaywalk")
     hazards: tuple[HazardSpec, ...] = Field((), description="their vehicles are the last entries of ``vehicles``")
     green_time_s: tuple[float, ...] = Field(description="one draw per traffic-light program, used in turn")
+
+    @model_validator(mode="after")
+    def _agents_are_distinct(self) -> Self:
+        names = [rig.agent for rig in self.rigs]
+        if twice := sorted({name for name in names if names.count(name) > 1}):
+            raise ValueError(f"agents: two agents are called {', '.join(twice)}; names must be unique")
+        carriers = [agent.vehicle for agent in self.agents if agent.vehicle is not None]
+        if carriers and max(carriers) >= len(self.vehicles):
+            raise ValueError(f"agents: there is no vehicle {max(carriers)}; the scene has {len(self.vehicles)}")
+        if len(set(carriers)) < len(carriers):
+            raise ValueError("agents: two agents have the same vehicle")
+        return self
+
+    @property
+    def whole(self) -> "SceneSpec":
+        """The specification of which this is one agent's view; only this one is written and sent."""
+        return self
+
+    @property
+    def rigs(self) -> tuple[Rig, ...]:
+        """Rigs of all agents, the first agent's first; each has the name of its agent."""
+        return (self.whole.rig, *(agent.rig for agent in self.agents))
+
+    @property
+    def ego_index(self) -> int | None:
+        """Index in ``vehicles`` of the agent's vehicle; None: the agent is a roadside unit."""
+        return 0
+
+    @property
+    def ego(self) -> VehicleSpec | None:
+        """The agent's vehicle; None: the agent is a roadside unit."""
+        return None if self.ego_index is None else self.vehicles[self.ego_index]
+
+    @property
+    def ego_id(self) -> int:
+        """Id of the agent's vehicle among the actors; a roadside unit has an id that no actor has."""
+        return EGO_ID
+
+    @property
+    def station(self) -> StationSpec | None:
+        """Pose of the agent if it is a roadside unit."""
+        return None
+
+    @property
+    def noise_seed(self) -> int:
+        """Seed of the noise of the agent's sensors. Agents with equal rigs have different noise."""
+        return self.seed
+
+    @property
+    def is_driven_by_traffic(self) -> bool:
+        """Whether no agent is driven from outside, so that the specification determines the scene."""
+        return self.whole.ego_driver == "traffic" and all(agent.driver == "traffic" for agent in self.agents)
 
     @property
     def name(self) -> str:
@@ -161,11 +216,11 @@ class SceneSpec(Model):
         """Number of messages at a due tick of something with this rate; more than 1 above the tick rate."""
         return 1 if rate_hz is None else max(1, round(rate_hz * self.tick_ns / NS_PER_S))
 
-    @cached_property
+    @property
     def lead_in_ticks(self) -> int:
-        """Number of published warm-up ticks: each sensor gets the history that its first sample needs."""
-        periods = [self.period_ticks(sensor.rate_hz) for sensor in self.rig.sensors]
-        return min(max(periods, default=1), self.warm_up_ticks)
+        """Number of published warm-up ticks: each sensor of any agent gets the history that its first sample needs."""
+        rates_hz = [sensor.rate_hz for rig in self.rigs for sensor in rig.sensors if sensor.rate_hz is not None]
+        return min(self.period_ticks(min(rates_hz, default=None)), self.warm_up_ticks)
 
     @property
     def loaded_tick(self) -> int:

@@ -10,7 +10,7 @@ from simbev_ros.scene.weather import Weather
 from simbev_ros.types import Float64Array, Table
 
 EGO_ID = 1
-"""Id of the ego vehicle in every scene."""
+"""Id of the first agent's vehicle in every scene."""
 
 ACTOR_DTYPE = np.dtype(
     [
@@ -112,16 +112,17 @@ class Event:
 
 @dataclass(frozen=True, slots=True)
 class WorldState:
-    """The world at one tick.
+    """The world at one tick, as one agent, the ego, sees it; ``scene.agents.seen_by`` makes another one the ego.
 
     Attributes:
         stamp_ns: Simulated time.
         tick: 0 for the first recorded tick; negative during the warm-up.
         ego_id: Id of the ego's row.
-        actors: (N,) ``ACTOR_DTYPE``, ascending by id, including the ego.
+        actors: (N,) ``ACTOR_DTYPE``, ascending by id, including the ego if it is a vehicle.
         signals: (S,) ``SIGNAL_DTYPE``; the row order is constant within a scene.
         weather: Weather and light at this tick.
         events: Events since the previous tick; always empty in nodes other than the world node.
+        station: The ego's row, shape (), if the ego is a roadside unit, which is no actor.
     """
 
     stamp_ns: int
@@ -131,10 +132,13 @@ class WorldState:
     signals: Table
     weather: Weather
     events: tuple[Event, ...] = ()
+    station: Table | None = None
 
     @property
     def ego(self) -> Table:
         """The ego's row, shape ()."""
+        if self.station is not None:
+            return self.station
         return self.actors[np.searchsorted(self.actors["id"], self.ego_id)]
 
     @property

@@ -3,10 +3,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from analytic_maps import level_street
+from made_up_scene import made_up_spec
+from several_agents import car, roadside_unit, with_agents
 
 from simbev_ros.maps.network import Lane, RoadNetwork
+from simbev_ros.maps.region import Reaches, regions_of
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout
+from simbev_ros.scene.agents import agent_views
 from simbev_ros.scene.reach import loaded_reach, reach_of
 from simbev_ros.scene.spec import SceneSpec, VehicleSpec, WaypointSpec
 
@@ -53,3 +57,21 @@ def test_an_ego_faster_than_the_limit_gets_farther() -> None:
 def test_small_maps_are_loaded_whole() -> None:
     assert loaded_reach(scene(100), level_street()) is None
     assert loaded_reach(scene(100), long_road(), 80.0) == reach_of(scene(100), long_road(), 80.0)
+
+
+def test_several_agents_load_what_any_of_them_can_see() -> None:
+    road = long_road()
+    spec = made_up_spec([], number=1)
+    ahead = spec.vehicles[1].model_copy(update={"start": WaypointSpec(lane="right", s_m=0.0)})
+    behind = spec.vehicles[0].model_copy(update={"start": WaypointSpec(lane="slow", s_m=0.0)})
+    spec = with_agents(
+        spec.model_copy(update={"vehicles": (behind, ahead, behind)}), car("car", 1), roadside_unit(x_m=3000.0, y_m=0.0)
+    )
+    first, second, mast = (reach_of(view, road, 100.0) for view in agent_views(spec))
+    assert first == reach_of(spec.model_copy(update={"agents": ()}), road, 100.0)
+    assert (second.center_m, mast.center_m) == ((200.0, 0.0), (3000.0, 0.0))
+    assert mast.radius_m == pytest.approx(100.0, abs=45.0), "it stays where it is"
+    reaches = [loaded_reach(view, road, 100.0) for view in agent_views(spec)]
+    assert reaches == [Reaches((first, second, mast))] * 3
+    seen = {region for circle in (first, second, mast) for region in regions_of(road.layout, circle)}
+    assert set(regions_of(road.layout, Reaches((first, second, mast)))) == seen != set(regions_of(road.layout))

@@ -25,7 +25,7 @@ from simbev_ros.errors import InputError
 from simbev_ros.lock_file import open_lock_file
 from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.region import Reach, Region, regions_of
+from simbev_ros.maps.region import Reach, Reaches, Region, regions_of
 from simbev_ros.maps.roads.tunnels import Tunnels
 from simbev_ros.maps.spec import MapSpec
 
@@ -38,7 +38,7 @@ def load_static_scene(
     network: RoadNetwork,
     cache_dir: Path | None = None,
     *,
-    reach: Reach | None = None,
+    reach: Reach | Reaches | None = None,
 ) -> StaticScene:
     """The static scene of a map.
 
@@ -68,7 +68,7 @@ def load_streetside(
     network: RoadNetwork,
     cache_dir: Path | None = None,
     *,
-    reach: Reach | None = None,
+    reach: Reach | Reaches | None = None,
 ) -> Streetside:
     """Load only the objects beside a map's streets. Arguments and errors as for ``load_static_scene``."""
     cache = StaticCache(spec, network, cache_dir)
@@ -151,7 +151,7 @@ def _read_far_land(path: Path) -> FarLand:
         return FarLand(first, arrays["height_m"], arrays["cover"], arrays["finish"])
 
 
-def _touches(reach: Reach, tile: Tile) -> bool:
+def _touches(reach: Reach | Reaches, tile: Tile) -> bool:
     return bool(reach.touches(tile.origin_m[None, :2] - TILE_M / 2.0, TILE_M)[0])
 
 

@@ -1,13 +1,16 @@
-"""Messages that the recorder makes of others: /tf of the odometry, typed messages of tables and JSON."""
+"""Messages that the recorder makes of others: /tf of /world/actors, typed messages of tables and JSON."""
 
 from collections.abc import Callable, Container, Iterable, Mapping
 
-from nav_msgs.msg import Odometry
 from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import PointCloud2
 
 from simbev_ros.msgs import topics
-from simbev_ros.msgs.transforms import EgoTransforms, serialize_transforms
+from simbev_ros.msgs.tables import table_from_message
+from simbev_ros.msgs.transforms import SceneTransforms, serialize_transforms
 from simbev_ros.msgs.typed_topics import TypedTopic
+from simbev_ros.msgs.world import agent_odometry
+from simbev_ros.scene.agents import agent_views
 from simbev_ros.scene.spec import SceneSpec
 
 Maker = Callable[[bytes, int], bytes]
@@ -24,8 +27,9 @@ def message_makers(
         typed: Typed topics of the scene.
         recorded: Names of the recorded topics.
     """
-    odometry = topics.odometry_name(spec.rig.agent)
-    makers: dict[str, dict[str, Maker]] = {odometry: {topics.TF: _transforms(spec)}} if topics.TF in recorded else {}
+    makers: dict[str, dict[str, Maker]] = {}
+    if topics.TF in recorded:
+        makers[topics.ACTORS] = {topics.TF: _transforms(spec)}
     for each in typed:
         if each.topic.name in recorded:
             makers.setdefault(each.source.name, {})[each.topic.name] = each.convert
@@ -33,5 +37,11 @@ def message_makers(
 
 
 def _transforms(spec: SceneSpec) -> Maker:
-    transforms = EgoTransforms(spec)
-    return lambda odometry, _: serialize_transforms(transforms.at(deserialize_message(odometry, Odometry)))
+    """Maker of /tf. One table has the motion of all agents, whereas their odometries arrive one by one."""
+    views, transforms = agent_views(spec), SceneTransforms(spec)
+
+    def make(payload: bytes, stamp_ns: int) -> bytes:
+        actors = table_from_message(deserialize_message(payload, PointCloud2))
+        return serialize_transforms(transforms.at([agent_odometry(view, actors, stamp_ns) for view in views]))
+
+    return make

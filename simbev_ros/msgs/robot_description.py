@@ -1,4 +1,4 @@
-"""URDF of the ego with its rig, for /robot_description: one link per frame of /tf_static.
+"""URDF of an agent with its rig, for /robot_description: one link per frame of /tf_static.
 
 All geometry is boxes and cylinders in the text itself. A mesh would be a file that RViz and Foxglove look for on their
 own machine, where it is only if this package is installed there; neither accepts meshes inside the text.
@@ -37,21 +37,22 @@ _LYING_RPY_RAD = (math.pi / 2.0, 0.0, 0.0)
 """Turns a cylinder's axis from z to y."""
 
 
-def robot_description(spec: SceneSpec) -> str:
-    """URDF of the ego of a scene.
+def robot_description(view: SceneSpec) -> str:
+    """URDF of an agent.
 
     The root link is ``<agent>/base_link``. Fixed joints lead to the frame of every sensor, from a camera's body to its
     optical frame, and to the ego frame if that is another one. The car itself belongs to the ego frame: boxes from cuts
-    through the blueprint's mesh, in the ego's color, and a cylinder per wheel.
+    through the blueprint's mesh, in the ego's color, and a cylinder per wheel. A roadside unit has sensors only.
     """
-    ego = spec.vehicles[0]
-    robot = Element("robot", name=ego.blueprint)
-    links = {(root := base_link_frame(spec.rig.agent)): SubElement(robot, "link", name=root)}
-    for frame in fixed_frames(spec):
+    ego = view.ego
+    robot = Element("robot", name=view.rig.agent if ego is None else ego.blueprint)
+    links = {(root := base_link_frame(view.rig.agent)): SubElement(robot, "link", name=root)}
+    for frame in fixed_frames(view):
         links[frame.name] = link = _child_link(robot, frame.parent, frame.name, frame.parent_from_frame)
         if frame.sensor is not None:
             _add_visual(link, *_BODIES.get(type(frame.sensor), _SMALL_BODY), _SENSOR_RGB)
-    _add_car(links[ego_frame(spec)], ego.blueprint, ego.color)
+    if ego is not None:
+        _add_car(links[ego_frame(view)], ego.blueprint, ego.color)
     ElementTree.indent(robot)
     return ElementTree.tostring(robot, encoding="unicode", xml_declaration=False) + "\n"
 

@@ -1,6 +1,7 @@
 """Manifest of a scene: name, type and rate of every topic.
 
-All of them follow from the scene's specification; nodes take theirs from here. Pure: imports no ROS.
+All of them follow from the scene's specification; nodes take theirs from here. A function with the parameter ``spec``
+gives the topics of all agents of a scene, one with the parameter ``view`` those of one agent. Pure: imports no ROS.
 """
 
 from collections.abc import Iterator, Sequence
@@ -11,6 +12,7 @@ from simbev_ros.config.camera import Camera
 from simbev_ros.msgs.annotation_topics import annotation_topics
 from simbev_ros.msgs.sensor_topics import label_info_topic, picture_topics, sensor_topics
 from simbev_ros.msgs.topic import Topic, agent_topic
+from simbev_ros.scene.agents import agent_views
 from simbev_ros.scene.spec import SceneSpec
 
 CLOCK = "/clock"
@@ -48,25 +50,45 @@ def odometry_name(agent: str) -> str:
     return agent_topic(agent, "odom")
 
 
-def odometry_topic(spec: SceneSpec) -> Topic:
-    """Topic with the ego's true motion."""
-    return Topic(odometry_name(spec.rig.agent), "nav_msgs/msg/Odometry")
+def odometry_topic(view: SceneSpec) -> Topic:
+    """Topic with an agent's true motion."""
+    return Topic(odometry_name(view.rig.agent), "nav_msgs/msg/Odometry")
+
+
+def robot_description_topic(view: SceneSpec) -> Topic:
+    """Topic with an agent's URDF; that of the first agent has the name that ROS tools expect."""
+    name = ROBOT_DESCRIPTION if view is view.whole else agent_topic(view.rig.agent, "robot_description")
+    return Topic(name, "std_msgs/msg/String", 0)
 
 
 def world_topics(spec: SceneSpec) -> Iterator[Topic]:
     """Topics of the world node that every scene has."""
+    first, *further = agent_views(spec)
+    yield from _first_world_topics(first)
+    for view in further:
+        yield from _agent_world_topics(view)
+
+
+def _first_world_topics(first: SceneSpec) -> Iterator[Topic]:
+    """Topics about the world and the first agent."""
     yield Topic(SCENE, "std_msgs/msg/String", 0)
     yield Topic(MAP, "std_msgs/msg/String", 0)
     yield Topic(LEGEND, "std_msgs/msg/String", 0)
     yield Topic(LIGHTS, "sensor_msgs/msg/PointCloud2", 0)
     yield Topic(BUILDING_LIGHTS, "std_msgs/msg/String", 0)
-    yield Topic(ROBOT_DESCRIPTION, "std_msgs/msg/String", 0)
+    yield robot_description_topic(first)
     yield Topic(EVENTS, "std_msgs/msg/String", sporadic=True)
     yield Topic(CLOCK, "rosgraph_msgs/msg/Clock")
     yield Topic(ACTORS, "sensor_msgs/msg/PointCloud2")
     yield Topic(SIGNALS, "sensor_msgs/msg/PointCloud2")
     yield Topic(WEATHER, "std_msgs/msg/String")
-    yield odometry_topic(spec)
+    yield odometry_topic(first)
+
+
+def _agent_world_topics(view: SceneSpec) -> Iterator[Topic]:
+    """Topics of the world node about an agent beside the first one."""
+    yield robot_description_topic(view)
+    yield odometry_topic(view)
 
 
 def path_name(agent: str) -> str:
@@ -85,7 +107,8 @@ def world_displays(spec: SceneSpec) -> Iterator[Topic]:
     yield Topic(WORLD_MARKERS, "visualization_msgs/msg/MarkerArray")
     for name in (ACTOR_POINTS, SIGNAL_POINTS, LIGHT_POINTS):
         yield Topic(name, "sensor_msgs/msg/PointCloud2")
-    yield Topic(path_name(spec.rig.agent), "nav_msgs/msg/Path")
+    for view in agent_views(spec):
+        yield Topic(path_name(view.rig.agent), "nav_msgs/msg/Path")
     yield Topic(WEATHER_STATUS, "diagnostic_msgs/msg/DiagnosticArray")
     yield Topic(EVENT_STATUS, "diagnostic_msgs/msg/DiagnosticArray", sporadic=True)
 
@@ -93,19 +116,25 @@ def world_displays(spec: SceneSpec) -> Iterator[Topic]:
 def display_topics(spec: SceneSpec) -> Iterator[Topic]:
     """Topics that the graph publishes while somebody subscribes, and that are not recorded."""
     yield from world_displays(spec)
-    for camera in spec.rig.of_type(Camera):
-        for pictures in picture_topics(spec, camera).values():
+    for view in agent_views(spec):
+        yield from _agent_displays(view)
+
+
+def _agent_displays(view: SceneSpec) -> Iterator[Topic]:
+    """Topics for displays of an agent's sensor data and labels."""
+    for camera in view.rig.of_type(Camera):
+        for pictures in picture_topics(view, camera).values():
             yield from pictures
-        if (names := label_info_topic(spec, camera)) is not None:
+        if (names := label_info_topic(view, camera)) is not None:
             yield names
-    for topics in annotation_topics(spec).displays.values():
+    for topics in annotation_topics(view).displays.values():
         yield from topics
 
 
 def transform_topics(spec: SceneSpec) -> Iterator[Topic]:
     """Topics of the transforms of a scene; they are in every bag, even if the graph cannot publish them."""
     yield tf_static_topic()
-    if spec.frames.publish:
+    if any(view.frames.publish for view in agent_views(spec)):
         yield tf_topic()
 
 
@@ -135,10 +164,17 @@ class TopicFilter:
 
 
 def manifest(spec: SceneSpec, *, compressed_images: bool) -> tuple[Topic, ...]:
-    """All topics that a scene's bag can have, in the order in which a tick is written."""
+    """All topics that a scene's bag can have, in the order in which a tick is written: agent by agent."""
+    first, *further = agent_views(spec)
     return (
-        *world_topics(spec),
+        *_first_world_topics(first),
         *transform_topics(spec),
-        *sensor_topics(spec, compressed_images=compressed_images),
-        *annotation_topics(spec).recorded,
+        *_agent_data(first, compressed_images),
+        *(topic for view in further for topic in (*_agent_world_topics(view), *_agent_data(view, compressed_images))),
     )
+
+
+def _agent_data(view: SceneSpec, compressed_images: bool) -> Iterator[Topic]:
+    """Topics of an agent's sensor data and labels."""
+    yield from sensor_topics(view, compressed_images=compressed_images)
+    yield from annotation_topics(view).recorded

@@ -1,10 +1,10 @@
-"""Transforms of the rig: /tf_static for the sensors, /tf for the ego.
+"""Transforms of all agents: /tf_static for the sensors on their rigs, /tf for their motion.
 
-The scene's specification gives the static ones, the odometry the ego's: map to base_link, or with ``frames.odom`` map
-to odom to base_link. They are always recorded, but published live only if tf2_msgs is installed.
+The scene's specification gives the static ones, an agent's odometry those of its motion: map to base_link, or with
+``frames.odom`` map to odom to base_link. They are always recorded, but published live only if tf2_msgs is installed.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from simbev_ros.msgs.odometry import odom_from_base_link
 from simbev_ros.msgs.qos import qos_of, rclpy_qos
 from simbev_ros.msgs.stamps import header, stamp_of
 from simbev_ros.msgs.world import map_from_base_link, quaternion_message, vector_message
+from simbev_ros.scene.agents import agent_views
 from simbev_ros.scene.frames import ego_from_base_link, fixed_frames, odom_frame, odometry_of_frames, rear_axle_m
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.sensors.odometry import DeadReckoning
@@ -36,10 +37,11 @@ _TYPES = get_typestore(Stores.ROS2_JAZZY)
 def static_transforms(spec: SceneSpec) -> Iterator[TransformStamped]:
     """Transforms from ``<agent>/base_link`` to every sensor, and from each camera's body to its optical frame.
 
-    If base_link is at the rear axle, the first one leads to ``<agent>/footprint``, the frame of grids.
+    If base_link is at the rear axle, the agent's first one leads to ``<agent>/footprint``, the frame of grids.
     """
-    for frame in fixed_frames(spec):
-        yield _stamped(header(spec.start_ns, frame.parent), frame.name, frame.parent_from_frame)
+    for view in agent_views(spec):
+        for frame in fixed_frames(view):
+            yield _stamped(header(spec.start_ns, frame.parent), frame.name, frame.parent_from_frame)
 
 
 def ego_transform(odometry: Odometry) -> TransformStamped:
@@ -53,19 +55,32 @@ def ego_transform(odometry: Odometry) -> TransformStamped:
     return transform
 
 
-class EgoTransforms:
-    """Transforms of /tf of one scene, from the true odometry of each tick in order.
+class SceneTransforms:
+    """Transforms of /tf of one scene: those of all agents, in their order.
 
-    They follow from the odometry and the specification alone, so that a recorder, which may lack tf2_msgs, makes the
+    They follow from the odometries and the specification alone, so that a recorder, which may lack tf2_msgs, makes the
     ones that the graph publishes.
     """
 
     def __init__(self, spec: SceneSpec) -> None:
-        self._spec, self._published = spec, spec.frames.publish
+        self._agents = [EgoTransforms(view) for view in agent_views(spec)]
+
+    def at(self, odometries: Sequence[Odometry]) -> list[TransformStamped]:
+        """Transforms of a tick, from the true odometry of each agent. Ticks come in order."""
+        pairs = zip(self._agents, odometries, strict=True)
+        return [transform for agent, odometry in pairs for transform in agent.at(odometry)]
+
+
+class EgoTransforms:
+    """Transforms of /tf of one agent in one scene, from its true odometry of each tick in order."""
+
+    def __init__(self, view: SceneSpec) -> None:
+        self._view, self._published = view, view.frames.publish
         self._reckoning: DeadReckoning | None = None
-        if spec.frames.odom:
-            odometry = odometry_of_frames(spec)
-            self._reckoning = DeadReckoning(odometry, spec.seed, spec.tick_ns, rear_axle_m(spec), spec.base_link_x_m)
+        if view.frames.odom:
+            self._reckoning = DeadReckoning(
+                odometry_of_frames(view), view.noise_seed, view.tick_ns, rear_axle_m(view), view.base_link_x_m
+            )
 
     def at(self, odometry: Odometry) -> list[TransformStamped]:
         """Transforms of a tick: map to base_link, or by way of the odom frame those of them that are published.
@@ -74,11 +89,11 @@ class EgoTransforms:
         """
         if self._reckoning is None:
             return [ego_transform(odometry)]
-        spec, map_from_base = self._spec, map_from_base_link(odometry)
-        tick = spec.tick_of(stamp_of(odometry.header.stamp))
-        self._reckoning.advance_to(tick, map_from_base @ inverse(ego_from_base_link(spec)))
+        view, map_from_base = self._view, map_from_base_link(odometry)
+        tick = view.tick_of(stamp_of(odometry.header.stamp))
+        self._reckoning.advance_to(tick, map_from_base @ inverse(ego_from_base_link(view)))
         odom_from_base = odom_from_base_link(self._reckoning.pose)
-        map_from_odom, odom = map_from_base @ inverse(odom_from_base), odom_frame(spec.rig.agent)
+        map_from_odom, odom = map_from_base @ inverse(odom_from_base), odom_frame(view.rig.agent)
         in_odom = Header(stamp=odometry.header.stamp, frame_id=odom)
         made = {
             "map_to_odom": _stamped(odometry.header, odom, map_from_odom),
@@ -116,22 +131,27 @@ class TransformBroadcaster:
 
     def __init__(self, node: Node) -> None:
         self._publishers: dict[str, Any] = {}
-        self._transforms: EgoTransforms | None = None
+        self._transforms: SceneTransforms | None = None
         if TFMessage is not None:
             for topic in (topics.tf_static_topic(), topics.tf_topic()):
                 qos = rclpy_qos(qos_of(topic, live=False))
                 self._publishers[topic.name] = node.create_publisher(TFMessage, topic.name, qos)
 
     def start_scene(self, spec: SceneSpec) -> None:
-        """Publish the rig's transforms, latched."""
-        self._transforms = EgoTransforms(spec)
+        """Publish the transforms of the agents' rigs, latched."""
+        self._transforms = SceneTransforms(spec)
         if self._publishers:
             self._publishers[topics.TF_STATIC].publish(TFMessage(transforms=list(static_transforms(spec))))
 
-    def publish(self, odometry: Odometry) -> None:
-        """Publish the ego's transforms of a tick, if the graph publishes any and somebody subscribes."""
+    def publish(self, odometries: Sequence[Odometry]) -> None:
+        """Publish the transforms of a tick, if the graph publishes any and somebody subscribes.
+
+        Args:
+            odometries: True odometry of each agent.
+        """
         if not self._publishers or self._transforms is None:
             return
-        moving, publisher = self._transforms.at(odometry), self._publishers[topics.TF]  # dead reckoning needs each tick
+        moving = self._transforms.at(odometries)  # dead reckoning needs each tick
+        publisher = self._publishers[topics.TF]
         if moving and publisher.get_subscription_count():
             publisher.publish(TFMessage(transforms=moving))

@@ -5,7 +5,7 @@ away. Publishers of rclpy send serialized messages as they are. Pure: imports no
 """
 
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,6 +20,7 @@ from simbev_ros.msgs.annotation_topics import annotation_topics
 from simbev_ros.msgs.displays.messages import MAP_FRAME
 from simbev_ros.msgs.topic import Topic
 from simbev_ros.recording.arrays import point_array
+from simbev_ros.scene.agents import agent_views
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.structured_text import parse_json
 from simbev_ros.types import Table
@@ -60,21 +61,25 @@ class TypedTopic:
 
 
 def typed_topics(spec: SceneSpec) -> tuple[TypedTopic, ...]:
-    """Typed topics of a scene: world, lane under the ego, boxes, and the cameras' views of them."""
-    labels, world = annotation_topics(spec), {topic.name: topic for topic in topics.world_topics(spec)}
+    """Typed topics of a scene: world, and of each agent the lane under it, boxes, and the cameras' views of them."""
+    world = {topic.name: topic for topic in topics.world_topics(spec)}
     return (
         _of_text(world[topics.SCENE], typed_records.SCENE, typed_records.serialize_scene, str),
         _of_text(world[topics.EVENTS], typed_records.EVENT, typed_records.serialize_event, parse_json),
         _of_table(world[topics.ACTORS], table_messages.ACTORS, MAP_FRAME),
         _of_table(world[topics.SIGNALS], table_messages.SIGNALS, MAP_FRAME),
         _of_text(world[topics.WEATHER], typed_records.WEATHER, typed_records.serialize_weather, parse_json),
-        _of_text(labels.hd_map, typed_records.LANE, typed_records.serialize_lane, parse_json),
-        _of_table(labels.boxes, table_messages.BOXES, MAP_FRAME),
-        *(
-            _of_table(topic, table_messages.VIEWS, f"{spec.rig.agent}/{camera}_optical")
-            for camera, topic in labels.views.items()
-        ),
+        *(typed for view in agent_views(spec) for typed in _typed_labels(view)),
     )
+
+
+def _typed_labels(view: SceneSpec) -> Iterator[TypedTopic]:
+    """Typed topics of an agent's labels."""
+    labels = annotation_topics(view)
+    yield _of_text(labels.hd_map, typed_records.LANE, typed_records.serialize_lane, parse_json)
+    yield _of_table(labels.boxes, table_messages.BOXES, MAP_FRAME)
+    for camera, topic in labels.views.items():
+        yield _of_table(topic, table_messages.VIEWS, f"{view.rig.agent}/{camera}_optical")
 
 
 def _typed(source: Topic, type_name: str) -> Topic:

@@ -13,8 +13,11 @@ from std_msgs.msg import String
 from simbev_ros.geometry.transforms import matrices_from_xyz_quaternion, quaternion_from_rpy, rotations_from_rpy
 from simbev_ros.msgs.stamps import header
 from simbev_ros.msgs.tables import message_from_table, table_from_message
+from simbev_ros.scene.agents import ego_row
 from simbev_ros.scene.blueprints import load_blueprints
+from simbev_ros.scene.frames import base_link_frame
 from simbev_ros.scene.lights import BuildingLightSpec
+from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, Event, WorldState
 from simbev_ros.scene.weather import Weather
 from simbev_ros.structured_text import parse_json
@@ -104,6 +107,20 @@ def _rows(message: PointCloud2, dtype: np.dtype[np.void]) -> Table:
     if table.dtype.names != dtype.names:
         raise ValueError(f"its columns are {', '.join(table.dtype.names or ())}")
     return table.astype(dtype, copy=False)
+
+
+def agent_odometry(view: SceneSpec, actors: Table, stamp_ns: int) -> Odometry:
+    """Odometry message with the true motion of an agent's base_link.
+
+    Args:
+        view: The agent's view of the scene.
+        actors: (N,) ``ACTOR_DTYPE``, all actors at this tick.
+        stamp_ns: Stamp of the tick, ns.
+
+    Raises:
+        ValueError: The agent's vehicle is not among the actors.
+    """
+    return odometry_message(ego_row(view, actors), stamp_ns, base_link_frame(view.rig.agent), view.base_link_x_m)
 
 
 def odometry_message(actor: Table, stamp_ns: int, child_frame: str, ahead_m: float = 0.0) -> Odometry:

@@ -27,10 +27,10 @@ from simbev_ros.msgs.stamps import time_message
 from simbev_ros.msgs.transforms import TransformBroadcaster
 from simbev_ros.msgs.world import (
     actors_message,
+    agent_odometry,
     building_lights_message,
     event_message,
     lights_message,
-    odometry_message,
     signals_message,
     weather_message,
 )
@@ -42,8 +42,8 @@ from simbev_ros.nodes.ros.names import NodeName
 from simbev_ros.nodes.world_displays import WorldDisplays
 from simbev_ros.process_memory import freeze_after_loading
 from simbev_ros.recording.replay import Replay
+from simbev_ros.scene.agents import agent_views
 from simbev_ros.scene.ending import SceneEnd, SceneEndDetector
-from simbev_ros.scene.frames import base_link_frame
 from simbev_ros.scene.legend import legend
 from simbev_ros.scene.lights import street_lights
 from simbev_ros.scene.reach import loaded_reach
@@ -63,6 +63,7 @@ class _LoadedScene:
 
     Attributes:
         request: The request for the scene.
+        views: The agents' views of it.
         source: Simulation or replay that computes its states.
         ending: Decides when the scene ends.
         displays: Publishes what somebody looks at.
@@ -70,6 +71,7 @@ class _LoadedScene:
     """
 
     request: SceneRequest
+    views: tuple[SceneSpec, ...]
     source: StateSource
     ending: SceneEndDetector
     displays: WorldDisplays
@@ -126,7 +128,7 @@ class WorldNode(GraphNode):
         with freeze_after_loading():
             source, displays = self._load(request)
         ending = SceneEndDetector(request.spec, source.available)
-        self._scene = _LoadedScene(request, source, ending, displays)
+        self._scene = _LoadedScene(request, agent_views(request.spec), source, ending, displays)
         for _ in range(request.spec.warm_up_ticks - request.spec.lead_in_ticks):
             source.step()
         self._next_tick = -request.spec.lead_in_ticks
@@ -229,7 +231,6 @@ class WorldNode(GraphNode):
             self.publish(topics.CLOCK, self._now)
 
     def _publish_state(self, scene: _LoadedScene, state: WorldState) -> None:
-        agent = scene.spec.rig.agent
         for event in state.events:  # first, so that they arrive well before the tick is finished
             self.publish(topics.EVENTS, event_message(event, state))
         self._now = Clock(clock=time_message(state.stamp_ns))
@@ -238,9 +239,10 @@ class WorldNode(GraphNode):
         self.publish(topics.SIGNALS, signals_message(state))
         self.publish(topics.WEATHER, weather_message(state))
         scene.displays.publish(state)
-        odometry = odometry_message(state.ego, state.stamp_ns, base_link_frame(agent), scene.spec.base_link_x_m)
-        self.publish(topics.odometry_name(agent), odometry)
-        self._transforms.publish(odometry)
+        odometries = [agent_odometry(view, state.actors, state.stamp_ns) for view in scene.views]
+        for view, odometry in zip(scene.views, odometries, strict=True):
+            self.publish(topics.odometry_name(view.rig.agent), odometry)
+        self._transforms.publish(odometries)
 
     def _pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         self._pacer.pause(request.data)

@@ -9,7 +9,6 @@ import numpy as np
 from simbev_ros.annotation.boxes.boxes import BOX_DTYPE
 from simbev_ros.dataset import Frame
 from simbev_ros.errors import BagError
-from simbev_ros.scene.state import EGO_ID
 from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES, DIFFICULTIES
 from simbev_ros.types import AnyArray, Int64Array, Table, UInt16Array
 from simbev_ros.units import NS_PER_S
@@ -146,7 +145,7 @@ class Tally:
 
     def _add_actors(self, frame: Frame, *, with_kinds: bool) -> None:
         actors = frame["world/actors"]
-        others = actors[actors["id"] != EGO_ID]
+        others = actors[actors["id"] != frame.scene.spec.ego_id]
         cells = np.floor(np.stack([others["x"], others["y"]], axis=1) / CELL_M).astype(np.int64)
         self.visited = np.unique(np.concatenate([self.visited, cells]), axis=0)
         if with_kinds:

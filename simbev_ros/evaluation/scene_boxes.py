@@ -18,7 +18,7 @@ from simbev_ros.evaluation.metrics.ranking import top_predictions
 from simbev_ros.evaluation.metrics.scene_matching import CountedBoxes, Matching
 from simbev_ros.evaluation.options import EvaluationOptions
 from simbev_ros.evaluation.slices import Conditions, TableSlice
-from simbev_ros.scene.blueprints import blueprint_named
+from simbev_ros.scene.frames import ego_size_m
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.semantics import BOX_CLASSES
 from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int64Array, Table
@@ -147,6 +147,6 @@ class SceneBoxes:
 
 def _ego_centers_m(spec: SceneSpec, truth: Sequence[GroundTruthFrame]) -> Float64Array:
     """(F, 3) centers of the ego's box in the map frame; distances of boxes are measured from there."""
-    height_m = blueprint_named(spec.vehicles[0].blueprint).size_m[2]
+    height_m = ego_size_m(spec)[2]
     poses = [each.map_from_ego for each in truth]
     return np.array([pose[:3, 3] + pose[:3, 2] * height_m / 2.0 for pose in poses]).reshape(-1, 3)

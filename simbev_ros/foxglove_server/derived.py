@@ -26,9 +26,9 @@ from simbev_ros.msgs.topic import Topic
 from simbev_ros.palette import bev_color
 from simbev_ros.recording.arrays import image_array, point_array
 from simbev_ros.recording.reader import RawMessage, SceneBag
+from simbev_ros.scene.agents import ego_row
 from simbev_ros.scene.frames import ego_frame
 from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.scene.state import EGO_ID
 from simbev_ros.semantics import BEV_CLASSES
 from simbev_ros.sensors.mount import vector
 from simbev_ros.structured_text import parse_json
@@ -176,7 +176,7 @@ def _bev_picture(frame: str, stamp_ns: int, message: Any) -> bytes:
 
 def _grid(spec: SceneSpec, index: int, stamp_ns: int, labels: Any, table: Any) -> bytes:
     actors = point_array(table)
-    ego = actors[actors["id"] == EGO_ID][0]
+    ego = ego_row(spec, actors)
     covered = (_bev_labels(labels) >> index & 1).astype(bool)
     frame, rpy_rad = ego_frame(spec), vector(ego, "roll pitch yaw")
     return occupancy_grid(covered, spec.annotation.bev.grid, stamp_ns, frame, rpy_rad)

@@ -171,7 +171,9 @@ class CameraNode(Participant):
             if output.read:
                 wanted.setdefault(output.camera.name, []).append(output)
         views = [
-            CameraView.from_config(each[0].camera, spec.seed, frame.world.tick, [output.modality for output in each])
+            CameraView.from_config(
+                each[0].camera, spec.noise_seed, frame.world.tick, [output.modality for output in each]
+            )
             for each in wanted.values()
         ]
         images = dict(zip(wanted, self._surroundings.built.render(views, frame), strict=True)) if views else {}

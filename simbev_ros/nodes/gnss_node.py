@@ -35,7 +35,7 @@ class GnssNode(Participant):
             for topic in topics:
                 if topic is not None:
                     self.advertise(topic)
-            model = GnssModel(gnss, datum, spec.seed, spec.tick_ns, topics.fix.period_ticks, tunnels)
+            model = GnssModel(gnss, datum, spec.noise_seed, spec.tick_ns, topics.fix.period_ticks, tunnels)
             self._mounted.append(_Mounted(f"{spec.rig.agent}/{gnss.name}", model, topics))
         return [topic.name for mounted in self._mounted for topic in mounted.topics if topic is not None]
 

@@ -38,7 +38,7 @@ class ImuNode(Participant):
             for topic in topics:
                 self.advertise(topic)
             period, per_tick = topics.raw.period_ticks, topics.raw.messages_per_tick
-            model = ImuModel(imu, spec.seed, spec.tick_ns, period, per_tick)
+            model = ImuModel(imu, spec.noise_seed, spec.tick_ns, period, per_tick)
             self._mounted.append(_Mounted(f"{spec.rig.agent}/{imu.name}", model, topics))
         return [topic.name for mounted in self._mounted for topic in mounted.topics]
 

@@ -77,7 +77,7 @@ class LidarNode(Participant):
         for lidar in lidars:
             period = spec.period_ticks(lidar.rate_hz)
             turn_s = period * spec.tick_ns / NS_PER_S
-            model = LidarModel(lidar, spec.seed, turn_s, max_blocks=usable_cores())
+            model = LidarModel(lidar, spec.noise_seed, turn_s, max_blocks=usable_cores())
             topics = lidar_topics(spec, lidar)
             self._mounted.append(_Mounted(lidar, model, period, topics))
             for topic in topics:

@@ -34,7 +34,7 @@ class OdometryNode(Participant):
             self.advertise(topic)
             model = OdometryModel(
                 odometry,
-                spec.seed,
+                spec.noise_seed,
                 spec.tick_ns,
                 topic.period_ticks,
                 axle_m=rear_axle_m(spec),

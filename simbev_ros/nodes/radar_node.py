@@ -51,7 +51,7 @@ class RadarNode(Participant):
             topic = radar_topic(spec, radar)
             self.advertise(topic)
             scan_s = topic.period_ticks * spec.tick_ns / NS_PER_S
-            self._mounted.append(_Mounted(RadarModel(radar, spec.seed, scan_s), topic))
+            self._mounted.append(_Mounted(RadarModel(radar, spec.noise_seed, scan_s), topic))
         return [mounted.topic.name for mounted in self._mounted]
 
     def is_due(self, spec: SceneSpec, tick: int) -> bool:

@@ -37,8 +37,10 @@ class EgoDrawing:
 
 
 def _draw_mesh(log: SceneLog, subject: Subject) -> None:
-    blueprint = subject.spec.vehicles[0].blueprint
-    mesh = next(model.mesh for model in load_models() if model.blueprint == blueprint)
+    ego = subject.spec.ego
+    if ego is None:  # a roadside unit has no body
+        return
+    mesh = next(model.mesh for model in load_models() if model.blueprint == ego.blueprint)
     log.add_static(
         f"{EGO}/body",
         rr.Mesh3D(

@@ -6,7 +6,7 @@ import rerun as rr
 from simbev_ros.evaluation.predictions.prediction_messages import image_scores, occupancy_scores
 from simbev_ros.palette import bev_color, class_color
 from simbev_ros.recording.png import RowFilter, encode_png
-from simbev_ros.scene.blueprints import blueprint_index, load_blueprints
+from simbev_ros.scene.frames import ego_size_m
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.semantics import BEV_CLASSES
 from simbev_ros.types import AnyArray, Float64Array, UInt16Array
@@ -57,7 +57,7 @@ class GroundDrawing:
 
 def ego_outline_px(spec: SceneSpec) -> Float64Array:
     """(7, 2) x and y in the picture of the ego's outline, with a line from its center to its front."""
-    length_m, width_m, _ = load_blueprints()[blueprint_index()[spec.vehicles[0].blueprint]].size_m
+    length_m, width_m, _ = ego_size_m(spec)
     front, left = length_m / 2.0, width_m / 2.0
     corners_m = np.array(
         [(0, 0), (front, 0), (front, left), (-front, left), (-front, -left), (front, -left), (front, 0)]

@@ -14,7 +14,7 @@ from simbev_ros.cli.main import app
 from simbev_ros.export.nuscenes.point_categories import labels_of_points, labels_of_surfaces
 from simbev_ros.export.nuscenes.taxonomy import category_of_tag, point_labels, taxonomy_tables
 from simbev_ros.scene.legend import legend
-from simbev_ros.scene.state import ACTOR_DTYPE
+from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID
 from simbev_ros.semantics import Tag
 from simbev_ros.sensors.lidar import POINT_DTYPE, SEMANTIC_POINT_DTYPE
 from simbev_ros.types import AnyArray, Table, UInt8Array
@@ -74,7 +74,7 @@ def surface_labels(*rows: tuple[int, Tag]) -> list[str]:
     cloud = np.zeros(len(rows), SEMANTIC_POINT_DTYPE)
     cloud["object_id"], cloud["tag"] = zip(*rows, strict=True)
     names = list(LABELS)
-    return [names[label] for label in labels_of_surfaces(cloud, actors, blueprints).tolist()]
+    return [names[label] for label in labels_of_surfaces(cloud, actors, blueprints, EGO_ID).tolist()]
 
 
 def test_surfaces_have_the_category_of_their_tag_or_actor() -> None:
@@ -174,7 +174,7 @@ def test_a_lidar_with_only_a_semantic_cloud_is_exported_with_its_labels(tmp_path
     assert export(tmp_path / "set", tmp_path / "out").unlabeled == {}
     (labels,) = labels_of(tmp_path / "out").values()
     first = made.ticks[0]
-    expected = labels_of_surfaces(first["lidar/semantic_points"], first["world/actors"], legend()["blueprints"])
+    expected = labels_of_surfaces(first["lidar/semantic_points"], first["world/actors"], legend()["blueprints"], EGO_ID)
     np.testing.assert_array_equal(labels, expected)
 
 

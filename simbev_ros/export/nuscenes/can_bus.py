@@ -22,7 +22,8 @@ from simbev_ros.export.nuscenes.scene_part import ScenePart, source_of
 from simbev_ros.export.nuscenes.taxonomy import Record
 from simbev_ros.export.parts import Json, Part
 from simbev_ros.geometry.transforms import matrices_from_xyz_quaternion
-from simbev_ros.scene.state import EGO_ID, Light
+from simbev_ros.scene.agents import ego_row
+from simbev_ros.scene.state import Light
 from simbev_ros.sensors.imu import GRAVITY_MPS2
 from simbev_ros.types import Float64Array, Table
 from simbev_ros.units import NS_PER_S
@@ -119,8 +120,7 @@ def can_bus_messages(scene: Scene, origin_m: tuple[float, float]) -> dict[str, l
     imu, messages = imu_of(scene), {name: list[Record]() for name in ("pose", "ms_imu", "vehicle_monitor")}
     for tick in np.flatnonzero(scene.has(_KEYS)).tolist():
         frame = scene[tick]
-        odometry, actors = frame["odom"][-1], frame["world/actors"]
-        ego = actors[actors["id"] == EGO_ID][0]
+        odometry, ego = frame["odom"][-1], ego_row(scene.spec, frame["world/actors"])
         messages["pose"].append(_pose(odometry, ego, origin_m))
         messages["vehicle_monitor"].append(_vehicle_monitor(odometry, ego))
         messages["ms_imu"] += _imu_messages(frame, imu)

@@ -14,7 +14,6 @@ from scipy.spatial import cKDTree
 
 from simbev_ros.dataset import columns
 from simbev_ros.export.nuscenes.taxonomy import category_of_blueprint, category_of_tag, point_labels
-from simbev_ros.scene.state import EGO_ID
 from simbev_ros.semantics import Tag
 from simbev_ros.types import AnyArray, Float64Array, Int64Array, Table, UInt8Array
 
@@ -48,7 +47,9 @@ def labels_of_points(cloud: Table, semantic_cloud: Table, labels: UInt8Array, ra
     return result
 
 
-def labels_of_surfaces(semantic_cloud: Table, actors: Table, blueprints: Sequence[Mapping[str, Any]]) -> UInt8Array:
+def labels_of_surfaces(
+    semantic_cloud: Table, actors: Table, blueprints: Sequence[Mapping[str, Any]], ego_id: int
+) -> UInt8Array:
     """(M,) labels of the points of a semantic cloud.
 
     Riders have the category of their vehicle, as in nuScenes.
@@ -57,17 +58,18 @@ def labels_of_surfaces(semantic_cloud: Table, actors: Table, blueprints: Sequenc
         semantic_cloud: (M,) points: object_id, tag.
         actors: Rows of /world/actors of the same tick.
         blueprints: Those of /world/legend.
+        ego_id: Id of the ego.
     """
     by_tag = _labels_by_tag()
     result: UInt8Array = by_tag[np.where(semantic_cloud["tag"] < len(by_tag), semantic_cloud["tag"], Tag.UNLABELED)]
     actors = actors[np.argsort(actors["id"])]
     row = _row_of(actors, semantic_cloud["object_id"])
     is_actor = row >= 0
-    result[is_actor] = _labels_of_actors(actors, blueprints)[row[is_actor]]
+    result[is_actor] = _labels_of_actors(actors, blueprints, ego_id)[row[is_actor]]
     return result
 
 
-def _labels_of_actors(actors: Table, blueprints: Sequence[Mapping[str, Any]]) -> UInt8Array:
+def _labels_of_actors(actors: Table, blueprints: Sequence[Mapping[str, Any]], ego_id: int) -> UInt8Array:
     """(N,) labels of (N,) actors, which are in order of their ids."""
     names = [category_of_blueprint(each["name"], each["class"] or "") for each in blueprints]
     labels = point_labels()
@@ -78,7 +80,7 @@ def _labels_of_actors(actors: Table, blueprints: Sequence[Mapping[str, Any]]) ->
     known = np.where(kind < len(by_blueprint), by_blueprint[np.minimum(kind, len(by_blueprint) - 1)], _NO_LABEL)
     by_tag = _labels_by_tag()[np.minimum(actors["tag"], max(Tag))]
     result: UInt8Array = np.where(known == _NO_LABEL, by_tag, known)
-    result[actors["id"][owner] == EGO_ID] = labels["vehicle.ego"]
+    result[actors["id"][owner] == ego_id] = labels["vehicle.ego"]
     return result
 
 

@@ -16,7 +16,7 @@ from simbev_ros.export.nuscenes.channels import Channel, Modality
 from simbev_ros.geometry.camera import LensCamera, PinholeCamera
 from simbev_ros.geometry.transforms import apply, inverse
 from simbev_ros.recording.image_codecs import encode_rgb
-from simbev_ros.scene.state import EGO_ID
+from simbev_ros.scene.agents import ego_row
 from simbev_ros.types import AnyArray, Float32Array, Float64Array, Table, UInt8Array
 
 _MAX_INTENSITY = 255.0
@@ -105,8 +105,7 @@ def _at_stamp(frame: Frame, channel: Channel, cloud: Table) -> Sequence[AnyArray
     if not getattr(channel.calibration.sensor, "rolling", False):
         return cloud["x"], cloud["y"], cloud["z"]
     map_from_sensor = frame.map_from_ego @ channel.calibration.ego_from_sensor
-    actors: Table = frame["world/actors"]
-    ego = actors[actors["id"] == EGO_ID][0]
+    ego = ego_row(frame.scene.spec, frame["world/actors"])
     x, y, z = apply(inverse(map_from_sensor), map_points(cloud, map_from_sensor, ego)).T
     return x, y, z
 

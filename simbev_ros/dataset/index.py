@@ -80,6 +80,7 @@ def read_rows(path: AnyPath, source: Path | pa.BufferReader) -> pa.Table:
     try:
         _require_columns(path, pq.ParquetFile(source))
         table = pq.read_table(source, columns=_schema().names, use_threads=False)  # whose memory would stay
+        table.validate(full=True)  # texts are UTF-8
         for name, largest in _LARGEST.items():
             _require_range(path, name, table.column(name), largest)
         for batch in table.select(["number", *_RowNames.model_fields]).to_batches(_GROUP_ROWS):

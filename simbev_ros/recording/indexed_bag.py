@@ -94,7 +94,11 @@ class IndexedBag:
             BagError: The chunk or the index is damaged.
         """
         stamp_ns, number, chunk_offset, message_offset = location.tolist()
-        chunk = self._cache.chunk(self.files[number], chunk_offset, self._chunk_lengths[number][chunk_offset])
+        damage = f"{self.files[number]}: the index of the chunk at byte {chunk_offset} is damaged"
+        chunk_length = self._chunk_lengths[number].get(chunk_offset)
+        if chunk_length is None:
+            raise BagError(damage)
+        chunk = self._cache.chunk(self.files[number], chunk_offset, chunk_length)
         try:
             opcode, length = RECORD_HEAD.unpack_from(chunk, message_offset)
             start = message_offset + RECORD_HEAD.size
@@ -102,7 +106,7 @@ class IndexedBag:
         except struct.error:
             opcode = None
         if opcode != Opcode.MESSAGE or log_time_ns != stamp_ns:
-            raise BagError(f"{self.files[number]}: the index of the chunk at byte {chunk_offset} is damaged")
+            raise BagError(damage)
         return memoryview(chunk)[start + MESSAGE_HEAD.size : start + length]
 
 

@@ -10,6 +10,7 @@ from simbev_ros.dataset import growing_index
 from simbev_ros.dataset.growing_index import GrowingIndex
 from simbev_ros.dataset.index import index_table, load_index, read_index, save_index, write_index
 from simbev_ros.dataset.index_row import Row, index_row
+from simbev_ros.errors import InputError
 
 
 @pytest.fixture(scope="module")
@@ -101,3 +102,13 @@ def test_a_row_takes_little_memory(row: Row, tmp_path: Path) -> None:
     finally:
         tracemalloc.stop()
     assert len(rows) > 950 and held_bytes + index._table.nbytes < (with_rows_bytes - held_bytes) / 2
+
+
+def test_a_text_that_is_not_utf_8_is_refused(row: Row, tmp_path: Path) -> None:
+    write_index(tmp_path, [{**row, "ended": "duration here"}])
+    file = tmp_path / "index.parquet"
+    content = file.read_bytes()
+    file.write_bytes(content.replace(b"duration here", b"duration \xff\xff\xff\xff"))
+    assert file.read_bytes() != content
+    with pytest.raises(InputError, match=r"index\.parquet: .*rebuilds it"):
+        load_index(tmp_path)

@@ -8,6 +8,7 @@ from mcap.reader import make_reader
 from ros_messages import string
 from rosbags.highlevel import AnyReader
 
+from simbev_ros.errors import BagError
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.digest import topic_digests
 from simbev_ros.recording.indexed_bag import IndexedBag
@@ -117,6 +118,9 @@ def test_every_message_of_a_split_bag_is_found_by_its_location(tmp_path: Path) -
     topic = bag.topics["/words"]
     assert len(bag.files) > 3 and topic.stamps_ns.tolist() == list(range(60))
     assert [bytes(bag.payload(location)) for location in topic.between(9, 49)] == payloads[10:50]
+    elsewhere = topic.locations[7] + [0, 0, 1, 0]
+    with pytest.raises(BagError, match=r"the index of the chunk at byte .* is damaged"):
+        bag.payload(elsewhere)
 
 
 def test_files_of_a_split_bag_that_are_missing_or_damaged_are_found(tmp_path: Path) -> None:

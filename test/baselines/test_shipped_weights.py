@@ -1,7 +1,8 @@
 """The weights that come with the package give the stored figures on five frames of the test split.
 
 ``five_frames.npz.xz`` holds, for each frame: differences of successive points of its sweeps (cm, ego frame of their
-stamp), their numbers, poses of the ego, the grid, and the boxes.
+stamp), their numbers, poses of the ego, the JPEG images one behind the other with their sizes, projections, the grid,
+and the boxes; and once the ages of the sweeps.
 """
 
 import io
@@ -10,23 +11,26 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import simplejpeg
 
 from simbev_ros.baselines.frames import points_of_frame
 from simbev_ros.baselines.inference import Baseline, weights_file
 from simbev_ros.baselines.modality import Modality
 from simbev_ros.semantics import BEV_CLASSES
-from simbev_ros.types import AnyArray
+from simbev_ros.types import AnyArray, Float32Array, UInt8Array
 
 FRAMES = Path(__file__).with_name("five_frames.npz.xz")
 MAX_BYTES = 15_000_000
 FIGURES = {
-    "Town01-0003": (0.715, 0.519, 1.000, 0.966),
-    "Town03-0016": (0.612, 0.577, 0.938, 0.818),
-    "Town05-0036": (0.636, 0.627, 0.947, 0.833),
-    "Town06-0046": (0.783, 0.787, 1.000, 0.933),
-    "Town10HD-0066": (0.653, 0.545, 1.000, 0.846),
+    Modality.LIDAR: {
+        "Town01-0003": (0.715, 0.519, 1.000, 0.966),
+        "Town03-0016": (0.612, 0.577, 0.938, 0.818),
+        "Town05-0036": (0.636, 0.627, 0.947, 0.833),
+        "Town06-0046": (0.783, 0.787, 1.000, 0.933),
+        "Town10HD-0066": (0.653, 0.545, 1.000, 0.846),
+    },
 }
-"""IoU of road and of car, recall and precision of boxes, by frame."""
+"""IoU of road and of car, recall and precision of boxes, by baseline and frame."""
 
 
 @pytest.fixture(scope="module")
@@ -35,15 +39,22 @@ def stored() -> dict[str, AnyArray]:
         return dict(arrays)
 
 
-@pytest.fixture(scope="module")
-def lidar() -> Baseline:
-    return Baseline(weights_file(Modality.LIDAR), gpu=False)
+@pytest.fixture(scope="module", params=FIGURES)
+def baseline(request: pytest.FixtureRequest) -> Baseline:
+    return Baseline(weights_file(request.param), gpu=False)
 
 
-def points_of(stored: dict[str, AnyArray], frame: str) -> AnyArray:
+def points_of(stored: dict[str, AnyArray], frame: str, ages_ns: tuple[int, ...]) -> Float32Array:
+    """Points of the sweeps of some ages."""
     points = np.cumsum(stored[f"{frame}/steps"].T, axis=0, dtype=np.int16).astype(np.float32) / 100
     sweeps = np.split(points, np.cumsum(stored[f"{frame}/counts"])[:-1])
-    return points_of_frame(sweeps, list(stored[f"{frame}/poses"]))
+    chosen = [stored["ages_ns"].tolist().index(age_ns) for age_ns in ages_ns]
+    return points_of_frame([sweeps[index] for index in chosen], [stored[f"{frame}/poses"][index] for index in chosen])
+
+
+def images_of(stored: dict[str, AnyArray], frame: str) -> list[UInt8Array]:
+    jpegs = np.split(stored[f"{frame}/jpegs"], np.cumsum(stored[f"{frame}/jpeg_sizes"])[:-1])
+    return [simplejpeg.decode_jpeg(jpeg.tobytes(), colorspace="RGB") for jpeg in jpegs]
 
 
 def iou(scores: AnyArray, cells: AnyArray, name: str) -> float:
@@ -62,13 +73,14 @@ def recall_and_precision(predicted: AnyArray, true: AnyArray) -> tuple[float, fl
     return float(near.any(0)[seen].mean()), float(near.any(1)[close].mean())
 
 
-@pytest.mark.parametrize("frame", FIGURES)
-def test_lidar_gives_the_stored_figures(stored: dict[str, AnyArray], lidar: Baseline, frame: str) -> None:
-    answer = lidar.answer(points_of(stored, frame))
+@pytest.mark.parametrize("frame", FIGURES[Modality.LIDAR])
+def test_weights_give_the_stored_figures(stored: dict[str, AnyArray], baseline: Baseline, frame: str) -> None:
+    points = points_of(stored, frame, baseline.sweep_ages_ns)
+    answer = baseline.answer(points, images_of(stored, frame), stored[f"{frame}/pixel_from_level"])
     boxes = answer.boxes[answer.boxes["score"] >= 0.3]
     figures = [iou(answer.cells, stored[f"{frame}/cells"], name) for name in ("road", "car")]
     figures += recall_and_precision(boxes, stored[f"{frame}/boxes"])
-    assert figures == pytest.approx(FIGURES[frame], abs=0.01)
+    assert figures == pytest.approx(FIGURES[baseline.modality][frame], abs=0.01)
 
 
 @pytest.mark.parametrize("file", sorted(weights_file(Modality.LIDAR).parent.glob("*.onnx")), ids=lambda file: file.stem)
@@ -76,3 +88,7 @@ def test_weights_are_small_and_have_a_card(file: Path) -> None:
     assert file.stat().st_size <= MAX_BYTES
     card = file.with_suffix(".md").read_text(encoding="utf-8")
     assert all(f"## {title}" in card for title in ("Data", "Training", "Figures", "Limits"))
+
+
+def test_all_weights_have_figures() -> None:
+    assert {weights_file(modality) for modality in FIGURES} == set(weights_file(Modality.LIDAR).parent.glob("*.onnx"))

@@ -1,17 +1,18 @@
-"""The world node's topics for displays: markers, the path of the ego, weather and events, made while subscribed to."""
+"""The world node's topics for displays: markers, agents' paths, weather and events, made while subscribed to."""
 
-from simbev_ros.geometry.transforms import quaternion_from_rpy
+from collections.abc import Sequence
+
+from nav_msgs.msg import Odometry
+
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.displays.box_markers import world_markers
 from simbev_ros.msgs.displays.ego_path import EgoPath, PathPose
 from simbev_ros.msgs.displays.status import EVENT, WEATHER, status
 from simbev_ros.msgs.displays.table_points import table_points
-from simbev_ros.msgs.topic import Topic
-from simbev_ros.msgs.world import event_record, position_ahead
+from simbev_ros.msgs.world import event_record
 from simbev_ros.nodes.graph_node import GraphNode
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
-from simbev_ros.sensors.mount import vector
 from simbev_ros.types import Table
 
 
@@ -19,20 +20,24 @@ class WorldDisplays:
     """Publishes a scene's displays; its topics are advertised by the node."""
 
     def __init__(self, node: GraphNode, spec: SceneSpec, lamps: Table) -> None:
-        """Start with an empty path.
+        """Start with empty paths.
 
         Args:
             node: The world node.
             spec: The scene.
             lamps: (L,) ``STREET_LIGHT_DTYPE``.
         """
-        self._node, self._lamps, self._base_link_x_m = node, lamps, spec.base_link_x_m
+        self._node, self._lamps = node, lamps
         self._topics = {topic.name: topic for topic in topics.world_displays(spec)}
-        self._path_topic: Topic = self._topics[topics.path_name(spec.rig.agent)]
-        self._path = EgoPath()
+        self._paths = [(self._topics[topics.path_name(rig.agent)], EgoPath()) for rig in spec.rigs]
 
-    def publish(self, state: WorldState) -> None:
-        """Publish what somebody looks at."""
+    def publish(self, state: WorldState, odometries: Sequence[Odometry]) -> None:
+        """Publish the displays that have subscribers.
+
+        Args:
+            state: The world at this tick.
+            odometries: True odometry of each agent at this tick.
+        """
         publish = self._node.publish_display
         tables, weather = (state.actors, state.signals, self._lamps), state.weather.model_dump()
         publish(self._topics[topics.WORLD_MARKERS], world_markers, *tables, state.stamp_ns)
@@ -46,11 +51,7 @@ class WorldDisplays:
             record = event_record(event, state)
             publish(self._topics[topics.EVENT_STATUS], status, EVENT, record, state.stamp_ns)
             self._node.publish_typed(topics.EVENTS, record, state.stamp_ns)
-        here = self._base_link(state)
-        publish(self._path_topic, self._path.message, here)
-        self._path.add(here)
-
-    def _base_link(self, state: WorldState) -> PathPose:
-        position_m = position_ahead(state.ego, self._base_link_x_m)
-        xyzw = quaternion_from_rpy(vector(state.ego, "roll pitch yaw"))
-        return PathPose(state.stamp_ns, position_m.tolist(), xyzw.tolist())
+        for (topic, path), odometry in zip(self._paths, odometries, strict=True):
+            here = PathPose.of_odometry(odometry, state.stamp_ns)
+            publish(topic, path.message, here)
+            path.add(here)

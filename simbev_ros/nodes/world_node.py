@@ -5,6 +5,7 @@ clock says so (live).
 """
 
 import json
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -82,6 +83,11 @@ class _LoadedScene:
         """Specification of the scene."""
         return self.request.spec
 
+    @property
+    def vehicles(self) -> Mapping[str, int | None]:
+        """Index in ``spec.vehicles`` of each agent's vehicle; None for roadside units."""
+        return {view.rig.agent: view.ego_index for view in self.views}
+
 
 class WorldNode(GraphNode):
     """Plays one requested scene after the other."""
@@ -126,9 +132,10 @@ class WorldNode(GraphNode):
         """Load a scene, announce it and simulate its warm-up; ticks start when all participants are connected."""
         self.close()
         with freeze_after_loading():
-            source, displays = self._load(request)
+            views = agent_views(request.spec)
+            source, displays = self._load(request, views)
         ending = SceneEndDetector(request.spec, source.available)
-        self._scene = _LoadedScene(request, agent_views(request.spec), source, ending, displays)
+        self._scene = _LoadedScene(request, views, source, ending, displays)
         for _ in range(request.spec.warm_up_ticks - request.spec.lead_in_ticks):
             source.step()
         self._next_tick = -request.spec.lead_in_ticks
@@ -137,7 +144,7 @@ class WorldNode(GraphNode):
         self._end_if_asked()
         self.get_logger().info(f"scene {request.spec.name} is loaded")
 
-    def _load(self, request: SceneRequest) -> tuple[StateSource, WorldDisplays]:
+    def _load(self, request: SceneRequest, views: Sequence[SceneSpec]) -> tuple[StateSource, WorldDisplays]:
         """Load and announce a scene; return the source of its states, and its displays."""
         spec = request.spec
         network = load_network(spec.map)
@@ -145,12 +152,12 @@ class WorldNode(GraphNode):
             self.advertise(topic)
         self.advertise_typed(spec)
         self._transforms.start_scene(spec)
-        command = topics.agent_topic(spec.rig.agent, "cmd_vel")
-        if spec.ego_driver == "twist" and command not in self._commands:
-            self._commands[command] = self.create_subscription(Twist, command, self._on_command, 10)
+        for view in views:
+            self._follow_commands(view)
         self._lockstep.start_scene(spec)
         self.publish(topics.MAP, String(data=network.opendrive))
-        self.publish(topics.ROBOT_DESCRIPTION, String(data=robot_description(spec)))
+        for view in views:
+            self.publish(topics.robot_description_topic(view).name, String(data=robot_description(view)))
         self.publish(topics.LEGEND, String(data=json.dumps(legend(network.signals))))
         streetside = load_streetside(spec.map, network, reach=loaded_reach(spec, network))
         lamps = street_lights(spec.lights, streetside.light_m)
@@ -160,6 +167,13 @@ class WorldNode(GraphNode):
         self.publish(topics.SCENE, String(data=specification))
         self.publish_typed_once(topics.SCENE, specification, spec.start_ns)
         return _make_source(request, network, streetside), WorldDisplays(self, spec, lamps)
+
+    def _follow_commands(self, view: SceneSpec) -> None:
+        """Subscribe to the commands for an agent driven from outside; the subscription stays for later scenes."""
+        command = topics.agent_topic(view.rig.agent, "cmd_vel")
+        if view.ego_driver == "twist" and command not in self._commands:
+            drive = partial(self._on_command, view.rig.agent)
+            self._commands[command] = self.create_subscription(Twist, command, drive, 10)
 
     def _on_stop(self, message: String) -> None:
         stop = self.read(topics.STOP, partial(content_of, SceneStop, message.data, self.signer))
@@ -173,9 +187,9 @@ class WorldNode(GraphNode):
             self._scene.ending.end_soon(self._stop.reason)
             self._pacer.pause(False)
 
-    def _on_command(self, message: Twist) -> None:
-        if self._scene is not None:
-            self._scene.source.drive_ego(message.linear.x, message.angular.z)
+    def _on_command(self, agent: str, message: Twist) -> None:
+        if self._scene is not None and (vehicle := self._scene.vehicles.get(agent)) is not None:
+            self._scene.source.drive_vehicle(vehicle, message.linear.x, message.angular.z)
 
     def _on_ready(self, message: Header) -> None:
         report = self.read(topics.READY, partial(read_report, message, self.signer, self._outside))
@@ -238,8 +252,8 @@ class WorldNode(GraphNode):
         self.publish(topics.ACTORS, actors_message(state))
         self.publish(topics.SIGNALS, signals_message(state))
         self.publish(topics.WEATHER, weather_message(state))
-        scene.displays.publish(state)
         odometries = [agent_odometry(view, state.actors, state.stamp_ns) for view in scene.views]
+        scene.displays.publish(state, odometries)
         for view, odometry in zip(scene.views, odometries, strict=True):
             self.publish(topics.odometry_name(view.rig.agent), odometry)
         self._transforms.publish(odometries)

@@ -78,8 +78,8 @@ class Replay:
             raise
         self._tick = -spec.warm_up_ticks
 
-    def drive_ego(self, speed_mps: float, yaw_rate_radps: float) -> None:
-        """Do nothing: the ego moves as it was recorded."""
+    def drive_vehicle(self, vehicle: int, speed_mps: float, yaw_rate_radps: float) -> None:
+        """Do nothing: all vehicles move as they were recorded."""
 
     def step(self) -> WorldState:
         """Advance by one tick and return the state; the first call returns that of the first warm-up tick.

@@ -11,6 +11,7 @@ import shapely
 from simbev_ros.errors import SimulationError
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.tunnels import Tunnels
+from simbev_ros.scene.agents import agent_views
 from simbev_ros.scene.spec import PedestrianSpec, SceneSpec, VehicleSpec
 from simbev_ros.scene.state import Event
 from simbev_ros.types import Int64Array, Table
@@ -60,7 +61,7 @@ class Actors:
             excursions: Legs of the pedestrians that leave SUMO's network, by their index in the specification.
 
         Raises:
-            SimulationError: The ego could not be placed.
+            SimulationError: An agent's vehicle could not be placed.
         """
         self.events: tuple[Event, ...] = ()
         self._coming_events: tuple[Event, ...] = ()
@@ -149,7 +150,7 @@ def _ground(spec: SceneSpec, network: RoadNetwork, sample: TrafficSample) -> Gro
 def _reachable_area(spec: SceneSpec, network: RoadNetwork, sample: TrafficSample) -> shapely.Polygon:
     """A rectangle that no actor leaves during the scene."""
     positions_m = np.concatenate([sample.front_m, sample.pedestrian_m])[:, :2]
-    # An ego driven from outside may drive at the speed limit, whatever its own speed factor.
+    # A vehicle driven from outside may drive at the speed limit, whatever its own speed factor.
     max_speed_factor = max(1.0, *(vehicle.speed_factor for vehicle in spec.vehicles))
     max_speed_mps = max(lane.speed_mps for lane in network.lanes.values()) * max_speed_factor
     max_distance_m = max_speed_mps * (spec.warm_up_ticks + spec.ticks) * spec.tick_ns / NS_PER_S
@@ -157,9 +158,11 @@ def _reachable_area(spec: SceneSpec, network: RoadNetwork, sample: TrafficSample
 
 
 def _report_missing(spec: SceneSpec, population: Population) -> None:
-    """Log the actors that could not be placed; raise if the ego is one of them."""
-    if 0 not in population.vehicles:
-        raise SimulationError(f"{spec.name}: the ego does not fit at its start, {_describe_start(spec.vehicles[0])}")
+    """Log the actors that could not be placed; raise if the vehicle of an agent is one of them."""
+    for view in agent_views(spec):
+        if view.ego is not None and view.ego_index not in population.vehicles:
+            start = _describe_start(view.ego)
+            raise SimulationError(f"{spec.name}: agent {view.rig.agent} does not fit at its start, {start}")
     for kind, requested, present in (
         ("vehicle", spec.vehicles, population.vehicles),
         ("pedestrian", spec.pedestrians, population.pedestrians),

@@ -13,6 +13,7 @@ from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import BoolArray, Float64Array, Table
 from simbev_ros.units import NS_PER_S
 from simbev_ros.world.driving.careful_drivers import CarefulDrivers
+from simbev_ros.world.driving.outside_drivers import driven_from_outside
 from simbev_ros.world.kinematics.collisions import Collisions
 from simbev_ros.world.kinematics.followers import PursuingPoints, SteadyPoints, TowedPoints
 from simbev_ros.world.kinematics.ground import GroundSurface
@@ -142,8 +143,6 @@ class LeadingPoints:
 
 
 def _is_careful(spec: SceneSpec, population: Population) -> BoolArray:
-    """(V,) whether each driver is careful; an ego driven from outside is not controlled here."""
-    driven_from_outside = {0} if spec.ego_driver == "twist" else set()
-    return np.array(
-        [not spec.vehicles[index].reckless and index not in driven_from_outside for index in population.vehicles]
-    )
+    """(V,) whether each driver is careful; vehicles driven from outside are not controlled here."""
+    driven = driven_from_outside(spec)
+    return np.array([not spec.vehicles[index].reckless and index not in driven for index in population.vehicles])

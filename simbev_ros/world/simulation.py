@@ -25,7 +25,7 @@ from simbev_ros.types import Table
 from simbev_ros.units import NS_PER_S
 from simbev_ros.world.actors import Actors
 from simbev_ros.world.demand import demand_of
-from simbev_ros.world.driving.ego_driver import EgoDriver
+from simbev_ros.world.driving.outside_drivers import OutsideDrivers
 from simbev_ros.world.driving.rain import rain_effect
 from simbev_ros.world.driving.turning_room import TurningRoom
 from simbev_ros.world.population import Population
@@ -61,7 +61,8 @@ class Simulation:
             plazas: Plazas that pedestrians visit.
 
         Raises:
-            SimulationError: SUMO failed, the ego could not be placed, or another simulation is running in this process.
+            SimulationError: SUMO failed, an agent's vehicle could not be placed, or another simulation is running in this
+                process.
         """
         self._spec = spec
         self._steps = 0
@@ -87,7 +88,7 @@ class Simulation:
             self._population = Population(spec, self._sumo)
             self._actors = Actors(spec, network, self._population, obstacles, demand.excursions)
             self._turning_room = self._turning_room_on(network)
-            self._driver = self._ego_driver(network) if spec.ego_driver == "twist" else None
+            self._outside_drivers = OutsideDrivers(spec, network, self._sumo, self._actors.ground.heights_m)
         except BaseException:
             self.close()
             raise
@@ -107,24 +108,9 @@ class Simulation:
         vehicle_length_m = np.array([blueprint.size_m[0] for blueprint in blueprints])
         return TurningRoom(turns, lengths_m, vehicle_length_m, self._sumo)
 
-    def _ego_driver(self, network: RoadNetwork) -> EgoDriver:
-        """Driver of an ego driven from outside; its speed limit is the fastest road's, times its own speed factor."""
-        ego = self._spec.vehicles[0]
-        blueprint = blueprint_named(ego.blueprint)
-        fastest_mps = max(lane.speed_mps for lane in network.lanes.values()) * max(ego.speed_factor, 1.0)
-        return EgoDriver(
-            blueprint,
-            self._sumo.sample().front_m[0],
-            self._sumo.direction(0),
-            min(blueprint.max_speed_mps, fastest_mps),
-            self._spec.tick_ns / NS_PER_S,
-            self._actors.ground.heights_m,
-        )
-
-    def drive_ego(self, speed_mps: float, yaw_rate_radps: float) -> None:
-        """Set the next motion of an ego driven from outside; without further commands it brakes after 0.5 s."""
-        if self._driver is not None:
-            self._driver.set_command(speed_mps, yaw_rate_radps)
+    def drive_vehicle(self, vehicle: int, speed_mps: float, yaw_rate_radps: float) -> None:
+        """As in ``StateSource``; without further commands the vehicle brakes after 0.5 s."""
+        self._outside_drivers.set_command(vehicle, speed_mps, yaw_rate_radps)
 
     def step(self) -> WorldState:
         """Advance by one tick and return its state.
@@ -135,9 +121,7 @@ class Simulation:
             SimulationError: SUMO failed.
         """
         if self._steps:
-            if self._driver is not None:
-                self._driver.advance_tick()
-                self._sumo.move_vehicle(0, self._driver.front_m, self._driver.yaw_rad)
+            self._outside_drivers.move_vehicles()
             self._turning_room.hold_back()
             self._sumo.step_sumo()
         tick = self._steps - self._spec.warm_up_ticks
@@ -162,18 +146,18 @@ class Simulation:
         return state
 
     def _extend_routes(self) -> None:
-        """Extend the routes that end soon, except that of an ego driven from outside."""
+        """Extend the routes that end soon, except those of vehicles driven from outside."""
         for row, edge in self._sumo.ending_routes():
-            if row == 0 and self._driver is not None:
-                continue
-            extension = self._routes.draw_extension(self._sumo.vehicles[row], edge, self._steps)
-            self._sumo.extend_route(row, extension.edges, extension.last_lane)
+            if (vehicle := self._sumo.vehicles[row]) not in self._outside_drivers:
+                extension = self._routes.draw_extension(vehicle, edge, self._steps)
+                self._sumo.extend_route(row, extension.edges, extension.last_lane)
 
     def _reroute(self) -> None:
         """Give vehicles that wait in a wrong lane for long a route that this lane leads to."""
         for row, lane in self._sumo.vehicles_in_wrong_lanes():
-            detour = self._routes.draw_detour(self._sumo.vehicles[row], lane, self._steps)
-            if len(detour.edges) > 1 and (row > 0 or self._driver is None):
+            vehicle = self._sumo.vehicles[row]
+            detour = self._routes.draw_detour(vehicle, lane, self._steps)
+            if len(detour.edges) > 1 and vehicle not in self._outside_drivers:
                 self._sumo.replace_route(row, detour.edges, detour.last_lane)
 
     def _adapt_to_rain(self, tick: int) -> None:

@@ -12,8 +12,14 @@ class StateSource(Protocol):
     def available(self) -> tuple[int, str]:
         """Number of ticks from tick 0 on, and the reason why there are no more."""
 
-    def drive_ego(self, speed_mps: float, yaw_rate_radps: float) -> None:
-        """Set the ego's motion from the next tick on; ignored unless the ego is driven from outside."""
+    def drive_vehicle(self, vehicle: int, speed_mps: float, yaw_rate_radps: float) -> None:
+        """Set the desired motion of a vehicle from the next tick on; ignored unless it is driven from outside.
+
+        Args:
+            vehicle: Its index in ``SceneSpec.vehicles``.
+            speed_mps: Desired speed; negative ones count as 0.
+            yaw_rate_radps: Desired yaw rate, counterclockwise positive.
+        """
 
     def step(self) -> WorldState:
         """Advance by one tick and return its state; the first call returns the first warm-up tick.

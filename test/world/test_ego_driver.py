@@ -91,7 +91,7 @@ def run_commands(*commands: tuple[float, float], vehicles: int = 24) -> Table:
         for _ in range(spec.warm_up_ticks):
             simulation.step()
         for command in commands:
-            simulation.drive_ego(*command)
+            simulation.drive_vehicle(0, *command)
             actors = simulation.step().actors
             rows.append(actors[actors["id"] == EGO_ID][0])
     return np.array(rows)

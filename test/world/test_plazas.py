@@ -145,5 +145,5 @@ def test_an_ego_driven_from_outside_works_with_visitors_who_start_on_plazas():
     network = load_network(spec.map)
     assert any(legs[0].starts_at_stop for legs in demand_of(spec, network, plazas()).excursions.values())
     with Simulation(spec, network, plazas=plazas()) as simulation:
-        simulation.drive_ego(1.0, 0.0)
+        simulation.drive_vehicle(0, 1.0, 0.0)
         assert len(simulation.step().actors) > 80

@@ -1,8 +1,8 @@
-"""The path of the ego up to now, as nav_msgs/Path."""
+"""The path of an agent up to now, as nav_msgs/Path."""
 
 from collections import deque
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,21 +14,27 @@ _MAX_POSES = 2000
 
 
 class PathPose(NamedTuple):
-    """A pose of the ego with its stamp: x, y, z, m, and a quaternion x, y, z, w, both in the map frame."""
+    """A pose of the agent with its stamp: x, y, z, m, and a quaternion x, y, z, w, both in the map frame."""
 
     stamp_ns: int
     position_m: list[float]
     xyzw: list[float]
 
+    @classmethod
+    def of_odometry(cls, odometry: Any, stamp_ns: int) -> "PathPose":
+        """The pose in a nav_msgs/Odometry, of rclpy's or any other class."""
+        position, turn = odometry.pose.pose.position, odometry.pose.pose.orientation
+        return cls(stamp_ns, [position.x, position.y, position.z], [turn.x, turn.y, turn.z, turn.w])
+
 
 class EgoPath:
-    """Collects poses of the ego at least half a meter apart; the oldest of more than 2,000 are dropped."""
+    """Collects poses of the agent at least half a meter apart; the oldest of more than 2,000 are dropped."""
 
     def __init__(self) -> None:
         self._poses: deque[PathPose] = deque(maxlen=_MAX_POSES)
 
     def add(self, added: PathPose) -> None:
-        """Append a pose if the ego has moved."""
+        """Append a pose if the agent has moved."""
         if not self._poses or _distance_m(self._poses[-1], added) >= _MIN_STEP_M:
             self._poses.append(added)
 

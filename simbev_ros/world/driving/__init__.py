@@ -1,1 +1,1 @@
-"""Driver behavior beyond SUMO: predicting conflicts and braking, moving aside, slowing in rain, and the ego driver."""
+"""Driver behavior beyond SUMO: predicting conflicts and braking, moving aside, slowing in rain; drivers outside."""

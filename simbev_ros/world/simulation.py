@@ -61,8 +61,7 @@ class Simulation:
             plazas: Plazas that pedestrians visit.
 
         Raises:
-            SimulationError: SUMO failed, an agent's vehicle could not be placed, or another simulation is running in this
-                process.
+            SimulationError: SUMO failed, an agent's vehicle has no room, or this process runs another simulation.
         """
         self._spec = spec
         self._steps = 0

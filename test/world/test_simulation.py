@@ -220,7 +220,7 @@ def test_an_ego_without_room_is_an_error(monkeypatch):
             self.vehicles = self.vehicles[1:]
 
     monkeypatch.setattr("simbev_ros.world.simulation.Population", Crowded)
-    with pytest.raises(SimulationError, match=r"the ego does not fit at its start, lane \S+, \d+\.\d m"):
+    with pytest.raises(SimulationError, match=r"agent ego does not fit at its start, lane \S+, \d+\.\d m"):
         Simulation(scene(vehicles=2, pedestrians=0), blocks())
 
 

@@ -10,6 +10,7 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
+from simbev_ros.cli.agent_option import require_agent
 from simbev_ros.cli.console import counting_bar, format_size, make_console, percent_bar, table_console
 from simbev_ros.cli.output_file import make_room, require_name, require_place
 from simbev_ros.cli.pool import Workers, processes
@@ -43,6 +44,10 @@ def info(
     ] = None,
     videos: Annotated[bool, typer.Option(help="Make a short video of each scene for the report.")] = True,
     workers: Workers = None,
+    agent: Annotated[
+        str | None,
+        typer.Option(help="Only the rig and the topics of this agent of a bag.", metavar="NAME", show_default=False),
+    ] = None,
 ) -> None:
     """Print the content of a recorded scene, finished or not, or of a dataset.
 
@@ -52,6 +57,8 @@ def info(
 
     simbev info out/demo/scenes/train/Blocks-0000 --digest
 
+    simbev info out/demo/scenes/train/Blocks-0000 --agent ego
+
     simbev info datasets/first --report first
 
     simbev info s3://bucket/datasets/first
@@ -59,6 +66,8 @@ def info(
     pool = processes(workers)
     page = None if report is None else _page(report)
     place = path_or_url(path)
+    if agent is not None and (report is not None or is_dataset(place)):
+        raise InputError(f"--agent {agent!r:.80}: is for a scene's bag, without --report")
     if is_dataset(place):
         bags = _bags_of(place)
         scenes = [_describe_any(bag, digest) for bag in bags]
@@ -73,6 +82,8 @@ def info(
         ]
     else:
         facts = _describe(place, digest)
+        if agent is not None:
+            facts = _facts_of_agent(facts, agent)
         parts = [_fact_table(facts), _topic_table(facts["topics"], digest)]
     if as_json:
         print(json.dumps(facts, indent=2))
@@ -134,6 +145,15 @@ def _describe(path: AnyPath, digest: bool) -> dict[str, Any]:
         return describe_bag(path, digest=digest, progress=bar.show)
 
 
+def _facts_of_agent(facts: dict[str, Any], agent: str) -> dict[str, Any]:
+    """Facts of a bag with the rig and the topics of one agent only. Raises InputError if there is no such agent."""
+    scene = facts["scene"] or {"agents": {}}
+    require_agent(agent, [*scene["agents"]], facts["name"])
+    own = {agent: scene["agents"][agent]}
+    topics = [topic for topic in facts["topics"] if topic["name"].startswith(f"/{agent}/")]
+    return facts | {"scene": scene | {"rig": own[agent]["rig"], "agents": own}, "topics": topics}
+
+
 def _fact_table(facts: dict[str, Any]) -> Table:
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(style="dim")
@@ -154,12 +174,20 @@ def _fact_table(facts: dict[str, Any]) -> Table:
         table.add_row("ticks", f"{part}{scene['ticks']}, each {scene['tick_s']:g} s")
         table.add_row("actors", f"{scene['vehicles']} vehicles, {scene['pedestrians']} pedestrians")
         table.add_row("weather", _weather(scene))
-        table.add_row("rig", "\n".join(scene["rig"]))
+        _add_rigs(table, scene)
     attachments = ", ".join(f"{name} ({format_size(size)})" for name, size in facts["attachments"].items())
     table.add_row("attached", attachments or "nothing")
     if "digest" in facts:
         table.add_row("digest", facts["digest"][:_SHORT])
     return table
+
+
+def _add_rigs(table: Table, scene: dict[str, Any]) -> None:
+    if len(scene["agents"]) == 1:
+        table.add_row("rig", "\n".join(scene["rig"]))
+        return
+    for name, agent in scene["agents"].items():
+        table.add_row(f"rig of {name}", "\n".join([agent["carrier"], *agent["rig"]]))
 
 
 def _weather(scene: dict[str, Any]) -> str:

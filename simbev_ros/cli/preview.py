@@ -7,6 +7,7 @@ import typer
 from rich.console import Console
 from rich.text import Text
 
+from simbev_ros.cli.agent_option import AgentOption, require_agent
 from simbev_ros.cli.console import make_console, percent_bar
 from simbev_ros.cli.output_file import make_room
 from simbev_ros.config.rendering import Quality
@@ -26,6 +27,7 @@ def preview(
         LabelPlacement,
         typer.Option(help="Drawn over: nothing (off), one more picture and views from above (panel), all (cameras)."),
     ] = "panel",
+    agent: AgentOption = None,
     video: Annotated[bool, typer.Option(help="Also write an MP4 of all frames.")] = True,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing pictures.")] = False,
     gallery: Annotated[
@@ -64,15 +66,17 @@ def preview(
     console = make_console()
     if (bag is not None) == gallery:
         raise InputError("give either a scene's bag, or --gallery")
-    if gallery and (frame is not None or not video):
-        raise InputError("--frame and --no-video are for a scene's bag, not for --gallery")
+    if gallery and (frame is not None or agent is not None or not video):
+        raise InputError("--frame, --agent and --no-video are for a scene's bag, not for --gallery")
     if maps and not gallery:
         raise InputError("--map is for --gallery; a bag has the map of its scene")
     if gallery:
         paths = make_gallery(out, maps or [], size, quality, seed, overwrite=overwrite, console=console)
     else:
         assert bag is not None
-        paths = make_preview(bag, out, frame=frame, labels=labels, video=video, overwrite=overwrite, console=console)
+        paths = make_preview(
+            bag, out, frame=frame, labels=labels, agent=agent, video=video, overwrite=overwrite, console=console
+        )
     for path in paths:
         console.print(Text.assemble(("wrote", "green"), f" {path}"), soft_wrap=True)
 
@@ -83,14 +87,17 @@ def make_preview(
     *,
     frame: int | None = None,
     labels: LabelPlacement = "panel",
+    agent: str | None = None,
     video: bool = True,
     overwrite: bool = False,
     console: Console,
 ) -> list[Path]:
     """Write the pictures of a bag and return their paths: ``<scene>.png`` and ``<scene>.mp4``.
 
+    If an agent is named, its name follows that of the scene, as in ``<scene>.car_2.png``.
+
     Raises:
-        InputError: The frame does not exist, a picture exists already, or the folder cannot be made.
+        InputError: The agent or the frame does not exist, a picture exists already, or the folder cannot be made.
         BagError: The bag cannot be read, or has no topic that can be shown.
     """
     from simbev_ros.dataset.opened import open_bag
@@ -99,12 +106,14 @@ def make_preview(
     from simbev_ros.viz.sheet.views import find_views
 
     bag = open_bag(path)
-    reader = FrameReader(bag, find_views(bag, labels))
+    require_agent(agent, [rig.agent for rig in bag.spec.rigs] if agent and bag.spec else [], bag.name)
+    reader = FrameReader(bag, find_views(bag, labels, agent))
     count = len(reader.stamps_ns)
     index = count // 2 if frame is None else frame
     if not 0 <= index < count:
         raise InputError(f"--frame {index}: {bag.name} has frames 0 to {count - 1}")
-    picture, film = out / f"{bag.name}.png", out / f"{bag.name}.mp4"
+    name = bag.name if agent is None else f"{bag.name}.{agent}"
+    picture, film = out / f"{name}.png", out / f"{name}.mp4"
     targets = [picture, film] if video else [picture]
     make_room(out, targets, overwrite)
     write_picture(reader, index, picture)

@@ -1,4 +1,7 @@
-"""Contents of a scene's bags, by key: its own bag, and additional bags recorded from the same motion."""
+"""Contents of a scene's bags, by key: its own bag, and additional bags recorded from the same motion.
+
+The agents of a scene have the same content under different keys: those of an agent's own topics lack its name.
+"""
 
 import re
 from collections.abc import Mapping
@@ -17,15 +20,18 @@ from simbev_ros.recording.indexed_bag import IndexedBag, IndexedTopic
 from simbev_ros.recording.layout import SCENE_ATTACHMENT, TRAJECTORIES_ATTACHMENT
 from simbev_ros.recording.mcap.chunk_cache import ChunkCache
 from simbev_ros.recording.reader import SceneBag
+from simbev_ros.scene.agents import agent_views
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import Int64Array
 
 _IMAGE = re.compile(r"/image_raw(/compressed|/compressedDepth)?$")
+_OF_FIRST = re.compile(r"/(prediction/.+|robot_description)")
+"""Topics of the first agent whose names lack it, because ROS tools and perception stacks expect these names."""
 _SPORADIC = ("/world/events",)
 ODOMETRY = "odom"
 """Key of the ego's true motion."""
-_MOTION = ("clock", ODOMETRY, "tf")
-"""Keys that additional bags repeat from the scene's own bag."""
+_MOTION = ("/clock", "/tf")
+"""Topics that additional bags repeat from the scene's own bag, beside the odometry of all agents."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -35,7 +41,7 @@ class Source:
     Attributes:
         bag: The bag.
         topic: The topic.
-        base_link_x_m: For the ego's true motion, x of base_link, whose motion is recorded, in the ego frame.
+        base_link_x_m: For an agent's true motion, x of base_link, whose motion is recorded, in its ego frame.
     """
 
     bag: IndexedBag
@@ -84,19 +90,54 @@ class Source:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Content:
-    """All topics of a scene by key, with the calibration of its sensors and the stamps of its ticks.
+class SceneBags:
+    """The opened bags of a scene, which its agents share.
 
     Attributes:
-        bag: The scene's own bag.
+        own: The scene's own bag.
+        spec: Specification of the scene.
+        additional: Additional bags by label, each with the specification that it was recorded from.
+    """
+
+    own: IndexedBag
+    spec: SceneSpec
+    additional: Mapping[str, tuple[IndexedBag, SceneSpec]]
+
+    @classmethod
+    def open(
+        cls, path: AnyPath, additional: Mapping[str, AnyPath], cache: ChunkCache, *, may_be_cut_off: bool = False
+    ) -> "SceneBags":
+        """Open a scene's bag, and additional bags by label.
+
+        Raises:
+            BagError: A bag cannot be read, is cut off without ``may_be_cut_off``, holds no scene, or an additional bag
+                has another motion.
+        """
+        own = _open(path, cache, may_be_cut_off)
+        spec, others = _read_spec(own), {}
+        for label, other_path in sorted(additional.items()):
+            other = _open(other_path, cache, may_be_cut_off)
+            other_spec = _read_spec(other)
+            if (other_spec.name, other_spec.start_ns) != (spec.name, spec.start_ns):
+                raise BagError(
+                    f"{other_path}: its motion is that of scene {other_spec.name}, not of {spec.name} beside it"
+                )
+            others[label] = other, other_spec
+        return cls(own, spec, others)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Content:
+    """All topics of a scene by key, with the calibration of an agent's sensors and the stamps of the ticks.
+
+    Attributes:
         sources: Topics that are published repeatedly, by key.
         constants: Latched topics, which are published once for the whole scene, by key.
-        calibration: Calibrations by sensor name.
+        calibration: Calibrations of the agent's sensors by name.
         stamps_ns: (T,) stamps of the ticks.
         tick_ns: Time from one tick to the next.
     """
 
-    bag: IndexedBag
     sources: Mapping[str, Source]
     constants: Mapping[str, Source]
     calibration: Mapping[str, Calibration]
@@ -104,39 +145,30 @@ class Content:
     tick_ns: int
 
     @classmethod
-    def from_bags(
-        cls, path: AnyPath, additional: Mapping[str, AnyPath], cache: ChunkCache, *, may_be_cut_off: bool = False
-    ) -> "Content":
-        """Open a scene's bag, and additional bags by label.
+    def from_bags(cls, bags: SceneBags, view: SceneSpec) -> "Content":
+        """Content of a scene's bags with the keys of one agent, given by its view of the scene.
 
         A key of an additional bag that is taken already gets the label as a suffix, as in ``cam_front/rgb@label``. So
         do the name and all keys of a sensor that exists already with another pose or other optics.
 
         Raises:
-            BagError: A bag cannot be read, is cut off without ``may_be_cut_off``, holds no scene, or an additional bag
-                has another motion.
+            BagError: A message is beyond the scene's end.
         """
-        bag = _open(path, cache, may_be_cut_off)
-        spec = read_spec(bag)
-        sources, calibration = _sources(bag, spec), calibrations(spec.rig)
-        stamps_ns = _stamps_ns(bag, spec, sources)
-        for label, other_path in sorted(additional.items()):
-            other = _open(other_path, cache, may_be_cut_off)
-            other_spec = read_spec(other)
-            if (other_spec.name, other_spec.start_ns) != (spec.name, spec.start_ns):
-                raise BagError(
-                    f"{other_path}: its motion is that of scene {other_spec.name}, not of {spec.name} beside it"
-                )
-            rig = calibrations(other_spec.rig)
+        sources, calibration = _sources(bags.own, view), calibrations(view.rig)
+        stamps_ns = _stamps_ns(bags.own, view, sources)
+        for label, (other, other_spec) in bags.additional.items():
+            other_view = _view_in(other_spec, view)
+            rig = {} if other_view is None else calibrations(other_view.rig)
             moved = {name for name, each in rig.items() if name in calibration and not each.matches(calibration[name])}
-            for key, source in _sources(other, other_spec).items():
-                if key not in _MOTION:
+            repeated = {*_MOTION, *_base_links_m(other_spec)}
+            for key, source in _sources(other, other_view or view).items():
+                if source.topic.name not in repeated:
                     taken = key in sources or key.partition("/")[0] in moved
                     sources[f"{key}@{label}" if taken else key] = source
             calibration |= {f"{name}@{label}" if name in calibration else name: each for name, each in rig.items()}
         constants = {key: source for key, source in sources.items() if source.topic.is_latched}
-        repeated = {key: sources[key] for key in sorted(sources.keys() - constants.keys())}
-        return cls(bag, repeated, constants, calibration, stamps_ns, spec.tick_ns)
+        repeated_keys = sorted(sources.keys() - constants.keys())
+        return cls({key: sources[key] for key in repeated_keys}, constants, calibration, stamps_ns, view.tick_ns)
 
 
 def _open(path: AnyPath, cache: ChunkCache, may_be_cut_off: bool) -> IndexedBag:
@@ -159,32 +191,44 @@ def read_tracks(path: AnyPath) -> Tracks:
     return tracks_from_npz(file)
 
 
-def read_spec(bag: IndexedBag) -> SceneSpec:
-    """Read the specification of the scene that a bag was recorded from.
-
-    Raises:
-        BagError: The bag holds no scene, or one of another version.
-    """
+def _read_spec(bag: IndexedBag) -> SceneSpec:
+    """Specification of a bag's scene. Raises BagError if the bag holds none, or one of another version."""
     spec = bag.spec
     if spec is None:
         raise BagError(f"{bag.file}: it holds no scene: {SCENE_ATTACHMENT} is not attached")
     return spec
 
 
-def key_of_topic(name: str, agent: str) -> str:
-    """Key of a topic: its name without the agent and, for an image, without its transport."""
-    return _IMAGE.sub("", name.removeprefix(f"/{agent}/").removeprefix("/"))
+def key_of_topic(name: str, view: SceneSpec) -> str:
+    """Key of a topic for an agent: its name without the agent's and, for an image, without its transport.
+
+    Topics of another agent keep the name of that agent, also those of the first agent whose names lack it.
+    """
+    if view is not view.whole and _OF_FIRST.fullmatch(name):
+        name = f"/{view.whole.rig.agent}{name}"
+    return _IMAGE.sub("", name.removeprefix(f"/{view.rig.agent}/").removeprefix("/"))
 
 
 def sources_by_topic(bag: IndexedBag, spec: SceneSpec | None) -> dict[str, Source]:
     """Every topic of a bag by topic name; the bag need neither hold a scene (then ``spec`` is None) nor be finished."""
-    arms_m = {} if spec is None else {f"/{spec.rig.agent}/{ODOMETRY}": spec.base_link_x_m}
+    arms_m = {} if spec is None else _base_links_m(spec)
     return {name: Source(bag, topic, arms_m.get(name, 0.0)) for name, topic in bag.topics.items()}
 
 
-def _sources(bag: IndexedBag, spec: SceneSpec) -> dict[str, Source]:
+def _view_in(other: SceneSpec, view: SceneSpec) -> SceneSpec | None:
+    """View of the same agent in an additional bag; the only agent of a scene may have another name there."""
+    views = {each.rig.agent: each for each in agent_views(other)}
+    return views.get(view.rig.agent, None if view.agents else other)
+
+
+def _base_links_m(spec: SceneSpec) -> dict[str, float]:
+    """X of base_link in the ego frame of each agent, m, by the topic of the agent's odometry."""
+    return {f"/{view.rig.agent}/{ODOMETRY}": view.base_link_x_m for view in agent_views(spec)}
+
+
+def _sources(bag: IndexedBag, view: SceneSpec) -> dict[str, Source]:
     """Sources by key."""
-    return {key_of_topic(name, spec.rig.agent): source for name, source in sources_by_topic(bag, spec).items()}
+    return {key_of_topic(name, view): source for name, source in sources_by_topic(bag, view).items()}
 
 
 def _stamps_ns(bag: IndexedBag, spec: SceneSpec, sources: Mapping[str, Source]) -> Int64Array:

@@ -3,6 +3,7 @@
 from collections.abc import Collection, Iterator, Mapping
 from concurrent.futures import Future
 from dataclasses import replace
+from functools import cached_property
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class Frame(Mapping[str, Any]):
-    """Mapping from keys to the sensor data and labels of one tick; each value is decoded on first access and kept.
+    """Mapping from keys to an agent's sensor data and labels of one tick; each is decoded on first access and kept.
 
     A sensor that is slower than the tick rate has no key in most frames; ``last`` gives its latest sample. A sensor
     with several samples per tick, such as a fast IMU, has all samples since the previous tick.
@@ -104,9 +105,18 @@ class Frame(Mapping[str, Any]):
         """
         return self._source(key).messages(self._locations(key))
 
+    @cached_property
+    def others(self) -> Mapping[str, "Frame"]:
+        """Frames of the same tick that the scene's other agents see, by name of the agent."""
+        scenes = {name: self.scene.of_agent(name) for name in self.scene.agents if name != self.scene.agent}
+        return {name: Frame(scene, self.tick) for name, scene in scenes.items()}
+
     @property
     def map_from_ego(self) -> Float64Array:
-        """(4, 4) pose of the ego: x forward, y left, z up, origin on the ground below the center of the ego's box."""
+        """(4, 4) pose of the agent: x forward, y left, z up, origin on the ground below the center of its box.
+
+        That of a roadside unit is the pose of its mast's foot.
+        """
         return poses_from_odometry(self["odom"][-1])
 
     def map_from_sensor(self, name: str) -> Float64Array:

@@ -1,4 +1,7 @@
-"""Rows of the index of a dataset: the settings, weather and contents of a finished scene, from its bag."""
+"""Rows of the index of a dataset: the settings, weather and contents of a finished scene, from its bag.
+
+Columns about the ego, its rig and its labels are those of the scene's first agent.
+"""
 
 import hashlib
 from pathlib import Path
@@ -44,7 +47,7 @@ def index_row(bag_path: Path, dataset: Path) -> Row:
             **_settings(spec),
             **_weather("", spec.weather),
             **_weather("final_", spec.final_weather),
-            **_content(bag, spec.base_link_x_m),
+            **_content(bag, spec),
             "ended": facts.get("ended", ""),
             "complete": facts.get("complete") == "true",
             "recorded_ticks": bag.recorded_ticks or spec.ticks,
@@ -93,15 +96,15 @@ def _weather(prefix: str, weather: Weather | None) -> Row:
     return {f"{prefix}{name}": None if weather is None else getattr(weather, name) for name in Weather.model_fields}
 
 
-def _content(bag: SceneBag, base_link_x_m: float) -> Row:
-    """Counts of messages, objects and boxes, and the length of the ego's path."""
+def _content(bag: SceneBag, spec: SceneSpec) -> Row:
+    """Count of messages; of the first agent, counts of objects and boxes, and the length of its path."""
     counts = np.zeros((2, len(BOX_CLASSES)), np.int64)
     ids: set[int] = set()
     positions_m = []
-    topics = [name for name in bag.topics if name.endswith(("/boxes", "/odom")) and name.count("/") == 2]
-    for message in bag.messages(topics):
-        if message.topic.endswith("/odom"):
-            (row,) = in_ego_frame(value_of(ODOMETRY_TYPE, [bag.decode(message)]), base_link_x_m)
+    boxes, odometry = (f"/{spec.rig.agent}/{name}" for name in ("boxes", "odom"))
+    for message in bag.messages([boxes, odometry]):
+        if message.topic == odometry:
+            (row,) = in_ego_frame(value_of(ODOMETRY_TYPE, [bag.decode(message)]), spec.base_link_x_m)
             positions_m.append(row["position_m"])
             continue
         table = point_array(bag.decode(message))

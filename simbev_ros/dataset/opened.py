@@ -43,7 +43,12 @@ class Dataset:
         raise KeyError(f"{self.path}: no scene {name!r}")
 
     def frames(
-        self, split: str | None = None, keys: Collection[str] = (), maps: Collection[str] | None = None, every: int = 1
+        self,
+        split: str | None = None,
+        keys: Collection[str] = (),
+        maps: Collection[str] | None = None,
+        every: int = 1,
+        agent: str | None = None,
     ) -> "Frames":
         """Frames of many scenes as one flat list, for training or evaluation.
 
@@ -52,10 +57,11 @@ class Dataset:
             keys: Only frames that have all of these keys.
             maps: Only scenes on these maps; None: all maps.
             every: Only every Nth of a scene's remaining frames.
+            agent: Only scenes with this agent, as it sees them; None: all scenes, as the first agent sees each.
 
         Raises:
-            InputError: There is no such split, no scene on such a map, or no scene with such a key.
-            BagError: A scene that must be opened to look for keys cannot be read.
+            InputError: There is no such split, no scene on such a map, with such an agent, or with such a key.
+            BagError: A scene that must be opened to look for agents or keys cannot be read.
         """
         if split is not None and split not in SPLITS:
             raise InputError(f"split: {split!r} is none of {', '.join(SPLITS)}")
@@ -64,6 +70,8 @@ class Dataset:
         if unknown:
             raise InputError(f"maps: {', '.join(unknown)}: {self.path} has scenes of {', '.join(sorted(known))}")
         chosen = [s for s in self.scenes if split in (None, s.split) and (maps is None or s.map in maps)]
+        if agent is not None:
+            chosen = _scenes_of_agent(chosen, agent)
         for key in keys if chosen else ():
             if not any(key in scene.sources for scene in chosen):
                 raise InputError(f"keys: no scene has {key!r}; {chosen[0].name} has {', '.join(chosen[0].keys)}")
@@ -99,6 +107,15 @@ class Frames(Sequence[Frame]):
         if isinstance(index, slice):
             return [self[number] for number in range(len(self))[index]]
         return self._scenes[int(self._scene[index])][int(self._tick[index])]
+
+
+def _scenes_of_agent(scenes: Sequence[Scene], agent: str) -> list[Scene]:
+    """Those of some scenes that have an agent, as it sees them. Raises InputError if none of them has."""
+    found = [scene.of_agent(agent) for scene in scenes if agent in scene.agents]
+    if scenes and not found:
+        names = sorted({name for scene in scenes for name in scene.agents})
+        raise InputError(f"agent: no scene has {agent!r}, but {', '.join(names)}")
+    return found
 
 
 def open_bag(path: Path, *, cache_bytes: int = CACHE_BYTES) -> IndexedBag:

@@ -1,4 +1,7 @@
-"""A recorded scene as a sequence of frames, with its specification, calibration and tracks, read on demand."""
+"""A recorded scene as a sequence of frames, with its specification, calibration and tracks, read on demand.
+
+A scene is read as one of its agents sees it: at first as the first agent, and by ``Scene.of_agent`` as any other.
+"""
 
 from collections.abc import Collection, Mapping, Sequence
 from functools import cached_property, partial
@@ -8,17 +11,24 @@ import numpy as np
 
 from simbev_ros.annotation.trajectories import Tracks
 from simbev_ros.dataset.calibration import Calibration
-from simbev_ros.dataset.content import Content, Source, read_spec, read_tracks
+from simbev_ros.dataset.content import Content, SceneBags, Source, read_tracks
 from simbev_ros.dataset.frame import Frame
 from simbev_ros.object_store.object_path import AnyPath
 from simbev_ros.recording.mcap.chunk_cache import ChunkCache
+from simbev_ros.scene.agents import agent_view, agent_views
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.weather import Weather
 from simbev_ros.types import BoolArray, Int64Array
 
 
 class Scene(Sequence[Frame]):
-    """A recorded scene: a sequence of frames, one per tick. Its bag is opened on the first access that needs it.
+    """A recorded scene as one agent sees it: a sequence of frames, one per tick.
+
+    The bag is opened on the first access that needs it.
+
+    Args:
+        cache: Cache of the bag's decompressed chunks.
+        agent: Name of the agent; None: the scene's first one.
 
     Attributes:
         path: The scene's bag.
@@ -37,9 +47,10 @@ class Scene(Sequence[Frame]):
         threads: int | None = None,
         *,
         may_be_cut_off: bool = False,
+        agent: str | None = None,
     ) -> None:
         self.path, self.additional, self.row, self.threads = path, dict(additional or {}), dict(row or {}), threads
-        self.may_be_cut_off, self._cache = may_be_cut_off, cache
+        self.may_be_cut_off, self._cache, self._chosen_agent = may_be_cut_off, cache, agent
 
     @property
     def name(self) -> str:
@@ -63,8 +74,32 @@ class Scene(Sequence[Frame]):
 
     @cached_property
     def spec(self) -> SceneSpec:
-        """Specification of the scene: everything that was drawn for it."""
-        return read_spec(self._content.bag)
+        """Specification of the scene as the agent sees it: everything that was drawn, with the agent's rig and labels.
+
+        Raises:
+            KeyError: The scene has no such agent.
+        """
+        whole = self._bags.spec
+        return whole if self._chosen_agent is None else agent_view(whole, self._chosen_agent)
+
+    @property
+    def agent(self) -> str:
+        """Name of the agent that the scene is read for."""
+        return self.spec.rig.agent
+
+    @property
+    def agents(self) -> tuple[str, ...]:
+        """Names of all agents of the scene, the first agent's first."""
+        return tuple(rig.agent for rig in self.spec.rigs)
+
+    def of_agent(self, name: str) -> "Scene":
+        """The same scene as another of its agents sees it; both share the opened bag and its cache.
+
+        Raises:
+            KeyError: The scene has no agent of this name.
+        """
+        agent_view(self.spec, name)
+        return self._of_agents[name]
 
     @property
     def weather(self) -> Weather:
@@ -74,7 +109,7 @@ class Scene(Sequence[Frame]):
     @property
     def is_cut_off(self) -> bool:
         """Whether the bag was not closed by its writer."""
-        return not self._content.bag.closed
+        return not self._bags.own.closed
 
     @property
     def stamps_ns(self) -> Int64Array:
@@ -83,7 +118,10 @@ class Scene(Sequence[Frame]):
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """Keys that frames can have, sorted; the keys of slower sensors are not in every frame."""
+        """Keys that frames can have, sorted; the keys of slower sensors are not in every frame.
+
+        Those of other agents begin with their names, as in ``car_2/lidar/points``.
+        """
         return tuple(self.sources)
 
     @property
@@ -98,7 +136,7 @@ class Scene(Sequence[Frame]):
 
     @property
     def calibration(self) -> Mapping[str, Calibration]:
-        """Calibrations by sensor name."""
+        """Calibrations of the agent's sensors by name."""
         return self._content.calibration
 
     @cached_property
@@ -139,12 +177,34 @@ class Scene(Sequence[Frame]):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the scene without anything that was read, so that it is small when it is sent to another process."""
-        made = partial(Scene, may_be_cut_off=self.may_be_cut_off)
+        made = partial(Scene, may_be_cut_off=self.may_be_cut_off, agent=self._chosen_agent)
         return made, (self.path, self._cache, self.additional, self.row, self.threads)
 
     def __repr__(self) -> str:
-        return f"<scene {self.name}, {len(self)} frames>"
+        agent = "" if self._chosen_agent is None else f" of {self._chosen_agent}"
+        return f"<scene {self.name}, {len(self)} frames{agent}>"
 
     @cached_property
     def _content(self) -> Content:
-        return Content.from_bags(self.path, self.additional, self._cache, may_be_cut_off=self.may_be_cut_off)
+        return Content.from_bags(self._bags, self.spec)
+
+    @cached_property
+    def _bags(self) -> SceneBags:
+        return SceneBags.open(self.path, self.additional, self._cache, may_be_cut_off=self.may_be_cut_off)
+
+    @cached_property
+    def _of_agents(self) -> dict[str, "Scene"]:
+        """The scene of each agent by name, this one among them."""
+        scenes = {
+            view.rig.agent: self if view.rig.agent == self.agent else self._seen_by(view)
+            for view in agent_views(self.spec)
+        }
+        for scene in scenes.values():
+            scene._of_agents = scenes
+        return scenes
+
+    def _seen_by(self, view: SceneSpec) -> "Scene":
+        given = self.path, self._cache, self.additional, self.row, self.threads
+        scene = Scene(*given, may_be_cut_off=self.may_be_cut_off, agent=view.rig.agent)
+        scene.spec, scene._bags = view, self._bags
+        return scene

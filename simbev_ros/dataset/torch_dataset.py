@@ -32,9 +32,9 @@ _WIDER = {"uint16": np.int32, "uint32": np.int64, "uint64": np.int64}
 class FrameDataset(Dataset[Sample]):
     """Torch dataset with one sample per frame: a dict of values by key.
 
-    A sample also has ``map_from_ego``, ``scene``, ``tick`` and ``stamp_ns``. Images are tensors in the layout of the
-    arrays, (H, W) or (H, W, C); uint16 becomes int32, uint32 becomes int64. A point cloud or another table is a dict
-    of columns, or one (N, K) tensor of the columns named in ``columns_of``.
+    A sample also has ``map_from_ego``, ``scene``, ``agent``, ``tick`` and ``stamp_ns``. Images are tensors in the
+    layout of the arrays, (H, W) or (H, W, C); uint16 becomes int32, uint32 becomes int64. A point cloud or another
+    table is a dict of columns, or one (N, K) tensor of the columns named in ``columns_of``.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class FrameDataset(Dataset[Sample]):
             frame.load(self.keys)  # in threads; with loader workers the cores are busy already
         sample = {key: self._tensors(key, frame[key]) for key in self.keys}
         sample["map_from_ego"] = torch.from_numpy(frame.map_from_ego)
-        sample.update(scene=frame.scene.name, tick=frame.tick, stamp_ns=frame.stamp_ns)
+        sample.update(scene=frame.scene.name, agent=frame.scene.agent, tick=frame.tick, stamp_ns=frame.stamp_ns)
         return sample if self.transform is None else self.transform(sample)
 
     def collate(self, samples: Sequence[Sample]) -> dict[str, Any]:

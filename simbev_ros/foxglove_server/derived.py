@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,7 @@ from simbev_ros.msgs.topic import Topic
 from simbev_ros.palette import bev_color
 from simbev_ros.recording.arrays import image_array, point_array
 from simbev_ros.recording.reader import RawMessage, SceneBag
-from simbev_ros.scene.agents import ego_row
+from simbev_ros.scene.agents import agent_views, ego_row
 from simbev_ros.scene.frames import ego_frame
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.semantics import BEV_CLASSES
@@ -71,7 +72,7 @@ class Derivation:
 
 
 def derivations(bag: SceneBag) -> dict[str, Derivation]:
-    """Topics that can be made of a bag and are not in it; none if its scene is not attached.
+    """Topics of all agents that can be made of a bag and are not in it; none if its scene is not attached.
 
     Raises:
         BagError: The attached scene is damaged.
@@ -79,9 +80,9 @@ def derivations(bag: SceneBag) -> dict[str, Derivation]:
     spec = bag.spec
     if spec is None:
         return {}
+    parts = chain(_world(spec, bag), *(_of_agent(view, bag) for view in agent_views(spec)))
     found = (
         Derivation(topic.name, topic.type, sources, bag, make)
-        for parts in (_world(spec, bag), _labels(spec), _views(spec), _camera_infos(spec), _pictures(spec, bag))
         for topic, sources, make in parts
         if topic.name not in bag.topics and all(source in bag.topics for source in sources)
     )
@@ -92,20 +93,27 @@ _Part = tuple[Topic, tuple[str, ...], _Make]
 
 
 def _world(spec: SceneSpec, bag: SceneBag) -> Iterator[_Part]:
-    agent = spec.rig.agent
     known = {topic.name: topic for topic in topics.world_displays(spec)}
-    odometry = topics.odometry_name(agent)
     yield known[topics.WORLD_MARKERS], (topics.SIGNALS, topics.ACTORS, topics.LIGHTS), _world_markers
     yield known[topics.ACTOR_POINTS], (topics.ACTORS,), _points
     yield known[topics.SIGNAL_POINTS], (topics.SIGNALS,), _points
     yield known[topics.LIGHT_POINTS], (topics.ACTORS, topics.LIGHTS), lambda stamp, _, lamps: _points(stamp, lamps)
-    yield known[topics.path_name(agent)], (odometry,), _PathMaker(bag, odometry)
+    for view in agent_views(spec):
+        odometry = topics.odometry_name(view.rig.agent)
+        yield known[topics.path_name(view.rig.agent)], (odometry,), _PathMaker(bag, odometry)
     yield known[topics.WEATHER_STATUS], (topics.WEATHER,), partial(_status, WEATHER)
     yield known[topics.EVENT_STATUS], (topics.EVENTS,), partial(_status, EVENT)
 
 
-def _labels(spec: SceneSpec) -> Iterator[_Part]:
-    labels, frame = annotation_topics(spec), ego_frame(spec)
+def _of_agent(view: SceneSpec, bag: SceneBag) -> Iterator[_Part]:
+    yield from _labels(view)
+    yield from _views(view)
+    yield from _camera_infos(view)
+    yield from _pictures(view, bag)
+
+
+def _labels(view: SceneSpec) -> Iterator[_Part]:
+    labels, frame = annotation_topics(view), ego_frame(view)
     yield labels.box_markers, (labels.boxes.name,), lambda stamp_ns, boxes: box_markers(point_array(boxes), stamp_ns)
     yield labels.detections, (labels.boxes.name,), lambda stamp_ns, boxes: detections_3d(point_array(boxes), stamp_ns)
     yield labels.box_points, (labels.boxes.name,), _points
@@ -114,32 +122,32 @@ def _labels(spec: SceneSpec) -> Iterator[_Part]:
     if labels.vector_map is not None and labels.map_markers is not None:
         yield labels.map_markers, (labels.vector_map.name,), _map_markers
     for index, name in enumerate(BEV_CLASSES):
-        yield labels.grids[name], (labels.bev_labels.name, topics.ACTORS), partial(_grid, spec, index)
+        yield labels.grids[name], (labels.bev_labels.name, topics.ACTORS), partial(_grid, view, index)
 
 
-def _views(spec: SceneSpec) -> Iterator[_Part]:
-    labels = annotation_topics(spec)
+def _views(view: SceneSpec) -> Iterator[_Part]:
+    labels = annotation_topics(view)
     for camera, topic in labels.view_markers.items():
-        frame = f"{spec.rig.agent}/{camera}_optical"
+        frame = f"{view.rig.agent}/{camera}_optical"
         yield topic, (labels.views[camera].name,), partial(_of_views, image_boxes, frame)
     for camera, (visible, amodal) in labels.camera_detections.items():
-        sources, frame = (labels.views[camera].name,), f"{spec.rig.agent}/{camera}_optical"
+        sources, frame = (labels.views[camera].name,), f"{view.rig.agent}/{camera}_optical"
         yield visible, sources, partial(_of_views, detections_2d, frame)
         yield amodal, sources, partial(_of_views, partial(detections_2d, prefix="amodal_"), frame)
 
 
-def _camera_infos(spec: SceneSpec) -> Iterator[_Part]:
+def _camera_infos(view: SceneSpec) -> Iterator[_Part]:
     """The CameraInfo that the images of a camera share; bags of earlier versions have it beside each image only."""
-    for camera in spec.rig.of_type(Camera):
-        beside = next(iter(camera_topics(spec, camera).values())).info
-        yield camera_info_topic(spec, camera), (beside.name,), lambda _, info: serialize(info)
+    for camera in view.rig.of_type(Camera):
+        beside = next(iter(camera_topics(view, camera).values())).info
+        yield camera_info_topic(view, camera), (beside.name,), lambda _, info: serialize(info)
 
 
-def _pictures(spec: SceneSpec, bag: SceneBag) -> Iterator[_Part]:
-    for camera in spec.rig.of_type(Camera):
-        images = camera_topics(spec, camera)
-        frame = f"{spec.rig.agent}/{camera.name}_optical"
-        for modality, pictures in picture_topics(spec, camera).items():
+def _pictures(view: SceneSpec, bag: SceneBag) -> Iterator[_Part]:
+    for camera in view.rig.of_type(Camera):
+        images = camera_topics(view, camera)
+        frame = f"{view.rig.agent}/{camera.name}_optical"
+        for modality, pictures in picture_topics(view, camera).items():
             forms = images[modality].compressed.name, images[modality].raw.name
             recorded = next((name for name in forms if name in bag.topics), forms[0])
             yield pictures.raw, (recorded,), partial(_picture, rgb_image, modality, frame)
@@ -174,12 +182,12 @@ def _bev_picture(frame: str, stamp_ns: int, message: Any) -> bytes:
     return rgb_image(bev_color(_bev_labels(message)), stamp_ns, frame)
 
 
-def _grid(spec: SceneSpec, index: int, stamp_ns: int, labels: Any, table: Any) -> bytes:
+def _grid(view: SceneSpec, index: int, stamp_ns: int, labels: Any, table: Any) -> bytes:
     actors = point_array(table)
-    ego = ego_row(spec, actors)
+    ego = ego_row(view, actors)
     covered = (_bev_labels(labels) >> index & 1).astype(bool)
-    frame, rpy_rad = ego_frame(spec), vector(ego, "roll pitch yaw")
-    return occupancy_grid(covered, spec.annotation.bev.grid, stamp_ns, frame, rpy_rad)
+    frame, rpy_rad = ego_frame(view), vector(ego, "roll pitch yaw")
+    return occupancy_grid(covered, view.annotation.bev.grid, stamp_ns, frame, rpy_rad)
 
 
 def _bev_labels(message: Any) -> UInt16Array:

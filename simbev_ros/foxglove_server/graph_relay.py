@@ -48,7 +48,7 @@ class GraphRelay:
         self._offers: dict[str, Offer] = {}
         self._channels: dict[str, Any] = {}
         self._subscribers: dict[int, int] = {}
-        self._subscriptions: dict[str, Any] = {}
+        self._subscriptions: dict[str, list[Any]] = {}
         self._latched: dict[str, bytes] = {}
         self._warned: set[str] = set()
         self._now_ns, self._told_s = 0, 0.0
@@ -126,15 +126,14 @@ class GraphRelay:
                 self._unfollow(topic)
 
     def _follow(self, offer: Offer) -> None:
-        receive = self._guarded(lambda payload: self._forward(offer, payload))
-        self._subscriptions[offer.name] = self._node.create_subscription(
-            message_class(offer.source_type), offer.source, receive, offer.qos, raw=True
-        )
+        kind, receive = message_class(offer.source_type), self._guarded(lambda payload: self._forward(offer, payload))
+        self._subscriptions[offer.name] = [
+            self._node.create_subscription(kind, source, receive, offer.qos, raw=True) for source in offer.sources
+        ]
 
     def _unfollow(self, topic: str) -> None:
         self._latched.pop(topic, None)
-        subscription = self._subscriptions.pop(topic, None)
-        if subscription is not None:
+        for subscription in self._subscriptions.pop(topic, ()):
             self._node.destroy_subscription(subscription)
 
     def _forward(self, offer: Offer, payload: bytes) -> None:
@@ -144,7 +143,7 @@ class GraphRelay:
         except MALFORMED as error:
             if offer.name not in self._warned:
                 self._warned.add(offer.name)
-                self._warn(f"ignored messages on {offer.source}: {error!s:.200}")
+                self._warn(f"ignored messages on {', '.join(offer.sources)}: {error!s:.200}")
             return
         if offer.name in self._channels:
             self._channels[offer.name].log(data, log_time=stamp_ns)

@@ -29,15 +29,15 @@ class Offer:
     Attributes:
         name: Name of the topic.
         type_name: Its type.
-        source: Topic of the graph to subscribe to; another one if the offered messages are made of its messages.
-        source_type: Type of the source.
-        is_latched: Whether the source's publishers keep their last message for late subscribers.
-        make: Makes the offered message from the source's; None: they are the same.
+        sources: Topics of the graph to subscribe to; others if the offered messages are made of their messages.
+        source_type: Type of the sources.
+        is_latched: Whether the sources' publishers keep their last message for late subscribers.
+        make: Makes an offered message from each of the sources'; None: they are the same.
     """
 
     name: str
     type_name: str
-    source: str
+    sources: tuple[str, ...]
     source_type: str
     is_latched: bool
     make: Callable[[bytes], bytes] | None = None
@@ -71,7 +71,7 @@ def graph_offers(node: NamespacedNode) -> tuple[dict[str, Offer], dict[str, str]
             == (DurabilityPolicy.TRANSIENT_LOCAL, ReliabilityPolicy.RELIABLE)
             for each in publishers
         )
-        offers[name] = Offer(name, type_name, name, type_name, is_latched)
+        offers[name] = Offer(name, type_name, (name,), type_name, is_latched)
     missing = (topics.TF, topics.TF_STATIC)
     for offer in _transform_offers(offers):
         offers.setdefault(offer.name, offer)
@@ -88,13 +88,13 @@ def _is_readable(type_name: str) -> bool:
 
 
 def _transform_offers(offers: Mapping[str, Offer]) -> Iterator[Offer]:
-    """/tf and /tf_static from a graph that runs where tf2_msgs is not installed."""
-    odometry = sorted(name for name, offer in offers.items() if offer.type_name == _ODOMETRY and name.endswith("/odom"))
-    if odometry:
-        yield Offer(topics.TF, _TRANSFORMS, odometry[0], _ODOMETRY, False, _transforms_of_odometry)
+    """/tf of all agents, and /tf_static, from a graph that runs where tf2_msgs is not installed."""
+    found = (name for name, offer in offers.items() if offer.type_name == _ODOMETRY and name.endswith("/odom"))
+    if odometries := tuple(sorted(found)):
+        yield Offer(topics.TF, _TRANSFORMS, odometries, _ODOMETRY, False, _transforms_of_odometry)
     if topics.SCENE in offers:
         scene_type = offers[topics.SCENE].type_name
-        yield Offer(topics.TF_STATIC, _TRANSFORMS, topics.SCENE, scene_type, True, _transforms_of_scene)
+        yield Offer(topics.TF_STATIC, _TRANSFORMS, (topics.SCENE,), scene_type, True, _transforms_of_scene)
 
 
 def _transforms_of_odometry(payload: bytes) -> bytes:

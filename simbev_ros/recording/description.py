@@ -14,6 +14,7 @@ from simbev_ros.object_store.object_path import AnyPath
 from simbev_ros.recording.digest import scene_digest, topic_digests
 from simbev_ros.recording.layout import bytes_of
 from simbev_ros.recording.reader import SceneBag, Topic
+from simbev_ros.scene.agents import agent_views
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.units import NS_PER_S
 
@@ -36,6 +37,7 @@ def describe_bag(
         (its writer was killed); ``complete`` is the recorder's statement that nothing is missing, None without one;
         ``ended`` says why the scene ended, after ``ticks``, which may be fewer than the scene's; ``expected`` and
         ``bytes`` of a topic are None if the recorder left no accounts, ``rate_hz`` with fewer than two messages.
+        ``agents`` of the scene are by name, in their order; ``rig`` is that of the first one.
 
     Raises:
         BagError: The bag cannot be read.
@@ -102,7 +104,12 @@ def _scene(spec: SceneSpec) -> dict[str, Any]:
         "weather": spec.weather.model_dump(),
         "final_weather": None if spec.final_weather is None else spec.final_weather.model_dump(),
         "rig": _rig(spec.rig),
+        "agents": {view.rig.agent: {"carrier": _carrier(view), "rig": _rig(view.rig)} for view in agent_views(spec)},
     }
+
+
+def _carrier(view: SceneSpec) -> str:
+    return "roadside unit" if view.ego is None else view.ego.blueprint
 
 
 def _rig(rig: Rig) -> list[str]:

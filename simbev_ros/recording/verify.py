@@ -1,8 +1,9 @@
 """Verification of a recorded bag: its MCAP files, messages, message counts, metadata and attachments."""
 
 from collections import ChainMap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from simbev_ros.errors import BagError
 from simbev_ros.interfaces.message_types import types_with
 from simbev_ros.object_store.object_path import AnyPath
 from simbev_ros.recording.layout import (
+    CONFIG_ATTACHMENT,
     METADATA_FILE,
     PARTIAL_SUFFIX,
     SCENE_ATTACHMENT,
@@ -45,7 +47,8 @@ def verify_bag(path: Path) -> list[Fault]:
     """Verify a scene's bag, given by its folder or its file, and return all faults; an intact bag has none.
 
     Every byte of the files is read. CRCs, indexes, types, payloads, stamps and their order are checked, and message
-    counts against those that the scene must have. ``metadata.yaml`` must match its copy in the file.
+    counts against those that the scene must have. ``metadata.yaml`` must match its copy in the file. Each of several
+    agents must have its odometry, which relates their data, unless the configuration leaves it out.
     """
     try:
         files = mcap_files(path)
@@ -64,7 +67,12 @@ def verify_bag(path: Path) -> list[Fault]:
     if not is_damaged:
         faults += _accounting_faults(path, files[-1])
         faults += [(METADATA_FILE, problem) for problem in _description_faults(files, contents[-1])]
-        faults += _attachment_faults(ChainMap(*(content.attachments for content in contents)), path)
+        attachments = ChainMap(*(content.attachments for content in contents))
+        faults += _attachment_faults(attachments, path)
+        recorded = {
+            each.channels[channel].topic for each in contents for channel, count in each.counts.items() if count
+        }
+        faults += _agent_faults(attachments, path, recorded)
     return [Fault(folder, place, problem) for place, problem in faults]
 
 
@@ -173,3 +181,25 @@ def _attachment_faults(attachments: Mapping[str, bytes], path: Path) -> Iterator
             tracks_from_npz(attachments[TRAJECTORIES_ATTACHMENT])
         except BagError as error:
             yield TRAJECTORIES_ATTACHMENT, str(error)
+
+
+def _agent_faults(attachments: Mapping[str, bytes], path: Path, recorded: Collection[str]) -> Iterator[tuple[str, str]]:
+    """Yield the odometry that an agent of several lacks, given the topics that have messages."""
+    try:
+        spec = attached_spec(attachments, path)
+    except BagError:  # a fault of the attachment
+        return
+    for rig in spec.rigs if spec is not None and spec.agents else ():
+        topic = f"/{rig.agent}/odom"
+        if topic not in recorded and not _is_left_out(topic, attachments):
+            yield topic, f"the scene has an agent {rig.agent}, but not its odometry"
+
+
+def _is_left_out(topic: str, attachments: Mapping[str, bytes]) -> bool:
+    """Whether the attached configuration leaves a topic out of the recording."""
+    try:
+        patterns = parse_yaml(attachments[CONFIG_ATTACHMENT])["recording"]["topics"]
+        included, excluded = (any(fnmatchcase(topic, p) for p in patterns[name]) for name in ("include", "exclude"))
+    except (ValueError, LookupError, TypeError):  # it is not the recorder's
+        return False
+    return excluded or not included

@@ -28,10 +28,10 @@ def _batches() -> rr.ChunkBatcherConfig:
 
 
 class SceneLog:
-    """A Rerun recording of one scene.
+    """A Rerun recording of one scene as one agent sees it.
 
     Args:
-        spec: The scene.
+        spec: The scene as the agent sees it.
         run: Text that tells several runs of the same scene apart.
 
     Attributes:
@@ -41,10 +41,11 @@ class SceneLog:
     def __init__(self, spec: SceneSpec, run: str = "") -> None:
         rr.set_strict_mode(True)  # else it logs errors and goes on
         self._start_ns = spec.start_ns
+        agent = "" if spec is spec.whole else f"-{spec.rig.agent}"
         self._stream = rr.RecordingStream(
-            APPLICATION, recording_id=f"{spec.name}-{spec.seed}{run}", batcher_config=_batches()
+            APPLICATION, recording_id=f"{spec.name}{agent}-{spec.seed}{run}", batcher_config=_batches()
         )
-        self._stream.send_recording_name(spec.name)
+        self._stream.send_recording_name(f"{spec.name}{agent}")
         self.size_bytes = 0
 
     def save(self, file: Path, blueprint: rr.blueprint.Blueprint) -> None:

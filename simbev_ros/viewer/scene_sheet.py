@@ -45,6 +45,7 @@ def _scene(spec: SceneSpec) -> dict[str, str]:
         "length": f"{spec.ticks * tick_s:g} s, {spec.ticks} ticks of {1000 * tick_s:g} ms"
         if spec.ticks
         else f"open, ticks of {1000 * tick_s:g} ms",
+        **({"agent": f"{spec.rig.agent}, one of {len(spec.rigs)}"} if spec.agents else {}),
         "ego": "roadside unit" if spec.ego is None else f"{spec.ego.blueprint}, driven by {spec.ego_driver}",
     }
 

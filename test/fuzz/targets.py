@@ -24,7 +24,7 @@ from rosbags.typesys import Stores, get_typestore
 from simbev_ros.annotation.trajectories import futures, tracks_from_npz
 from simbev_ros.config.evaluation import BOXES_TOPIC, GRIDS_TOPIC
 from simbev_ros.config.load import load_scenario
-from simbev_ros.dataset.content import Content, sources_by_topic
+from simbev_ros.dataset.content import Content, SceneBags, sources_by_topic
 from simbev_ros.dataset.index import INDEX_FILE, read_index
 from simbev_ros.dataset.plan import PLAN_FILE, Plan
 from simbev_ros.errors import BagError, InputError, SimulationError
@@ -157,7 +157,8 @@ def _read_bag_by_index(data: bytes) -> None:
     for source in sources_by_topic(bag, None).values():
         for location in source.topic.locations:
             source.value(location[None])
-    content = Content.from_bags(bag.file, {}, ChunkCache(_CACHE_BYTES), may_be_cut_off=True)
+    bags = SceneBags.open(bag.file, {}, ChunkCache(_CACHE_BYTES), may_be_cut_off=True)
+    content = Content.from_bags(bags, bags.spec)
     assert len(content.stamps_ns) <= MAX_SCENE_TICKS
 
 

@@ -1,6 +1,10 @@
-"""A bag of a synthetic scene with random contents: every topic that exports and statistics read, in small size."""
+"""A bag of a synthetic scene with random contents: every topic that exports and statistics read, in small size.
+
+``several_agents`` has scenes with several agents for ``record_made_up``.
+"""
 
 import json
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,13 +19,14 @@ from simbev_ros.interfaces import table_messages
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.layout import SCENE_ATTACHMENT
 from simbev_ros.recording.qos import QosProfile
+from simbev_ros.scene.agents import agent_views
 from simbev_ros.scene.legend import legend
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import ACTOR_DTYPE, SIGNAL_DTYPE
 from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES, Tag
 from simbev_ros.sensors.lidar import POINT_DTYPE, SEMANTIC_POINT_DTYPE
 from simbev_ros.sensors.radar import RADAR_POINT_DTYPE
-from simbev_ros.types import AnyArray, Table
+from simbev_ros.types import AnyArray, Float64Array, Table
 
 TICK_NS = 50_000_000
 SENSORS: list[dict[str, Any]] = [
@@ -43,10 +48,11 @@ _WEATHER = {
 
 @dataclass
 class MadeUp:
-    """Content of the written bag: the scene, and per tick the arrays by the reader's keys."""
+    """Content of the written bag: the scene, and per tick the arrays by the reader's keys, also of further agents."""
 
     spec: SceneSpec
     ticks: list[dict[str, Any]] = field(default_factory=list)
+    others: dict[str, list[dict[str, Any]]] = field(default_factory=dict)
 
 
 def made_up_scene(
@@ -62,7 +68,16 @@ def made_up_scene(
 ) -> MadeUp:
     """Write a finished bag. Occupancy is there at every second tick; tables also as typed messages if asked for."""
     spec = made_up_spec(SENSORS if sensors is None else sensors, number=number, split=split, ticks=ticks, grid=grid)
-    made, rng = MadeUp(spec), np.random.default_rng(number)
+    return record_made_up(path, spec, chunk_bytes=chunk_bytes, typed=typed)
+
+
+def record_made_up(path: Path, spec: SceneSpec, *, chunk_bytes: int = 4 << 20, typed: bool = False) -> MadeUp:
+    """Write a finished bag of a scene; what the first agent has does not depend on the others."""
+    made = MadeUp(spec, others={view.rig.agent: [] for view in agent_views(spec)[1:]})
+    rngs = [
+        np.random.default_rng(spec.number),
+        *(np.random.default_rng([spec.number, *name.encode()]) for name in made.others),
+    ]
     with SceneBagWriter(path, chunk_bytes=chunk_bytes) as writer:
         writer.add_attachment(SCENE_ATTACHMENT, "application/json", spec.model_dump_json().encode())
         writer.add_attachment("config.yaml", "application/yaml", b"seed: 1\n")
@@ -70,15 +85,11 @@ def made_up_scene(
         writer.add_topic("/world/legend", "std_msgs/msg/String", latched)
         writer.write("/world/legend", spec.start_ns, string(json.dumps({**legend(), "signals": SIGNALS})))
         topics: set[str] = set()
-        for tick in range(ticks):
-            values = _values(rng, spec, tick)
-            made.ticks.append(values)
-            for key, value in values.items():
-                messages = [_message(key, value, spec.stamp_ns(tick))]
-                if typed and key in _TYPED:
-                    made_of = table_messages.serialize_table(_TYPED[key], value, spec.stamp_ns(tick), "map")
-                    messages.append((f"{messages[0][0]}/typed", _TYPED[key], made_of))
-                for topic, type_name, data in messages:
+        for tick in range(spec.ticks):
+            for view, rng in zip(agent_views(spec), rngs, strict=True):
+                values = _values(rng, view, tick)
+                (made.ticks if view is spec else made.others[view.rig.agent]).append(values)
+                for topic, type_name, data in _messages(view, values, tick, typed=typed):
                     if topic not in topics:
                         writer.add_topic(topic, type_name, QosProfile())
                         topics.add(topic)
@@ -154,19 +165,19 @@ def made_up_spec(
 
 
 def _values(rng: np.random.Generator, spec: SceneSpec, tick: int) -> dict[str, Any]:
-    """Values of one tick by key of the reader, in the form that the reader returns."""
+    """Values of one tick for an agent by key of the reader, in the form that the reader returns."""
     assert spec.annotation.bev is not None
     grid = spec.annotation.bev.rows, spec.annotation.bev.columns
     values: dict[str, Any] = {
-        "odom": (np.array([5.0 * tick, 1.0, 0.5]), np.array([0.01, 0.02, 0.3 + 0.1 * tick])),
+        "odom": _motion(spec, tick),
         "boxes": boxes(rng, 12),
         "bev/labels": rng.integers(0, 1 << len(BEV_CLASSES), grid).astype(np.uint16),
-        "world/actors": noise(rng, ACTOR_DTYPE, 9),
-        "world/signals": noise(rng, SIGNAL_DTYPE, 4),
-        "hd_map": {"stamp_ns": spec.stamp_ns(tick), "id": "a_0", "s": 1.5, "is_junction": False},
     }
-    values["world/actors"]["id"] = 1 + np.arange(9)
-    values["world/actors"]["blueprint"] %= 5
+    if spec is spec.whole:
+        values |= {"world/actors": noise(rng, ACTOR_DTYPE, 9), "world/signals": noise(rng, SIGNAL_DTYPE, 4)}
+        values["world/actors"]["id"] = 1 + np.arange(9)
+        values["world/actors"]["blueprint"] %= 5
+    values["hd_map"] = {"stamp_ns": spec.stamp_ns(tick), "id": "a_0", "s": 1.5, "is_junction": False}
     if tick % 2 == 0:
         values["occupancy/points"] = _voxels(rng)
     for sensor in spec.rig.sensors:
@@ -186,6 +197,14 @@ def _values(rng: np.random.Generator, spec: SceneSpec, tick: int) -> dict[str, A
             case "imu":
                 values[f"{sensor.name}/data"] = rng.normal(size=6), rng.uniform(-1, 1, 3) * [0.1, 0.1, 3]
     return values
+
+
+def _motion(spec: SceneSpec, tick: int) -> tuple[Float64Array, Float64Array]:
+    """Position and roll, pitch, yaw of an agent's base_link: vehicles drive behind each other, stations stand still."""
+    if (station := spec.station) is not None:
+        return np.array([station.x_m, station.y_m, station.z_m]), np.array([0.0, 0.0, station.yaw_rad])
+    behind_m = 20.0 * (spec.ego_index or 0)
+    return np.array([5.0 * tick - behind_m, 1.0, 0.5]), np.array([0.01, 0.02, 0.3 + 0.1 * tick])
 
 
 def _image(rng: np.random.Generator, modality: str, shape: tuple[int, int]) -> AnyArray:
@@ -209,9 +228,18 @@ def _voxels(rng: np.random.Generator) -> Table:
     return table
 
 
-def _message(key: str, value: Any, stamp_ns: int) -> tuple[str, str, bytes]:
+def _messages(spec: SceneSpec, values: dict[str, Any], tick: int, *, typed: bool) -> Iterator[tuple[str, str, bytes]]:
+    """Topic, type and serialized message of each value of an agent, and of its typed form if asked for."""
+    for key, value in values.items():
+        topic = f"/{key}" if key.startswith("world/") else f"/{spec.rig.agent}/{key}"
+        yield _message(topic, key, value, spec.stamp_ns(tick))
+        if typed and key in _TYPED:
+            data = table_messages.serialize_table(_TYPED[key], value, spec.stamp_ns(tick), "map")
+            yield f"{topic}/typed", _TYPED[key], data
+
+
+def _message(topic: str, key: str, value: Any, stamp_ns: int) -> tuple[str, str, bytes]:
     """Topic, type and serialized message."""
-    topic = f"/{key}" if key.startswith("world/") else f"/ego/{key}"
     last = key.rpartition("/")[2]
     if key == "odom":
         return topic, "nav_msgs/msg/Odometry", odometry(stamp_ns, *value)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from simbev_ros.cli.agent_option import AgentOption, require_agent
 from simbev_ros.cli.console import make_console
 from simbev_ros.cli.ros_options import NamespaceOption, ros_arguments
 from simbev_ros.errors import InputError
@@ -30,6 +31,7 @@ def view(
     scene: Annotated[
         str | None, typer.Option(help="Name or number of a dataset's scene; by default the first one.")
     ] = None,
+    agent: AgentOption = None,
     out: Annotated[Path | None, typer.Option(help="Write a .rrd file for Rerun instead of opening the viewer.")] = None,
     live: Annotated[bool, typer.Option("--live", help="Show a running graph, and the next one.")] = False,
     domain: Annotated[
@@ -110,6 +112,8 @@ def view(
     console = make_console()
     place = ((_FOXGLOVE_PORT if foxglove else RERUN_PORT) if port is None else port), bind
     width_px = _BROWSER_WIDTH_PX if image_width is None else image_width
+    if foxglove and agent is not None:
+        raise InputError(f"--agent {agent!r:.80}: --foxglove serves the topics of all agents; give one or the other")
     if live:
         _require_no_recording(path, scene, out)
         ros = ros_arguments(context, namespace)
@@ -119,7 +123,7 @@ def view(
             serve_graph(*place, domain, network=network, console=console, ros=ros)
             return
         detail = _detail(points, width_px, layers=bool(layers), memory_mib=memory)
-        _show_live(place, domain, rate, detail, network=network, opens=open_, ros=ros)
+        _show_live(place, domain, rate, detail, agent=agent, network=network, opens=open_, ros=ros)
         return
     named, told = namespace is not None, bool(context.obj)
     of_graphs = {"--network": network, f"--namespace {namespace}": named, "--ros-args": told}
@@ -139,6 +143,9 @@ def view(
 
     require_rerun()
     chosen = choose_scene(path, scene)
+    if agent is not None:
+        require_agent(agent, chosen.agents, chosen.name)
+        chosen = chosen.of_agent(agent)
     if out is not None:
         everything = _detail(points, image_width or 0, layers=layers is not False, memory_mib=math.inf)
         write_file(chosen, out, everything, console)
@@ -160,6 +167,7 @@ def _show_live(
     rate_hz: float | None,
     detail: "Detail",
     *,
+    agent: str | None,
     network: bool,
     opens: bool,
     ros: RosArguments,
@@ -171,7 +179,17 @@ def _show_live(
     from simbev_ros.cli.view.live import show_graph
 
     console = make_console()
-    show_graph(place, domain, rate_hz or _RATE_HZ, detail, network=network, opens=opens, console=console, ros=ros)
+    show_graph(
+        place,
+        domain,
+        rate_hz or _RATE_HZ,
+        detail,
+        agent=agent,
+        network=network,
+        opens=opens,
+        console=console,
+        ros=ros,
+    )
 
 
 def _require_no_recording(path: Path | None, scene: str | None, out: Path | None) -> None:

@@ -22,6 +22,7 @@ def show_graph(
     rate_hz: float,
     detail: "Detail",
     *,
+    agent: str | None = None,
     network: bool,
     opens: bool,
     console: Console,
@@ -34,13 +35,14 @@ def show_graph(
         domain: ROS domain; None: that of the environment, or 0.
         rate_hz: Maximum number of frames per second of wall time.
         detail: How much is shown; beyond its limit of memory, the earliest is dropped.
+        agent: Name of the agent that is shown; None: the first one of each scene.
         network: Whether the graph may be on another host.
         opens: Whether to open the browser.
         console: Where to print.
         ros: What the nodes of the graph are told, and its namespace.
 
     Raises:
-        InputError: The port cannot be used, or ROS_DOMAIN_ID is no domain.
+        InputError: The port cannot be used, ROS_DOMAIN_ID is no domain, or a scene does not have the agent.
         SimbevError: Rerun's server does not start, or has ended by itself.
     """
     from simbev_ros.graph.domain import domain_from_environment
@@ -53,7 +55,7 @@ def show_graph(
     chosen = domain_from_environment() if domain is None else domain
     os.environ.update(graph_environment(chosen, Exposure(network=network)))
     printing = _Printing(chosen, console, is_alone=SUPERVISOR_VARIABLE not in os.environ)
-    with running_viewer(place, rate_hz, detail, printing, ros) as viewer:
+    with running_viewer(place, rate_hz, detail, printing, ros, agent) as viewer:
         show_address(viewer.page_url, console, opens=opens)
         while True:
             viewer.require_running()

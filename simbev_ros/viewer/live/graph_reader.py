@@ -15,6 +15,7 @@ from rclpy.serialization import deserialize_message
 from rosgraph_msgs.msg import Clock as ClockMessage
 from std_msgs.msg import String
 
+from simbev_ros.errors import InputError
 from simbev_ros.evaluation.predictions.prediction_messages import BOX_TYPES, IMAGE_TYPE, OCCUPANCY_TYPE
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.message_types import message_class
@@ -25,6 +26,7 @@ from simbev_ros.msgs.topic import Topic
 from simbev_ros.nodes.graph_node import MALFORMED
 from simbev_ros.nodes.ros.names import ROOT, NamespacedNode, NodeName
 from simbev_ros.recording.qos import QosProfile
+from simbev_ros.scene.agents import agent_view
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.viewer.live.drawn_topics import drawn_topics
 from simbev_ros.viewer.live.frame_join import MAX_LAG_TICKS, FrameJoin
@@ -38,7 +40,6 @@ _POLL_S = 0.25
 _POLLS_TO_FIND = 6
 """Discovery of a graph that runs takes about a second."""
 _MAX_EVENTS = 100
-_ANSWERS = "/prediction/"
 _ANSWER_TYPES = {*BOX_TYPES, IMAGE_TYPE, OCCUPANCY_TYPE} - {"vision_msgs/msg/Detection3DArray"}
 
 
@@ -51,13 +52,22 @@ class GraphReader(NamespacedNode):
         layers: Whether to read what is hidden until it is switched on.
         observer: Receives whether there is a graph.
         namespace: The graph's namespace.
+        agent: Name of the agent that is shown; None: the first one of each scene.
     """
 
     def __init__(
-        self, frames: NewestFrame, rate_hz: float, *, layers: bool, observer: LiveObserver, namespace: str = ROOT
+        self,
+        frames: NewestFrame,
+        rate_hz: float,
+        *,
+        layers: bool,
+        observer: LiveObserver,
+        namespace: str = ROOT,
+        agent: str | None = None,
     ) -> None:
         super().__init__(NodeName(NAME, graph=namespace), enable_rosout=False, start_parameter_services=False)
         self._frames, self._interval_s, self._layers, self._observer = frames, 1.0 / rate_hz, layers, observer
+        self._agent = agent
         self._scene: LiveScene | None = None
         self._join: FrameJoin | None = None
         self._rate = TickRate()
@@ -99,8 +109,8 @@ class GraphReader(NamespacedNode):
             if is_there != self._reported:
                 self._observer.graph_noticed(is_there)
             self._reported = is_there
-        if self._join is not None:
-            self._read_answers(self._join)
+        if self._join is not None and self._scene is not None:
+            self._read_answers(self._join, self._scene.spec)
             self._join.await_only([name for name in self._read_topics if self.count_publishers(name)])
 
     def _notice_graph(self) -> None:
@@ -118,7 +128,16 @@ class GraphReader(NamespacedNode):
         text = deserialize_message(payload, String).data
         if text != self._text:  # a latched message may come twice
             self._text = text
-            self._begin(SceneSpec.model_validate_json(text))
+            self._begin_view(SceneSpec.model_validate_json(text))
+
+    def _begin_view(self, spec: SceneSpec) -> None:
+        """Begin a scene as the agent that is shown sees it; a scene without this agent ends the viewer."""
+        try:
+            view = spec if self._agent is None else agent_view(spec, self._agent)
+        except KeyError as error:
+            self._failure = InputError(str(error.args[0]), parameter="agent")
+            return
+        self._begin(view)
 
     def _begin(self, spec: SceneSpec) -> None:
         self._scene, self._join = LiveScene(spec, self._runs), None
@@ -156,11 +175,12 @@ class GraphReader(NamespacedNode):
         )
         return forms.compressed if is_compressed_read else forms.raw
 
-    def _read_answers(self, join: FrameJoin) -> None:
-        """Subscribe to what a perception stack has begun to publish."""
+    def _read_answers(self, join: FrameJoin, view: SceneSpec) -> None:
+        """Subscribe to what a perception stack has begun to publish for the agent that is shown."""
+        answers = "/prediction/" if view is view.whole else f"/{view.rig.agent}/prediction/"
         for name, types in self.graph_topics():
             known = next((each for each in types if each in _ANSWER_TYPES), None)
-            if name.startswith(_ANSWERS) and known is not None and name not in self._read_topics:
+            if name.startswith(answers) and known is not None and name not in self._read_topics:
                 topic = Topic(name, known)
                 join.add_topic(topic)
                 self._read(topic)

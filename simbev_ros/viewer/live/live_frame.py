@@ -15,7 +15,7 @@ class LiveScene:
     """A scene that a graph plays.
 
     Attributes:
-        spec: The scene.
+        spec: The scene as the agent that is shown sees it.
         run: Number of the scene among those that the viewer has shown; the same scene may be played again.
     """
 
@@ -44,8 +44,7 @@ class LiveFrame:
     def __init__(self, scene: LiveScene, tick: int, payloads: Sequence[Payloads], ticks_per_s: float | None) -> None:
         self.scene, self.tick, self.stamp_ns = scene, tick, scene.spec.stamp_ns(tick)
         self.ticks_per_s = ticks_per_s
-        agent = scene.spec.rig.agent
-        self._payloads: Mapping[str, Payloads] = {key_of_topic(each.topic.name, agent): each for each in payloads}
+        self._payloads: Mapping[str, Payloads] = {key_of_topic(each.topic.name, scene.spec): each for each in payloads}
         self._values: dict[str, Any] = {}
 
     def __contains__(self, key: object) -> bool:

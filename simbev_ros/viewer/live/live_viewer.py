@@ -35,7 +35,12 @@ class LiveViewer:
         return self._server.page_url
 
     def require_running(self) -> None:
-        """Raise what has ended a part of it; SimbevError if that is Rerun's server."""
+        """Raise what has ended a part of it.
+
+        Raises:
+            SimbevError: Rerun's server has ended.
+            InputError: A scene does not have the agent that is shown.
+        """
         self._server.require_running()
         self._reader.raise_failure()
         self._drawing.raise_failure()
@@ -48,6 +53,7 @@ def running_viewer(
     detail: Detail,
     observer: LiveObserver,
     ros: RosArguments = PLAIN,
+    agent: str | None = None,
 ) -> Iterator[LiveViewer]:
     """Show the graph of the environment's domain for as long as the context is open.
 
@@ -57,6 +63,7 @@ def running_viewer(
         detail: How much is shown; beyond its limit of memory, the earliest is dropped.
         observer: Receives what happens.
         ros: What the nodes of the graph are told, and its namespace.
+        agent: Name of the agent that is shown; None: the first one of each scene.
 
     Raises:
         InputError: The port cannot be used.
@@ -71,7 +78,9 @@ def running_viewer(
         drawing.start(server.data_url)
         rclpy.init(args=ros.for_nodes, signal_handler_options=SignalHandlerOptions.NO)
         stack.callback(try_shutdown)
-        reader = GraphReader(frames, rate_hz, layers=detail.layers, observer=observer, namespace=ros.namespace)
+        reader = GraphReader(
+            frames, rate_hz, layers=detail.layers, observer=observer, namespace=ros.namespace, agent=agent
+        )
         stack.callback(reader.destroy_node)
         stack.enter_context(spinning(reader))
         yield LiveViewer(server, reader, drawing)

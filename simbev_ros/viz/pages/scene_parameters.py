@@ -37,6 +37,7 @@ def _settings(spec: SceneSpec) -> list[str]:
         _row("ego's start", f"lane {ego.start.lane}, {ego.start.s_m:.1f} m"),
         _row("ego's speed factor", f"{ego.speed_factor:.2f}"),
         _row("jaywalking", f"{100 * spec.walker_cross_factor:.0f} % of pedestrians may"),
+        *([_row("agents", ", ".join(rig.agent for rig in spec.rigs))] if spec.agents else []),
         _row("map's file", spec.map.path.rpartition("/")[2] or "built in"),
     ]
 

@@ -76,7 +76,7 @@ def _video_frame(picture: UInt8Array) -> av.VideoFrame:
 
 
 def _sheet(reader: FrameReader, width_px: int) -> ContactSheet:
-    spec = reader.bag.spec
+    spec = reader.views.scene
     start_ns = spec.start_ns if spec else reader.stamps_ns[0]
     facts = _facts(spec) if spec else ""
     captions = Captions(reader.bag.name, facts, len(reader.stamps_ns), start_ns)
@@ -87,6 +87,7 @@ def _sheet(reader: FrameReader, width_px: int) -> ContactSheet:
 
 def _facts(spec: SceneSpec) -> str:
     parts = [
+        *([f"agent {spec.rig.agent}"] if spec.agents else []),
         f"seed {spec.seed}",
         f"{len(spec.vehicles)} vehicles, {len(spec.pedestrians)} pedestrians",
         f"sun {_weather_range(spec, 'sun_altitude_deg')}°",

@@ -1,4 +1,4 @@
-"""Chooses the topics of a bag that a preview shows: cameras, the front one's modalities, lidar, radars and labels.
+"""Chooses the topics of a bag that a preview shows of an agent: cameras, modalities, lidar, radars and labels.
 
 A bag enters; its ``Views``, from which frames are read and panels are drawn, leave.
 """
@@ -14,6 +14,8 @@ from simbev_ros.config.radar import Radar
 from simbev_ros.config.rig import Rig
 from simbev_ros.errors import BagError
 from simbev_ros.recording.indexed_bag import IndexedBag
+from simbev_ros.scene.agents import agent_view
+from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import Float64Array
 from simbev_ros.viz.sheet.layout import LabelPlacement
 from simbev_ros.viz.sheet.truth import TruthTopics
@@ -24,11 +26,11 @@ CAMERA_ORDER = ("front_left", "front", "front_right", "back_left", "back", "back
 MODALITIES = ("semantic", "instance", "depth", "flow")
 """Modalities of the main camera that are shown, in order."""
 
-_IMAGE = re.compile(r"/[^/]+/(?P<camera>[^/]+)/(?P<modality>[^/]+)/image_raw(/compressed(Depth)?)?")
-_POINTS = re.compile(r"/[^/]+/[^/]+/semantic_points")
-_BEV = re.compile(r"/[^/]+/bev/labels")
-_BOXES = re.compile(r"/[^/]+/boxes")
-_ODOMETRY = re.compile(r"/[^/]+/odom")
+_ANY_AGENT = "(?!world/)[^/]+"
+"""Pattern of the agent's name for a bag without a scene."""
+_IMAGE = "(?P<camera>[^/]+)/(?P<modality>[^/]+)/image_raw(/compressed(Depth)?)?"
+_POINTS, _BEV, _BOXES, _ODOMETRY = "[^/]+/semantic_points", "bev/labels", "boxes", "odom"
+"""Patterns of the names of an agent's topics without the agent."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +56,7 @@ class Views:
     """The topics of a bag that a preview shows.
 
     Attributes:
+        scene: The scene as the agent sees it; None: the bag holds none.
         cameras: RGB topic by camera, in panorama order.
         main_camera: The camera whose other modalities are shown.
         modalities: Topic by modality, of the main camera.
@@ -66,6 +69,7 @@ class Views:
         labeled: Cameras over whose pictures ground truth is drawn, by name.
     """
 
+    scene: SceneSpec | None
     cameras: Mapping[str, str]
     main_camera: str
     modalities: Mapping[str, str]
@@ -95,30 +99,35 @@ class Views:
         return {*self.topics, *self.truth.names, *beside}
 
 
-def find_views(bag: IndexedBag, labels: LabelPlacement = "panel") -> Views:
-    """Choose the topics of a bag by patterns of their names; raw images are preferred to compressed ones.
+def find_views(bag: IndexedBag, labels: LabelPlacement = "panel", agent: str | None = None) -> Views:
+    """Choose the topics of an agent by patterns of their names; raw images are preferred to compressed ones.
 
     Args:
         bag: The bag of a scene.
         labels: Where labels are drawn.
+        agent: Name of the agent; None: the first one. If the bag holds no scene, topics of any agent are chosen.
 
     Raises:
         BagError: The bag has no topic that can be shown.
+        KeyError: The scene has no such agent.
     """
-    names = sorted(name for name, topic in bag.topics.items() if len(topic.stamps_ns))
     spec = bag.spec
-    rig = spec.rig if spec else None
+    scene = agent_view(spec, agent) if spec and agent else spec
+    rig = scene.rig if scene else None
+    prefix = f"/{re.escape(rig.agent) if rig else _ANY_AGENT}/"
+    names = sorted(name for name, topic in bag.topics.items() if len(topic.stamps_ns) and re.match(prefix, name))
     images: dict[tuple[str, str], str] = {}
     for name in sorted(names, key=len):
-        if match := _IMAGE.fullmatch(name):
+        if match := re.fullmatch(prefix + _IMAGE, name):
             images.setdefault((match["camera"], match["modality"]), name)
     cameras = sorted({camera for camera, modality in images if modality == "rgb"}, key=_panorama_rank)
     others = sorted({camera for camera, modality in images if modality in MODALITIES}, key=main_camera_rank)
     main = others[0] if others else ""
-    points = _first(_POINTS, names)
-    truth = TruthTopics(_first(_BOXES, names), _first(_ODOMETRY, names), _first(_BEV, names))
+    points, boxes, odometry, bev = (_first(prefix + each, names) for each in (_POINTS, _BOXES, _ODOMETRY, _BEV))
+    truth = TruthTopics(boxes, odometry, bev)
     labeled = cameras if labels == "cameras" else sorted(cameras, key=main_camera_rank)[:1]
     views = Views(
+        scene,
         {camera: images[camera, "rgb"] for camera in cameras},
         main,
         {modality: images[main, modality] for modality in MODALITIES if (main, modality) in images},
@@ -135,8 +144,8 @@ def find_views(bag: IndexedBag, labels: LabelPlacement = "panel") -> Views:
     return views
 
 
-def _first(pattern: re.Pattern[str], names: list[str]) -> str | None:
-    return next((name for name in names if pattern.fullmatch(name)), None)
+def _first(pattern: str, names: list[str]) -> str | None:
+    return next((name for name in names if re.fullmatch(pattern, name)), None)
 
 
 def _radar_poses(rig: Rig | None) -> dict[str, Float64Array]:

@@ -5,13 +5,16 @@ import os
 import random
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from damage import TICK_NS, intact_bag
 from made_up_scene import SENSORS, made_up_spec
 from mcap.writer import Writer
-from ros_messages import string
+from ros_messages import odometry, string
+from several_agents import made_up_agents
 
+from simbev_ros.recording.accounting import Accounting, Schedule
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.qos import QosProfile
 from simbev_ros.recording.reader import SceneBag
@@ -143,3 +146,34 @@ def test_a_bag_without_message_counts_is_not_complete(tmp_path: Path) -> None:
         "c_0.mcap: the recorder's message counts are missing",
         "scene.json: it is missing",
     ]
+
+
+def bag_of_agents(path: Path, *, without: str, config: str = "") -> Path:
+    """A bag of a scene with the agents ego, car and rsu that has the odometry of all but one of them."""
+    spec = made_up_agents()
+    names = [f"/{rig.agent}/odom" for rig in spec.rigs if rig.agent != without]
+    books = Accounting(dict.fromkeys(names, Schedule()), start_ns=spec.start_ns, tick_ns=spec.tick_ns, ticks=spec.ticks)
+    with SceneBagWriter(path) as writer:
+        writer.add_attachment("scene.json", "application/json", spec.model_dump_json().encode())
+        writer.add_attachment("config.yaml", "application/yaml", config.encode())
+        for name in names:
+            writer.add_topic(name, "nav_msgs/msg/Odometry", QosProfile())
+        for tick in range(spec.ticks):
+            for name in names:
+                books.add_message(name, spec.stamp_ns(tick))
+                writer.write(name, spec.stamp_ns(tick), odometry(spec.stamp_ns(tick), np.zeros(3), np.zeros(3)))
+        return writer.finish(books.report().custom_data(path.name))
+
+
+@pytest.mark.parametrize("agent", ["ego", "car", "rsu"])
+def test_each_agent_of_the_scene_has_its_odometry(tmp_path: Path, agent: str) -> None:
+    assert problems(bag_of_agents(tmp_path / "all", without="")) == []
+    expected = [f"/{agent}/odom: the scene has an agent {agent}, but not its odometry"]
+    assert problems(bag_of_agents(tmp_path / "a", without=agent)) == expected
+
+
+@pytest.mark.parametrize("topics", ["{include: ['*'], exclude: ['/c?r/odom']}", "{include: ['/[er]*'], exclude: []}"])
+def test_odometry_that_the_configuration_leaves_out_is_not_missing(tmp_path: Path, topics: str) -> None:
+    config = f"recording: {{topics: {topics}}}"
+    assert problems(bag_of_agents(tmp_path / "a", without="car", config=config)) == []
+    assert len(problems(bag_of_agents(tmp_path / "b", without="ego", config=config))) == 1

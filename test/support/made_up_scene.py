@@ -4,7 +4,7 @@
 """
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -71,13 +71,26 @@ def made_up_scene(
     return record_made_up(path, spec, chunk_bytes=chunk_bytes, typed=typed)
 
 
-def record_made_up(path: Path, spec: SceneSpec, *, chunk_bytes: int = 4 << 20, typed: bool = False) -> MadeUp:
-    """Write a finished bag of a scene; what the first agent has does not depend on the others."""
+def record_made_up(
+    path: Path,
+    spec: SceneSpec,
+    *,
+    chunk_bytes: int = 4 << 20,
+    typed: bool = False,
+    tables: Mapping[str, Table] | None = None,
+) -> MadeUp:
+    """Write a finished bag of a scene; what the first agent has does not depend on the others.
+
+    Args:
+        path: The bag.
+        spec: The scene.
+        chunk_bytes: Size of chunks.
+        typed: Whether to write tables also as typed messages.
+        tables: Further tables by topic, which are written at every tick.
+    """
     made = MadeUp(spec, others={view.rig.agent: [] for view in agent_views(spec)[1:]})
-    rngs = [
-        np.random.default_rng(spec.number),
-        *(np.random.default_rng([spec.number, *name.encode()]) for name in made.others),
-    ]
+    seeds = [spec.number, *([spec.number, *name.encode()] for name in made.others)]
+    agents = [(view, np.random.default_rng(seed)) for view, seed in zip(agent_views(spec), seeds, strict=True)]
     with SceneBagWriter(path, chunk_bytes=chunk_bytes) as writer:
         writer.add_attachment(SCENE_ATTACHMENT, "application/json", spec.model_dump_json().encode())
         writer.add_attachment("config.yaml", "application/yaml", b"seed: 1\n")
@@ -86,14 +99,16 @@ def record_made_up(path: Path, spec: SceneSpec, *, chunk_bytes: int = 4 << 20, t
         writer.write("/world/legend", spec.start_ns, string(json.dumps({**legend(), "signals": SIGNALS})))
         topics: set[str] = set()
         for tick in range(spec.ticks):
-            for view, rng in zip(agent_views(spec), rngs, strict=True):
+            messages = [_message(topic, "", table, spec.stamp_ns(tick)) for topic, table in (tables or {}).items()]
+            for view, rng in agents:
                 values = _values(rng, view, tick)
                 (made.ticks if view is spec else made.others[view.rig.agent]).append(values)
-                for topic, type_name, data in _messages(view, values, tick, typed=typed):
-                    if topic not in topics:
-                        writer.add_topic(topic, type_name, QosProfile())
-                        topics.add(topic)
-                    writer.write(topic, spec.stamp_ns(tick), data)
+                messages += _messages(view, values, tick, typed=typed)
+            for topic, type_name, data in messages:
+                if topic not in topics:
+                    writer.add_topic(topic, type_name, QosProfile())
+                    topics.add(topic)
+                writer.write(topic, spec.stamp_ns(tick), data)
         writer.finish({"scene": spec.name})
     return made
 

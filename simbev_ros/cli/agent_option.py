@@ -12,17 +12,17 @@ AgentOption = Annotated[
 ]
 
 
-def require_agent(agent: str | None, names: Sequence[str], source: object) -> None:
+def require_agent(agent: str, names: Sequence[str], source: object) -> None:
     """Require that an agent that was asked for exists.
 
     Args:
-        agent: Name of the agent; None: none was asked for.
+        agent: Name of the agent.
         names: Names of the agents that there are; empty: they are not known, as the bag holds no scene.
         source: The bag or the scene, for the message.
 
     Raises:
         InputError: There is no such agent.
     """
-    if agent is not None and agent not in names:
+    if agent not in names:
         known = ", ".join(names) or "no scene, so its agents are not known"
         raise InputError(f"--agent {agent!r:.80}: {source} has {known}")

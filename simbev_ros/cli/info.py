@@ -34,6 +34,10 @@ def info(
         typer.Argument(help="A scene's bag, its .mcap file, or a dataset; also as s3://bucket/prefix.", metavar="PATH"),
     ],
     digest: Annotated[bool, typer.Option("--digest", help="One hash per topic over all payloads and stamps.")] = False,
+    agent: Annotated[
+        str | None,
+        typer.Option(help="Only the rig and the topics of this agent of a bag.", metavar="NAME", show_default=False),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
     report: Annotated[
         Path | None,
@@ -44,10 +48,6 @@ def info(
     ] = None,
     videos: Annotated[bool, typer.Option(help="Make a short video of each scene for the report.")] = True,
     workers: Workers = None,
-    agent: Annotated[
-        str | None,
-        typer.Option(help="Only the rig and the topics of this agent of a bag.", metavar="NAME", show_default=False),
-    ] = None,
 ) -> None:
     """Print the content of a recorded scene, finished or not, or of a dataset.
 
@@ -64,10 +64,10 @@ def info(
     simbev info s3://bucket/datasets/first
     """
     pool = processes(workers)
-    page = None if report is None else _page(report)
     place = path_or_url(path)
     if agent is not None and (report is not None or is_dataset(place)):
         raise InputError(f"--agent {agent!r:.80}: is for a scene's bag, without --report")
+    page = None if report is None else _page(report)
     if is_dataset(place):
         bags = _bags_of(place)
         scenes = [_describe_any(bag, digest) for bag in bags]

@@ -106,7 +106,9 @@ def make_preview(
     from simbev_ros.viz.sheet.views import find_views
 
     bag = open_bag(path)
-    require_agent(agent, [rig.agent for rig in bag.spec.rigs] if agent and bag.spec else [], bag.name)
+    if agent is not None:
+        spec = bag.spec
+        require_agent(agent, [rig.agent for rig in spec.rigs] if spec else [], bag.name)
     reader = FrameReader(bag, find_views(bag, labels, agent))
     count = len(reader.stamps_ns)
     index = count // 2 if frame is None else frame

@@ -98,7 +98,8 @@ class Scene(Sequence[Frame]):
         Raises:
             KeyError: The scene has no agent of this name.
         """
-        agent_view(self.spec, name)
+        if name not in self._of_agents:
+            raise KeyError(f"{self.name}: no agent {name!r}; there are: {', '.join(self._of_agents)}")
         return self._of_agents[name]
 
     @property

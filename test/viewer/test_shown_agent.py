@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 import rclpy
-from made_up_scene import boxes
+from made_up_scene import SENSORS, boxes, made_up_spec
 from rclpy.serialization import serialize_message
 from ros_messages import point_cloud
 from several_agents import made_up_agents
@@ -78,3 +78,11 @@ def test_a_scene_without_the_agent_ends_the_viewer_with_the_names_of_those_that_
     with pytest.raises(InputError, match="agent: Blocks-0002: no agent 'bus'; there are: ego, car, rsu"):
         reader.raise_failure()
     reader.destroy_node()
+
+
+def test_the_sheet_of_a_scene_with_several_agents_names_the_shown_one() -> None:
+    pytest.importorskip("rerun", reason="Rerun is not installed: pip install -e .[view]")
+    from simbev_ros.viewer.scene_sheet import scene_sheet
+
+    assert "| agent | rsu, one of 3 |" in scene_sheet(agent_view(SPEC, "rsu"))
+    assert "| agent |" not in scene_sheet(made_up_spec(SENSORS))

@@ -4,12 +4,13 @@ import json
 import re
 from collections import Counter
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 import shapely
-from made_up_scene import made_up_scene
+from made_up_scene import made_up_scene, made_up_spec
 from nuscenes_tables import Tables, digest, export, tables_of
 from PIL import Image
 from scipy.spatial.transform import Rotation
@@ -206,6 +207,7 @@ class _Moving(dict[str, Any]):
     """A frame whose ego is at the map's origin and drives along x."""
 
     map_from_ego = np.eye(4)
+    scene = SimpleNamespace(spec=made_up_spec([]))
 
 
 def test_points_of_a_rolling_scan_are_moved_to_the_stamp() -> None:

@@ -14,6 +14,12 @@ class Model(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
+    def __eq__(self, other: object) -> bool:
+        """Whether all fields are equal; arrays that properties have cached do not count."""
+        return type(self) is type(other) and all(
+            getattr(self, name) == getattr(other, name) for name in type(self).model_fields
+        )
+
 
 def first_problem(error: ValidationError) -> str:
     """The first error of a validation as one line: field, requirement, and the value if there is one."""

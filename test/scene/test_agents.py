@@ -12,6 +12,7 @@ from pydantic import ValidationError
 from pydantic_core import PydanticSerializationError
 from several_agents import blocks_agents, car, made_up_agents, roadside_unit, with_agents
 
+from simbev_ros.config.sensor import Pose
 from simbev_ros.scene.agents import STATION_IDS, agent_view, agent_views, ego_row, seen_by
 from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.frames import ego_size_m
@@ -189,3 +190,9 @@ def test_further_agents_are_in_the_text_without_what_is_default() -> None:
     first, second = json.loads(made_up_agents().model_dump_json())["agents"]
     assert (first["vehicle"], first["station"], second["vehicle"]) == (2, None, None)
     assert {"frames", "base_link_x_m"}.isdisjoint(first.keys() | second.keys())
+
+
+def test_poses_are_equal_whatever_they_have_cached() -> None:
+    first, second = Pose(x_m=1.0), Pose(x_m=1.0)
+    assert first.ego_from_sensor is not second.ego_from_sensor
+    assert first == second and hash(first) == hash(second) and first != Pose(x_m=2.0)

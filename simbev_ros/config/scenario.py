@@ -1,5 +1,7 @@
 """The configuration file as a pydantic model, ``Scenario``, with a model for each section; defaults as in the paper."""
 
+from collections.abc import Sequence
+from fnmatch import fnmatchcase
 from typing import Annotated, Literal, Self
 
 import yaml
@@ -203,6 +205,12 @@ class RecordedTopics(Model):
             if not pattern.startswith(("/", "*", "?", "[")):
                 raise ValueError(f"{pattern!r} matches no topic: names of topics begin with a slash")
         return self
+
+    def __contains__(self, name: object) -> bool:
+        def is_matched(patterns: Sequence[str]) -> bool:
+            return any(fnmatchcase(str(name), pattern) for pattern in patterns)
+
+        return is_matched(self.include) and not is_matched(self.exclude)
 
 
 class Recording(Model):

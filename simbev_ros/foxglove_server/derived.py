@@ -206,11 +206,6 @@ def _record(message: Any) -> dict[str, Any]:
     return record
 
 
-def _pose(stamp_ns: int, odometry: Any) -> PathPose:
-    position, turn = odometry.pose.pose.position, odometry.pose.pose.orientation
-    return PathPose(stamp_ns, [position.x, position.y, position.z], [turn.x, turn.y, turn.z, turn.w])
-
-
 class _PathMaker:
     """Makes the path up to a message; when the first one is wanted, it reads all of them."""
 
@@ -221,13 +216,13 @@ class _PathMaker:
     def __call__(self, stamp_ns: int, odometry: Any) -> bytes:
         if self._path is None:
             self._path = self._read()
-        return self._path.message(_pose(stamp_ns, odometry))
+        return self._path.message(PathPose.of_odometry(odometry, stamp_ns))
 
     def _read(self) -> EgoPath:
         path = EgoPath()
         try:
             for message in self._bag.messages([self._topic]):
-                path.add(_pose(message.stamp_ns, self._bag.decode(message)))
+                path.add(PathPose.of_odometry(self._bag.decode(message), message.stamp_ns))
         except BagError:  # it is reported when it is played
             return path
         return path

@@ -4,11 +4,11 @@ All of them follow from the scene's specification; nodes take theirs from here. 
 gives the topics of all agents of a scene, one with the parameter ``view`` those of one agent. Pure: imports no ROS.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 
 from simbev_ros.config.camera import Camera
+from simbev_ros.config.scenario import RecordedTopics
 from simbev_ros.msgs.annotation_topics import annotation_topics
 from simbev_ros.msgs.sensor_topics import label_info_topic, picture_topics, sensor_topics
 from simbev_ros.msgs.topic import Topic, agent_topic
@@ -150,17 +150,12 @@ def tf_topic() -> Topic:
 
 @dataclass(frozen=True, slots=True)
 class TopicFilter:
-    """Filter for the recorded topics: those that match an ``include`` and no ``exclude`` pattern, as in a shell."""
+    """Filter for the recorded topics: those that the configuration chooses, and those that a replay needs."""
 
-    include: Sequence[str] = ("*",)
-    exclude: Sequence[str] = ()
+    chosen: RecordedTopics
 
     def __contains__(self, name: object) -> bool:
-        return name in REPLAY_TOPICS or (self._matches(name, self.include) and not self._matches(name, self.exclude))
-
-    @staticmethod
-    def _matches(name: object, patterns: Sequence[str]) -> bool:
-        return any(fnmatchcase(str(name), pattern) for pattern in patterns)
+        return name in REPLAY_TOPICS or name in self.chosen
 
 
 def manifest(spec: SceneSpec, *, compressed_images: bool) -> tuple[Topic, ...]:

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
+from simbev_ros.config.scenario import RecordedTopics
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.annotation_topics import Label, annotator_inputs
 from simbev_ros.msgs.qos import STATE, STATE_READER, rclpy_qos
@@ -71,7 +72,9 @@ class Participant(GraphNode):
         exclude = self.declare_read_only(
             "exclude_topics", [], "Patterns that no recorded topic matches", allowed=_PATTERNS
         )
-        self._recorded_topics = topics.TopicFilter(include or ("*",), exclude)
+        self._recorded_topics = topics.TopicFilter(
+            RecordedTopics(include=tuple(include or ["*"]), exclude=tuple(exclude))
+        )
         self.annotated: bool = self.declare_read_only(
             "annotated", False, "An annotator reads clouds, instance images or views: wait until it is connected"
         )

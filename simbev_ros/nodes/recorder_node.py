@@ -89,7 +89,7 @@ class RecorderNode(GraphNode):
         self._spec = spec = SceneSpec.model_validate_json(scene_json)
         self._end, self._lead_in, self._clock_ns = None, [], -1
         self._loaded_reported = False
-        chosen = topics.TopicFilter(self._recording.topics.include, self._recording.topics.exclude)
+        chosen = topics.TopicFilter(self._recording.topics)
         typed = typed_topics(spec) if "messages" in self._recording.forms else ()
         sent = topics.manifest(spec, compressed_images=self._recording.images == "compressed")
         all_topics = (*sent, *(each.topic for each in typed))

@@ -3,7 +3,6 @@
 from collections import ChainMap
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ from mcap.records import Message
 from rosbags.serde import SerdeError
 
 from simbev_ros.annotation.trajectories import tracks_from_npz
+from simbev_ros.config.scenario import RecordedTopics
 from simbev_ros.errors import BagError
 from simbev_ros.interfaces.message_types import types_with
 from simbev_ros.object_store.object_path import AnyPath
@@ -198,8 +198,7 @@ def _agent_faults(attachments: Mapping[str, bytes], path: Path, recorded: Collec
 def _is_left_out(topic: str, attachments: Mapping[str, bytes]) -> bool:
     """Whether the attached configuration leaves a topic out of the recording."""
     try:
-        patterns = parse_yaml(attachments[CONFIG_ATTACHMENT])["recording"]["topics"]
-        included, excluded = (any(fnmatchcase(topic, p) for p in patterns[name]) for name in ("include", "exclude"))
+        chosen = RecordedTopics.model_validate(parse_yaml(attachments[CONFIG_ATTACHMENT])["recording"]["topics"])
     except (ValueError, LookupError, TypeError):  # it is not the recorder's
         return False
-    return excluded or not included
+    return topic not in chosen

@@ -21,7 +21,7 @@ NAMES = (CAMERA, "/ego/cam_front/rgb/camera_info", "/ego/lidar/points", "/tf")
     ],
 )
 def test_patterns_choose_topics(include: list[str], exclude: list[str], recorded: set[str]) -> None:
-    chosen = TopicFilter(include, exclude)
+    chosen = TopicFilter(RecordedTopics(include=tuple(include), exclude=tuple(exclude)))
     assert {name for name in NAMES if name in chosen} == recorded
     assert all(name in chosen for name in REPLAY_TOPICS)
 

@@ -51,14 +51,6 @@ class BevModel(nn.Module):
         self.trunk = BevTrunk(_CHANNELS, _CHANNELS)
         self.heads = Heads(_CHANNELS, _FINE_CHANNELS if self.lidar is not None else 0)
 
-    def compile_parts(self) -> None:
-        """Let torch compile, at the first batch, the parts whose shapes do not depend on the number of points."""
-        parts = [self.trunk, self.heads, self.fuse]
-        if self.cameras is not None:
-            parts.append(self.cameras.images)
-        for part in parts:
-            part.compile(dynamic=False)
-
     def forward(self, inputs: Inputs) -> Outputs:
         """Outputs for a batch."""
         branches, fine, depth = [], None, None

@@ -45,7 +45,6 @@ def train(
     device: torch.device,
     workers: int,
     report: Callable[[Progress], None],
-    compile_parts: bool = False,
 ) -> None:
     """Train a baseline, or go on where its checkpoint in ``out`` stands; the folder then holds the final checkpoint.
 
@@ -56,7 +55,6 @@ def train(
         device: Where to train.
         workers: Processes that make batches; 0: none.
         report: Called every few steps.
-        compile_parts: Whether torch compiles the convolutions first.
 
     Raises:
         InputError: The cache has too few samples, or the checkpoint is of another configuration.
@@ -74,8 +72,6 @@ def train(
     path = out / CHECKPOINT_FILE
     if path.exists():
         step = _resume(path, training, model, average, optimizer)
-    if compile_parts:
-        model.compile_parts()
     with SummaryWriter(str(out / "log"), purge_step=step) as log:
         logged_s, logged = time.perf_counter(), step
         for batch in _loader(data, range(step, steps), workers, device):

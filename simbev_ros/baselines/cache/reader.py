@@ -78,6 +78,11 @@ class CachedScene:
         """(F,) ``FRAME_DTYPE``."""
         return np.asarray(self._map("frames"))
 
+    @property
+    def boxes(self) -> Table:
+        """(B,) ``BOX_DTYPE`` boxes of all frames."""
+        return np.asarray(self._arrays["boxes"])
+
     @cached_property
     def _arrays(self) -> dict[str, AnyArray]:
         names = ("sweeps", "points", "images", "image_ends", "depth", "cells", "boxes", "pixels")

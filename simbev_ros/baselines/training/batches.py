@@ -14,6 +14,7 @@ from simbev_ros.baselines.frames import sweep_ages_ns
 from simbev_ros.baselines.grid import HALF_M, level_from_map
 from simbev_ros.baselines.training.augmentation import Warp
 from simbev_ros.baselines.training.config import Training
+from simbev_ros.baselines.training.pasting import frames_with_rare_objects, paste
 from simbev_ros.types import Float32Array, Float64Array
 
 _MAX_CENTER_M = HALF_M - 1e-3
@@ -83,9 +84,12 @@ class CachedBatches(Dataset[Batch]):
     def __init__(self, scenes: Sequence[CachedScene], training: Training, *, augmented: bool = True) -> None:
         self._scenes, self._modality, self._batch_size = list(scenes), training.modality, training.batch_size
         self._augmentation, self._seed = training.augmentation if augmented else None, training.seed
-        self._sweep_ages_ns = sweep_ages_ns(training.sweep_ages_s)
+        self._sweep_ages_s, self._sweep_ages_ns = training.sweep_ages_s, sweep_ages_ns(training.sweep_ages_s)
         self._samples = [(scene, frame) for scene in range(len(scenes)) for frame in range(len(scenes[scene].frames))]
 
+        # Images would not show what is pasted.
+        pasting = augmented and training.augmentation.pasting > 0 and not training.modality.has_cameras
+        self._donors = frames_with_rare_objects(scenes) if pasting else []
         self.steps_per_epoch = len(self._samples) // training.batch_size
 
     def __getitem__(self, step: int) -> Batch:
@@ -105,6 +109,10 @@ class CachedBatches(Dataset[Batch]):
             warp, amount = Warp.draw(self._augmentation, rng), self._augmentation.brightness
             gain = (rng.uniform(1 - amount, 1 + amount), 128.0 * rng.uniform(-amount, amount))
             left_out = rng.uniform(0.0, self._augmentation.thinning)
+            if self._donors and rng.random() < self._augmentation.pasting:
+                donor, donor_frame = self._donors[rng.integers(len(self._donors))]
+                others = self._scenes[donor].sample(donor_frame, self._sweep_ages_ns)
+                sample = paste(sample, others, self._sweep_ages_s)
         boxes = warp.boxes(sample.boxes[sample.boxes["points"] > 0])
         boxes = boxes[np.maximum(np.abs(boxes["x"]), np.abs(boxes["y"])) < _MAX_CENTER_M]
         names = ("class", "x", "y", "z", "length", "width", "height", "yaw", "vx", "vy")

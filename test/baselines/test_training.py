@@ -17,6 +17,7 @@ from simbev_ros.baselines.modality import Modality  # noqa: E402
 from simbev_ros.baselines.model.bev_model import BevModel  # noqa: E402
 from simbev_ros.baselines.model.cameras import depth_index  # noqa: E402
 from simbev_ros.baselines.model.pillars import CHANNELS, PILLARS, pillar_statistics  # noqa: E402
+from simbev_ros.baselines.training.augmentation import Thinning  # noqa: E402
 from simbev_ros.baselines.training.batches import CachedBatches  # noqa: E402
 from simbev_ros.baselines.training.config import Augmentation, Training  # noqa: E402
 from simbev_ros.baselines.training.export import ExportedModel, export_model, export_run  # noqa: E402
@@ -26,7 +27,7 @@ from simbev_ros.baselines.training.targets import targets_of  # noqa: E402
 from simbev_ros.errors import InputError  # noqa: E402
 from simbev_ros.semantics import BEV_CLASSES  # noqa: E402
 
-WILD = Augmentation(rotation_deg=180, scale=0.2, thinning=0)
+WILD = Augmentation(rotation_deg=180, scale=0.2, thinning=0, every_second_ring=0)
 
 
 def batches(cache: Path, modality: Modality, augmentation: Augmentation | None, size: int = 2) -> CachedBatches:
@@ -183,7 +184,23 @@ def test_a_checkpoint_that_is_none_is_named(tmp_path: Path) -> None:
 
 def test_thinning_leaves_out_another_share_of_the_points_of_each_sample(tmp_path: Path) -> None:
     whole = len(batches(tmp_path / "whole", Modality.LIDAR, None)[0].part)
-    thinned = batches(tmp_path / "thinned", Modality.LIDAR, Augmentation(thinning=0.6))
+    thinned = batches(tmp_path / "thinned", Modality.LIDAR, Augmentation(thinning=0.6, every_second_ring=0))
     shares = np.array([len(thinned[step].part) for step in range(40)]) / whole
     assert 0.4 < shares.min() < 0.55
     assert 0.85 < shares.max() < 1
+
+
+def test_a_coarse_lidar_has_every_second_ring() -> None:
+    elevation_deg = np.repeat(np.linspace(10.67, -30.67, 128), 256)
+    azimuth_rad = np.tile(np.linspace(-np.pi, np.pi, 256), 128)
+    ahead = np.cos(np.radians(elevation_deg))
+    rays = np.column_stack(
+        [ahead * np.cos(azimuth_rad), ahead * np.sin(azimuth_rad), np.sin(np.radians(elevation_deg))]
+    )
+    points_cm = np.rint(100 * (rays * np.random.default_rng(0).uniform(20, 60, (len(rays), 1)) + [0, 0, 1.8]))
+    kept = Thinning(share=0.0, coarse=True, phase=0.3).kept(points_cm.astype(np.int16), np.random.default_rng(0))
+    ring = np.rint((10.67 - np.degrees(np.arctan2(kept[:, 2] - 180, np.hypot(kept[:, 0], kept[:, 1])))) * 127 / 41.34)
+    rings, counts = np.unique(ring, return_counts=True)
+    assert len(rings) == 64
+    assert set(np.diff(rings)) == {2}
+    assert set(counts) == {256}

@@ -1,11 +1,17 @@
-"""Random flips, rotation and scale of the bird's-eye view, one linear map for points, boxes, cameras and the grid."""
+"""Random changes of a sample: one linear map for points, boxes, cameras and the grid; and lidars with fewer points."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from simbev_ros.baselines.cache.layout import CM_PER_M
 from simbev_ros.baselines.training.config import Augmentation
-from simbev_ros.types import Float32Array, Float64Array, Table
+from simbev_ros.types import AnyArray, Float32Array, Float64Array, Table
+
+LIDAR_M = 1.8
+"""Height of the lidar above the ego's origin."""
+_RING_DEG = 41.34 / 127
+"""Angle between two rings of the lidar in config/rigs/baselines.yaml."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,3 +58,33 @@ class Warp:
     def projections(self, pixel_from_level: Float32Array) -> Float32Array:
         """(K, 3, 4) projections of a sample."""
         return np.asarray(pixel_from_level @ np.linalg.inv(self.warped_from_level), np.float32)
+
+
+@dataclass(frozen=True)
+class Thinning:
+    """Which points of a sample are left out.
+
+    Attributes:
+        share: Share of the points that are left out at random.
+        coarse: Whether every second ring is left out: stripes of elevation.
+        phase: Where the stripes begin, 0 … 2.
+    """
+
+    share: float
+    coarse: bool
+    phase: float
+
+    @classmethod
+    def draw(cls, augmentation: Augmentation, rng: np.random.Generator) -> "Thinning":
+        """Draw what is left out."""
+        share, coarse = rng.uniform(0.0, augmentation.thinning), rng.random() < augmentation.every_second_ring
+        return cls(float(share), bool(coarse), float(rng.uniform(0.0, 2.0)))
+
+    def kept(self, points_cm: AnyArray, rng: np.random.Generator) -> AnyArray:
+        """(N, 3) int16 points of a sweep, ego frame, without those that are left out."""
+        kept = rng.random(len(points_cm), np.float32) >= self.share
+        if self.coarse:
+            x, y, z = points_cm.astype(np.float32).T
+            elevation_deg = np.degrees(np.arctan2(z - LIDAR_M * CM_PER_M, np.hypot(x, y)))
+            kept &= (elevation_deg / _RING_DEG + self.phase) % 2.0 < 1.0
+        return points_cm[kept]

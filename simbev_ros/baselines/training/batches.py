@@ -12,7 +12,7 @@ from simbev_ros.baselines.cache.layout import CM_PER_M
 from simbev_ros.baselines.cache.reader import CachedScene
 from simbev_ros.baselines.frames import sweep_ages_ns
 from simbev_ros.baselines.grid import HALF_M, level_from_map
-from simbev_ros.baselines.training.augmentation import Warp
+from simbev_ros.baselines.training.augmentation import Thinning, Warp
 from simbev_ros.baselines.training.config import Training
 from simbev_ros.baselines.training.pasting import frames_with_rare_objects, paste
 from simbev_ros.types import Float32Array, Float64Array
@@ -104,11 +104,11 @@ class CachedBatches(Dataset[Batch]):
         scene, frame = self._samples[number]
         sample = self._scenes[scene].sample(frame, self._sweep_ages_ns)
         rng = np.random.default_rng([self._seed, epoch, number])
-        warp, gain, left_out = Warp(np.eye(2), 1.0), (1.0, 0.0), 0.0
+        warp, gain, thinning = Warp(np.eye(2), 1.0), (1.0, 0.0), Thinning(0.0, False, 0.0)
         if self._augmentation is not None:
             warp, amount = Warp.draw(self._augmentation, rng), self._augmentation.brightness
             gain = (rng.uniform(1 - amount, 1 + amount), 128.0 * rng.uniform(-amount, amount))
-            left_out = rng.uniform(0.0, self._augmentation.thinning)
+            thinning = Thinning.draw(self._augmentation, rng)
             if self._donors and rng.random() < self._augmentation.pasting:
                 donor, donor_frame = self._donors[rng.integers(len(self._donors))]
                 others = self._scenes[donor].sample(donor_frame, self._sweep_ages_ns)
@@ -118,7 +118,7 @@ class CachedBatches(Dataset[Batch]):
         names = ("class", "x", "y", "z", "length", "width", "height", "yaw", "vx", "vy")
         none = np.zeros((0, 3), np.int16)
         sweeps = [
-            none if each is None or not self._modality.has_lidar else each[rng.random(len(each)) >= left_out]
+            none if each is None or not self._modality.has_lidar else thinning.kept(each, rng)
             for each in sample.sweeps_cm
         ]
         images = sample.images() if self._modality.has_cameras else np.zeros((0, 0, 0, 3), np.uint8)

@@ -20,6 +20,9 @@ class Augmentation(Model):
     rotation_deg: float = Field(45.0, ge=0, le=180, description="maximum rotation about z, in both directions")
     scale: float = Field(0.1, ge=0, lt=0.5, description="maximum change of scale: 0.1 is a factor of 0.9 to 1.1")
     thinning: float = Field(0.5, ge=0, lt=1, description="maximum share of the lidar's points that is left out")
+    every_second_ring: float = Field(
+        0.25, ge=0, le=1, description="share of samples that see every second ring of the lidar, as of a coarser one"
+    )
     pasting: float = Field(
         0.5, ge=0, le=1, description="share of samples that get trucks, buses and two-wheelers of others; lidar alone"
     )

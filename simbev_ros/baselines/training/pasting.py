@@ -16,6 +16,7 @@ from simbev_ros.baselines.boxes import DETECTED_CLASSES
 from simbev_ros.baselines.cache.layout import CM_PER_M
 from simbev_ros.baselines.cache.reader import CachedScene, Sample
 from simbev_ros.baselines.grid import CELL_M, CELLS, HALF_M, level_from_map
+from simbev_ros.baselines.training.augmentation import LIDAR_M
 from simbev_ros.semantics import BEV_CLASSES
 from simbev_ros.types import AnyArray, Float64Array, Table
 
@@ -40,8 +41,6 @@ _MAX_STEP_M = 1.0
 """Maximum difference in the height of the ground."""
 _ABOVE_GROUND_M = 0.08
 """Lower points are the ground's."""
-_LIDAR_M = 1.8
-"""Height of the lidar above the ego's origin: shadows need not be exact."""
 
 
 def frames_with_rare_objects(scenes: Sequence[CachedScene]) -> list[tuple[int, int]]:
@@ -137,11 +136,11 @@ class _Cloud:
             range_cm = float(np.linalg.norm(center_cm))
             toward = center_cm / range_cm
             slopes = [(toward[0] * y - toward[1] * x) / max(toward @ (x, y), 1.0) for x, y in corners_cm]
-            top_cm = (at["z"] + at["height"] / 2 + ego_from_level[2, 3] - _LIDAR_M) * CM_PER_M
+            top_cm = (at["z"] + at["height"] / 2 + ego_from_level[2, 3] - LIDAR_M) * CM_PER_M
             x, y, z = points.astype(np.float32).T
             along, across = toward[0] * x + toward[1] * y, toward[0] * y - toward[1] * x
             hidden = (along > range_cm) & (across > min(slopes) * along) & (across < max(slopes) * along)
-            hidden &= (z - _LIDAR_M * CM_PER_M) * range_cm < top_cm * along
+            hidden &= (z - LIDAR_M * CM_PER_M) * range_cm < top_cm * along
             reach_cm = CM_PER_M * np.hypot(at["length"], at["width"]) / 2
             near = np.flatnonzero((np.abs(x - center_cm[0]) < reach_cm) & (np.abs(y - center_cm[1]) < reach_cm))
             level = points[near] / CM_PER_M @ pose[:3, :3].T + pose[:3, 3]

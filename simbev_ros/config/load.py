@@ -91,12 +91,14 @@ def _with_rigs(data: dict[str, Any], origins: Origins) -> dict[str, Any]:
 def _with_rig(agent: dict[str, Any], keys: Keys, origins: Origins) -> dict[str, Any]:
     """Copy of an agent's data with its rig as a mapping."""
     rig, keys = agent.get("rig"), (*keys, "rig")
+    if rig is None:
+        return agent
     if isinstance(rig, str):
         path = _find_rig(rig, origins.where(keys), origins.file.path)
         rig_file = next((file for file in origins.rig_files.values() if file.path == path), None) or YamlFile(path)
         origins.rig_files[keys] = rig_file
         rig = rig_file.data
-    return agent if rig is None else {**agent, "rig": _expanded_rig(rig, keys, origins)}
+    return {**agent, "rig": _expanded_rig(rig, keys, origins)}
 
 
 def _expanded_rig(data: Any, keys: Keys, origins: Origins) -> Any:
@@ -132,23 +134,20 @@ def _with_first_agent(data: dict[str, Any], origins: Origins) -> dict[str, Any]:
     for key in ("count", "near"):
         if first.pop(key, None) is not None:
             raise InputError(f"{origins.where(('agents', 0, key))}: only agents after the first one can have it")
-    sections = {key: first.pop(key) for key in _AGENT_SECTIONS if first.get(key) is not None} | {"ego": first}
+    sections = {key: first.pop(key, None) for key in ("rig", "frames", "annotation")} | {"ego": first}
+    sections = {key: section for key, section in sections.items() if section is not None}
     for key in sections:
         if key in data:
             raise InputError(f"{origins.where((key,))}: leave it out; agents[0] describes the first agent")
     if isinstance(sections.get("rig"), dict):
         sections["rig"] = {**sections["rig"], "agent": name}
     origins.moved = {
+        **{(key,): ("agents", 0, key) for key in ("rig", *sections)},
         ("rig", "agent"): ("agents", 0, "name"),
-        **{(key,): ("agents", 0, key) for key in _AGENT_SECTIONS},
         ("ego",): ("agents", 0),
         **{("agents", index): ("agents", index + 1) for index in range(len(agents) - 1)},
     }
     return {**data, **sections, "agents": agents[1:]}
-
-
-_AGENT_SECTIONS = ("rig", "frames", "annotation")
-"""Sections of the first agent that the other agents have as fields."""
 
 
 def _with_absolute_maps(data: dict[str, Any], file: YamlFile) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """The base of all configuration models: frozen; unknown keys, NaN and infinity are refused."""
 
+from collections.abc import Sequence
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -19,6 +20,29 @@ class Model(BaseModel):
         return type(self) is type(other) and all(
             getattr(self, name) == getattr(other, name) for name in type(self).model_fields
         )
+
+
+Keys = tuple[str | int, ...]
+"""Keys and indices that lead from a model, or from the top of a file, to a field."""
+
+
+class FieldError(ValueError):
+    """A field contradicts another one, which only the validator of a model above both can see.
+
+    Args:
+        keys: Path from that model to the field.
+        problem: The message.
+    """
+
+    def __init__(self, keys: Sequence[str | int], problem: str) -> None:
+        super().__init__(f"{dotted_path(keys)}: {problem}")
+        self.keys: Keys = tuple(keys)
+        self.problem = problem
+
+
+def dotted_path(keys: Sequence[str | int]) -> str:
+    """Keys and indices as messages show them: ``agents[1].spawn``."""
+    return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in keys).removeprefix(".")
 
 
 def first_problem(error: ValidationError) -> str:

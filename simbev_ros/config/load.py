@@ -11,8 +11,9 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from simbev_ros.config.base import short_repr
+from simbev_ros.config.base import FieldError, Keys, short_repr
 from simbev_ros.config.map_files import MAP_SUFFIXES, expand_home
+from simbev_ros.config.origins import Origins
 from simbev_ros.config.paths import shipped_config_dir
 from simbev_ros.config.rig import SENSOR_KINDS
 from simbev_ros.config.scenario import Scenario
@@ -53,15 +54,9 @@ def _read(file: YamlFile) -> Scenario:
     data = file.data
     if not isinstance(data, dict):
         raise InputError(f"{file.path}: must be a mapping of sections, not {short_repr(data)}")
-    data = _with_absolute_maps(data, file)
-    rig = data.get("rig")
-    if isinstance(rig, str):
-        rig_file = YamlFile(_find_rig(rig, file.path))
-        data = {**data, "rig": expand_rig(rig_file.data, rig_file.path)}
-        return _validate(data, file, rig_file)
-    if rig is not None:
-        data = {**data, "rig": expand_rig(rig, file.path)}
-    return _validate(data, file, None)
+    origins = Origins(file)
+    data = _with_rigs(_with_absolute_maps(data, file), origins)
+    return _validate(_with_first_agent(data, origins), origins)
 
 
 def find_config(path_or_name: str | Path) -> Path:
@@ -81,29 +76,78 @@ def find_config(path_or_name: str | Path) -> Path:
     raise InputError(f"{path}: no such file; shipped configurations are {', '.join(shipped)}")
 
 
-def expand_rig(data: Any, path: Path) -> Any:
-    """Copy of a rig's data in which its ``defaults`` (by sensor type) are written into each sensor.
+def _with_rigs(data: dict[str, Any], origins: Origins) -> dict[str, Any]:
+    """Copy of the data with the rigs of all agents as mappings, which files of their own may hold."""
+    data, agents = _with_rig(data, (), origins), data.get("agents")
+    if not isinstance(agents, list):
+        return data
+    entries = [
+        _with_rig(entry, ("agents", index), origins) if isinstance(entry, dict) else entry
+        for index, entry in enumerate(agents)
+    ]
+    return {**data, "agents": entries}
 
-    Raises:
-        InputError: ``defaults`` is invalid.
-    """
+
+def _with_rig(agent: dict[str, Any], keys: Keys, origins: Origins) -> dict[str, Any]:
+    """Copy of an agent's data with its rig as a mapping."""
+    rig, keys = agent.get("rig"), (*keys, "rig")
+    if rig is None:
+        return agent
+    if isinstance(rig, str):
+        path = _find_rig(rig, origins.where(keys), origins.file.path)
+        rig_file = next((file for file in origins.rig_files.values() if file.path == path), None) or YamlFile(path)
+        origins.rig_files[keys] = rig_file
+        rig = rig_file.data
+    return {**agent, "rig": _expanded_rig(rig, keys, origins)}
+
+
+def _expanded_rig(data: Any, keys: Keys, origins: Origins) -> Any:
+    """Copy of a rig's data in which its ``defaults`` (by sensor type) are written into each sensor."""
     if not isinstance(data, dict) or "defaults" not in data:
         return data
-    data = dict(data)
+    data, where = dict(data), origins.where((*keys, "defaults"))
     defaults = data.pop("defaults")
     if not isinstance(defaults, dict) or not all(isinstance(entry, dict) for entry in defaults.values()):
-        raise InputError(f"{path}: defaults: must map sensor types to properties")
+        raise InputError(f"{where}: must map sensor types to properties")
     sensors = data.get("sensors")
     if isinstance(sensors, list):
         types = [sensor.get("type") for sensor in sensors if isinstance(sensor, dict)]
         unused = [kind for kind in defaults if kind not in types]
         if unused:
-            raise InputError(f"{path}: defaults: no sensor of type {', '.join(map(str, unused))} is in the rig")
+            raise InputError(f"{where}: no sensor of type {', '.join(map(str, unused))} is in the rig")
         data["sensors"] = [
             {**defaults.get(str(sensor.get("type")), {}), **sensor} if isinstance(sensor, dict) else sensor
             for sensor in sensors
         ]
     return data
+
+
+def _with_first_agent(data: dict[str, Any], origins: Origins) -> dict[str, Any]:
+    """Copy of data without ``rig``, in which the first entry of ``agents`` becomes the sections of the first agent."""
+    agents = data.get("agents")
+    if "rig" in data or not (isinstance(agents, list) and agents and isinstance(agents[0], dict)):
+        return data
+    first = dict(agents[0])
+    if "name" not in first:
+        raise InputError(f"{origins.where(('agents', 0, 'name'))}: is missing")
+    name = first.pop("name")
+    for key in ("count", "near"):
+        if first.pop(key, None) is not None:
+            raise InputError(f"{origins.where(('agents', 0, key))}: only agents after the first one can have it")
+    sections = {key: first.pop(key, None) for key in ("rig", "frames", "annotation")} | {"ego": first}
+    sections = {key: section for key, section in sections.items() if section is not None}
+    for key in sections:
+        if key in data:
+            raise InputError(f"{origins.where((key,))}: leave it out; agents[0] describes the first agent")
+    if isinstance(sections.get("rig"), dict):
+        sections["rig"] = {**sections["rig"], "agent": name}
+    origins.moved = {
+        **{(key,): ("agents", 0, key) for key in ("rig", *sections)},
+        ("rig", "agent"): ("agents", 0, "name"),
+        ("ego",): ("agents", 0),
+        **{("agents", index): ("agents", index + 1) for index in range(len(agents) - 1)},
+    }
+    return {**data, **sections, "agents": agents[1:]}
 
 
 def _with_absolute_maps(data: dict[str, Any], file: YamlFile) -> dict[str, Any]:
@@ -124,27 +168,28 @@ def _with_absolute_maps(data: dict[str, Any], file: YamlFile) -> dict[str, Any]:
     return {**data, "scenes": entries}
 
 
-def _find_rig(name: str, config_path: Path) -> Path:
+def _find_rig(name: str, where: str, config_path: Path) -> Path:
+    """Path of a rig's file; ``where`` begins the messages."""
     if Path(name).suffix not in CONFIG_SUFFIXES:
-        raise InputError(
-            f"{config_path}: rig: must be a file that ends in {' or '.join(CONFIG_SUFFIXES)}, not {name!r}"
-        )
+        raise InputError(f"{where}: must be a file that ends in {' or '.join(CONFIG_SUFFIXES)}, not {name!r}")
     candidates = [config_path.parent / name, shipped_config_dir() / name]
     for candidate in candidates:
         if is_file(candidate):
             return candidate
-    raise InputError(f"{config_path}: rig: no such file: {candidates[0]}")
+    raise InputError(f"{where}: no such file: {candidates[0]}")
 
 
-def _validate(data: dict[str, Any], file: YamlFile, rig_file: YamlFile | None) -> Scenario:
+def _validate(data: dict[str, Any], origins: Origins) -> Scenario:
     try:
-        return Scenario.model_validate(data)
+        scenario = Scenario.model_validate(data)
     except ValidationError as error:
         entries = _deepest_errors(error.errors(), data)
-        lines = [_explain(entry, data, file, rig_file) for entry in entries[:_MAX_ERRORS]]
+        lines = [_explain(entry, data, origins) for entry in entries[:_MAX_ERRORS]]
         if len(entries) > _MAX_ERRORS:
-            lines.append(f"{file.path}: and {len(entries) - _MAX_ERRORS:,} more errors")
+            lines.append(f"{origins.file.path}: and {len(entries) - _MAX_ERRORS:,} more errors")
         raise InputError("\n".join(dict.fromkeys(lines))) from None
+    scenario.origins.update(origins.of_agents(data))
+    return scenario
 
 
 _MAX_ERRORS = 50
@@ -158,15 +203,14 @@ def _deepest_errors(entries: Sequence[Any], data: Any) -> list[Any]:
     return [entry for entry, location in zip(entries, locations, strict=True) if location not in above]
 
 
-def _explain(entry: Any, data: Any, file: YamlFile, rig_file: YamlFile | None) -> str:
+def _explain(entry: Any, data: Any, origins: Origins) -> str:
     """Line of text that explains an error from pydantic."""
     keys = _keys_in_data(entry["loc"], data)
-    source, source_keys = (rig_file, keys[1:]) if rig_file and keys[:1] == ["rig"] else (file, keys)
-    line = source.line_of(source_keys)
-    field = _dotted_path(source_keys)
     message = entry["msg"].removeprefix("Value error, ")
-    if entry["type"] == "extra_forbidden":
-        message = f"unknown key{_suggestion(str(keys[-1]), entry['loc'], data)}"
+    if isinstance(error := entry.get("ctx", {}).get("error"), FieldError):
+        keys, message = [*keys, *error.keys], error.problem
+    elif entry["type"] == "extra_forbidden":
+        message = f"unknown key{_suggestion(str(keys[-1]), origins.in_file(entry['loc']))}"
     elif entry["type"] == "missing":
         message = "is missing"
     elif entry["type"] == "too_short":
@@ -175,7 +219,7 @@ def _explain(entry: Any, data: Any, file: YamlFile, rig_file: YamlFile | None) -
         message = f"must have at most {entry['ctx']['max_length']} items, not {entry['ctx']['actual_length']}"
     elif entry["type"] != "value_error":
         message = f"{message}, not {short_repr(entry['input'])}"
-    return f"{source.path}:{line}: {field + ': ' if field else ''}{message}"
+    return f"{origins.where(keys)}: {message}"
 
 
 def _keys_in_data(location: Sequence[str | int], data: Any) -> list[str | int]:
@@ -196,7 +240,7 @@ def _keys_in_data(location: Sequence[str | int], data: Any) -> list[str | int]:
 _BRANCHES = {"number", "distribution", "paper", *SENSOR_KINDS}
 
 
-def _suggestion(key: str, location: Sequence[str | int], data: Any) -> str:
+def _suggestion(key: str, location: Sequence[str | int]) -> str:
     allowed = _allowed_keys(Scenario, location[:-1])
     close = difflib.get_close_matches(key, allowed, n=1, cutoff=0.5)
     meant = f"; did you mean {close[0]}?" if close else ""
@@ -235,7 +279,3 @@ def _resolve(node: Any, schema: Any) -> Any:
     while "$ref" in node:
         node = schema["$defs"][node["$ref"].rsplit("/", 1)[1]]
     return node
-
-
-def _dotted_path(keys: Sequence[str | int]) -> str:
-    return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in keys).lstrip(".")

@@ -14,5 +14,8 @@ NAME_PATTERN: Final = "[A-Za-z0-9][A-Za-z0-9_-]*"
 Name = Annotated[str, Field(pattern=f"^{NAME_PATTERN}$", max_length=64)]
 """Name that can be part of the name of a file or folder."""
 
-TopicName = Annotated[str, Field(pattern="^[a-z][a-z0-9_]*$", max_length=40)]
+MAX_TOPIC_NAME_CHARS: Final = 40
+"""Maximum length of a ``TopicName``."""
+
+TopicName = Annotated[str, Field(pattern="^[a-z][a-z0-9_]*$", max_length=MAX_TOPIC_NAME_CHARS)]
 """Name that can be part of a topic and of a frame, and of the name of a file."""

@@ -2,20 +2,22 @@
 
 from collections.abc import Sequence
 from fnmatch import fnmatchcase
+from functools import cached_property
 from typing import Annotated, Literal, Self
 
 import yaml
 from pydantic import Field, model_validator
 
+from simbev_ros.config.agents import Agent, Ego, require_consistent_agents
 from simbev_ros.config.annotation import Annotation
-from simbev_ros.config.base import Model
+from simbev_ros.config.base import Keys, Model, dotted_path
 from simbev_ros.config.draw import Distribution, Drawn, PaperOrDrawn, within
 from simbev_ros.config.evaluation import Evaluation, ParticipantName
 from simbev_ros.config.frames import DEFAULT_FRAMES, Frames, are_default
 from simbev_ros.config.hazards import Hazards
 from simbev_ros.config.lights import Lights
 from simbev_ros.config.map_files import Bounds
-from simbev_ros.config.positioning import Imu
+from simbev_ros.config.rates import require_fitting_rates
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.rig import Rig
 from simbev_ros.units import NS_PER_S
@@ -74,15 +76,6 @@ class Timing(Model):
         return round(self.tick_s * NS_PER_S)
 
 
-def _is_whole(ratio: float) -> bool:
-    return round(ratio) >= 1 and abs(ratio - round(ratio)) < 1e-6
-
-
-def _dividing_rates(tick_hz: float) -> str:
-    """Text that lists the rates which divide the tick rate."""
-    return f"{tick_hz:g}, {tick_hz / 2:g}, {tick_hz / 3:g}, …"
-
-
 class WeatherParameters(Model):
     """Weather and light; ``paper`` draws by the rules of the paper's table, some of which depend on other values."""
 
@@ -109,39 +102,6 @@ class WeatherConfig(WeatherParameters):
 
     final: WeatherParameters | None = Field(
         None, description="weather at the last tick, reached linearly from the first; parameters not given are `paper`"
-    )
-
-
-EgoDriverKind = Literal["traffic", "twist"]
-
-
-class SpawnPose(Model):
-    """Start pose of the ego: the center of its footprint, map frame; it is moved to the nearest lane."""
-
-    x_m: float = Field(ge=-1e6, le=1e6, description="x in the map frame")
-    y_m: float = Field(ge=-1e6, le=1e6, description="y in the map frame")
-    z_m: float | None = Field(
-        None, ge=-1e4, le=1e4, description="height of the road, which selects one of several levels"
-    )
-    yaw_deg: float | None = Field(
-        None, ge=-360, le=360, description="approximate heading, which selects the driving direction"
-    )
-
-
-class Ego(Model):
-    """The ego vehicle."""
-
-    blueprint: str = Field("vehicle.sedan", description="name of a vehicle in the catalog")
-    driver: EgoDriverKind = Field(
-        "traffic",
-        description="traffic: the ego drives like other vehicles; "
-        "twist: it follows geometry_msgs/Twist on /<agent>/cmd_vel, linear.x in m/s and angular.z in rad/s",
-    )
-    spawn: tuple[SpawnPose, ...] = Field(
-        (), description="start poses, of which one is drawn for each scene; none: anywhere on the map"
-    )
-    reckless_probability: _Probability = Field(
-        0.01, description="probability that the ego ignores lights, signs and other road users"
     )
 
 
@@ -277,6 +237,12 @@ class Scenario(Model):
     rig: Rig
     frames: Frames = Field(DEFAULT_FRAMES, exclude_if=are_default)
     ego: Ego = Ego()
+    agents: tuple[Agent, ...] = Field(
+        (),
+        exclude_if=lambda agents: not agents,
+        description="agents beside the first one, which `rig`, `frames`, `ego` and `annotation` describe; in a file "
+        "without `rig`, all agents",
+    )
     weather: WeatherConfig = WeatherConfig()
     lights: Lights = Lights()
     traffic: Traffic = Traffic()
@@ -299,36 +265,33 @@ class Scenario(Model):
         """The whole configuration as YAML, as it is stored in bags."""
         return str(yaml.safe_dump(self.model_dump(mode="json"), sort_keys=False))
 
+    @cached_property
+    def origins(self) -> dict[Keys, tuple[str, Keys]]:
+        """For the fields of agents, file with line and the field's name there; filled by ``config.load``.
+
+        It is no part of the configuration: it is neither compared nor dumped, but copies and pickles have it.
+        """
+        return {}
+
+    def where(self, *keys: str | int) -> str:
+        """Words for a field of an agent in messages: ``my.yaml:14: agents[1].near``, without a file its name alone."""
+        for depth in range(len(keys), 0, -1):
+            if keys[:depth] in self.origins:
+                line, file_keys = self.origins[keys[:depth]]
+                return f"{line}: {dotted_path((*file_keys, *keys[depth:]))}"
+        return dotted_path(keys)
+
     @model_validator(mode="after")
-    def _rates_fit_tick_rate(self) -> Self:
-        tick_hz = 1 / self.time.tick_s
-        for sensor in self.rig.sensors:
-            rate_hz = sensor.rate_hz
-            if rate_hz is None or _is_whole(tick_hz / rate_hz):
-                continue
-            allowed = _dividing_rates(tick_hz)
-            if not isinstance(sensor, Imu):
-                raise ValueError(
-                    f"rig: sensor {sensor.name}: rate_hz {rate_hz:g} does not divide the tick rate {tick_hz:g} Hz; "
-                    f"allowed are {allowed} (only an imu can be faster than the ticks)"
-                )
-            if not _is_whole(rate_hz / tick_hz):
-                raise ValueError(
-                    f"rig: sensor {sensor.name}: rate_hz {rate_hz:g} neither divides the tick rate {tick_hz:g} Hz nor "
-                    f"is a multiple of it; allowed are {allowed} and {2 * tick_hz:g}, {3 * tick_hz:g}, …"
-                )
+    def _agents_are_consistent(self) -> Self:
+        if self.agents:
+            require_consistent_agents(self.rig, self.agents)
         return self
 
     @model_validator(mode="after")
-    def _label_rates_divide_tick_rate(self) -> Self:
-        tick_hz = 1 / self.time.tick_s
-        for name in ("occupancy", "vector_map"):
-            rate_hz = getattr(getattr(self.annotation, name), "rate_hz", None)
-            if rate_hz is not None and not _is_whole(tick_hz / rate_hz):
-                raise ValueError(
-                    f"annotation.{name}: rate_hz {rate_hz:g} does not divide the tick rate {tick_hz:g} Hz; allowed are "
-                    f"{_dividing_rates(tick_hz)}"
-                )
+    def _rates_fit_tick_rate(self) -> Self:
+        require_fitting_rates((), self.rig, self.annotation, 1 / self.time.tick_s)
+        for index, agent in enumerate(self.agents):
+            require_fitting_rates(("agents", index), agent.rig, agent.annotation, 1 / self.time.tick_s)
         return self
 
     @model_validator(mode="after")

@@ -4,12 +4,12 @@ from typing import Annotated, Self
 
 from pydantic import Field, model_validator
 
+from simbev_ros.config.agents import EgoDriverKind
 from simbev_ros.config.annotation import Annotation
 from simbev_ros.config.base import Model
 from simbev_ros.config.frames import DEFAULT_FRAMES, Frames, are_default
 from simbev_ros.config.odometry import Odometry
 from simbev_ros.config.rig import Rig
-from simbev_ros.config.scenario import EgoDriverKind
 
 BaseLinkX = Annotated[
     float,

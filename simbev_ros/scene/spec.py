@@ -8,11 +8,12 @@ from typing import Self
 
 from pydantic import Field, model_validator
 
+from simbev_ros.config.agents import EgoDriverKind
 from simbev_ros.config.annotation import Annotation
 from simbev_ros.config.base import Model
 from simbev_ros.config.frames import DEFAULT_FRAMES, Frames, are_default
 from simbev_ros.config.rig import Rig
-from simbev_ros.config.scenario import EgoDriverKind, Split
+from simbev_ros.config.scenario import Split
 from simbev_ros.limits import MAX_ACTORS, MAX_AGENTS, MAX_SCENE_NUMBER, MAX_SCENE_TICKS, MAX_WARM_UP_TICKS
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.scene.agent_spec import AgentSpec, BaseLinkX, StationSpec

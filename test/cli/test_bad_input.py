@@ -29,6 +29,14 @@ def config(tmp_path: Path, text: str) -> Path:
         (GOOD.replace("vehicles: 1", "vehicles: -1"), "traffic.vehicles: is -1"),
         (GOOD.replace("Blocks", "Atlantis"), "no map is called 'Atlantis'; towns: "),
         ("\0\1\2", "not valid YAML"),
+        (
+            GOOD + "agents: [{name: ego, rig: {sensors: []}}]",
+            "config.yaml:4: agents[0].name: two agents are called ego",
+        ),
+        (
+            GOOD + "agents: [{name: a, rig: {sensors: []}, blueprint: x}]",
+            "config.yaml:4: agents[0].blueprint: no vehicle",
+        ),
     ],
 )
 def test_bad_configuration(refused: Callable[..., str], tmp_path: Path, text: str, message: str) -> None:

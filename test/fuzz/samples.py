@@ -78,6 +78,12 @@ weather:
 traffic: {vehicles: 7, pedestrians: {uniform: [1, 9]}}
 annotation: {occupancy: {}, vector_map: {}}
 """
+_AGENTS = """scenes: [{map: Blocks, train: 1}]
+agents:
+  - {name: ego, rig: {sensors: []}, frames: {odom: true}}
+  - {name: car, rig: {sensors: [{type: imu, name: imu}]}, count: {integer: [0, 3]}, near: {distance_m: 30}}
+  - {name: bus, rig: {sensors: []}, blueprint: vehicle.bus, spawn: [{x_m: 1, y_m: 2}], annotation: {box_radius_m: 9}}
+"""
 
 _OSM = """\
 <?xml version="1.0"?>
@@ -102,6 +108,7 @@ _OSM = """\
 def samples() -> Iterator[tuple[str, str, bytes]]:
     """Yield target, name and content of each sample."""
     yield "configuration", "valid", _CONFIGURATION.encode()
+    yield "configuration", "valid_agents", _AGENTS.encode()
     yield from (("opendrive", name, text.encode()) for name, text in _opendrive().items())
     yield "osm", "valid", _OSM.encode()
     yield "lanelet2", "valid", _lanelets().encode()

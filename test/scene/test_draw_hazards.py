@@ -43,7 +43,7 @@ def draw(config: Hazards, seed: int, near: BoolArray | None = None) -> DrawnHaza
     """The hazards of a scene whose ego is far away."""
     positions = starts().vehicles
     near = np.ones(len(positions), bool) if near is None else near
-    return draw_hazards(config, seed, starts().hazard_sites(config.taper_factor), positions, near, FAR_M)
+    return draw_hazards(config, seed, starts().hazard_sites(config.taper_factor), positions, near, FAR_M[None])
 
 
 @cache

@@ -110,7 +110,8 @@ def test_each_value_of_a_driver_is_drawn_independently():
     assert np.mean([driver["headway_s"] for driver in drivers]) == pytest.approx(1.2, abs=0.05)
     fixed = draw_driver(traffic.model_copy(update={"headway_s": 2.0}), BLUEPRINTS["vehicle.police"], 3, "vehicles.0")
     assert fixed == {**drivers[0], "headway_s": 2.0}
-    assert draw_driver(traffic, BLUEPRINTS["vehicle.sedan"], 3, "ego")["door_probability"] == 0.0
+    closed = draw_driver(traffic, BLUEPRINTS["vehicle.sedan"], 3, "ego", opens_doors=False)
+    assert closed["door_probability"] == 0.0
     assert not any(draw_driver(traffic, BLUEPRINTS["vehicle.sedan"], 3, f"{n}")["emergency_lights"] for n in range(20))
 
 

@@ -3,6 +3,7 @@
 import inspect
 import types
 from collections.abc import Iterator
+from functools import cache
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 import annotated_types
@@ -66,6 +67,18 @@ rig:
 
 `rig` is a mapping, or the path of a file with one, relative to the configuration's folder. In a rig, `defaults` maps a
 sensor type to properties that all sensors of this type share.
+
+In a scene with several agents, each is a vehicle with a rig of its own. The first one is the ego:
+
+```yaml
+scenes:
+  - {map: Town05, train: 1}
+agents:
+  - {name: ego, rig: rigs/demo.yaml}
+  - {name: van, rig: rigs/demo.yaml, blueprint: vehicle.van, near: {distance_m: 40}}
+```
+
+The sections `rig`, `ego`, `frames` and `annotation` may describe the ego instead; `agents` then lists the others.
 """
 
 _DRAWN = """## Values that are drawn
@@ -90,7 +103,7 @@ traffic:
 def render_configuration() -> str:
     """The whole page."""
     parts = [GENERATED, _INTRODUCTION, _DRAWN, _fields_of(Distribution), "## Top level", _fields_of(Scenario)]
-    for path, model in _sections(Scenario, ""):
+    for model, path in _paths().items():
         heading = "#" * (2 + path.count(".")) + " " + _title(path, model)
         parts.append(f"{heading}\n\n{_summary(model)}\n\n{_fields_of(model, path)}")
     return "\n".join(part.rstrip("\n") + "\n" for part in parts)
@@ -98,7 +111,17 @@ def render_configuration() -> str:
 
 def documented_models() -> list[type[BaseModel]]:
     """Every model that has a table on the page."""
-    return [Scenario, Distribution, *dict.fromkeys(model for _, model in _sections(Scenario, ""))]
+    return [Scenario, Distribution, *_paths()]
+
+
+@cache
+def _paths() -> dict[type[BaseModel], str]:
+    """Paths of all models in the order of the page; of a model in several places, the shortest path, or the first."""
+    sections = list(_sections(Scenario, ""))
+    shortest = dict[type[BaseModel], str]()
+    for path, model in sorted(sections, key=lambda section: section[0].count(".")):
+        shortest.setdefault(model, path)
+    return {model: path for path, model in sections if shortest[model] == path}
 
 
 def _sections(model: type[BaseModel], path: str) -> Iterator[tuple[str, type[BaseModel]]]:
@@ -108,8 +131,6 @@ def _sections(model: type[BaseModel], path: str) -> Iterator[tuple[str, type[Bas
             if nested is Distribution or issubclass(model, nested):
                 continue
             place = f"{path}.{name}".lstrip(".")
-            if name == "pose" and _kind(model) not in ("", "camera"):
-                continue
             yield place, nested
             yield from _sections(nested, place)
 
@@ -202,12 +223,9 @@ def _type(annotation: Any, path: str, name: str) -> str:
     if annotation is Distribution:
         return "[distribution](#values-that-are-drawn)"
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        place = f"{path}.{name}".lstrip(".")
-        if name == "pose":
-            place = "rig.sensors.pose"
         if name == "final":
             return "the fields of [`weather`](#weather)"
-        title = _title(place, annotation)
+        title = _title(_paths()[annotation], annotation)
         return f"[{_kind(annotation) or 'mapping'}](#{slug(title)})"
     if annotation is type(None):
         return "null"

@@ -11,7 +11,7 @@ from simbev_ros.maps.source import map_spec
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.random import stream
 from simbev_ros.scene.blueprints import blueprint_named
-from simbev_ros.scene.drawing.draw_ego import draw_ego
+from simbev_ros.scene.drawing.draw_agents import draw_agents
 from simbev_ros.scene.drawing.draw_lights import draw_lights
 from simbev_ros.scene.drawing.draw_weather import draw_weathers
 from simbev_ros.scene.drawing.scene_drawer import SceneDrawer
@@ -56,19 +56,17 @@ def draw_scene(
         starts: ``start_positions`` of this configuration and network, to be shared between scenes; None: compute it.
 
     Raises:
-        InputError: More vehicles are requested than there are free positions, or the ego's blueprint is unknown or has
-            no lane to drive on.
+        InputError: An agent cannot be drawn; see ``draw_agents``.
     """
     seed = scenario.seed + planned.number
     starts = start_positions(scenario, network) if starts is None else starts
     ticks, warm_up_ticks = duration_ticks(scenario.time, seed), round(scenario.time.warm_up_s / scenario.time.tick_s)
     duration_s = (warm_up_ticks + ticks) * scenario.time.tick_s
-    ego, ego_m = draw_ego(scenario, seed, network, starts, duration_s)
-    drawer = SceneDrawer(scenario, seed, network, starts, duration_s, ego, ego_m)
+    clearance = StartClearance(network)
+    agents = draw_agents(scenario, seed, network, starts, duration_s, clearance)
+    drawer = SceneDrawer(scenario, seed, network, starts, duration_s, agents)
     weather, final_weather = draw_weathers(scenario.weather, seed, hilly=starts.is_hilly)
     hazards = drawer.draw_hazards()
-    clearance = StartClearance(network)
-    clearance.occupy(ego)
     vehicles = tuple(drawer.draw_vehicles(hazards, clearance))
     return SceneSpec(
         number=planned.number,
@@ -85,9 +83,10 @@ def draw_scene(
         ego_driver=scenario.ego.driver,
         rig=scenario.rig,
         frames=scenario.frames,
-        base_link_x_m=base_link_x_m(scenario.frames, blueprint_named(ego.blueprint)),
+        base_link_x_m=base_link_x_m(scenario.frames, blueprint_named(scenario.ego.blueprint)),
         annotation=scenario.annotation,
-        vehicles=(ego, *vehicles, *hazards.vehicles),
+        agents=agents.further,
+        vehicles=(*agents.vehicles, *vehicles, *hazards.vehicles),
         pedestrians=tuple(drawer.draw_pedestrians(clearance)),
         walker_cross_factor=drawer.draw_cross_factor(),
         hazards=hazards.hazards,

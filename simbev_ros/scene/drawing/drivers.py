@@ -21,8 +21,10 @@ class DriverFields(TypedDict):
     door_probability: float
 
 
-def draw_driver(traffic: Traffic, blueprint: Blueprint, seed: int, name: str) -> DriverFields:
-    """Draw the driver of the vehicle ``name``: ``ego`` or ``vehicles.<number>``. The ego's doors stay closed."""
+def draw_driver(
+    traffic: Traffic, blueprint: Blueprint, seed: int, name: str, *, opens_doors: bool = True
+) -> DriverFields:
+    """Draw the driver of the vehicle ``name``: ``ego``, ``agents.<name>`` or ``vehicles.<number>``."""
 
     def draw_flag(name_suffix: str, probability: float) -> bool:
         return bool(stream(seed, f"{name}.{name_suffix}").random() < probability)
@@ -32,7 +34,7 @@ def draw_driver(traffic: Traffic, blueprint: Blueprint, seed: int, name: str) ->
         lane_change_eagerness=sample(traffic.lane_change_eagerness, stream(seed, f"{name}.eagerness")),
         distracted=draw_flag("distraction", traffic.distracted_probability),
         emergency_lights=blueprint.emergency and draw_flag("emergency_lights", traffic.emergency_lights_probability),
-        door_probability=0.0 if name == "ego" else traffic.door_probability,
+        door_probability=traffic.door_probability if opens_doors else 0.0,
     )
 
 

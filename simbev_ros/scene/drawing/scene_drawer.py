@@ -1,4 +1,4 @@
-"""Draw the actors around the ego of a scene: hazard areas, vehicles and pedestrians."""
+"""Draw the actors around the agents of a scene: hazard areas, vehicles and pedestrians."""
 
 import logging
 import math
@@ -13,6 +13,7 @@ from simbev_ros.config.scenario import Scenario, Traffic
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.random import stream
 from simbev_ros.scene.blueprints import Blueprint, blueprint_named, load_blueprints
+from simbev_ros.scene.drawing.draw_agents import DrawnAgents, on_lanes_near
 from simbev_ros.scene.drawing.drivers import draw_driver, draw_vehicle
 from simbev_ros.scene.drawing.start_clearance import StartClearance
 from simbev_ros.scene.drawing.starts import StartPositions
@@ -24,7 +25,6 @@ from simbev_ros.scene.streets.off_tracking import is_long
 from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
 _LOGGER = logging.getLogger(__name__)
-_CLEARANCE_FACTOR = 0.99  # of the waypoint spacing: no other vehicle starts closer to the ego on its lane
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,8 +37,7 @@ class SceneDrawer:
         network: Roads of the scene's map.
         starts: Positions on them where actors can start.
         duration_s: Duration of the scene with its warm-up.
-        ego: The ego, already drawn.
-        ego_m: (3,) its start, map frame.
+        agents: The agents, already drawn.
     """
 
     scenario: Scenario
@@ -46,8 +45,7 @@ class SceneDrawer:
     network: RoadNetwork
     starts: StartPositions
     duration_s: float
-    ego: VehicleSpec
-    ego_m: Float64Array
+    agents: DrawnAgents
 
     @property
     def _traffic(self) -> Traffic:
@@ -57,9 +55,10 @@ class SceneDrawer:
         """Draw hazard areas at some of the free positions."""
         free = self._free_positions()
         sites = self.starts.hazard_sites(self.scenario.hazards.taper_factor)
-        blueprint = blueprint_named(self.ego.blueprint)
-        detours = Detours(self.network, blueprint, self.ego.start.lane, self.starts.vehicles, free)
-        return draw_hazards(self.scenario.hazards, self.seed, sites, self.starts.vehicles, free, self.ego_m, detours)
+        detours = Detours(self.network, self.agents.vehicles, self.starts.vehicles, free)
+        return draw_hazards(
+            self.scenario.hazards, self.seed, sites, self.starts.vehicles, free, self.agents.start_m, detours
+        )
 
     def draw_vehicles(self, hazards: DrawnHazards, clearance: StartClearance) -> Iterator[VehicleSpec]:
         """Draw vehicles at free positions outside hazard areas, each of a kind that may drive there.
@@ -98,7 +97,7 @@ class SceneDrawer:
             )
 
     def draw_pedestrians(self, clearance: StartClearance) -> Iterator[PedestrianSpec]:
-        """Draw pedestrians on sidewalks around the ego; fewer than requested, with a warning, if there is no room."""
+        """Draw pedestrians on sidewalks around the agents; fewer than requested, with a warning, if they lack room."""
         requested = self._requested_pedestrians()
         candidates = self._pedestrian_positions(clearance)
         if requested > len(candidates):
@@ -116,12 +115,12 @@ class SceneDrawer:
         return sample(self._traffic.walker_cross_factor, stream(self.seed, "pedestrians.cross_factor"))
 
     def _free_positions(self, closed: frozenset[str] = frozenset()) -> BoolArray:
-        """(N,) positions around the ego where vehicles can start, with routes that avoid ``closed`` edges."""
-        positions = self.starts.vehicles
+        """(N,) positions around the agents where vehicles can start, with routes that avoid ``closed`` edges."""
+        positions, radius_m = self.starts.vehicles, self._traffic.spawn_radius_m
         return (
-            positions.within_radius(self.ego_m, self._traffic.spawn_radius_m)
+            np.any([positions.within_radius(start_m, radius_m) for start_m in self.agents.start_m], axis=0)
             & np.any(list(self.starts.usable(self.duration_s, closed).values()), axis=0)
-            & ~positions.on_lane_near(self.ego.start, _CLEARANCE_FACTOR * self._traffic.waypoint_spacing_m)
+            & ~on_lanes_near(positions, self.agents.vehicles, self._traffic)
         )
 
     def _vehicle_count(self, free_count: int) -> int:
@@ -141,9 +140,9 @@ class SceneDrawer:
         return round(sample(pedestrians, rng))
 
     def _pedestrian_positions(self, clearance: StartClearance) -> Int64Array:
-        """Indices of the positions around the ego where pedestrians can start."""
+        """Indices of the positions around the agents where pedestrians can start."""
         positions = self.starts.pedestrians
-        near = self.starts.walkable_near(self.duration_s, self.ego_m, self._traffic.spawn_radius_m)
+        near = self.starts.walkable_near(self.duration_s, self.agents.start_m, self._traffic.spawn_radius_m)
         candidates = np.flatnonzero(near)
         half_width_m = np.array([lane.width_m for lane in positions.lanes])[positions.row[candidates]] / 2.0
         return candidates[clearance.is_free_at(positions.position_m[candidates], half_width_m)]

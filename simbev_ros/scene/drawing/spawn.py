@@ -1,27 +1,33 @@
-"""Start waypoints for the spawn poses that the configuration lists for the ego."""
+"""Start waypoints for the spawn poses that the configuration lists for an agent."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
-from simbev_ros.config.scenario import SpawnPose
+from simbev_ros.config.agents import SpawnPose
 from simbev_ros.errors import InputError
 from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.roads.lane_index import LineIndex
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.polylines import Polylines
-from simbev_ros.random import stream
 from simbev_ros.scene.blueprints import Blueprint
 from simbev_ros.scene.spec import WaypointSpec
 
 _MAX_LANE_M = 5.0
 
 
-def draw_spawn(poses: tuple[SpawnPose, ...], seed: int, blueprint: Blueprint, network: RoadNetwork) -> WaypointSpec:
-    """Draw one of the listed poses; returns the start of the ego's front bumper on a lane that it may drive on.
+Where = Callable[..., str]
+"""Takes the keys of an agent's field, and returns the words with which messages about this field begin."""
+
+
+def spawn_starts(
+    poses: tuple[SpawnPose, ...], blueprint: Blueprint, network: RoadNetwork, where: Where
+) -> list[WaypointSpec]:
+    """Starts of an agent's front bumper on lanes that it may drive on, one for each of its poses.
 
     Raises:
-        InputError: A listed pose, drawn or not, is too far from every such lane.
+        InputError: A pose is too far from every such lane.
     """
     lanes = [
         lane
@@ -29,16 +35,22 @@ def draw_spawn(poses: tuple[SpawnPose, ...], seed: int, blueprint: Blueprint, ne
         if not lane.junction and blueprint.sumo_class in lane.classes
     ]
     if not lanes:
-        raise InputError(f"ego.blueprint: {blueprint.name} has no lane to drive on in map {network.name}")
+        raise InputError(f"{where('blueprint')}: {no_lane(blueprint, network)}")
     index = LineIndex(Polylines.from_lines([lane.centerline_m for lane in lanes]))
-    starts = [_start(number, pose, blueprint, lanes, index, network.name) for number, pose in enumerate(poses)]
-    return starts[int(stream(seed, "ego.spawn").integers(len(starts)))]
+    return [
+        _start(pose, blueprint, lanes, index, network.name, where("spawn", number)) for number, pose in enumerate(poses)
+    ]
+
+
+def no_lane(blueprint: Blueprint, network: RoadNetwork) -> str:
+    """Message that a vehicle can drive nowhere on a map."""
+    return f"{blueprint.name} has no lane to drive on in map {network.name}"
 
 
 def _start(
-    number: int, pose: SpawnPose, blueprint: Blueprint, lanes: list[Lane], index: LineIndex, map_name: str
+    pose: SpawnPose, blueprint: Blueprint, lanes: list[Lane], index: LineIndex, map_name: str, field: str
 ) -> WaypointSpec:
-    """The waypoint half the ego's length ahead of the pose, which is that of its center."""
+    """The waypoint half the vehicle's length ahead of the pose, which is that of its center."""
     pose_m = [pose.x_m, pose.y_m] if pose.z_m is None else [pose.x_m, pose.y_m, pose.z_m]
     yaw_rad = None if pose.yaw_deg is None else np.array([math.radians(pose.yaw_deg)])
     nearest = index.nearest(np.array([pose_m]), yaw_rad)
@@ -46,7 +58,7 @@ def _start(
     distance_m = float(np.linalg.norm(lane_position_m - pose_m))
     if distance_m > _MAX_LANE_M:
         raise InputError(
-            f"ego.spawn[{number}]: ({', '.join(f'{value:g}' for value in pose_m)}) is {distance_m:.1f} m from the "
+            f"{field}: ({', '.join(f'{value:g}' for value in pose_m)}) is {distance_m:.1f} m from the "
             f"nearest lane that {blueprint.name} may start on in map {map_name}; at most {_MAX_LANE_M:g} m is allowed"
         )
     lane = lanes[int(nearest.row[0])]

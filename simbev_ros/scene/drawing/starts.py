@@ -93,14 +93,16 @@ class StartPositions:
     def _max_limit_mps(self) -> float:
         return max((lane.speed_mps for lane in self._streets.lanes), default=0.0)
 
-    def walkable_near(self, duration_s: float, center_m: Float64Array, radius_m: float) -> BoolArray:
-        """(P,) pedestrian positions near a (3,) point with enough sidewalk to walk for this duration.
+    def walkable_near(self, duration_s: float, centers_m: Float64Array, radius_m: float) -> BoolArray:
+        """(P,) pedestrian positions near one of the (N, 3) points with enough sidewalk to walk for this duration.
 
         If no sidewalk network is that large, the positions on the largest one count.
         """
         min_component_m = min(duration_s * _WALK_MPS, self._component_length_m.max(initial=0.0))
         is_large_enough: BoolArray = (self._component_length_m >= min_component_m)[self.pedestrians.row]
-        return is_large_enough & self.pedestrians.within_radius(center_m, radius_m)
+        return is_large_enough & np.any(
+            [self.pedestrians.within_radius(center_m, radius_m) for center_m in centers_m], axis=0
+        )
 
 
 @cache

@@ -21,7 +21,7 @@ _MAX_SAMPLES = 1 << 17  # number of values in a parameter's histogram; up to twi
 _NOT_DRAWN = {
     *("number", "split", "seed", "map", "rig", "annotation", "tick_ns", "warm_up_ticks", "end_after_standing_ticks"),
     *("ticks", "vehicles", "pedestrians", "start", "color", "colors", "frames", "base_link_x_m"),
-    *("stands_at", "blocked", "outline_m", "z_m", "props"),
+    *("agents", "stands_at", "blocked", "outline_m", "z_m", "props"),
 }
 _SECTIONS = ("traffic", "ego", "time", "lights")
 
@@ -94,11 +94,14 @@ def iter_drawn_values(spec: SceneSpec) -> Iterator[tuple[str, float | str]]:
     """Name and value of everything drawn for a scene except positions and colors; actors of one kind share a name."""
     yield "duration_s", spec.ticks * spec.tick_ns / NS_PER_S
     yield from _iter_values("", spec)
-    yield "vehicles", float(len(spec.drivers) - 1)
+    carriers = 1 + len(spec.agents)
+    yield "agents", float(carriers)
+    yield "vehicles", float(len(spec.drivers) - carriers)
     yield "pedestrians", float(len(spec.pedestrians))
     yield "hazards", float(len(spec.hazards))
     yield from _iter_values("ego", spec.vehicles[0])
-    yield from _iter_values("vehicles", spec.drivers[1:])
+    yield from _iter_values("agents", spec.vehicles[1:carriers])
+    yield from _iter_values("vehicles", spec.drivers[carriers:])
     yield from _iter_values("pedestrians", spec.pedestrians)
 
 
@@ -120,16 +123,27 @@ def configured_value(name: str, scenario: Scenario) -> str:
     """Describe the value or distribution that the configuration sets for a parameter; empty if it sets none."""
     facts = _facts()
     for path in _candidate_fields(name, facts["fields"]):
-        value: Any = scenario
-        for key in path.split("."):
-            value = getattr(value, key, None)
-        if value is None or (isinstance(value, BaseModel) and not isinstance(value, Distribution)):
+        value = _field_of(scenario, path)
+        if (
+            value is None
+            or isinstance(value, tuple)
+            or (isinstance(value, BaseModel) and type(value) is not Distribution)
+        ):
             continue
         if value == "paper":
             return str(facts["paper"].get(path.replace("weather.final.", "weather."), "the paper's rule"))
         limits = f", {facts['only'][path]}" if path in facts["only"] else ""
         return _describe(value, is_probability=path.endswith("_probability") > name.endswith("_probability")) + limits
     return ""
+
+
+def _field_of(scenario: Scenario, path: str) -> Any:
+    """Value of a field; of the fields of a list's models the one value that all have; None if there is none."""
+    value: Any = scenario
+    for key in path.split("."):
+        values = [getattr(each, key, None) for each in (value if isinstance(value, tuple) else (value,))]
+        value = values[0] if values and all(each == values[0] for each in values) else None
+    return value
 
 
 def _describe(value: Distribution | float | str, is_probability: bool) -> str:
@@ -144,6 +158,7 @@ def _candidate_fields(name: str, fields: dict[str, str]) -> Iterator[str]:
     """Configuration fields that may control a parameter, most specific first."""
     if name in fields:
         yield fields[name]
+        return
     name = name.replace("final_weather.", "weather.final.")
     leaf = name.rsplit(".", 1)[-1]
     yield name

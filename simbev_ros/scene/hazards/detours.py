@@ -1,40 +1,37 @@
 """Check whether traffic can detour around a road that a hazard area closes entirely."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.scene.blueprints import Blueprint, blueprint_named
+from simbev_ros.scene.spec import VehicleSpec
 from simbev_ros.scene.streets.lane_positions import LanePositions
 from simbev_ros.scene.streets.street_graph import streets_of
 from simbev_ros.types import BoolArray
 
 _REFERENCE_VEHICLE = "vehicle.compact"
 _MAX_CUT_OFF_M = 300.0  # total length of streets that lead only to the closed ones and are closed, too
-_MIN_OPEN_SHARE = 0.75  # of the start positions around the ego that stay usable
+_MIN_OPEN_SHARE = 0.75  # of the start positions around the agents that stay usable
 
 
 class Detours:
     """Finds the edges that closing roads would take from the traffic of one scene."""
 
     def __init__(
-        self, network: RoadNetwork, ego: Blueprint, ego_lane: str, positions: LanePositions, near: BoolArray
+        self, network: RoadNetwork, agents: Sequence[VehicleSpec], positions: LanePositions, near: BoolArray
     ) -> None:
-        """For an ego that starts on a lane; the others start at the ``near`` ones of the (N,) positions."""
+        """For agents in vehicles, already drawn; other vehicles start at the ``near`` ones of the (N,) positions."""
         self._streets = streets_of(network)
-        self._ego, self._ego_lane = ego, ego_lane
-        self._ego_edge = network.lanes[ego_lane].edge
+        self._agents = [(blueprint_named(agent.blueprint), network.lanes[agent.start.lane]) for agent in agents]
         self._edges = np.array([lane.edge for lane in positions.lanes])[positions.row[near]]
 
     def closure_for(self, closed: frozenset[str]) -> frozenset[str] | None:
-        """All edges to close if ``closed`` are closed; None: too much is lost, or the ego is among it."""
+        """All edges to close if ``closed`` are closed; None: too much is lost, or an agent is among it."""
         reference = self._streets.for_blueprint(blueprint_named(_REFERENCE_VEHICLE))
         cut_off = reference.cut_off_edges(closed)
-        ego_graph = self._streets.for_blueprint(self._ego)
-        if self._ego_edge in cut_off | ego_graph.cut_off_edges(closed) or not closed <= cut_off:
-            return None
-        if ego_graph.has_successor(self._ego_lane) and not self._streets.for_blueprint(self._ego, closed).has_successor(
-            self._ego_lane
-        ):
+        if not closed <= cut_off or any(self._loses(*agent, closed, cut_off) for agent in self._agents):
             return None
         dead_ends = [self._streets.edge_number[edge] for edge in sorted(cut_off - closed)]
         if self._streets.edge_length_m[dead_ends].sum() > _MAX_CUT_OFF_M:
@@ -42,3 +39,10 @@ class Detours:
         open_share = np.mean(~np.isin(self._edges, list(cut_off))) if len(self._edges) else 0.0
         is_open = reference.never_ends(closed) and reference.keeps_loops(cut_off)
         return cut_off if open_share >= _MIN_OPEN_SHARE and is_open else None
+
+    def _loses(self, agent: Blueprint, lane: Lane, closed: frozenset[str], cut_off: frozenset[str]) -> bool:
+        """Whether an agent that starts on a lane would be on a cut-off edge, or lose every exit of its lane."""
+        graph = self._streets.for_blueprint(agent)
+        if lane.edge in cut_off | graph.cut_off_edges(closed):
+            return True
+        return graph.has_successor(lane.id) and not self._streets.for_blueprint(agent, closed).has_successor(lane.id)

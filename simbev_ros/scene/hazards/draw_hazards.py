@@ -29,7 +29,7 @@ from simbev_ros.types import BoolArray, Float64Array
 
 _LOGGER = logging.getLogger(__name__)
 _MIN_GAP_M = 60.0  # minimum gap between two areas
-_MIN_EGO_DISTANCE_M = 40.0
+_MIN_AGENT_DISTANCE_M = 40.0
 _KEEP_CLEAR_BEFORE_M, _KEEP_CLEAR_BEHIND_M = (
     30.0,
     16.0,
@@ -69,10 +69,12 @@ def draw_hazards(
     sites: HazardSites,
     positions: LanePositions,
     near: BoolArray,
-    ego_m: Float64Array,
+    agents_m: Float64Array,
     detours: Detours | None = None,
 ) -> DrawnHazards:
-    """Draw hazards at some of the (N,) positions that are ``near`` the ego, but not close to it, (3,) map frame.
+    """Draw hazards at some of the (N,) positions that are ``near`` the agents, but not close to any of them.
+
+    The agents start at (A, 3) ``agents_m``, map frame.
 
     Whole roads are closed only where ``detours`` permit it, never without it. Logs a warning if fewer hazards fit than
     the configuration asks for.
@@ -83,7 +85,7 @@ def draw_hazards(
         requested = len(order)
     else:
         requested = round(sample(config.count, stream(seed, "hazards.count")))
-    occupied = [shapely.Point(ego_m[:2]).buffer(_MIN_EGO_DISTANCE_M - _MIN_GAP_M / 2.0)]
+    occupied = [shapely.Point(agent_m[:2]).buffer(_MIN_AGENT_DISTANCE_M - _MIN_GAP_M / 2.0) for agent_m in agents_m]
     drawn: list[tuple[HazardSpec, tuple[VehicleSpec, ...]]] = []
     closed: frozenset[str] = frozenset()
     for position_index in order.tolist():

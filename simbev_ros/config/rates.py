@@ -1,0 +1,54 @@
+"""Check of the rates of sensors and labels, each of which must divide the tick rate."""
+
+from simbev_ros.config.annotation import Annotation
+from simbev_ros.config.base import FieldError, Keys
+from simbev_ros.config.positioning import Imu
+from simbev_ros.config.rig import Rig
+
+
+def require_fitting_rates(keys: Keys, rig: Rig, annotation: Annotation | None, tick_hz: float) -> None:
+    """Check the rates of an agent's sensors and labels.
+
+    Args:
+        keys: Path of the agent in the configuration.
+        rig: Its sensors.
+        annotation: Its labels, unless they are another agent's.
+        tick_hz: The tick rate.
+
+    Raises:
+        FieldError: A rate does not divide the tick rate and, for an IMU, is no multiple of it.
+    """
+    allowed = _dividing_rates(tick_hz)
+    for index, sensor in enumerate(rig.sensors):
+        rate_hz = sensor.rate_hz
+        if rate_hz is None or _is_whole(tick_hz / rate_hz):
+            continue
+        field = (*keys, "rig", "sensors", index)
+        if not isinstance(sensor, Imu):
+            raise FieldError(
+                field,
+                f"sensor {sensor.name}: rate_hz {rate_hz:g} does not divide the tick rate {tick_hz:g} Hz; "
+                f"allowed are {allowed} (only an imu can be faster than the ticks)",
+            )
+        if not _is_whole(rate_hz / tick_hz):
+            raise FieldError(
+                field,
+                f"sensor {sensor.name}: rate_hz {rate_hz:g} neither divides the tick rate {tick_hz:g} Hz nor "
+                f"is a multiple of it; allowed are {allowed} and {2 * tick_hz:g}, {3 * tick_hz:g}, …",
+            )
+    for name in ("occupancy", "vector_map"):
+        rate_hz = getattr(getattr(annotation, name, None), "rate_hz", None)
+        if rate_hz is not None and not _is_whole(tick_hz / rate_hz):
+            raise FieldError(
+                (*keys, "annotation", name),
+                f"rate_hz {rate_hz:g} does not divide the tick rate {tick_hz:g} Hz; allowed are {allowed}",
+            )
+
+
+def _is_whole(ratio: float) -> bool:
+    return round(ratio) >= 1 and abs(ratio - round(ratio)) < 1e-6
+
+
+def _dividing_rates(tick_hz: float) -> str:
+    """Text that lists the rates which divide the tick rate."""
+    return f"{tick_hz:g}, {tick_hz / 2:g}, {tick_hz / 3:g}, …"

@@ -19,7 +19,7 @@ from simbev_ros.config.lights import Lights
 from simbev_ros.config.map_files import Bounds
 from simbev_ros.config.rates import require_fitting_rates
 from simbev_ros.config.rendering import Rendering
-from simbev_ros.config.rig import Rig
+from simbev_ros.config.rig import Rig, S
 from simbev_ros.units import NS_PER_S
 
 DepthForm = Literal["png", "rvl"]
@@ -254,6 +254,25 @@ class Scenario(Model):
     evaluation: Evaluation | None = Field(
         None, description="live evaluation of a perception stack; none: no evaluation"
     )
+
+    @property
+    def rigs(self) -> tuple[Rig, ...]:
+        """Rigs of all agents that a scene can have, the first agent's first; each has the name of its agent."""
+        others = (
+            agent.rig.model_copy(update={"agent": name})
+            for agent in self.agents
+            for name in agent.names(agent.max_count)
+        )
+        return (self.rig, *others)
+
+    def sensors_of_type(self, kind: type[S]) -> list[S]:
+        """Sensors of one type of all agents that a scene can have, in order."""
+        return [sensor for rig in self.rigs for sensor in rig.of_type(kind)]
+
+    @property
+    def is_driven_by_traffic(self) -> bool:
+        """Whether no agent is driven from outside."""
+        return all(agent.driver == "traffic" for agent in (self.ego, *self.agents))
 
     @property
     def participants(self) -> tuple[str, ...]:

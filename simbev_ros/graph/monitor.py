@@ -32,8 +32,6 @@ from simbev_ros.scene.spec import SceneSpec
 
 SUPERVISOR = "supervisor"
 """Name of this node."""
-_WRITERS = ("recorder", "evaluator")
-"""Nodes that report one tick more than a scene has, when their files are closed."""
 _PATIENCE_S, _ADVICE_PERIOD_S = 10.0, 1.0
 """Time without progress after which advice is given, and time between two looks for reasons."""
 _TIMES = (BUSY, *(key for part in get_args(Part) for key in part_keys(part)))
@@ -70,11 +68,12 @@ class GraphMonitor:
         participants: Names of all nodes that report finished ticks to the world, including outside nodes.
         signer: Signs requests, and tells the nodes' messages from those of others.
         ros: What all nodes of the graph are told.
+        writers: Names of the nodes that report one tick more than a scene has, when their files are closed.
 
     Attributes:
         behind_world: Ticks finished by the participants.
         world: Ticks finished by the world node.
-        writers: Ticks finished by recorder and evaluator.
+        writers: Ticks finished by the nodes that write files.
         end: How the current scene ends; set just before its last tick.
     """
 
@@ -85,6 +84,8 @@ class GraphMonitor:
         participants: Iterable[str],
         signer: Signer,
         ros: RosArguments = PLAIN,
+        *,
+        writers: Iterable[str] = (),
     ) -> None:
         self._names_by_id = {hardware_id(node): node.name for node in nodes}
         self._nodes = tuple(self._names_by_id.values())
@@ -93,7 +94,7 @@ class GraphMonitor:
         self._outside = frozenset(participants) - frozenset(self._nodes)
         self.behind_world = LockstepWindow(participants, window_ticks=1, outside=self._outside)
         self.world = LockstepWindow(["world"], window_ticks=1)
-        self.writers = LockstepWindow([name for name in _WRITERS if name in self._nodes], window_ticks=1)
+        self.writers = LockstepWindow(writers, window_ticks=1)
         self.end: SceneEnd | None = None
         self._joining = JoiningAdvice(self._outside, domain, ros_name(topics.READY, ros.namespace))
         self._advised: set[str] = set()

@@ -4,7 +4,7 @@ The plan follows from the configuration and from numbers of cores and camera pro
 What is recorded does not depend on it.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,8 +13,9 @@ from simbev_ros.config.evaluation import Evaluation
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.radar import Radar
 from simbev_ros.config.rendering import Rendering
-from simbev_ros.config.rig import SENSOR_KINDS, Rig
+from simbev_ros.config.rig import SENSOR_KINDS
 from simbev_ros.config.scenario import Scenario
+from simbev_ros.config.sensor import Sensor
 from simbev_ros.graph.evaluated_stack import input_topic
 from simbev_ros.msgs.annotation_topics import Label, bev_labels_name, boxes_name, viewing_cameras
 from simbev_ros.nodes.ros.names import NodeName
@@ -24,7 +25,10 @@ _Parameters = Mapping[str, object]
 
 @dataclass(frozen=True, slots=True)
 class NodePlan:
-    """A node of the graph: its kind, its name, its ROS parameters, and the agent that it belongs to, if any."""
+    """A node of the graph: its kind, its name, its ROS parameters, and the agent that it belongs to, if any.
+
+    Nodes that can serve several agents belong to the graph if the configuration has several.
+    """
 
     kind: str
     name: str
@@ -42,10 +46,13 @@ ProcessPlan = tuple[NodePlan, ...]
 _STACK_PATIENCE_FRACTION = 0.8
 """Fraction of the silence timeout for which an evaluator waits for a stack, so that it can report what is missing."""
 
+WRITERS = ("recorder", "evaluator")
+"""Kinds of nodes that report one tick more than a scene has, when their files are closed."""
 _RAY_CASTING = (Lidar, Radar)
-"""Sensors whose nodes can share a process: radars need a tenth of a lidar's time and the same meshes in memory."""
+"""Sensors whose nodes can share a process: radars need a tenth of a lidar's time and the same meshes in memory. For
+this reason, one node serves the radars of all agents, however many lidar nodes there are."""
 _MANY_CORES = 8
-"""Number of cores from which on time counts more than memory."""
+"""Number of cores from which on time counts more than memory; with a multiple of it, nodes share several agents."""
 _ANNOTATORS: tuple[tuple[int, tuple[tuple[Label, ...], ...]], ...] = (
     (16, ((Label.BOXES,), (Label.VIEWS,), (Label.SURROUNDINGS,))),
     (_MANY_CORES, ((Label.BOXES, Label.VIEWS), (Label.SURROUNDINGS,))),
@@ -68,7 +75,7 @@ def plan_processes(
 
     Args:
         scenario: The configuration.
-        camera_processes: Number of processes that share the rig's cameras, at most one for each camera.
+        camera_processes: Number of processes that share the cameras of all agents, at most one for each camera.
         live: Whether the world is paced by the wall clock.
         dataset: Folder into which scenes are recorded; None: they are not recorded.
         figures: File for the evaluator's figures, if there is an evaluator.
@@ -96,7 +103,7 @@ def _window_ticks(scenario: Scenario, cores: int) -> int:
     """Maximum lead of the world over the slowest node: a long one keeps many cores busy, a short one reacts soon."""
     if scenario.graph.window_ticks != "auto":
         return scenario.graph.window_ticks
-    is_closed = not scenario.participants and scenario.ego.driver != "twist"
+    is_closed = not scenario.participants and scenario.is_driven_by_traffic
     return 8 if is_closed and cores >= _MANY_CORES else 3
 
 
@@ -112,7 +119,7 @@ def _processes_behind_world(
         common["evaluated_topics"] = [boxes_name(agent), bev_labels_name(agent), read]
     compressed = scenario.recording.images == "compressed" and dataset is not None
     yield from _camera_processes(scenario, camera_processes, {**common, **drawing, "compressed": compressed})
-    yield from _sensor_processes(scenario.rig, common, cores)
+    yield from _sensor_processes(scenario, common, cores)
     yield from _annotator_processes(scenario, {**common, "compressed": compressed}, cores)
     if dataset is not None:
         parameters = {
@@ -125,39 +132,83 @@ def _processes_behind_world(
 
 
 def _camera_processes(scenario: Scenario, processes: int, common: _Parameters) -> Iterator[ProcessPlan]:
-    """Distribute the rig's cameras among processes, and the processes among GPUs."""
-    cameras = [camera.name for camera in scenario.rig.of_type(Camera)]
+    """Distribute the cameras among processes, and the processes among GPUs."""
     for index in range(processes):
         parameters = {
-            "sensors": cameras[index::processes],
+            "sensors": _cameras_of_process(scenario, index, processes),
             "recording": scenario.recording.model_dump_json(),
             "process": index,
         }
         name = "camera" if processes == 1 else f"camera_{index}"
-        yield (NodePlan("camera", name, {**common, **parameters}, scenario.rig.agent),)
+        yield (NodePlan("camera", name, {**common, **parameters}, _agent(scenario)),)
 
 
-def _sensor_processes(rig: Rig, common: _Parameters, cores: int) -> Iterator[ProcessPlan]:
+def _cameras_of_process(scenario: Scenario, index: int, processes: int) -> list[str]:
+    """Names of the cameras that one of the processes serves, with the name of the agent if there are several.
+
+    The cameras of an agent are then served by few processes, as each process that has one prepares the agent's light.
+    """
+    if not scenario.agents:
+        return [camera.name for camera in scenario.rig.of_type(Camera)][index::processes]
+    names = [f"{rig.agent}/{camera.name}" for rig in scenario.rigs for camera in rig.of_type(Camera)]
+    return names[index * len(names) // processes : (index + 1) * len(names) // processes]
+
+
+def _sensor_processes(scenario: Scenario, common: _Parameters, cores: int) -> Iterator[ProcessPlan]:
     """Plan the nodes of all other sensors: light-weight ones share a process; with few cores ray casting ones, too."""
-    kinds = {kind: model for kind, model in SENSOR_KINDS.items() if model is not Camera and rig.of_type(model)}
-    casting = [kind for kind, model in kinds.items() if model in _RAY_CASTING]
-    light = [kind for kind in kinds if kind not in casting]
-    apart = [casting] if cores < _MANY_CORES else [[kind] for kind in casting]
+    casting, light = list[NodePlan](), list[NodePlan]()
+    for kind, model in SENSOR_KINDS.items():
+        if model is not Camera and scenario.sensors_of_type(model):
+            shares = _shares(scenario, cores, model) if model is Lidar else 1
+            alike = casting if model in _RAY_CASTING else light
+            alike += _nodes_of_agents(scenario, kind, kind, common, shares)
+    apart = [casting] if cores < _MANY_CORES else [[node] for node in casting]
     for together in (*apart, light):
         if together:
-            yield tuple(NodePlan(kind, kind, common, rig.agent) for kind in together)
+            yield tuple(together)
 
 
 def _annotator_processes(scenario: Scenario, parameters: _Parameters, cores: int) -> Iterator[ProcessPlan]:
-    """Plan one annotator, or with many cores several that share the labels."""
-    shares = next(shares for least, shares in _ANNOTATORS if cores >= least)
-    for labels in shares:
-        if labels == (Label.VIEWS,) and not viewing_cameras(scenario.rig, scenario.annotation):
+    """Plan one annotator, or with many cores several that share the agents, and then the labels."""
+    agent_shares = _shares(scenario, cores)
+    label_shares = next(shares for least, shares in _ANNOTATORS if cores // agent_shares >= least)
+    for labels in label_shares:
+        if labels == (Label.VIEWS,) and not _has_views(scenario):
             continue
-        name = "annotator" if len(shares) == 1 else f"annotator_{labels[0]}"
+        name = "annotator" if len(label_shares) == 1 else f"annotator_{labels[0]}"
         is_read = Label.VIEWS in labels and Label.BOXES not in labels
         own = {"scope": [label.value for label in labels], "annotated": is_read}
-        yield (NodePlan("annotator", name, {**parameters, **own}, scenario.rig.agent),)
+        for node in _nodes_of_agents(scenario, "annotator", name, {**parameters, **own}, agent_shares):
+            yield (node,)
+
+
+def _has_views(scenario: Scenario) -> bool:
+    """Whether an agent has cameras whose views of the boxes are published."""
+    others = ((agent.rig, agent.annotation or scenario.annotation) for agent in scenario.agents)
+    return any(viewing_cameras(*each) for each in ((scenario.rig, scenario.annotation), *others))
+
+
+def _agent(scenario: Scenario) -> str:
+    """The agent that sensor and annotation nodes belong to; empty: they serve several."""
+    return "" if scenario.agents else scenario.rig.agent
+
+
+def _shares(scenario: Scenario, cores: int, kind: type[Sensor] | None = None) -> int:
+    """Number of nodes that share the agents with sensors of a kind (None: all agents)."""
+    agents = sum(kind is None or bool(rig.of_type(kind)) for rig in scenario.rigs)
+    return max(min(agents, cores // _MANY_CORES), 1)
+
+
+def _nodes_of_agents(
+    scenario: Scenario, kind: str, name: str, parameters: _Parameters, shares: int = 1
+) -> Sequence[NodePlan]:
+    """Nodes of one kind that share the agents; a single one has the plain name."""
+    if shares == 1:
+        return [NodePlan(kind, name, parameters, _agent(scenario))]
+    return [
+        NodePlan(kind, f"{name}_{share}", {**parameters, "agent_share": share, "agent_shares": shares})
+        for share in range(shares)
+    ]
 
 
 def _evaluator(scenario: Scenario, evaluation: Evaluation, *, live: bool, figures: Path | None) -> NodePlan:

@@ -21,7 +21,7 @@ from simbev_ros.graph.exposure import LOCAL, NEEDS_SROS, Exposure
 from simbev_ros.graph.loading_watch import LoadingWatch
 from simbev_ros.graph.monitor import SUPERVISOR, GraphMonitor
 from simbev_ros.graph.node_starter import NodeStarter
-from simbev_ros.graph.plan import ProcessPlan, plan_processes
+from simbev_ros.graph.plan import WRITERS, ProcessPlan, plan_processes
 from simbev_ros.graph.process import GraphProcess, NodeProcess, StackProcess
 from simbev_ros.graph.traces import Traces
 from simbev_ros.msgs.signing import KEY_VARIABLE, Signer, make_key
@@ -133,8 +133,9 @@ class GraphSession:
             self._processes.append(StackProcess(self._starter, stack, self._traces.folder))
         names = [node.ros_name(self._ros.namespace) for nodes in plans for node in nodes]
         reporting = [*(name.name for name in names[1:]), *self._scenario.participants]
+        writers = [node.name for nodes in plans for node in nodes if node.kind in WRITERS]
         try:
-            self._monitor = GraphMonitor(self.domain, names, reporting, Signer(key), self._ros)
+            self._monitor = GraphMonitor(self.domain, names, reporting, Signer(key), self._ros, writers=writers)
         except rclpy_implementation.RCLError as error:
             if self.security_variables:
                 raise InputError(f"{str(error).splitlines()[0]}; {NEEDS_SROS}") from None
@@ -142,7 +143,7 @@ class GraphSession:
         self._traces.note([os.getpid()])
 
     def _camera_processes(self, scenario: Scenario) -> int:
-        return camera_processes(self._rendering, len(scenario.rig.of_type(Camera)))
+        return camera_processes(self._rendering, len(scenario.sensors_of_type(Camera)))
 
     def _plan(self, scenario: Scenario) -> list[ProcessPlan]:
         """Plan the processes for a configuration."""

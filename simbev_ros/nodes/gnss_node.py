@@ -1,4 +1,4 @@
-"""The GNSS node: publishes a fix of each of the rig's receivers at its rate, from the ego's true motion."""
+"""The GNSS node: publishes a fix of each receiver at its rate, from the true motion of its agent."""
 
 from typing import NamedTuple
 
@@ -8,19 +8,23 @@ from simbev_ros.msgs.motion import fix_message, velocity_messages
 from simbev_ros.msgs.sensor_topics import GnssTopics, gnss_topics
 from simbev_ros.nodes.participant import Participant
 from simbev_ros.nodes.ros.names import NodeName
+from simbev_ros.scene.agents import seen_by
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.sensors.gnss import GnssModel
 
 
 class _Mounted(NamedTuple):
+    view: SceneSpec
     frame: str
     model: GnssModel
     topics: GnssTopics
 
 
 class GnssNode(Participant):
-    """Serves all GNSS receivers of the rig."""
+    """Serves all GNSS receivers of its agents."""
+
+    sensor_kind = Gnss
 
     def __init__(self, name: NodeName) -> None:
         super().__init__(name)
@@ -30,22 +34,24 @@ class GnssNode(Participant):
         """Load the map's geodetic datum and tunnels, and advertise the receivers' topics."""
         datum, tunnels = load_datum(spec.map), load_tunnels(spec.map)
         self._mounted = []
-        for gnss in spec.rig.of_type(Gnss):
-            topics = gnss_topics(spec, gnss)
-            for topic in topics:
-                if topic is not None:
-                    self.advertise(topic)
-            model = GnssModel(gnss, datum, spec.noise_seed, spec.tick_ns, topics.fix.period_ticks, tunnels)
-            self._mounted.append(_Mounted(f"{spec.rig.agent}/{gnss.name}", model, topics))
+        for view in self.served_views(spec):
+            for gnss in view.rig.of_type(Gnss):
+                topics = gnss_topics(view, gnss)
+                for topic in topics:
+                    if topic is not None:
+                        self.advertise(topic)
+                model = GnssModel(gnss, datum, view.noise_seed, spec.tick_ns, topics.fix.period_ticks, tunnels)
+                self._mounted.append(_Mounted(view, f"{view.rig.agent}/{gnss.name}", model, topics))
         return [topic.name for mounted in self._mounted for topic in mounted.topics if topic is not None]
 
     def process(self, spec: SceneSpec, state: WorldState) -> None:
         """Publish the fixes that are due, and velocities with them."""
-        for frame, model, topics in self._mounted:
+        for view, frame, model, topics in self._mounted:
             if model.is_due(state.tick):
-                fix = model.measure(state)
+                seen = seen_by(view, state)
+                fix = model.measure(seen)
                 self.publish(topics.fix.name, fix_message(fix, state.stamp_ns, frame))
                 if topics.velocity is not None and topics.fix_velocity is not None:
-                    plain, with_covariance = velocity_messages(model.measure_velocity(state, fix), state.stamp_ns)
+                    plain, with_covariance = velocity_messages(model.measure_velocity(seen, fix), state.stamp_ns)
                     self.publish(topics.velocity.name, plain)
                     self.publish(topics.fix_velocity.name, with_covariance)

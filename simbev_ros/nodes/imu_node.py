@@ -1,4 +1,4 @@
-"""The IMU node: publishes the samples of the rig's inertial measurement units, from the ego's true motion."""
+"""The IMU node: publishes the samples of each inertial measurement unit, from the true motion of its agent."""
 
 from typing import NamedTuple
 
@@ -7,22 +7,26 @@ from simbev_ros.msgs.motion import imu_messages
 from simbev_ros.msgs.sensor_topics import ImuTopics, imu_topics
 from simbev_ros.nodes.participant import Participant
 from simbev_ros.nodes.ros.names import NodeName
+from simbev_ros.scene.agents import seen_by
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.sensors.imu import ImuModel
 
 
 class _Mounted(NamedTuple):
+    view: SceneSpec
     frame: str
     model: ImuModel
     topics: ImuTopics
 
 
 class ImuNode(Participant):
-    """Serves all IMUs of the rig: ``data`` with the orientation, ``data_raw`` without (REP-145).
+    """Serves all IMUs of its agents: ``data`` with the orientation, ``data_raw`` without (REP-145).
 
     Samples between two ticks are published at the later tick, in order, each with its own stamp.
     """
+
+    sensor_kind = Imu
 
     def __init__(self, name: NodeName) -> None:
         super().__init__(name)
@@ -33,20 +37,22 @@ class ImuNode(Participant):
         """Advertise the IMUs' topics."""
         self._previous = None
         self._mounted = []
-        for imu in spec.rig.of_type(Imu):
-            topics = imu_topics(spec, imu)
-            for topic in topics:
-                self.advertise(topic)
-            period, per_tick = topics.raw.period_ticks, topics.raw.messages_per_tick
-            model = ImuModel(imu, spec.noise_seed, spec.tick_ns, period, per_tick)
-            self._mounted.append(_Mounted(f"{spec.rig.agent}/{imu.name}", model, topics))
+        for view in self.served_views(spec):
+            for imu in view.rig.of_type(Imu):
+                topics = imu_topics(view, imu)
+                for topic in topics:
+                    self.advertise(topic)
+                period, per_tick = topics.raw.period_ticks, topics.raw.messages_per_tick
+                model = ImuModel(imu, view.noise_seed, spec.tick_ns, period, per_tick)
+                self._mounted.append(_Mounted(view, f"{view.rig.agent}/{imu.name}", model, topics))
         return [topic.name for mounted in self._mounted for topic in mounted.topics]
 
     def process(self, spec: SceneSpec, state: WorldState) -> None:
         """Publish the samples that are due."""
-        for frame, model, topics in self._mounted:
+        for view, frame, model, topics in self._mounted:
             if model.is_due(state.tick):
-                samples = model.measure(state, self._previous)
+                previous = None if self._previous is None else seen_by(view, self._previous)
+                samples = model.measure(seen_by(view, state), previous)
                 for topic, oriented in ((topics.raw, False), (topics.oriented, True)):
                     for message in imu_messages(samples, frame, oriented=oriented):
                         self.publish(topic.name, message)

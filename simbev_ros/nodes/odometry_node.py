@@ -1,4 +1,4 @@
-"""The odometry node: publishes pose and velocity as the wheel odometries of the rig measure them."""
+"""The odometry node: publishes pose and velocity as wheel odometries measure them."""
 
 from typing import NamedTuple
 
@@ -8,6 +8,7 @@ from simbev_ros.msgs.sensor_topics import wheel_odometry_topic
 from simbev_ros.msgs.topic import Topic
 from simbev_ros.nodes.participant import Participant
 from simbev_ros.nodes.ros.names import NodeName
+from simbev_ros.scene.agents import seen_by
 from simbev_ros.scene.frames import base_link_frame, odom_frame, rear_axle_m
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
@@ -15,12 +16,15 @@ from simbev_ros.sensors.odometry import OdometryModel
 
 
 class _Mounted(NamedTuple):
+    view: SceneSpec
     model: OdometryModel
     topic: Topic
 
 
 class OdometryNode(Participant):
-    """Serves all wheel odometries of the rig."""
+    """Serves all wheel odometries of its agents."""
+
+    sensor_kind = Odometry
 
     def __init__(self, name: NodeName) -> None:
         super().__init__(name)
@@ -29,27 +33,28 @@ class OdometryNode(Participant):
     def start_scene(self, spec: SceneSpec) -> list[str]:
         """Advertise the topics."""
         self._mounted = []
-        for odometry in spec.rig.of_type(Odometry):
-            topic = wheel_odometry_topic(spec, odometry)
-            self.advertise(topic)
-            model = OdometryModel(
-                odometry,
-                spec.noise_seed,
-                spec.tick_ns,
-                topic.period_ticks,
-                axle_m=rear_axle_m(spec),
-                base_link_x_m=spec.base_link_x_m,
-            )
-            self._mounted.append(_Mounted(model, topic))
+        for view in self.served_views(spec):
+            for odometry in view.rig.of_type(Odometry):
+                topic = wheel_odometry_topic(view, odometry)
+                self.advertise(topic)
+                model = OdometryModel(
+                    odometry,
+                    view.noise_seed,
+                    spec.tick_ns,
+                    topic.period_ticks,
+                    axle_m=rear_axle_m(view),
+                    base_link_x_m=view.base_link_x_m,
+                )
+                self._mounted.append(_Mounted(view, model, topic))
         return [mounted.topic.name for mounted in self._mounted]
 
     def process(self, spec: SceneSpec, state: WorldState) -> None:
         """Integrate the motion, and publish what is due."""
-        agent = spec.rig.agent
-        for model, topic in self._mounted:
-            model.advance(state)
+        for view, model, topic in self._mounted:
+            agent, seen = view.rig.agent, seen_by(view, state)
+            model.advance(seen)
             if model.is_due(state.tick):
                 message = wheel_odometry_message(
-                    model.pose, model.twist(state), state.stamp_ns, odom_frame(agent), base_link_frame(agent)
+                    model.pose, model.twist(seen), state.stamp_ns, odom_frame(agent), base_link_frame(agent)
                 )
                 self.publish(topic.name, message)

@@ -5,16 +5,18 @@ finished on /sync/ready. In lockstep the world waits for these reports.
 """
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from dataclasses import replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
 from simbev_ros.config.scenario import RecordedTopics
+from simbev_ros.config.sensor import Sensor
+from simbev_ros.errors import InputError
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.annotation_topics import Label, annotator_inputs
 from simbev_ros.msgs.qos import STATE, STATE_READER, rclpy_qos
@@ -22,6 +24,7 @@ from simbev_ros.msgs.stamps import stamp_of
 from simbev_ros.msgs.world import actors_from_message, signals_from_message, weather_from_message
 from simbev_ros.nodes.graph_node import GraphNode
 from simbev_ros.nodes.ros.names import NodeName
+from simbev_ros.scene.agents import agent_views
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import EGO_ID, WorldState
 from simbev_ros.scene.weather import Weather
@@ -52,14 +55,19 @@ class _Unsent(NamedTuple):
 class Participant(GraphNode):
     """Base of the sensor and annotation nodes.
 
-    A subclass advertises its topics in ``start_scene`` and publishes in ``process``.
+    A subclass advertises its topics in ``start_scene`` and publishes in ``process``. It serves the agents of
+    ``served_views``; ``scene.agents.seen_by`` makes one of them the ego of a state.
 
     Attributes:
+        sensor_kind: Sensors that the node serves; None: they are not its subject.
         inputs: Subscriptions that must be connected before a scene starts.
     """
 
+    sensor_kind: ClassVar[type[Sensor] | None] = None
+
     def __init__(self, name: NodeName) -> None:
         super().__init__(name)
+        self._share, self._shares = self._declare_share()
         self.recorded: bool = self.declare_read_only(
             "recorded", False, "A recorder reads the recorded topics: wait until it is connected"
         )
@@ -98,8 +106,28 @@ class Participant(GraphNode):
         ]
         self.create_wall_timer(0.05, self._report_loaded)
 
+    def _declare_share(self) -> tuple[int, int]:
+        """Index and number of the shares into which nodes like this one divide the agents."""
+        share = self.declare_read_only("agent_share", 0, "Index of the share of the agents that is served", minimum=0)
+        shares = self.declare_read_only(
+            "agent_shares", 1, "Number of nodes like this one, which share the agents among them", minimum=1
+        )
+        if share >= shares:
+            raise InputError(f"parameter agent_share: must be less than agent_shares, which is {shares}")
+        return share, shares
+
+    def served_views(self, spec: SceneSpec) -> tuple[SceneSpec, ...]:
+        """Views of the agents that this node serves: its share of all agents that have sensors of its kind."""
+        kind = self.sensor_kind
+        views = [view for view in agent_views(spec) if kind is None or view.rig.of_type(kind)]
+        return tuple(views[self._share :: self._shares])
+
     def start_scene(self, spec: SceneSpec) -> list[str]:
-        """Load what a scene needs and advertise its topics; return the names of the topics that can be recorded."""
+        """Load what a scene needs and advertise its topics; return the names of the topics that can be recorded.
+
+        Args:
+            spec: The specification, which is the first agent's view.
+        """
         raise NotImplementedError
 
     def is_due(self, spec: SceneSpec, tick: int) -> bool:
@@ -107,7 +135,12 @@ class Participant(GraphNode):
         return tick >= 0
 
     def process(self, spec: SceneSpec, state: WorldState) -> None:
-        """Do the work of one tick, including lead-in ticks (negative, nothing is published)."""
+        """Do the work of one tick, including lead-in ticks (negative, nothing is published).
+
+        Args:
+            spec: The specification, which is the first agent's view.
+            state: The state as the first agent sees it.
+        """
         raise NotImplementedError
 
     def finish(self, spec: SceneSpec, state: WorldState) -> None:
@@ -171,13 +204,11 @@ class Participant(GraphNode):
 
     def _expected_readers(self, spec: SceneSpec, names: list[str]) -> dict[str, int]:
         """Number of readers that each topic will have."""
-        forms = [annotator_inputs(spec, compressed_images=compressed) for compressed in (False, True)]
-        forms.append(annotator_inputs(spec, compressed_images=False, labels=(Label.BOXES,)))
-        annotated_names = {topic.name for form in forms for topic in form.values()}
+        annotated_names = {name for view in agent_views(spec) for name in _annotated_names(view)}
         return {
             name: (self.recorded and name in self._recorded_topics)
             + (self.annotated and name in annotated_names)
-            + (name in self._evaluated)
+            + self._evaluated.count(name)
             for name in names
         }
 
@@ -223,3 +254,11 @@ class Participant(GraphNode):
         if state.tick < 0:
             self.meter.discard_parts()
         self.finish(spec, state)
+
+
+def _annotated_names(view: SceneSpec) -> Iterator[str]:
+    """Names of the topics of an agent that annotators may read; some come twice."""
+    for compressed in (False, True):
+        yield from (topic.name for topic in annotator_inputs(view, compressed_images=compressed).values())
+    only_boxes = annotator_inputs(view, compressed_images=False, labels=(Label.BOXES,))
+    yield from (topic.name for topic in only_boxes.values())

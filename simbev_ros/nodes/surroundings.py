@@ -1,4 +1,4 @@
-"""Loads the static scene around the ego for the nodes that render it, cast rays into it or annotate it."""
+"""Loads the static scene around the agents for the nodes that render it, cast rays into it or annotate it."""
 
 from collections.abc import Callable, Iterable
 from typing import Generic, TypeVar
@@ -12,14 +12,9 @@ from simbev_ros.maps.roads.tunnels import Tunnels
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.scene.reach import VIEW_M, loaded_reach
 from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.scene.state import WorldState
-from simbev_ros.sensors.mount import vector
-from simbev_ros.types import Float64Array
 
 _MAX_MOUNT_M = 30.0
-"""Upper bound of a sensor's distance from the ego's origin."""
-
-_LOOKAHEAD_S = 1.0
+"""Upper bound of a sensor's horizontal distance from its agent's origin, however high its mast is."""
 
 _Built = TypeVar("_Built")
 _Key = tuple[MapSpec, Reach | Reaches | None]
@@ -29,7 +24,7 @@ _loaded: WeakValueDictionary[_Key, StaticScene] = WeakValueDictionary()
 
 
 class Surroundings(Generic[_Built]):
-    """Builds what a node needs from the static scene around the ego, once for all scenes of one region.
+    """Builds what a node needs from the static scene around a scene's agents, once for all scenes of one region.
 
     Args:
         build: Makes, for instance, a renderer from a static scene.
@@ -52,7 +47,7 @@ class Surroundings(Generic[_Built]):
 
         Args:
             spec: The scene.
-            view_m: Distance from the ego up to which the node needs the static scene.
+            view_m: Distance from each agent up to which the node needs the static scene.
         """
         network = load_network(spec.map)
         key = spec.map, loaded_reach(spec, network, view_m)
@@ -80,8 +75,3 @@ class Surroundings(Generic[_Built]):
 def ray_view_radius_m(ranges_m: Iterable[float]) -> float:
     """View distance of a node whose sensors have these ranges; lidars and radars of equal range share one scene."""
     return max(ranges_m, default=0.0) + _MAX_MOUNT_M
-
-
-def predicted_position_m(state: WorldState) -> Float64Array:
-    """(3,) position of the ego ``_LOOKAHEAD_S`` later, map frame, for which ray casting can prepare ahead of time."""
-    return vector(state.ego, "x y z") + _LOOKAHEAD_S * vector(state.ego, "vx vy vz")

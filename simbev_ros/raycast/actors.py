@@ -5,13 +5,10 @@ around an actor's part in the world is transformed into the rest frame of that p
 there. Building a scene of the posed actors at each tick instead would take several times as long as a whole scan.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from simbev_ros.assets.actors.actor_model import ActorModel
-from simbev_ros.assets.actors.skeletons import Skeletons
 from simbev_ros.geometry.ragged import ragged_indices, ragged_starts
 from simbev_ros.raycast.boxes import CORNERS, PartBoxes, Passages
 from simbev_ros.raycast.part_stack import PartStack
@@ -47,15 +44,8 @@ class ActorHits:
 class ActorTriangles:
     """Actors of a scene as instances of the parts in a ``PartStack``; the parts of an actor are consecutive."""
 
-    def __init__(self, models: Sequence[ActorModel], skeletons: Skeletons) -> None:
-        """Build the part stack.
-
-        Args:
-            models: Models of the catalogue, indexed by blueprint.
-            skeletons: Kinematics of their parts.
-        """
-        self._stack = PartStack(models)
-        self._skeletons = skeletons
+    def __init__(self, stack: PartStack) -> None:
+        self._stack = stack
 
     def update(self, course: ActorHistory, origin_m: Float64Array) -> None:
         """Update all poses to a tick.
@@ -79,8 +69,8 @@ class ActorTriangles:
     def _instance_poses(self, actors: Table) -> Float64Array:
         """(I, 4, 4) transforms of the instances of (N,) rows from the rest pose to the map axes about the origin."""
         _, row, part = self._instances(actors)
-        owner, _ = self._skeletons.rows(actors)
-        posed = self._skeletons.poses(actors)[np.searchsorted(owner, row) + self._stack.part[part]]
+        owner, _ = self._stack.skeletons.rows(actors)
+        posed = self._stack.skeletons.poses(actors)[np.searchsorted(owner, row) + self._stack.part[part]]
         poses = map_from_actors(actors)
         poses[:, :3, 3] -= self._origin_m
         return poses[row] @ posed

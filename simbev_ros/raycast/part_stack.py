@@ -1,10 +1,13 @@
 """Rigid parts of all actor models in one immutable Embree scene, built once and shared by all ticks."""
 
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 
 from simbev_ros.assets.actors.actor_model import ActorModel
+from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.actors.skeletons import Skeletons
 from simbev_ros.raycast.embree import TriangleSet
 from simbev_ros.types import Float32Array, Float64Array, Int32Array, Int64Array
 
@@ -17,7 +20,10 @@ class PartStack:
 
     Arrays are per part, (P,), unless stated otherwise; the parts of a model are consecutive.
 
+    Nothing of it depends on a scene, so ray casting scenes of different agents and nodes share one, threads included.
+
     Attributes:
+        skeletons: Kinematics of the parts.
         first: (M + 1,) index of each model's first part, and the number of parts at the end.
         part: Index of the part in its model.
         center_m: (P, 3) center of the part's bounding box and sphere, actor frame.
@@ -30,6 +36,7 @@ class PartStack:
     """
 
     def __init__(self, models: Sequence[ActorModel]) -> None:
+        self.skeletons = Skeletons(models)
         first, part, center_m, half_m, radius_m, vertices, triangles, material = [0], [], [], [], [], [], [], []
         for model in models:
             mesh = model.mesh
@@ -57,6 +64,13 @@ class PartStack:
         self.triangle_part = np.repeat(np.arange(len(part)), [len(each) for each in triangles])
         self.triangle_material = np.concatenate([*material, np.zeros(0, np.uint8)])
         self.triangles = TriangleSet(*_stack_meshes(vertices, triangles, self.height_m))
+        self.triangles.build()  # before threads of several nodes cast at the same time
+
+
+@cache
+def load_part_stack() -> PartStack:
+    """The part stack of the catalogue's models, which all nodes of a process share."""
+    return PartStack(load_models())
 
 
 def _stack_meshes(

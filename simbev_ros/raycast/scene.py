@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from simbev_ros.assets.actors.actor_model import ActorModel
-from simbev_ros.assets.actors.skeletons import Skeletons
 from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.raycast.actors import ActorTriangles
 from simbev_ros.raycast.motion import body_velocities, part_velocities
+from simbev_ros.raycast.part_stack import PartStack
 from simbev_ros.raycast.static import StaticTriangles
 from simbev_ros.scene.interpolation import ActorHistory, earlier_rows
 from simbev_ros.scene.state import WorldState
@@ -48,15 +48,24 @@ class Hits:
 class RayScene:
     """Scene that rays are cast into. Hits depend on the world states alone; a replay repeats them bit by bit.
 
+    Scenes around several centers, such as those of several agents, are updated separately; ``another`` makes them share
+    everything that does not move.
+
     Attributes:
+        static: The static triangles.
+        parts: The rigid parts of all models.
         actors: (A,) ``ACTOR_DTYPE`` rows, at the tick, of the actors that rays can hit.
     """
 
-    def __init__(self, static: StaticScene, models: Sequence[ActorModel]) -> None:
-        """Create the scene from the static world and the catalogue's models, indexed by blueprint."""
-        self._skeletons = Skeletons(models)
-        self._static = StaticTriangles(static)
-        self._actors = ActorTriangles(models, self._skeletons)
+    def __init__(self, static: StaticScene | StaticTriangles, models: Sequence[ActorModel] | PartStack) -> None:
+        """Create the scene from the static world and the catalogue's models, indexed by blueprint, or their parts."""
+        self.static = static if isinstance(static, StaticTriangles) else StaticTriangles(static)
+        self.parts = models if isinstance(models, PartStack) else PartStack(models)
+        self._actors = ActorTriangles(self.parts)
+
+    def another(self) -> "RayScene":
+        """A scene of the same world, not updated yet, for another center; both share static triangles and models."""
+        return RayScene(self.static.another(), self.parts)
 
     def update(
         self,
@@ -80,12 +89,12 @@ class RayScene:
         course = course.only(near & ~np.isin(state.actors["id"], sorted(hidden_ids)))
         self.actors: Table = course.now
         self._stamp_ns = state.stamp_ns
-        self._near = self._static.triangles_around(np.asarray(center_m, np.float64), radius_m)
+        self._near = self.static.triangles_around(np.asarray(center_m, np.float64), radius_m)
         self._actors.update(course, np.asarray(center_m, np.float64))
 
     def build_ahead(self, center_m: Float64Array, radius_m: float) -> None:
         """Prepare the static triangles around a point that will soon be the center of an ``update``."""
-        self._static.triangles_around(np.asarray(center_m, np.float64), radius_m)
+        self.static.triangles_around(np.asarray(center_m, np.float64), radius_m)
 
     def cast(
         self,
@@ -138,7 +147,7 @@ class RayScene:
             before = earlier_rows(self.actors, previous.actors)
             elapsed_s = (self._stamp_ns - previous.stamp_ns) / NS_PER_S
             velocity_mps[moving] += part_velocities(
-                self._skeletons, before, self.actors, elapsed_s, row, part, position_m
+                self.parts.skeletons, before, self.actors, elapsed_s, row, part, position_m
             )
         return velocity_mps
 

@@ -1,6 +1,8 @@
 """Static triangles around a point, as Embree scenes that are cached by grid cell."""
 
+from copy import copy
 from dataclasses import dataclass, replace
+from weakref import WeakValueDictionary
 
 import numpy as np
 
@@ -12,14 +14,14 @@ from simbev_ros.types import Float64Array, Int64Array, UInt8Array
 _CELL_M = 128.0
 """Edge length of the grid cells that centers are rounded to: rebuilds are rare, and hits do not depend on the path."""
 
-_MAX_CACHED_CELLS = 3
-"""Number of cells whose triangles are cached, so that driving along a border or returning needs no rebuild."""
+_MAX_KEPT_CELLS = 3
+"""Number of cells kept for a moving point, so that driving along a border or returning needs no rebuild."""
 
 _Key = tuple[int, int, int, float]
 """Column, row and layer of a cell, and the distance from it up to which triangles are needed."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, weakref_slot=True)
 class NearTriangles:
     """Static triangles within reach of a cell.
 
@@ -37,21 +39,32 @@ class NearTriangles:
 
 
 class StaticTriangles:
-    """Provides the static triangles around a point; the result depends on the point alone, not on earlier calls."""
+    """Provides the static triangles around a moving point; the result depends on the point alone, not on earlier calls.
+
+    For other points that move elsewhere, ``another`` shares the cells: each one exists once, as long as it is kept for
+    any of the points.
+    """
 
     def __init__(self, static: StaticScene) -> None:
         self._tiles = static.tiles
         self._bounds_m = np.array([_bounds_m(tile) for tile in static.tiles]).reshape(-1, 2, 2)
-        self._near: dict[_Key, NearTriangles] = {}
+        self._shared: WeakValueDictionary[_Key, NearTriangles] = WeakValueDictionary()
+        self._kept: dict[_Key, NearTriangles] = {}
+
+    def another(self) -> "StaticTriangles":
+        """The same triangles for another moving point."""
+        other = copy(self)
+        other._kept = {}
+        return other
 
     def triangles_around(self, center_m: Float64Array, radius_m: float) -> NearTriangles:
         """Triangles of all tiles within ``radius_m`` of the cell that contains (3,) ``center_m``, map frame; cached."""
         column, row, layer = _cell(center_m).tolist()
         key = column, row, layer, radius_m
-        near = self._near.pop(key, None) or self._build(center_m, radius_m)
-        self._near[key] = near  # last: dictionaries keep their order
-        for old in list(self._near)[:-_MAX_CACHED_CELLS]:
-            del self._near[old]
+        near = self._kept.pop(key, None) or self._shared.get(key) or self._build(center_m, radius_m)
+        self._kept[key] = self._shared[key] = near  # last: dictionaries keep their order
+        for old in list(self._kept)[:-_MAX_KEPT_CELLS]:
+            del self._kept[old]
         return near
 
     def mesh_around(self, center_m: Float64Array, radius_m: float) -> tuple[Mesh, Float64Array]:

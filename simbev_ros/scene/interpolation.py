@@ -62,6 +62,18 @@ class ActorHistory:
             lags_s.append((state.stamp_ns - each.stamp_ns) / NS_PER_S)
         return cls(np.stack(tables), np.array(lags_s))
 
+    @classmethod
+    def of_ego(cls, state: WorldState, earlier: Sequence[WorldState] = ()) -> "ActorHistory":
+        """Build the history of a state's ego alone; a roadside unit, which is no actor, has always been as it is now.
+
+        Args:
+            state: The world now.
+            earlier: Earlier states, in any order, whichever egos they have.
+        """
+        if state.station is not None:
+            return cls(state.station[None, None], np.zeros(1))
+        return cls.of(state, earlier).only(state.actors["id"] == state.ego_id)
+
     @property
     def now(self) -> Table:
         """(A,) newest table."""

@@ -196,8 +196,9 @@ class LidarModel:
     def _rolling_rays(self, state: WorldState, earlier: Sequence[WorldState]) -> Callable[[slice], _Rays]:
         """The function that returns the rays of some whole columns."""
         pattern, channels = self.pattern, self._lidar.channels
-        ego = ActorHistory.of(state, earlier).only(state.actors["id"] == state.ego_id)
-        egos = ego.at(np.zeros(len(pattern.column_time_s), np.int64), -pattern.column_time_s)
+        egos = ActorHistory.of_ego(state, earlier).at(
+            np.zeros(len(pattern.column_time_s), np.int64), -pattern.column_time_s
+        )
         poses_of_columns = map_from_actors(egos) @ self._lidar.pose.ego_from_sensor
 
         def rays_of(block: slice) -> _Rays:

@@ -2,12 +2,18 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 from pydantic import ValidationError
 
+from simbev_ros.config.agents import Agent
+from simbev_ros.config.annotation import Annotation
+from simbev_ros.config.camera import Camera
+from simbev_ros.config.draw import Distribution
 from simbev_ros.config.evaluation import Evaluation
 from simbev_ros.config.load import load_scenario
+from simbev_ros.config.positioning import Gnss
 from simbev_ros.config.rendering import Device, Rendering
 from simbev_ros.config.scenario import GraphConfig, Scenario
 from simbev_ros.graph.plan import NodePlan, plan_processes
@@ -41,6 +47,120 @@ def test_with_many_cores_ray_casting_nodes_and_labels_have_processes_of_their_ow
     assert few == [["world"], ["camera"], ["lidar", "radar"], ["gnss", "imu"], ["annotator"]]
     assert many == [*apart, ["annotator_boxes"], ["annotator_surroundings"]]
     assert most == [*apart, ["annotator_boxes"], ["annotator_views"], ["annotator_surroundings"]]
+
+
+def with_agents(number: int, *, cameras: bool = True, **changes: Any) -> Scenario:
+    """The paper's scenario with this number of agents, ego, car_1, car_2, …, all with its rig."""
+    paper = load_scenario("paper")
+    sensors = [sensor for sensor in paper.rig.sensors if cameras or not isinstance(sensor, Camera)]
+    rig = paper.rig.model_copy(update={"sensors": tuple(sensors)})
+    agents = tuple(Agent.model_validate({"name": f"car_{k}", "rig": rig} | changes) for k in range(1, number))
+    return paper.model_copy(update={"rig": rig, "agents": agents})
+
+
+def processes_of(scenario: Scenario, cores: int) -> list[str]:
+    """Names of the nodes of each process that has neither the world nor cameras, joined by a plus sign."""
+    processes = plan_processes(scenario, 1, live=False, dataset=None, cores=cores)
+    assert [node.name for process in processes[:2] for node in process] == ["world", "camera"]
+    return ["+".join(node.name for node in process) for process in processes[2:]]
+
+
+def numbered(number: int, *names: str) -> list[str]:
+    return [f"{name}_{k}" for name in names for k in range(number)]
+
+
+BOXES, VIEWS, SURROUNDINGS = "annotator_boxes", "annotator_views", "annotator_surroundings"
+ON_TWO_CORES = ["lidar+radar", "gnss+imu", "annotator"]
+ON_EIGHT_CORES = ["lidar", "radar", "gnss+imu", BOXES, SURROUNDINGS]
+ON_SIXTEEN_CORES = [*numbered(2, "lidar"), "radar", "gnss+imu", *numbered(2, BOXES, SURROUNDINGS)]
+
+
+@pytest.mark.parametrize(
+    ("agents", "cores", "expected"),
+    [
+        *((agents, 2, ON_TWO_CORES) for agents in (1, 2, 4, 8)),
+        *((agents, 8, ON_EIGHT_CORES) for agents in (1, 2, 4, 8)),
+        *((agents, 16, ON_SIXTEEN_CORES) for agents in (2, 4, 8)),
+        *((1, cores, ["lidar", "radar", "gnss+imu", BOXES, VIEWS, SURROUNDINGS]) for cores in (16, 64)),
+        *(
+            (n, 64, [*numbered(n, "lidar"), "radar", "gnss+imu", *numbered(n, BOXES, VIEWS, SURROUNDINGS)])
+            for n in (2, 4)
+        ),
+        (8, 64, [*numbered(8, "lidar"), "radar", "gnss+imu", *numbered(8, BOXES, SURROUNDINGS)]),
+    ],
+)
+def test_agents_are_divided_among_nodes_for_every_eight_cores(agents: int, cores: int, expected: list[str]) -> None:
+    assert processes_of(with_agents(agents), cores) == expected
+
+
+@pytest.mark.parametrize("cores", [2, 8, 16, 64])
+@pytest.mark.parametrize("agents", [2, 4, 8])
+def test_nodes_of_a_kind_serve_each_agent_once(agents: int, cores: int) -> None:
+    processes = plan_processes(with_agents(agents), 5, live=False, dataset=None, cores=cores)
+    nodes = [node for process in processes[1:] for node in process]
+    for kind in ("lidar", "radar", "gnss", "imu", "annotator"):
+        by_scope: dict[str, list[NodePlan]] = {}
+        for node in (node for node in nodes if node.kind == kind):
+            by_scope.setdefault(str(node.parameters.get("scope")), []).append(node)
+        for alike in by_scope.values():
+            shares = [(node.parameters.get("agent_share", 0), node.parameters.get("agent_shares", 1)) for node in alike]
+            assert shares == [(share, len(alike)) for share in range(len(alike))]
+    assert {node.agent for node in nodes} == {""}
+    assert len({node.name for node in nodes}) == len(nodes)
+    assert processes[0][0].parameters["participants"] == [node.name for node in nodes]
+
+
+def test_a_single_agent_has_its_nodes_in_its_namespace_and_no_shares() -> None:
+    for cores in (2, 8, 16, 64):
+        for process in plan_processes(with_agents(1), 2, live=False, dataset=None, cores=cores)[1:]:
+            for node in process:
+                assert node.agent == "ego"
+                assert not {"agent_share", "agent_shares"} & node.parameters.keys()
+
+
+def test_only_agents_with_lidars_count_for_the_number_of_lidar_nodes() -> None:
+    scenario = with_agents(4)
+    blind = [agent.rig.model_copy(update={"sensors": agent.rig.of_type(Gnss)}) for agent in scenario.agents[1:]]
+    others = [agent.model_copy(update={"rig": rig}) for agent, rig in zip(scenario.agents[1:], blind, strict=True)]
+    names = processes_of(scenario.model_copy(update={"agents": (scenario.agents[0], *others)}), 64)
+    assert names[:3] == ["lidar_0", "lidar_1", "radar"]
+    assert names[-1] == "annotator_surroundings_3"
+
+
+def test_views_are_annotated_if_any_agent_has_them() -> None:
+    blind = with_agents(2, cameras=False)
+    paper = load_scenario("paper")
+    seeing = blind.agents[0].model_copy(update={"rig": paper.rig.model_copy(update={"agent": "car_1"})})
+    silent = seeing.model_copy(update={"annotation": Annotation(views=False)})
+    for agent, expected in ((blind.agents[0], False), (seeing, True), (silent, False)):
+        scenario = blind.model_copy(update={"agents": (agent,)})
+        processes = plan_processes(scenario, 0, live=False, dataset=None, cores=64)
+        assert any(node.name.startswith(VIEWS) for process in processes for node in process) == expected
+
+
+def test_camera_processes_get_the_cameras_of_all_agents_in_blocks() -> None:
+    processes = plan_processes(with_agents(3), 4, live=False, dataset=None, cores=8)[1:5]
+    served = [list(node.parameters["sensors"]) for process in processes for node in process]  # type: ignore[call-overload]
+    cameras = [camera.name for camera in load_scenario("paper").rig.of_type(Camera)]
+    assert [name for names in served for name in names] == [
+        f"{agent}/{camera}" for agent in ("ego", "car_1", "car_2") for camera in cameras
+    ]
+    assert [len(names) for names in served] == [4, 5, 4, 5]
+    assert [len({name.split("/")[0] for name in names}) for names in served] == [1, 2, 2, 1]
+
+
+def test_the_plan_covers_the_maximum_of_a_drawn_number_of_agents() -> None:
+    scenario = with_agents(2, count=Distribution(uniform=(0, 3)))
+    assert [rig.agent for rig in scenario.rigs] == ["ego", "car_1_1", "car_1_2", "car_1_3"]
+    [camera] = plan_processes(scenario, 1, live=False, dataset=None)[1]
+    assert len(camera.parameters["sensors"]) == 4 * 6  # type: ignore[arg-type]
+    assert processes_of(scenario, 64)[:4] == numbered(4, "lidar")
+
+
+def test_the_world_does_not_run_far_ahead_if_another_agent_is_driven_from_outside() -> None:
+    for driver, expected in (("traffic", 8), ("twist", 3)):
+        [world] = plan_processes(with_agents(2, driver=driver), 1, live=False, dataset=None, cores=16)[0]
+        assert world.parameters["window_ticks"] == expected
 
 
 def test_the_world_runs_far_ahead_only_on_many_cores_and_if_nobody_outside_reacts_to_it() -> None:

@@ -1,6 +1,7 @@
 """The lidar node publishes the clouds of its lidar models when they are due, with the states of the whole turn."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,13 +16,14 @@ from simbev_ros.config.scenario import Scenario
 from simbev_ros.maps.build import load_network
 from simbev_ros.msgs.stamps import stamp_of
 from simbev_ros.msgs.tables import table_from_message
-from simbev_ros.nodes import lidar_node, surroundings
+from simbev_ros.nodes import ray_scenes, surroundings
 from simbev_ros.nodes.lidar_node import LidarNode
 from simbev_ros.nodes.ros.names import NodeName
+from simbev_ros.raycast.part_stack import PartStack
 from simbev_ros.raycast.scene import RayScene
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.scene.state import WorldState
+from simbev_ros.scene.state import EGO_ID, WorldState
 from simbev_ros.semantics import Tag
 from simbev_ros.sensors.lidar import LidarModel
 
@@ -48,7 +50,7 @@ def spec() -> SceneSpec:
 @pytest.fixture
 def node(spec: SceneSpec, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     """A lidar node that has started a scene and collects what it publishes in ``sent``."""
-    monkeypatch.setattr(lidar_node, "load_models", lambda: MODELS)
+    monkeypatch.setattr(ray_scenes, "load_part_stack", lambda: PartStack(MODELS))
     monkeypatch.setattr(surroundings, "loaded_reach", lambda *_: None)
     monkeypatch.setattr(surroundings, "load_static_scene", lambda *_, **__: STATIC)
     monkeypatch.setattr(surroundings, "_loaded", {})
@@ -66,8 +68,9 @@ def node(spec: SceneSpec, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
 
 
 def state_at(tick: int) -> WorldState:
-    ego = actor(MODELS[0], x=0.6 * tick, y=3.0, yaw=0.1 * tick, vx=12.0)
-    return world(ego, actor(MODELS[0], id=9, x=9.0 - 0.7 * tick, y=-1.0, yaw=3.0), tick=tick)
+    ego = actor(MODELS[0], id=EGO_ID, x=0.6 * tick, y=3.0, yaw=0.1 * tick, vx=12.0)
+    state = world(ego, actor(MODELS[0], id=9, x=9.0 - 0.7 * tick, y=-1.0, yaw=3.0), tick=tick)
+    return replace(state, ego_id=EGO_ID)
 
 
 def play(node: Any, spec: SceneSpec, tick: int) -> None:

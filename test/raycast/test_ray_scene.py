@@ -1,3 +1,6 @@
+import weakref
+from dataclasses import fields
+
 import numpy as np
 import pytest
 from synthetic_world import EGO_ID, actor, box, box_model, cart_model, mesh, sheet, static_scene, world
@@ -152,6 +155,62 @@ def test_hits_do_not_depend_on_earlier_updates() -> None:
     one, other = fresh.cast(origin, directions), travelled.cast(origin, directions)
     for name in ("range_m", "object_id", "tag", "material", "normal"):
         assert getattr(one, name).tobytes() == getattr(other, name).tobytes()
+
+
+def wide_static_scene() -> StaticScene:
+    """Ground and bushes in tiles over several of the cells by which static triangles are cached."""
+    rng = np.random.default_rng(3)
+    tiles = []
+    for x in range(-200, 1200, 100):
+        lumps = rng.uniform(0, 100, (40, 1, 3)) * [1, 1, 0.1] + rng.uniform(-3, 3, (40, 3, 3))
+        tiles += static_scene(
+            mesh(lumps, Tag.VEGETATION), mesh(sheet([0, 0], [100, 100]), Tag.ROAD), origin_m=(x, 0, 0)
+        ).tiles
+    return StaticScene(tuple(tiles), ())
+
+
+def test_scenes_of_one_world_share_its_models_and_the_triangles_of_a_cell() -> None:
+    one = RayScene(wide_static_scene(), MODELS)
+    other = one.another()
+    assert other.parts is one.parts
+    here, near, elsewhere = (np.array([x_m, 50.0, 0.0]) for x_m in (10.0, 90.0, 700.0))
+    triangles = one.static.triangles_around(here, 60.0)
+    assert other.static.triangles_around(near, 60.0) is triangles, "both are in one cell of 128 m"
+    assert other.static.triangles_around(near, 61.0) is not triangles
+    assert other.static.triangles_around(elsewhere, 60.0) is not triangles
+
+
+def test_a_scene_that_moves_away_takes_no_cells_from_another_one() -> None:
+    resting = RayScene(wide_static_scene(), MODELS)
+    moving = resting.another()
+    here = np.array([10.0, 50.0, 0.0])
+    triangles = resting.static.triangles_around(here, 60.0)
+    for x_m in range(10, 1000, 100):
+        moving.static.triangles_around(np.array([float(x_m), 50.0, 0.0]), 60.0)
+    assert resting.static.triangles_around(here, 60.0) is triangles
+    gone = weakref.ref(moving.static.triangles_around(np.array([900.0, 50.0, 0.0]), 60.0))
+    assert gone() is not None
+    for x_m in (10.0, 200.0, 400.0):
+        moving.static.triangles_around(np.array([x_m, 50.0, 0.0]), 60.0)
+    assert gone() is None, "a cell that no scene keeps is freed"
+
+
+def test_scenes_of_one_world_do_not_disturb_each_other() -> None:
+    rng, static = np.random.default_rng(4), wide_static_scene()
+    state = world(actor(MODELS[0], x=30.0, y=40.0), actor(MODELS[0], id=8, x=44.0, y=47.0, yaw=0.4))
+    directions = unit_vectors(rng, 5000, 0.3)
+    centers_m = np.array([[30.0, 40.0, 2.0], [44.0, 47.0, 2.0]])
+    shared = [RayScene(static, MODELS)]
+    shared.append(shared[0].another())
+    alone = [RayScene(static, MODELS), RayScene(static, MODELS)]
+    for scenes in (shared, alone):
+        for scene, center_m, hidden_id in zip(scenes, centers_m, (EGO_ID, 8), strict=True):
+            scene.update(state, center_m, 80.0, {hidden_id})
+    for one, other, center_m, seen_id in zip(shared, alone, centers_m, (8, EGO_ID), strict=True):
+        hits, expected = one.cast(center_m[None], directions), other.cast(center_m[None], directions)
+        assert set(np.unique(hits.object_id)) == {0, seen_id}
+        for field in fields(hits):
+            assert getattr(hits, field.name).tobytes() == getattr(expected, field.name).tobytes()
 
 
 def test_rays_hit_nothing_in_an_empty_world() -> None:

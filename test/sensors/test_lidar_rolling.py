@@ -1,6 +1,7 @@
 """A rolling scan casts each column at its own time; deskewed with the odometry, its points lie on the meshes again."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,8 +16,9 @@ from simbev_ros.assets.materials import Material
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.sensor import Pose
 from simbev_ros.raycast.scene import RayScene
+from simbev_ros.scene.agents import STATION_IDS
 from simbev_ros.scene.interpolation import ActorHistory
-from simbev_ros.scene.state import WorldState
+from simbev_ros.scene.state import ACTOR_DTYPE, WorldState
 from simbev_ros.semantics import Tag
 from simbev_ros.sensors.lidar import LidarModel, LidarScan
 from simbev_ros.types import Float64Array, Table
@@ -104,6 +106,45 @@ def test_a_rolling_scan_deskewed_with_the_odometry_lies_on_the_moving_meshes(tic
             corners = posed.vertices.astype(np.float64)[posed.triangles]
             here = of_actor & (cloud["time"] == time_s)
             assert distances_m(points[here] - [*POSITION_M, 0.0], corners).max() < 3e-3
+
+
+def seen_from_a_mast(states: Sequence[WorldState], yaw_rad: float) -> list[WorldState]:
+    """The states as a roadside unit sees them, whose mast stands between the lanes; it is no actor."""
+    row = np.zeros((), ACTOR_DTYPE)
+    row["id"], row["z"], row["yaw"] = STATION_IDS, 0.2, yaw_rad
+    row["x"], row["y"] = POSITION_M + np.array([2.0, 9.0])
+    return [replace(state, ego_id=STATION_IDS, station=row) for state in states]
+
+
+def test_a_rolling_scan_of_a_roadside_unit_lies_on_the_moving_meshes() -> None:
+    models, sensor = load_models(), lidar()
+    states = seen_from_a_mast(moving_traffic(models, 2), yaw_rad=0.7)
+    cloud = scan(sensor, models, states).semantic_points
+    assert cloud is not None
+    points = deskew(sensor, cloud, states)  # with the constant pose of the mast
+    assert np.abs(points[cloud["object_id"] == 0, 2]).max() < 2e-3
+    course = ActorHistory.of(states[-1], states[:-1])
+    assert set(course.now["id"].tolist()) <= set(cloud["object_id"].tolist()), "it sees all actors"
+    for row, number in enumerate(course.now["id"]):
+        of_actor = cloud["object_id"] == number
+        for time_s in np.unique(cloud["time"][of_actor]):
+            posed_rows = course.at(np.array([row]), np.array([-float(time_s)]))
+            posed = pose_actors(models, posed_rows, np.array([*POSITION_M, 0.0]))
+            corners = posed.vertices.astype(np.float64)[posed.triangles]
+            here = of_actor & (cloud["time"] == time_s)
+            assert distances_m(points[here] - [*POSITION_M, 0.0], corners).max() < 3e-3
+
+
+def test_in_front_of_a_roadside_unit_only_traffic_moves_during_a_turn() -> None:
+    models = (box_model(Tag.CAR, (4.0, 2.0, 1.5)),)
+    rows = [actor(models[0], id=9, x=POSITION_M[0] + 9.0, y=POSITION_M[1], yaw=1.0)]
+    states = seen_from_a_mast([world(*rows, tick=tick) for tick in range(3)], yaw_rad=0.7)
+    rolling = scan(lidar(), models, states).points
+    still = scan(lidar(rolling=False), models, states).points
+    assert rolling is not None
+    assert still is not None
+    for name in ("x", "y", "z"):
+        assert rolling[name] == pytest.approx(still[name], abs=1e-4)
 
 
 def test_without_motion_a_rolling_scan_equals_the_scan_at_the_stamp() -> None:

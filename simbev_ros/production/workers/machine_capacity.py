@@ -31,7 +31,7 @@ def share_gpus(workers: int, scenario: Scenario) -> list[Rendering | None]:
     Raises:
         RenderError: There are cameras, EGL is missing or has no device, and the configuration leaves the choice to it.
     """
-    gpus = _gpus(scenario.rendering) if scenario.rig.of_type(Camera) else ()
+    gpus = _gpus(scenario.rendering) if scenario.sensors_of_type(Camera) else ()
     if workers == 1 or len(gpus) < 2:
         return [None] * workers
     shares = (gpus[k::workers] or gpus[k % len(gpus) : k % len(gpus) + 1] for k in range(workers))

@@ -89,7 +89,7 @@ class RayCrew(Team):
             needed = f"{_FIRST_NEEDS.memory_mib / 1024:g} GiB"
             raise InputError(f"--ray: a graph takes {needed} of memory, and the largest node offers {largest(nodes)}")
         cpus = int(max((node.cpus for node in nodes), default=_FIRST_NEEDS.cpus))
-        draws = bool(self._scenario.rig.of_type(Camera)) and self._scenario.rendering.gpus != ()
+        draws = bool(self._scenario.sensors_of_type(Camera)) and self._scenario.rendering.gpus != ()
         has_gpus = any(node.gpus for node in nodes)
         return replace(
             _FIRST_NEEDS, cpus=min(cpus, _FIRST_NEEDS.cpus), gpus=_FIRST_NEEDS.gpus if draws and has_gpus else 0.0

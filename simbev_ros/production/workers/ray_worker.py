@@ -68,7 +68,7 @@ class WorkerActor:
         if self._problem is not None:
             return
         os.environ[MAP_FILES_VARIABLE] = str(_fetch(map_files))
-        if settings.scenario.rig.of_type(Camera) and (chosen := _own_gpus()):
+        if settings.scenario.sensors_of_type(Camera) and (chosen := _own_gpus()):
             settings = replace(settings, rendering=settings.scenario.rendering.model_copy(update={"gpus": chosen}))
         self._worker = LocalWorker(Worker(name, self._node), settings)
 

@@ -24,8 +24,6 @@ class _Mounted(NamedTuple):
 class GnssNode(Participant):
     """Serves all GNSS receivers of its agents."""
 
-    sensor_kind = Gnss
-
     def __init__(self, name: NodeName) -> None:
         super().__init__(name)
         self._mounted: list[_Mounted] = []
@@ -34,14 +32,13 @@ class GnssNode(Participant):
         """Load the map's geodetic datum and tunnels, and advertise the receivers' topics."""
         datum, tunnels = load_datum(spec.map), load_tunnels(spec.map)
         self._mounted = []
-        for view in self.served_views(spec):
-            for gnss in view.rig.of_type(Gnss):
-                topics = gnss_topics(view, gnss)
-                for topic in topics:
-                    if topic is not None:
-                        self.advertise(topic)
-                model = GnssModel(gnss, datum, view.noise_seed, spec.tick_ns, topics.fix.period_ticks, tunnels)
-                self._mounted.append(_Mounted(view, f"{view.rig.agent}/{gnss.name}", model, topics))
+        for view, gnss in self.served_sensors(spec, Gnss):
+            topics = gnss_topics(view, gnss)
+            for topic in topics:
+                if topic is not None:
+                    self.advertise(topic)
+            model = GnssModel(gnss, datum, view.noise_seed, spec.tick_ns, topics.fix.period_ticks, tunnels)
+            self._mounted.append(_Mounted(view, f"{view.rig.agent}/{gnss.name}", model, topics))
         return [topic.name for mounted in self._mounted for topic in mounted.topics if topic is not None]
 
     def process(self, spec: SceneSpec, state: WorldState) -> None:

@@ -26,8 +26,6 @@ class ImuNode(Participant):
     Samples between two ticks are published at the later tick, in order, each with its own stamp.
     """
 
-    sensor_kind = Imu
-
     def __init__(self, name: NodeName) -> None:
         super().__init__(name)
         self._previous: WorldState | None = None
@@ -37,14 +35,13 @@ class ImuNode(Participant):
         """Advertise the IMUs' topics."""
         self._previous = None
         self._mounted = []
-        for view in self.served_views(spec):
-            for imu in view.rig.of_type(Imu):
-                topics = imu_topics(view, imu)
-                for topic in topics:
-                    self.advertise(topic)
-                period, per_tick = topics.raw.period_ticks, topics.raw.messages_per_tick
-                model = ImuModel(imu, view.noise_seed, spec.tick_ns, period, per_tick)
-                self._mounted.append(_Mounted(view, f"{view.rig.agent}/{imu.name}", model, topics))
+        for view, imu in self.served_sensors(spec, Imu):
+            topics = imu_topics(view, imu)
+            for topic in topics:
+                self.advertise(topic)
+            period, per_tick = topics.raw.period_ticks, topics.raw.messages_per_tick
+            model = ImuModel(imu, view.noise_seed, spec.tick_ns, period, per_tick)
+            self._mounted.append(_Mounted(view, f"{view.rig.agent}/{imu.name}", model, topics))
         return [topic.name for mounted in self._mounted for topic in mounted.topics]
 
     def process(self, spec: SceneSpec, state: WorldState) -> None:

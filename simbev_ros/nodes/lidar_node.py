@@ -67,7 +67,6 @@ class LidarNode(Participant):
     """Serves all lidars of its agents."""
 
     reuses_large_buffers = True
-    sensor_kind = Lidar
 
     def __init__(self, name: NodeName) -> None:
         super().__init__(name)
@@ -80,7 +79,7 @@ class LidarNode(Participant):
     def start_scene(self, spec: SceneSpec) -> list[str]:
         """Load the meshes around the agents (kept while scenes stay there) and advertise the lidars' topics."""
         self._wait_for_threads()  # the scene before may have been reset
-        views = self.served_views(spec)
+        views = self.served_views(spec, Lidar)
         if views:
             self._scenes.load(spec)
         self._groups, self._states, self._scanning = [], [], []

@@ -24,8 +24,6 @@ class _Mounted(NamedTuple):
 class OdometryNode(Participant):
     """Serves all wheel odometries of its agents."""
 
-    sensor_kind = Odometry
-
     def __init__(self, name: NodeName) -> None:
         super().__init__(name)
         self._mounted: list[_Mounted] = []
@@ -33,19 +31,18 @@ class OdometryNode(Participant):
     def start_scene(self, spec: SceneSpec) -> list[str]:
         """Advertise the topics."""
         self._mounted = []
-        for view in self.served_views(spec):
-            for odometry in view.rig.of_type(Odometry):
-                topic = wheel_odometry_topic(view, odometry)
-                self.advertise(topic)
-                model = OdometryModel(
-                    odometry,
-                    view.noise_seed,
-                    spec.tick_ns,
-                    topic.period_ticks,
-                    axle_m=rear_axle_m(view),
-                    base_link_x_m=view.base_link_x_m,
-                )
-                self._mounted.append(_Mounted(view, model, topic))
+        for view, odometry in self.served_sensors(spec, Odometry):
+            topic = wheel_odometry_topic(view, odometry)
+            self.advertise(topic)
+            model = OdometryModel(
+                odometry,
+                view.noise_seed,
+                spec.tick_ns,
+                topic.period_ticks,
+                axle_m=rear_axle_m(view),
+                base_link_x_m=view.base_link_x_m,
+            )
+            self._mounted.append(_Mounted(view, model, topic))
         return [mounted.topic.name for mounted in self._mounted]
 
     def process(self, spec: SceneSpec, state: WorldState) -> None:

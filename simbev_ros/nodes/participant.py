@@ -9,11 +9,12 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from dataclasses import replace
 from functools import partial
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
+from simbev_ros.config.rig import S
 from simbev_ros.config.scenario import RecordedTopics
 from simbev_ros.config.sensor import Sensor
 from simbev_ros.errors import InputError
@@ -55,15 +56,12 @@ class _Unsent(NamedTuple):
 class Participant(GraphNode):
     """Base of the sensor and annotation nodes.
 
-    A subclass advertises its topics in ``start_scene`` and publishes in ``process``. It serves the agents of
-    ``served_views``; ``scene.agents.seen_by`` makes one of them the ego of a state.
+    A subclass advertises its topics in ``start_scene`` and publishes in ``process``. It serves all agents of a
+    scene, or a share of them; ``scene.agents.seen_by`` makes one of them the ego of a state.
 
     Attributes:
-        sensor_kind: Sensors that the node serves; None: they are not its subject.
         inputs: Subscriptions that must be connected before a scene starts.
     """
-
-    sensor_kind: ClassVar[type[Sensor] | None] = None
 
     def __init__(self, name: NodeName) -> None:
         super().__init__(name)
@@ -116,11 +114,16 @@ class Participant(GraphNode):
             raise InputError(f"parameter agent_share: must be less than agent_shares, which is {shares}")
         return share, shares
 
-    def served_views(self, spec: SceneSpec) -> tuple[SceneSpec, ...]:
-        """Views of the agents that this node serves: its share of all agents that have sensors of its kind."""
-        kind = self.sensor_kind
+    def served_views(self, spec: SceneSpec, kind: type[Sensor] | None = None) -> tuple[SceneSpec, ...]:
+        """Views of the agents that this node serves: its share of those with sensors of a kind, or of all (None)."""
         views = [view for view in agent_views(spec) if kind is None or view.rig.of_type(kind)]
         return tuple(views[self._share :: self._shares])
+
+    def served_sensors(self, spec: SceneSpec, kind: type[S]) -> Iterator[tuple[SceneSpec, S]]:
+        """The sensors of a kind that this node serves, each with the view of the agent that carries it."""
+        for view in self.served_views(spec, kind):
+            for sensor in view.rig.of_type(kind):
+                yield view, sensor
 
     def start_scene(self, spec: SceneSpec) -> list[str]:
         """Load what a scene needs and advertise its topics; return the names of the topics that can be recorded.

@@ -39,8 +39,6 @@ class _Carrier(NamedTuple):
 class RadarNode(Participant):
     """Serves all radars of its agents; the rays of all radars of an agent that are due are cast together."""
 
-    sensor_kind = Radar
-
     def __init__(self, name: NodeName) -> None:
         super().__init__(name)
         self._scenes = RayScenes(Radar)
@@ -49,7 +47,7 @@ class RadarNode(Participant):
 
     def start_scene(self, spec: SceneSpec) -> list[str]:
         """Load the meshes around the agents (kept while scenes stay there) and advertise the radars' topics."""
-        views = self.served_views(spec)
+        views = self.served_views(spec, Radar)
         if views:
             self._scenes.load(spec)
         self._previous = None

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 import rclpy
 from made_up_scene import made_up_spec
+from several_agents import car, with_agents
 from synthetic_world import actor, box_model, world
 
 from simbev_ros import nodes
@@ -19,6 +20,9 @@ from simbev_ros.nodes.main import KINDS, node_class
 from simbev_ros.nodes.participant import Participant
 from simbev_ros.nodes.ros.names import NodeName
 from simbev_ros.nodes.surroundings import Surroundings
+from simbev_ros.scene.agents import agent_views
+from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.scene.state import EGO_ID
 from simbev_ros.semantics import Tag
 
 CAR = box_model(Tag.CAR, (4.0, 2.0, 1.5))
@@ -33,15 +37,22 @@ def context() -> Iterator[None]:
     rclpy.shutdown()
 
 
+def spec_with(kind: str) -> SceneSpec:
+    """A scene with two agents that have one sensor of a kind each, or one agent with a camera."""
+    sensors = [{"type": kind, "name": "some"}]
+    first = made_up_spec(sensors)
+    return first if kind == "camera" else with_agents(first, car("car", 1, sensors))
+
+
 def start_node(kind: str, monkeypatch: pytest.MonkeyPatch) -> tuple[Any, list[str]]:
-    """Start a scene with one sensor on a node, without meshes and OpenGL; return the node and its recordable topics."""
+    """Start the scene of ``spec_with`` on a node, without meshes and OpenGL; return it and its recordable topics."""
     made_class = node_class(kind)
     monkeypatch.setattr(Surroundings, "load", lambda *_: SimpleNamespace(set_lights=lambda _: None))
     if kind == "camera":
         module = __import__(made_class.__module__, fromlist=["open_context"])
         monkeypatch.setattr(module, "open_context", lambda *_: SimpleNamespace(release=lambda: None))
     node: Any = made_class(NodeName(kind))
-    return node, node.start_scene(made_up_spec([{"type": kind, "name": "some"}]))
+    return node, node.start_scene(spec_with(kind))
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -54,7 +65,8 @@ def test_every_kind_has_a_node(kind: str) -> None:
 @pytest.mark.parametrize("kind", SENSOR_KINDS)
 def test_a_node_advertises_the_topics_of_the_manifest(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     node, recorded = start_node(kind, monkeypatch)
-    expected = list(sensor_topics(made_up_spec([{"type": kind, "name": "some"}]), compressed_images=True))
+    views = agent_views(spec_with(kind))
+    expected = [topic for view in views for topic in sensor_topics(view, compressed_images=True)]
     advertised = dict(node.get_publisher_names_and_types_by_node(kind, "/"))
     node.close()
     node.destroy_node()
@@ -69,7 +81,8 @@ def test_a_node_publishes_on_each_of_its_topics(kind: str, monkeypatch: pytest.M
     sent: list[str] = []
     monkeypatch.setattr(node, "publish", lambda name, _: sent.append(name))
     for tick in (-1, 0):
-        node.process(made_up_spec([{"type": kind, "name": "some"}]), world(actor(CAR), tick=tick))
+        cars = [actor(CAR, id=EGO_ID), actor(CAR, id=EGO_ID + 1, y=5.0)]
+        node.process(spec_with(kind), world(*cars, tick=tick))
         assert sent == (recorded if tick == 0 else [])
     node.destroy_node()
 

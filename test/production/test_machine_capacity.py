@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
+from simbev_ros.config.agents import Agent
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.production.scene_cost import SceneCost
@@ -43,6 +44,15 @@ def test_workers_take_turns_on_several_gpus(machine: Machine) -> None:
     machine(gpus=2)
     assert gpus_of(share_gpus(5, scenario())) == [(0,), (1,), (0,), (1,), (0,)]
     assert gpus_of(share_gpus(3, scenario(gpus=[5, 2]))) == [(5,), (2,), (5,)]
+
+
+def test_cameras_of_any_agent_render_on_the_gpus(machine: Machine) -> None:
+    machine(gpus=2)
+    rig = scenario().rig
+    blind = scenario(cameras=0)
+    seeing = blind.model_copy(update={"agents": (Agent(name="car", rig=rig),)})
+    assert gpus_of(share_gpus(2, blind)) == [None] * 2
+    assert gpus_of(share_gpus(2, seeing)) == [(0,), (1,)]
 
 
 def test_with_more_gpus_than_workers_all_gpus_are_used(machine: Machine) -> None:

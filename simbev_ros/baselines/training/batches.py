@@ -14,6 +14,7 @@ from simbev_ros.baselines.frames import sweep_ages_ns
 from simbev_ros.baselines.grid import HALF_M, level_from_map
 from simbev_ros.baselines.training.augmentation import Thinning, Warp
 from simbev_ros.baselines.training.config import Training
+from simbev_ros.baselines.training.image_warps import draw_image_warps, unit_from_pixel, warped_images
 from simbev_ros.baselines.training.pasting import frames_with_rare_objects, paste
 from simbev_ros.types import Float32Array, Float64Array
 
@@ -30,8 +31,9 @@ class Batch(NamedTuple):
         warped_from_sweep: (B, sweeps, 3, 4) float32 transforms from the sweeps' ego frames to the warped level frame.
         images: (B, K, H, W, 3) uint8 RGB.
         gain: (B, 2) float32 contrast and brightness (0 … 255) that are applied to images.
-        pixel_from_level: (B, K, 3, 4) float32.
-        depth_m: (B, K, H / 8, W / 8) float32; 0: unknown.
+        recorded_from_warped: (B, K, 3, 3) float32 maps from warped to recorded images, as of ``warped_images``.
+        pixel_from_level: (B, K, 3, 4) float32 projections to the warped images.
+        depth_m: (B, K, H / 8, W / 8) float32, as recorded; 0: unknown.
         cells: (B, CELLS, CELLS) int32 grid as recorded, before the warp.
         level_from_warped: (B, 2, 2) float32 inverse of the warp of x and y.
         boxes: (M, 11) float32 boxes on the grid that have points: index of the sample, class, x, y, z, length, width,
@@ -43,6 +45,7 @@ class Batch(NamedTuple):
     warped_from_sweep: Tensor
     images: Tensor
     gain: Tensor
+    recorded_from_warped: Tensor
     pixel_from_level: Tensor
     depth_m: Tensor
     cells: Tensor
@@ -63,6 +66,17 @@ class Batch(NamedTuple):
         points = (transform[..., :3] * (self.points_cm.float() / CM_PER_M)[:, None]).sum(-1) + transform[..., 3]
         sweeps = self.warped_from_sweep.shape[1]
         return torch.cat([points, (part % sweeps).float()[:, None]], 1), part // sweeps
+
+    def pixels(self) -> Tensor:
+        """(B, K, 3, H, W) float32 RGB of the warped images, 0 … 255, with other contrast and brightness."""
+        recorded = self.images.permute(0, 1, 4, 2, 3).to(torch.float32)
+        warped = warped_images(recorded, self.recorded_from_warped, "bilinear")
+        gain = self.gain[:, :, None, None, None, None]
+        return ((warped - 128.0) * gain[:, 0] + 128.0 + gain[:, 1]).clamp(0, 255)
+
+    def pixel_depth_m(self) -> Tensor:
+        """(B, K, H / 8, W / 8) float32 depth of the warped images; 0: unknown."""
+        return warped_images(self.depth_m[:, :, None], self.recorded_from_warped, "nearest")[:, :, 0]
 
     def pin_memory(self) -> "Batch":
         """Copy to memory from which copies to a GPU are asynchronous."""
@@ -121,7 +135,15 @@ class CachedBatches(Dataset[Batch]):
             none if each is None or not self._modality.has_lidar else thinning.kept(each, rng)
             for each in sample.sweeps_cm
         ]
-        images = sample.images() if self._modality.has_cameras else np.zeros((0, 0, 0, 3), np.uint8)
+        images = sample.images() if self._modality.has_cameras else np.zeros((0, 1, 1, 3), np.uint8)
+        size_px = images.shape[2], images.shape[1]
+        image_warps = np.tile(np.eye(3), (len(images), 1, 1))
+        if self._augmentation is not None:
+            image_warps = draw_image_warps(self._augmentation, len(images), size_px, rng)
+        unit = unit_from_pixel(size_px)
+        projections = warp.projections(sample.pixel_from_level)
+        if self._modality.has_cameras:
+            projections = (image_warps @ projections).astype(np.float32)
         depth_m = sample.depth_m if self._modality.has_cameras else np.zeros((0, 0, 0), np.float32)
         return {
             "points_cm": torch.from_numpy(np.concatenate(sweeps)),
@@ -131,7 +153,8 @@ class CachedBatches(Dataset[Batch]):
             "warped_from_sweep": torch.from_numpy(_transforms(warp, sample.sweep_poses)),
             "images": torch.from_numpy(images),
             "gain": torch.tensor(gain, dtype=torch.float32),
-            "pixel_from_level": torch.from_numpy(warp.projections(sample.pixel_from_level)),
+            "recorded_from_warped": torch.from_numpy((unit @ np.linalg.inv(unit @ image_warps)).astype(np.float32)),
+            "pixel_from_level": torch.from_numpy(projections),
             "depth_m": torch.from_numpy(depth_m),
             "cells": torch.from_numpy(sample.cells.astype(np.int32)),
             "level_from_warped": torch.from_numpy(np.linalg.inv(warp.matrix).astype(np.float32)),
@@ -141,8 +164,8 @@ class CachedBatches(Dataset[Batch]):
     def _collate(self, samples: list[dict[str, Tensor]]) -> Batch:
         sweeps = len(samples[0]["warped_from_sweep"])
         boxes = [torch.nn.functional.pad(each["boxes"], (1, 0), value=k) for k, each in enumerate(samples)]
-        names = ("warped_from_sweep", "images", "gain", "pixel_from_level", "depth_m", "cells", "level_from_warped")
-        stacked = {name: torch.stack([each[name] for each in samples]) for name in names}
+        apart = ("points_cm", "sweep", "boxes")
+        stacked = {name: torch.stack([each[name] for each in samples]) for name in samples[0] if name not in apart}
         return Batch(
             points_cm=torch.cat([each["points_cm"] for each in samples]),
             part=torch.cat([each["sweep"] + k * sweeps for k, each in enumerate(samples)]),

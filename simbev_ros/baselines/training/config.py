@@ -16,7 +16,7 @@ from simbev_ros.input_file import is_file
 class Augmentation(Model):
     """Random changes of each sample, drawn anew in each epoch."""
 
-    flip: bool = Field(True, description="mirror x and y, each with a probability of one half")
+    flip: bool = Field(True, description="mirror x, y and each image, all with a probability of one half")
     rotation_deg: float = Field(45.0, ge=0, le=180, description="maximum rotation about z, in both directions")
     scale: float = Field(0.1, ge=0, lt=0.5, description="maximum change of scale: 0.1 is a factor of 0.9 to 1.1")
     thinning: float = Field(0.5, ge=0, lt=1, description="maximum share of the lidar's points that is left out")
@@ -26,6 +26,8 @@ class Augmentation(Model):
     pasting: float = Field(
         0.5, ge=0, le=1, description="share of samples that get trucks, buses and two-wheelers of others; lidar alone"
     )
+    zoom: float = Field(0.08, ge=0, lt=0.5, description="maximum zoom of an image: 0.08 is a factor of 0.92 to 1.08")
+    image_rotation_deg: float = Field(3.0, ge=0, le=45, description="maximum rotation of an image, in both directions")
     brightness: float = Field(0.3, ge=0, lt=1, description="maximum change of an image's brightness and contrast")
 
 

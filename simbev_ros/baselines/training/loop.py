@@ -125,16 +125,11 @@ def load_model(path: Path) -> tuple[Training, BevModel]:
 
 def inputs_of(batch: Batch, modality: Modality) -> Inputs:
     """The part of a batch that a model sees."""
-    images = None
-    if modality.has_cameras:
-        gain = batch.gain[:, :, None, None, None, None]
-        pixels = batch.images.permute(0, 1, 4, 2, 3).to(torch.float32)
-        images = ((pixels - 128.0) * gain[:, 0] + 128.0 + gain[:, 1]).clamp(0, 255)
     points, sample = batch.points() if modality.has_lidar else (None, None)
     return Inputs(
         points=points,
         sample=sample,
-        images=images,
+        images=batch.pixels() if modality.has_cameras else None,
         pixel_from_level=batch.pixel_from_level if modality.has_cameras else None,
         samples=len(batch.cells),
     )
@@ -146,9 +141,10 @@ def _step(
     """One step of the optimizer; returns the losses before it."""
     model.train()
     device_type = batch.cells.device.type
+    inputs = inputs_of(batch, modality)  # with full precision: positions need it
     with torch.autocast(device_type, torch.bfloat16, enabled=device_type == "cuda"):
-        outputs = model(inputs_of(batch, modality))
-    losses = losses_of(outputs, targets_of(batch), batch.depth_m)
+        outputs = model(inputs)
+    losses = losses_of(outputs, targets_of(batch), batch.pixel_depth_m() if modality.has_cameras else None)
     optimizer.zero_grad(set_to_none=True)
     torch.stack(list(losses.values())).sum().backward()
     nn.utils.clip_grad_norm_(model.parameters(), _MAX_GRADIENT)

@@ -52,6 +52,10 @@ class Training(Model):
     average_decay: float = Field(
         0.998, ge=0, lt=1, description="decay of the moving average of weights, which is what is exported"
     )
+    compile: bool = Field(
+        True,
+        description="on a GPU: compile parts of the network, which takes 20 s and a C compiler; a step is 15 % faster",
+    )
     augmentation: Augmentation = Field(Augmentation(), description="random changes of samples")
 
     @field_validator("sweep_ages_s")

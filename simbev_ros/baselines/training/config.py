@@ -24,7 +24,7 @@ class Augmentation(Model):
         0.25, ge=0, le=1, description="share of samples that see every second ring of the lidar, as of a coarser one"
     )
     pasting: float = Field(
-        0.5, ge=0, le=1, description="share of samples that get trucks, buses and two-wheelers of others; lidar alone"
+        0.5, ge=0, le=1, description="share of samples that get trucks, buses and two-wheelers of others"
     )
     zoom: float = Field(0.08, ge=0, lt=0.5, description="maximum zoom of an image: 0.08 is a factor of 0.92 to 1.08")
     image_rotation_deg: float = Field(3.0, ge=0, le=45, description="maximum rotation of an image, in both directions")

@@ -59,7 +59,7 @@ def train(
         report: Called every few steps.
 
     Raises:
-        InputError: The cache has too few samples, the checkpoint is of another configuration, or there is no C compiler.
+        InputError: The cache has too few samples, the checkpoint is of another configuration, or a compiler is missing.
     """
     torch.manual_seed(training.seed)
     model = BevModel(training.modality).to(device, memory_format=torch.channels_last)

@@ -76,7 +76,7 @@ def donor() -> Sample:
 
 
 def test_an_object_comes_with_points_cells_and_box(target: Sample, donor: Sample) -> None:
-    pasted = paste(target, donor, AGES_S)
+    pasted = paste(target, donor, AGES_S).sample
     np.testing.assert_array_equal(pasted.boxes, donor.boxes)
     np.testing.assert_array_equal(pasted.cells, donor.cells)
     for points, theirs in zip(pasted.sweeps_cm, donor.sweeps_cm, strict=True):
@@ -86,14 +86,14 @@ def test_an_object_comes_with_points_cells_and_box(target: Sample, donor: Sample
 
 def test_an_object_stands_on_the_ground_of_its_new_place(target: Sample, donor: Sample) -> None:
     lower = sample([ground(-0.6), ground(-0.6)], target.cells, target.boxes)
-    pasted = paste(lower, donor, AGES_S)
+    pasted = paste(lower, donor, AGES_S).sample
     assert pasted.boxes["z"] == pytest.approx(donor.boxes["z"] - 0.6, abs=0.02)
     assert pasted.sweeps_cm[0] is not None and donor.sweeps_cm[0] is not None
     np.testing.assert_allclose(pasted.sweeps_cm[0][-4000:], donor.sweeps_cm[0][-4000:] - [0, 0, 60], atol=2)
 
 
 def test_points_that_the_object_hides_are_gone_and_no_others(target: Sample, donor: Sample) -> None:
-    pasted = paste(target, donor, AGES_S)
+    pasted = paste(target, donor, AGES_S).sample
     assert pasted.sweeps_cm[0] is not None and target.sweeps_cm[0] is not None
     kept = {tuple(each) for each in pasted.sweeps_cm[0][:-4000].tolist()}
     before = target.sweeps_cm[0] / 100.0
@@ -116,7 +116,7 @@ def test_without_room_nothing_changes(target: Sample, donor: Sample, what: str) 
         target = replace(target, cells=np.zeros_like(cells))
     else:
         donor = replace(donor, sweeps_cm=(donor.sweeps_cm[0], None))
-    pasted = paste(target, donor, AGES_S)
+    pasted = paste(target, donor, AGES_S).sample
     assert len(pasted.boxes) == 0
     np.testing.assert_array_equal(pasted.cells, target.cells)
     for ours, theirs in zip(pasted.sweeps_cm, target.sweeps_cm, strict=True):

@@ -51,6 +51,13 @@ class BevModel(nn.Module):
         self.trunk = BevTrunk(_CHANNELS, _CHANNELS)
         self.heads = Heads(_CHANNELS, _FINE_CHANNELS if self.lidar is not None else 0)
 
+    def compile_parts(self) -> None:
+        """Compile those parts in place that get tensors of one shape; names and values of weights stay."""
+        self.trunk.compile()
+        self.heads.compile()
+        if self.cameras is not None:
+            self.cameras.images.compile()
+
     def forward(self, inputs: Inputs) -> Outputs:
         """Outputs for a batch."""
         branches, fine, depth = [], None, None

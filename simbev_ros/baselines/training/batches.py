@@ -9,11 +9,13 @@ from torch import Tensor
 from torch.utils.data import Dataset
 
 from simbev_ros.baselines.cache.layout import CM_PER_M
-from simbev_ros.baselines.cache.reader import CachedScene
+from simbev_ros.baselines.cache.reader import CachedScene, Sample
 from simbev_ros.baselines.frames import sweep_ages_ns
 from simbev_ros.baselines.grid import HALF_M, level_from_map
 from simbev_ros.baselines.training.augmentation import Thinning, Warp
 from simbev_ros.baselines.training.config import Training
+from simbev_ros.baselines.training.image_pasting import Images, paste_images
+from simbev_ros.baselines.training.image_warps import draw_image_warps, unit_from_pixel, warped_images
 from simbev_ros.baselines.training.pasting import frames_with_rare_objects, paste
 from simbev_ros.types import Float32Array, Float64Array
 
@@ -30,8 +32,9 @@ class Batch(NamedTuple):
         warped_from_sweep: (B, sweeps, 3, 4) float32 transforms from the sweeps' ego frames to the warped level frame.
         images: (B, K, H, W, 3) uint8 RGB.
         gain: (B, 2) float32 contrast and brightness (0 … 255) that are applied to images.
-        pixel_from_level: (B, K, 3, 4) float32.
-        depth_m: (B, K, H / 8, W / 8) float32; 0: unknown.
+        recorded_from_warped: (B, K, 3, 3) float32 maps from warped to recorded images, as of ``warped_images``.
+        pixel_from_level: (B, K, 3, 4) float32 projections to the warped images.
+        depth_m: (B, K, H / 8, W / 8) float32, as recorded; 0: unknown.
         cells: (B, CELLS, CELLS) int32 grid as recorded, before the warp.
         level_from_warped: (B, 2, 2) float32 inverse of the warp of x and y.
         boxes: (M, 11) float32 boxes on the grid that have points: index of the sample, class, x, y, z, length, width,
@@ -43,6 +46,7 @@ class Batch(NamedTuple):
     warped_from_sweep: Tensor
     images: Tensor
     gain: Tensor
+    recorded_from_warped: Tensor
     pixel_from_level: Tensor
     depth_m: Tensor
     cells: Tensor
@@ -63,6 +67,17 @@ class Batch(NamedTuple):
         points = (transform[..., :3] * (self.points_cm.float() / CM_PER_M)[:, None]).sum(-1) + transform[..., 3]
         sweeps = self.warped_from_sweep.shape[1]
         return torch.cat([points, (part % sweeps).float()[:, None]], 1), part // sweeps
+
+    def pixels(self) -> Tensor:
+        """(B, K, 3, H, W) float32 RGB of the warped images, 0 … 255, with other contrast and brightness."""
+        recorded = self.images.permute(0, 1, 4, 2, 3).to(torch.float32)
+        warped = warped_images(recorded, self.recorded_from_warped, "bilinear")
+        gain = self.gain[:, :, None, None, None, None]
+        return ((warped - 128.0) * gain[:, 0] + 128.0 + gain[:, 1]).clamp(0, 255)
+
+    def pixel_depth_m(self) -> Tensor:
+        """(B, K, H / 8, W / 8) float32 depth of the warped images; 0: unknown."""
+        return warped_images(self.depth_m[:, :, None], self.recorded_from_warped, "nearest")[:, :, 0]
 
     def pin_memory(self) -> "Batch":
         """Copy to memory from which copies to a GPU are asynchronous."""
@@ -87,9 +102,7 @@ class CachedBatches(Dataset[Batch]):
         self._sweep_ages_s, self._sweep_ages_ns = training.sweep_ages_s, sweep_ages_ns(training.sweep_ages_s)
         self._samples = [(scene, frame) for scene in range(len(scenes)) for frame in range(len(scenes[scene].frames))]
 
-        # Images would not show what is pasted.
-        pasting = augmented and training.augmentation.pasting > 0 and not training.modality.has_cameras
-        self._donors = frames_with_rare_objects(scenes) if pasting else []
+        self._donors = frames_with_rare_objects(scenes) if augmented and training.augmentation.pasting > 0 else []
         self.steps_per_epoch = len(self._samples) // training.batch_size
 
     def __getitem__(self, step: int) -> Batch:
@@ -103,6 +116,7 @@ class CachedBatches(Dataset[Batch]):
     def _sample(self, number: int, epoch: int) -> dict[str, Tensor]:
         scene, frame = self._samples[number]
         sample = self._scenes[scene].sample(frame, self._sweep_ages_ns)
+        images = self._images(sample)
         rng = np.random.default_rng([self._seed, epoch, number])
         warp, gain, thinning = Warp(np.eye(2), 1.0), (1.0, 0.0), Thinning(0.0, False, 0.0)
         if self._augmentation is not None:
@@ -110,9 +124,7 @@ class CachedBatches(Dataset[Batch]):
             gain = (rng.uniform(1 - amount, 1 + amount), 128.0 * rng.uniform(-amount, amount))
             thinning = Thinning.draw(self._augmentation, rng)
             if self._donors and rng.random() < self._augmentation.pasting:
-                donor, donor_frame = self._donors[rng.integers(len(self._donors))]
-                others = self._scenes[donor].sample(donor_frame, self._sweep_ages_ns)
-                sample = paste(sample, others, self._sweep_ages_s)
+                sample, images = self._with_pasted(sample, images, rng)
         boxes = warp.boxes(sample.boxes[sample.boxes["points"] > 0])
         boxes = boxes[np.maximum(np.abs(boxes["x"]), np.abs(boxes["y"])) < _MAX_CENTER_M]
         names = ("class", "x", "y", "z", "length", "width", "height", "yaw", "vx", "vy")
@@ -121,28 +133,49 @@ class CachedBatches(Dataset[Batch]):
             none if each is None or not self._modality.has_lidar else thinning.kept(each, rng)
             for each in sample.sweeps_cm
         ]
-        images = sample.images() if self._modality.has_cameras else np.zeros((0, 0, 0, 3), np.uint8)
-        depth_m = sample.depth_m if self._modality.has_cameras else np.zeros((0, 0, 0), np.float32)
+        size_px = images.rgb.shape[2], images.rgb.shape[1]
+        image_warps = np.tile(np.eye(3), (len(images.rgb), 1, 1))
+        if self._augmentation is not None:
+            image_warps = draw_image_warps(self._augmentation, len(images.rgb), size_px, rng)
+        unit = unit_from_pixel(size_px)
+        projections = (image_warps @ warp.projections(images.pixel_from_level)).astype(np.float32)
         return {
             "points_cm": torch.from_numpy(np.concatenate(sweeps)),
             "sweep": torch.from_numpy(
                 np.repeat(np.arange(len(sweeps), dtype=np.int16), [len(each) for each in sweeps])
             ),
             "warped_from_sweep": torch.from_numpy(_transforms(warp, sample.sweep_poses)),
-            "images": torch.from_numpy(images),
+            "images": torch.from_numpy(images.rgb),
             "gain": torch.tensor(gain, dtype=torch.float32),
-            "pixel_from_level": torch.from_numpy(warp.projections(sample.pixel_from_level)),
-            "depth_m": torch.from_numpy(depth_m),
+            "recorded_from_warped": torch.from_numpy((unit @ np.linalg.inv(unit @ image_warps)).astype(np.float32)),
+            "pixel_from_level": torch.from_numpy(projections),
+            "depth_m": torch.from_numpy(images.depth_m),
             "cells": torch.from_numpy(sample.cells.astype(np.int32)),
             "level_from_warped": torch.from_numpy(np.linalg.inv(warp.matrix).astype(np.float32)),
             "boxes": torch.from_numpy(np.stack([boxes[name].astype(np.float32) for name in names], 1)),
         }
 
+    def _images(self, sample: Sample) -> Images:
+        """The images of a sample; none if the model sees none."""
+        if self._modality.has_cameras:
+            return Images(sample.images(), sample.depth_m, sample.pixel_from_level)
+        nothing = np.zeros((0, 1, 1), np.float32)
+        return Images(np.zeros((0, 1, 1, 3), np.uint8), nothing, np.zeros((0, 3, 4), np.float32))
+
+    def _with_pasted(self, sample: Sample, images: Images, rng: np.random.Generator) -> tuple[Sample, Images]:
+        """A sample and its images with rare objects of another."""
+        scene, frame = self._donors[rng.integers(len(self._donors))]
+        donor = self._scenes[scene].sample(frame, self._sweep_ages_ns)
+        pasted = paste(sample, donor, self._sweep_ages_s)
+        if len(images.rgb) and len(pasted.boxes):
+            images = paste_images(images, self._images(donor), pasted.boxes, pasted.steps_m)
+        return pasted.sample, images
+
     def _collate(self, samples: list[dict[str, Tensor]]) -> Batch:
         sweeps = len(samples[0]["warped_from_sweep"])
         boxes = [torch.nn.functional.pad(each["boxes"], (1, 0), value=k) for k, each in enumerate(samples)]
-        names = ("warped_from_sweep", "images", "gain", "pixel_from_level", "depth_m", "cells", "level_from_warped")
-        stacked = {name: torch.stack([each[name] for each in samples]) for name in names}
+        apart = ("points_cm", "sweep", "boxes")
+        stacked = {name: torch.stack([each[name] for each in samples]) for name in samples[0] if name not in apart}
         return Batch(
             points_cm=torch.cat([each["points_cm"] for each in samples]),
             part=torch.cat([each["sweep"] + k * sweeps for k, each in enumerate(samples)]),

@@ -16,7 +16,7 @@ from simbev_ros.input_file import is_file
 class Augmentation(Model):
     """Random changes of each sample, drawn anew in each epoch."""
 
-    flip: bool = Field(True, description="mirror x and y, each with a probability of one half")
+    flip: bool = Field(True, description="mirror x, y and each image, all with a probability of one half")
     rotation_deg: float = Field(45.0, ge=0, le=180, description="maximum rotation about z, in both directions")
     scale: float = Field(0.1, ge=0, lt=0.5, description="maximum change of scale: 0.1 is a factor of 0.9 to 1.1")
     thinning: float = Field(0.5, ge=0, lt=1, description="maximum share of the lidar's points that is left out")
@@ -24,8 +24,10 @@ class Augmentation(Model):
         0.25, ge=0, le=1, description="share of samples that see every second ring of the lidar, as of a coarser one"
     )
     pasting: float = Field(
-        0.5, ge=0, le=1, description="share of samples that get trucks, buses and two-wheelers of others; lidar alone"
+        0.5, ge=0, le=1, description="share of samples that get trucks, buses and two-wheelers of others"
     )
+    zoom: float = Field(0.08, ge=0, lt=0.5, description="maximum zoom of an image: 0.08 is a factor of 0.92 to 1.08")
+    image_rotation_deg: float = Field(3.0, ge=0, le=45, description="maximum rotation of an image, in both directions")
     brightness: float = Field(0.3, ge=0, lt=1, description="maximum change of an image's brightness and contrast")
 
 
@@ -49,6 +51,10 @@ class Training(Model):
     weight_decay: float = Field(0.01, ge=0, le=1, description="decay of weights of AdamW")
     average_decay: float = Field(
         0.998, ge=0, lt=1, description="decay of the moving average of weights, which is what is exported"
+    )
+    compile: bool = Field(
+        True,
+        description="on a GPU: compile parts of the network, which takes 20 s and a C compiler; a step is 15 % faster",
     )
     augmentation: Augmentation = Field(Augmentation(), description="random changes of samples")
 

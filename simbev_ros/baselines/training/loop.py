@@ -1,8 +1,10 @@
 """The training loop: AdamW with a cosine schedule, mixed precision, a moving average of weights, resumable."""
 
 import math
+import os
+import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
@@ -57,11 +59,14 @@ def train(
         report: Called every few steps.
 
     Raises:
-        InputError: The cache has too few samples, or the checkpoint is of another configuration.
+        InputError: The cache has too few samples, the checkpoint is of another configuration, or a compiler is missing.
     """
     torch.manual_seed(training.seed)
     model = BevModel(training.modality).to(device, memory_format=torch.channels_last)
     average = deepcopy(model).eval().requires_grad_(False)
+    if device.type == "cuda" and training.compile:
+        _require_compiler()
+        model.compile_parts()
     optimizer = torch.optim.AdamW(_groups(model, training), lr=training.learning_rate, fused=device.type == "cuda")
     scenes = cached_scenes(cache, "train")[: training.scenes]
     data = CachedBatches(scenes, training)
@@ -74,10 +79,10 @@ def train(
         step = _resume(path, training, model, average, optimizer)
     with SummaryWriter(str(out / "log"), purge_step=step) as log:
         logged_s, logged = time.perf_counter(), step
-        for batch in _loader(data, range(step, steps), workers, device):
+        for batch in _on_device(_loader(data, range(step, steps), workers, device), device):
             for group in optimizer.param_groups:
                 group["lr"] = training.learning_rate * _schedule(step / steps)
-            losses = _step(model, optimizer, batch.to(device), training.modality)
+            losses = _step(model, optimizer, batch, training.modality)
             _follow(average, model, min(training.average_decay, (1 + step) / (10 + step)))
             step += 1
             if step % _LOG_STEPS == 0 or step == steps:
@@ -125,16 +130,11 @@ def load_model(path: Path) -> tuple[Training, BevModel]:
 
 def inputs_of(batch: Batch, modality: Modality) -> Inputs:
     """The part of a batch that a model sees."""
-    images = None
-    if modality.has_cameras:
-        gain = batch.gain[:, :, None, None, None, None]
-        pixels = batch.images.permute(0, 1, 4, 2, 3).to(torch.float32)
-        images = ((pixels - 128.0) * gain[:, 0] + 128.0 + gain[:, 1]).clamp(0, 255)
     points, sample = batch.points() if modality.has_lidar else (None, None)
     return Inputs(
         points=points,
         sample=sample,
-        images=images,
+        images=batch.pixels() if modality.has_cameras else None,
         pixel_from_level=batch.pixel_from_level if modality.has_cameras else None,
         samples=len(batch.cells),
     )
@@ -146,9 +146,10 @@ def _step(
     """One step of the optimizer; returns the losses before it."""
     model.train()
     device_type = batch.cells.device.type
+    inputs = inputs_of(batch, modality)  # with full precision: positions need it
     with torch.autocast(device_type, torch.bfloat16, enabled=device_type == "cuda"):
-        outputs = model(inputs_of(batch, modality))
-    losses = losses_of(outputs, targets_of(batch), batch.depth_m)
+        outputs = model(inputs)
+    losses = losses_of(outputs, targets_of(batch), batch.pixel_depth_m() if modality.has_cameras else None)
     optimizer.zero_grad(set_to_none=True)
     torch.stack(list(losses.values())).sum().backward()
     nn.utils.clip_grad_norm_(model.parameters(), _MAX_GRADIENT)
@@ -166,6 +167,37 @@ def _loader(data: CachedBatches, steps: range, workers: int, device: torch.devic
         prefetch_factor=4 if workers else None,
         worker_init_fn=_one_thread,
     )
+
+
+def _require_compiler() -> None:
+    if not any(map(shutil.which, (os.environ.get("CC", "gcc"), "gcc", "clang"))):
+        raise InputError("compile: needs gcc or clang, which this machine lacks; set it to false to train without")
+
+
+def _on_device(batches: Iterable[Batch], device: torch.device) -> Iterator[Batch]:
+    """Copy batches to a device; a GPU copies the next one while it works on the last."""
+    if device.type != "cuda":
+        yield from (batch.to(device) for batch in batches)
+        return
+    copying, working = torch.cuda.Stream(device), torch.cuda.current_stream(device)
+    last: tuple[Batch, torch.cuda.Event] | None = None
+    for batch in batches:
+        with torch.cuda.stream(copying):
+            following = batch.to(device), copying.record_event()
+        if last is not None:
+            yield _copied(last, working)
+        last = following
+    if last is not None:
+        yield _copied(last, working)
+
+
+def _copied(copy: tuple[Batch, torch.cuda.Event], working: torch.cuda.Stream) -> Batch:
+    """Let a stream wait for a copy, whose memory it then uses."""
+    batch, done = copy
+    working.wait_event(done)
+    for each in batch:
+        each.record_stream(working)
+    return batch
 
 
 def _one_thread(_: int) -> None:

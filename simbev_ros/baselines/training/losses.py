@@ -14,14 +14,14 @@ _VALUE_WEIGHTS = (2.0, 2.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
 _BOX_WEIGHT, _DEPTH_WEIGHT = 0.25, 0.5
 
 
-def losses_of(outputs: Outputs, targets: Targets, depth_m: Tensor) -> dict[str, Tensor]:
-    """Losses of a batch by name, to be added up."""
+def losses_of(outputs: Outputs, targets: Targets, depth_m: Tensor | None) -> dict[str, Tensor]:
+    """Losses of a batch by name, to be added up; ``depth_m`` is that of the images, if the model sees any."""
     losses = {
         **_cell_losses(outputs.cells.float(), targets.cells, targets.known),
         "heat": _heat_loss(outputs.heat.float(), targets),
         "boxes": _BOX_WEIGHT * _box_loss(outputs.boxes.float(), targets),
     }
-    if outputs.depth is not None:
+    if outputs.depth is not None and depth_m is not None:
         losses["depth"] = _DEPTH_WEIGHT * _depth_loss(outputs.depth, depth_m)
     return losses
 

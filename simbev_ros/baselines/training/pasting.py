@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import reduce
 from operator import or_
+from typing import NamedTuple
 
 import numpy as np
 
@@ -53,8 +54,22 @@ def frames_with_rare_objects(scenes: Sequence[CachedScene]) -> list[tuple[int, i
     return found
 
 
-def paste(sample: Sample, donor: Sample, sweep_ages_s: Sequence[float]) -> Sample:
-    """Return the sample with those rare objects of the donor for which there is room.
+class Pasted(NamedTuple):
+    """A sample with objects of another.
+
+    Attributes:
+        sample: The sample; its images are as before.
+        boxes: (M,) the objects' boxes as they are in the other.
+        steps_m: (M,) how much higher they stand now.
+    """
+
+    sample: Sample
+    boxes: Table
+    steps_m: Float64Array
+
+
+def paste(sample: Sample, donor: Sample, sweep_ages_s: Sequence[float]) -> Pasted:
+    """Paste those rare objects of a donor for which a sample has room.
 
     Args:
         sample: A key frame.
@@ -62,9 +77,9 @@ def paste(sample: Sample, donor: Sample, sweep_ages_s: Sequence[float]) -> Sampl
         sweep_ages_s: Ages of the sweeps of both.
     """
     if any(ours is not None and theirs is None for ours, theirs in zip(sample.sweeps_cm, donor.sweeps_cm, strict=True)):
-        return sample
+        return Pasted(sample, donor.boxes[:0], np.zeros(0))
     target, source = _Cloud(sample, sweep_ages_s), _Cloud(donor, sweep_ages_s)
-    cells, boxes = np.array(sample.cells), [sample.boxes]
+    cells, boxes, steps_m = np.array(sample.cells), [donor.boxes[:0]], []
     for box in donor.boxes[_is_rare(donor.boxes)]:
         below = _covered(box, 0.0)
         alike = (cells[below] ^ donor.cells[below]) & _GROUND_BITS == 0
@@ -79,10 +94,13 @@ def paste(sample: Sample, donor: Sample, sweep_ages_s: Sequence[float]) -> Sampl
         target.add(parts, step_m)
         covered = _covered(box, _AROUND_M)
         cells[covered] |= donor.cells[covered] & _PASTED_BITS
-        moved = np.array([box])
-        moved["z"] += step_m
-        boxes.append(moved)
-    return replace(sample, sweeps_cm=target.sweeps_cm(), cells=cells, boxes=np.concatenate(boxes))
+        boxes.append(np.array([box]))
+        steps_m.append(step_m)
+    pasted, steps = np.concatenate(boxes), np.array(steps_m, np.float64)
+    moved = pasted.copy()
+    moved["z"] += steps
+    changed = replace(sample, sweeps_cm=target.sweeps_cm(), cells=cells, boxes=np.concatenate([sample.boxes, moved]))
+    return Pasted(changed, pasted, steps)
 
 
 class _Cloud:

@@ -83,11 +83,11 @@ def film(renderers: Mapping[str, Renderer], weather: Weather) -> dict[tuple[int,
 
 
 @pytest.fixture(scope="module")
-def make_renderer() -> Iterator[Callable[[], Renderer]]:
+def make_renderer() -> Iterator[Callable[..., Renderer]]:
     made: list[Renderer] = []
 
-    def make() -> Renderer:
-        made.append(Renderer(scene(), [car()]))
+    def make(**options: Any) -> Renderer:
+        made.append(Renderer(scene(), [car()], **options))
         return made[-1]
 
     yield make
@@ -96,15 +96,21 @@ def make_renderer() -> Iterator[Callable[[], Renderer]]:
 
 
 @pytest.fixture(scope="module")
-def alone(make_renderer: Callable[[], Renderer]) -> dict[str, Renderer]:
+def alone(make_renderer: Callable[..., Renderer]) -> dict[str, Renderer]:
     """A renderer for each agent."""
     return {agent: make_renderer() for agent in VIEWS}
 
 
 @pytest.fixture(scope="module")
-def shared(make_renderer: Callable[[], Renderer]) -> Renderer:
+def shared(make_renderer: Callable[..., Renderer]) -> Renderer:
     """A renderer for all agents."""
     return make_renderer()
+
+
+def assert_equal_images(found: Mapping[Any, list[CameraImages]], expected: Mapping[Any, list[CameraImages]]) -> None:
+    for key, camera, modality in product(expected, range(2), MODALITIES):
+        images = (getattr(each[key][camera], modality) for each in (found, expected))
+        np.testing.assert_array_equal(*images, err_msg=f"{key}, camera {camera}, {modality}")
 
 
 @pytest.mark.parametrize("weather", WEATHERS)
@@ -114,12 +120,16 @@ def test_images_drawn_in_turns_are_those_of_each_agent_alone(
     changed = NOON.model_copy(update=WEATHERS[weather])
     shared.set_agents(len(VIEWS))
     expected = film(alone, changed)
-    for key, images in film(dict.fromkeys(VIEWS, shared), changed).items():
-        for camera, modality in product(range(2), MODALITIES):
-            found, truth = (getattr(each[camera], modality) for each in (images, expected[key]))
-            np.testing.assert_array_equal(found, truth, err_msg=f"{key}, camera {camera}, {modality}")
+    assert_equal_images(film(dict.fromkeys(VIEWS, shared), changed), expected)
     first = [expected[0, agent][0].rgb for agent in VIEWS]
     assert not any(np.array_equal(one, other) for one, other in pairwise(first))
+
+
+def test_the_same_holds_for_images_from_compute_shaders(make_renderer: Callable[..., Renderer]) -> None:
+    weather = NOON.model_copy(update=WEATHERS["rainy night"])
+    alone, shared = (make_renderer(use_compute=True) for _ in range(2))
+    shared.set_agents(len(VIEWS))
+    assert_equal_images(film(dict.fromkeys(VIEWS, shared), weather), film({CAR: alone}, weather))
 
 
 @pytest.fixture
@@ -137,7 +147,7 @@ def shadow_passes(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
 
 def test_the_static_shadow_of_agents_that_take_turns_is_drawn_once_per_cell(
-    make_renderer: Callable[[], Renderer], shadow_passes: list[str]
+    make_renderer: Callable[..., Renderer], shadow_passes: list[str]
 ) -> None:
     renderer = make_renderer()
     renderer.set_agents(2)
@@ -157,14 +167,13 @@ def test_the_static_shadow_of_agents_that_take_turns_is_drawn_once_per_cell(
 
 
 def test_agents_that_share_one_map_have_it_drawn_anew_in_each_turn(
-    alone: dict[str, Renderer], make_renderer: Callable[[], Renderer], shadow_passes: list[str]
+    alone: dict[str, Renderer], make_renderer: Callable[..., Renderer], shadow_passes: list[str]
 ) -> None:
     expected = film(alone, NOON)
     shadow_passes.clear()
     found = film(dict.fromkeys(VIEWS, make_renderer()), NOON)
     assert len(shadow_passes) >= len(found)
-    for key, images in found.items():
-        np.testing.assert_array_equal(images[0].rgb, expected[key][0].rgb, err_msg=f"{key}")
+    assert_equal_images(found, expected)
 
 
 def test_an_agent_sees_all_cars_but_its_own_and_a_roadside_unit_sees_all(shared: Renderer) -> None:

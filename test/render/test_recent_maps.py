@@ -18,7 +18,7 @@ def test_a_map_is_found_again_by_its_key() -> None:
     assert maps.find("a") == (a, "a") and maps.find("b") == (b, "b")
 
 
-def test_agents_in_turns_who_move_reuse_their_own_maps() -> None:
+def test_agents_in_turns_that_move_reuse_their_own_maps() -> None:
     maps = maps_for(2)
     first, second = maps.find("a0")[0], maps.find("b0")[0]
     for step in range(1, 4):

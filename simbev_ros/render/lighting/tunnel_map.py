@@ -61,7 +61,7 @@ class TunnelMap:
         pools["reach"] = _LAMP_REACH_M
 
     def set_agents(self, count: int) -> None:
-        """Keep the maps around this number of agents; until this is called, the map around one."""
+        """Keep the maps around this number of agents; until this is called, around one."""
         self._maps.max_count = count
 
     def adaptation(self, ego_m: Float64Array, sky: SkyLight) -> TunnelAdaptation:

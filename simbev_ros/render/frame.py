@@ -22,6 +22,7 @@ class CameraView:
         modalities: The requested modalities.
         optics: Exposure, vignetting and noise of the color image.
         noise_seed: Seed of the noise, below 2**64; different for every camera and tick.
+        lens_seed: Seed of the drops on the lens, beside the camera's pose; different for every agent of a scene.
     """
 
     camera: PinholeCamera
@@ -29,12 +30,23 @@ class CameraView:
     modalities: Sequence[Modality]
     optics: Optics = IDEAL_OPTICS
     noise_seed: int = 0
+    lens_seed: int = 0
 
     @classmethod
-    def from_config(cls, camera: Camera, seed: int, tick: int, modalities: Sequence[Modality] | None = None) -> Self:
+    def from_config(
+        cls,
+        camera: Camera,
+        seed: int,
+        tick: int,
+        modalities: Sequence[Modality] | None = None,
+        *,
+        lens_seed: int = 0,
+    ) -> Self:
         """View of a configured camera at a tick of a scene with a seed, with all its modalities or a subset."""
         noise_seed = int(stream(seed, f"camera.{camera.name}", tick).integers(1 << 63))
-        return cls(camera.model, camera.pose.ego_from_sensor, modalities or camera.modalities, camera, noise_seed)
+        return cls(
+            camera.model, camera.pose.ego_from_sensor, modalities or camera.modalities, camera, noise_seed, lens_seed
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """The renderer: draws the exact images of the ego's cameras from meshes and a world state.
 
 ``CameraView``s and a ``RenderFrame`` enter ``Renderer.render``, ``CameraImages`` leave; there is one geometry pass per
-camera.
+camera. Images of several agents take one call per agent, in any order.
 """
 
 from collections.abc import Sequence
@@ -107,6 +107,14 @@ class Renderer:
             self._lamp_field.set_lights(lights)
             self._shading.set_windows(lights)
 
+    def set_agents(self, count: int) -> None:
+        """Keep the maps that are around this number of agents; until this is called, those around one.
+
+        Images do not depend on it, but agents that share too few maps have them drawn anew in each of their calls.
+        """
+        self._shadow_map.set_agents(count)
+        self._tunnel_map.set_agents(count)
+
     def render(self, cameras: Sequence[CameraView], frame: RenderFrame) -> list[CameraImages]:
         """Draw the images of the ego's cameras at one tick, in the order of ``cameras``.
 
@@ -194,7 +202,7 @@ class Renderer:
             self._draw_geometry(targets, view, frame, table, origin_m, for_lens)
         targets.bind()
         if "rgb" in camera.modalities:
-            self._shading.draw(targets, crc32(camera.ego_from_sensor.tobytes()))
+            self._shading.draw(targets, crc32(camera.ego_from_sensor.tobytes(), camera.lens_seed))
         with self._timer("lens"):
             images = self._lenses.images(camera, targets)
         with self._timer(READ_BACK):

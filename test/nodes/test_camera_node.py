@@ -1,54 +1,23 @@
 """The camera node requests the right images from a fake renderer and publishes the right topics."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from threading import Event
-from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
-import rclpy
+from fake_cameras import play, set_readers, started_camera_node, state_at
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.maps.build import load_network
-from simbev_ros.maps.roads.tunnels import Tunnels
-from simbev_ros.nodes import camera_node, surroundings
-from simbev_ros.nodes.camera_node import CameraNode
-from simbev_ros.nodes.ros.names import NodeName
-from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
+from simbev_ros.nodes import camera_node
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.scene.spec import SceneSpec
 
 FAST = "/ego/fast/rgb/image_raw/compressed"
 SLOW = "/ego/slow/flow/image_raw"
-_IMAGES = {
-    "rgb": np.zeros((16, 16, 3), np.uint8),
-    "semantic": np.zeros((16, 16), np.uint8),
-    "flow": np.zeros((16, 16, 2), np.float32),
-}
-
-
-class FakeRenderer:
-    """Records the width and modalities of each requested camera, and the ticks of the frame and the previous frame."""
-
-    def __init__(self, *_: object) -> None:
-        self.requests: list[tuple[int, tuple[str, ...], int, int | None]] = []
-
-    def set_lights(self, *_: object) -> None:
-        pass
-
-    def render(self, views: Sequence[CameraView], frame: RenderFrame) -> list[CameraImages]:
-        previous_tick = None if frame.previous is None else frame.previous.tick
-        self.requests += [
-            (view.camera.width_px, tuple(view.modalities), frame.world.tick, previous_tick) for view in views
-        ]
-        return [CameraImages(**{name: _IMAGES[name] for name in view.modalities}) for view in views]
-
-    def close(self) -> None:
-        pass
 
 
 @pytest.fixture(scope="module")
@@ -65,43 +34,15 @@ def spec() -> SceneSpec:
 @pytest.fixture
 def node(spec: SceneSpec, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     """A camera node that has started a scene and collects what it publishes in ``sent``."""
-    monkeypatch.setattr(camera_node, "Renderer", FakeRenderer)
-    monkeypatch.setattr(camera_node, "open_context", lambda *_: SimpleNamespace(release=lambda: None))
-    monkeypatch.setattr(surroundings, "loaded_reach", lambda *_: None)
-    monkeypatch.setattr(surroundings, "load_static_scene", lambda *_, **__: SimpleNamespace(tunnels=Tunnels.none()))
-    monkeypatch.setattr(surroundings, "_loaded", {})
-    rclpy.init(domain_id=39)
-    made: Any = CameraNode(NodeName("camera", "ego"))
-    made.sent = []
-    made.recorded_topics = made.start_scene(spec)
-    made.reported = []
-    monkeypatch.setattr(made, "publish", lambda name, message: made.sent.append((name, message)))
-    monkeypatch.setattr(made, "report_finished", lambda _, tick: made.reported.append(tick))
-    yield made
-    made.close()
-    made.destroy_node()
-    rclpy.shutdown()
-
-
-def set_readers(node: Any, monkeypatch: pytest.MonkeyPatch, *names: str) -> None:
-    monkeypatch.setattr(node, "reader_count", lambda name: int(name in names))
-
-
-def play(node: Any, spec: SceneSpec, ticks: Sequence[int]) -> list[Any]:
-    for tick in ticks:
-        state = SimpleNamespace(tick=tick, stamp_ns=spec.stamp_ns(tick))
-        node.process(spec, state)
-        node.finish(spec, state)
-    node._send(0)
-    requests: list[Any] = node._surroundings.built.requests
-    return requests
+    with started_camera_node(spec, monkeypatch) as made:
+        yield made
 
 
 def test_only_images_with_readers_are_drawn_and_flow_refers_to_the_cameras_own_previous_frame(
     node: Any, spec: SceneSpec, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     set_readers(node, monkeypatch, FAST, SLOW)
-    assert play(node, spec, range(4)) == [
+    assert play(node, spec, range(4)).requests == [
         (16, ("rgb",), 0, None),
         (32, ("flow",), 0, None),
         (16, ("rgb",), 1, 0),
@@ -118,11 +59,13 @@ def test_without_readers_nothing_is_drawn_but_camera_info_is_published(
     node: Any, spec: SceneSpec, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     set_readers(node, monkeypatch)
-    assert play(node, spec, [0, 1]) == []
+    assert play(node, spec, [0, 1]).requests == []
     infos = [f"/ego/fast/{part}camera_info" for part in ("rgb/", "semantic/", "flow/", "")]
     assert [name for name, _ in node.sent if "fast" in name] == infos * 2
     set_readers(node, monkeypatch, SLOW)
-    assert play(node, spec, [2]) == [(32, ("flow",), 2, 0)], "its previous frame counts although it had no reader"
+    assert play(node, spec, [2]).requests == [(32, ("flow",), 2, 0)], (
+        "its previous frame counts although it had no reader"
+    )
 
 
 def test_modalities_share_the_camera_info_of_their_camera(
@@ -143,7 +86,7 @@ def test_a_picture_is_made_in_the_forms_that_have_readers(
 ) -> None:
     names = [f"/ego/fast/semantic/color{form}" for form in forms]
     set_readers(node, monkeypatch, *names)
-    assert play(node, spec, [0]) == [(16, ("semantic",), 0, None)]
+    assert play(node, spec, [0]).requests == [(16, ("semantic",), 0, None)]
     pictures = [(name, message) for name, message in node.sent if not name.endswith("camera_info")]
     assert [name for name, _ in pictures] == names
     for name, message in pictures:
@@ -155,7 +98,7 @@ def test_images_of_the_lead_in_are_drawn_but_not_published(
     node: Any, spec: SceneSpec, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     set_readers(node, monkeypatch, FAST)
-    assert play(node, spec, [-1]) == [(16, ("rgb",), -1, None)]
+    assert play(node, spec, [-1]).requests == [(16, ("rgb",), -1, None)]
     assert node.sent == []
 
 
@@ -163,7 +106,7 @@ def test_a_frame_is_encoded_while_the_next_one_is_drawn_and_sent_in_order(
     node: Any, executor: EventsExecutor, spec: SceneSpec, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     set_readers(node, monkeypatch, FAST)
-    may_encode, drawn = Event(), node._surroundings.built.requests
+    may_encode, renderer = Event(), node._surroundings.built
 
     def encode(*_: object) -> bytes:
         may_encode.wait(10)
@@ -171,10 +114,10 @@ def test_a_frame_is_encoded_while_the_next_one_is_drawn_and_sent_in_order(
 
     monkeypatch.setattr(camera_node, "encode_image", encode)
     for tick in (-1, 0, 1):
-        state = SimpleNamespace(tick=tick, stamp_ns=spec.stamp_ns(tick))
+        state = state_at(spec, tick)
         node.process(spec, state)
         if tick == 1:
-            assert [tick for *_, tick, _ in drawn] == [-1, 0, 1] and node.reported == [-1]
+            assert [tick for *_, tick, _ in renderer.requests] == [-1, 0, 1] and node.reported == [-1]
             may_encode.set()
         node.finish(spec, state)
     assert node.reported[:2] == [-1, 0]
@@ -194,7 +137,7 @@ def test_an_image_that_cannot_be_encoded_ends_the_process(
         raise ValueError("made up")
 
     monkeypatch.setattr(camera_node, "encode_image", fail)
-    state = SimpleNamespace(tick=0, stamp_ns=spec.stamp_ns(0))
+    state = state_at(spec, 0)
     node.process(spec, state)
     with pytest.raises(ValueError, match="made up"):
         node.finish(spec, state)

@@ -1,6 +1,7 @@
 """Inside a tunnel, images depend on its lamps, not on sun, sky, rain or fog."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.region import Region
 from simbev_ros.maps.roads.tunnels import Tunnels
 from simbev_ros.render.frame import CameraView, RenderFrame
+from simbev_ros.render.lighting.tunnel_map import TunnelMap
 from simbev_ros.render.renderer import Renderer
 from simbev_ros.scene.state import SIGNAL_DTYPE, WorldState
 from simbev_ros.scene.weather import Weather
@@ -75,3 +77,27 @@ def test_the_opening_is_darker_than_the_street_by_day_and_brighter_by_night(rend
 def test_a_camera_with_fixed_exposure_does_not_adapt(renderer: Renderer) -> None:
     adapted, fixed = (picture(renderer, DEEP_M, NOON, optics)[45:].mean() for optics in (None, FIXED))
     assert fixed < 0.5 * adapted
+
+
+def test_maps_of_agents_inside_and_outside_are_kept_and_do_not_mix(
+    renderer: Renderer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn, draw_around = [], TunnelMap._draw_around
+
+    def count(tunnel_map: TunnelMap, *values: Any) -> None:
+        drawn.append(values)
+        draw_around(tunnel_map, *values)
+
+    monkeypatch.setattr(TunnelMap, "_draw_around", count)
+    counts, pictures = {}, {}
+    for agents in (1, 2):
+        renderer.set_agents(agents)
+        for turn in range(3):
+            drawn.clear()
+            pictures[agents, turn] = [picture(renderer, x_m, NOON) for x_m in (DEEP_M, OUTSIDE_M)]
+            counts[agents, turn] = len(drawn)
+    assert (counts[1, 1], counts[1, 2]) == (2, 2), "each agent takes the other one's map"
+    assert (counts[2, 1], counts[2, 2]) == (0, 0)
+    for inside, outside in pictures.values():
+        np.testing.assert_array_equal(inside, pictures[1, 0][0])
+        np.testing.assert_array_equal(outside, pictures[1, 0][1])

@@ -1,7 +1,8 @@
 """Shadow map of the sun or moon around the ego, shared by all cameras of a frame: two squares in one texture.
 
 The static part depends only on the light's direction and on a coarse grid cell around the ego, so it is cached until
-one of them changes; the image is the same whether it was cached or redrawn. Actors are added every frame.
+one of them changes, for each of several agents; the image is the same whether it was cached or redrawn. Actors are
+added every frame.
 """
 
 from collections.abc import Sequence
@@ -15,6 +16,7 @@ from simbev_ros.render.geometry.actor_geometry import ActorGeometry
 from simbev_ros.render.geometry.rigid_table import RigidTable
 from simbev_ros.render.geometry.static_geometry import StaticGeometry
 from simbev_ros.render.gl.programs import TEXTURE_UNITS
+from simbev_ros.render.lighting.recent_maps import RecentMaps
 from simbev_ros.render.view import View
 from simbev_ros.scene.state import WorldState
 from simbev_ros.types import Float64Array
@@ -42,6 +44,10 @@ CASCADES = (Cascade(36.0, 6.0), Cascade(150.0, 24.0))
 """From near to far; side by side in the texture."""
 
 
+_Key = tuple[tuple[float, ...], ...]
+"""Center and light direction of each cascade."""
+
+
 class ShadowMap:
     """Depth of the static world as the light sees it, and a copy with actors added."""
 
@@ -50,14 +56,17 @@ class ShadowMap:
         self._square_px = _SIZES_PX[QUALITIES.index(quality)]
         size_px = (self._square_px * len(CASCADES), self._square_px)
         # moderngl copies depth only together with a color attachment, so there is an unused one.
-        unused = context.renderbuffer(size_px, 1)
+        self._unused = context.renderbuffer(size_px, 1)
         depth = context.depth_texture(size_px)
         depth.compare_func = "<="
         depth.filter = (moderngl.LINEAR, moderngl.LINEAR)
         depth.use(TEXTURE_UNITS["shadow_map"])
-        self._static = context.framebuffer([unused], context.depth_texture(size_px))
-        self._all = context.framebuffer([unused], depth)
-        self._cached_keys: list[tuple[float, ...]] = [() for _ in CASCADES]
+        self._all = context.framebuffer([self._unused], depth)
+        self._static_maps: RecentMaps[_Key, moderngl.Framebuffer] = RecentMaps(self._create_static_map)
+
+    def set_agents(self, count: int) -> None:
+        """Cache the static part around this number of agents; until this is called, around one."""
+        self._static_maps.max_count = count
 
     def draw(
         self,
@@ -74,22 +83,22 @@ class ShadowMap:
         Returns:
             Per cascade a (4, 4) projection of world points to its clip space.
         """
+        centers_m = [np.round(origin_m / cascade.step_m) * cascade.step_m for cascade in CASCADES]
+        keys = tuple((*center_m, *direction) for center_m in centers_m)
+        static_map, drawn_keys = self._static_maps.find(keys)
         self._context.enable_only(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         self._context.front_face = "ccw"
         self._context.depth_func = "<"
-        centers_m = [np.round(origin_m / cascade.step_m) * cascade.step_m for cascade in CASCADES]
         clip_from_center = [_clip_from_center(direction, cascade.half_m) for cascade in CASCADES]
         for index, cascade in enumerate(CASCADES):
-            key = (*centers_m[index], *direction)
-            if self._cached_keys[index] != key:
-                self._use_square(self._static, index)
-                self._static.clear(depth=1.0, viewport=self._static.viewport)
+            if drawn_keys is None or drawn_keys[index] != keys[index]:
+                self._use_square(static_map, index)
+                static_map.clear(depth=1.0, viewport=static_map.viewport)
                 reach_m = cascade.half_m + _DEPTH_HALF_M / 2.0
                 static.draw_around("shadow", clip_from_center[index], centers_m[index], reach_m)
-                self._cached_keys[index] = key
         self._all.scissor = (0, 0, *self._all.size)  # the scissor also clips the copy
         self._all.use()
-        self._context.copy_framebuffer(self._all, self._static)
+        self._context.copy_framebuffer(self._all, static_map)
         clip_from_world = []
         blurred_m = table.radius_m + _BLUR_M
         visible = np.any([view.sees_shadows(table.center_m, blurred_m, direction) for view in views], axis=0)
@@ -103,6 +112,9 @@ class ShadowMap:
             actors.draw("shadow", world, table, visible & inside, pixel_m, clip_from_shadow=clip)
             clip_from_world.append(clip)
         return clip_from_world
+
+    def _create_static_map(self) -> moderngl.Framebuffer:
+        return self._context.framebuffer([self._unused], self._context.depth_texture(self._all.size))
 
     def _use_square(self, framebuffer: moderngl.Framebuffer, index: int) -> None:
         """Direct drawing into one cascade's square."""

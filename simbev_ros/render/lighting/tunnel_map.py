@@ -1,7 +1,7 @@
 """Map of the tunnels around the ego, seen from above, and the adaptation of cameras to the light in them.
 
 Shaders look up whether a point lies in a tunnel, how far away the nearest portal is, and how much light of the lamps
-arrives. The map is drawn anew only where the ego leaves a coarse grid cell.
+arrives. The map is drawn anew only where the ego leaves a coarse grid cell, and kept for each of several agents.
 """
 
 from typing import NamedTuple
@@ -12,6 +12,7 @@ import numpy as np
 from simbev_ros.maps.roads.tunnels import Tunnels
 from simbev_ros.render.gl.programs import TEXTURE_UNITS, ProgramLibrary
 from simbev_ros.render.lighting.light import SkyLight
+from simbev_ros.render.lighting.recent_maps import RecentMaps
 from simbev_ros.types import Float64Array
 
 _HALF_M = 320.0
@@ -45,7 +46,7 @@ class TunnelMap:
 
     def __init__(self, context: moderngl.Context, library: ProgramLibrary, tunnels: Tunnels) -> None:
         self._context, self._tunnels = context, tunnels
-        self._center_m: tuple[float, ...] = ()
+        self._maps: RecentMaps[tuple[float, ...], moderngl.Framebuffer] = RecentMaps(self._create_map)
         if not tunnels:
             return
         self._base_m = np.round(tunnels.corners_m.reshape(-1, 3).mean(axis=0))
@@ -58,10 +59,10 @@ class TunnelMap:
         self._pools = context.vertex_array(pools, [(context.buffer(lamps.tobytes() or bytes(12)), "3f4/i", "in_lamp")])
         tubes["half_m"] = pools["half_m"] = _HALF_M
         pools["reach"] = _LAMP_REACH_M
-        texture = context.texture((_SIZE_PX, _SIZE_PX), 4, dtype="f2")
-        texture.repeat_x = texture.repeat_y = False
-        texture.use(TEXTURE_UNITS["tunnel_map"])
-        self._framebuffer = context.framebuffer([texture])
+
+    def set_agents(self, count: int) -> None:
+        """Keep the maps around this number of agents; until this is called, around one."""
+        self._maps.max_count = count
 
     def adaptation(self, ego_m: Float64Array, sky: SkyLight) -> TunnelAdaptation:
         """The adaptation of the cameras of an ego at (3,) ``ego_m``, map frame."""
@@ -71,7 +72,7 @@ class TunnelMap:
         return TunnelAdaptation(depth_m, inside, full**inside)
 
     def draw(self, origin_m: Float64Array, adaptation: TunnelAdaptation) -> Float64Array:
-        """Draw the map around (3,) ``origin_m`` unless it is there already.
+        """Select the map around (3,) ``origin_m`` for shaders, and draw it unless it is there already.
 
         Returns:
             (2, 4) the last vectors of the uniform block ``Light`` (shaders/include/light.glsl).
@@ -79,16 +80,24 @@ class TunnelMap:
         if not self._tunnels:
             return np.zeros((2, 4))
         center_m = np.round(origin_m / _STEP_M) * _STEP_M
-        if self._center_m != tuple(center_m):
-            self._center_m = tuple(center_m)
-            self._redraw(center_m)
+        framebuffer, drawn = self._maps.find(tuple(center_m))
+        if drawn != tuple(center_m):
+            self._draw_around(center_m, framebuffer)
+        texture = framebuffer.color_attachments[0]
+        assert isinstance(texture, moderngl.Texture)
+        texture.use(TEXTURE_UNITS["tunnel_map"])
         offset_m = origin_m - center_m
         place = [*(0.5 + offset_m[:2] * (0.5 / _HALF_M)), offset_m[2], 0.5 / _HALF_M]
         return np.array([place, [*_LAMPS, min(adaptation.depth_m, 1e3)]])
 
-    def _redraw(self, center_m: Float64Array) -> None:
-        self._framebuffer.use()
-        self._framebuffer.clear()
+    def _create_map(self) -> moderngl.Framebuffer:
+        texture = self._context.texture((_SIZE_PX, _SIZE_PX), 4, dtype="f2")
+        texture.repeat_x = texture.repeat_y = False
+        return self._context.framebuffer([texture])
+
+    def _draw_around(self, center_m: Float64Array, framebuffer: moderngl.Framebuffer) -> None:
+        framebuffer.use()
+        framebuffer.clear()
         self._context.enable_only(moderngl.NOTHING)
         for part in (self._tubes, self._pools):
             part.program["center"] = tuple(center_m - self._base_m)

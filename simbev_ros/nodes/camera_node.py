@@ -34,7 +34,7 @@ from simbev_ros.recording.image_codecs import compressed_format, encode_image
 from simbev_ros.render.frame import CameraView, RenderFrame
 from simbev_ros.render.gl.context import open_context
 from simbev_ros.render.renderer import READ_BACK, Renderer
-from simbev_ros.scene.agents import agent_views, seen_by
+from simbev_ros.scene.agents import seen_by
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
 from simbev_ros.semantics import Tag
@@ -115,7 +115,7 @@ class CameraNode(Participant):
 
     def start_scene(self, spec: SceneSpec) -> list[str]:
         """Load the meshes around the agents (kept while scenes stay there) and advertise the cameras' topics."""
-        self._groups = list(camera_groups(agent_views(spec), self._names))
+        self._groups = list(camera_groups(self.served_views(spec), self._names))
         self._outputs.clear()
         renderer = self._surroundings.load(spec)
         renderer.set_lights(spec.lights)

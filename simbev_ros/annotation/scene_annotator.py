@@ -1,6 +1,6 @@
 """All labels of a scene that can be computed from the world state alone, without sensor data.
 
-The annotation node calls ``SceneAnnotator`` for each recorded tick: a ``WorldState`` enters; 3D boxes and
+The annotation node calls an agent's ``SceneAnnotator`` for each recorded tick: a ``WorldState`` enters; 3D boxes and
 ``SurroundingsLabels`` leave (BEV grid, occupancy voxels, vector map). Point counts and visibility of boxes need sensor
 data and are added later, by ``boxes.points`` and ``visibility``.
 """
@@ -25,6 +25,7 @@ from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.config.annotation import Annotation, Occupancy, VectorMapPatch
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.layout import Layout
+from simbev_ros.scene.agents import agent_views
 from simbev_ros.scene.reach import VIEW_M, reach_of
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState
@@ -49,7 +50,10 @@ class SurroundingsLabels:
 
 
 class MeshAnnotators:
-    """The annotators that need meshes; scenes in the same area share one instance because preparing it is expensive."""
+    """The annotators that need meshes.
+
+    Agents, and scenes in the same area, share one instance because preparing it is expensive.
+    """
 
     def __init__(self, static: StaticScene, models: Sequence[ActorModel]) -> None:
         """Prepare the annotators from the static scene and the catalogue's models, indexed by blueprint."""
@@ -59,9 +63,13 @@ class MeshAnnotators:
 
 
 class SceneAnnotator:
-    """Produces all labels of one scene, from its roads, its annotation settings and the shared ``MeshAnnotators``."""
+    """Produces all labels of one agent in one scene, from the roads and the shared ``MeshAnnotators``.
+
+    The agent is the ego of the states that enter.
+    """
 
     def __init__(self, spec: SceneSpec, network: RoadNetwork, meshes: MeshAnnotators) -> None:
+        """Prepare the annotator with the agent's view of the scene, which has its annotation settings."""
         self._spec, self._annotation, self._meshes = spec, spec.annotation, meshes
         layout = _nearby_layout(spec, network, VIEW_M)
         self._levels, self._hazards = Levels(layout), hazard_areas(spec.hazards, layout)
@@ -92,8 +100,16 @@ class SceneAnnotator:
         return occupied_voxels(self._meshes.occupancy.tags(state, wanted.grid, hidden_ids), wanted.grid)
 
 
-def meshes_radius_m(annotation: Annotation) -> float:
-    """Distance from the ego up to which the labels of these settings need meshes, m."""
+def meshes_radius_m(spec: SceneSpec) -> float:
+    """Distance from an agent up to which the labels of a scene need meshes, m: the maximum over all its agents.
+
+    Whichever agents a node labels, it thus loads the same meshes.
+    """
+    return max(_labels_radius_m(view.annotation) for view in agent_views(spec))
+
+
+def _labels_radius_m(annotation: Annotation) -> float:
+    """Distance from the ego up to which labels of these settings need meshes, m."""
     grid = annotation.bev.grid
     radius_m = math.hypot(grid.rows, grid.columns) * grid.cell_m / 2.0
     if annotation.occupancy is not None:

@@ -1,16 +1,15 @@
 """Sensor nodes serve several agents, or a share of them, with what nodes of their own would publish."""
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
-import rclpy
 from made_up_scene import made_up_spec
 from several_agents import car, roadside_unit, with_agents
+from started_nodes import started_node
 from synthetic_world import actor, box, cart_model, mesh, sheet, static_scene, world
 
 from simbev_ros.assets.materials import Material
@@ -19,8 +18,6 @@ from simbev_ros.errors import InputError
 from simbev_ros.msgs.sensor_topics import sensor_topics
 from simbev_ros.msgs.tables import table_from_message
 from simbev_ros.nodes import ray_scenes, surroundings
-from simbev_ros.nodes.main import node_class
-from simbev_ros.nodes.ros.names import NodeName
 from simbev_ros.raycast.part_stack import PartStack
 from simbev_ros.raycast.scene import RayScene
 from simbev_ros.scene.agents import agent_views, seen_by
@@ -71,23 +68,6 @@ def small_world(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(surroundings, "loaded_reach", lambda *_: None)
     monkeypatch.setattr(surroundings, "load_static_scene", lambda *_, **__: STATIC)
     monkeypatch.setattr(surroundings, "_loaded", {})
-
-
-@contextmanager
-def started_node(kind: str, spec: SceneSpec, **parameters: object) -> Iterator[Any]:
-    """A node with ROS parameters that has started a scene; ``topics`` are the names of those it may record."""
-    words = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
-    rclpy.init(args=["--ros-args", *words] if words else [], domain_id=39)
-    made: Any = None
-    try:
-        made = node_class(kind)(NodeName(kind))
-        made.topics = made.start_scene(spec)
-        yield made
-    finally:
-        if made is not None:
-            made.close()
-            made.destroy_node()
-        rclpy.shutdown()
 
 
 def play(node: Any, spec: SceneSpec, ticks: Sequence[int] = range(-2, 4)) -> dict[str, list[Any]]:

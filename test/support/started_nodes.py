@@ -1,0 +1,28 @@
+"""Nodes of the graph that run in the test's own process."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import rclpy
+
+from simbev_ros.nodes.main import node_class
+from simbev_ros.nodes.ros.names import NodeName
+from simbev_ros.scene.spec import SceneSpec
+
+
+@contextmanager
+def started_node(kind: str, spec: SceneSpec, **parameters: object) -> Iterator[Any]:
+    """A node with ROS parameters that has started a scene; ``topics`` are the names of those it may record."""
+    words = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
+    rclpy.init(args=["--ros-args", *words] if words else [], domain_id=39)
+    made: Any = None
+    try:
+        made = node_class(kind)(NodeName(kind))
+        made.topics = made.start_scene(spec)
+        yield made
+    finally:
+        if made is not None:
+            made.close()
+            made.destroy_node()
+        rclpy.shutdown()

@@ -38,16 +38,15 @@ def context() -> Iterator[None]:
 
 
 def spec_with(kind: str) -> SceneSpec:
-    """A scene with two agents that have one sensor of a kind each, or one agent with a camera."""
+    """A scene with two agents that have one sensor of a kind each."""
     sensors = [{"type": kind, "name": "some"}]
-    first = made_up_spec(sensors)
-    return first if kind == "camera" else with_agents(first, car("car", 1, sensors))
+    return with_agents(made_up_spec(sensors), car("car", 1, sensors))
 
 
 def start_node(kind: str, monkeypatch: pytest.MonkeyPatch) -> tuple[Any, list[str]]:
     """Start the scene of ``spec_with`` on a node, without meshes and OpenGL; return it and its recordable topics."""
     made_class = node_class(kind)
-    monkeypatch.setattr(Surroundings, "load", lambda *_: SimpleNamespace(set_lights=lambda _: None))
+    monkeypatch.setattr(Surroundings, "load", lambda *_: SimpleNamespace(set_lights=print, set_agents=print))
     if kind == "camera":
         module = __import__(made_class.__module__, fromlist=["open_context"])
         monkeypatch.setattr(module, "open_context", lambda *_: SimpleNamespace(release=lambda: None))

@@ -58,7 +58,10 @@ def test_a_configuration_comes_as_text_as_a_name_or_as_a_file(drawer: OrderDrawe
         (SceneOrder("nonsense"), "nonsense: no such file; shipped configurations are"),
         (SceneOrder(CONFIG.replace("7", "many")), "configuration:2: seed: "),
         (SceneOrder("/etc/passwd"), "/etc/passwd: the name of a configuration file ends in .yaml or .yml"),
-        (SceneOrder("rig: /etc/passwd\n"), "configuration: rig: must be a file that ends in .yaml or .yml, not '/etc/"),
+        (
+            SceneOrder("rig: /etc/passwd\n"),
+            "configuration:1: rig: must be a file that ends in .yaml or .yml, not '/etc",
+        ),
         (SceneOrder("a: ["), "configuration: not valid YAML: "),
         (SceneOrder(CONFIG + "evaluation: {stack: [rm, -rf, x]}\n"), "evaluation: must be that of the configuration"),
         (SceneOrder(seed=-2), "seed -2: must be 0 or more"),

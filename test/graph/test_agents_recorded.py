@@ -1,0 +1,83 @@
+"""Two cars with sensors in one recorded scene: one world, each in the boxes of the other, on any number of cores."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from commands import SCENE, Command
+
+from simbev_ros.dataset import open_dataset
+from simbev_ros.dataset.scene import Scene
+from simbev_ros.recording.digest import topic_digests
+from simbev_ros.recording.reader import SceneBag
+from simbev_ros.recording.verify import verify_bag
+
+pytestmark = pytest.mark.graph
+
+TWO_CARS = """
+seed: 11
+scenes: [{map: Blocks, train: 1}]
+time: {warm_up_s: 1, duration_s: 1}
+agents:
+  - {name: ego, rig: rig.yaml}
+  - {name: van, rig: rig.yaml, blueprint: vehicle.van, near: {distance_m: 25}}
+weather: {cloudiness: 20, precipitation: 0, sun_altitude_deg: 45, fog_density: 0}
+traffic: {vehicles: 15, pedestrians: 15, spawn_radius_m: 150}
+annotation:
+  bev: {rows: 100, columns: 100}
+"""
+RIG = """
+sensors:
+  - {type: camera, name: cam_front, pose: {x_m: 0.6, z_m: 1.6}, width_px: 96, height_px: 64, rate_hz: 10}
+  - {type: lidar, name: lidar, pose: {z_m: 2.8}, channels: 16, columns: 256}
+  - {type: radar, name: radar_front, pose: {x_m: 2.4, z_m: 0.6}, points_per_second: 4000}
+  - {type: gnss, name: gnss}
+  - {type: imu, name: imu}
+"""
+
+
+def record_two_cars(simbev: Callable[..., Command], folder: Path, cores: int) -> Path:
+    folder.mkdir()
+    (folder / "cars.yaml").write_text(TWO_CARS, encoding="utf-8")
+    (folder / "rig.yaml").write_text(RIG, encoding="utf-8")
+    code, output = simbev("run", folder / "cars.yaml", "--record", folder / "out", cores=cores).finish(300)
+    assert code == 0, output
+    return folder / "out" / SCENE
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
+    bag = record_two_cars(Command, tmp_path_factory.mktemp("cars") / "two", cores=2)
+    assert verify_bag(bag) == []
+    return open_dataset(bag, threads=1).scenes[0]
+
+
+def test_both_have_the_same_topics(scene: Scene) -> None:
+    with SceneBag(scene.path) as bag:
+        names = set(topic_digests(bag))
+    ours = {name.removeprefix("/ego") for name in names if name.startswith("/ego/")}
+    theirs = {name.removeprefix("/van") for name in names if name.startswith("/van/")}
+    assert ours | {"/robot_description"} == theirs
+
+
+def test_each_is_an_actor_of_one_world_and_in_the_others_boxes(scene: Scene) -> None:
+    van = scene.of_agent("van")
+    for tick in range(0, len(scene), 5):
+        actors, ids = scene[tick]["world/actors"], (scene.spec.ego_id, van.spec.ego_id)
+        for agent, own, other in ((scene, *ids), (van, *reversed(ids))):
+            boxes, row = agent[tick]["boxes"], actors[actors["id"] == other]
+            assert own not in boxes["id"]
+            box = boxes[boxes["id"] == other]
+            assert len(box) == len(row) == 1
+            position = agent[tick].map_from_ego[:3, 3]
+            assert position == pytest.approx([actors[actors["id"] == own][name].item() for name in "xyz"], abs=1e-3)
+            offset = [row[name].item() - actors[actors["id"] == own][name].item() for name in "xy"]
+            assert np.hypot(*offset) == pytest.approx(box["distance"].item(), abs=0.5)
+
+
+@pytest.mark.slow
+def test_the_number_of_cores_changes_nothing(scene: Scene, simbev: Callable[..., Command], tmp_path: Path) -> None:
+    many = record_two_cars(simbev, tmp_path / "many", cores=16)
+    with SceneBag(scene.path) as few_bag, SceneBag(many) as many_bag:
+        assert topic_digests(few_bag) == topic_digests(many_bag)

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-import rclpy
 from rclpy.experimental.events_executor import EventsExecutor
+from started_nodes import collecting_node
 from synthetic_world import actor, cart_model, mesh, sheet, static_scene, world
 
 from simbev_ros.assets.materials import Material
@@ -17,8 +17,6 @@ from simbev_ros.maps.build import load_network
 from simbev_ros.msgs.stamps import stamp_of
 from simbev_ros.msgs.tables import table_from_message
 from simbev_ros.nodes import ray_scenes, surroundings
-from simbev_ros.nodes.lidar_node import LidarNode
-from simbev_ros.nodes.ros.names import NodeName
 from simbev_ros.raycast.part_stack import PartStack
 from simbev_ros.raycast.scene import RayScene
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
@@ -54,17 +52,8 @@ def node(spec: SceneSpec, monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     monkeypatch.setattr(surroundings, "loaded_reach", lambda *_: None)
     monkeypatch.setattr(surroundings, "load_static_scene", lambda *_, **__: STATIC)
     monkeypatch.setattr(surroundings, "_loaded", {})
-    rclpy.init(domain_id=39)
-    made: Any = LidarNode(NodeName("lidar", "ego"))
-    made.sent = []
-    made.recorded_topics = made.start_scene(spec)
-    made.reported = []
-    monkeypatch.setattr(made, "publish", lambda name, message: made.sent.append((name, message)))
-    monkeypatch.setattr(made, "report_finished", lambda _, tick: made.reported.append(tick))
-    yield made
-    made.close()
-    made.destroy_node()
-    rclpy.shutdown()
+    with collecting_node("lidar", spec, monkeypatch) as made:
+        yield made
 
 
 def state_at(tick: int) -> WorldState:

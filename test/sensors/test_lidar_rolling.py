@@ -21,7 +21,7 @@ from simbev_ros.scene.interpolation import ActorHistory
 from simbev_ros.scene.state import ACTOR_DTYPE, WorldState
 from simbev_ros.semantics import Tag
 from simbev_ros.sensors.lidar import LidarModel, LidarScan
-from simbev_ros.types import Float64Array, Table
+from simbev_ros.types import Float32Array, Float64Array, Table
 
 TICK_S = TICK_NS * 1e-9
 POSITION_M = np.array([1200.0, -800.0])
@@ -100,12 +100,18 @@ def test_a_rolling_scan_deskewed_with_the_odometry_lies_on_the_moving_meshes(tic
     for row in range(1, 4):
         of_actor = cloud["object_id"] == states[-1].actors["id"][row]
         assert of_actor.sum() > 25
-        for time_s in np.unique(cloud["time"][of_actor]):
-            posed_rows = course.at(np.array([row]), np.array([-float(time_s)]))
-            posed = pose_actors(models, posed_rows, np.array([*POSITION_M, 0.0]))
-            corners = posed.vertices.astype(np.float64)[posed.triangles]
-            here = of_actor & (cloud["time"] == time_s)
-            assert distances_m(points[here] - [*POSITION_M, 0.0], corners).max() < 3e-3
+        assert_on_moving_mesh(models, course, row, points[of_actor], cloud["time"][of_actor])
+
+
+def assert_on_moving_mesh(
+    models: Sequence[ActorModel], course: ActorHistory, row: int, points: Float64Array, time_s: Float32Array
+) -> None:
+    """Assert that (N, 3) points, map frame, lie on an actor's mesh where it was at the (N,) times of the points."""
+    for time in np.unique(time_s):
+        posed_rows = course.at(np.array([row]), np.array([-float(time)]))
+        posed = pose_actors(models, posed_rows, np.array([*POSITION_M, 0.0]))
+        corners = posed.vertices.astype(np.float64)[posed.triangles]
+        assert distances_m(points[time_s == time] - [*POSITION_M, 0.0], corners).max() < 3e-3
 
 
 def seen_from_a_mast(states: Sequence[WorldState], yaw_rad: float) -> list[WorldState]:
@@ -127,12 +133,7 @@ def test_a_rolling_scan_of_a_roadside_unit_lies_on_the_moving_meshes() -> None:
     assert set(course.now["id"].tolist()) <= set(cloud["object_id"].tolist()), "it sees all actors"
     for row, number in enumerate(course.now["id"]):
         of_actor = cloud["object_id"] == number
-        for time_s in np.unique(cloud["time"][of_actor]):
-            posed_rows = course.at(np.array([row]), np.array([-float(time_s)]))
-            posed = pose_actors(models, posed_rows, np.array([*POSITION_M, 0.0]))
-            corners = posed.vertices.astype(np.float64)[posed.triangles]
-            here = of_actor & (cloud["time"] == time_s)
-            assert distances_m(points[here] - [*POSITION_M, 0.0], corners).max() < 3e-3
+        assert_on_moving_mesh(models, course, row, points[of_actor], cloud["time"][of_actor])
 
 
 def test_in_front_of_a_roadside_unit_only_traffic_moves_during_a_turn() -> None:

@@ -7,12 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-import rclpy
+from started_nodes import collecting_node
 
 from simbev_ros.maps.roads.tunnels import Tunnels
 from simbev_ros.nodes import camera_node, surroundings
-from simbev_ros.nodes.camera_node import CameraNode
-from simbev_ros.nodes.ros.names import NodeName
 from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, WorldState
@@ -73,17 +71,8 @@ def started_camera_node(spec: SceneSpec, monkeypatch: pytest.MonkeyPatch, *argum
     monkeypatch.setattr(surroundings, "loaded_reach", lambda *_: None)
     monkeypatch.setattr(surroundings, "load_static_scene", lambda *_, **__: SimpleNamespace(tunnels=Tunnels.none()))
     monkeypatch.setattr(surroundings, "_loaded", {})
-    rclpy.init(args=["--ros-args", *arguments] if arguments else None, domain_id=39)
-    made: Any = CameraNode(NodeName("camera", "ego"))
-    made.sent = []
-    made.recorded_topics = made.start_scene(spec)
-    made.reported = []
-    monkeypatch.setattr(made, "publish", lambda name, message: made.sent.append((name, message)))
-    monkeypatch.setattr(made, "report_finished", lambda _, tick: made.reported.append(tick))
-    yield made
-    made.close()
-    made.destroy_node()
-    rclpy.shutdown()
+    with collecting_node("camera", spec, monkeypatch, *arguments) as node:
+        yield node
 
 
 def set_readers(node: Any, monkeypatch: pytest.MonkeyPatch, *names: str) -> None:

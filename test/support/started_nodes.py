@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import pytest
 import rclpy
 
 from simbev_ros.nodes.main import node_class
@@ -26,3 +27,21 @@ def started_node(kind: str, spec: SceneSpec, **parameters: object) -> Iterator[A
             made.close()
             made.destroy_node()
         rclpy.shutdown()
+
+
+@contextmanager
+def collecting_node(kind: str, spec: SceneSpec, monkeypatch: pytest.MonkeyPatch, *arguments: str) -> Iterator[Any]:
+    """A node of the ego, with arguments in ROS's form, that has started a scene.
+
+    It collects messages in ``sent`` and finished ticks in ``reported``; ``recorded_topics`` are those it may record.
+    """
+    rclpy.init(args=["--ros-args", *arguments] if arguments else None, domain_id=39)
+    made: Any = node_class(kind)(NodeName(kind, "ego"))
+    made.sent, made.reported = [], []
+    made.recorded_topics = made.start_scene(spec)
+    monkeypatch.setattr(made, "publish", lambda name, message: made.sent.append((name, message)))
+    monkeypatch.setattr(made, "report_finished", lambda _, tick: made.reported.append(tick))
+    yield made
+    made.close()
+    made.destroy_node()
+    rclpy.shutdown()

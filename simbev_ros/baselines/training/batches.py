@@ -99,9 +99,10 @@ class CachedBatches(Dataset[Batch]):
     def __init__(self, scenes: Sequence[CachedScene], training: Training, *, augmented: bool = True) -> None:
         self._scenes, self._modality, self._batch_size = list(scenes), training.modality, training.batch_size
         self._augmentation, self._seed = training.augmentation if augmented else None, training.seed
-        self._sweep_ages_s, self._sweep_ages_ns = training.sweep_ages_s, sweep_ages_ns(training.sweep_ages_s)
+        # Without a lidar, the newest sweep shows where the ground is, on which objects are pasted.
+        self._sweep_ages_s = training.sweep_ages_s if training.modality.has_lidar else training.sweep_ages_s[:1]
+        self._sweep_ages_ns = sweep_ages_ns(self._sweep_ages_s)
         self._samples = [(scene, frame) for scene in range(len(scenes)) for frame in range(len(scenes[scene].frames))]
-
         self._donors = frames_with_rare_objects(scenes) if augmented and training.augmentation.pasting > 0 else []
         self.steps_per_epoch = len(self._samples) // training.batch_size
 

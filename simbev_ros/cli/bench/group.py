@@ -44,7 +44,7 @@ bench = typer.Typer(cls=_DefaultGroup, rich_markup_mode="rich")
 
 @bench.callback()
 def _bench() -> None:
-    """Time the whole graph, or its cameras, rays, labels, recorder, world, agents, or work on datasets; watch long runs.
+    """Time the whole graph, its cameras, rays, labels, recorder, world or agents, or work on datasets; watch long runs.
 
     Without a command the whole graph is timed.
 

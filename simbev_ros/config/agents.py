@@ -52,6 +52,9 @@ class Ego(Model):
     reckless_probability: float = Field(
         0.01, ge=0, le=1, description="probability that the driver ignores lights, signs and other road users"
     )
+    v2x: bool = Field(
+        True, exclude_if=bool, description="whether the agent sends and receives messages, if there is a section `v2x`"
+    )
 
 
 class Near(Model):

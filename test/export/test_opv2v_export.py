@@ -167,10 +167,15 @@ def test_vehicles_are_those_of_chosen_classes_with_points(made: tuple[Path, Made
         assert box["class"] == BOX_CLASSES[row["class"]] and box["bp_id"] == blueprints[row["blueprint"]]["name"]
         assert box["speed"] == pytest.approx(3.6 * np.linalg.norm([row[name] for name in ("vx", "vy", "vz")]), abs=1e-5)
         assert [int(value) for value in box["color"].split(", ")] == list(int(row["color"]).to_bytes(3, "big"))
-    settings = FrameSettings(rate_hz=10.0, classes=("pedestrian",), min_points=0, cameras=None)
+    settings = FrameSettings(rate_hz=10.0, classes=("pedestrian", *VEHICLE_CLASSES), min_points=0, cameras=None)
     export(made[0] / "set", tmp_path, settings)
-    walkers = AgentFrame(tmp_path / "train" / SCENE / "3", 2).meta["vehicles"]
-    assert list(walkers) == boxes["id"][boxes["class"] == BOX_CLASSES.index("pedestrian")].tolist()
+    unseen = 0
+    for tick in range(0, TICKS, 2):
+        boxes = values_of(made, "car", tick)["boxes"]
+        boxes = boxes[np.isin(boxes["class"], [0, 1, 2, 3, BOX_CLASSES.index("pedestrian")])]
+        assert list(AgentFrame(tmp_path / "train" / SCENE / "3", tick).meta["vehicles"]) == boxes["id"].tolist()
+        unseen += np.count_nonzero(boxes["lidar_points"] < 0)
+    assert unseen, "those without a count of points have none"
 
 
 @pytest.mark.parametrize("agent", list(FOLDERS))

@@ -102,6 +102,6 @@ def _lines(done: "Exported", out: Path) -> Iterator[str]:
         yield f"{agent} is left out of {plural(count, 'scene')}: it has no lidar"
     if done.many_stations:
         yield (
-            f"{plural(len(done.many_stations), 'scene')} with more than one roadside unit, which OpenCOOD does not "
-            f"expect: {', '.join(done.many_stations[:5])}{' …' if len(done.many_stations) > 5 else ''}"
+            f"{plural(len(done.many_stations), 'scene')} with more than one roadside unit, of which OpenCOOD takes one "
+            f"for the ego: {', '.join(done.many_stations[:5])}{' …' if len(done.many_stations) > 5 else ''}"
         )

@@ -88,6 +88,11 @@ class Scene(Sequence[Frame]):
         return self.spec.rig.agent
 
     @property
+    def further_agent(self) -> str | None:
+        """Name of the agent if it is not the scene's first one; else None, without opening the bag."""
+        return self._chosen_agent
+
+    @property
     def agents(self) -> tuple[str, ...]:
         """Names of all agents of the scene, the first agent's first."""
         return tuple(rig.agent for rig in self.spec.rigs)

@@ -12,21 +12,32 @@ from simbev_ros.dataset.parallel import Processes
 Cache = Annotated[
     Path | None,
     typer.Option(
-        help="Folder of the cache; by default beside the dataset, with .cache at its end.", show_default=False
+        help="Folder of the cache; by default beside the dataset, with the agent, if given, and .cache at its end.",
+        show_default=False,
     ),
 ]
 
 
-def filled_cache(dataset: Path, cache: Path | None, pool: Processes, console: Console) -> Path:
+def filled_cache(
+    dataset: Path, cache: Path | None, pool: Processes, console: Console, agent: str | None = None
+) -> Path:
     """Write what the cache lacks of a dataset, with a progress bar; return its folder.
 
+    Args:
+        dataset: The dataset.
+        cache: Folder of the cache; None: beside the dataset.
+        pool: Processes that write it.
+        console: Where to show the progress.
+        agent: Agent whose data models see; None: the first one of each scene.
+
     Raises:
-        InputError: The dataset cannot be read, or does not suit the baselines.
+        InputError: No scene has the agent, or the dataset cannot be read, or does not suit the baselines.
     """
     from simbev_ros.baselines.cache.writer import write_cache
 
-    folder = dataset.absolute().with_name(f"{dataset.absolute().name}.cache") if cache is None else cache
+    name = ".".join([dataset.absolute().name, *([] if agent is None else [agent]), "cache"])
+    folder = dataset.absolute().with_name(name) if cache is None else cache
     with counting_bar("scenes in the cache", console) as bar:
-        for done, total in write_cache(dataset, folder, pool):
+        for done, total in write_cache(dataset, folder, pool, agent=agent):
             bar.show(done, total)
     return folder

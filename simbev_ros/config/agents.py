@@ -16,12 +16,12 @@ from simbev_ros.limits import MAX_AGENTS
 EgoDriverKind = Literal["traffic", "twist"]
 
 RESERVED_NAMES: Final = (
-    *("world", "sync", "v2x", "clock", "tf", "tf_static", "robot_description", "prediction", "evaluation"),
+    *("all", "world", "sync", "v2x", "clock", "tf", "tf_static", "robot_description", "prediction", "evaluation"),
     *("map", "diagnostics", "rosout", "parameter_events"),
     *("bev", "boxes", "cmd_vel", "detections", "hd_map", "occupancy", "odom", "path", "vector_map"),
 )
-"""Names that no agent beside others may have: topics and frames of the whole scene begin with the former ones, and an
-agent's own topics, which readers of bags name without the agent, with the latter ones."""
+"""Names that no agent beside others may have: ``--agent all``, the beginnings of topics and frames of the whole scene,
+and those of an agent's own topics, which readers of bags name without the agent."""
 
 
 class SpawnPose(Model):

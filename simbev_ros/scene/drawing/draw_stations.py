@@ -89,16 +89,15 @@ class StationDrawer:
     def _draw_at_junction(self, place: JunctionPlace, purpose: str, where: Where) -> StationSpec:
         """Draw a junction, then a place beside it."""
         masts = self.starts.masts
-        centers_m = np.array([junction.center_m for junction in masts.junctions]).reshape(-1, 3)
+        centers_m = np.array([crossing.center_m for crossing in masts.crossings]).reshape(-1, 3)
         in_area, area = self._is_near(centers_m, place.near, purpose)
         for index in stream(self.seed, f"{purpose}.place").permutation(len(centers_m)).tolist():
-            junction = masts.junctions[index]
-            if not in_area[index] or place.signalised not in (None, junction.signalised):
+            if not in_area[index] or place.signalised not in (None, masts.crossings[index].signalised):
                 continue
-            feet_m = self._free(masts.feet_m(junction.id))
+            feet_m = self._free(masts.feet_m(index))
             if len(feet_m):
                 foot_m = feet_m[int(stream(self.seed, f"{purpose}.foot").integers(len(feet_m)))]
-                return _station(foot_m, float(np.arctan2(*(junction.center_m - foot_m)[1::-1])))
+                return _station(foot_m, float(np.arctan2(*(centers_m[index] - foot_m)[1::-1])))
         kind = {None: "a", True: "a signalised", False: "an unsignalised"}[place.signalised]
         raise InputError(f"{where()}: no free place beside {kind} junction {area} in map {self.network.name}")
 

@@ -1,12 +1,15 @@
 """Ground on which the masts of roadside units can stand on a map: beside junctions, above lanes, and at given poses."""
 
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
+from simbev_ros.geometry import overlay
 from simbev_ros.maps.land.terrain import Terrain
-from simbev_ros.maps.network import Junction, RoadNetwork
+from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.roads.lane_kind import ROAD_KINDS, LaneKind
 from simbev_ros.maps.roads.surface import strip_polygons
 from simbev_ros.maps.roads.tunnels import Tunnels
@@ -21,6 +24,33 @@ _SAME_LEVEL_M = 2.5  # a road whose surface is closer in height is on the level 
 _IN_TUNNEL_M = 1.0
 
 
+@dataclass(frozen=True, eq=False)
+class Crossing:
+    """A junction at which roads meet.
+
+    Attributes:
+        junction: Its id.
+        signalised: Whether it has traffic lights.
+        lanes: The lanes inside it, at least one.
+    """
+
+    junction: str
+    signalised: bool
+    lanes: tuple[Lane, ...]
+
+    @cached_property
+    def center_m(self) -> Float64Array:
+        """(3,) center of the bounds of its lanes, map frame."""
+        positions_m = np.concatenate([lane.centerline_m for lane in self.lanes])
+        return (positions_m.min(axis=0) + positions_m.max(axis=0)) / 2.0
+
+    @property
+    def area(self) -> BaseGeometry:
+        """The ground of its lanes in plan."""
+        lines = [shapely.LineString(lane.centerline_m[:, :2]) for lane in self.lanes]
+        return overlay.union_all(shapely.buffer(lines, [lane.width_m / 2.0 for lane in self.lanes]))
+
+
 class MastPlaces:
     """Places for masts on one map, computed on first use.
 
@@ -32,34 +62,32 @@ class MastPlaces:
         self._network = network
 
     @cached_property
-    def junctions(self) -> tuple[Junction, ...]:
+    def crossings(self) -> tuple[Crossing, ...]:
         """Junctions with traffic lights, or at which at least three roads arrive."""
-        edges: dict[str, set[str]] = {}
-        for lane in self._network.lanes_of(LaneKind.DRIVING):
-            if not lane.junction:
+        inside: dict[str, list[Lane]] = {}
+        arriving: dict[str, set[str]] = {}
+        for lane in self._network.lanes_of(*ROAD_KINDS):
+            inside.setdefault(lane.junction, []).append(lane)
+            if not lane.junction and lane.kind is LaneKind.DRIVING:
                 for following in lane.successors:
-                    edges.setdefault(self._network.lanes[following].junction, set()).add(lane.edge)
+                    arriving.setdefault(self._network.lanes[following].junction, set()).add(lane.edge)
         return tuple(
-            junction
+            Crossing(junction.id, junction.signalised, tuple(inside[junction.id]))
             for junction in self._network.junctions.values()
-            if junction.signalised or len(edges.get(junction.id, ())) >= _MIN_ROADS
+            if junction.id in inside and (junction.signalised or len(arriving.get(junction.id, ())) >= _MIN_ROADS)
         )
 
     @cached_method(maxsize=1024)
-    def feet_m(self, junction_id: str) -> Float64Array:
-        """(K, 3) feet of masts beside a junction, map frame: its poles of traffic lights, else around it off roads."""
-        poles_m = self._poles_m.get(junction_id)
-        if poles_m is not None:
-            free_m = poles_m[~self._is_on_road(poles_m, ROAD_KINDS)]
-            if len(free_m):
-                return free_m
-        junction = self._network.junctions[junction_id]
-        outline = shapely.make_valid(shapely.convex_hull(shapely.multipoints(junction.outline_m)))
-        if len(junction.outline_m) > 2:
-            outline = shapely.make_valid(shapely.Polygon(junction.outline_m))
-        around = shapely.segmentize(shapely.buffer(outline, _BESIDE_M), _SPACING_M)
-        feet_m = shapely.get_coordinates(around)
-        level = int(self._network.elevation.level_at(junction.center_m[None])[0])
+    def feet_m(self, index: int) -> Float64Array:
+        """(K, 3) feet of masts beside a crossing, map frame: its poles of traffic lights, else around it off roads."""
+        crossing = self.crossings[index]
+        poles_m = self._poles_m.get(crossing.junction, np.empty((0, 3)))
+        free_m = poles_m[~self._is_on_road(poles_m, ROAD_KINDS)]
+        if len(free_m):
+            return free_m
+        rings = shapely.get_parts(shapely.buffer(crossing.area, _BESIDE_M).boundary)
+        feet_m = np.concatenate([_points_along(ring) for ring in rings])
+        level = int(self._network.elevation.level_at(crossing.center_m[None])[0])
         feet_m = np.column_stack([feet_m, self._network.elevation.height_m(feet_m, level)])
         return feet_m[~self._is_on_road(feet_m, ROAD_KINDS) & ~self._is_in_building(feet_m)]
 
@@ -96,7 +124,7 @@ class MastPlaces:
     def _roads_at(
         self, positions_m: Float64Array, kinds: tuple[LaneKind, ...], distance_m: float = 0.0
     ) -> tuple[Int64Array, Float64Array]:
-        """For each lane of these kinds in plan at one of (N, 3) positions, the position's index, and the height above."""
+        """For each lane of these kinds in plan at one of (N, 3) positions, its index and the height above."""
         tree, levels = self._trees(kinds)
         point, strip = tree.query(shapely.points(positions_m[:, :2]), predicate="dwithin", distance=distance_m)
         above_m = np.empty(len(point))
@@ -136,3 +164,8 @@ class MastPlaces:
     @cached_property
     def _terrain(self) -> Terrain:
         return Terrain(self._network)
+
+
+def _points_along(ring: shapely.LineString) -> Float64Array:
+    """(N, 2) points along a line."""
+    return shapely.get_coordinates(shapely.line_interpolate_point(ring, np.arange(0.0, ring.length, _SPACING_M)))

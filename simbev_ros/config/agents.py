@@ -126,7 +126,8 @@ class Agent(Ego):
                 )
         if mast.poses and self.max_count > len(mast.poses):
             raise FieldError(
-                ["mast", "poses"], f"{len(mast.poses)} poses for up to {self.max_count} roadside units; each needs one"
+                ["mast", "poses"],
+                f"up to {self.max_count} roadside units need a pose each; found {len(mast.poses)}",
             )
 
     @model_serializer(mode="wrap")

@@ -105,7 +105,7 @@ def test_agents_are_counted_from_one_and_one_without_count_has_the_plain_name() 
 
 
 ALL_SENSORS = """rig: {sensors: [
-  {type: camera, name: cam, modalities: [rgb, semantic]}, {type: lidar, name: lidar, semantic: true},
+  {type: camera, name: cam, modalities: [rgb, semantic]}, {type: lidar, name: lidar, semantic_points: true},
   {type: radar, name: radar}, {type: gnss, name: gnss}, {type: imu, name: imu, pose: {z_m: 50}}]}"""
 
 
@@ -262,7 +262,7 @@ def test_fields_are_found_in_the_file_again_also_in_copies() -> None:
         ),
         (
             mast("mast: {poses: [{x_m: 1, y_m: 2}]}, count: {integer: [0, 2]}"),
-            r"x.yaml:4: agents\[1\].mast.poses: 1 poses for up to 2 roadside units; each needs one",
+            r"x.yaml:4: agents\[1\].mast.poses: up to 2 roadside units need a pose each; found 1",
         ),
         (
             f"{SCENES}agents:\n  - {{name: rsu, {RIG}, mast: {{junction: {{}}}}}}",

@@ -7,8 +7,9 @@ from statistics import median
 from tempfile import TemporaryDirectory
 
 from simbev_ros.bench.graph_timing import GraphTiming, timed_graph
-from simbev_ros.config.agents import Agent, Near
+from simbev_ros.config.agents import Agent
 from simbev_ros.config.load import load_scenario
+from simbev_ros.config.places import Near
 from simbev_ros.config.scenario import MapScenes, Scenario, Timing
 from simbev_ros.production.observer import SILENT, ProductionObserver
 

@@ -189,7 +189,7 @@ class _Plan:
     @staticmethod
     def _fixed(pixels: Float64Array) -> AnyArray:
         """Pixels as OpenCV's fixed-point numbers on the finer canvas."""
-        return np.rint(pixels * _OVERSAMPLING * (1 << _FRACTION_BITS)).astype(np.int32)
+        return np.ascontiguousarray(np.rint(pixels * _OVERSAMPLING * (1 << _FRACTION_BITS)), np.int32)
 
 
 def _main_camera(scene: Scene) -> Camera | None:

@@ -11,10 +11,20 @@ from simbev_ros.errors import InputError
 if TYPE_CHECKING:
     from simbev_ros.dataset import Dataset
 
-_ALL = "all"
+ALL = "all"
+"""Value that stands for all agents, where a verb allows it."""
 
 AgentOption = Annotated[
     str | None, typer.Option(help="Agent of the scene; by default the first one.", metavar="NAME", show_default=False)
+]
+
+ShownAgentOption = Annotated[
+    str | None,
+    typer.Option(
+        help="Agent of the scene; by default the first one; all: a plan with the points and boxes of all agents.",
+        metavar="NAME|all",
+        show_default=False,
+    ),
 ]
 
 ExportedAgentOption = Annotated[
@@ -70,6 +80,6 @@ def exported_agents(dataset: "Dataset", agent: str | None, out: Path) -> list[tu
     """
     if not dataset.scenes:
         return [(dataset, out)]
-    if agent != _ALL:
+    if agent != ALL:
         return [(of_agent(dataset, agent), out)]
     return [(dataset.of_agent(name), out / name) for name in dataset.agents]

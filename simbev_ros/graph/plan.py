@@ -114,6 +114,8 @@ def _processes_behind_world(
     patterns = {f"{name}_topics": list(words) for name, words in chosen.items() if words}
     pace = {"live": live, "reliable": live and scenario.graph.live_reliability == "reliable"}
     common: dict[str, object] = {**pace, "recorded": dataset is not None, "annotated": True, **patterns}
+    if scenario.agents:
+        common["box_readers"] = len(_box_readers(scenario))
     if scenario.evaluation is not None:
         agent, read = scenario.rig.agent, input_topic(scenario.rig, scenario.evaluation)
         common["evaluated_topics"] = [boxes_name(agent), bev_labels_name(agent), read]
@@ -162,10 +164,17 @@ def _sensor_processes(scenario: Scenario, common: _Parameters, cores: int) -> It
             shares = _shares(scenario, cores, model) if model is Lidar else 1
             alike = casting if model in _RAY_CASTING else light
             alike += _nodes_of_agents(scenario, kind, kind, common, shares)
+    light += [NodePlan(kind, kind, common) for kind in _box_readers(scenario)]
     apart = [casting] if cores < _MANY_CORES else [[node] for node in casting]
     for together in (*apart, light):
         if together:
             yield tuple(together)
+
+
+def _box_readers(scenario: Scenario) -> list[str]:
+    """Kinds of nodes that read the boxes of all agents; they exist if there can be several."""
+    readers = {"joint": bool(scenario.agents), "v2x": scenario.v2x is not None}
+    return [kind for kind, exists in readers.items() if exists]
 
 
 def _annotator_processes(scenario: Scenario, parameters: _Parameters, cores: int) -> Iterator[ProcessPlan]:

@@ -211,6 +211,7 @@ class Scene(Sequence[Frame]):
 
     def _seen_by(self, view: SceneSpec) -> "Scene":
         given = self.path, self._cache, self.additional, self.row, self.threads
-        scene = Scene(*given, may_be_cut_off=self.may_be_cut_off, agent=view.rig.agent)
+        agent = None if view is view.whole else view.rig.agent
+        scene = Scene(*given, may_be_cut_off=self.may_be_cut_off, agent=agent)
         scene.spec, scene._bags = view, self._bags
         return scene

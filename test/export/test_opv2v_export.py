@@ -15,6 +15,7 @@ from ros_messages import odometry
 from scipy.spatial.transform import Rotation
 from several_agents import MAST_SENSORS, car, roadside_unit, with_agents
 
+from simbev_ros.annotation.v2x import OWN_POSE, V2X_DTYPE
 from simbev_ros.dataset import open_dataset
 from simbev_ros.export.opv2v.carla_frame import carla_pose, mirrored_transform
 from simbev_ros.export.opv2v.connected_agents import connected_agents
@@ -218,6 +219,20 @@ def test_points_of_the_lidar_are_in_place_in_images(
 def test_images_are_equal_to_the_pixel(made: tuple[Path, MadeUp]) -> None:
     for agent, number, name in (("ego", 0, "cam_front"), ("car", 2, "cam_back_left"), ("rsu", 0, "cam")):
         np.testing.assert_array_equal(files_of(made, agent, 4).image(number), values_of(made, agent, 4)[f"{name}/rgb"])
+
+
+def test_the_predicted_position_is_what_the_agent_tells_the_others(tmp_path: Path) -> None:
+    told = np.zeros(2, V2X_DTYPE)
+    told["id"], told["x"], told["y"], told["z"] = [5, OWN_POSE], [9, 1], [9, -2], [9, 3]
+    told["roll"][1], told["pitch"][1], told["yaw"][1] = 0.1, 0.2, 0.3
+    spec = with_agents(made_up_spec(SENSORS, number=2, ticks=1), car("car", 2))
+    made = record_made_up(tmp_path / SCENE, spec, tables={"/v2x/car": told})
+    export(tmp_path / SCENE, tmp_path / "out")
+    ego, other = (AgentFrame(tmp_path / "out/train" / SCENE / folder, 0).meta for folder in ("1", "3"))
+    expected = MIRROR @ map_from([1, -2, 3], [0.1, 0.2, 0.3]) @ MIRROR
+    np.testing.assert_allclose(world_from(other["predicted_ego_pos"]), expected, atol=1e-6)
+    np.testing.assert_allclose(other["true_ego_pos"][:3], made.others["car"][0]["odom"][0] * [1, -1, 1])
+    assert ego["predicted_ego_pos"] == ego["true_ego_pos"]
 
 
 def test_the_plan_is_where_the_agent_drives_at_the_next_frames(made: tuple[Path, MadeUp]) -> None:

@@ -48,10 +48,16 @@ class AgentFrame:
 
     def corners_in_lidar(self, vehicle: int) -> Float64Array:
         """(8, 3) corners of a vehicle's box in the lidar's frame, in the order of ``CORNER_SIGNS``."""
+        lidar_from_box = np.linalg.inv(self.world_from_lidar) @ self._world_from_box(vehicle)
+        return moved(lidar_from_box, CORNER_SIGNS * self.meta["vehicles"][vehicle]["extent"])
+
+    def in_box(self, vehicle: int, points_world: Float64Array) -> Float64Array:
+        """(N, 3) points in the frame of a vehicle's box, whose origin is its center."""
+        return moved(np.linalg.inv(self._world_from_box(vehicle)), points_world)
+
+    def _world_from_box(self, vehicle: int) -> Float64Array:
         box: Mapping[str, Any] = self.meta["vehicles"][vehicle]
-        center = np.array(box["location"]) + box["center"]
-        lidar_from_box = np.linalg.inv(self.world_from_lidar) @ world_from([*center, *box["angle"]])
-        return moved(lidar_from_box, CORNER_SIGNS * box["extent"])
+        return world_from([*(np.array(box["location"]) + box["center"]), *box["angle"]])
 
 
 def world_from(pose: Sequence[float]) -> Float64Array:

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from simbev_ros.cli.agent_option import require_agent
 from simbev_ros.cli.console import counting_bar
 from simbev_ros.dataset.parallel import Processes
 
@@ -34,7 +35,10 @@ def filled_cache(
         InputError: No scene has the agent, or the dataset cannot be read, or does not suit the baselines.
     """
     from simbev_ros.baselines.cache.writer import write_cache
+    from simbev_ros.dataset import open_dataset
 
+    if agent is not None:
+        require_agent(agent, open_dataset(dataset, threads=1).agents, dataset)
     name = ".".join([dataset.absolute().name, *([] if agent is None else [agent]), "cache"])
     folder = dataset.absolute().with_name(name) if cache is None else cache
     with counting_bar("scenes in the cache", console) as bar:

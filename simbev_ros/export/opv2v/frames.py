@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from simbev_ros.annotation.v2x import OWN_POSE, V2X_DTYPE
 from simbev_ros.dataset import Frame, columns
 from simbev_ros.dataset.values import poses_from_odometry
 from simbev_ros.export.frame_period import frame_period
@@ -20,11 +21,11 @@ from simbev_ros.export.opv2v.connected_agents import ConnectedAgent
 from simbev_ros.export.opv2v.pcd import pcd_file
 from simbev_ros.export.sensor_data import points_at_stamp, rectify
 from simbev_ros.geometry.camera import LensCamera
-from simbev_ros.geometry.transforms import inverse
+from simbev_ros.geometry.transforms import inverse, matrices_from_xyz_rpy
 from simbev_ros.recording.png import RowFilter, encode_png
 from simbev_ros.recording.qos import FAST_DUMPER
 from simbev_ros.semantics import BOX_CLASSES
-from simbev_ros.types import AnyArray, Table
+from simbev_ros.types import AnyArray, Float64Array, Table
 
 PLAN_S = 3.0
 """Time that the agent's path ahead covers."""
@@ -88,15 +89,24 @@ def motion_of(agent: ConnectedAgent) -> Table:
 
 
 def _poses(frame: Frame, agent: ConnectedAgent) -> Record:
-    """Poses and speed of the agent; the position that it believes to be at is the true one."""
-    pose = _plain(carla_pose(frame.map_from_ego))
+    """Poses and speed of the agent."""
     return {
         "RSU": frame.scene.spec.station is not None,
         "lidar_pose": _plain(carla_pose(frame.map_from_sensor(agent.lidar))),
-        "true_ego_pos": pose,
-        "predicted_ego_pos": list(pose),
+        "true_ego_pos": _plain(carla_pose(frame.map_from_ego)),
+        "predicted_ego_pos": _plain(carla_pose(_told_pose(frame))),
         "ego_speed": _speed_kmh(frame["odom"][-1]["velocity_mps"]),
     }
+
+
+def _told_pose(frame: Frame) -> Float64Array:
+    """(4, 4) pose, map from ego, that the agent tells the others at the frame; the true one if it sends nothing."""
+    key = f"v2x/{frame.scene.agent}"
+    told: Table = frame[key] if key in frame else np.zeros(0, V2X_DTYPE)
+    own = told[told["id"] == OWN_POSE]
+    if not len(own):
+        return frame.map_from_ego
+    return matrices_from_xyz_rpy(columns(own, "x", "y", "z")[0], columns(own, "roll", "pitch", "yaw")[0])
 
 
 def _plan(frame: Frame, motion: Table, rate_hz: float) -> list[list[float]]:

@@ -8,7 +8,7 @@ from typing import Annotated, Literal, Self
 import yaml
 from pydantic import Field, model_validator
 
-from simbev_ros.config.agents import Agent, Ego, require_consistent_agents
+from simbev_ros.config.agents import Agent, Ego, require_consistent_agents, require_heights_of_vehicle
 from simbev_ros.config.annotation import Annotation
 from simbev_ros.config.base import FieldError, Keys, Model, dotted_path
 from simbev_ros.config.draw import Distribution, Drawn, PaperOrDrawn, within
@@ -316,6 +316,7 @@ class Scenario(Model):
 
     @model_validator(mode="after")
     def _agents_are_consistent(self) -> Self:
+        require_heights_of_vehicle(self.rig)
         if self.agents:
             require_consistent_agents(self.rig, self.agents)
         return self

@@ -1,15 +1,19 @@
 """Two cars with sensors in one recorded scene: one world, each in the boxes of the other, joint boxes, on any cores."""
 
 from collections.abc import Callable
+from itertools import permutations
 from pathlib import Path
 
 import numpy as np
 import pytest
 from commands import SCENE, Command
+from opv2v_reader import AgentFrame, moved, world_from
 
 from simbev_ros.annotation.boxes import joint
 from simbev_ros.dataset import open_dataset
 from simbev_ros.dataset.scene import Scene
+from simbev_ros.export.opv2v.export import VEHICLE_CLASSES, export_opv2v
+from simbev_ros.export.opv2v.frames import FrameSettings
 from simbev_ros.recording.digest import topic_digests
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.recording.verify import verify_bag
@@ -76,6 +80,28 @@ def test_each_is_an_actor_of_one_world_and_in_the_others_boxes(scene: Scene) -> 
             assert position == pytest.approx([actors[actors["id"] == own][name].item() for name in "xyz"], abs=1e-3)
             offset = [row[name].item() - actors[actors["id"] == own][name].item() for name in "xy"]
             assert np.hypot(*offset) == pytest.approx(box["distance"].item(), abs=0.5)
+
+
+def test_points_of_an_opv2v_export_are_in_the_boxes_of_all_agents(scene: Scene, tmp_path: Path) -> None:
+    settings = FrameSettings(rate_hz=10.0, classes=VEHICLE_CLASSES, min_points=1, cameras=None)
+    export_opv2v(open_dataset(scene.path, threads=1), tmp_path, settings)
+    agents = {agent.spec.ego_id: agent for agent in (scene, scene.of_agent("van"))}
+    counted = off = 0
+    for tick in range(0, len(scene), 2):
+        frames = {number: AgentFrame(tmp_path / "train" / scene.name / str(number), tick) for number in agents}
+        for own, other in permutations(agents):
+            frame, boxes = frames[own], agents[own][tick]["boxes"]
+            points = moved(frame.world_from_lidar, frame.cloud()[0])
+            for number, box in frame.meta["vehicles"].items():
+                inside = np.abs(frame.in_box(number, points)) <= np.array(box["extent"])
+                known = boxes["lidar_points"][boxes["id"] == number].item()
+                counted, off = counted + known, off + abs(np.count_nonzero(inside.all(axis=1)) - known)
+            half_m = np.array(frame.meta["vehicles"][other]["extent"])
+            seen = moved(np.linalg.inv(world_from(frames[other].meta["true_ego_pos"])), points)
+            on_other = np.abs(seen - [0, 0, half_m[2]]) <= half_m + 0.05
+            known = boxes["lidar_points"][boxes["id"] == other].item()
+            assert np.count_nonzero(on_other.all(axis=1)) >= 0.9 * known > 0, "points on the other are at its own pose"
+    assert counted > 100 and off < 0.02 * counted, "points at the faces of boxes may be on either side"
 
 
 def test_the_joint_boxes_say_of_each_object_what_the_tables_of_all_agents_say(scene: Scene) -> None:

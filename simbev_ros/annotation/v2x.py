@@ -26,10 +26,7 @@ V2X_DTYPE = np.dtype(
         ("sender", "<u4"),  # actor id of the sender's vehicle; a roadside unit has an id of its own, from 0x30000 on
         ("id", "<u4"),  # id of the box; 0: the row tells the pose of the sender itself
         ("class", "u1"),  # index into BOX_CLASSES; 255: a roadside unit
-        (
-            "x",
-            "<f8",
-        ),  # m, map frame: center of the box; of the sender itself the origin of its ego frame, on the ground
+        ("x", "<f8"),  # m, map frame: center of the box; of the sender the origin of its ego frame, on the ground
         ("y", "<f8"),
         ("z", "<f8"),
         ("roll", "<f4"),  # rad, as in boxes

@@ -9,15 +9,16 @@ from simbev_ros.config.draw import Drawn, within
 
 _MAX_SIGMA_M = 100.0
 _MAX_SIGMA_DEG = 180.0
-Latency = Annotated[Drawn, within(0, 10)]
-"""Time from sending to arrival, s."""
 
 
-class V2xMessages(Model):
-    """Content of the messages: the sender's pose and the boxes that it sees, with their errors."""
+class V2x(Model):
+    """Messages that agents send each other: each tells its pose and the boxes that it sees."""
 
     rate_hz: float = Field(10.0, gt=0, le=1000, description="rate of each sender, which must divide the tick rate")
-    latency_s: Latency = Field(
+    range_m: Annotated[Drawn, within(1, 100_000)] = Field(
+        200.0, description="maximum distance between sender and receiver, drawn for each scene"
+    )
+    latency_s: Annotated[Drawn, within(0, 10)] = Field(
         0.1, description="time from sending to arrival, rounded up to whole ticks; drawn for each message"
     )
     loss: float = Field(0.0, ge=0, le=1, description="probability that a message does not reach a receiver in range")
@@ -43,11 +44,3 @@ class V2xMessages(Model):
         0.0, ge=0, le=_MAX_SIGMA_M, description="error of the position of each box along x and y"
     )
     yaw_sigma_deg: float = Field(0.0, ge=0, le=_MAX_SIGMA_DEG, description="error of the heading of each box")
-
-
-class V2x(V2xMessages):
-    """Messages that agents send each other: each tells its pose and the boxes that it sees."""
-
-    range_m: Annotated[Drawn, within(1, 100_000)] = Field(
-        200.0, description="maximum distance between sender and receiver, drawn for each scene"
-    )

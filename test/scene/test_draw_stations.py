@@ -211,10 +211,7 @@ def test_statistics_count_roadside_units_apart_from_vehicles(draw: Draw) -> None
     means = {name: statistics.numbers[name].mean for name in ("agents", "roadside_units", "vehicles")}
     assert means == {"agents": 5, "roadside_units": 3, "vehicles": 10}
     assert statistics.kinds["agents.blueprint"] == {"vehicle.sedan": 1}
-    agents = (
-        f"  - {{{RIG}, name: rsu, mast: {{junction: {{}}}}}}\n  - {{{RIG}, name: car, reckless_probability: 0.25}}\n"
-    )
-    scenario = parse_scenario(TEXT.format(agents=agents), "x")
+    scenario = parse_scenario(text_of(*agents), "x")
     assert configured_value("agents.reckless", scenario) == "yes with probability 0.25"
 
 

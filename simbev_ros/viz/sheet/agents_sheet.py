@@ -123,8 +123,8 @@ class AgentsSheet:
             plan.add_agent(pose[:2, 3], self._colors[name], self._scale)
         picture = plan.picture()
         for name, pose in poses.items():
-            x, y = plan.pixels(pose[None, :2, 3])[0] + 10 * self._scale
-            draw_text(picture, name, x, y, size=17 * self._scale, color=self._colors[name], weight=BOLD)
+            left, top = plan.pixels(pose[:2, 3]).astype(int).tolist()
+            draw_label(picture, Box(left, top, 0, 0), name, "", self._scale)
         return picture
 
     def _colors_of(self, boxes: Table) -> UInt8Array:

@@ -10,11 +10,20 @@ from simbev_ros.config.included_stacks import INCLUDED_STACKS, IncludedStack
 from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES
 
 BOXES_TOPIC, GRIDS_TOPIC = "/prediction/boxes", "/prediction/bev"
-"""Default topics of the stack's predicted boxes and grids."""
+"""Default topics of the predicted boxes and grids of the first agent's stack."""
+
+Truth = Literal["own", "joint"]
+"""Ground truth against which an agent's stack is judged: the agent's own boxes, or those of all agents together."""
 
 ParticipantName = Annotated[str, Field(pattern="^[^:]+$")]
 """Name of a node outside on /sync/ready, where a colon ends it."""
 _Topic = Annotated[str, Field(pattern=r"^(/[A-Za-z_]\w*)+$")]
+
+
+def answer_topics_of(agent: str | None) -> tuple[str, str]:
+    """Default topics of the predicted boxes and grids of the stack of an agent beside the first one (None: of that)."""
+    prefix = "" if agent is None else f"/{agent}"
+    return prefix + BOXES_TOPIC, prefix + GRIDS_TOPIC
 
 
 def _split_command(value: object) -> object:
@@ -48,6 +57,12 @@ class Evaluation(Model):
         description="command that starts the stack with the graph, or the name of an included one: "
         f"{', '.join(f'`{name}`' for name in INCLUDED_STACKS)}; a baseline may be followed by a file (.onnx) of "
         "weights that replaces the one in the package",
+    )
+    truth: Truth = Field(
+        "own",
+        exclude_if=lambda truth: truth == "own",
+        description="boxes that the stack must find; own: those of its agent; joint: with the points and the "
+        "visibility that all agents of the scene together have, for stacks that use the data of several",
     )
     range_m: float | None = Field(
         None, gt=0, description="maximum distance of evaluated boxes and cells; none: no limit"

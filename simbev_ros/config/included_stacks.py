@@ -17,7 +17,7 @@ class IncludedStack:
     Attributes:
         name: Its name in ``evaluation.stack``.
         module: The module that runs it.
-        participant: Its name on /sync/ready, and that of its node.
+        participant: Its name on /sync/ready, and that of its node, if it is the first agent's.
         sees: The sensors that it needs.
         modality: The baseline, as ``module`` takes it; None: it is not a trained model.
     """
@@ -27,6 +27,10 @@ class IncludedStack:
     participant: str
     sees: tuple[Sight, ...]
     modality: str | None = None
+
+    def participant_of(self, agent: str) -> str:
+        """Its name on /sync/ready as the stack of an agent beside the first one (empty: of that)."""
+        return f"{agent}_{self.participant}" if agent else self.participant
 
     @property
     def takes_weights(self) -> bool:

@@ -152,7 +152,7 @@ def play_on(
 
 @contextmanager
 def _run_graph(session: GraphSession, observer: ProductionObserver) -> Iterator[None]:
-    """Run a graph and report the figures of an evaluated stack at its end, also after Ctrl-C."""
+    """Run a graph and report the figures of evaluated stacks at its end, also after Ctrl-C."""
     failed = False
     try:
         with session:
@@ -161,5 +161,5 @@ def _run_graph(session: GraphSession, observer: ProductionObserver) -> Iterator[
         failed = True
         raise
     finally:
-        if session.figures is not None and not failed:
-            observer.stack_evaluated(session.figures)
+        for figures in () if failed else session.figures:
+            observer.stack_evaluated(figures)

@@ -43,7 +43,8 @@ class ReferenceStack(Node):
     in; prediction/boxes, prediction/boxes/markers (only with subscribers), prediction/bev and sync/ready out.
 
     Parameters:
-        lidar_topic: Another lidar, by its topic in the scene, which may itself be remapped.
+        lidar_topic: Another lidar, by its topic in the scene, which may itself be remapped. In a scene with several
+            agents, the odometry must be remapped to that of the agent that carries it.
         live: Whether the graph is, so that the newest cloud counts. Left out, best-effort clouds say so; a live graph
             with ``--reliable`` does not differ from lockstep in this.
     """

@@ -97,20 +97,20 @@ def test_answers_may_be_in_the_frame_of_another_agent(scene: Scene, tmp_path: Pa
     found = judge(scene, made.as_answers(tables), tmp_path / "in_car.parquet", frame_id="car/base_link")
     assert share_found(found) == 1.0
     assert found.detections[SEEN].mean_ap("iou") == pytest.approx(1)
-    with pytest.raises(InputError, match="there is no 'bus/base_link' in scene .*ego/lidar, car/base_link, car/lidar"):
+    with pytest.raises(InputError, match=r"there is no 'bus/base_link' in scene .*ego/lidar, car/base_link, car/lidar"):
         judge(scene, made.as_answers(tables), tmp_path / "in_bus.parquet", frame_id="bus/base_link")
 
 
 def test_a_scene_with_one_agent_has_no_joint_truth(tmp_path: Path) -> None:
     single = open_dataset(made.single.record(tmp_path / "single")).scenes[0]
-    with pytest.raises(InputError, match="cannot be evaluated, because the bag lacks world/boxes$"):
+    with pytest.raises(InputError, match=r"cannot be evaluated, because the bag lacks world/boxes$"):
         judge(single, made.single.as_predicted(), tmp_path / "boxes.parquet")
-    with pytest.raises(InputError, match="^world/boxes: the joint boxes of Blocks-0000 have no column ego.distance$"):
+    with pytest.raises(InputError, match=r"^world/boxes: the joint boxes of Blocks-0000 have no column ego.distance$"):
         boxes_in_reach(made.boxes("ego", 0), single.spec)
 
 
 def test_nuscenes_metrics_are_for_the_own_truth() -> None:
-    with pytest.raises(InputError, match="^nuscenes: these metrics are for the truth of one agent"):
+    with pytest.raises(InputError, match=r"^nuscenes: these metrics are for the truth of one agent"):
         EvaluationOptions(truth="joint", nuscenes=True)
 
 

@@ -120,8 +120,9 @@ def chosen_scenes(dataset: Dataset, split: str | None, names: str | None, agent:
 
 def answer_topics(scenes: Sequence[Scene], agent: str | None) -> tuple[str, str]:
     """Usual topics of boxes and of grids for an agent of the scenes (None: the first one)."""
-    is_first = agent is None or all(scene.spec is scene.spec.whole for scene in scenes)
-    return answer_topics_of(None if is_first else agent)
+    if agent is None or all(scene.spec is scene.spec.whole for scene in scenes):
+        return answer_topics_of("")
+    return answer_topics_of(agent)
 
 
 def _number(option: str, word: str) -> float:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.scenario import RecordedTopics
 from simbev_ros.msgs.annotation_topics import annotation_topics
+from simbev_ros.msgs.joint_topics import joint_topics
 from simbev_ros.msgs.sensor_topics import label_info_topic, picture_topics, sensor_topics
 from simbev_ros.msgs.topic import Topic, agent_topic
 from simbev_ros.scene.agents import agent_views
@@ -159,13 +160,14 @@ class TopicFilter:
 
 
 def manifest(spec: SceneSpec, *, compressed_images: bool) -> tuple[Topic, ...]:
-    """All topics that a scene's bag can have, in the order in which a tick is written: agent by agent."""
+    """All topics that a scene's bag can have, in the order in which a tick is written: by agent, and the joint ones."""
     first, *further = agent_views(spec)
     return (
         *_first_world_topics(first),
         *transform_topics(spec),
         *_agent_data(first, compressed_images),
         *(topic for view in further for topic in (*_agent_world_topics(view), *_agent_data(view, compressed_images))),
+        *joint_topics(spec),
     )
 
 

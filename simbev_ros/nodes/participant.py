@@ -20,6 +20,7 @@ from simbev_ros.config.sensor import Sensor
 from simbev_ros.errors import InputError
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.annotation_topics import Label, annotator_inputs
+from simbev_ros.msgs.joint_topics import joint_inputs
 from simbev_ros.msgs.qos import STATE, STATE_READER, rclpy_qos
 from simbev_ros.msgs.stamps import stamp_of
 from simbev_ros.msgs.world import actors_from_message, signals_from_message, weather_from_message
@@ -83,6 +84,12 @@ class Participant(GraphNode):
         )
         self.annotated: bool = self.declare_read_only(
             "annotated", False, "An annotator reads clouds, instance images or views: wait until it is connected"
+        )
+        self._box_readers: int = self.declare_read_only(
+            "box_readers",
+            0,
+            "Number of nodes that read the boxes of all agents, if there are several: wait until they are connected",
+            minimum=0,
         )
         self._evaluated = self.declare_read_only(
             "evaluated_topics", [], "An evaluator reads these: wait until it is connected"
@@ -208,9 +215,11 @@ class Participant(GraphNode):
     def _expected_readers(self, spec: SceneSpec, names: list[str]) -> dict[str, int]:
         """Number of readers that each topic will have."""
         annotated_names = {name for view in agent_views(spec) for name in _annotated_names(view)}
+        joined_names = {topic.name for topic in joint_inputs(spec).values()}
         return {
             name: (self.recorded and name in self._recorded_topics)
             + (self.annotated and name in annotated_names)
+            + (self._box_readers if name in joined_names else 0)
             + self._evaluated.count(name)
             for name in names
         }

@@ -1,4 +1,4 @@
-"""Two cars with sensors in one recorded scene: one world, each in the boxes of the other, on any number of cores."""
+"""Two cars with sensors in one recorded scene: one world, each in the boxes of the other, joint boxes, on any cores."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from commands import SCENE, Command
 
+from simbev_ros.annotation.boxes import joint
 from simbev_ros.dataset import open_dataset
 from simbev_ros.dataset.scene import Scene
 from simbev_ros.recording.digest import topic_digests
@@ -74,6 +75,24 @@ def test_each_is_an_actor_of_one_world_and_in_the_others_boxes(scene: Scene) -> 
             assert position == pytest.approx([actors[actors["id"] == own][name].item() for name in "xyz"], abs=1e-3)
             offset = [row[name].item() - actors[actors["id"] == own][name].item() for name in "xy"]
             assert np.hypot(*offset) == pytest.approx(box["distance"].item(), abs=0.5)
+
+
+def test_the_joint_boxes_say_of_each_object_what_the_tables_of_all_agents_say(scene: Scene) -> None:
+    agents = {name: scene.of_agent(name) for name in scene.agents}
+    shared = [name for name in joint.SHARED_DTYPE.names or () if name != "id"]
+    for tick in range(len(scene)):
+        rows_of = {name: {row["id"]: row for row in agent[tick]["boxes"]} for name, agent in agents.items()}
+        together = scene[tick]["world/boxes"]
+        assert together["id"].tolist() == sorted(set().union(*rows_of.values()))
+        for row in together:
+            listing = {name: rows[row["id"]] for name, rows in rows_of.items() if row["id"] in rows}
+            seeing = [name for name, box in listing.items() if box["valid"] or box["visibility"] > 0]
+            assert row["lidar_points"] == sum(box["lidar_points"] for box in listing.values())
+            assert (row["seen"], row["seen_by"]) == (bool(seeing), sum(1 << [*agents].index(name) for name in seeing))
+            assert all(row[shared] == box[shared] for box in listing.values())
+            distances_m = [listing[name]["distance"] if name in listing else np.inf for name in agents]
+            assert [row[f"{name}.distance"] for name in agents] == distances_m
+    assert {*scene.of_agent("van")[0]["world/boxes"]["seen_by"].tolist()} >= {0, 1, 2}
 
 
 @pytest.mark.slow

@@ -70,23 +70,23 @@ def numbered(number: int, *names: str) -> list[str]:
 
 
 BOXES, VIEWS, SURROUNDINGS = "annotator_boxes", "annotator_views", "annotator_surroundings"
-ON_TWO_CORES = ["lidar+radar", "gnss+imu", "annotator"]
-ON_EIGHT_CORES = ["lidar", "radar", "gnss+imu", BOXES, SURROUNDINGS]
-ON_SIXTEEN_CORES = [*numbered(2, "lidar"), "radar", "gnss+imu", *numbered(2, BOXES, SURROUNDINGS)]
+ALONE, LIGHT = "gnss+imu", "gnss+imu+joint"
+ON_TWO_CORES = ["lidar+radar", LIGHT, "annotator"]
+ON_EIGHT_CORES = ["lidar", "radar", LIGHT, BOXES, SURROUNDINGS]
+ON_SIXTEEN_CORES = [*numbered(2, "lidar"), "radar", LIGHT, *numbered(2, BOXES, SURROUNDINGS)]
 
 
 @pytest.mark.parametrize(
     ("agents", "cores", "expected"),
     [
-        *((agents, 2, ON_TWO_CORES) for agents in (1, 2, 4, 8)),
-        *((agents, 8, ON_EIGHT_CORES) for agents in (1, 2, 4, 8)),
+        *((agents, 2, ON_TWO_CORES) for agents in (2, 4, 8)),
+        *((agents, 8, ON_EIGHT_CORES) for agents in (2, 4, 8)),
         *((agents, 16, ON_SIXTEEN_CORES) for agents in (2, 4, 8)),
-        *((1, cores, ["lidar", "radar", "gnss+imu", BOXES, VIEWS, SURROUNDINGS]) for cores in (16, 64)),
-        *(
-            (n, 64, [*numbered(n, "lidar"), "radar", "gnss+imu", *numbered(n, BOXES, VIEWS, SURROUNDINGS)])
-            for n in (2, 4)
-        ),
-        (8, 64, [*numbered(8, "lidar"), "radar", "gnss+imu", *numbered(8, BOXES, SURROUNDINGS)]),
+        (1, 2, ["lidar+radar", ALONE, "annotator"]),
+        (1, 8, ["lidar", "radar", ALONE, BOXES, SURROUNDINGS]),
+        *((1, cores, ["lidar", "radar", ALONE, BOXES, VIEWS, SURROUNDINGS]) for cores in (16, 64)),
+        *((n, 64, [*numbered(n, "lidar"), "radar", LIGHT, *numbered(n, BOXES, VIEWS, SURROUNDINGS)]) for n in (2, 4)),
+        (8, 64, [*numbered(8, "lidar"), "radar", LIGHT, *numbered(8, BOXES, SURROUNDINGS)]),
     ],
 )
 def test_agents_are_divided_among_nodes_for_every_eight_cores(agents: int, cores: int, expected: list[str]) -> None:
@@ -115,7 +115,14 @@ def test_a_single_agent_has_its_nodes_in_its_namespace_and_no_shares() -> None:
         for process in plan_processes(with_agents(1), 2, live=False, dataset=None, cores=cores)[1:]:
             for node in process:
                 assert node.agent == "ego"
-                assert not {"agent_share", "agent_shares"} & node.parameters.keys()
+                assert not {"agent_share", "agent_shares", "box_readers"} & node.parameters.keys()
+
+
+def test_a_node_joins_the_boxes_of_all_agents_and_annotators_wait_for_it() -> None:
+    processes = plan_processes(with_agents(2), 1, live=False, dataset=None, cores=16)
+    nodes = [node for process in processes[1:] for node in process]
+    assert [node.name for node in nodes if node.kind == "joint"] == ["joint"]
+    assert {node.parameters["box_readers"] for node in nodes} == {1}
 
 
 def test_only_agents_with_lidars_count_for_the_number_of_lidar_nodes() -> None:

@@ -16,6 +16,7 @@ from simbev_ros.config.frames import Frames
 from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.derived_messages import message_makers
+from simbev_ros.msgs.joint_topics import joint_topics
 from simbev_ros.msgs.robot_description import robot_description
 from simbev_ros.msgs.topic import Topic
 from simbev_ros.msgs.transforms import SceneTransforms, serialize_transforms, static_transforms
@@ -46,14 +47,16 @@ def actors_at(tick: int) -> Table:
 
 
 @pytest.mark.parametrize("compressed", [True, False])
-def test_the_manifest_is_that_of_the_first_agent_and_then_the_others_own(compressed: bool) -> None:
+def test_the_manifest_is_that_of_the_first_agent_then_the_others_own_and_the_joint_topics(compressed: bool) -> None:
     expected = [*topics.manifest(FIRST, compressed_images=compressed)]
     for agent in SPEC.agents:
         name = agent.rig.agent
         alone = FIRST.model_copy(update={"rig": agent.rig, "annotation": agent.annotation})
         own = [each for each in topics.manifest(alone, compressed_images=compressed) if f"/{name}/" in each.name]
         expected += [Topic(f"/{name}/robot_description", "std_msgs/msg/String", 0), *own]
+    expected += joint_topics(SPEC)
     assert [*topics.manifest(SPEC, compressed_images=compressed)] == expected
+    assert [*joint_topics(FIRST)] == []
 
 
 def test_the_manifest_is_the_same_from_every_view() -> None:

@@ -1,7 +1,7 @@
 """The perception stacks that run with a graph: the topics that they answer to, their commands, and what they need."""
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from simbev_ros.baselines.modality import Modality
@@ -31,20 +31,32 @@ def stack_commands(scenario: Scenario, ros: RosArguments = PLAIN, *, live: bool 
     Raises:
         InputError: There are no such weights.
     """
-    commands = {agent.label("stack"): _command(agent, ros, live=live) for agent in scenario.evaluated_agents}
+    agents = scenario.evaluated_agents
+    commands = {agent.label("stack"): _command(agent, _partners(agent, agents), ros, live=live) for agent in agents}
     return {label: command for label, command in commands.items() if command}
 
 
-def _command(agent: EvaluatedAgent, ros: RosArguments, *, live: bool) -> tuple[str, ...]:
+def _partners(agent: EvaluatedAgent, agents: Sequence[EvaluatedAgent]) -> list[EvaluatedAgent]:
+    """The agents whose boxes the included stack of an agent merges into its own: those that wait for no others."""
+    if agent.evaluation.included is None or not agent.evaluation.included.merges:
+        return []
+    others = (each for each in agents if each.name != agent.name)
+    return [each for each in others if each.evaluation.included is None or not each.evaluation.included.merges]
+
+
+def _command(
+    agent: EvaluatedAgent, partners: Sequence[EvaluatedAgent], ros: RosArguments, *, live: bool
+) -> tuple[str, ...]:
     """Command of an agent's stack; empty: none runs with the graph."""
     included = agent.evaluation.included
     if included is None:
         return agent.evaluation.stack or ()
     settings = [f"lidar_topic:={_lidar_topic(agent)}"] if "lidar" in included.sees else []
     settings += [f"agent:={agent.name}"] if agent.name and included.modality is not None else []
+    settings += [f"partners:=[{','.join(map(input_topic, partners))}]"] if partners else []
     settings += ["live:=true"] if live else []
     parameters = [word for setting in settings for word in ("-p", setting)]
-    remapping = [word for rule in _remapping(agent, included) for word in ("--remap", rule)]
+    remapping = [word for rule in _remapping(agent, included, partners) for word in ("--remap", rule)]
     words = _model_words(included, agent.evaluation)
     return (sys.executable, "-m", included.module, *words, *ros.command(*parameters, *remapping))
 
@@ -57,19 +69,32 @@ def require_stacks(scenario: Scenario) -> None:
     """
     for agent in scenario.evaluated_agents:
         if (included := agent.evaluation.included) is not None:
-            _require_stack(agent, included)
+            _require_sensors(agent, included)
+            if included.merges:
+                _require_partners(included, _partners(agent, scenario.evaluated_agents))
+            if included.modality is not None:
+                require_onnx_runtime()
+                _model_words(included, agent.evaluation)
 
 
-def _require_stack(agent: EvaluatedAgent, included: IncludedStack) -> None:
+def _require_sensors(agent: EvaluatedAgent, included: IncludedStack) -> None:
     rig = agent.rig
     found = {"lidar": (list(_lidar_topics(rig)), "points"), "camera": (_color_cameras(rig), "rgb images")}
     for sensor in included.sees:
         sensors, data = found[sensor]
         if not sensors:
             raise InputError(f"evaluation.stack: {included.name}: the rig of {rig.agent} has no {sensor} with {data}")
-    if included.modality is not None:
-        require_onnx_runtime()
-        _model_words(included, agent.evaluation)
+
+
+def _require_partners(included: IncludedStack, partners: Sequence[EvaluatedAgent]) -> None:
+    if not partners:
+        raise InputError(f"evaluation.stack: {included.name}: no other agent has a stack of its own that is evaluated")
+    for each in partners:
+        if (topic := input_topic(each)) not in [name for name, _ in _lidar_topics(each.rig)]:
+            raise InputError(
+                f"evaluation.stack: {included.name}: the stack of {each.rig.agent} answers to {topic}; it must answer "
+                "to points of a lidar"
+            )
 
 
 def input_topic(agent: EvaluatedAgent) -> str:
@@ -99,7 +124,7 @@ def _model_words(included: IncludedStack, evaluation: Evaluation) -> tuple[str, 
     return (included.modality, str(require_model_file(Modality(included.modality), weights).resolve()))
 
 
-def _remapping(agent: EvaluatedAgent, included: IncludedStack) -> Iterator[str]:
+def _remapping(agent: EvaluatedAgent, included: IncludedStack, partners: Sequence[EvaluatedAgent]) -> Iterator[str]:
     """Rules that give a stack's node and topics their names in this graph, relative to its namespace."""
     boxes = agent.evaluation.boxes_topic
     topics = {
@@ -107,6 +132,7 @@ def _remapping(agent: EvaluatedAgent, included: IncludedStack) -> Iterator[str]:
         BOXES_TOPIC: boxes,
         f"{BOXES_TOPIC}/markers": f"{boxes}/markers",
         GRIDS_TOPIC: agent.evaluation.grids_topic,
+        **{f"/{each.rig.agent}{BOXES_TOPIC}": each.evaluation.boxes_topic for each in partners},
     }
     if agent.name:
         yield f"__node:={included.participant_of(agent.name)}"

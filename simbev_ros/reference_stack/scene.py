@@ -11,7 +11,11 @@ from simbev_ros.reference_stack.grid import GridShape
 _NS_PER_S = 1_000_000_000
 
 
-class NoLidarError(Exception):
+class UsageError(Exception):
+    """Base of what a stack is told wrong; the message says what to change."""
+
+
+class NoLidarError(UsageError):
     """Raised when no lidar of the scene's rig publishes on the expected topic."""
 
 

@@ -20,6 +20,17 @@ from tools.docs.markdown import GENERATED, code, sentence, table
 
 TABLES: Mapping[str, tuple[str, str]] = {
     "BOX_DTYPE": ("Boxes", '`/ego/boxes`, `frame["boxes"]`'),
+    "TOGETHER_DTYPE": (
+        "Boxes of several agents",
+        '`/world/boxes`, `frame["world/boxes"]`: the columns of [boxes](#boxes) but for those that depend on the '
+        "observer (`distance`, `angle`, `visibility`, `lidar_points`, `radar_points`, `on_ego_level`, `valid`, "
+        "`difficulty`), then these, then those of each agent. Bits of `seen_by` are in the order of `scene.agents`.",
+    ),
+    "OBSERVER_DTYPE": (
+        "Boxes of several agents: columns of each agent",
+        "In `/world/boxes` they begin with the agent's name, as in `car_2.distance`. Its own vehicle, which others may "
+        "see, is not in the agent's own boxes.",
+    ),
     "VIEW_DTYPE": ("Views of a camera", '`/ego/cam_*/boxes`, `frame["cam_front/boxes"]`'),
     "ACTOR_DTYPE": ("Actors", "`/world/actors`"),
     "SIGNAL_DTYPE": ("Traffic lights", "`/world/signals`"),

@@ -48,6 +48,7 @@ SHARED_DTYPE: Final = np.dtype(
 """Columns of ``BOX_DTYPE`` that do not depend on the observer."""
 
 _SHARED = list(SHARED_DTYPE.names or ())
+_COLUMN_ENDS = np.cumsum([SHARED_DTYPE[name].itemsize for name in _SHARED])
 _OBSERVED = {name: "on_ego_level" if name == "on_level" else name for name in OBSERVER_DTYPE.names or ()}
 
 
@@ -118,7 +119,7 @@ def _contradiction(own: Table, known: Table) -> str:
     _, of_own, of_known = np.intersect1d(own["id"], known["id"], assume_unique=True, return_indices=True)
     if (differing := _bytes_of(own)[of_own] != _bytes_of(known)[of_known]).any():
         row, byte = np.argwhere(differing)[0]
-        column = next(name for name in reversed(_SHARED) if SHARED_DTYPE.fields[name][1] <= byte)
+        column = _SHARED[int(np.searchsorted(_COLUMN_ENDS, byte, side="right"))]
         return f"{column} of object {own['id'][of_own[row]]} is not the one that another agent has"
     return ""
 

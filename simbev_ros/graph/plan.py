@@ -239,6 +239,7 @@ def _evaluator(scenario: Scenario, agent: EvaluatedAgent, *, live: bool, figures
         "figures": "" if figures is None else str(figures_file(figures, agent)),
         "asked_figures": "" if asked is None else str(Path(asked).resolve()),
         "input_topic": input_topic(agent),
+        "outside_participants": list(scenario.participants),
         "patience_s": _STACK_PATIENCE_FRACTION * scenario.graph.silence_timeout_s,
     }
     of_agent = {"agent": agent.name} if agent.name else {}

@@ -85,7 +85,11 @@ class EvaluatorNode(GraphNode):
         self._patience_s: float = self.declare_read_only(
             "patience_s", 60.0, "Time that the first scene waits for the stack, s", minimum=0.0
         )
+        others = self.declare_read_only(
+            "outside_participants", [], "Nodes whose reports need no signature, beside the stack"
+        )
         stack = self._evaluation.participants_of(self._agent)
+        self._outside = frozenset((*stack, *others))
         idle_s = math.inf if stack else self._patience_s / 2
         self._patience = WaitLimits(_LIVE_GRACE_TICKS, _LIVE_IDLE_S) if self.live else WaitLimits(None, idle_s)
         self._options, self._scenes = options_of(self._evaluation), list[LiveScene]()
@@ -213,7 +217,7 @@ class EvaluatorNode(GraphNode):
             self._join.counts.malformed += 1
 
     def _on_ready(self, message: Header) -> None:
-        report = self.read(topics.READY, partial(read_report, message, self.signer, self._stack.participants))
+        report = self.read(topics.READY, partial(read_report, message, self.signer, self._outside))
         if report is None or not self._stack.record_report(report):
             return
         if (tick := self._stack.finished_by_all()) is not None:

@@ -8,8 +8,8 @@ from simbev_ros.reference_stack.arrays import Booleans, Floats, Table, box_axes,
 
 _MARGIN_M = 0.5
 """Distance beyond the sides of a box at which the center of another one may be and still be the same object."""
-_OWN_HALF_M = np.array([2.8, 1.3])
-"""Half length and width around the ego's origin; a box whose center is closer is the ego itself, seen by others."""
+_OWN_HALF_LENGTH_M, _OWN_HALF_WIDTH_M = 2.8, 1.3
+"""A box with its center in such an area around the ego's origin is the ego itself, which others have found."""
 _IDS_PER_AGENT = 1 << 24
 """Offset between the ids of two agents' tracks."""
 
@@ -49,16 +49,15 @@ def fuse_boxes(tables: Sequence[Table], map_from_ego: Floats) -> Table:
 def _is_ego(boxes: Table, map_from_ego: Floats) -> Booleans:
     """(N,) whether each box is where the ego itself is."""
     offset_m = np.stack([boxes["x"], boxes["y"]], axis=1) - map_from_ego[:2, 3]
-    along_m = np.abs(rotate(box_axes(np.array(yaw_of(map_from_ego))), offset_m))
-    is_ego: Booleans = (along_m < _OWN_HALF_M).all(axis=1)
+    along_m, across_m = np.abs(rotate(box_axes(np.array(yaw_of(map_from_ego))), offset_m)).T
+    is_ego: Booleans = (along_m < _OWN_HALF_LENGTH_M) & (across_m < _OWN_HALF_WIDTH_M)
     return is_ego
 
 
 def _covers(box: Table, others: Table) -> Booleans:
     """(N,) whether the centers of N boxes are inside one box, or just outside."""
     offset_m = np.stack([others["x"] - box["x"], others["y"] - box["y"]], axis=1)
-    along_m = np.abs(rotate(box_axes(box["yaw"]), offset_m))
-    half_m = np.array([box["length"], box["width"]]) / 2 + _MARGIN_M
-    covers: Booleans = (along_m < half_m).all(axis=1)
-    covers &= np.asarray(np.abs(others["z"] - box["z"]) < box["height"])
+    along_m, across_m = np.abs(rotate(box_axes(box["yaw"]), offset_m)).T
+    is_inside = (along_m < box["length"] / 2 + _MARGIN_M) & (across_m < box["width"] / 2 + _MARGIN_M)
+    covers: Booleans = is_inside & (np.abs(others["z"] - box["z"]) < box["height"])
     return covers

@@ -191,3 +191,22 @@ def test_what_another_agents_stack_lacks_is_refused() -> None:
     blind = scenario.agents[0].model_copy(update={"rig": rig_without("lidar").model_copy(update={"agent": "car"})})
     with pytest.raises(InputError, match=r"^evaluation.stack: reference: the rig of car has no lidar with points$"):
         require_stacks(scenario.model_copy(update={"agents": (blind,)}))
+
+
+def test_a_cooperative_stack_gets_the_clouds_and_the_answers_of_its_partners() -> None:
+    scenario = with_second_agent({"stack": "reference"}, evaluation=Evaluation(stack=("cooperative",)))
+    command = stack_commands(scenario)["stack"]
+    assert command[1:3] == ("-m", "simbev_ros.reference_stack.cooperative")
+    assert "partners:=[/car/lidar/points]" in command and "--remap" not in command
+    reverse = with_second_agent({"stack": "cooperative"}, evaluation=Evaluation(participant="detector"))
+    command = stack_commands(reverse)["stack_car"]
+    assert {"partners:=[/ego/lidar/points]", "ego/prediction/boxes:=prediction/boxes"} <= set(command)
+    assert reverse.participants == ("detector", "car_cooperative_stack")
+
+
+def test_a_cooperative_stack_without_partners_is_refused() -> None:
+    for first in (None, Evaluation(stack=("cooperative",))):
+        with pytest.raises(InputError, match=r"cooperative: no other agent has a stack of its own that is evaluated$"):
+            require_stacks(with_second_agent({"stack": "cooperative"}, evaluation=first))
+    with pytest.raises(InputError, match=r"the stack of ego answers to /ego/gnss/fix; it must answer to points of a "):
+        require_stacks(with_second_agent({"stack": "cooperative"}, evaluation=Evaluation(answers_to="/ego/gnss/fix")))

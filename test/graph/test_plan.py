@@ -273,6 +273,7 @@ def test_each_evaluated_agent_has_an_evaluator_and_a_file_of_figures(tmp_path: P
         ("evaluator", "", None),
         ("evaluator_car", "", "car"),
     ]
+    assert all(node.parameters["outside_participants"] == ["fusion"] for node in evaluators)
     assert [node.parameters["input_topic"] for node in evaluators] == ["/ego/lidar/points", "/car/lidar/points"]
     assert [node.parameters["figures"] for node in evaluators] == [
         str(tmp_path / name) for name in ("figures.json", "figures_car.json")

@@ -15,9 +15,12 @@ from simbev_ros.errors import InputError
 from simbev_ros.evaluation.evaluation import Evaluation, evaluate
 from simbev_ros.evaluation.filters import BoxFilter
 from simbev_ros.evaluation.joint_truth import boxes_in_reach
+from simbev_ros.evaluation.live.answer_join import BOXES, LABELS, POSE, JoinCounts, OpenFrame, pose_of
+from simbev_ros.evaluation.live.live_evaluation import LiveEvaluation
 from simbev_ros.evaluation.metrics.boxes import Predictions
 from simbev_ros.evaluation.options import EvaluationOptions, options_of
 from simbev_ros.evaluation.predictions.dataset_predictions import open_predictions, write_predictions
+from simbev_ros.evaluation.predictions.predicted_boxes import PredictedBoxes, Reference
 from simbev_ros.evaluation.slices import TableSlice
 from simbev_ros.scene.agents import agent_view
 from simbev_ros.types import Table
@@ -117,3 +120,31 @@ def test_nuscenes_metrics_are_for_the_own_truth() -> None:
 def test_the_configuration_chooses_the_truth() -> None:
     assert options_of(EvaluationSection(truth="joint")).truth == "joint"
     assert "truth" not in EvaluationSection().model_dump()
+
+
+@pytest.mark.parametrize("agent", ["ego", "car"])
+def test_live_and_recorded_frames_are_judged_alike_also_in_the_frame_of_another_agent(
+    scene: Scene, tmp_path: Path, agent: str
+) -> None:
+    judged, other = scene.of_agent(agent), {"ego": "car", "car": "ego"}[agent]
+    predictions = answers(judged, {tick: made.seen(agent, tick) for tick in range(made.TICKS)})
+    boxes, in_other = predictions.boxes, f"{other}/base_link"
+    for row, tick in enumerate(boxes.frame.tolist()):
+        other_from_map = np.linalg.inv(judged[tick].others[other].map_from_ego)
+        boxes.center_m[row] = other_from_map[:3, :3] @ boxes.center_m[row] + other_from_map[:3, 3]
+        boxes.yaw_rad[row] -= made.YAW_RAD[other]
+    recorded = judge(judged, predictions, tmp_path / "boxes.parquet", frame_id=in_other)
+    assert share_found(recorded) == 3 / 4
+    live = LiveEvaluation(judged.spec, recorded.options)
+    answered = PredictedBoxes.with_reference(predictions, Reference(in_other, "/boxes"))
+    for frame in judged:
+        truth = {
+            POSE: frame.map_from_ego,
+            BOXES: boxes_in_reach(frame["world/boxes"], judged.spec),
+            LABELS: frame["bev/labels"],
+            pose_of(other): frame.others[other].map_from_ego,
+        }
+        live.add_frame(OpenFrame(frame.tick, truth, {"/boxes": answered.at_ticks([frame.tick])}))
+    tally = live.finish(JoinCounts()).tally
+    np.testing.assert_array_equal(tally.frames["boxes"], recorded.frames[made.NAME]["boxes"])
+    np.testing.assert_array_equal(tally.frames["found"], recorded.frames[made.NAME]["found"])

@@ -24,7 +24,7 @@ FiguresOption = Annotated[
     typer.Option(
         "--evaluate",
         help="Compare the answers of a stack with the truth; file (.json) for all figures, or folder for those of each "
-        "scene. Figures of agents beside the first one are in <file>_<agent>.json, or <folder>/<agent>.",
+        "scene. Figures of agents beside the first one are in FILE_AGENT.json, or FOLDER/AGENT.",
         metavar="PATH",
         rich_help_panel=_PANEL,
     ),

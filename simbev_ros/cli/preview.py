@@ -1,18 +1,23 @@
 """``simbev preview``: pictures of a recorded scene, or a gallery of towns, weathers and camera modalities."""
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 from rich.console import Console
 from rich.text import Text
 
-from simbev_ros.cli.agent_option import AgentOption, require_agent
+from simbev_ros.cli.agent_option import ALL, ShownAgentOption, require_agent
 from simbev_ros.cli.console import make_console, percent_bar
 from simbev_ros.cli.output_file import make_room
 from simbev_ros.config.rendering import Quality
 from simbev_ros.errors import InputError
 from simbev_ros.viz.sheet.layout import LabelPlacement
+
+if TYPE_CHECKING:
+    from simbev_ros.recording.indexed_bag import IndexedBag
 
 _GALLERY = "Gallery"
 
@@ -27,7 +32,7 @@ def preview(
         LabelPlacement,
         typer.Option(help="Drawn over: nothing (off), one more picture and views from above (panel), all (cameras)."),
     ] = "panel",
-    agent: AgentOption = None,
+    agent: ShownAgentOption = None,
     video: Annotated[bool, typer.Option(help="Also write an MP4 of all frames.")] = True,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing pictures.")] = False,
     gallery: Annotated[
@@ -58,6 +63,8 @@ def preview(
     simbev preview out/demo/scenes/train/Blocks-0000 --out pictures
 
     simbev preview out/demo/scenes/train/Blocks-0000 --frame 12 --no-video
+
+    simbev preview out/agents/scenes/train/Town05-0000 --agent all
 
     simbev preview --gallery --out pictures --map Town03 --map Town10HD
     """
@@ -94,32 +101,62 @@ def make_preview(
 ) -> list[Path]:
     """Write the pictures of a bag and return their paths: ``<scene>.png`` and ``<scene>.mp4``.
 
-    If an agent is named, its name follows that of the scene, as in ``<scene>.car_2.png``.
+    If an agent is named, its name follows that of the scene, as in ``<scene>.car_2.png``; ``all`` shows all of them.
 
     Raises:
         InputError: The agent or the frame does not exist, a picture exists already, or the folder cannot be made.
         BagError: The bag cannot be read, or has no topic that can be shown.
     """
     from simbev_ros.dataset.opened import open_bag
-    from simbev_ros.viz.sheet.frames import FrameReader
-    from simbev_ros.viz.sheet.preview import write_picture, write_video
-    from simbev_ros.viz.sheet.views import find_views
 
     bag = open_bag(path)
     if agent is not None:
         spec = bag.spec
-        require_agent(agent, [rig.agent for rig in spec.rigs] if spec else [], bag.name)
-    reader = FrameReader(bag, find_views(bag, labels, agent))
-    count = len(reader.stamps_ns)
-    index = count // 2 if frame is None else frame
-    if not 0 <= index < count:
-        raise InputError(f"--frame {index}: {bag.name} has frames 0 to {count - 1}")
+        agents = [rig.agent for rig in spec.rigs] if spec else []
+        require_agent(agent, [*agents, ALL] if len(agents) > 1 else agents, bag.name)
+    shown = _all_agents(path) if agent == ALL else _one_agent(bag, labels, agent)
+    index = shown.frames // 2 if frame is None else frame
+    if not 0 <= index < shown.frames:
+        raise InputError(f"--frame {index}: {bag.name} has frames 0 to {shown.frames - 1}")
     name = bag.name if agent is None else f"{bag.name}.{agent}"
     picture, film = out / f"{name}.png", out / f"{name}.mp4"
     targets = [picture, film] if video else [picture]
     make_room(out, targets, overwrite)
-    write_picture(reader, index, picture)
+    shown.write_picture(index, picture)
     if video:
-        with percent_bar("video", console, count) as bar:
-            write_video(reader, film, bar.advance)
+        with percent_bar("video", console, shown.frames) as bar:
+            shown.write_video(film, bar.advance)
     return targets
+
+
+class _Shown(NamedTuple):
+    """What is shown of a scene.
+
+    Attributes:
+        frames: Number of frames.
+        write_picture: Writes the frame with an index to a file as PNG.
+        write_video: Writes all frames to a file as MP4, and calls a function after each.
+    """
+
+    frames: int
+    write_picture: Callable[[int, Path], None]
+    write_video: Callable[[Path, Callable[[], None]], None]
+
+
+def _one_agent(bag: "IndexedBag", labels: LabelPlacement, agent: str | None) -> _Shown:
+    """What one agent has recorded."""
+    from simbev_ros.viz.sheet.frames import FrameReader
+    from simbev_ros.viz.sheet.preview import write_picture, write_video
+    from simbev_ros.viz.sheet.views import find_views
+
+    reader = FrameReader(bag, find_views(bag, labels, agent))
+    return _Shown(len(reader.stamps_ns), partial(write_picture, reader), partial(write_video, reader))
+
+
+def _all_agents(path: Path) -> _Shown:
+    """What the agents of a scene have recorded together."""
+    from simbev_ros.dataset import open_dataset
+    from simbev_ros.viz.sheet.preview import write_agents_picture, write_agents_video
+
+    [scene] = open_dataset(path).scenes
+    return _Shown(len(scene), partial(write_agents_picture, scene), partial(write_agents_video, scene))

@@ -1,9 +1,16 @@
-"""Agents in one scene: the ego, and the section ``agents`` with the vehicles that carry further rigs."""
+"""Agents in one scene: the ego, and the section ``agents`` with the vehicles and roadside units that carry rigs."""
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Final, Literal, Self
+from typing import Annotated, Any, Final, Literal, Self
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import (
+    Field,
+    SerializerFunctionWrapHandler,
+    ValidationInfo,
+    field_validator,
+    model_serializer,
+    model_validator,
+)
 
 from simbev_ros.config.annotation import Annotation
 from simbev_ros.config.base import FieldError, Keys, Model, dotted_path
@@ -11,31 +18,21 @@ from simbev_ros.config.draw import Distribution, Drawn, within
 from simbev_ros.config.evaluation import Evaluation, answer_topics_of
 from simbev_ros.config.frames import Frames
 from simbev_ros.config.names import MAX_TOPIC_NAME_CHARS, TopicName
+from simbev_ros.config.odometry import Odometry
+from simbev_ros.config.places import Mast, Near, SpawnPose
 from simbev_ros.config.rig import Rig
+from simbev_ros.config.sensor import MAX_HEIGHT_ON_VEHICLE_M, MAX_SENSOR_HEIGHT_M
 from simbev_ros.limits import MAX_AGENTS
 
 EgoDriverKind = Literal["traffic", "twist"]
 
 RESERVED_NAMES: Final = (
-    *("world", "sync", "v2x", "clock", "tf", "tf_static", "robot_description", "prediction", "evaluation"),
+    *("all", "world", "sync", "v2x", "clock", "tf", "tf_static", "robot_description", "prediction", "evaluation"),
     *("map", "diagnostics", "rosout", "parameter_events"),
     *("bev", "boxes", "cmd_vel", "detections", "hd_map", "occupancy", "odom", "path", "vector_map"),
 )
-"""Names that no agent beside others may have: topics and frames of the whole scene begin with the former ones, and an
-agent's own topics, which readers of bags name without the agent, with the latter ones."""
-
-
-class SpawnPose(Model):
-    """Start pose of an agent: the center of its vehicle's footprint, map frame; it is moved to the nearest lane."""
-
-    x_m: float = Field(ge=-1e6, le=1e6, description="x in the map frame")
-    y_m: float = Field(ge=-1e6, le=1e6, description="y in the map frame")
-    z_m: float | None = Field(
-        None, ge=-1e4, le=1e4, description="height of the road, which selects one of several levels"
-    )
-    yaw_deg: float | None = Field(
-        None, ge=-360, le=360, description="approximate heading, which selects the driving direction"
-    )
+"""Names that no agent beside others may have: ``--agent all``, the beginnings of topics and frames of the whole scene,
+and those of an agent's own topics, which readers of bags name without the agent."""
 
 
 class Ego(Model):
@@ -53,20 +50,13 @@ class Ego(Model):
     reckless_probability: float = Field(
         0.01, ge=0, le=1, description="probability that the driver ignores lights, signs and other road users"
     )
-
-
-class Near(Model):
-    """Distance from another agent at which an agent starts."""
-
-    agent: TopicName | None = Field(None, description="name of an agent listed earlier; none: the first agent")
-    distance_m: Annotated[Drawn, within(5, 1000)] = Field(
-        40.0, description="horizontal distance between the two starts; it is drawn for each scene and agent"
+    v2x: bool = Field(
+        True, exclude_if=bool, description="whether the agent sends and receives messages, if there is a section `v2x`"
     )
-    tolerance_m: float = Field(20.0, gt=0, le=1000, description="permitted deviation from the distance")
 
 
 class Agent(Ego):
-    """A vehicle that carries a rig, beside the first agent."""
+    """A vehicle or, with `mast`, a roadside unit that carries a rig, beside the first agent."""
 
     name: TopicName = Field(description="name of the agent, the first part of its topics and frames")
     rig: Rig = Field(description="sensors of the agent, which is called `name`, whatever `agent` the rig has")
@@ -83,7 +73,16 @@ class Agent(Ego):
         description="distance from another agent at which the agent starts; without `near` and `spawn` it starts "
         "within `traffic.spawn_radius_m` of the first agent",
     )
-    frames: Frames | None = Field(None, description="coordinate frames of the agent; none: those of the first agent")
+    mast: Mast | None = Field(
+        None,
+        exclude_if=lambda mast: mast is None,
+        description="makes the agent a roadside unit, which has no fields of vehicles: `blueprint`, `driver`, "
+        "`reckless_probability`, `spawn` and `near`; none: the agent is a vehicle",
+    )
+    frames: Frames | None = Field(
+        None,
+        description="coordinate frames of the agent; none: those of the first agent. A roadside unit has the defaults",
+    )
     annotation: Annotation | None = Field(None, description="labels of the agent; none: those of the first agent")
     evaluation: Evaluation | None = Field(
         None,
@@ -120,6 +119,49 @@ class Agent(Ego):
         return self
 
     @model_validator(mode="after")
+    def _carrier_carries_the_rig(self) -> Self:
+        if self.mast is None:
+            require_heights_of_vehicle(self.rig)
+        else:
+            self._require_no_vehicle()
+            self._require_fitting_mast(self.mast)
+        return self
+
+    def _require_no_vehicle(self) -> None:
+        """Refuse what only vehicles have."""
+        for name in _OF_VEHICLES:
+            if name in self.model_fields_set and getattr(self, name) not in (None, ()):
+                raise FieldError([name], "leave it out; an agent with a mast is a roadside unit, not a vehicle")
+        for index, sensor in enumerate(self.rig.sensors):
+            if isinstance(sensor, Odometry):
+                raise FieldError(["rig", "sensors", index], f"sensor {sensor.name}: a roadside unit has no wheels")
+        if self.frames is not None and self.frames.odom:
+            raise FieldError(["frames", "odom"], "a roadside unit has no odometry")
+        if self.frames is not None and self.frames.base_link != "footprint":
+            raise FieldError(["frames", "base_link"], "a roadside unit has no axles; allowed: footprint")
+
+    def _require_fitting_mast(self, mast: Mast) -> None:
+        """Refuse a mast that is too high, or too few poses."""
+        for sensor in self.rig.sensors:
+            height_m = mast.height_m + sensor.pose.z_m
+            if height_m > MAX_SENSOR_HEIGHT_M:
+                raise FieldError(
+                    ["mast", "height_m"],
+                    f"with it, sensor {sensor.name} is {height_m:g} m above the foot; "
+                    f"at most {MAX_SENSOR_HEIGHT_M:g} m is allowed",
+                )
+        if mast.poses and self.max_count > len(mast.poses):
+            raise FieldError(
+                ["mast", "poses"],
+                f"up to {self.max_count} roadside units need a pose each; found {len(mast.poses)}",
+            )
+
+    @model_serializer(mode="wrap")
+    def _without_fields_of_vehicles(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        values: dict[str, Any] = handler(self)
+        return values if self.mast is None else {key: values[key] for key in values if key not in _OF_VEHICLES}
+
+    @model_validator(mode="after")
     def _names_are_short(self) -> Self:
         for name in self.names(self.max_count):
             if len(name) > MAX_TOPIC_NAME_CHARS:
@@ -145,6 +187,31 @@ class Agent(Ego):
         """Names of the agents in a scene with this number of them."""
         return (self.name,) if self.count is None else tuple(f"{self.name}_{k}" for k in range(1, count + 1))
 
+    @property
+    def near_of_place(self) -> tuple[Keys, Near | None]:
+        """The field that says how far from another agent this one starts or stands, and its value."""
+        if self.mast is None:
+            return ("near",), self.near
+        return ("mast", self.mast.drawn_place or "poses", "near"), self.mast.near
+
+
+_OF_VEHICLES = (*Ego.model_fields, "near")
+"""Fields of an agent that a roadside unit does not have."""
+
+
+def require_heights_of_vehicle(rig: Rig) -> None:
+    """Check that a vehicle can carry a rig.
+
+    Raises:
+        FieldError: A sensor is too high.
+    """
+    for index, sensor in enumerate(rig.sensors):
+        if sensor.pose.z_m > MAX_HEIGHT_ON_VEHICLE_M:
+            raise FieldError(
+                ["rig", "sensors", index, "pose", "z_m"],
+                f"is {sensor.pose.z_m:g}, but at most {MAX_HEIGHT_ON_VEHICLE_M:g} is allowed on a vehicle",
+            )
+
 
 def require_consistent_agents(rig: Rig, agents: Sequence[Agent]) -> None:
     """Check the names and the number of a configuration's agents against each other.
@@ -160,10 +227,11 @@ def require_consistent_agents(rig: Rig, agents: Sequence[Agent]) -> None:
     certain = [rig.agent]
     for index, agent in enumerate(agents):
         keys = ("agents", index)
-        if agent.near is not None and agent.near.agent not in (None, *certain):
+        near_keys, near = agent.near_of_place
+        if near is not None and near.agent not in (None, *certain):
             raise FieldError(
-                (*keys, "near", "agent"),
-                f"no agent {agent.near.agent!r} is listed earlier and in every scene; allowed: {', '.join(certain)}",
+                (*keys, *near_keys, "agent"),
+                f"no agent {near.agent!r} is listed earlier and in every scene; allowed: {', '.join(certain)}",
             )
         for name in agent.names(agent.max_count):
             if name in keys_by_name:

@@ -123,31 +123,41 @@ def _expanded_rig(data: Any, keys: Keys, origins: Origins) -> Any:
 
 
 def _with_first_agent(data: dict[str, Any], origins: Origins) -> dict[str, Any]:
-    """Copy of data without ``rig``, in which the first entry of ``agents`` becomes the sections of the first agent."""
+    """Copy of data without ``rig``: the first vehicle of ``agents`` becomes the sections of the first agent."""
     agents = data.get("agents")
-    if "rig" in data or not (isinstance(agents, list) and agents and isinstance(agents[0], dict)):
+    if "rig" in data or not (isinstance(agents, list) and agents):
         return data
-    first = dict(agents[0])
+    index = next((index for index, agent in enumerate(agents) if not _has_mast(agent)), None)
+    if index is None:
+        raise InputError(f"{origins.where(('agents',))}: all agents have a mast; at least one must be a vehicle")
+    if not isinstance(agents[index], dict):
+        return data
+    first, others = dict(agents[index]), [number for number in range(len(agents)) if number != index]
     if "name" not in first:
-        raise InputError(f"{origins.where(('agents', 0, 'name'))}: is missing")
+        raise InputError(f"{origins.where(('agents', index, 'name'))}: is missing")
     name = first.pop("name")
-    for key in ("count", "near"):
+    for key in ("count", "near", "mast"):
         if first.pop(key, None) is not None:
-            raise InputError(f"{origins.where(('agents', 0, key))}: only agents after the first one can have it")
+            raise InputError(f"{origins.where(('agents', index, key))}: only agents after the first one can have it")
     sections = {key: first.pop(key, None) for key in ("rig", "frames", "annotation", "evaluation")} | {"ego": first}
     sections = {key: section for key, section in sections.items() if section is not None}
     for key in sections:
         if key in data:
-            raise InputError(f"{origins.where((key,))}: leave it out; agents[0] describes the first agent")
+            raise InputError(f"{origins.where((key,))}: leave it out; agents[{index}] describes the first agent")
     if isinstance(sections.get("rig"), dict):
         sections["rig"] = {**sections["rig"], "agent": name}
     origins.moved = {
-        **{(key,): ("agents", 0, key) for key in ("rig", *sections)},
-        ("rig", "agent"): ("agents", 0, "name"),
-        ("ego",): ("agents", 0),
-        **{("agents", index): ("agents", index + 1) for index in range(len(agents) - 1)},
+        **{(key,): ("agents", index, key) for key in ("rig", *sections)},
+        ("rig", "agent"): ("agents", index, "name"),
+        ("ego",): ("agents", index),
+        **{("agents", position): ("agents", number) for position, number in enumerate(others)},
     }
-    return {**data, **sections, "agents": agents[1:]}
+    return {**data, **sections, "agents": [agents[number] for number in others]}
+
+
+def _has_mast(agent: Any) -> bool:
+    """Whether an entry of ``agents`` is a roadside unit."""
+    return isinstance(agent, dict) and agent.get("mast") is not None
 
 
 def _with_absolute_maps(data: dict[str, Any], file: YamlFile) -> dict[str, Any]:

@@ -45,6 +45,17 @@ def require_fitting_rates(keys: Keys, rig: Rig, annotation: Annotation | None, t
             )
 
 
+def require_fitting_rate(keys: Keys, rate_hz: float, tick_hz: float) -> None:
+    """Check the rate of something that is sent at some ticks.
+
+    Raises:
+        FieldError: It does not divide the tick rate.
+    """
+    if not _is_whole(tick_hz / rate_hz):
+        words = f"{rate_hz:g} does not divide the tick rate {tick_hz:g} Hz; allowed are {_dividing_rates(tick_hz)}"
+        raise FieldError(keys, words)
+
+
 def _is_whole(ratio: float) -> bool:
     return round(ratio) >= 1 and abs(ratio - round(ratio)) < 1e-6
 

@@ -8,18 +8,25 @@ from typing import Annotated, Literal, Self
 import yaml
 from pydantic import Field, model_validator
 
-from simbev_ros.config.agents import Agent, Ego, require_consistent_agents, require_consistent_evaluations
+from simbev_ros.config.agents import (
+    Agent,
+    Ego,
+    require_consistent_agents,
+    require_consistent_evaluations,
+    require_heights_of_vehicle,
+)
 from simbev_ros.config.annotation import Annotation
-from simbev_ros.config.base import Keys, Model, dotted_path
+from simbev_ros.config.base import FieldError, Keys, Model, dotted_path
 from simbev_ros.config.draw import Distribution, Drawn, PaperOrDrawn, within
 from simbev_ros.config.evaluation import EvaluatedAgent, Evaluation, ParticipantName
 from simbev_ros.config.frames import DEFAULT_FRAMES, Frames, are_default
 from simbev_ros.config.hazards import Hazards
 from simbev_ros.config.lights import Lights
 from simbev_ros.config.map_files import Bounds
-from simbev_ros.config.rates import require_fitting_rates
+from simbev_ros.config.rates import require_fitting_rate, require_fitting_rates
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.rig import Rig, S
+from simbev_ros.config.v2x import V2x
 from simbev_ros.units import NS_PER_S
 
 DepthForm = Literal["png", "rvl"]
@@ -243,6 +250,11 @@ class Scenario(Model):
         description="agents beside the first one, which `rig`, `frames`, `ego` and `annotation` describe; in a file "
         "without `rig`, all agents",
     )
+    v2x: V2x | None = Field(
+        None,
+        exclude_if=lambda v2x: v2x is None,
+        description="messages that agents send each other, with `{}` as by default; none: they send none",
+    )
     weather: WeatherConfig = WeatherConfig()
     lights: Lights = Lights()
     traffic: Traffic = Traffic()
@@ -268,6 +280,14 @@ class Scenario(Model):
     def sensors_of_type(self, kind: type[S]) -> list[S]:
         """Sensors of one type of all agents that a scene can have, in order."""
         return [sensor for rig in self.rigs for sensor in rig.of_type(kind)]
+
+    @property
+    def v2x_agents(self) -> tuple[str, ...]:
+        """Names of all agents that a scene can have and that take part in V2X; without the section there are none."""
+        if self.v2x is None:
+            return ()
+        others = [name for agent in self.agents if agent.v2x for name in agent.names(agent.max_count)]
+        return (*([self.rig.agent] if self.ego.v2x else []), *others)
 
     @property
     def is_driven_by_traffic(self) -> bool:
@@ -308,6 +328,7 @@ class Scenario(Model):
 
     @model_validator(mode="after")
     def _agents_are_consistent(self) -> Self:
+        require_heights_of_vehicle(self.rig)
         if self.agents:
             require_consistent_agents(self.rig, self.agents)
         require_consistent_evaluations(self.evaluation, self.agents)
@@ -318,6 +339,14 @@ class Scenario(Model):
         require_fitting_rates((), self.rig, self.annotation, 1 / self.time.tick_s)
         for index, agent in enumerate(self.agents):
             require_fitting_rates(("agents", index), agent.rig, agent.annotation, 1 / self.time.tick_s)
+        return self
+
+    @model_validator(mode="after")
+    def _agents_can_exchange_messages(self) -> Self:
+        if self.v2x is not None:
+            require_fitting_rate(("v2x", "rate_hz"), self.v2x.rate_hz, 1 / self.time.tick_s)
+            if len(self.v2x_agents) < 2:
+                raise FieldError(["v2x"], f"needs at least 2 agents that take part; found {len(self.v2x_agents)}")
         return self
 
     @model_validator(mode="after")

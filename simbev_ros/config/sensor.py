@@ -11,13 +11,20 @@ from simbev_ros.config.names import TopicName
 from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
 from simbev_ros.types import Float64Array
 
+MAX_SENSOR_HEIGHT_M = 200.0
+"""Maximum height of a sensor above the foot of its mast."""
+MAX_HEIGHT_ON_VEHICLE_M = 20.0
+"""Maximum height of a sensor above the ground below its vehicle."""
+
 
 class Pose(Model):
     """Pose of a sensor in the ego frame: x forward, y left, z up, origin on the ground below the box's center."""
 
     x_m: float = Field(0.0, ge=-20, le=20, description="forward")
     y_m: float = Field(0.0, ge=-20, le=20, description="left")
-    z_m: float = Field(0.0, ge=-5, le=20, description="up")
+    z_m: float = Field(
+        0.0, ge=-5, le=MAX_SENSOR_HEIGHT_M, description=f"up; on a vehicle at most {MAX_HEIGHT_ON_VEHICLE_M:g}"
+    )
     roll_deg: float = Field(0.0, ge=-180, le=180, description="rotation about x; positive tilts to the right")
     pitch_deg: float = Field(0.0, ge=-180, le=180, description="rotation about y; positive looks down (REP-103)")
     yaw_deg: float = Field(0.0, ge=-180, le=180, description="rotation about z; positive looks left (REP-103)")

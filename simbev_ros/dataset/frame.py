@@ -13,6 +13,7 @@ from simbev_ros.annotation.boxes.boxes import LIGHT_IDS
 from simbev_ros.annotation.trajectories import HORIZON_S, Futures, futures
 from simbev_ros.dataset.content import Source
 from simbev_ros.dataset.decoders import decoder_pool
+from simbev_ros.dataset.messages import MESSAGES, newest_messages
 from simbev_ros.dataset.values import poses_from_odometry
 from simbev_ros.types import Float64Array, Int64Array
 
@@ -110,6 +111,21 @@ class Frame(Mapping[str, Any]):
         """Frames of the same tick that the scene's other agents see, by name of the agent."""
         scenes = {name: self.scene.of_agent(name) for name in self.scene.agents if name != self.scene.agent}
         return {name: Frame(scene, self.tick) for name, scene in scenes.items()}
+
+    @cached_property
+    def received(self) -> Mapping[str, "Frame"]:
+        """Frames of other agents whose messages have arrived by now, by the sender's name, in the scene's order.
+
+        Each is the sender's frame of the tick at which it sent its newest message that has arrived: its sensor data and
+        labels are thus as old as the message, and an agent out of range is missing. Messages count that have arrived
+        within the last second, or the last period of sending if that is longer.
+
+        Raises:
+            KeyError: The scene has no messages for this agent.
+            BagError: The bag is damaged.
+        """
+        ticks = newest_messages(self.scene, self.tick, lambda tick: Frame(self.scene, tick).get(MESSAGES))
+        return {name: Frame(self.scene.of_agent(name), tick) for name, tick in ticks.items()}
 
     @property
     def map_from_ego(self) -> Float64Array:

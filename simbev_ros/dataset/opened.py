@@ -42,6 +42,24 @@ class Dataset:
                 return scene
         raise KeyError(f"{self.path}: no scene {name!r}")
 
+    @property
+    def agents(self) -> tuple[str, ...]:
+        """Names of the agents of all scenes, in the order in which scenes list them.
+
+        Raises:
+            BagError: A scene cannot be read.
+        """
+        return tuple(dict.fromkeys(name for scene in self.scenes for name in scene.agents))
+
+    def of_agent(self, name: str) -> "Dataset":
+        """The scenes that have an agent, as it sees them.
+
+        Raises:
+            InputError: No scene has this agent.
+            BagError: A scene cannot be read.
+        """
+        return Dataset(self.path, _scenes_of_agent(self.scenes, name))
+
     def frames(
         self,
         split: str | None = None,

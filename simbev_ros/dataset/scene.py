@@ -88,6 +88,11 @@ class Scene(Sequence[Frame]):
         return self.spec.rig.agent
 
     @property
+    def further_agent(self) -> str | None:
+        """Name of the agent if it is not the scene's first one; else None, without opening the bag."""
+        return self._chosen_agent
+
+    @property
     def agents(self) -> tuple[str, ...]:
         """Names of all agents of the scene, the first agent's first."""
         return tuple(rig.agent for rig in self.spec.rigs)
@@ -206,6 +211,7 @@ class Scene(Sequence[Frame]):
 
     def _seen_by(self, view: SceneSpec) -> "Scene":
         given = self.path, self._cache, self.additional, self.row, self.threads
-        scene = Scene(*given, may_be_cut_off=self.may_be_cut_off, agent=view.rig.agent)
+        agent = None if view is view.whole else view.rig.agent
+        scene = Scene(*given, may_be_cut_off=self.may_be_cut_off, agent=agent)
         scene.spec, scene._bags = view, self._bags
         return scene

@@ -52,8 +52,6 @@ WRITERS = ("recorder", "evaluator")
 _RAY_CASTING = (Lidar, Radar)
 """Sensors whose nodes can share a process: radars need a tenth of a lidar's time and the same meshes in memory. For
 this reason, one node serves the radars of all agents, however many lidar nodes there are."""
-_BOX_READERS = ("joint",)
-"""Kinds of nodes that read the boxes of all agents; they exist if there can be several."""
 _MANY_CORES = 8
 """Number of cores from which on time counts more than memory; with a multiple of it, nodes share several agents."""
 _ANNOTATORS: tuple[tuple[int, tuple[tuple[Label, ...], ...]], ...] = (
@@ -118,7 +116,7 @@ def _processes_behind_world(
     pace = {"live": live, "reliable": live and scenario.graph.live_reliability == "reliable"}
     common: dict[str, object] = {**pace, "recorded": dataset is not None, "annotated": True, **patterns}
     if scenario.agents:
-        common["box_readers"] = len(_BOX_READERS)
+        common["box_readers"] = len(_box_readers(scenario))
     if scenario.evaluated_agents:
         common["evaluated_topics"] = [
             topic for agent in scenario.evaluated_agents for topic in _evaluated_topics(agent)
@@ -168,12 +166,17 @@ def _sensor_processes(scenario: Scenario, common: _Parameters, cores: int) -> It
             shares = _shares(scenario, cores, model) if model is Lidar else 1
             alike = casting if model in _RAY_CASTING else light
             alike += _nodes_of_agents(scenario, kind, kind, common, shares)
-    if scenario.agents:
-        light += [NodePlan(kind, kind, common) for kind in _BOX_READERS]
+    light += [NodePlan(kind, kind, common) for kind in _box_readers(scenario)]
     apart = [casting] if cores < _MANY_CORES else [[node] for node in casting]
     for together in (*apart, light):
         if together:
             yield tuple(together)
+
+
+def _box_readers(scenario: Scenario) -> list[str]:
+    """Kinds of nodes that read the boxes of all agents; they exist if there can be several."""
+    readers = {"joint": bool(scenario.agents), "v2x": scenario.v2x is not None}
+    return [kind for kind, exists in readers.items() if exists]
 
 
 def _annotator_processes(scenario: Scenario, parameters: _Parameters, cores: int) -> Iterator[ProcessPlan]:

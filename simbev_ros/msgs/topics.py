@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.scenario import RecordedTopics
 from simbev_ros.msgs.annotation_topics import annotation_topics
-from simbev_ros.msgs.joint_topics import joint_topics
+from simbev_ros.msgs.joint_topics import joint_displays, joint_topics
 from simbev_ros.msgs.sensor_topics import label_info_topic, picture_topics, sensor_topics
 from simbev_ros.msgs.topic import Topic, agent_topic
 from simbev_ros.scene.agents import agent_views
@@ -119,6 +119,7 @@ def display_topics(spec: SceneSpec) -> Iterator[Topic]:
     yield from world_displays(spec)
     for view in agent_views(spec):
         yield from _agent_displays(view)
+    yield from joint_displays(spec)
 
 
 def _agent_displays(view: SceneSpec) -> Iterator[Topic]:

@@ -14,6 +14,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from nav_msgs.msg import Odometry
+from rclpy.duration import Duration
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header, String
@@ -59,6 +60,7 @@ _POLLS_TO_SETTLE = 5
 """This side of a connection is established a moment before the other side is."""
 _SHARE_OF_TIME = 0.1
 """Maximum share of wall time that running figures may take."""
+_LAST_FIGURES_PATIENCE_S = 1.0
 _STATUS_FIGURES = ("mAP_iou", "mAP_distance", "SDS_iou", "mean_IoU")
 
 
@@ -303,9 +305,10 @@ class EvaluatorNode(GraphNode):
         return {**of_agent, **truth, **live_figures(scenes, self._options)}
 
     def close(self) -> None:
-        """Write the figures of an interrupted scene."""
+        """Write the figures of an interrupted scene; wait until the last figures have arrived."""
         if self._spec is not None and self._join.finished_tick >= 0:
             self._finish_scene(self._spec)
+        self._figures.wait_for_all_acked(Duration(seconds=_LAST_FIGURES_PATIENCE_S))
 
 
 def _joint_topic(spec: SceneSpec) -> Topic:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from simbev_ros.annotation.boxes.joint import join_boxes
-from simbev_ros.msgs.joint_topics import JOINT_BOXES, joint_topics
+from simbev_ros.msgs.joint_topics import JOINT_BOXES, joint_boxes_topic
 from simbev_ros.msgs.tables import message_from_table
 from simbev_ros.msgs.world import MAP_FRAME
 from simbev_ros.nodes.box_reader import BoxReader
@@ -19,10 +19,10 @@ class JointNode(BoxReader):
     def start_scene(self, spec: SceneSpec) -> list[str]:
         """Subscribe to the boxes of all agents, and advertise the joint ones."""
         super().start_scene(spec)
-        topics = list(joint_topics(spec))
-        for topic in topics:
-            self.advertise(topic)
-        return [topic.name for topic in topics]
+        if (topic := joint_boxes_topic(spec)) is None:
+            return []
+        self.advertise(topic)
+        return [topic.name]
 
     def process_boxes(self, spec: SceneSpec, state: WorldState, boxes: Mapping[str, Table]) -> None:
         """Publish the joint boxes of a tick."""

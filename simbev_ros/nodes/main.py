@@ -22,7 +22,7 @@ from simbev_ros.nodes.ros.arguments import RosArguments, split_ros_arguments
 from simbev_ros.nodes.ros.names import NodeName
 from simbev_ros.process_memory import keep_freed_memory
 
-KINDS = ("world", *SENSOR_KINDS, "annotator", "joint", "recorder", "evaluator")
+KINDS = ("world", *SENSOR_KINDS, "annotator", "joint", "v2x", "recorder", "evaluator")
 """Kinds of nodes; each kind of sensor has a node kind of the same name."""
 
 USAGE = f"""\

@@ -10,6 +10,7 @@ from simbev_ros.dataset.index import update_index
 from simbev_ros.dataset.index_row import Row
 from simbev_ros.dataset.plan import PlannedEntry, bag_of
 from simbev_ros.dataset.staging import move_into_dataset, staging_of
+from simbev_ros.graph.interrupts import postponing_interrupts
 from simbev_ros.production.scene_log import Attempt, write_scene_log
 from simbev_ros.recording.bag_files import check_space
 from simbev_ros.recording.layout import scenes_folder
@@ -50,14 +51,15 @@ class DatasetFolder:
         """Bags stay in the worker's folder, where ``adopt`` finds them."""
 
     def adopt(self, worker: str, entry: PlannedEntry, row: Row) -> None:
-        """Move a finished scene from a worker's folder into the dataset, and add it to the index.
+        """Move a finished scene from a worker's folder into the dataset, and add it to the index, even if interrupted.
 
         Raises:
             DiskError: The disk is full.
             InputError: A file cannot be written.
         """
-        move_into_dataset(self._path, entry, self.staging / worker)
-        self.index.add(row)
+        with postponing_interrupts():
+            move_into_dataset(self._path, entry, self.staging / worker)
+            self.index.add(row)
         self.damaged.pop(entry.name, None)
 
     def log(self, attempt: Attempt, summary: str, output: Mapping[str, str], *, failed: bool = False) -> None:

@@ -14,6 +14,7 @@ from simbev_ros.graph.session import GraphSession
 from simbev_ros.object_store.object_path import AnyPath, ObjectPath
 from simbev_ros.production.dataset import without_stack
 from simbev_ros.production.drawing import PlannedSceneDrawer
+from simbev_ros.production.free_stations import require_free_stations
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.scene_cost import CostMeter, SceneCost
 from simbev_ros.production.surroundings import build_surroundings
@@ -119,6 +120,7 @@ def _measure_sample(scenario: Scenario, entry: PlannedEntry, observer: Productio
     spec = PlannedSceneDrawer(scenario, observer).draw(entry)
     spec = spec.model_copy(update={"ticks": min(SAMPLE_TICKS, spec.ticks)})
     build_surroundings([spec], observer)
+    require_free_stations(scenario, [spec])
     with tempfile.TemporaryDirectory(prefix="simbev_ros-sample-") as folder:
         finished_s, cost = _time_ticks(scenario, spec, Path(folder), observer)
         bag_path = scene_folder(Path(folder), spec.split, spec.name)

@@ -13,6 +13,7 @@ from simbev_ros.graph.monitor import SUPERVISOR
 from simbev_ros.graph.session import GraphSession
 from simbev_ros.nodes.ros.arguments import PLAIN, RosArguments
 from simbev_ros.production.drawing import draw_scenes
+from simbev_ros.production.free_stations import require_free_stations
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.record_folder import hold_record_folder, keep_recorded
 from simbev_ros.production.surroundings import build_surroundings
@@ -100,6 +101,7 @@ def play_specs(
         if dataset is not None:
             held.enter_context(hold_record_folder(dataset, scenario, specs, live=live, observer=observer))
         build_surroundings(specs, observer)
+        require_free_stations(scenario, specs)
         session = GraphSession(scenario, live=live, dataset=dataset, domain=domain, exposure=exposure, ros=ros)
         held.enter_context(_run_graph(session, observer))
         observer.graph_started(session.domain, session.security_variables)

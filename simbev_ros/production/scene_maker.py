@@ -19,6 +19,7 @@ from simbev_ros.graph.traces import temporary_folder
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.production.delivery import Delivery
 from simbev_ros.production.drawing import PlannedSceneDrawer
+from simbev_ros.production.free_stations import require_free_stations
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.play import play_on
 from simbev_ros.production.replay.entry import ReplayedEntry, replayed_scene
@@ -73,6 +74,7 @@ class SceneMaker:
     def _make(self, entry: PlannedEntry) -> MadeScene:
         spec, replay = self._scene_of(entry)
         build_surroundings([spec], self._observer)
+        require_free_stations(self._scenario, [spec])
         session = self._running_session()
         meter = CostMeter(session.pids().values())
 

@@ -20,6 +20,7 @@ from simbev_ros.limits import MAX_SCENE_NUMBER
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.spec import MapSpec
 from simbev_ros.nodes.ros.arguments import PLAIN, RosArguments
+from simbev_ros.production.free_stations import require_free_stations
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.play import play_on
 from simbev_ros.production.record_folder import hold_record_folder
@@ -208,6 +209,7 @@ def _play(
             if dataset is not None:
                 held.enter_context(hold_record_folder(dataset, scenario, [spec], live=live, observer=observer))
             build_surroundings([spec], observer)
+            require_free_stations(scenario, [spec])
             session = graph.session_for(scenario)
             try:
                 end = play_on(session, spec, observer, on_tick=follow, config=scenario)

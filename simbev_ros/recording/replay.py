@@ -29,6 +29,7 @@ from simbev_ros.recording.lead_in import lead_in_messages
 from simbev_ros.recording.reader import RawMessage, SceneBag
 from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.drawing.draw_lights import draw_lights
+from simbev_ros.scene.drawing.draw_v2x import draw_v2x
 from simbev_ros.scene.drawing.draw_weather import draw_weathers
 from simbev_ros.scene.drawing.starts import StartPositions
 from simbev_ros.scene.ending import DURATION
@@ -248,6 +249,7 @@ def replayed_spec(bag: SceneBag, scenario: Scenario, network: RoadNetwork, chose
         "frames": scenario.frames,
         "base_link_x_m": base_link_x_m(scenario.frames, ego),
         "annotation": scenario.annotation,
+        "v2x": draw_v2x(scenario, spec.seed, [scenario.rig.agent, *(agent.rig.agent for agent in spec.agents)]),
         "map": chosen or spec.map,
     }
     if "weather" in scenario.model_fields_set:

@@ -20,6 +20,7 @@ from simbev_ros.scene.agent_spec import AgentSpec, BaseLinkX, StationSpec
 from simbev_ros.scene.hazards.hazard import HazardSpec
 from simbev_ros.scene.lights import LightSpec
 from simbev_ros.scene.state import EGO_ID
+from simbev_ros.scene.v2x_spec import V2xSpec
 from simbev_ros.scene.weather import Weather
 from simbev_ros.units import NS_PER_S
 
@@ -108,6 +109,9 @@ class SceneSpec(Model):
     agents: tuple[AgentSpec, ...] = Field(
         (), max_length=MAX_AGENTS - 1, exclude_if=lambda agents: not agents, description="agents beside the first one"
     )
+    v2x: V2xSpec | None = Field(
+        None, exclude_if=lambda v2x: v2x is None, description="messages between agents; none: they send none"
+    )
     vehicles: tuple[VehicleSpec, ...] = Field(min_length=1, max_length=MAX_ACTORS)
     pedestrians: tuple[PedestrianSpec, ...] = Field(max_length=MAX_ACTORS)
     walker_cross_factor: float = Field(0.0, ge=0, le=1, description="probability that a pedestrian may jaywalk")
@@ -124,6 +128,8 @@ class SceneSpec(Model):
             raise ValueError(f"agents: there is no vehicle {max(carriers)}; the scene has {len(self.vehicles)}")
         if len(set(carriers)) < len(carriers):
             raise ValueError("agents: two agents have the same vehicle")
+        if self.v2x is not None and (unknown := sorted({*self.v2x.agents} - {*names})):
+            raise ValueError(f"v2x.agents: there is no agent {unknown[0]}; the scene has {', '.join(names)}")
         return self
 
     @property

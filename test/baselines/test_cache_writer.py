@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from made_up_scene import MadeUp, made_up_scene
+from made_up_scene import MadeUp, made_up_scene, made_up_spec, record_made_up
 from scipy.spatial.transform import Rotation
+from several_agents import car, with_agents
 
 from simbev_ros.baselines.boxes import DETECTED_CLASSES
 from simbev_ros.baselines.cache.reader import cached_scenes
@@ -25,10 +26,10 @@ SENSORS: list[dict[str, Any]] = [
 TICKS = 7
 
 
-def fill(dataset: Path, cache: Path) -> tuple[int, int]:
+def fill(dataset: Path, cache: Path, agent: str | None = None) -> tuple[int, int]:
     """Index the dataset and write its cache; return the last report."""
     update_index(dataset, sorted(dataset.glob("scenes/train/*")))
-    return [*write_cache(dataset, cache, Processes(1))][-1]
+    return [*write_cache(dataset, cache, Processes(1), agent=agent)][-1]
 
 
 def make(dataset: Path, number: int = 0, **options: Any) -> MadeUp:
@@ -113,3 +114,17 @@ def test_scenes_that_do_not_suit_the_baselines_are_refused(tmp_path: Path, optio
     make(tmp_path / "set", **options)
     with pytest.raises(InputError, match=message):
         fill(tmp_path / "set", tmp_path / "cache")
+
+
+def test_a_cache_of_another_agent_has_what_it_sees_and_replaces_the_first_agents(tmp_path: Path) -> None:
+    spec = made_up_spec(SENSORS, number=1, ticks=TICKS, grid=(360, 360))
+    labels = spec.annotation.model_dump(mode="json")
+    made = record_made_up(
+        tmp_path / "set/scenes/train/Blocks-0001", with_agents(spec, car("car", 1, SENSORS, annotation=labels))
+    )
+    for agent, ticks in ((None, made.ticks), ("car", made.others["car"])):
+        assert fill(tmp_path / "set", tmp_path / "cache", agent) == (1, 1)
+        (scene,) = cached_scenes(tmp_path / "cache", "train")
+        np.testing.assert_allclose(scene.frames["map_from_ego"][:, :3, 3], [tick["odom"][0] for tick in ticks])
+    with pytest.raises(InputError, match="agent: no scene has 'bus', but car, ego"):
+        fill(tmp_path / "set", tmp_path / "cache", "bus")

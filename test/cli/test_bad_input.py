@@ -46,7 +46,7 @@ def test_bad_configuration(refused: Callable[..., str], tmp_path: Path, text: st
 
 
 def test_missing_file(refused: Callable[..., str]) -> None:
-    message = "error: nowhere.yaml: no such file; shipped configurations are baselines, demo, live, paper, stack\n"
+    message = "error: nowhere.yaml: no such file; shipped configurations are baselines, cooperative, demo, live, paper, stack\n"
     assert refused("run", "nowhere.yaml") == message
 
 

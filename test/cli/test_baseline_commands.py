@@ -4,6 +4,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from made_up_scene import record_made_up
+from several_agents import made_up_agents
 
 pytestmark = pytest.mark.usefixtures("no_graph")
 
@@ -44,3 +46,10 @@ def test_predicting_needs_a_model(refused: Callable[..., str], tmp_path: Path) -
     assert "cannot be loaded" in refused("predict", tmp_path / "model.onnx", tmp_path, "--out", tmp_path / "p")
     assert "no such file" in refused("predict", tmp_path / "none.onnx", tmp_path, "--out", tmp_path / "p")
     assert not (tmp_path / "p").exists()
+
+
+def test_an_unknown_agent_is_named_with_those_that_there_are(refused: Callable[..., str], tmp_path: Path) -> None:
+    record_made_up(tmp_path / "set/scenes/test/Blocks-0002", made_up_agents())
+    error = refused("predict", "lidar", tmp_path / "set", "--out", tmp_path / "p", "--agent", "bus")
+    assert error == f"error: --agent 'bus': {tmp_path / 'set'} has ego, car, rsu\n"
+    assert [path.name for path in tmp_path.iterdir()] == ["set"]

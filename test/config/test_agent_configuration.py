@@ -28,6 +28,11 @@ def entry(text: str) -> str:
     return f"{TWO}  - {{{RIG}, {text}}}"
 
 
+def mast(text: str, rig: str = RIG) -> str:
+    """A configuration whose line 4 is a roadside unit."""
+    return f"{TWO}  - {{name: rsu, {rig}, {text}}}"
+
+
 LIST_OF_ONE = f"""{SCENES}agents:
   - name: first
     {RIG}
@@ -99,6 +104,29 @@ def test_agents_are_counted_from_one_and_one_without_count_has_the_plain_name() 
     assert (van.min_count, van.max_count, van.names(1)) == (1, 1, ("van",))
 
 
+ALL_SENSORS = """rig: {sensors: [
+  {type: camera, name: cam, modalities: [rgb, semantic]}, {type: lidar, name: lidar, semantic_points: true},
+  {type: radar, name: radar}, {type: gnss, name: gnss}, {type: imu, name: imu, pose: {z_m: 50}}]}"""
+
+
+def test_a_mast_carries_all_sensors_but_odometry_and_reads_back_without_fields_of_vehicles() -> None:
+    scenario = parse_scenario(mast("mast: {junction: {signalised: true}, height_m: 150}, count: 2", ALL_SENSORS), "x")
+    dump = yaml.safe_load(scenario.as_yaml())["agents"][0]
+    assert dump.keys() == {"name", "rig", "count", "mast", "frames", "annotation"}
+    assert parse_scenario(scenario.as_yaml(), "dump") == scenario
+    nulls = "count: null, near: null, spawn: [], frames: {odom: false}, mast: {above_road: {near: null}}"
+    assert parse_scenario(mast(nulls), "x").agents[0].frames == Frames()
+
+
+def test_the_first_vehicle_of_a_list_is_the_first_agent() -> None:
+    unit = f"  - {{name: rsu, {RIG}, mast: {{junction: {{}}}}, count: 2}}\n"
+    before, after = f"{SCENES}agents:\n{unit}{TWO.splitlines()[-1]}\n", f"{TWO}{unit}"
+    scenario = parse_scenario(before, "my.yaml")
+    assert scenario == parse_scenario(after, "x") and [rig.agent for rig in scenario.rigs] == ["ego", "rsu_1", "rsu_2"]
+    assert scenario.where("ego", "blueprint") == "my.yaml:4: agents[1].blueprint"
+    assert scenario.where("agents", 0, "mast", "junction") == "my.yaml:3: agents[0].mast.junction"
+
+
 def test_fields_are_found_in_the_file_again_also_in_copies() -> None:
     text = f"{TWO}  - name: car\n    {RIG}\n    spawn:\n      - {{x_m: 1, y_m: 2}}\n      - {{x_m: 3, y_m: 4}}\n"
     scenario = parse_scenario(text, "my.yaml")
@@ -118,7 +146,10 @@ def test_fields_are_found_in_the_file_again_also_in_copies() -> None:
             r"x.yaml:5: agents\[2\].name: two agents are called car_2",
         ),
         (f"{EGO}agents:\n - {{name: ego, {RIG}}}", r"x.yaml:4: agents\[0\].name: two agents are called ego"),
-        (entry("name: world"), r"x.yaml:4: agents\[1\].name: 'world' is taken; not allowed: world, sync, .*, odom"),
+        (
+            entry("name: world"),
+            r"x.yaml:4: agents\[1\].name: 'world' is taken; not allowed: all, world, sync, .*, odom",
+        ),
         (entry("name: car").replace("ego", "tf"), r"x.yaml:3: agents\[0\].name: 'tf' is taken"),
         (entry("name: top"), r"x.yaml:4: agents\[1\].name: a sensor is called top, too"),
         (entry("name: Car"), r"x.yaml:4: agents\[1\].name: .*pattern .* not 'Car'"),
@@ -188,6 +219,71 @@ def test_fields_are_found_in_the_file_again_also_in_copies() -> None:
         (
             f"{TWO}  - {{name: car, rig: {{defaults: {{camera: {{}}}}, sensors: []}}}}",
             r"x.yaml:4: agents\[1\].rig.defaults: no sensor of type camera is in the rig",
+        ),
+        (mast("mast: {}"), r"x.yaml:4: agents\[1\].mast: needs exactly one of poses, junction, above_road; found none"),
+        (
+            mast("mast: {poses: [{x_m: 1, y_m: 2}], junction: {}}"),
+            r"x.yaml:4: agents\[1\].mast: needs exactly one of .*; found poses and junction",
+        ),
+        (
+            mast("mast: {above_road: {}, height_m: 151}"),
+            r"x.yaml:4: agents\[1\].mast.height_m: .*or equal to 150, not 151",
+        ),
+        (
+            mast("mast: {above_road: {}, height_m: 150}", "rig: {sensors: [{type: imu, name: i, pose: {z_m: 51}}]}"),
+            r"x.yaml:4: agents\[1\].mast.height_m: with it, sensor i is 201 m above the foot; at most 200 m is allowed",
+        ),
+        (
+            mast("mast: {above_road: {}}", "rig: {sensors: [{type: imu, name: i, pose: {z_m: 201}}]}"),
+            r"x.yaml:4: agents\[1\].rig.sensors\[0\].pose.z_m: .*less than or equal to 200, not 201",
+        ),
+        *(
+            (
+                mast(f"mast: {{junction: {{}}}}, {field}"),
+                rf"x.yaml:4: agents\[1\].{field.split(':')[0]}: leave it out; an agent with a mast is a roadside unit",
+            )
+            for field in (
+                *("blueprint: vehicle.van", "driver: traffic", "reckless_probability: 0.1"),
+                *("near: {}", "spawn: [{x_m: 1, y_m: 2}]"),
+            )
+        ),
+        (
+            mast("mast: {junction: {}}, frames: {odom: true}"),
+            r"x.yaml:4: agents\[1\].frames.odom: a roadside unit has no odometry",
+        ),
+        (
+            mast("mast: {junction: {}}, frames: {base_link: rear_axle}"),
+            r"x.yaml:4: agents\[1\].frames.base_link: a roadside unit has no axles; allowed: footprint",
+        ),
+        (
+            mast("mast: {junction: {}}", "rig: {sensors: [{type: odometry, name: wheel}]}"),
+            r"x.yaml:4: agents\[1\].rig.sensors\[0\]: sensor wheel: a roadside unit has no wheels",
+        ),
+        (
+            mast("mast: {junction: {near: {agent: van}}}"),
+            r"x.yaml:4: agents\[1\].mast.junction.near.agent: no agent 'van' is listed .*; allowed: ego$",
+        ),
+        (
+            mast("mast: {poses: [{x_m: 1, y_m: 2}]}, count: {integer: [0, 2]}"),
+            r"x.yaml:4: agents\[1\].mast.poses: up to 2 roadside units need a pose each; found 1",
+        ),
+        (
+            f"{SCENES}agents:\n  - {{name: rsu, {RIG}, mast: {{junction: {{}}}}}}",
+            r"x.yaml:3: agents: all agents have a mast; at least one must be a vehicle",
+        ),
+        (
+            mast("mast: {junktion: {}}"),
+            r"x.yaml:4: agents\[1\].mast.junktion: unknown key; did you mean junction\? allowed: poses, .*, height_m",
+        ),
+        (
+            f"{SCENES}rig: {{sensors: [{{type: imu, name: i, pose: {{z_m: 30}}}}]}}",
+            r"x.yaml:2: rig.sensors\[0\].pose.z_m: is 30, but at most 20 is allowed on a vehicle",
+        ),
+        (
+            entry("name: car")
+            .replace("{type: imu, name: imu}", "{type: imu, name: imu, pose: {z_m: 30}}")
+            .replace("{type: imu, name: imu, pose: {z_m: 30}}", "{type: imu, name: imu}", 1),
+            r"x.yaml:4: agents\[1\].rig.sensors\[1\].pose.z_m: is 30, but at most 20 is allowed on a vehicle",
         ),
         (f"{EGO}agents: [car]", r"x.yaml:3: agents\[0\]: .*Agent, not 'car'"),
     ],

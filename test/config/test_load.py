@@ -120,7 +120,7 @@ def test_yaml_bomb_is_refused_before_it_expands(tmp_path: Path) -> None:
 
 
 def test_missing_file_lists_the_shipped_configurations() -> None:
-    shipped = "baselines, demo, live, paper, stack"
+    shipped = "baselines, cooperative, demo, live, paper, stack"
     with pytest.raises(InputError, match=f"no such file; shipped configurations are {shipped}"):
         load_scenario("nowhere.yaml")
 

@@ -13,9 +13,10 @@ from simbev_ros.annotation.bev.levels import Levels
 from simbev_ros.assets.actors.catalogue import load_models
 from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.assets.regions.static_cache import load_static_scene, load_streetside
-from simbev_ros.config.agents import Ego, SpawnPose
+from simbev_ros.config.agents import Ego
 from simbev_ros.config.hazards import Hazards
 from simbev_ros.config.load import load_scenario
+from simbev_ros.config.places import SpawnPose
 from simbev_ros.config.scenario import MapScenes, Timing, Traffic
 from simbev_ros.geometry.grid import BevGrid
 from simbev_ros.maps.build import load_network

@@ -14,7 +14,9 @@ from simbev_ros.maps.build import load_network
 from simbev_ros.maps.region import Reach
 from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
 from simbev_ros.render.renderer import Renderer
+from simbev_ros.scene.agents import seen_by
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
+from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.state import WorldState, map_from_actors
 from simbev_ros.types import Float64Array
 from simbev_ros.world.simulation import Simulation
@@ -39,9 +41,9 @@ class Studio:
         )
         planned = next(planned_scenes(scenario))
         network = load_network(planned.map)
-        spec = draw_scene(scenario, planned, network)
-        with Simulation(spec, network) as simulation:
-            states = [simulation.step() for _ in range(spec.warm_up_ticks)]
+        self.spec = draw_scene(scenario, planned, network)
+        with Simulation(self.spec, network) as simulation:
+            states = [simulation.step() for _ in range(self.spec.warm_up_ticks)]
         self.state, self.previous = states[-1], states[-2]
         ego = self.state.ego
         self.origin_m = np.array([ego["x"], ego["y"], ego["z"]])
@@ -50,8 +52,10 @@ class Studio:
         self.models = load_models()
         self._renderer = Renderer(self.static, self.models)
 
-    def images(self, views: Sequence[CameraView]) -> list[CameraImages]:
-        return self._renderer.render(views, RenderFrame(self.state, self.previous))
+    def images(self, views: Sequence[CameraView], agent: SceneSpec | None = None) -> list[CameraImages]:
+        """Images of the ego's cameras, or of those of another agent."""
+        now, before = (seen_by(agent or self.spec, state) for state in (self.state, self.previous))
+        return self._renderer.render(views, RenderFrame(now, before))
 
 
 def random_views(state: WorldState, camera: PinholeCamera, count: int, seed: int) -> list[CameraView]:

@@ -210,3 +210,17 @@ def test_the_only_agent_of_a_scene_may_have_another_name_in_an_additional_bag(tm
     scene = open_dataset(tmp_path).scenes[0]
     assert {"boxes", "boxes@night", "cam_front/rgb@night"} <= set(scene.keys)
     assert not any(key.startswith("robot/") for key in scene.keys)
+
+
+def test_a_dataset_is_read_as_an_agent_of_some_scenes_sees_it(tmp_path: Path) -> None:
+    record_made_up(tmp_path / "scenes/train/Blocks-0002", SPEC)
+    record_made_up(tmp_path / "scenes/train/Blocks-0003", made_up_spec(MAST_SENSORS, number=3))
+    dataset = open_dataset(tmp_path)
+    assert dataset.agents == ("ego", "car", "rsu")
+    assert [scene.name for scene in dataset.of_agent("ego").scenes] == ["Blocks-0002", "Blocks-0003"]
+    (seen,) = dataset.of_agent("car").scenes
+    assert (seen.agent, seen.further_agent) == ("car", "car")
+    sent = pickle.loads(pickle.dumps(seen))
+    assert sent.further_agent == "car" and sent.of_agent("ego").further_agent is None
+    with pytest.raises(InputError, match="agent: no scene has 'bus', but car, ego, rsu"):
+        dataset.of_agent("bus")

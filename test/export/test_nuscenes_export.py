@@ -23,6 +23,7 @@ from simbev_ros.config.sensor import Pose
 from simbev_ros.dataset import Scene, columns, open_dataset
 from simbev_ros.dataset.calibration import Calibration
 from simbev_ros.errors import InputError
+from simbev_ros.export import sensor_data
 from simbev_ros.export.nuscenes import sensor_files, taxonomy
 from simbev_ros.export.nuscenes.channels import Channel
 from simbev_ros.export.nuscenes.evaluated_classes import evaluated_classes
@@ -262,7 +263,7 @@ def test_distorted_images_are_rectified() -> None:
     camera = Camera.model_validate({**settings, "distortion": [-0.2, 0.05, 0, 0, 0]}).model
     assert isinstance(camera, LensCamera)
     image = np.broadcast_to(3 * np.arange(64, dtype=np.uint8)[None, :, None], (48, 64, 3))
-    rectified = sensor_files._rectify(np.ascontiguousarray(image), camera)
+    rectified = sensor_data.rectify(np.ascontiguousarray(image), camera)
     v, u = np.mgrid[8:40, 8:56]
     rays = np.stack([(u - camera.cx_px) / camera.fx_px, (v - camera.cy_px) / camera.fy_px, np.ones_like(u)], axis=-1)
     expected = 3 * camera.project(rays.reshape(-1, 3))[:, 0].reshape(u.shape)

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from simbev_ros.graph.interrupts import Interrupted, raising_interrupts
+from simbev_ros.graph.interrupts import Interrupted, postponing_interrupts, raising_interrupts
 
 
 class InterruptedWhileDestroyed:
@@ -52,3 +52,24 @@ def test_other_exceptions_of_destructors_are_reported_as_before() -> None:
     finally:
         sys.unraisablehook = before
     assert seen == ["made up"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_postponed_interrupt_is_raised_after_the_step(number: signal.Signals) -> None:
+    done: list[str] = []
+    with pytest.raises(Interrupted), raising_interrupts():
+        with postponing_interrupts():
+            os.kill(os.getpid(), number)
+            time.sleep(0.05)
+            done.append("step")
+        done.append("more")
+    assert done == ["step"]
+
+
+def test_interrupts_are_raised_at_once_after_a_step_that_none_has_disturbed() -> None:
+    with pytest.raises(Interrupted), raising_interrupts():
+        with postponing_interrupts():
+            pass
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(1.0)
+        raise AssertionError("not interrupted")

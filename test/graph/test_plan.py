@@ -16,6 +16,7 @@ from simbev_ros.config.load import load_scenario
 from simbev_ros.config.positioning import Gnss
 from simbev_ros.config.rendering import Device, Rendering
 from simbev_ros.config.scenario import GraphConfig, Scenario
+from simbev_ros.config.v2x import V2x
 from simbev_ros.graph.plan import NodePlan, plan_processes
 
 
@@ -123,6 +124,13 @@ def test_a_node_joins_the_boxes_of_all_agents_and_annotators_wait_for_it() -> No
     nodes = [node for process in processes[1:] for node in process]
     assert [node.name for node in nodes if node.kind == "joint"] == ["joint"]
     assert {node.parameters["box_readers"] for node in nodes} == {1}
+
+
+def test_a_node_carries_the_messages_between_agents_beside_the_one_that_joins_boxes() -> None:
+    scenario = with_agents(2).model_copy(update={"v2x": V2x()})
+    assert processes_of(scenario, 2) == ["lidar+radar", f"{LIGHT}+v2x", "annotator"]
+    nodes = [node for process in plan_processes(scenario, 1, live=False, dataset=None)[1:] for node in process]
+    assert {node.parameters["box_readers"] for node in nodes} == {2}
 
 
 def test_only_agents_with_lidars_count_for_the_number_of_lidar_nodes() -> None:

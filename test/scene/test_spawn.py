@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simbev_ros.config.agents import Ego, SpawnPose
+from simbev_ros.config.agents import Ego
 from simbev_ros.config.load import load_scenario
+from simbev_ros.config.places import SpawnPose
 from simbev_ros.config.scenario import Scenario, Traffic
 from simbev_ros.errors import InputError
 from simbev_ros.maps.build import load_network

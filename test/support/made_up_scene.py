@@ -4,7 +4,7 @@
 """
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -77,7 +77,7 @@ def record_made_up(
     *,
     chunk_bytes: int = 4 << 20,
     typed: bool = False,
-    tables: Mapping[str, Table] | None = None,
+    tables: Mapping[str, Table | Sequence[Table]] | None = None,
 ) -> MadeUp:
     """Write a finished bag of a scene; what the first agent has does not depend on the others.
 
@@ -86,7 +86,7 @@ def record_made_up(
         spec: The scene.
         chunk_bytes: Size of chunks.
         typed: Whether to write tables also as typed messages.
-        tables: Further tables by topic, which are written at every tick.
+        tables: Further tables by topic: one that is written at every tick, or one for each tick.
     """
     made = MadeUp(spec, others={view.rig.agent: [] for view in agent_views(spec)[1:]})
     seeds = [spec.number, *([spec.number, *name.encode()] for name in made.others)]
@@ -99,7 +99,10 @@ def record_made_up(
         writer.write("/world/legend", spec.start_ns, string(json.dumps({**legend(), "signals": SIGNALS})))
         topics: set[str] = set()
         for tick in range(spec.ticks):
-            messages = [_message(topic, "", table, spec.stamp_ns(tick)) for topic, table in (tables or {}).items()]
+            messages = [
+                _message(topic, "", table if isinstance(table, np.ndarray) else table[tick], spec.stamp_ns(tick))
+                for topic, table in (tables or {}).items()
+            ]
             for view, rng in agents:
                 values = _values(rng, view, tick)
                 (made.ticks if view is spec else made.others[view.rig.agent]).append(values)

@@ -53,16 +53,22 @@ def compressed_image(stamp_ns: int, encoding: str, array: AnyArray) -> bytes:
     )
 
 
-def odometry(stamp_ns: int, xyz_m: Float64Array, rpy_rad: Float64Array) -> bytes:
-    """Odometry message of an ego at rest."""
+def odometry(
+    stamp_ns: int,
+    xyz_m: Float64Array,
+    rpy_rad: Float64Array,
+    velocity_mps: tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> bytes:
+    """Odometry message of an ego, by default at rest."""
     place, turn = np.asarray(xyz_m, float).tolist(), quaternion_from_rpy(rpy_rad).tolist()
     pose = message(
         "geometry_msgs/msg/Pose",
         position=message("geometry_msgs/msg/Point", **dict(zip("xyz", place, strict=True))),
         orientation=message("geometry_msgs/msg/Quaternion", **dict(zip("xyzw", turn, strict=True))),
     )
-    none = message("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=0.0)
-    twist = message("geometry_msgs/msg/Twist", linear=none, angular=none)
+    linear = message("geometry_msgs/msg/Vector3", **dict(zip("xyz", velocity_mps, strict=True)))
+    angular = message("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=0.0)
+    twist = message("geometry_msgs/msg/Twist", linear=linear, angular=angular)
     return serialize(
         "nav_msgs/msg/Odometry",
         header=header(stamp_ns),

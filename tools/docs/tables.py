@@ -31,6 +31,11 @@ TABLES: Mapping[str, tuple[str, str]] = {
         "In `/world/boxes` they begin with the agent's name, as in `car_2.distance`. Its own vehicle, which others may "
         "see, is not in the agent's own boxes.",
     ),
+    "V2X_DTYPE": (
+        "Messages between agents",
+        '`/v2x/<agent>`: what it sends, `frame["v2x/car_2"]`. `/<agent>/v2x`: what arrives at it, `frame["v2x"]`. A '
+        "message has a row for the sender itself and one for each box that it sees.",
+    ),
     "VIEW_DTYPE": ("Views of a camera", '`/ego/cam_*/boxes`, `frame["cam_front/boxes"]`'),
     "ACTOR_DTYPE": ("Actors", "`/world/actors`"),
     "SIGNAL_DTYPE": ("Traffic lights", "`/world/signals`"),

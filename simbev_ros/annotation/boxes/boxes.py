@@ -38,8 +38,7 @@ BOX_DTYPE = np.dtype(
         ("wz", "<f4"),
         ("distance", "<f4"),  # m, between the centers of the ego's box and this one
         ("angle", "<f4"),  # rad, direction to the center in the ego frame: 0 ahead, positive to the left
-        # visible pixels over those of the object drawn alone, summed over all cameras; NaN: in no image
-        ("visibility", "<f4"),
+        ("visibility", "<f4"),  # visible pixels over those of the object alone, of all cameras; NaN: in no image
         ("limit", "<f4"),  # m/s, limit shown by a speed limit sign, else 0
         ("lidar_points", "<i4"),  # points of all lidars inside the box; -1: none received at this tick
         ("radar_points", "<i4"),

@@ -34,7 +34,9 @@ _DEPTH_LIMIT_M = 655.0
 _JPEG_QUALITY = 90
 
 
-def write_cache(dataset: AnyPath, cache: Path, pool: Pool, lidar: str = "lidar") -> Iterator[tuple[int, int]]:
+def write_cache(
+    dataset: AnyPath, cache: Path, pool: Pool, lidar: str = "lidar", agent: str | None = None
+) -> Iterator[tuple[int, int]]:
     """Write all finished scenes of a dataset; yield the number of scenes that are done and of all.
 
     Args:
@@ -42,12 +44,14 @@ def write_cache(dataset: AnyPath, cache: Path, pool: Pool, lidar: str = "lidar")
         cache: Folder of the cache, new or begun.
         pool: Processes that do it.
         lidar: Name of the lidar that models see.
+        agent: Agent whose data models see; None: the first one of each scene.
 
     Raises:
-        InputError: The rig or the grid of a scene does not suit the models.
+        InputError: No scene has the agent, or the rig or the grid of a scene does not suit the models.
         BagError: A bag is damaged.
     """
-    scenes = open_dataset(dataset, threads=1).scenes
+    opened = open_dataset(dataset, threads=1)
+    scenes = (opened if agent is None else opened.of_agent(agent)).scenes
     missing = [scene for scene in scenes if not _is_written(cache, scene)]
     done = len(scenes) - len(missing)
     yield done, len(scenes)
@@ -62,12 +66,13 @@ def scene_folder(cache: Path, scene: Scene) -> Path:
 
 
 def _is_written(cache: Path, scene: Scene) -> bool:
-    """Whether the cache has a scene, from its present bag and in the present format."""
+    """Whether the cache has a scene, from its present bag, of its agent and in the present format."""
     try:
         about = json.loads((scene_folder(cache, scene) / SCENE_FILE).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return False
-    return bool(about.get("format") == FORMAT and about.get("sha256") == scene.row.get("sha256"))
+    made_from = [about.get(name) for name in ("format", "sha256", "agent")]
+    return made_from == [FORMAT, scene.row.get("sha256"), scene.further_agent]
 
 
 def write_scene(scene: Scene, cache: Path, lidar: str) -> None:
@@ -83,6 +88,7 @@ def write_scene(scene: Scene, cache: Path, lidar: str) -> None:
     about = {
         "format": FORMAT,
         "sha256": scene.row.get("sha256"),
+        "agent": scene.further_agent,
         "name": scene.name,
         "map": scene.map,
         "split": scene.split,

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 import typer
 
 from simbev_ros.baselines.modality import Modality
+from simbev_ros.cli.agent_option import AgentOption
 from simbev_ros.cli.baselines.cache_option import Cache, filled_cache
 from simbev_ros.cli.console import counting_bar, make_console
 from simbev_ros.cli.pool import Workers, processes
@@ -20,6 +21,7 @@ def predict(
     out: Annotated[Path, typer.Option(help="New folder for the predictions.", show_default=False)],
     split: Annotated[Literal["train", "val", "test"], typer.Option(help="Only scenes of this split.")] = "test",
     every: Annotated[int, typer.Option(help="Only every Nth key frame of each scene.", min=1)] = 1,
+    agent: AgentOption = None,
     cache: Cache = None,
     workers: Workers = None,
 ) -> None:
@@ -42,7 +44,7 @@ def predict(
 
     baseline = load_baseline(Modality(model), None) if model in list(Modality) else Baseline(Path(model))
     pool, console = processes(workers), make_console(stderr=True)
-    scenes = cached_scenes(filled_cache(dataset, cache, pool, console), split)
+    scenes = cached_scenes(filled_cache(dataset, cache, pool, console, agent), split)
     frames = sum(len(range(0, len(scene.frames), every)) for scene in scenes)
     with counting_bar("frames", console, frames) as bar:
         run(baseline, scenes, out, bar.advance, every)

@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
+from simbev_ros.cli.agent_option import AgentOption
 from simbev_ros.cli.baselines.cache_option import Cache, filled_cache
 from simbev_ros.cli.console import counting_bar, make_console
 from simbev_ros.cli.pool import Workers, processes
@@ -19,6 +20,7 @@ def train(
     ],
     dataset: Annotated[Path, typer.Argument(help="The dataset; its split train is used.", show_default=False)],
     out: Annotated[Path, typer.Option(help="Folder of the run, new or begun.", show_default=False)],
+    agent: AgentOption = None,
     cache: Cache = None,
     device: Annotated[
         str, typer.Option(help="auto, cpu, cuda, or another name that torch knows.", metavar="NAME")
@@ -50,7 +52,7 @@ def train(
         raise InputError(f"training needs {error.name}: {command}") from None
     chosen = _device(torch, device)
     pool, console = processes(workers), make_console(stderr=True)
-    folder = filled_cache(dataset, cache, pool, console)
+    folder = filled_cache(dataset, cache, pool, console, agent)
     with counting_bar("steps", console, elapsed=True) as bar:
 
         def report(progress: Progress) -> None:

@@ -9,6 +9,7 @@ from typer.core import TyperGroup
 
 from simbev_ros.cli.bench.data import city, evaluate, reading, record
 from simbev_ros.cli.bench.endurance import endurance
+from simbev_ros.cli.bench.number_list import numbers_in
 from simbev_ros.cli.bench.production import production
 from simbev_ros.cli.bench.report import Json, show_timing
 from simbev_ros.cli.bench.sensing import cameras, labels, rays
@@ -17,6 +18,7 @@ from simbev_ros.cli.console import make_console
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.rendering import Quality
 from simbev_ros.config.scenario import Scenario, Timing
+from simbev_ros.limits import MAX_AGENTS
 
 _DEFAULT = "graph"
 Ticks = Annotated[
@@ -42,7 +44,7 @@ bench = typer.Typer(cls=_DefaultGroup, rich_markup_mode="rich")
 
 @bench.callback()
 def _bench() -> None:
-    """Time the whole graph, or only its cameras, rays, labels, recorder or world, or work on datasets; watch long runs.
+    """Time the whole graph, its cameras, rays, labels, recorder, world or agents, or work on datasets; watch long runs.
 
     Without a command the whole graph is timed.
 
@@ -151,6 +153,37 @@ def world(
             for row in grown.scenes
         ],
         as_json=as_json,
+    )
+
+
+@bench.command()
+def agents(
+    map_name: Annotated[str, typer.Argument(help="A town or a map file.", metavar="MAP")] = "Town05",
+    numbers: Annotated[str, typer.Option(help="Numbers of agents, separated by commas.")] = "1,2,4,8",
+    ticks: Ticks = 40,
+    rounds: Annotated[int, typer.Option(help="How often each number is timed, in turns.", min=1, max=100)] = 1,
+    as_json: Json = False,
+) -> None:
+    """Time recorded scenes with several agents near one another: processor time and memory by number of agents.
+
+    Each has a lidar of 64 x 1024 rays, a camera of 800 x 450, boxes and a grid.
+
+    [bold]Example[/]
+
+    simbev bench agents Town05 --numbers 1,2 --rounds 3
+    """
+    from simbev_ros.bench.agent_timing import timed_agents
+    from simbev_ros.cli.production_display import SceneDisplay
+
+    counts = numbers_in(numbers, "--numbers", MAX_AGENTS)
+    timing = timed_agents(map_name, counts, ticks, rounds, SceneDisplay(make_console(stderr=True)))
+    show_timing(
+        timing,
+        f"{timing.rounds} {'round' if timing.rounds == 1 else 'rounds'} on {timing.map}, CPU ms/tick",
+        ("agents", "ticks/s", "all", "world", "sensors and labels", "recorder", "memory MiB"),
+        timing.rows(),
+        as_json=as_json,
+        comparison=timing.comparison(),
     )
 
 

@@ -2,13 +2,17 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from simbev_ros.cli.agent_option import ExportedAgentOption, exported_agents
 from simbev_ros.cli.console import counting_bar, make_console, plural
 from simbev_ros.cli.pool import Ray, Workers, open_pool, shared_path
 from simbev_ros.errors import SimbevError
+
+if TYPE_CHECKING:
+    from simbev_ros.export.nuscenes.export import Exported
 
 _MODULE, _MEMORY_MIB = "simbev_ros.export.nuscenes.export", 1024
 
@@ -36,6 +40,7 @@ def export_nuscenes(
         ),
     ] = False,
     version: Annotated[str, typer.Option(help="Name of the folder of tables.")] = "v1.0-trainval",
+    agent: ExportedAgentOption = None,
     workers: Workers = None,
     ray: Ray = None,
 ) -> None:
@@ -58,6 +63,8 @@ def export_nuscenes(
 
     simbev export nuscenes datasets/first --out exported --keyframe-hz 4 --no-sweeps
 
+    simbev export nuscenes datasets/several --out exported --agent all
+
     simbev export nuscenes /shared/datasets/first --out /shared/exported --ray auto
     """
     from simbev_ros.dataset import open_dataset
@@ -65,21 +72,32 @@ def export_nuscenes(
 
     opened, out = open_dataset(shared_path(dataset, ray), threads=1), shared_path(out, ray)
     rate_hz = None if all_frames else keyframe_hz
+    failed = scenes = 0
     pooled = open_pool(workers, ray, module=_MODULE, memory_mib=_MEMORY_MIB, reads=[dataset], writes=[out])
-    with pooled as pool, counting_bar("frames", make_console(stderr=True), elapsed=True) as bar:
-        done = export_nuscenes(
-            opened,
-            out,
-            keyframe_hz=rate_hz,
-            sweeps=sweeps,
-            lidarseg=lidarseg,
-            map_expansion=map_expansion,
-            can_bus=can_bus,
-            devkit_scene_names=devkit_scene_names,
-            version=version,
-            pool=pool,
-            report=bar.show,
-        )
+    with pooled as pool:
+        for seen, folder in exported_agents(opened, agent, out):
+            with counting_bar("frames", make_console(stderr=True), elapsed=True) as bar:
+                done = export_nuscenes(
+                    seen,
+                    folder,
+                    keyframe_hz=rate_hz,
+                    sweeps=sweeps,
+                    lidarseg=lidarseg,
+                    map_expansion=map_expansion,
+                    can_bus=can_bus,
+                    devkit_scene_names=devkit_scene_names,
+                    version=version,
+                    pool=pool,
+                    report=bar.show,
+                )
+            _report(done, folder)
+            failed, scenes = failed + len(done.failures), scenes + len(seen.scenes)
+    if failed:
+        raise SimbevError(f"{failed} of {plural(scenes, 'scene')} could not be exported")
+
+
+def _report(done: "Exported", out: Path) -> None:
+    """Print what an export has made, and what is missing in it."""
     console = make_console(soft_wrap=True, highlight=False)
     there = done.scenes - done.made
     console.print(f"{done.samples} samples of {plural(done.scenes, 'scene')}, {done.files} files in {out}")
@@ -98,8 +116,6 @@ def export_nuscenes(
         console.print(line)
     for reason in done.failures.values():
         console.print(reason, style="red")
-    if done.failures:
-        raise SimbevError(f"{len(done.failures)} of {plural(len(opened.scenes), 'scene')} could not be exported")
 
 
 def _bounds_of_map(classes: Mapping[str, Sequence[str]]) -> Iterator[str]:

@@ -5,11 +5,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from simbev_ros.cli.agent_option import ExportedAgentOption, exported_agents
 from simbev_ros.cli.console import counting_bar, make_console, plural
 from simbev_ros.cli.pool import Ray, Workers, open_pool, shared_path
 from simbev_ros.dataset.parallel import Pool
 
 if TYPE_CHECKING:
+    from simbev_ros.dataset import Dataset
     from simbev_ros.export.simbev.export import FramesPart
 
 _MODULE, _MEMORY_MIB = "simbev_ros.export.simbev.export", 1024
@@ -25,6 +27,7 @@ def export_simbev(
             help="Absolute paths in infos/*.json, as SimBEV's own tools expect, not relative to the folder simbev.",
         ),
     ] = False,
+    agent: ExportedAgentOption = None,
     workers: Workers = None,
     ray: Ray = None,
 ) -> None:
@@ -40,15 +43,26 @@ def export_simbev(
 
     simbev export simbev datasets/first --out exported --absolute-paths
 
+    simbev export simbev datasets/several --out exported --agent all
+
     simbev export simbev /shared/datasets/first --out /shared/exported --ray auto
     """
     from simbev_ros.dataset import open_dataset
-    from simbev_ros.dataset.lock import DatasetLock
-    from simbev_ros.export.simbev.export import ROOT, finish, parts_of, remove_vanished
+    from simbev_ros.export.simbev.export import ROOT
 
-    opened, root = open_dataset(shared_path(dataset, ray), threads=1), shared_path(out, ray) / ROOT
-    pooled = open_pool(workers, ray, module=_MODULE, memory_mib=_MEMORY_MIB, reads=[dataset], writes=[root])
-    with pooled as pool, DatasetLock(root):
+    opened, out = open_dataset(shared_path(dataset, ray), threads=1), shared_path(out, ray)
+    pooled = open_pool(workers, ray, module=_MODULE, memory_mib=_MEMORY_MIB, reads=[dataset], writes=[out])
+    with pooled as pool:
+        for seen, folder in exported_agents(opened, agent, out):
+            _export(seen, folder / ROOT, pool, absolute_paths=absolute_paths)
+
+
+def _export(opened: "Dataset", root: Path, pool: Pool, *, absolute_paths: bool) -> None:
+    """Export what one agent sees, and print what was made."""
+    from simbev_ros.dataset.lock import DatasetLock
+    from simbev_ros.export.simbev.export import finish, parts_of, remove_vanished
+
+    with DatasetLock(root):
         parts = parts_of(opened, root)
         remove_vanished(parts)
         made = _make(parts, pool)

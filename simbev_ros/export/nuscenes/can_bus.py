@@ -2,7 +2,8 @@
 
 A scene and the origin of nuScenes' coordinates enter; ``can_bus/<scene>_<message>.json`` leaves. Messages come at each
 tick, ``ms_imu`` at the rate of the IMU. nuScenes' other messages and fields are of devices that are not simulated: the
-steering wheel, pedals, motor and battery; the ego follows no route that is known beforehand.
+steering wheel, pedals, motor and battery; the ego follows no route that is known beforehand. A roadside unit has no
+``vehicle_monitor``.
 """
 
 import json
@@ -122,7 +123,8 @@ def can_bus_messages(scene: Scene, origin_m: tuple[float, float]) -> dict[str, l
         frame = scene[tick]
         odometry, ego = frame["odom"][-1], ego_row(scene.spec, frame["world/actors"])
         messages["pose"].append(_pose(odometry, ego, origin_m))
-        messages["vehicle_monitor"].append(_vehicle_monitor(odometry, ego))
+        if scene.spec.station is None:
+            messages["vehicle_monitor"].append(_vehicle_monitor(odometry, ego))
         messages["ms_imu"] += _imu_messages(frame, imu)
     return messages
 

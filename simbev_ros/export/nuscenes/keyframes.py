@@ -3,13 +3,12 @@
 import numpy as np
 
 from simbev_ros.dataset import Scene
-from simbev_ros.errors import BagError, InputError
+from simbev_ros.errors import BagError
+from simbev_ros.export.frame_period import frame_period
 from simbev_ros.export.nuscenes.channels import Channel, channels_of
 from simbev_ros.types import Int64Array
-from simbev_ros.units import NS_PER_S
 
 _REQUIRED_KEYS = ("boxes", "odom", "world/actors")
-_TOLERANCE_HZ = 1e-6
 
 
 def complete_ticks(scene: Scene) -> Int64Array:
@@ -34,7 +33,8 @@ def keyframes_of(scene: Scene, keyframe_hz: float | None) -> Int64Array:
         InputError: The rate does not divide that of the scene's frames.
         BagError: As for ``complete_ticks``.
     """
-    ticks, period = complete_ticks(scene), _period(scene, keyframe_hz)
+    ticks = complete_ticks(scene)
+    period = 1 if keyframe_hz is None else frame_period(scene, keyframe_hz, "keyframe_hz")
     return np.compress(ticks % period == 0, ticks)
 
 
@@ -48,16 +48,3 @@ def keyframe_by_tick(scene: Scene, channel: Channel, ticks: Int64Array) -> dict[
     latest = np.searchsorted(own, ticks, side="right") - 1
     taken, first = np.unique(latest, return_index=True)
     return {int(own[index]): int(ticks[k]) for index, k in zip(taken, first, strict=True) if index >= 0}
-
-
-def _period(scene: Scene, keyframe_hz: float | None) -> int:
-    """Number of frames from one keyframe to the next."""
-    if keyframe_hz is None:
-        return 1
-    tick_hz = NS_PER_S / scene.spec.tick_ns
-    period = round(tick_hz / keyframe_hz)
-    if period < 1 or abs(tick_hz / period - keyframe_hz) > _TOLERANCE_HZ:
-        raise InputError(
-            f"{keyframe_hz:g} is no divisor of the {tick_hz:g} frames/s of {scene.path}", parameter="keyframe_hz"
-        )
-    return period

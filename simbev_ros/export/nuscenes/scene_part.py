@@ -83,12 +83,13 @@ def parts_of(dataset: Dataset, out: Path, *, keyframe_hz: float | None, sweeps: 
 
 
 def source_of(scene: Scene) -> Json:
-    """Fingerprint of a scene's bags, and the version of simbev_ros, for the identity of parts."""
+    """Fingerprint of a scene's bags, its agent, and the version of simbev_ros, for the identity of parts."""
     bag = require_local(scene.path)
     newest_ns = max(file.stat().st_mtime_ns for file in mcap_files(bag))
     own = {"bytes": bytes_of(bag), "mtime_ns": newest_ns}
     additional = [fingerprint_of(require_local(each)) for each in scene.additional.values()]
-    return {**own, **({"additional": additional} if additional else {}), "by": __version__}
+    agent = {} if scene.further_agent is None else {"agent": scene.further_agent}
+    return {**own, **({"additional": additional} if additional else {}), **agent, "by": __version__}
 
 
 def make_part(part: ScenePart) -> None:

@@ -3,21 +3,17 @@
 A frame and a channel enter; the bytes of one file leave.
 """
 
-from collections.abc import Callable, Sequence
-from functools import lru_cache
+from collections.abc import Callable
 
-import cv2
 import numpy as np
 
-from simbev_ros.annotation.boxes.points import map_points
 from simbev_ros.config.radar import Radar
 from simbev_ros.dataset import Frame, columns
 from simbev_ros.export.nuscenes.channels import Channel, Modality
-from simbev_ros.geometry.camera import LensCamera, PinholeCamera
-from simbev_ros.geometry.transforms import apply, inverse
+from simbev_ros.export.sensor_data import points_at_stamp, rectify
+from simbev_ros.geometry.camera import LensCamera
 from simbev_ros.recording.image_codecs import encode_rgb
-from simbev_ros.scene.agents import ego_row
-from simbev_ros.types import AnyArray, Float32Array, Float64Array, Table, UInt8Array
+from simbev_ros.types import Float64Array, Table
 
 _MAX_INTENSITY = 255.0
 """Upper end of nuScenes' lidar intensities, which start at 0."""
@@ -63,26 +59,10 @@ def _image(frame: Frame, channel: Channel) -> bytes:
     """JPEG file of an image: as recorded, unless it was recorded raw or the lens distorts it."""
     camera = channel.calibration.camera
     if isinstance(camera, LensCamera):
-        return encode_rgb(_rectify(frame[channel.key], camera))
+        return encode_rgb(rectify(frame[channel.key], camera))
     message = frame.messages(channel.key)[-1]
     data = bytes(message.data)
     return data if data.startswith(_JPEG) else encode_rgb(frame[channel.key])
-
-
-def _rectify(image: UInt8Array, camera: LensCamera) -> UInt8Array:
-    """Rectify an image to a pinhole camera with the same intrinsics; black where the lens sees nothing."""
-    pixels = _source_pixels(camera)
-    rectified = cv2.remap(image, pixels[..., 0], pixels[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
-    return np.asarray(rectified, np.uint8)
-
-
-@lru_cache(maxsize=32)
-def _source_pixels(camera: LensCamera) -> Float32Array:
-    """(H, W, 2) x and y in the distorted image of each pixel of the pinhole camera."""
-    pinhole = PinholeCamera(camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
-    v, u = np.mgrid[: camera.height_px, : camera.width_px]
-    pixels = camera.project(pinhole.rays(np.stack([u.ravel(), v.ravel()], axis=1)))
-    return np.nan_to_num(pixels, nan=-10.0).astype(np.float32).reshape(*u.shape, 2)
 
 
 def _lidar(frame: Frame, channel: Channel) -> bytes:
@@ -91,23 +71,13 @@ def _lidar(frame: Frame, channel: Channel) -> bytes:
     For a lidar without intensities, the cosine of the incidence angle replaces them, and rings are 0.
     """
     cloud: Table = frame[channel.key]
-    ahead_m, left_m, up_m = _at_stamp(frame, channel, cloud)
+    ahead_m, left_m, up_m = points_at_stamp(frame, channel.key, channel.calibration).T
     names = cloud.dtype.names or ()
     rows = np.zeros((len(cloud), 5), np.float32)
     rows[:, 0], rows[:, 1], rows[:, 2] = -left_m, ahead_m, up_m  # axes of SENSOR_FROM_LIDAR
     rows[:, 3] = cloud["intensity" if "intensity" in names else "cos_angle"] * _MAX_INTENSITY
     rows[:, 4] = cloud["ring"] if "ring" in names else 0
     return rows.tobytes()
-
-
-def _at_stamp(frame: Frame, channel: Channel, cloud: Table) -> Sequence[AnyArray]:
-    """(N,) x, y and z of points in the sensor's frame at the stamp of the frame."""
-    if not getattr(channel.calibration.sensor, "rolling", False):
-        return cloud["x"], cloud["y"], cloud["z"]
-    map_from_sensor = frame.map_from_ego @ channel.calibration.ego_from_sensor
-    ego = ego_row(frame.scene.spec, frame["world/actors"])
-    x, y, z = apply(inverse(map_from_sensor), map_points(cloud, map_from_sensor, ego)).T
-    return x, y, z
 
 
 def _radar(frame: Frame, channel: Channel) -> bytes:

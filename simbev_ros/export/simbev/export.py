@@ -38,6 +38,7 @@ class FramesPart(Part):
     Attributes:
         dataset: Path of the dataset.
         scene: Name of the scene.
+        agent: Name of the agent; None: the scene's first one.
         number: Number of the scene.
         first: Index of the first frame.
         count: Number of frames.
@@ -45,6 +46,7 @@ class FramesPart(Part):
 
     dataset: Path
     scene: str
+    agent: str | None
     number: int
     first: int
     count: int
@@ -63,7 +65,8 @@ def parts_of(dataset: Dataset, root: Path) -> list[FramesPart]:
             first = dataset.scenes[0].path
             raise InputError(f"{scene.path}: its sensors are not those of {first}, and the layout knows one rig")
         bags = map(require_local, (scene.path, *scene.additional.values()))
-        source = " ".join([scene.name, scene.split, *map(fingerprint_of, bags)])
+        agent = [] if scene.further_agent is None else [scene.further_agent]
+        source = " ".join([scene.name, scene.split, *map(fingerprint_of, bags), *agent])
         for first_frame in range(0, len(scene), _FRAMES_PER_PART):
             count = min(_FRAMES_PER_PART, len(scene) - first_frame)
             part = FramesPart(
@@ -73,6 +76,7 @@ def parts_of(dataset: Dataset, root: Path) -> list[FramesPart]:
                 patterns=_patterns(scene.number, first_frame),
                 dataset=require_local(dataset.path),
                 scene=scene.name,
+                agent=scene.further_agent,
                 number=scene.number,
                 first=first_frame,
                 count=count,
@@ -106,7 +110,7 @@ def make_part(part: FramesPart) -> int:
         InputError: A file cannot be written.
         BagError: The bag is damaged.
     """
-    scene = _open_scene(part.dataset, part.scene, part.identity["source"])
+    scene = _open_scene(part.dataset, part.scene, part.agent, part.identity["source"])
     made = channels(scene)
     frames = []
     part.begin()
@@ -189,9 +193,10 @@ def _write_config_and_log(dataset: Dataset, scene: Scene, root: Path) -> None:
 
 
 @lru_cache(maxsize=1)
-def _open_scene(dataset: Path, scene: str, _source: str) -> Scene:
-    """Open a scene once for all its parts, and again only when its bags have changed."""
-    return open_dataset(dataset, threads=1).scene(scene)
+def _open_scene(dataset: Path, name: str, agent: str | None, _source: str) -> Scene:
+    """Open an agent's scene once for all its parts, and again only when its bags have changed."""
+    scene = open_dataset(dataset, threads=1).scene(name)
+    return scene if agent is None else scene.of_agent(agent)
 
 
 def _json(value: Any) -> bytes:

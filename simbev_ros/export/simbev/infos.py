@@ -14,10 +14,11 @@ from simbev_ros.config.radar import Radar
 from simbev_ros.dataset import Frame, Scene
 from simbev_ros.export.simbev.channels import CAMERAS, RADARS, lidar_of
 from simbev_ros.geometry.transforms import inverse
+from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import Float64Array
 
 _NS_PER_US = 1000
-_LEFT_OUT = ("rig", "vehicles", "pedestrians", "map", "green_time_s", "hazards")
+_LEFT_OUT = ("rig", "vehicles", "pedestrians", "map", "green_time_s", "hazards", "agents", "v2x")
 """Settings of a scene that are left out because they are long; they are in its configuration or its tables."""
 
 
@@ -45,9 +46,19 @@ def metadata(scene: Scene) -> dict[str, Any]:
 def scene_info(scene: Scene) -> dict[str, Any]:
     """The entry of a scene: its map, numbers of actors, and settings."""
     spec = scene.spec
-    settings = {name: value for name, value in spec.model_dump(mode="json").items() if name not in _LEFT_OUT}
+    settings = {name: value for name, value in _settings(spec).items() if name not in _LEFT_OUT}
     counts = {"vehicles": len(spec.vehicles), "pedestrians": len(spec.pedestrians)}
     return {"map": spec.map.name, **counts, **settings}
+
+
+def _settings(spec: SceneSpec) -> dict[str, Any]:
+    """Settings of a scene; those that each agent has are the agent's own."""
+    settings = spec.whole.model_dump(mode="json")
+    if spec is not spec.whole:
+        own = {"frames": spec.frames, "annotation": spec.annotation}
+        settings |= {name: value.model_dump(mode="json") for name, value in own.items()}
+        settings |= {"base_link_x_m": spec.base_link_x_m, "ego_driver": spec.ego_driver}
+    return settings
 
 
 def frame_info(frame: Frame) -> dict[str, Any]:

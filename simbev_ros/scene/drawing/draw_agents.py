@@ -1,6 +1,6 @@
-"""Draw the agents of a scene: the vehicles that carry them, their starts, colors and drivers."""
+"""Draw the agents of a scene: the vehicles that carry them, their starts, colors and drivers, and the masts."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
@@ -9,13 +9,18 @@ import numpy as np
 
 from simbev_ros.config.agents import Agent, Ego
 from simbev_ros.config.draw import sample
+from simbev_ros.config.places import Mast
+from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import Scenario, Traffic
+from simbev_ros.config.sensor import Pose
 from simbev_ros.errors import InputError
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.random import stream
-from simbev_ros.scene.agent_spec import AgentSpec
+from simbev_ros.scene.agent_spec import AgentSpec, StationSpec
 from simbev_ros.scene.blueprints import Blueprint, blueprint_named, load_blueprints
+from simbev_ros.scene.drawing.draw_stations import StationDrawer
 from simbev_ros.scene.drawing.drivers import draw_driver, draw_vehicle
+from simbev_ros.scene.drawing.nearness import is_near
 from simbev_ros.scene.drawing.spawn import Where, no_lane, spawn_starts
 from simbev_ros.scene.drawing.start_clearance import StartClearance
 from simbev_ros.scene.drawing.starts import StartPositions
@@ -31,21 +36,16 @@ class DrawnAgents(NamedTuple):
     """The A agents of a scene, the first one first.
 
     Attributes:
-        vehicles: The vehicles that carry them.
-        start_m: (A, 3) float64, their starts, map frame.
+        vehicles: The V vehicles that carry them.
+        start_m: (V, 3) float64, the starts of the vehicles, map frame.
+        position_m: (A, 3) float64, the starts of all agents, which for roadside units are the feet of their masts.
         further: Specifications of the agents beside the first one.
     """
 
     vehicles: tuple[VehicleSpec, ...]
     start_m: Float64Array
+    position_m: Float64Array
     further: tuple[AgentSpec, ...]
-
-
-class _Carrier(NamedTuple):
-    """A vehicle that carries an agent, and its (3,) start, map frame."""
-
-    vehicle: VehicleSpec
-    start_m: Float64Array
 
 
 def draw_agents(
@@ -70,19 +70,24 @@ def draw_agents(
         InputError: An agent's blueprint is unknown or has no lane to drive on, one of its poses is off the lanes, or
             there is no free start for it.
     """
-    drawer = _CarrierDrawer(scenario, seed, network, starts, duration_s, clearance)
-    carriers = {scenario.rig.agent: drawer.draw(scenario.ego, "ego", partial(scenario.where, "ego"), {})}
-    further = list[AgentSpec]()
+    drawn = _Drawn({}, [], [], [])
+    carriers = _CarrierDrawer(scenario, seed, network, starts, duration_s, clearance, drawn)
+    masts = StationDrawer(seed, network, starts, scenario.traffic.spawn_radius_m, drawn.position_m, drawn.stations)
+    carriers.draw(scenario.ego, scenario.rig.agent, "ego", partial(scenario.where, "ego"))
     for index, agent in enumerate(scenario.agents):
         count = 1 if agent.count is None else round(sample(agent.count, stream(seed, f"agents.{agent.name}.count")))
+        where, siblings = partial(scenario.where, "agents", index), list[StationSpec]()
         for name in agent.names(count):
-            carriers[name] = drawer.draw(agent, f"agents.{name}", partial(scenario.where, "agents", index), carriers)
-            further.append(_specification(scenario, agent, name, len(further) + 1))
-    vehicles, start_m = zip(*carriers.values(), strict=True)
-    return DrawnAgents(vehicles, np.array(start_m), tuple(further))
+            if agent.mast is None:
+                carriers.draw(agent, name, f"agents.{name}", where)
+                drawn.further.append(_on_vehicle(scenario, agent, name, len(drawn.vehicles) - 1))
+            else:
+                siblings.append(masts.draw(agent.mast, name, partial(where, "mast"), siblings))
+                drawn.further.append(_on_mast(scenario, agent, agent.mast, name, siblings[-1]))
+    return drawn.agents()
 
 
-def _specification(scenario: Scenario, agent: Agent, name: str, vehicle_index: int) -> AgentSpec:
+def _on_vehicle(scenario: Scenario, agent: Agent, name: str, vehicle_index: int) -> AgentSpec:
     frames = scenario.frames if agent.frames is None else agent.frames
     return AgentSpec(
         rig=agent.rig.model_copy(update={"agent": name}),
@@ -92,6 +97,46 @@ def _specification(scenario: Scenario, agent: Agent, name: str, vehicle_index: i
         vehicle=vehicle_index,
         driver=agent.driver,
     )
+
+
+def _on_mast(scenario: Scenario, agent: Agent, mast: Mast, name: str, station: StationSpec) -> AgentSpec:
+    return AgentSpec(
+        rig=_raised(agent.rig, mast.height_m).model_copy(update={"agent": name}),
+        annotation=scenario.annotation if agent.annotation is None else agent.annotation,
+        station=station,
+    )
+
+
+def _raised(rig: Rig, height_m: float) -> Rig:
+    """Copy of a rig with all sensors higher."""
+    sensors = []
+    for sensor in rig.sensors:
+        pose = Pose(**dict(sensor.pose) | {"z_m": sensor.pose.z_m + height_m})
+        sensors.append(type(sensor)(**dict(sensor) | {"pose": pose}))  # a copy would keep what the original has cached
+    return rig.model_copy(update={"sensors": tuple(sensors)})
+
+
+@dataclass(frozen=True, slots=True)
+class _Drawn:
+    """The agents drawn so far.
+
+    Attributes:
+        position_m: (3,) start of each agent, map frame, by name.
+        vehicles: Vehicles that carry agents.
+        stations: Roadside units.
+        further: Specifications of the agents beside the first one.
+    """
+
+    position_m: dict[str, Float64Array]
+    vehicles: list[VehicleSpec]
+    stations: list[StationSpec]
+    further: list[AgentSpec]
+
+    def agents(self) -> DrawnAgents:
+        """All agents, when they are drawn."""
+        position_m = np.array(list(self.position_m.values()))
+        on_road = [0, *(number for number, agent in enumerate(self.further, 1) if agent.station is None)]
+        return DrawnAgents(tuple(self.vehicles), position_m[on_road], position_m, tuple(self.further))
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,16 +149,17 @@ class _CarrierDrawer:
     starts: StartPositions
     duration_s: float
     clearance: StartClearance
+    drawn: _Drawn
 
-    def draw(self, agent: Ego, purpose: str, where: Where, others: Mapping[str, _Carrier]) -> _Carrier:
-        """Draw the vehicle of the agent whose random streams begin with ``purpose``, given those drawn before it."""
+    def draw(self, agent: Ego, name: str, purpose: str, where: Where) -> None:
+        """Draw the vehicle of the agent whose random streams begin with ``purpose``, and add it to those drawn."""
         blueprint, positions = _blueprint_of(agent, where), self.starts.vehicles
         if agent.spawn:
             start = self._draw_pose(agent, blueprint, purpose, where)
             start_m, _ = self.network.pose_on_lane(start.lane, start.s_m)
         else:
             position_index = (
-                self._draw_position_around(agent, blueprint, purpose, where, others)
+                self._draw_position_around(agent, blueprint, purpose, where)
                 if isinstance(agent, Agent)
                 else self._draw_position(blueprint, purpose, where)
             )
@@ -122,7 +168,8 @@ class _CarrierDrawer:
         driver = draw_driver(traffic, blueprint, self.seed, purpose, opens_doors=False)
         vehicle = draw_vehicle(traffic, blueprint, start, rng, agent.reckless_probability, driver)
         self.clearance.occupy(vehicle)
-        return _Carrier(vehicle, start_m)
+        self.drawn.vehicles.append(vehicle)
+        self.drawn.position_m[name] = start_m
 
     def _draw_pose(self, agent: Ego, blueprint: Blueprint, purpose: str, where: Where) -> WaypointSpec:
         """Draw one of the poses of an agent at which no other agent stands."""
@@ -139,13 +186,13 @@ class _CarrierDrawer:
             raise InputError(f"{where('blueprint')}: {no_lane(blueprint, self.network)}")
         return int(usable[stream(self.seed, f"{purpose}.place").integers(len(usable))])
 
-    def _draw_position_around(
-        self, agent: Agent, blueprint: Blueprint, purpose: str, where: Where, others: Mapping[str, _Carrier]
-    ) -> int:
+    def _draw_position_around(self, agent: Agent, blueprint: Blueprint, purpose: str, where: Where) -> int:
         """Draw a position near another agent, apart from all others."""
-        positions = self.starts.vehicles
-        in_area, area = self._area(agent, purpose, others)
-        is_taken = on_lanes_near(positions, [other.vehicle for other in others.values()], self.scenario.traffic)
+        positions, traffic = self.starts.vehicles, self.scenario.traffic
+        in_area, area = is_near(
+            positions.position_m, agent.near, self.drawn.position_m, traffic.spawn_radius_m, self.seed, purpose
+        )
+        is_taken = on_lanes_near(positions, self.drawn.vehicles, traffic)
         usable = self._usable(blueprint, in_area & ~is_taken)
         # A permutation of all positions: those that other agents take leave the order of the remaining ones unchanged.
         order = stream(self.seed, f"{purpose}.place").permutation(len(positions))
@@ -154,19 +201,6 @@ class _CarrierDrawer:
                 return int(position_index)
         field = where() if agent.near is None else where("near")
         raise InputError(f"{field}: no free start {area} for {blueprint.name} in map {self.network.name}")
-
-    def _area(self, agent: Agent, purpose: str, others: Mapping[str, _Carrier]) -> tuple[BoolArray, str]:
-        """(N,) whether an agent may start at the positions, and words for the area in which it may."""
-        positions, first = self.starts.vehicles, self.scenario.rig.agent
-        if agent.near is None:
-            radius_m = self.scenario.traffic.spawn_radius_m
-            is_inside = positions.within_radius(others[first].start_m, radius_m)
-            return is_inside, f"within {radius_m:g} m (traffic.spawn_radius_m) of {first}"
-        other = agent.near.agent or first
-        wanted_m = sample(agent.near.distance_m, stream(self.seed, f"{purpose}.distance"))
-        low_m, high_m = wanted_m - agent.near.tolerance_m, wanted_m + agent.near.tolerance_m
-        distance_m = np.linalg.norm(positions.position_m[:, :2] - others[other].start_m[:2], axis=1)
-        return (low_m <= distance_m) & (distance_m <= high_m), f"{max(low_m, 0.0):.4g} to {high_m:.4g} m from {other}"
 
     def _usable(self, blueprint: Blueprint, is_allowed: BoolArray) -> Int64Array:
         """Indices of allowed positions, (N,), with enough road ahead, if possible without turns that are too tight."""

@@ -13,6 +13,7 @@ from simbev_ros.random import stream
 from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.drawing.draw_agents import draw_agents
 from simbev_ros.scene.drawing.draw_lights import draw_lights
+from simbev_ros.scene.drawing.draw_v2x import draw_v2x
 from simbev_ros.scene.drawing.draw_weather import draw_weathers
 from simbev_ros.scene.drawing.scene_drawer import SceneDrawer
 from simbev_ros.scene.drawing.start_clearance import StartClearance
@@ -86,6 +87,7 @@ def draw_scene(
         base_link_x_m=base_link_x_m(scenario.frames, blueprint_named(scenario.ego.blueprint)),
         annotation=scenario.annotation,
         agents=agents.further,
+        v2x=draw_v2x(scenario, seed, [rig.agent for rig in (scenario.rig, *(agent.rig for agent in agents.further))]),
         vehicles=(*agents.vehicles, *vehicles, *hazards.vehicles),
         pedestrians=tuple(drawer.draw_pedestrians(clearance)),
         walker_cross_factor=drawer.draw_cross_factor(),

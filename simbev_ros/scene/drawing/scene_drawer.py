@@ -118,7 +118,7 @@ class SceneDrawer:
         """(N,) positions around the agents where vehicles can start, with routes that avoid ``closed`` edges."""
         positions, radius_m = self.starts.vehicles, self._traffic.spawn_radius_m
         return (
-            np.any([positions.within_radius(start_m, radius_m) for start_m in self.agents.start_m], axis=0)
+            np.any([positions.within_radius(start_m, radius_m) for start_m in self.agents.position_m], axis=0)
             & np.any(list(self.starts.usable(self.duration_s, closed).values()), axis=0)
             & ~on_lanes_near(positions, self.agents.vehicles, self._traffic)
         )
@@ -142,7 +142,7 @@ class SceneDrawer:
     def _pedestrian_positions(self, clearance: StartClearance) -> Int64Array:
         """Indices of the positions around the agents where pedestrians can start."""
         positions = self.starts.pedestrians
-        near = self.starts.walkable_near(self.duration_s, self.agents.start_m, self._traffic.spawn_radius_m)
+        near = self.starts.walkable_near(self.duration_s, self.agents.position_m, self._traffic.spawn_radius_m)
         candidates = np.flatnonzero(near)
         half_width_m = np.array([lane.width_m for lane in positions.lanes])[positions.row[candidates]] / 2.0
         return candidates[clearance.is_free_at(positions.position_m[candidates], half_width_m)]

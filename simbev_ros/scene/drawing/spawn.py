@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from simbev_ros.config.agents import SpawnPose
+from simbev_ros.config.places import SpawnPose
 from simbev_ros.errors import InputError
 from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.roads.lane_index import LineIndex

@@ -7,6 +7,7 @@ import numpy as np
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.blueprints import Blueprint, load_blueprints
 from simbev_ros.scene.cached_method import cached_method
+from simbev_ros.scene.drawing.mast_places import MastPlaces
 from simbev_ros.scene.hazards.sites import HazardSites
 from simbev_ros.scene.streets.lane_positions import LanePositions, positions_along
 from simbev_ros.scene.streets.off_tracking import is_long
@@ -46,6 +47,16 @@ class StartPositions:
     def signal_programs(self) -> tuple[str, ...]:
         """Ids of the map's traffic-light programs, sorted."""
         return tuple(sorted({signal.programme for signal in self._network.signals}))
+
+    @cached_property
+    def masts(self) -> MastPlaces:
+        """Places for the masts of roadside units."""
+        return MastPlaces(self._network)
+
+    @cached_property
+    def is_under_sky(self) -> BoolArray:
+        """(N,) whether the vehicles' positions are neither in a tunnel nor below another road."""
+        return self.masts.is_open(self.vehicles.position_m)
 
     @cached_method(maxsize=8)
     def usable(self, duration_s: float, closed: frozenset[str] = frozenset()) -> dict[str, BoolArray]:

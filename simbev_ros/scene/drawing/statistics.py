@@ -21,7 +21,7 @@ _MAX_SAMPLES = 1 << 17  # number of values in a parameter's histogram; up to twi
 _NOT_DRAWN = {
     *("number", "split", "seed", "map", "rig", "annotation", "tick_ns", "warm_up_ticks", "end_after_standing_ticks"),
     *("ticks", "vehicles", "pedestrians", "start", "color", "colors", "frames", "base_link_x_m"),
-    *("agents", "stands_at", "blocked", "outline_m", "z_m", "props"),
+    *("agents", "v2x", "stands_at", "blocked", "outline_m", "z_m", "props"),
 }
 _SECTIONS = ("traffic", "ego", "time", "lights")
 
@@ -94,8 +94,10 @@ def iter_drawn_values(spec: SceneSpec) -> Iterator[tuple[str, float | str]]:
     """Name and value of everything drawn for a scene except positions and colors; actors of one kind share a name."""
     yield "duration_s", spec.ticks * spec.tick_ns / NS_PER_S
     yield from _iter_values("", spec)
-    carriers = 1 + len(spec.agents)
-    yield "agents", float(carriers)
+    stations = sum(agent.station is not None for agent in spec.agents)
+    carriers = 1 + len(spec.agents) - stations
+    yield "agents", float(carriers + stations)
+    yield "roadside_units", float(stations)
     yield "vehicles", float(len(spec.drivers) - carriers)
     yield "pedestrians", float(len(spec.pedestrians))
     yield "hazards", float(len(spec.hazards))
@@ -138,10 +140,11 @@ def configured_value(name: str, scenario: Scenario) -> str:
 
 
 def _field_of(scenario: Scenario, path: str) -> Any:
-    """Value of a field; of the fields of a list's models the one value that all have; None if there is none."""
+    """Value of a field; of the fields of several vehicles the one value that all have; None if there is none."""
     value: Any = scenario
     for key in path.split("."):
-        values = [getattr(each, key, None) for each in (value if isinstance(value, tuple) else (value,))]
+        models = value if isinstance(value, tuple) else (value,)
+        values = [getattr(each, key, None) for each in models if getattr(each, "mast", None) is None]
         value = values[0] if values and all(each == values[0] for each in values) else None
     return value
 

@@ -1,7 +1,7 @@
 """Draws scenes without simulating them, and lays them out as one page: a small map and the parameters of each.
 
-A configuration and numbers of scenes enter; one self-contained HTML page leaves. The maps show the ego's start, its
-route and the hazard areas.
+A configuration and numbers of scenes enter; one self-contained HTML page leaves. The maps show the starts and
+routes of the ego and of further agents, roadside units, and the hazard areas.
 """
 
 import logging
@@ -16,11 +16,12 @@ from simbev_ros.config.scenario import Scenario
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.spec import MapSpec
+from simbev_ros.scene.agents import agent_views
 from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, start_positions
 from simbev_ros.scene.drawing.starts import StartPositions
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.streets.vehicle_route import route_line_m
-from simbev_ros.types import AnyArray
+from simbev_ros.types import AnyArray, Float64Array
 from simbev_ros.units import NS_PER_S
 from simbev_ros.viz.maps.map_plan import MapPlan
 from simbev_ros.viz.pages.browsable_table import Cell, Column, browsable_table
@@ -36,7 +37,7 @@ MAX_SCENES = 1000
 
 _SIDE = 360.0
 _QUALITY = 70
-_MARGIN_M, _MIN_SIDE_M = 40.0, 200.0
+_MARGIN_M, _MIN_SIDE_M, _MAST_M = 40.0, 200.0, 4.0
 _COLUMNS = (
     Column("", None, "map with start, route and hazards"),
     Column("scene", "text"),
@@ -104,6 +105,8 @@ def drawn_scenes_page(title: str, scenes: Sequence[DrawnScene]) -> str:
         "Drawn, not simulated. On the maps: the ego's start (white), its route as far as it gets if nothing stops it "
         "(blue), and hazard areas (red); north is up."
     )
+    if any(spec.agents for spec in specs):
+        note += " Other agents have starts and routes like the ego's; squares are roadside units."
     table = browsable_table("Drawn scenes", _COLUMNS, [_row(scene) for scene in scenes], cards=True)
     return web_page(title, key_figures(figures), section("Scenes", table, note), ("browse.js",))
 
@@ -131,10 +134,10 @@ def _roads(scenario: Scenario, spec: MapSpec) -> tuple[RoadNetwork, StartPositio
 
 
 def _map(spec: SceneSpec, network: RoadNetwork) -> str:
-    """SVG of the surroundings of the ego's route."""
-    route_m = route_line_m(spec, network, 0)
+    """SVG of the surroundings of the agents' routes and masts."""
+    routes_m, masts_m = _routes_m(spec, network), _masts_m(spec)
     areas_m = [np.array(hazard.outline_m) for hazard in spec.hazards]
-    square = Square.around(np.concatenate([route_m, *areas_m]), _MARGIN_M, _MIN_SIDE_M)
+    square = Square.around(np.concatenate([*routes_m.values(), *masts_m.values(), *areas_m]), _MARGIN_M, _MIN_SIDE_M)
     scale, middle = _SIDE / square.side_m, _SIDE / 2.0
 
     def points(positions_m: AnyArray) -> str:
@@ -148,14 +151,36 @@ def _map(spec: SceneSpec, network: RoadNetwork) -> str:
         title = f"<title>{escape(words(hazard.kind.value))}</title>"
         sheet.add(f'<polygon class="hazard" points="{points(area_m)}">{title}</polygon>')
     for kind in ("rim", "route"):
-        sheet.add(f'<polyline class="{kind}" points="{points(route_m)}"/>')
-    x, y = points(route_m[:1]).split(",")
-    sheet.add(f'<circle class="start" cx="{x}" cy="{y}" r="7"/>')
+        for route_m in routes_m.values():
+            sheet.add(f'<polyline class="{kind}" points="{points(route_m)}"/>')
+    for name, route_m in routes_m.items():
+        x, y = points(route_m[:1]).split(",")
+        sheet.add(f'<circle class="start" cx="{x}" cy="{y}" r="7">{_title_of(name, spec)}</circle>')
+    for name, corners_m in masts_m.items():
+        sheet.add(f'<polygon class="start" points="{points(corners_m)}">{_title_of(name, spec)}</polygon>')
     bar_m = ticks(0.0, square.side_m)[1]
     sheet.block(8, _SIDE - 26, bar_m * scale + 8, 22, (250, 249, 246))
     sheet.line(12, _SIDE - 9, 12 + bar_m * scale, _SIDE - 9, "scale")
     sheet.add(f'<text class="scale" x="12" y="{_SIDE - 13}">{number(bar_m)} m</text>')
     return sheet.svg(f"Map of {spec.name}: start and route of the ego, {hazard_text(_hazards(spec))}")
+
+
+def _routes_m(spec: SceneSpec, network: RoadNetwork) -> dict[str, Float64Array]:
+    """(N, 2) route of each agent's vehicle, map frame, by the agent's name."""
+    indices = {view.rig.agent: view.ego_index for view in agent_views(spec)}
+    return {name: route_line_m(spec, network, index) for name, index in indices.items() if index is not None}
+
+
+def _masts_m(spec: SceneSpec) -> dict[str, Float64Array]:
+    """(4, 2) corners of the symbol of each roadside unit, map frame, by its name."""
+    stations = {agent.rig.agent: agent.station for agent in spec.agents if agent.station is not None}
+    square_m = _MAST_M * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    return {name: square_m + np.array([station.x_m, station.y_m]) for name, station in stations.items()}
+
+
+def _title_of(name: str, spec: SceneSpec) -> str:
+    """Title of an agent's symbol, if there are several agents."""
+    return f"<title>{escape(name)}</title>" if spec.agents else ""
 
 
 def _hazards(spec: SceneSpec) -> Counter[str]:

@@ -1,6 +1,6 @@
 """Writes the preview of a recorded scene: from a bag's frames to a contact sheet (PNG) or a video (MP4)."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from fractions import Fraction
 from pathlib import Path
 
@@ -8,9 +8,12 @@ import av
 import cv2
 from av.video.reformatter import ColorRange, Colorspace
 
+from simbev_ros.dataset.scene import Scene
 from simbev_ros.recording.whole_files import whole_file, write_whole
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import UInt8Array
+from simbev_ros.units import NS_PER_S
+from simbev_ros.viz.sheet.agents_sheet import AgentsSheet
 from simbev_ros.viz.sheet.contact_sheet import DESIGN_WIDTH_PX, Captions, ContactSheet
 from simbev_ros.viz.sheet.frames import FrameReader, SheetFrame
 
@@ -30,8 +33,7 @@ def write_picture(reader: FrameReader, index: int, path: Path) -> None:
         path: The file.
     """
     (frame,) = reader.frames(index, 1)
-    _, data = cv2.imencode(".png", cv2.cvtColor(draw_sheet(reader, frame, DESIGN_WIDTH_PX), cv2.COLOR_RGB2BGR))
-    write_whole(path, data.tobytes())
+    _write_png(draw_sheet(reader, frame, DESIGN_WIDTH_PX), path)
 
 
 def draw_sheet(reader: FrameReader, frame: SheetFrame, width_px: int) -> UInt8Array:
@@ -52,20 +54,58 @@ def write_video(
         every: Only every Nth frame is shown.
     """
     sheet = _sheet(reader, width_px)
+    pictures = (sheet.draw(frame) for frame in reader.frames(0, len(reader.stamps_ns), every))
+    _encode(pictures, sheet.size_px, reader.rate_hz / every, path, progress)
+
+
+def write_agents_picture(scene: Scene, tick: int, path: Path) -> None:
+    """Write one frame as PNG, as all agents of a scene see it.
+
+    Raises:
+        InputError: The map of the scene cannot be read.
+    """
+    _write_png(AgentsSheet(scene).draw(tick), path)
+
+
+def write_agents_video(scene: Scene, path: Path, progress: Callable[[], None]) -> None:
+    """Write all frames as H.264 in MP4, in simulated time, as all agents of a scene see them.
+
+    Args:
+        scene: The scene, as any of its agents sees it.
+        path: The file; it gets this name only once it is complete.
+        progress: Called after each frame.
+
+    Raises:
+        InputError: The map of the scene cannot be read.
+    """
+    sheet = AgentsSheet(scene, VIDEO_WIDTH_PX)
+    pictures = (sheet.draw(tick) for tick in range(len(scene)))
+    _encode(pictures, sheet.size_px, NS_PER_S / scene.tick_ns, path, progress)
+
+
+def _write_png(picture: UInt8Array, path: Path) -> None:
+    _, data = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
+    write_whole(path, data.tobytes())
+
+
+def _encode(
+    pictures: Iterable[UInt8Array], size_px: tuple[int, int], rate_hz: float, path: Path, progress: Callable[[], None]
+) -> None:
+    """Write pictures of one size as a video."""
     with (
         whole_file(path) as unfinished,
         av.open(str(unfinished), "w", format="mp4", options={"movflags": "faststart"}) as container,
     ):
-        stream = container.add_stream("libx264", rate=Fraction(reader.rate_hz / every).limit_denominator(1000))
-        stream.width, stream.height = sheet.size_px
+        stream = container.add_stream("libx264", rate=Fraction(rate_hz).limit_denominator(1000))
+        stream.width, stream.height = size_px
         stream.pix_fmt = "yuv420p"
         stream.options = {"crf": _QUALITY, "preset": "veryfast", "x264-params": _SAME_BYTES}
         context = stream.codec_context
         context.thread_count = 1  # with other numbers the bytes are others
         context.colorspace = context.color_primaries = context.color_trc = _BT709
         context.color_range = ColorRange.MPEG
-        for frame in reader.frames(0, len(reader.stamps_ns), every):
-            container.mux(stream.encode(_video_frame(sheet.draw(frame))))
+        for picture in pictures:
+            container.mux(stream.encode(_video_frame(picture)))
             progress()
         container.mux(stream.encode())
 

@@ -1,0 +1,25 @@
+"""Number of frames between two exported ones, for layouts that have a rate of their own."""
+
+from simbev_ros.dataset import Scene
+from simbev_ros.errors import InputError
+from simbev_ros.units import NS_PER_S
+
+_TOLERANCE_HZ = 1e-6
+
+
+def frame_period(scene: Scene, rate_hz: float, parameter: str) -> int:
+    """Number of frames from one exported frame of a scene to the next.
+
+    Args:
+        scene: The scene.
+        rate_hz: Number of exported frames per second.
+        parameter: Name of the setting that the rate comes from, for the message.
+
+    Raises:
+        InputError: The rate does not divide that of the scene's frames.
+    """
+    tick_hz = NS_PER_S / scene.spec.tick_ns
+    period = round(tick_hz / rate_hz)
+    if period < 1 or abs(tick_hz / period - rate_hz) > _TOLERANCE_HZ:
+        raise InputError(f"{rate_hz:g} is no divisor of the {tick_hz:g} frames/s of {scene.path}", parameter=parameter)
+    return period

@@ -1,0 +1,1 @@
+"""Export to the layout of OPV2V, a data set of cooperative perception, which OpenCOOD reads."""

@@ -1,0 +1,53 @@
+"""Sensor data as layouts without lens distortion and without rolling scans expect them: rectified, at the stamp.
+
+Exporters share these functions.
+"""
+
+from functools import lru_cache
+
+import cv2
+import numpy as np
+
+from simbev_ros.annotation.boxes.points import map_points
+from simbev_ros.dataset import Frame, columns
+from simbev_ros.dataset.calibration import Calibration
+from simbev_ros.geometry.camera import LensCamera, PinholeCamera
+from simbev_ros.geometry.transforms import apply, inverse
+from simbev_ros.scene.agents import ego_row
+from simbev_ros.types import AnyArray, Float32Array, UInt8Array
+
+
+def rectify(image: UInt8Array, camera: LensCamera) -> UInt8Array:
+    """Rectify an image to a pinhole camera with the same intrinsics; black where the lens sees nothing.
+
+    Args:
+        image: (H, W, 3) image.
+        camera: The camera that took it.
+    """
+    pixels = _source_pixels(camera)
+    rectified = cv2.remap(image, pixels[..., 0], pixels[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+    return np.asarray(rectified, np.uint8)
+
+
+@lru_cache(maxsize=32)
+def _source_pixels(camera: LensCamera) -> Float32Array:
+    """(H, W, 2) x and y in the distorted image of each pixel of the pinhole camera."""
+    pinhole = PinholeCamera(camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
+    v, u = np.mgrid[: camera.height_px, : camera.width_px]
+    pixels = camera.project(pinhole.rays(np.stack([u.ravel(), v.ravel()], axis=1)))
+    return np.nan_to_num(pixels, nan=-10.0).astype(np.float32).reshape(*u.shape, 2)
+
+
+def points_at_stamp(frame: Frame, key: str, calibration: Calibration) -> AnyArray:
+    """(N, 3) points of a lidar's cloud, sensor frame; those of a rolling scan are moved to the stamp of the frame.
+
+    Args:
+        frame: The frame.
+        key: Key of the cloud.
+        calibration: Calibration of the lidar.
+    """
+    if not getattr(calibration.sensor, "rolling", False):
+        return columns(frame[key], "x", "y", "z")
+    map_from_sensor = frame.map_from_ego @ calibration.ego_from_sensor
+    carrier = ego_row(frame.scene.spec, frame["world/actors"])
+    return apply(inverse(map_from_sensor), map_points(frame[key], map_from_sensor, carrier))

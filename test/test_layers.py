@@ -69,7 +69,7 @@ ROS = {
     "vision_msgs",
     "visualization_msgs",
 }
-STACK = tuple(f"reference_stack/{module}" for module in ("messages", "node", "__main__"))
+STACK = tuple(f"reference_stack/{module}" for module in ("messages", "node", "cooperative"))
 BASELINES = tuple(f"baselines/node/{module}" for module in ("node", "__main__"))
 RELAY = tuple(f"foxglove_server/{module}" for module in ("graph_relay", "graph_server", "offers"))
 LIVE = ("viewer/live/graph_reader", "viewer/live/live_viewer")

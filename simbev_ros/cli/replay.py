@@ -80,10 +80,10 @@ def replay(
         raise InputError("--merge records beside the replayed bags; give neither --out nor --live with it")
     ros, count = ros_arguments(context, namespace), worker_count(workers, MAX_GRAPHS)
     if workers is None and ray is None:
-        scenario = with_evaluation(load_scenario(config), evaluate, stack)
+        scenario = with_evaluation(load_scenario(config), evaluate, stack or ())
         _play(bags, scenario, record, merge, live=live, ros=ros)
         return
-    one_graph = {"--live": live, "--evaluate": evaluate is not None, "--stack": stack is not None}
+    one_graph = {"--live": live, "--evaluate": evaluate is not None, "--stack": bool(stack)}
     one_graph |= {"--namespace": namespace is not None, "--ros-args": bool(context.obj)}
     _require_recording([option for option, is_given in one_graph.items() if is_given], record, merge)
     from simbev_ros.cli.production_display import DatasetDisplay

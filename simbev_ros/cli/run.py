@@ -74,7 +74,7 @@ def run(
     ros = ros_arguments(context, namespace)
     if reliable and not live:
         raise InputError("--reliable: is for --live; in lockstep, all topics are reliable")
-    scenario = with_evaluation(load_scenario(config), evaluate, stack)
+    scenario = with_evaluation(load_scenario(config), evaluate, stack or ())
     if reliable:
         scenario = scenario.model_copy(
             update={"graph": scenario.graph.model_copy(update={"live_reliability": "reliable"})}

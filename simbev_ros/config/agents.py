@@ -13,8 +13,9 @@ from pydantic import (
 )
 
 from simbev_ros.config.annotation import Annotation
-from simbev_ros.config.base import FieldError, Keys, Model
+from simbev_ros.config.base import FieldError, Keys, Model, dotted_path
 from simbev_ros.config.draw import Distribution, Drawn, within
+from simbev_ros.config.evaluation import Evaluation, answer_topics_of
 from simbev_ros.config.frames import Frames
 from simbev_ros.config.names import MAX_TOPIC_NAME_CHARS, TopicName
 from simbev_ros.config.odometry import Odometry
@@ -83,11 +84,33 @@ class Agent(Ego):
         description="coordinate frames of the agent; none: those of the first agent. A roadside unit has the defaults",
     )
     annotation: Annotation | None = Field(None, description="labels of the agent; none: those of the first agent")
+    evaluation: Evaluation | None = Field(
+        None,
+        exclude_if=lambda evaluation: evaluation is None,
+        description="live evaluation of the agent's own stack, whose topics are by default `/<name>/prediction/boxes` "
+        "and `/<name>/prediction/bev`; none: no evaluation",
+    )
 
     @field_validator("rig")
     @classmethod
     def _rig_has_the_name(cls, rig: Rig, info: ValidationInfo) -> Rig:
         return rig.model_copy(update={"agent": info.data.get("name", rig.agent)})
+
+    @field_validator("evaluation")
+    @classmethod
+    def _topics_have_the_name(cls, evaluation: Evaluation | None, info: ValidationInfo) -> Evaluation | None:
+        if evaluation is None or "name" not in info.data:
+            return evaluation
+        boxes_topic, grids_topic = answer_topics_of(info.data["name"])
+        usual = {"boxes_topic": boxes_topic, "grids_topic": grids_topic}
+        unset = {name: topic for name, topic in usual.items() if name not in evaluation.model_fields_set}
+        return evaluation.model_copy(update=unset)
+
+    @model_validator(mode="after")
+    def _evaluated_agent_is_in_every_scene(self) -> Self:
+        if self.evaluation is not None and self.count is not None:
+            raise FieldError(["evaluation"], "an agent with count has no stack, as not every scene has it")
+        return self
 
     @model_validator(mode="after")
     def _starts_in_one_way(self) -> Self:
@@ -218,6 +241,30 @@ def require_consistent_agents(rig: Rig, agents: Sequence[Agent]) -> None:
     if len(keys_by_name) > MAX_AGENTS:
         raise FieldError(["agents"], f"up to {len(keys_by_name)} agents in a scene; at most {MAX_AGENTS} are allowed")
     _require_free_names(keys_by_name, (rig, *(agent.rig for agent in agents)))
+
+
+def require_consistent_evaluations(first: Evaluation | None, agents: Sequence[Agent]) -> None:
+    """Check the evaluated stacks of a configuration's agents against each other.
+
+    Args:
+        first: Evaluation of the first agent's stack.
+        agents: The other agents.
+
+    Raises:
+        FieldError: Two stacks answer on one topic, two have the same file of figures, or there is no joint truth.
+    """
+    evaluations: dict[Keys, Evaluation | None] = {("evaluation",): first}
+    evaluations |= {("agents", index, "evaluation"): agent.evaluation for index, agent in enumerate(agents)}
+    owners: dict[str, Keys] = {}
+    for keys, evaluation in evaluations.items():
+        if evaluation is None:
+            continue
+        if evaluation.truth == "joint" and not agents:
+            raise FieldError((*keys, "truth"), "a scene with one agent has no joint truth; it must be own")
+        for name in ("boxes_topic", "grids_topic", "figures"):
+            value = getattr(evaluation, name)
+            if value is not None and (owner := owners.setdefault(value, keys)) != keys:
+                raise FieldError((*keys, name), f"{value} is in {dotted_path(owner)}, too; each agent needs its own")
 
 
 def _require_free_names(keys_by_name: Mapping[str, Keys], rigs: Sequence[Rig]) -> None:

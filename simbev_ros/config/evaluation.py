@@ -1,20 +1,31 @@
 """Section ``evaluation``: live evaluation of a perception stack, whose answers are compared with the ground truth."""
 
 import shlex
+from dataclasses import dataclass
 from typing import Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from simbev_ros.config.base import Model
 from simbev_ros.config.included_stacks import INCLUDED_STACKS, IncludedStack
+from simbev_ros.config.rig import Rig
 from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES
 
 BOXES_TOPIC, GRIDS_TOPIC = "/prediction/boxes", "/prediction/bev"
-"""Default topics of the stack's predicted boxes and grids."""
+"""Default topics of the predicted boxes and grids of the first agent's stack."""
+
+Truth = Literal["own", "joint"]
+"""Ground truth against which an agent's stack is judged: the agent's own boxes, or those of all agents together."""
 
 ParticipantName = Annotated[str, Field(pattern="^[^:]+$")]
 """Name of a node outside on /sync/ready, where a colon ends it."""
 _Topic = Annotated[str, Field(pattern=r"^(/[A-Za-z_]\w*)+$")]
+
+
+def answer_topics_of(agent: str) -> tuple[str, str]:
+    """Default topics of the predicted boxes and grids of an agent beside the first one (empty: of that)."""
+    prefix = f"/{agent}" if agent else ""
+    return prefix + BOXES_TOPIC, prefix + GRIDS_TOPIC
 
 
 def _split_command(value: object) -> object:
@@ -48,6 +59,12 @@ class Evaluation(Model):
         description="command that starts the stack with the graph, or the name of an included one: "
         f"{', '.join(f'`{name}`' for name in INCLUDED_STACKS)}; a baseline may be followed by a file (.onnx) of "
         "weights that replaces the one in the package",
+    )
+    truth: Truth = Field(
+        "own",
+        exclude_if=lambda truth: truth == "own",
+        description="boxes that the stack must find; own: those of its agent; joint: with the points and the "
+        "visibility that all agents of the scene together have, for stacks that use the data of several",
     )
     range_m: float | None = Field(
         None, gt=0, description="maximum distance of evaluated boxes and cells; none: no limit"
@@ -85,6 +102,16 @@ class Evaluation(Model):
         """The file of weights for the included stack; None: those in the package."""
         return self.stack[1] if self.stack is not None and self.included is not None and self.stack[1:] else None
 
+    def participants_of(self, agent: str) -> tuple[str, ...]:
+        """Nodes of the stack for which the world waits, by their names on /sync/ready.
+
+        Args:
+            agent: Name of an agent beside the first one; empty: it is the first one's stack.
+        """
+        if self.included is not None:
+            return (self.included.participant_of(agent),)
+        return () if self.participant is None else (self.participant,)
+
     @model_validator(mode="after")
     def _included_stack_is_given_right(self) -> Self:
         included = self.included
@@ -102,9 +129,26 @@ class Evaluation(Model):
             )
         return self
 
+
+@dataclass(frozen=True)
+class EvaluatedAgent:
+    """An agent whose stack is evaluated while the graph runs.
+
+    Attributes:
+        name: Name of the agent; empty: the first one, whose topics, stack and evaluator lack its name.
+        rig: Its sensors.
+        evaluation: Its section ``evaluation``.
+    """
+
+    name: str
+    rig: Rig
+    evaluation: Evaluation
+
     @property
     def participants(self) -> tuple[str, ...]:
         """Nodes of the stack for which the world waits, by their names on /sync/ready."""
-        if self.included is not None:
-            return (self.included.participant,)
-        return () if self.participant is None else (self.participant,)
+        return self.evaluation.participants_of(self.name)
+
+    def label(self, word: str) -> str:
+        """Name of something in the graph that the agent has, such as ``evaluator_car_2``."""
+        return f"{word}_{self.name}" if self.name else word

@@ -17,9 +17,10 @@ class IncludedStack:
     Attributes:
         name: Its name in ``evaluation.stack``.
         module: The module that runs it.
-        participant: Its name on /sync/ready, and that of its node.
+        participant: Its name on /sync/ready, and that of its node, if it is the first agent's.
         sees: The sensors that it needs.
         modality: The baseline, as ``module`` takes it; None: it is not a trained model.
+        merges: Whether it merges the boxes of other agents' stacks into its own.
     """
 
     name: str
@@ -27,6 +28,11 @@ class IncludedStack:
     participant: str
     sees: tuple[Sight, ...]
     modality: str | None = None
+    merges: bool = False
+
+    def participant_of(self, agent: str) -> str:
+        """Its name on /sync/ready as the stack of an agent beside the first one (empty: of that)."""
+        return f"{agent}_{self.participant}" if agent else self.participant
 
     @property
     def takes_weights(self) -> bool:
@@ -55,6 +61,9 @@ INCLUDED_STACKS = {
     stack.name: stack
     for stack in (
         IncludedStack("reference", "simbev_ros.reference_stack", "reference_stack", ("lidar",)),
+        IncludedStack(
+            "cooperative", "simbev_ros.reference_stack.cooperative", "cooperative_stack", ("lidar",), merges=True
+        ),
         *map(baseline_stack, _BASELINES),
     )
 }

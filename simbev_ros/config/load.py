@@ -139,7 +139,7 @@ def _with_first_agent(data: dict[str, Any], origins: Origins) -> dict[str, Any]:
     for key in ("count", "near", "mast"):
         if first.pop(key, None) is not None:
             raise InputError(f"{origins.where(('agents', index, key))}: only agents after the first one can have it")
-    sections = {key: first.pop(key, None) for key in ("rig", "frames", "annotation")} | {"ego": first}
+    sections = {key: first.pop(key, None) for key in ("rig", "frames", "annotation", "evaluation")} | {"ego": first}
     sections = {key: section for key, section in sections.items() if section is not None}
     for key in sections:
         if key in data:

@@ -8,11 +8,17 @@ from typing import Annotated, Literal, Self
 import yaml
 from pydantic import Field, model_validator
 
-from simbev_ros.config.agents import Agent, Ego, require_consistent_agents, require_heights_of_vehicle
+from simbev_ros.config.agents import (
+    Agent,
+    Ego,
+    require_consistent_agents,
+    require_consistent_evaluations,
+    require_heights_of_vehicle,
+)
 from simbev_ros.config.annotation import Annotation
 from simbev_ros.config.base import FieldError, Keys, Model, dotted_path
 from simbev_ros.config.draw import Distribution, Drawn, PaperOrDrawn, within
-from simbev_ros.config.evaluation import Evaluation, ParticipantName
+from simbev_ros.config.evaluation import EvaluatedAgent, Evaluation, ParticipantName
 from simbev_ros.config.frames import DEFAULT_FRAMES, Frames, are_default
 from simbev_ros.config.hazards import Hazards
 from simbev_ros.config.lights import Lights
@@ -290,9 +296,15 @@ class Scenario(Model):
 
     @property
     def participants(self) -> tuple[str, ...]:
-        """Outside nodes on /sync/ready for which the world waits, including the evaluated stack."""
-        stack = () if self.evaluation is None else self.evaluation.participants
-        return tuple(dict.fromkeys((*self.graph.participants, *stack)))
+        """Outside nodes on /sync/ready for which the world waits, including the evaluated stacks."""
+        stacks = (name for agent in self.evaluated_agents for name in agent.participants)
+        return tuple(dict.fromkeys((*self.graph.participants, *stacks)))
+
+    @property
+    def evaluated_agents(self) -> tuple[EvaluatedAgent, ...]:
+        """The agents whose stacks are evaluated, the first agent first."""
+        sections = [("", self.rig, self.evaluation), *((each.name, each.rig, each.evaluation) for each in self.agents)]
+        return tuple(EvaluatedAgent(name, rig, section) for name, rig, section in sections if section is not None)
 
     def as_yaml(self) -> str:
         """The whole configuration as YAML, as it is stored in bags."""
@@ -319,6 +331,7 @@ class Scenario(Model):
         require_heights_of_vehicle(self.rig)
         if self.agents:
             require_consistent_agents(self.rig, self.agents)
+        require_consistent_evaluations(self.evaluation, self.agents)
         return self
 
     @model_validator(mode="after")

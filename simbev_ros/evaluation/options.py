@@ -6,7 +6,7 @@ The command line and the ``evaluation`` section of a configuration are converted
 import math
 from dataclasses import dataclass, field
 
-from simbev_ros.config.evaluation import Evaluation
+from simbev_ros.config.evaluation import Evaluation, Truth
 from simbev_ros.errors import InputError
 from simbev_ros.evaluation.filters import BoxFilter
 from simbev_ros.evaluation.metrics.detection import DetectionOptions
@@ -25,6 +25,7 @@ class EvaluationOptions:
         bev_classes: Classes of ``BEV_CLASSES`` to evaluate; metrics omit the others.
         every: Evaluate every Nth frame of a scene.
         nuscenes: Whether to compute the nuScenes metrics in addition.
+        truth: Whose ground truth counts.
     """
 
     slices: tuple[TableSlice, ...] = (TableSlice(),)
@@ -33,9 +34,12 @@ class EvaluationOptions:
     bev_classes: tuple[str, ...] = BEV_CLASSES
     every: int = 1
     nuscenes: bool = False
+    truth: Truth = "own"
 
     def __post_init__(self) -> None:
-        """Raise InputError for unknown classes."""
+        """Raise InputError for unknown classes, or for nuScenes metrics against the joint truth."""
+        if self.nuscenes and self.truth != "own":
+            raise InputError("nuscenes: these metrics are for the truth of one agent, not for the joint one")
         for name, known in (("box_classes", BOX_CLASSES), ("bev_classes", BEV_CLASSES)):
             unknown = [each for each in getattr(self, name) if each not in known]
             if unknown:
@@ -54,4 +58,5 @@ def options_of(section: Evaluation) -> EvaluationOptions:
         slices=tuple(table_slices(TableSlice(boxes=boxes), section.by)),
         box_classes=tuple(name for name in BOX_CLASSES if name in chosen),
         bev_classes=tuple(name for name in BEV_CLASSES if name in chosen),
+        truth=section.truth,
     )

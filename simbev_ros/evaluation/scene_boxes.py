@@ -11,7 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from simbev_ros.annotation.boxes.boxes import BOX_DTYPE
+from simbev_ros.config.evaluation import Truth
 from simbev_ros.dataset import Frame
+from simbev_ros.evaluation.joint_truth import boxes_in_reach, truth_key
 from simbev_ros.evaluation.metrics.boxes import Predictions, boxes_from_tables
 from simbev_ros.evaluation.metrics.detection import HIT, DetectionOptions, DetectionTally
 from simbev_ros.evaluation.metrics.ranking import top_predictions
@@ -74,10 +76,16 @@ class GroundTruthFrame(NamedTuple):
     conditions: Conditions
 
     @classmethod
-    def from_frame(cls, frame: Frame) -> "GroundTruthFrame":
-        """Ground truth of a recorded frame."""
-        conditions = Conditions.of_tick(frame.scene.spec, frame.tick)
-        return cls(frame.tick, frame["boxes"], frame.map_from_ego, conditions)
+    def from_frame(cls, frame: Frame, truth: Truth) -> "GroundTruthFrame":
+        """Ground truth of a recorded frame: its agent's own, or the joint one.
+
+        Raises:
+            InputError: The joint table is none of this scene.
+        """
+        spec = frame.scene.spec
+        boxes = frame[truth_key(truth)]
+        boxes = boxes_in_reach(boxes, spec) if truth == "joint" else boxes
+        return cls(frame.tick, boxes, frame.map_from_ego, Conditions.of_tick(spec, frame.tick))
 
 
 class SceneBoxes:

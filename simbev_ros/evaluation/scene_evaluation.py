@@ -4,14 +4,16 @@ The result is a ``SceneTally`` with the scene's counts for every row of every ta
 truth and the predictions. The metrics of a dataset are computed from the tallies of all scenes.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from simbev_ros.config.evaluation import Truth
 from simbev_ros.dataset import Scene
 from simbev_ros.dataset.parallel import report_step
 from simbev_ros.errors import InputError
+from simbev_ros.evaluation.joint_truth import truth_key
 from simbev_ros.evaluation.metrics.boxes import Predictions
 from simbev_ros.evaluation.metrics.detection import DetectionTally
 from simbev_ros.evaluation.metrics.nuscenes import NuscenesTally, nuscenes_tally
@@ -72,7 +74,7 @@ def evaluate_scene(scene: Scene, predicted: PredictedScene, options: EvaluationO
         InputError: The predictions do not fit the scene, or its bag has no ground truth.
         BagError: The bag is damaged.
     """
-    base, recorded = options.slices[0], _ticks_with_truth(scene, grids=grids)
+    base, recorded = options.slices[0], _ticks_with_truth(scene, options.truth, grids=grids)
     ticks = [tick for tick in recorded[:: options.every] if base.has(Conditions.of_tick(scene.spec, tick))]
     frames = np.zeros(len(ticks), FRAME_DTYPE)
     frames["tick"], frames["iou"] = ticks, np.nan
@@ -82,13 +84,12 @@ def evaluate_scene(scene: Scene, predicted: PredictedScene, options: EvaluationO
     truth: list[GroundTruthFrame] = []
     for row, tick in enumerate(ticks):
         frame = scene[tick]
-        truth.append(GroundTruthFrame.from_frame(frame))
+        truth.append(GroundTruthFrame.from_frame(frame, options.truth))
         if grids:
             conditions = truth[-1].conditions
             frames["iou"][row] = cells.add_frame(frame["bev/labels"], conditions, predicted.grid(tick), base)
         report_step()
-    with_pose = np.flatnonzero(scene.has(("odom",))).tolist()
-    boxes = boxes_in_map(predicted.boxes().at_ticks(with_pose), ReferenceFrames.from_scene(scene))
+    boxes = _boxes_in_map(scene, predicted)
     scene_boxes = SceneBoxes(scene.spec, truth, boxes, options)
     frames["boxes"], frames["found"] = scene_boxes.count_found()
     return SceneTally(
@@ -101,9 +102,21 @@ def evaluate_scene(scene: Scene, predicted: PredictedScene, options: EvaluationO
     )
 
 
-def _ticks_with_truth(scene: Scene, *, grids: bool) -> list[int]:
+def _boxes_in_map(scene: Scene, predicted: PredictedScene) -> Predictions:
+    """Predicted boxes at the ticks with the poses of the agents whose frames they are in."""
+    boxes, frames = predicted.boxes(), ReferenceFrames.from_scene(scene)
+    others = frames.agents_of(each.frame_id for each in boxes.references) - {scene.agent}
+    with_poses = _ticks_with(scene, ("odom", *(f"{name}/odom" for name in sorted(others))))
+    return boxes_in_map(boxes.at_ticks(with_poses), frames)
+
+
+def _ticks_with_truth(scene: Scene, truth: Truth, *, grids: bool) -> list[int]:
     """Ticks of the frames that have all required ground truth; live recordings may lack some of it."""
-    keys = ("odom", "boxes", *(("bev/labels",) if grids else ()))
+    return _ticks_with(scene, ("odom", truth_key(truth), *(("bev/labels",) if grids else ())))
+
+
+def _ticks_with(scene: Scene, keys: Sequence[str]) -> list[int]:
+    """Ticks of the frames that have all of the keys. Raises InputError for a key that no frame has."""
     missing = [key for key in keys if key not in scene.sources]
     if missing:
         raise InputError(f"{scene.path}: cannot be evaluated, because the bag lacks {', '.join(missing)}")
@@ -118,7 +131,7 @@ def outcomes_of(scene: Scene, predicted: PredictedScene, tick: int, options: Eva
         BagError: As ``evaluate_scene``.
     """
     boxes = boxes_in_map(predicted.boxes().at_ticks([tick]), ReferenceFrames.from_scene(scene))
-    return SceneBoxes(scene.spec, [GroundTruthFrame.from_frame(scene[tick])], boxes, options).outcomes()
+    return SceneBoxes(scene.spec, [GroundTruthFrame.from_frame(scene[tick], options.truth)], boxes, options).outcomes()
 
 
 def _nuscenes(scene: Scene, predictions: Predictions) -> NuscenesTally:

@@ -1,13 +1,13 @@
-"""The perception stack that runs with a graph: the topic that it answers to, its command, and what it needs."""
+"""The perception stacks that run with a graph: the topics that they answer to, their commands, and what they need."""
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from simbev_ros.baselines.modality import Modality
 from simbev_ros.baselines.model_file import require_model_file, require_onnx_runtime
 from simbev_ros.config.camera import Camera
-from simbev_ros.config.evaluation import BOXES_TOPIC, GRIDS_TOPIC, Evaluation
+from simbev_ros.config.evaluation import BOXES_TOPIC, GRIDS_TOPIC, EvaluatedAgent, Evaluation
 from simbev_ros.config.included_stacks import IncludedStack
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.rig import Rig
@@ -20,8 +20,8 @@ from simbev_ros.nodes.ros.arguments import PLAIN, RosArguments
 _AT_EVERY_TICK_HZ = float("inf")
 
 
-def stack_command(scenario: Scenario, ros: RosArguments = PLAIN, *, live: bool = False) -> tuple[str, ...]:
-    """Command of the perception stack to run with the graph; empty: none.
+def stack_commands(scenario: Scenario, ros: RosArguments = PLAIN, *, live: bool = False) -> dict[str, tuple[str, ...]]:
+    """Commands of the perception stacks to run with the graph, by the label of their processes.
 
     Args:
         scenario: The configuration.
@@ -31,47 +31,79 @@ def stack_command(scenario: Scenario, ros: RosArguments = PLAIN, *, live: bool =
     Raises:
         InputError: There are no such weights.
     """
-    evaluation = scenario.evaluation
-    if evaluation is None or evaluation.stack is None:
-        return ()
-    included = evaluation.included
+    agents = scenario.evaluated_agents
+    commands = {agent.label("stack"): _command(agent, _partners(agent, agents), ros, live=live) for agent in agents}
+    return {label: command for label, command in commands.items() if command}
+
+
+def _partners(agent: EvaluatedAgent, agents: Sequence[EvaluatedAgent]) -> list[EvaluatedAgent]:
+    """The agents whose boxes the included stack of an agent merges into its own: those that wait for no others."""
+    if agent.evaluation.included is None or not agent.evaluation.included.merges:
+        return []
+    others = (each for each in agents if each.name != agent.name)
+    return [each for each in others if each.evaluation.included is None or not each.evaluation.included.merges]
+
+
+def _command(
+    agent: EvaluatedAgent, partners: Sequence[EvaluatedAgent], ros: RosArguments, *, live: bool
+) -> tuple[str, ...]:
+    """Command of an agent's stack; empty: none runs with the graph."""
+    included = agent.evaluation.included
     if included is None:
-        return evaluation.stack
-    settings = [f"lidar_topic:={_lidar_topic(scenario.rig, evaluation)}"] if "lidar" in included.sees else []
+        return agent.evaluation.stack or ()
+    settings = [f"lidar_topic:={_lidar_topic(agent)}"] if "lidar" in included.sees else []
+    settings += [f"agent:={agent.name}"] if agent.name and included.modality is not None else []
+    settings += [f"partners:=[{','.join(map(input_topic, partners))}]"] if partners else []
     settings += ["live:=true"] if live else []
     parameters = [word for setting in settings for word in ("-p", setting)]
-    remapping = [word for rule in _remapping(scenario.rig, evaluation) for word in ("--remap", rule)]
-    words = _model_words(included, evaluation)
+    remapping = [word for rule in _remapping(agent, included, partners) for word in ("--remap", rule)]
+    words = _model_words(included, agent.evaluation)
     return (sys.executable, "-m", included.module, *words, *ros.command(*parameters, *remapping))
 
 
-def require_stack(scenario: Scenario) -> None:
-    """Check that the included stack, if there is one, has what it needs.
+def require_stacks(scenario: Scenario) -> None:
+    """Check that the included stacks have what they need.
 
     Raises:
-        InputError: The rig lacks sensors, or packages or weights are missing.
+        InputError: A rig lacks sensors, or packages or weights are missing.
     """
-    evaluation = scenario.evaluation
-    included = None if evaluation is None else evaluation.included
-    if evaluation is None or included is None:
-        return
-    rig, agent = scenario.rig, scenario.rig.agent
+    for agent in scenario.evaluated_agents:
+        if (included := agent.evaluation.included) is not None:
+            _require_sensors(agent, included)
+            if included.merges:
+                _require_partners(included, _partners(agent, scenario.evaluated_agents))
+            if included.modality is not None:
+                require_onnx_runtime()
+                _model_words(included, agent.evaluation)
+
+
+def _require_sensors(agent: EvaluatedAgent, included: IncludedStack) -> None:
+    rig = agent.rig
     found = {"lidar": (list(_lidar_topics(rig)), "points"), "camera": (_color_cameras(rig), "rgb images")}
     for sensor in included.sees:
         sensors, data = found[sensor]
         if not sensors:
-            raise InputError(f"evaluation.stack: {included.name}: the rig of {agent} has no {sensor} with {data}")
-    if included.modality is not None:
-        require_onnx_runtime()
-        _model_words(included, evaluation)
+            raise InputError(f"evaluation.stack: {included.name}: the rig of {rig.agent} has no {sensor} with {data}")
 
 
-def input_topic(rig: Rig, evaluation: Evaluation) -> str:
-    """Topic that a stack answers to.
+def _require_partners(included: IncludedStack, partners: Sequence[EvaluatedAgent]) -> None:
+    if not partners:
+        raise InputError(f"evaluation.stack: {included.name}: no other agent has a stack of its own that is evaluated")
+    for each in partners:
+        if (topic := input_topic(each)) not in [name for name, _ in _lidar_topics(each.rig)]:
+            raise InputError(
+                f"evaluation.stack: {included.name}: the stack of {each.rig.agent} answers to {topic}; it must answer "
+                "to points of a lidar"
+            )
+
+
+def input_topic(agent: EvaluatedAgent) -> str:
+    """Topic that an agent's stack answers to.
 
     It is the configured one. Else it is that of the slowest sensor that an included stack sees, as it answers when all
     of them are due; for other stacks that of the rig's first lidar, else first camera.
     """
+    rig, evaluation = agent.rig, agent.evaluation
     if evaluation.answers_to is not None:
         return evaluation.answers_to
     sees = ("lidar",) if evaluation.included is None else evaluation.included.sees
@@ -92,24 +124,27 @@ def _model_words(included: IncludedStack, evaluation: Evaluation) -> tuple[str, 
     return (included.modality, str(require_model_file(Modality(included.modality), weights).resolve()))
 
 
-def _remapping(rig: Rig, evaluation: Evaluation) -> Iterator[str]:
-    """Rules that give a stack's topics their names in this graph, relative to its namespace."""
-    boxes = evaluation.boxes_topic
+def _remapping(agent: EvaluatedAgent, included: IncludedStack, partners: Sequence[EvaluatedAgent]) -> Iterator[str]:
+    """Rules that give a stack's node and topics their names in this graph, relative to its namespace."""
+    boxes = agent.evaluation.boxes_topic
     topics = {
-        "/ego/odom": odometry_name(rig.agent),
+        "/ego/odom": odometry_name(agent.rig.agent),
         BOXES_TOPIC: boxes,
         f"{BOXES_TOPIC}/markers": f"{boxes}/markers",
-        GRIDS_TOPIC: evaluation.grids_topic,
+        GRIDS_TOPIC: agent.evaluation.grids_topic,
+        **{f"/{each.rig.agent}{BOXES_TOPIC}": each.evaluation.boxes_topic for each in partners},
     }
+    if agent.name:
+        yield f"__node:={included.participant_of(agent.name)}"
     for old, new in topics.items():
         if new != old:
             yield f"{old.removeprefix('/')}:={new.removeprefix('/')}"
 
 
-def _lidar_topic(rig: Rig, evaluation: Evaluation) -> str:
+def _lidar_topic(agent: EvaluatedAgent) -> str:
     """Topic of the clouds that an included stack sees: that which it answers to, else that of the first lidar."""
-    topics = [name for name, _ in _lidar_topics(rig)]
-    return evaluation.answers_to if evaluation.answers_to in topics else topics[0]
+    topics, answered = [name for name, _ in _lidar_topics(agent.rig)], agent.evaluation.answers_to
+    return answered if answered in topics else topics[0]
 
 
 def _lidar_topics(rig: Rig) -> Iterator[tuple[str, float]]:

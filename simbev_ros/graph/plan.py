@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from simbev_ros.config.camera import Camera
-from simbev_ros.config.evaluation import Evaluation
+from simbev_ros.config.evaluation import EvaluatedAgent
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.radar import Radar
 from simbev_ros.config.rendering import Rendering
@@ -18,6 +18,7 @@ from simbev_ros.config.scenario import Scenario
 from simbev_ros.config.sensor import Sensor
 from simbev_ros.graph.evaluated_stack import input_topic
 from simbev_ros.msgs.annotation_topics import Label, bev_labels_name, boxes_name, viewing_cameras
+from simbev_ros.msgs.joint_topics import JOINT_BOXES
 from simbev_ros.nodes.ros.names import NodeName
 
 _Parameters = Mapping[str, object]
@@ -78,15 +79,15 @@ def plan_processes(
         camera_processes: Number of processes that share the cameras of all agents, at most one for each camera.
         live: Whether the world is paced by the wall clock.
         dataset: Folder into which scenes are recorded; None: they are not recorded.
-        figures: File for the evaluator's figures, if there is an evaluator.
+        figures: Folder for the figures of evaluators; None: only those that are asked for are written.
         rendering: How cameras render; None: as configured.
         cores: Number of CPU cores; with few of them, more nodes share a process.
     """
     drawing = {"rendering": (rendering or scenario.rendering).model_dump_json()}
     behind = list(_processes_behind_world(scenario, camera_processes, drawing, live=live, dataset=dataset, cores=cores))
     state_readers = sum(map(len, behind))
-    if scenario.evaluation is not None:
-        behind.append((_evaluator(scenario, scenario.evaluation, live=live, figures=figures),))
+    for agent in scenario.evaluated_agents:
+        behind.append((_evaluator(scenario, agent, live=live, figures=figures),))
     names = [node.name for process in behind for node in process]
     parameters = {
         "live": live,
@@ -116,9 +117,10 @@ def _processes_behind_world(
     common: dict[str, object] = {**pace, "recorded": dataset is not None, "annotated": True, **patterns}
     if scenario.agents:
         common["box_readers"] = len(_box_readers(scenario))
-    if scenario.evaluation is not None:
-        agent, read = scenario.rig.agent, input_topic(scenario.rig, scenario.evaluation)
-        common["evaluated_topics"] = [boxes_name(agent), bev_labels_name(agent), read]
+    if scenario.evaluated_agents:
+        common["evaluated_topics"] = [
+            topic for agent in scenario.evaluated_agents for topic in _evaluated_topics(agent)
+        ]
     compressed = scenario.recording.images == "compressed" and dataset is not None
     yield from _camera_processes(scenario, camera_processes, {**common, **drawing, "compressed": compressed})
     yield from _sensor_processes(scenario, common, cores)
@@ -220,14 +222,28 @@ def _nodes_of_agents(
     ]
 
 
-def _evaluator(scenario: Scenario, evaluation: Evaluation, *, live: bool, figures: Path | None) -> NodePlan:
-    asked = evaluation.figures
+def _evaluated_topics(agent: EvaluatedAgent) -> tuple[str, ...]:
+    """Topics that the evaluator of an agent's stack reads from nodes that wait for it."""
+    name = agent.rig.agent
+    boxes = JOINT_BOXES if agent.evaluation.truth == "joint" else boxes_name(name)
+    return boxes, bev_labels_name(name), input_topic(agent)
+
+
+def figures_file(folder: Path, agent: EvaluatedAgent) -> Path:
+    """File with the figures of an agent's stack."""
+    return folder / f"{agent.label('figures')}.json"
+
+
+def _evaluator(scenario: Scenario, agent: EvaluatedAgent, *, live: bool, figures: Path | None) -> NodePlan:
+    asked = agent.evaluation.figures
     parameters = {
         "live": live,
-        "evaluation": evaluation.model_dump_json(),
-        "figures": "" if figures is None else str(figures),
+        "evaluation": agent.evaluation.model_dump_json(),
+        "figures": "" if figures is None else str(figures_file(figures, agent)),
         "asked_figures": "" if asked is None else str(Path(asked).resolve()),
-        "input_topic": input_topic(scenario.rig, evaluation),
+        "input_topic": input_topic(agent),
+        "outside_participants": list(scenario.participants),
         "patience_s": _STACK_PATIENCE_FRACTION * scenario.graph.silence_timeout_s,
     }
-    return NodePlan("evaluator", "evaluator", parameters)
+    of_agent = {"agent": agent.name} if agent.name else {}
+    return NodePlan("evaluator", agent.label("evaluator"), {**parameters, **of_agent})

@@ -154,6 +154,7 @@ class StackProcess(GraphProcess):
 
     Args:
         starter: What starts the process.
+        label: Short name.
         command: The command and its arguments.
         folder: Folder for its log.
 
@@ -161,11 +162,11 @@ class StackProcess(GraphProcess):
         InputError: The command does not exist.
     """
 
-    def __init__(self, starter: NodeStarter, command: Sequence[str], folder: Path) -> None:
+    def __init__(self, starter: NodeStarter, label: str, command: Sequence[str], folder: Path) -> None:
         if shutil.which(command[0]) is None:
             raise InputError(f"evaluation.stack: there is no command {command[0]!r}")
-        log = folder / "stack.log"
-        super().__init__("stack", f"stack {shlex.join(command)}", starter.start(command, log, is_command=True), log)
+        log = folder / f"{label}.log"
+        super().__init__(label, f"stack {shlex.join(command)}", starter.start(command, log, is_command=True), log)
 
     def terminate(self) -> None:
         """Ask all its processes to end."""

@@ -16,12 +16,12 @@ from simbev_ros.config.scenario import Scenario
 from simbev_ros.errors import GraphError, InputError
 from simbev_ros.graph.domain import DomainLock
 from simbev_ros.graph.environment import graph_environment
-from simbev_ros.graph.evaluated_stack import require_stack, stack_command
+from simbev_ros.graph.evaluated_stack import require_stacks, stack_commands
 from simbev_ros.graph.exposure import LOCAL, NEEDS_SROS, Exposure
 from simbev_ros.graph.loading_watch import LoadingWatch
 from simbev_ros.graph.monitor import SUPERVISOR, GraphMonitor
 from simbev_ros.graph.node_starter import NodeStarter
-from simbev_ros.graph.plan import WRITERS, ProcessPlan, plan_processes
+from simbev_ros.graph.plan import WRITERS, ProcessPlan, figures_file, plan_processes
 from simbev_ros.graph.process import GraphProcess, NodeProcess, StackProcess
 from simbev_ros.graph.traces import Traces
 from simbev_ros.msgs.signing import KEY_VARIABLE, Signer, make_key
@@ -61,7 +61,7 @@ class GraphSession:
 
     Attributes:
         security_variables: Environment variables with which other nodes can take part in a secure graph.
-        figures: After ``close``, figures of the evaluated stack (``evaluation.live.live_figures``), if there is one.
+        figures: After ``close``, figures of each evaluated stack (``evaluation.live.live_figures``).
     """
 
     def __init__(
@@ -91,8 +91,7 @@ class GraphSession:
         self._loading: LoadingWatch | None = None
         self._failed = False
         self.security_variables: dict[str, str] = {}
-        self._figures = self._traces.folder / "figures.json"
-        self.figures: dict[str, Any] | None = None
+        self.figures: list[dict[str, Any]] = []
 
     def __enter__(self) -> Self:
         self.start()
@@ -111,7 +110,7 @@ class GraphSession:
         """
         try:
             require_address_space()
-            require_stack(self._scenario)
+            require_stacks(self._scenario)
             self._start_processes()
         except BaseException:
             self.close()
@@ -129,8 +128,8 @@ class GraphSession:
         self._starter = NodeStarter(kinds_of_all, self._traces.folder, {**environment, KEY_VARIABLE: key})
         for nodes in plans:
             self._processes.append(NodeProcess(self._starter, nodes, self._traces.folder, self._ros))
-        if stack := stack_command(self._scenario, self._ros, live=self._live):
-            self._processes.append(StackProcess(self._starter, stack, self._traces.folder))
+        for label, command in stack_commands(self._scenario, self._ros, live=self._live).items():
+            self._processes.append(StackProcess(self._starter, label, command, self._traces.folder))
         names = [node.ros_name(self._ros.namespace) for nodes in plans for node in nodes]
         reporting = [*(name.name for name in names[1:]), *self._scenario.participants]
         writers = [node.name for nodes in plans for node in nodes if node.kind in WRITERS]
@@ -152,7 +151,7 @@ class GraphSession:
             self._camera_processes(scenario),
             live=self._live,
             dataset=self._dataset,
-            figures=self._figures,
+            figures=self._traces.folder,
             rendering=self._rendering,
             cores=usable_cores(),
         )
@@ -222,7 +221,7 @@ class GraphSession:
     def _await_files(self, last_tick: int) -> None:
         """Wait until bag and figures are written, which recorder and evaluator report as one more tick."""
         writers = self.monitor.writers
-        live_s = _LIVE_PATIENCE_S if self._scenario.evaluation is None else _LIVE_EVALUATION_PATIENCE_S
+        live_s = _LIVE_EVALUATION_PATIENCE_S if self._scenario.evaluated_agents else _LIVE_PATIENCE_S
         patience_s = live_s if self._live else self._scenario.graph.silence_timeout_s
         end_s = time.monotonic() + patience_s
         while writers.laggards() and ((done := writers.finished_by_all()) is None or done <= last_tick):
@@ -318,8 +317,8 @@ class GraphSession:
             process.join(max(end_s - time.monotonic(), 0.1))
         if self._starter is not None:
             self._starter.close()
-        if self._figures.is_file():
-            self.figures = json.loads(self._figures.read_text(encoding="utf-8"))
+        files = [figures_file(self._traces.folder, agent) for agent in self._scenario.evaluated_agents]
+        self.figures = [json.loads(file.read_text(encoding="utf-8")) for file in files if file.is_file()]
         if self._monitor is not None:
             self._monitor.close()
         self._traces.remove(keep_logs=self._failed)

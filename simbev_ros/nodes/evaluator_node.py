@@ -6,7 +6,7 @@ Running figures are published on /evaluation; the figures of a scene are written
 import json
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -22,7 +22,8 @@ from std_msgs.msg import Header, String
 from simbev_ros.annotation.boxes.boxes import BOX_DTYPE
 from simbev_ros.config.evaluation import Evaluation
 from simbev_ros.errors import InputError
-from simbev_ros.evaluation.live.answer_join import BOXES, LABELS, POSE, AnswerJoin, WaitLimits
+from simbev_ros.evaluation.joint_truth import boxes_in_reach
+from simbev_ros.evaluation.live.answer_join import BOXES, LABELS, POSE, AnswerJoin, WaitLimits, pose_of
 from simbev_ros.evaluation.live.answer_stamps import answered_tick
 from simbev_ros.evaluation.live.live_evaluation import LiveEvaluation, LiveScene, live_figures
 from simbev_ros.evaluation.options import options_of
@@ -30,6 +31,7 @@ from simbev_ros.geometry.transforms import inverse
 from simbev_ros.msgs import topics
 from simbev_ros.msgs.annotation_topics import annotation_topics
 from simbev_ros.msgs.images import labels_from_image
+from simbev_ros.msgs.joint_topics import JOINT_BOXES, joint_topics
 from simbev_ros.msgs.message_types import message_class
 from simbev_ros.msgs.qos import STEERING, qos_of, rclpy_qos
 from simbev_ros.msgs.sensor_topics import sensor_topics
@@ -45,6 +47,7 @@ from simbev_ros.nodes.ros.diagnostics import status
 from simbev_ros.nodes.ros.names import NodeName
 from simbev_ros.recording.bag_files import disk_errors
 from simbev_ros.recording.whole_files import write_whole
+from simbev_ros.scene.agents import agent_view, agent_views
 from simbev_ros.scene.frames import ego_from_base_link
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import Float64Array, Table
@@ -72,6 +75,9 @@ class EvaluatorNode(GraphNode):
     def __init__(self, name: NodeName) -> None:
         super().__init__(name)
         self._evaluation = self.declare_section("evaluation", Evaluation)
+        self._agent: str = self.declare_read_only(
+            "agent", "", "Agent whose stack is evaluated, if it is not the scene's first one"
+        )
         files = [self.declare_read_only("figures", "", "File for the figures of all scenes up to now; empty: none")]
         files.append(
             self.declare_read_only("asked_figures", "", "A second such file, or a folder for one file per scene")
@@ -81,13 +87,18 @@ class EvaluatorNode(GraphNode):
         self._patience_s: float = self.declare_read_only(
             "patience_s", 60.0, "Time that the first scene waits for the stack, s", minimum=0.0
         )
-        stack = self._evaluation.participants
+        others = self.declare_read_only(
+            "outside_participants", [], "Nodes whose reports need no signature, beside the stack"
+        )
+        stack = self._evaluation.participants_of(self._agent)
+        self._outside = frozenset((*stack, *others))
         idle_s = math.inf if stack else self._patience_s / 2
         self._patience = WaitLimits(_LIVE_GRACE_TICKS, _LIVE_IDLE_S) if self.live else WaitLimits(None, idle_s)
         self._options, self._scenes = options_of(self._evaluation), list[LiveScene]()
         self._numbers: set[int] = set()
         self._stack = LockstepWindow(stack, window_ticks=1, outside=stack)
         self._spec: SceneSpec | None = None
+        self._views: dict[str, SceneSpec] = {}
         self._subscriptions_by_topic: dict[str, Subscription] = {}
         self._polls_connected, self._loaded_reported, self._scene_since_s = 0, False, 0.0
         self._next_figures_s = 0.0
@@ -105,16 +116,24 @@ class EvaluatorNode(GraphNode):
 
     def _on_scene(self, specification: str, _: bytes) -> None:
         """Start evaluating a scene; if the same scene starts again, its earlier frames do not count."""
-        spec = SceneSpec.model_validate_json(specification)
+        spec = self._view_of(SceneSpec.model_validate_json(specification))
         answered = self._answered_topic(spec)
         self._input_type = answered.type
-        self._join = AnswerJoin(lambda tick: tick % answered.period_ticks == 0, self._patience)
+        self._views = {view.rig.agent: view for view in agent_views(spec)}
+        poses = {name: POSE if name == spec.rig.agent else pose_of(name) for name in self._views}
+        others = [part for part in poses.values() if part != POSE]
+        self._join = AnswerJoin(lambda tick: tick % answered.period_ticks == 0, self._patience, others)
         self._live_evaluation = LiveEvaluation(spec, self._options)
         for name in self._answers.found:
             self._join.add_topic(name)
+        for name, view in self._views.items():
+            receive = self._truth(poses[name], partial(self._map_from_ego, name))
+            self._subscribe(topics.odometry_topic(view), receive)
         labels = annotation_topics(spec)
-        self._subscribe(topics.odometry_topic(spec), self._truth(POSE, self._map_from_ego))
-        self._subscribe(labels.boxes, self._truth(BOXES, _boxes))
+        if self._options.truth == "joint":
+            self._subscribe(_joint_topic(spec), self._truth(BOXES, self._joint_boxes))
+        else:
+            self._subscribe(labels.boxes, self._truth(BOXES, _boxes))
         self._subscribe(labels.bev_labels, self._truth(LABELS, labels_from_image))
         self._subscribe(answered, self._on_input, raw=True)
         self._polls_connected, self._loaded_reported, self._scene_since_s = 0, False, time.monotonic()
@@ -122,9 +141,21 @@ class EvaluatorNode(GraphNode):
         self._spec = spec
         self._numbers.add(spec.number)
 
+    def _view_of(self, spec: SceneSpec) -> SceneSpec:
+        """The scene as the evaluated agent sees it."""
+        try:
+            return agent_view(spec, self._agent) if self._agent else spec
+        except KeyError as error:
+            raise InputError(f"agent: {error.args[0]}") from None
+
     def _answered_topic(self, spec: SceneSpec) -> Topic:
-        sent = [topic for form in (False, True) for topic in sensor_topics(spec, compressed_images=form)]
-        known = {topic.name: topic for topic in (*sent, topics.odometry_topic(spec))}
+        """The input of the stack, which may be that of any agent."""
+        known = {
+            topic.name: topic
+            for view in agent_views(spec)
+            for form in (False, True)
+            for topic in (*sensor_topics(view, compressed_images=form), topics.odometry_topic(view))
+        }
         if self._input not in known:
             raise InputError(
                 f"evaluation.answers_to: the scene has no topic {self._input}; allowed: {', '.join(known)}"
@@ -150,10 +181,14 @@ class EvaluatorNode(GraphNode):
 
         return receive
 
-    def _map_from_ego(self, odometry: Odometry) -> Float64Array:
-        """(4, 4) pose of the ego frame from the odometry of base_link."""
+    def _map_from_ego(self, agent: str, odometry: Odometry) -> Float64Array:
+        """(4, 4) pose of an agent's ego frame from the odometry of its base_link."""
+        return map_from_base_link(odometry) @ inverse(ego_from_base_link(self._views[agent]))
+
+    def _joint_boxes(self, message: PointCloud2) -> Table:
+        """The joint boxes around the agent. Raises InputError if the table is of another scene."""
         assert self._spec is not None
-        return map_from_base_link(odometry) @ inverse(ego_from_base_link(self._spec))
+        return boxes_in_reach(table_from_message(message), self._spec)
 
     def _on_input(self, payload: bytes, info: Any) -> None:
         stamp_ns = self.read(self._input, partial(serialized_stamp_ns, payload, self._input_type))
@@ -184,7 +219,7 @@ class EvaluatorNode(GraphNode):
             self._join.counts.malformed += 1
 
     def _on_ready(self, message: Header) -> None:
-        report = self.read(topics.READY, partial(read_report, message, self.signer, self._stack.participants))
+        report = self.read(topics.READY, partial(read_report, message, self.signer, self._outside))
         if report is None or not self._stack.record_report(report):
             return
         if (tick := self._stack.finished_by_all()) is not None:
@@ -247,7 +282,8 @@ class EvaluatorNode(GraphNode):
         shown = [f"{name} {figures[name]:.3f}" for name in _STATUS_FIGURES if name in figures]
         level = DiagnosticStatus.WARN if counts.missed else DiagnosticStatus.OK
         words = ", ".join([f"{figures['frames']:g} frames, {counts.missed} missed", *shown])
-        evaluated = status(self.node_name, f"evaluation of {spec.name}", level, words, figures)
+        name = f"{self._agent} in {spec.name}" if self._agent else spec.name
+        evaluated = status(self.node_name, f"evaluation of {name}", level, words, figures)
         stamp = header(spec.stamp_ns(max(self._join.finished_tick, 0)), "")
         self._figures.publish(DiagnosticArray(header=stamp, status=[evaluated]))
 
@@ -258,15 +294,29 @@ class EvaluatorNode(GraphNode):
         self._spec = None
         for path in self._files:
             if path.suffix == ".json":
-                _write(path, live_figures(self._scenes, self._options))
+                _write(path, self._figures_of(self._scenes))
             else:
-                _write(path / f"{spec.name}.json", live_figures(self._scenes[-1:], self._options))
+                _write(path / f"{spec.name}.json", self._figures_of(self._scenes[-1:]))
+
+    def _figures_of(self, scenes: Sequence[LiveScene]) -> dict[str, Any]:
+        """Figures of scenes, and whose they are if that is not the first agent's own truth."""
+        of_agent = {"agent": self._agent} if self._agent else {}
+        truth = {"truth": self._options.truth} if self._options.truth != "own" else {}
+        return {**of_agent, **truth, **live_figures(scenes, self._options)}
 
     def close(self) -> None:
         """Write the figures of an interrupted scene; wait until the last figures have arrived."""
         if self._spec is not None and self._join.finished_tick >= 0:
             self._finish_scene(self._spec)
         self._figures.wait_for_all_acked(Duration(seconds=_LAST_FIGURES_PATIENCE_S))
+
+
+def _joint_topic(spec: SceneSpec) -> Topic:
+    """The topic of the joint truth."""
+    for topic in joint_topics(spec):
+        if topic.name == JOINT_BOXES:
+            return topic
+    raise InputError(f"evaluation.truth: {spec.name} has one agent, and so no joint truth; it must be own")
 
 
 def _boxes(message: PointCloud2) -> Table:

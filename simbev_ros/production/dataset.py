@@ -170,6 +170,7 @@ def plan_scenes(scenario: Scenario, out: AnyPath, replace: Numbers = ()) -> tupl
 
 
 def without_stack(scenario: Scenario | Path | str) -> Scenario:
-    """The configuration, loaded if it is a path or name, without a perception stack: production runs none."""
+    """The configuration, loaded if it is a path or name, without perception stacks: production runs none."""
     loaded = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
-    return loaded.model_copy(update={"evaluation": None})
+    agents = tuple(agent.model_copy(update={"evaluation": None}) for agent in loaded.agents)
+    return loaded.model_copy(update={"evaluation": None, "agents": agents})

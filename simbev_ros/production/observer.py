@@ -45,7 +45,7 @@ class ProductionObserver:
         """The node graph runs in a ROS domain; a secure one is open to processes with these environment variables."""
 
     def stack_evaluated(self, figures: Mapping[str, Any]) -> None:
-        """The graph has ended, and these are the figures of the stack that ran with it (``live_figures``)."""
+        """The graph has ended, and these are the figures of a stack that ran with it (``live_figures``)."""
 
     def leftover_removed(self, spec: SceneSpec) -> None:
         """The unfinished bag that an earlier run left of a scene was removed; the scene is recorded again."""

@@ -154,7 +154,7 @@ def play_on(
 
 @contextmanager
 def _run_graph(session: GraphSession, observer: ProductionObserver) -> Iterator[None]:
-    """Run a graph and report the figures of an evaluated stack at its end, also after Ctrl-C."""
+    """Run a graph and report the figures of evaluated stacks at its end, also after Ctrl-C."""
     failed = False
     try:
         with session:
@@ -163,5 +163,5 @@ def _run_graph(session: GraphSession, observer: ProductionObserver) -> Iterator[
         failed = True
         raise
     finally:
-        if session.figures is not None and not failed:
-            observer.stack_evaluated(session.figures)
+        for figures in () if failed else session.figures:
+            observer.stack_evaluated(figures)

@@ -6,6 +6,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+from simbev_ros.config.evaluation import Evaluation
 from simbev_ros.config.load import CONFIG_SUFFIXES, load_scenario, parse_scenario
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import PlannedEntry
@@ -88,13 +89,18 @@ class OrderDrawer:
         scenario = self._scenario
         if order.configuration:
             scenario = _read_configuration(order.configuration)
-        if scenario.evaluation != self._scenario.evaluation:
+        if _stacks(scenario) != _stacks(self._scenario):
             raise InputError("evaluation: must be that of the configuration with which the graph was started")
         if order.seed is None:
             return scenario
         if order.seed < 0:
             raise InputError(f"seed {order.seed}: must be 0 or more")
         return scenario.model_copy(update={"seed": order.seed})
+
+
+def _stacks(scenario: Scenario) -> dict[str, Evaluation]:
+    """The evaluated stacks, by the name of their agent (empty: the first one)."""
+    return {agent.name: agent.evaluation for agent in scenario.evaluated_agents}
 
 
 def _read_configuration(words: str) -> Scenario:

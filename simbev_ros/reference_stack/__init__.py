@@ -7,5 +7,6 @@ From each lidar cloud and the odometry at its stamp it computes 3D boxes and bir
 
 ``pipeline`` does all of this without ROS. ``node`` connects it to the graph, with ``scene``, ``tick_join`` and
 ``messages``, and is a starting point for a stack of your own. ``python -m simbev_ros.reference_stack`` runs it.
-The package imports nothing else of simbev_ros.
+``cooperative`` is the same stack for scenes with several agents: it merges the boxes of other agents' stacks into its
+own by ``fusion``. The package imports nothing else of simbev_ros.
 """

@@ -78,6 +78,31 @@ def table_message(table: Table, header: Header) -> PointCloud2:
     )
 
 
+def table_of(message: PointCloud2, dtype: np.dtype[np.void]) -> Table:
+    """(N,) rows of a message with one point per row, such as ``table_message`` makes, with the columns of a dtype.
+
+    Raises:
+        ValueError: The message lacks a column, or its data are too short.
+    """
+    formats = {number: name for name, number in _FIELD_TYPES.items()}
+    fields = {field.name: field for field in message.fields if field.datatype in formats}
+    names = dtype.names or ()
+    missing = [name for name in names if name not in fields]
+    if missing:
+        raise ValueError(f"a table has no column {missing[0]}, but {', '.join(fields)}")
+    layout = np.dtype(
+        {
+            "names": names,
+            "formats": [f"<{formats[fields[name].datatype]}" for name in names],
+            "offsets": [fields[name].offset for name in names],
+            "itemsize": message.point_step,
+        }
+    )
+    rows = np.frombuffer(message.data, layout, count=message.width * message.height)
+    table: Table = rows.astype(dtype)
+    return table
+
+
 def scores_message(scores: Bytes, header: Header) -> Image:
     """Image message of (rows, columns, channels) scores, 255 = certain."""
     rows, columns, channels = scores.shape

@@ -3,9 +3,15 @@
 Nothing here is specific to this stack: to try your own, replace ``Pipeline``.
 """
 
+import sys
+from collections.abc import Callable, Mapping
+
+import rclpy
+import rclpy.utilities
 from nav_msgs.msg import Odometry
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
+from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
@@ -13,6 +19,7 @@ from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Header, String
 from visualization_msgs.msg import MarkerArray
 
+from simbev_ros.reference_stack.arrays import Floats
 from simbev_ros.reference_stack.messages import (
     header_of,
     markers_message,
@@ -22,12 +29,12 @@ from simbev_ros.reference_stack.messages import (
     stamp_ns_of,
     table_message,
 )
-from simbev_ros.reference_stack.pipeline import Pipeline
-from simbev_ros.reference_stack.scene import Scene, read_scene
+from simbev_ros.reference_stack.pipeline import Answer, Pipeline
+from simbev_ros.reference_stack.scene import Scene, UsageError, read_scene
 from simbev_ros.reference_stack.tick_join import TickJoin
 
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-_EVERY = QoSProfile(depth=16)
+EVERY = QoSProfile(depth=16)
 """Reliable, with a queue longer than the lockstep window can fill."""
 _NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 _CLOUD = "cloud"
@@ -43,13 +50,17 @@ class ReferenceStack(Node):
     in; prediction/boxes, prediction/boxes/markers (only with subscribers), prediction/bev and sync/ready out.
 
     Parameters:
-        lidar_topic: Another lidar, by its topic in the scene, which may itself be remapped.
+        lidar_topic: Another lidar, by its topic in the scene, which may itself be remapped. In a scene with several
+            agents, the odometry must be remapped to that of the agent that carries it.
         live: Whether the graph is, so that the newest cloud counts. Left out, best-effort clouds say so; a live graph
             with ``--reliable`` does not differ from lockstep in this.
+
+    Attributes:
+        inputs: Subscriptions beside that to the clouds that must be connected before a scene starts.
     """
 
-    def __init__(self) -> None:
-        super().__init__("reference_stack")
+    def __init__(self, name: str = "reference_stack") -> None:
+        super().__init__(name)
         lidar_topic = self.declare_parameter("lidar_topic", "").value
         self._live = bool(self.declare_parameter("live", False).value)
         self._points_topic = self.resolve_topic_name(lidar_topic.removeprefix("/") or "ego/lidar/points")
@@ -59,10 +70,10 @@ class ReferenceStack(Node):
         self._join: TickJoin[PointCloud2, Odometry] = TickJoin()
         self._points: Subscription | None = None
         self._polls_connected = 0
-        self._odom = self.create_subscription(Odometry, "ego/odom", self._on_odometry, _EVERY)
-        self._boxes = self.create_publisher(PointCloud2, "prediction/boxes", _EVERY)
-        self._markers = self.create_publisher(MarkerArray, "prediction/boxes/markers", _EVERY)
-        self._grid = self.create_publisher(Image, "prediction/bev", _EVERY)
+        self.inputs = [self.create_subscription(Odometry, "ego/odom", self._on_odometry, EVERY)]
+        self._boxes = self.create_publisher(PointCloud2, "prediction/boxes", EVERY)
+        self._markers = self.create_publisher(MarkerArray, "prediction/boxes/markers", EVERY)
+        self._grid = self.create_publisher(Image, "prediction/bev", EVERY)
         self._ready = self.create_publisher(Header, "sync/ready", _LATCHED)
         self.create_subscription(String, "world/scene", self._on_scene, _LATCHED)
         self.create_timer(_POLL_S, self._connect, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -73,8 +84,12 @@ class ReferenceStack(Node):
         if self._points is not None:  # the next graph may be live although this one is not, or vice versa
             self.destroy_subscription(self._points)
         self._points, self._polls_connected = None, 0
-        self._scene = read_scene(message.data, self._lidar_topic)
+        self._scene = self.start_scene(message.data)
         self._pipeline = Pipeline(self._scene.ego_from_lidar, self._scene.grid)
+
+    def start_scene(self, text: str) -> Scene:
+        """Read the specification of a new scene, JSON; override it if more is needed of it."""
+        return read_scene(text, self._lidar_topic)
 
     def _connect(self) -> None:
         """Subscribe to the clouds, every one or the newest; when connected, report the lead-in as finished."""
@@ -83,15 +98,19 @@ class ReferenceStack(Node):
         if self._points is None:
             for publisher in self.get_publishers_info_by_topic(self._points_topic)[:1]:
                 is_live = self._live or publisher.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
-                qos = _NEWEST if is_live else _EVERY
+                qos = _NEWEST if is_live else EVERY
                 self._points = self.create_subscription(PointCloud2, self._points_topic, self._on_cloud, qos)
-        elif self._points.get_publisher_count() and self._odom.get_publisher_count():
+        elif all(each.get_publisher_count() for each in (self._points, *self.inputs)):
             self._polls_connected += 1
             if self._polls_connected == _POLLS_TO_SETTLE:
                 self._report(self._scene, self._scene.start_ns - self._scene.tick_ns)
 
     def _on_cloud(self, message: PointCloud2) -> None:
-        self._join.add_input(_CLOUD, stamp_ns_of(message.header), message)
+        self.add_input(_CLOUD, message)
+
+    def add_input(self, name: str, message: PointCloud2) -> None:
+        """Receive a message of an input; answer what it completes."""
+        self._join.add_input(name, stamp_ns_of(message.header), message)
         self._finish_ticks()
 
     def _on_odometry(self, message: Odometry) -> None:
@@ -102,24 +121,63 @@ class ReferenceStack(Node):
         """Answer and report each tick whose messages have all arrived."""
         if self._scene is None or self._pipeline is None:
             return
-        for stamp_ns, odometry, messages in self._join.release_complete(self._due):
+        for stamp_ns, odometry, messages in self._join.release_complete(self.due):
             if _CLOUD in messages:
-                self._answer(self._scene, self._pipeline, messages[_CLOUD], odometry, stamp_ns)
+                self._answer(self._scene, self._pipeline, messages, odometry, stamp_ns)
             self._report(self._scene, stamp_ns)
 
-    def _due(self, stamp_ns: int) -> tuple[str, ...]:
-        """The inputs that a tick waits for, besides its odometry."""
+    def due(self, stamp_ns: int) -> tuple[str, ...]:
+        """The inputs that a tick waits for, besides its odometry; override it if there are more."""
         return (_CLOUD,) if self._scene is not None and self._scene.has_cloud(stamp_ns) else ()
 
-    def _answer(self, scene: Scene, pipeline: Pipeline, cloud: PointCloud2, odometry: Odometry, stamp_ns: int) -> None:
+    def _answer(
+        self,
+        scene: Scene,
+        pipeline: Pipeline,
+        messages: Mapping[str, PointCloud2],
+        odometry: Odometry,
+        stamp_ns: int,
+    ) -> None:
         map_from_ego = pose_of(odometry) @ scene.base_link_from_ego
-        answer = pipeline.step(*points_of(cloud), map_from_ego, stamp_ns * 1e-9)
+        answer = pipeline.step(*points_of(messages[_CLOUD]), map_from_ego, stamp_ns * 1e-9)
+        answer = self.complete(answer, messages, map_from_ego)
         in_map = header_of(stamp_ns, odometry.header.frame_id)
         self._boxes.publish(table_message(answer.boxes, in_map))
         if self._markers.get_subscription_count():
             self._markers.publish(markers_message(answer.boxes, in_map))
         self._grid.publish(scores_message(answer.scores, header_of(stamp_ns, scene.ego_frame)))
 
+    def complete(self, answer: Answer, messages: Mapping[str, PointCloud2], map_from_ego: Floats) -> Answer:
+        """Complete an answer by what other inputs than the cloud tell; override it if there are any.
+
+        Args:
+            answer: The answer to the cloud.
+            messages: What has arrived of the tick, by input.
+            map_from_ego: (4, 4) pose of the ego at the tick.
+        """
+        return answer
+
     def _report(self, scene: Scene, stamp_ns: int) -> None:
         """Report a tick as finished; in lockstep, the world waits for it if ``graph.participants`` lists this node."""
         self._ready.publish(header_of(stamp_ns, f"{self.get_name()}:{scene.name}"))
+
+
+def run_until_signal(make_node: Callable[[], ReferenceStack]) -> None:
+    """Run a stack until SIGINT or SIGTERM.
+
+    Args:
+        make_node: Makes the node once ROS runs.
+    """
+    rclpy.init()
+    node: ReferenceStack | None = None
+    try:
+        node = make_node()
+        rclpy.spin(node)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    except UsageError as error:
+        sys.exit(f"error: {error}")
+    finally:
+        if node is not None:
+            node.destroy_node()
+        rclpy.utilities.try_shutdown()

@@ -11,7 +11,11 @@ from simbev_ros.reference_stack.grid import GridShape
 _NS_PER_S = 1_000_000_000
 
 
-class NoLidarError(Exception):
+class UsageError(Exception):
+    """Base of what a stack is told wrong; the message says what to change."""
+
+
+class NoLidarError(UsageError):
     """Raised when no lidar of the scene's rig publishes on the expected topic."""
 
 
@@ -53,17 +57,22 @@ def read_scene(text: str, points_topic: str) -> Scene:
         points_topic: Topic of the clouds.
 
     Raises:
-        NoLidarError: No lidar of the rig publishes there.
+        NoLidarError: No lidar of an agent publishes there.
     """
     spec = json.loads(text)
-    rig, bev, tick_ns = spec["rig"], spec["annotation"]["bev"], spec["tick_ns"]
-    lidars = {f"/{rig['agent']}/{each['name']}/points": each for each in rig["sensors"] if each["type"] == "lidar"}
+    lidars = {
+        f"/{agent['rig']['agent']}/{sensor['name']}/points": (agent, sensor)
+        for agent in (spec, *spec.get("agents", ()))  # a scene with one agent has no others
+        for sensor in agent["rig"]["sensors"]
+        if sensor["type"] == "lidar"
+    }
     if points_topic not in lidars:
         raise NoLidarError(f"no lidar of the scene publishes {points_topic}; remap it to one of: {', '.join(lidars)}")
-    lidar = lidars[points_topic]
-    is_behind = spec.get("frames", {}).get("base_link") == "rear_axle"
+    agent, lidar = lidars[points_topic]
+    name, bev, tick_ns = agent["rig"]["agent"], agent["annotation"]["bev"], spec["tick_ns"]
+    is_behind = agent.get("frames", {}).get("base_link") == "rear_axle"
     base_link_from_ego = np.eye(4)
-    base_link_from_ego[0, 3] = -spec.get("base_link_x_m", 0.0)  # left out where both are the same frame
+    base_link_from_ego[0, 3] = -agent.get("base_link_x_m", 0.0)  # left out where both are the same frame
     period_ns = _NS_PER_S / lidar["rate_hz"] if lidar["rate_hz"] else tick_ns
     return Scene(
         name=f"{spec['map']['name']}-{spec['number']:04d}",
@@ -72,7 +81,7 @@ def read_scene(text: str, points_topic: str) -> Scene:
         period_ticks=max(1, round(period_ns / tick_ns)),
         ego_from_lidar=_pose(lidar["pose"]),
         base_link_from_ego=base_link_from_ego,
-        ego_frame=f"{rig['agent']}/{'footprint' if is_behind else 'base_link'}",
+        ego_frame=f"{name}/{'footprint' if is_behind else 'base_link'}",
         grid=GridShape(bev["rows"], bev["columns"], bev["cell_m"]),
     )
 

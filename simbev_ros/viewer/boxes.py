@@ -1,16 +1,20 @@
 """Draws 3D boxes: the truth by class, where each object will be, and the boxes that a perception stack predicts."""
 
+from collections.abc import Callable, Iterator
+
 import numpy as np
 import rerun as rr
 
 from simbev_ros.annotation.boxes.boxes import LIGHT_IDS
 from simbev_ros.annotation.trajectories import futures
+from simbev_ros.dataset.calibration import calibrations
 from simbev_ros.dataset.values import columns, poses_from_odometry
 from simbev_ros.evaluation.predictions.predicted_boxes import boxes_in_map
 from simbev_ros.evaluation.predictions.prediction_messages import BOX_TYPES, message_boxes
-from simbev_ros.evaluation.predictions.reference_frames import ReferenceFrames
+from simbev_ros.evaluation.predictions.reference_frames import AgentPoses, ReferenceFrames
 from simbev_ros.geometry.transforms import quaternion_from_rpy
 from simbev_ros.palette import class_color
+from simbev_ros.scene.agents import agent_views
 from simbev_ros.semantics import BOX_CLASSES
 from simbev_ros.types import Float64Array, Table
 from simbev_ros.viewer.scene_log import WORLD, SceneLog
@@ -88,10 +92,8 @@ class PredictionDrawing:
         type_name = getattr(message, "__msgtype__", "")
         if type_name not in BOX_TYPES:
             return
-        pose: Float64Array = poses_from_odometry(samples["odom"][-1])
-        frames = ReferenceFrames(self._subject.spec, self._subject.calibration, lambda _: pose)
         answer = message_boxes(type_name, message, samples.tick, "/prediction/boxes")
-        predictions = boxes_in_map(answer, frames)
+        predictions = boxes_in_map(answer, ReferenceFrames(self._poses(samples)))
         boxes = predictions.boxes
         names = [BOX_CLASSES[label] for label in boxes.label.tolist()]
         self._log.add(
@@ -107,6 +109,14 @@ class PredictionDrawing:
             ),
         )
 
+    def _poses(self, samples: Samples) -> Iterator[AgentPoses]:
+        """Agents whose poses are among the samples; an answer may be in the frames of any."""
+        shown = self._subject.spec.rig.agent
+        for view in agent_views(self._subject.spec):
+            key = "odom" if view.rig.agent == shown else f"{view.rig.agent}/odom"
+            if key in samples:
+                yield AgentPoses(view, calibrations(view.rig), _constant(poses_from_odometry(samples[key][-1])))
+
 
 def box_labels(name: str, boxes: Table) -> list[str]:
     """Class, id, speed and visibility of (N,) boxes of one class."""
@@ -116,3 +126,8 @@ def box_labels(name: str, boxes: Table) -> list[str]:
         f"{name} {number} · {speed:.1f} m/s · " + ("in no image" if share != share else f"{share:.0%} visible")
         for number, speed, share in rows
     ]
+
+
+def _constant(pose: Float64Array) -> Callable[[int], Float64Array]:
+    """The (4, 4) pose at whichever tick."""
+    return lambda _: pose

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from ego_frames import with_frames
 from made_up_scene import made_up_spec
+from several_agents import car, with_agents
 
 from simbev_ros.baselines.modality import Modality
 from simbev_ros.baselines.node.scene_inputs import SceneInputs, inputs_of_scene, stacked_projections
@@ -100,3 +101,13 @@ def test_an_unsuitable_rig_is_refused(sensors: list[dict[str, Any]], lidar_topic
 
 def test_projections_of_no_cameras_are_an_empty_array() -> None:
     assert stacked_projections([]).shape == (0, 3, 4) and stacked_projections([]).dtype == np.float64
+
+
+def test_a_model_may_see_what_another_agent_sees() -> None:
+    spec = with_agents(spec_of(LIDAR, FRONT), car("car", 2, [ROOF, LEFT]))
+    inputs = inputs_of_scene(spec.model_dump_json(), Modality.FUSED, cameras=6, size_px=SIZE_PX, agent="car")
+    assert inputs.lidar is not None and inputs.lidar.topic == "/car/roof/points"
+    assert inputs.cameras["left"].raw_topic == "/car/left/rgb/image_raw"
+    assert (inputs.odometry_topic, inputs.ego_frame) == ("/car/odom", "car/base_link")
+    with pytest.raises(InputError, match=r"^agent: Blocks-0002: no agent 'bus'; there are: ego, car$"):
+        inputs_of_scene(spec.model_dump_json(), Modality.LIDAR, agent="bus")

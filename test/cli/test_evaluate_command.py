@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 
+import cooperative_scene
 import evaluated_dataset as made
 import pytest
 from click.testing import Result
@@ -105,3 +106,29 @@ def test_predictions_of_another_dataset_are_refused(dataset: Path, tmp_path: Pat
     result = called(tmp_path, dataset)
     assert isinstance(result.exception, InputError)
     assert "there is no 'Town03-0007'; the dataset has Blocks-0000, Blocks-0001" in str(result.exception)
+
+
+def test_one_of_several_agents_is_judged_by_what_all_of_them_see(tmp_path: Path) -> None:
+    cars, file, figures_file = (
+        cooperative_scene.record(tmp_path / "cars"),
+        tmp_path / "car.parquet",
+        tmp_path / "f.json",
+    )
+    seen = {tick: cooperative_scene.seen("car", tick) for tick in range(cooperative_scene.TICKS)}
+    write_predictions(file, [(cooperative_scene.NAME, cooperative_scene.as_answers(seen))])
+    words = (file, cars, "--agent", "car", "--points", "1", "--json", figures_file, "--workers", "1", "--by", "")
+    for truth, boxes, precision in (("own", 3, 1.0), ("joint", 4, 0.75)):
+        result = called(*words, "--truth", truth, "--report", tmp_path / "report.html")
+        assert result.exit_code == 0, result.output
+        figures = json.loads(figures_file.read_text())
+        assert (figures["agent"], figures["truth"]) == ("car", truth)
+        assert figures["detection"]["boxes"] == boxes * cooperative_scene.TICKS
+        assert figures["detection"]["iou"]["mAP"] == pytest.approx(precision, abs=0.01)
+    assert "figures in" in result.stdout and (tmp_path / "report.html").stat().st_size > 10_000
+
+
+def test_a_bag_has_the_answers_of_an_agent_below_its_name(tmp_path: Path) -> None:
+    cars = cooperative_scene.record(tmp_path / "cars")
+    for agent, topic in (("car", "/car/prediction/boxes"), ("ego", "/prediction/boxes")):
+        assert f"there is no topic {topic}," in str(called(cars, cars, "--agent", agent).exception)
+    assert "--agent 'bus': " in str(called(cars, cars, "--agent", "bus").exception)

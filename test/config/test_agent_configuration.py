@@ -146,7 +146,10 @@ def test_fields_are_found_in_the_file_again_also_in_copies() -> None:
             r"x.yaml:5: agents\[2\].name: two agents are called car_2",
         ),
         (f"{EGO}agents:\n - {{name: ego, {RIG}}}", r"x.yaml:4: agents\[0\].name: two agents are called ego"),
-        (entry("name: world"), r"x.yaml:4: agents\[1\].name: 'world' is taken; not allowed: all, world, sync, .*, odom"),
+        (
+            entry("name: world"),
+            r"x.yaml:4: agents\[1\].name: 'world' is taken; not allowed: all, world, sync, .*, odom",
+        ),
         (entry("name: car").replace("ego", "tf"), r"x.yaml:3: agents\[0\].name: 'tf' is taken"),
         (entry("name: top"), r"x.yaml:4: agents\[1\].name: a sensor is called top, too"),
         (entry("name: Car"), r"x.yaml:4: agents\[1\].name: .*pattern .* not 'Car'"),

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import pytest
 
 from simbev_ros.errors import InputError
-from simbev_ros.evaluation.live.answer_join import BOXES, LABELS, POSE, AnswerJoin, WaitLimits
+from simbev_ros.evaluation.live.answer_join import BOXES, LABELS, POSE, AnswerJoin, WaitLimits, pose_of
 
 LOCKSTEP, LIVE = WaitLimits(None, 10.0), WaitLimits(4, 2.0)
 
@@ -207,3 +207,16 @@ def test_live_the_end_is_reached_even_if_truth_is_lost() -> None:
     assert scene.pop_ticks(2.2) == [(0, 2)]
     assert scene.join.is_over
     assert scene.join.counts.without_truth == 2
+
+
+def test_a_frame_waits_for_the_poses_of_other_agents() -> None:
+    join = AnswerJoin(lambda tick: True, LOCKSTEP, [pose_of("car")])
+    join.add_topic("/boxes")
+    for part in (POSE, BOXES, LABELS):
+        join.add_truth(part, 0, part)
+    join.add_answer("/boxes", 0, "answer", 0.0)
+    assert not [*join.pop_ready_frames(0.0)]
+    join.add_truth(pose_of("car"), 0, "pose of the car")
+    [frame] = join.pop_ready_frames(0.1)
+    assert frame.truth[pose_of("car")] == "pose of the car"
+    assert (join.counts.missed, join.counts.without_truth) == (0, 0)

@@ -23,18 +23,22 @@ CHANNELS = 14
 
 
 class EchoStack(Node):
-    """Republishes boxes and labels as predictions; reports ticks as ``echo`` with ``--reports``."""
+    """Republishes boxes and labels as predictions; reports ticks as ``echo`` with ``--reports``.
+
+    With ``--agent`` it is the stack of that agent beside the first one, called ``<agent>_echo``.
+    """
 
     def __init__(self, options: argparse.Namespace) -> None:
-        super().__init__("echo")
+        super().__init__(f"{options.agent}_echo" if options.agent else "echo")
+        agent, answers = options.agent or "ego", f"/{options.agent}" if options.agent else ""
         self.options, self.spec, self.polls = options, None, 0
-        self.boxes = self.create_publisher(PointCloud2, "/prediction/boxes", EVERY)
-        self.grids = self.create_publisher(Image, "/prediction/bev", EVERY)
+        self.boxes = self.create_publisher(PointCloud2, f"{answers}/prediction/boxes", EVERY)
+        self.grids = self.create_publisher(Image, f"{answers}/prediction/bev", EVERY)
         self.ready = self.create_publisher(Header, "/sync/ready", LATCHED)
         self.create_subscription(String, "/world/scene", self.on_scene, LATCHED)
         self.inputs = [
-            self.create_subscription(PointCloud2, "/ego/boxes", self.on_boxes, EVERY),
-            self.create_subscription(Image, "/ego/bev/labels", self.on_labels, EVERY),
+            self.create_subscription(PointCloud2, f"/{agent}/boxes", self.on_boxes, EVERY),
+            self.create_subscription(Image, f"/{agent}/bev/labels", self.on_labels, EVERY),
         ]
         self.done: dict[int, int] = {}
         self.create_timer(0.05, self.load, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -51,7 +55,7 @@ class EchoStack(Node):
 
     def report(self, tick: int) -> None:
         if self.options.reports:
-            self.ready.publish(header(self.spec.stamp_ns(tick), f"echo:{self.spec.name}"))
+            self.ready.publish(header(self.spec.stamp_ns(tick), f"{self.get_name()}:{self.spec.name}"))
 
     def finish(self, tick: int) -> None:
         self.done[tick] = self.done.get(tick, 0) + 1
@@ -93,6 +97,7 @@ class EchoStack(Node):
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--skip", type=int, default=0, help="leave every Nth tick unanswered")
+    parser.add_argument("--agent", default="")
     parser.add_argument("--die-at", type=int, default=-1)
     parser.add_argument("--garble", type=int, default=-1, help="tick whose boxes are sent without columns")
     parser.add_argument("--hang-at", type=int, default=-1)

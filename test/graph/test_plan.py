@@ -268,3 +268,27 @@ def test_nodes_wait_for_the_evaluator_on_topics_that_it_reads() -> None:
     read = ["/ego/boxes", "/ego/bev/labels", "/ego/lidar/points"]
     assert all(node.parameters["evaluated_topics"] == read for process in processes[1:-1] for node in process)
     assert processes[-1][0].parameters["input_topic"] == "/ego/lidar/points"
+
+
+def test_each_evaluated_agent_has_an_evaluator_and_a_file_of_figures(tmp_path: Path) -> None:
+    section = {"truth": "joint", "participant": "fusion"}
+    paper = load_scenario("paper")
+    car = Agent.model_validate({"name": "car", "rig": paper.rig.model_dump(), "evaluation": section})
+    scenario = scenario_with_evaluation({}, agents=(car,))
+    processes = plan_processes(scenario, 1, live=False, dataset=None, figures=tmp_path)
+    evaluators = [node for process in processes for node in process if node.kind == "evaluator"]
+    assert [(node.name, node.agent, node.parameters.get("agent")) for node in evaluators] == [
+        ("evaluator", "", None),
+        ("evaluator_car", "", "car"),
+    ]
+    assert all(node.parameters["outside_participants"] == ["fusion"] for node in evaluators)
+    assert [node.parameters["input_topic"] for node in evaluators] == ["/ego/lidar/points", "/car/lidar/points"]
+    assert [node.parameters["figures"] for node in evaluators] == [
+        str(tmp_path / name) for name in ("figures.json", "figures_car.json")
+    ]
+    read = ["/ego/boxes", "/ego/bev/labels", "/ego/lidar/points"]
+    read += ["/world/boxes", "/car/bev/labels", "/car/lidar/points"]
+    sensing = [node for process in processes[1:] for node in process if node.kind != "evaluator"]
+    assert all(node.parameters["evaluated_topics"] == read for node in sensing)
+    names = [node.name for process in processes[1:] for node in process]
+    assert processes[0][0].parameters["participants"] == [*names, "fusion"]

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from ego_frames import with_frames
 from made_up_scene import SENSORS, made_up_scene
+from several_agents import car, with_agents
 from visualization_msgs.msg import Marker
 
 from simbev_ros.config.lidar import Lidar
@@ -123,3 +124,15 @@ def test_markers_show_likely_boxes_after_deleting_earlier_ones() -> None:
     assert (car.type, car.action, car.ns, car.id, car.text) == (Marker.CUBE, Marker.ADD, "car", 4, "0.90")
     assert (car.pose.position.x, car.scale.x) == pytest.approx((3.0, 4.4))
     assert (car.pose.orientation.z, car.pose.orientation.w) == pytest.approx((np.sqrt(0.5), np.sqrt(0.5)))
+
+
+def test_the_stack_finds_the_lidar_of_another_agent(spec: SceneSpec) -> None:
+    agent = car("car", 2, [SENSORS[2]], frames={"base_link": "rear_axle"}, base_link_x_m=-1.25)
+    agent["annotation"] = {"bev": {"rows": 10, "columns": 12, "cell_m": 2.0}}
+    text = with_agents(spec, agent).model_dump_json()
+    scene = read_scene(text, "/car/lidar/points")
+    assert (scene.ego_frame, scene.grid) == ("car/footprint", GridShape(10, 12, 2.0))
+    assert scene.base_link_from_ego[:3, 3] == pytest.approx([1.25, 0, 0])
+    assert read_scene(text, "/ego/lidar/points").ego_frame == "ego/base_link"
+    with pytest.raises(NoLidarError, match=r"/ego/roof/points, /car/lidar/points$"):
+        read_scene(text, "/bus/lidar/points")

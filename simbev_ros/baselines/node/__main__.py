@@ -43,7 +43,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m simbev_ros.baselines.node",
         description="Answers the frames of a running graph with a trained baseline.",
-        epilog="What follows --ros-args goes to ROS: remapping, and the parameters lidar_topic and live.",
+        epilog="What follows --ros-args goes to ROS: remapping, and the parameters agent, lidar_topic and live.",
     )
     parser.add_argument("modality", choices=[each.value for each in Modality], help="what the baseline sees")
     parser.add_argument(

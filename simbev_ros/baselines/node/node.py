@@ -62,6 +62,7 @@ class BaselineNode(Node):
     prediction/boxes/markers (only with subscribers), prediction/bev and sync/ready out.
 
     Parameters:
+        agent: The agent whose sensors the model sees; left out: the scene's first one.
         lidar_topic: The lidar that the model sees, by its topic in the scene; left out: the rig's first one.
         live: Whether the graph is, so that the newest frame counts. Left out, best-effort sensors say so.
 
@@ -72,6 +73,7 @@ class BaselineNode(Node):
     def __init__(self, baseline: Baseline) -> None:
         super().__init__(baseline_stack(baseline.modality).participant)
         self._baseline = baseline
+        self._agent = str(self.declare_parameter("agent", "").value)
         self._lidar_topic = str(self.declare_parameter("lidar_topic", "").value)
         self._live_parameter = bool(self.declare_parameter("live", False).value)
         self._is_live = self._live_parameter
@@ -106,7 +108,9 @@ class BaselineNode(Node):
         self._is_live = self._live_parameter
         baseline = self._baseline
         size_px = baseline.camera_size_px or (0, 0)
-        inputs = inputs_of_scene(message.data, baseline.modality, self._lidar_topic, baseline.cameras, size_px)
+        inputs = inputs_of_scene(
+            message.data, baseline.modality, self._lidar_topic, baseline.cameras, size_px, self._agent
+        )
         if inputs.unseen_cameras:
             names = ", ".join(inputs.unseen_cameras)
             self.get_logger().info(f"the model takes {baseline.cameras} cameras; it does not see {names}")

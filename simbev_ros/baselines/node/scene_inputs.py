@@ -15,6 +15,7 @@ from simbev_ros.geometry.grid import BevGrid
 from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL, inverse
 from simbev_ros.msgs.sensor_topics import camera_topics, points_name
 from simbev_ros.msgs.topics import odometry_name
+from simbev_ros.scene.agents import agent_view
 from simbev_ros.scene.frames import ego_frame, ego_from_base_link
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.types import Float64Array
@@ -95,7 +96,12 @@ class SceneInputs:
 
 
 def inputs_of_scene(
-    text: str, modality: Modality, lidar_topic: str = "", cameras: int = 0, size_px: tuple[int, int] = (0, 0)
+    text: str,
+    modality: Modality,
+    lidar_topic: str = "",
+    cameras: int = 0,
+    size_px: tuple[int, int] = (0, 0),
+    agent: str = "",
 ) -> SceneInputs:
     """The inputs of a scene for a baseline.
 
@@ -105,11 +111,16 @@ def inputs_of_scene(
         lidar_topic: Topic of the points that it sees; empty: the first lidar's.
         cameras: Number of its images.
         size_px: Width and height of its images.
+        agent: Name of the agent whose sensors it sees; empty: the first one.
 
     Raises:
-        InputError: The rig lacks what the model sees, or a camera has a distorting lens.
+        InputError: There is no such agent, its rig lacks what the model sees, or a camera has a distorting lens.
     """
-    spec = SceneSpec.model_validate_json(text)
+    whole = SceneSpec.model_validate_json(text)
+    try:
+        spec = agent_view(whole, agent) if agent else whole
+    except KeyError as error:
+        raise InputError(f"agent: {error.args[0]}") from None
     bev = spec.annotation.bev
     colored = [camera for camera in spec.rig.of_type(Camera) if "rgb" in camera.modalities]
     if modality.has_cameras and not colored:

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from simbev_ros.cli.agent_option import AgentOption
 from simbev_ros.cli.console import counting_bar, make_console
 from simbev_ros.cli.output_file import require_place
 from simbev_ros.cli.pool import Workers, processes
@@ -24,6 +25,13 @@ def evaluate(
     dataset: Annotated[Path, typer.Argument(help="The dataset, or one scene's bag.", show_default=False)],
     split: Annotated[Literal["train", "val", "test"] | None, typer.Option(help="Only scenes of this split.")] = None,
     scenes: Annotated[str | None, typer.Option(help=f"Only these scenes, {_WORDS}.", metavar="NAMES")] = None,
+    agent: AgentOption = None,
+    truth: Annotated[
+        Literal["own", "joint"],
+        typer.Option(
+            help="Boxes to find: the agent's own, or with the points and the visibility of all agents together."
+        ),
+    ] = "own",
     every: Annotated[int, typer.Option(help="Evaluate every Nth frame of each scene.", min=1)] = 1,
     classes: Annotated[
         str | None, typer.Option(help=f"Only these classes of boxes and cells, {_WORDS}.", metavar="NAMES")
@@ -75,8 +83,14 @@ def evaluate(
     nuscenes: Annotated[
         bool, typer.Option("--nuscenes", help="Also compute the metrics of nuScenes, over its keyframes and classes.")
     ] = False,
-    boxes_topic: Annotated[str, typer.Option(help="Topic of boxes in bags.")] = "/prediction/boxes",
-    grids_topic: Annotated[str, typer.Option(help="Topic of cell scores in bags.")] = "/prediction/bev",
+    boxes_topic: Annotated[
+        str | None,
+        typer.Option(help="Topic of boxes in bags; by default /prediction/boxes, with --agent /NAME/prediction/boxes."),
+    ] = None,
+    grids_topic: Annotated[
+        str | None,
+        typer.Option(help="Topic of cell scores in bags; by default /prediction/bev, with --agent likewise."),
+    ] = None,
     report: Annotated[
         Path | None, typer.Option(help="HTML file with curves, tables and the worst frames.", rich_help_panel=_OUTPUT)
     ] = None,
@@ -100,6 +114,8 @@ def evaluate(
     simbev evaluate results datasets/first --range :50 --points 1 --classes car,pedestrian --by distance,weather
 
     simbev evaluate stack.mcap datasets/first/scenes/val/Town03-0004 --report report.html --json figures.json
+
+    simbev evaluate fused.parquet datasets/cars --agent car_2 --truth joint --points 1
     """
     from simbev_ros.cli.evaluate import options as parse
     from simbev_ros.cli.evaluate.tables import print_tables
@@ -133,20 +149,24 @@ def evaluate(
         bev_classes=bev_classes,
         every=every,
         nuscenes=nuscenes,
+        truth=truth,
     )
     pool = processes(workers)
     for file in filter(None, (report, json_file)):
         require_place(file)
     opened, console = open_dataset(dataset, threads=1), make_console(highlight=False)
-    chosen = parse.chosen_scenes(opened, split, scenes)
+    chosen = parse.chosen_scenes(opened, split, scenes, agent)
     if "map" in groups:
         counted = replace(counted, maps=tuple(sorted({scene.map for scene in chosen})))
         options = replace(options, slices=tuple(table_slices(counted, groups, starts_m)))
-    predicted = open_predictions(predictions, boxes_topic, grids_topic).for_dataset([s.name for s in opened.scenes])
+    usual = parse.answer_topics(chosen, agent)
+    predicted = open_predictions(predictions, boxes_topic or usual[0], grids_topic or usual[1])
+    predicted = predicted.for_dataset([s.name for s in opened.scenes])
     frames = sum(len(range(0, len(scene), every)) for scene in chosen)
     with counting_bar("frames", make_console(stderr=True), frames) as bar:
         result = evaluate_dataset(chosen, predicted, options, pool, bar.show)
-    figures = {"dataset": str(dataset), "predictions": str(predictions), **figures_of(result)}
+    whose = {"agent": agent, "truth": truth} if agent is not None or truth != "own" else {}
+    figures = {"dataset": str(dataset), "predictions": str(predictions), **whose, **figures_of(result)}
     if json_file is not None:  # before the tables, whose reader may close the pipe, as head does
         with write_errors(json_file):
             json_file.write_text(json.dumps(figures, indent=2) + "\n")

@@ -3,6 +3,8 @@
 import math
 from collections.abc import Sequence
 
+from simbev_ros.cli.agent_option import require_agent
+from simbev_ros.config.evaluation import answer_topics_of
 from simbev_ros.dataset import Dataset, Scene
 from simbev_ros.errors import InputError
 from simbev_ros.evaluation.conditions import DAYTIMES, WEATHERS
@@ -95,8 +97,8 @@ def counted(
     )
 
 
-def chosen_scenes(dataset: Dataset, split: str | None, names: str | None) -> Sequence[Scene]:
-    """The scenes of a dataset with a split and names; None: any.
+def chosen_scenes(dataset: Dataset, split: str | None, names: str | None, agent: str | None = None) -> Sequence[Scene]:
+    """The scenes of a dataset with a split, names and an agent, as it sees them; None: any, as the first agent.
 
     Raises:
         InputError: A scene does not exist, or none is left.
@@ -110,7 +112,17 @@ def chosen_scenes(dataset: Dataset, split: str | None, names: str | None) -> Seq
     if not scenes:
         of_split = "" if split is None else f" of the split {split!r}"
         raise InputError(f"{dataset.path}: there is no scene{of_split} to evaluate")
-    return scenes
+    if agent is None:
+        return scenes
+    require_agent(agent, sorted({name for scene in scenes for name in scene.agents}), dataset.path)
+    return [scene.of_agent(agent) for scene in scenes if agent in scene.agents]
+
+
+def answer_topics(scenes: Sequence[Scene], agent: str | None) -> tuple[str, str]:
+    """Usual topics of boxes and of grids for an agent of the scenes (None: the first one)."""
+    if agent is None or all(scene.spec is scene.spec.whole for scene in scenes):
+        return answer_topics_of("")
+    return answer_topics_of(agent)
 
 
 def _number(option: str, word: str) -> float:

@@ -7,7 +7,7 @@ stack gives has arrived or can no longer be expected. The code reads no clock: t
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,11 +15,16 @@ from simbev_ros.errors import InputError
 
 POSE, BOXES, LABELS = "pose", "boxes", "labels"
 """Parts of the ground truth of a frame; poses arrive at all ticks."""
-_TRUTH = (POSE, BOXES, LABELS)
+_OWN_TRUTH = (POSE, BOXES, LABELS)
 _MAX_POLL_GAP_S = 0.25
 """Upper bound on the waiting time that one poll adds: during a long computation, unread messages pile up."""
 _WAIT_AFTER_REPORT_S = 1.0
 _MAX_UNANSWERED = 2
+
+
+def pose_of(agent: str) -> str:
+    """Part of the ground truth that is the pose of another agent, in whose frames answers may be."""
+    return f"{POSE} of {agent}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +50,8 @@ class OpenFrame:
 
     Attributes:
         tick: Index of the frame in the scene.
-        truth: Ground truth by part: (4, 4) map_from_ego, (N,) ``BOX_DTYPE``, (H, W) labels.
+        truth: Ground truth by part: (4, 4) map_from_ego, (N,) ``BOX_DTYPE``, (H, W) labels; and the poses of other
+            agents.
         answers: ``PredictedBoxes`` or ``ScoreGrid``, by topic.
         input_s: Time when the input arrived, on any clock; None: it has not.
         answered_s: Time when the last answer arrived, on the same clock.
@@ -85,16 +91,18 @@ class AnswerJoin:
     Args:
         is_due: Tells whether there is a frame at a tick.
         limits: Limits on how long frames wait.
+        other_poses: Further parts of the ground truth, the poses of other agents (``pose_of``).
 
     Attributes:
         counts: Counts of the frames that have left and of late answers.
         finished_tick: The last tick up to which no frame is open; -1: there is none.
     """
 
-    def __init__(self, is_due: Callable[[int], bool], limits: WaitLimits) -> None:
+    def __init__(self, is_due: Callable[[int], bool], limits: WaitLimits, other_poses: Iterable[str] = ()) -> None:
         self._is_due, self._limits = is_due, limits
+        self._parts = (*_OWN_TRUTH, *other_poses)
         self._frames: dict[int, OpenFrame] = {}
-        self._newest_truth = dict.fromkeys(_TRUTH, -1)
+        self._newest_truth = dict.fromkeys(self._parts, -1)
         self._newest_answer: dict[str, int | None] = {}
         self._answered: set[tuple[str, int]] = set()
         self._silent: set[str] = set()
@@ -201,7 +209,7 @@ class AnswerJoin:
         if not self._is_due(tick):
             return True
         frame = self._frames.get(tick) or OpenFrame(tick)
-        missing = [part for part in _TRUTH if part not in frame.truth]
+        missing = [part for part in self._parts if part not in frame.truth]
         if missing:
             return any(self._newest_truth[part] > tick for part in missing) or (is_live and is_idle)
         is_past = is_live and self._ended_s >= self._limits.idle_s
@@ -224,7 +232,7 @@ class AnswerJoin:
 
     def _count_frame(self, frame: OpenFrame) -> bool:
         """Update the counts with a frame that leaves, and return whether it is evaluated."""
-        if len(frame.truth) < len(_TRUTH):
+        if len(frame.truth) < len(self._parts):
             self.counts.without_truth += 1
             return False
         if self._limits.grace_ticks is not None and frame.input_s is None and not frame.answers:

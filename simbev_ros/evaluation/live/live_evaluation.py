@@ -6,6 +6,7 @@ end the tally of the scene, equal to the one that ``scene_evaluation`` computes 
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy as np
 from simbev_ros.dataset.calibration import calibrations
 from simbev_ros.evaluation.evaluation import evaluation_from_tallies
 from simbev_ros.evaluation.figures import METHODS, figures_of
-from simbev_ros.evaluation.live.answer_join import BOXES, LABELS, POSE, JoinCounts, OpenFrame
+from simbev_ros.evaluation.live.answer_join import BOXES, LABELS, POSE, JoinCounts, OpenFrame, pose_of
 from simbev_ros.evaluation.metrics.averages import mean_ignoring_nan
 from simbev_ros.evaluation.metrics.detection import DetectionTally, detection_result, merge_tallies
 from simbev_ros.evaluation.metrics.segmentation import TABLE_THRESHOLD, THRESHOLDS
@@ -25,12 +26,13 @@ from simbev_ros.evaluation.predictions.predicted_boxes import (
     boxes_in_map,
     join_boxes,
 )
-from simbev_ros.evaluation.predictions.reference_frames import ReferenceFrames
+from simbev_ros.evaluation.predictions.reference_frames import AgentPoses, ReferenceFrames
 from simbev_ros.evaluation.predictions.score_grid import ScoreGrid
 from simbev_ros.evaluation.scene_boxes import GroundTruthFrame, SceneBoxes
 from simbev_ros.evaluation.scene_evaluation import FRAME_DTYPE, SceneTally
 from simbev_ros.evaluation.scene_grids import SceneGrids
 from simbev_ros.evaluation.slices import Conditions, TableSlice
+from simbev_ros.scene.agents import agent_views
 from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.semantics import BEV_CLASSES
 from simbev_ros.types import BoolArray, Float64Array, Table
@@ -59,12 +61,16 @@ class LiveEvaluation:
     """Tallies one scene while it runs.
 
     Args:
-        spec: The scene.
+        spec: The scene as the evaluated agent sees it.
         options: What to evaluate; ``every`` and ``nuscenes`` have no effect.
     """
 
     def __init__(self, spec: SceneSpec, options: EvaluationOptions) -> None:
-        self._spec, self._options, self._calibration = spec, options, calibrations(spec.rig)
+        self._spec, self._options = spec, options
+        self._poses: dict[str, Float64Array] = {}
+        self._frames = ReferenceFrames(
+            AgentPoses(view, calibrations(view.rig), partial(self._pose, view.rig.agent)) for view in agent_views(spec)
+        )
         self._waiting: list[tuple[GroundTruthFrame, PredictedBoxes]] = []
         self._cells = SceneGrids(spec.annotation.bev.grid, options.slices)
         self._rows: list[Table] = []
@@ -84,11 +90,12 @@ class LiveEvaluation:
             InputError: An answer does not fit the scene.
         """
         conditions, map_from_ego = Conditions.of_tick(self._spec, frame.tick), frame.truth[POSE]
+        own = self._spec.rig.agent
+        others = (rig.agent for rig in self._spec.rigs if rig.agent != own)
+        self._poses = {own: map_from_ego, **{name: frame.truth[pose_of(name)] for name in others}}
         boxes = [each for each in frame.answers.values() if isinstance(each, PredictedBoxes)]
         grids = [each for each in frame.answers.values() if isinstance(each, ScoreGrid)]
-        predictions = boxes_in_map(
-            join_boxes(boxes), ReferenceFrames(self._spec, self._calibration, lambda tick: map_from_ego)
-        )
+        predictions = boxes_in_map(join_boxes(boxes), self._frames)
         iou = self._cells.add_frame(frame.truth[LABELS], conditions, _merge_grids(grids), self._options.slices[0])
         truth = GroundTruthFrame(frame.tick, frame.truth[BOXES], map_from_ego, conditions)
         self._waiting.append((truth, PredictedBoxes.with_reference(predictions, Reference(MAP_FRAME, ""))))
@@ -139,6 +146,10 @@ class LiveEvaluation:
     def _answered_kinds(self) -> BoolArray:
         """(F, 2) whether each frame has an answer with boxes, and one with scores of cells."""
         return np.array(self._answered, np.bool_).reshape(-1, 2)
+
+    def _pose(self, agent: str, _: int) -> Float64Array:
+        """(4, 4) pose of an agent at the tick of the frame that is being counted."""
+        return self._poses[agent]
 
     def _match(self) -> None:
         """Match the boxes of the waiting frames."""

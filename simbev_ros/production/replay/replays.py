@@ -113,7 +113,7 @@ def _require_recordable(scenario: Scenario, out: Path | None, merge: str | None)
     """Check what is to be recorded, and where."""
     if (out is None) == (merge is None):
         raise InputError("replays are recorded either into a dataset or beside their scenes: give out or merge")
-    if scenario.evaluation is not None:
+    if scenario.evaluated_agents:
         raise InputError("evaluation: several graphs evaluate no stack; remove the section, or replay on one graph")
     if out is not None:
         require_writable(out)

@@ -1,7 +1,5 @@
 """The sheet of all agents draws points and boxes where they are, in the color of the agent that sees them."""
 
-from pathlib import Path
-
 import cooperative_scene as cooperative
 import numpy as np
 import pytest

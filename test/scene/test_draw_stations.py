@@ -7,6 +7,7 @@ import pytest
 import shapely
 
 from simbev_ros.config.load import load_scenario, parse_scenario
+from simbev_ros.config.sensor import Sensor
 from simbev_ros.errors import InputError
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
@@ -174,6 +175,7 @@ def test_units_of_one_entry_have_poses_of_their_own(draw: Draw) -> None:
 
 
 def test_the_mast_raises_all_sensors_of_its_unit_alone(draw: Draw) -> None:
+    assert Sensor.model_fields["pose"].default.ego_from_sensor is not None  # which the pose keeps
     spec = draw("name: rsu, mast: {junction: {}, height_m: 7.5}", "name: car")
     rsu, car = spec.agents
     assert [sensor.pose.z_m for sensor in rsu.rig.sensors] == [8.5, 7.5]

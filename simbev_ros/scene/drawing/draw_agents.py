@@ -3,11 +3,12 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from simbev_ros.config.agents import Agent, Ego
+from simbev_ros.config.base import Model
 from simbev_ros.config.draw import sample
 from simbev_ros.config.places import Mast
 from simbev_ros.config.rig import Rig
@@ -111,9 +112,14 @@ def _raised(rig: Rig, height_m: float) -> Rig:
     """Copy of a rig with all sensors higher."""
     sensors = []
     for sensor in rig.sensors:
-        pose = Pose(**dict(sensor.pose) | {"z_m": sensor.pose.z_m + height_m})
-        sensors.append(type(sensor)(**dict(sensor) | {"pose": pose}))  # a copy would keep what the original has cached
+        pose = Pose(**_fields(sensor.pose) | {"z_m": sensor.pose.z_m + height_m})
+        sensors.append(type(sensor)(**_fields(sensor) | {"pose": pose}))
     return rig.model_copy(update={"sensors": tuple(sensors)})
+
+
+def _fields(model: Model) -> dict[str, Any]:
+    """Values of a model's fields without what it has cached, which ``dict`` and ``model_copy`` keep."""
+    return {name: getattr(model, name) for name in type(model).model_fields}
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,7 @@ import yaml
 
 from simbev_ros.config.load import load_scenario, parse_scenario
 from simbev_ros.errors import InputError
+from simbev_ros.production.dataset import without_stack
 
 RIG = "rig: {sensors: [{type: lidar, name: top}]}"
 EGO = f"scenes: [{{map: Blocks, train: 1}}]\n{RIG}\n"
@@ -81,3 +82,10 @@ def test_an_error_names_the_file_the_line_and_the_field(tmp_path: Path, text: st
     path.write_text(text)
     with pytest.raises(InputError, match=message):
         load_scenario(path)
+
+
+def test_production_runs_no_stack() -> None:
+    scenario = parse_scenario(with_agent("evaluation: {participant: a}", first="{participant: b}"), "x")
+    plain = without_stack(scenario)
+    assert plain.participants == plain.evaluated_agents == ()
+    assert plain == parse_scenario(with_agent("evaluation: null"), "x")

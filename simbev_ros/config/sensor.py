@@ -18,12 +18,18 @@ MAX_HEIGHT_ON_VEHICLE_M = 20.0
 
 
 class Pose(Model):
-    """Pose of a sensor in the ego frame: x forward, y left, z up, origin on the ground below the box's center."""
+    """Pose of a sensor in the ego frame: x forward, y left, z up, origin on the ground below the box's center.
+
+    On a mast, the origin is its foot, and `mast.height_m` is added to `z_m`.
+    """
 
     x_m: float = Field(0.0, ge=-20, le=20, description="forward")
     y_m: float = Field(0.0, ge=-20, le=20, description="left")
     z_m: float = Field(
-        0.0, ge=-5, le=MAX_SENSOR_HEIGHT_M, description=f"up; on a vehicle at most {MAX_HEIGHT_ON_VEHICLE_M:g}"
+        0.0,
+        ge=-5,
+        le=MAX_SENSOR_HEIGHT_M,
+        description=f"up from the ground; at most {MAX_HEIGHT_ON_VEHICLE_M:g} on a vehicle",
     )
     roll_deg: float = Field(0.0, ge=-180, le=180, description="rotation about x; positive tilts to the right")
     pitch_deg: float = Field(0.0, ge=-180, le=180, description="rotation about y; positive looks down (REP-103)")

@@ -68,7 +68,7 @@ rig:
 `rig` is a mapping, or the path of a file with one, relative to the configuration's folder. In a rig, `defaults` maps a
 sensor type to properties that all sensors of this type share.
 
-In a scene with several agents, each is a vehicle with a rig of its own. The first one is the ego:
+In a scene with several agents, each is a vehicle or a roadside unit with its own rig. The first vehicle is the ego:
 
 ```yaml
 scenes:
@@ -76,6 +76,7 @@ scenes:
 agents:
   - {name: ego, rig: rigs/demo.yaml}
   - {name: van, rig: rigs/demo.yaml, blueprint: vehicle.van, near: {distance_m: 40}}
+  - {name: rsu, rig: rigs/demo.yaml, mast: {junction: {signalised: true}, height_m: 5}}
 ```
 
 The sections `rig`, `ego`, `frames` and `annotation` may describe the ego instead; `agents` then lists the others.

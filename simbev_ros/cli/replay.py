@@ -59,9 +59,10 @@ def replay(
 ) -> None:
     """Play recorded scenes with exactly the same motion, on the same topics and stamps.
 
-    Rig and annotation come from the configuration, as do weather and lights if it has these sections; everything else
-    comes from the bags. Of a dataset only scenes that are not recorded yet are played: after Ctrl-C the same command
-    continues where it stopped.
+    Rigs and annotation come from the configuration, as do weather and lights if it has these sections; everything else
+    comes from the bags. Agents ride in the vehicles that carried them, by name; a new one names its carrier or has a
+    mast. Of a dataset only scenes that are not recorded yet are played: after Ctrl-C the same command continues where
+    it stopped.
 
     With --workers or --ray, a scene that fails is tried again, then listed, and the others follow; the exit code is 1
     then. Each attempt has a log.

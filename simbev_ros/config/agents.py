@@ -79,6 +79,13 @@ class Agent(Ego):
         description="makes the agent a roadside unit, which has no fields of vehicles: `blueprint`, `driver`, "
         "`reckless_probability`, `spawn` and `near`; none: the agent is a vehicle",
     )
+    carrier: int | None = Field(
+        None,
+        ge=1,
+        exclude_if=lambda carrier: carrier is None,
+        description="only in replays: actor id of the recorded vehicle that carries the rig; none: the vehicle that "
+        "carried the agent of this name",
+    )
     frames: Frames | None = Field(
         None,
         description="coordinate frames of the agent; none: those of the first agent. A roadside unit has the defaults",
@@ -116,6 +123,12 @@ class Agent(Ego):
     def _starts_in_one_way(self) -> Self:
         if self.spawn and self.near is not None:
             raise FieldError(["near"], "spawn and near are set; give one of them")
+        return self
+
+    @model_validator(mode="after")
+    def _one_agent_rides_in_a_vehicle(self) -> Self:
+        if self.carrier is not None and self.count is not None:
+            raise FieldError(["carrier"], "count and carrier are set; give one of them, as a vehicle carries one agent")
         return self
 
     @model_validator(mode="after")
@@ -195,7 +208,7 @@ class Agent(Ego):
         return ("mast", self.mast.drawn_place or "poses", "near"), self.mast.near
 
 
-_OF_VEHICLES = (*Ego.model_fields, "near")
+_OF_VEHICLES = (*Ego.model_fields, "near", "carrier")
 """Fields of an agent that a roadside unit does not have."""
 
 

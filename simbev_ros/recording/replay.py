@@ -27,6 +27,7 @@ from simbev_ros.recording.layout import (
 )
 from simbev_ros.recording.lead_in import lead_in_messages
 from simbev_ros.recording.reader import RawMessage, SceneBag
+from simbev_ros.recording.replayed_agents import replayed_agents
 from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.drawing.draw_lights import draw_lights
 from simbev_ros.scene.drawing.draw_v2x import draw_v2x
@@ -222,8 +223,8 @@ _DECOMPRESSORS = {MAP_SOURCE_ATTACHMENT: bunzip2, GZIPPED_MAP_SOURCE_ATTACHMENT:
 def replayed_spec(bag: SceneBag, scenario: Scenario, network: RoadNetwork, chosen: MapSpec | None = None) -> SceneSpec:
     """Specification for replaying a bag with another configuration.
 
-    Rig and annotation come from the configuration, and so do weather and lights if it sets them; everything else is as
-    recorded.
+    Rigs, annotation and the agents beside the first one come from the configuration (see ``replayed_agents``), and so
+    do weather and lights if it sets them; everything else is as recorded.
 
     Args:
         bag: The bag.
@@ -233,7 +234,7 @@ def replayed_spec(bag: SceneBag, scenario: Scenario, network: RoadNetwork, chose
 
     Raises:
         BagError: The bag holds no scene, or it was recorded on other roads.
-        InputError: The configuration has another tick length.
+        InputError: The configuration has another tick length, or an agent that the scene has no vehicle for.
     """
     spec = recorded_spec(bag)
     if spec.tick_ns != scenario.time.tick_ns:
@@ -244,17 +245,19 @@ def replayed_spec(bag: SceneBag, scenario: Scenario, network: RoadNetwork, chose
     if recorded_map is not None and recorded_map != network.opendrive.encode():
         raise BagError(f"{bag.path}: was recorded on other roads than map {spec.map.name} has now")
     ego = blueprint_named(spec.vehicles[0].blueprint)
+    starts = StartPositions(network, scenario.traffic.waypoint_spacing_m)
+    agents = replayed_agents(spec, scenario, network, starts)
     changes: dict[str, object] = {
         "rig": scenario.rig,
         "frames": scenario.frames,
         "base_link_x_m": base_link_x_m(scenario.frames, ego),
         "annotation": scenario.annotation,
-        "v2x": draw_v2x(scenario, spec.seed, [scenario.rig.agent, *(agent.rig.agent for agent in spec.agents)]),
+        "agents": agents,
+        "v2x": draw_v2x(scenario, spec.seed, [scenario.rig.agent, *(agent.rig.agent for agent in agents)]),
         "map": chosen or spec.map,
     }
     if "weather" in scenario.model_fields_set:
-        is_hilly = StartPositions(network, scenario.traffic.waypoint_spacing_m).is_hilly
-        changes["weather"], changes["final_weather"] = draw_weathers(scenario.weather, spec.seed, hilly=is_hilly)
+        changes["weather"], changes["final_weather"] = draw_weathers(scenario.weather, spec.seed, hilly=starts.is_hilly)
     if "lights" in scenario.model_fields_set:
         changes["lights"] = draw_lights(scenario.lights, spec.seed)
     return spec.model_copy(update=changes)

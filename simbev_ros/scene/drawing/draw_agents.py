@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from simbev_ros.config.agents import Agent, Ego
+from simbev_ros.config.agents import Agent, Ego, EgoDriverKind
 from simbev_ros.config.base import Model
 from simbev_ros.config.draw import sample
 from simbev_ros.config.places import Mast
@@ -76,31 +76,44 @@ def draw_agents(
     masts = StationDrawer(seed, network, starts, scenario.traffic.spawn_radius_m, drawn.position_m, drawn.stations)
     carriers.draw(scenario.ego, scenario.rig.agent, "ego", partial(scenario.where, "ego"))
     for index, agent in enumerate(scenario.agents):
-        count = 1 if agent.count is None else round(sample(agent.count, stream(seed, f"agents.{agent.name}.count")))
         where, siblings = partial(scenario.where, "agents", index), list[StationSpec]()
-        for name in agent.names(count):
+        if agent.carrier is not None:
+            raise InputError(f"{where('carrier')}: is for replays alone, which have recorded vehicles; leave it out")
+        for name in drawn_names(agent, seed):
             if agent.mast is None:
                 carriers.draw(agent, name, f"agents.{name}", where)
-                drawn.further.append(_on_vehicle(scenario, agent, name, len(drawn.vehicles) - 1))
+                vehicle, number = drawn.vehicles[-1], len(drawn.vehicles) - 1
+                drawn.further.append(agent_on_vehicle(scenario, agent, name, vehicle, number, agent.driver))
             else:
                 siblings.append(masts.draw(agent.mast, name, partial(where, "mast"), siblings))
-                drawn.further.append(_on_mast(scenario, agent, agent.mast, name, siblings[-1]))
+                drawn.further.append(agent_on_mast(scenario, agent, agent.mast, name, siblings[-1]))
     return drawn.agents()
 
 
-def _on_vehicle(scenario: Scenario, agent: Agent, name: str, vehicle_index: int) -> AgentSpec:
+def drawn_names(agent: Agent, seed: int) -> tuple[str, ...]:
+    """Names of the agents of an entry in the scene with this seed, whose number is drawn if the entry has a count."""
+    return agent.names(
+        1 if agent.count is None else round(sample(agent.count, stream(seed, f"agents.{agent.name}.count")))
+    )
+
+
+def agent_on_vehicle(
+    scenario: Scenario, agent: Agent, name: str, vehicle: VehicleSpec, index: int, driver: EgoDriverKind
+) -> AgentSpec:
+    """Specification of an agent that rides in a vehicle, which has this index in the scene."""
     frames = scenario.frames if agent.frames is None else agent.frames
     return AgentSpec(
         rig=agent.rig.model_copy(update={"agent": name}),
         frames=frames,
-        base_link_x_m=base_link_x_m(frames, blueprint_named(agent.blueprint)),
+        base_link_x_m=base_link_x_m(frames, blueprint_named(vehicle.blueprint)),
         annotation=scenario.annotation if agent.annotation is None else agent.annotation,
-        vehicle=vehicle_index,
-        driver=agent.driver,
+        vehicle=index,
+        driver=driver,
     )
 
 
-def _on_mast(scenario: Scenario, agent: Agent, mast: Mast, name: str, station: StationSpec) -> AgentSpec:
+def agent_on_mast(scenario: Scenario, agent: Agent, mast: Mast, name: str, station: StationSpec) -> AgentSpec:
+    """Specification of a roadside unit; its mast raises the sensors of its rig."""
     return AgentSpec(
         rig=_raised(agent.rig, mast.height_m).model_copy(update={"agent": name}),
         annotation=scenario.annotation if agent.annotation is None else agent.annotation,

@@ -44,6 +44,7 @@ def holds(messages: list[bytes], count: int) -> bool:
     return len(messages) == count
 
 
+@pytest.mark.slow
 def test_labels_of_a_replayed_bag_equal_the_recorded_ones(recorded: Path) -> None:
     with SceneBag(recorded) as bag:
         assert bag.spec is not None

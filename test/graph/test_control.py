@@ -148,6 +148,7 @@ def test_replay_at_night_with_other_sensors_repeats_all_motion(recorded: Path, s
     )
 
 
+@pytest.mark.slow
 def test_other_frames_and_noisy_localization_change_no_motion(recorded: Path, simbev: Simbev, tmp_path: Path) -> None:
     """Wheel odometry, GNSS velocity and orientation errors are recorded completely, and /tf composes to the truth."""
     sensors = [

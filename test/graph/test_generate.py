@@ -26,9 +26,10 @@ SMALL, LARGE = (
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("scenes", "has_lidar", "kills"),
-    [(SMALL, False, 1), pytest.param(f"{LARGE}, {{map: Town07, test: 3}}", True, 10, marks=pytest.mark.slow)],
+    [(SMALL, False, 1), (f"{LARGE}, {{map: Town07, test: 3}}", True, 10)],
     ids=["small", "four towns"],
 )
 def test_killed_at_random_moments_it_ends_with_the_same_bytes(

@@ -55,6 +55,7 @@ def viewers(command: Command) -> list[psutil.Process]:
     return [each for each in found if {"view", "--serve-web"} & set(each.cmdline())]
 
 
+@pytest.mark.slow
 def test_a_stopped_viewer_neither_holds_up_a_graph_nor_changes_what_it_records(
     undisturbed: dict[str, str], simbev: Simbev, small_config: Config, tmp_path: Path
 ) -> None:

@@ -12,7 +12,7 @@ from simbev_ros.scene.agents import ego_row
 from simbev_ros.scene.state import map_from_actors
 from simbev_ros.semantics import Tag
 
-pytestmark = pytest.mark.graph
+pytestmark = [pytest.mark.graph, pytest.mark.slow]
 
 SCENES = """
 seed: 11

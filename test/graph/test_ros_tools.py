@@ -123,6 +123,7 @@ OF_RCLPY = ("use_sim_time", "start_type_description_service")
 """Parameters that rclpy declares for every node, without a description."""
 
 
+@pytest.mark.slow
 def test_time_is_repeated_while_a_recorded_world_is_paused_and_the_bag_holds_it_once(
     simbev: Simbev, small_config: Callable[..., Path], tmp_path: Path
 ) -> None:

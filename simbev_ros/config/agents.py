@@ -208,7 +208,7 @@ class Agent(Ego):
         return ("mast", self.mast.drawn_place or "poses", "near"), self.mast.near
 
 
-_OF_VEHICLES = (*Ego.model_fields, "near", "carrier")
+_OF_VEHICLES = (*(name for name in Ego.model_fields if name != "v2x"), "near", "carrier")
 """Fields of an agent that a roadside unit does not have."""
 
 

@@ -118,6 +118,14 @@ def test_a_mast_carries_all_sensors_but_odometry_and_reads_back_without_fields_o
     assert parse_scenario(mast(nulls), "x").agents[0].frames == Frames()
 
 
+def test_a_roadside_unit_takes_part_in_messages_unless_it_says_otherwise() -> None:
+    car = f"\n  - {{name: car, {RIG}}}\nv2x: {{}}"
+    for field, agents in (("v2x: true", ("ego", "rsu", "car")), ("v2x: false", ("ego", "car"))):
+        scenario = parse_scenario(mast(f"mast: {{junction: {{}}}}, {field}") + car, "x")
+        assert scenario.v2x_agents == agents
+        assert parse_scenario(scenario.as_yaml(), "dump") == scenario
+
+
 def test_the_first_vehicle_of_a_list_is_the_first_agent() -> None:
     unit = f"  - {{name: rsu, {RIG}, mast: {{junction: {{}}}}, count: 2}}\n"
     before, after = f"{SCENES}agents:\n{unit}{TWO.splitlines()[-1]}\n", f"{TWO}{unit}"
@@ -174,6 +182,10 @@ def test_fields_are_found_in_the_file_again_also_in_copies() -> None:
         (
             entry("name: car").replace("name: ego", "name: ego, near: {}"),
             r"x.yaml:3: agents\[0\].near: only agents after",
+        ),
+        (
+            entry("name: car").replace("name: ego", "name: ego, carrier: 3"),
+            r"x.yaml:3: agents\[0\].carrier: only agents after the first one can have it",
         ),
         (entry("name: car, near: {agent: van}"), r"x.yaml:4: agents\[1\].near.agent: no agent 'van' .*; allowed: ego$"),
         (

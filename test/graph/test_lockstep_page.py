@@ -5,7 +5,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -24,14 +24,22 @@ def blocks(language: str) -> list[str]:
 
 @contextmanager
 def stack(script: Path, environment: dict[str, str], *arguments: str) -> Iterator[Path]:
-    """The file with the output of a sample that runs in a process of its own, and is ended as by Ctrl-C."""
+    """The file with the output of a sample that runs in a process of its own, and is ended as by Ctrl-C.
+
+    rclpy may miss a signal that arrives just before it waits, so the signal is repeated, as people do.
+    """
     log = script.with_suffix(".log")
     with (
         log.open("w") as file,
         subprocess.Popen([sys.executable, script, *arguments], stdout=file, stderr=file, env=environment) as process,
     ):
-        yield log
-        process.send_signal(signal.SIGINT)
+        try:
+            yield log
+        finally:
+            while process.poll() is None:
+                process.send_signal(signal.SIGINT)
+                with suppress(subprocess.TimeoutExpired):
+                    process.wait(2)
 
 
 def test_the_samples_of_the_page_see_every_cloud(simbev: Callable[..., Command], tmp_path: Path) -> None:

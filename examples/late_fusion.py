@@ -47,7 +47,7 @@ def detect(frame: Frame) -> Table:
 
 
 def detect_together(frame: Frame) -> Table:
-    """(N,) ``BOX_DTYPE``, map frame: what the agent detects, merged with what the others send it."""
+    """(N,) ``BOX_DTYPE``, map frame: what the agent detects, merged with what the others detect at the same instant."""
     return fuse_boxes([detect(frame), *map(detect, frame.others.values())], frame.map_from_ego)
 
 

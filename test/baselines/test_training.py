@@ -183,9 +183,9 @@ def test_a_checkpoint_that_is_none_is_named(tmp_path: Path) -> None:
 
 
 def test_thinning_leaves_out_another_share_of_the_points_of_each_sample(tmp_path: Path) -> None:
-    whole = len(batches(tmp_path / "whole", Modality.LIDAR, None)[0].part)
+    whole = len(batches(tmp_path / "whole", Modality.LIDAR, None)[0].points_cm)
     thinned = batches(tmp_path / "thinned", Modality.LIDAR, Augmentation(thinning=0.6, every_second_ring=0))
-    shares = np.array([len(thinned[step].part) for step in range(40)]) / whole
+    shares = np.array([len(thinned[step].points_cm) for step in range(40)]) / whole
     assert 0.4 < shares.min() < 0.55
     assert 0.85 < shares.max() < 1
 

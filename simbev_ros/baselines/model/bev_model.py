@@ -45,7 +45,7 @@ class BevModel(nn.Module):
         super().__init__()
         self.modality = modality
         self.lidar = PillarEncoder(_CHANNELS, _FINE_CHANNELS) if modality.has_lidar else None
-        self.cameras = CameraEncoder(_CHANNELS) if modality.has_cameras else None
+        self.cameras = CameraEncoder(_CHANNELS, beside_lidar=modality.has_lidar) if modality.has_cameras else None
         both = self.lidar is not None and self.cameras is not None
         self.fuse = conv_norm_relu(2 * _CHANNELS, _CHANNELS, 1) if both else nn.Identity()
         self.trunk = BevTrunk(_CHANNELS, _CHANNELS)

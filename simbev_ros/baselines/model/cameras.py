@@ -4,6 +4,9 @@ As in Lift, Splat, Shoot (https://arxiv.org/abs/2008.05711), each cell of an ima
 as in BEVDepth (https://arxiv.org/abs/2206.10092), exact depth supervises that. The view transformation pulls instead of
 splatting: each voxel looks up the cell that it projects to and takes its features, weighted by the probability of the
 voxel's own depth. This leaves no holes at a distance, needs no sorting, and takes any pose of the cameras as an input.
+
+Beside a lidar, which knows where things are, features of some heights go in without that weight as well, as in
+Simple-BEV (https://arxiv.org/abs/2206.07959): far away, depth from images is too vague to say what a lidar's object is.
 """
 
 import torch
@@ -19,6 +22,8 @@ DEPTHS = 48
 NEAR_M, FAR_M = 1.0, 97.0
 HEIGHTS_M = (-3.0, -1.2, 0.0, 0.8, 1.8, 3.2)
 """Heights of the voxels of a cell above the ego's origin on the ground."""
+_UNWEIGHTED = range(3, 5)
+"""Of those heights, the ones whose features go in without the weight of depth as well."""
 _WIDTHS = (32, 56, 112, 208)
 _LIFTED = 32
 _MEAN, _SCALE = 110.0, 60.0
@@ -58,17 +63,18 @@ class CameraEncoder(nn.Module):
 
     Args:
         channels: Number of features of a cell of the bird's-eye view.
+        beside_lidar: Whether features go in without the weight of depth as well.
     """
 
     ahead_m: Tensor
     height_m: Tensor
 
-    def __init__(self, channels: int) -> None:
+    def __init__(self, channels: int, *, beside_lidar: bool) -> None:
         super().__init__()
         self.images = ImageEncoder()
-        self.mix = nn.Sequential(
-            conv_norm_relu(_LIFTED * len(HEIGHTS_M), channels, 1), conv_norm_relu(channels, channels)
-        )
+        self.beside_lidar = beside_lidar
+        heights = len(HEIGHTS_M) + (len(_UNWEIGHTED) if beside_lidar else 0)
+        self.mix = nn.Sequential(conv_norm_relu(_LIFTED * heights, channels, 1), conv_norm_relu(channels, channels))
         ahead_m = HALF_M - (torch.arange(FEATURE_CELLS) + 0.5) * FEATURE_CELL_M
         self.register_buffer("ahead_m", ahead_m, persistent=False)
         self.register_buffer("height_m", torch.tensor(HEIGHTS_M), persistent=False)
@@ -88,9 +94,13 @@ class CameraEncoder(nn.Module):
         values = features.reshape(batch, cameras, _LIFTED, -1).permute(0, 1, 3, 2).reshape(batch, -1, _LIFTED)
         likely = depth.reshape(batch, cameras, DEPTHS, -1).permute(0, 1, 3, 2).softmax(-1).reshape(batch, -1)
         weight = likely.gather(1, index * DEPTHS + bins) * seen
-        lifted = values.gather(1, index[..., None].expand(-1, -1, _LIFTED)) * weight[..., None]
-        grid = lifted.reshape(batch, FEATURE_CELLS, FEATURE_CELLS, -1).permute(0, 3, 1, 2)
-        return self.mix(grid), depth.reshape(batch, cameras, DEPTHS, rows, columns)
+        looked_up = _by_height(values.gather(1, index[..., None].expand(-1, -1, _LIFTED)))
+        lifted = looked_up * _by_height(weight[..., None])
+        if self.beside_lidar:
+            heights = slice(_UNWEIGHTED.start, _UNWEIGHTED.stop)
+            unweighted = looked_up[:, :, :, heights] * _by_height(seen[..., None])[:, :, :, heights]
+            lifted = torch.cat([lifted, unweighted], 3)
+        return self.mix(lifted.flatten(3).permute(0, 3, 1, 2)), depth.reshape(batch, cameras, DEPTHS, rows, columns)
 
     def _look_up(self, pixel_from_level: Tensor, rows: int, columns: int) -> tuple[Tensor, Tensor, Tensor]:
         """(B, V) cell of the image features of each voxel, its interval of depth, and 1 if any camera sees it, else 0.
@@ -113,3 +123,8 @@ class CameraEncoder(nn.Module):
             bins = depth_index(depth_m.gather(1, camera)).floor().clamp(0, DEPTHS - 1)
             index = ((camera * rows + row.long()) * columns + column.long())[:, 0]
             return index, bins.long()[:, 0], (best[:, 0] < columns).to(torch.float32)
+
+
+def _by_height(voxels: Tensor) -> Tensor:
+    """(B, FEATURE_CELLS, FEATURE_CELLS, heights, C) of (B, V, C) values of voxels."""
+    return voxels.reshape(len(voxels), FEATURE_CELLS, FEATURE_CELLS, len(HEIGHTS_M), -1)

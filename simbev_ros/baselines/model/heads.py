@@ -12,7 +12,7 @@ from torch.nn.functional import pixel_shuffle
 
 from simbev_ros.baselines.boxes import BOX_VALUES, DETECTED_CLASSES
 from simbev_ros.baselines.grid import FEATURE_STRIDE
-from simbev_ros.baselines.model.blocks import conv_norm_relu
+from simbev_ros.baselines.model.blocks import ResidualBlock, conv_norm_relu
 from simbev_ros.semantics import BEV_CLASSES
 
 _CELL_CHANNELS, _MIXED_CHANNELS = 16, 32
@@ -33,8 +33,10 @@ class Heads(nn.Module):
         self.segmentation = nn.Sequential(
             conv_norm_relu(channels, channels), nn.Conv2d(channels, _CELL_CHANNELS * FEATURE_STRIDE**2, 1)
         )
+        fine = [ResidualBlock(_MIXED_CHANNELS, _MIXED_CHANNELS)] if fine_channels else []
         self.cells = nn.Sequential(
             conv_norm_relu(_CELL_CHANNELS + fine_channels, _MIXED_CHANNELS),
+            *fine,
             nn.Conv2d(_MIXED_CHANNELS, len(BEV_CLASSES), 1),
         )
         self.detection = conv_norm_relu(channels, channels)

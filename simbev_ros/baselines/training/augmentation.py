@@ -87,4 +87,4 @@ class Thinning:
             x, y, z = points_cm.astype(np.float32).T
             elevation_deg = np.degrees(np.arctan2(z - LIDAR_M * CM_PER_M, np.hypot(x, y)))
             kept &= (elevation_deg / _RING_DEG + self.phase) % 2.0 < 1.0
-        return points_cm[kept]
+        return points_cm.compress(kept, 0)

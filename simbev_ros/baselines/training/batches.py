@@ -28,7 +28,7 @@ class Batch(NamedTuple):
 
     Attributes:
         points_cm: (N, 3) int16 points of all sweeps, cm, in the ego frame of their stamp.
-        part: (N,) int16 number of each point's sweep: index of the sample times the number of sweeps, plus the sweep.
+        points_of_sweep: (B, sweeps) int64 number of points of each sweep; points come in this order.
         warped_from_sweep: (B, sweeps, 3, 4) float32 transforms from the sweeps' ego frames to the warped level frame.
         images: (B, K, H, W, 3) uint8 RGB.
         gain: (B, 2) float32 contrast and brightness (0 … 255) that are applied to images.
@@ -42,7 +42,7 @@ class Batch(NamedTuple):
     """
 
     points_cm: Tensor
-    part: Tensor
+    points_of_sweep: Tensor
     warped_from_sweep: Tensor
     images: Tensor
     gain: Tensor
@@ -62,7 +62,9 @@ class Batch(NamedTuple):
 
         Transforming points here instead of when a batch is made leaves that to the GPU.
         """
-        part = self.part.long()
+        parts = torch.arange(self.points_of_sweep.numel(), device=self.points_cm.device)
+        # With the size given, a GPU need not be waited for.
+        part = parts.repeat_interleave(self.points_of_sweep.flatten(), output_size=len(self.points_cm))
         transform = self.warped_from_sweep.flatten(0, 1)[part]
         points = (transform[..., :3] * (self.points_cm.float() / CM_PER_M)[:, None]).sum(-1) + transform[..., 3]
         sweeps = self.warped_from_sweep.shape[1]
@@ -142,9 +144,7 @@ class CachedBatches(Dataset[Batch]):
         projections = (image_warps @ warp.projections(images.pixel_from_level)).astype(np.float32)
         return {
             "points_cm": torch.from_numpy(np.concatenate(sweeps)),
-            "sweep": torch.from_numpy(
-                np.repeat(np.arange(len(sweeps), dtype=np.int16), [len(each) for each in sweeps])
-            ),
+            "points_of_sweep": torch.tensor([len(each) for each in sweeps]),
             "warped_from_sweep": torch.from_numpy(_transforms(warp, sample.sweep_poses)),
             "images": torch.from_numpy(images.rgb),
             "gain": torch.tensor(gain, dtype=torch.float32),
@@ -173,13 +173,11 @@ class CachedBatches(Dataset[Batch]):
         return pasted.sample, images
 
     def _collate(self, samples: list[dict[str, Tensor]]) -> Batch:
-        sweeps = len(samples[0]["warped_from_sweep"])
         boxes = [torch.nn.functional.pad(each["boxes"], (1, 0), value=k) for k, each in enumerate(samples)]
-        apart = ("points_cm", "sweep", "boxes")
+        apart = ("points_cm", "boxes")
         stacked = {name: torch.stack([each[name] for each in samples]) for name in samples[0] if name not in apart}
         return Batch(
             points_cm=torch.cat([each["points_cm"] for each in samples]),
-            part=torch.cat([each["sweep"] + k * sweeps for k, each in enumerate(samples)]),
             boxes=torch.cat(boxes),
             **stacked,
         )

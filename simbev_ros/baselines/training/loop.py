@@ -77,16 +77,17 @@ def train(
     path = out / CHECKPOINT_FILE
     if path.exists():
         step = _resume(path, training, model, average, optimizer)
+    following = _Average(average, model.train())
     with SummaryWriter(str(out / "log"), purge_step=step) as log:
         logged_s, logged = time.perf_counter(), step
         for batch in _on_device(_loader(data, range(step, steps), workers, device), device):
             for group in optimizer.param_groups:
                 group["lr"] = training.learning_rate * _schedule(step / steps)
             losses = _step(model, optimizer, batch, training.modality)
-            _follow(average, model, min(training.average_decay, (1 + step) / (10 + step)))
+            following.follow(min(training.average_decay, (1 + step) / (10 + step)))
             step += 1
             if step % _LOG_STEPS == 0 or step == steps:
-                values = {name: float(value) for name, value in losses.items()}
+                values = dict(zip(losses, torch.stack(list(losses.values())).tolist(), strict=True))
                 if not all(map(math.isfinite, values.values())):
                     raise FloatingPointError(f"step {step}: the loss is not finite: {values}")
                 now_s = time.perf_counter()
@@ -144,7 +145,6 @@ def _step(
     model: nn.Module, optimizer: torch.optim.Optimizer, batch: Batch, modality: Modality
 ) -> dict[str, torch.Tensor]:
     """One step of the optimizer; returns the losses before it."""
-    model.train()
     device_type = batch.cells.device.type
     inputs = inputs_of(batch, modality)  # with full precision: positions need it
     with torch.autocast(device_type, torch.bfloat16, enabled=device_type == "cuda"):
@@ -152,7 +152,7 @@ def _step(
     losses = losses_of(outputs, targets_of(batch), batch.pixel_depth_m() if modality.has_cameras else None)
     optimizer.zero_grad(set_to_none=True)
     torch.stack(list(losses.values())).sum().backward()
-    nn.utils.clip_grad_norm_(model.parameters(), _MAX_GRADIENT)
+    nn.utils.clip_grad_norm_([each for group in optimizer.param_groups for each in group["params"]], _MAX_GRADIENT)
     optimizer.step()
     return {name: value.detach() for name, value in losses.items()}
 
@@ -218,16 +218,20 @@ def _schedule(share: float) -> float:
     return 0.5 * (1.0 + math.cos(math.pi * (share - _WARM_UP_SHARE) / (1.0 - _WARM_UP_SHARE)))
 
 
-@torch.no_grad()
-def _follow(average: nn.Module, model: nn.Module, decay: float) -> None:
-    """Move the average towards the model."""
-    ours = [*average.parameters(), *average.buffers()]
-    new = [*model.parameters(), *model.buffers()]
-    moving = [(a, b) for a, b in zip(ours, new, strict=True) if a.is_floating_point()]
-    torch._foreach_lerp_([a for a, _ in moving], [b for _, b in moving], 1.0 - decay)
-    for a, b in zip(ours, new, strict=True):
-        if not a.is_floating_point():
-            a.copy_(b)
+class _Average:
+    """The moving average of a model's weights and statistics; counters are copied."""
+
+    def __init__(self, average: nn.Module, model: nn.Module) -> None:
+        ours, new = ([*each.parameters(), *each.buffers()] for each in (average, model))
+        pairs = list(zip(ours, new, strict=True))
+        self._moving = [pair for pair in pairs if pair[0].is_floating_point()]
+        self._copied = [pair for pair in pairs if not pair[0].is_floating_point()]
+
+    @torch.no_grad()
+    def follow(self, decay: float) -> None:
+        """Move the average towards the model."""
+        torch._foreach_lerp_([a for a, _ in self._moving], [b for _, b in self._moving], 1.0 - decay)
+        torch._foreach_copy_([a for a, _ in self._copied], [b for _, b in self._copied])
 
 
 def _resume(

@@ -10,8 +10,9 @@ from simbev_ros.baselines.model.heads import Outputs
 from simbev_ros.baselines.training.targets import Targets
 
 _MIN_SHARE = 1e-4
-_VALUE_WEIGHTS = (2.0, 2.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
 _BOX_WEIGHT, _DEPTH_WEIGHT = 0.25, 0.5
+_OFFSETS = 2
+"""The first values of a box, its position within the cell, which count twice."""
 
 
 def losses_of(outputs: Outputs, targets: Targets, depth_m: Tensor | None) -> dict[str, Tensor]:
@@ -52,8 +53,8 @@ def _heat_loss(logits: Tensor, targets: Targets) -> Tensor:
 def _box_loss(values: Tensor, targets: Targets) -> Tensor:
     """Weighted absolute errors at the centers."""
     predicted = values.permute(0, 2, 3, 1).reshape(-1, len(BOX_VALUES))[targets.center]
-    weights = torch.tensor(_VALUE_WEIGHTS, device=values.device)
-    return ((predicted - targets.boxes).abs() * weights).sum() / max(len(targets.center), 1)
+    errors = (predicted - targets.boxes).abs()
+    return (errors.sum() + errors[:, :_OFFSETS].sum()) / max(len(targets.center), 1)
 
 
 def _depth_loss(logits: Tensor, depth_m: Tensor) -> Tensor:

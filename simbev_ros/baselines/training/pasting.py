@@ -163,7 +163,7 @@ class _Cloud:
             near = np.flatnonzero((np.abs(x - center_cm[0]) < reach_cm) & (np.abs(y - center_cm[1]) < reach_cm))
             level = points[near] / CM_PER_M @ pose[:3, :3].T + pose[:3, 3]
             hidden[near] |= _inside(level, at, 0.0)
-            self._sweeps[sweep] = points[~hidden]
+            self._sweeps[sweep] = points.compress(~hidden, 0)
 
     def add(self, parts: Sequence[Float64Array], step_m: float) -> None:
         """Add points in m, level frame, to each sweep, higher by a step."""

@@ -1,6 +1,7 @@
 """What the tests of nodes share."""
 
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from typing import Any
 
 import pytest
@@ -10,6 +11,16 @@ from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.node import Node
 
 from simbev_ros.graph.domain import DomainLock
+from simbev_ros.nodes import annotator_node, world_node
+
+
+@pytest.fixture(scope="session", autouse=True)
+def no_memory_policy() -> Iterator[None]:
+    """Leave garbage collection alone: a node that freezes its objects first scans all that the tests have left."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (annotator_node, world_node):
+            patch.setattr(module, "freeze_after_loading", nullcontext)
+        yield
 
 
 @pytest.fixture

@@ -67,6 +67,7 @@ def single(name: str, vehicles: Sequence[dict[str, Any]], annotation: dict[str, 
     return SceneSpec.model_validate(drawn()[0] | own)
 
 
+@cache
 def scene() -> SceneSpec:
     """Agents with equal rigs: ``ego``, ``car`` in front of it, and ``rsu`` between them beside the road."""
     (x, y, z), yaw = start()
@@ -118,16 +119,24 @@ def sensor_messages(view: SceneSpec, state: WorldState) -> dict[str, bytes]:
     return sent
 
 
-@pytest.fixture(autouse=True)
-def small_world(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture(scope="module", autouse=True)
+def small_world() -> Iterator[None]:
     (x, y, z), _ = start()
     ground = mesh(sheet([x - 60, y - 60], [x + 60, y + 60], z), Tag.ROAD, Material.ASPHALT)
     building = mesh(box([x - 9, y + 7, z + 2], [3, 5, 4]), Tag.BUILDING, Material.BRICK)
     static = static_scene(ground, building)
-    monkeypatch.setattr(annotator_node, "load_models", lambda: MODELS)
-    monkeypatch.setattr(surroundings, "loaded_reach", lambda *_: None)
-    monkeypatch.setattr(surroundings, "load_static_scene", lambda *_, **__: static)
-    monkeypatch.setattr(surroundings, "_loaded", {})
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(annotator_node, "load_models", lambda: MODELS)
+        patch.setattr(surroundings, "loaded_reach", lambda *_: None)
+        patch.setattr(surroundings, "load_static_scene", lambda *_, **__: static)
+        patch.setattr(surroundings, "_loaded", {})
+        yield
+
+
+@pytest.fixture(scope="module")
+def sent(small_world: None) -> dict[str, list[Any]]:
+    """What one node publishes of the scene, by topic, and the ticks that it reports."""
+    return published(scene())
 
 
 def collect(node: Any, spec: SceneSpec) -> dict[str, list[Any]]:
@@ -183,9 +192,9 @@ def labels_of(sent: dict[str, list[Any]], agent: str) -> dict[str, list[Any]]:
     return {name: messages for name, messages in sent.items() if name.startswith(f"/{agent}/")}
 
 
-def test_labels_of_all_agents_are_published_at_each_tick_and_in_their_frames() -> None:
-    spec, sent = scene(), published(scene())
-    assert sent.pop("finished") == list(TICKS)
+def test_labels_of_all_agents_are_published_at_each_tick_and_in_their_frames(sent: dict[str, list[Any]]) -> None:
+    spec = scene()
+    assert sent["finished"] == list(TICKS)
     for view in agent_views(spec):
         topics, own = annotation_topics(view), labels_of(sent, view.rig.agent)
         for name in (topics.boxes.name, topics.bev_labels.name, topics.hd_map.name):
@@ -196,8 +205,7 @@ def test_labels_of_all_agents_are_published_at_each_tick_and_in_their_frames() -
         assert {message.header.frame_id for message in own[topics.bev_labels.name]} == {f"{view.rig.agent}/base_link"}
 
 
-def test_an_agent_is_in_the_boxes_of_the_others_with_their_own_distances_and_points() -> None:
-    sent = published(scene())
+def test_an_agent_is_in_the_boxes_of_the_others_with_their_own_distances_and_points(sent: dict[str, list[Any]]) -> None:
     across_m = [float(np.hypot(8.0 - 0.4 * tick, GAP_M / 2.0)) for tick in TICKS]
     expected = {"ego": ([CAR_ID], [GAP_M] * 4), "car": ([EGO_ID], [GAP_M] * 4), "rsu": ([EGO_ID, CAR_ID], across_m)}
     for agent, (ids, distance_m) in expected.items():
@@ -210,8 +218,7 @@ def test_an_agent_is_in_the_boxes_of_the_others_with_their_own_distances_and_poi
             assert np.isfinite(boxes["visibility"]).all() == (tick % 2 == 0)
 
 
-def test_a_camera_of_an_agent_sees_the_others_and_not_the_vehicle_that_carries_it() -> None:
-    sent = published(scene())
+def test_a_camera_of_an_agent_sees_the_others_and_not_the_vehicle_that_carries_it(sent: dict[str, list[Any]]) -> None:
     for agent, ids in (("ego", [CAR_ID]), ("car", [EGO_ID]), ("rsu", [EGO_ID, CAR_ID])):
         for message in sent[f"/{agent}/cam/boxes"]:
             table = table_from_message(message)
@@ -219,8 +226,7 @@ def test_a_camera_of_an_agent_sees_the_others_and_not_the_vehicle_that_carries_i
             assert set(table["visible_px"].tolist()) == {POINTS[agent]}
 
 
-def test_own_bodies_are_left_out_of_occupancy_and_those_of_others_are_not() -> None:
-    sent = published(scene())
+def test_own_bodies_are_left_out_of_occupancy_and_those_of_others_are_not(sent: dict[str, list[Any]]) -> None:
     for agent, expected_m in (("ego", GAP_M), ("car", GAP_M), ("rsu", 8.0)):
         voxels = table_from_message(sent[f"/{agent}/occupancy/points"][0])
         cars = voxels[voxels["tag"] == Tag.CAR]
@@ -230,8 +236,7 @@ def test_own_bodies_are_left_out_of_occupancy_and_those_of_others_are_not() -> N
         assert ahead_m.min() > 5.0
 
 
-def test_grids_are_around_the_agent_that_they_belong_to() -> None:
-    sent = published(scene())
+def test_grids_are_around_the_agent_that_they_belong_to(sent: dict[str, list[Any]]) -> None:
     bit = np.uint16(1 << BEV_CLASSES.index("car"))
     covered = {agent: labels_from_image(sent[f"/{agent}/bev/labels"][0]) & bit > 0 for agent in POINTS}
     rows, _ = np.nonzero(covered["ego"])
@@ -242,8 +247,8 @@ def test_grids_are_around_the_agent_that_they_belong_to() -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_messages_of_sensors_and_world_may_arrive_in_any_order(seed: int) -> None:
-    assert published(scene(), seed) == published(scene(), None)
+def test_messages_of_sensors_and_world_may_arrive_in_any_order(sent: dict[str, list[Any]], seed: int) -> None:
+    assert published(scene(), seed) == sent
 
 
 def test_a_tick_is_finished_once_and_only_when_the_messages_of_all_agents_are_there() -> None:
@@ -290,19 +295,19 @@ def test_nodes_that_share_the_agents_publish_what_a_single_one_would(scope: list
     assert apart == all_agents
 
 
-def test_the_first_agents_labels_are_those_of_a_scene_in_which_it_is_alone() -> None:
+def test_the_first_agents_labels_are_those_of_a_scene_in_which_it_is_alone(sent: dict[str, list[Any]]) -> None:
     alone = published(ego_alone())
     del alone["finished"]
-    assert alone == labels_of(published(scene()), "ego")
+    assert alone == labels_of(sent, "ego")
 
 
-def test_another_agents_labels_are_those_of_a_scene_in_which_it_is_the_first_one() -> None:
+def test_another_agents_labels_are_those_of_a_scene_in_which_it_is_the_first_one(sent: dict[str, list[Any]]) -> None:
     vehicles = drawn()[0]["vehicles"]
     alone = single("car", [vehicles[1], vehicles[0], *vehicles[2:]], ANNOTATION)
     states = [state_at(tick, ego_id=CAR_ID, car_id=EGO_ID) for tick in TICKS]  # as the car is the first vehicle there
     with started_node("annotator", alone, compressed=False) as node:
         expected = play(node, alone, events(alone, states))
-    found = labels_of(published(scene()), "car")
+    found = labels_of(sent, "car")
     assert expected.keys() - {"finished"} == found.keys()
     for name, messages in found.items():
         for message, other in zip(messages, expected[name], strict=True):

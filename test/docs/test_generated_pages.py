@@ -33,7 +33,8 @@ def _is_described_by_its_model(annotation: object) -> bool:
 
 def test_every_topic_has_one_row() -> None:
     names = list(paper_topics())
-    rows = {name: [each.show for each in descriptions() if name in matching(each, names)] for name in names}
+    shown = [(each.show, matching(each, names)) for each in descriptions()]
+    rows = {name: [show for show, matched in shown if name in matched] for name in names}
     assert all(len(shown) == 1 for shown in rows.values()), {k: v for k, v in rows.items() if len(v) != 1}
 
 

@@ -1,5 +1,7 @@
 """Orientations of an IMU with the errors of an attitude and heading reference: they fit their covariance."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from analytic_motion import CAR
@@ -8,24 +10,30 @@ from scipy.stats import chi2
 from synthetic_world import TICK_NS, actor, world
 
 from simbev_ros.config.positioning import Imu
+from simbev_ros.scene.state import WorldState
 from simbev_ros.sensors.imu import ImuModel, ImuSamples
 
 EXACT = dict.fromkeys(("tilt_drift_sigma_deg", "heading_drift_sigma_deg", "noise_sigma_deg"), 0.0)
 TRUE = Rotation.from_euler("xyz", [0.02, -0.05, 2.0])
 
 
+@cache
+def standing(tick: int) -> WorldState:
+    roll, pitch, yaw = TRUE.as_euler("xyz").tolist()
+    return world(actor(CAR, roll=roll, pitch=pitch, yaw=yaw), tick=tick)
+
+
 def measure(seed: int, ticks: int = 1, samples: int = 1, **orientation: float) -> list[ImuSamples]:
     """Samples of an ego at rest on a slope, with a mounted IMU that is turned left."""
     imu = Imu.model_validate({"type": "imu", "name": "imu", "pose": {"yaw_deg": 90}, "orientation": orientation or {}})
     model = ImuModel(imu, seed, TICK_NS, samples=samples)
-    roll, pitch, yaw = TRUE.as_euler("xyz").tolist()
-    return [model.measure(world(actor(CAR, roll=roll, pitch=pitch, yaw=yaw), tick=tick), None) for tick in range(ticks)]
+    return [model.measure(standing(tick), None) for tick in range(ticks)]
 
 
-def errors_rad(samples: ImuSamples) -> np.ndarray:
-    """(S, 3) rotations about the axes of the map from the true to the measured orientation."""
-    true = TRUE * Rotation.from_euler("z", np.pi / 2)
-    return (Rotation.from_quat(samples.orientation_xyzw) * true.inv()).as_rotvec()
+def errors_rad(*measured: ImuSamples) -> np.ndarray:
+    """(S, 3) rotations about the axes of the map from the true to the measured orientation, of all samples."""
+    orientations = Rotation.from_quat(np.concatenate([samples.orientation_xyzw for samples in measured]))
+    return (orientations * (TRUE * Rotation.from_euler("z", np.pi / 2)).inv()).as_rotvec()
 
 
 def test_orientation_errors_are_off_by_default() -> None:
@@ -55,12 +63,7 @@ def test_the_covariance_fits_the_error_over_many_seeds() -> None:
 
 def test_tilt_is_small_and_forgets_within_its_time_and_the_heading_drifts_slowly() -> None:
     """Autocorrelation of a Gauss-Markov process after its time: 1/e."""
-    runs = np.array(
-        [
-            [errors_rad(each)[-1] for each in measure(seed, 41, tilt_drift_time_s=1.0, noise_sigma_deg=0.0)]
-            for seed in range(150)
-        ]
-    )
+    runs = np.array([errors_rad(*measure(seed, 41, tilt_drift_time_s=1.0, noise_sigma_deg=0.0)) for seed in range(150)])
     first, later = runs[:, 20], runs[:, 40]
     tilt = np.corrcoef(first[:, :2].ravel(), later[:, :2].ravel())[0, 1]
     assert tilt == pytest.approx(np.exp(-1), abs=0.15)

@@ -5,6 +5,8 @@ heading as states. What remains of the published covariances without these is th
 """
 
 import math
+from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 from analytic_motion import TICK_S, state_at
@@ -18,7 +20,7 @@ from simbev_ros.geometry.geodesy import MapDatum
 from simbev_ros.random import stream
 from simbev_ros.sensors.gnss import GnssModel
 from simbev_ros.sensors.imu import ImuModel
-from simbev_ros.sensors.odometry import OdometryModel
+from simbev_ros.sensors.odometry import OdometryModel, PlanarTwist
 from simbev_ros.types import Float64Array
 
 TICKS, SEEDS, GNSS_PERIOD, CHECKED = 240, 25, 10, (60, 150, 239)
@@ -90,16 +92,41 @@ def wrap(angle: float) -> float:
     return math.remainder(angle, 2 * math.pi)
 
 
-def localize(seed: int, *, knows_biases: bool = True) -> list[tuple[Float64Array, Float64Array]]:
-    """(3,) errors and (3, 3) covariances of x, y and heading at the checked ticks."""
+class Measured(NamedTuple):
+    """What the sensors say at a tick: the twist; the heading and its variance; and position and covariance of a fix."""
+
+    twist: PlanarTwist
+    heading_rad: float
+    heading_variance: Float64Array
+    fix: tuple[Float64Array, Float64Array] | None
+
+
+@cache
+def measured(seed: int) -> list[Measured]:
+    """Measurements at all ticks."""
     wheel = OdometryModel(ODOMETRY, seed, TICK_NS, axle_m=0.0)
     imu, gnss = ImuModel(IMU, seed, TICK_NS), GnssModel(GNSS, DATUM, seed, TICK_NS)
+    found = []
+    for tick, state in enumerate(STATES):
+        wheel.advance(state)
+        samples = imu.measure(state, STATES[tick - 1] if tick else None)
+        heading_rad = Rotation.from_quat(samples.orientation_xyzw[-1]).as_euler("xyz")[2]
+        position = None
+        if tick % GNSS_PERIOD == 0:
+            fix = gnss.measure(state)
+            assert fix.covariance_m2 is not None
+            measured_m = DATUM.map_from_geodetic(fix.latitude_deg, fix.longitude_deg, fix.altitude_m)[:2]
+            position = np.asarray(measured_m), fix.covariance_m2[:2, :2]
+        found.append(Measured(wheel.twist(state), heading_rad, samples.orientation_covariance[2:, 2:], position))
+    return found
+
+
+def localize(seed: int, *, knows_biases: bool = True) -> list[tuple[Float64Array, Float64Array]]:
+    """(3,) errors and (3, 3) covariances of x, y and heading at the checked ticks."""
     first = np.array([*winding(0)[0][:2], winding(0)[1][2]])
     found = Filter(first + START * stream(seed, "start").standard_normal(3), knows_biases=knows_biases)
     results, before = [], (0.0, 0.0)
-    for tick, state in enumerate(STATES):
-        wheel.advance(state)
-        twist = wheel.twist(state)
+    for tick, (twist, heading_rad, heading_variance, fix) in enumerate(measured(seed)):
         if tick:
             speed_variance = twist.covariance[0, 0] - (found.biases[0] * twist.forward_mps**2)
             rate_variance = twist.covariance[2, 2] - found.biases[1] * twist.yaw_rate_radps**2 - found.biases[2]
@@ -107,16 +134,11 @@ def localize(seed: int, *, knows_biases: bool = True) -> list[tuple[Float64Array
             # The mean of two messages has half of their noise, but neighbors share one of them: in sum, all of it.
             found.predict(mean_mps, mean_radps, np.array([speed_variance, rate_variance]))
         before = twist.forward_mps, twist.yaw_rate_radps
-        samples = imu.measure(state, STATES[tick - 1] if tick else None)
-        heading = Rotation.from_quat(samples.orientation_xyzw[-1]).as_euler("xyz")[2]
         by_state = np.array([[0.0, 0, 1, 0, 0, 0, 1]])
-        noise = samples.orientation_covariance[2:, 2:] - found.biases[3]
-        found.update(np.array([wrap(heading - found.state[2] - found.state[6])]), by_state, noise)
-        if tick % GNSS_PERIOD == 0:
-            fix = gnss.measure(state)
-            assert fix.covariance_m2 is not None
-            measured_m = DATUM.map_from_geodetic(fix.latitude_deg, fix.longitude_deg, fix.altitude_m)[:2]
-            found.update(np.asarray(measured_m) - found.state[:2], np.eye(2, 7), fix.covariance_m2[:2, :2])
+        noise = heading_variance - found.biases[3]
+        found.update(np.array([wrap(heading_rad - found.state[2] - found.state[6])]), by_state, noise)
+        if fix is not None:
+            found.update(fix[0] - found.state[:2], np.eye(2, 7), fix[1])
         if tick in CHECKED:
             position_m, rpy_rad = winding(tick * TICK_S)
             error = found.state[:3] - [*position_m[:2], rpy_rad[2]]

@@ -8,15 +8,15 @@ import socket
 import struct
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import pytest
 from made_up_scene import made_up_scene
 from rosbags.typesys import Stores, get_typestore
 
+from simbev_ros.cli.main import main
 from simbev_ros.foxglove_server.derived import derivations
 from simbev_ros.foxglove_server.playback_clock import PlaybackClock
 from simbev_ros.msgs.displays.box_markers import box_markers
@@ -56,14 +56,30 @@ def served(bag: Path, *options: object) -> Iterator[tuple[subprocess.Popen[str],
         process.communicate()
 
 
+@pytest.fixture(scope="module")
+def server(bag: Path) -> Iterator[str]:
+    """Address of a running command, for tests that leave it playing."""
+    with served(bag) as (_, url):
+        yield url
+
+
 @pytest.fixture
-def server(bag: Path) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """A running command and its address."""
-    with served(bag) as started:
-        yield started
+def failure(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
+    """Runs the command with bad input, in this process; gives the only line that it prints."""
+
+    def run(*arguments: object) -> str:
+        monkeypatch.setattr(sys, "argv", ["simbev", "view", "--foxglove", *map(str, arguments)])
+        monkeypatch.setenv("COLUMNS", "200")
+        with pytest.raises(SystemExit) as ended:
+            main()
+        assert ended.value.code == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        return line
+
+    return run
 
 
-def test_every_message_arrives_with_its_bytes_and_stamp(bag: Path, server: tuple[Any, str]) -> None:
+def test_every_message_arrives_with_its_bytes_and_stamp(bag: Path, server: str) -> None:
     with SceneBag(bag) as opened:
         expected = {(m.topic, m.stamp_ns, bytes(m.data)) for m in opened.messages()}
 
@@ -71,18 +87,18 @@ def test_every_message_arrives_with_its_bytes_and_stamp(bag: Path, server: tuple
         return {(topic, *each) for topic, messages in client.messages.items() for each in messages if topic in recorded}
 
     recorded = {topic for topic, _, _ in expected}
-    with FoxgloveClient(server[1]) as client:
+    with FoxgloveClient(server) as client:
         client.receive_until(lambda: found() == expected)
         assert set(client.info["capabilities"]) == {"time", "playbackControl"}
         kinds = {(channel["encoding"], channel["schemaEncoding"]) for channel in client.channels.values()}
     assert kinds == {("cdr", "ros2msg")}
 
 
-def test_displays_are_made_of_what_is_recorded(bag: Path, server: tuple[Any, str]) -> None:
+def test_displays_are_made_of_what_is_recorded(bag: Path, server: str) -> None:
     with SceneBag(bag) as opened:
         boxes = {box_markers(point_array(opened.decode(m)), m.stamp_ns) for m in opened.messages(["/ego/boxes"])}
         latest = max(opened.topics["/ego/odom"].stamps_ns)
-    with FoxgloveClient(server[1]) as client:
+    with FoxgloveClient(server) as client:
         client.receive_until(lambda: {data for _, data in client.messages.get("/ego/boxes/markers", [])} == boxes)
         client.receive_until(lambda: latest in [stamp_ns for stamp_ns, _ in client.messages["/ego/path"]])
         ends = ("/color", "/color/compressed")
@@ -94,18 +110,18 @@ def test_displays_are_made_of_what_is_recorded(bag: Path, server: tuple[Any, str
     assert "/world/markers" not in client.channels, "the bag has no table of street lights"
 
 
-def test_a_bag_of_an_earlier_version_has_the_camera_info_that_images_share(bag: Path, server: tuple[Any, str]) -> None:
+def test_a_bag_of_an_earlier_version_has_the_camera_info_that_images_share(bag: Path, server: str) -> None:
     with SceneBag(bag) as opened:
         assert "/ego/cam_front/camera_info" not in opened.topics
         infos = {(m.stamp_ns, bytes(m.data)) for m in opened.messages(["/ego/cam_front/rgb/camera_info"])}
-    with FoxgloveClient(server[1]) as client:
+    with FoxgloveClient(server) as client:
         client.receive_until(lambda: set(client.messages.get("/ego/cam_front/camera_info", [])) == infos)
 
 
-def test_a_seek_sends_what_was_there_at_that_time(bag: Path, server: tuple[Any, str]) -> None:
+def test_a_seek_sends_what_was_there_at_that_time(bag: Path) -> None:
     with SceneBag(bag) as opened:
         stamp_ns = int(opened.topics["/ego/odom"].stamps_ns[1])
-    with FoxgloveClient(server[1]) as client:
+    with served(bag) as (_, url), FoxgloveClient(url) as client:
         client.receive_until(lambda: "/world/legend" in client.messages)
         client.send(struct.pack("<BBfBQI", 3, 1, 1.0, 1, stamp_ns, 1) + b"a")  # pause, and seek
         client.receive(1.5)
@@ -149,53 +165,37 @@ def test_it_listens_where_it_is_told_to_and_nowhere_else(bag: Path, bind: str, s
             socket.create_connection(("127.0.0.1", int(port)), timeout=5)
 
 
-def test_an_address_of_another_machine_is_named(bag: Path) -> None:
+def test_an_address_of_another_machine_is_named(bag: Path, failure: Callable[..., str]) -> None:
     line = failure(bag, "--port", 0, "--bind", "192.0.2.1")
     assert "192.0.2.1 cannot be used" in line and "--bind" in line
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_it_and_frees_the_port(server: tuple[Any, str], number: int) -> None:
-    process, url = server
-    process.send_signal(number)
-    assert process.wait(10) == 130
+def test_a_signal_ends_it_and_frees_the_port(bag: Path, number: int) -> None:
+    with served(bag) as (process, url):
+        process.send_signal(number)
+        assert process.wait(10) == 130
     with socket.create_server(("127.0.0.1", int(url.rpartition(":")[2]))):
         pass
 
 
-def failure(*arguments: object) -> str:
-    """The only line that a command with bad input prints."""
-    result = subprocess.run(command(*arguments), capture_output=True, text=True, timeout=60)
-    assert result.returncode == 2
-    (line,) = result.stderr.splitlines()
-    return line
-
-
-def test_a_port_in_use_is_named(bag: Path) -> None:
+def test_a_port_in_use_is_named(bag: Path, failure: Callable[..., str]) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         line = failure(bag, "--port", port)
     assert f"port {port} of 127.0.0.1 cannot be used" in line and "--port" in line
 
 
-def test_what_is_no_bag_is_named(tmp_path: Path) -> None:
+def test_what_is_no_bag_is_named(tmp_path: Path, failure: Callable[..., str]) -> None:
     (tmp_path / "a.mcap").write_bytes(b"nothing")
     assert "a.mcap: not an MCAP file" in failure(tmp_path / "a.mcap")
 
 
-def test_without_the_library_one_line_says_how_to_install_it(bag: Path) -> None:
-    program = f"""
-import sys
-sys.modules["foxglove"] = None
-sys.argv = ["simbev", "view", "--foxglove", {str(bag)!r}]
-from simbev_ros.cli.main import main
-main()
-"""
-    result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
-    assert (result.returncode, result.stderr) == (
-        2,
-        "error: foxglove-sdk is not installed: pip install 'simbev_ros[foxglove]'\n",
-    )
+def test_without_the_library_one_line_says_how_to_install_it(
+    bag: Path, failure: Callable[..., str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "foxglove", None)
+    assert failure(bag) == "error: foxglove-sdk is not installed: pip install 'simbev_ros[foxglove]'"
 
 
 def test_the_clock_keeps_to_the_bag_and_stands_while_paused() -> None:
@@ -210,7 +210,7 @@ def test_the_clock_keeps_to_the_bag_and_stands_while_paused() -> None:
 
 
 @pytest.mark.slow
-def test_foxgloves_own_client_decodes_every_topic(bag: Path, server: tuple[Any, str], tmp_path: Path) -> None:
+def test_foxgloves_own_client_decodes_every_topic(bag: Path, server: str, tmp_path: Path) -> None:
     if shutil.which("node") is None or shutil.which("npm") is None:
         pytest.skip("Node.js and npm are not installed")
     folder = Path(shutil.copytree(JAVASCRIPT, tmp_path / "javascript"))
@@ -223,7 +223,7 @@ def test_foxgloves_own_client_decodes_every_topic(bag: Path, server: tuple[Any, 
         expected = {name: topic.type_name for name, topic in opened.topics.items()}
         expected |= {name: derived.type_name for name, derived in derivations(opened).items()}
     output = subprocess.run(
-        ["node", str(folder / "client.mjs"), server[1], str(len(expected))],
+        ["node", str(folder / "client.mjs"), server, str(len(expected))],
         capture_output=True,
         timeout=60,
         check=True,

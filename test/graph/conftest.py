@@ -36,9 +36,9 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def in_both_forms(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The same scene, recorded as tables and as typed messages."""
+    """The same scene, recorded as tables and as typed messages; another one follows on the same processes."""
     folder = tmp_path_factory.mktemp("in_both_forms")
-    text = SMALL.replace("DURATION", "0.5") + "recording: {forms: [tables, messages]}\n"
+    text = SMALL.replace("DURATION", "0.5").replace("train: 1", "train: 2") + "recording: {forms: [tables, messages]}\n"
     (folder / "small.yaml").write_text(text)
     return record(Command, folder / "small.yaml", folder / "dataset")
 

@@ -75,7 +75,7 @@ def ending_early(small_config: Config, *without: str) -> Path:
 def test_a_stationary_ego_ends_the_scene_and_the_bag_states_it(
     simbev: Simbev, small_config: Config, tmp_path: Path
 ) -> None:
-    config = ending_early(small_config, "camera", "radar")  # the second scene follows on the same processes
+    config = ending_early(small_config, "camera", "lidar", "radar")  # the second scene follows on the same processes
     config.write_text(config.read_text().replace("train: 1", "train: 2"))
     code, output = simbev("run", config, "--record", tmp_path / "out").finish()
     assert code == 0, output
@@ -88,7 +88,7 @@ def test_a_stationary_ego_ends_the_scene_and_the_bag_states_it(
         assert bag_facts["expected"] == bag_facts["recorded"]
         assert json.loads(bag_facts["expected"])["/world/actors"] == 8
         with AnyReader([bag]) as reader:
-            assert reader.topics["/ego/lidar/points"].msgcount == 8
+            assert reader.topics["/ego/gnss/fix"].msgcount == reader.topics["/ego/bev/labels"].msgcount == 8
     code, shown = simbev("info", bag).finish()
     assert code == 0 and bag_facts["ended"] in shown
 

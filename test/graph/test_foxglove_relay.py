@@ -8,11 +8,15 @@ from pathlib import Path
 
 import pytest
 from commands import SCENE, Command, record
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import Header, String
+from subscriber import keep, outside_node
 
-from simbev_ros.msgs.stamps import serialized_stamp_ns
+from simbev_ros.msgs.stamps import header, serialized_stamp_ns
 from simbev_ros.recording.canonical import canonical_cdr
 from simbev_ros.recording.digest import topic_digests
 from simbev_ros.recording.reader import SceneBag
+from simbev_ros.scene.spec import SceneSpec
 
 pytest.importorskip("websocket")
 pytest.importorskip("foxglove")
@@ -24,7 +28,17 @@ pytestmark = pytest.mark.graph
 
 Simbev = Callable[..., Command]
 Config = Callable[..., Path]
-DURATION_S, SHORT_S = 8, 4
+DURATION_S = 8
+GATE = "graph: {participants: [gate], window_ticks: 2}\n"
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+RECORDED = {
+    *("/ego/lidar/points", "/ego/cam_front/rgb/image_raw/compressed", "/tf", "/tf_static"),
+    *("/world/scene", "/robot_description", "/world/map"),  # are latched
+}
+DISPLAYS = {
+    *("/world/markers", "/ego/vector_map/markers", "/ego/cam_front/boxes/markers"),
+    *("/ego/cam_front/depth/color/compressed", "/ego/bev/car/grid", "/world/weather/status"),
+}
 
 
 @contextmanager
@@ -52,8 +66,23 @@ def digests(bag: Path) -> dict[str, str]:
 def test_clients_get_the_bytes_that_are_recorded_and_displays_those_that_follow_from_the_bag(
     simbev: Simbev, small_config: Config, tmp_path: Path
 ) -> None:
-    with relay(simbev) as (_, client):
-        run = simbev("run", small_config(SHORT_S), "--record", tmp_path / "dataset")
+    with relay(simbev) as (_, client), outside_node("gate") as (node, spin_until):
+        scenes: list[String] = []
+        node.create_subscription(String, "/world/scene", keep(scenes), LATCHED)
+        ready = node.create_publisher(Header, "/sync/ready", LATCHED)
+        run = simbev("run", small_config(1, GATE), "--record", tmp_path / "dataset")
+        spin_until(lambda: bool(scenes), 60)
+        spec = SceneSpec.model_validate_json(scenes[0].data)
+
+        def let_play(tick: int) -> None:
+            ready.publish(header(spec.stamp_ns(tick), f"gate:{spec.name}"))
+
+        let_play(-4)  # up to tick -2
+        client.receive_until(lambda: client.channels.keys() >= RECORDED | DISPLAYS, 60)
+        client.receive(1.0)  # the relay subscribes
+        for tick in range(-3, spec.ticks):
+            let_play(tick)
+            client.receive(0.05)
         client.receive_until(lambda: run.process.poll() is not None, 120)
         assert run.finish()[0] == 0
     with SceneBag(tmp_path / "dataset" / SCENE) as bag:
@@ -67,13 +96,10 @@ def test_clients_get_the_bytes_that_are_recorded_and_displays_those_that_follow_
         }
         assert received <= recorded
         topics = {topic for topic, _ in received}
-        assert {"/ego/lidar/points", "/ego/cam_front/rgb/image_raw/compressed", "/tf", "/tf_static"} <= topics
-        assert {"/world/scene", "/robot_description", "/world/map"} <= topics, "latched topics arrive"
-        assert len(topics) > 30
+        assert topics >= RECORDED and len(topics) > 30
         derived = derivations(bag)
         shown = derived.keys() & client.messages.keys() - {"/ego/path"}  # the node's begins in the lead-in
-        assert {"/world/markers", "/ego/vector_map/markers", "/ego/cam_front/boxes/markers"} <= shown
-        assert {"/ego/cam_front/depth/color/compressed", "/ego/bev/car/grid", "/world/weather/status"} <= shown
+        assert shown >= DISPLAYS
         for name in shown - {name for name in shown if "/color" in name}:  # recorded depth and flow are quantized
             kind, start_ns = derived[name].type_name, bag.span_ns[0]
             messages = [data for _, data in client.messages[name] if not is_lead_in(data, kind, start_ns)]

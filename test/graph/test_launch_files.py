@@ -145,7 +145,7 @@ def test_bad_arguments_are_refused(launch: Launch, name: str, arguments: dict[st
 def test_the_launched_graph_runs_and_ends_cleanly_when_launch_is_interrupted(
     launch: Launch, small_config: Callable[..., Path]
 ) -> None:
-    config = small_config(60, without=["camera", "radar"])
+    config = small_config(60, without=["camera", "lidar", "radar"])
     remapping = "-r /sim1/clock:=/time -p use_sim_time:=true"
     (graph,) = launch("simbev", config=str(config), domain=str(DOMAIN), namespace="sim1", ros_args=remapping).processes
     command = [sys.executable, "-m", "simbev_ros.cli.main", *graph.command[1:], "-p", "use_sim_time:=true"]

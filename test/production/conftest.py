@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from typing import Any
 
 import pytest
@@ -9,16 +10,26 @@ from bucket_content import DieAfter, Killed
 from fake_graph import FakeGraph, Scenarios
 
 from simbev_ros.config.scenario import Scenario
+from simbev_ros.maps.build import load_network
+from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.spec import MapSpec
 from simbev_ros.object_store import object_lock
 from simbev_ros.object_store.connection import connection
-from simbev_ros.production import scene_maker
+from simbev_ros.production import scene_maker, surroundings
 
 _WRITES = ("open_output_stream", "copy_file", "delete_dir", "delete_file")
 
 
+@cache
+def _load_network_once(spec: MapSpec) -> RoadNetwork:
+    return load_network(spec)
+
+
 @pytest.fixture
 def graph(monkeypatch: pytest.MonkeyPatch) -> FakeGraph:
+    """A graph that is not there. Roads stay in memory for all tests, with what has been worked out from them."""
     fake = FakeGraph()
+    monkeypatch.setattr(surroundings, "load_network", _load_network_once)
     monkeypatch.setattr(scene_maker, "GraphSession", fake.session)
     monkeypatch.setattr(scene_maker, "build_surroundings", lambda *_: None)
     return fake

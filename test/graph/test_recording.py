@@ -65,7 +65,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
 def test_a_full_disk_ends_the_recording_with_one_message(
     simbev: Simbev, small_config: Config, small_disk: Path
 ) -> None:
-    config = small_config(120, GREEDY, without=["camera"])
+    config = small_config(120, GREEDY, without=["camera", "lidar", "radar"])
     code, output = simbev("run", config, "--record", small_disk / "a").finish()
     assert code == 1 and "Traceback" not in output, output
     assert output.count("error: ") == 1 and "error: node recorder: " in output and "the disk is nearly full" in output

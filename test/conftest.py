@@ -8,6 +8,7 @@ import pytest
 from store_server import StoreServer, running_store
 
 _OBJECTS_BETWEEN_COLLECTIONS = 100_000
+_STARTED_FILES: set[str] = set()
 
 
 @pytest.hookimpl(trylast=True)
@@ -16,9 +17,21 @@ def pytest_collection_finish() -> None:
 
     Otherwise a quarter of the time of tests that build towns passes with scanning these objects again and again.
     """
+    _freeze()
+    gc.set_threshold(_OBJECTS_BETWEEN_COLLECTIONS)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_logstart(nodeid: str, location: tuple[str, int | None, str]) -> None:
+    """Before the first test of each file, exclude also what the files before have left, such as caches of maps."""
+    if location[0] not in _STARTED_FILES:
+        _STARTED_FILES.add(location[0])
+        _freeze()
+
+
+def _freeze() -> None:
     gc.collect()
     gc.freeze()
-    gc.set_threshold(_OBJECTS_BETWEEN_COLLECTIONS)
 
 
 @pytest.fixture(scope="session")

@@ -77,14 +77,14 @@ def train(
     path = out / CHECKPOINT_FILE
     if path.exists():
         step = _resume(path, training, model, average, optimizer)
-    following = _Average(average, model.train())
+    moving_average = _MovingAverage(average, model)
     with SummaryWriter(str(out / "log"), purge_step=step) as log:
         logged_s, logged = time.perf_counter(), step
         for batch in _on_device(_loader(data, range(step, steps), workers, device), device):
             for group in optimizer.param_groups:
                 group["lr"] = training.learning_rate * _schedule(step / steps)
             losses = _step(model, optimizer, batch, training.modality)
-            following.follow(min(training.average_decay, (1 + step) / (10 + step)))
+            moving_average.update(min(training.average_decay, (1 + step) / (10 + step)))
             step += 1
             if step % _LOG_STEPS == 0 or step == steps:
                 values = dict(zip(losses, torch.stack(list(losses.values())).tolist(), strict=True))
@@ -218,7 +218,7 @@ def _schedule(share: float) -> float:
     return 0.5 * (1.0 + math.cos(math.pi * (share - _WARM_UP_SHARE) / (1.0 - _WARM_UP_SHARE)))
 
 
-class _Average:
+class _MovingAverage:
     """The moving average of a model's weights and statistics; counters are copied."""
 
     def __init__(self, average: nn.Module, model: nn.Module) -> None:
@@ -228,8 +228,8 @@ class _Average:
         self._copied = [pair for pair in pairs if not pair[0].is_floating_point()]
 
     @torch.no_grad()
-    def follow(self, decay: float) -> None:
-        """Move the average towards the model."""
+    def update(self, decay: float) -> None:
+        """Move it towards the model."""
         torch._foreach_lerp_([a for a, _ in self._moving], [b for _, b in self._moving], 1.0 - decay)
         torch._foreach_copy_([a for a, _ in self._copied], [b for _, b in self._copied])
 

@@ -20,10 +20,11 @@ from simbev_ros.baselines.model.cameras import depth_index  # noqa: E402
 from simbev_ros.baselines.model.pillars import CHANNELS, PILLARS, pillar_statistics  # noqa: E402
 from simbev_ros.baselines.training.augmentation import Thinning  # noqa: E402
 from simbev_ros.baselines.training.batches import CachedBatches  # noqa: E402
-from simbev_ros.baselines.training.config import Augmentation, Training  # noqa: E402
+from simbev_ros.baselines.training.config import Augmentation, Training, load_training  # noqa: E402
 from simbev_ros.baselines.training.export import ExportedModel, export_model, export_run  # noqa: E402
 from simbev_ros.baselines.training.loop import inputs_of, load_model, train  # noqa: E402
 from simbev_ros.baselines.training.losses import losses_of  # noqa: E402
+from simbev_ros.baselines.training.onnx_weights import start_from  # noqa: E402
 from simbev_ros.baselines.training.targets import targets_of  # noqa: E402
 from simbev_ros.errors import InputError  # noqa: E402
 from simbev_ros.semantics import BEV_CLASSES  # noqa: E402
@@ -184,6 +185,41 @@ def test_the_exported_model_answers_like_the_trained_one(tmp_path: Path) -> None
         given = (torch.from_numpy(each) for each in (sample.points(), images, sample.pixel_from_level))
         cells, _, _ = ExportedModel(model)(*given)
     assert np.abs(answer.cells.astype(int) - cells.numpy()).max() <= 1  # weights have half precision
+
+
+def test_a_fused_model_starts_from_exported_ones(tmp_path: Path) -> None:
+    torch.manual_seed(1)
+    lidar, fused = BevModel(Modality.LIDAR).eval(), BevModel(Modality.FUSED)
+    before = {name: each.clone() for name, each in fused.state_dict().items()}
+    file = tmp_path / "lidar.onnx"
+    export_model(lidar, file, {"modality": "lidar", "sweep_ages_s": [0]}, 6, (64, 32))
+    start_from(fused, [file])
+    given, after = lidar.state_dict(), fused.state_dict()
+    taken = {name for name, each in after.items() if not torch.equal(each, before[name])}
+    assert {name.split(".")[0] for name in taken} == {"lidar", "trunk", "heads"}
+    parameters = {name for name, _ in lidar.named_parameters() if given[name].ndim > 1}
+    assert parameters <= taken
+    assert all(torch.allclose(after[name], given[name], rtol=1e-3, atol=1e-4) for name in parameters)  # half precision
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [(None, "cannot be read"), (b"none", "cannot be read"), (b"", "has no weights of this model")],
+)
+def test_a_file_to_start_from_that_is_no_model_is_named(tmp_path: Path, content: bytes | None, message: str) -> None:
+    file = tmp_path / "model.onnx"
+    if content is not None:
+        file.write_bytes(content)
+    write_cached_scene(tmp_path)
+    training = Training(modality=Modality.LIDAR, batch_size=1, start_from=(str(file),))
+    with pytest.raises(InputError, match=rf"model\.onnx: {message}"):
+        train(training, tmp_path, tmp_path / "run", device=torch.device("cpu"), workers=0, report=lambda progress: None)
+
+
+def test_files_to_start_from_are_relative_to_the_configuration(tmp_path: Path) -> None:
+    config = tmp_path / "mine.yaml"
+    config.write_text("modality: fused\nstart_from: [lidar, runs/model.onnx]\n", encoding="utf-8")
+    assert load_training(config).start_from == ("lidar", str(tmp_path / "runs/model.onnx"))
 
 
 def test_a_checkpoint_that_is_none_is_named(tmp_path: Path) -> None:

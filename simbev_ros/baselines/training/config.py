@@ -7,6 +7,7 @@ from pydantic import Field, ValidationError, field_validator
 
 from simbev_ros.baselines.modality import Modality
 from simbev_ros.config.base import Model, first_problem
+from simbev_ros.config.map_files import expand_home
 from simbev_ros.config.paths import shipped_config_dir
 from simbev_ros.config.yaml_file import YamlFile
 from simbev_ros.errors import InputError
@@ -56,6 +57,11 @@ class Training(Model):
         True,
         description="on a GPU: compile parts of the network, which takes 20 s and a C compiler; a step is 15 % faster",
     )
+    start_from: tuple[str, ...] = Field(
+        (),
+        description="trained models whose weights a new run starts from, where they fit: ONNX files, relative to this "
+        "file, or camera, lidar, fused: those of the package",
+    )
     augmentation: Augmentation = Field(Augmentation(), description="random changes of samples")
 
     @field_validator("sweep_ages_s")
@@ -80,6 +86,14 @@ def load_training(path_or_name: str | Path) -> Training:
         path = shipped[str(path_or_name)]
     file = YamlFile(path)
     try:
-        return Training.model_validate(file.data)
+        training = Training.model_validate(file.data)
     except ValidationError as error:
         raise InputError(f"{path}:{file.line_of(error.errors()[0]['loc']) or 1}: {first_problem(error)}") from None
+    return training.model_copy(
+        update={"start_from": tuple(_model_file(each, path.parent) for each in training.start_from)}
+    )
+
+
+def _model_file(name: str, folder: Path) -> str:
+    """Where a model is: in the package, or in a file relative to a folder."""
+    return name if name in list(Modality) else str(folder / expand_home(name))

@@ -7,7 +7,7 @@ from typing import Any
 
 import onnx
 import torch
-from onnx import TensorProto, helper, numpy_helper
+from onnx import helper
 from torch import Tensor, nn
 from torch.nn.functional import max_pool2d
 
@@ -15,12 +15,11 @@ from simbev_ros.baselines.cache.reader import cached_scenes
 from simbev_ros.baselines.inference import ABOUT_KEY
 from simbev_ros.baselines.model.bev_model import BevModel, Inputs
 from simbev_ros.baselines.training.loop import CHECKPOINT_FILE, load_model
+from simbev_ros.baselines.training.onnx_weights import halve_weights
 from simbev_ros.recording.whole_files import write_whole
 
 MODEL_FILE = "model.onnx"
 _OPSET = 18
-_MIN_HALVED = 256
-"""Smaller constants keep their precision."""
 
 
 class ExportedModel(nn.Module):
@@ -85,24 +84,9 @@ def export_model(model: BevModel, path: Path, about: dict[str, Any], cameras: in
         )
     exported = onnx.load(str(making))
     making.unlink()
-    _halve_weights(exported.graph)
+    halve_weights(exported.graph)
     helper.set_model_props(exported, {ABOUT_KEY: json.dumps(about, sort_keys=True)})
     write_whole(path, exported.SerializeToString())
-
-
-def _halve_weights(graph: onnx.GraphProto) -> None:
-    """Store large constants with half precision; a cast, which ONNX Runtime carries out once, restores their type."""
-    casts = []
-    for tensor in list(graph.initializer):
-        values = numpy_helper.to_array(tensor)
-        if tensor.data_type != TensorProto.FLOAT or values.size < _MIN_HALVED:
-            continue
-        half = f"{tensor.name}_half"
-        graph.initializer.remove(tensor)
-        graph.initializer.append(numpy_helper.from_array(values.astype("float16"), half))
-        casts.append(helper.make_node("Cast", [half], [tensor.name], to=TensorProto.FLOAT))
-    for cast in reversed(casts):
-        graph.node.insert(0, cast)
 
 
 def export_run(run: Path, cache: Path) -> Path:

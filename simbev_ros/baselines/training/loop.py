@@ -16,11 +16,13 @@ from torch import nn
 from torch.utils.data import DataLoader
 
 from simbev_ros.baselines.cache.reader import cached_scenes
+from simbev_ros.baselines.inference import weights_file
 from simbev_ros.baselines.modality import Modality
 from simbev_ros.baselines.model.bev_model import BevModel, Inputs
 from simbev_ros.baselines.training.batches import Batch, CachedBatches
 from simbev_ros.baselines.training.config import Training
 from simbev_ros.baselines.training.losses import losses_of
+from simbev_ros.baselines.training.onnx_weights import start_from
 from simbev_ros.baselines.training.targets import targets_of
 from simbev_ros.errors import InputError
 
@@ -59,10 +61,15 @@ def train(
         report: Called every few steps.
 
     Raises:
-        InputError: The cache has too few samples, the checkpoint is of another configuration, or a compiler is missing.
+        InputError: The cache has too few samples, the checkpoint is of another configuration, a model to start from
+            does not fit, or a compiler is missing.
     """
     torch.manual_seed(training.seed)
-    model = BevModel(training.modality).to(device, memory_format=torch.channels_last)
+    path = out / CHECKPOINT_FILE
+    model = BevModel(training.modality)
+    if not path.exists():
+        start_from(model, [_model_file(each) for each in training.start_from])
+    model.to(device, memory_format=torch.channels_last)
     average = deepcopy(model).eval().requires_grad_(False)
     if device.type == "cuda" and training.compile:
         _require_compiler()
@@ -74,7 +81,6 @@ def train(
         raise InputError(f"{cache}: has fewer samples to train on than batch_size {training.batch_size}")
     steps, step = training.epochs * data.steps_per_epoch, 0
     out.mkdir(parents=True, exist_ok=True)
-    path = out / CHECKPOINT_FILE
     if path.exists():
         step = _resume(path, training, model, average, optimizer)
     moving_average = _MovingAverage(average, model)
@@ -122,8 +128,7 @@ def load_model(path: Path) -> tuple[Training, BevModel]:
     Raises:
         InputError: It cannot be read.
     """
-    state = _load(path)
-    training = Training.model_validate(state["training"])
+    training, state = _load(path)
     model = BevModel(training.modality).eval()
     model.load_state_dict(state["average"])
     return training, model
@@ -237,9 +242,9 @@ class _MovingAverage:
 def _resume(
     path: Path, training: Training, model: nn.Module, average: nn.Module, optimizer: torch.optim.Optimizer
 ) -> int:
-    state = _load(path)
-    if state["training"] != training.model_dump(mode="json"):
-        differing = [k for k, v in training.model_dump(mode="json").items() if state["training"].get(k) != v]
+    begun, state = _load(path)
+    if begun != training:
+        differing = [name for name in Training.model_fields if getattr(begun, name) != getattr(training, name)]
         raise InputError(f"{path}: was made with another {', '.join(differing)}; choose another folder for this run")
     model.load_state_dict(state["model"])
     average.load_state_dict(state["average"])
@@ -247,9 +252,16 @@ def _resume(
     return int(state["step"])
 
 
-def _load(path: Path) -> dict[str, Any]:
+def _load(path: Path) -> tuple[Training, dict[str, Any]]:
+    """Configuration and state of a checkpoint."""
     try:
         state: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
+        training = Training.model_validate(state["training"])
     except Exception as error:  # torch raises many kinds for a damaged file
         raise InputError(f"{path}: is no checkpoint: {error}") from None
-    return state
+    return training, state
+
+
+def _model_file(name: str) -> Path:
+    """File of a model to start from."""
+    return weights_file(Modality(name)) if name in list(Modality) else Path(name)

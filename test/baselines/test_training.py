@@ -76,7 +76,7 @@ def test_targets_and_inputs_stay_together(tmp_path: Path, augmentation: Augmenta
     for _, label, x, y, z, length, width, height, yaw, _, _ in batch.boxes[batch.boxes[:, 1] == 0].tolist():
         assert label == 0
         row, column = int((72 - x) / 0.4), int((72 - y) / 0.4)
-        assert targets.cells[:, BEV_CLASSES.index("car"), row, column].max() == 1
+        assert targets.cells[:, row, column, BEV_CLASSES.index("car")].max() == 1
         offset = points[:, :3] - torch.tensor([x, y, z])
         along = offset[:, 0] * np.cos(yaw) + offset[:, 1] * np.sin(yaw)
         across = offset[:, 1] * np.cos(yaw) - offset[:, 0] * np.sin(yaw)

@@ -18,7 +18,7 @@ _OFFSETS = 2
 def losses_of(outputs: Outputs, targets: Targets, depth_m: Tensor | None) -> dict[str, Tensor]:
     """Losses of a batch by name, to be added up; ``depth_m`` is that of the images, if the model sees any."""
     losses = {
-        **_cell_losses(outputs.cells.float(), targets.cells, targets.known),
+        **_cell_losses(outputs.cells.float().permute(0, 2, 3, 1), targets.cells, targets.known),
         "heat": _heat_loss(outputs.heat.float(), targets),
         "boxes": _BOX_WEIGHT * _box_loss(outputs.boxes.float(), targets),
     }
@@ -33,12 +33,13 @@ def _cell_losses(logits: Tensor, cells: Tensor, known: Tensor) -> dict[str, Tens
     The Dice loss (https://arxiv.org/abs/1606.04797) stands in for the IoU that is measured: with cross entropy alone,
     classes with few and small objects hardly reach a score of one half.
     """
-    share = ((cells * known).mean((0, 2, 3)) / known.mean()).clamp(min=_MIN_SHARE)
+    over_cells = (0, 1, 2)
+    share = ((cells * known).mean(over_cells) / known.mean()).clamp(min=_MIN_SHARE)
     entropy = binary_cross_entropy_with_logits(logits, cells, reduction="none") * known
     scores = torch.sigmoid(logits) * known
-    both = (scores * cells).sum((0, 2, 3))
-    dice = 1.0 - (2.0 * both + 1.0) / (scores.sum((0, 2, 3)) + (cells * known).sum((0, 2, 3)) + 1.0)
-    return {"cells": (entropy.mean((0, 2, 3)) / share.sqrt()).mean(), "dice": dice.mean()}
+    both = (scores * cells).sum(over_cells)
+    dice = 1.0 - (2.0 * both + 1.0) / (scores.sum(over_cells) + (cells * known).sum(over_cells) + 1.0)
+    return {"cells": (entropy.mean(over_cells) / share.sqrt()).mean(), "dice": dice.mean()}
 
 
 def _heat_loss(logits: Tensor, targets: Targets) -> Tensor:

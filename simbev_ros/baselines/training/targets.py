@@ -20,8 +20,8 @@ class Targets(NamedTuple):
     """Targets of B samples.
 
     Attributes:
-        cells: (B, C, CELLS, CELLS) float32, 0 or 1.
-        known: (B, 1, CELLS, CELLS) float32, 1 where the warped grid was recorded.
+        cells: (B, CELLS, CELLS, C) float32, 0 or 1: in memory as a GPU's convolutions have it.
+        known: (B, CELLS, CELLS, 1) float32, 1 where the warped grid was recorded.
         heat: (B, classes, FEATURE_CELLS, FEATURE_CELLS) float32, 1 at centers and less around them.
         center: (M,) int64 flat index of sample, row, column of each box's center.
         label: (M,) int64 class of each box.
@@ -52,9 +52,9 @@ def _warped_cells(batch: Batch) -> tuple[Tensor, Tensor]:
     known = ((index >= 0) & (index < CELLS)).all(-1)
     row, column = index.clamp(0, CELLS - 1).unbind(-1)
     bits = batch.cells.reshape(samples, -1).gather(1, row * CELLS + column)
-    shift = torch.arange(len(BEV_CLASSES), device=device, dtype=bits.dtype)[None, :, None]
-    cells = ((bits[:, None] >> shift) & 1).to(torch.float32).reshape(samples, -1, CELLS, CELLS)
-    return cells, known.to(torch.float32).reshape(samples, 1, CELLS, CELLS)
+    shift = torch.arange(len(BEV_CLASSES), device=device, dtype=bits.dtype)
+    cells = ((bits[..., None] >> shift) & 1).to(torch.float32).reshape(samples, CELLS, CELLS, -1)
+    return cells, known.to(torch.float32).reshape(samples, CELLS, CELLS, 1)
 
 
 def _box_targets(boxes: Tensor, samples: int) -> tuple[Tensor, Tensor, Tensor, Tensor]:

@@ -94,6 +94,7 @@ def test_an_actor_copies_what_it_is_given(
     assert made.row["name"] == "Blocks-0007" and ready is Sign.READY and bag_of(place, ENTRY).is_dir()
 
 
+@pytest.mark.slow
 def test_each_number_of_scenes_is_made_and_removed(recorded: RecordedScene, place: Path) -> None:
     done: list[int] = []
     timing = timed_production(recorded, [3, 30], folder=place, workers=2, ray=None, advance=lambda: done.append(1))

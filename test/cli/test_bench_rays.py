@@ -1,5 +1,6 @@
 import json
 
+import pytest
 from typer.testing import CliRunner
 
 from simbev_ros.cli.main import app
@@ -7,6 +8,7 @@ from simbev_ros.cli.main import app
 RUNNER = CliRunner()
 
 
+@pytest.mark.slow
 def test_bench_rays_compares_with_one_merged_mesh_that_finds_the_same() -> None:
     arguments = ["bench", "rays", "--map", "Blocks", "--actors", "12", "--radius", "100", "--frames", "1", "--json"]
     result = RUNNER.invoke(app, arguments)

@@ -86,6 +86,7 @@ def digests(folder: Path) -> dict[str, str]:
         return topic_digests(bag)
 
 
+@pytest.mark.slow
 def test_a_scene_among_strangers_is_the_same(
     recorded: Path, simbev: Callable[..., Command], small_config: Callable[..., Path], tmp_path: Path
 ) -> None:

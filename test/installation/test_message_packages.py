@@ -113,7 +113,8 @@ def test_the_hash_of_a_made_type_is_that_of_its_definition(installed: Path) -> N
 def test_the_wheel_records_its_files_and_lists_its_interfaces_for_ros(installed: Path) -> None:
     record = (installed / "simbev_built_made_up_msgs-1.2.3+4.dist-info" / "RECORD").read_text().splitlines()
     recorded = dict(line.split(",")[:2] for line in record)
-    files = {path.relative_to(installed).as_posix(): path for path in installed.rglob("*") if path.is_file()}
+    paths = [path for path in installed.rglob("*") if path.is_file() and path.suffix != ".pyc"]
+    files = {path.relative_to(installed).as_posix(): path for path in paths}
     assert recorded.keys() == files.keys()
     for name, path in files.items():
         digest = base64.urlsafe_b64encode(hashlib.sha256(path.read_bytes()).digest()).rstrip(b"=").decode()

@@ -16,7 +16,6 @@ Float64Array = npt.NDArray[np.float64]
 Table: TypeAlias = Any
 """Structured array with one row per actor, signal, point or box; each dtype is documented where it is defined.
 
-Annotations of numpy know no fields: with NDArray[np.void] every field is an array of anything, of which mypy finds
-out no more, in twice the time.
+With NDArray[np.void], fields would be arrays of Any all the same, and mypy would take twice as long.
 """
 AnyArray = npt.NDArray[Any]

@@ -38,6 +38,19 @@ def require_model_file(modality: Modality, path: Path | None) -> Path:
     return path
 
 
+def model_file(name: str) -> Path:
+    """The file of a model, which is there: that in the package if the name is camera, lidar or fused.
+
+    Raises:
+        InputError: There is no such file.
+    """
+    if name in list(Modality):
+        return require_model_file(Modality(name), None)
+    if not Path(name).is_file():
+        raise InputError(f"{name}: no such file; give an ONNX file that `simbev train` wrote, or {', '.join(Modality)}")
+    return Path(name)
+
+
 def load_baseline(modality: Modality, path: Path | None) -> Baseline:
     """Load a baseline.
 

@@ -204,7 +204,7 @@ def test_a_fused_model_starts_from_exported_ones(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("content", "message"),
-    [(None, "cannot be read"), (b"none", "cannot be read"), (b"", "has no weights of this model")],
+    [(None, "no such file"), (b"none", "cannot be read"), (b"", "has no weights of this model")],
 )
 def test_a_file_to_start_from_that_is_no_model_is_named(tmp_path: Path, content: bytes | None, message: str) -> None:
     file = tmp_path / "model.onnx"

@@ -95,5 +95,5 @@ def load_training(path_or_name: str | Path) -> Training:
 
 
 def _model_file(name: str, folder: Path) -> str:
-    """Where a model is: in the package, or in a file relative to a folder."""
-    return name if name in list(Modality) else str(folder / expand_home(name))
+    """A model of the package by its name; any other by its absolute path, so that a run can go on from any folder."""
+    return name if name in list(Modality) else str((folder / expand_home(name)).absolute())

@@ -16,9 +16,9 @@ from torch import nn
 from torch.utils.data import DataLoader
 
 from simbev_ros.baselines.cache.reader import cached_scenes
-from simbev_ros.baselines.inference import weights_file
 from simbev_ros.baselines.modality import Modality
 from simbev_ros.baselines.model.bev_model import BevModel, Inputs
+from simbev_ros.baselines.model_file import model_file
 from simbev_ros.baselines.training.batches import Batch, CachedBatches
 from simbev_ros.baselines.training.config import Training
 from simbev_ros.baselines.training.losses import losses_of
@@ -67,8 +67,7 @@ def train(
     torch.manual_seed(training.seed)
     path = out / CHECKPOINT_FILE
     model = BevModel(training.modality)
-    if not path.exists():
-        start_from(model, [_model_file(each) for each in training.start_from])
+    start_from(model, starting_files(training, out))
     model.to(device, memory_format=torch.channels_last)
     average = deepcopy(model).eval().requires_grad_(False)
     if device.type == "cuda" and training.compile:
@@ -84,8 +83,8 @@ def train(
     if path.exists():
         step = _resume(path, training, model, average, optimizer)
     moving_average = _MovingAverage(average, model)
-    with SummaryWriter(str(out / "log"), purge_step=step) as log:
-        logged_s, logged = time.perf_counter(), step
+    with SummaryWriter(str(out / "log"), purge_step=step) as writer:
+        log = _Log(writer, training.batch_size, step)
         for batch in _on_device(_loader(data, range(step, steps), workers, device), device):
             for group in optimizer.param_groups:
                 group["lr"] = training.learning_rate * _schedule(step / steps)
@@ -93,17 +92,23 @@ def train(
             moving_average.update(min(training.average_decay, (1 + step) / (10 + step)))
             step += 1
             if step % _LOG_STEPS == 0 or step == steps:
-                values = dict(zip(losses, torch.stack(list(losses.values())).tolist(), strict=True))
-                if not all(map(math.isfinite, values.values())):
-                    raise FloatingPointError(f"step {step}: the loss is not finite: {values}")
-                now_s = time.perf_counter()
-                rate = (step - logged) * training.batch_size / (now_s - logged_s)
-                logged_s, logged = now_s, step
-                for name, value in {**values, "samples_per_s": rate, "epoch": step / data.steps_per_epoch}.items():
-                    log.add_scalar(name, value, step)
-                report(Progress(step, steps, {**values, "samples_per_s": rate}))
+                report(Progress(step, steps, log.write(step, step / data.steps_per_epoch, losses)))
             if step % data.steps_per_epoch == 0:
                 save_checkpoint(path, training, model, average, optimizer, step)
+
+
+def starting_files(training: Training, out: Path) -> list[Path]:
+    """Models from which a run starts; none if it goes on from its checkpoint.
+
+    Raises:
+        InputError: There is no such file.
+    """
+    if (out / CHECKPOINT_FILE).exists():
+        return []
+    try:
+        return [model_file(each) for each in training.start_from]
+    except InputError as error:
+        raise InputError(f"start_from: {error}") from None
 
 
 def save_checkpoint(
@@ -223,6 +228,26 @@ def _schedule(share: float) -> float:
     return 0.5 * (1.0 + math.cos(math.pi * (share - _WARM_UP_SHARE) / (1.0 - _WARM_UP_SHARE)))
 
 
+class _Log:
+    """What TensorBoard reads: losses, epoch and speed."""
+
+    def __init__(self, writer: SummaryWriter, batch_size: int, step: int) -> None:
+        self._writer, self._batch_size = writer, batch_size
+        self._step, self._time_s = step, time.perf_counter()
+
+    def write(self, step: int, epoch: float, losses: dict[str, torch.Tensor]) -> dict[str, float]:
+        """Write the values of a step; return losses and samples per second since the last time."""
+        values = dict(zip(losses, torch.stack(list(losses.values())).tolist(), strict=True))
+        if not all(map(math.isfinite, values.values())):
+            raise FloatingPointError(f"step {step}: the loss is not finite: {values}")
+        now_s = time.perf_counter()
+        values["samples_per_s"] = (step - self._step) * self._batch_size / (now_s - self._time_s)
+        self._step, self._time_s = step, now_s
+        for name, value in {**values, "epoch": epoch}.items():
+            self._writer.add_scalar(name, value, step)
+        return values
+
+
 class _MovingAverage:
     """The moving average of a model's weights and statistics; counters are copied."""
 
@@ -260,8 +285,3 @@ def _load(path: Path) -> tuple[Training, dict[str, Any]]:
     except Exception as error:  # torch raises many kinds for a damaged file
         raise InputError(f"{path}: is no checkpoint: {error}") from None
     return training, state
-
-
-def _model_file(name: str) -> Path:
-    """File of a model to start from."""
-    return weights_file(Modality(name)) if name in list(Modality) else Path(name)

@@ -5,7 +5,6 @@ from typing import Annotated, Literal
 
 import typer
 
-from simbev_ros.baselines.modality import Modality
 from simbev_ros.cli.agent_option import AgentOption
 from simbev_ros.cli.baselines.cache_option import Cache, filled_cache
 from simbev_ros.cli.console import counting_bar, make_console
@@ -39,10 +38,10 @@ def predict(
     """
     from simbev_ros.baselines.cache.reader import cached_scenes
     from simbev_ros.baselines.inference import Baseline
-    from simbev_ros.baselines.model_file import load_baseline
+    from simbev_ros.baselines.model_file import model_file
     from simbev_ros.baselines.predict import predict as run
 
-    baseline = load_baseline(Modality(model), None) if model in list(Modality) else Baseline(Path(model))
+    baseline = Baseline(model_file(model))
     pool, console = processes(workers), make_console(stderr=True)
     scenes = cached_scenes(filled_cache(dataset, cache, pool, console, agent), split)
     frames = sum(len(range(0, len(scene.frames), every)) for scene in scenes)

@@ -45,12 +45,13 @@ def train(
         import torch
 
         from simbev_ros.baselines.training.export import export_run
-        from simbev_ros.baselines.training.loop import Progress
+        from simbev_ros.baselines.training.loop import Progress, starting_files
         from simbev_ros.baselines.training.loop import train as run
     except ImportError as error:
         command = f"{sys.executable} -m pip install 'simbev_ros[training]'"
         raise InputError(f"training needs {error.name}: {command}") from None
     chosen = _device(torch, device)
+    starting_files(training, out)  # what is missing is said before the dataset is unpacked
     pool, console = processes(workers), make_console(stderr=True)
     folder = filled_cache(dataset, cache, pool, console, agent)
     with counting_bar("steps", console, elapsed=True) as bar:

@@ -3,12 +3,14 @@
 An entry is a folder below the folder of its kind. Its name contains a hash of the fingerprint of the code that built
 it. A process that uses an entry sets its modification time and holds a lock on it until it has used many others, or
 ends, however that happens. Entries that other versions of the code built are evicted when no process has used them for
-a while.
+a while, or sooner when the disk gets full.
 """
 
 import fcntl
 import hashlib
+import math
 import os
+import shutil
 import tempfile
 import time
 from collections import OrderedDict
@@ -19,6 +21,9 @@ from simbev_ros.confined_paths import path_inside
 
 KEPT_S = 14 * 86400.0
 """How long after its last use an entry of another version is kept."""
+
+SPARE_BYTES = 20e9
+"""Free space on the disk below which entries of other versions are not kept; two large maps take 8 GB."""
 
 _MAX_HELD = 64
 """Number of entries that a process holds at once; each takes a descriptor, and each map has three entries."""
@@ -51,7 +56,7 @@ def entry_path(kind: Path, name: str, version: bytes, key: bytes) -> Path:
 def hold_entry(entry: Path) -> None:
     """Protect an entry from eviction while this process uses it; without effect if it is absent or read-only.
 
-    A process holds a limited number of entries, those used last; earlier ones are young enough to be kept anyway.
+    A process holds a limited number of entries, those used last; earlier ones are young, so that they are evicted last.
     """
     with suppress(OSError):
         os.utime(entry)
@@ -75,16 +80,17 @@ def _lock(entry: Path, inode: int) -> None:
 
 
 def evict_unused(written: Path) -> None:
-    """Remove entries of the same kind that other versions built, that are old and that no process uses.
+    """Remove entries of the same kind that other versions built and no process uses: old ones, more if disk is short.
 
     Args:
         written: An entry that was just written. Entries of its version stay, and so does any that cannot be removed.
     """
     version = _version(written)
-    for entry in written.parent.iterdir():
-        if _version(entry) != version and _is_old(entry):
+    others = [(_last_use_s(entry), entry) for entry in written.parent.iterdir() if _version(entry) != version]
+    for last_use_s, entry in sorted(others):
+        if last_use_s < time.time() - KEPT_S or (not _is_hidden(entry) and _is_disk_short(entry.parent)):
             with suppress(OSError):
-                _evict(entry)
+                _evict(entry, last_use_s)
 
 
 def discard_entry(entry: Path) -> None:
@@ -93,12 +99,12 @@ def discard_entry(entry: Path) -> None:
         entry.rename(Path(bin_) / entry.name)
 
 
-def _evict(entry: Path) -> None:
-    """Remove an entry unless a process holds it."""
+def _evict(entry: Path, last_use_s: float) -> None:
+    """Remove an entry unless a process holds it, or has begun to use it since it was last looked at."""
     descriptor = os.open(entry, os.O_RDONLY | os.O_DIRECTORY)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        if _is_old(entry):  # no process has begun to use it before it was locked
+        if _last_use_s(entry) == last_use_s:
             discard_entry(entry)
     finally:
         os.close(descriptor)
@@ -109,9 +115,19 @@ def _version(entry: Path) -> str:
     return entry.name.rpartition("-")[0].rpartition("-")[2]
 
 
-def _is_old(entry: Path) -> bool:
-    """Whether an entry exists and was last used more than ``KEPT_S`` ago."""
+def _last_use_s(entry: Path) -> float:
+    """Time at which an entry was last used, in seconds since the epoch; infinite if it is gone."""
     try:
-        return entry.stat().st_mtime < time.time() - KEPT_S
+        return entry.stat().st_mtime
     except FileNotFoundError:
-        return False
+        return math.inf
+
+
+def _is_hidden(entry: Path) -> bool:
+    """Whether this is no entry, but what a process is just building or removing."""
+    return entry.name.startswith(".")
+
+
+def _is_disk_short(folder: Path) -> bool:
+    """Whether the disk of a folder has little free space."""
+    return shutil.disk_usage(folder).free < SPARE_BYTES

@@ -1,17 +1,26 @@
-"""Entries of other versions are evicted when they are old and no process uses them; no other entry is."""
+"""Entries of other versions are evicted when they are old, or the disk is short, and no process uses them."""
 
 import os
 import subprocess
 import sys
 import time
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
 from simbev_ros.cache import entries
-from simbev_ros.cache.entries import KEPT_S, entry_path, evict_unused, hold_entry
+from simbev_ros.cache.entries import KEPT_S, SPARE_BYTES, entry_path, evict_unused, hold_entry
 from simbev_ros.cache.folders import ensure_folder
 from simbev_ros.errors import InputError
+
+
+@pytest.fixture(autouse=True)
+def disk_usage(monkeypatch: pytest.MonkeyPatch) -> Mock:
+    """Stands for ``shutil.disk_usage``; the disk has much free space."""
+    usage = Mock(return_value=Mock(free=SPARE_BYTES))
+    monkeypatch.setattr(entries.shutil, "disk_usage", usage)
+    return usage
 
 
 def entry(cache: Path, name: str, version: bytes, *, unused_s: float) -> Path:
@@ -43,6 +52,21 @@ def test_only_old_entries_of_other_versions_go(tmp_path: Path) -> None:
     assert (tmp_path / "maps").is_dir() and (kept[0] / "net").read_text() == "Young"
 
 
+def test_on_a_short_disk_those_go_that_were_not_used_for_longest_until_enough_is_free(
+    tmp_path: Path, disk_usage: Mock
+) -> None:
+    last, middle, first = (entry(tmp_path, f"Unused{hours}h", b"1", unused_s=3600.0 * hours) for hours in (1, 2, 3))
+    held, mine = entry(tmp_path, "Held", b"1", unused_s=0), entry(tmp_path, "Mine", b"2", unused_s=KEPT_S / 2)
+    hold_entry(held)
+    aged(held, KEPT_S / 2)
+    building = tmp_path / "maps/.Town-building"  # by another process
+    building.mkdir()
+    disk_usage.side_effect = lambda folder: Mock(free=SPARE_BYTES - 1 if middle.exists() else SPARE_BYTES)
+    new = written(tmp_path)
+    assert not first.exists()
+    assert sorted((tmp_path / "maps").iterdir()) == sorted([last, held, mine, building, new])
+
+
 def test_an_entry_in_use_stays_as_long_as_the_process_lives(tmp_path: Path) -> None:
     folder = entry(tmp_path, "Old", b"1", unused_s=2 * KEPT_S)
     program = "import sys, pathlib; from simbev_ros.cache.entries import hold_entry; "
@@ -63,9 +87,9 @@ def test_an_entry_that_is_taken_into_use_at_the_last_moment_stays(
 ) -> None:
     folder, remove = entry(tmp_path, "Old", b"1", unused_s=2 * KEPT_S), entries._evict
 
-    def late(old: Path) -> None:
+    def late(old: Path, last_use_s: float) -> None:
         os.utime(folder)
-        remove(old)
+        remove(old, last_use_s)
 
     monkeypatch.setattr(entries, "_evict", late)
     written(tmp_path)

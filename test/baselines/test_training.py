@@ -92,6 +92,22 @@ def test_the_same_seed_and_epoch_give_the_same_batch(tmp_path: Path) -> None:
     assert not torch.equal(first[0].boxes, second[first.steps_per_epoch].boxes)
 
 
+def test_the_last_steps_have_the_cells_as_recorded(tmp_path: Path) -> None:
+    augmentation = WILD.model_copy(update={"settling": 0.5, "pasting": 0.0})
+    training = Training(modality=Modality.LIDAR, augmentation=augmentation, batch_size=2, epochs=8)
+    data = CachedBatches([CachedScene(write_cached_scene(tmp_path))], training)
+    last = 4 * data.steps_per_epoch
+    assert not any(_is_mirrored(*each) for each in zip(targets_of(data[0]).cells, data[0].cells, strict=True))
+    for step in range(last, 2 * last):
+        batch = data[step]
+        assert all(_is_mirrored(*each) for each in zip(targets_of(batch).cells, batch.cells, strict=True))
+
+
+def _is_mirrored(cells: torch.Tensor, recorded: torch.Tensor) -> bool:
+    bits = (cells.int() << torch.arange(len(BEV_CLASSES))).sum(-1)
+    return any(torch.equal(bits, recorded.flip(axes)) for axes in ((), (0,), (1,), (0, 1)))
+
+
 def test_a_box_survives_its_targets(tmp_path: Path) -> None:
     """Targets taken as the answer decode to the boxes that they were made from."""
     targets = targets_of(batches(tmp_path, Modality.LIDAR, None, size=1)[0])

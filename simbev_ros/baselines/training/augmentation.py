@@ -27,10 +27,15 @@ class Warp:
     scale: float
 
     @classmethod
-    def draw(cls, augmentation: Augmentation, rng: np.random.Generator) -> "Warp":
-        """Draw a map."""
+    def draw(cls, augmentation: Augmentation, rng: np.random.Generator, *, settled: bool) -> "Warp":
+        """Draw a map; ``settled``: only flips, which map each cell of the grid to one cell.
+
+        Any other map takes cells between recorded ones from the nearest, which moves the outlines of small objects.
+        """
         angle_rad = np.radians(rng.uniform(-1.0, 1.0) * augmentation.rotation_deg)
         scale = float(rng.uniform(1.0 - augmentation.scale, 1.0 + augmentation.scale))
+        if settled:
+            angle_rad, scale = 0.0, 1.0
         flips = [-1.0 if augmentation.flip and rng.random() < 0.5 else 1.0 for _ in range(2)]
         cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
         rotation = np.array([[cosine, -sine], [sine, cosine]])

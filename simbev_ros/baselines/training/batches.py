@@ -109,23 +109,25 @@ class CachedBatches(Dataset[Batch]):
         self._samples = [(scene, frame) for scene in range(len(scenes)) for frame in range(len(scenes[scene].frames))]
         self._donors = frames_with_rare_objects(scenes) if augmented and training.augmentation.pasting > 0 else []
         self.steps_per_epoch = len(self._samples) // training.batch_size
+        self._settled_from = (1.0 - training.augmentation.settling) * training.epochs * self.steps_per_epoch
 
     def __getitem__(self, step: int) -> Batch:
         epoch, index = divmod(step, self.steps_per_epoch)
+        settled = step >= self._settled_from
         order = np.arange(len(self._samples))
         if self._augmentation is not None:
             order = np.random.default_rng([self._seed, epoch]).permutation(len(order))
         chosen = order[index * self._batch_size : (index + 1) * self._batch_size]
-        return self._collate([self._sample(int(each), epoch) for each in chosen])
+        return self._collate([self._sample(int(each), epoch, settled=settled) for each in chosen])
 
-    def _sample(self, number: int, epoch: int) -> dict[str, Tensor]:
+    def _sample(self, number: int, epoch: int, *, settled: bool) -> dict[str, Tensor]:
         scene, frame = self._samples[number]
         sample = self._scenes[scene].sample(frame, self._sweep_ages_ns)
         images = self._images(sample)
         rng = np.random.default_rng([self._seed, epoch, number])
         warp, gain, thinning = Warp(np.eye(2), 1.0), (1.0, 0.0), Thinning(0.0, False, 0.0)
         if self._augmentation is not None:
-            warp, amount = Warp.draw(self._augmentation, rng), self._augmentation.brightness
+            warp, amount = Warp.draw(self._augmentation, rng, settled=settled), self._augmentation.brightness
             gain = (rng.uniform(1 - amount, 1 + amount), 128.0 * rng.uniform(-amount, amount))
             thinning = Thinning.draw(self._augmentation, rng)
             if self._donors and rng.random() < self._augmentation.pasting:

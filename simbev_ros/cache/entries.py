@@ -3,7 +3,7 @@
 An entry is a folder below the folder of its kind. Its name contains a hash of the fingerprint of the code that built
 it. A process that uses an entry sets its modification time and holds a lock on it until it has used many others, or
 ends, however that happens. Entries that other versions of the code built are evicted when no process has used them for
-a while, or sooner when the disk gets full.
+a while, or sooner while disk space is low.
 """
 
 import fcntl
@@ -80,7 +80,7 @@ def _lock(entry: Path, inode: int) -> None:
 
 
 def evict_unused(written: Path) -> None:
-    """Remove entries of the same kind that other versions built and no process uses: old ones, more if disk is short.
+    """Remove unused entries of the same kind that other versions built: old ones, and more while disk space is low.
 
     Args:
         written: An entry that was just written. Entries of its version stay, and so does any that cannot be removed.
@@ -88,7 +88,7 @@ def evict_unused(written: Path) -> None:
     version = _version(written)
     others = [(_last_use_s(entry), entry) for entry in written.parent.iterdir() if _version(entry) != version]
     for last_use_s, entry in sorted(others):
-        if last_use_s < time.time() - KEPT_S or (not _is_hidden(entry) and _is_disk_short(entry.parent)):
+        if last_use_s < time.time() - KEPT_S or (not _is_hidden(entry) and _is_space_low(entry.parent)):
             with suppress(OSError):
                 _evict(entry, last_use_s)
 
@@ -128,6 +128,6 @@ def _is_hidden(entry: Path) -> bool:
     return entry.name.startswith(".")
 
 
-def _is_disk_short(folder: Path) -> bool:
+def _is_space_low(folder: Path) -> bool:
     """Whether the disk of a folder has little free space."""
     return shutil.disk_usage(folder).free < SPARE_BYTES

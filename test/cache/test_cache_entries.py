@@ -1,4 +1,4 @@
-"""Entries of other versions are evicted when they are old, or the disk is short, and no process uses them."""
+"""Entries of other versions are evicted when they are old, or disk space is low, and no process uses them."""
 
 import os
 import subprocess
@@ -52,7 +52,7 @@ def test_only_old_entries_of_other_versions_go(tmp_path: Path) -> None:
     assert (tmp_path / "maps").is_dir() and (kept[0] / "net").read_text() == "Young"
 
 
-def test_on_a_short_disk_those_go_that_were_not_used_for_longest_until_enough_is_free(
+def test_low_disk_space_evicts_entries_of_other_versions_by_last_use_until_enough_is_free(
     tmp_path: Path, disk_usage: Mock
 ) -> None:
     last, middle, first = (entry(tmp_path, f"Unused{hours}h", b"1", unused_s=3600.0 * hours) for hours in (1, 2, 3))

@@ -203,6 +203,19 @@ def test_the_exported_model_answers_like_the_trained_one(tmp_path: Path) -> None
     assert np.abs(answer.cells.astype(int) - cells.numpy()).max() <= 1  # weights have half precision
 
 
+def test_a_model_starts_with_all_weights_of_its_export(tmp_path: Path) -> None:
+    torch.manual_seed(2)
+    model, started = BevModel(Modality.LIDAR).eval(), BevModel(Modality.LIDAR)
+    block = model.trunk.middle[0]
+    for each in (block.second[1], block.shortcut[1]):  # they learn the same
+        torch.nn.init.constant_(each.bias, 0.5)
+    export_model(model, tmp_path / "model.onnx", {"modality": "lidar", "sweep_ages_s": [0]}, 6, (64, 32))
+    start_from(started, [tmp_path / "model.onnx"])
+    after = started.state_dict()
+    for name, weights in model.state_dict().items():
+        assert torch.allclose(after[name].float(), weights.float(), rtol=1e-3, atol=1e-4), name
+
+
 def test_a_fused_model_starts_from_exported_ones(tmp_path: Path) -> None:
     torch.manual_seed(1)
     lidar, fused = BevModel(Modality.LIDAR).eval(), BevModel(Modality.FUSED)

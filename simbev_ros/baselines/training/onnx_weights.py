@@ -57,8 +57,15 @@ def start_from(model: nn.Module, files: Sequence[Path]) -> None:
 def _weights(file: Path) -> dict[str, Tensor]:
     """Weights and statistics by their names in the model."""
     try:
-        constants = onnx.load(str(file)).graph.initializer
+        graph = onnx.load(str(file)).graph
     except Exception as error:  # a damaged file raises an error of protobuf, which onnx does not name
         raise InputError(f"{file}: cannot be read: {str(error).splitlines()[0]}") from None
-    named = ((each.name.removesuffix(_HALF).removeprefix(_MODEL), numpy_helper.to_array(each)) for each in constants)
-    return {name: torch.from_numpy(values.astype("float32")) for name, values in named if values.dtype.kind == "f"}
+    constants = {each.name.removesuffix(_HALF): numpy_helper.to_array(each) for each in graph.initializer}
+    for node in graph.node:  # of equal weights, the export keeps one
+        if node.op_type == "Identity" and node.input[0] in constants:
+            constants[node.output[0]] = constants[node.input[0]]
+    return {
+        name.removeprefix(_MODEL): torch.from_numpy(values.astype("float32"))
+        for name, values in constants.items()
+        if values.dtype.kind == "f"
+    }

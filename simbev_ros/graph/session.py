@@ -309,7 +309,7 @@ class GraphSession:
 
     def close(self) -> None:
         """Stop all processes, with time for the recorder to finish, and remove all traces except logs of a failure."""
-        self._traces.note(self._pids())
+        self._traces.note(self._pids(), is_last=True)
         for process in self._processes:
             process.terminate()
         end_s = time.monotonic() + _STOP_TIMEOUT_S

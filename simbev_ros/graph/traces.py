@@ -35,14 +35,18 @@ class Traces:
         self._names: frozenset[str] = frozenset()
         self._look_again_s: float | None = None
 
-    def note(self, pids: Iterable[int]) -> None:
+    def note(self, pids: Iterable[int], *, is_last: bool = False) -> None:
         """Add the files that processes currently have in shared memory to the record.
 
         To find them is slow, so processes are only looked at when files have come or gone, and once more a while
         later; call this several times per second.
+
+        Args:
+            pids: Ids of the processes.
+            is_last: Whether to look at them in any case, since they are to end now.
         """
         names, now_s = segment_names(), time.monotonic()
-        if names != self._names:
+        if is_last or names != self._names:
             self._names, self._look_again_s = names, now_s + _SETTLING_S
         elif self._look_again_s is not None and now_s >= self._look_again_s:
             self._look_again_s = None

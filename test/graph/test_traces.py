@@ -1,6 +1,7 @@
 """A graph removes the traces of graphs that were killed, and of no others."""
 
 import json
+import mmap
 import os
 import tempfile
 from pathlib import Path
@@ -33,6 +34,17 @@ def test_traces_of_a_running_graph_stay_until_it_removes_them() -> None:
     assert traces.folder.is_dir()
     traces.remove(keep_logs=False)
     assert not traces.folder.exists()
+
+
+def test_a_file_that_a_process_maps_just_before_its_end_is_removed() -> None:
+    traces, file = Traces(), Path(f"/dev/shm/fastrtps_test_{os.getpid()}")
+    with file.open("w+b") as opened:
+        opened.truncate(4096)
+        traces.note([os.getpid()])  # not mapped yet
+        with mmap.mmap(opened.fileno(), 4096):
+            traces.note([os.getpid()], is_last=True)
+    traces.remove(keep_logs=False)
+    assert not file.exists()
 
 
 def test_a_temporary_folder_stays_while_its_process_lives_and_goes_when_it_is_dead(

@@ -35,7 +35,7 @@ class Traces:
         self._names: frozenset[str] = frozenset()
         self._look_again_s: float | None = None
 
-    def note(self, pids: Iterable[int], *, is_last: bool = False) -> None:
+    def note(self, pids: Iterable[int], *, anew: bool = False) -> None:
         """Add the files that processes currently have in shared memory to the record.
 
         To find them is slow, so processes are only looked at when files have come or gone, and once more a while
@@ -43,10 +43,10 @@ class Traces:
 
         Args:
             pids: Ids of the processes.
-            is_last: Whether to look at them in any case, since they are to end now.
+            anew: Whether to look at them in any case, since they are about to end.
         """
         names, now_s = segment_names(), time.monotonic()
-        if is_last or names != self._names:
+        if anew or names != self._names:
             self._names, self._look_again_s = names, now_s + _SETTLING_S
         elif self._look_again_s is not None and now_s >= self._look_again_s:
             self._look_again_s = None

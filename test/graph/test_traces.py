@@ -42,7 +42,7 @@ def test_a_file_that_a_process_maps_just_before_its_end_is_removed() -> None:
         opened.truncate(4096)
         traces.note([os.getpid()])  # not mapped yet
         with mmap.mmap(opened.fileno(), 4096):
-            traces.note([os.getpid()], is_last=True)
+            traces.note([os.getpid()], anew=True)
     traces.remove(keep_logs=False)
     assert not file.exists()
 

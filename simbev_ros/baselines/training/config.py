@@ -21,7 +21,7 @@ class Augmentation(Model):
     rotation_deg: float = Field(45.0, ge=0, le=180, description="maximum rotation about z, in both directions")
     scale: float = Field(0.1, ge=0, lt=0.5, description="maximum change of scale: 0.1 is a factor of 0.9 to 1.1")
     settling: float = Field(
-        0.25,
+        0.0,
         ge=0,
         le=1,
         description="share of the steps, the last ones, without rotation and scale: cells are then exactly as recorded",

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,10 +22,10 @@ from simbev_ros.baselines.model.pillars import CHANNELS, PILLARS, pillar_statist
 from simbev_ros.baselines.training.augmentation import Thinning  # noqa: E402
 from simbev_ros.baselines.training.batches import CachedBatches  # noqa: E402
 from simbev_ros.baselines.training.config import Augmentation, Training, load_training  # noqa: E402
-from simbev_ros.baselines.training.export import ExportedModel, export_model, export_run  # noqa: E402
+from simbev_ros.baselines.training.export import ExportedModel, export_model, export_run, models_to_average  # noqa: E402
 from simbev_ros.baselines.training.loop import inputs_of, load_model, train  # noqa: E402
 from simbev_ros.baselines.training.losses import losses_of  # noqa: E402
-from simbev_ros.baselines.training.onnx_weights import start_from  # noqa: E402
+from simbev_ros.baselines.training.onnx_weights import read_model, start_from  # noqa: E402
 from simbev_ros.baselines.training.targets import targets_of  # noqa: E402
 from simbev_ros.errors import InputError  # noqa: E402
 from simbev_ros.semantics import BEV_CLASSES  # noqa: E402
@@ -175,7 +176,7 @@ def test_an_interrupted_run_ends_like_one_that_was_not(tmp_path: Path) -> None:
     run("parts", 99)
     (_, whole), (_, parts) = (load_model(tmp_path / name / "checkpoint.pt") for name in ("whole", "parts"))
     assert all(torch.equal(a, b) for a, b in zip(whole.state_dict().values(), parts.state_dict().values(), strict=True))
-    path = export_run(tmp_path / "whole", tmp_path)
+    path = export_run(training, tmp_path / "whole", tmp_path)
     assert Baseline(path).modality is Modality.LIDAR
     with pytest.raises(InputError, match="was made with another epochs; choose another folder"):
         train(
@@ -201,6 +202,57 @@ def test_the_exported_model_answers_like_the_trained_one(tmp_path: Path) -> None
         given = (torch.from_numpy(each) for each in (sample.points(), images, sample.pixel_from_level))
         cells, _, _ = ExportedModel(model)(*given)
     assert np.abs(answer.cells.astype(int) - cells.numpy()).max() <= 1  # weights have half precision
+
+
+@pytest.mark.parametrize(("weights", "tolerance", "share"), [("half", 1, 1.0), ("int8", 6, 0.55)])
+def test_an_ensemble_answers_with_the_mean(tmp_path: Path, weights: str, tolerance: int, share: float) -> None:
+    torch.manual_seed(4)
+    sample = CachedScene(write_cached_scene(tmp_path)).sample(1, (0, 250_000_000))
+    fused, lidar = (BevModel(modality).eval() for modality in (Modality.FUSED, Modality.LIDAR))
+    for model, logit in ((fused, 0.5), (lidar, -1.0)):
+        torch.nn.init.constant_(model.heads.cells[-1].bias, logit)
+    about, files = {"modality": "fused", "sweep_ages_s": [0, 0.25]}, [tmp_path / "alone.onnx", tmp_path / "both.onnx"]
+    export_model(fused, files[0], about, 6, (64, 32))
+    export_model(fused, files[1], about, 6, (64, 32), others=[lidar], weights=weights)
+    images = np.random.default_rng(0).integers(0, 255, (6, 32, 64, 3), np.uint8)
+    alone, both = (Baseline(file).answer(sample.points(), images, sample.pixel_from_level) for file in files)
+    with torch.no_grad():
+        given = [torch.from_numpy(each) for each in (sample.points(), images, sample.pixel_from_level)]
+        cells, _, _ = ExportedModel(fused, [lidar])(*given)
+    off = np.abs(both.cells.astype(int) - cells.numpy())
+    assert off.max() <= tolerance
+    assert np.abs(alone.cells.astype(int) - cells.numpy()).max() > 2 * tolerance
+    both_bytes = sum(each.numel() for model in (fused, lidar) for each in model.parameters()) * 2
+    assert files[1].stat().st_size < share * both_bytes + 200_000
+    back, read = read_model(files[1])
+    assert read == about
+    for name, each in fused.named_parameters():
+        step = each.abs().max() / 127 if weights == "int8" and each.ndim > 1 else each.abs().max() / 1000
+        assert (back.get_parameter(name) - each).abs().max() <= step, name
+
+
+@pytest.mark.parametrize(
+    ("about", "message"),
+    [
+        (
+            {"modality": "fused", "sweep_ages_s": [0.0]},
+            "is a fused model; a lidar model does not see all that it needs",
+        ),
+        ({"modality": "lidar", "sweep_ages_s": [0.0, 0.5]}, r"takes sweeps of \[0.0, 0.5\] s; sweep_ages_s is \[0.0\]"),
+    ],
+)
+def test_a_model_that_cannot_be_averaged_with_is_named(tmp_path: Path, about: dict[str, Any], message: str) -> None:
+    file = tmp_path / "other.onnx"
+    export_model(BevModel(Modality(about["modality"])).eval(), file, about, 6, (64, 32))
+    training = Training(modality=Modality.LIDAR, sweep_ages_s=(0.0,), average_with=(str(file),))
+    with pytest.raises(InputError, match=rf"average_with: .*other\.onnx: {message}"):
+        models_to_average(training)
+
+
+def test_a_run_goes_on_with_another_export() -> None:
+    begun = Training(modality=Modality.FUSED)
+    assert begun.differing(begun.model_copy(update={"average_with": ("lidar",), "export_weights": "int8"})) == []
+    assert begun.differing(begun.model_copy(update={"epochs": 3, "seed": 1})) == ["seed", "epochs"]
 
 
 def test_a_model_starts_with_all_weights_of_its_export(tmp_path: Path) -> None:

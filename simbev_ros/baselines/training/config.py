@@ -1,7 +1,7 @@
 """Configuration of a training run."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError, field_validator
 
@@ -12,6 +12,9 @@ from simbev_ros.config.paths import shipped_config_dir
 from simbev_ros.config.yaml_file import YamlFile
 from simbev_ros.errors import InputError
 from simbev_ros.input_file import is_file
+
+_OF_EXPORT = ("average_with", "export_weights")
+"""Fields that change the exported file alone."""
 
 
 class Augmentation(Model):
@@ -69,6 +72,19 @@ class Training(Model):
         "file, or camera, lidar, fused: those of the package",
     )
     augmentation: Augmentation = Field(Augmentation(), description="random changes of samples")
+    average_with: tuple[str, ...] = Field(
+        (),
+        description="trained models whose answers the exported one averages with its own, as an ensemble: named as in "
+        "start_from; they see nothing that this one does not",
+    )
+    export_weights: Literal["half", "int8"] = Field(
+        "half", description="weights in the exported file: 16 bits, or 8 bits with a scale for each output channel"
+    )
+
+    def differing(self, other: "Training") -> list[str]:
+        """Names of the fields in which another configuration would train another model."""
+        fields = [name for name in type(self).model_fields if name not in _OF_EXPORT]
+        return [name for name in fields if getattr(self, name) != getattr(other, name)]
 
     @field_validator("sweep_ages_s")
     @classmethod
@@ -96,7 +112,10 @@ def load_training(path_or_name: str | Path) -> Training:
     except ValidationError as error:
         raise InputError(f"{path}:{file.line_of(error.errors()[0]['loc']) or 1}: {first_problem(error)}") from None
     return training.model_copy(
-        update={"start_from": tuple(_model_file(each, path.parent) for each in training.start_from)}
+        update={
+            name: tuple(_model_file(each, path.parent) for each in getattr(training, name))
+            for name in ("start_from", "average_with")
+        }
     )
 
 

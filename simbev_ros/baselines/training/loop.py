@@ -268,8 +268,7 @@ def _resume(
     path: Path, training: Training, model: nn.Module, average: nn.Module, optimizer: torch.optim.Optimizer
 ) -> int:
     begun, state = _load(path)
-    if begun != training:
-        differing = [name for name in Training.model_fields if getattr(begun, name) != getattr(training, name)]
+    if differing := begun.differing(training):
         raise InputError(f"{path}: was made with another {', '.join(differing)}; choose another folder for this run")
     model.load_state_dict(state["model"])
     average.load_state_dict(state["average"])

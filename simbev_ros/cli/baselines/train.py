@@ -44,7 +44,7 @@ def train(
     try:
         import torch
 
-        from simbev_ros.baselines.training.export import export_run
+        from simbev_ros.baselines.training.export import export_run, models_to_average
         from simbev_ros.baselines.training.loop import Progress, starting_files
         from simbev_ros.baselines.training.loop import train as run
     except ImportError as error:
@@ -52,6 +52,7 @@ def train(
         raise InputError(f"training needs {error.name}: {command}") from None
     chosen = _device(torch, device)
     starting_files(training, out)  # what is missing is said before the dataset is unpacked
+    models_to_average(training)
     pool, console = processes(workers), make_console(stderr=True)
     folder = filled_cache(dataset, cache, pool, console, agent)
     with counting_bar("steps", console, elapsed=True) as bar:
@@ -62,7 +63,7 @@ def train(
             bar.show(progress.step, progress.steps)
 
         run(training, folder, out, device=chosen, workers=pool.workers, report=report)
-    path = export_run(out, folder)
+    path = export_run(training, out, folder)
     make_console().print(f"{path} is ready: simbev predict {path} {dataset} --out predictions")
 
 

@@ -178,6 +178,16 @@ def test_an_interrupted_run_ends_like_one_that_was_not(tmp_path: Path) -> None:
     assert all(torch.equal(a, b) for a, b in zip(whole.state_dict().values(), parts.state_dict().values(), strict=True))
     path = export_run(training, tmp_path / "whole", tmp_path)
     assert Baseline(path).modality is Modality.LIDAR
+    once_more = training.model_copy(update={"average_with": (str(path),), "export_weights": "int8"})
+    train(
+        once_more,
+        tmp_path,
+        tmp_path / "whole",
+        device=torch.device("cpu"),
+        workers=2,
+        report=lambda progress: pytest.fail("the run had ended"),
+    )
+    assert Baseline(export_run(once_more, tmp_path / "whole", tmp_path)).modality is Modality.LIDAR
     with pytest.raises(InputError, match="was made with another epochs; choose another folder"):
         train(
             training.model_copy(update={"epochs": 3}),

@@ -168,11 +168,12 @@ def _step(
 
 
 def _loader(data: CachedBatches, steps: range, workers: int, device: torch.device) -> DataLoader[Any]:
+    workers = min(workers, len(steps))
     return DataLoader(
         data,
         batch_size=None,
         sampler=steps,
-        num_workers=min(workers, len(steps)),
+        num_workers=workers,
         pin_memory=device.type == "cuda",
         prefetch_factor=4 if workers else None,
         worker_init_fn=_one_thread,

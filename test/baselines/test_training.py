@@ -248,6 +248,7 @@ def test_an_ensemble_answers_with_the_mean(tmp_path: Path, weights: str, toleran
             {"modality": "fused", "sweep_ages_s": [0.0]},
             "is a fused model; a lidar model does not see all that it needs",
         ),
+        ({"modality": "lidar"}, "is not a baseline of simbev_ros"),
         ({"modality": "lidar", "sweep_ages_s": [0.0, 0.5]}, r"takes sweeps of \[0.0, 0.5\] s; sweep_ages_s is \[0.0\]"),
     ],
 )

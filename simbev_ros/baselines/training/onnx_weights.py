@@ -83,9 +83,9 @@ def read_model(file: Path) -> tuple[BevModel, dict[str, Any]]:
     """
     exported = _load(file)
     texts = [each.value for each in exported.metadata_props if each.key == ABOUT_KEY]
-    if not texts:
+    about: dict[str, Any] = json.loads(texts[0]) if texts else {}
+    if not {"modality", "sweep_ages_s"} <= about.keys():
         raise InputError(f"{file}: is not a baseline of simbev_ros; `simbev train` writes such files")
-    about: dict[str, Any] = json.loads(texts[0])
     model = BevModel(Modality(about["modality"])).eval()
     weights = _weights(exported)
     own = model.state_dict()

@@ -1,8 +1,9 @@
 """Finds the shared-memory files of Fast DDS that a process holds, and removes those that killed processes left."""
 
+import fcntl
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 
 import psutil
@@ -51,6 +52,32 @@ def remove_orphans(files: Iterable[Path]) -> list[Path]:
     for file in removed:
         file.unlink(missing_ok=True)
     return removed
+
+
+def unheld_files(names: Collection[str]) -> set[Path]:
+    """Those of the named files of this user that no running process has mapped."""
+    files = {file for file in middleware_files() if file.name in names}
+    return files - held_files(psutil.pids()) if files else set()
+
+
+def abandoned_files(files: Iterable[Path]) -> set[Path]:
+    """Those of the given files whose process has ended, also one that is not visible from here, as in a container.
+
+    A process that makes a segment holds a lock on a file beside it, ``_el``, as long as it lives. Give no files that
+    have just been made: their lock may come next.
+    """
+    files = set(files)
+    ended = {_segment(file.name.encode()) for file in files if file.name.endswith("_el") and not _is_locked(file)}
+    return {file for file in files if _segment(file.name.encode()) in ended}
+
+
+def _is_locked(file: Path) -> bool:
+    try:
+        with file.open("rb") as opened:
+            fcntl.flock(opened, fcntl.LOCK_EX | fcntl.LOCK_NB)  # closing unlocks it
+    except OSError:
+        return True
+    return False
 
 
 def middleware_files() -> list[Path]:

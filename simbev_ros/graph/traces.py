@@ -10,7 +10,7 @@ from pathlib import Path
 import psutil
 
 from simbev_ros.graph.private_folder import is_private_folder
-from simbev_ros.graph.shared_memory import held_files, remove_orphans, segment_names
+from simbev_ros.graph.shared_memory import abandoned_files, held_files, remove_orphans, segment_names, unheld_files
 from simbev_ros.recording.whole_files import write_errors, write_whole
 
 _PREFIX = "simbev_ros-"
@@ -32,6 +32,7 @@ class Traces:
         sweep()
         self.folder = temporary_folder()
         self._files: set[Path] = set()
+        self._names_before = segment_names()
         self._names: frozenset[str] = frozenset()
         self._look_again_s: float | None = None
 
@@ -60,6 +61,11 @@ class Traces:
     def remove(self, *, keep_logs: bool) -> None:
         """Remove everything; call it when the processes have ended."""
         remove_orphans(self._files)
+        # A process that is ended while it starts may have made files that were never seen in its maps.
+        new = segment_names() - self._names_before
+        if unheld_files(new):
+            time.sleep(_SETTLING_S)  # those of another graph that starts are mapped by then
+            remove_orphans(abandoned_files(unheld_files(new)))
         (self.folder / _FILE).unlink(missing_ok=True)
         if not keep_logs:
             shutil.rmtree(self.folder, ignore_errors=True)

@@ -1,5 +1,6 @@
 """A graph removes the traces of graphs that were killed, and of no others."""
 
+import fcntl
 import json
 import mmap
 import os
@@ -45,6 +46,20 @@ def test_a_file_that_a_process_maps_just_before_its_end_is_removed() -> None:
             traces.note([os.getpid()], anew=True)
     traces.remove(keep_logs=False)
     assert not file.exists()
+
+
+def test_files_of_a_process_that_never_mapped_them_are_removed_once_nobody_locks_them() -> None:
+    traces = Traces()
+    names = [f"fastrtps_test_{os.getpid()}_{kind}" for kind in ("locked", "left")]
+    files = [Path(f"/dev/shm/{name}{ending}") for name in names for ending in ("", "_el")]
+    for file in files:
+        file.touch()
+    with files[1].open("rb") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        traces.remove(keep_logs=False)
+        assert [file.exists() for file in files] == [True, True, False, False]
+    for file in files[:2]:
+        file.unlink()
 
 
 def test_a_temporary_folder_stays_while_its_process_lives_and_goes_when_it_is_dead(

@@ -113,19 +113,14 @@ class GraphProcess:
 
     def join(self, timeout_s: float) -> bool:
         """Wait for the end of the process; kill it after the timeout. Return whether it ended by itself."""
-        if self.wait(timeout_s):
-            return True
-        self._process.send_signal(signal.SIGKILL)
-        self.wait(_KILLED_PATIENCE_S)
-        return False
-
-    def wait(self, timeout_s: float) -> bool:
-        """Wait for the end of the process; return whether it has ended."""
         try:
             self._process.wait(timeout_s)
+            return True
         except subprocess.TimeoutExpired:
+            self._process.send_signal(signal.SIGKILL)
+            with suppress(subprocess.TimeoutExpired):
+                self._process.wait(_KILLED_PATIENCE_S)
             return False
-        return True
 
     def _output(self) -> str:
         return self.log.read_text(errors="replace") if self.log.exists() else ""

@@ -309,13 +309,11 @@ class GraphSession:
 
     def close(self) -> None:
         """Stop all processes, with time for the recorder to finish, and remove all traces except logs of a failure."""
-        self._traces.note(self._pids(), anew=True)
+        self._traces.note(self._pids())
         for process in self._processes:
             process.terminate()
         end_s = time.monotonic() + _STOP_TIMEOUT_S
         for process in self._processes:
-            while not process.wait(_POLL_S) and time.monotonic() < end_s:
-                self._traces.note(self._pids(), anew=True)  # those that are still starting make more files
             process.join(max(end_s - time.monotonic(), 0.1))
         if self._starter is not None:
             self._starter.close()

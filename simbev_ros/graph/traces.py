@@ -36,18 +36,14 @@ class Traces:
         self._names: frozenset[str] = frozenset()
         self._look_again_s: float | None = None
 
-    def note(self, pids: Iterable[int], *, anew: bool = False) -> None:
+    def note(self, pids: Iterable[int]) -> None:
         """Add the files that processes currently have in shared memory to the record.
 
         To find them is slow, so processes are only looked at when files have come or gone, and once more a while
         later; call this several times per second.
-
-        Args:
-            pids: Ids of the processes.
-            anew: Whether to look at them in any case, since they are about to end.
         """
         names, now_s = segment_names(), time.monotonic()
-        if anew or names != self._names:
+        if names != self._names:
             self._names, self._look_again_s = names, now_s + _SETTLING_S
         elif self._look_again_s is not None and now_s >= self._look_again_s:
             self._look_again_s = None
@@ -61,7 +57,7 @@ class Traces:
     def remove(self, *, keep_logs: bool) -> None:
         """Remove everything; call it when the processes have ended."""
         remove_orphans(self._files)
-        # A process that is ended while it starts may have made files that were never seen in its maps.
+        # A process that ended soon after it had made a file was perhaps never looked at in between.
         new = segment_names() - self._names_before
         if unheld_files(new):
             time.sleep(_SETTLING_S)  # those of another graph that starts are mapped by then

@@ -2,7 +2,6 @@
 
 import fcntl
 import json
-import mmap
 import os
 import tempfile
 from pathlib import Path
@@ -35,17 +34,6 @@ def test_traces_of_a_running_graph_stay_until_it_removes_them() -> None:
     assert traces.folder.is_dir()
     traces.remove(keep_logs=False)
     assert not traces.folder.exists()
-
-
-def test_a_file_that_a_process_maps_just_before_its_end_is_removed() -> None:
-    traces, file = Traces(), Path(f"/dev/shm/fastrtps_test_{os.getpid()}")
-    with file.open("w+b") as opened:
-        opened.truncate(4096)
-        traces.note([os.getpid()])  # not mapped yet
-        with mmap.mmap(opened.fileno(), 4096):
-            traces.note([os.getpid()], anew=True)
-    traces.remove(keep_logs=False)
-    assert not file.exists()
 
 
 def test_files_of_a_process_that_never_mapped_them_are_removed_once_nobody_locks_them() -> None:

@@ -17,7 +17,7 @@ COPY config config
 COPY launch launch
 COPY interfaces interfaces
 COPY simbev_ros/__init__.py simbev_ros/
-COPY simbev_ros/installation simbev_ros/installation
+COPY simbev_ros/foundation/installation simbev_ros/foundation/installation
 
 # The set-up makes ROS messages that have no wheels, with a compiler that is not needed afterwards.
 # With Ray come the programs that those who start Ray in containers call there: wget, for the probes of older KubeRays;

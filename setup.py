@@ -154,7 +154,7 @@ setup(
     entry_points={
         "console_scripts": [
             "simbev = simbev_ros.cli.main:main",
-            "simbev_node = simbev_ros.nodes.main:main",
+            "simbev_node = simbev_ros.ros.nodes.main:main",
         ]
     },
     zip_safe=False,

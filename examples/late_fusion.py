@@ -28,7 +28,7 @@ from simbev_ros.evaluation.predictions.dataset_predictions import open_predictio
 from simbev_ros.evaluation.slices import TableSlice
 from simbev_ros.reference_stack.fusion import fuse_boxes
 from simbev_ros.reference_stack.pipeline import BOX_DTYPE
-from simbev_ros.semantics import BOX_CLASSES
+from simbev_ros.foundation.semantics import BOX_CLASSES
 
 ROAD_USERS = ("car", "truck", "bus", "motorcycle", "bicycle", "pedestrian")
 Table = npt.NDArray[Any]

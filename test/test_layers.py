@@ -9,46 +9,20 @@ import pytest
 
 PACKAGE = Path(__file__).parents[1] / "simbev_ros"
 FLOORS = [
-    {
-        "types",
-        "units",
-        "tables",
-        "lazy",
-        "errors",
-        "semantics",
-        "palette",
-        "limits",
-        "structured_text",
-        "unpacking",
-        "installation",
-        "lock_file",
-        "input_file",
-        "process_memory",
-        "threads",
-        "confined_paths",
-        "__init__",
-    },
-    {"geometry"},
-    {"config", "random"},
-    {"cache"},
-    {"maps"},
-    {"scene"},
+    {"foundation", "__init__"},
+    {"config"},
+    {"schema"},
+    {"recording", "maps"},
+    {"dataset", "scene"},
     {"assets"},
-    {"world", "render", "raycast"},
-    {"sensors"},
-    {"annotation"},
-    {"object_store"},
-    {"interfaces", "recording"},
-    {"dataset"},
-    {"export", "viz", "evaluation"},
-    {"msgs"},
-    {"nodes"},
+    {"simulation"},
+    {"export", "drawing"},
+    {"evaluation"},
+    {"ros"},
     {"reference_stack", "join"},
     {"baselines"},
-    {"graph"},
-    {"cluster"},
     {"production"},
-    {"bench", "foxglove_server", "relays", "viewer"},
+    {"show"},
     {"cli"},
 ]
 ALONE = {"reference_stack", "join"}
@@ -71,21 +45,17 @@ ROS = {
 }
 STACK = tuple(f"reference_stack/{module}" for module in ("messages", "node", "cooperative"))
 BASELINES = tuple(f"baselines/node/{module}" for module in ("node", "__main__"))
-RELAY = tuple(f"foxglove_server/{module}" for module in ("graph_relay", "graph_server", "offers"))
-LIVE = ("viewer/live/graph_reader", "viewer/live/live_viewer")
+RELAY = tuple(f"show/foxglove/{module}" for module in ("graph_relay", "graph_server", "offers"))
+LIVE = ("show/rerun/live/graph_reader", "show/rerun/live/live_viewer")
 """The node that the viewer reads a running graph with."""
-BENCH = ("bench/recorder_timing", "bench/world_node_timing", "bench/topic_reader")
-"""They send to a node what the graph would send, and read what it answers."""
-RELAYS = tuple(f"relays/{module}" for module in ("autoware.py", "autoware_messages", "nav2.py", "running"))
-"""They send what other stacks read."""
 HOMES = {
-    **dict.fromkeys(ROS, ("nodes", "graph", "msgs", "join", *BENCH, *LIVE, *RELAY, *RELAYS, *STACK, *BASELINES)),
-    "moderngl": ("render",),
-    "open3d": ("raycast",),
-    "libsumo": ("world/sumo/traffic", "world/sumo/libsumo_import"),
-    "rich": ("cli", "recording/bag_files", "viz/pages/scene_figures", "viz/pages/scene_page"),
-    "rerun": ("viewer",),
-    "foxglove": ("foxglove_server",),
+    **dict.fromkeys(ROS, ("ros", "join", *LIVE, *RELAY, *STACK, *BASELINES)),
+    "moderngl": ("simulation/render",),
+    "open3d": ("simulation/raycast",),
+    "libsumo": ("simulation/world/sumo/traffic", "simulation/world/sumo/libsumo_import"),
+    "rich": ("cli", "recording/bag_files", "show/pages/scene_figures", "show/pages/scene_page"),
+    "rerun": ("show/rerun",),
+    "foxglove": ("show/foxglove",),
     "typer": ("cli",),
 }
 

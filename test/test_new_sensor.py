@@ -13,7 +13,11 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs" / "extending" / "sensor.md").read_text(encoding="utf-8")
 STEPS = re.findall(r"^## \d\. [^\n]*`([\w/]+\.py)`\n.*?^```(python|diff)\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
-CHECKS = ["test/config/test_sensor_kinds.py", "test/msgs/test_sensor_topics.py", "test/nodes/test_sensor_nodes.py"]
+CHECKS = [
+    "test/config/test_sensor_kinds.py",
+    "test/ros/msgs/test_sensor_topics.py",
+    "test/ros/nodes/test_sensor_nodes.py",
+]
 
 
 BLUNDERS = {

@@ -18,14 +18,14 @@ import numpy as np
 from simbev_ros.config.camera import Camera
 from simbev_ros.dataset import open_dataset
 from simbev_ros.dataset.frame import Frame
-from simbev_ros.geometry.transforms import inverse
+from simbev_ros.drawing.canvas import BACKGROUND, draw_label, draw_picture
+from simbev_ros.foundation.geometry.transforms import inverse
+from simbev_ros.foundation.types import UInt8Array
 from simbev_ros.maps.build import load_network
-from simbev_ros.types import UInt8Array
-from simbev_ros.viz.canvas import BACKGROUND, draw_label, draw_picture
-from simbev_ros.viz.maps.map_picture import bounding_square
-from simbev_ros.viz.maps.map_plan import MapPlan
-from simbev_ros.viz.sheet.layout import Column, Row, Tile, place_in_width
-from simbev_ros.viz.sheet.overlay import draw_wireframes
+from simbev_ros.show.maps.map_picture import bounding_square
+from simbev_ros.show.maps.map_plan import MapPlan
+from simbev_ros.show.sheet.layout import Column, Row, Tile, place_in_width
+from simbev_ros.show.sheet.overlay import draw_wireframes
 
 _WIDTH_PX, _MARGIN_PX, _GAP_PX, _RADIUS_PX = 1600, 10, 8, 7
 _MAPS_IN_A_ROW = 2

@@ -6,8 +6,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from simbev_ros.tables import load_table
-from simbev_ros.types import Float32Array
+from simbev_ros.foundation.tables import load_table
+from simbev_ros.foundation.types import Float32Array
 
 
 class Material(IntEnum):

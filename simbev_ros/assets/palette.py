@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from simbev_ros.tables import load_table
+from simbev_ros.foundation.tables import load_table
 
 Color = tuple[int, int, int]
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from simbev_ros.baselines.grid import FEATURE_CELL_M, FEATURE_CELLS, HALF_M
-from simbev_ros.types import AnyArray, Float32Array, Table
+from simbev_ros.foundation.types import AnyArray, Float32Array, Table
 
 DETECTED_CLASSES = ("car", "truck", "bus", "motorcycle", "bicycle", "pedestrian")
 """Classes of boxes that are predicted, those of the paper."""

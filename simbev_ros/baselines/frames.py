@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from simbev_ros.baselines.grid import level_from_map
-from simbev_ros.types import Float32Array, Float64Array, Int64Array
-from simbev_ros.units import NS_PER_S
+from simbev_ros.foundation.types import Float32Array, Float64Array, Int64Array
+from simbev_ros.foundation.units import NS_PER_S
 
 IMAGE_STRIDE = 8
 """Pixels in one cell of an image's features, along each axis; such a patch has one depth in a cache."""

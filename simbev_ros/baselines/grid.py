@@ -7,7 +7,7 @@ furthest left.
 
 import numpy as np
 
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.types import Float64Array
 
 CELLS = 360
 """Rows and columns of the grid."""

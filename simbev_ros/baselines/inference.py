@@ -12,8 +12,8 @@ import numpy as np
 from simbev_ros.baselines.boxes import decode_boxes
 from simbev_ros.baselines.frames import sweep_ages_ns
 from simbev_ros.baselines.modality import Modality
-from simbev_ros.errors import InputError
-from simbev_ros.types import Float32Array, Table, UInt8Array
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.types import Float32Array, Table, UInt8Array
 
 if TYPE_CHECKING:
     from onnxruntime import InferenceSession

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from simbev_ros.baselines.inference import INSTALL, Baseline, weights_file
 from simbev_ros.baselines.modality import Modality
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 
 
 def require_onnx_runtime() -> None:

@@ -10,7 +10,7 @@ from simbev_ros.baselines.grid import level_from_map
 from simbev_ros.baselines.inference import Baseline
 from simbev_ros.evaluation.metrics.boxes import NO_ATTRIBUTE, Boxes, Predictions
 from simbev_ros.evaluation.predictions.prediction_writer import write_grid, write_predictions
-from simbev_ros.types import Float64Array, Table
+from simbev_ros.foundation.types import Float64Array, Table
 
 
 def predict(

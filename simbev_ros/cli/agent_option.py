@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 
 if TYPE_CHECKING:
     from simbev_ros.dataset import Dataset

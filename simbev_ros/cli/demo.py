@@ -11,8 +11,8 @@ from rich.console import Console
 from simbev_ros.cli.console import make_console
 from simbev_ros.cli.view.beside_run import ViewOption, ViewPortOption, viewer_beside
 from simbev_ros.config.load import load_scenario
-from simbev_ros.errors import InputError
-from simbev_ros.input_file import path_exists
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.input_file import path_exists
 
 
 def demo(

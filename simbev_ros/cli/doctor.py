@@ -14,9 +14,9 @@ from rich.table import Table
 from rich.text import Text
 
 from simbev_ros.cli.console import make_console
-from simbev_ros.errors import SimbevError
-from simbev_ros.installation.shipped_files import PACKAGE
-from simbev_ros.process_memory import address_space_problem
+from simbev_ros.foundation.errors import SimbevError
+from simbev_ros.foundation.installation.shipped_files import PACKAGE
+from simbev_ros.foundation.process_memory import address_space_problem
 
 
 class Finding(NamedTuple):
@@ -76,7 +76,7 @@ def _findings() -> Iterator[Finding]:
 
 def _libraries() -> Iterator[Finding]:
     """The missing shared libraries that the installed wheels need from the system, with their packages."""
-    from simbev_ros.installation.system_libraries import find_missing_libraries
+    from simbev_ros.foundation.installation.system_libraries import find_missing_libraries
 
     try:
         missing = find_missing_libraries()
@@ -98,7 +98,7 @@ def _checked(subject: str, check: Callable[[], str]) -> Finding:
 
 
 def _ros() -> str:
-    from simbev_ros.graph.environment import describe_ros
+    from simbev_ros.ros.graph.environment import describe_ros
 
     origin = "wheels" if _installed("ros-rclpy") else f"{os.environ.get('ROS_DISTRO', 'unknown')} of this machine"
     return f"rclpy from {origin}, {describe_ros()}"
@@ -106,7 +106,7 @@ def _ros() -> str:
 
 def _make_message_packages() -> None:
     """Make and install the missing message packages."""
-    from simbev_ros.installation.message_packages.installer import install_missing
+    from simbev_ros.foundation.installation.message_packages.installer import install_missing
 
     console = make_console(stderr=True)
     with console.status("looking for message packages") as status:
@@ -117,7 +117,7 @@ def _make_message_packages() -> None:
 
 def _message_packages() -> Iterator[Finding]:
     """The message packages that ROS's wheels lack."""
-    from simbev_ros.installation.message_packages.installer import describe_remedy, survey_packages
+    from simbev_ros.foundation.installation.message_packages.installer import describe_remedy, survey_packages
 
     remedy = describe_remedy()
     for state in survey_packages():
@@ -141,7 +141,7 @@ def _package_index() -> Finding:
 
 def _renderers() -> Iterator[Finding]:
     """The renderer of the cameras, and the state of every EGL device: used, in reserve, or why it cannot be used."""
-    from simbev_ros.render.gl.context import describe_renderer, survey_devices
+    from simbev_ros.simulation.render.gl.context import describe_renderer, survey_devices
 
     renderer = _checked("renderer", describe_renderer)
     yield renderer

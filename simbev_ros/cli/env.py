@@ -27,8 +27,8 @@ def env(
 
     source <(simbev env --domain 3)
     """
-    from simbev_ros.graph.environment import subscriber_environment
-    from simbev_ros.graph.exposure import Exposure
+    from simbev_ros.ros.graph.environment import subscriber_environment
+    from simbev_ros.ros.graph.exposure import Exposure
 
     variables = {} if domain is None else {"ROS_DOMAIN_ID": str(domain)}
     variables |= subscriber_environment(Exposure(network=network))

@@ -8,7 +8,7 @@ from rich.table import Table
 from simbev_ros.cli.console import format_duration, format_size
 from simbev_ros.cli.production_display import SceneDisplay
 from simbev_ros.config.scenario import SPLITS, Scenario
-from simbev_ros.object_store.object_path import AnyPath
+from simbev_ros.foundation.object_store.object_path import AnyPath
 from simbev_ros.production.dataset import plan_scenes
 from simbev_ros.production.dataset_home import require_writable_home
 from simbev_ros.production.estimate import SAMPLE_TICKS, Estimate, SceneCounts, count_scenes, estimate_dataset

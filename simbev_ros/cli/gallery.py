@@ -12,18 +12,18 @@ from simbev_ros.cli.picture_size import picture_size_px
 from simbev_ros.cli.production_display import MapDisplay
 from simbev_ros.config.camera import MODALITIES
 from simbev_ros.config.rendering import Quality
+from simbev_ros.foundation.process_memory import keep_freed_memory
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import Reach, regions_of
 from simbev_ros.maps.source import known_maps, map_spec
-from simbev_ros.maps.spec import MapSpec
 from simbev_ros.maps.statistics import busiest_position
-from simbev_ros.process_memory import keep_freed_memory
 from simbev_ros.production.surroundings import build_missing_regions, load_roads
-from simbev_ros.viz import gallery
-from simbev_ros.viz.gallery import Picture, Section
-from simbev_ros.viz.street.street_view import StreetView
-from simbev_ros.viz.street.viewpoint import find_viewpoint
+from simbev_ros.schema.scene.map_spec import MapSpec
+from simbev_ros.show import gallery
+from simbev_ros.show.gallery import Picture, Section
+from simbev_ros.show.street.street_view import StreetView
+from simbev_ros.show.street.viewpoint import find_viewpoint
 
 STREET_MAP = "Town10HD"
 """The map whose street is shown in all weathers; if it is not among the maps, the first of them is taken."""

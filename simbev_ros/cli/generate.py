@@ -11,8 +11,8 @@ from simbev_ros.cli.console import make_console, plural
 from simbev_ros.cli.pool import MAX_GRAPHS, worker_count
 from simbev_ros.cli.scene_numbers import scene_numbers
 from simbev_ros.config.load import load_scenario
-from simbev_ros.errors import InputError
-from simbev_ros.object_store.object_path import AnyPath, ObjectPath, path_or_url
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath, path_or_url
 
 if TYPE_CHECKING:
     from simbev_ros.config.scenario import Scenario
@@ -94,9 +94,9 @@ def _estimate(
 ) -> None:
     """Print what the scenes would cost, on this machine or on a cluster."""
     from simbev_ros.cli.estimate_table import show_estimate
-    from simbev_ros.cluster.ray_cluster import RayCluster
+    from simbev_ros.foundation.threads import usable_cores
+    from simbev_ros.production.cluster.ray_cluster import RayCluster
     from simbev_ros.production.workers.machine_capacity import expected_speedup
-    from simbev_ros.threads import usable_cores
 
     if ray is None:
         show_estimate(scenario, out, numbers, console, lambda cost: expected_speedup(workers, cost, usable_cores()))

@@ -15,12 +15,12 @@ from simbev_ros.cli.console import counting_bar, format_size, make_console, perc
 from simbev_ros.cli.output_file import make_room, require_name, require_place
 from simbev_ros.cli.pool import Workers, processes
 from simbev_ros.dataset.parallel import Pool
-from simbev_ros.errors import BagError, InputError
-from simbev_ros.object_store.object_path import AnyPath, ObjectPath, path_or_url
+from simbev_ros.foundation.errors import BagError, InputError
+from simbev_ros.foundation.files.whole_files import write_errors
+from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath, path_or_url
+from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.recording.layout import PARTIAL_SUFFIX, finished_scenes, is_dataset, is_scene, scenes_of
-from simbev_ros.recording.whole_files import write_errors
 from simbev_ros.scene.ending import DURATION
-from simbev_ros.units import NS_PER_S
 
 _STATE_STYLES = {"finished": "green", "unfinished": "yellow", "cut off": "red", "damaged": "red"}
 _MAX_PROBLEMS = 5
@@ -120,7 +120,7 @@ def _write_report(path: AnyPath, page: Path, pool: Pool, *, videos: bool) -> Non
     """Write pages about the finished scenes of a dataset, or about a bag."""
     from simbev_ros.dataset import open_dataset
     from simbev_ros.dataset.statistics import statistics_of
-    from simbev_ros.viz.pages.dataset_pages import write_pages
+    from simbev_ros.show.pages.dataset_pages import write_pages
 
     console = make_console(stderr=True, soft_wrap=True)
     with counting_bar("frames", console) as bar:

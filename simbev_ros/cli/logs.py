@@ -5,10 +5,16 @@ from typing import Annotated
 import typer
 
 from simbev_ros.cli.console import make_console
-from simbev_ros.confined_paths import path_inside
-from simbev_ros.errors import InputError
-from simbev_ros.input_file import path_exists, read_small_file
-from simbev_ros.object_store.object_path import AnyPath, ObjectPath, path_or_url, require_bucket, require_local
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.confined_paths import path_inside
+from simbev_ros.foundation.files.input_file import path_exists, read_small_file
+from simbev_ros.foundation.object_store.object_path import (
+    AnyPath,
+    ObjectPath,
+    path_or_url,
+    require_bucket,
+    require_local,
+)
 from simbev_ros.recording.layout import is_dataset
 
 _MAX_BYTES = 64 << 20

@@ -15,9 +15,9 @@ from typer.core import TyperGroup
 
 from simbev_ros import __version__
 from simbev_ros.cli.console import make_console
-from simbev_ros.errors import DISK_FULL, InputError, SimbevError
-from simbev_ros.graph.interrupts import Interrupted, raising_interrupts
-from simbev_ros.nodes.ros.arguments import split_ros_arguments
+from simbev_ros.foundation.errors import DISK_FULL, InputError, SimbevError
+from simbev_ros.ros.conventions.arguments import split_ros_arguments
+from simbev_ros.ros.graph.interrupts import Interrupted, raising_interrupts
 
 VERBS = {
     "demo": "demo:demo",
@@ -37,7 +37,7 @@ VERBS = {
     "doctor": "doctor:doctor",
     "env": "env:env",
     "map": "map.command:map_",
-    "bench": "bench.group:bench",
+    "bench": "bench:bench",
     "export": "export.group:export",
 }
 """Module and function, or group, of each verb, below ``simbev_ros.cli``, in the order of the help."""
@@ -152,13 +152,23 @@ def _options(
 
 def main() -> None:
     """Entry point: run a verb and turn errors into messages and exit codes."""
+    run_app(app, _NAME)
+
+
+def run_app(commands: typer.Typer, name: str) -> None:
+    """Run an application with the arguments of this process, and turn errors into messages and exit codes.
+
+    Args:
+        commands: The application.
+        name: Its name in messages.
+    """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # names of files need not be UTF-8
     stderr = make_console(stderr=True, soft_wrap=True)
     try:
         with raising_interrupts():
-            app(prog_name=_NAME, standalone_mode=True)
+            commands(prog_name=name, standalone_mode=True)
     except (Interrupted, KeyboardInterrupt):
         stderr.print("interrupted")
         sys.exit(130)

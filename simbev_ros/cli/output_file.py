@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from simbev_ros.errors import InputError
-from simbev_ros.input_file import is_folder
-from simbev_ros.recording.whole_files import require_writable, write_errors
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.input_file import is_folder
+from simbev_ros.foundation.files.whole_files import require_writable, write_errors
 
 
 def require_place(file: Path) -> None:

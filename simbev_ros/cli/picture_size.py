@@ -2,7 +2,7 @@
 
 import re
 
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 
 MAX_PX = 8192
 

@@ -8,9 +8,9 @@ from typing import Annotated, Literal
 import typer
 
 from simbev_ros.dataset.parallel import Pool, Processes
-from simbev_ros.errors import InputError
-from simbev_ros.graph.domain import ISOLATED_DOMAINS
-from simbev_ros.threads import usable_cores
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.threads import usable_cores
+from simbev_ros.ros.graph.domain import ISOLATED_DOMAINS
 
 MAX_GRAPHS, _MAX_PROCESSES = len(ISOLATED_DOMAINS), 1024
 
@@ -81,9 +81,9 @@ def open_pool(
         return
     if workers is not None:
         raise InputError("is for this machine alone; a cluster has as many as there is room for", parameter="workers")
-    from simbev_ros.cluster import ray_pool
-    from simbev_ros.cluster.node_check import check_nodes
-    from simbev_ros.cluster.ray_cluster import RayCluster
+    from simbev_ros.production.cluster import ray_pool
+    from simbev_ros.production.cluster.node_check import check_nodes
+    from simbev_ros.production.cluster.ray_cluster import RayCluster
 
     with RayCluster(ray, sweeps_graphs=False) as cluster:
         check_nodes(cluster, *writes, reads=reads, modules=(module, ray_pool.__name__))

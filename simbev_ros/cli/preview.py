@@ -13,8 +13,8 @@ from simbev_ros.cli.agent_option import ALL, ShownAgentOption, require_agent
 from simbev_ros.cli.console import make_console, percent_bar
 from simbev_ros.cli.output_file import make_room
 from simbev_ros.config.rendering import Quality
-from simbev_ros.errors import InputError
-from simbev_ros.viz.sheet.layout import LabelPlacement
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.show.sheet.layout import LabelPlacement
 
 if TYPE_CHECKING:
     from simbev_ros.recording.indexed_bag import IndexedBag
@@ -145,9 +145,9 @@ class _Shown(NamedTuple):
 
 def _one_agent(bag: "IndexedBag", labels: LabelPlacement, agent: str | None) -> _Shown:
     """What one agent has recorded."""
-    from simbev_ros.viz.sheet.frames import FrameReader
-    from simbev_ros.viz.sheet.preview import write_picture, write_video
-    from simbev_ros.viz.sheet.views import find_views
+    from simbev_ros.show.sheet.frames import FrameReader
+    from simbev_ros.show.sheet.preview import write_picture, write_video
+    from simbev_ros.show.sheet.views import find_views
 
     reader = FrameReader(bag, find_views(bag, labels, agent))
     return _Shown(len(reader.stamps_ns), partial(write_picture, reader), partial(write_video, reader))
@@ -156,7 +156,7 @@ def _one_agent(bag: "IndexedBag", labels: LabelPlacement, agent: str | None) -> 
 def _all_agents(path: Path) -> _Shown:
     """What the agents of a scene have recorded together."""
     from simbev_ros.dataset import open_dataset
-    from simbev_ros.viz.sheet.preview import write_agents_picture, write_agents_video
+    from simbev_ros.show.sheet.preview import write_agents_picture, write_agents_video
 
     [scene] = open_dataset(path).scenes
     return _Shown(len(scene), partial(write_agents_picture, scene), partial(write_agents_video, scene))

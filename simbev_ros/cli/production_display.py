@@ -15,7 +15,7 @@ from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.production.observer import ProductionObserver
 from simbev_ros.production.scene_cost import SceneCost
 from simbev_ros.scene.ending import DURATION, SceneEnd
-from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.schema.scene.spec import SceneSpec
 
 
 class MapDisplay(ProductionObserver):

@@ -23,9 +23,9 @@ def repair(
 
     simbev repair datasets/first/scenes/train/Town01-0000.partial
     """
+    from simbev_ros.foundation.files.whole_files import require_writable
     from simbev_ros.recording.layout import PARTIAL_SUFFIX, numbered_files
     from simbev_ros.recording.repair import repair_bag
-    from simbev_ros.recording.whole_files import require_writable
 
     if out is not None:
         require_name(out)

@@ -14,10 +14,10 @@ from simbev_ros.cli.generate import show_failures
 from simbev_ros.cli.pool import MAX_GRAPHS, worker_count
 from simbev_ros.cli.ros_options import NamespaceOption, ros_arguments
 from simbev_ros.config.load import load_scenario
-from simbev_ros.errors import InputError
-from simbev_ros.nodes.ros.arguments import RosArguments
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.whole_files import require_writable
 from simbev_ros.recording.layout import additional_folder
-from simbev_ros.recording.whole_files import require_writable
+from simbev_ros.ros.conventions.arguments import RosArguments
 
 if TYPE_CHECKING:
     from simbev_ros.config.scenario import Scenario

@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from simbev_ros.nodes.ros.arguments import RosArguments
+from simbev_ros.ros.conventions.arguments import RosArguments
 
 NamespaceOption = Annotated[
     str | None, typer.Option(help="Namespace of the graph, such as sim1: all its names are below it.", metavar="NAME")

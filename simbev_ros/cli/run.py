@@ -11,7 +11,7 @@ from simbev_ros.cli.evaluate.live import FiguresOption, StackOption, with_evalua
 from simbev_ros.cli.ros_options import NamespaceOption, ros_arguments
 from simbev_ros.cli.view.beside_run import ViewOption, ViewPortOption, viewer_beside
 from simbev_ros.config.load import load_scenario
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 
 
 def run(
@@ -65,11 +65,11 @@ def run(
     simbev run my.yaml --serve                   scenes on request: a service, and an action
     """
     from simbev_ros.cli.production_display import SceneDisplay
-    from simbev_ros.graph.exposure import Exposure
-    from simbev_ros.installation.message_packages.installer import describe_remedy, survey_packages
+    from simbev_ros.foundation.installation.message_packages.installer import describe_remedy, survey_packages
     from simbev_ros.production.observer import SeveralObservers
     from simbev_ros.production.play import play_scenes
     from simbev_ros.production.serve import serve_scenes
+    from simbev_ros.ros.graph.exposure import Exposure
 
     ros = ros_arguments(context, namespace)
     if reliable and not live:

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterable
 
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 
 _RANGE = re.compile(r"([0-9]{1,18})(?:-([0-9]{1,18}))?")
 

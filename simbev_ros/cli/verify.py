@@ -14,9 +14,9 @@ from rich.table import Table
 from simbev_ros.cli.console import counting_bar, make_console, plural
 from simbev_ros.cli.pool import Ray, Workers, open_pool, shared_path
 from simbev_ros.dataset.parallel import Pool
-from simbev_ros.errors import InputError
-from simbev_ros.input_file import path_exists
-from simbev_ros.object_store.object_path import AnyPath, ObjectPath, path_or_url
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.input_file import path_exists
+from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath, path_or_url
 from simbev_ros.recording.layout import is_dataset, scenes_of
 
 if TYPE_CHECKING:

@@ -22,7 +22,7 @@ from simbev_ros.config.odometry import Odometry
 from simbev_ros.config.places import Mast, Near, SpawnPose
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.sensor import MAX_HEIGHT_ON_VEHICLE_M, MAX_SENSOR_HEIGHT_M
-from simbev_ros.limits import MAX_AGENTS
+from simbev_ros.foundation.files.limits import MAX_AGENTS
 
 EgoDriverKind = Literal["traffic", "twist"]
 

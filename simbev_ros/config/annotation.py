@@ -8,8 +8,8 @@ from typing import Self
 from pydantic import Field, model_validator
 
 from simbev_ros.config.base import Model
-from simbev_ros.geometry.grid import BevGrid
-from simbev_ros.geometry.voxel_grid import VoxelGrid
+from simbev_ros.foundation.geometry.grid import BevGrid
+from simbev_ros.foundation.geometry.voxel_grid import VoxelGrid
 
 _MAX_VOXELS = 150_000_000
 _RELATIVE_TOLERANCE = 1e-6

@@ -10,9 +10,9 @@ from pydantic import Field, model_validator
 
 from simbev_ros.config.optics import Optics
 from simbev_ros.config.sensor import Sensor
-from simbev_ros.errors import InputError
-from simbev_ros.geometry.camera import MAX_RAY_ANGLE_RAD, LensCamera, PinholeCamera
-from simbev_ros.limits import MAX_IMAGE_SIDE_PX
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.limits import MAX_IMAGE_SIDE_PX
+from simbev_ros.foundation.geometry.camera import MAX_RAY_ANGLE_RAD, LensCamera, PinholeCamera
 
 Modality = Literal["rgb", "semantic", "instance", "depth", "flow"]
 MODALITIES: tuple[Modality, ...] = ("rgb", "semantic", "instance", "depth", "flow")

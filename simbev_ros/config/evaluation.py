@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Field, field_validator, model_validator
 from simbev_ros.config.base import Model
 from simbev_ros.config.included_stacks import INCLUDED_STACKS, IncludedStack
 from simbev_ros.config.rig import Rig
-from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES
+from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES
 
 BOXES_TOPIC, GRIDS_TOPIC = "/prediction/boxes", "/prediction/bev"
 """Default topics of the predicted boxes and grids of the first agent's stack."""

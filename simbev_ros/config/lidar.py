@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Field, model_validator
 
 from simbev_ros.config.sensor import Sensor
-from simbev_ros.tables import load_table
+from simbev_ros.foundation.tables import load_table
 
 _Elevation = Annotated[float, Field(ge=-90, le=90)]
 _AzimuthOffset = Annotated[float, Field(ge=-180, le=180)]

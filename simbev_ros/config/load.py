@@ -18,9 +18,9 @@ from simbev_ros.config.paths import shipped_config_dir
 from simbev_ros.config.rig import SENSOR_KINDS
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.config.yaml_file import YamlFile
-from simbev_ros.errors import InputError
-from simbev_ros.input_file import is_file, path_exists
-from simbev_ros.limits import MAX_YAML_BYTES
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.input_file import is_file, path_exists
+from simbev_ros.foundation.files.limits import MAX_YAML_BYTES
 
 CONFIG_SUFFIXES = (".yaml", ".yml")
 """Suffixes of files that configurations name, or that others ask for: messages about any other file would quote it."""

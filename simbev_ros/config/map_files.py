@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator
 
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 
 _PLAIN_SUFFIXES = (".xodr", ".osm", ".osm.xml", ".net.xml")
 _COMPRESSIONS = (".gz", ".bz2", ".zst")

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from simbev_ros.installation.shipped_files import shipped_folder
+from simbev_ros.foundation.installation.shipped_files import shipped_folder
 
 
 def shipped_config_dir() -> Path:

@@ -27,7 +27,7 @@ from simbev_ros.config.rates import require_fitting_rate, require_fitting_rates
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.rig import Rig, S
 from simbev_ros.config.v2x import V2x
-from simbev_ros.units import NS_PER_S
+from simbev_ros.foundation.units import NS_PER_S
 
 DepthForm = Literal["png", "rvl"]
 """Compression of depth images."""

@@ -8,8 +8,8 @@ from pydantic import Field
 
 from simbev_ros.config.base import Model
 from simbev_ros.config.names import TopicName
-from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_rpy
+from simbev_ros.foundation.types import Float64Array
 
 MAX_SENSOR_HEIGHT_M = 200.0
 """Maximum height of a sensor above the foot of its mast."""

@@ -10,9 +10,9 @@ import yaml
 from yaml.composer import ComposerError
 from yaml.constructor import ConstructorError
 
-from simbev_ros.errors import InputError
-from simbev_ros.input_file import read_small_file
-from simbev_ros.limits import MAX_YAML_BYTES, MAX_YAML_DEPTH, MAX_YAML_VALUES
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.input_file import read_small_file
+from simbev_ros.foundation.files.limits import MAX_YAML_BYTES, MAX_YAML_DEPTH, MAX_YAML_VALUES
 
 _UNUSABLE = re.compile("[\0\ud800-\udfff]")
 """Characters that escape sequences can produce, but that are in no name of a file and in no text."""

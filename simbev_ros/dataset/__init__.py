@@ -3,7 +3,7 @@
 To read a dataset, call ``open_dataset``; it needs neither ROS nor a graphics card::
 
     from simbev_ros.dataset import columns, open_dataset
-    from simbev_ros.geometry.transforms import apply, inverse
+    from simbev_ros.foundation.geometry.transforms import apply, inverse
 
     scene = open_dataset("datasets/first").scenes[0]
     frame = scene[2]
@@ -21,7 +21,7 @@ To read a dataset, call ``open_dataset``; it needs neither ROS nor a graphics ca
 
 from typing import TYPE_CHECKING
 
-from simbev_ros.lazy import lazy_names
+from simbev_ros.foundation.lazy import lazy_names
 
 if TYPE_CHECKING:
     from simbev_ros.dataset.frame import Frame

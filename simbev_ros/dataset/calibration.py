@@ -6,9 +6,9 @@ import numpy as np
 
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.rig import AnySensor, Rig
-from simbev_ros.geometry.camera import LensCamera, PinholeCamera
-from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.geometry.camera import LensCamera, PinholeCamera
+from simbev_ros.foundation.geometry.transforms import SENSOR_FROM_OPTICAL
+from simbev_ros.foundation.types import Float64Array
 
 
 @dataclass(frozen=True, eq=False)

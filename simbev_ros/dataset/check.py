@@ -9,9 +9,9 @@ from simbev_ros.dataset.index_row import Row, index_row, sha256_of
 from simbev_ros.dataset.parallel import OWN_PROCESS, Pool
 from simbev_ros.dataset.plan import PLAN_FILE, Plan
 from simbev_ros.dataset.staging import staging_of
-from simbev_ros.errors import BagError, InputError
-from simbev_ros.object_store.connection import StoreError
-from simbev_ros.object_store.object_path import AnyPath
+from simbev_ros.foundation.errors import BagError, InputError
+from simbev_ros.foundation.object_store.connection import StoreError
+from simbev_ros.foundation.object_store.object_path import AnyPath
 from simbev_ros.recording.layout import INDEX_FILE, is_scene, mcap_files, scenes_of
 from simbev_ros.recording.verify import Fault
 

@@ -10,19 +10,19 @@ from typing import Any
 
 import numpy as np
 
-from simbev_ros.annotation.trajectories import Tracks, tracks_from_npz
 from simbev_ros.dataset.calibration import Calibration, calibrations
 from simbev_ros.dataset.values import decode_message, in_ego_frame, value_of
-from simbev_ros.errors import BagError
-from simbev_ros.limits import MAX_SCENE_TICKS
-from simbev_ros.object_store.object_path import AnyPath
+from simbev_ros.foundation.errors import BagError
+from simbev_ros.foundation.files.limits import MAX_SCENE_TICKS
+from simbev_ros.foundation.object_store.object_path import AnyPath
+from simbev_ros.foundation.types import Int64Array
 from simbev_ros.recording.indexed_bag import IndexedBag, IndexedTopic
 from simbev_ros.recording.layout import SCENE_ATTACHMENT, TRAJECTORIES_ATTACHMENT
 from simbev_ros.recording.mcap.chunk_cache import ChunkCache
 from simbev_ros.recording.reader import SceneBag
-from simbev_ros.scene.agents import agent_views
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.types import Int64Array
+from simbev_ros.schema.scene.agents import agent_views
+from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.trajectories import Tracks, tracks_from_npz
 
 _IMAGE = re.compile(r"/image_raw(/compressed|/compressedDepth)?$")
 _OF_FIRST = re.compile(r"/(prediction/.+|robot_description)")

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from simbev_ros.dataset.check import row_faults
 from simbev_ros.dataset.index_row import Row
-from simbev_ros.object_store.object_path import ObjectPath
-from simbev_ros.object_store.transfers import download, list_objects
+from simbev_ros.foundation.object_store.object_path import ObjectPath
+from simbev_ros.foundation.object_store.transfers import download, list_objects
 from simbev_ros.recording.layout import METADATA_FILE, numbered_files
 from simbev_ros.recording.verify import Fault, verify_bag
 

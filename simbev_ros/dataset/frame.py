@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simbev_ros.annotation.boxes.boxes import LIGHT_IDS
-from simbev_ros.annotation.trajectories import HORIZON_S, Futures, futures
 from simbev_ros.dataset.content import Source
 from simbev_ros.dataset.decoders import decoder_pool
 from simbev_ros.dataset.messages import MESSAGES, newest_messages
 from simbev_ros.dataset.values import poses_from_odometry
-from simbev_ros.types import Float64Array, Int64Array
+from simbev_ros.foundation.types import Float64Array, Int64Array
+from simbev_ros.schema.boxes import LIGHT_IDS
+from simbev_ros.schema.trajectories import HORIZON_S, Futures, futures
 
 if TYPE_CHECKING:
     from simbev_ros.dataset.scene import Scene

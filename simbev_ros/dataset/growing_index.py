@@ -10,7 +10,7 @@ import pyarrow as pa
 
 from simbev_ros.dataset.index import index_table, save_index, with_rows
 from simbev_ros.dataset.index_row import Row
-from simbev_ros.object_store.object_path import AnyPath
+from simbev_ros.foundation.object_store.object_path import AnyPath
 
 _GROWTH = 20
 """Inverse of the fraction of new rows at which the index is written."""

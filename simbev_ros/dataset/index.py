@@ -12,22 +12,22 @@ from pydantic import BaseModel, Field, ValidationError
 from simbev_ros.config.base import first_problem
 from simbev_ros.config.names import NAME_PATTERN, Name
 from simbev_ros.config.scenario import Split
-from simbev_ros.confined_paths import path_inside
 from simbev_ros.dataset.index_row import Row, index_row
-from simbev_ros.errors import BagError, InputError
-from simbev_ros.input_file import require_file
-from simbev_ros.limits import (
+from simbev_ros.foundation.errors import BagError, InputError
+from simbev_ros.foundation.files.confined_paths import path_inside
+from simbev_ros.foundation.files.input_file import require_file
+from simbev_ros.foundation.files.limits import (
     MAX_ACTORS,
     MAX_SCENE_NUMBER,
     MAX_SCENE_TICKS,
     max_unpacked_bytes,
     require_unpacked_size,
 )
-from simbev_ros.object_store.object_path import AnyPath, ObjectPath
+from simbev_ros.foundation.files.whole_files import write_errors, write_whole
+from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath
+from simbev_ros.foundation.semantics import BOX_CLASSES
 from simbev_ros.recording.layout import INDEX_FILE, SCENES_FOLDER, bytes_of
-from simbev_ros.recording.whole_files import write_errors, write_whole
-from simbev_ros.scene.weather import Weather
-from simbev_ros.semantics import BOX_CLASSES
+from simbev_ros.schema.scene.weather import Weather
 
 _MAX_ROWS, _GROUP_ROWS = MAX_SCENE_NUMBER + 1, 1 << 13
 _LARGEST = {

@@ -12,14 +12,14 @@ import numpy as np
 from simbev_ros import __version__
 from simbev_ros.config.camera import Camera
 from simbev_ros.dataset.values import ODOMETRY_TYPE, in_ego_frame, value_of
-from simbev_ros.errors import BagError
+from simbev_ros.foundation.errors import BagError
+from simbev_ros.foundation.semantics import BOX_CLASSES
+from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.recording.arrays import point_array
 from simbev_ros.recording.layout import CONFIG_ATTACHMENT, bytes_of, mcap_files, scene_folder
 from simbev_ros.recording.reader import SceneBag
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.scene.weather import Weather
-from simbev_ros.semantics import BOX_CLASSES
-from simbev_ros.units import NS_PER_S
+from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.weather import Weather
 
 Row = dict[str, Any]
 """A row by column."""

@@ -5,8 +5,8 @@ import os
 from pathlib import Path
 from typing import Self
 
-from simbev_ros.errors import InputError
-from simbev_ros.lock_file import open_lock_file
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.lock_file import open_lock_file
 
 _LOCK_FILE = ".lock"
 _MAX_PID_DIGITS = 10

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from simbev_ros.scene.agents import agent_views
-from simbev_ros.types import Table
-from simbev_ros.units import NS_PER_S
+from simbev_ros.foundation.types import Table
+from simbev_ros.foundation.units import NS_PER_S
+from simbev_ros.schema.scene.agents import agent_views
 
 if TYPE_CHECKING:
     from simbev_ros.dataset.scene import Scene

@@ -10,8 +10,8 @@ from simbev_ros.config.scenario import SPLITS
 from simbev_ros.dataset.frame import Frame
 from simbev_ros.dataset.index import indexed_bags, read_index
 from simbev_ros.dataset.scene import Scene
-from simbev_ros.errors import InputError
-from simbev_ros.object_store.object_path import AnyPath, ObjectPath, path_or_url
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath, path_or_url
 from simbev_ros.recording.indexed_bag import IndexedBag
 from simbev_ros.recording.layout import bytes_of, finished_scenes, is_dataset, locate_mcap
 from simbev_ros.recording.mcap.chunk_cache import ChunkCache

@@ -1,6 +1,6 @@
 """Parallel work over bags: a picklable function is mapped over items in a pool of workers, with results in order.
 
-The pools are ``Processes`` on this machine and ``cluster.ray_pool.RayPool`` on the nodes of a cluster.
+The pools are ``Processes`` on this machine and ``production.cluster.ray_pool.RayPool`` on the nodes of a cluster.
 """
 
 import multiprocessing
@@ -16,7 +16,7 @@ from itertools import count, islice
 from multiprocessing.sharedctypes import Synchronized
 from typing import Protocol, TypeVar
 
-from simbev_ros.errors import SimbevError
+from simbev_ros.foundation.errors import SimbevError
 
 W = TypeVar("W")
 R = TypeVar("R")

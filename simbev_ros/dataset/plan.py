@@ -18,15 +18,15 @@ from pydantic import Field, ValidationError
 from simbev_ros.config.base import Model, first_problem
 from simbev_ros.config.names import NAME_PATTERN, Name
 from simbev_ros.config.scenario import SPLITS, Scenario, Split
-from simbev_ros.confined_paths import path_inside, refuse_links_out
-from simbev_ros.errors import InputError
-from simbev_ros.input_file import path_exists, read_small_file
-from simbev_ros.limits import MAX_SCENE_NUMBER
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.confined_paths import path_inside, refuse_links_out
+from simbev_ros.foundation.files.input_file import path_exists, read_small_file
+from simbev_ros.foundation.files.limits import MAX_SCENE_NUMBER
+from simbev_ros.foundation.files.whole_files import write_errors, write_whole
+from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath
 from simbev_ros.maps.source import map_spec
-from simbev_ros.maps.spec import MapSpec
-from simbev_ros.object_store.object_path import AnyPath, ObjectPath
 from simbev_ros.recording.layout import SCENES_FOLDER, scene_folder
-from simbev_ros.recording.whole_files import write_errors, write_whole
+from simbev_ros.schema.scene.map_spec import MapSpec
 
 PLAN_FILE = "plan.json"
 _SCENE = re.compile(rf"(?P<map>{NAME_PATTERN})-(?P<number>\d{{4,}})")

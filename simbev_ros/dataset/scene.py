@@ -9,16 +9,16 @@ from typing import Any, overload
 
 import numpy as np
 
-from simbev_ros.annotation.trajectories import Tracks
 from simbev_ros.dataset.calibration import Calibration
 from simbev_ros.dataset.content import Content, SceneBags, Source, read_tracks
 from simbev_ros.dataset.frame import Frame
-from simbev_ros.object_store.object_path import AnyPath
+from simbev_ros.foundation.object_store.object_path import AnyPath
+from simbev_ros.foundation.types import BoolArray, Int64Array
 from simbev_ros.recording.mcap.chunk_cache import ChunkCache
-from simbev_ros.scene.agents import agent_view, agent_views
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.scene.weather import Weather
-from simbev_ros.types import BoolArray, Int64Array
+from simbev_ros.schema.scene.agents import agent_view, agent_views
+from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.weather import Weather
+from simbev_ros.schema.trajectories import Tracks
 
 
 class Scene(Sequence[Frame]):

@@ -8,11 +8,11 @@ import shutil
 from pathlib import Path
 from typing import overload
 
-from simbev_ros.confined_paths import refuse_links_out
 from simbev_ros.dataset.plan import PlannedEntry, bag_of
-from simbev_ros.object_store.object_path import AnyPath, ObjectPath
+from simbev_ros.foundation.files.confined_paths import refuse_links_out
+from simbev_ros.foundation.files.syncing import sync_names
+from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath
 from simbev_ros.recording.layout import REPLACED_SUFFIX, SCENES_FOLDER, additional_bags
-from simbev_ros.recording.mcap.syncing import sync_names
 
 _STAGING_FOLDER = ".making"
 ON_FULL_DISK = "finished scenes are in the dataset, nothing else is kept; given space, the same command makes the rest"

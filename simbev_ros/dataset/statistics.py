@@ -13,12 +13,12 @@ import numpy as np
 from simbev_ros.dataset import Dataset, Scene, open_dataset
 from simbev_ros.dataset.parallel import OWN_PROCESS, Pool
 from simbev_ros.dataset.tallies import Tally
-from simbev_ros.errors import InputError
-from simbev_ros.object_store.object_path import AnyPath
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.object_store.object_path import AnyPath
+from simbev_ros.foundation.types import Float64Array, Int64Array, Table
+from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.recording.layout import bytes_of
-from simbev_ros.scene.weather import Weather
-from simbev_ros.types import Float64Array, Int64Array, Table
-from simbev_ros.units import NS_PER_S
+from simbev_ros.schema.scene.weather import Weather
 
 MAX_FRAMES = 20_000
 """Approximate upper limit on the number of frames that are read."""

@@ -10,8 +10,8 @@ import pyarrow.compute as pc
 from simbev_ros.dataset.growing_index import GrowingIndex
 from simbev_ros.dataset.index import index_table, load_index, packed_rows, read_rows, save_index, with_rows
 from simbev_ros.dataset.index_row import Row
-from simbev_ros.object_store.object_path import ObjectPath
-from simbev_ros.object_store.transfers import delete_tree, list_objects, put_bytes
+from simbev_ros.foundation.object_store.object_path import ObjectPath
+from simbev_ros.foundation.object_store.transfers import delete_tree, list_objects, put_bytes
 from simbev_ros.recording.layout import INDEX_FILE
 
 _ROWS_FOLDER = ".rows"

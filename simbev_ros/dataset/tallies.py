@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from simbev_ros.annotation.boxes.boxes import BOX_DTYPE
 from simbev_ros.dataset import Frame
-from simbev_ros.errors import BagError
-from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES, DIFFICULTIES
-from simbev_ros.types import AnyArray, Int64Array, Table, UInt16Array
-from simbev_ros.units import NS_PER_S
+from simbev_ros.foundation.errors import BagError
+from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES, DIFFICULTIES
+from simbev_ros.foundation.types import AnyArray, Int64Array, Table, UInt16Array
+from simbev_ros.foundation.units import NS_PER_S
+from simbev_ros.schema.boxes import BOX_DTYPE
 
 DISTANCE_STEP_M, DISTANCES = 5.0, 200
 SPEED_STEP_MPS, SPEEDS = 1.0, 60

@@ -21,7 +21,7 @@ from torch.utils.data import Dataset, get_worker_info
 
 from simbev_ros.dataset.frame import Frame
 from simbev_ros.dataset.values import columns
-from simbev_ros.types import AnyArray
+from simbev_ros.foundation.types import AnyArray
 
 Sample = dict[str, Any]
 

@@ -20,14 +20,14 @@ from typing import Any
 import numpy as np
 from rosbags.serde import SerdeError
 
-from simbev_ros.errors import BagError
-from simbev_ros.geometry.transforms import matrices_from_xyz_quaternion
-from simbev_ros.interfaces.message_types import types_with
-from simbev_ros.interfaces.table_messages import TABLE_TYPES, table_of
+from simbev_ros.foundation.errors import BagError
+from simbev_ros.foundation.files.structured_text import parse_json
+from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_quaternion
+from simbev_ros.foundation.types import AnyArray, Float64Array, Table
+from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.recording.arrays import image_array, point_array
-from simbev_ros.structured_text import parse_json
-from simbev_ros.types import AnyArray, Float64Array, Table
-from simbev_ros.units import NS_PER_S
+from simbev_ros.schema.messages.message_types import types_with
+from simbev_ros.schema.messages.table_messages import TABLE_TYPES, table_of
 
 ODOMETRY_TYPE = "nav_msgs/msg/Odometry"
 

@@ -3,7 +3,7 @@
 Both are derived from the frame's weather parameters. Each frame has exactly one of each.
 """
 
-from simbev_ros.scene.weather import Weather
+from simbev_ros.schema.scene.weather import Weather
 
 DAYTIMES: tuple[str, ...] = ("day", "twilight", "night")
 WEATHERS: tuple[str, ...] = ("clear", "cloudy", "fog", "rain")

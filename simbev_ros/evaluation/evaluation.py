@@ -11,7 +11,6 @@ import numpy as np
 
 from simbev_ros.dataset import Scene
 from simbev_ros.dataset.parallel import OWN_PROCESS, Pool
-from simbev_ros.errors import InputError
 from simbev_ros.evaluation.metrics.curves import Curve
 from simbev_ros.evaluation.metrics.detection import (
     DetectionResult,
@@ -26,8 +25,9 @@ from simbev_ros.evaluation.options import EvaluationOptions
 from simbev_ros.evaluation.predictions.dataset_predictions import PredictionSet
 from simbev_ros.evaluation.scene_evaluation import SceneTally, evaluate_scene
 from simbev_ros.evaluation.slices import TableSlice
-from simbev_ros.semantics import BEV_CLASSES
-from simbev_ros.types import Table
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.semantics import BEV_CLASSES
+from simbev_ros.foundation.types import Table
 
 _CURVE_POINTS = 200
 

@@ -16,7 +16,7 @@ from simbev_ros.evaluation.metrics.nuscenes import DISTANCES_M, NuscenesResult
 from simbev_ros.evaluation.metrics.nuscenes import ERRORS as NUSCENES_ERRORS
 from simbev_ros.evaluation.metrics.segmentation import THRESHOLDS, SegmentationTally
 from simbev_ros.evaluation.slices import TableSlice
-from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES
+from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES
 
 METHODS: tuple[Method, ...] = ("iou", "distance")
 

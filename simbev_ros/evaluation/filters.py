@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simbev_ros.errors import InputError
-from simbev_ros.semantics import DIFFICULTIES
-from simbev_ros.types import BoolArray, Float64Array, Table
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.semantics import DIFFICULTIES
+from simbev_ros.foundation.types import BoolArray, Float64Array, Table
 
 _Span = tuple[float, float]
 
@@ -46,7 +46,7 @@ class BoxFilter:
             raise InputError(f"difficulties: {wrong} is not allowed; allowed: {', '.join(DIFFICULTIES)}")
 
     def truth_mask(self, boxes: Table) -> BoolArray:
-        """(N,) mask of the ``annotation.boxes.BOX_DTYPE`` boxes that count."""
+        """(N,) mask of the ``simulation.annotation.boxes.BOX_DTYPE`` boxes that count."""
         points = np.maximum(boxes["lidar_points"], 0) + np.maximum(boxes["radar_points"], 0)
         difficulties = [DIFFICULTIES.index(name) for name in self.difficulties]
         return (

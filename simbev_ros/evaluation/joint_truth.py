@@ -5,12 +5,11 @@ The joint table of a scene, /world/boxes, enters; a table leaves that is evaluat
 
 import numpy as np
 
-from simbev_ros.annotation.boxes.boxes import BOX_DTYPE
-from simbev_ros.annotation.boxes.points import difficulty
 from simbev_ros.config.evaluation import Truth
-from simbev_ros.errors import InputError
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.types import Table
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.types import Table
+from simbev_ros.schema.boxes import BOX_DTYPE, difficulty
+from simbev_ros.schema.scene.spec import SceneSpec
 
 _OF_AGENT = {"distance": "distance", "angle": "angle", "on_ego_level": "on_level"}
 """Columns that depend on where the agent is, and their names in the joint table, after the agent's."""
@@ -28,7 +27,7 @@ def boxes_in_reach(joint: Table, view: SceneSpec) -> Table:
     """The boxes of the joint table around one agent.
 
     Args:
-        joint: (N,) rows of /world/boxes, ``annotation.boxes.joint.joint_dtype``.
+        joint: (N,) rows of /world/boxes, ``simulation.annotation.boxes.joint.joint_dtype``.
         view: The scene as the agent sees it.
 
     Returns:

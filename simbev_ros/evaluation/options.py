@@ -7,11 +7,11 @@ import math
 from dataclasses import dataclass, field
 
 from simbev_ros.config.evaluation import Evaluation, Truth
-from simbev_ros.errors import InputError
 from simbev_ros.evaluation.filters import BoxFilter
 from simbev_ros.evaluation.metrics.detection import DetectionOptions
 from simbev_ros.evaluation.slices import TableSlice, table_slices
-from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES
 
 
 @dataclass(frozen=True, slots=True)

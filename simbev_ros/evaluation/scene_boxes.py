@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simbev_ros.annotation.boxes.boxes import BOX_DTYPE
 from simbev_ros.config.evaluation import Truth
 from simbev_ros.dataset import Frame
 from simbev_ros.evaluation.joint_truth import boxes_in_reach, truth_key
@@ -20,10 +19,11 @@ from simbev_ros.evaluation.metrics.ranking import top_predictions
 from simbev_ros.evaluation.metrics.scene_matching import CountedBoxes, Matching
 from simbev_ros.evaluation.options import EvaluationOptions
 from simbev_ros.evaluation.slices import Conditions, TableSlice
+from simbev_ros.foundation.semantics import BOX_CLASSES
+from simbev_ros.foundation.types import AnyArray, BoolArray, Float64Array, Int64Array, Table
 from simbev_ros.scene.frames import ego_size_m
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.semantics import BOX_CLASSES
-from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int64Array, Table
+from simbev_ros.schema.boxes import BOX_DTYPE
+from simbev_ros.schema.scene.spec import SceneSpec
 
 _FOUND_DISTANCE_M = 2.0
 

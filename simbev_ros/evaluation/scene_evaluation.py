@@ -12,7 +12,6 @@ import numpy as np
 from simbev_ros.config.evaluation import Truth
 from simbev_ros.dataset import Scene
 from simbev_ros.dataset.parallel import report_step
-from simbev_ros.errors import InputError
 from simbev_ros.evaluation.joint_truth import truth_key
 from simbev_ros.evaluation.metrics.boxes import Predictions
 from simbev_ros.evaluation.metrics.detection import DetectionTally
@@ -25,7 +24,8 @@ from simbev_ros.evaluation.predictions.reference_frames import ReferenceFrames
 from simbev_ros.evaluation.scene_boxes import GroundTruthFrame, Outcomes, SceneBoxes
 from simbev_ros.evaluation.scene_grids import SceneGrids
 from simbev_ros.evaluation.slices import Conditions, TableSlice
-from simbev_ros.types import Table
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.types import Table
 
 FRAME_DTYPE = np.dtype(
     [

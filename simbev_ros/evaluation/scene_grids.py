@@ -17,9 +17,9 @@ from simbev_ros.evaluation.metrics.segmentation import (
 )
 from simbev_ros.evaluation.predictions.score_grid import ScoreGrid
 from simbev_ros.evaluation.slices import Conditions, TableSlice
-from simbev_ros.geometry.grid import BevGrid
-from simbev_ros.semantics import BEV_CLASSES
-from simbev_ros.types import AnyArray, Float64Array
+from simbev_ros.foundation.geometry.grid import BevGrid
+from simbev_ros.foundation.semantics import BEV_CLASSES
+from simbev_ros.foundation.types import AnyArray, Float64Array
 
 
 class SceneGrids:

@@ -10,10 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simbev_ros.errors import InputError
 from simbev_ros.evaluation.conditions import DAYTIMES, WEATHERS, daytime_of, weather_of
 from simbev_ros.evaluation.filters import BoxFilter
-from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.schema.scene.spec import SceneSpec
 
 RINGS_M: tuple[float, ...] = (0.0, 20.0, 40.0, 60.0)
 """Distances from the ego at which the rings begin; the last one is unbounded."""

@@ -6,7 +6,7 @@ From the evaluated frames of all scenes, a short list of those that miss most bo
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import NamedTuple
 
-from simbev_ros.types import Table
+from simbev_ros.foundation.types import Table
 
 
 class WorstFrame(NamedTuple):

@@ -1,8 +1,8 @@
 """Number of frames between two exported ones, for layouts that have a rate of their own."""
 
 from simbev_ros.dataset import Scene
-from simbev_ros.errors import InputError
-from simbev_ros.units import NS_PER_S
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.units import NS_PER_S
 
 _TOLERANCE_HZ = 1e-6
 

@@ -21,11 +21,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from simbev_ros.confined_paths import path_inside
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.confined_paths import path_inside
+from simbev_ros.foundation.files.syncing import sync
+from simbev_ros.foundation.files.whole_files import write_errors, write_whole
 from simbev_ros.recording.layout import PARTIAL_SUFFIX, bytes_of, locate_mcap
-from simbev_ros.recording.mcap.syncing import sync
-from simbev_ros.recording.whole_files import write_errors, write_whole
 
 PARTS_FOLDER = ".parts"
 

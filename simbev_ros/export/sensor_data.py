@@ -8,13 +8,13 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from simbev_ros.annotation.boxes.points import map_points
 from simbev_ros.dataset import Frame, columns
 from simbev_ros.dataset.calibration import Calibration
-from simbev_ros.geometry.camera import LensCamera, PinholeCamera
-from simbev_ros.geometry.transforms import apply, inverse
-from simbev_ros.scene.agents import ego_row
-from simbev_ros.types import AnyArray, Float32Array, UInt8Array
+from simbev_ros.foundation.geometry.camera import LensCamera, PinholeCamera
+from simbev_ros.foundation.geometry.transforms import apply, inverse
+from simbev_ros.foundation.types import AnyArray, Float32Array, UInt8Array
+from simbev_ros.schema.scene.agents import ego_row
+from simbev_ros.simulation.annotation.boxes.points import map_points
 
 
 def rectify(image: UInt8Array, camera: LensCamera) -> UInt8Array:

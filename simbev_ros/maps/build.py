@@ -11,15 +11,15 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from simbev_ros.cache.entries import default_cache_dir, discard_entry
-from simbev_ros.cache.fingerprint import fingerprint
-from simbev_ros.cache.folders import ensure_folder
-from simbev_ros.geometry.geodesy import MapDatum
+from simbev_ros.foundation.cache.entries import default_cache_dir, discard_entry
+from simbev_ros.foundation.cache.fingerprint import fingerprint
+from simbev_ros.foundation.cache.folders import ensure_folder
+from simbev_ros.foundation.geometry.geodesy import MapDatum
+from simbev_ros.foundation.process_memory import return_freed_memory
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.tunnels import Tunnels
-from simbev_ros.maps.spec import MapSpec
 from simbev_ros.maps.store import read_datum, read_network, read_source, read_tunnels
-from simbev_ros.process_memory import return_freed_memory
+from simbev_ros.schema.scene.map_spec import MapSpec
 
 _ATTEMPTS = 3
 _T = TypeVar("_T")

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from simbev_ros.errors import InputError, SimulationError
+from simbev_ros.foundation.errors import InputError, SimulationError
 from simbev_ros.maps.findings import sentences_of
 from simbev_ros.maps.lanelet2.importer import import_lanelet2
 from simbev_ros.maps.lanelet2.reader import has_lanelets
@@ -22,11 +22,11 @@ from simbev_ros.maps.roads.levels import assign_levels
 from simbev_ros.maps.signals import place_signals, with_net_ids
 from simbev_ros.maps.signs import place_signs
 from simbev_ros.maps.source import file_of, is_street_map, suffix_of
-from simbev_ros.maps.spec import MapSpec
 from simbev_ros.maps.store import NET, OPENDRIVE, SOURCE, write_network
 from simbev_ros.maps.sumo.importer import import_sumo
 from simbev_ros.maps.sumo.layout import layout_of
 from simbev_ros.maps.sumo.net import SumoNet, read_sumo_net
+from simbev_ros.schema.scene.map_spec import MapSpec
 
 _IMPORTERS: dict[str, Callable[[Path, Path], MapParts]] = {".xodr": import_opendrive, ".net": import_sumo}
 """Importers by the first of a file's suffixes, apart from OpenStreetMap's."""

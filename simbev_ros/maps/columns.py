@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from pydantic import BaseModel
 
-from simbev_ros.types import AnyArray, Float64Array
+from simbev_ros.foundation.types import AnyArray, Float64Array
 
 SPARSE = {"sparse": True}
 """Metadata of a field whose default is None, True or False, and which few maps use."""

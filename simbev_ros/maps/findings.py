@@ -9,9 +9,9 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from simbev_ros.limits import MAX_FINDINGS
+from simbev_ros.foundation.files.limits import MAX_FINDINGS
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.safe_xml import line_of
-from simbev_ros.types import Float64Array
 
 
 class Outcome(StrEnum):

@@ -4,11 +4,11 @@ from typing import Any
 
 import numpy as np
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Line, Paint, Strip
 from simbev_ros.maps.roads.polylines import Polylines
-from simbev_ros.types import Float64Array
 
 _LANE_TYPES = {
     LaneKind.DRIVING: "Driving",

@@ -6,8 +6,8 @@ from enum import StrEnum
 import numpy as np
 import shapely
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.surroundings import ReliefRecipe, SurroundingsRecipe
-from simbev_ros.types import Float64Array
 
 
 @dataclass(frozen=True, slots=True)

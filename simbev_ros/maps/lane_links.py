@@ -8,13 +8,13 @@ from itertools import pairwise
 import numpy as np
 import shapely
 
-from simbev_ros.geometry import overlay
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.types import AnyArray, Float64Array
 from simbev_ros.maps.network import Lane
 from simbev_ros.maps.roads.lane_strips import LaneStrips
 from simbev_ros.maps.roads.layout import StopLine, Strip
 from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.maps.roads.surface import strip_polygons
-from simbev_ros.types import AnyArray, Float64Array
 
 _ADJACENT_TOLERANCE_M = 0.1
 _MIN_COMMON_M = 0.3  # length of a common border

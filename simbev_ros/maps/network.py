@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from simbev_ros.geometry.geodesy import MapDatum
-from simbev_ros.geometry.ragged import ragged_indices
+from simbev_ros.foundation.geometry.geodesy import MapDatum
+from simbev_ros.foundation.geometry.ragged import ragged_indices
+from simbev_ros.foundation.types import Float64Array, Int64Array
 from simbev_ros.maps.findings import Finding, sentences_of
 from simbev_ros.maps.land_features import MapFeatures
 from simbev_ros.maps.roads.elevation import Elevation
@@ -18,7 +19,6 @@ from simbev_ros.maps.roads.lane_strips import LaneStrips
 from simbev_ros.maps.roads.layout import Layout
 from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.maps.vehicle_class import ALL_CLASSES
-from simbev_ros.types import Float64Array, Int64Array
 
 
 @dataclass(frozen=True, slots=True)

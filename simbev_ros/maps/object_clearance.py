@@ -7,15 +7,15 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.geometry import overlay
-from simbev_ros.geometry.plan_view import polygon_parts
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.geometry.plan_view import polygon_parts
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.findings import Finding, Outcome
 from simbev_ros.maps.land_features import MapObject, ObjectKind
 from simbev_ros.maps.roads.elevation import Elevation
 from simbev_ros.maps.roads.lane_kind import ROAD_KINDS
 from simbev_ros.maps.roads.layout import Layout
 from simbev_ros.maps.roads.surface import strip_polygons
-from simbev_ros.types import Float64Array
 
 _CLEARANCE_M = 4.5  # objects that begin above this height hang over the traffic
 _BESIDE_M, _MAX_MOVE_M = 0.5, 4.0

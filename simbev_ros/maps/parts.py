@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from simbev_ros.geometry.geodesy import MapDatum
+from simbev_ros.foundation.geometry.geodesy import MapDatum
 from simbev_ros.maps.findings import Finding
 from simbev_ros.maps.land_features import MapFeatures
 from simbev_ros.maps.roads.layout import Layout

@@ -6,13 +6,13 @@ from typing import Any
 from pydantic import Field, ValidationError, model_validator
 
 from simbev_ros.config.base import Model
-from simbev_ros.errors import InputError
-from simbev_ros.geometry.geodesy import MapDatum
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.geometry.geodesy import MapDatum
+from simbev_ros.foundation.tables import load_table
 from simbev_ros.maps.plan.land import WaterRecipe, ZoneRecipe
 from simbev_ros.maps.plan.patterns.pattern import Pattern
 from simbev_ros.maps.source import known_maps
 from simbev_ros.maps.surroundings import ReliefRecipe, SurroundingsRecipe
-from simbev_ros.tables import load_table
 
 
 class DatumRecipe(Model):

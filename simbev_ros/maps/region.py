@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
+from simbev_ros.foundation.types import BoolArray, Float64Array
 from simbev_ros.maps.roads.layout import Layout
-from simbev_ros.types import BoolArray, Float64Array
 
 REGION_M = 512.0
 """Side length of a region; a multiple of the side of a mesh tile."""

@@ -11,9 +11,9 @@ from typing import NoReturn, Protocol
 from xml.etree.ElementTree import Element, TreeBuilder
 from xml.parsers import expat
 
-from simbev_ros.errors import InputError
-from simbev_ros.limits import MAX_MAP_BYTES, MAX_XML_DEPTH, MAX_XML_ELEMENTS
-from simbev_ros.unpacking import read_unpacked
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.limits import MAX_MAP_BYTES, MAX_XML_DEPTH, MAX_XML_ELEMENTS
+from simbev_ros.foundation.files.unpacking import read_unpacked
 
 
 class LinedElement(Element):

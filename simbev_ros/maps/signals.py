@@ -12,12 +12,12 @@ from itertools import accumulate
 
 import numpy as np
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.network import Lane, Signal, paths_beyond
 from simbev_ros.maps.roads.elevation import Elevation
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout, SignalPlace
 from simbev_ros.maps.sumo.net import ControlledLink, SumoNet
-from simbev_ros.types import Float64Array
 
 _CURB_TO_POLE_M = 0.6
 _HEAD_BEFORE_POLE_M = 0.25

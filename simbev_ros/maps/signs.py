@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
+from simbev_ros.foundation.types import BoolArray, Float64Array
 from simbev_ros.maps.network import Lane, paths_beyond
 from simbev_ros.maps.roads.lane_kind import PAVED_KINDS, LaneKind
 from simbev_ros.maps.roads.layout import Layout, Sign, SignKind, Strip
@@ -18,7 +19,6 @@ from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.maps.roads.surface import strip_polygons
 from simbev_ros.maps.sumo.net import SumoNet
 from simbev_ros.maps.sumo.right_of_way import minor_approaches
-from simbev_ros.types import BoolArray, Float64Array
 
 _POST_OFFSETS_M = (
     0.7,

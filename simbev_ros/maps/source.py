@@ -8,10 +8,10 @@ from importlib.resources import files
 from pathlib import Path
 
 from simbev_ros.config.map_files import MAP_SUFFIXES, READ_FILES, Bounds, expand_home
-from simbev_ros.errors import InputError
-from simbev_ros.limits import MAX_MAP_BYTES, MAX_OSM_BYTES, MAX_PBF_BYTES
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.limits import MAX_MAP_BYTES, MAX_OSM_BYTES, MAX_PBF_BYTES
 from simbev_ros.maps.safe_xml import check_readable
-from simbev_ros.maps.spec import MapSpec
+from simbev_ros.schema.scene.map_spec import MapSpec
 
 MAP_FILES_VARIABLE = "SIMBEV_MAP_FILES"
 """Environment variable with the folder for copies of map files, on machines that do not have them at their paths."""

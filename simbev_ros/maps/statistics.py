@@ -6,13 +6,13 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
-from simbev_ros.geometry import overlay
-from simbev_ros.geometry.plan_view import points_inside
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.geometry.plan_view import points_inside
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout, Strip
 from simbev_ros.maps.roads.surface import FAST_MPS, strip_polygons
-from simbev_ros.types import Float64Array
 
 _CLUSTER_M = 25.0
 _MIN_OVERLAP_M2 = 1.0

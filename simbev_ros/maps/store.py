@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from simbev_ros.errors import NPZ_DAMAGE
-from simbev_ros.geometry.geodesy import MapDatum
+from simbev_ros.foundation.errors import NPZ_DAMAGE
+from simbev_ros.foundation.geometry.geodesy import MapDatum
+from simbev_ros.foundation.types import AnyArray
 from simbev_ros.maps.columns import from_columns, part_of, to_columns
 from simbev_ros.maps.findings import Finding
 from simbev_ros.maps.land_features import Footprint, MapFeatures, MapObject, Water, Zone
@@ -18,7 +19,6 @@ from simbev_ros.maps.network import Junction, Lane, RoadNetwork, Signal
 from simbev_ros.maps.roads.layout import Crosswalk, Layout, Sign, SignalPlace, StopLine, Strip
 from simbev_ros.maps.roads.tunnels import Tunnels
 from simbev_ros.maps.surroundings import ReliefRecipe, SurroundingsRecipe
-from simbev_ros.types import AnyArray
 
 NET = "map.net.xml"
 OPENDRIVE = "map.xodr"

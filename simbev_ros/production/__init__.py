@@ -8,7 +8,7 @@ True
 
 from typing import TYPE_CHECKING
 
-from simbev_ros.lazy import lazy_names
+from simbev_ros.foundation.lazy import lazy_names
 
 if TYPE_CHECKING:
     from simbev_ros.production.dataset import DatasetResult, make_dataset

@@ -6,15 +6,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from simbev_ros.cluster.node_check import check_nodes
-from simbev_ros.cluster.ray_cluster import RayCluster
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import Plan, PlannedEntry
-from simbev_ros.errors import InputError
-from simbev_ros.graph.domain import ISOLATED_DOMAINS
-from simbev_ros.maps.spec import MapSpec
-from simbev_ros.object_store.object_path import AnyPath, ObjectPath, path_or_url
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath, path_or_url
+from simbev_ros.production.cluster.node_check import check_nodes
+from simbev_ros.production.cluster.ray_cluster import RayCluster
 from simbev_ros.production.dataset_home import DatasetHome, hold_home, open_home
 from simbev_ros.production.dataset_maker import DatasetMaker
 from simbev_ros.production.observer import SILENT, ProductionObserver, SeveralObservers, observe_step
@@ -22,6 +20,8 @@ from simbev_ros.production.workers.crew import Crew
 from simbev_ros.production.workers.local_crew import LocalCrew
 from simbev_ros.production.workers.ray_crew import RayCrew
 from simbev_ros.production.workers.ray_metrics import RayMetrics
+from simbev_ros.ros.graph.domain import ISOLATED_DOMAINS
+from simbev_ros.schema.scene.map_spec import MapSpec
 
 _MAX_WORKERS = len(ISOLATED_DOMAINS)
 """Largest number of workers on one machine: each has a ROS domain of its own."""

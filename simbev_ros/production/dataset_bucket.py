@@ -14,15 +14,15 @@ from simbev_ros.dataset.index_row import Row
 from simbev_ros.dataset.plan import PlannedEntry, bag_of
 from simbev_ros.dataset.staging import staging_of
 from simbev_ros.dataset.stored_index import StoredIndex
-from simbev_ros.graph.traces import temporary_folder
-from simbev_ros.object_store.connection import StoreError
-from simbev_ros.object_store.object_lock import ObjectLock
-from simbev_ros.object_store.object_path import ObjectPath
-from simbev_ros.object_store.transfers import copy_object, delete_tree, list_objects
+from simbev_ros.foundation.object_store.connection import StoreError
+from simbev_ros.foundation.object_store.object_lock import ObjectLock
+from simbev_ros.foundation.object_store.object_path import ObjectPath
+from simbev_ros.foundation.object_store.transfers import copy_object, delete_tree, list_objects
 from simbev_ros.production.object_delivery import ObjectDelivery
 from simbev_ros.production.scene_log import Attempt, write_scene_log
 from simbev_ros.recording.bag_files import check_space
 from simbev_ros.recording.layout import METADATA_FILE, SCENES_FOLDER, additional_bags
+from simbev_ros.ros.graph.traces import temporary_folder
 
 
 class DatasetBucket:

@@ -10,10 +10,10 @@ from simbev_ros.dataset.index import update_index
 from simbev_ros.dataset.index_row import Row
 from simbev_ros.dataset.plan import PlannedEntry, bag_of
 from simbev_ros.dataset.staging import move_into_dataset, staging_of
-from simbev_ros.graph.interrupts import postponing_interrupts
 from simbev_ros.production.scene_log import Attempt, write_scene_log
 from simbev_ros.recording.bag_files import check_space
 from simbev_ros.recording.layout import scenes_folder
+from simbev_ros.ros.graph.interrupts import postponing_interrupts
 
 
 class DatasetFolder:

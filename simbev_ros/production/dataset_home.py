@@ -9,12 +9,12 @@ from simbev_ros.dataset.index_row import Row
 from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.dataset.staging import clean_up_staging, staging_of
-from simbev_ros.object_store.object_lock import ObjectLock, require_writable_store
-from simbev_ros.object_store.object_path import AnyPath, ObjectPath
-from simbev_ros.object_store.transfers import delete_tree
+from simbev_ros.foundation.files.whole_files import require_writable
+from simbev_ros.foundation.object_store.object_lock import ObjectLock, require_writable_store
+from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath
+from simbev_ros.foundation.object_store.transfers import delete_tree
 from simbev_ros.production.delivery import Delivery
 from simbev_ros.production.scene_log import Attempt
-from simbev_ros.recording.whole_files import require_writable
 
 Lock = DatasetLock | ObjectLock
 

@@ -7,14 +7,14 @@ from typing import assert_never
 
 from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.dataset.staging import ON_FULL_DISK
-from simbev_ros.errors import DeliveryError, DiskError, GraphError, InputError, SimbevError
-from simbev_ros.graph.traces import sweep
+from simbev_ros.foundation.errors import DeliveryError, DiskError, GraphError, InputError, SimbevError
 from simbev_ros.production.dataset_home import DatasetHome
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.scene_ending import FailedScene, LostScene, MadeScene, SceneEnding
 from simbev_ros.production.scene_log import Attempt
 from simbev_ros.production.workers.crew import Crew, Worker
 from simbev_ros.recording.bag_files import disk_error_consequence
+from simbev_ros.ros.graph.traces import sweep
 
 _POLL_S = 1.0
 _MAX_LOSSES = 10

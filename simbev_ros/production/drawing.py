@@ -4,13 +4,13 @@ from collections.abc import Iterable, Mapping
 
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import PlannedEntry, maps_of
-from simbev_ros.errors import InputError
-from simbev_ros.maps.spec import MapSpec
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.surroundings import load_roads
 from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, planned_scenes, start_positions
 from simbev_ros.scene.drawing.starts import StartPositions
-from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.schema.scene.map_spec import MapSpec
+from simbev_ros.schema.scene.spec import SceneSpec
 
 
 def draw_scenes(scenario: Scenario, observer: ProductionObserver = SILENT) -> list[SceneSpec]:

@@ -10,8 +10,7 @@ from pathlib import Path
 
 from simbev_ros.config.scenario import Scenario, Split
 from simbev_ros.dataset.plan import Plan, PlannedEntry
-from simbev_ros.graph.session import GraphSession
-from simbev_ros.object_store.object_path import AnyPath, ObjectPath
+from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath
 from simbev_ros.production.dataset import without_stack
 from simbev_ros.production.drawing import PlannedSceneDrawer
 from simbev_ros.production.free_stations import require_free_stations
@@ -20,9 +19,10 @@ from simbev_ros.production.scene_cost import CostMeter, SceneCost
 from simbev_ros.production.surroundings import build_surroundings
 from simbev_ros.recording.layout import bytes_of, scene_folder
 from simbev_ros.recording.reader import SceneBag
+from simbev_ros.ros.graph.session import GraphSession
 from simbev_ros.scene.drawing.draw_scene import duration_ticks
 from simbev_ros.scene.ending import SceneEnd
-from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.schema.scene.spec import SceneSpec
 
 SAMPLE_TICKS = 10
 """Maximum length of the sample scene."""

@@ -8,13 +8,13 @@ import numpy as np
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.regions.static_cache import StaticCache
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.region import Reach, regions_of
-from simbev_ros.maps.spec import MapSpec
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.semantics import Tag
-from simbev_ros.types import Float64Array
+from simbev_ros.schema.scene.map_spec import MapSpec
+from simbev_ros.schema.scene.spec import SceneSpec
 
 _MAX_BUILDING_M = 150.0
 """Distance at which no building that covers a point is stored: each one is in the region with its center."""

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from simbev_ros.dataset.plan import PlannedEntry, bag_of
-from simbev_ros.errors import DeliveryError
-from simbev_ros.object_store.connection import StoreError
-from simbev_ros.object_store.object_path import ObjectPath
-from simbev_ros.object_store.transfers import delete_tree, put_file
+from simbev_ros.foundation.errors import DeliveryError
+from simbev_ros.foundation.object_store.connection import StoreError
+from simbev_ros.foundation.object_store.object_path import ObjectPath
+from simbev_ros.foundation.object_store.transfers import delete_tree, put_file
 from simbev_ros.recording.bag_files import disk_errors
 
 

@@ -7,7 +7,7 @@ from typing import Any
 from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.production.scene_cost import SceneCost
 from simbev_ros.scene.ending import SceneEnd
-from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.schema.scene.spec import SceneSpec
 
 
 class ProductionObserver:

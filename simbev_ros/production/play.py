@@ -7,20 +7,20 @@ from pathlib import Path
 from typing import Any
 
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.errors import GraphError, SimbevError
-from simbev_ros.graph.exposure import LOCAL, Exposure
-from simbev_ros.graph.monitor import SUPERVISOR
-from simbev_ros.graph.session import GraphSession
-from simbev_ros.nodes.ros.arguments import PLAIN, RosArguments
+from simbev_ros.foundation.errors import GraphError, SimbevError
+from simbev_ros.foundation.files.whole_files import require_writable
 from simbev_ros.production.drawing import draw_scenes
 from simbev_ros.production.free_stations import require_free_stations
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.record_folder import hold_record_folder, keep_recorded
 from simbev_ros.production.surroundings import build_surroundings
 from simbev_ros.recording.layout import scene_folder
-from simbev_ros.recording.whole_files import require_writable
+from simbev_ros.ros.conventions.arguments import PLAIN, RosArguments
+from simbev_ros.ros.graph.exposure import LOCAL, Exposure
+from simbev_ros.ros.graph.monitor import SUPERVISOR
+from simbev_ros.ros.graph.session import GraphSession
 from simbev_ros.scene.ending import SceneEnd
-from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.schema.scene.spec import SceneSpec
 
 
 def play_scenes(

@@ -7,13 +7,13 @@ from pathlib import Path
 
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.lock import DatasetLock
-from simbev_ros.errors import BagError, InputError
+from simbev_ros.foundation.errors import BagError, InputError
+from simbev_ros.foundation.files.whole_files import require_writable, write_errors
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.recording.bag_files import check_space, disk_error_consequence
 from simbev_ros.recording.layout import CONFIG_ATTACHMENT, partial_of, scene_folder, scenes_folder
 from simbev_ros.recording.reader import SceneBag
-from simbev_ros.recording.whole_files import require_writable, write_errors
-from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.schema.scene.spec import SceneSpec
 
 
 @contextmanager

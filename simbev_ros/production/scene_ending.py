@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from simbev_ros.dataset.index_row import Row
-from simbev_ros.errors import SimbevError
+from simbev_ros.foundation.errors import SimbevError
 from simbev_ros.production.scene_cost import SceneCost
 
 Output = Mapping[str, str]

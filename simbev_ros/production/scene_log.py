@@ -4,9 +4,9 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from simbev_ros.confined_paths import path_inside
-from simbev_ros.object_store.object_path import AnyPath, ObjectPath
-from simbev_ros.recording.whole_files import write_errors, write_whole
+from simbev_ros.foundation.files.confined_paths import path_inside
+from simbev_ros.foundation.files.whole_files import write_errors, write_whole
+from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath
 
 LOG_FOLDER, _FAILED = "logs", ".failed-"
 

@@ -13,10 +13,7 @@ from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.index_row import index_row
 from simbev_ros.dataset.plan import PlannedEntry, bag_of
-from simbev_ros.errors import SimbevError
-from simbev_ros.graph.session import GraphSession
-from simbev_ros.graph.traces import temporary_folder
-from simbev_ros.maps.spec import MapSpec
+from simbev_ros.foundation.errors import SimbevError
 from simbev_ros.production.delivery import Delivery
 from simbev_ros.production.drawing import PlannedSceneDrawer
 from simbev_ros.production.free_stations import require_free_stations
@@ -26,7 +23,10 @@ from simbev_ros.production.replay.entry import ReplayedEntry, replayed_scene
 from simbev_ros.production.scene_cost import CostMeter
 from simbev_ros.production.scene_ending import FailedScene, MadeScene, Output
 from simbev_ros.production.surroundings import build_surroundings
-from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.ros.graph.session import GraphSession
+from simbev_ros.ros.graph.traces import temporary_folder
+from simbev_ros.schema.scene.map_spec import MapSpec
+from simbev_ros.schema.scene.spec import SceneSpec
 
 
 class SceneMaker:

@@ -10,26 +10,26 @@ from simbev_ros.config.evaluation import Evaluation
 from simbev_ros.config.load import CONFIG_SUFFIXES, load_scenario, parse_scenario
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import PlannedEntry
-from simbev_ros.errors import GraphError, InputError, SimbevError
-from simbev_ros.graph.exposure import LOCAL, Exposure
-from simbev_ros.graph.scene_queue import OrderedScene, Outcome, Phase, SceneOrder, SceneQueue
-from simbev_ros.graph.scene_services import require_interfaces, scene_services
-from simbev_ros.graph.session import GraphSession
-from simbev_ros.input_file import path_exists
-from simbev_ros.limits import MAX_SCENE_NUMBER
+from simbev_ros.foundation.errors import GraphError, InputError, SimbevError
+from simbev_ros.foundation.files.input_file import path_exists
+from simbev_ros.foundation.files.limits import MAX_SCENE_NUMBER
+from simbev_ros.foundation.files.whole_files import require_writable
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.spec import MapSpec
-from simbev_ros.nodes.ros.arguments import PLAIN, RosArguments
 from simbev_ros.production.free_stations import require_free_stations
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.play import play_on
 from simbev_ros.production.record_folder import hold_record_folder
 from simbev_ros.production.surroundings import build_surroundings, load_roads
 from simbev_ros.recording.layout import scene_folder
-from simbev_ros.recording.whole_files import require_writable
+from simbev_ros.ros.conventions.arguments import PLAIN, RosArguments
+from simbev_ros.ros.graph.exposure import LOCAL, Exposure
+from simbev_ros.ros.graph.scene_queue import OrderedScene, Outcome, Phase, SceneOrder, SceneQueue
+from simbev_ros.ros.graph.scene_services import require_interfaces, scene_services
+from simbev_ros.ros.graph.session import GraphSession
 from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, planned_scenes, start_positions
 from simbev_ros.scene.drawing.starts import StartPositions
-from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.schema.scene.map_spec import MapSpec
+from simbev_ros.schema.scene.spec import SceneSpec
 
 _IDLE_S = 0.1
 _ORDER_NAME = "configuration"

@@ -9,10 +9,10 @@ from simbev_ros.assets.regions.static_cache import StaticCache
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import Region, regions_of
-from simbev_ros.maps.spec import MapSpec
 from simbev_ros.production.observer import SILENT, ProductionObserver, observe_step
 from simbev_ros.scene.reach import loaded_reach
-from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.schema.scene.map_spec import MapSpec
+from simbev_ros.schema.scene.spec import SceneSpec
 
 
 def load_roads(spec: MapSpec, observer: ProductionObserver = SILENT) -> RoadNetwork:

@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from simbev_ros.errors import BagError
+from simbev_ros.foundation.errors import BagError
+from simbev_ros.foundation.types import AnyArray, Table
 from simbev_ros.recording.image_codecs import decode_image
-from simbev_ros.types import AnyArray, Table
 
 _IMAGE_LAYOUTS: dict[str, tuple[str, int]] = {
     "rgb8": ("u1", 3),

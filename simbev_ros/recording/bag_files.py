@@ -10,7 +10,7 @@ from pathlib import Path
 from mcap.records import Attachment
 from rich.filesize import decimal
 
-from simbev_ros.errors import DISK_FULL, DiskError
+from simbev_ros.foundation.errors import DISK_FULL, DiskError
 from simbev_ros.recording.bag_metadata import RecordedFile
 from simbev_ros.recording.layout import mcap_in
 from simbev_ros.recording.mcap.mcap_file import ChunkInProgress, Definition, McapFile, PackedRecords

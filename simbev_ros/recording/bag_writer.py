@@ -20,15 +20,15 @@ from typing import NamedTuple, Self
 
 from mcap.records import Attachment, Channel, Schema
 
-from simbev_ros.errors import DiskError, InputError
-from simbev_ros.interfaces.message_types import message_definition, type_hash
+from simbev_ros.foundation.errors import DiskError, InputError
+from simbev_ros.foundation.files.syncing import sync
+from simbev_ros.foundation.threads import usable_cores
 from simbev_ros.recording.bag_files import BagFiles, check_space, disk_errors
 from simbev_ros.recording.bag_metadata import RecordedTopic, bag_information, to_yaml
 from simbev_ros.recording.layout import METADATA_FILE, partial_of
 from simbev_ros.recording.mcap.mcap_file import ChunkInProgress, Definition
-from simbev_ros.recording.mcap.syncing import sync
 from simbev_ros.recording.qos import QosProfile
-from simbev_ros.threads import usable_cores
+from simbev_ros.schema.messages.message_types import message_definition, type_hash
 
 _MAX_PACKERS = 4
 """Maximum number of threads that compress chunks."""
@@ -116,7 +116,7 @@ class SceneBagWriter:
 
         Args:
             name: Full topic name.
-            type_name: A type such as ``sensor_msgs/msg/Image``, that ``interfaces.message_types`` knows.
+            type_name: A type such as ``sensor_msgs/msg/Image``, that ``schema.messages.message_types`` knows.
             qos: Quality of service that the publisher offers.
             separate_chunks: Whether to keep the topic, with others for which this is set, out of the common chunks.
         """

@@ -5,7 +5,7 @@ CDR aligns numbers with padding bytes, which middleware leaves with whatever its
 
 from rosbags.serde import SerdeError
 
-from simbev_ros.interfaces.message_types import types_with
+from simbev_ros.schema.messages.message_types import types_with
 
 
 def canonical_cdr(payload: bytes, type_name: str) -> memoryview:

@@ -10,13 +10,13 @@ from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.radar import Radar
 from simbev_ros.config.rig import SENSOR_KINDS, Rig
-from simbev_ros.object_store.object_path import AnyPath
+from simbev_ros.foundation.object_store.object_path import AnyPath
+from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.recording.digest import scene_digest, topic_digests
 from simbev_ros.recording.layout import bytes_of
 from simbev_ros.recording.reader import SceneBag, Topic
-from simbev_ros.scene.agents import agent_views
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.units import NS_PER_S
+from simbev_ros.schema.scene.agents import agent_views
+from simbev_ros.schema.scene.spec import SceneSpec
 
 _ABBREVIATIONS = {"gnss": "GNSS", "imu": "IMU"}
 """Spelling in prose of the sensor kinds whose names are abbreviations."""

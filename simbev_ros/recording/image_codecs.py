@@ -17,11 +17,11 @@ import numpy as np
 import simplejpeg
 
 from simbev_ros.config.scenario import DepthForm, Recording
-from simbev_ros.errors import BagError, LimitError
-from simbev_ros.limits import MAX_IMAGE_SIDE_PX, require_unpacked_size
+from simbev_ros.foundation.errors import BagError, LimitError
+from simbev_ros.foundation.files.limits import MAX_IMAGE_SIDE_PX, require_unpacked_size
+from simbev_ros.foundation.types import AnyArray, BoolArray, Float32Array, UInt8Array, UInt16Array
 from simbev_ros.recording.png import RowFilter, decode_png, encode_png
 from simbev_ros.recording.rvl import decode_rvl, encode_rvl
-from simbev_ros.types import AnyArray, BoolArray, Float32Array, UInt8Array, UInt16Array
 
 _JPEG_QUALITY, _DEPTH_FORM = Recording().jpeg_quality, Recording().depth
 _DEPTH_HEAD = struct.Struct("<iff")  # compression kind, quantization parameters a and b: level = a / depth + b

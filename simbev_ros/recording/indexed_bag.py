@@ -9,15 +9,15 @@ import numpy as np
 from mcap.opcode import Opcode
 from mcap.records import Channel
 
-from simbev_ros.errors import BagError
-from simbev_ros.object_store.object_path import AnyPath
+from simbev_ros.foundation.errors import BagError
+from simbev_ros.foundation.object_store.object_path import AnyPath
+from simbev_ros.foundation.types import Int64Array
 from simbev_ros.recording.layout import SCENE_ATTACHMENT, mcap_files, read_errors
 from simbev_ros.recording.mcap.chunk_cache import ChunkCache
 from simbev_ros.recording.mcap.chunks import MESSAGE_HEAD, RECORD_HEAD
 from simbev_ros.recording.mcap.mcap_index import McapIndex, read_mcap_index
 from simbev_ros.recording.reader import attached_spec
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.types import Int64Array
+from simbev_ros.schema.scene.spec import SceneSpec
 
 _LATCHED = "durability: transient_local"
 

@@ -7,10 +7,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, overload
 
-from simbev_ros.confined_paths import path_inside, refuse_links_out
-from simbev_ros.errors import BagError, InputError
-from simbev_ros.input_file import is_folder, path_exists
-from simbev_ros.object_store.object_path import AnyPath, ObjectPath, require_bucket
+from simbev_ros.foundation.errors import BagError, InputError
+from simbev_ros.foundation.files.confined_paths import path_inside, refuse_links_out
+from simbev_ros.foundation.files.input_file import is_folder, path_exists
+from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath, require_bucket
 
 INDEX_FILE = "index.parquet"
 SCENES_FOLDER = "scenes"
@@ -24,7 +24,7 @@ GZIPPED_MAP_SOURCE_ATTACHMENT = "map_source.gz"
 """The same in bags of earlier versions."""
 LEAD_IN_ATTACHMENT = "lead_in.json"
 TRAJECTORIES_ATTACHMENT = "trajectories.npz"
-"""Tracks of all actors; format in ``annotation/trajectories.py``."""
+"""Tracks of all actors; format in ``schema/trajectories.py``."""
 METADATA_FILE = "metadata.yaml"
 REPLACED_SUFFIX = ".replaced"
 """Suffix of the folder of a scene that is being replaced."""

@@ -8,9 +8,9 @@ import json
 from collections.abc import Iterable
 from typing import Any
 
-from simbev_ros.errors import BagError
+from simbev_ros.foundation.errors import BagError
+from simbev_ros.foundation.files.structured_text import parse_json
 from simbev_ros.recording.reader import RawMessage
-from simbev_ros.structured_text import parse_json
 
 
 def lead_in_attachment(messages: Iterable[RawMessage]) -> bytes:

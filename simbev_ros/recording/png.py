@@ -12,10 +12,10 @@ import cv2
 import numpy as np
 from zlib_ng import zlib_ng
 
-from simbev_ros.errors import LimitError
-from simbev_ros.limits import MAX_IMAGE_SIDE_PX
+from simbev_ros.foundation.errors import LimitError
+from simbev_ros.foundation.files.limits import MAX_IMAGE_SIDE_PX
+from simbev_ros.foundation.types import AnyArray, UInt8Array
 from simbev_ros.recording.deflate import deflate
-from simbev_ros.types import AnyArray, UInt8Array
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _HEADER = struct.Struct(">IIBBBBB")

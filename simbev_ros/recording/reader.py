@@ -15,16 +15,16 @@ from pydantic import ValidationError
 from rosbags.serde import SerdeError
 
 from simbev_ros.config.base import first_problem
-from simbev_ros.errors import BagError
-from simbev_ros.interfaces.message_types import types_with
-from simbev_ros.limits import MAX_SCENE_TICKS
-from simbev_ros.object_store.object_path import AnyPath, ObjectPath
+from simbev_ros.foundation.errors import BagError
+from simbev_ros.foundation.files.limits import MAX_SCENE_TICKS
+from simbev_ros.foundation.files.structured_text import parse_json, parse_yaml
+from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath
+from simbev_ros.foundation.types import Int64Array
 from simbev_ros.recording.layout import PARTIAL_SUFFIX, SCENE_ATTACHMENT, mcap_files, read_errors
 from simbev_ros.recording.mcap.chunks import message_at, read_chunk, records_in
 from simbev_ros.recording.mcap.mcap_index import DAMAGE, McapIndex, read_mcap_index
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.structured_text import parse_json, parse_yaml
-from simbev_ros.types import Int64Array
+from simbev_ros.schema.messages.message_types import types_with
+from simbev_ros.schema.scene.spec import SceneSpec
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,14 +10,14 @@ from pathlib import Path
 
 from mcap.records import Channel, Message, Schema
 
-from simbev_ros.errors import BagError, DiskError
-from simbev_ros.interfaces.message_types import is_known_type
+from simbev_ros.foundation.errors import BagError, DiskError
+from simbev_ros.foundation.files.structured_text import load_yaml, parse_yaml
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.layout import METADATA_FILE, numbered_files, partial_of
 from simbev_ros.recording.mcap.salvage import Salvage, salvage
 from simbev_ros.recording.qos import QosProfile
 from simbev_ros.recording.reader import custom_data_in, parse_counts
-from simbev_ros.structured_text import load_yaml, parse_yaml
+from simbev_ros.schema.messages.message_types import is_known_type
 
 
 @dataclass(frozen=True, slots=True)

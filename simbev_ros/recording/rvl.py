@@ -9,7 +9,7 @@ one on top.
 
 import numpy as np
 
-from simbev_ros.types import AnyArray, BoolArray, Int64Array, UInt8Array, UInt16Array, UInt32Array
+from simbev_ros.foundation.types import AnyArray, BoolArray, Int64Array, UInt8Array, UInt16Array, UInt32Array
 
 _DIGIT_BITS, _DIGIT_MASK, _MORE = 3, 7, 8
 _MAX_DIGITS = 10

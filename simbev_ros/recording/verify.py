@@ -9,11 +9,11 @@ from typing import Any
 from mcap.records import Message
 from rosbags.serde import SerdeError
 
-from simbev_ros.annotation.trajectories import tracks_from_npz
 from simbev_ros.config.scenario import RecordedTopics
-from simbev_ros.errors import BagError
-from simbev_ros.interfaces.message_types import types_with
-from simbev_ros.object_store.object_path import AnyPath
+from simbev_ros.foundation.errors import BagError
+from simbev_ros.foundation.files.structured_text import load_yaml, parse_json, parse_yaml
+from simbev_ros.foundation.object_store.object_path import AnyPath
+from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.recording.layout import (
     CONFIG_ATTACHMENT,
     METADATA_FILE,
@@ -24,8 +24,8 @@ from simbev_ros.recording.layout import (
 )
 from simbev_ros.recording.mcap.mcap_check import McapContent, check_mcap
 from simbev_ros.recording.reader import SceneBag, attached_spec
-from simbev_ros.structured_text import load_yaml, parse_json, parse_yaml
-from simbev_ros.units import NS_PER_S
+from simbev_ros.schema.messages.message_types import types_with
+from simbev_ros.schema.trajectories import tracks_from_npz
 
 
 @dataclass(frozen=True, slots=True)

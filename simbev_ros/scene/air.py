@@ -7,8 +7,8 @@ an optical depth of 0.002 per meter.
 
 import numpy as np
 
-from simbev_ros.scene.weather import Weather
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.types import Float64Array
+from simbev_ros.schema.scene.weather import Weather
 
 FOG_FLOOR_M = -30.0
 """Map height below which fog does not get any denser."""

@@ -10,8 +10,8 @@ from typing import Any, Literal, NamedTuple
 from pydantic import field_validator
 
 from simbev_ros.config.base import Model
-from simbev_ros.semantics import Tag
-from simbev_ros.tables import load_table
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.tables import load_table
 
 
 class VehicleFootprint(NamedTuple):

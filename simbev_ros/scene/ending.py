@@ -8,9 +8,9 @@ import math
 from pydantic import Field
 
 from simbev_ros.config.base import Model
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.scene.state import WorldState
-from simbev_ros.units import NS_PER_S
+from simbev_ros.foundation.units import NS_PER_S
+from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.state import WorldState
 
 DURATION = "duration"
 _STANDING_MPS = 0.1

@@ -3,7 +3,7 @@
 import numpy as np
 import shapely
 
-from simbev_ros.types import AnyArray, Float64Array
+from simbev_ros.foundation.types import AnyArray, Float64Array
 
 
 def footprints(size_m: Float64Array, center_m: Float64Array, yaw_rad: Float64Array) -> AnyArray:

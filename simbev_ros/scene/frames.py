@@ -17,10 +17,10 @@ from simbev_ros.config.camera import Camera
 from simbev_ros.config.frames import Frames
 from simbev_ros.config.odometry import Odometry
 from simbev_ros.config.sensor import Sensor
-from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL, inverse, matrices_from_xyz_rpy
+from simbev_ros.foundation.geometry.transforms import SENSOR_FROM_OPTICAL, inverse, matrices_from_xyz_rpy
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.scene.blueprints import Blueprint, blueprint_named
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.types import Float64Array
+from simbev_ros.schema.scene.spec import SceneSpec
 
 
 class FixedFrame(NamedTuple):

@@ -8,8 +8,8 @@ from functools import lru_cache
 import numpy as np
 
 from simbev_ros.config.base import Model
-from simbev_ros.tables import load_table
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.tables import load_table
+from simbev_ros.foundation.types import Float64Array
 
 _G_MPS2 = 9.81
 _HIP_HEIGHT = 0.53

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simbev_ros.scene.state import WorldState
-from simbev_ros.types import BoolArray, Float64Array, Int64Array, Table
-from simbev_ros.units import NS_PER_S
+from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array, Table
+from simbev_ros.foundation.units import NS_PER_S
+from simbev_ros.schema.scene.state import WorldState
 
 _LINEAR = ("x", "y", "z", "vx", "vy", "vz")
 _ANGULAR = ("roll", "pitch", "yaw", "steer", "gait")

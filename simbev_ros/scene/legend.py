@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from enum import IntEnum, IntFlag
 from typing import Any
 
+from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES, DIFFICULTIES, SIGN_TYPES, Tag
 from simbev_ros.maps.network import Signal
 from simbev_ros.scene.blueprints import Blueprint, load_blueprints
-from simbev_ros.scene.state import Behavior, Light, SignalState
-from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES, DIFFICULTIES, SIGN_TYPES, Tag
+from simbev_ros.schema.scene.state import Behavior, Light, SignalState
 
 
 def legend(signals: Sequence[Signal] = ()) -> dict[str, Any]:

@@ -5,12 +5,12 @@ from collections import defaultdict
 
 import numpy as np
 
+from simbev_ros.foundation.types import Float64Array
+from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.region import Reach, Reaches, regions_of
-from simbev_ros.scene.agents import agent_views
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.types import Float64Array
-from simbev_ros.units import NS_PER_S
+from simbev_ros.schema.scene.agents import agent_views
+from simbev_ros.schema.scene.spec import SceneSpec
 
 VIEW_M = 500.0
 """Distance up to which cameras see detail beyond bare terrain."""

@@ -3,7 +3,7 @@
 from pydantic import Field
 
 from simbev_ros.config.base import Model
-from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.schema.scene.spec import SceneSpec
 
 
 class SceneRequest(Model):

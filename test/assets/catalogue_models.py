@@ -5,9 +5,9 @@ import numpy as np
 from simbev_ros.assets.actors.actor_model import ActorModel
 from simbev_ros.assets.actors.catalogue import load_models
 from simbev_ros.assets.actors.skeletons import part_poses
+from simbev_ros.foundation.types import Float64Array, Table
 from simbev_ros.scene.blueprints import Blueprint, blueprint_index, blueprint_named, load_blueprints
-from simbev_ros.scene.state import ACTOR_DTYPE
-from simbev_ros.types import Float64Array, Table
+from simbev_ros.schema.scene.state import ACTOR_DTYPE
 
 PEDESTRIANS = [entry for entry in load_blueprints() if entry.kind == "pedestrian"]
 ON_FOOT = [entry.name for entry in PEDESTRIANS if entry.on_foot]

@@ -12,9 +12,9 @@ from simbev_ros.assets.actors.shape import Shape, build_model, load_shape
 from simbev_ros.assets.actors.skeletons import part_poses
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.foundation.semantics import BOX_CLASSES, Tag
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.scene.blueprints import load_blueprints
-from simbev_ros.semantics import BOX_CLASSES, Tag
-from simbev_ros.types import Float64Array
 
 NAMES = [blueprint.name for blueprint in load_blueprints()]
 VEHICLES = [blueprint.name for blueprint in load_blueprints() if blueprint.kind == "vehicle"]

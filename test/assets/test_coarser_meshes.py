@@ -9,8 +9,8 @@ from simbev_ros.assets.actors.doors import door_parts
 from simbev_ros.assets.actors.lofting import build_shell
 from simbev_ros.assets.actors.shape import load_shape
 from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.scene.blueprints import load_blueprints
-from simbev_ros.types import Float64Array
 
 NAMES = [entry.name for entry in load_blueprints()]
 WITH_SHELLS = [name for name in NAMES if load_shape(name).shells]

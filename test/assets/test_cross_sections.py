@@ -15,7 +15,7 @@ from simbev_ros.maps.build import load_network
 from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.region import regions_of
 from simbev_ros.maps.source import map_spec
-from simbev_ros.world.kinematics.ground import GroundSurface
+from simbev_ros.simulation.world.kinematics.ground import GroundSurface
 
 LENGTH_M, SPEED = 160.0, '<speed sOffset="0" max="14"/>'
 LANES = (  # number, kind, width, further attributes and elements, heights of inner and outer border at both ends

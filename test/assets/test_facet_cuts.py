@@ -7,9 +7,9 @@ import shapely
 from simbev_ros.assets.mesh.clipping import Rings, split_along_lines, without_holes
 from simbev_ros.assets.mesh.facet_cuts import cut_to_facets
 from simbev_ros.assets.mesh.facets import Facets
+from simbev_ros.foundation.types import AnyArray, Float64Array
 from simbev_ros.maps.land.membrane import Raster, node_positions_m
 from simbev_ros.maps.region import Region
-from simbev_ros.types import AnyArray, Float64Array
 
 COMB = shapely.Polygon([(0, 0), (9, 0), (9, 6), (7, 6), (7, 2), (5, 2), (5, 6), (3, 6), (3, 2), (0, 4)])
 HOLED = shapely.Point(300, 200).buffer(140).difference(shapely.MultiPoint([(260, 200), (333, 190)]).buffer(9.0))

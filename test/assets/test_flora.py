@@ -7,8 +7,8 @@ from simbev_ros.assets.mesh.graded import GradedMesh
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.placement.tiles import TileBuilder, upright_pose
 from simbev_ros.assets.street.barriers import panel
-from simbev_ros.semantics import Tag
-from simbev_ros.types import UInt8Array
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.types import UInt8Array
 
 PIXEL_M = 0.03
 LARGE = {"round", "tall", "small", "birch", "olive", "pine", "stone_pine"}

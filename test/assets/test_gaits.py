@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from catalogue_models import GAIT, ON_FOOT, PEDESTRIANS, blueprint, model, pose_vertices, rows
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.scene.gait import stride_lengths_m, transition_mps
-from simbev_ros.types import Float64Array
 
 RUNNERS = [entry.name for entry in PEDESTRIANS if entry.on_foot and not entry.runs_as]
 

@@ -7,11 +7,11 @@ import pytest
 
 from simbev_ros.assets.street.curbs import STATION_M, CurbLine
 from simbev_ros.assets.street.light_places import Lanes, light_positions
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.region import REGION_M, Region
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout, Strip
 from simbev_ros.maps.surroundings import SurroundingsRecipe
-from simbev_ros.types import Float64Array
 
 _LENGTH_M, _SPACING_M = 900.0, 50.0
 

@@ -8,13 +8,13 @@ import shapely
 
 from simbev_ros.assets.placement.static_scene import Tile
 from simbev_ros.assets.regions.build import build_region
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.region import regions_of
 from simbev_ros.maps.source import map_spec
 from simbev_ros.maps.surroundings import SurroundingsRecipe
-from simbev_ros.semantics import Tag
-from simbev_ros.types import Float64Array
 
 LANE = '<lane id="{}" type="{}"><width sOffset="0" a="3" b="0" c="0" d="0"/></lane>'
 ROAD = """<OpenDRIVE><road id="1" length="200" junction="-1"><link/><planView>

@@ -4,8 +4,8 @@ from scipy.spatial.transform import Rotation
 from simbev_ros.assets.actors.actor_model import ActorModel, Cycle
 from simbev_ros.assets.actors.catalogue import load_models
 from simbev_ros.assets.actors.posing import pose_actors
-from simbev_ros.scene.state import ACTOR_DTYPE
-from simbev_ros.types import Float64Array, Table
+from simbev_ros.foundation.types import Float64Array, Table
+from simbev_ros.schema.scene.state import ACTOR_DTYPE
 
 ORIGIN_M = np.array([1000.0, -2000.0, 5.0])
 

@@ -10,8 +10,8 @@ from simbev_ros.assets.architecture.walls import Wall
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import triangulate
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.land_features import Footprint
-from simbev_ros.types import Float64Array
 
 WALL = Wall("brick", Material.BRICK_FACADE, (140, 74, 56))
 HOUSE = shapely.box(-6.0, -4.0, 6.0, 4.0)

@@ -13,11 +13,11 @@ from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.assets.regions.region_pool import build_regions
 from simbev_ros.assets.regions.region_scene import RegionScene
 from simbev_ros.assets.regions.static_cache import StaticCache, load_static_scene, load_streetside
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import Reach, Region, regions_of
-from simbev_ros.maps.spec import MapSpec
+from simbev_ros.schema.scene.map_spec import MapSpec
 
 SPEC = MapSpec(name="analytic", seed=0)
 EAST, WEST = Region(0, 0), Region(-1, 0)

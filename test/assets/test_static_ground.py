@@ -14,12 +14,12 @@ from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.placement.region_ground import DECK_DEPTH_M, LAND_HEIGHT_M, RegionGround
 from simbev_ros.assets.placement.static_scene import Tile
 from simbev_ros.assets.regions.far_land import cells_of, far_land, far_tiles
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.types import Float64Array, UInt8Array
 from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import Region
 from simbev_ros.maps.roads.lane_kind import CURB_HEIGHT_M
-from simbev_ros.semantics import Tag
-from simbev_ros.types import Float64Array, UInt8Array
 
 EXACT_M, LAND_EXACT_M = 0.02, 0.06
 GROUND = (Tag.ROAD, Tag.ROAD_LINE, Tag.SIDEWALK, Tag.TERRAIN, Tag.GROUND, Tag.WATER, Tag.WALL)

@@ -15,8 +15,8 @@ from simbev_ros.assets.street.furniture import bench, bicycle_rack, bus_shelter,
 from simbev_ros.assets.street.poles import mast, street_light, utility_pole
 from simbev_ros.assets.street.signs import speed_sign, stop_sign, street_name_sign, yield_sign
 from simbev_ros.assets.street.yard_things import container, dumpster, hay_bale, pallets, trailer, wheelie_bin, wood_pile
+from simbev_ros.foundation.semantics import Tag
 from simbev_ros.maps.land_features import Footprint
-from simbev_ros.semantics import Tag
 
 STYLES = ("brick", "plaster", "timber", "concrete", "metal", "glass")
 

@@ -20,6 +20,8 @@ from simbev_ros.assets.placement.tiles import TileBuilder
 from simbev_ros.assets.regions.build import build_region
 from simbev_ros.assets.regions.region_scene import RegionScene
 from simbev_ros.assets.roads.ground import lay_land, lay_streets
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.types import BoolArray, Float64Array
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.land_features import Footprint, MapFeatures, Zone
@@ -27,10 +29,8 @@ from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import REGION_M, Region
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Sign, SignKind
-from simbev_ros.maps.spec import MapSpec
 from simbev_ros.maps.surroundings import SurroundingsRecipe
-from simbev_ros.semantics import Tag
-from simbev_ros.types import BoolArray, Float64Array
+from simbev_ros.schema.scene.map_spec import MapSpec
 
 HOME = Region(0, 0)
 RECIPES = {

@@ -10,13 +10,13 @@ from analytic_maps import ground_tiles, merged, stack
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.placement.region_ground import RegionGround
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import Region
 from simbev_ros.maps.roads.layout import Strip
 from simbev_ros.maps.roads.level_members import LevelGraph
-from simbev_ros.semantics import Tag
-from simbev_ros.types import Float64Array
 
 MIDDLE_M = 256.0
 TOPS_M = {"viaduct": 12.0, "bridge": 6.0, "street": 0.0}

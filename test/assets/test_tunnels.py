@@ -10,14 +10,14 @@ from analytic_maps import tunnel
 from synthetic_world import EGO_ID, actor, box_model, world
 from test_static_ground import build, cast, top_of
 
-from simbev_ros.annotation.bev.bev_annotator import BevAnnotator
-from simbev_ros.annotation.bev.levels import Levels
 from simbev_ros.assets.placement.static_scene import StaticScene
-from simbev_ros.geometry.grid import BevGrid
+from simbev_ros.foundation.geometry.grid import BevGrid
+from simbev_ros.foundation.semantics import BEV_CLASSES, Tag
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.tunnels import Tunnels
-from simbev_ros.semantics import BEV_CLASSES, Tag
-from simbev_ros.types import Float64Array
+from simbev_ros.simulation.annotation.bev.bev_annotator import BevAnnotator
+from simbev_ros.simulation.annotation.bev.levels import Levels
 
 START_M, END_M, MIDDLE_M, HALF_M = 176.0, 336.0, 256.0, 6.0  # of the tunnel, from walls 2.5 + 3.5 m off its middle
 CEILING_M, ROOF_M = 5.0, 5.6

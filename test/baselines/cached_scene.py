@@ -8,8 +8,8 @@ import numpy as np
 
 from simbev_ros.baselines.cache.layout import BOX_DTYPE, FORMAT, FRAME_DTYPE, SCENE_FILE, SWEEP_DTYPE
 from simbev_ros.baselines.grid import CELLS
-from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES
+from simbev_ros.foundation.types import Float64Array
 
 WIDTH_PX, HEIGHT_PX = 64, 32
 CAMERAS = 6

@@ -13,11 +13,11 @@ from simbev_ros.baselines.modality import Modality
 from simbev_ros.baselines.node.answering import Answering, Frame, scores_on_grid
 from simbev_ros.baselines.node.scene_inputs import inputs_of_scene
 from simbev_ros.baselines.node.sweeps import Sweep
-from simbev_ros.geometry.grid import BevGrid
-from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
+from simbev_ros.foundation.geometry.grid import BevGrid
+from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_rpy
+from simbev_ros.foundation.types import Float64Array, UInt8Array
 from simbev_ros.reference_stack.pipeline import BOX_DTYPE
 from simbev_ros.reference_stack.pipeline import BOX_DTYPE as REFERENCE_BOX_DTYPE
-from simbev_ros.types import Float64Array, UInt8Array
 
 SIZE_PX = (64, 32)
 SENSORS = [

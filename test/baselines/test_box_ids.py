@@ -4,7 +4,7 @@ import numpy as np
 
 from simbev_ros.baselines.boxes import BOX_DTYPE
 from simbev_ros.baselines.node.ids import BoxIds
-from simbev_ros.types import Table
+from simbev_ros.foundation.types import Table
 
 
 def boxes(*rows: tuple[float, float, float, int]) -> Table:

@@ -7,7 +7,7 @@ import pytest
 from cached_scene import CAR, WIDTH_PX, write_cached_scene
 
 from simbev_ros.baselines.cache.reader import CachedScene, cached_scenes
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 
 AGES_NS = (0, 250_000_000, 500_000_000)
 

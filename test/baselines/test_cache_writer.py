@@ -15,7 +15,7 @@ from simbev_ros.baselines.cache.reader import cached_scenes
 from simbev_ros.baselines.cache.writer import write_cache
 from simbev_ros.dataset.index import update_index
 from simbev_ros.dataset.parallel import Processes
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 
 CAMERA = {"type": "camera", "width_px": 32, "height_px": 16, "modalities": ["rgb", "depth"]}
 SENSORS: list[dict[str, Any]] = [

@@ -8,8 +8,8 @@ import pytest
 import simplejpeg
 
 from simbev_ros.baselines.node.image_fit import ImageFit
-from simbev_ros.geometry.camera import PinholeCamera
-from simbev_ros.types import Float64Array, UInt8Array
+from simbev_ros.foundation.geometry.camera import PinholeCamera
+from simbev_ros.foundation.types import Float64Array, UInt8Array
 
 SIZE_PX = (704, 256)
 TRAINED_ON = PinholeCamera(704, 256, 419.5, 419.5, 352.0, 58.0)

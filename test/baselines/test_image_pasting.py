@@ -5,7 +5,7 @@ import pytest
 
 from simbev_ros.baselines.cache.layout import BOX_DTYPE
 from simbev_ros.baselines.training.image_pasting import Images, paste_images
-from simbev_ros.types import AnyArray
+from simbev_ros.foundation.types import AnyArray
 
 WIDTH_PX, HEIGHT_PX, FOCAL_PX = 160, 80, 100.0
 CAMERA_M = 1.5

@@ -11,7 +11,7 @@ from simbev_ros.baselines.training.image_warps import (  # noqa: E402
     unit_from_pixel,
     warped_images,
 )
-from simbev_ros.types import AnyArray, Float64Array  # noqa: E402
+from simbev_ros.foundation.types import AnyArray, Float64Array  # noqa: E402
 
 SIZE_PX = WIDTH_PX, HEIGHT_PX = 96, 48
 WARPS = draw_image_warps(Augmentation(zoom=0.2, image_rotation_deg=10), 12, SIZE_PX, np.random.default_rng(1))

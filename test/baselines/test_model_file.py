@@ -8,7 +8,7 @@ import pytest
 
 from simbev_ros.baselines.modality import Modality
 from simbev_ros.baselines.model_file import load_baseline
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 
 
 def test_a_file_that_is_no_model_is_refused(tmp_path: Path) -> None:

@@ -9,8 +9,8 @@ from simbev_ros.baselines.cache.layout import BOX_DTYPE
 from simbev_ros.baselines.cache.reader import Sample
 from simbev_ros.baselines.grid import CELL_M, CELLS, HALF_M
 from simbev_ros.baselines.training.pasting import paste
-from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES
-from simbev_ros.types import AnyArray, Float64Array
+from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES
+from simbev_ros.foundation.types import AnyArray, Float64Array
 
 AGES_S = (0.0, 0.5)
 LIDAR = np.array([0.0, 0.0, 1.8])

@@ -10,8 +10,8 @@ from several_agents import car, with_agents
 
 from simbev_ros.baselines.modality import Modality
 from simbev_ros.baselines.node.scene_inputs import SceneInputs, inputs_of_scene, stacked_projections
-from simbev_ros.errors import InputError
-from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.schema.scene.spec import SceneSpec
 
 FRONT = {"type": "camera", "name": "front", "pose": {"x_m": 0.6, "z_m": 1.6}, "width_px": 1600, "height_px": 900}
 LEFT = {**FRONT, "name": "left", "pose": {"y_m": 0.5, "z_m": 1.5, "yaw_deg": 90}, "rate_hz": 5}

@@ -16,8 +16,8 @@ import simplejpeg
 from simbev_ros.baselines.frames import points_of_frame
 from simbev_ros.baselines.inference import Baseline, weights_file
 from simbev_ros.baselines.modality import Modality
-from simbev_ros.semantics import BEV_CLASSES
-from simbev_ros.types import AnyArray, Float32Array, UInt8Array
+from simbev_ros.foundation.semantics import BEV_CLASSES
+from simbev_ros.foundation.types import AnyArray, Float32Array, UInt8Array
 
 FRAMES = Path(__file__).with_name("five_frames.npz.xz")
 MAX_BYTES = 15_000_000

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from simbev_ros.baselines.node.sweeps import Sweep, SweepMemory, points_in_ego
-from simbev_ros.sensors.lidar import POINT_DTYPE
+from simbev_ros.schema.points import POINT_DTYPE
 
 MS = 1_000_000
 

@@ -27,8 +27,8 @@ from simbev_ros.baselines.training.loop import inputs_of, load_model, train  # n
 from simbev_ros.baselines.training.losses import losses_of  # noqa: E402
 from simbev_ros.baselines.training.onnx_weights import read_model, start_from  # noqa: E402
 from simbev_ros.baselines.training.targets import targets_of  # noqa: E402
-from simbev_ros.errors import InputError  # noqa: E402
-from simbev_ros.semantics import BEV_CLASSES  # noqa: E402
+from simbev_ros.foundation.errors import InputError  # noqa: E402
+from simbev_ros.foundation.semantics import BEV_CLASSES  # noqa: E402
 
 WILD = Augmentation(rotation_deg=180, scale=0.2, thinning=0, every_second_ring=0)
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import pytest
 
 from simbev_ros.cli.main import main
-from simbev_ros.graph.session import GraphSession
+from simbev_ros.ros.graph.session import GraphSession
 
 
 class Answer(NamedTuple):

@@ -14,11 +14,11 @@ from ros_messages import string
 from several_agents import made_up_agents
 
 from simbev_ros.dataset.opened import open_bag
+from simbev_ros.foundation.types import UInt8Array
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.qos import QosProfile
-from simbev_ros.types import UInt8Array
-from simbev_ros.viz.sheet.frames import FrameReader
-from simbev_ros.viz.sheet.views import find_views
+from simbev_ros.show.sheet.frames import FrameReader
+from simbev_ros.show.sheet.views import find_views
 
 Run = Callable[..., Any]
 SPEC = made_up_agents()

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.source import map_spec

@@ -33,8 +33,7 @@ FILES = [
     "map FILE",
     "export simbev FILE --out OUT",
     "export nuscenes FILE --out OUT",
-    "bench reading FILE",
-    "bench world FILE",
+    "bench FILE",
 ]
 OUTPUTS = [
     "demo --out OUT",
@@ -53,7 +52,6 @@ OUTPUTS = [
     "evaluate DATASET DATASET --json OUT/figures.json",
     "export simbev DATASET --out OUT",
     "export nuscenes DATASET --out OUT",
-    "bench record --folder OUT",
 ]
 NUMBERS = [
     "demo --seed NUMBER --out OUT",
@@ -78,11 +76,7 @@ NUMBERS = [
     "view --live --no-open --rate NUMBER",
     "view --live --no-open --port NUMBER",
     "run demo --view --view-port NUMBER",
-    "bench graph --ticks NUMBER",
-    "bench view --rounds NUMBER",
-    "bench reading BAG --frames NUMBER",
-    "bench endurance --minutes NUMBER --scenes 1",
-    "bench endurance --minutes 0 --scenes NUMBER",
+    "bench --ticks NUMBER",
     "export nuscenes DATASET --out OUT --keyframe-hz NUMBER",
 ]
 

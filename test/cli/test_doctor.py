@@ -4,11 +4,11 @@ from typing import Any
 
 import pytest
 
-from simbev_ros.errors import RenderError
-from simbev_ros.installation import system_libraries
-from simbev_ros.render.gl import context
-from simbev_ros.render.gl.context import Survey
-from simbev_ros.render.gl.devices import EglDevice
+from simbev_ros.foundation.errors import RenderError
+from simbev_ros.foundation.installation import system_libraries
+from simbev_ros.simulation.render.gl import context
+from simbev_ros.simulation.render.gl.context import Survey
+from simbev_ros.simulation.render.gl.devices import EglDevice
 
 H200, MESA = EglDevice(0, "NVIDIA H200", software=False), EglDevice(2, "Mesa's software renderer", software=True)
 

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from simbev_ros.config.paths import shipped_config_dir
-from simbev_ros.graph.environment import subscriber_environment
-from simbev_ros.graph.exposure import Exposure
+from simbev_ros.ros.graph.environment import subscriber_environment
+from simbev_ros.ros.graph.exposure import Exposure
 
 PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 

@@ -10,8 +10,8 @@ from click.testing import Result
 from typer.testing import CliRunner
 
 from simbev_ros.cli.main import app
-from simbev_ros.errors import InputError
 from simbev_ros.evaluation.predictions.dataset_predictions import write_grid, write_predictions
+from simbev_ros.foundation.errors import InputError
 
 RUNNER = CliRunner()
 

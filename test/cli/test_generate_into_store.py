@@ -10,10 +10,10 @@ from store_server import BUCKET, StoreServer
 
 from simbev_ros.dataset.plan import Plan, PlannedEntry
 from simbev_ros.dataset.stored_index import StoredIndex
-from simbev_ros.object_store import connection
-from simbev_ros.object_store.object_lock import ObjectLock
-from simbev_ros.object_store.object_path import ObjectPath
-from simbev_ros.object_store.transfers import list_objects, put_bytes
+from simbev_ros.foundation.object_store import connection
+from simbev_ros.foundation.object_store.object_lock import ObjectLock
+from simbev_ros.foundation.object_store.object_path import ObjectPath
+from simbev_ros.foundation.object_store.transfers import list_objects, put_bytes
 from simbev_ros.production import estimate
 from simbev_ros.production.estimate import Sample
 from simbev_ros.production.scene_log import Attempt, write_scene_log

@@ -5,7 +5,7 @@ import pytest
 from ros_messages import string
 
 from simbev_ros.cli.info import info
-from simbev_ros.errors import BagError, InputError
+from simbev_ros.foundation.errors import BagError, InputError
 from simbev_ros.recording.accounting import Accounting, Schedule
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.digest import topic_digests

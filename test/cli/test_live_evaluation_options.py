@@ -12,7 +12,7 @@ from simbev_ros.config.agents import Agent
 from simbev_ros.config.evaluation import Evaluation
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 
 pytestmark = pytest.mark.usefixtures("no_graph")
 

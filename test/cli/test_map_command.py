@@ -11,7 +11,7 @@ import cv2
 import pytest
 
 from simbev_ros.assets.regions import region_pool
-from simbev_ros.cache.entries import default_cache_dir
+from simbev_ros.foundation.cache.entries import default_cache_dir
 
 STREETS = """<osm version="0.6">
  <node id="1" lat="50.0" lon="8.0"/> <node id="2" lat="50.0" lon="8.002"/>

@@ -9,12 +9,12 @@ from fake_ray import FakeRay, install_fake_ray
 from made_up_scene import made_up_scene
 from store_server import StoreServer, upload
 
-from simbev_ros.cluster import node_check
+from simbev_ros.production.cluster import node_check
 
 Refused = Callable[..., str]
 CODE = {"python": b"3.12"}
 ON_CLUSTERS = ["verify SET", "export simbev SET --out OUT", "export nuscenes SET --out OUT"]
-OTHERS = ["info SET", "evaluate SET SET", "bench evaluate"]
+OTHERS = ["info SET", "evaluate SET SET"]
 
 
 @pytest.fixture(scope="module")

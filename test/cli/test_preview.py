@@ -12,16 +12,16 @@ from simbev_ros.config.load import load_scenario
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.sensor import Pose
 from simbev_ros.dataset.opened import open_bag
-from simbev_ros.errors import BagError, InputError
+from simbev_ros.foundation.errors import BagError, InputError
+from simbev_ros.foundation.types import UInt8Array
 from simbev_ros.maps.build import load_network
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
-from simbev_ros.types import UInt8Array
-from simbev_ros.viz.sheet.contact_sheet import Captions, ContactSheet
-from simbev_ros.viz.sheet.frames import FrameReader
-from simbev_ros.viz.sheet.layout import LabelPlacement
-from simbev_ros.viz.sheet.sheet_panels import LABEL_PANEL
-from simbev_ros.viz.sheet.views import find_views
+from simbev_ros.show.sheet.contact_sheet import Captions, ContactSheet
+from simbev_ros.show.sheet.frames import FrameReader
+from simbev_ros.show.sheet.layout import LabelPlacement
+from simbev_ros.show.sheet.sheet_panels import LABEL_PANEL
+from simbev_ros.show.sheet.views import find_views
 
 FRONT = "/ego/cam_front/rgb/image_raw/compressed"
 LIDAR, BEV = "/ego/lidar/semantic_points", "/ego/bev/labels"

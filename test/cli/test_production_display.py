@@ -12,7 +12,7 @@ from simbev_ros.cli.production_display import DatasetDisplay, SceneDisplay
 from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.production.scene_cost import SceneCost
 from simbev_ros.scene.ending import DURATION, SceneEnd
-from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.schema.scene.spec import SceneSpec
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from fake_ray import install_fake_ray
 
-from simbev_ros.cluster import ray_cluster
+from simbev_ros.production.cluster import ray_cluster
 
 pytestmark = pytest.mark.usefixtures("no_graph")
 
@@ -63,13 +63,3 @@ def test_workers_beside_ray_are_refused(refused: Callable[..., str], tmp_path: P
     message = refused("generate", "demo", "--out", tmp_path / "set", "--workers", 2, "--ray", "auto")
     assert message.startswith("error: --workers: is for this machine alone; a cluster ")
     assert not (tmp_path / "set").exists()
-
-
-def test_bench_production_refuses_a_bad_list_of_numbers(refused: Callable[..., str], tmp_path: Path) -> None:
-    message = refused("bench", "production", tmp_path, "--scenes", "1,x")
-    assert message == "error: --scenes: must be numbers from 2 to 500001, separated by commas, not '1,x'\n"
-
-
-def test_bench_production_refuses_a_folder_without_scenes(refused: Callable[..., str], tmp_path: Path) -> None:
-    message = refused("bench", "production", tmp_path, "--folder", tmp_path)
-    assert message == f"error: {tmp_path}: has no finished scene to copy\n" and list(tmp_path.iterdir()) == []

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from simbev_ros.cli.scene_numbers import scene_numbers
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 
 
 @pytest.mark.parametrize(("words", "numbers"), [(["3", "17-20"], [3, 17, 18, 19, 20]), (["3, 5", "5-5"], [3, 5, 5])])

@@ -11,8 +11,8 @@ from store_server import BUCKET, StoreServer, upload
 
 from simbev_ros.cli.main import VERBS
 from simbev_ros.dataset.index import read_index, update_index
-from simbev_ros.object_store.object_path import ObjectPath
-from simbev_ros.object_store.transfers import delete_tree, put_bytes
+from simbev_ros.foundation.object_store.object_path import ObjectPath
+from simbev_ros.foundation.object_store.transfers import delete_tree, put_bytes
 from simbev_ros.recording.layout import scenes_of
 
 Simbev = Callable[..., Any]

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from simbev_ros.graph.environment import graph_environment
+from simbev_ros.ros.graph.environment import graph_environment
 
 pytest.importorskip("rerun", reason="Rerun is not installed: pip install -e .[view]")
 

@@ -11,11 +11,11 @@ from simbev_ros.config.annotation import Annotation, Occupancy, VectorMapPatch
 from simbev_ros.config.frames import Frames
 from simbev_ros.config.load import load_scenario, parse_scenario
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.errors import InputError
-from simbev_ros.limits import MAX_AGENTS
-from simbev_ros.msgs.topics import display_topics, manifest
-from simbev_ros.msgs.typed_topics import typed_topics
-from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.limits import MAX_AGENTS
+from simbev_ros.ros.msgs.topics import display_topics, manifest
+from simbev_ros.ros.msgs.typed_topics import typed_topics
+from simbev_ros.schema.scene.spec import SceneSpec
 
 SCENES = "scenes: [{map: Blocks, train: 1}]\n"
 RIG = "rig: {sensors: [{type: lidar, name: top}, {type: imu, name: imu}]}"

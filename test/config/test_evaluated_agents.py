@@ -6,7 +6,7 @@ import pytest
 import yaml
 
 from simbev_ros.config.load import load_scenario, parse_scenario
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.production.dataset import without_stack
 
 RIG = "rig: {sensors: [{type: lidar, name: top}]}"

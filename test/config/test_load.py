@@ -8,8 +8,8 @@ import pytest
 
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.load import load_scenario
-from simbev_ros.errors import InputError
-from simbev_ros.geometry.camera import LensCamera, PinholeCamera
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.geometry.camera import LensCamera, PinholeCamera
 
 BASE = "scenes: [{map: Blocks, train: 1}]\nrig: {sensors: []}\n"
 

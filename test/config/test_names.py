@@ -8,7 +8,7 @@ from pydantic import TypeAdapter, ValidationError
 from simbev_ros.config.map_files import MAP_SUFFIXES
 from simbev_ros.config.names import Name, TopicName
 from simbev_ros.maps.source import known_maps, map_spec
-from simbev_ros.maps.spec import MapSpec
+from simbev_ros.schema.scene.map_spec import MapSpec
 
 NAME, TOPIC_NAME = TypeAdapter(Name), TypeAdapter(TopicName)
 PATHS = ["", ".", "..", "../x", "/x", "a/b", "a\\b", ".hidden", "-option"]

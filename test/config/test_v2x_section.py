@@ -10,9 +10,9 @@ from several_agents import car, with_agents
 
 from simbev_ros.config.load import load_scenario, parse_scenario
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.scene.drawing.draw_v2x import draw_v2x
-from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.schema.scene.spec import SceneSpec
 
 RIG = "rig: {sensors: [{type: imu, name: imu}]}"
 

@@ -7,7 +7,7 @@ import pytest
 
 from simbev_ros.config import yaml_file
 from simbev_ros.config.yaml_file import YamlFile
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,6 @@ import numpy as np
 import shapely
 from synthetic_world import actor
 
-from simbev_ros.annotation.bev.bev_annotator import BevAnnotator
-from simbev_ros.annotation.bev.hazards import LabeledArea, hazard_areas
-from simbev_ros.annotation.bev.levels import Levels
 from simbev_ros.assets.actors.catalogue import load_models
 from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.assets.regions.static_cache import load_static_scene, load_streetside
@@ -18,18 +15,21 @@ from simbev_ros.config.hazards import Hazards
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.places import SpawnPose
 from simbev_ros.config.scenario import MapScenes, Timing, Traffic
-from simbev_ros.geometry.grid import BevGrid
+from simbev_ros.foundation.geometry.grid import BevGrid
+from simbev_ros.foundation.semantics import BEV_CLASSES, Tag
+from simbev_ros.foundation.types import BoolArray, Float64Array, Table
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.region import Reach
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout, Strip
 from simbev_ros.maps.roads.level_members import LevelGraph
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
-from simbev_ros.scene.hazards.hazard import HazardKind, HazardSpec
-from simbev_ros.scene.state import WorldState
-from simbev_ros.semantics import BEV_CLASSES, Tag
-from simbev_ros.types import BoolArray, Float64Array, Table
-from simbev_ros.world.simulation import Simulation
+from simbev_ros.schema.scene.hazard import HazardKind, HazardSpec
+from simbev_ros.schema.scene.state import WorldState
+from simbev_ros.simulation.annotation.bev.bev_annotator import BevAnnotator
+from simbev_ros.simulation.annotation.bev.hazards import LabeledArea, hazard_areas
+from simbev_ros.simulation.annotation.bev.levels import Levels
+from simbev_ros.simulation.world.simulation import Simulation
 
 MAX_FRAME_DISTANCE_M = 180.0  # maximum distance of frames from the ego's start
 MAX_CORNER_DISTANCE_M = 105.0  # maximum distance of any grid's corners from the ego

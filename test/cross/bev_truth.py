@@ -14,15 +14,15 @@ from bev_towns import MODELS, Town
 from simbev_ros.assets.actors.posing import pose_actors
 from simbev_ros.assets.mesh.primitives import triangulate
 from simbev_ros.assets.placement.static_scene import StaticScene
-from simbev_ros.geometry.grid import BevGrid
+from simbev_ros.foundation.geometry.grid import BevGrid
+from simbev_ros.foundation.semantics import BEV_CLASSES, Tag
+from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.maps.roads.layout import Layout
 from simbev_ros.maps.roads.level_members import LevelGraph, LevelMembers
-from simbev_ros.raycast.embree import TriangleSet
 from simbev_ros.scene.blueprints import load_blueprints
-from simbev_ros.scene.hazards.hazard import HazardSpec
-from simbev_ros.scene.state import WorldState
-from simbev_ros.semantics import BEV_CLASSES, Tag
-from simbev_ros.types import BoolArray, Float64Array, Int64Array
+from simbev_ros.schema.scene.hazard import HazardSpec
+from simbev_ros.schema.scene.state import WorldState
+from simbev_ros.simulation.raycast.embree import TriangleSet
 
 SAMPLES = 8  # along each side of a cell; the fifth one is at its center
 CENTER = SAMPLES // 2

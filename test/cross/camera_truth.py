@@ -13,13 +13,13 @@ import numpy as np
 from simbev_ros.assets.actors.actor_model import ActorModel
 from simbev_ros.assets.actors.posing import pose_actors
 from simbev_ros.assets.placement.static_scene import StaticScene
-from simbev_ros.geometry.camera import PinholeCamera
-from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL, apply, inverse
-from simbev_ros.raycast.embree import TriangleSet
-from simbev_ros.render.frame import CameraImages, CameraView
-from simbev_ros.scene.state import WorldState, map_from_actors
-from simbev_ros.semantics import Tag
-from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int64Array, Table
+from simbev_ros.foundation.geometry.camera import PinholeCamera
+from simbev_ros.foundation.geometry.transforms import SENSOR_FROM_OPTICAL, apply, inverse
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.types import AnyArray, BoolArray, Float64Array, Int64Array, Table
+from simbev_ros.schema.scene.state import WorldState, map_from_actors
+from simbev_ros.simulation.raycast.embree import TriangleSet
+from simbev_ros.simulation.render.frame import CameraImages, CameraView
 
 _JUMP = 0.01
 """Relative depth difference from the plane at the pixel's center above which a corner lies beyond a silhouette."""

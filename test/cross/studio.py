@@ -8,18 +8,18 @@ from simbev_ros.assets.actors.catalogue import load_models
 from simbev_ros.assets.regions.static_cache import load_static_scene
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.geometry.camera import PinholeCamera
-from simbev_ros.geometry.transforms import inverse, matrices_from_xyz_rpy
+from simbev_ros.foundation.geometry.camera import PinholeCamera
+from simbev_ros.foundation.geometry.transforms import inverse, matrices_from_xyz_rpy
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.region import Reach
-from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
-from simbev_ros.render.renderer import Renderer
-from simbev_ros.scene.agents import seen_by
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.scene.state import WorldState, map_from_actors
-from simbev_ros.types import Float64Array
-from simbev_ros.world.simulation import Simulation
+from simbev_ros.schema.scene.agents import seen_by
+from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.state import WorldState, map_from_actors
+from simbev_ros.simulation.render.frame import CameraImages, CameraView, RenderFrame
+from simbev_ros.simulation.render.renderer import Renderer
+from simbev_ros.simulation.world.simulation import Simulation
 
 EXACT = ("semantic", "instance", "depth", "flow")
 VIEW_M = 700.0

@@ -9,8 +9,8 @@ import pytest
 from bev_towns import Town, ego_states, load_town
 from bev_truth import Truth
 
-from simbev_ros.geometry.grid import BevGrid
-from simbev_ros.semantics import BEV_CLASSES
+from simbev_ros.foundation.geometry.grid import BevGrid
+from simbev_ros.foundation.semantics import BEV_CLASSES
 
 PAPER = BevGrid(360, 360, 0.4)
 GRIDS = (BevGrid(120, 120, 0.4), BevGrid(96, 160, 0.5), BevGrid(200, 120, 0.25), BevGrid(250, 200, 0.1))

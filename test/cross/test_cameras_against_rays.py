@@ -11,9 +11,9 @@ from camera_truth import Agreement, Triangles, agreement, truth_of
 from studio import EXACT, Studio, random_views
 
 from simbev_ros.config.camera import MODALITIES
-from simbev_ros.geometry.camera import LensCamera, PinholeCamera
-from simbev_ros.render.frame import CameraView, RenderFrame
-from simbev_ros.render.renderer import Renderer
+from simbev_ros.foundation.geometry.camera import LensCamera, PinholeCamera
+from simbev_ros.simulation.render.frame import CameraView, RenderFrame
+from simbev_ros.simulation.render.renderer import Renderer
 
 pytestmark = pytest.mark.gl
 

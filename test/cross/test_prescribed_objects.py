@@ -9,14 +9,14 @@ from synthetic_world import world
 from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.assets.regions.build import build_region
 from simbev_ros.assets.regions.region_scene import RegionScene
+from simbev_ros.foundation.semantics import Tag
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.opendrive.roadside_objects import object_types
 from simbev_ros.maps.region import regions_of
 from simbev_ros.maps.source import map_spec
-from simbev_ros.raycast.scene import RayScene
-from simbev_ros.scene.state import ACTOR_DTYPE
-from simbev_ros.semantics import Tag
+from simbev_ros.schema.scene.state import ACTOR_DTYPE
+from simbev_ros.simulation.raycast.scene import RayScene
 
 LAND_M = 0.1
 LAMPS = '<repeat s="10" length="80" distance="40" tStart="6" tEnd="6"/>'

@@ -8,15 +8,15 @@ from simbev_ros.assets.regions.static_cache import load_static_scene
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.radar import Radar
 from simbev_ros.config.scenario import Traffic
-from simbev_ros.geometry.transforms import apply, inverse
+from simbev_ros.foundation.geometry.transforms import apply, inverse
+from simbev_ros.foundation.types import Float64Array, Table, UInt32Array
 from simbev_ros.maps.build import load_network
-from simbev_ros.raycast.scene import RayScene
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
-from simbev_ros.scene.state import WorldState, map_from_actors
-from simbev_ros.sensors.mount import map_from_sensor, vector
-from simbev_ros.sensors.radar import RadarModel, scan_radars
-from simbev_ros.types import Float64Array, Table, UInt32Array
-from simbev_ros.world.simulation import Simulation
+from simbev_ros.schema.scene.state import WorldState, map_from_actors
+from simbev_ros.simulation.raycast.scene import RayScene
+from simbev_ros.simulation.sensors.mount import map_from_sensor, vector
+from simbev_ros.simulation.sensors.radar import RadarModel, scan_radars
+from simbev_ros.simulation.world.simulation import Simulation
 
 AROUND_TICK = 20
 

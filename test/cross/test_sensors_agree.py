@@ -7,7 +7,6 @@ import cv2
 import numpy as np
 import pytest
 
-from simbev_ros.annotation.bev.bev_annotator import BevAnnotator
 from simbev_ros.assets.actors.catalogue import load_models
 from simbev_ros.assets.actors.skeletons import part_poses
 from simbev_ros.assets.placement.static_scene import StaticScene
@@ -16,20 +15,21 @@ from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Traffic
-from simbev_ros.geometry.grid import BevGrid
-from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL, apply, inverse
+from simbev_ros.foundation.geometry.grid import BevGrid
+from simbev_ros.foundation.geometry.transforms import SENSOR_FROM_OPTICAL, apply, inverse
+from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES, Tag
+from simbev_ros.foundation.types import BoolArray, Float64Array
 from simbev_ros.maps.build import load_network
-from simbev_ros.raycast.scene import Hits, RayScene
-from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
-from simbev_ros.render.renderer import Renderer
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
-from simbev_ros.scene.state import WorldState, map_from_actors
-from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES, Tag
-from simbev_ros.sensors.lidar import LidarModel
-from simbev_ros.sensors.mount import map_from_sensor
-from simbev_ros.types import BoolArray, Float64Array
-from simbev_ros.world.simulation import Simulation
+from simbev_ros.schema.scene.state import WorldState, map_from_actors
+from simbev_ros.simulation.annotation.bev.bev_annotator import BevAnnotator
+from simbev_ros.simulation.raycast.scene import Hits, RayScene
+from simbev_ros.simulation.render.frame import CameraImages, CameraView, RenderFrame
+from simbev_ros.simulation.render.renderer import Renderer
+from simbev_ros.simulation.sensors.lidar import LidarModel
+from simbev_ros.simulation.sensors.mount import map_from_sensor
+from simbev_ros.simulation.world.simulation import Simulation
 
 pytestmark = pytest.mark.gl
 

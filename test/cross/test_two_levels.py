@@ -12,31 +12,31 @@ import pytest
 import shapely
 from synthetic_world import EGO_ID, actor, world
 
-from simbev_ros.annotation.bev.bev_annotator import BevAnnotator
-from simbev_ros.annotation.bev.levels import Levels
-from simbev_ros.annotation.boxes.boxes import boxes_around_ego
 from simbev_ros.assets.actors.catalogue import load_models
 from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.assets.regions.static_cache import load_static_scene
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar
-from simbev_ros.geometry.grid import BevGrid
-from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL, apply
+from simbev_ros.foundation.geometry.grid import BevGrid
+from simbev_ros.foundation.geometry.transforms import SENSOR_FROM_OPTICAL, apply
+from simbev_ros.foundation.semantics import BEV_CLASSES, Tag
+from simbev_ros.foundation.types import BoolArray, Float64Array, Table
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.region import Reach
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout, Strip
 from simbev_ros.maps.roads.level_members import LevelGraph
 from simbev_ros.maps.source import map_spec
-from simbev_ros.raycast.scene import RayScene
-from simbev_ros.render.frame import CameraView, RenderFrame
-from simbev_ros.render.renderer import Renderer
 from simbev_ros.scene.blueprints import blueprint_index
-from simbev_ros.scene.state import WorldState
-from simbev_ros.semantics import BEV_CLASSES, Tag
-from simbev_ros.sensors.lidar import LidarModel
-from simbev_ros.sensors.mount import map_from_sensor
-from simbev_ros.types import BoolArray, Float64Array, Table
+from simbev_ros.schema.scene.state import WorldState
+from simbev_ros.simulation.annotation.bev.bev_annotator import BevAnnotator
+from simbev_ros.simulation.annotation.bev.levels import Levels
+from simbev_ros.simulation.annotation.boxes.boxes import boxes_around_ego
+from simbev_ros.simulation.raycast.scene import RayScene
+from simbev_ros.simulation.render.frame import CameraView, RenderFrame
+from simbev_ros.simulation.render.renderer import Renderer
+from simbev_ros.simulation.sensors.lidar import LidarModel
+from simbev_ros.simulation.sensors.mount import map_from_sensor
 
 SPEC = map_spec("Town04")
 REACH = Reach((0.0, 0.0), 70.0)

@@ -7,11 +7,11 @@ from several_agents import roadside_unit, with_agents
 from studio import EXACT, Studio
 
 from simbev_ros.config.sensor import Pose
-from simbev_ros.geometry.camera import PinholeCamera
-from simbev_ros.render.frame import CameraView
-from simbev_ros.scene.agents import agent_view, seen_by
-from simbev_ros.scene.state import EGO_ID
-from simbev_ros.semantics import Tag
+from simbev_ros.foundation.geometry.camera import PinholeCamera
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.schema.scene.agents import agent_view, seen_by
+from simbev_ros.schema.scene.state import EGO_ID
+from simbev_ros.simulation.render.frame import CameraView
 
 pytestmark = pytest.mark.gl
 

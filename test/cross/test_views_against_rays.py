@@ -12,16 +12,16 @@ from camera_truth import Triangles, truth_of
 from studio import Studio, random_views
 from view_truth import Alone, Canvas
 
-from simbev_ros.annotation.boxes.boxes import boxes_around_ego
-from simbev_ros.annotation.visibility.views import ViewAnnotator
 from simbev_ros.assets.actors.actor_model import ActorModel
-from simbev_ros.geometry.camera import LensCamera, PinholeCamera
-from simbev_ros.geometry.transforms import inverse, matrices_from_xyz_rpy
-from simbev_ros.render.frame import CameraView
-from simbev_ros.render.geometry.level_of_detail import LevelsOfDetail, bounding_spheres
-from simbev_ros.render.view import View
-from simbev_ros.scene.state import WorldState, map_from_actors
-from simbev_ros.types import Table
+from simbev_ros.foundation.geometry.camera import LensCamera, PinholeCamera
+from simbev_ros.foundation.geometry.transforms import inverse, matrices_from_xyz_rpy
+from simbev_ros.foundation.types import Table
+from simbev_ros.schema.scene.state import WorldState, map_from_actors
+from simbev_ros.simulation.annotation.boxes.boxes import boxes_around_ego
+from simbev_ros.simulation.annotation.visibility.views import ViewAnnotator
+from simbev_ros.simulation.render.frame import CameraView
+from simbev_ros.simulation.render.geometry.level_of_detail import LevelsOfDetail, bounding_spheres
+from simbev_ros.simulation.render.view import View
 
 pytestmark = pytest.mark.gl
 

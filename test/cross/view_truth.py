@@ -6,13 +6,13 @@ import numpy as np
 
 from simbev_ros.assets.actors.actor_model import ActorModel
 from simbev_ros.assets.actors.posing import PosedActors, pose_actors
-from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL
-from simbev_ros.raycast.embree import TriangleSet
-from simbev_ros.render.frame import CameraView
-from simbev_ros.render.geometry.level_of_detail import bounding_spheres
-from simbev_ros.render.view import NEAR_M
-from simbev_ros.scene.state import WorldState, map_from_actors
-from simbev_ros.types import AnyArray, BoolArray, Float64Array
+from simbev_ros.foundation.geometry.transforms import SENSOR_FROM_OPTICAL
+from simbev_ros.foundation.types import AnyArray, BoolArray, Float64Array
+from simbev_ros.schema.scene.state import WorldState, map_from_actors
+from simbev_ros.simulation.raycast.embree import TriangleSet
+from simbev_ros.simulation.render.frame import CameraView
+from simbev_ros.simulation.render.geometry.level_of_detail import bounding_spheres
+from simbev_ros.simulation.render.view import NEAR_M
 
 
 @dataclass(frozen=True)

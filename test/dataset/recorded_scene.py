@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from ros_messages import compressed_image, header, image, message, odometry, point_cloud, serialize, string
 
-from simbev_ros.annotation.boxes.boxes import LIGHT_IDS, blank_boxes
-from simbev_ros.annotation.trajectories import Tracks, tracks_to_npz
+from simbev_ros.foundation.types import AnyArray, Table
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.qos import QosProfile
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.scene.weather import Weather
-from simbev_ros.types import AnyArray, Table
+from simbev_ros.schema.boxes import LIGHT_IDS, blank_boxes
+from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.weather import Weather
+from simbev_ros.schema.trajectories import Tracks, tracks_to_npz
 
 TICK_NS, TICKS = 50_000_000, 7
 WIDTH, HEIGHT = 24, 16

@@ -12,12 +12,12 @@ from several_agents import MAST_SENSORS, car, made_up_agents, roadside_unit, wit
 from simbev_ros.dataset import Dataset, Frame, Scene, open_dataset
 from simbev_ros.dataset.index_row import index_row
 from simbev_ros.dataset.statistics import statistics_of
-from simbev_ros.errors import InputError
-from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_rpy
+from simbev_ros.foundation.types import AnyArray
 from simbev_ros.recording.layout import scene_folder
-from simbev_ros.scene.agents import agent_view
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.types import AnyArray
+from simbev_ros.schema.scene.agents import agent_view
+from simbev_ros.schema.scene.spec import SceneSpec
 
 SPEC = made_up_agents()
 NOISE = boxes(np.random.default_rng(7), 5)

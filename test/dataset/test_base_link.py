@@ -12,14 +12,14 @@ from rclpy.serialization import serialize_message
 from simbev_ros.dataset import Scene, open_dataset
 from simbev_ros.dataset.index_row import index_row
 from simbev_ros.evaluation.predictions.reference_frames import ReferenceFrames
-from simbev_ros.geometry.transforms import apply
-from simbev_ros.msgs.topics import odometry_topic
-from simbev_ros.msgs.world import odometry_message
+from simbev_ros.foundation.geometry.transforms import apply
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.layout import SCENE_ATTACHMENT, scene_folder
 from simbev_ros.recording.qos import QosProfile
-from simbev_ros.scene.state import map_from_actors
-from simbev_ros.viewer.live.live_frame import LiveFrame, LiveScene, Payloads
+from simbev_ros.ros.msgs.topics import odometry_topic
+from simbev_ros.ros.msgs.world import odometry_message
+from simbev_ros.schema.scene.state import map_from_actors
+from simbev_ros.show.rerun.live.live_frame import LiveFrame, LiveScene, Payloads
 
 TICKS = 5
 STATES = [state_at(hilly, tick) for tick in range(TICKS)]

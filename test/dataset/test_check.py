@@ -13,7 +13,7 @@ from peak_memory import at_most
 from simbev_ros.dataset.check import dataset_faults
 from simbev_ros.dataset.index import read_index, update_index, write_index
 from simbev_ros.dataset.opened import open_dataset
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.recording.layout import scenes_of
 
 

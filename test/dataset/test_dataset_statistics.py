@@ -12,9 +12,9 @@ from simbev_ros.dataset import open_dataset
 from simbev_ros.dataset import statistics as statistics_module
 from simbev_ros.dataset.parallel import Processes
 from simbev_ros.dataset.statistics import Statistics, statistics_of
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.types import Table
 from simbev_ros.scene.legend import legend
-from simbev_ros.types import Table
 
 
 @pytest.fixture(scope="module")

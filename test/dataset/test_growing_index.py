@@ -10,7 +10,7 @@ from simbev_ros.dataset import growing_index
 from simbev_ros.dataset.growing_index import GrowingIndex
 from simbev_ros.dataset.index import index_table, load_index, read_index, save_index, write_index
 from simbev_ros.dataset.index_row import Row, index_row
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 
 
 @pytest.fixture(scope="module")

@@ -10,12 +10,12 @@ from pathlib import Path
 import pytest
 
 from simbev_ros.dataset.parallel import map_in_processes, report_step
-from simbev_ros.errors import SimbevError
+from simbev_ros.foundation.errors import SimbevError
 
 _PROGRAM = """
 import time
 from simbev_ros.dataset.parallel import map_in_processes
-from simbev_ros.graph.interrupts import Interrupted, raising_interrupts
+from simbev_ros.ros.graph.interrupts import Interrupted, raising_interrupts
 
 def slow(item):
     if item:

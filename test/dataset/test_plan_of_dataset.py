@@ -8,7 +8,7 @@ import pytest
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.dataset.plan import Plan, bag_of
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.scene.drawing.draw_scene import planned_scenes
 
 

@@ -15,9 +15,9 @@ from rosbags.highlevel import AnyReader
 from simbev_ros.dataset import Dataset, Frame, Scene, columns, open_dataset
 from simbev_ros.dataset.index import write_index
 from simbev_ros.dataset.index_row import index_row
-from simbev_ros.errors import BagError, InputError
+from simbev_ros.foundation.errors import BagError, InputError
+from simbev_ros.foundation.types import AnyArray
 from simbev_ros.recording.mcap import chunk_cache
-from simbev_ros.types import AnyArray
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ import pytest
 import recorded_scene as written
 
 from simbev_ros.dataset import open_dataset
-from simbev_ros.errors import BagError, InputError
+from simbev_ros.foundation.errors import BagError, InputError
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.mcap.mcap_index import read_mcap_index
 

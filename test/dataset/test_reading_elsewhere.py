@@ -17,9 +17,9 @@ import recorded_scene as written
 from typer.testing import CliRunner
 
 import simbev_ros.dataset
-from simbev_ros.cli.main import app
 from simbev_ros.dataset import open_dataset
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.types import Float64Array
+from tools.bench.cli.group import bench
 
 KEYS = ("cam_front/rgb", "cam_front/instance", "lidar/points", "boxes")
 
@@ -91,7 +91,7 @@ def test_forked_processes_read_with_threads_and_a_cache_of_their_own(path: Path)
 
 
 def test_the_bench_times_both_orders(path: Path) -> None:
-    result = CliRunner().invoke(app, ["bench", "reading", str(path), "--frames", "3", "--json"])
+    result = CliRunner().invoke(bench, ["reading", str(path), "--frames", "3", "--json"])
     assert result.exit_code == 0, result.output
     timing = json.loads(result.stdout)
     assert (timing["scene"], timing["frames"]) == ("Blocks-0000", 3)

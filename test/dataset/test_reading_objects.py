@@ -17,10 +17,10 @@ from simbev_ros.dataset.opened import open_bag
 from simbev_ros.dataset.parallel import Processes
 from simbev_ros.dataset.plan import Plan
 from simbev_ros.dataset.statistics import statistics_of
-from simbev_ros.errors import BagError, InputError
-from simbev_ros.object_store.connection import StoreError
-from simbev_ros.object_store.object_path import ObjectPath
-from simbev_ros.object_store.transfers import delete_tree, put_bytes
+from simbev_ros.foundation.errors import BagError, InputError
+from simbev_ros.foundation.object_store.connection import StoreError
+from simbev_ros.foundation.object_store.object_path import ObjectPath
+from simbev_ros.foundation.object_store.transfers import delete_tree, put_bytes
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.layout import scenes_of
 from simbev_ros.recording.qos import QosProfile
@@ -177,7 +177,7 @@ def test_a_url_without_a_dataset_is_refused(store: StoreServer, url: str, kind: 
 
 
 def test_an_unreachable_store_is_given_up(monkeypatch: pytest.MonkeyPatch, store: StoreServer) -> None:
-    monkeypatch.setattr("simbev_ros.object_store.connection._MAX_ATTEMPTS", 2)
+    monkeypatch.setattr("simbev_ros.foundation.object_store.connection._MAX_ATTEMPTS", 2)
     monkeypatch.setenv("AWS_ENDPOINT_URL_S3", "http://127.0.0.1:1")
     with pytest.raises(StoreError, match=r"s3://made-up/x/index.parquet: http://127.0.0.1:1 cannot be reached: Could"):
         open_dataset(f"s3://{BUCKET}/x")

@@ -9,12 +9,12 @@ import pytest
 from made_up_scene import record_made_up
 from several_agents import made_up_agents
 
-from simbev_ros.annotation.v2x import V2X_DTYPE
 from simbev_ros.dataset import Scene, open_dataset
 from simbev_ros.dataset.messages import newest_messages
-from simbev_ros.scene.agents import agent_views
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.types import Table
+from simbev_ros.foundation.types import Table
+from simbev_ros.schema.scene.agents import agent_views
+from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.v2x import V2X_DTYPE
 
 PLAIN = made_up_agents()
 IDS = {view.rig.agent: view.ego_id for view in agent_views(PLAIN)}

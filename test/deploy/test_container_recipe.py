@@ -9,7 +9,7 @@ import yaml
 from dockerfile_parse import DockerfileParser
 
 ROOT = Path(__file__).parents[2]
-SYSTEM_LIBRARIES = yaml.safe_load((ROOT / "simbev_ros/installation/system_libraries.yaml").read_text())
+SYSTEM_LIBRARIES = yaml.safe_load((ROOT / "simbev_ros/foundation/installation/system_libraries.yaml").read_text())
 
 
 @pytest.fixture(scope="module")

@@ -4,8 +4,8 @@ import re
 
 import pytest
 
-from simbev_ros.installation.interface_files import OWN_PACKAGE, interface_files
-from simbev_ros.msgs import topics
+from simbev_ros.foundation.installation.interface_files import OWN_PACKAGE, interface_files
+from simbev_ros.ros.msgs import topics
 from tools.docs.commands import commands
 from tools.docs.configuration import documented_models, models_in
 from tools.docs.interfaces import render_interfaces
@@ -62,4 +62,4 @@ def test_every_field_of_the_interfaces_has_a_row_with_its_comment() -> None:
 
 def test_verbs_and_commands_of_groups_are_documented() -> None:
     found = {" ".join(words) for words, _ in commands()}
-    assert {"simbev demo", "simbev generate", "simbev export nuscenes", "simbev bench rays"} <= found
+    assert {"simbev demo", "simbev generate", "simbev export nuscenes", "simbev bench"} <= found

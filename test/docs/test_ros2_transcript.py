@@ -9,12 +9,12 @@ import yaml
 from made_up_scene import made_up_spec
 
 from simbev_ros.config.load import load_scenario
-from simbev_ros.graph.monitor import SUPERVISOR
-from simbev_ros.graph.plan import plan_processes
-from simbev_ros.msgs import topics
-from simbev_ros.msgs.qos import qos_of
-from simbev_ros.msgs.topic import Topic
-from simbev_ros.sensors.lidar import POINT_DTYPE
+from simbev_ros.ros.graph.monitor import SUPERVISOR
+from simbev_ros.ros.graph.plan import plan_processes
+from simbev_ros.ros.msgs import topics
+from simbev_ros.ros.msgs.qos import qos_of
+from simbev_ros.ros.msgs.topic import Topic
+from simbev_ros.schema.points import POINT_DTYPE
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/guide/ros.md").read_text(encoding="utf-8")

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from simbev_ros.evaluation.metrics.boxes import NO_ATTRIBUTE, Boxes, Predictions
-from simbev_ros.semantics import BOX_CLASSES
+from simbev_ros.foundation.semantics import BOX_CLASSES
 
 
 def some_boxes(centers_m: Sequence[Sequence[float]], **columns: Any) -> Boxes:

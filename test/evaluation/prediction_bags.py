@@ -8,7 +8,7 @@ import numpy as np
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from simbev_ros.types import AnyArray, Table
+from simbev_ros.foundation.types import AnyArray, Table
 
 _DEFINITIONS = {
     "vision_msgs/msg/ObjectHypothesis": "string class_id\nfloat64 score\n",

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from simbev_ros.types import AnyArray
+from simbev_ros.foundation.types import AnyArray
 
 SCENE, OTHER = "Blocks-0000", "Blocks-0001"
 STAMPS_NS = 3_600_050_000_000 + 50_000_000 * np.arange(4)

@@ -7,8 +7,8 @@ from ros_messages import odometry
 
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.qos import QosProfile
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.scene.weather import Weather
+from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.weather import Weather
 
 TICKS = 4
 SENSORS = (

@@ -4,8 +4,8 @@ from collections.abc import Iterable
 
 import pytest
 
-from simbev_ros.errors import InputError
 from simbev_ros.evaluation.live.answer_join import BOXES, LABELS, POSE, AnswerJoin, WaitLimits, pose_of
+from simbev_ros.foundation.errors import InputError
 
 LOCKSTEP, LIVE = WaitLimits(None, 10.0), WaitLimits(4, 2.0)
 

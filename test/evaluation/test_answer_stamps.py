@@ -3,8 +3,8 @@
 import pytest
 from evaluated_dataset import TICKS, spec
 
-from simbev_ros.errors import InputError
 from simbev_ros.evaluation.live.answer_stamps import answered_tick
+from simbev_ros.foundation.errors import InputError
 
 SCENE = spec(1)
 SCENES = {0, 1}

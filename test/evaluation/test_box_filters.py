@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from simbev_ros.annotation.boxes.boxes import blank_boxes
-from simbev_ros.errors import InputError
 from simbev_ros.evaluation.filters import BoxFilter
 from simbev_ros.evaluation.metrics.boxes import boxes_from_tables
-from simbev_ros.types import Table
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.types import Table
+from simbev_ros.schema.boxes import blank_boxes
 
 
 def table() -> Table:

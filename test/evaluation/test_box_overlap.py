@@ -7,7 +7,7 @@ from made_up_boxes import some_boxes
 
 from simbev_ros.evaluation.metrics.boxes import Boxes
 from simbev_ros.evaluation.metrics.overlap import aligned_iou, iou_of_pairs
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.types import Float64Array
 
 PAIRS = 10_000
 

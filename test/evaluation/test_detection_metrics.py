@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from made_up_boxes import random_predictions, random_truth, some_boxes
 
-from simbev_ros.errors import InputError
 from simbev_ros.evaluation.metrics.boxes import Boxes, Predictions, empty_boxes
 from simbev_ros.evaluation.metrics.detection import (
     DetectionOptions,
@@ -17,7 +16,8 @@ from simbev_ros.evaluation.metrics.detection import (
 )
 from simbev_ros.evaluation.metrics.overlap import iou_of_pairs
 from simbev_ros.evaluation.metrics.scene_matching import CountedBoxes, match_and_tally
-from simbev_ros.semantics import BOX_CLASSES
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.semantics import BOX_CLASSES
 
 CAR, TRUCK = BOX_CLASSES.index("car"), BOX_CLASSES.index("truck")
 FRAME = np.array([0])

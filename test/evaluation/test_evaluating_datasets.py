@@ -11,7 +11,6 @@ from pydantic import ValidationError
 from simbev_ros.config.evaluation import Evaluation as EvaluationSection
 from simbev_ros.dataset import open_dataset
 from simbev_ros.dataset.parallel import Processes
-from simbev_ros.errors import InputError
 from simbev_ros.evaluation.evaluation import Evaluation, evaluate
 from simbev_ros.evaluation.figures import figures_of
 from simbev_ros.evaluation.filters import BoxFilter
@@ -19,6 +18,7 @@ from simbev_ros.evaluation.metrics.boxes import Boxes, Predictions
 from simbev_ros.evaluation.options import EvaluationOptions, options_of
 from simbev_ros.evaluation.predictions.dataset_predictions import open_predictions, write_grid, write_predictions
 from simbev_ros.evaluation.slices import TableSlice, table_slices
+from simbev_ros.foundation.errors import InputError
 
 
 @pytest.fixture(scope="module")

@@ -6,12 +6,10 @@ import cooperative_scene as made
 import numpy as np
 import pytest
 
-from simbev_ros.annotation.boxes.joint import join_boxes
 from simbev_ros.config.evaluation import Evaluation as EvaluationSection
 from simbev_ros.config.evaluation import Truth
 from simbev_ros.dataset import open_dataset
 from simbev_ros.dataset.scene import Scene
-from simbev_ros.errors import InputError
 from simbev_ros.evaluation.evaluation import Evaluation, evaluate
 from simbev_ros.evaluation.filters import BoxFilter
 from simbev_ros.evaluation.joint_truth import boxes_in_reach
@@ -22,8 +20,10 @@ from simbev_ros.evaluation.options import EvaluationOptions, options_of
 from simbev_ros.evaluation.predictions.dataset_predictions import open_predictions, write_predictions
 from simbev_ros.evaluation.predictions.predicted_boxes import PredictedBoxes, Reference
 from simbev_ros.evaluation.slices import TableSlice
-from simbev_ros.scene.agents import agent_view
-from simbev_ros.types import Table
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.types import Table
+from simbev_ros.schema.scene.agents import agent_view
+from simbev_ros.simulation.annotation.boxes.joint import join_boxes
 
 SEEN = TableSlice(boxes=BoxFilter(points=(1, np.inf)))
 

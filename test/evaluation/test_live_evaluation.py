@@ -8,7 +8,6 @@ import pytest
 from made_up_scene import made_up_scene
 
 from simbev_ros.dataset import Scene, open_dataset
-from simbev_ros.errors import InputError
 from simbev_ros.evaluation.evaluation import evaluation_from_tallies
 from simbev_ros.evaluation.figures import figures_of
 from simbev_ros.evaluation.live.answer_join import BOXES, LABELS, POSE, JoinCounts, OpenFrame
@@ -20,6 +19,7 @@ from simbev_ros.evaluation.predictions.predicted_boxes import PredictedBoxes, Re
 from simbev_ros.evaluation.predictions.score_grid import ScoreGrid
 from simbev_ros.evaluation.scene_evaluation import evaluate_scene
 from simbev_ros.evaluation.slices import TableSlice, table_slices
+from simbev_ros.foundation.errors import InputError
 
 TICKS = 80
 """More than the size of a matching batch."""

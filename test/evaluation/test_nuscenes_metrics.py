@@ -9,7 +9,6 @@ import pytest
 from made_up_boxes import random_predictions, random_truth, some_boxes
 from rich.console import Console
 
-from simbev_ros.bench.devkit_comparison import devkit_numbers, devkit_python
 from simbev_ros.cli.evaluate.tables import print_tables
 from simbev_ros.evaluation.figures import _nuscenes
 from simbev_ros.evaluation.metrics.boxes import Boxes, Predictions, empty_boxes
@@ -23,7 +22,8 @@ from simbev_ros.evaluation.metrics.nuscenes import (
     nuscenes_tally,
 )
 from simbev_ros.evaluation.tables import nuscenes_table
-from simbev_ros.semantics import BOX_CLASSES
+from simbev_ros.foundation.semantics import BOX_CLASSES
+from tools.bench.devkit_comparison import devkit_numbers, devkit_python
 
 DEVKIT_NAMES = ("trans_err", "orient_err", "scale_err", "vel_err", "attr_err")
 ATTRIBUTES = ("vehicle.moving", "vehicle.parked", "vehicle.stopped")

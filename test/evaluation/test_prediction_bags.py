@@ -11,9 +11,9 @@ from prediction_bags import TABLE_DTYPE, detections, header, image, make, marker
 from prediction_data import OTHER, SCENE, STAMPS_NS
 from prediction_scene import spec
 
-from simbev_ros.errors import BagError, InputError
 from simbev_ros.evaluation.predictions.dataset_predictions import PredictedScene, open_predictions
-from simbev_ros.semantics import BEV_CLASSES
+from simbev_ros.foundation.errors import BagError, InputError
+from simbev_ros.foundation.semantics import BEV_CLASSES
 
 BOXES, GRIDS = "/prediction/boxes", "/prediction/bev"
 ENTRY = ("bus", 0.5, (1, 2, 3), (8, 2.5, 3), (0, 0, 0, 1))

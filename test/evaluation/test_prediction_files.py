@@ -13,12 +13,12 @@ from made_up_boxes import some_boxes
 from peak_memory import at_most
 from prediction_data import OTHER, SCENE, STAMPS_NS, some_columns
 
-from simbev_ros.errors import InputError
 from simbev_ros.evaluation.metrics.boxes import Predictions
 from simbev_ros.evaluation.predictions.dataset_predictions import PredictedScene, open_predictions, write_predictions
-from simbev_ros.limits import MAX_UNPACKED_VARIABLE
-from simbev_ros.semantics import BOX_CLASSES
-from simbev_ros.types import AnyArray
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.limits import MAX_UNPACKED_VARIABLE
+from simbev_ros.foundation.semantics import BOX_CLASSES
+from simbev_ros.foundation.types import AnyArray
 
 Writer = Callable[[Path, dict[str, AnyArray]], Path]
 

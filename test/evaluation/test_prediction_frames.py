@@ -8,12 +8,12 @@ from made_up_boxes import some_boxes
 from prediction_scene import record
 
 from simbev_ros.dataset import open_dataset
-from simbev_ros.errors import InputError
 from simbev_ros.evaluation.metrics.boxes import Predictions
 from simbev_ros.evaluation.predictions.predicted_boxes import PredictedBoxes, Reference, boxes_in_map, join_boxes
 from simbev_ros.evaluation.predictions.reference_frames import ReferenceFrames
-from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL, matrices_from_xyz_rpy
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.geometry.transforms import SENSOR_FROM_OPTICAL, matrices_from_xyz_rpy
+from simbev_ros.foundation.types import Float64Array
 
 
 def predicted_in(frame_id: str, **columns: object) -> PredictedBoxes:

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from prediction_data import OTHER, SCENE, STAMPS_NS
 
-from simbev_ros.errors import InputError
 from simbev_ros.evaluation.predictions.dataset_predictions import PredictedScene, open_predictions, write_grid
-from simbev_ros.semantics import BEV_CLASSES
-from simbev_ros.types import AnyArray
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.semantics import BEV_CLASSES
+from simbev_ros.foundation.types import AnyArray
 
 ALL = np.random.default_rng(2).random((len(BEV_CLASSES), 4, 3))
 

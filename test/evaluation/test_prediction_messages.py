@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from prediction_bags import TABLE_DTYPE, TYPES, detections, header, image, markers, occupancy, pose, table_message
 
-from simbev_ros.annotation.boxes.boxes import blank_boxes
-from simbev_ros.errors import InputError
+from simbev_ros.drawing.displays.box_markers import box_markers
+from simbev_ros.drawing.displays.grids import occupancy_grid
 from simbev_ros.evaluation.predictions.prediction_messages import (
     BOX_TYPES,
     image_scores,
@@ -16,11 +16,11 @@ from simbev_ros.evaluation.predictions.prediction_messages import (
     occupancy_scores,
     stamp_ns_of,
 )
-from simbev_ros.geometry.grid import BevGrid
-from simbev_ros.msgs.displays.box_markers import box_markers
-from simbev_ros.msgs.displays.grids import occupancy_grid
-from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES
-from simbev_ros.types import AnyArray, Table
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.geometry.grid import BevGrid
+from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES
+from simbev_ros.foundation.types import AnyArray, Table
+from simbev_ros.schema.boxes import blank_boxes
 
 STAMP_NS = 7_204_050_000_001
 QUARTER = (0, 0, np.sin(np.pi / 4), np.cos(np.pi / 4))
@@ -54,7 +54,7 @@ def as_rclpy(type_name: str, message: Any) -> Any:
     pytest.importorskip("rclpy")
     from rclpy.serialization import deserialize_message
 
-    from simbev_ros.msgs.message_types import message_class
+    from simbev_ros.ros.msgs.message_types import message_class
 
     return deserialize_message(bytes(TYPES.serialize_cdr(message, type_name)), message_class(type_name))
 

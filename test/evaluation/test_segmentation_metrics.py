@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from simbev_ros.errors import InputError
 from simbev_ros.evaluation.figures import segmentation_figures
 from simbev_ros.evaluation.metrics.segmentation import THRESHOLDS, empty_tally, segmentation_tally
-from simbev_ros.semantics import BEV_CLASSES
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.semantics import BEV_CLASSES
 
 ROAD_AND_CAR = 1 << BEV_CLASSES.index("road") | 1 << BEV_CLASSES.index("car")
 ROAD = 1 << BEV_CLASSES.index("road")

@@ -18,7 +18,7 @@ from simbev_ros.evaluation.scene_boxes import found_column
 from simbev_ros.evaluation.scene_evaluation import FRAME_DTYPE, outcomes_of
 from simbev_ros.evaluation.slices import TableSlice
 from simbev_ros.evaluation.worst_frames import worst_frames, worst_grids
-from simbev_ros.types import Table
+from simbev_ros.foundation.types import Table
 
 _OFF_M = np.array([[0.0, 9.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
 

@@ -11,7 +11,7 @@ from made_up_scene import made_up_scene
 from nuscenes_tables import export
 from processes import run
 
-from simbev_ros.bench.devkit_comparison import DEVKIT, devkit_environment
+from tools.bench.devkit_comparison import DEVKIT, devkit_environment
 
 CAMERA = """{type: camera, name: NAME, pose: {x_m: X, z_m: 1.6, yaw_deg: YAW},
        width_px: 320, height_px: 180, modalities: [rgb, instance]}"""

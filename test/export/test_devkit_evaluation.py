@@ -10,7 +10,6 @@ import pytest
 from nuscenes_tables import Tables, tables_of
 from processes import run
 
-from simbev_ros.bench.devkit_comparison import devkit_records
 from simbev_ros.dataset import Scene, open_dataset
 from simbev_ros.evaluation.metrics.boxes import NO_ATTRIBUTE, Boxes, Predictions, boxes_from_tables
 from simbev_ros.evaluation.metrics.nuscenes import (
@@ -22,7 +21,8 @@ from simbev_ros.evaluation.metrics.nuscenes import (
     nuscenes_tally,
 )
 from simbev_ros.evaluation.metrics.nuscenes_truth import ATTRIBUTES, NuscenesTruth, nuscenes_truth
-from simbev_ros.semantics import BOX_CLASSES
+from simbev_ros.foundation.semantics import BOX_CLASSES
+from tools.bench.devkit_comparison import devkit_records
 
 DETECTION = Path(__file__).with_name("devkit_detection.py")
 DEVKIT_ERRORS = ("trans_err", "orient_err", "scale_err", "vel_err", "attr_err")

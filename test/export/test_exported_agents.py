@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 from simbev_ros.cli.main import app
 from simbev_ros.dataset import open_dataset
 from simbev_ros.dataset.parallel import map_in_processes
-from simbev_ros.errors import InputError
 from simbev_ros.export.simbev.export import make_part, parts_of
+from simbev_ros.foundation.errors import InputError
 
 MAST = [*MAST_SENSORS, {"type": "imu", "name": "imu"}]
 

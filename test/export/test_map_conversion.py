@@ -8,8 +8,8 @@ import pytest
 import shapely
 import shapely.affinity
 
-from simbev_ros.errors import InputError
 from simbev_ros.export.maps.conversion import write_map
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.surface import surfaces_of

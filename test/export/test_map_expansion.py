@@ -17,13 +17,13 @@ from simbev_ros.export.nuscenes.map_expansion.arcline_paths import arcline_path
 from simbev_ros.export.nuscenes.map_expansion.dividers import divider_type
 from simbev_ros.export.nuscenes.map_expansion.expansion import map_expansion
 from simbev_ros.export.nuscenes.map_masks import Site
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Paint, PaintColor
 from simbev_ros.maps.roads.surface import surfaces_of
-from simbev_ros.maps.spec import MapSpec
-from simbev_ros.types import Float64Array
+from simbev_ros.schema.scene.map_spec import MapSpec
 
 Layers = dict[str, Any]
 PATH_M = 0.1

@@ -15,10 +15,10 @@ from typer.testing import CliRunner
 
 from simbev_ros.cli.main import app
 from simbev_ros.dataset import open_dataset
-from simbev_ros.errors import InputError
 from simbev_ros.export.nuscenes import can_bus
 from simbev_ros.export.nuscenes.can_bus import can_bus_messages
-from simbev_ros.scene.state import Light
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.schema.scene.state import Light
 
 DEVKIT = Path(__file__).with_name("devkit_can_bus_checks.py")
 G_MPS2 = 9.81

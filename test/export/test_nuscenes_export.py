@@ -22,7 +22,6 @@ from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.sensor import Pose
 from simbev_ros.dataset import Scene, columns, open_dataset
 from simbev_ros.dataset.calibration import Calibration
-from simbev_ros.errors import InputError
 from simbev_ros.export import sensor_data
 from simbev_ros.export.nuscenes import sensor_files, taxonomy
 from simbev_ros.export.nuscenes.channels import Channel
@@ -32,17 +31,17 @@ from simbev_ros.export.nuscenes.map_masks import sites_of
 from simbev_ros.export.nuscenes.origins import origins_by_scene
 from simbev_ros.export.nuscenes.sensor_files import radar_rows
 from simbev_ros.export.nuscenes.taxonomy import taxonomy_tables, visibility_tokens
-from simbev_ros.geometry.camera import LensCamera
-from simbev_ros.geometry.transforms import apply, inverse, matrices_from_xyz_rpy
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.geometry.camera import LensCamera
+from simbev_ros.foundation.geometry.transforms import apply, inverse, matrices_from_xyz_rpy
+from simbev_ros.foundation.semantics import BOX_CLASSES
+from simbev_ros.foundation.types import AnyArray, Float64Array
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.roads.surface import surfaces_of
-from simbev_ros.maps.spec import MapSpec
 from simbev_ros.scene.blueprints import load_blueprints
-from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID
-from simbev_ros.semantics import BOX_CLASSES
-from simbev_ros.sensors.lidar import POINT_DTYPE
-from simbev_ros.sensors.radar import RADAR_POINT_DTYPE
-from simbev_ros.types import AnyArray, Float64Array
+from simbev_ros.schema.points import POINT_DTYPE, RADAR_POINT_DTYPE
+from simbev_ros.schema.scene.map_spec import MapSpec
+from simbev_ros.schema.scene.state import ACTOR_DTYPE, EGO_ID
 
 CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 

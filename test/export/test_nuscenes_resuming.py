@@ -12,8 +12,8 @@ from nuscenes_tables import digest, export, tables_of
 from typer.testing import CliRunner
 
 from simbev_ros.cli.main import app
-from simbev_ros.errors import InputError
 from simbev_ros.export.nuscenes import scene_part, sensor_files
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.recording.layout import locate_mcap
 
 

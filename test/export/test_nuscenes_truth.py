@@ -10,7 +10,7 @@ from nuscenes_tables import Tables, tables_of
 from simbev_ros.dataset import open_dataset
 from simbev_ros.evaluation.metrics.boxes import NO_ATTRIBUTE, Predictions
 from simbev_ros.evaluation.metrics.nuscenes_truth import ATTRIBUTES, NuscenesTruth, nuscenes_truth
-from simbev_ros.semantics import BOX_CLASSES
+from simbev_ros.foundation.semantics import BOX_CLASSES
 
 RANGES_M = {"car": 50, "truck": 50, "bus": 50, "pedestrian": 40, "motorcycle": 40, "bicycle": 40}
 RANGES_M |= {"traffic_cone": 30, "barrier": 30}

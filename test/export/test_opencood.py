@@ -17,8 +17,8 @@ from several_agents import car, with_agents
 from simbev_ros.dataset import Frame, columns, open_dataset
 from simbev_ros.export.opv2v.export import VEHICLE_CLASSES, export_opv2v
 from simbev_ros.export.opv2v.frames import FrameSettings
-from simbev_ros.geometry.transforms import apply, inverse
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.geometry.transforms import apply, inverse
+from simbev_ros.foundation.types import Float64Array
 
 OPENCOOD = os.environ.get("SIMBEV_TEST_OPENCOOD", "")
 MIRROR = [1, -1, 1]

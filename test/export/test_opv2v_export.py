@@ -15,16 +15,16 @@ from ros_messages import odometry
 from scipy.spatial.transform import Rotation
 from several_agents import MAST_SENSORS, car, roadside_unit, with_agents
 
-from simbev_ros.annotation.v2x import OWN_POSE, V2X_DTYPE
 from simbev_ros.dataset import open_dataset
 from simbev_ros.export.opv2v.carla_frame import carla_pose, mirrored_transform
 from simbev_ros.export.opv2v.connected_agents import connected_agents
 from simbev_ros.export.opv2v.export import VEHICLE_CLASSES, Exported, export_opv2v
 from simbev_ros.export.opv2v.frames import FrameSettings
 from simbev_ros.export.opv2v.pcd import pcd_file
+from simbev_ros.foundation.semantics import BOX_CLASSES
+from simbev_ros.foundation.types import Float64Array, Table
 from simbev_ros.scene.legend import legend
-from simbev_ros.semantics import BOX_CLASSES
-from simbev_ros.types import Float64Array, Table
+from simbev_ros.schema.v2x import OWN_POSE, V2X_DTYPE
 
 SETTINGS = FrameSettings(rate_hz=10.0, classes=VEHICLE_CLASSES, min_points=1, cameras=None)
 SCENE, TICKS = "Blocks-0002", 9

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from simbev_ros.errors import InputError
 from simbev_ros.export.parts import PARTS_FOLDER, Part, is_begun, part_names
+from simbev_ros.foundation.errors import InputError
 
 
 def part(out: Path, source: str = "bag 1", name: str = "a") -> Part:

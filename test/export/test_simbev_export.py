@@ -20,12 +20,12 @@ from typer.testing import CliRunner
 from simbev_ros.cli.main import app
 from simbev_ros.dataset import open_dataset
 from simbev_ros.dataset.frame import Frame
-from simbev_ros.errors import InputError
 from simbev_ros.export.parts import Part
 from simbev_ros.export.simbev import encodings
 from simbev_ros.export.simbev.export import finish, make_part, parts_of, remove_vanished
-from simbev_ros.semantics import BEV_CLASSES
-from simbev_ros.types import AnyArray
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.semantics import BEV_CLASSES
+from simbev_ros.foundation.types import AnyArray
 
 
 def export(dataset: Path, root: Path, **options: Any) -> list[str]:

@@ -13,7 +13,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
-from simbev_ros.limits import MAX_UNPACKED_VARIABLE
+from simbev_ros.foundation.files.limits import MAX_UNPACKED_VARIABLE
 
 ROOT = Path(__file__).parents[2]
 OUT = ROOT / "out" / "fuzz"

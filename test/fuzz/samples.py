@@ -27,13 +27,12 @@ from made_up_scene import made_up_spec
 from mcap.writer import CompressionType, Writer
 from targets import KEY, MESSAGE_TYPES, STAMPS_NS, TARGETS
 
-from simbev_ros.annotation.trajectories import TrackRecorder, tracks_to_npz
-from simbev_ros.annotation.visibility.views import VIEW_DTYPE
 from simbev_ros.dataset.index import INDEX_FILE, write_index
 from simbev_ros.dataset.index_row import index_row
 from simbev_ros.dataset.plan import Plan, PlannedEntry
+from simbev_ros.foundation.semantics import BEV_CLASSES
+from simbev_ros.foundation.types import Table
 from simbev_ros.maps.sumo.netconvert import sumo_home
-from simbev_ros.msgs.signing import Signer, signed_json
 from simbev_ros.recording.bag_metadata import to_yaml
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.image_codecs import encode_image
@@ -41,11 +40,13 @@ from simbev_ros.recording.layout import METADATA_FILE, scene_folder
 from simbev_ros.recording.lead_in import lead_in_attachment
 from simbev_ros.recording.qos import QosProfile
 from simbev_ros.recording.reader import RawMessage
+from simbev_ros.ros.msgs.signing import Signer, signed_json
 from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.request import SceneRequest
-from simbev_ros.scene.state import ACTOR_DTYPE, SIGNAL_DTYPE
-from simbev_ros.semantics import BEV_CLASSES
-from simbev_ros.types import Table
+from simbev_ros.schema.scene.state import ACTOR_DTYPE, SIGNAL_DTYPE
+from simbev_ros.schema.trajectories import TrackRecorder, tracks_to_npz
+from simbev_ros.schema.views import VIEW_DTYPE
+from simbev_ros.simulation.annotation.boxes.boxes import class_of_blueprint
 
 Messages = list[tuple[str, str, int, bytes]]
 """Topic, type, stamp in ns, and content of each message."""
@@ -272,7 +273,7 @@ def _recorded() -> Iterator[tuple[str, str, bytes]]:
 
 
 def _tracks() -> bytes:
-    recorder = TrackRecorder(_SPEC.tick_ns)
+    recorder = TrackRecorder(_SPEC.tick_ns, class_of_blueprint())
     for tick in range(3):
         recorder.add_frame(_SPEC.stamp_ns(tick), _actors())
     return tracks_to_npz(recorder.tracks())

@@ -21,29 +21,22 @@ from rclpy.serialization import deserialize_message
 from ros_messages import string
 from rosbags.typesys import Stores, get_typestore
 
-from simbev_ros.annotation.trajectories import futures, tracks_from_npz
 from simbev_ros.config.evaluation import BOXES_TOPIC, GRIDS_TOPIC
 from simbev_ros.config.load import load_scenario
 from simbev_ros.dataset.content import Content, SceneBags, sources_by_topic
 from simbev_ros.dataset.index import INDEX_FILE, read_index
 from simbev_ros.dataset.plan import PLAN_FILE, Plan
-from simbev_ros.errors import BagError, InputError, SimulationError
 from simbev_ros.evaluation.predictions.prediction_bag import PredictionBag
 from simbev_ros.evaluation.predictions.prediction_files import NpzBoxes, ParquetBoxes
 from simbev_ros.evaluation.predictions.prediction_messages import image_scores, message_boxes, occupancy_scores
 from simbev_ros.evaluation.predictions.score_grid import ScoreGrid, read_grid
-from simbev_ros.interfaces.message_types import types_with
-from simbev_ros.limits import MAX_SCENE_TICKS
+from simbev_ros.foundation.errors import BagError, InputError, SimulationError
+from simbev_ros.foundation.files.limits import MAX_SCENE_TICKS
+from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES
 from simbev_ros.maps.lanelet2.importer import import_lanelet2
 from simbev_ros.maps.opendrive.importer import import_opendrive
 from simbev_ros.maps.osm.importer import import_osm
 from simbev_ros.maps.sumo.importer import import_sumo
-from simbev_ros.msgs.message_types import message_class
-from simbev_ros.msgs.signing import Signer, content_of, signed_json
-from simbev_ros.msgs.stamps import serialized_stamp_ns
-from simbev_ros.msgs.typed_topics import TypedTopic, typed_topics
-from simbev_ros.msgs.world import actors_from_message, signals_from_message, weather_from_message
-from simbev_ros.nodes.reports import read_report
 from simbev_ros.recording.canonical import canonical_cdr
 from simbev_ros.recording.description import describe_bag
 from simbev_ros.recording.image_codecs import decode_image
@@ -53,12 +46,19 @@ from simbev_ros.recording.lead_in import lead_in_messages
 from simbev_ros.recording.mcap.chunk_cache import ChunkCache
 from simbev_ros.recording.reader import SceneBag, attached_spec
 from simbev_ros.recording.repair import repair_bag
-from simbev_ros.recording.replay import Replay, recorded_spec
 from simbev_ros.recording.verify import verify_bag
+from simbev_ros.ros.msgs.message_types import message_class
+from simbev_ros.ros.msgs.signing import Signer, content_of, signed_json
+from simbev_ros.ros.msgs.stamps import serialized_stamp_ns
+from simbev_ros.ros.msgs.typed_topics import TypedTopic, typed_topics
+from simbev_ros.ros.msgs.world import actors_from_message, signals_from_message, weather_from_message
+from simbev_ros.ros.nodes.reports import read_report
 from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.request import SceneRequest
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES
+from simbev_ros.schema.messages.message_types import types_with
+from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.trajectories import futures, tracks_from_npz
+from simbev_ros.simulation.replay.replay import Replay, recorded_spec
 
 CORPUS = Path(__file__).parent / "corpus"
 STAMPS_NS = 3_600_050_000_000 + 50_000_000 * np.arange(4)

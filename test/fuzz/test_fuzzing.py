@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from targets import TARGETS, Target
 
-from simbev_ros.limits import MAX_UNPACKED_VARIABLE
+from simbev_ros.foundation.files.limits import MAX_UNPACKED_VARIABLE
 
 _MIB = 1 << 20
 _LIMIT_MIB = 16

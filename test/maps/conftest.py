@@ -11,7 +11,7 @@ from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.plan.town import build_town
 from simbev_ros.maps.recipe import recipe_of
-from simbev_ros.maps.spec import MapSpec
+from simbev_ros.schema.scene.map_spec import MapSpec
 
 
 @pytest.fixture(scope="session")

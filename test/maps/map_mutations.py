@@ -24,7 +24,7 @@ from map_samples import SUFFIXES, sample
 
 from simbev_ros.assets.regions.build import build_region
 from simbev_ros.assets.regions.far_land import far_land
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.region import regions_of

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
-from simbev_ros.geometry.geodesy import MapDatum
+from simbev_ros.foundation.geometry.geodesy import MapDatum
 
 SAMPLE = Path(__file__).parent / "data" / "riverside.osm"
 DATUM = MapDatum(52.25, 7.5, 0.0)

@@ -8,20 +8,20 @@ import pytest
 import shapely
 from pyproj import CRS
 
-from simbev_ros.errors import InputError, SimulationError
+from simbev_ros.foundation.errors import InputError, SimulationError
 from simbev_ros.maps.build import load_datum, load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.surface import surfaces_of
 from simbev_ros.maps.source import known_maps
-from simbev_ros.maps.spec import MapSpec
 from simbev_ros.maps.sumo import netconvert
+from simbev_ros.schema.scene.map_spec import MapSpec
 
 _BUILD_AND_PRINT_FOLDER = """
 import sys
 from pathlib import Path
 from simbev_ros.maps.build import load_network
-from simbev_ros.maps.spec import MapSpec
+from simbev_ros.schema.scene.map_spec import MapSpec
 print(load_network(MapSpec(name="Blocks", seed=7), Path(sys.argv[1])).net_path.parent)
 """
 

@@ -3,12 +3,12 @@ import pytest
 import shapely
 from road_strips import layout_of_strips, level_ground, side_by_side, straight
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.roads.carriageways import cut_into_blocks
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Strip
 from simbev_ros.maps.roads.level_members import LevelGraph
 from simbev_ros.maps.roads.levels import assign_levels
-from simbev_ros.types import Float64Array
 
 
 def _bend(name: str, inner_m: float, outer_m: float, points: int, back: bool = False) -> Strip:

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from road_strips import layout_of_strips, level_ground, side_by_side, straight
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.roads.elevation import Elevation
 from simbev_ros.maps.roads.layout import Layout, Strip
 from simbev_ros.maps.roads.levels import assign_levels
-from simbev_ros.types import Float64Array
 
 _LIFT_M = 0.2
 

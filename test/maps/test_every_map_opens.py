@@ -12,7 +12,8 @@ import sumo
 
 from simbev_ros.assets.regions.build import build_region
 from simbev_ros.assets.regions.region_scene import RegionScene
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.semantics import Tag
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.network import RoadNetwork
@@ -20,7 +21,6 @@ from simbev_ros.maps.region import REGION_M, Region
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.source import map_spec
 from simbev_ros.maps.statistics import busiest_position
-from simbev_ros.semantics import Tag
 
 _SUMO = Path(sumo.__file__).parent
 _SHARED = Path(__file__).parents[2].parent / "shared" / "maps"

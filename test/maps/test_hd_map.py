@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from road_strips import layout_of_strips, side_by_side, straight
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.hd_map import lane_record
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.lane_strips import LaneStrips
 from simbev_ros.maps.roads.layout import Layout, Line, Paint, PaintColor
-from simbev_ros.types import Float64Array
 
 _KEYS = [
     *("id", "s", "road_id", "section_id", "lane_id", "lane_type", "lane_width", "lane_change", "is_junction"),

@@ -11,7 +11,7 @@ import shapely
 from lanelet2_sample import BOX_M, LANE_M, Crossing, LaneletSample, straight_lane
 from pyproj import Transformer
 
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.maps.builder import build_map
 from simbev_ros.maps.lanelet2.importer import import_lanelet2
 from simbev_ros.maps.opendrive.importer import import_opendrive

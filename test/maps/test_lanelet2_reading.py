@@ -8,8 +8,8 @@ import pytest
 from lanelet2_sample import SQUARE_UTM_M, LaneletSample, straight_lane
 from pyproj import Transformer
 
-from simbev_ros.errors import InputError
-from simbev_ros.geometry.geodesy import MapDatum
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.geometry.geodesy import MapDatum
 from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.lanelet2.importer import import_lanelet2
 from simbev_ros.maps.lanelet2.projector_info import datum_of_file, datum_of_grid

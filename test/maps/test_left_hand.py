@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.findings import sentences_of
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.osm.reader import read_osm
 from simbev_ros.maps.source import map_spec
 from simbev_ros.maps.sumo.netconvert import sumo_home
-from simbev_ros.types import Float64Array
 
 _MIRROR = np.array([1.0, -1.0])
 STREET = """<osm version="0.6"><node id="1" lat="50" lon="8"/><node id="2" lat="50" lon="8.003"/>{relation}

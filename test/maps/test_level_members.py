@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 from road_strips import layout_of_strips, level_ground, straight
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.roads.layout import Layout
 from simbev_ros.maps.roads.level_members import LevelGraph
 from simbev_ros.maps.roads.levels import assign_levels
-from simbev_ros.types import Float64Array
 
 
 def _arched(xy_m: Float64Array) -> Float64Array:

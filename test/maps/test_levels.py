@@ -5,10 +5,10 @@ import pytest
 import shapely
 from road_strips import layout_of_strips, level_ground, side_by_side, straight
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.land_features import Water
 from simbev_ros.maps.roads.layout import Crosswalk, Layout, StopLine, Strip
 from simbev_ros.maps.roads.levels import assign_levels
-from simbev_ros.types import Float64Array
 
 
 def _at(height_m: float):  # type: ignore[no-untyped-def]

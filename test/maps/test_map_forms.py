@@ -14,7 +14,7 @@ import zstandard
 from osm_sample import SAMPLE
 from osmium.osm import mutable
 
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.osm.data import OsmData

@@ -7,7 +7,7 @@ import pytest
 import shapely
 from numpy.typing import NDArray
 
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.maps.plan.draft import Draft, DraftRoad, RoadClass
 from simbev_ros.maps.plan.heights.profile import add_heights
 from simbev_ros.maps.plan.merges import LanePair, lane_pairs

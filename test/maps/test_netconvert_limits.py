@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from simbev_ros.errors import SimulationError
+from simbev_ros.foundation.errors import SimulationError
 from simbev_ros.maps.sumo import netconvert
 
 

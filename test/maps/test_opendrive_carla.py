@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import shapely
 
+from simbev_ros.foundation.types import BoolArray, Float64Array
 from simbev_ros.maps.opendrive.importer import import_opendrive
 from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.roads.layout import Paint, Strip
 from simbev_ros.maps.roads.levels import assign_levels
 from simbev_ros.maps.roads.surface import surfaces_of
-from simbev_ros.types import BoolArray, Float64Array
 
 carla: ModuleType = pytest.importorskip("carla")
 

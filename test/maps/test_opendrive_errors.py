@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import xodr_sample as sample
 
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.maps.findings import sentences_of
 from simbev_ros.maps.opendrive.importer import import_opendrive
 from simbev_ros.maps.parts import MapParts

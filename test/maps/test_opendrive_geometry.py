@@ -9,6 +9,7 @@ import xodr_sample as sample
 from scipy.integrate import quad
 from scipy.special import fresnel
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.opendrive.lane_shapes import lane_shapes
 from simbev_ros.maps.opendrive.links import LaneLinks
@@ -18,7 +19,6 @@ from simbev_ros.maps.opendrive.reading.reader import read_document
 from simbev_ros.maps.opendrive.strips import strips_of
 from simbev_ros.maps.roads.layout import Strip
 from simbev_ros.maps.safe_xml import parse
-from simbev_ros.types import Float64Array
 
 
 def read(tmp_path: Path, text: str) -> tuple[Document, Findings]:

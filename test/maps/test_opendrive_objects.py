@@ -7,7 +7,8 @@ import pytest
 import shapely
 from xodr_sample import LINE, geometry, lane, road, section, xodr
 
-from simbev_ros.limits import MAX_OBJECT_COPIES
+from simbev_ros.foundation.files.limits import MAX_OBJECT_COPIES
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.findings import Findings, sentences_of
 from simbev_ros.maps.land_features import POINT_KINDS, Footprint, MapObject, ObjectKind
 from simbev_ros.maps.object_clearance import clear_carriageways
@@ -18,7 +19,6 @@ from simbev_ros.maps.opendrive.roadside_objects import object_types, objects_of
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout, Strip
 from simbev_ros.maps.safe_xml import parse
-from simbev_ros.types import Float64Array
 
 RADIUS_M = 80.0
 ARC = f'<arc curvature="{1 / RADIUS_M!r}"/>'

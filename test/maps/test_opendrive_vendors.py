@@ -18,7 +18,7 @@ from simbev_ros.maps.source import map_spec
 from simbev_ros.maps.sumo.netconvert import sumo_home
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
-from simbev_ros.world.simulation import Simulation
+from simbev_ros.simulation.world.simulation import Simulation
 
 X_M, Y_M, Z_M = 691_000.5, 5_334_000.25, 480.0
 HEADER = """<header revMajor="1" revMinor="7" name="x" version="1.00" north="1" south="0" east="1" west="0" vendor="V">

@@ -11,7 +11,9 @@ from pydantic import ValidationError
 
 from simbev_ros.config.map_files import parse_bounds
 from simbev_ros.config.scenario import MapScenes
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.unpacking import bunzip2
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.build import load_network, load_source
 from simbev_ros.maps.findings import sentences_of
 from simbev_ros.maps.osm import import_osm
@@ -21,9 +23,7 @@ from simbev_ros.maps.osm.extract import write_osm
 from simbev_ros.maps.osm.reader import read_osm
 from simbev_ros.maps.osm.road_rules import road_tags
 from simbev_ros.maps.source import map_spec
-from simbev_ros.maps.spec import MapSpec
-from simbev_ros.types import Float64Array
-from simbev_ros.unpacking import bunzip2
+from simbev_ros.schema.scene.map_spec import MapSpec
 
 CENTER = (7.4960, 52.2480, 7.5035, 52.2530)
 """Crosses main streets, the river, the pond's neighborhood and areas of the sample."""

@@ -8,7 +8,8 @@ import pytest
 import shapely
 from osm_sample import DATUM, SAMPLE, Point, Writer, sample
 
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.findings import sentences_of
 from simbev_ros.maps.network import Lane
 from simbev_ros.maps.osm import import_osm
@@ -17,7 +18,6 @@ from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.levels import assign_levels
 from simbev_ros.maps.sumo.layout import layout_of
 from simbev_ros.maps.sumo.net import SumoNet, read_sumo_net
-from simbev_ros.types import Float64Array
 
 
 @pytest.fixture(scope="module")

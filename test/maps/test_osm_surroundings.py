@@ -9,6 +9,8 @@ from synthetic_world import world
 
 from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.assets.regions.build import build_region
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.land_features import ObjectKind
@@ -16,10 +18,8 @@ from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.osm.objects import object_rules
 from simbev_ros.maps.region import regions_of
 from simbev_ros.maps.source import map_spec
-from simbev_ros.raycast.scene import RayScene
-from simbev_ros.scene.state import ACTOR_DTYPE
-from simbev_ros.semantics import Tag
-from simbev_ros.types import Float64Array
+from simbev_ros.schema.scene.state import ACTOR_DTYPE
+from simbev_ros.simulation.raycast.scene import RayScene
 
 
 @pytest.fixture(scope="module")

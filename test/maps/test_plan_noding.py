@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.maps.plan.draft import Draft, DraftRoad, RoadClass
 from simbev_ros.maps.plan.lines import arc, length_m
 from simbev_ros.maps.plan.noding import divide_draft

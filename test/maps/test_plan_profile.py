@@ -4,6 +4,7 @@ import shapely
 from scipy.optimize import LinearConstraint, minimize
 from scipy.sparse import csc_array, csr_array
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.land_features import Water
 from simbev_ros.maps.plan.draft import Draft, DraftRoad, RoadClass
 from simbev_ros.maps.plan.heights.profile import add_heights
@@ -12,7 +13,6 @@ from simbev_ros.maps.plan.heights.structures import split_structures
 from simbev_ros.maps.plan.lines import points_at, stations_m
 from simbev_ros.maps.plan.noding import divide_draft
 from simbev_ros.maps.plan.plan import Plan
-from simbev_ros.types import Float64Array
 
 STREET = RoadClass(sidewalk_m=2.0)
 

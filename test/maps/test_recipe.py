@@ -3,7 +3,7 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.maps.plan.road_class import road_classes
 from simbev_ros.maps.recipe import TownRecipe, recipe_of
 from simbev_ros.maps.source import known_maps

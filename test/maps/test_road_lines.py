@@ -7,6 +7,7 @@ import pytest
 import shapely
 from road_strips import layout_of_strips, level_ground, straight
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Line, Paint
@@ -14,7 +15,6 @@ from simbev_ros.maps.roads.line_paths import line_paths
 from simbev_ros.maps.roads.markings import MarkingKind, lane_markings
 from simbev_ros.maps.roads.road_edges import road_edges
 from simbev_ros.maps.roads.surface import surfaces_of
-from simbev_ros.types import Float64Array
 
 _LINES = (MarkingKind.LANE, MarkingKind.EDGE, MarkingKind.CENTER)
 

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.maps.safe_xml import line_of, parse, place_of
 
 LAUGHS = """<?xml version="1.0"?>

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from pyproj import Transformer
 
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.maps.findings import sentences_of
 from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.roads.lane_kind import LaneKind

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import sumolib
 
-from simbev_ros.errors import SimulationError
+from simbev_ros.foundation.errors import SimulationError
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.levels import assign_levels

@@ -5,6 +5,7 @@ import pytest
 import shapely
 from road_strips import layout_of_strips, level_ground, side_by_side, straight
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout, Strip
@@ -15,7 +16,6 @@ from simbev_ros.maps.roads.surface import (
     strip_polygons,
     surfaces_of,
 )
-from simbev_ros.types import Float64Array
 
 _BLOCKS_LEFT = 4 * 4 - 2
 

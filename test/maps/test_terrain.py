@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 from analytic_maps import crossing, hilly_road, level_street, river
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.land.relief import Relief
 from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.elevation import Elevation
-from simbev_ros.types import Float64Array
 
 BEND_M = 0.01  # deviation of the road between nodes 2 m apart
 

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.maps.source import MAP_FILES_VARIABLE, file_of, map_spec, name_of_copy
-from simbev_ros.maps.spec import MapSpec
+from simbev_ros.schema.scene.map_spec import MapSpec
 
 CONTENT = b"<OpenDRIVE/>"
 

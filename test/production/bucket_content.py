@@ -4,8 +4,8 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 from pathlib import Path
 
-from simbev_ros.object_store.object_path import ObjectPath
-from simbev_ros.object_store.transfers import list_objects
+from simbev_ros.foundation.object_store.object_path import ObjectPath
+from simbev_ros.foundation.object_store.transfers import list_objects
 
 
 class Killed(BaseException):

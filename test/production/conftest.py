@@ -10,12 +10,12 @@ from bucket_content import DieAfter, Killed
 from fake_graph import FakeGraph, Scenarios
 
 from simbev_ros.config.scenario import Scenario
+from simbev_ros.foundation.object_store import object_lock
+from simbev_ros.foundation.object_store.connection import connection
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.spec import MapSpec
-from simbev_ros.object_store import object_lock
-from simbev_ros.object_store.connection import connection
 from simbev_ros.production import scene_maker, surroundings
+from simbev_ros.schema.scene.map_spec import MapSpec
 
 _WRITES = ("open_output_stream", "copy_file", "delete_dir", "delete_file")
 

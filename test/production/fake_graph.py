@@ -9,10 +9,10 @@ from made_up_scene import made_up_scene
 
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.graph.session import Progress
 from simbev_ros.recording.layout import partial_of, scene_folder
+from simbev_ros.ros.graph.session import Progress
 from simbev_ros.scene.ending import DURATION, SceneEnd
-from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.schema.scene.spec import SceneSpec
 
 Scenarios = Callable[[int], Scenario]
 """Makes a configuration of some scenes."""

@@ -14,9 +14,9 @@ from simbev_ros.dataset.index import read_index, update_index
 from simbev_ros.dataset.index_row import Row, index_row
 from simbev_ros.dataset.plan import Plan, PlannedEntry, bag_of
 from simbev_ros.dataset.stored_index import StoredIndex, load_stored_index
-from simbev_ros.object_store.connection import StoreError
-from simbev_ros.object_store.object_path import ObjectPath
-from simbev_ros.object_store.transfers import list_objects
+from simbev_ros.foundation.object_store.connection import StoreError
+from simbev_ros.foundation.object_store.object_path import ObjectPath
+from simbev_ros.foundation.object_store.transfers import list_objects
 from simbev_ros.production.dataset_home import hold_home, open_home
 from simbev_ros.recording.layout import scenes_of
 

@@ -7,9 +7,9 @@ from analytic_maps import hilly_road
 
 from simbev_ros.assets.regions.static_cache import StaticCache
 from simbev_ros.maps.region import Region
-from simbev_ros.maps.spec import MapSpec
 from simbev_ros.production import ProductionObserver, surroundings
 from simbev_ros.production.surroundings import build_missing_regions
+from simbev_ros.schema.scene.map_spec import MapSpec
 
 SPEC = MapSpec(name="analytic", seed=0)
 EAST, WEST = Region(0, 0), Region(-1, 0)

@@ -10,11 +10,11 @@ from fake_graph import FakeGraph, Scenarios
 from store_server import BUCKET, StoreServer
 
 from simbev_ros.dataset.index import read_index
-from simbev_ros.errors import DiskError, GraphError, InputError
-from simbev_ros.object_store.connection import StoreError
-from simbev_ros.object_store.object_lock import ObjectLock
-from simbev_ros.object_store.object_path import ObjectPath
-from simbev_ros.object_store.transfers import list_objects, put_bytes
+from simbev_ros.foundation.errors import DiskError, GraphError, InputError
+from simbev_ros.foundation.object_store.connection import StoreError
+from simbev_ros.foundation.object_store.object_lock import ObjectLock
+from simbev_ros.foundation.object_store.object_path import ObjectPath
+from simbev_ros.foundation.object_store.transfers import list_objects, put_bytes
 from simbev_ros.production import make_dataset, object_delivery
 
 SET = ObjectPath(BUCKET, "sets/a")

@@ -9,7 +9,7 @@ from fake_crew import FakeCrew
 
 from simbev_ros.dataset.index import read_index
 from simbev_ros.dataset.plan import PlannedEntry, bag_of
-from simbev_ros.errors import DiskError, GraphError, InputError, SimbevError
+from simbev_ros.foundation.errors import DiskError, GraphError, InputError, SimbevError
 from simbev_ros.production import ProductionObserver
 from simbev_ros.production.dataset_folder import DatasetFolder
 from simbev_ros.production.dataset_maker import DatasetMaker, Outcome

@@ -9,10 +9,10 @@ from stations_in_buildings import configuration_of, point_in_building_m
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.config.load import load_scenario
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.semantics import Tag
 from simbev_ros.production.drawing import draw_scenes
 from simbev_ros.production.free_stations import is_below_building, require_free_stations
-from simbev_ros.semantics import Tag
 
 ROOF = np.array([[[0.0, 0.0, 4.0], [4.0, 0.0, 4.0], [0.0, 4.0, 8.0]]])
 """A roof that rises from 4 m in the south to 8 m in the north."""

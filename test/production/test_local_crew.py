@@ -10,7 +10,7 @@ from fake_crew import COST
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import PlannedEntry
-from simbev_ros.object_store.object_path import ObjectPath
+from simbev_ros.foundation.object_store.object_path import ObjectPath
 from simbev_ros.production import ProductionObserver
 from simbev_ros.production.object_delivery import ObjectDelivery
 from simbev_ros.production.scene_cost import SceneCost

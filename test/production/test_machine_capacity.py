@@ -10,8 +10,8 @@ from simbev_ros.config.scenario import Scenario
 from simbev_ros.production.scene_cost import SceneCost
 from simbev_ros.production.workers import machine_capacity as module
 from simbev_ros.production.workers.machine_capacity import fitting_workers, share_gpus
-from simbev_ros.render.gl import devices
-from simbev_ros.render.gl.devices import EglDevice
+from simbev_ros.simulation.render.gl import devices
+from simbev_ros.simulation.render.gl.devices import EglDevice
 
 Machine = Callable[..., None]
 

@@ -10,10 +10,10 @@ from fake_graph import FakeGraph, Scenarios
 from simbev_ros.dataset.index import read_index
 from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.dataset.plan import PlannedEntry
-from simbev_ros.errors import DiskError, GraphError, InputError
+from simbev_ros.foundation.errors import DiskError, GraphError, InputError
 from simbev_ros.production import DatasetResult, ProductionObserver, make_dataset, scene_log
 from simbev_ros.scene.ending import SceneEnd
-from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.schema.scene.spec import SceneSpec
 
 
 class Diary(ProductionObserver):

@@ -10,16 +10,16 @@ import pytest
 from fake_crew import COST
 from fake_ray import FakeActor, FakeRay, install_fake_ray
 
-from simbev_ros.cluster.ray_cluster import RayCluster
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import PlannedEntry
-from simbev_ros.errors import GraphError, InputError
-from simbev_ros.maps.spec import MapSpec
+from simbev_ros.foundation.errors import GraphError, InputError
+from simbev_ros.production.cluster.ray_cluster import RayCluster
 from simbev_ros.production.scene_ending import MadeScene
 from simbev_ros.production.workers import ray_crew
 from simbev_ros.production.workers.messages import Sign
 from simbev_ros.production.workers.ray_crew import RayCrew
 from simbev_ros.production.workers.ray_worker import Answer
+from simbev_ros.schema.scene.map_spec import MapSpec
 
 Open = Callable[..., RayCrew]
 MIB = 1 << 20

@@ -7,18 +7,18 @@ from typing import Any
 import pytest
 from fake_ray import ActorDiedError, FakeActor, FakeRay, RayTaskError, Ref, install_fake_ray
 
-from simbev_ros.cluster.node_check import Code
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import PlannedEntry
-from simbev_ros.errors import InputError, RenderError
+from simbev_ros.foundation.errors import InputError, RenderError
 from simbev_ros.maps.source import map_spec
-from simbev_ros.maps.spec import MapSpec
+from simbev_ros.production.cluster.node_check import Code
 from simbev_ros.production.workers import ray_worker
 from simbev_ros.production.workers.crew import Worker
 from simbev_ros.production.workers.messages import Settings, Sign
 from simbev_ros.production.workers.ray_worker import Answer, Needs, RayWorker, WorkerActor
 from simbev_ros.production.workers.team import WorkerLost
-from simbev_ros.render.gl.devices import EglDevice
+from simbev_ros.schema.scene.map_spec import MapSpec
+from simbev_ros.simulation.render.gl.devices import EglDevice
 
 ENTRY = PlannedEntry(number=3, map="Blocks", split="val")
 SCENARIO = Scenario.model_validate({"scenes": [{"map": "Blocks", "train": 1}], "rig": {"sensors": []}})

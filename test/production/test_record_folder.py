@@ -10,12 +10,12 @@ from made_up_scene import made_up_scene
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.lock import DatasetLock
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.production.observer import ProductionObserver
 from simbev_ros.production.record_folder import hold_record_folder
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.layout import scene_folder
-from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.schema.scene.spec import SceneSpec
 
 
 @pytest.fixture

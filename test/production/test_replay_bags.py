@@ -9,15 +9,15 @@ from fake_graph import FakeGraph, Scenarios
 from fake_ray import FakeRay, install_fake_ray
 from replayable_scene import replayable_scene
 
-from simbev_ros.cluster import node_check
 from simbev_ros.config.evaluation import Evaluation
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.index import read_index, update_index
 from simbev_ros.dataset.lock import DatasetLock
-from simbev_ros.errors import DiskError, GraphError, InputError
+from simbev_ros.foundation.errors import DiskError, GraphError, InputError
 from simbev_ros.production import ProductionObserver, ReplayResult, replay_bags
+from simbev_ros.production.cluster import node_check
 from simbev_ros.recording.layout import partial_of
-from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.schema.scene.spec import SceneSpec
 
 
 @pytest.fixture(scope="module")

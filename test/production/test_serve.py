@@ -6,10 +6,10 @@ import pytest
 
 from simbev_ros.config.load import parse_scenario
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.errors import InputError
-from simbev_ros.graph.scene_queue import SceneOrder
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.production.drawing import draw_scenes
 from simbev_ros.production.serve import OrderDrawer
+from simbev_ros.ros.graph.scene_queue import SceneOrder
 
 CONFIG = """
 seed: 7

@@ -8,14 +8,14 @@ from fake_crew import COST
 from made_up_scene import made_up_spec
 
 from simbev_ros.dataset.plan import PlannedEntry
-from simbev_ros.errors import GraphError, RenderError
+from simbev_ros.foundation.errors import GraphError, RenderError
 from simbev_ros.production import ProductionObserver
 from simbev_ros.production.scene_ending import FailedScene, LostScene, MadeScene
 from simbev_ros.production.workers.crew import Worker
 from simbev_ros.production.workers.messages import ReportingObserver, Sign
 from simbev_ros.production.workers.team import Team, WorkerLost
 from simbev_ros.scene.ending import SceneEnd
-from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.schema.scene.spec import SceneSpec
 
 ENTRY = PlannedEntry(number=0, map="Blocks", split="train")
 MADE = MadeScene({}, "made", {}, COST)

@@ -8,7 +8,7 @@ from mcap.reader import make_reader
 from ros_messages import string
 from rosbags.highlevel import AnyReader
 
-from simbev_ros.errors import BagError
+from simbev_ros.foundation.errors import BagError
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.digest import topic_digests
 from simbev_ros.recording.indexed_bag import IndexedBag

@@ -16,8 +16,8 @@ from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
 from peak_memory import MIB, at_most
 from ros_messages import TYPES
 
-from simbev_ros.errors import BagError
-from simbev_ros.limits import MAX_UNPACKED_VARIABLE
+from simbev_ros.foundation.errors import BagError
+from simbev_ros.foundation.files.limits import MAX_UNPACKED_VARIABLE
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.indexed_bag import IndexedBag
 from simbev_ros.recording.mcap.chunk_cache import ChunkCache

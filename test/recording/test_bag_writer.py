@@ -18,7 +18,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosHistory, QosReliability
 from rosbags.rosbag2 import Reader
 
-from simbev_ros.errors import DiskError, InputError
+from simbev_ros.foundation.errors import DiskError, InputError
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.digest import topic_digests
 from simbev_ros.recording.qos import QosProfile
@@ -250,7 +250,7 @@ def test_a_file_that_cannot_grow_is_a_disk_error_and_keeps_synced_messages(tmp_p
     script = f"""
 import os, resource
 from pathlib import Path
-from simbev_ros.errors import DiskError
+from simbev_ros.foundation.errors import DiskError
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.indexed_bag import IndexedBag
 from simbev_ros.recording.qos import QosProfile

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from simbev_ros.config.scenario import DepthForm
-from simbev_ros.errors import BagError
-from simbev_ros.limits import MAX_UNPACKED_VARIABLE
+from simbev_ros.foundation.errors import BagError
+from simbev_ros.foundation.files.limits import MAX_UNPACKED_VARIABLE
 from simbev_ros.recording.image_codecs import compressed_format, decode_image, encode_image
 from simbev_ros.recording.rvl import decode_rvl
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from simbev_ros.foundation.types import AnyArray
 from simbev_ros.recording.png import RowFilter, decode_png, encode_png
-from simbev_ros.types import AnyArray
 
 RNG = np.random.default_rng(4)
 SHAPES = [(45, 80), (45, 80, 3), (1, 1), (1, 7, 3), (300, 1)]

@@ -7,7 +7,7 @@ import pytest
 from damage import intact_bag
 from ros_messages import image, message, point_cloud, serialize, string
 
-from simbev_ros.errors import BagError
+from simbev_ros.foundation.errors import BagError
 from simbev_ros.recording.arrays import image_array, point_array
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.indexed_bag import IndexedBag

@@ -13,7 +13,7 @@ from mcap.writer import Writer
 from rosbags.highlevel import AnyReader
 
 from simbev_ros.cli.repair import repair
-from simbev_ros.errors import BagError, DiskError, InputError
+from simbev_ros.foundation.errors import BagError, DiskError, InputError
 from simbev_ros.recording.mcap.mcap_index import read_mcap_index
 from simbev_ros.recording.reader import RawMessage, SceneBag
 from simbev_ros.recording.repair import repair_bag

@@ -6,12 +6,12 @@ import pytest
 
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.maps.build import load_network
-from simbev_ros.recording.replayed_agents import replayed_agents
-from simbev_ros.scene.agent_spec import AgentSpec
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes, start_positions
-from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.schema.scene.agent_spec import AgentSpec
+from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.simulation.replay.replayed_agents import replayed_agents
 
 HEAD = """
 seed: 5

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from simbev_ros.foundation.types import UInt16Array
 from simbev_ros.recording.rvl import decode_rvl, encode_rvl
-from simbev_ros.types import UInt16Array
 
 
 def word(value: int) -> bytes:

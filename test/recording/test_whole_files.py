@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from simbev_ros.errors import InputError
-from simbev_ros.recording.whole_files import require_writable, whole_file, write_errors, write_whole
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.whole_files import require_writable, whole_file, write_errors, write_whole
 
 
 def test_a_file_is_written_from_bytes_or_pieces_and_its_folder_is_made(tmp_path: Path) -> None:

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from simbev_ros.msgs.tables import message_from_table
+from simbev_ros.foundation.types import Float64Array, Table
 from simbev_ros.reference_stack.fusion import fuse_boxes
 from simbev_ros.reference_stack.messages import header_of, table_message, table_of
 from simbev_ros.reference_stack.pipeline import BOX_DTYPE
-from simbev_ros.types import Float64Array, Table
+from simbev_ros.ros.msgs.tables import message_from_table
 
 
 def cars(*places_m: tuple[float, float], score: float = 0.5, yaw_rad: float = 0.0, first_id: int = 1) -> Table:

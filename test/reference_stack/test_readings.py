@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from simbev_ros.foundation.semantics import BOX_CLASSES
 from simbev_ros.reference_stack.box_fit import Rectangles
 from simbev_ros.reference_stack.classes import load_kinds
 from simbev_ros.reference_stack.readings import Readings, Resolution, read_rectangles
-from simbev_ros.semantics import BOX_CLASSES
 
 KINDS = load_kinds()
 FINE = Resolution(np.radians(0.2), np.radians(0.1))

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from simbev_ros.geometry.grid import BevGrid
+from simbev_ros.foundation.geometry.grid import BevGrid
+from simbev_ros.foundation.semantics import BEV_CLASSES
 from simbev_ros.reference_stack.classes import load_kinds
 from simbev_ros.reference_stack.grid import CHANNELS, GridShape, RoadMemory, box_scores
 from simbev_ros.reference_stack.ground import SECTORS, Ground
 from simbev_ros.reference_stack.pipeline import BOX_DTYPE
-from simbev_ros.semantics import BEV_CLASSES
 
 SHAPE = GridShape(4, 6, 1.0)
 """Cell centers at x = 1.5 0.5 -0.5 -1.5 and y = 2.5 1.5 0.5 -0.5 -1.5 -2.5."""

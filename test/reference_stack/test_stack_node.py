@@ -1,4 +1,4 @@
-"""The stack's message conversions agree with the graph's own code; test/graph runs the node itself."""
+"""The stack's message conversions agree with the graph's own code; test/ros/graph runs the node itself."""
 
 import numpy as np
 import pytest
@@ -8,10 +8,7 @@ from several_agents import car, with_agents
 from visualization_msgs.msg import Marker
 
 from simbev_ros.config.lidar import Lidar
-from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
-from simbev_ros.msgs.stamps import header
-from simbev_ros.msgs.tables import message_from_table, table_from_message
-from simbev_ros.msgs.world import odometry_message
+from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_rpy
 from simbev_ros.reference_stack.grid import CHANNELS, GridShape
 from simbev_ros.reference_stack.messages import (
     header_of,
@@ -24,9 +21,12 @@ from simbev_ros.reference_stack.messages import (
 )
 from simbev_ros.reference_stack.pipeline import BOX_DTYPE
 from simbev_ros.reference_stack.scene import NoLidarError, read_scene
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.scene.state import ACTOR_DTYPE
-from simbev_ros.sensors.lidar import POINT_DTYPE
+from simbev_ros.ros.msgs.stamps import header
+from simbev_ros.ros.msgs.tables import message_from_table, table_from_message
+from simbev_ros.ros.msgs.world import odometry_message
+from simbev_ros.schema.points import POINT_DTYPE
+from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.state import ACTOR_DTYPE
 
 STAMP_NS = 7_204_050_000_001
 

@@ -13,11 +13,11 @@ from pydantic_core import PydanticSerializationError
 from several_agents import blocks_agents, car, made_up_agents, roadside_unit, with_agents
 
 from simbev_ros.config.sensor import Pose
-from simbev_ros.scene.agents import STATION_IDS, agent_view, agent_views, ego_row, seen_by
 from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.frames import ego_size_m
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, WorldState
+from simbev_ros.schema.scene.agents import STATION_IDS, agent_view, agent_views, ego_row, seen_by
+from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, WorldState
 
 ONE_AGENT = Path(__file__).with_name("one_agent_scene.json").read_text(encoding="utf-8").rstrip()
 """A specification as it was written before scenes had several agents."""

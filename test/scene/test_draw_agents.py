@@ -11,18 +11,18 @@ import shapely
 import yaml
 
 from simbev_ros.config.load import load_scenario, parse_scenario
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.spec import MapSpec
-from simbev_ros.scene.agents import agent_views
 from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, start_positions
 from simbev_ros.scene.drawing.start_clearance import StartClearance
 from simbev_ros.scene.drawing.starts import StartPositions
 from simbev_ros.scene.drawing.statistics import SceneStatistics, configured_value
 from simbev_ros.scene.hazards.detours import Detours
-from simbev_ros.scene.spec import SceneSpec, VehicleSpec, WaypointSpec
+from simbev_ros.schema.scene.agents import agent_views
+from simbev_ros.schema.scene.map_spec import MapSpec
+from simbev_ros.schema.scene.spec import SceneSpec, VehicleSpec, WaypointSpec
 
 MAP = "Town05"
 SENSORS = "rig: {sensors: [{type: imu, name: imu}]}"

@@ -11,17 +11,17 @@ from scipy.stats import binomtest, kstest, uniform
 from simbev_ros.config.hazards import Hazards
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import Scenario
+from simbev_ros.foundation.types import BoolArray
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
-from simbev_ros.maps.spec import MapSpec
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene
 from simbev_ros.scene.drawing.starts import StartPositions
 from simbev_ros.scene.hazards.draw_hazards import DrawnHazards, draw_hazards
-from simbev_ros.scene.hazards.hazard import HazardKind, HazardSpec, PropSpec
-from simbev_ros.scene.spec import StandSpec, VehicleSpec
-from simbev_ros.types import BoolArray
+from simbev_ros.schema.scene.hazard import HazardKind, HazardSpec, PropSpec
+from simbev_ros.schema.scene.map_spec import MapSpec
+from simbev_ros.schema.scene.spec import StandSpec, VehicleSpec
 
 BLUEPRINTS = {blueprint.name: blueprint for blueprint in load_blueprints()}
 TOWN = MapSpec(name="Town06", seed=0)

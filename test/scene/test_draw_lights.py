@@ -9,7 +9,7 @@ from simbev_ros.config.draw import Distribution
 from simbev_ros.config.lights import BuildingLights, Lights, StreetLights
 from simbev_ros.config.load import load_scenario
 from simbev_ros.scene.drawing.draw_lights import draw_lights, white_balanced_srgb
-from simbev_ros.scene.lights import LightSpec, street_lights
+from simbev_ros.schema.scene.lights import LightSpec, street_lights
 
 POSITIONS_M = np.random.default_rng(5).uniform(-4000.0, 4000.0, (4000, 3)) * [1.0, 1.0, 0.002]
 

@@ -9,15 +9,15 @@ import pytest
 
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Scenario, Traffic, WeatherConfig
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.roads.lane_kind import WALKABLE_KINDS, LaneKind
-from simbev_ros.maps.spec import MapSpec
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, planned_scenes
 from simbev_ros.scene.drawing.draw_weather import draw_weather
-from simbev_ros.scene.spec import PedestrianSpec, SceneSpec
+from simbev_ros.schema.scene.map_spec import MapSpec
+from simbev_ros.schema.scene.spec import PedestrianSpec, SceneSpec
 
 PLANNED = PlannedScene(3, MapSpec(name="Blocks"), "train")
 

@@ -8,18 +8,18 @@ import shapely
 
 from simbev_ros.config.load import load_scenario, parse_scenario
 from simbev_ros.config.sensor import Sensor
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import ROAD_KINDS, LaneKind
 from simbev_ros.maps.roads.surface import strip_polygons
-from simbev_ros.maps.spec import MapSpec
-from simbev_ros.scene.agent_spec import StationSpec
-from simbev_ros.scene.agents import agent_views
 from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, start_positions
 from simbev_ros.scene.drawing.starts import StartPositions
 from simbev_ros.scene.drawing.statistics import SceneStatistics, configured_value
-from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.schema.scene.agent_spec import StationSpec
+from simbev_ros.schema.scene.agents import agent_views
+from simbev_ros.schema.scene.map_spec import MapSpec
+from simbev_ros.schema.scene.spec import SceneSpec
 
 MAPS = ("Town05", "Town04")
 TEXT = """scenes: [{map: Town05, train: 1}]

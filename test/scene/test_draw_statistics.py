@@ -10,13 +10,13 @@ from simbev_ros.config.draw import Distribution
 from simbev_ros.config.hazards import Hazards
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Scenario, Timing, Traffic, WeatherConfig, WeatherParameters
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.build import load_network
-from simbev_ros.maps.spec import MapSpec
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, start_positions
 from simbev_ros.scene.drawing.draw_weather import draw_weathers
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.types import Float64Array
+from simbev_ros.schema.scene.map_spec import MapSpec
+from simbev_ros.schema.scene.spec import SceneSpec
 
 SCENES = 2000
 MIN_P = 0.01

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from simbev_ros.scene.ending import DURATION, SceneEnd, SceneEndDetector
-from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.schema.scene.spec import SceneSpec
 
 
 def watch(standing_ticks: int | None, ticks: int = 100, reason: str = DURATION) -> SceneEndDetector:

@@ -10,9 +10,9 @@ from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.region import Reaches, regions_of
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout
-from simbev_ros.scene.agents import agent_views
 from simbev_ros.scene.reach import loaded_reach, reach_of
-from simbev_ros.scene.spec import SceneSpec, VehicleSpec, WaypointSpec
+from simbev_ros.schema.scene.agents import agent_views
+from simbev_ros.schema.scene.spec import SceneSpec, VehicleSpec, WaypointSpec
 
 
 def long_road() -> RoadNetwork:

@@ -9,13 +9,13 @@ from simbev_ros.config.agents import Ego
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.places import SpawnPose
 from simbev_ros.config.scenario import Scenario, Traffic
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.spec import MapSpec
 from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene
-from simbev_ros.scene.spec import SceneSpec, VehicleSpec
+from simbev_ros.schema.scene.map_spec import MapSpec
+from simbev_ros.schema.scene.spec import SceneSpec, VehicleSpec
 
 PLANNED = PlannedScene(3, MapSpec(name="Blocks"), "train")
 

@@ -3,8 +3,8 @@
 import pytest
 from pydantic import ValidationError
 
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.scene.weather import Weather
+from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.weather import Weather
 
 PEDESTRIAN = {"blueprint": "a", "color": 0, "start": {"lane": "a", "s_m": 0}, "max_speed_mps": 1}
 VEHICLE = {"blueprint": "a", "color": 0, "start": {"lane": "a", "s_m": 0}, "speed_factor": 1, "min_gap_m": 1}

@@ -8,14 +8,14 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from simbev_ros.errors import SimulationError
+from simbev_ros.foundation.errors import SimulationError
+from simbev_ros.foundation.random import stream
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
-from simbev_ros.maps.spec import MapSpec
 from simbev_ros.maps.vehicle_class import open_to
-from simbev_ros.random import stream
 from simbev_ros.scene.streets.street_graph import Streets
+from simbev_ros.schema.scene.map_spec import MapSpec
 
 
 @cache

@@ -7,12 +7,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from simbev_ros.foundation.random import stream
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
-from simbev_ros.maps.spec import MapSpec
-from simbev_ros.random import stream
 from simbev_ros.scene.streets.walks import WalkGraph
+from simbev_ros.schema.scene.map_spec import MapSpec
 
 
 @cache

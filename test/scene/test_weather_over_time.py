@@ -8,15 +8,15 @@ import pytest
 
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Traffic, WeatherConfig, WeatherParameters
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.spec import MapSpec
 from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene
 from simbev_ros.scene.drawing.draw_weather import draw_weather, draw_weathers
 from simbev_ros.scene.drawing.starts import StartPositions
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.scene.weather import Weather
+from simbev_ros.schema.scene.map_spec import MapSpec
+from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.weather import Weather
 
 CONFIG = """scenes: [{map: Blocks, train: 1}]
 rig: {sensors: []}

@@ -11,14 +11,14 @@ from rosbags.typesys import Stores, get_typestore
 
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.rig import Rig
-from simbev_ros.msgs.qos import qos_of
-from simbev_ros.msgs.sensor_topics import camera_topics
-from simbev_ros.msgs.tables import message_from_table
-from simbev_ros.msgs.topic import Topic
-from simbev_ros.msgs.topics import manifest
-from simbev_ros.relays.autoware_points import AUTOWARE_POINT_DTYPE
-from simbev_ros.sensors.lidar import POINT_DTYPE
-from simbev_ros.types import Table
+from simbev_ros.foundation.types import Table
+from simbev_ros.ros.msgs.qos import qos_of
+from simbev_ros.ros.msgs.sensor_topics import camera_topics
+from simbev_ros.ros.msgs.tables import message_from_table
+from simbev_ros.ros.msgs.topic import Topic
+from simbev_ros.ros.msgs.topics import manifest
+from simbev_ros.ros.relays.autoware_points import AUTOWARE_POINT_DTYPE
+from simbev_ros.schema.points import POINT_DTYPE
 
 COMMON = get_typestore(Stores.ROS2_JAZZY).types
 STACKS = {"autoware": "Autoware", "nav2": "Nav2"}

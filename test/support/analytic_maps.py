@@ -18,14 +18,14 @@ from simbev_ros.assets.roads.ground import LAWN, lay_land, lay_streets, lay_wate
 from simbev_ros.assets.roads.guard_rails import put_guard_rails
 from simbev_ros.assets.roads.markings import paint_markings
 from simbev_ros.assets.roads.tunnels import build_tunnels
-from simbev_ros.geometry.geodesy import MapDatum
+from simbev_ros.foundation.geometry.geodesy import MapDatum
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.land_features import MapFeatures, Water
 from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout, Strip
 from simbev_ros.maps.roads.levels import assign_levels
 from simbev_ros.maps.surroundings import ReliefRecipe, SurroundingsRecipe
-from simbev_ros.types import Float64Array
 
 STREET = ((LaneKind.SIDEWALK, 2.5), (LaneKind.DRIVING, 3.5), (LaneKind.DRIVING, 3.5), (LaneKind.SIDEWALK, 2.5))
 MOTORWAY = (

@@ -6,9 +6,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from synthetic_world import TICK_NS, actor, box_model, world
 
-from simbev_ros.scene.state import WorldState
-from simbev_ros.semantics import Tag
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.types import Float64Array
+from simbev_ros.schema.scene.state import WorldState
 
 TICK_S = TICK_NS / 1e9
 _COLUMNS = ("x", "y", "z", "vx", "vy", "vz", "ax", "ay", "az", "roll", "pitch", "yaw", "wx", "wy", "wz")

@@ -6,14 +6,14 @@ import evaluated_dataset as single
 import numpy as np
 from ros_messages import image, odometry, point_cloud
 
-from simbev_ros.annotation.boxes.boxes import blank_boxes
-from simbev_ros.annotation.boxes.joint import join_boxes
 from simbev_ros.evaluation.metrics.boxes import Predictions, boxes_from_tables
+from simbev_ros.foundation.semantics import BOX_CLASSES
+from simbev_ros.foundation.types import AnyArray, Float64Array, Table
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.qos import QosProfile
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.semantics import BOX_CLASSES
-from simbev_ros.types import AnyArray, Float64Array, Table
+from simbev_ros.schema.boxes import blank_boxes
+from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.simulation.annotation.boxes.joint import join_boxes
 
 TICKS, NAME = single.TICKS, single.NAMES[0]
 EGO, CAR, SEEN_BY_EGO, SEEN_BY_CAR, SEEN_BY_BOTH, SEEN_BY_NONE = 1, 2, 11, 12, 13, 14

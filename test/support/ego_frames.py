@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 from geometry_msgs.msg import TransformStamped
 
-from simbev_ros.geometry.transforms import matrices_from_xyz_quaternion
+from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_quaternion
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.frames import base_link_x_m
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.types import Float64Array
+from simbev_ros.schema.scene.spec import SceneSpec
 
 
 def with_frames(spec: SceneSpec, **frames: Any) -> SceneSpec:

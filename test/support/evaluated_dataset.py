@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 from ros_messages import image, odometry, point_cloud
 
-from simbev_ros.annotation.boxes.boxes import blank_boxes
 from simbev_ros.evaluation.metrics.boxes import Boxes, Predictions, boxes_from_tables
+from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES
+from simbev_ros.foundation.types import AnyArray, Table
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.qos import QosProfile
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.scene.weather import Weather
-from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES
-from simbev_ros.types import AnyArray, Table
+from simbev_ros.schema.boxes import blank_boxes
+from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.weather import Weather
 
 TICKS, CELLS = 10, 20
 NAMES = ("Blocks-0000", "Blocks-0001")

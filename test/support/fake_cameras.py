@@ -10,10 +10,10 @@ import pytest
 from started_nodes import collecting_node
 
 from simbev_ros.maps.roads.tunnels import Tunnels
-from simbev_ros.nodes import camera_node, surroundings
-from simbev_ros.render.frame import CameraImages, CameraView, RenderFrame
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, WorldState
+from simbev_ros.ros.nodes import camera_node, surroundings
+from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, WorldState
+from simbev_ros.simulation.render.frame import CameraImages, CameraView, RenderFrame
 
 _IMAGES = {
     "rgb": np.zeros((16, 16, 3), np.uint8),

@@ -12,21 +12,20 @@ from typing import Any
 import numpy as np
 from ros_messages import header, image, message, odometry, point_cloud, serialize, string
 
-from simbev_ros.annotation.boxes.boxes import BOX_DTYPE, LIGHT_IDS, NO_BLUEPRINT, SIGN_IDS
-from simbev_ros.annotation.occupancy.occupancy import VOXEL_DTYPE
-from simbev_ros.geometry.transforms import quaternion_from_rpy
-from simbev_ros.interfaces import table_messages
+from simbev_ros.foundation.geometry.transforms import quaternion_from_rpy
+from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES, Tag
+from simbev_ros.foundation.types import AnyArray, Float64Array, Table
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.layout import SCENE_ATTACHMENT
 from simbev_ros.recording.qos import QosProfile
-from simbev_ros.scene.agents import agent_views
 from simbev_ros.scene.legend import legend
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.scene.state import ACTOR_DTYPE, SIGNAL_DTYPE
-from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES, Tag
-from simbev_ros.sensors.lidar import POINT_DTYPE, SEMANTIC_POINT_DTYPE
-from simbev_ros.sensors.radar import RADAR_POINT_DTYPE
-from simbev_ros.types import AnyArray, Float64Array, Table
+from simbev_ros.schema.boxes import BOX_DTYPE, LIGHT_IDS, NO_BLUEPRINT, SIGN_IDS
+from simbev_ros.schema.messages import table_messages
+from simbev_ros.schema.points import POINT_DTYPE, RADAR_POINT_DTYPE, SEMANTIC_POINT_DTYPE
+from simbev_ros.schema.scene.agents import agent_views
+from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.state import ACTOR_DTYPE, SIGNAL_DTYPE
+from simbev_ros.schema.voxels import VOXEL_DTYPE
 
 TICK_NS = 50_000_000
 SENSORS: list[dict[str, Any]] = [

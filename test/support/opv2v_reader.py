@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 import yaml
 
-from simbev_ros.types import Float64Array, UInt8Array
+from simbev_ros.foundation.types import Float64Array, UInt8Array
 
 CORNER_SIGNS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float64)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.types import Float64Array
 
 
 def distances_m(points: Float64Array, corners: Float64Array, within_m: float = 0.02) -> Float64Array:

@@ -12,8 +12,8 @@ from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.layout import scene_folder
 from simbev_ros.recording.qos import QosProfile
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.scene.state import ACTOR_DTYPE, SIGNAL_DTYPE
+from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.state import ACTOR_DTYPE, SIGNAL_DTYPE
 
 TICKS = 3
 _CLOUD = "sensor_msgs/msg/PointCloud2"

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout, Strip
-from simbev_ros.types import Float64Array
 
 Height = Callable[[Float64Array], Float64Array]
 

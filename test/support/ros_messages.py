@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 from rosbags.typesys import Stores, get_typestore
 
-from simbev_ros.geometry.transforms import quaternion_from_rpy
+from simbev_ros.foundation.geometry.transforms import quaternion_from_rpy
+from simbev_ros.foundation.types import AnyArray, Float64Array, Table
 from simbev_ros.recording import image_codecs
-from simbev_ros.types import AnyArray, Float64Array, Table
 
 TYPES = get_typestore(Stores.ROS2_JAZZY)
 _POINT_FIELD_TYPES = {"i1": 1, "u1": 2, "i2": 3, "u2": 4, "i4": 5, "u4": 6, "f4": 7, "f8": 8}

@@ -8,7 +8,7 @@ from made_up_scene import SENSORS, made_up_spec
 from simbev_ros.config.load import load_scenario
 from simbev_ros.maps.build import load_network
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
-from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.schema.scene.spec import SceneSpec
 
 MAST_SENSORS: list[dict[str, Any]] = [
     {"type": "camera", "name": "cam", "pose": {"z_m": 6, "pitch_deg": 30}, "width_px": 32, "height_px": 24},

@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 import rclpy
 
-from simbev_ros.nodes.main import node_class
-from simbev_ros.nodes.ros.names import NodeName
-from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.ros.conventions.names import NodeName
+from simbev_ros.ros.nodes.main import node_class
+from simbev_ros.schema.scene.spec import SceneSpec
 
 
 @contextmanager

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 
 from simbev_ros.assets.regions.static_cache import StaticCache
+from simbev_ros.foundation.semantics import Tag
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.region import regions_of
-from simbev_ros.maps.spec import MapSpec
-from simbev_ros.semantics import Tag
+from simbev_ros.schema.scene.map_spec import MapSpec
 
 TEXT = """scenes: [{{map: {town}, train: 1}}]
 time: {{warm_up_s: 1, duration_s: 1}}

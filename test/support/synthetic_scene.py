@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 from ros_messages import compressed_image, image, odometry, point_cloud
 
-from simbev_ros.geometry.camera import PinholeCamera
+from simbev_ros.foundation.geometry.camera import PinholeCamera
+from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES, Tag
+from simbev_ros.foundation.types import AnyArray, Float64Array, Table
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.qos import QosProfile
-from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES, Tag
-from simbev_ros.types import AnyArray, Float64Array, Table
 
 START_NS, TICK_NS = 3_604_000_000_000, 50_000_000
 STEP_M = 0.5

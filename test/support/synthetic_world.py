@@ -8,10 +8,10 @@ from simbev_ros.assets.actors.actor_model import ActorModel, Part
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.placement.static_scene import StaticScene, Tile
-from simbev_ros.scene.state import ACTOR_DTYPE, SIGNAL_DTYPE, WorldState
-from simbev_ros.scene.weather import Weather
-from simbev_ros.semantics import Tag
-from simbev_ros.types import Float64Array, Table
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.types import Float64Array, Table
+from simbev_ros.schema.scene.state import ACTOR_DTYPE, SIGNAL_DTYPE, WorldState
+from simbev_ros.schema.scene.weather import Weather
 
 TICK_NS = 50_000_000
 EGO_ID = 7

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from simbev_ros.installation.interface_files import OWN_PACKAGE, interface_files
+from simbev_ros.foundation.installation.interface_files import OWN_PACKAGE, interface_files
 from tools.docs.markdown import GENERATED, code, table
 
 _INTRODUCTION = """# Messages, service and action
@@ -14,7 +14,7 @@ The ROS package `simbev_interfaces` has the world, its labels and its scenes as 
 packages in packages, name both folders:
 
 ```sh
-colcon build --base-paths src/simbev_ros src/simbev_ros/interfaces
+colcon build --base-paths src/simbev_ros src/simbev_ros/schema/messages
 ```
 
 Without an installed ROS, [`simbev doctor --fix`](../guide/ros.md#messages-that-ross-wheels-lack) makes the package.

@@ -1,4 +1,4 @@
-"""docs/reference/limits-of-input.md: the limits of foreign input, from the constants of ``simbev_ros.limits``.
+"""docs/reference/limits-of-input.md: the limits of foreign input, from constants of ``foundation.files.limits``.
 
 The text after a constant is its description, so values and page cannot differ.
 """
@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 
-from simbev_ros import limits
+from simbev_ros.foundation.files import limits
 from tools.docs.markdown import GENERATED, code, sentence, table
 
 _INTRODUCTION = f"""# Limits of input

@@ -11,11 +11,11 @@ import yaml
 
 from simbev_ros.config.annotation import Occupancy, VectorMapPatch
 from simbev_ros.config.load import load_scenario
-from simbev_ros.msgs.qos import qos_of
-from simbev_ros.msgs.topics import Topic, manifest
-from simbev_ros.msgs.typed_topics import typed_topics
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.units import NS_PER_S
+from simbev_ros.foundation.units import NS_PER_S
+from simbev_ros.ros.msgs.qos import qos_of
+from simbev_ros.ros.msgs.topics import Topic, manifest
+from simbev_ros.ros.msgs.typed_topics import typed_topics
+from simbev_ros.schema.scene.spec import SceneSpec
 from tools.docs.markdown import GENERATED, code, table
 
 _DESCRIPTIONS = Path(__file__).with_name("topics.yaml")

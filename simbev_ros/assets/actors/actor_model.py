@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from simbev_ros.assets.mesh.mesh import Mesh
-from simbev_ros.semantics import Tag
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.types import Float64Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from functools import lru_cache
 
 from simbev_ros.assets.actors.solids import Vector
 from simbev_ros.config.base import Model
-from simbev_ros.tables import load_table
+from simbev_ros.foundation.tables import load_table
 
 Ring = tuple[float, float, float, float]
 """Horizontal ring of a body part: height, x, half depth, half width."""

@@ -7,9 +7,9 @@ from pathlib import Path
 from simbev_ros.assets.actors.actor_model import ActorModel, CoarserMesh
 from simbev_ros.assets.actors.model_file import read_coarser, read_models, write_coarser, write_models
 from simbev_ros.assets.actors.shape import build_model, load_shape
-from simbev_ros.cache.entries import default_cache_dir, entry_path
-from simbev_ros.cache.files import read_cached
-from simbev_ros.cache.fingerprint import fingerprint
+from simbev_ros.foundation.cache.entries import default_cache_dir, entry_path
+from simbev_ros.foundation.cache.files import read_cached
+from simbev_ros.foundation.cache.fingerprint import fingerprint
 from simbev_ros.scene.blueprints import load_blueprints
 
 _KIND = "models"

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from simbev_ros.types import BoolArray, Float64Array, Int64Array
+from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ import numpy as np
 from simbev_ros.assets.actors.actor_model import Part
 from simbev_ros.assets.actors.solids import Box, Solid
 from simbev_ros.config.base import Model
-from simbev_ros.types import BoolArray, Float64Array
+from simbev_ros.foundation.types import BoolArray, Float64Array
 
 _OPENING_RAD = float(np.radians(65.0))
 _THICKNESS_M = 0.06

@@ -10,8 +10,8 @@ from simbev_ros.assets.actors.body import Ring, load_body
 from simbev_ros.assets.actors.pose import LIMBS, Pose, Seat, seated_pose, standing_pose
 from simbev_ros.assets.actors.solids import Box, Ellipsoid, Rings, Solid, Tube, Vector
 from simbev_ros.config.base import Model
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.scene.gait import Gait, interpolate_gaits
-from simbev_ros.types import Float64Array
 
 
 class Figure(Model):

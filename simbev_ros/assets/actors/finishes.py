@@ -4,8 +4,8 @@ from functools import lru_cache
 
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.primitives import Finish
-from simbev_ros.semantics import Tag
-from simbev_ros.tables import load_table
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.tables import load_table
 
 
 @lru_cache(maxsize=1)

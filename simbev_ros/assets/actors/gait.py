@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from simbev_ros.assets.actors.limbs import ANKLE, SHIN, THIGH, bend
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.scene.gait import Gait
-from simbev_ros.types import Float64Array
 
 PHASES = 64
 """Number of equal steps of a stride at which poses are computed."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.types import Float64Array
 
 # Lengths relative to the body height: Drillis and Contini, "Body Segment Parameters", 1966.
 THIGH, SHIN, ANKLE = 0.245, 0.246, 0.039

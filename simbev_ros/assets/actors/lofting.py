@@ -9,8 +9,8 @@ from simbev_ros.assets.actors.shell import Shell
 from simbev_ros.assets.actors.shell_grid import level_points, shell_grid
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import patchwork
-from simbev_ros.semantics import Tag
-from simbev_ros.types import AnyArray, Float64Array
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.types import AnyArray, Float64Array
 
 
 def build_shell(shell: Shell, tag: Tag, part_index: dict[str, int], detail: Detail) -> list[Mesh]:

@@ -20,8 +20,8 @@ from simbev_ros.assets.actors.limbs import (
     down,
 )
 from simbev_ros.config.base import Model
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.scene.gait import Gait, unit_mps
-from simbev_ros.types import Float64Array
 
 LIMBS = ("thigh", "shin", "foot", "upper arm", "forearm")
 _SIDES = (("left", 1.0), ("right", -1.0))

@@ -8,9 +8,9 @@ import numpy as np
 
 from simbev_ros.assets.actors.actor_model import ActorModel
 from simbev_ros.assets.actors.skeletons import part_poses
-from simbev_ros.geometry.ragged import ragged_starts
-from simbev_ros.scene.state import map_from_actors
-from simbev_ros.types import Float32Array, Float64Array, Int32Array, Table, UInt8Array, UInt32Array
+from simbev_ros.foundation.geometry.ragged import ragged_starts
+from simbev_ros.foundation.types import Float32Array, Float64Array, Int32Array, Table, UInt8Array, UInt32Array
+from simbev_ros.schema.scene.state import map_from_actors
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,12 +18,12 @@ from simbev_ros.assets.actors.solids import AnySolid, Solid, Vector, build_solid
 from simbev_ros.assets.actors.wheels import Wheels, build_wheels, wheel_parts
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.config.base import Model
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.tables import load_table
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.scene.blueprints import Blueprint
 from simbev_ros.scene.gait import load_gaits, transition_mps, unit_mps
-from simbev_ros.scene.state import ACTOR_DTYPE
-from simbev_ros.semantics import Tag
-from simbev_ros.tables import load_table
-from simbev_ros.types import Float64Array
+from simbev_ros.schema.scene.state import ACTOR_DTYPE
 
 _MAX_STRETCH = 0.03
 _PHASES = 48  # steps of a stride at which its extent is evaluated

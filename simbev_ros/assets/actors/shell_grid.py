@@ -11,7 +11,7 @@ from simbev_ros.assets.actors.detail import Detail, select_lines
 from simbev_ros.assets.actors.doors import door_part
 from simbev_ros.assets.actors.finishes import mirrored_name
 from simbev_ros.assets.actors.shell import Arch, Area, Curve, Loop, Seam, Shell
-from simbev_ros.types import AnyArray, BoolArray, Float64Array
+from simbev_ros.foundation.types import AnyArray, BoolArray, Float64Array
 
 if TYPE_CHECKING:
     from scipy.interpolate import PchipInterpolator

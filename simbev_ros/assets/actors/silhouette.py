@@ -11,7 +11,7 @@ import numpy as np
 
 from simbev_ros.assets.actors.actor_model import ActorModel
 from simbev_ros.assets.materials import Material
-from simbev_ros.types import AnyArray, Float64Array
+from simbev_ros.foundation.types import AnyArray, Float64Array
 
 _LAYERS = 16
 _STATION_M = 0.1

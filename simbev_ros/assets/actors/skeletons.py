@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from simbev_ros.assets.actors.actor_model import ActorModel, Part
-from simbev_ros.geometry.ragged import ragged_indices
-from simbev_ros.types import Float64Array, Int64Array, Table
+from simbev_ros.foundation.geometry.ragged import ragged_indices
+from simbev_ros.foundation.types import Float64Array, Int64Array, Table
 
 
 class Skeletons:

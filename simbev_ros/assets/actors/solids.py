@@ -11,9 +11,9 @@ from simbev_ros.assets.actors.finishes import finish_named, mirrored_name
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import Finish, box, ellipsoid, extrusion, lathe, loft, tube
 from simbev_ros.config.base import Model
-from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
-from simbev_ros.semantics import Tag
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_rpy
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.types import Float64Array
 
 Vector = tuple[float, float, float]
 

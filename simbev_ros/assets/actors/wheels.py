@@ -11,8 +11,8 @@ from simbev_ros.assets.actors.finishes import finish_named
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import Finish, box, lathe
 from simbev_ros.config.base import Model
-from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
-from simbev_ros.semantics import Tag
+from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_rpy
+from simbev_ros.foundation.semantics import Tag
 
 
 class Wheels(Model):

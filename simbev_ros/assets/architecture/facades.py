@@ -15,8 +15,8 @@ from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import Finish, box, boxes, extrusion, plate
 from simbev_ros.assets.palette import Color, shade_color
-from simbev_ros.semantics import Tag
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.types import Float64Array
 
 BAY_M = 3.0
 STORY_M = 3.0

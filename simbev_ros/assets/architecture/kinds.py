@@ -15,7 +15,7 @@ from simbev_ros.assets.architecture.walls import Wall, draw_wall
 from simbev_ros.assets.architecture.works import hall, tanks, warehouse
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.config.base import Model
-from simbev_ros.tables import load_table
+from simbev_ros.foundation.tables import load_table
 
 _BUILDERS: Mapping[str, Callable[[Plot, Wall, np.random.Generator], Mesh]] = {
     "town_house": town_house,

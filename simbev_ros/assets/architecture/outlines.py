@@ -12,9 +12,9 @@ from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import box, extrusion
 from simbev_ros.assets.palette import Color, pick_color, rgb
-from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
+from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_rpy
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.land_features import Footprint
-from simbev_ros.types import Float64Array
 
 _STORY_M = 3.1
 _MAX_HIPPED_HEIGHT_M, _MAX_HIPPED_M2 = 13.0, 320.0

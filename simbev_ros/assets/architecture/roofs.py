@@ -19,8 +19,8 @@ from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import box, boxes, extrusion, solid
 from simbev_ros.assets.palette import Color, shade_color
-from simbev_ros.geometry.plan_view import left_of
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.geometry.plan_view import left_of
+from simbev_ros.foundation.types import Float64Array
 
 OVERHANG_M = 0.45
 _THICKNESS_M = 0.22

@@ -16,10 +16,10 @@ from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import solid, triangulate
 from simbev_ros.assets.palette import Color
 from simbev_ros.config.base import Model
-from simbev_ros.geometry import overlay
-from simbev_ros.geometry.plan_view import polygon_parts
-from simbev_ros.tables import load_table
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.geometry.plan_view import polygon_parts
+from simbev_ros.foundation.tables import load_table
+from simbev_ros.foundation.types import Float64Array
 
 _CUT_M = 1e-6
 _MIN_FILL = 0.85  # of an outline in its convex hull, from which roofs to a point are possible

@@ -8,8 +8,8 @@ from simbev_ros.assets.mesh.graded import GradedMesh
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import Finish, lathe, loft, tube
 from simbev_ros.assets.palette import pick_color, shade_color
-from simbev_ros.semantics import Tag
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.types import Float64Array
 
 
 def bush(rng: np.random.Generator) -> GradedMesh:

@@ -10,8 +10,8 @@ from simbev_ros.assets.mesh.graded import GradedMesh
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import Finish, solid, tube
 from simbev_ros.assets.palette import Color, pick_color, shade_color
-from simbev_ros.semantics import Tag
-from simbev_ros.types import Float64Array, Int32Array, Int64Array
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.types import Float64Array, Int32Array, Int64Array
 
 ROOT_M = -0.4
 """Height at which trunks begin, below the ground."""

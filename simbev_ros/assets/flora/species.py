@@ -10,8 +10,8 @@ from simbev_ros.assets.flora import bushes, trees
 from simbev_ros.assets.mesh.graded import GradedMesh
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.config.base import Model
-from simbev_ros.random import stream
-from simbev_ros.tables import load_table
+from simbev_ros.foundation.random import stream
+from simbev_ros.foundation.tables import load_table
 
 VARIANTS = 4
 """Number of different plants in the stock of a species."""

@@ -7,7 +7,7 @@ from simbev_ros.assets.mesh.graded import GradedMesh
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import lathe
 from simbev_ros.assets.palette import Color, pick_color, shade_color
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.types import Float64Array
 
 _FRONDS, _LEAFLETS = 18, 7
 _CONE = 0.8

@@ -8,12 +8,12 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.placement.region_ground import MARGIN_M, RegionGround
-from simbev_ros.geometry import overlay
-from simbev_ros.geometry.plan_view import multi_polygon
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.geometry.plan_view import multi_polygon
+from simbev_ros.foundation.types import BoolArray, Float64Array
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Strip
 from simbev_ros.maps.surroundings import SurroundingsRecipe
-from simbev_ros.types import BoolArray, Float64Array
 
 _MIN_PART_M2, _MIN_AREA_M2 = 0.01, 40.0
 _STRAIGHT_M, _MIN_SIDE_M = 0.35, 6.0

@@ -13,8 +13,8 @@ from simbev_ros.assets.land.rows import Site, build_rows, erect, site_at
 from simbev_ros.assets.land.yard import Yard
 from simbev_ros.assets.street.furniture import bench, bicycle_rack
 from simbev_ros.config.draw import sample
-from simbev_ros.geometry import overlay
-from simbev_ros.geometry.plan_view import left_of
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.geometry.plan_view import left_of
 
 _PATH_M, _PLAZA_M, _ON_PLAZA_M = 3.0, 9.0, 1.5
 _M2_PER_PLANT = 85.0

@@ -10,8 +10,8 @@ from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.primitives import Finish
-from simbev_ros.semantics import Tag
-from simbev_ros.tables import load_table
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.tables import load_table
 
 PATH_RISE_M, PAINT_RISE_M = 0.012, 0.02
 """Height of paths and of paint on yards above the cover below."""

@@ -12,10 +12,10 @@ from simbev_ros.assets.land.rows import Site, erect, site_at
 from simbev_ros.assets.land.yard import Yard, quad
 from simbev_ros.assets.street.furniture import mailbox
 from simbev_ros.assets.street.yard_things import hay_bale, pallets, wood_pile
-from simbev_ros.geometry import overlay
-from simbev_ros.geometry.plan_view import left_of
-from simbev_ros.random import stream
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.geometry.plan_view import left_of
+from simbev_ros.foundation.random import stream
+from simbev_ros.foundation.types import Float64Array
 
 _FIELD_M = (150.0, 210.0)
 _MARGIN_M, _VERGE_M = 1.2, 3.2

@@ -11,8 +11,8 @@ from simbev_ros.assets.mesh.graded import GradedMesh
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.placement.ensemble import Base
 from simbev_ros.assets.street.barriers import PANEL_M, VARIANTS, panel
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.land_features import BARRIER_KINDS
-from simbev_ros.types import Float64Array
 
 _HALF_WIDTH_M = {"hedge": 0.42, "high_hedge": 0.42}
 _THIN_M = 0.2

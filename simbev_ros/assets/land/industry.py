@@ -14,9 +14,9 @@ from simbev_ros.assets.land.yard import Yard, quad
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.palette import pick_color
 from simbev_ros.assets.street.yard_things import container, dumpster, pallets, trailer
-from simbev_ros.geometry import overlay
-from simbev_ros.geometry.plan_view import left_of
-from simbev_ros.random import stream
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.geometry.plan_view import left_of
+from simbev_ros.foundation.random import stream
 
 _VERGE_M, _YARD_M = 2.6, 46.0
 _GATE_SPACING_M, _GATE_M = 55.0, 9.0

@@ -6,7 +6,7 @@ from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.land.covers import BAY_LINE, PAINT_RISE_M, PATH_RISE_M
 from simbev_ros.assets.land.yard import Yard, quad
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.types import Float64Array
 
 _BAY_M, _BAY_DEPTH_M, _AISLE_M, _RIM_M = 2.6, 5.0, 6.4, 0.8
 _LINE_M = 0.12

@@ -14,10 +14,10 @@ from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import Finish, extrusion, plate
 from simbev_ros.assets.placement.tiles import upright_pose
 from simbev_ros.assets.street.furniture import bench
-from simbev_ros.geometry import overlay
-from simbev_ros.geometry.plan_view import left_of
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.geometry.plan_view import left_of
+from simbev_ros.foundation.semantics import Tag
 from simbev_ros.maps.land_features import ObjectKind
-from simbev_ros.semantics import Tag
 
 _PATH_M, _PLAZA_RADIUS_M, _ON_PLAZA_M = 2.6, 7.0, 1.5
 _BENCH_SPACING_M, _BENCH_ROOM_M = 14.0, 0.95

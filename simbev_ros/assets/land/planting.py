@@ -10,7 +10,7 @@ from simbev_ros.assets.flora.species import VARIANTS, draw_species, load_species
 from simbev_ros.assets.land.yard import Yard
 from simbev_ros.assets.placement.ensemble import Base
 from simbev_ros.assets.placement.nearby_objects import TREE_KINDS
-from simbev_ros.types import AnyArray, BoolArray, Float64Array
+from simbev_ros.foundation.types import AnyArray, BoolArray, Float64Array
 
 _WILD_HABITATS = ("wild", "deep", "far", "low")  # their trees are not mapped one by one
 _SEEN_WELL_M, _TREE_M = 24.0, 1.8

@@ -11,9 +11,9 @@ from simbev_ros.assets.land.covers import PATH_RISE_M
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.placement.region_ground import RegionGround
 from simbev_ros.assets.street.obstacles import obstacle_corners_m
-from simbev_ros.geometry import overlay
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.types import AnyArray, Float64Array
 from simbev_ros.maps.land.membrane import Raster
-from simbev_ros.types import AnyArray, Float64Array
 
 _BODY_M = 0.5  # half of a pedestrian's width, and some clearance
 _MOUTH_M, _SIDEWALK_M = (

@@ -12,10 +12,10 @@ from simbev_ros.assets.land.blocks import Zones
 from simbev_ros.assets.land.yard import Yard
 from simbev_ros.assets.palette import rgb
 from simbev_ros.assets.placement.tiles import upright_pose
-from simbev_ros.geometry import overlay
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.land_features import Footprint
 from simbev_ros.maps.surroundings import SurroundingsRecipe
-from simbev_ros.types import Float64Array
 
 _NEAR_M = 60.0
 _EAVES_M, _FOOT_M = 0.5, 0.3

@@ -16,9 +16,9 @@ from simbev_ros.assets.land.blocks import Block, Frontage
 from simbev_ros.assets.land.yard import Yard, quad, quads, yaw_of
 from simbev_ros.assets.placement.tiles import upright_pose
 from simbev_ros.config.draw import sample
-from simbev_ros.geometry.plan_view import left_of
+from simbev_ros.foundation.geometry.plan_view import left_of
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.surroundings import SurroundingsRecipe
-from simbev_ros.types import Float64Array
 
 _STEP_M = 1.5
 _BATCH_SIZE = 12  # positions tested at once; most rows have room within one batch

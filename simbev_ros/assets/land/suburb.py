@@ -16,7 +16,7 @@ from simbev_ros.assets.land.yard import Yard
 from simbev_ros.assets.palette import pick_color
 from simbev_ros.assets.street.furniture import mailbox
 from simbev_ros.assets.street.yard_things import wheelie_bin, wood_pile
-from simbev_ros.geometry import overlay
+from simbev_ros.foundation.geometry import overlay
 
 _DRIVE_M, _PATH_M = 3.2, 1.2
 _GARDEN_DEPTH_M = 14.0

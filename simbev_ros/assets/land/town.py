@@ -15,8 +15,8 @@ from simbev_ros.assets.land.rows import Site, build_rows
 from simbev_ros.assets.land.yard import Yard, yaw_of
 from simbev_ros.assets.palette import pick_color
 from simbev_ros.assets.street.yard_things import dumpster
-from simbev_ros.geometry import overlay
-from simbev_ros.geometry.plan_view import left_of
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.geometry.plan_view import left_of
 
 _MAX_HOUSE_HEIGHT_M, _MAX_APARTMENTS_HEIGHT_M = 7.5, 24.0
 _YARD_DEPTH_M = 27.0

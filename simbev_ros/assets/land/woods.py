@@ -3,7 +3,7 @@
 from simbev_ros.assets.land.blocks import Block
 from simbev_ros.assets.land.planting import lattice_positions, plant_mixed
 from simbev_ros.assets.land.yard import Yard
-from simbev_ros.geometry import overlay
+from simbev_ros.foundation.geometry import overlay
 
 _EDGE_M, _FRONT_M, _DEEP_M, _SEEN_M = 2.5, 8.5, 42.0, 110.0
 _FRONT_SPACING_M, _DEEP_SPACING_M, _FAR_SPACING_M = 5.8, 6.4, 12.0

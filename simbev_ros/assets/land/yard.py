@@ -14,8 +14,8 @@ from simbev_ros.assets.placement.ensemble import Ensemble
 from simbev_ros.assets.placement.nearby_objects import NearbyObjects
 from simbev_ros.assets.placement.region_ground import RegionGround
 from simbev_ros.assets.placement.tiles import TileBuilder
-from simbev_ros.geometry import overlay
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.types import Float64Array
 
 SIGNAL_CLEARANCE_M = 2.0
 """Minimum distance between crowns and signal heads."""

@@ -11,10 +11,10 @@ from typing import Self
 import numpy as np
 import shapely
 
-from simbev_ros.geometry import overlay
-from simbev_ros.geometry.plan_view import indexed_polygon_parts, left_of
-from simbev_ros.geometry.ragged import ragged_starts
-from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int64Array
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.geometry.plan_view import indexed_polygon_parts, left_of
+from simbev_ros.foundation.geometry.ragged import ragged_starts
+from simbev_ros.foundation.types import AnyArray, BoolArray, Float64Array, Int64Array
 
 _ON_LINE_TOLERANCE_M = 1e-9
 

@@ -17,7 +17,7 @@ from simbev_ros.assets.mesh.facet_cuts import Cut
 from simbev_ros.assets.mesh.facets import TILE_M
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import Finish
-from simbev_ros.types import BoolArray, Float64Array, Int64Array
+from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
 
 _MIN_TRIANGLE_M2 = 1e-6
 _EDGE_TOLERANCE_M = 0.002  # areas and the pieces cut from them lie on a millimeter grid

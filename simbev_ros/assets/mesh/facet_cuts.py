@@ -8,10 +8,10 @@ from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.mesh.clipping import Rings, split_along_lines, without_holes
 from simbev_ros.assets.mesh.facets import TILE_M, Facets
-from simbev_ros.geometry import overlay
-from simbev_ros.geometry.plan_view import indexed_polygon_parts
-from simbev_ros.geometry.ragged import ragged_indices
-from simbev_ros.types import AnyArray, Float64Array, Int64Array
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.geometry.plan_view import indexed_polygon_parts
+from simbev_ros.foundation.geometry.ragged import ragged_indices
+from simbev_ros.foundation.types import AnyArray, Float64Array, Int64Array
 
 _MIN_PIECE_M2 = 1e-6
 

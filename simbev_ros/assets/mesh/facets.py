@@ -9,9 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.maps.land.membrane import Raster
 from simbev_ros.maps.region import Region
-from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
 TILE_M = 64.0
 """Edge length of the largest facets, and of the tiles that meshes are cut into."""

@@ -7,8 +7,8 @@ from typing import Self
 import numpy as np
 
 from simbev_ros.assets.materials import Material
-from simbev_ros.semantics import Tag
-from simbev_ros.types import Float32Array, Float64Array, Int32Array, UInt8Array
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.types import Float32Array, Float64Array, Int32Array, UInt8Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ from dataclasses import fields
 import numpy as np
 
 from simbev_ros.assets.mesh.mesh import Mesh
-from simbev_ros.types import AnyArray
+from simbev_ros.foundation.types import AnyArray
 
 
 def mesh_arrays(meshes: Sequence[Mesh]) -> Iterator[tuple[str, AnyArray]]:
@@ -21,7 +21,7 @@ def meshes_from(arrays: Mapping[str, AnyArray]) -> list[Mesh]:
     """Meshes from an open NPZ file with the arrays of ``mesh_arrays``.
 
     Raises:
-        One of ``errors.NPZ_DAMAGE``: The file is damaged.
+        One of ``foundation.errors.NPZ_DAMAGE``: The file is damaged.
     """
     columns = {field.name: _split(arrays, field.name) for field in fields(Mesh)}
     count = len(columns["vertices"])

@@ -9,9 +9,9 @@ import shapely
 
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.mesh import Mesh
-from simbev_ros.geometry.ragged import ragged_indices, ragged_starts
-from simbev_ros.semantics import Tag
-from simbev_ros.types import BoolArray, Float64Array, Int32Array, Int64Array
+from simbev_ros.foundation.geometry.ragged import ragged_indices, ragged_starts
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.types import BoolArray, Float64Array, Int32Array, Int64Array
 
 Vector = tuple[float, float, float]
 

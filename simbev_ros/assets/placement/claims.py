@@ -8,7 +8,7 @@ import shapely
 from scipy.spatial import cKDTree
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.types import BoolArray, Float64Array
+from simbev_ros.foundation.types import BoolArray, Float64Array
 
 _CELL_M = 24.0
 _DISC_QUADRANT_SEGMENTS = 2

@@ -10,8 +10,8 @@ from simbev_ros.assets.mesh.graded import GradedMesh
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.placement.region_ground import RegionGround
 from simbev_ros.assets.placement.tiles import TileBuilder
-from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_rpy
+from simbev_ros.foundation.types import Float64Array
 
 
 class Base(Enum):

@@ -6,8 +6,8 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
+from simbev_ros.foundation.types import BoolArray, Float64Array
 from simbev_ros.maps.land_features import MapObject, ObjectKind
-from simbev_ros.types import BoolArray, Float64Array
 
 REPLACED_M = 80.0
 """Distance from an object of the map up to which no others of its kind are generated."""

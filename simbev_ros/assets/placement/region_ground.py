@@ -8,8 +8,10 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.mesh.facets import TILE_M, Facets
-from simbev_ros.geometry import overlay
-from simbev_ros.geometry.plan_view import multi_polygon
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.geometry.plan_view import multi_polygon
+from simbev_ros.foundation.random import stream
+from simbev_ros.foundation.types import BoolArray, Float64Array
 from simbev_ros.maps.land.membrane import Raster, node_positions_m
 from simbev_ros.maps.land.terrain import NODE_M, Terrain
 from simbev_ros.maps.land_features import Water
@@ -19,8 +21,6 @@ from simbev_ros.maps.roads.lane_kind import CURB_HEIGHT_M
 from simbev_ros.maps.roads.raised_lanes import RaisedLanes
 from simbev_ros.maps.roads.surface import Surfaces, surfaces_of
 from simbev_ros.maps.roads.tunnels import ROOF_M, WALL_M
-from simbev_ros.random import stream
-from simbev_ros.types import BoolArray, Float64Array
 
 LAND_HEIGHT_M = 0.10
 """Height of lawns and yards above the road, a little below the sidewalks."""

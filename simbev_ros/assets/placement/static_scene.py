@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.roads.tunnels import Tunnels
-from simbev_ros.types import Float64Array
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from simbev_ros.assets.mesh.facets import TILE_M, Facets
 from simbev_ros.assets.mesh.graded import GradedMesh
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.placement.static_scene import Tile
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.types import Float64Array
 
 _Key = tuple[int, int, int]
 """Level, column and row of a tile."""

@@ -12,15 +12,15 @@ from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import Finish
 from simbev_ros.assets.placement.region_ground import LAND_HEIGHT_M
 from simbev_ros.assets.placement.static_scene import Tile
-from simbev_ros.geometry.plan_view import points_inside
+from simbev_ros.foundation.geometry.plan_view import points_inside
+from simbev_ros.foundation.random import stream
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array, UInt8Array
 from simbev_ros.maps.land.membrane import node_positions_m
 from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.land_features import MapFeatures
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import REGION_M, Region, regions_of
-from simbev_ros.random import stream
-from simbev_ros.semantics import Tag
-from simbev_ros.types import BoolArray, Float64Array, Int64Array, UInt8Array
 
 _CELLS = round(REGION_M / TILE_M)
 _FIELD_CELLS = 4

@@ -10,7 +10,7 @@ from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.mesh_arrays import mesh_arrays, meshes_from
 from simbev_ros.assets.placement.static_scene import StreetLight, Tile
 from simbev_ros.assets.regions.region_scene import RegionScene, Streetside
-from simbev_ros.types import AnyArray
+from simbev_ros.foundation.types import AnyArray
 
 _COARSE = "seen from afar"
 
@@ -24,7 +24,7 @@ def read_region(path: Path) -> RegionScene:
     """Read a scene from a file that ``write_region`` wrote; arrays are identical.
 
     Raises:
-        One of ``errors.NPZ_DAMAGE``: The file is damaged.
+        One of ``foundation.errors.NPZ_DAMAGE``: The file is damaged.
     """
     with path.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
         meshes = meshes_from(arrays)

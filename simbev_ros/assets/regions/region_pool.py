@@ -12,11 +12,11 @@ from functools import lru_cache
 from pathlib import Path
 
 from simbev_ros.assets.regions.static_cache import StaticCache
-from simbev_ros.errors import SimulationError
+from simbev_ros.foundation.errors import SimulationError
+from simbev_ros.foundation.threads import usable_cores
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.region import Region
-from simbev_ros.maps.spec import MapSpec
-from simbev_ros.threads import usable_cores
+from simbev_ros.schema.scene.map_spec import MapSpec
 
 _ENDED = 1
 

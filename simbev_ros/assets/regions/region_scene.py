@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from simbev_ros.assets.land.plazas import Plaza
 from simbev_ros.assets.placement.static_scene import StreetLight, Tile
-from simbev_ros.types import Float64Array, Table
+from simbev_ros.foundation.types import Float64Array, Table
 
 
 @dataclass(frozen=True, slots=True)

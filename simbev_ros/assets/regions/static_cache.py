@@ -18,16 +18,16 @@ from simbev_ros.assets.regions.far_land import FarLand, cells_of, far_land, far_
 from simbev_ros.assets.regions.region_file import read_region, read_streetside, write_region
 from simbev_ros.assets.regions.region_scene import RegionScene, Streetside
 from simbev_ros.assets.street.obstacles import OBSTACLE_DTYPE
-from simbev_ros.cache.entries import default_cache_dir, entry_path
-from simbev_ros.cache.files import read_cached
-from simbev_ros.cache.fingerprint import fingerprint
-from simbev_ros.errors import InputError
-from simbev_ros.lock_file import open_lock_file
+from simbev_ros.foundation.cache.entries import default_cache_dir, entry_path
+from simbev_ros.foundation.cache.files import read_cached
+from simbev_ros.foundation.cache.fingerprint import fingerprint
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.lock_file import open_lock_file
 from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import Reach, Reaches, Region, regions_of
 from simbev_ros.maps.roads.tunnels import Tunnels
-from simbev_ros.maps.spec import MapSpec
+from simbev_ros.schema.scene.map_spec import MapSpec
 
 _KIND = "surroundings"
 _T = TypeVar("_T")

@@ -15,9 +15,9 @@ from simbev_ros.assets.placement.claims import Claims
 from simbev_ros.assets.placement.region_ground import DECK_DEPTH_M, DECK_OVERHANG_M, MARGIN_M, RegionGround
 from simbev_ros.assets.placement.tiles import TileBuilder
 from simbev_ros.assets.roads.pillars import put_pillars
-from simbev_ros.geometry import overlay
-from simbev_ros.semantics import Tag
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.types import Float64Array
 
 _SLAB_M = 0.4  # thickness of the deck where no girder is below
 _GIRDER_INSET_M = 1.3

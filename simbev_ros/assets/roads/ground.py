@@ -19,9 +19,9 @@ from simbev_ros.assets.placement.tiles import TileBuilder
 from simbev_ros.assets.roads.raised_lanes import lay_raised_lanes
 from simbev_ros.assets.roads.repairs import lay_road
 from simbev_ros.assets.roads.tunnels import bare_roofs
-from simbev_ros.geometry import overlay
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.semantics import Tag
 from simbev_ros.maps.roads.lane_kind import CURB_HEIGHT_M
-from simbev_ros.semantics import Tag
 
 _CURB_WIDTH_M = 0.15
 _GREEN_M = 0.9  # medians at least twice as wide as this are green

@@ -13,11 +13,11 @@ from simbev_ros.assets.mesh.primitives import Finish, boxes, loft
 from simbev_ros.assets.placement.claims import Claims
 from simbev_ros.assets.placement.region_ground import RegionGround
 from simbev_ros.assets.placement.tiles import TileBuilder, upright_pose
-from simbev_ros.geometry import overlay
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.types import BoolArray, Float64Array
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.surface import strip_polygons
-from simbev_ros.semantics import Tag
-from simbev_ros.types import BoolArray, Float64Array
 
 _FAST_MPS = 80.0 / 3.6
 _FROM_STREET_M = 0.5

@@ -12,11 +12,11 @@ from simbev_ros.assets.mesh.drape import Rise, cover_mesh
 from simbev_ros.assets.mesh.primitives import Finish
 from simbev_ros.assets.placement.region_ground import RegionGround
 from simbev_ros.assets.placement.tiles import TileBuilder
-from simbev_ros.geometry import overlay
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.types import AnyArray
 from simbev_ros.maps.roads.layout import PaintColor
 from simbev_ros.maps.roads.markings import lane_markings
-from simbev_ros.semantics import Tag
-from simbev_ros.types import AnyArray
 
 DECAL_HEIGHT_M = 0.005
 """Height of paint above the asphalt, which continues below it."""

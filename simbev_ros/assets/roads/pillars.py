@@ -11,10 +11,10 @@ from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import Finish, cylinder
 from simbev_ros.assets.placement.region_ground import DECK_DEPTH_M, RegionGround
 from simbev_ros.assets.placement.tiles import TileBuilder, upright_pose
-from simbev_ros.geometry import overlay
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.roads.lane_kind import LaneKind
-from simbev_ros.semantics import Tag
-from simbev_ros.types import Float64Array
 
 _CONCRETE = Finish(Material.CONCRETE, Tag.BRIDGE, (154, 152, 146))
 _SPACING_M = 26.0  # along a structure

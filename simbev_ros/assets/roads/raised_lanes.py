@@ -11,10 +11,10 @@ from simbev_ros.assets.mesh.facets import Facets
 from simbev_ros.assets.mesh.primitives import Finish
 from simbev_ros.assets.placement.region_ground import RegionGround, Streets
 from simbev_ros.assets.placement.tiles import TileBuilder
-from simbev_ros.geometry import overlay
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.semantics import Tag
 from simbev_ros.maps.roads.lane_kind import ROAD_KINDS, LaneKind
 from simbev_ros.maps.roads.raised_lanes import RaisedLanes
-from simbev_ros.semantics import Tag
 
 _GRID_M = 0.001
 _CUT_TOLERANCE_M = 0.002

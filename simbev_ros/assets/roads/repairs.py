@@ -11,11 +11,11 @@ from simbev_ros.assets.mesh.facets import Facets
 from simbev_ros.assets.mesh.primitives import Finish
 from simbev_ros.assets.placement.region_ground import RegionGround
 from simbev_ros.assets.placement.tiles import TileBuilder
-from simbev_ros.geometry import overlay
-from simbev_ros.geometry.plan_view import left_of
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.geometry.plan_view import left_of
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.roads.lane_kind import LaneKind
-from simbev_ros.semantics import Tag
-from simbev_ros.types import Float64Array
 
 _ASPHALT = Finish(Material.ASPHALT, Tag.ROAD, (68, 69, 71))
 _PATCH = Finish(Material.ASPHALT, Tag.ROAD, (54, 55, 57))

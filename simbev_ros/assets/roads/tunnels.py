@@ -18,10 +18,10 @@ from simbev_ros.assets.mesh.primitives import Finish, box
 from simbev_ros.assets.placement.claims import Claims
 from simbev_ros.assets.placement.region_ground import LAND_HEIGHT_M, MARGIN_M, RegionGround
 from simbev_ros.assets.placement.tiles import TileBuilder, upright_pose
-from simbev_ros.geometry import overlay
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.semantics import Tag
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.tunnels import CLEARANCE_M, ROOF_M, WALL_M, lamps_along, portals_of
-from simbev_ros.semantics import Tag
 
 _PANEL = Finish(Material.PLASTER, Tag.WALL, (206, 203, 192))
 _WALL = Finish(Material.CONCRETE, Tag.WALL, (124, 121, 115))

@@ -10,8 +10,8 @@ from simbev_ros.assets.mesh.graded import GradedMesh
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import Finish, box, boxes
 from simbev_ros.assets.palette import pick_color
-from simbev_ros.random import stream
-from simbev_ros.semantics import Tag
+from simbev_ros.foundation.random import stream
+from simbev_ros.foundation.semantics import Tag
 
 VARIANTS = 3
 """Number of variants of a panel, which differ in color."""

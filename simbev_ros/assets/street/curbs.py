@@ -9,10 +9,10 @@ from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.land.blocks import Zones
 from simbev_ros.assets.land.yard import Yard
-from simbev_ros.geometry import overlay
-from simbev_ros.geometry.plan_view import left_of
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.geometry.plan_view import left_of
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.surroundings import SurroundingsRecipe
-from simbev_ros.types import Float64Array
 
 STATION_M = 0.5
 """Spacing of the positions along a line."""

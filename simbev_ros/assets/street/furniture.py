@@ -8,8 +8,8 @@ from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import Finish, box, boxes, cylinder, lathe
 from simbev_ros.assets.palette import Color
-from simbev_ros.semantics import Tag
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.types import Float64Array
 
 FOOT_M = 0.25
 """Depth to which feet reach into the ground, for slopes."""

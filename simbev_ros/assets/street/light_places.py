@@ -9,10 +9,10 @@ from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.placement.region_ground import RegionGround
 from simbev_ros.assets.street.curbs import CurbLine
-from simbev_ros.geometry import overlay
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.types import Float64Array, Int64Array
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.surface import strip_polygons
-from simbev_ros.types import Float64Array, Int64Array
 
 _BESIDE_M = 14.0
 _MAX_OFFSET_M = 6.0  # maximum distance of a light from its station along the curb, if the station is occupied

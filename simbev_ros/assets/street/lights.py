@@ -13,9 +13,9 @@ from simbev_ros.assets.placement.tiles import upright_pose
 from simbev_ros.assets.street.curbs import CurbLine
 from simbev_ros.assets.street.light_places import Lanes, light_positions
 from simbev_ros.assets.street.poles import MAST_LAMP_AT_M, STREET_LAMP_AT_M, mast, street_light, with_lamp_index
-from simbev_ros.geometry.transforms import apply
+from simbev_ros.foundation.geometry.transforms import apply
+from simbev_ros.foundation.types import Float64Array, Int64Array
 from simbev_ros.maps.land_features import ObjectKind
-from simbev_ros.types import Float64Array, Int64Array
 
 _SPACING_OF_A_SIDE = 1.7  # the two sides of a street share its lights
 _MAST_SPACING = 1.6

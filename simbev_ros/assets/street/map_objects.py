@@ -24,13 +24,13 @@ from simbev_ros.assets.street.furniture import bench, bicycle_rack, bus_shelter,
 from simbev_ros.assets.street.poles import STREET_LAMP_AT_M, cables, street_light, utility_pole, with_lamp_index
 from simbev_ros.assets.street.surface import surface_m
 from simbev_ros.assets.street.tracks import lay_track
-from simbev_ros.geometry import overlay
-from simbev_ros.geometry.plan_view import left_of, polygon_parts
-from simbev_ros.geometry.transforms import apply
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.geometry.plan_view import left_of, polygon_parts
+from simbev_ros.foundation.geometry.transforms import apply
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.tables import load_table
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.land_features import MapObject, ObjectKind
-from simbev_ros.semantics import Tag
-from simbev_ros.tables import load_table
-from simbev_ros.types import Float64Array
 
 _MODELS: Mapping[ObjectKind, Callable[[], Mesh]] = {
     ObjectKind.STREET_LAMP: street_light,

@@ -7,7 +7,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.mesh.mesh import Mesh
-from simbev_ros.types import Float64Array, Table
+from simbev_ros.foundation.types import Float64Array, Table
 
 OBSTACLE_DTYPE = np.dtype(
     [

@@ -8,8 +8,8 @@ import numpy as np
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import Finish, box, boxes, cylinder, lathe, tube
-from simbev_ros.semantics import Tag
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.types import Float64Array
 
 STREET_LAMP_AT_M = (1.75, 0.0, 7.82)
 """Position of the light source of ``street_light``, in its own frame."""

@@ -13,10 +13,10 @@ from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import Finish, box, cylinder, extrusion, lathe, tube
 from simbev_ros.assets.placement.region_ground import RegionGround
 from simbev_ros.assets.street.poles import with_lamp_index
-from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
+from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_rpy
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.network import Signal
-from simbev_ros.semantics import Tag
-from simbev_ros.types import Float64Array
 
 _LAMPS = (
     (Material.SIGNAL_RED, (214, 42, 34)),

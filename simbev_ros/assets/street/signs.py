@@ -9,8 +9,8 @@ from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import Finish, box, boxes, cylinder, extrusion
 from simbev_ros.assets.palette import Color
+from simbev_ros.foundation.semantics import Tag
 from simbev_ros.maps.roads.layout import Sign, SignKind
-from simbev_ros.semantics import Tag
 
 _STEEL = (104, 108, 111)
 _POLE = Finish(Material.METAL, Tag.POLE, _STEEL)

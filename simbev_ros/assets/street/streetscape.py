@@ -22,13 +22,13 @@ from simbev_ros.assets.street.furniture import bench, bicycle_rack, bus_shelter,
 from simbev_ros.assets.street.poles import cables, utility_pole
 from simbev_ros.assets.street.signal_poles import signal_poles
 from simbev_ros.assets.street.signs import sign_mesh, street_name_sign
-from simbev_ros.geometry import overlay
-from simbev_ros.geometry.plan_view import left_of
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.geometry.plan_view import left_of
+from simbev_ros.foundation.random import stream
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.land_features import ObjectKind
 from simbev_ros.maps.roads.lane_kind import LaneKind
-from simbev_ros.random import stream
-from simbev_ros.semantics import Tag
-from simbev_ros.types import Float64Array
 
 _SHELTERED_SHARE = 0.2
 _SMALL_THINGS_M = 20.0

@@ -3,8 +3,8 @@
 import shapely
 
 from simbev_ros.assets.placement.region_ground import RegionGround
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.roads.lane_kind import CURB_HEIGHT_M
-from simbev_ros.types import Float64Array
 
 
 def surface_m(ground: RegionGround, xy_m: Float64Array, level: int) -> Float64Array:

@@ -9,11 +9,11 @@ from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import Finish, boxes, loft
 from simbev_ros.assets.placement.tiles import upright_pose
 from simbev_ros.assets.street.surface import surface_m
-from simbev_ros.geometry import overlay
-from simbev_ros.geometry.plan_view import left_of
-from simbev_ros.geometry.transforms import matrices_from_xyz_rpy
-from simbev_ros.semantics import Tag
-from simbev_ros.types import BoolArray, Float64Array
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.geometry.plan_view import left_of
+from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_rpy
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.types import BoolArray, Float64Array
 
 _GAUGE_M, _RAIL_M = 1.435, 0.07
 _TOP_M, _FLUSH_M, _ROOT_M = 0.16, 0.012, -0.2

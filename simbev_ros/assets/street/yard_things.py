@@ -8,7 +8,7 @@ from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import Finish, box, boxes, cylinder
 from simbev_ros.assets.palette import Color
-from simbev_ros.semantics import Tag
+from simbev_ros.foundation.semantics import Tag
 
 _RUBBER = Finish(Material.RUBBER, Tag.DYNAMIC, (28, 28, 30))
 

@@ -12,8 +12,8 @@ import simplejpeg
 
 from simbev_ros.baselines.cache.layout import CM_PER_M, FORMAT, SCENE_FILE
 from simbev_ros.baselines.frames import points_of_frame, projections, sweeps_of_frame
-from simbev_ros.errors import InputError
-from simbev_ros.types import AnyArray, Float32Array, Float64Array, Table, UInt8Array
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.types import AnyArray, Float32Array, Float64Array, Table, UInt8Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,10 +25,10 @@ from simbev_ros.dataset import columns, open_dataset
 from simbev_ros.dataset.frame import Frame
 from simbev_ros.dataset.parallel import Pool
 from simbev_ros.dataset.scene import Scene
-from simbev_ros.errors import InputError
-from simbev_ros.geometry.camera import LensCamera
-from simbev_ros.object_store.object_path import AnyPath
-from simbev_ros.types import AnyArray, Float64Array, Table
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.geometry.camera import LensCamera
+from simbev_ros.foundation.object_store.object_path import AnyPath
+from simbev_ros.foundation.types import AnyArray, Float64Array, Table
 
 _DEPTH_LIMIT_M = 655.0
 _JPEG_QUALITY = 90

@@ -13,7 +13,7 @@ from torch.nn.functional import pixel_shuffle
 from simbev_ros.baselines.boxes import BOX_VALUES, DETECTED_CLASSES
 from simbev_ros.baselines.grid import FEATURE_STRIDE
 from simbev_ros.baselines.model.blocks import ResidualBlock, conv_norm_relu
-from simbev_ros.semantics import BEV_CLASSES
+from simbev_ros.foundation.semantics import BEV_CLASSES
 
 _CELL_CHANNELS, _MIXED_CHANNELS = 16, 32
 _RARE = -4.6

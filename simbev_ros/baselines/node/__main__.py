@@ -11,9 +11,9 @@ from rclpy.executors import ExternalShutdownException
 from simbev_ros.baselines.modality import Modality
 from simbev_ros.baselines.model_file import load_baseline
 from simbev_ros.baselines.node.node import BaselineNode
-from simbev_ros.errors import InputError
-from simbev_ros.nodes.main import ERROR_MARK
-from simbev_ros.nodes.ros.arguments import split_ros_arguments
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.ros.conventions.arguments import split_ros_arguments
+from simbev_ros.ros.nodes.main import ERROR_MARK
 
 
 def main() -> int:

@@ -14,10 +14,10 @@ from simbev_ros.baselines.node.image_fit import ImageFit
 from simbev_ros.baselines.node.scene_inputs import SceneInputs, stacked_projections
 from simbev_ros.baselines.node.sweeps import Sweep
 from simbev_ros.baselines.predict import boxes_in_map
-from simbev_ros.geometry.grid import BevGrid
+from simbev_ros.foundation.geometry.grid import BevGrid
+from simbev_ros.foundation.types import Float32Array, Float64Array, Table, UInt8Array
+from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.reference_stack.pipeline import BOX_DTYPE
-from simbev_ros.types import Float32Array, Float64Array, Table, UInt8Array
-from simbev_ros.units import NS_PER_S
 
 ReadImage = Callable[[ImageFit], UInt8Array]
 """Gives an image (H, W, 3), RGB, in the model's size."""

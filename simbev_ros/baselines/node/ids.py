@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from simbev_ros.types import AnyArray, Table
+from simbev_ros.foundation.types import AnyArray, Table
 
 _GATE_M = 2.0
 """Maximum distance of a box from where its velocity has brought it."""

@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 import simplejpeg
 
-from simbev_ros.geometry.camera import PinholeCamera
-from simbev_ros.types import Float64Array, UInt8Array
+from simbev_ros.foundation.geometry.camera import PinholeCamera
+from simbev_ros.foundation.types import Float64Array, UInt8Array
 
 _PRINCIPAL_ROW = 58 / 256
 """Row of the principal point over the height of the images in config/rigs/baselines.yaml."""

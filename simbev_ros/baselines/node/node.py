@@ -22,12 +22,12 @@ from simbev_ros.baselines.node.newest import NewestOnly
 from simbev_ros.baselines.node.scene_inputs import SceneInputs, inputs_of_scene
 from simbev_ros.baselines.node.sweeps import Sweep, SweepMemory, points_in_ego
 from simbev_ros.config.included_stacks import baseline_stack
-from simbev_ros.msgs.stamps import header, stamp_of
-from simbev_ros.msgs.tables import table_from_message
-from simbev_ros.msgs.world import map_from_base_link
+from simbev_ros.foundation.types import UInt8Array
 from simbev_ros.reference_stack.messages import markers_message, scores_message, table_message
 from simbev_ros.reference_stack.tick_join import TickJoin
-from simbev_ros.types import UInt8Array
+from simbev_ros.ros.msgs.stamps import header, stamp_of
+from simbev_ros.ros.msgs.tables import table_from_message
+from simbev_ros.ros.msgs.world import map_from_base_link
 
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _EVERY = QoSProfile(depth=16)

@@ -9,16 +9,16 @@ from simbev_ros.baselines.modality import Modality
 from simbev_ros.baselines.node.image_fit import ImageFit
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar
-from simbev_ros.errors import InputError
-from simbev_ros.geometry.camera import LensCamera
-from simbev_ros.geometry.grid import BevGrid
-from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL, inverse
-from simbev_ros.msgs.sensor_topics import camera_topics, points_name
-from simbev_ros.msgs.topics import odometry_name
-from simbev_ros.scene.agents import agent_view
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.geometry.camera import LensCamera
+from simbev_ros.foundation.geometry.grid import BevGrid
+from simbev_ros.foundation.geometry.transforms import SENSOR_FROM_OPTICAL, inverse
+from simbev_ros.foundation.types import Float64Array
+from simbev_ros.ros.msgs.sensor_topics import camera_topics, points_name
+from simbev_ros.ros.msgs.topics import odometry_name
 from simbev_ros.scene.frames import ego_frame, ego_from_base_link
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.types import Float64Array
+from simbev_ros.schema.scene.agents import agent_view
+from simbev_ros.schema.scene.spec import SceneSpec
 
 
 @dataclass(frozen=True, eq=False)

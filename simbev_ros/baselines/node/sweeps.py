@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from simbev_ros.baselines.frames import sweeps_of_frame
-from simbev_ros.types import Float32Array, Float64Array, Table
+from simbev_ros.foundation.types import Float32Array, Float64Array, Table
 
 _MARGIN_NS = 250_000_000
 """Time for which a sweep is kept after the oldest age that is asked for."""

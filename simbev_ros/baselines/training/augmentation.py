@@ -6,7 +6,7 @@ import numpy as np
 
 from simbev_ros.baselines.cache.layout import CM_PER_M
 from simbev_ros.baselines.training.config import Augmentation
-from simbev_ros.types import AnyArray, Float32Array, Float64Array, Table
+from simbev_ros.foundation.types import AnyArray, Float32Array, Float64Array, Table
 
 LIDAR_M = 1.8
 """Height of the lidar above the ego's origin."""

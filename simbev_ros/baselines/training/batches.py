@@ -17,7 +17,7 @@ from simbev_ros.baselines.training.config import Training
 from simbev_ros.baselines.training.image_pasting import Images, paste_images
 from simbev_ros.baselines.training.image_warps import draw_image_warps, unit_from_pixel, warped_images
 from simbev_ros.baselines.training.pasting import frames_with_rare_objects, paste
-from simbev_ros.types import Float32Array, Float64Array
+from simbev_ros.foundation.types import Float32Array, Float64Array
 
 _MAX_CENTER_M = HALF_M - 1e-3
 """Centers are on the grid, whatever is rounded later."""

@@ -10,8 +10,8 @@ from simbev_ros.config.base import Model, first_problem
 from simbev_ros.config.map_files import expand_home
 from simbev_ros.config.paths import shipped_config_dir
 from simbev_ros.config.yaml_file import YamlFile
-from simbev_ros.errors import InputError
-from simbev_ros.input_file import is_file
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.input_file import is_file
 
 _OF_EXPORT = ("average_with", "export_weights")
 """Fields that change the exported file alone."""

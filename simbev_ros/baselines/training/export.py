@@ -19,8 +19,8 @@ from simbev_ros.baselines.model_file import model_file
 from simbev_ros.baselines.training.config import Training
 from simbev_ros.baselines.training.loop import CHECKPOINT_FILE, load_model
 from simbev_ros.baselines.training.onnx_weights import read_model, shrink_weights
-from simbev_ros.errors import InputError
-from simbev_ros.recording.whole_files import write_whole
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.whole_files import write_whole
 
 MODEL_FILE = "model.onnx"
 _OPSET = 18

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from simbev_ros.baselines.frames import IMAGE_STRIDE
-from simbev_ros.types import AnyArray, Float32Array, Float64Array, Table, UInt8Array
+from simbev_ros.foundation.types import AnyArray, Float32Array, Float64Array, Table, UInt8Array
 
 _MIN_DEPTH_M = 1.0
 _AROUND_M = 0.5

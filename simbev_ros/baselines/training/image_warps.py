@@ -9,7 +9,7 @@ from torch import Tensor
 from torch.nn.functional import affine_grid, grid_sample
 
 from simbev_ros.baselines.training.config import Augmentation
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.types import Float64Array
 
 
 def draw_image_warps(

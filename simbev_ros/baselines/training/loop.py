@@ -24,7 +24,7 @@ from simbev_ros.baselines.training.config import Training
 from simbev_ros.baselines.training.losses import losses_of
 from simbev_ros.baselines.training.onnx_weights import start_from
 from simbev_ros.baselines.training.targets import targets_of
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 
 CHECKPOINT_FILE = "checkpoint.pt"
 _WARM_UP_SHARE = 0.05

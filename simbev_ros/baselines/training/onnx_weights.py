@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from simbev_ros.baselines.inference import ABOUT_KEY
 from simbev_ros.baselines.modality import Modality
 from simbev_ros.baselines.model.bev_model import BevModel
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 
 _MIN_SHRUNK = 256
 """Smaller constants keep their precision."""

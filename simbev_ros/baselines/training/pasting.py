@@ -18,8 +18,8 @@ from simbev_ros.baselines.cache.layout import CM_PER_M
 from simbev_ros.baselines.cache.reader import CachedScene, Sample
 from simbev_ros.baselines.grid import CELL_M, CELLS, HALF_M, level_from_map
 from simbev_ros.baselines.training.augmentation import LIDAR_M
-from simbev_ros.semantics import BEV_CLASSES
-from simbev_ros.types import AnyArray, Float64Array, Table
+from simbev_ros.foundation.semantics import BEV_CLASSES
+from simbev_ros.foundation.types import AnyArray, Float64Array, Table
 
 
 def _bits(*names: str) -> int:

@@ -8,7 +8,7 @@ from torch import Tensor
 from simbev_ros.baselines.boxes import DETECTED_CLASSES
 from simbev_ros.baselines.grid import CELL_M, CELLS, FEATURE_CELL_M, FEATURE_CELLS, HALF_M
 from simbev_ros.baselines.training.batches import Batch
-from simbev_ros.semantics import BEV_CLASSES
+from simbev_ros.foundation.semantics import BEV_CLASSES
 
 _MAX_RADIUS = 6
 _MIN_RADIUS = 2.0

@@ -10,7 +10,7 @@ from simbev_ros.cli.agent_option import AgentOption
 from simbev_ros.cli.baselines.cache_option import Cache, filled_cache
 from simbev_ros.cli.console import counting_bar, make_console
 from simbev_ros.cli.pool import Workers, processes
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 
 
 def train(

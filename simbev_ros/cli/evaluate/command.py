@@ -11,7 +11,7 @@ from simbev_ros.cli.agent_option import AgentOption
 from simbev_ros.cli.console import counting_bar, make_console
 from simbev_ros.cli.output_file import require_place
 from simbev_ros.cli.pool import Workers, processes
-from simbev_ros.recording.whole_files import write_errors
+from simbev_ros.foundation.files.whole_files import write_errors
 
 _WORDS = "with commas between"
 _COUNTED = "What counts"
@@ -173,7 +173,7 @@ def evaluate(
         console.print(f"figures in {json_file}", soft_wrap=True)
     print_tables(figures, console)
     if report is not None:
-        from simbev_ros.viz.reports.evaluation_report import write_evaluation_report
+        from simbev_ros.show.reports.evaluation_report import write_evaluation_report
 
         with make_console(stderr=True).status("report"), write_errors(report):
             write_evaluation_report(report, result, chosen, predicted, figures)

@@ -13,8 +13,8 @@ from rich.console import Console
 from simbev_ros.config.evaluation import Evaluation, answer_topics_of
 from simbev_ros.config.included_stacks import INCLUDED_STACKS
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.errors import InputError
-from simbev_ros.recording.whole_files import require_writable, write_errors
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.whole_files import require_writable, write_errors
 
 _AGENT_NAME = re.compile("[a-z][a-z0-9_]*")
 _PANEL = "Evaluation of a perception stack"
@@ -53,7 +53,7 @@ def with_evaluation(scenario: Scenario, figures: Path | None, stacks: Sequence[s
     Raises:
         InputError: An option is wrong, the figures cannot be written there, or the included stack cannot run.
     """
-    from simbev_ros.graph.evaluated_stack import require_stacks
+    from simbev_ros.ros.graph.evaluated_stack import require_stacks
 
     commands = _commands(scenario, stacks)
     for agent, (option, command) in commands.items():

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from simbev_ros.cli.agent_option import require_agent
 from simbev_ros.config.evaluation import answer_topics_of
 from simbev_ros.dataset import Dataset, Scene
-from simbev_ros.errors import InputError
 from simbev_ros.evaluation.conditions import DAYTIMES, WEATHERS
 from simbev_ros.evaluation.filters import BoxFilter
 from simbev_ros.evaluation.slices import TableSlice
-from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES, DIFFICULTIES
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES, DIFFICULTIES
 
 
 def words(option: str, text: str) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ import typer
 from simbev_ros.cli.agent_option import ExportedAgentOption, exported_agents
 from simbev_ros.cli.console import counting_bar, make_console, plural
 from simbev_ros.cli.pool import Ray, Workers, open_pool, shared_path
-from simbev_ros.errors import SimbevError
+from simbev_ros.foundation.errors import SimbevError
 
 if TYPE_CHECKING:
     from simbev_ros.export.nuscenes.export import Exported

@@ -14,14 +14,14 @@ from rich.table import Table
 
 from simbev_ros.cli.console import table_console
 from simbev_ros.cli.map.exploration import build_roads
+from simbev_ros.drawing.canvas import Color, draw_text
+from simbev_ros.foundation.types import UInt8Array
 from simbev_ros.maps.findings import Finding, Outcome
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
-from simbev_ros.maps.spec import MapSpec
-from simbev_ros.types import UInt8Array
-from simbev_ros.viz.canvas import Color, draw_text
-from simbev_ros.viz.maps.map_picture import bounding_square, write_picture
-from simbev_ros.viz.maps.map_plan import MapPlan
+from simbev_ros.schema.scene.map_spec import MapSpec
+from simbev_ros.show.maps.map_picture import bounding_square, write_picture
+from simbev_ros.show.maps.map_plan import MapPlan
 
 _MAX_LINES = 50
 _SIDE_PX = 1400

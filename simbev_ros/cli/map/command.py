@@ -61,17 +61,17 @@ def map_(
 
     simbev map berlin.osm.pbf --bounds 13.37,52.50,13.42,52.53 --out berlin.png
     """
-    from simbev_ros.cache.entries import default_cache_dir
     from simbev_ros.cli.console import make_console, table_console
     from simbev_ros.cli.map.check import print_check
     from simbev_ros.cli.map.exploration import build_roads, explore
     from simbev_ros.cli.map.report import map_table, towns_table
     from simbev_ros.cli.output_file import require_name
     from simbev_ros.config.map_files import parse_bounds
-    from simbev_ros.errors import InputError
     from simbev_ros.export.maps.conversion import writer_of
+    from simbev_ros.foundation.cache.entries import default_cache_dir
+    from simbev_ros.foundation.errors import InputError
+    from simbev_ros.foundation.files.whole_files import require_writable
     from simbev_ros.maps.source import known_maps, map_spec
-    from simbev_ros.recording.whole_files import require_writable
 
     part = None if bounds is None else parse_bounds(bounds)
     if part is not None and name is None:

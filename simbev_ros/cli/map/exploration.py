@@ -13,16 +13,16 @@ from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.assets.regions.static_cache import StaticCache, load_static_scene
 from simbev_ros.cli.map.report import MapReport, Surroundings
 from simbev_ros.cli.production_display import MapDisplay
-from simbev_ros.errors import InputError
 from simbev_ros.export.maps.conversion import write_map
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.process_memory import keep_freed_memory
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import Reach, regions_of
-from simbev_ros.maps.spec import MapSpec
 from simbev_ros.maps.statistics import busiest_position, statistics_of
-from simbev_ros.process_memory import keep_freed_memory
 from simbev_ros.production.surroundings import build_missing_regions
-from simbev_ros.types import Float64Array
+from simbev_ros.schema.scene.map_spec import MapSpec
 
 _REACH_M = 400.0
 """Radius around a place in which its surroundings are built; those of small maps are built completely."""
@@ -79,9 +79,9 @@ def _write_pictures(
     network: RoadNetwork, static: StaticScene, center_m: Float64Array, within_m: float, out: Path
 ) -> None:
     """Write a picture from above around a place, and one of the best street view within a distance of it."""
-    from simbev_ros.viz.maps.map_picture import overview_picture, write_picture
-    from simbev_ros.viz.street.street_view import street_view
-    from simbev_ros.viz.street.viewpoint import find_viewpoint
+    from simbev_ros.show.maps.map_picture import overview_picture, write_picture
+    from simbev_ros.show.street.street_view import street_view
+    from simbev_ros.show.street.viewpoint import find_viewpoint
 
     keep_freed_memory()
     write_picture(out.with_name(f"{out.stem}-above.png"), overview_picture(network, static, center_m))

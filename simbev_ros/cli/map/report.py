@@ -8,9 +8,9 @@ from rich import box
 from rich.table import Table
 from rich.text import Text
 
-from simbev_ros.geometry.geodesy import MapDatum
-from simbev_ros.maps.spec import MapSpec
+from simbev_ros.foundation.geometry.geodesy import MapDatum
 from simbev_ros.maps.statistics import MapStatistics
+from simbev_ros.schema.scene.map_spec import MapSpec
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from simbev_ros.cli.pool import Workers, processes
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 
 
 def scene(

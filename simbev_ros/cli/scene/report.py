@@ -17,11 +17,11 @@ from rich.text import Text
 from simbev_ros.cli.console import counting_bar, make_console, table_console
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Scenario
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.source import map_spec
 from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, planned_scenes, start_positions
 from simbev_ros.scene.drawing.statistics import BINS, SceneStatistics, Tally, configured_value
-from simbev_ros.types import Float64Array
 
 _WIDE = 120
 _NAME_WIDTH, _FIGURE_WIDTH = 24, 8

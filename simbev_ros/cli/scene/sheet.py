@@ -7,9 +7,9 @@ from simbev_ros.cli.output_file import require_place
 from simbev_ros.cli.scene.report import numbered_scenes
 from simbev_ros.config.load import load_scenario
 from simbev_ros.dataset.parallel import Pool
-from simbev_ros.errors import InputError
-from simbev_ros.recording.whole_files import write_errors, write_whole
-from simbev_ros.viz.pages.drawn_scenes import (
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.whole_files import write_errors, write_whole
+from simbev_ros.show.pages.drawn_scenes import (
     MAX_SCENES,
     DrawnScene,
     PlannedDrawing,

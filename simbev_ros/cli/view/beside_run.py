@@ -11,8 +11,8 @@ from rich.console import Console
 
 from simbev_ros.cli.view.command import RERUN_PORT
 from simbev_ros.cli.view.recorded import require_rerun
-from simbev_ros.errors import InputError
-from simbev_ros.nodes.ros.arguments import PLAIN, RosArguments
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.ros.conventions.arguments import PLAIN, RosArguments
 
 if TYPE_CHECKING:
     from simbev_ros.cli.view.graph_viewer import GraphViewer

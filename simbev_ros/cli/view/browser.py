@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 if TYPE_CHECKING:
-    from simbev_ros.viewer.server import ViewerServer
+    from simbev_ros.show.rerun.server import ViewerServer
 
 _IDLE_S = 0.5
 

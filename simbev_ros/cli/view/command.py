@@ -10,12 +10,12 @@ import typer
 from simbev_ros.cli.agent_option import AgentOption, require_agent
 from simbev_ros.cli.console import make_console
 from simbev_ros.cli.ros_options import NamespaceOption, ros_arguments
-from simbev_ros.errors import InputError
-from simbev_ros.nodes.ros.arguments import RosArguments
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.ros.conventions.arguments import RosArguments
 
 if TYPE_CHECKING:
     from simbev_ros.dataset.scene import Scene
-    from simbev_ros.viewer.subject import Detail
+    from simbev_ros.show.rerun.subject import Detail
 
 _BROWSER_WIDTH_PX = 800
 RERUN_PORT = 9090
@@ -156,7 +156,7 @@ def view(
 
 def _detail(points: int, width_px: int, *, layers: bool, memory_mib: float) -> "Detail":
     """How much is shown; a width of 0 means as recorded."""
-    from simbev_ros.viewer.subject import Detail
+    from simbev_ros.show.rerun.subject import Detail
 
     return Detail(points, width_px or None, layers, memory_mib * (1 << 20))
 

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from simbev_ros.nodes.ros.arguments import PLAIN, RosArguments
+from simbev_ros.ros.conventions.arguments import PLAIN, RosArguments
 
 if TYPE_CHECKING:
     from simbev_ros.dataset.scene import Scene
@@ -18,9 +18,9 @@ def serve_recorded(scene: "Scene", port: int, bind: str, console: Console) -> No
         InputError: foxglove-sdk is not installed, or the address cannot be used.
         BagError: The bag cannot be read.
     """
-    from simbev_ros.foxglove_server.bag_server import serve_bag
-    from simbev_ros.foxglove_server.server import Address
     from simbev_ros.recording.reader import SceneBag
+    from simbev_ros.show.foxglove.bag_server import serve_bag
+    from simbev_ros.show.foxglove.server import Address
 
     def warn(line: str) -> None:
         console.print(f"warning: {line}", soft_wrap=True)
@@ -51,13 +51,13 @@ def serve_graph(
     Raises:
         InputError: foxglove-sdk is not installed, ROS_DOMAIN_ID is no domain, or the address cannot be used.
     """
-    from simbev_ros.foxglove_server.server import Address, require_foxglove
+    from simbev_ros.show.foxglove.server import Address, require_foxglove
 
     require_foxglove()
-    from simbev_ros.foxglove_server.graph_server import serve_domain
-    from simbev_ros.graph.domain import domain_from_environment
-    from simbev_ros.graph.environment import graph_environment
-    from simbev_ros.graph.exposure import Exposure
+    from simbev_ros.ros.graph.domain import domain_from_environment
+    from simbev_ros.ros.graph.environment import graph_environment
+    from simbev_ros.ros.graph.exposure import Exposure
+    from simbev_ros.show.foxglove.graph_server import serve_domain
 
     number = domain_from_environment() if domain is None else domain
     os.environ.update(graph_environment(number, Exposure(network=network)))

@@ -10,13 +10,13 @@ from typing import Self
 from rich.console import Console
 
 from simbev_ros.cli.view.browser import show_address
-from simbev_ros.graph.interrupts import Interrupted
-from simbev_ros.graph.node_starter import describe_exit
-from simbev_ros.graph.traces import Traces
-from simbev_ros.nodes.ros.arguments import PLAIN, RosArguments
 from simbev_ros.production.observer import ProductionObserver
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.viewer.live.viewer_process import ADDRESS, SHOWING, ViewerProcess
+from simbev_ros.ros.conventions.arguments import PLAIN, RosArguments
+from simbev_ros.ros.graph.interrupts import Interrupted
+from simbev_ros.ros.graph.node_starter import describe_exit
+from simbev_ros.ros.graph.traces import Traces
+from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.show.rerun.live.viewer_process import ADDRESS, SHOWING, ViewerProcess
 
 _PRINTING_TIMEOUT_S = 2.0
 _STEP_S = 0.5

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 from simbev_ros.cli.view.browser import show_address
-from simbev_ros.nodes.ros.arguments import PLAIN, RosArguments
-from simbev_ros.viewer.live.viewer_process import SHOWING
+from simbev_ros.ros.conventions.arguments import PLAIN, RosArguments
+from simbev_ros.show.rerun.live.viewer_process import SHOWING
 
 if TYPE_CHECKING:
-    from simbev_ros.viewer.subject import Detail
+    from simbev_ros.show.rerun.subject import Detail
 
 _IDLE_S = 0.5
 
@@ -45,11 +45,11 @@ def show_graph(
         InputError: The port cannot be used, ROS_DOMAIN_ID is no domain, or a scene does not have the agent.
         SimbevError: Rerun's server does not start, or has ended by itself.
     """
-    from simbev_ros.graph.domain import domain_from_environment
-    from simbev_ros.graph.environment import graph_environment
-    from simbev_ros.graph.exposure import Exposure
-    from simbev_ros.nodes.lifeline import SUPERVISOR_VARIABLE, end_with_supervisor
-    from simbev_ros.viewer.live.live_viewer import running_viewer
+    from simbev_ros.ros.graph.domain import domain_from_environment
+    from simbev_ros.ros.graph.environment import graph_environment
+    from simbev_ros.ros.graph.exposure import Exposure
+    from simbev_ros.ros.nodes.lifeline import SUPERVISOR_VARIABLE, end_with_supervisor
+    from simbev_ros.show.rerun.live.live_viewer import running_viewer
 
     end_with_supervisor()
     chosen = domain_from_environment() if domain is None else domain

@@ -11,12 +11,12 @@ from rich.console import Console
 from simbev_ros.cli.console import counting_bar, plural
 from simbev_ros.cli.output_file import require_place
 from simbev_ros.cli.view.browser import show_address, wait_for_end
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 
 if TYPE_CHECKING:
     from simbev_ros.dataset.scene import Scene
-    from simbev_ros.viewer.recorded import ScenePlayer
-    from simbev_ros.viewer.subject import Detail
+    from simbev_ros.show.rerun.recorded import ScenePlayer
+    from simbev_ros.show.rerun.subject import Detail
 
 _SUFFIX = ".rrd"
 _SERVER_SHARE = 1.25
@@ -41,10 +41,10 @@ def write_file(scene: "Scene", out: Path, detail: "Detail", console: Console) ->
         InputError: The file cannot be written there.
         BagError: The bag cannot be read.
     """
-    from simbev_ros.recording.whole_files import whole_file
-    from simbev_ros.viewer.blueprint import scene_blueprint
-    from simbev_ros.viewer.recorded import ScenePlayer
-    from simbev_ros.viewer.scene_log import SceneLog
+    from simbev_ros.foundation.files.whole_files import whole_file
+    from simbev_ros.show.rerun.blueprint import scene_blueprint
+    from simbev_ros.show.rerun.recorded import ScenePlayer
+    from simbev_ros.show.rerun.scene_log import SceneLog
 
     if out.suffix != _SUFFIX:
         raise InputError(f"--out {out}: must end in {_SUFFIX}")
@@ -65,10 +65,10 @@ def show_recorded(scene: "Scene", place: tuple[int, str], detail: "Detail", cons
         InputError: The port, or the address, of ``place`` cannot be used.
         BagError: The bag cannot be read.
     """
-    from simbev_ros.viewer.blueprint import scene_blueprint
-    from simbev_ros.viewer.recorded import ScenePlayer
-    from simbev_ros.viewer.scene_log import SceneLog
-    from simbev_ros.viewer.server import ViewerServer
+    from simbev_ros.show.rerun.blueprint import scene_blueprint
+    from simbev_ros.show.rerun.recorded import ScenePlayer
+    from simbev_ros.show.rerun.scene_log import SceneLog
+    from simbev_ros.show.rerun.server import ViewerServer
 
     with ViewerServer(*place, int(detail.limit_bytes * _SERVER_SHARE)) as server, SceneLog(scene.spec) as log:
         player = ScenePlayer(scene, log, detail)

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 
 POSE, BOXES, LABELS = "pose", "boxes", "labels"
 """Parts of the ground truth of a frame; poses arrive at all ticks."""

@@ -5,8 +5,8 @@ Answers to the warm-up and to other scenes are ignored; any other stamp must be 
 
 from collections.abc import Collection
 
-from simbev_ros.errors import InputError
-from simbev_ros.scene.spec import SceneSpec, scene_number_of
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.schema.scene.spec import SceneSpec, scene_number_of
 
 
 def answered_tick(stamp_ns: int, spec: SceneSpec, scenes: Collection[int]) -> int | None:

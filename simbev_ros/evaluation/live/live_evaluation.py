@@ -32,10 +32,10 @@ from simbev_ros.evaluation.scene_boxes import GroundTruthFrame, SceneBoxes
 from simbev_ros.evaluation.scene_evaluation import FRAME_DTYPE, SceneTally
 from simbev_ros.evaluation.scene_grids import SceneGrids
 from simbev_ros.evaluation.slices import Conditions, TableSlice
-from simbev_ros.scene.agents import agent_views
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.semantics import BEV_CLASSES
-from simbev_ros.types import BoolArray, Float64Array, Table
+from simbev_ros.foundation.semantics import BEV_CLASSES
+from simbev_ros.foundation.types import BoolArray, Float64Array, Table
+from simbev_ros.schema.scene.agents import agent_views
+from simbev_ros.schema.scene.spec import SceneSpec
 
 _MATCH_BATCH_FRAMES = 64
 """Upper bound on the number of frames matched in one batch: batches save time, but frames wait in memory."""

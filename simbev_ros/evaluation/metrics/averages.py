@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from simbev_ros.types import AnyArray, Float64Array
+from simbev_ros.foundation.types import AnyArray, Float64Array
 
 
 def mean_ignoring_nan(values: Float64Array, axis: int | None = None) -> AnyArray:

@@ -5,9 +5,9 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from simbev_ros.errors import InputError
-from simbev_ros.semantics import BOX_CLASSES
-from simbev_ros.types import AnyArray, Float64Array, Int64Array, Table, UInt8Array
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.semantics import BOX_CLASSES
+from simbev_ros.foundation.types import AnyArray, Float64Array, Int64Array, Table, UInt8Array
 
 NO_ATTRIBUTE = 255
 
@@ -81,7 +81,7 @@ class Predictions:
 
 
 def boxes_from_tables(tables: Mapping[int, Table]) -> Boxes:
-    """Ground-truth boxes from ``annotation.boxes.BOX_DTYPE`` tables by frame, in the order of the frames."""
+    """Ground-truth boxes from ``simulation.annotation.boxes.BOX_DTYPE`` tables by frame, in the order of the frames."""
     frame = np.repeat(np.array([*tables], np.int64), np.array([len(table) for table in tables.values()], np.int64))
     parts = [_columns(table) for table in tables.values()]
     if not parts:

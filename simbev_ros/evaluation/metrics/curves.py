@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from simbev_ros.types import AnyArray, Float64Array
+from simbev_ros.foundation.types import AnyArray, Float64Array
 
 Area = Literal["steps", "envelope"]
 """How the area under the curve is computed.

@@ -18,11 +18,11 @@ from typing import Literal
 
 import numpy as np
 
-from simbev_ros.errors import InputError
 from simbev_ros.evaluation.metrics.averages import mean_ignoring_nan
 from simbev_ros.evaluation.metrics.curves import Area, Curve, average_precision, curve
 from simbev_ros.evaluation.metrics.errors import ERRORS
-from simbev_ros.types import AnyArray, Float64Array, Int64Array, UInt8Array
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.types import AnyArray, Float64Array, Int64Array, UInt8Array
 
 Method = Literal["iou", "distance"]
 HIT, MISS, UNCOUNTED = 1, 0, -1

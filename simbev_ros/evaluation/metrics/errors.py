@@ -4,7 +4,7 @@ import numpy as np
 
 from simbev_ros.evaluation.metrics.boxes import Boxes
 from simbev_ros.evaluation.metrics.overlap import aligned_iou
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.types import Float64Array
 
 ERRORS: tuple[str, ...] = ("ATE", "AOE", "ASE", "AVE")
 """Errors of translation (m), orientation (rad), scale (1 - IoU of the sizes alone) and velocity (m/s)."""

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from simbev_ros.evaluation.metrics.boxes import Boxes
-from simbev_ros.geometry.ragged import ragged_indices
-from simbev_ros.semantics import BOX_CLASSES
-from simbev_ros.types import BoolArray, Float64Array, Int64Array
+from simbev_ros.foundation.geometry.ragged import ragged_indices
+from simbev_ros.foundation.semantics import BOX_CLASSES
+from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
 
 _ROUNDING_M = 1e-4
 

@@ -16,8 +16,8 @@ from simbev_ros.evaluation.metrics.boxes import NO_ATTRIBUTE, Boxes, Predictions
 from simbev_ros.evaluation.metrics.detection import detection_score
 from simbev_ros.evaluation.metrics.errors import angle_between_rad, distance, errors_of
 from simbev_ros.evaluation.metrics.matching import match, near_pairs, ranks, sorted_pairs
-from simbev_ros.semantics import BOX_CLASSES
-from simbev_ros.types import BoolArray, Float64Array, Int64Array, UInt8Array
+from simbev_ros.foundation.semantics import BOX_CLASSES
+from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array, UInt8Array
 
 CLASSES: tuple[str, ...] = (
     "car",

@@ -3,7 +3,7 @@
 import numpy as np
 
 from simbev_ros.evaluation.metrics.boxes import Boxes
-from simbev_ros.types import Float64Array, Int64Array
+from simbev_ros.foundation.types import Float64Array, Int64Array
 
 _CHUNK = 8192
 """Number of pairs in a batch: temporaries stay in the cache, and memory is bounded."""

@@ -6,8 +6,8 @@ that is correct tells how well the frame is answered.
 
 import numpy as np
 
-from simbev_ros.semantics import BOX_CLASSES
-from simbev_ros.types import AnyArray, BoolArray, Int64Array, UInt8Array
+from simbev_ros.foundation.semantics import BOX_CLASSES
+from simbev_ros.foundation.types import AnyArray, BoolArray, Int64Array, UInt8Array
 
 
 def top_predictions(

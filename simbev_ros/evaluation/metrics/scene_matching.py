@@ -20,8 +20,8 @@ from simbev_ros.evaluation.metrics.detection import (
 from simbev_ros.evaluation.metrics.errors import ERRORS, distance, errors_of
 from simbev_ros.evaluation.metrics.matching import Pairs, match, near_pairs, ranks, sorted_pairs
 from simbev_ros.evaluation.metrics.overlap import iou_of_pairs
-from simbev_ros.semantics import BOX_CLASSES
-from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int64Array
+from simbev_ros.foundation.semantics import BOX_CLASSES
+from simbev_ros.foundation.types import AnyArray, BoolArray, Float64Array, Int64Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simbev_ros.errors import InputError
-from simbev_ros.semantics import BEV_CLASSES
-from simbev_ros.types import AnyArray, Float64Array, Int64Array, UInt8Array
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.semantics import BEV_CLASSES
+from simbev_ros.foundation.types import AnyArray, Float64Array, Int64Array, UInt8Array
 
 THRESHOLDS: tuple[float, ...] = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 TABLE_THRESHOLD = 0.5

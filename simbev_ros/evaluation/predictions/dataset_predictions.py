@@ -9,7 +9,7 @@ boxes and grids. The formats are:
 |---|---|
 | scene | name of the scene; optional: without it, it is the file's stem, or the dataset's only scene |
 | tick or stamp_ns | integers: index of the frame in the scene, from 0, or its exact stamp |
-| class | name or number of ``semantics.BOX_CLASSES`` |
+| class | name or number of ``foundation.semantics.BOX_CLASSES`` |
 | score | confidence, higher is more confident; finite |
 | x y z length width height yaw | center and size, m, and heading about z, rad |
 | vx vy vz | optional: velocity over ground, m/s; missing, null or NaN: unknown; if only vz is: 0 |
@@ -53,17 +53,17 @@ from pathlib import Path
 from typing import TypeVar
 
 from simbev_ros.config.evaluation import BOXES_TOPIC, GRIDS_TOPIC
-from simbev_ros.errors import BagError, InputError
 from simbev_ros.evaluation.predictions.predicted_boxes import PredictedBoxes, boxes_in_map, join_boxes
 from simbev_ros.evaluation.predictions.prediction_bag import PredictionBag
 from simbev_ros.evaluation.predictions.prediction_files import NpzBoxes, ParquetBoxes
 from simbev_ros.evaluation.predictions.prediction_sources import BoxSource, GridSource, PredictionSource
 from simbev_ros.evaluation.predictions.prediction_writer import write_grid, write_predictions
 from simbev_ros.evaluation.predictions.score_grid import GRIDS_FOLDER, GridFolder, ScoreGrid
-from simbev_ros.input_file import path_exists
+from simbev_ros.foundation.errors import BagError, InputError
+from simbev_ros.foundation.files.input_file import path_exists
+from simbev_ros.foundation.types import Int64Array
 from simbev_ros.recording.layout import PARTIAL_SUFFIX, REPLACED_SUFFIX, is_dataset, numbered_files, scenes_of
 from simbev_ros.recording.mcap.chunk_cache import ChunkCache
-from simbev_ros.types import Int64Array
 
 __all__ = ["PredictedScene", "PredictionSet", "boxes_in_map", "open_predictions", "write_grid", "write_predictions"]
 

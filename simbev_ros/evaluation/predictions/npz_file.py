@@ -3,9 +3,9 @@
 from collections.abc import Collection
 from pathlib import Path
 
-from simbev_ros.errors import NPZ_DAMAGE, InputError
-from simbev_ros.types import AnyArray
-from simbev_ros.unpacking import NpzReader
+from simbev_ros.foundation.errors import NPZ_DAMAGE, InputError
+from simbev_ros.foundation.files.unpacking import NpzReader
+from simbev_ros.foundation.types import AnyArray
 
 
 def read_npz(path: Path, names: Collection[str] | None = None) -> dict[str, AnyArray]:

@@ -10,10 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simbev_ros.errors import InputError
 from simbev_ros.evaluation.metrics.boxes import NO_ATTRIBUTE, Boxes, Predictions, empty_boxes
-from simbev_ros.semantics import BOX_CLASSES
-from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int64Array, UInt8Array
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.semantics import BOX_CLASSES
+from simbev_ros.foundation.types import AnyArray, BoolArray, Float64Array, Int64Array, UInt8Array
 
 MAP_FRAME = "map"
 NO_BOX = 255

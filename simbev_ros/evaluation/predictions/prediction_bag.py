@@ -16,7 +16,6 @@ from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typest
 from rosbags.typesys.store import Typestore
 
 from simbev_ros.config.base import first_problem
-from simbev_ros.errors import BagError, InputError
 from simbev_ros.evaluation.predictions.predicted_boxes import PredictedBoxes, Rows, join_boxes
 from simbev_ros.evaluation.predictions.prediction_columns import ticks_of_stamps
 from simbev_ros.evaluation.predictions.prediction_messages import (
@@ -30,13 +29,14 @@ from simbev_ros.evaluation.predictions.prediction_messages import (
     stamp_ns_of,
 )
 from simbev_ros.evaluation.predictions.score_grid import ScoreGrid
+from simbev_ros.foundation.errors import BagError, InputError
+from simbev_ros.foundation.semantics import BEV_CLASSES
+from simbev_ros.foundation.types import Float32Array, Int64Array
+from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.recording.indexed_bag import IndexedBag, IndexedTopic
 from simbev_ros.recording.mcap.chunk_cache import ChunkCache
 from simbev_ros.recording.mcap.mcap_index import read_mcap_index
-from simbev_ros.scene.spec import SceneSpec, scene_number_of
-from simbev_ros.semantics import BEV_CLASSES
-from simbev_ros.types import Float32Array, Int64Array
-from simbev_ros.units import NS_PER_S
+from simbev_ros.schema.scene.spec import SceneSpec, scene_number_of
 
 _SCENE_TOPIC = "/world/scene"
 _CDR_HEAD_BYTES = 4

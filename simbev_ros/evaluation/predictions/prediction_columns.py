@@ -8,7 +8,6 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
-from simbev_ros.errors import InputError
 from simbev_ros.evaluation.predictions.predicted_boxes import (
     BOX_COLUMNS,
     NO_BOX,
@@ -18,8 +17,9 @@ from simbev_ros.evaluation.predictions.predicted_boxes import (
     Rows,
     predictions_from_columns,
 )
-from simbev_ros.geometry.ragged import ragged_indices
-from simbev_ros.types import AnyArray, Int64Array, UInt8Array
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.geometry.ragged import ragged_indices
+from simbev_ros.foundation.types import AnyArray, Int64Array, UInt8Array
 
 FRAME_COLUMNS = ("tick", "stamp_ns")
 NUMBER_COLUMNS = ("score", *BOX_COLUMNS, *VELOCITY_COLUMNS)

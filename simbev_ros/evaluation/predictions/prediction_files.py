@@ -15,7 +15,6 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from simbev_ros.errors import InputError
 from simbev_ros.evaluation.predictions.npz_file import read_npz
 from simbev_ros.evaluation.predictions.predicted_boxes import (
     MAP_FRAME,
@@ -33,8 +32,9 @@ from simbev_ros.evaluation.predictions.prediction_columns import (
     require_columns,
     runs,
 )
-from simbev_ros.limits import require_unpacked_size
-from simbev_ros.types import AnyArray, Int64Array, UInt8Array
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.limits import require_unpacked_size
+from simbev_ros.foundation.types import AnyArray, Int64Array, UInt8Array
 
 _MAX_CACHED_BYTES = 1 << 30
 """Size limit of one file's cached row groups; the last one read is always kept."""

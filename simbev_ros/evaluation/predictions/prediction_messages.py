@@ -26,7 +26,6 @@ from typing import Any
 
 import numpy as np
 
-from simbev_ros.errors import InputError
 from simbev_ros.evaluation.predictions.predicted_boxes import (
     BOX_COLUMNS,
     UPRIGHT,
@@ -38,10 +37,11 @@ from simbev_ros.evaluation.predictions.predicted_boxes import (
     numbered_labels,
     predictions_from_columns,
 )
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.semantics import BEV_CLASSES
+from simbev_ros.foundation.types import AnyArray, Float32Array, Float64Array, UInt8Array
+from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.recording.arrays import point_array
-from simbev_ros.semantics import BEV_CLASSES
-from simbev_ros.types import AnyArray, Float32Array, Float64Array, UInt8Array
-from simbev_ros.units import NS_PER_S
 
 _CUBE, _ADD = 1, 0
 _FULL_PERCENT = 100

@@ -8,7 +8,7 @@ from typing import Protocol
 
 from simbev_ros.evaluation.predictions.predicted_boxes import PredictedBoxes
 from simbev_ros.evaluation.predictions.score_grid import ScoreGrid
-from simbev_ros.types import Int64Array
+from simbev_ros.foundation.types import Int64Array
 
 
 class PredictionSource(Protocol):

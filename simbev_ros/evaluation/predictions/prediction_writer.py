@@ -19,12 +19,12 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from simbev_ros.errors import InputError
 from simbev_ros.evaluation.metrics.boxes import Predictions
 from simbev_ros.evaluation.predictions.predicted_boxes import BOX_COLUMNS, MAP_FRAME, VELOCITY_COLUMNS
 from simbev_ros.evaluation.predictions.score_grid import GRIDS_FOLDER, ScoreGrid, grid_file
-from simbev_ros.semantics import BEV_CLASSES, BOX_CLASSES
-from simbev_ros.types import AnyArray
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES
+from simbev_ros.foundation.types import AnyArray
 
 _NUMBERS = (*BOX_COLUMNS, *VELOCITY_COLUMNS)
 _TEXT = pa.dictionary(pa.int32(), pa.string())

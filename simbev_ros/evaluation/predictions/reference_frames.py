@@ -9,12 +9,12 @@ from typing import NamedTuple, Self
 
 from simbev_ros.dataset.calibration import Calibration
 from simbev_ros.dataset.scene import Scene
-from simbev_ros.errors import InputError
 from simbev_ros.evaluation.predictions.predicted_boxes import MAP_FRAME
-from simbev_ros.geometry.transforms import SENSOR_FROM_OPTICAL
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.geometry.transforms import SENSOR_FROM_OPTICAL
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.scene.frames import base_link_frame, ego_frame, ego_from_base_link
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.types import Float64Array
+from simbev_ros.schema.scene.spec import SceneSpec
 
 
 class AgentPoses(NamedTuple):

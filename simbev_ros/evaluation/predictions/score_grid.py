@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from simbev_ros.confined_paths import path_inside
-from simbev_ros.errors import InputError
 from simbev_ros.evaluation.predictions.npz_file import read_npz
-from simbev_ros.semantics import BEV_CLASSES
-from simbev_ros.types import AnyArray, Int64Array
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.confined_paths import path_inside
+from simbev_ros.foundation.semantics import BEV_CLASSES
+from simbev_ros.foundation.types import AnyArray, Int64Array
 
 GRIDS_FOLDER = "grids"
 _TICK = re.compile(r"\d{6,}")

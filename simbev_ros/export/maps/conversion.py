@@ -4,10 +4,10 @@ from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
 
-from simbev_ros.errors import InputError
 from simbev_ros.export.maps.osm_file import osm_of
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.whole_files import write_errors, write_whole
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.recording.whole_files import write_errors, write_whole
 
 
 def write_map(network: RoadNetwork, path: Path) -> None:

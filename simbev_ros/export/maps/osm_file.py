@@ -11,10 +11,10 @@ import numpy as np
 import shapely
 
 from simbev_ros.export.maps.osm_roads import Carriageway, carriageways_of
-from simbev_ros.geometry.geodesy import MapDatum
+from simbev_ros.foundation.geometry.geodesy import MapDatum
+from simbev_ros.foundation.tables import load_table
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.tables import load_table
-from simbev_ros.types import Float64Array
 
 _TABLE = "osm_tags.yaml"
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
+from simbev_ros.foundation.tables import load_table
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.maps.sumo.net import SumoNet, read_sumo_net
-from simbev_ros.tables import load_table
-from simbev_ros.types import Float64Array
 
 _COINCIDES_M = 0.75
 _SAME_DECK_M = 3.0

@@ -19,8 +19,8 @@ from simbev_ros.config.radar import Radar
 from simbev_ros.dataset import Scene
 from simbev_ros.dataset.calibration import Calibration
 from simbev_ros.export.nuscenes.taxonomy import Record, token
-from simbev_ros.geometry.transforms import quaternion_from_rpy, rpy_from_rotation
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.geometry.transforms import quaternion_from_rpy, rpy_from_rotation
+from simbev_ros.foundation.types import Float64Array
 
 TOP_LIDAR = "LIDAR_TOP"
 """Channel from which the devkit takes a sample's boxes and its position on the map."""

@@ -13,7 +13,6 @@ from typing import TypeVar
 from simbev_ros.dataset import Dataset, Scene
 from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.dataset.parallel import OWN_PROCESS, Pool
-from simbev_ros.errors import BagError, InputError
 from simbev_ros.export.nuscenes.can_bus import CanBusPart, can_bus_parts, devkit_name, imu_of, make_can_bus_part
 from simbev_ros.export.nuscenes.lidarseg import (
     LidarsegPart,
@@ -28,7 +27,8 @@ from simbev_ros.export.nuscenes.origins import VERSION
 from simbev_ros.export.nuscenes.scene_part import ScenePart, make_part, parts_of
 from simbev_ros.export.nuscenes.tables import write_tables
 from simbev_ros.export.parts import is_begun
-from simbev_ros.recording.whole_files import write_errors
+from simbev_ros.foundation.errors import BagError, InputError
+from simbev_ros.foundation.files.whole_files import write_errors
 
 P = TypeVar("P", CanBusPart, LidarsegPart, ScenePart)
 _VERSION = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]*")

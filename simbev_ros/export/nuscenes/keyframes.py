@@ -3,10 +3,10 @@
 import numpy as np
 
 from simbev_ros.dataset import Scene
-from simbev_ros.errors import BagError
 from simbev_ros.export.frame_period import frame_period
 from simbev_ros.export.nuscenes.channels import Channel, channels_of
-from simbev_ros.types import Int64Array
+from simbev_ros.foundation.errors import BagError
+from simbev_ros.foundation.types import Int64Array
 
 _REQUIRED_KEYS = ("boxes", "odom", "world/actors")
 

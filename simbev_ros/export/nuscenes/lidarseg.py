@@ -17,7 +17,7 @@ from simbev_ros.export.nuscenes.point_categories import labels_of_points, labels
 from simbev_ros.export.nuscenes.scene_part import ScenePart, source_of
 from simbev_ros.export.nuscenes.taxonomy import Record, sample_data_token, scene_token
 from simbev_ros.export.parts import PARTS_FOLDER, Part
-from simbev_ros.types import UInt8Array
+from simbev_ros.foundation.types import UInt8Array
 
 FOLDER = "lidarseg"
 """Folder of the labels, with one folder for each version of the tables."""

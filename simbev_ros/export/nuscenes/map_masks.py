@@ -17,14 +17,14 @@ import numpy as np
 import shapely
 
 from simbev_ros.export.nuscenes.taxonomy import Record, token
+from simbev_ros.foundation.files.whole_files import write_whole
+from simbev_ros.foundation.types import UInt8Array
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.surface import surfaces_of
-from simbev_ros.maps.spec import MapSpec
 from simbev_ros.recording.reader import SceneBag
-from simbev_ros.recording.replay import build_recorded_roads
-from simbev_ros.recording.whole_files import write_whole
-from simbev_ros.types import UInt8Array
+from simbev_ros.schema.scene.map_spec import MapSpec
+from simbev_ros.simulation.replay.replay import build_recorded_roads
 
 PIXELS_PER_M = 10
 _MARGIN_M = 150.0

@@ -8,8 +8,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from simbev_ros.errors import InputError
 from simbev_ros.export.nuscenes.taxonomy import Record
+from simbev_ros.foundation.errors import InputError
 
 VERSION = "v1.0-trainval"
 """Name of the folder of tables, unless another one is chosen."""

@@ -14,8 +14,8 @@ from scipy.spatial import cKDTree
 
 from simbev_ros.dataset import columns
 from simbev_ros.export.nuscenes.taxonomy import category_of_blueprint, category_of_tag, point_labels
-from simbev_ros.semantics import Tag
-from simbev_ros.types import AnyArray, Float64Array, Int64Array, Table, UInt8Array
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.types import AnyArray, Float64Array, Int64Array, Table, UInt8Array
 
 _MAX_ANGLE_RAD = 1e-5
 """Maximum angle between two directions of one ray; rounding to float32 makes 1e-7, and rays are 1e-4 apart."""

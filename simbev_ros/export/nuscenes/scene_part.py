@@ -23,11 +23,11 @@ from simbev_ros.export.nuscenes.keyframes import complete_ticks, keyframe_by_tic
 from simbev_ros.export.nuscenes.sensor_files import encode_file
 from simbev_ros.export.nuscenes.taxonomy import Record, sample_data_token, scene_token, token
 from simbev_ros.export.parts import PARTS_FOLDER, Json, Part, fingerprint_of
-from simbev_ros.object_store.object_path import require_local
+from simbev_ros.foundation.object_store.object_path import require_local
+from simbev_ros.foundation.types import Int64Array
+from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.recording.layout import bytes_of, mcap_files
-from simbev_ros.scene.weather import Weather
-from simbev_ros.types import Int64Array
-from simbev_ros.units import NS_PER_S
+from simbev_ros.schema.scene.weather import Weather
 
 _RAIN_PERCENT = 10.0
 

@@ -11,9 +11,9 @@ from simbev_ros.config.radar import Radar
 from simbev_ros.dataset import Frame, columns
 from simbev_ros.export.nuscenes.channels import Channel, Modality
 from simbev_ros.export.sensor_data import points_at_stamp, rectify
-from simbev_ros.geometry.camera import LensCamera
+from simbev_ros.foundation.geometry.camera import LensCamera
+from simbev_ros.foundation.types import Float64Array, Table
 from simbev_ros.recording.image_codecs import encode_rgb
-from simbev_ros.types import Float64Array, Table
 
 _MAX_INTENSITY = 255.0
 """Upper end of nuScenes' lidar intensities, which start at 0."""

@@ -16,7 +16,7 @@ from simbev_ros.export.nuscenes.evaluated_classes import evaluated_classes
 from simbev_ros.export.nuscenes.map_masks import Site
 from simbev_ros.export.nuscenes.scene_part import ScenePart
 from simbev_ros.export.nuscenes.taxonomy import Record, detection_ranges_m, taxonomy_tables
-from simbev_ros.recording.mcap.syncing import sync
+from simbev_ros.foundation.files.syncing import sync
 
 _SCENE_TABLES = (
     "scene",

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from simbev_ros.annotation.boxes.boxes import NO_BLUEPRINT
 from simbev_ros.dataset import Scene
-from simbev_ros.scene.state import SignalState
-from simbev_ros.semantics import BOX_CLASSES, SIGN_TYPES, Tag
-from simbev_ros.tables import load_table
-from simbev_ros.types import AnyArray, Table
+from simbev_ros.foundation.semantics import BOX_CLASSES, SIGN_TYPES, Tag
+from simbev_ros.foundation.tables import load_table
+from simbev_ros.foundation.types import AnyArray, Table
+from simbev_ros.schema.boxes import NO_BLUEPRINT
+from simbev_ros.schema.scene.state import SignalState
 
 _MIN_MOVING_MPS = 0.2
 _CYCLES = ("vehicle.motorcycle", "vehicle.bicycle")

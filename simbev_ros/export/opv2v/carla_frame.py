@@ -7,8 +7,8 @@ the right, positive roll leans to the right).
 
 import numpy as np
 
-from simbev_ros.geometry.transforms import rpy_from_rotation
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.geometry.transforms import rpy_from_rotation
+from simbev_ros.foundation.types import Float64Array
 
 _MIRROR = np.array([1.0, -1.0, 1.0])
 _VERTICAL = 1.0 - 1e-9

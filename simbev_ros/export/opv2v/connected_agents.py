@@ -12,9 +12,9 @@ from scipy.optimize import linear_sum_assignment
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.dataset import Scene
-from simbev_ros.errors import BagError
 from simbev_ros.export.frame_period import frame_period
-from simbev_ros.types import Int64Array
+from simbev_ros.foundation.errors import BagError
+from simbev_ros.foundation.types import Int64Array
 
 CAMERA_YAWS_DEG = (0.0, -100.0, 100.0, 180.0)
 """Yaw, positive to the left, of OPV2V's cameras 0 to 3: front, right rear, left rear, back."""

@@ -11,18 +11,18 @@ from glob import escape
 from pathlib import Path
 
 from simbev_ros import __version__
-from simbev_ros.confined_paths import path_inside
 from simbev_ros.dataset import Dataset, Scene
 from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.dataset.parallel import OWN_PROCESS, Pool, report_step
-from simbev_ros.errors import BagError, InputError
 from simbev_ros.export.frame_period import frame_period
 from simbev_ros.export.opv2v.connected_agents import ConnectedAgent, connected_agents, exported_ticks, recorded_cameras
 from simbev_ros.export.opv2v.frames import FrameSettings, Record, frame_files, motion_of, yaml_file
 from simbev_ros.export.parts import PARTS_FOLDER, Part, fingerprint_of, is_begun
-from simbev_ros.object_store.object_path import require_local
+from simbev_ros.foundation.errors import BagError, InputError
+from simbev_ros.foundation.files.confined_paths import path_inside
+from simbev_ros.foundation.files.whole_files import write_errors, write_whole
+from simbev_ros.foundation.object_store.object_path import require_local
 from simbev_ros.recording.layout import PARTIAL_SUFFIX
-from simbev_ros.recording.whole_files import write_errors, write_whole
 
 VEHICLE_CLASSES = ("car", "truck", "bus", "motorcycle")
 """Classes of boxes that are vehicles of the layout unless others are chosen."""

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import yaml
 
-from simbev_ros.annotation.v2x import OWN_POSE, V2X_DTYPE
 from simbev_ros.dataset import Frame, columns
 from simbev_ros.dataset.values import poses_from_odometry
 from simbev_ros.export.frame_period import frame_period
@@ -20,12 +19,13 @@ from simbev_ros.export.opv2v.carla_frame import carla_angles_deg, carla_pose, mi
 from simbev_ros.export.opv2v.connected_agents import ConnectedAgent
 from simbev_ros.export.opv2v.pcd import pcd_file
 from simbev_ros.export.sensor_data import points_at_stamp, rectify
-from simbev_ros.geometry.camera import LensCamera
-from simbev_ros.geometry.transforms import inverse, matrices_from_xyz_rpy
+from simbev_ros.foundation.geometry.camera import LensCamera
+from simbev_ros.foundation.geometry.transforms import inverse, matrices_from_xyz_rpy
+from simbev_ros.foundation.semantics import BOX_CLASSES
+from simbev_ros.foundation.types import AnyArray, Float64Array, Table
 from simbev_ros.recording.png import RowFilter, encode_png
 from simbev_ros.recording.qos import FAST_DUMPER
-from simbev_ros.semantics import BOX_CLASSES
-from simbev_ros.types import AnyArray, Float64Array, Table
+from simbev_ros.schema.v2x import OWN_POSE, V2X_DTYPE
 
 PLAN_S = 3.0
 """Time that the agent's path ahead covers."""

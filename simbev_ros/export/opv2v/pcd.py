@@ -4,7 +4,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from simbev_ros.types import AnyArray, Float64Array
+from simbev_ros.foundation.types import AnyArray, Float64Array
 
 _MAX_INTENSITY = 255
 _RED_BITS = 16

@@ -12,9 +12,9 @@ from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.positioning import Gnss, Imu
 from simbev_ros.config.sensor import Sensor
 from simbev_ros.dataset import Frame, Scene
-from simbev_ros.errors import BagError
 from simbev_ros.export.simbev import encodings
 from simbev_ros.export.simbev.boxes import box_file
+from simbev_ros.foundation.errors import BagError
 
 CAMERAS = ("front_left", "front", "front_right", "back_left", "back", "back_right")
 """Names of the layout's cameras; in rigs they begin with ``cam_``."""

@@ -12,15 +12,15 @@ from typing import Any
 import cv2
 import numpy as np
 
-from simbev_ros.annotation.occupancy.occupancy import dense_tags
 from simbev_ros.export.simbev.zip_file import zip_of_one_file
-from simbev_ros.geometry.transforms import matrices_from_xyz_quaternion
-from simbev_ros.geometry.voxel_grid import VoxelGrid
-from simbev_ros.palette import bev_color, semantic_color
+from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_quaternion
+from simbev_ros.foundation.geometry.voxel_grid import VoxelGrid
+from simbev_ros.foundation.semantics import BEV_CLASSES
+from simbev_ros.foundation.types import AnyArray, Float32Array, Table, UInt8Array, UInt16Array
 from simbev_ros.recording.image_codecs import encode_rgb
 from simbev_ros.recording.png import RowFilter, encode_png
-from simbev_ros.semantics import BEV_CLASSES
-from simbev_ros.types import AnyArray, Float32Array, Table, UInt8Array, UInt16Array
+from simbev_ros.schema.palette import bev_color, semantic_color
+from simbev_ros.schema.voxels import dense_tags
 
 _JPEG_QUALITY = 80
 _PICKLE_PROTOCOL = 3  # of NumPy 1

@@ -13,16 +13,16 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from simbev_ros.confined_paths import path_inside
 from simbev_ros.dataset import Dataset, Scene, open_dataset
-from simbev_ros.errors import InputError
 from simbev_ros.export.parts import Json, Part, fingerprint_of, part_names
 from simbev_ros.export.simbev.channels import channels, left_out
 from simbev_ros.export.simbev.infos import frame_info, metadata, scene_info
-from simbev_ros.object_store.object_path import require_local
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.confined_paths import path_inside
+from simbev_ros.foundation.files.whole_files import write_errors, write_whole
+from simbev_ros.foundation.object_store.object_path import require_local
 from simbev_ros.recording.layout import CONFIG_ATTACHMENT
 from simbev_ros.recording.reader import SceneBag
-from simbev_ros.recording.whole_files import write_errors, write_whole
 
 ROOT = "simbev"
 _FRAMES_PER_PART = 20

@@ -13,9 +13,9 @@ from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.radar import Radar
 from simbev_ros.dataset import Frame, Scene
 from simbev_ros.export.simbev.channels import CAMERAS, RADARS, lidar_of
-from simbev_ros.geometry.transforms import inverse
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.geometry.transforms import inverse
+from simbev_ros.foundation.types import Float64Array
+from simbev_ros.schema.scene.spec import SceneSpec
 
 _NS_PER_US = 1000
 _LEFT_OUT = ("rig", "vehicles", "pedestrians", "map", "green_time_s", "hazards", "agents", "v2x")

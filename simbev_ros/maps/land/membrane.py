@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simbev_ros.types import BoolArray, Float64Array
+from simbev_ros.foundation.types import BoolArray, Float64Array
 
 _MIN_SIDE = 4
 _RELAXATION_STEPS = 6

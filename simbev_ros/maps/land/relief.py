@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from simbev_ros.foundation.random import stream
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.surroundings import ReliefRecipe
-from simbev_ros.random import stream
-from simbev_ros.types import Float64Array
 
 _NUM_WAVES = 24
 

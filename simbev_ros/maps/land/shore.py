@@ -6,8 +6,8 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.land_features import Water
-from simbev_ros.types import Float64Array
 
 _MAX_DEPTH_M = 3.0
 _BANK_SLOPE = 0.5  # above and below the surface, so that the shoreline is smooth

@@ -18,6 +18,7 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
+from simbev_ros.foundation.types import AnyArray, BoolArray, Float64Array, UInt8Array
 from simbev_ros.maps.land.membrane import Raster, membrane, node_positions_m, relax
 from simbev_ros.maps.land.relief import Relief
 from simbev_ros.maps.land.shore import Shores
@@ -27,7 +28,6 @@ from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Strip
 from simbev_ros.maps.roads.surface import strip_polygons
 from simbev_ros.maps.roads.tunnels import ROOF_M
-from simbev_ros.types import AnyArray, BoolArray, Float64Array, UInt8Array
 
 NODE_M = 2.0
 """Spacing of a patch's nodes."""

@@ -8,12 +8,12 @@ from xml.etree import ElementTree
 import numpy as np
 import shapely
 
-from simbev_ros.geometry.plan_view import left_of
+from simbev_ros.foundation.geometry.plan_view import left_of
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.lane_graph.sumo_xml import PlannedCrossing
 from simbev_ros.maps.lane_graph.traffic import Traffic, TrafficEdge
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Crosswalk
-from simbev_ros.types import Float64Array
 
 _WIDTH_M = 3.0
 _FAST_MPS = 14.0

@@ -8,10 +8,10 @@ from xml.etree.ElementTree import Element, ElementTree, SubElement, indent
 
 import numpy as np
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.lane_graph.traffic import Traffic, TrafficLane
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.sumo import netconvert
-from simbev_ros.types import Float64Array
 
 _OPTIONS = (
     "--no-turnarounds=true",

@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.lane_graph.lane_key import LaneKey
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.sumo.islands import driven_parts
-from simbev_ros.types import Float64Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)

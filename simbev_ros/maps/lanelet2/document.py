@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.osm.data import Tags
-from simbev_ros.types import Float64Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,13 +13,13 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from pyproj import Transformer
 
-from simbev_ros.errors import InputError
-from simbev_ros.geometry.geodesy import MapDatum
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.geometry.geodesy import MapDatum
+from simbev_ros.foundation.types import BoolArray, Float64Array
 from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.lanelet2.elements import tags_of
 from simbev_ros.maps.lanelet2.projector_info import datum_of_file, datum_of_grid, mercator_plane, utm_plane
 from simbev_ros.maps.osm.netfile import center_datum
-from simbev_ros.types import BoolArray, Float64Array
 
 _MAX_REACH_M = 15_000.0
 _MIN_NEAR_FRACTION = 0.99

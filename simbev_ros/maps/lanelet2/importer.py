@@ -8,8 +8,8 @@ from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from simbev_ros.errors import InputError, SimulationError
-from simbev_ros.geometry.geodesy import MapDatum
+from simbev_ros.foundation.errors import InputError, SimulationError
+from simbev_ros.foundation.geometry.geodesy import MapDatum
 from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.lane_graph.crossings import crosswalks_of_net, planned_crossings
 from simbev_ros.maps.lane_graph.sumo_xml import RightOfWay, build_net

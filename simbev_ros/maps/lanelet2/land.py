@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import shapely
 
-from simbev_ros.geometry.plan_view import polygon_parts
+from simbev_ros.foundation.geometry.plan_view import polygon_parts
 from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.land_features import Footprint, MapFeatures, Zone
 from simbev_ros.maps.lanelet2.document import Area

@@ -7,8 +7,8 @@ from typing import Any
 from pyproj import Transformer
 
 from simbev_ros.config.yaml_file import YamlFile
-from simbev_ros.errors import InputError
-from simbev_ros.geometry.geodesy import MapDatum
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.geometry.geodesy import MapDatum
 
 FILE_NAME = "map_projector_info.yaml"
 _SQUARE = re.compile(r"(\d{1,2})([C-HJ-NP-X])([A-HJ-NP-Z])([A-HJ-NP-V])")

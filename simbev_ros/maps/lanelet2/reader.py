@@ -8,9 +8,11 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from simbev_ros.errors import InputError
-from simbev_ros.geometry.geodesy import MapDatum
-from simbev_ros.limits import MAX_LANELET_POINTS, MAX_LANELETS, MAX_OSM_BYTES
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.limits import MAX_LANELET_POINTS, MAX_LANELETS, MAX_OSM_BYTES
+from simbev_ros.foundation.files.unpacking import read_unpacked
+from simbev_ros.foundation.geometry.geodesy import MapDatum
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.lanelet2.document import Area, Lanelet, LaneletMap, Linestring, Regulation
 from simbev_ros.maps.lanelet2.elements import elements_by_id, tags_of
@@ -19,8 +21,6 @@ from simbev_ros.maps.lanelet2.shapes import place_of_loss
 from simbev_ros.maps.lanelet2.tags import lane_kind
 from simbev_ros.maps.osm.data import Tags
 from simbev_ros.maps.safe_xml import parse
-from simbev_ros.types import Float64Array
-from simbev_ros.unpacking import read_unpacked
 
 _LANELET = re.compile(rb"""\bv\s*=\s*["']lanelet["']""")
 _HIGHWAY = re.compile(rb"""\bk\s*=\s*["']highway["']""")

@@ -7,7 +7,8 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
-from simbev_ros.geometry import overlay
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.lane_graph.lane_key import LaneKey
 from simbev_ros.maps.lanelet2.document import Linestring
 from simbev_ros.maps.lanelet2.rules import Rule
@@ -16,7 +17,6 @@ from simbev_ros.maps.lanelet2.topology import Topology
 from simbev_ros.maps.roads.lane_kind import ROAD_KINDS
 from simbev_ros.maps.roads.layout import Sign, SignalPlace, SignKind, StopLine, Strip
 from simbev_ros.maps.roads.surface import strip_polygons
-from simbev_ros.types import Float64Array
 
 LaneIds = Mapping[LaneKey, Sequence[str]]
 

@@ -9,13 +9,13 @@ import shapely
 from scipy.optimize import isotonic_regression
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.limits import MAX_BOUND_POINTS
+from simbev_ros.foundation.files.limits import MAX_BOUND_POINTS
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.lane_graph.lane_key import LaneKey
 from simbev_ros.maps.lanelet2.document import Lanelet, LaneletMap, Linestring
 from simbev_ros.maps.lanelet2.tags import lane_kind
 from simbev_ros.maps.roads.lane_kind import LaneKind
-from simbev_ros.types import Float64Array
 
 _MAX_WIDTH_M = 200.0
 _MIN_LENGTH_M = 0.1

@@ -4,13 +4,13 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.lanelet2.document import Area
 from simbev_ros.maps.lanelet2.junctions import Junctions
 from simbev_ros.maps.lanelet2.shapes import LaneletShape, pair_borders
 from simbev_ros.maps.lanelet2.tags import mirrored, paint_of, speed_limit_mps
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Crosswalk, Line, Strip
-from simbev_ros.types import Float64Array
 
 _AREA_KINDS = {"parking": LaneKind.PARKING, "freespace": LaneKind.SHOULDER, "traffic_island": LaneKind.MEDIAN}
 """Subtype of an area → its use."""

@@ -14,10 +14,10 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.errors import InputError
-from simbev_ros.geometry import overlay
-from simbev_ros.geometry.geodesy import MapDatum
-from simbev_ros.limits import MAX_LANELET_PAIRS
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.limits import MAX_LANELET_PAIRS
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.geometry.geodesy import MapDatum
 from simbev_ros.maps.lanelet2.shapes import LaneletShape
 from simbev_ros.maps.osm.driving_side import keeps_left
 from simbev_ros.maps.roads.lane_kind import LaneKind

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.lane_graph.joined_names import JoinedNames
 from simbev_ros.maps.lane_graph.traffic import (
@@ -24,7 +25,6 @@ from simbev_ros.maps.lanelet2.shapes import LaneletShape, joined_m, resampled_m,
 from simbev_ros.maps.lanelet2.tags import allowed_classes, may_cross, speed_limit_mps
 from simbev_ros.maps.lanelet2.topology import Topology
 from simbev_ros.maps.roads.lane_kind import LaneKind
-from simbev_ros.types import Float64Array
 
 Row = tuple[str, ...]
 """Ids of the lanelets with traffic that lie side by side in one direction, outermost first."""

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from simbev_ros.foundation.types import BoolArray, Float64Array
 from simbev_ros.maps.opendrive.reading.document import Road, Section
-from simbev_ros.types import BoolArray, Float64Array
 
 _BEFORE_M = 1e-6
 

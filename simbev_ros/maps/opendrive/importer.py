@@ -12,8 +12,9 @@ from io import StringIO
 from pathlib import Path
 from xml.etree.ElementTree import ElementTree
 
-from simbev_ros.errors import InputError, SimulationError
-from simbev_ros.limits import MAX_MAP_BYTES
+from simbev_ros.foundation.errors import InputError, SimulationError
+from simbev_ros.foundation.files.limits import MAX_MAP_BYTES
+from simbev_ros.foundation.files.unpacking import read_unpacked
 from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.lane_graph.crossings import crosswalks_of_net, planned_crossings
 from simbev_ros.maps.lane_graph.sumo_xml import RightOfWay, build_net
@@ -38,7 +39,6 @@ from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout
 from simbev_ros.maps.safe_xml import parse, place_of
-from simbev_ros.unpacking import read_unpacked
 
 
 def import_opendrive(path: Path, work: Path) -> MapParts:

@@ -5,13 +5,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.opendrive.borders import borders_m
 from simbev_ros.maps.opendrive.reading.document import Document, LaneKey, LaneRecord, Road, Section, value_at
 from simbev_ros.maps.opendrive.reading.tables import DEFAULT_SPEEDS_MPS
 from simbev_ros.maps.opendrive.stations import stations_m
 from simbev_ros.maps.roads.lane_kind import LaneKind, raised_of
-from simbev_ros.types import Float64Array
 
 _MAX_COORDINATES_M = (100e3, 100e3, 10e3)
 _MAX_WIDTH_M = 200.0

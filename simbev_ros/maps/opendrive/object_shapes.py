@@ -6,11 +6,11 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from simbev_ros.limits import MAX_OBJECT_COPIES
+from simbev_ros.foundation.files.limits import MAX_OBJECT_COPIES
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.opendrive.borders import points_m
 from simbev_ros.maps.opendrive.reading.attributes import Malformed, number
 from simbev_ros.maps.opendrive.reading.document import Document, Road
-from simbev_ros.types import Float64Array
 
 _SAME_CORNER_M = 1e-3
 _CIRCLE = 16

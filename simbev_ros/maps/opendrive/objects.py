@@ -2,14 +2,14 @@
 
 import numpy as np
 
-from simbev_ros.geometry.plan_view import left_of
+from simbev_ros.foundation.geometry.plan_view import left_of
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.opendrive.object_shapes import iter_objects, outline_m
 from simbev_ros.maps.opendrive.reading.attributes import Malformed, number
 from simbev_ros.maps.opendrive.reading.document import Document, Road
 from simbev_ros.maps.opendrive.sides import drives_forward_at
 from simbev_ros.maps.roads.layout import Crosswalk, StopLine
-from simbev_ros.types import Float64Array
 
 _MIN_ASPECT = 1.3
 

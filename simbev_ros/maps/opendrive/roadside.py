@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 import shapely
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.opendrive.borders import point_m
 from simbev_ros.maps.opendrive.reading.document import LaneKey, Road
@@ -14,7 +15,6 @@ from simbev_ros.maps.opendrive.traffic.approaches import Approaches
 from simbev_ros.maps.roads.lane_kind import ROAD_KINDS
 from simbev_ros.maps.roads.layout import Sign, SignalPlace, SignKind, Strip
 from simbev_ros.maps.roads.surface import strip_polygons
-from simbev_ros.types import Float64Array
 
 _CURB_TO_POST_M = 0.6
 _SAME_LEVEL_M = 3.0

@@ -11,7 +11,9 @@ import shapely
 from pydantic import Field, TypeAdapter
 
 from simbev_ros.config.base import Model
-from simbev_ros.limits import MAX_MAP_OBJECTS
+from simbev_ros.foundation.files.limits import MAX_MAP_OBJECTS
+from simbev_ros.foundation.tables import load_table
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.land_features import POINT_KINDS, Footprint, MapObject, ObjectKind
 from simbev_ros.maps.opendrive.borders import points_m
@@ -27,8 +29,6 @@ from simbev_ros.maps.opendrive.object_shapes import (
 )
 from simbev_ros.maps.opendrive.reading.attributes import Malformed, number
 from simbev_ros.maps.opendrive.reading.document import Document, Road
-from simbev_ros.tables import load_table
-from simbev_ros.types import Float64Array
 
 _MIN_BUILDING_M2 = 1.0
 

@@ -8,13 +8,13 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.opendrive.borders import point_m
 from simbev_ros.maps.opendrive.reading.attributes import Malformed, number
 from simbev_ros.maps.opendrive.reading.document import Document, LaneKey, Road
 from simbev_ros.maps.opendrive.reading.tables import NAMED_SPEED_LIMIT, SIGNAL_MEANINGS, SPEED_UNITS_MPS
 from simbev_ros.maps.opendrive.sides import drives_forward_at, driving_lanes_at
-from simbev_ros.types import Float64Array
 
 _MAX_SPEED_MPS = 60.0
 _PAINTED = ("stencil", "roadmark")

@@ -4,10 +4,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from simbev_ros.geometry.ragged import ragged_indices
+from simbev_ros.foundation.geometry.ragged import ragged_indices
+from simbev_ros.foundation.types import Float64Array, Int64Array
 from simbev_ros.maps.opendrive.borders import borders_m
 from simbev_ros.maps.opendrive.reading.document import Road, Section
-from simbev_ros.types import Float64Array, Int64Array
 
 _SPACING_M = 5.0
 _TOLERANCE_M = 0.01

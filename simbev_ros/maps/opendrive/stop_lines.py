@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.opendrive.borders import lane_edges_m, point_m
 from simbev_ros.maps.opendrive.lane_shapes import LaneShape
 from simbev_ros.maps.opendrive.objects import left_of_traffic
@@ -12,7 +13,6 @@ from simbev_ros.maps.opendrive.sides import sections_at
 from simbev_ros.maps.opendrive.signals import Signal
 from simbev_ros.maps.opendrive.traffic.approaches import Approaches
 from simbev_ros.maps.roads.layout import StopLine
-from simbev_ros.types import Float64Array
 
 _DISTANCE_TO_END_M = 0.5
 _MARGIN_M = 0.25

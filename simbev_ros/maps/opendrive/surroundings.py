@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.geometry import overlay
+from simbev_ros.foundation.geometry import overlay
 from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.land_features import Footprint, MapFeatures, MapObject, Zone
 from simbev_ros.maps.roads.lane_kind import ROAD_KINDS, LaneKind

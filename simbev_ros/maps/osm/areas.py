@@ -6,9 +6,9 @@ from typing import NamedTuple
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.geometry import overlay
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.osm.data import Multipolygon, OsmData, Tags, Way
-from simbev_ros.types import Float64Array
 
 _GRID_M = 0.001
 

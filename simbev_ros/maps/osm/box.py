@@ -4,8 +4,8 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
-from simbev_ros.geometry.ragged import ragged_indices
-from simbev_ros.types import BoolArray, Float64Array
+from simbev_ros.foundation.geometry.ragged import ragged_indices
+from simbev_ros.foundation.types import BoolArray, Float64Array
 
 MAX_SIDE_M = 30_000.0
 """Largest width and height of a map."""

@@ -9,14 +9,14 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import shapely
 
-from simbev_ros.geometry import overlay
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.types import AnyArray
 from simbev_ros.maps.findings import Finding
 from simbev_ros.maps.land_features import Footprint
 from simbev_ros.maps.osm.areas import Area, polygons
 from simbev_ros.maps.osm.building_tags import footprint_of
 from simbev_ros.maps.osm.data import Tags
 from simbev_ros.maps.osm.land_rules import land_rules
-from simbev_ros.types import AnyArray
 
 _MIN_AREA_M2 = 6.0
 _MIN_FREE_FRACTION = 0.6

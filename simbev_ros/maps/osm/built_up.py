@@ -7,11 +7,11 @@ import shapely
 from scipy.ndimage import uniform_filter
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.geometry import overlay
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.types import AnyArray, BoolArray, Float64Array
 from simbev_ros.maps.land_features import Footprint, Zone
 from simbev_ros.maps.osm.areas import polygons
 from simbev_ros.maps.osm.land_rules import land_rules
-from simbev_ros.types import AnyArray, BoolArray, Float64Array
 
 _CELL_M = 25.0
 _STEP_M = 5.0

@@ -4,10 +4,10 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.geometry import overlay
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.types import AnyArray, Float64Array
 from simbev_ros.maps.findings import Finding
 from simbev_ros.maps.osm.data import OsmData
-from simbev_ros.types import AnyArray, Float64Array
 
 _PROBE_M = 0.05
 _MAX_FLOODED_SHARE = 0.2

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.findings import Finding
-from simbev_ros.types import Float64Array
 
 Tags = Mapping[str, str]
 

@@ -6,8 +6,8 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.geometry import overlay
-from simbev_ros.tables import load_table
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.tables import load_table
 
 
 def keeps_left(longitude_deg: float, latitude_deg: float) -> bool:

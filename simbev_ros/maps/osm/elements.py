@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.maps.findings import Finding, Outcome
 from simbev_ros.maps.osm.data import Multipolygon, OsmData, Tags, Way
-from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
 _MAX_REFERENCES_PER_NODE = 4
 

@@ -7,11 +7,11 @@ from xml.etree.ElementTree import Element, ElementTree, SubElement
 
 import numpy as np
 
+from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.maps.findings import Finding, Outcome
 from simbev_ros.maps.osm.box import Box
 from simbev_ros.maps.osm.data import Multipolygon, OsmData, Tags, Way
 from simbev_ros.maps.osm.road_rules import road_tags
-from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
 SURROUNDINGS_M = 200.0
 """Distance around a box up to which buildings and land are part of it."""

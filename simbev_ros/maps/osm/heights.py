@@ -14,10 +14,10 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.geometry import overlay
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.findings import Finding, Outcome
 from simbev_ros.maps.osm.roads import OsmRoad, crossings_of, line_of
-from simbev_ros.types import Float64Array
 
 _CLEARANCE_M = 6.2  # from carriageway to carriageway: 4.7 m for traffic and 1.5 m of structure
 _FLAT_M = 12.0

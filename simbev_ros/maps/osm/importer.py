@@ -10,9 +10,11 @@ import numpy as np
 from pyproj import Transformer
 
 from simbev_ros.config.map_files import Bounds
-from simbev_ros.errors import InputError, SimulationError
-from simbev_ros.geometry.geodesy import MapDatum
-from simbev_ros.limits import MAX_MAP_BYTES
+from simbev_ros.foundation.errors import InputError, SimulationError
+from simbev_ros.foundation.files.limits import MAX_MAP_BYTES
+from simbev_ros.foundation.geometry.geodesy import MapDatum
+from simbev_ros.foundation.process_memory import return_freed_memory
+from simbev_ros.foundation.types import Float64Array, Int64Array
 from simbev_ros.maps.findings import Finding
 from simbev_ros.maps.land_features import MapFeatures
 from simbev_ros.maps.osm.box import MAX_SIDE_M, Box, densest_box, sample_segments, segment_lengths_m
@@ -26,8 +28,6 @@ from simbev_ros.maps.osm.road_rules import SIDEWALK_M, road_tags
 from simbev_ros.maps.osm.roads import join_roads, roads_of
 from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.sumo import netconvert
-from simbev_ros.process_memory import return_freed_memory
-from simbev_ros.types import Float64Array, Int64Array
 
 _MAX_LENGTH_M = 4e6
 _MAX_KEYS = 4

@@ -6,7 +6,8 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.geometry import overlay
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.types import AnyArray, Float64Array
 from simbev_ros.maps.findings import Finding, Outcome
 from simbev_ros.maps.land_features import MapFeatures, Zone
 from simbev_ros.maps.osm.areas import Area, areas_of, polygons
@@ -18,7 +19,6 @@ from simbev_ros.maps.osm.land_rules import land_rules
 from simbev_ros.maps.osm.objects import objects_of
 from simbev_ros.maps.osm.roads import OsmRoad, line_of
 from simbev_ros.maps.osm.water import water_of
-from simbev_ros.types import AnyArray, Float64Array
 
 _MARGIN_M = 1500.0
 _HORIZON_M = 3500.0  # as far as land is drawn beyond the roads

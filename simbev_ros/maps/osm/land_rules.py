@@ -6,8 +6,8 @@ from functools import lru_cache
 from pydantic import Field
 
 from simbev_ros.config.base import Model
+from simbev_ros.foundation.tables import load_table
 from simbev_ros.maps.surroundings import SurroundingsRecipe
-from simbev_ros.tables import load_table
 
 
 class WaterRule(Model):

@@ -7,11 +7,11 @@ from xml.etree.ElementTree import Element, ElementTree, SubElement
 
 import numpy as np
 
-from simbev_ros.geometry.geodesy import MapDatum
+from simbev_ros.foundation.geometry.geodesy import MapDatum
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.osm.data import Tags
 from simbev_ros.maps.osm.road_rules import RoadRule, road_rules
 from simbev_ros.maps.osm.roads import OsmRoad
-from simbev_ros.types import Float64Array
 
 _NOT_ON_ROADS = (
     "pedestrian tram rail_urban rail rail_electric rail_fast ship container cable_car subway aircraft wheelchair "

@@ -8,14 +8,14 @@ import shapely
 from pydantic import Field
 
 from simbev_ros.config.base import Model
-from simbev_ros.limits import MAX_MAP_OBJECTS, MAX_OBJECT_LINES_KM
+from simbev_ros.foundation.files.limits import MAX_MAP_OBJECTS, MAX_OBJECT_LINES_KM
+from simbev_ros.foundation.tables import load_table
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.findings import Finding
 from simbev_ros.maps.land_features import BARRIER_KINDS, MapObject, ObjectKind
 from simbev_ros.maps.osm.areas import Area
 from simbev_ros.maps.osm.data import OsmData, Tags, Way
 from simbev_ros.maps.osm.lengths import parse_direction_rad, parse_length_m
-from simbev_ros.tables import load_table
-from simbev_ros.types import Float64Array
 
 _MAX_HEIGHT_M = 60.0
 _POST_CORNERS = 8

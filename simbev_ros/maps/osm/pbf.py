@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simbev_ros.errors import InputError
-from simbev_ros.limits import MAX_OSM_NODES, MAX_PBF_BYTES, MAX_PBF_RATIO
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.limits import MAX_OSM_NODES, MAX_PBF_BYTES, MAX_PBF_RATIO
+from simbev_ros.foundation.types import Float64Array, Int64Array, Table
 from simbev_ros.maps.osm.box import Box, densest_box
 from simbev_ros.maps.osm.elements import OsmElements, Relation
 from simbev_ros.maps.osm.xml import MAX_TAG
 from simbev_ros.maps.safe_xml import check_readable
-from simbev_ros.types import Float64Array, Int64Array, Table
 
 if TYPE_CHECKING:
     from osmium import IdTracker

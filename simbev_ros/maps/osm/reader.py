@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from simbev_ros.foundation.types import Int64Array
 from simbev_ros.maps.findings import Finding, Outcome
 from simbev_ros.maps.osm.box import Box
 from simbev_ros.maps.osm.data import OsmData
@@ -13,7 +14,6 @@ from simbev_ros.maps.osm.extract import SURROUNDINGS_M, cut
 from simbev_ros.maps.osm.pbf import is_pbf, read_pbf
 from simbev_ros.maps.osm.road_rules import road_tags
 from simbev_ros.maps.osm.xml import read_xml
-from simbev_ros.types import Int64Array
 
 
 def read_osm(path: Path, box: Box | None = None) -> OsmData:

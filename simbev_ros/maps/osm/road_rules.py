@@ -8,8 +8,8 @@ from typing import Literal, NamedTuple, Self
 from pydantic import Field, TypeAdapter
 
 from simbev_ros.config.base import Model
+from simbev_ros.foundation.tables import load_table
 from simbev_ros.maps.osm.data import Tags
-from simbev_ros.tables import load_table
 
 _COPIED_KEYS = (
     "turn:lanes",

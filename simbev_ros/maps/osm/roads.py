@@ -8,12 +8,12 @@ from itertools import pairwise
 import numpy as np
 import shapely
 
-from simbev_ros.geometry import overlay
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.findings import Finding
 from simbev_ros.maps.osm.data import OsmData
 from simbev_ros.maps.osm.road_rules import RoadTags, road_tags
 from simbev_ros.maps.sumo.islands import driven_parts
-from simbev_ros.types import Float64Array
 
 
 @dataclass(frozen=True, slots=True)

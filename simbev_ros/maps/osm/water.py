@@ -6,13 +6,13 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.geometry import overlay
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.types import AnyArray, Float64Array
 from simbev_ros.maps.land_features import Water
 from simbev_ros.maps.osm.areas import Area, polygons
 from simbev_ros.maps.osm.data import OsmData, Tags, Way
 from simbev_ros.maps.osm.land_rules import land_rules
 from simbev_ros.maps.osm.lengths import parse_length_m
-from simbev_ros.types import AnyArray, Float64Array
 
 _MIN_AREA_M2 = 6.0
 

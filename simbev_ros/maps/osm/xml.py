@@ -7,8 +7,8 @@ from typing import NoReturn
 
 import numpy as np
 
-from simbev_ros.errors import InputError
-from simbev_ros.limits import MAX_OSM_BYTES, MAX_OSM_ELEMENTS, MAX_OSM_NODES
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.limits import MAX_OSM_BYTES, MAX_OSM_ELEMENTS, MAX_OSM_NODES
 from simbev_ros.maps.osm.elements import OsmElements, Relation
 from simbev_ros.maps.safe_xml import read_elements
 

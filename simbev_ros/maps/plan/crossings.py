@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
-from simbev_ros.geometry import overlay
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.plan.plan import Link, Plan, half_width_m
-from simbev_ros.types import Float64Array
 
 _MIN_SINE = 0.3
 _NODE_TOLERANCE_M = 2.0

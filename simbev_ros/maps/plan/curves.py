@@ -5,8 +5,8 @@ All lines are (N, 2) float64, map frame, meters.
 
 import numpy as np
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.plan.lines import VERTEX_SPACING_M, densify, length_m, points_at
-from simbev_ros.types import Float64Array
 
 _STRAIGHT_SPACING_M = 20.0
 

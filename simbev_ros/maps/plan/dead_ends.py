@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.maps.plan.draft import DraftRoad, RoadClass
 from simbev_ros.maps.plan.lines import arc, length_m, part
 from simbev_ros.maps.plan.plan import Link, Plan, heading_from

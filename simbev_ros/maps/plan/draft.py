@@ -11,8 +11,8 @@ import shapely
 from pydantic import Field
 
 from simbev_ros.config.base import Model
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.land_features import Zone
-from simbev_ros.types import Float64Array
 
 
 class RoadClass(Model):

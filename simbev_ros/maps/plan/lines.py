@@ -4,8 +4,8 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
-from simbev_ros.geometry.plan_view import left_of
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.geometry.plan_view import left_of
+from simbev_ros.foundation.types import Float64Array
 
 VERTEX_SPACING_M = 5.0
 """Distance between vertices of curves."""

@@ -9,10 +9,10 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from simbev_ros.errors import InputError
-from simbev_ros.geometry import overlay
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.types import Float64Array, Int64Array
 from simbev_ros.maps.plan.draft import DraftRoad
-from simbev_ros.types import Float64Array, Int64Array
 
 _SNAP_M = 10.0
 _TOUCH_TOLERANCE_M = 0.01

@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 import shapely
 
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.maps.plan.dead_ends import add_turning_circles
 from simbev_ros.maps.plan.draft import Draft, DraftRoad
 from simbev_ros.maps.plan.lines import length_m, part, shift_ends

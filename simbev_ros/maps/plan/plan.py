@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.plan.draft import DraftRoad, RoadClass
-from simbev_ros.types import Float64Array
 
 _HEADING_REACH_M = 15.0  # a link's heading at a node is measured over this length
 

@@ -5,8 +5,8 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator
 
+from simbev_ros.foundation.tables import load_table
 from simbev_ros.maps.plan.draft import RoadClass
-from simbev_ros.tables import load_table
 
 
 @lru_cache(maxsize=1)

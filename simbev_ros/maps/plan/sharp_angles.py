@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.plan.curves import bezier_between, heading_at
 from simbev_ros.maps.plan.lines import length_m, part, points_at
 from simbev_ros.maps.plan.plan import Link, Plan, heading_from
-from simbev_ros.types import Float64Array
 
 _MIN_ANGLE_RAD = np.radians(48.0)
 _WIDENED_ANGLE_RAD = np.radians(65.0)

@@ -4,12 +4,12 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 from xml.etree import ElementTree
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.plan.draft import RoadClass
 from simbev_ros.maps.plan.lines import offset_to_left, simplify
 from simbev_ros.maps.plan.merges import lane_pairs
 from simbev_ros.maps.plan.plan import Link, Plan
 from simbev_ros.maps.roads.lane_kind import LaneKind
-from simbev_ros.types import Float64Array
 
 _MIN_RADIUS_M = 0.5
 _MAX_CROSSING_KMH = 60.0

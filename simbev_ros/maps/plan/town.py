@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.findings import Finding, Outcome
 from simbev_ros.maps.land.relief import Relief
 from simbev_ros.maps.land_features import MapFeatures, Water
@@ -19,7 +20,6 @@ from simbev_ros.maps.plan.plan import Plan
 from simbev_ros.maps.plan.sumo_xml import connections_xml, edges_xml, nodes_xml
 from simbev_ros.maps.recipe import TownRecipe
 from simbev_ros.maps.sumo import netconvert
-from simbev_ros.types import Float64Array
 
 _SIGNAL_RADIUS_M = 10.0
 _MAX_SIGNAL_KMH = 75.0

@@ -7,11 +7,11 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
-from simbev_ros.geometry import overlay
-from simbev_ros.geometry.ragged import ragged_indices
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.geometry.ragged import ragged_indices
+from simbev_ros.foundation.types import AnyArray, BoolArray, Float64Array, Int64Array
 from simbev_ros.maps.roads.layout import Paint
 from simbev_ros.maps.roads.polylines import Polylines
-from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int64Array
 
 _DASH_M, _DASH_GAP_M = 3.0, 6.0
 _CLEARANCE_M = 1.0  # distance of dashes and dots from both ends of a lane

@@ -8,11 +8,11 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from simbev_ros.geometry.ragged import ragged_starts
+from simbev_ros.foundation.geometry.ragged import ragged_starts
+from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.maps.roads.layout import Strip
 from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.maps.roads.strip_pieces import StripPieces
-from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
 _ENDPOINT_TOLERANCE_M = 0.3  # maximum distance between the endpoints of shared borders
 _MIN_PIECE_M = 0.3  # minimum length of a piece

@@ -8,9 +8,9 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from simbev_ros.geometry.plan_view import left_of
+from simbev_ros.foundation.geometry.plan_view import left_of
+from simbev_ros.foundation.types import Float64Array, Int64Array
 from simbev_ros.maps.roads.strip_pieces import StripPieces
-from simbev_ros.types import Float64Array, Int64Array
 
 _MAX_LANE_GAP_M = 2.0  # largest gap between lanes that share a deck end
 _MAX_STAGGER_M = 10.0

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial import cKDTree
 
+from simbev_ros.foundation.types import AnyArray, BoolArray, Float64Array, Int64Array
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout, Strip
 from simbev_ros.maps.roads.polylines import Polylines
-from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int64Array
 
 _SAMPLED = tuple(kind for kind in LaneKind if kind not in (LaneKind.WALKING_AREA, LaneKind.CROSSING))
 _SPACING_M = 3.0  # dense enough to preserve the crown between two lanes

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
+from simbev_ros.foundation.types import Float64Array, Int64Array
 from simbev_ros.maps.roads.polylines import Polylines
-from simbev_ros.types import Float64Array, Int64Array
 
 _EXTRA_DISTANCE_M = 12.0  # candidate lines are at most this much more distant in plan view than the nearest one
 _HEIGHT_WEIGHT = 2.0  # plan-view meters per meter of height

@@ -15,9 +15,9 @@ from typing import TypeVar
 import numpy as np
 import shapely
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.columns import SPARSE
 from simbev_ros.maps.roads.lane_kind import LaneKind
-from simbev_ros.types import Float64Array
 
 _Item = TypeVar("_Item")
 

@@ -21,12 +21,12 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-from simbev_ros.geometry import overlay
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.types import AnyArray, BoolArray, Float64Array, Int64Array
 from simbev_ros.maps.roads.carriageways import cut_into_blocks
 from simbev_ros.maps.roads.layout import Layout, Strip
 from simbev_ros.maps.roads.levels import CLEARANCE_M
 from simbev_ros.maps.roads.strip_pieces import StripPieces
-from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int64Array
 
 _MAX_DETOUR_FACTOR = 1.5
 _DETOUR_ALLOWANCE_M = 25.0

@@ -17,11 +17,11 @@ import shapely
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
+from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.maps.land_features import Water
 from simbev_ros.maps.roads.deck_ends import straighten_ends
 from simbev_ros.maps.roads.layout import Layout, Strip
 from simbev_ros.maps.roads.strip_pieces import StripPieces
-from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
 CLEARANCE_M = 2.5
 """Overlapping roads with a greater height difference than this pass above each other."""

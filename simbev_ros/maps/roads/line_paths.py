@@ -6,15 +6,15 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from simbev_ros.geometry import overlay
-from simbev_ros.geometry.plan_view import left_of
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.geometry.plan_view import left_of
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.roads.bands import painted_lines
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout, Paint, PaintColor, Strip
 from simbev_ros.maps.roads.markings import MarkingKind, painted_sides
 from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.maps.roads.surface import crosswalk_polygons, strip_polygons
-from simbev_ros.types import Float64Array
 
 _MIRRORED = {Paint.SOLID_BROKEN: Paint.BROKEN_SOLID, Paint.BROKEN_SOLID: Paint.SOLID_BROKEN}
 

@@ -11,13 +11,13 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
-from simbev_ros.geometry import overlay
-from simbev_ros.geometry.plan_view import left_of
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.geometry.plan_view import left_of
+from simbev_ros.foundation.types import AnyArray, Float64Array
 from simbev_ros.maps.roads.bands import Border, painted_bands
 from simbev_ros.maps.roads.lane_kind import PAVED_KINDS, LaneKind
 from simbev_ros.maps.roads.layout import Crosswalk, Layout, Paint, PaintColor, Strip
 from simbev_ros.maps.roads.surface import crosswalk_polygons
-from simbev_ros.types import AnyArray, Float64Array
 
 _DEPENDENCY_M = 10.0  # paint in an area depends only on lanes within this distance
 _STOP_LINE_M = 0.4

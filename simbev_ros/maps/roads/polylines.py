@@ -7,9 +7,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from simbev_ros.geometry.plan_view import left_of
-from simbev_ros.geometry.ragged import ragged_indices
-from simbev_ros.types import AnyArray, Float64Array, Int64Array
+from simbev_ros.foundation.geometry.plan_view import left_of
+from simbev_ros.foundation.geometry.ragged import ragged_indices
+from simbev_ros.foundation.types import AnyArray, Float64Array, Int64Array
 
 
 @dataclass(frozen=True)

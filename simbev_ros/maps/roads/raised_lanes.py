@@ -6,9 +6,9 @@ from functools import cached_property
 import numpy as np
 import shapely
 
-from simbev_ros.geometry import overlay
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.types import AnyArray, Float64Array, Int64Array
 from simbev_ros.maps.roads.layout import Layout, Strip
-from simbev_ros.types import AnyArray, Float64Array, Int64Array
 
 _ON_EDGE_M = 1e-6
 

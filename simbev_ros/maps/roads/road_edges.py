@@ -7,11 +7,11 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.geometry import overlay
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.types import BoolArray, Float64Array
 from simbev_ros.maps.roads.elevation import Elevation
 from simbev_ros.maps.roads.layout import Layout
 from simbev_ros.maps.roads.surface import surfaces_of
-from simbev_ros.types import BoolArray, Float64Array
 
 _HEIGHT_SPACING_M = 5.0  # spacing of heights along edges
 _TOUCH_DISTANCE_M = 0.05

@@ -7,10 +7,10 @@ from functools import cached_property
 import numpy as np
 import shapely
 
-from simbev_ros.geometry import overlay
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.types import AnyArray, BoolArray, Float64Array, Int64Array
 from simbev_ros.maps.roads.layout import Strip
 from simbev_ros.maps.roads.polylines import Polylines
-from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int64Array
 
 _TOUCH_DISTANCE_M = 0.3
 _HEIGHT_TOLERANCE_M = 1.0

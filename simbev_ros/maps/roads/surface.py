@@ -14,11 +14,11 @@ import shapely
 from shapely import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.geometry import overlay
-from simbev_ros.geometry.plan_view import polygon_parts
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.geometry.plan_view import polygon_parts
+from simbev_ros.foundation.types import AnyArray
 from simbev_ros.maps.roads.lane_kind import ROAD_KINDS, LaneKind
 from simbev_ros.maps.roads.layout import Crosswalk, Layout, Strip
-from simbev_ros.types import AnyArray
 
 FAST_MPS = 22.3
 """Speed limit above which a road counts as a motorway."""

@@ -11,11 +11,11 @@ import numpy as np
 import shapely
 from scipy.spatial import cKDTree
 
+from simbev_ros.foundation.types import AnyArray, BoolArray, Float64Array
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout, Strip
 from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.maps.roads.surface import strip_polygons
-from simbev_ros.types import AnyArray, BoolArray, Float64Array
 
 CLEARANCE_M = 5.0
 """Height of a tunnel's ceiling above the carriageway's plane."""

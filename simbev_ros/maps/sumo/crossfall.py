@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.network import Lane, paths_beyond
 from simbev_ros.maps.roads.lane_kind import PAVED_KINDS
 from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.maps.sumo.net import SumoNet
-from simbev_ros.types import Float64Array
 
 CROSSFALL = 0.02
 """Slope of paved roads; 1.5 to 2 % are usual (AASHTO, A Policy on Geometric Design of Highways and Streets, ch. 4)."""

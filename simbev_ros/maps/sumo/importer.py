@@ -11,15 +11,15 @@ import numpy as np
 from pyproj import CRS, Transformer
 from pyproj.exceptions import ProjError
 
-from simbev_ros.errors import InputError, SimulationError
-from simbev_ros.geometry.geodesy import MapDatum
+from simbev_ros.foundation.errors import InputError, SimulationError
+from simbev_ros.foundation.geometry.geodesy import MapDatum
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.land_features import MapFeatures
 from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.safe_xml import parse, place_of
 from simbev_ros.maps.sumo import netconvert
 from simbev_ros.maps.sumo.repair import NetFile
 from simbev_ros.maps.surroundings import SurroundingsRecipe
-from simbev_ros.types import Float64Array
 
 _OPTIONS = (
     "--walkingareas=true",

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.maps.findings import Finding, Outcome
-from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
 
 def driven_parts(

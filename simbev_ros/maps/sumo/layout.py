@@ -8,6 +8,7 @@ from itertools import groupby, pairwise
 import numpy as np
 import shapely
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.network import Lane
 from simbev_ros.maps.paint_rules import left_line, line_between, right_edge_line
 from simbev_ros.maps.roads.lane_kind import LaneKind
@@ -16,7 +17,6 @@ from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.maps.sumo.crossfall import Crossfall
 from simbev_ros.maps.sumo.net import SumoNet
 from simbev_ros.maps.sumo.right_of_way import minor_approaches
-from simbev_ros.types import Float64Array
 
 _CORNER_RADIUS_M = 3.0
 _BORDER_TOLERANCE_M = 0.5

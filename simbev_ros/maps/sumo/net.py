@@ -9,12 +9,12 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from simbev_ros.errors import SimulationError
+from simbev_ros.foundation.errors import SimulationError
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.network import Junction, Lane
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.maps.vehicle_class import open_to
-from simbev_ros.types import Float64Array
 
 _DEFAULT_WIDTH_M = 3.2  # SUMO's default lane width
 _MIN_STEP_M = 0.01

@@ -12,7 +12,7 @@ from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
 
-from simbev_ros.errors import SimulationError
+from simbev_ros.foundation.errors import SimulationError
 
 _OPTIONS = (
     "--no-turnarounds=true",

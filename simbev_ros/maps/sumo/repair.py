@@ -11,12 +11,12 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from simbev_ros.errors import InputError
-from simbev_ros.limits import MAX_LANES_PER_EDGE
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.limits import MAX_LANES_PER_EDGE
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.sumo.islands import driven_parts
 from simbev_ros.maps.sumo.signal_programs import join_partial_programs
-from simbev_ros.types import Float64Array
 
 _MIN_WIDTH_M = 0.2
 _MAX_WIDTH_M = 30.0

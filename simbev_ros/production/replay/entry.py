@@ -6,12 +6,12 @@ from pathlib import Path
 
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import PlannedEntry
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.surroundings import load_roads
 from simbev_ros.recording.reader import SceneBag
-from simbev_ros.recording.replay import Replay, build_recorded_roads, replayed_spec
-from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.simulation.replay.replay import Replay, build_recorded_roads, replayed_spec
 
 
 class ReplayedEntry(PlannedEntry):

@@ -9,10 +9,10 @@ from pathlib import Path
 from simbev_ros.dataset.index_row import Row
 from simbev_ros.dataset.plan import PlannedEntry, bag_of
 from simbev_ros.dataset.staging import staging_of
+from simbev_ros.foundation.files.syncing import sync_names
+from simbev_ros.foundation.files.whole_files import write_errors
 from simbev_ros.production.scene_log import Attempt, write_scene_log
 from simbev_ros.recording.bag_files import check_space
-from simbev_ros.recording.mcap.syncing import sync_names
-from simbev_ros.recording.whole_files import write_errors
 
 
 class ReplayHome:

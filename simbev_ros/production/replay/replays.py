@@ -6,13 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from simbev_ros.cluster.node_check import check_nodes
-from simbev_ros.cluster.ray_cluster import RayCluster
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import PlannedEntry, bag_of
 from simbev_ros.dataset.staging import clean_up_staging
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.whole_files import require_writable
+from simbev_ros.production.cluster.node_check import check_nodes
+from simbev_ros.production.cluster.ray_cluster import RayCluster
 from simbev_ros.production.dataset import check_workers, open_crew
 from simbev_ros.production.dataset_home import hold_home
 from simbev_ros.production.dataset_maker import DatasetMaker
@@ -23,8 +24,7 @@ from simbev_ros.production.replay.home import ReplayHome
 from simbev_ros.production.replay.selection import folder_of, require_mergeable, select_bags
 from simbev_ros.production.workers.ray_metrics import RayMetrics
 from simbev_ros.recording.layout import additional_folder
-from simbev_ros.recording.whole_files import require_writable
-from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.schema.scene.spec import SceneSpec
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.recording.layout import (
     additional_folder,
     dataset_of,

@@ -9,6 +9,7 @@ from typing import Literal
 
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.scenario import Scenario
+from simbev_ros.foundation.threads import usable_cores
 from simbev_ros.production.delivery import Deliveries, keep_bags
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.scene_ending import MadeScene
@@ -17,7 +18,6 @@ from simbev_ros.production.workers.local_worker import LocalWorker
 from simbev_ros.production.workers.machine_capacity import fitting_workers, share_gpus
 from simbev_ros.production.workers.messages import Settings
 from simbev_ros.production.workers.team import Team
-from simbev_ros.threads import usable_cores
 
 _POLL_S = 0.5
 """Maximum time between two looks for workers that have fallen silent."""

@@ -11,11 +11,11 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from simbev_ros.dataset.plan import PlannedEntry
-from simbev_ros.graph.node_starter import describe_exit
-from simbev_ros.nodes.lifeline import SUPERVISOR_VARIABLE
 from simbev_ros.production.workers.crew import Worker
 from simbev_ros.production.workers.messages import Settings
 from simbev_ros.production.workers.team import WorkerLost
+from simbev_ros.ros.graph.node_starter import describe_exit
+from simbev_ros.ros.nodes.lifeline import SUPERVISOR_VARIABLE
 
 _START_PATIENCE_S, PATIENCE_S = 180.0, 60.0
 """Maximum time without a message, before the first one and later; signs of life come every second."""

@@ -9,9 +9,9 @@ from typing import Literal
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.graph.domain import ISOLATED_DOMAINS
 from simbev_ros.production.scene_cost import SceneCost, free_memory_mib
-from simbev_ros.render.gl.devices import accessible_gpus, software_request
+from simbev_ros.ros.graph.domain import ISOLATED_DOMAINS
+from simbev_ros.simulation.render.gl.devices import accessible_gpus, software_request
 
 MEMORY_MARGIN = 1.2
 """Factor on the measured memory of a graph: later scenes may need more."""

@@ -9,10 +9,10 @@ from typing import Any
 
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.maps.spec import MapSpec
 from simbev_ros.production.delivery import Delivery
 from simbev_ros.production.observer import ProductionObserver
-from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.schema.scene.map_spec import MapSpec
+from simbev_ros.schema.scene.spec import SceneSpec
 
 _PROGRESS_INTERVAL_S = 0.25
 """Minimum time between two reports of the progress of a scene."""

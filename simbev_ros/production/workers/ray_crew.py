@@ -7,15 +7,14 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-from simbev_ros.cluster.node_check import Code
-from simbev_ros.cluster.ray_cluster import RayCluster, largest
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import maps_of
-from simbev_ros.errors import GraphError, InputError
-from simbev_ros.limits import MAX_OSM_BYTES
+from simbev_ros.foundation.errors import GraphError, InputError
+from simbev_ros.foundation.files.limits import MAX_OSM_BYTES
 from simbev_ros.maps.source import file_of
-from simbev_ros.maps.spec import MapSpec
+from simbev_ros.production.cluster.node_check import Code
+from simbev_ros.production.cluster.ray_cluster import RayCluster, largest
 from simbev_ros.production.delivery import Deliveries, keep_bags
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.scene_cost import SceneCost
@@ -25,6 +24,7 @@ from simbev_ros.production.workers.machine_capacity import MEMORY_MARGIN
 from simbev_ros.production.workers.messages import Settings
 from simbev_ros.production.workers.ray_worker import Needs, RayWorker, WorkerActor
 from simbev_ros.production.workers.team import Team
+from simbev_ros.schema.scene.map_spec import MapSpec
 
 _POLL_S, _NODES_S = 0.5, 5.0
 _FIRST_NEEDS = Needs(cpus=2, memory_mib=2048, gpus=0.25)

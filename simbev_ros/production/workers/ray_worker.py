@@ -8,20 +8,20 @@ from multiprocessing.connection import wait
 from pathlib import Path
 from typing import Any
 
-from simbev_ros.cache.entries import default_cache_dir
-from simbev_ros.cluster.node_check import Code, node_problem
-from simbev_ros.cluster.ray_cluster import this_node
 from simbev_ros.config.camera import Camera
 from simbev_ros.dataset.plan import PlannedEntry
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.cache.entries import default_cache_dir
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.whole_files import write_whole
 from simbev_ros.maps.source import MAP_FILES_VARIABLE, name_of_copy
-from simbev_ros.maps.spec import MapSpec
+from simbev_ros.production.cluster.node_check import Code, node_problem
+from simbev_ros.production.cluster.ray_cluster import this_node
 from simbev_ros.production.workers.crew import Worker
 from simbev_ros.production.workers.local_worker import PATIENCE_S, LocalWorker
 from simbev_ros.production.workers.messages import Report, Settings, Sign
 from simbev_ros.production.workers.team import WorkerLost
-from simbev_ros.recording.whole_files import write_whole
-from simbev_ros.render.gl.devices import accessible_gpus
+from simbev_ros.schema.scene.map_spec import MapSpec
+from simbev_ros.simulation.render.gl.devices import accessible_gpus
 
 _BATCH_S = 1.0
 """Maximum time for which reports are collected; how a scene ended is passed on at once."""

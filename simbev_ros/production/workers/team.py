@@ -6,12 +6,12 @@ from collections.abc import Sequence
 from typing import Any, Protocol, Self
 
 from simbev_ros.dataset.plan import PlannedEntry
-from simbev_ros.errors import GraphError, SimbevError
+from simbev_ros.foundation.errors import GraphError, SimbevError
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.scene_ending import FailedScene, LostScene, MadeScene, SceneEnding
 from simbev_ros.production.workers.crew import Worker
 from simbev_ros.production.workers.messages import Report, Sign
-from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.schema.scene.spec import SceneSpec
 
 _PASSED_ON = ("scene_started", "scene_progressed", "scene_ended", "graph_warned", "workers_chosen", "worker_prepares")
 """Methods of observers that are called as they are, whichever worker reports."""

@@ -13,9 +13,9 @@ from multiprocessing.connection import Connection
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any
 
-from simbev_ros.errors import SimbevError
-from simbev_ros.graph.interrupts import Interrupted, raising_interrupts
-from simbev_ros.nodes.lifeline import wake_at_end_of_supervisor
+from simbev_ros.foundation.errors import SimbevError
+from simbev_ros.ros.graph.interrupts import Interrupted, raising_interrupts
+from simbev_ros.ros.nodes.lifeline import wake_at_end_of_supervisor
 
 if TYPE_CHECKING:
     from simbev_ros.dataset.plan import PlannedEntry

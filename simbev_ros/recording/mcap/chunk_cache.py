@@ -6,8 +6,8 @@ from collections import OrderedDict
 from concurrent.futures import Future
 from typing import Any
 
-from simbev_ros.errors import BagError
-from simbev_ros.object_store.object_path import AnyPath, ObjectPath
+from simbev_ros.foundation.errors import BagError
+from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath
 from simbev_ros.recording.mcap.chunks import read_chunk
 from simbev_ros.recording.mcap.mcap_index import DAMAGE
 

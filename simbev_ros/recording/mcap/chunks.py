@@ -10,8 +10,8 @@ from mcap.opcode import Opcode
 from mcap.records import Message
 from zlib_ng.zlib_ng import crc32
 
-from simbev_ros.errors import LimitError
-from simbev_ros.limits import MAX_CHUNK_RECORDS, require_unpacked_size
+from simbev_ros.foundation.errors import LimitError
+from simbev_ros.foundation.files.limits import MAX_CHUNK_RECORDS, require_unpacked_size
 
 RECORD_HEAD = struct.Struct("<BQ")
 """Opcode and length; the record's content follows."""

@@ -14,10 +14,10 @@ from simbev_ros.config.places import Mast
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import Scenario, Traffic
 from simbev_ros.config.sensor import Pose
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.random import stream
+from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.random import stream
-from simbev_ros.scene.agent_spec import AgentSpec, StationSpec
 from simbev_ros.scene.blueprints import Blueprint, blueprint_named, load_blueprints
 from simbev_ros.scene.drawing.draw_stations import StationDrawer
 from simbev_ros.scene.drawing.drivers import draw_driver, draw_vehicle
@@ -26,9 +26,9 @@ from simbev_ros.scene.drawing.spawn import Where, no_lane, spawn_starts
 from simbev_ros.scene.drawing.start_clearance import StartClearance
 from simbev_ros.scene.drawing.starts import StartPositions
 from simbev_ros.scene.frames import base_link_x_m
-from simbev_ros.scene.spec import VehicleSpec, WaypointSpec
 from simbev_ros.scene.streets.lane_positions import LanePositions
-from simbev_ros.types import BoolArray, Float64Array, Int64Array
+from simbev_ros.schema.scene.agent_spec import AgentSpec, StationSpec
+from simbev_ros.schema.scene.spec import VehicleSpec, WaypointSpec
 
 _LANE_CLEARANCE = 0.99  # of the waypoint spacing: no other vehicle starts closer to an agent on its lane
 

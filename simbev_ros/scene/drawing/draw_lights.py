@@ -7,9 +7,9 @@ import numpy as np
 
 from simbev_ros.config.draw import Distribution, sample
 from simbev_ros.config.lights import MAX_COLORS, BuildingLights, Lights, StreetLights
-from simbev_ros.random import stream
-from simbev_ros.scene.lights import BuildingLightSpec, LightSpec, StreetLightSpec
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.random import stream
+from simbev_ros.foundation.types import Float64Array
+from simbev_ros.schema.scene.lights import BuildingLightSpec, LightSpec, StreetLightSpec
 
 _NIGHT_WHITE_K = 3_600.0  # color temperature that cameras balance to white at night
 _SATURATION = (0.2, 0.6)

@@ -6,10 +6,9 @@ from typing import NamedTuple
 
 from simbev_ros.config.draw import sample
 from simbev_ros.config.scenario import SPLITS, Scenario, Split, Timing
+from simbev_ros.foundation.random import stream
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.source import map_spec
-from simbev_ros.maps.spec import MapSpec
-from simbev_ros.random import stream
 from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.drawing.draw_agents import draw_agents
 from simbev_ros.scene.drawing.draw_lights import draw_lights
@@ -19,7 +18,8 @@ from simbev_ros.scene.drawing.scene_drawer import SceneDrawer
 from simbev_ros.scene.drawing.start_clearance import StartClearance
 from simbev_ros.scene.drawing.starts import StartPositions
 from simbev_ros.scene.frames import base_link_x_m
-from simbev_ros.scene.spec import SceneSpec
+from simbev_ros.schema.scene.map_spec import MapSpec
+from simbev_ros.schema.scene.spec import SceneSpec
 
 
 class PlannedScene(NamedTuple):

@@ -8,15 +8,15 @@ from functools import partial
 import numpy as np
 
 from simbev_ros.config.places import JunctionPlace, Mast, MastPose, Near, RoadPlace
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.random import stream
+from simbev_ros.foundation.types import BoolArray, Float64Array
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import OUTSKIRTS_M
-from simbev_ros.random import stream
-from simbev_ros.scene.agent_spec import StationSpec
 from simbev_ros.scene.drawing.nearness import is_near
 from simbev_ros.scene.drawing.spawn import Where
 from simbev_ros.scene.drawing.starts import StartPositions
-from simbev_ros.types import BoolArray, Float64Array
+from simbev_ros.schema.scene.agent_spec import StationSpec
 
 _MIN_APART_M = 5.0  # between masts in drawn places
 

@@ -4,8 +4,8 @@ from collections.abc import Collection
 
 from simbev_ros.config.draw import sample
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.random import stream
-from simbev_ros.scene.v2x_spec import V2xSpec
+from simbev_ros.foundation.random import stream
+from simbev_ros.schema.scene.v2x_spec import V2xSpec
 
 
 def draw_v2x(scenario: Scenario, seed: int, names: Collection[str]) -> V2xSpec | None:

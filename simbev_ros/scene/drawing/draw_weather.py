@@ -6,8 +6,8 @@ import numpy as np
 
 from simbev_ros.config.draw import sample
 from simbev_ros.config.scenario import WeatherConfig, WeatherParameters
-from simbev_ros.random import stream
-from simbev_ros.scene.weather import Weather
+from simbev_ros.foundation.random import stream
+from simbev_ros.schema.scene.weather import Weather
 
 
 def draw_weathers(config: WeatherConfig, seed: int, *, hilly: bool) -> tuple[Weather, Weather | None]:

@@ -6,9 +6,9 @@ import numpy as np
 
 from simbev_ros.config.draw import sample
 from simbev_ros.config.scenario import Traffic
-from simbev_ros.random import stream
+from simbev_ros.foundation.random import stream
 from simbev_ros.scene.blueprints import Blueprint
-from simbev_ros.scene.spec import VehicleSpec, WaypointSpec
+from simbev_ros.schema.scene.spec import VehicleSpec, WaypointSpec
 
 
 class DriverFields(TypedDict):

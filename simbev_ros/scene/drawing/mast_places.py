@@ -7,14 +7,14 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.geometry import overlay
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.types import AnyArray, BoolArray, Float64Array, Int64Array
 from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.roads.lane_kind import ROAD_KINDS, LaneKind
 from simbev_ros.maps.roads.surface import strip_polygons
 from simbev_ros.maps.roads.tunnels import Tunnels
 from simbev_ros.scene.cached_method import cached_method
-from simbev_ros.types import AnyArray, BoolArray, Float64Array, Int64Array
 
 _MIN_ROADS = 3  # where fewer meet without traffic lights, a road only continues or ends
 _BESIDE_M = 2.5  # distance from a junction, as of its poles of traffic lights

@@ -6,8 +6,8 @@ import numpy as np
 
 from simbev_ros.config.draw import sample
 from simbev_ros.config.places import Near
-from simbev_ros.random import stream
-from simbev_ros.types import BoolArray, Float64Array
+from simbev_ros.foundation.random import stream
+from simbev_ros.foundation.types import BoolArray, Float64Array
 
 
 def is_near(

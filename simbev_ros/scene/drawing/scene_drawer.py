@@ -10,8 +10,9 @@ import numpy as np
 
 from simbev_ros.config.draw import sample
 from simbev_ros.config.scenario import Scenario, Traffic
+from simbev_ros.foundation.random import stream
+from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.random import stream
 from simbev_ros.scene.blueprints import Blueprint, blueprint_named, load_blueprints
 from simbev_ros.scene.drawing.draw_agents import DrawnAgents, on_lanes_near
 from simbev_ros.scene.drawing.drivers import draw_driver, draw_vehicle
@@ -20,9 +21,8 @@ from simbev_ros.scene.drawing.starts import StartPositions
 from simbev_ros.scene.gait import transition_mps
 from simbev_ros.scene.hazards.detours import Detours
 from simbev_ros.scene.hazards.draw_hazards import DrawnHazards, draw_hazards
-from simbev_ros.scene.spec import PedestrianSpec, VehicleSpec, WaypointSpec
 from simbev_ros.scene.streets.off_tracking import is_long
-from simbev_ros.types import BoolArray, Float64Array, Int64Array
+from simbev_ros.schema.scene.spec import PedestrianSpec, VehicleSpec, WaypointSpec
 
 _LOGGER = logging.getLogger(__name__)
 

@@ -6,13 +6,13 @@ from collections.abc import Callable
 import numpy as np
 
 from simbev_ros.config.places import SpawnPose
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.roads.lane_index import LineIndex
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.scene.blueprints import Blueprint
-from simbev_ros.scene.spec import WaypointSpec
+from simbev_ros.schema.scene.spec import WaypointSpec
 
 _MAX_LANE_M = 5.0
 

@@ -6,11 +6,11 @@ This includes long vehicles, vehicles in bends and vehicles beside a lane that m
 import numpy as np
 import shapely
 
+from simbev_ros.foundation.types import AnyArray, BoolArray, Float64Array
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.blueprints import Blueprint, blueprint_named
 from simbev_ros.scene.footprints import footprints
-from simbev_ros.scene.spec import VehicleSpec, WaypointSpec
-from simbev_ros.types import AnyArray, BoolArray, Float64Array
+from simbev_ros.schema.scene.spec import VehicleSpec, WaypointSpec
 
 _MIN_GAP_M = 0.3
 

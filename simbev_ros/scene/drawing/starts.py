@@ -4,6 +4,7 @@ from functools import cache, cached_property
 
 import numpy as np
 
+from simbev_ros.foundation.types import BoolArray, Float64Array
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.blueprints import Blueprint, load_blueprints
 from simbev_ros.scene.cached_method import cached_method
@@ -13,7 +14,6 @@ from simbev_ros.scene.streets.lane_positions import LanePositions, positions_alo
 from simbev_ros.scene.streets.off_tracking import is_long
 from simbev_ros.scene.streets.street_graph import streets_of
 from simbev_ros.scene.streets.walks import WalkGraph
-from simbev_ros.types import BoolArray, Float64Array
 
 _LANE_PER_VEHICLE_M = 30.0  # that of a dense but moving flow in a city
 _TAIL_M = 1.0  # length by which a long vehicle may protrude behind its lane

@@ -11,10 +11,10 @@ from pydantic import BaseModel
 
 from simbev_ros.config.draw import Distribution
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.scene.spec import SceneSpec
-from simbev_ros.tables import load_table
-from simbev_ros.types import Float64Array
-from simbev_ros.units import NS_PER_S
+from simbev_ros.foundation.tables import load_table
+from simbev_ros.foundation.types import Float64Array
+from simbev_ros.foundation.units import NS_PER_S
+from simbev_ros.schema.scene.spec import SceneSpec
 
 BINS = 20
 _MAX_SAMPLES = 1 << 17  # number of values in a parameter's histogram; up to twice as many are held

@@ -6,12 +6,12 @@ from functools import cached_property
 import numpy as np
 import shapely
 
-from simbev_ros.geometry.plan_view import left_of
+from simbev_ros.foundation.geometry.plan_view import left_of
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.network import Lane
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.polylines import Polylines
-from simbev_ros.scene.hazards.hazard import BlockedStretch
-from simbev_ros.types import Float64Array
+from simbev_ros.schema.scene.hazard import BlockedStretch
 
 _SPACING_M = 1.0
 _MARGIN_M = 0.3  # gap between the area and adjacent open lanes, if the closed lanes are driving lanes

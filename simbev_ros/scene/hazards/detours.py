@@ -4,12 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from simbev_ros.foundation.types import BoolArray
 from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.scene.blueprints import Blueprint, blueprint_named
-from simbev_ros.scene.spec import VehicleSpec
 from simbev_ros.scene.streets.lane_positions import LanePositions
 from simbev_ros.scene.streets.street_graph import streets_of
-from simbev_ros.types import BoolArray
+from simbev_ros.schema.scene.spec import VehicleSpec
 
 _REFERENCE_VEHICLE = "vehicle.compact"
 _MAX_CUT_OFF_M = 300.0  # total length of streets that lead only to the closed ones and are closed, too

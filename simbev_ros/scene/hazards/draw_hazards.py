@@ -8,7 +8,8 @@ import shapely
 
 from simbev_ros.config.draw import sample
 from simbev_ros.config.hazards import Hazards
-from simbev_ros.random import stream
+from simbev_ros.foundation.random import stream
+from simbev_ros.foundation.types import BoolArray, Float64Array
 from simbev_ros.scene.hazards.area import HazardArea
 from simbev_ros.scene.hazards.detours import Detours
 from simbev_ros.scene.hazards.guards import (
@@ -18,14 +19,13 @@ from simbev_ros.scene.hazards.guards import (
     place_warning_sign,
     props_footprint,
 )
-from simbev_ros.scene.hazards.hazard import HazardKind, HazardSpec
 from simbev_ros.scene.hazards.roadside import Roadside
 from simbev_ros.scene.hazards.sites import HazardSites
 from simbev_ros.scene.hazards.vehicles import place_accident_vehicles, place_work_vehicles
 from simbev_ros.scene.hazards.workers import place_workers
-from simbev_ros.scene.spec import VehicleSpec
 from simbev_ros.scene.streets.lane_positions import LanePositions
-from simbev_ros.types import BoolArray, Float64Array
+from simbev_ros.schema.scene.hazard import HazardKind, HazardSpec
+from simbev_ros.schema.scene.spec import VehicleSpec
 
 _LOGGER = logging.getLogger(__name__)
 _MIN_GAP_M = 60.0  # minimum gap between two areas

@@ -8,14 +8,14 @@ from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.config.draw import sample
 from simbev_ros.config.hazards import Hazards
-from simbev_ros.geometry import overlay
-from simbev_ros.random import stream
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.random import stream
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.footprints import footprints
 from simbev_ros.scene.hazards.area import HazardArea
-from simbev_ros.scene.hazards.hazard import HazardKind, PropSpec
 from simbev_ros.scene.hazards.roadside import Roadside
-from simbev_ros.types import Float64Array
+from simbev_ros.schema.scene.hazard import HazardKind, PropSpec
 
 _CONE, _BARRIER, _WATER_BARRIER = "prop.traffic_cone", "prop.barrier", "prop.water_barrier"
 _SIGN = {HazardKind.ACCIDENT: "prop.sign_accident", HazardKind.WORK_ZONE: "prop.sign_works"}

@@ -7,7 +7,8 @@ from functools import cached_property
 import numpy as np
 import shapely
 
-from simbev_ros.geometry import overlay
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.types import AnyArray, BoolArray, Float64Array
 from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.roads.lane_kind import ROAD_KINDS, WALKABLE_KINDS, LaneKind
 from simbev_ros.maps.roads.layout import Strip
@@ -16,7 +17,6 @@ from simbev_ros.maps.roads.surface import strip_polygons
 from simbev_ros.scene.cached_method import cached_method
 from simbev_ros.scene.footprints import footprints
 from simbev_ros.scene.hazards.area import HazardArea
-from simbev_ros.types import AnyArray, BoolArray, Float64Array
 
 _SIGN_OFFSETS_M = (0.5, 0.9, 1.4, 2.0)  # distances from the road's edge to the center of a sign, in order of preference
 _ROW_DISTANCES_M = (3.0, 4.0, 5.0, 6.0, 2.0)  # from a street's start to a row of barriers, in order of preference

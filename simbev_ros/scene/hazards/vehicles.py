@@ -6,13 +6,13 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.random import stream
+from simbev_ros.foundation.random import stream
+from simbev_ros.foundation.semantics import Tag
 from simbev_ros.scene.blueprints import Blueprint, blueprint_named, load_blueprints
 from simbev_ros.scene.footprints import footprints
 from simbev_ros.scene.hazards.area import HazardArea
 from simbev_ros.scene.hazards.guards import BARRIER_ROW_M
-from simbev_ros.scene.spec import StandSpec, VehicleSpec, WaypointSpec
-from simbev_ros.semantics import Tag
+from simbev_ros.schema.scene.spec import StandSpec, VehicleSpec, WaypointSpec
 
 _CRASHES_DEG = ((0.0, 9.0), (12.0, 40.0), (55.0, 90.0))  # between two cars: rear-end or side collision
 _WORK_VEHICLES = (("vehicle.tipper",), ("vehicle.van",), ("vehicle.tipper", "vehicle.van"))

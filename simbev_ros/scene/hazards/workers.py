@@ -7,14 +7,14 @@ import shapely
 
 from simbev_ros.config.draw import sample
 from simbev_ros.config.hazards import Hazards
-from simbev_ros.geometry import overlay
-from simbev_ros.random import stream
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.random import stream
 from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.footprints import footprints
 from simbev_ros.scene.hazards.area import HazardArea
 from simbev_ros.scene.hazards.guards import BARRIER_ROW_M
-from simbev_ros.scene.hazards.hazard import PropSpec
-from simbev_ros.scene.spec import VehicleSpec
+from simbev_ros.schema.scene.hazard import PropSpec
+from simbev_ros.schema.scene.spec import VehicleSpec
 
 _WORKER = "prop.worker"
 _TRIES = 12

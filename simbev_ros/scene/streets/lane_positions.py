@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simbev_ros.geometry.ragged import ragged_indices
+from simbev_ros.foundation.geometry.ragged import ragged_indices
+from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.maps.network import Lane
 from simbev_ros.maps.roads.polylines import Polylines
-from simbev_ros.scene.spec import WaypointSpec
-from simbev_ros.types import BoolArray, Float64Array, Int64Array
+from simbev_ros.schema.scene.spec import WaypointSpec
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from simbev_ros.geometry.plan_view import left_of
+from simbev_ros.foundation.geometry.plan_view import left_of
+from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.maps.network import Lane
 from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.scene.blueprints import Blueprint, VehicleFootprint
-from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
 _MIN_LONG_M = 5.5  # shorter vehicles fit through every turn
 _MIN_RARE_M = 9.0  # longer vehicles are rare enough to wait for others; shorter ones must be able to pass these

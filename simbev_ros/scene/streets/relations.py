@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
-from simbev_ros.types import BoolArray, Float64Array, Int64Array
+from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
 
 
 def relation(first: Int64Array, second: Int64Array, shape: tuple[int, int]) -> csr_array:

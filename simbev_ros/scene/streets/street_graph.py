@@ -13,7 +13,8 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from simbev_ros.errors import SimulationError
+from simbev_ros.foundation.errors import SimulationError
+from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.polylines import Polylines
@@ -30,7 +31,6 @@ from simbev_ros.scene.streets.relations import (
 )
 from simbev_ros.scene.streets.tight_turns import tight_lanes
 from simbev_ros.scene.streets.turns import Turns, without_needless_turns
-from simbev_ros.types import BoolArray, Float64Array, Int64Array
 
 _MAX_LANES_IN_JUNCTION = 20  # limits the search in a broken net; real junctions have fewer lanes in a row
 _MAX_TRAP_M, _TRAP_SHARE = 1000.0, 0.5  # a loop that is shorter, and less than half as long as the longest one

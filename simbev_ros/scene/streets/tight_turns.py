@@ -8,15 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
-from simbev_ros.cache.entries import discard_entry
-from simbev_ros.cache.fingerprint import fingerprint
-from simbev_ros.cache.folders import ensure_folder
-from simbev_ros.errors import NPZ_DAMAGE
+from simbev_ros.foundation.cache.entries import discard_entry
+from simbev_ros.foundation.cache.fingerprint import fingerprint
+from simbev_ros.foundation.cache.folders import ensure_folder
+from simbev_ros.foundation.errors import NPZ_DAMAGE
+from simbev_ros.foundation.types import BoolArray, Int64Array
 from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.scene.blueprints import VehicleFootprint, load_blueprints
 from simbev_ros.scene.streets.off_tracking import TurnObstacles, bent_paths, is_long, too_tight
-from simbev_ros.types import BoolArray, Int64Array
 
 _FILE = "tight.npy"
 

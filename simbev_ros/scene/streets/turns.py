@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.sparse import csr_array
 
+from simbev_ros.foundation.types import BoolArray, Int64Array
 from simbev_ros.maps.network import Lane
 from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.scene.streets.relations import only_pairs
-from simbev_ros.types import BoolArray, Int64Array
 
 _OPPOSITE_COSINE, _TURN_M = 0.9, 15.0  # opposite direction, and distance of both roads' ends
 

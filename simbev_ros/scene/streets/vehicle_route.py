@@ -4,13 +4,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from simbev_ros.foundation.random import stream
+from simbev_ros.foundation.types import Float64Array
+from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.maps.network import Lane, RoadNetwork, paths_beyond
-from simbev_ros.random import stream
 from simbev_ros.scene.blueprints import blueprint_named
-from simbev_ros.scene.spec import SceneSpec
 from simbev_ros.scene.streets.street_graph import streets_of
-from simbev_ros.types import Float64Array
-from simbev_ros.units import NS_PER_S
+from simbev_ros.schema.scene.spec import SceneSpec
 
 
 class VehicleRoute(NamedTuple):

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.types import Float64Array
 
 _TOLERANCE_M = 0.02
 _SIMPLIFIED_M = 0.002

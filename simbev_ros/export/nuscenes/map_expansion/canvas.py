@@ -12,8 +12,8 @@ import shapely
 
 from simbev_ros.export.nuscenes.map_masks import Site
 from simbev_ros.export.nuscenes.taxonomy import Record, token
-from simbev_ros.geometry.plan_view import polygon_parts
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.geometry.plan_view import polygon_parts
+from simbev_ros.foundation.types import Float64Array
 
 SPECK_M2 = 0.01
 """Smaller areas and holes are left out, as they may be lost by rounding."""

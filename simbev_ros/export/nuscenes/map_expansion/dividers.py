@@ -13,12 +13,12 @@ import shapely
 from simbev_ros.export.nuscenes.map_expansion.canvas import Canvas
 from simbev_ros.export.nuscenes.map_expansion.road_areas import RoadAreas
 from simbev_ros.export.nuscenes.taxonomy import Record
-from simbev_ros.geometry import overlay
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.tables import load_table
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.roads.layout import Layout, Paint, PaintColor
 from simbev_ros.maps.roads.line_paths import LinePath, line_paths
 from simbev_ros.maps.roads.markings import MarkingKind
-from simbev_ros.tables import load_table
-from simbev_ros.types import Float64Array
 
 
 def divider_layers(canvas: Canvas, layout: Layout, areas: RoadAreas) -> dict[str, list[Record]]:

@@ -21,7 +21,7 @@ from simbev_ros.export.nuscenes.map_expansion.traffic_control import signals_by_
 from simbev_ros.export.nuscenes.map_masks import Site, network_of
 from simbev_ros.export.nuscenes.taxonomy import Record
 from simbev_ros.export.parts import Part
-from simbev_ros.geometry.plan_view import polygon_parts
+from simbev_ros.foundation.geometry.plan_view import polygon_parts
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.lane_strips import LaneStrips

@@ -16,12 +16,12 @@ from simbev_ros.export.nuscenes.map_expansion.canvas import NODE_GRID_M, Canvas,
 from simbev_ros.export.nuscenes.map_expansion.dividers import divider_segments
 from simbev_ros.export.nuscenes.map_expansion.road_areas import RoadAreas
 from simbev_ros.export.nuscenes.taxonomy import Record
-from simbev_ros.geometry import overlay
-from simbev_ros.geometry.plan_view import polygon_parts
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.geometry.plan_view import polygon_parts
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.lane_links import strip_links
 from simbev_ros.maps.roads.layout import Strip
 from simbev_ros.maps.roads.surface import strip_polygons
-from simbev_ros.types import Float64Array
 
 _GAP_M = 0.05
 """Gap between lanes that still run side by side."""

@@ -15,12 +15,12 @@ from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.export.nuscenes.map_expansion.canvas import SPECK_M2, Canvas
 from simbev_ros.export.nuscenes.taxonomy import Record
-from simbev_ros.geometry import overlay
-from simbev_ros.geometry.plan_view import polygon_parts
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.geometry.plan_view import polygon_parts
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.roads.lane_kind import ROAD_KINDS
 from simbev_ros.maps.roads.layout import Layout, Strip
 from simbev_ros.maps.roads.surface import Surfaces, strip_polygons
-from simbev_ros.types import Float64Array
 
 _MIN_CLOSING_M = 0.3
 _GRID_M = 0.001

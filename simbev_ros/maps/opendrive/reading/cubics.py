@@ -7,8 +7,8 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.opendrive.reading.attributes import number
-from simbev_ros.types import Float64Array
 
 _MAX_COEFFICIENT = 1e24
 """Editors write such coefficients for pieces of a few micrometers."""

@@ -7,7 +7,7 @@ from xml.etree.ElementTree import Element
 from pyproj import CRS, Transformer
 from pyproj.exceptions import ProjError
 
-from simbev_ros.geometry.geodesy import MapDatum
+from simbev_ros.foundation.geometry.geodesy import MapDatum
 from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.opendrive.reading.attributes import Malformed, number
 

@@ -12,12 +12,12 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.lane_graph.lane_key import LaneKey as LaneKey
 from simbev_ros.maps.opendrive.reading.cubics import Cubics
 from simbev_ros.maps.opendrive.reading.plan_view import PlanView
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Line
-from simbev_ros.types import Float64Array
 
 _T = TypeVar("_T")
 Contact = Literal["start", "end"]

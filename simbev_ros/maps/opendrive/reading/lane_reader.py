@@ -6,7 +6,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from simbev_ros.limits import MAX_SECTIONS_PER_M
+from simbev_ros.foundation.files.limits import MAX_SECTIONS_PER_M
 from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.opendrive.reading.attributes import Malformed, integer_id, number
 from simbev_ros.maps.opendrive.reading.cubics import Cubics

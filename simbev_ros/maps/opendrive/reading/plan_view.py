@@ -10,9 +10,9 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
+from simbev_ros.foundation.types import AnyArray, Float64Array
 from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.opendrive.reading.attributes import Malformed, number
-from simbev_ros.types import AnyArray, Float64Array
 
 _MAX_TURN_RAD = 26.0  # four turns, more than any single piece of a car park ramp
 _TABLE_STEP_M = 0.25

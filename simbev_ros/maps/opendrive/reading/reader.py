@@ -8,7 +8,8 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.opendrive.reading.attributes import Malformed, identifier, number
 from simbev_ros.maps.opendrive.reading.cubics import Cubics
@@ -18,7 +19,6 @@ from simbev_ros.maps.opendrive.reading.plan_view import PlanView
 from simbev_ros.maps.opendrive.reading.tables import DEFAULT_SPEEDS_MPS, LANE_KINDS
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.safe_xml import place_of
-from simbev_ros.types import Float64Array
 
 _LENGTH_TOLERANCE_M = 0.01
 _MAX_ROAD_M = 200e3

@@ -3,9 +3,9 @@
 import re
 from typing import Any, Final
 
+from simbev_ros.foundation.tables import load_table
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Paint, PaintColor
-from simbev_ros.tables import load_table
 
 _TABLES: Final[dict[str, Any]] = load_table("simbev_ros.maps.opendrive.reading", "tables.yaml")
 

@@ -6,12 +6,12 @@ from itertools import pairwise
 
 import numpy as np
 
+from simbev_ros.foundation.types import BoolArray, Float64Array
 from simbev_ros.maps.opendrive.lane_shapes import LaneShape
 from simbev_ros.maps.opendrive.links import LaneLinks
 from simbev_ros.maps.opendrive.reading.document import Contact, LaneKey, Road, Section
 from simbev_ros.maps.opendrive.reading.tables import NO_TRAFFIC
 from simbev_ros.maps.roads.lane_kind import LaneKind
-from simbev_ros.types import BoolArray, Float64Array
 
 _MIN_WIDTH_M = {LaneKind.DRIVING: 2.0, LaneKind.BICYCLE: 0.8, LaneKind.SIDEWALK: 0.8}
 _MIN_LENGTH_M = 0.2

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.lane_graph.traffic import (
     LaneOfEdge,
@@ -26,7 +27,6 @@ from simbev_ros.maps.opendrive.reading.tables import RESERVED
 from simbev_ros.maps.opendrive.traffic.cells import Cell, carries_traffic, chains_of
 from simbev_ros.maps.opendrive.traffic.nodes import Nodes
 from simbev_ros.maps.roads.lane_kind import LaneKind
-from simbev_ros.types import Float64Array
 
 _MAX_JUNCTION_ROADS = 8
 

@@ -7,14 +7,14 @@ import numpy as np
 import shapely
 from scipy.sparse import coo_array, csr_array, diags_array, vstack
 
-from simbev_ros.geometry.plan_view import left_of
+from simbev_ros.foundation.geometry.plan_view import left_of
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.land_features import Water
 from simbev_ros.maps.plan.crossings import crossings_of
 from simbev_ros.maps.plan.heights.node_planes import NODE_UNKNOWNS, Planes
 from simbev_ros.maps.plan.heights.vertices import Vertices
 from simbev_ros.maps.plan.patterns.gores import gores_of
 from simbev_ros.maps.plan.plan import Plan
-from simbev_ros.types import Float64Array
 
 CLEARANCE_M = 6.5
 """Height between the carriageways of roads that cross at two levels: 5.5 m free height and a deck of 1 m."""

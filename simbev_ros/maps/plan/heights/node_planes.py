@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.plan.heights.vertices import Vertices, max_grade_of
 from simbev_ros.maps.plan.plan import Plan, half_width_m, heading_from
-from simbev_ros.types import Float64Array
 
 NODE_UNKNOWNS = 3
 """Number of unknowns per node: height, and gradient along x and along y."""

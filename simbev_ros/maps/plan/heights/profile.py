@@ -11,6 +11,7 @@ import numpy as np
 from scipy.sparse import coo_array, csc_array, csr_array, diags_array, vstack
 from scipy.sparse.csgraph import dijkstra
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.land_features import Water
 from simbev_ros.maps.plan.heights.height_limits import Limits, bends_of, gradient_limits, limits_of
 from simbev_ros.maps.plan.heights.node_planes import NODE_UNKNOWNS, heights_from_unknowns, planes_of
@@ -18,7 +19,6 @@ from simbev_ros.maps.plan.heights.quadratic import solve_qp
 from simbev_ros.maps.plan.heights.vertices import Vertices, vertices_of
 from simbev_ros.maps.plan.lines import densify, length_m
 from simbev_ros.maps.plan.plan import Plan
-from simbev_ros.types import Float64Array
 
 _SMOOTHING_M = 20.0  # hills shorter than about six times this are smoothed out
 _LAYER_WEIGHT = 0.02  # roads above or below others adapt, rather than roads on the ground

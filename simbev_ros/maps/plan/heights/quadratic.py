@@ -17,7 +17,7 @@ import numpy as np
 from scipy.sparse import csc_array, csr_array, diags_array, vstack
 from scipy.sparse.linalg import splu
 
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.types import Float64Array
 
 _PENALTY = 1e7  # rho, weight of squared violations; infeasible limits are spread over all conflicting rows
 _MAX_ITERATIONS = 60

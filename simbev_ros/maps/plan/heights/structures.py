@@ -6,10 +6,10 @@ from itertools import pairwise
 
 import numpy as np
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.plan.heights.profile import Land
 from simbev_ros.maps.plan.lines import part, stations_m
 from simbev_ros.maps.plan.plan import Link, Plan
-from simbev_ros.types import Float64Array
 
 _MIN_BRIDGE_HEIGHT_M = 3.0
 _MIN_PIECE_M = 20.0

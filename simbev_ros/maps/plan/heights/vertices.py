@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from simbev_ros.foundation.types import Float64Array, Int64Array
 from simbev_ros.maps.plan.draft import RoadClass
 from simbev_ros.maps.plan.lines import stations_m
 from simbev_ros.maps.plan.plan import Link, half_width_m
-from simbev_ros.types import Float64Array, Int64Array
 
 
 @dataclass(frozen=True, slots=True)

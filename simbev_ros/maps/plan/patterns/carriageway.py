@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.plan.curves import heading_at, point_at
 from simbev_ros.maps.plan.draft import DraftRoad, RoadClass
 from simbev_ros.maps.plan.lines import length_m, part
-from simbev_ros.types import Float64Array
 
 _WEAVING_M = 150.0  # an entry's and an exit's lane that are closer than this become one
 

@@ -6,9 +6,9 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.plan.lines import stations_m
 from simbev_ros.maps.plan.plan import Link, Plan
-from simbev_ros.types import Float64Array
 
 _MAX_GAP_M = 5.0
 

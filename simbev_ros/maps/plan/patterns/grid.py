@@ -8,12 +8,12 @@ from pydantic import Field, model_validator
 
 from simbev_ros.config.base import Model
 from simbev_ros.config.draw import Drawn, sample
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.plan.curves import round_corners
 from simbev_ros.maps.plan.draft import Draft, DraftRoad, RoadClass
 from simbev_ros.maps.plan.patterns.road import PointXY
 from simbev_ros.maps.plan.road_class import NamedRoadClass, road_classes
-from simbev_ros.types import Float64Array
 
 
 class Grid(Model):

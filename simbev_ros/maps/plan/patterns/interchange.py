@@ -3,12 +3,12 @@
 import numpy as np
 import shapely
 
-from simbev_ros.geometry import overlay
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.plan.curves import bezier_between
 from simbev_ros.maps.plan.draft import Draft, DraftRoad, RoadClass
 from simbev_ros.maps.plan.lines import length_m, stations_m
 from simbev_ros.maps.plan.patterns.carriageway import Carriageway, Interval
-from simbev_ros.types import Float64Array
 
 ACCELERATION_M = 200.0
 """Length of the acceleration lane of an entry."""

@@ -11,14 +11,14 @@ import shapely
 from pydantic import Field
 
 from simbev_ros.config.base import Model
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.plan.curves import offset_to_right, point_at, round_corners
 from simbev_ros.maps.plan.draft import Draft, DraftRoad, RoadClass
 from simbev_ros.maps.plan.lines import length_m, part, stations_m
 from simbev_ros.maps.plan.patterns.carriageway import Carriageway, Interval
 from simbev_ros.maps.plan.patterns.interchange import add_half_diamond, crossing_stations_m
 from simbev_ros.maps.plan.road_class import NamedRoadClass
-from simbev_ros.types import Float64Array
 
 _TERMINAL_M = 85.0  # distance from a carriageway's outer edge to the junction of ramps and road
 _BRIDGE_M = 30.0  # distance from a carriageway's outer edge to the end of the bridge over it

@@ -6,9 +6,9 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Discriminator
 
+from simbev_ros.foundation.random import stream
 from simbev_ros.maps.plan.draft import Draft
 from simbev_ros.maps.plan.patterns import grid, motorway, region, road, roundabout, viaduct
-from simbev_ros.random import stream
 
 Pattern = Annotated[
     grid.Grid | road.Road | roundabout.Roundabout | motorway.Motorway | region.Region | viaduct.Viaduct,

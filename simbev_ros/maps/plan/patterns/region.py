@@ -10,7 +10,7 @@ import shapely
 from pydantic import Field
 
 from simbev_ros.config.base import Model
-from simbev_ros.geometry import overlay
+from simbev_ros.foundation.geometry import overlay
 from simbev_ros.maps.land_features import Zone
 from simbev_ros.maps.plan.curves import bezier_between, heading_at, resample, round_corners
 from simbev_ros.maps.plan.draft import Draft, DraftRoad, RoadClass

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.plan.curves import resample, round_corners
 from simbev_ros.maps.plan.patterns.street_lattice import FINE
 from simbev_ros.maps.plan.patterns.warp import draw_warp
-from simbev_ros.types import Float64Array
 
 _RIVER_RADIUS_M = 60.0
 

@@ -6,11 +6,11 @@ import numpy as np
 from pydantic import Field
 
 from simbev_ros.config.base import Model
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.plan.curves import resample, round_corners
 from simbev_ros.maps.plan.draft import Draft, DraftRoad
 from simbev_ros.maps.plan.lines import VERTEX_SPACING_M, length_m, part, stations_m
 from simbev_ros.maps.plan.road_class import NamedRoadClass
-from simbev_ros.types import Float64Array
 
 PointXY = tuple[float, float]
 

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
 
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.types import Float64Array
 
 FINE = 8
 """Lattice steps along a cell's side."""

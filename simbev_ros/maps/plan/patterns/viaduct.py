@@ -8,7 +8,8 @@ import shapely
 from pydantic import Field
 
 from simbev_ros.config.base import Model
-from simbev_ros.errors import InputError
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.plan.curves import round_corners
 from simbev_ros.maps.plan.draft import Draft, DraftRoad
 from simbev_ros.maps.plan.lines import stations_m
@@ -16,7 +17,6 @@ from simbev_ros.maps.plan.patterns.carriageway import Carriageway
 from simbev_ros.maps.plan.patterns.interchange import add_entry_ramp, add_exit_ramp
 from simbev_ros.maps.plan.patterns.motorway import DualCarriageway, MotorwayClass
 from simbev_ros.maps.plan.patterns.road import PointXY
-from simbev_ros.types import Float64Array
 
 _LAYER = 1
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simbev_ros.types import Float64Array
+from simbev_ros.foundation.types import Float64Array
 
 _NUM_WAVES = 6
 _MAX_GRADIENT = 0.45  # displacement per meter; below 1 the warp does not fold over

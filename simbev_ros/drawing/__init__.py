@@ -1,0 +1,1 @@
+"""Data as pictures and displays, for every viewer."""

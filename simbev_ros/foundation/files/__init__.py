@@ -1,0 +1,1 @@
+"""Files of unknown origin, read within limits, and files that are written whole."""

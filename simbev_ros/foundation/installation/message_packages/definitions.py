@@ -1,0 +1,49 @@
+"""The message packages that can be made, and the definitions that they are made of."""
+
+import xml.etree.ElementTree as ElementTree
+from dataclasses import dataclass
+from pathlib import Path
+
+from simbev_ros.foundation.installation.interface_files import OWN_PACKAGE, interface_files, interface_folder
+
+
+@dataclass(frozen=True, slots=True)
+class MessagePackage:
+    """A ROS package of messages.
+
+    Attributes:
+        name: Name of the package.
+        version: Its version.
+        license: SPDX identifier.
+        use: What works with it, for the report of ``simbev doctor``.
+    """
+
+    name: str
+    version: str
+    license: str
+    use: str
+
+    @property
+    def folder(self) -> Path:
+        """Folder with its definitions in ``msg``, ``srv`` and ``action``."""
+        return interface_folder(self.name)
+
+    def definitions(self) -> list[Path]:
+        """Paths of the definitions relative to the folder."""
+        return [path.relative_to(self.folder) for path in interface_files(self.name).values()]
+
+    def manifest(self) -> bytes:
+        """Its package.xml, as far as tools read it from an installed package."""
+        root = ElementTree.Element("package", format="3")
+        for tag, text in (("name", self.name), ("version", self.version), ("license", self.license)):
+            ElementTree.SubElement(root, tag).text = text
+        ElementTree.SubElement(root, "member_of_group").text = "rosidl_interface_packages"
+        ElementTree.indent(root)
+        return ElementTree.tostring(root, xml_declaration=True, encoding="utf-8")
+
+
+MESSAGE_PACKAGES = (
+    MessagePackage("tf2_msgs", "0.36.14", "BSD-3-Clause", "/tf and /tf_static live"),
+    MessagePackage("vision_msgs", "4.1.1", "Apache-2.0", "detections and label_info live"),
+    MessagePackage(OWN_PACKAGE, "0.1.0", "Apache-2.0", "own messages live, LoadScene, RunScene"),
+)

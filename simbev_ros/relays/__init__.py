@@ -1,4 +1,0 @@
-"""Nodes that turn our messages into those that other stacks read, where remapping a topic is not enough.
-
-Run one beside the graph: ``python -m simbev_ros.relays.autoware`` or ``python -m simbev_ros.relays.nav2``.
-"""

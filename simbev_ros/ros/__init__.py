@@ -1,0 +1,1 @@
+"""The ROS 2 graph: messages, nodes, processes, and relays to other stacks."""

@@ -1,0 +1,186 @@
+"""Topics of the annotator: the labels that it publishes, and the sensor data that it reads.
+
+All of them follow from a scene's specification. Pure: imports no ROS.
+"""
+
+from collections.abc import Container, Iterator, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import NamedTuple
+
+from simbev_ros.config.annotation import Annotation
+from simbev_ros.config.camera import Camera
+from simbev_ros.config.lidar import Lidar
+from simbev_ros.config.radar import Radar
+from simbev_ros.config.rig import Rig
+from simbev_ros.drawing.displays.detections import DETECTIONS_2D, DETECTIONS_3D, LABEL_INFO
+from simbev_ros.foundation.semantics import BEV_CLASSES
+from simbev_ros.ros.msgs.sensor_topics import camera_topics, lidar_topics, radar_topic
+from simbev_ros.ros.msgs.topic import Topic, agent_topic
+from simbev_ros.schema.scene.spec import SceneSpec
+
+
+class Label(StrEnum):
+    """What an annotator labels: 3D boxes, what cameras see of them, or what surrounds the ego."""
+
+    BOXES = "boxes"
+    VIEWS = "views"
+    SURROUNDINGS = "surroundings"
+
+
+class CameraDetections(NamedTuple):
+    """Topics with what a camera sees as vision_msgs: boxes around visible pixels, and around whole silhouettes."""
+
+    visible: Topic
+    amodal: Topic
+
+
+@dataclass(frozen=True, slots=True)
+class AnnotationTopics:
+    """Topics that the annotator publishes in one scene.
+
+    Attributes:
+        bev_labels: The bird's-eye-view grid, one bit per class.
+        bev_color: The grid as a color image.
+        boxes: The 3D boxes.
+        box_markers: The boxes as markers for displays.
+        hd_map: The lane under the ego.
+        views: How each camera with instance images sees the boxes, by the camera's name.
+        occupancy: Occupied voxels; None: not configured.
+        vector_map: The roads around the ego; None: not configured.
+        box_points: The 3D boxes as a cloud of float32 for displays; not recorded.
+        grids: The grid of each class for displays and planners, by the name of the class; not recorded in bags.
+        lane_status: The lane under the ego for displays; not recorded.
+        map_markers: The roads around the ego as markers; not recorded. None: no vector map is configured.
+        view_markers: The 2D boxes of each camera in ``views`` as markers over its image; not recorded.
+        detections: The boxes as detections; not recorded.
+        camera_detections: The 2D boxes of each camera in ``views`` as detections; not recorded.
+        bev_label_info: Names of the bits of ``bev_labels``, latched; not recorded.
+    """
+
+    bev_labels: Topic
+    bev_color: Topic
+    boxes: Topic
+    box_markers: Topic
+    hd_map: Topic
+    views: Mapping[str, Topic]
+    occupancy: Topic | None
+    vector_map: Topic | None
+    box_points: Topic
+    grids: Mapping[str, Topic]
+    lane_status: Topic
+    map_markers: Topic | None
+    view_markers: Mapping[str, Topic]
+    detections: Topic
+    camera_detections: Mapping[str, CameraDetections]
+    bev_label_info: Topic
+
+    @property
+    def recorded(self) -> tuple[Topic, ...]:
+        """Topics that a bag contains, in its order."""
+        always = (self.bev_labels, self.bev_color, self.boxes, self.box_markers, self.hd_map)
+        asked = (topic for topic in (self.occupancy, self.vector_map) if topic is not None)
+        return (*always, *self.views.values(), *asked)
+
+    @property
+    def by_label(self) -> dict[Label, tuple[Topic, ...]]:
+        """Recorded topics by what they are about."""
+        boxes, views = (self.boxes, self.box_markers), tuple(self.views.values())
+        others = tuple(topic for topic in self.recorded if topic not in (*boxes, *views))
+        return {Label.BOXES: boxes, Label.VIEWS: views, Label.SURROUNDINGS: others}
+
+    @property
+    def displays(self) -> dict[Label, tuple[Topic, ...]]:
+        """Topics that are published while somebody subscribes, and not recorded, by what they are about."""
+        roads = () if self.map_markers is None else (self.map_markers,)
+        surroundings = (*self.grids.values(), self.lane_status, *roads, self.bev_label_info)
+        views = (*self.view_markers.values(), *(topic for each in self.camera_detections.values() for topic in each))
+        boxes = (self.box_points, self.detections)
+        return {Label.BOXES: boxes, Label.VIEWS: views, Label.SURROUNDINGS: surroundings}
+
+
+def boxes_name(agent: str) -> str:
+    """Name of the topic with the 3D boxes around an agent."""
+    return agent_topic(agent, "boxes")
+
+
+def bev_labels_name(agent: str) -> str:
+    """Name of the topic with the bird's-eye-view grid around an agent."""
+    return agent_topic(agent, "bev/labels")
+
+
+def annotation_topics(spec: SceneSpec) -> AnnotationTopics:
+    """Topics that the annotator publishes in a scene."""
+    agent, occupancy, vector_map = spec.rig.agent, spec.annotation.occupancy, spec.annotation.vector_map
+    cameras, markers = viewing_cameras(spec.rig, spec.annotation), "visualization_msgs/msg/MarkerArray"
+
+    def topic(name: str, type_name: str, rate_hz: float | None = None) -> Topic:
+        return Topic(agent_topic(agent, name), type_name, spec.period_ticks(rate_hz))
+
+    return AnnotationTopics(
+        bev_labels=Topic(bev_labels_name(agent), "sensor_msgs/msg/Image"),
+        bev_color=topic("bev/color", "sensor_msgs/msg/Image"),
+        boxes=Topic(boxes_name(agent), "sensor_msgs/msg/PointCloud2"),
+        box_markers=topic("boxes/markers", markers),
+        hd_map=topic("hd_map", "std_msgs/msg/String"),
+        views={
+            camera.name: topic(f"{camera.name}/boxes", "sensor_msgs/msg/PointCloud2", camera.rate_hz)
+            for camera in cameras
+        },
+        occupancy=topic("occupancy/points", "sensor_msgs/msg/PointCloud2", occupancy.rate_hz) if occupancy else None,
+        vector_map=topic("vector_map", "std_msgs/msg/String", vector_map.rate_hz) if vector_map else None,
+        box_points=topic("boxes/points", "sensor_msgs/msg/PointCloud2"),
+        grids={name: _grid_topic(agent, name) for name in BEV_CLASSES},
+        lane_status=topic("hd_map/status", "diagnostic_msgs/msg/DiagnosticArray"),
+        map_markers=topic("vector_map/markers", markers, vector_map.rate_hz) if vector_map else None,
+        view_markers={
+            camera.name: topic(f"{camera.name}/boxes/markers", "visualization_msgs/msg/ImageMarker", camera.rate_hz)
+            for camera in cameras
+        },
+        detections=topic("detections", DETECTIONS_3D),
+        camera_detections={
+            camera.name: CameraDetections(
+                topic(f"{camera.name}/detections", DETECTIONS_2D, camera.rate_hz),
+                topic(f"{camera.name}/detections/amodal", DETECTIONS_2D, camera.rate_hz),
+            )
+            for camera in cameras
+        },
+        bev_label_info=Topic(agent_topic(agent, "bev/label_info"), LABEL_INFO, 0),
+    )
+
+
+def _grid_topic(agent: str, name: str) -> Topic:
+    """Topic with the grid of one class; it has the QoS of a map, which is what planners such as Nav2 ask for."""
+    return Topic(agent_topic(agent, f"bev/{name}/grid"), "nav_msgs/msg/OccupancyGrid", keeps_newest=True)
+
+
+def viewing_cameras(rig: Rig, annotation: Annotation) -> list[Camera]:
+    """Cameras whose views of the boxes are published: those with instance images, if views are configured."""
+    return [each for each in rig.of_type(Camera) if annotation.views and "instance" in each.modalities]
+
+
+def annotator_inputs(
+    spec: SceneSpec, *, compressed_images: bool, labels: Container[Label] = tuple(Label)
+) -> dict[str, Topic]:
+    """Topics that an annotator reads, by the sensor's name.
+
+    Boxes need the clouds, of each lidar the noisy one if there is one, because perception receives that one; views need
+    the instance images in one of their two forms. An annotator of boxes without views reads the views of another one.
+    """
+    return dict(_annotator_inputs(spec, compressed_images, labels))
+
+
+def _annotator_inputs(
+    spec: SceneSpec, compressed_images: bool, labels: Container[Label]
+) -> Iterator[tuple[str, Topic]]:
+    if Label.BOXES in labels:
+        for lidar in spec.rig.of_type(Lidar):
+            yield lidar.name, next(topic for topic in lidar_topics(spec, lidar) if topic is not None)
+        for radar in spec.rig.of_type(Radar):
+            yield radar.name, radar_topic(spec, radar)
+    if Label.VIEWS in labels:
+        for camera in viewing_cameras(spec.rig, spec.annotation):
+            images, _ = camera_topics(spec, camera)["instance"].recorded(compressed=compressed_images)
+            yield camera.name, images
+    elif Label.BOXES in labels:
+        yield from annotation_topics(spec).views.items()

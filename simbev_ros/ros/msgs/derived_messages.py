@@ -1,0 +1,47 @@
+"""Messages that the recorder makes of others: /tf of /world/actors, typed messages of tables and JSON."""
+
+from collections.abc import Callable, Container, Iterable, Mapping
+
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import PointCloud2
+
+from simbev_ros.ros.msgs import topics
+from simbev_ros.ros.msgs.tables import table_from_message
+from simbev_ros.ros.msgs.transforms import SceneTransforms, serialize_transforms
+from simbev_ros.ros.msgs.typed_topics import TypedTopic
+from simbev_ros.ros.msgs.world import agent_odometry
+from simbev_ros.schema.scene.agents import agent_views
+from simbev_ros.schema.scene.spec import SceneSpec
+
+Maker = Callable[[bytes, int], bytes]
+"""Makes a serialized message of another one and its stamp, ns; raises ValueError if that one is malformed."""
+
+
+def message_makers(
+    spec: SceneSpec, typed: Iterable[TypedTopic], recorded: Container[str]
+) -> Mapping[str, Mapping[str, Maker]]:
+    """Makers of messages on recorded topics, by source and topic; those of /tf take the ticks of a scene in order.
+
+    Args:
+        spec: The scene.
+        typed: Typed topics of the scene.
+        recorded: Names of the recorded topics.
+    """
+    makers: dict[str, dict[str, Maker]] = {}
+    if topics.TF in recorded:
+        makers[topics.ACTORS] = {topics.TF: _transforms(spec)}
+    for each in typed:
+        if each.topic.name in recorded:
+            makers.setdefault(each.source.name, {})[each.topic.name] = each.convert
+    return makers
+
+
+def _transforms(spec: SceneSpec) -> Maker:
+    """Maker of /tf. One table has the motion of all agents, whereas their odometries arrive one by one."""
+    views, transforms = agent_views(spec), SceneTransforms(spec)
+
+    def make(payload: bytes, stamp_ns: int) -> bytes:
+        actors = table_from_message(deserialize_message(payload, PointCloud2))
+        return serialize_transforms(transforms.at([agent_odometry(view, actors, stamp_ns) for view in views]))
+
+    return make

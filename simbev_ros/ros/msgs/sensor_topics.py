@@ -1,0 +1,213 @@
+"""Topics of a rig's sensors: every name, type and rate is defined here and nowhere else.
+
+Each kind of sensor has a function that gives its topics from a scene's specification. Its node publishes on them, and
+``topics_of_sensor`` adds them to the manifest, from which recorder, evaluator and annotator know what a sensor sends.
+Pure: imports no ROS.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple, assert_never
+
+from simbev_ros.config.camera import Camera, Modality
+from simbev_ros.config.lidar import Lidar
+from simbev_ros.config.odometry import Odometry
+from simbev_ros.config.positioning import Gnss, Imu
+from simbev_ros.config.radar import Radar
+from simbev_ros.config.rig import AnySensor
+from simbev_ros.config.sensor import Sensor
+from simbev_ros.drawing.displays.detections import LABEL_INFO
+from simbev_ros.ros.msgs.topic import Topic, agent_topic
+from simbev_ros.schema.scene.spec import SceneSpec
+
+_POINTS = "points"
+_CAMERA_INFO = "camera_info"
+_LABEL_INFO = "label_info"
+_COMPRESSED: dict[Modality, str] = {
+    "rgb": "compressed",
+    "semantic": "compressed",
+    "instance": "compressed",
+    "depth": "compressedDepth",
+    "flow": "compressed",
+}
+"""Last part of the name of a modality's compressed topic, as in image_transport."""
+
+
+class CameraTopics(NamedTuple):
+    """Topics of one modality of a camera.
+
+    Attributes:
+        raw: Its images.
+        compressed: Its compressed images, named as in image_transport.
+        info: The CameraInfo of the images, beside them, where image_transport looks for it.
+    """
+
+    raw: Topic
+    compressed: Topic
+    info: Topic
+
+    def recorded(self, *, compressed: bool) -> tuple[Topic, Topic]:
+        """Topics that a bag contains: images in one of the two forms, and their CameraInfo."""
+        return (self.compressed if compressed else self.raw), self.info
+
+
+class PictureTopics(NamedTuple):
+    """Topics with a colored picture of one modality of a camera, for displays; not recorded.
+
+    Attributes:
+        raw: Pictures in rgb8.
+        compressed: The same as JPEG, named as in image_transport.
+    """
+
+    raw: Topic
+    compressed: Topic
+
+
+class LidarTopics(NamedTuple):
+    """Topics of a lidar; None: this cloud is switched off. At least one is on."""
+
+    points: Topic | None
+    semantic_points: Topic | None
+
+
+class GnssTopics(NamedTuple):
+    """Topics of a GNSS receiver.
+
+    Attributes:
+        fix: Its fixes.
+        velocity: Its velocity, named as nmea_navsat_driver does; None: it is switched off.
+        fix_velocity: The same with its covariance, named as ublox_gps does; None: it is switched off.
+    """
+
+    fix: Topic
+    velocity: Topic | None
+    fix_velocity: Topic | None
+
+
+class ImuTopics(NamedTuple):
+    """Topics of an IMU (REP-145): samples without and with orientation."""
+
+    raw: Topic
+    oriented: Topic
+
+
+def points_name(agent: str, sensor: str) -> str:
+    """Name of the topic with the points of a lidar or the detections of a radar."""
+    return agent_topic(agent, f"{sensor}/{_POINTS}")
+
+
+def camera_info_name(agent: str, camera: str, modality: Modality) -> str:
+    """Name of the CameraInfo topic of a camera's modality."""
+    return agent_topic(agent, f"{camera}/{modality}/{_CAMERA_INFO}")
+
+
+def camera_topics(spec: SceneSpec, camera: Camera) -> dict[Modality, CameraTopics]:
+    """Topics of a camera, by modality in the rig's order."""
+    topics = {}
+    for modality in camera.modalities:
+        raw = f"{modality}/image_raw"
+        topics[modality] = CameraTopics(
+            _topic(spec, camera, raw, "sensor_msgs/msg/Image"),
+            _topic(spec, camera, f"{raw}/{_COMPRESSED[modality]}", "sensor_msgs/msg/CompressedImage"),
+            _topic(spec, camera, f"{modality}/{_CAMERA_INFO}", "sensor_msgs/msg/CameraInfo"),
+        )
+    return topics
+
+
+def camera_info_topic(spec: SceneSpec, camera: Camera) -> Topic:
+    """Topic with the CameraInfo that all images of a camera share: one lens, one frame, one rate."""
+    return _topic(spec, camera, _CAMERA_INFO, "sensor_msgs/msg/CameraInfo")
+
+
+def picture_topics(spec: SceneSpec, camera: Camera) -> dict[Modality, PictureTopics]:
+    """Topics with colored pictures of a camera's other modalities, by modality in the rig's order."""
+    return {
+        modality: PictureTopics(
+            _topic(spec, camera, f"{modality}/color", "sensor_msgs/msg/Image"),
+            _topic(spec, camera, f"{modality}/color/compressed", "sensor_msgs/msg/CompressedImage"),
+        )
+        for modality in camera.modalities
+        if modality != "rgb"
+    }
+
+
+def label_info_topic(spec: SceneSpec, camera: Camera) -> Topic | None:
+    """Latched topic with the names of the classes in a camera's semantic images; None: it has no such images."""
+    if "semantic" not in camera.modalities:
+        return None
+    return Topic(agent_topic(spec.rig.agent, f"{camera.name}/semantic/{_LABEL_INFO}"), LABEL_INFO, 0)
+
+
+def lidar_topics(spec: SceneSpec, lidar: Lidar) -> LidarTopics:
+    """Topics of a lidar."""
+    return LidarTopics(
+        _topic(spec, lidar, _POINTS, "sensor_msgs/msg/PointCloud2") if lidar.points else None,
+        _topic(spec, lidar, "semantic_points", "sensor_msgs/msg/PointCloud2") if lidar.semantic_points else None,
+    )
+
+
+def radar_topic(spec: SceneSpec, radar: Radar) -> Topic:
+    """Topic with the detections of a radar."""
+    return _topic(spec, radar, _POINTS, "sensor_msgs/msg/PointCloud2")
+
+
+def gnss_topics(spec: SceneSpec, gnss: Gnss) -> GnssTopics:
+    """Topics of a GNSS receiver."""
+    fix = _topic(spec, gnss, "fix", "sensor_msgs/msg/NavSatFix")
+    if gnss.velocity is None:
+        return GnssTopics(fix, None, None)
+    return GnssTopics(
+        fix,
+        _topic(spec, gnss, "vel", "geometry_msgs/msg/TwistStamped"),
+        _topic(spec, gnss, "fix_velocity", "geometry_msgs/msg/TwistWithCovarianceStamped"),
+    )
+
+
+def imu_topics(spec: SceneSpec, imu: Imu) -> ImuTopics:
+    """Topics of an IMU."""
+    return ImuTopics(
+        raw=_topic(spec, imu, "data_raw", "sensor_msgs/msg/Imu"),
+        oriented=_topic(spec, imu, "data", "sensor_msgs/msg/Imu"),
+    )
+
+
+def wheel_odometry_topic(spec: SceneSpec, odometry: Odometry) -> Topic:
+    """Topic with pose and velocity of a wheel odometry."""
+    return _topic(spec, odometry, "odometry", "nav_msgs/msg/Odometry")
+
+
+def sensor_topics(spec: SceneSpec, *, compressed_images: bool) -> Iterator[Topic]:
+    """Topics of all sensors of a scene's rig; images in compressed or raw form."""
+    for sensor in spec.rig.sensors:
+        yield from topics_of_sensor(spec, sensor, compressed_images=compressed_images)
+
+
+def topics_of_sensor(spec: SceneSpec, sensor: AnySensor, *, compressed_images: bool) -> tuple[Topic, ...]:
+    """Topics of one sensor of any kind, in the order in which they are in a bag."""
+    match sensor:
+        case Camera():
+            modalities = camera_topics(spec, sensor).values()
+            images = (topic for each in modalities for topic in each.recorded(compressed=compressed_images))
+            return (camera_info_topic(spec, sensor), *images)
+        case Lidar():
+            return tuple(topic for topic in lidar_topics(spec, sensor) if topic is not None)
+        case Radar():
+            return (radar_topic(spec, sensor),)
+        case Gnss():
+            return tuple(topic for topic in gnss_topics(spec, sensor) if topic is not None)
+        case Imu():
+            return imu_topics(spec, sensor)
+        case Odometry():
+            return (wheel_odometry_topic(spec, sensor),)
+        case _:
+            assert_never(sensor)
+
+
+def _topic(spec: SceneSpec, sensor: Sensor, name: str, type_name: str) -> Topic:
+    """A topic in a sensor's namespace, at the sensor's rate."""
+    return Topic(
+        agent_topic(spec.rig.agent, f"{sensor.name}/{name}"),
+        type_name,
+        spec.period_ticks(sensor.rate_hz),
+        sensor=True,
+        messages_per_tick=spec.messages_per_tick(sensor.rate_hz),
+    )

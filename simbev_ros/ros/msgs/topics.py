@@ -1,0 +1,178 @@
+"""Manifest of a scene: name, type and rate of every topic.
+
+All of them follow from the scene's specification; nodes take theirs from here. A function with the parameter ``spec``
+gives the topics of all agents of a scene, one with the parameter ``view`` those of one agent. Pure: imports no ROS.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from simbev_ros.config.camera import Camera
+from simbev_ros.config.scenario import RecordedTopics
+from simbev_ros.ros.msgs.annotation_topics import annotation_topics
+from simbev_ros.ros.msgs.joint_topics import joint_displays, joint_topics
+from simbev_ros.ros.msgs.sensor_topics import label_info_topic, picture_topics, sensor_topics
+from simbev_ros.ros.msgs.topic import Topic, agent_topic
+from simbev_ros.schema.scene.agents import agent_views
+from simbev_ros.schema.scene.spec import SceneSpec
+
+CLOCK = "/clock"
+SCENE = "/world/scene"
+MAP = "/world/map"
+LEGEND = "/world/legend"
+REQUEST = "/world/request"
+STOP = "/world/stop"
+END = "/world/end"
+ACTORS = "/world/actors"
+SIGNALS = "/world/signals"
+LIGHTS = "/world/lights"
+BUILDING_LIGHTS = "/world/building_lights"
+WEATHER = "/world/weather"
+EVENTS = "/world/events"
+WORLD_MARKERS = "/world/markers"
+ACTOR_POINTS = "/world/actors/points"
+SIGNAL_POINTS = "/world/signals/points"
+LIGHT_POINTS = "/world/lights/points"
+WEATHER_STATUS = "/world/weather/status"
+EVENT_STATUS = "/world/events/status"
+READY = "/sync/ready"
+DIAGNOSTICS = "/diagnostics"
+EVALUATION = "/evaluation"
+TF = "/tf"
+TF_STATIC = "/tf_static"
+ROBOT_DESCRIPTION = "/robot_description"
+
+REPLAY_TOPICS = (SCENE, MAP, ACTORS, SIGNALS, WEATHER, EVENTS)
+"""Topics that a replay needs; always recorded, so that everything else can be computed again."""
+
+
+def odometry_name(agent: str) -> str:
+    """Name of the topic with an agent's true motion."""
+    return agent_topic(agent, "odom")
+
+
+def odometry_topic(view: SceneSpec) -> Topic:
+    """Topic with an agent's true motion."""
+    return Topic(odometry_name(view.rig.agent), "nav_msgs/msg/Odometry")
+
+
+def robot_description_topic(view: SceneSpec) -> Topic:
+    """Topic with an agent's URDF; that of the first agent has the name that ROS tools expect."""
+    name = ROBOT_DESCRIPTION if view is view.whole else agent_topic(view.rig.agent, "robot_description")
+    return Topic(name, "std_msgs/msg/String", 0)
+
+
+def world_topics(spec: SceneSpec) -> Iterator[Topic]:
+    """Topics of the world node that every scene has."""
+    first, *further = agent_views(spec)
+    yield from _first_world_topics(first)
+    for view in further:
+        yield from _agent_world_topics(view)
+
+
+def _first_world_topics(first: SceneSpec) -> Iterator[Topic]:
+    """Topics about the world and the first agent."""
+    yield Topic(SCENE, "std_msgs/msg/String", 0)
+    yield Topic(MAP, "std_msgs/msg/String", 0)
+    yield Topic(LEGEND, "std_msgs/msg/String", 0)
+    yield Topic(LIGHTS, "sensor_msgs/msg/PointCloud2", 0)
+    yield Topic(BUILDING_LIGHTS, "std_msgs/msg/String", 0)
+    yield robot_description_topic(first)
+    yield Topic(EVENTS, "std_msgs/msg/String", sporadic=True)
+    yield Topic(CLOCK, "rosgraph_msgs/msg/Clock")
+    yield Topic(ACTORS, "sensor_msgs/msg/PointCloud2")
+    yield Topic(SIGNALS, "sensor_msgs/msg/PointCloud2")
+    yield Topic(WEATHER, "std_msgs/msg/String")
+    yield odometry_topic(first)
+
+
+def _agent_world_topics(view: SceneSpec) -> Iterator[Topic]:
+    """Topics of the world node about an agent beside the first one."""
+    yield robot_description_topic(view)
+    yield odometry_topic(view)
+
+
+def path_name(agent: str) -> str:
+    """Name of the topic with an agent's path up to now."""
+    return agent_topic(agent, "path")
+
+
+def unrecorded_world_topics(spec: SceneSpec) -> Iterator[Topic]:
+    """Topics of the world node that are not recorded: the end of a scene, and displays."""
+    yield Topic(END, "std_msgs/msg/String", 0)
+    yield from world_displays(spec)
+
+
+def world_displays(spec: SceneSpec) -> Iterator[Topic]:
+    """Topics of the world node that it publishes while somebody subscribes, and that are not recorded."""
+    yield Topic(WORLD_MARKERS, "visualization_msgs/msg/MarkerArray")
+    for name in (ACTOR_POINTS, SIGNAL_POINTS, LIGHT_POINTS):
+        yield Topic(name, "sensor_msgs/msg/PointCloud2")
+    for view in agent_views(spec):
+        yield Topic(path_name(view.rig.agent), "nav_msgs/msg/Path")
+    yield Topic(WEATHER_STATUS, "diagnostic_msgs/msg/DiagnosticArray")
+    yield Topic(EVENT_STATUS, "diagnostic_msgs/msg/DiagnosticArray", sporadic=True)
+
+
+def display_topics(spec: SceneSpec) -> Iterator[Topic]:
+    """Topics that the graph publishes while somebody subscribes, and that are not recorded."""
+    yield from world_displays(spec)
+    for view in agent_views(spec):
+        yield from _agent_displays(view)
+    yield from joint_displays(spec)
+
+
+def _agent_displays(view: SceneSpec) -> Iterator[Topic]:
+    """Topics for displays of an agent's sensor data and labels."""
+    for camera in view.rig.of_type(Camera):
+        for pictures in picture_topics(view, camera).values():
+            yield from pictures
+        if (names := label_info_topic(view, camera)) is not None:
+            yield names
+    for topics in annotation_topics(view).displays.values():
+        yield from topics
+
+
+def transform_topics(spec: SceneSpec) -> Iterator[Topic]:
+    """Topics of the transforms of a scene; they are in every bag, even if the graph cannot publish them."""
+    yield tf_static_topic()
+    if any(view.frames.publish for view in agent_views(spec)):
+        yield tf_topic()
+
+
+def tf_static_topic() -> Topic:
+    """Topic of the transforms that stay."""
+    return Topic(TF_STATIC, "tf2_msgs/msg/TFMessage", 0)
+
+
+def tf_topic() -> Topic:
+    """Topic of the transforms that change from tick to tick."""
+    return Topic(TF, "tf2_msgs/msg/TFMessage")
+
+
+@dataclass(frozen=True, slots=True)
+class TopicFilter:
+    """Filter for the recorded topics: those that the configuration chooses, and those that a replay needs."""
+
+    chosen: RecordedTopics
+
+    def __contains__(self, name: object) -> bool:
+        return name in REPLAY_TOPICS or name in self.chosen
+
+
+def manifest(spec: SceneSpec, *, compressed_images: bool) -> tuple[Topic, ...]:
+    """All topics that a scene's bag can have, in the order in which a tick is written: by agent, and the joint ones."""
+    first, *further = agent_views(spec)
+    return (
+        *_first_world_topics(first),
+        *transform_topics(spec),
+        *_agent_data(first, compressed_images),
+        *(topic for view in further for topic in (*_agent_world_topics(view), *_agent_data(view, compressed_images))),
+        *joint_topics(spec),
+    )
+
+
+def _agent_data(view: SceneSpec, compressed_images: bool) -> Iterator[Topic]:
+    """Topics of an agent's sensor data and labels."""
+    yield from sensor_topics(view, compressed_images=compressed_images)
+    yield from annotation_topics(view).recorded

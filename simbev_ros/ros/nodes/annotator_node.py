@@ -1,0 +1,300 @@
+"""The annotator node: publishes the labels of every tick, which are grids, boxes, occupancy, vector map and HD map.
+
+Labels that follow from the world state alone are published at once. Boxes also state how many lidar and radar points
+hit them and how visible they are to the cameras, so they wait for the clouds and instance images of their tick. In
+lockstep, a thread completes the boxes of a tick while the next one is labeled. A node labels all agents of a scene.
+Where there are cores enough, several such nodes share the agents and the labels.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.drawing.displays.box_markers import box_markers
+from simbev_ros.drawing.displays.detections import detections_2d, detections_3d, label_info
+from simbev_ros.drawing.displays.grids import occupancy_grid
+from simbev_ros.drawing.displays.image_boxes import image_boxes
+from simbev_ros.drawing.displays.map_markers import map_markers
+from simbev_ros.drawing.displays.status import LANE, status
+from simbev_ros.drawing.displays.table_points import table_points
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.process_memory import freeze_after_loading
+from simbev_ros.foundation.semantics import BEV_CLASSES
+from simbev_ros.foundation.types import AnyArray, Table, UInt16Array
+from simbev_ros.maps.build import load_network
+from simbev_ros.maps.hd_map import lane_record
+from simbev_ros.ros.conventions.names import NodeName
+from simbev_ros.ros.msgs.annotation_topics import Label
+from simbev_ros.ros.msgs.images import image_message
+from simbev_ros.ros.msgs.message_types import message_class
+from simbev_ros.ros.msgs.qos import qos_of, rclpy_qos
+from simbev_ros.ros.msgs.stamps import serialized_stamp_ns
+from simbev_ros.ros.msgs.tables import message_from_table
+from simbev_ros.ros.msgs.topic import Topic
+from simbev_ros.ros.msgs.world import MAP_FRAME, record_message
+from simbev_ros.ros.nodes.annotated_agent import AgentTick, AnnotatedAgent
+from simbev_ros.ros.nodes.participant import Participant
+from simbev_ros.ros.nodes.sensor_join import SensorJoin
+from simbev_ros.ros.nodes.surroundings import Surroundings
+from simbev_ros.schema.palette import bev_color
+from simbev_ros.schema.scene.agents import seen_by
+from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.state import WorldState
+from simbev_ros.schema.views import VIEW_DTYPE
+from simbev_ros.simulation.annotation.scene_annotator import MeshAnnotators, SurroundingsLabels, meshes_radius_m
+from simbev_ros.simulation.annotation.visibility.views import ViewAnnotator, visibility
+from simbev_ros.simulation.sensors.mount import vector
+
+_LIVE_PATIENCE_TICKS = 8
+"""Live: ticks after which boxes are published without the messages still missing.
+
+Longer than the delay of a lidar or camera that keeps up.
+"""
+
+_NOTHING_SEEN: Table = np.zeros(0, VIEW_DTYPE)
+_Reading = Callable[[], AnyArray]
+"""Waits until a sensor's message is read, and returns its array or raises what malformed messages do."""
+
+
+class _Input(NamedTuple):
+    """A topic that is read, and whose sensor it is."""
+
+    agent: AnnotatedAgent
+    sensor: str
+    topic: Topic
+
+
+class _BoxLabels(NamedTuple):
+    """Boxes of a tick, and the table of those that each camera sees, empty if its message was malformed."""
+
+    boxes: Table
+    views: Mapping[str, Table]
+
+
+class AnnotatorNode(Participant):
+    """Annotates every tick of a scene for each of its agents and publishes the labels."""
+
+    reuses_large_buffers = True
+
+    def __init__(self, name: NodeName) -> None:
+        super().__init__(name)
+        self._compressed = self.declare_read_only(
+            "compressed", True, "Read the compressed instance images instead of the raw ones"
+        )
+        labels = self.declare_read_only(
+            "scope", list(Label), "What this node labels", allowed=f"each one of {', '.join(Label)}"
+        )
+        if unknown := [label for label in labels if label not in list(Label)]:
+            raise InputError(f"parameter scope: {unknown[0]!r}; allowed: {', '.join(Label)}")
+        self._labels = frozenset(map(Label, labels))
+        self._has_objects = not self._labels.isdisjoint((Label.BOXES, Label.VIEWS))
+        self._surroundings = Surroundings(lambda static: MeshAnnotators(static, load_models()))
+        self._views = ViewAnnotator(load_models())
+        self._agents: list[AnnotatedAgent] = []
+        self._inputs: dict[str, _Input] = {}
+        self._subscriptions_of: dict[str, Any] = {}
+        self._join: SensorJoin[list[AgentTick], _Reading] = SensorJoin({})
+        self._has_begun = False
+        self._threads = self.meter.pool("label")
+        self._boxes_thread = ThreadPoolExecutor(1)  # one tick after the other
+        self._started: list[Future[_BoxLabels]] = []
+
+    def start_scene(self, spec: SceneSpec) -> list[str]:
+        """Load the meshes around agents (kept while scenes stay there), advertise topics, subscribe to sensors."""
+        wait(self._started)  # the scene before may have been reset
+        with freeze_after_loading():
+            self._agents = self._load_agents(spec)
+        self._subscribe_to_sensors()
+        recorded = []
+        for agent in self._agents:
+            by_label, displays = agent.topics.by_label, agent.topics.displays
+            of_agent = [topic for label in sorted(self._labels) for topic in by_label[label]]
+            for topic in (*of_agent, *(topic for label in sorted(self._labels) for topic in displays[label])):
+                self.advertise(topic)
+            recorded += [topic.name for topic in of_agent]
+        self.advertise_typed(spec)
+        if Label.SURROUNDINGS in self._labels:
+            bits = {1 << index: name for index, name in enumerate(BEV_CLASSES)}
+            for agent in self._agents:
+                self.publish_once(agent.topics.bev_label_info, label_info, bits, spec.start_ns, agent.frame)
+        return recorded
+
+    def _load_agents(self, spec: SceneSpec) -> list[AnnotatedAgent]:
+        """The agents that this node serves, which share the meshes around all agents of the scene."""
+        views = self.served_views(spec)
+        if not views:
+            return []
+        meshes = self._surroundings.load(spec, meshes_radius_m(spec))
+        self._network = load_network(spec.map)
+        return [
+            AnnotatedAgent.of(view, self._network, meshes, self._labels, compressed_images=self._compressed)
+            for view in views
+        ]
+
+    def _subscribe_to_sensors(self) -> None:
+        """Subscribe to the topics that the boxes need; subscriptions are kept for later scenes with the same topic."""
+        self._inputs = {
+            agent.key(sensor): _Input(agent, sensor, topic)
+            for agent in self._agents
+            for sensor, topic in agent.sensors.items()
+        }
+        names = {each.topic.name for each in self._inputs.values()}
+        for name in self._subscriptions_of.keys() - names:
+            self.inputs.remove(self._subscriptions_of[name])
+            self.destroy_subscription(self._subscriptions_of.pop(name))
+        for key, each in self._inputs.items():
+            topic = each.topic
+            if topic.name not in self._subscriptions_of:
+                qos, callback = rclpy_qos(qos_of(topic, live=self.live)), self._make_callback(key, topic)
+                kind = message_class(topic.type)
+                self._subscriptions_of[topic.name] = self.create_subscription(kind, topic.name, callback, qos, raw=True)
+                self.inputs.append(self._subscriptions_of[topic.name])
+        periods = {key: each.topic.period_ticks for key, each in self._inputs.items()}
+        self._has_begun = False
+        self._join = SensorJoin(periods, _LIVE_PATIENCE_TICKS if self.live else None)
+
+    def _make_callback(self, key: str, topic: Topic) -> Callable[[bytes], None]:
+        def receive(payload: bytes) -> None:
+            spec, stamp_ns = self.spec, self.read(topic.name, partial(serialized_stamp_ns, payload, topic.type))
+            if spec is not None and stamp_ns is not None and self._join.is_awaited(key, spec.tick_of(stamp_ns)):
+                reading = self._threads.submit(self._read_sensor, self._inputs[key], payload).result
+                self._join.add_message(key, spec.tick_of(stamp_ns), reading)
+                self._publish_ready_boxes(spec)
+
+        return receive
+
+    def is_due(self, spec: SceneSpec, tick: int) -> bool:
+        """Whether there is any agent to label at the tick."""
+        return tick >= 0 and bool(self._agents)
+
+    def process(self, spec: SceneSpec, state: WorldState) -> None:
+        """Annotate a tick and publish all but its boxes, which wait for the messages of the sensors."""
+        if state.tick < 0:
+            return
+        if not self._has_begun:  # a bag that is played back may lack topics of the scene's rig
+            self._has_begun = True
+            self._join.give_up(key for key, each in self._inputs.items() if not self._is_sent(each.topic))
+        states = [seen_by(agent.view, state) for agent in self._agents]
+        if Label.SURROUNDINGS in self._labels:
+            for agent, seen in zip(self._agents, states, strict=True):
+                with self.meter.part("label"):
+                    labels = agent.annotator.surroundings(seen)
+                with self.meter.part("message"):
+                    self._publish_surroundings(agent, seen, labels)
+        if self._awaits_sensors:
+            with self.meter.part("label"):
+                boxes = [agent.annotator.boxes(seen) for agent, seen in zip(self._agents, states, strict=True)]
+                self._join.expect(state.tick, list(map(AgentTick, states, boxes)))
+
+    @property
+    def _awaits_sensors(self) -> bool:
+        """Whether ticks are finished when the sensors' messages are there."""
+        return self._has_objects and bool(self._agents)
+
+    def _is_sent(self, topic: Topic) -> bool:
+        return bool(self._subscriptions_of[topic.name].get_publisher_count())
+
+    def finish(self, spec: SceneSpec, state: WorldState) -> None:
+        """Report ticks of the lead-in, and those without boxes; others are finished when their boxes are published."""
+        if state.tick < 0 or not self._awaits_sensors:
+            super().finish(spec, state)
+        else:
+            self._publish_ready_boxes(spec)
+
+    def _publish_surroundings(self, agent: AnnotatedAgent, state: WorldState, labels: SurroundingsLabels) -> None:
+        topics, stamp_ns, frame = agent.topics, state.stamp_ns, agent.frame
+        self.publish(topics.bev_labels.name, image_message(labels.grid, stamp_ns, frame))
+        if self.reader_count(topics.bev_color.name):
+            self.publish(topics.bev_color.name, image_message(bev_color(labels.grid), stamp_ns, frame))
+        self._publish_grids(agent, labels.grid, state)
+        if topics.occupancy is not None and labels.voxels is not None:
+            self.publish(topics.occupancy.name, message_from_table(labels.voxels, stamp_ns, frame))
+        if topics.vector_map is not None and labels.roads is not None:
+            self.publish(topics.vector_map.name, record_message(labels.roads, stamp_ns))
+            self.publish_display(topics.map_markers, map_markers, labels.roads, stamp_ns)
+        lane = lane_record(self._network, vector(state.ego, "x y z"), float(state.ego["yaw"]))
+        self.publish(topics.hd_map.name, record_message(lane, stamp_ns))
+        self.publish_display(topics.lane_status, status, LANE, lane, stamp_ns)
+        self.publish_typed(topics.hd_map.name, lane, stamp_ns)
+
+    def _publish_grids(self, agent: AnnotatedAgent, grid: UInt16Array, state: WorldState) -> None:
+        geometry = agent.view.annotation.bev.grid
+        rpy_rad = vector(state.ego, "roll pitch yaw")
+        for index, name in enumerate(BEV_CLASSES):
+            topic = agent.topics.grids[name]
+            if self.reader_count(topic.name):
+                covered = (grid >> index & 1).astype(bool)
+                self.publish(topic.name, occupancy_grid(covered, geometry, state.stamp_ns, agent.frame, rpy_rad))
+
+    def _publish_ready_boxes(self, spec: SceneSpec) -> None:
+        """Start to complete boxes and views of all ticks whose messages are there or overdue; then publish them."""
+        for ticks, messages in self._join.release():
+            labels = [
+                self._boxes_thread.submit(self._complete_boxes, agent, tick, messages)
+                for agent, tick in zip(self._agents, ticks, strict=True)
+            ]
+            self._started = labels
+            send = partial(self._publish_objects, self._agents, ticks, labels)
+            self.finish_after(spec, ticks[0].state.tick, labels, send)
+
+    def _complete_boxes(self, agent: AnnotatedAgent, tick: AgentTick, messages: Mapping[str, _Reading]) -> _BoxLabels:
+        """Count the points in a tick's boxes around an agent, and the pixels that show them."""
+        own = {sensor: messages[key] for sensor in agent.sensors if (key := agent.key(sensor)) in messages}
+        with self.meter.part("receive"):
+            readings = {sensor: self.read(agent.sensors[sensor].name, reading) for sensor, reading in own.items()}
+        with self.meter.part("label"):
+            arrays = {sensor: array for sensor, array in readings.items() if array is not None}
+            counting = self._threads.submit(agent.count_points, tick, arrays) if Label.BOXES in self._labels else None
+            is_viewing = Label.VIEWS in self._labels
+            views = agent.sensor_views(self._views, tick, arrays, self._threads) if is_viewing else arrays
+            cameras = [camera.name for camera in agent.cameras if camera.name in readings]
+            views = {camera: views.get(camera, _NOTHING_SEEN) for camera in cameras}
+            if counting is None:
+                return _BoxLabels(tick.boxes, views)
+            boxes = counting.result()
+            boxes["visibility"] = visibility(boxes["id"], views.values())
+        return _BoxLabels(boxes, views)
+
+    def _publish_objects(
+        self, agents: Sequence[AnnotatedAgent], ticks: Sequence[AgentTick], labels: Sequence[Future[_BoxLabels]]
+    ) -> None:
+        """Publish the boxes and views of all agents at a tick."""
+        for agent, tick, of_agent in zip(agents, ticks, labels, strict=True):
+            boxes, views = of_agent.result()
+            if Label.BOXES in self._labels:
+                self._publish_boxes(agent, boxes, tick.state.stamp_ns)
+            if Label.VIEWS in self._labels:
+                self._publish_views(agent, views, tick.state.stamp_ns)
+
+    def _publish_boxes(self, agent: AnnotatedAgent, boxes: Table, stamp_ns: int) -> None:
+        topics = agent.topics
+        self.publish(topics.boxes.name, message_from_table(boxes, stamp_ns, MAP_FRAME))
+        self.publish_display(topics.box_markers, box_markers, boxes, stamp_ns)
+        self.publish_display(topics.detections, detections_3d, boxes, stamp_ns)
+        self.publish_typed(topics.boxes.name, boxes, stamp_ns)
+        self.publish_display(topics.box_points, table_points, boxes, stamp_ns)
+
+    def _publish_views(self, agent: AnnotatedAgent, views: Mapping[str, Table], stamp_ns: int) -> None:
+        topics = agent.topics
+        for camera, table in views.items():
+            frame = f"{agent.view.rig.agent}/{camera}_optical"
+            self.publish(topics.views[camera].name, message_from_table(table, stamp_ns, frame))
+            self.publish_display(topics.view_markers[camera], image_boxes, table, stamp_ns, frame)
+            visible, amodal = topics.camera_detections[camera]
+            self.publish_display(visible, detections_2d, table, stamp_ns, frame)
+            self.publish_display(amodal, detections_2d, table, stamp_ns, frame, "amodal_")
+            self.publish_typed(topics.views[camera].name, table, stamp_ns)
+
+    def _read_sensor(self, source: _Input, payload: bytes) -> AnyArray:
+        """Decode a sensor's message."""
+        with self.meter.part("receive"):
+            return source.agent.decode(source.sensor, payload, compressed_images=self._compressed)
+
+    def close(self) -> None:
+        """Stop the threads."""
+        self._boxes_thread.shutdown()
+        self._threads.shutdown()

@@ -1,0 +1,54 @@
+"""The GNSS node: publishes a fix of each receiver at its rate, from the true motion of its agent."""
+
+from typing import NamedTuple
+
+from simbev_ros.config.positioning import Gnss
+from simbev_ros.maps.build import load_datum, load_tunnels
+from simbev_ros.ros.conventions.names import NodeName
+from simbev_ros.ros.msgs.motion import fix_message, velocity_messages
+from simbev_ros.ros.msgs.sensor_topics import GnssTopics, gnss_topics
+from simbev_ros.ros.nodes.participant import Participant
+from simbev_ros.schema.scene.agents import seen_by
+from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.state import WorldState
+from simbev_ros.simulation.sensors.gnss import GnssModel
+
+
+class _Mounted(NamedTuple):
+    view: SceneSpec
+    frame: str
+    model: GnssModel
+    topics: GnssTopics
+
+
+class GnssNode(Participant):
+    """Serves all GNSS receivers of its agents."""
+
+    def __init__(self, name: NodeName) -> None:
+        super().__init__(name)
+        self._mounted: list[_Mounted] = []
+
+    def start_scene(self, spec: SceneSpec) -> list[str]:
+        """Load the map's geodetic datum and tunnels, and advertise the receivers' topics."""
+        datum, tunnels = load_datum(spec.map), load_tunnels(spec.map)
+        self._mounted = []
+        for view, gnss in self.served_sensors(spec, Gnss):
+            topics = gnss_topics(view, gnss)
+            for topic in topics:
+                if topic is not None:
+                    self.advertise(topic)
+            model = GnssModel(gnss, datum, view.noise_seed, spec.tick_ns, topics.fix.period_ticks, tunnels)
+            self._mounted.append(_Mounted(view, f"{view.rig.agent}/{gnss.name}", model, topics))
+        return [topic.name for mounted in self._mounted for topic in mounted.topics if topic is not None]
+
+    def process(self, spec: SceneSpec, state: WorldState) -> None:
+        """Publish the fixes that are due, and velocities with them."""
+        for view, frame, model, topics in self._mounted:
+            if model.is_due(state.tick):
+                seen = seen_by(view, state)
+                fix = model.measure(seen)
+                self.publish(topics.fix.name, fix_message(fix, state.stamp_ns, frame))
+                if topics.velocity is not None and topics.fix_velocity is not None:
+                    plain, with_covariance = velocity_messages(model.measure_velocity(seen, fix), state.stamp_ns)
+                    self.publish(topics.velocity.name, plain)
+                    self.publish(topics.fix_velocity.name, with_covariance)

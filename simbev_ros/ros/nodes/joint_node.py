@@ -1,0 +1,33 @@
+"""The joint node: publishes one table of the boxes around all agents of a scene, with what each of them sees."""
+
+from collections.abc import Mapping
+
+from simbev_ros.foundation.types import Table
+from simbev_ros.ros.msgs.joint_topics import JOINT_BOXES, joint_boxes_topic
+from simbev_ros.ros.msgs.tables import message_from_table
+from simbev_ros.ros.msgs.world import MAP_FRAME
+from simbev_ros.ros.nodes.box_reader import BoxReader
+from simbev_ros.schema.scene.agents import agent_views
+from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.state import WorldState
+from simbev_ros.simulation.annotation.boxes.joint import join_boxes
+
+
+class JointNode(BoxReader):
+    """Joins the boxes of all agents. In a scene with one agent it publishes nothing."""
+
+    def start_scene(self, spec: SceneSpec) -> list[str]:
+        """Subscribe to the boxes of all agents, and advertise the joint ones."""
+        super().start_scene(spec)
+        if (topic := joint_boxes_topic(spec)) is None:
+            return []
+        self.advertise(topic)
+        return [topic.name]
+
+    def process_boxes(self, spec: SceneSpec, state: WorldState, boxes: Mapping[str, Table]) -> None:
+        """Publish the joint boxes of a tick."""
+        names = [view.rig.agent for view in agent_views(spec)]
+        joint = join_boxes(names, boxes)
+        for agent, reason in joint.refused.items():
+            self.ignore(f"boxes of {agent}", ValueError(reason))
+        self.publish(JOINT_BOXES, message_from_table(joint.rows, state.stamp_ns, MAP_FRAME))

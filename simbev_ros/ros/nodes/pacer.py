@@ -1,0 +1,44 @@
+"""Decides when the world's next tick is due: at once in lockstep, by the wall clock when live, by steps when paused."""
+
+import time
+
+from simbev_ros.foundation.units import NS_PER_S
+
+
+class Pacer:
+    """Paces the ticks of the world node.
+
+    Attributes:
+        paused: Whether ticks start only when they are stepped.
+        steps: Number of ticks requested while paused and not started yet.
+    """
+
+    def __init__(self, *, live: bool) -> None:
+        self._live = live
+        self._next_s = 0.0
+        self.paused = False
+        self.steps = 0
+
+    def pause(self, paused: bool) -> None:
+        """Pause or resume; requested steps are dropped."""
+        self.paused, self.steps = paused, 0
+
+    def start(self) -> None:
+        """Start a scene; live time counts from its first tick."""
+        self._next_s, self.steps = 0.0, 0
+
+    def take_due(self, tick_ns: int) -> bool:
+        """Return whether the next tick may start now; if so, count it as started."""
+        if self.paused:
+            if self.steps == 0:
+                return False
+            self.steps -= 1
+            return True
+        if not self._live:
+            return True
+        now_s = time.monotonic()
+        if now_s < self._next_s:
+            return False
+        # After a stall the pace continues from now, without rushing to catch up.
+        self._next_s = now_s + tick_ns / NS_PER_S if now_s - self._next_s > 0.5 else self._next_s + tick_ns / NS_PER_S
+        return True

@@ -1,0 +1,310 @@
+"""The world node: owns simulated time and publishes the world state of every tick.
+
+It receives a scene to simulate or replay and starts a tick when the participants have kept up (lockstep) or the wall
+clock says so (live).
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from geometry_msgs.msg import Twist
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Header, String
+from std_srvs.srv import SetBool, Trigger
+
+from simbev_ros.assets.regions.region_scene import Streetside
+from simbev_ros.assets.regions.static_cache import load_streetside
+from simbev_ros.foundation.process_memory import freeze_after_loading
+from simbev_ros.maps.build import load_network
+from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.ros.conventions.names import NodeName
+from simbev_ros.ros.msgs import topics
+from simbev_ros.ros.msgs.qos import STEERING, rclpy_qos
+from simbev_ros.ros.msgs.robot_description import robot_description
+from simbev_ros.ros.msgs.signing import content_of, signed_json
+from simbev_ros.ros.msgs.stamps import time_message
+from simbev_ros.ros.msgs.transforms import TransformBroadcaster
+from simbev_ros.ros.msgs.world import (
+    actors_message,
+    agent_odometry,
+    building_lights_message,
+    event_message,
+    lights_message,
+    signals_message,
+    weather_message,
+)
+from simbev_ros.ros.nodes.graph_node import GraphNode
+from simbev_ros.ros.nodes.lockstep import LockstepWindow
+from simbev_ros.ros.nodes.pacer import Pacer
+from simbev_ros.ros.nodes.reports import read_report, subscribe_to_reports
+from simbev_ros.ros.nodes.world_displays import WorldDisplays
+from simbev_ros.scene.ending import SceneEnd, SceneEndDetector
+from simbev_ros.scene.legend import legend
+from simbev_ros.scene.reach import loaded_reach
+from simbev_ros.scene.request import SceneRequest, SceneStop
+from simbev_ros.schema.scene.agents import agent_views
+from simbev_ros.schema.scene.lights import street_lights
+from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.state import WorldState
+from simbev_ros.simulation.replay.replay import Replay
+from simbev_ros.simulation.world.simulation import Simulation
+from simbev_ros.simulation.world.source import StateSource
+
+_CLOCK_PERIOD_S = 0.1
+"""Wall time between messages on /clock while the world is paused."""
+
+
+@dataclass
+class _LoadedScene:
+    """A scene that is loaded, plays or has ended.
+
+    Attributes:
+        request: The request for the scene.
+        views: The agents' views of it.
+        source: Simulation or replay that computes its states.
+        ending: Decides when the scene ends.
+        displays: Publishes what somebody looks at.
+        end: How the scene has ended; None: it has not.
+    """
+
+    request: SceneRequest
+    views: tuple[SceneSpec, ...]
+    source: StateSource
+    ending: SceneEndDetector
+    displays: WorldDisplays
+    end: SceneEnd | None = None
+
+    @property
+    def spec(self) -> SceneSpec:
+        """Specification of the scene."""
+        return self.request.spec
+
+    @property
+    def vehicles(self) -> Mapping[str, int | None]:
+        """Index in ``spec.vehicles`` of each agent's vehicle; None for roadside units."""
+        return {view.rig.agent: view.ego_index for view in self.views}
+
+
+class WorldNode(GraphNode):
+    """Plays one requested scene after the other."""
+
+    def __init__(self, name: NodeName) -> None:
+        super().__init__(name)
+        participants = self.declare_read_only(
+            "participants", [], "Names of nodes that must report each tick on /sync/ready"
+        )
+        self._outside = frozenset(
+            self.declare_read_only("outside_participants", [], "Those of them whose reports need no signature")
+        )
+        self._recorded = self.declare_read_only("recorded", False, "A recorder writes each scene into a bag")
+        self._state_readers = self.declare_read_only(
+            "state_readers", 0, "Number of readers of /world/actors to wait for before a scene", minimum=0
+        )
+        window_ticks = self.declare_read_only(
+            "window_ticks", 3, "Number of ticks that the world may be ahead of the slowest participant", minimum=1
+        )
+        self._lockstep = LockstepWindow(participants, 1 if self.live else window_ticks, self._outside)
+        self._pacer = Pacer(live=self.live)
+        self._scene: _LoadedScene | None = None
+        self._commands: dict[str, Any] = {}
+        self._next_tick = 0
+        self._stop: SceneStop | None = None
+        self._now = Clock()
+        self._transforms = TransformBroadcaster(self)
+        self.create_subscription(String, topics.REQUEST, self._on_request, rclpy_qos(STEERING))
+        self.create_subscription(String, topics.STOP, self._on_stop, rclpy_qos(STEERING))
+        subscribe_to_reports(self, self._on_ready, self._outside)
+        self.create_service(SetBool, "/world/pause", self._pause)
+        self.create_service(Trigger, "/world/step", self._step)
+        self.create_service(Trigger, "/world/reset", self._reset)
+        self.create_wall_timer(0.005 if self.live else 0.02, self.advance)
+        self.create_wall_timer(_CLOCK_PERIOD_S, self._repeat_clock)
+
+    def _on_request(self, message: String) -> None:
+        if (request := self.read_request(message)) is not None:
+            self.start(request)
+
+    def start(self, request: SceneRequest) -> None:
+        """Load a scene, announce it and simulate its warm-up; ticks start when all participants are connected."""
+        self.close()
+        with freeze_after_loading():
+            views = agent_views(request.spec)
+            source, displays = self._load(request, views)
+        ending = SceneEndDetector(request.spec, source.available)
+        self._scene = _LoadedScene(request, views, source, ending, displays)
+        for _ in range(request.spec.warm_up_ticks - request.spec.lead_in_ticks):
+            source.step()
+        self._next_tick = -request.spec.lead_in_ticks
+        self._now = Clock(clock=time_message(request.spec.stamp_ns(request.spec.loaded_tick)))
+        self._pacer.start()
+        self._end_if_asked()
+        self.get_logger().info(f"scene {request.spec.name} is loaded")
+
+    def _load(self, request: SceneRequest, views: Sequence[SceneSpec]) -> tuple[StateSource, WorldDisplays]:
+        """Load and announce a scene; return the source of its states, and its displays."""
+        spec = request.spec
+        network = load_network(spec.map)
+        for topic in (*topics.unrecorded_world_topics(spec), *topics.world_topics(spec)):
+            self.advertise(topic)
+        self.advertise_typed(spec)
+        self._transforms.start_scene(spec)
+        for view in views:
+            self._follow_commands(view)
+        self._lockstep.start_scene(spec)
+        self.publish(topics.MAP, String(data=network.opendrive))
+        for view in views:
+            self.publish(topics.robot_description_topic(view).name, String(data=robot_description(view)))
+        self.publish(topics.LEGEND, String(data=json.dumps(legend(network.signals))))
+        streetside = load_streetside(spec.map, network, reach=loaded_reach(spec, network))
+        lamps = street_lights(spec.lights, streetside.light_m)
+        self.publish(topics.LIGHTS, lights_message(lamps, spec.start_ns))
+        self.publish(topics.BUILDING_LIGHTS, building_lights_message(spec.lights.buildings))
+        specification = spec.model_dump_json()
+        self.publish(topics.SCENE, String(data=specification))
+        self.publish_typed_once(topics.SCENE, specification, spec.start_ns)
+        return _make_source(request, network, streetside), WorldDisplays(self, spec, lamps)
+
+    def _follow_commands(self, view: SceneSpec) -> None:
+        """Subscribe to the commands for an agent driven from outside; the subscription stays for later scenes."""
+        command = topics.agent_topic(view.rig.agent, "cmd_vel")
+        if view.ego_driver == "twist" and command not in self._commands:
+            drive = partial(self._on_command, view.rig.agent)
+            self._commands[command] = self.create_subscription(Twist, command, drive, 10)
+
+    def _on_stop(self, message: String) -> None:
+        stop = self.read(topics.STOP, partial(content_of, SceneStop, message.data, self.signer))
+        if stop is not None:
+            self._stop = stop
+            self._end_if_asked()
+
+    def _end_if_asked(self) -> None:
+        """Let the scene end with its next tick, also a paused one, if the supervisor has asked for it."""
+        if self._scene is not None and self._stop is not None and self._stop.number == self._scene.request.number:
+            self._scene.ending.end_soon(self._stop.reason)
+            self._pacer.pause(False)
+
+    def _on_command(self, agent: str, message: Twist) -> None:
+        if self._scene is not None and (vehicle := self._scene.vehicles.get(agent)) is not None:
+            self._scene.source.drive_vehicle(vehicle, message.linear.x, message.angular.z)
+
+    def _on_ready(self, message: Header) -> None:
+        report = self.read(topics.READY, partial(read_report, message, self.signer, self._outside))
+        if report is not None:
+            self._lockstep.record_report(report, self._next_tick - 1)
+            self.advance()
+
+    def advance(self) -> None:
+        """Start all ticks that participants, pause and the wall clock (live) allow."""
+        scene = self._scene
+        while scene is not None and self._may_start_tick(scene):
+            self._tick(scene)
+
+    def _may_start_tick(self, scene: _LoadedScene) -> bool:
+        if scene.end is not None:
+            return False
+        if self._next_tick == -scene.spec.lead_in_ticks and not self._connected():
+            return False
+        # A live scene waits for all participants once: tick 0 starts when all have processed the lead-in.
+        together = not self.live or self._next_tick <= 0
+        if together and not self._lockstep.may_start(self._next_tick):
+            return False
+        return self._pacer.take_due(scene.spec.tick_ns)
+
+    def _connected(self) -> bool:
+        names = (topics.ACTORS, topics.SIGNALS, topics.WEATHER)
+        recorded = not self._recorded or self.reader_count(topics.EVENTS) > 0
+        return recorded and all(self.reader_count(name) >= self._state_readers for name in names)
+
+    def _tick(self, scene: _LoadedScene) -> None:
+        with self.meter.busy():
+            with self.meter.part("simulate"):
+                state = scene.source.step()
+                scene.end = scene.ending.end_at(state)
+            if scene.end is not None:  # published first: all nodes know it before they can finish the last tick
+                self.publish(topics.END, String(data=signed_json(scene.end, self.signer)))
+            with self.meter.part("message"):
+                self._publish_state(scene, state)
+        self.report_finished(scene.spec, self._next_tick)
+        self._log_progress(scene)
+        self._next_tick += 1
+
+    def _log_progress(self, scene: _LoadedScene) -> None:
+        """Log the first tick of a scene and its end."""
+        if self._next_tick == 0:
+            self.get_logger().info(f"scene {scene.spec.name} starts: {scene.spec.ticks} ticks")
+        if scene.end is not None:
+            self.get_logger().info(f"scene {scene.spec.name} ends with tick {scene.end.tick}: {scene.end.reason}")
+
+    def _repeat_clock(self) -> None:
+        """Publish the time again while the world is paused: nodes that are started then would stay at time 0."""
+        if self._pacer.paused and self._scene is not None and self._scene.end is None:
+            self.publish(topics.CLOCK, self._now)
+
+    def _publish_state(self, scene: _LoadedScene, state: WorldState) -> None:
+        for event in state.events:  # first, so that they arrive well before the tick is finished
+            self.publish(topics.EVENTS, event_message(event, state))
+        self._now = Clock(clock=time_message(state.stamp_ns))
+        self.publish(topics.CLOCK, self._now)
+        self.publish(topics.ACTORS, actors_message(state))
+        self.publish(topics.SIGNALS, signals_message(state))
+        self.publish(topics.WEATHER, weather_message(state))
+        odometries = [agent_odometry(view, state.actors, state.stamp_ns) for view in scene.views]
+        scene.displays.publish(state, odometries)
+        for view, odometry in zip(scene.views, odometries, strict=True):
+            self.publish(topics.odometry_name(view.rig.agent), odometry)
+        self._transforms.publish(odometries)
+
+    def _pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        self._pacer.pause(request.data)
+        response.success = True
+        response.message = "paused" if request.data else "running"
+        self.get_logger().info(f"{response.message}; the next tick is {self._next_tick}")
+        return response
+
+    def _step(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        refusal = self._refusal()
+        if refusal is None and not self._pacer.paused:
+            refusal = "pause first: /world/pause"
+        response.success = refusal is None
+        response.message = refusal or f"tick {self._next_tick + self._pacer.steps}"
+        if response.success:
+            self._pacer.steps += 1
+        return response
+
+    def _reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        refusal = self._refusal()
+        if refusal is None and not self.live:
+            refusal = "only a live scene can start again; in lockstep all nodes are in the middle of this one"
+        elif refusal is None and self._recorded:
+            refusal = "a scene that is recorded cannot start again"
+        response.success = refusal is None
+        response.message = refusal or "restarted"
+        if refusal is None and self._scene is not None:
+            self.get_logger().info(f"scene {self._scene.spec.name} starts again")
+            self.start(self._scene.request)
+            self.publish(topics.CLOCK, self._now)  # before any message with an earlier stamp: listeners clear buffers
+        return response
+
+    def _refusal(self) -> str | None:
+        """Why the scene can neither be stepped nor restarted; None if it can."""
+        if self._scene is None:
+            return "no scene has been loaded yet"
+        return None if self._scene.end is None else "the scene has ended"
+
+    def close(self) -> None:
+        """End the simulation or the replay."""
+        if self._scene is not None:
+            self._scene.source.close()
+            self._scene = None
+
+
+def _make_source(request: SceneRequest, network: RoadNetwork, streetside: Streetside) -> StateSource:
+    """Make the simulation of a scene, or the replay of its bag."""
+    spec = request.spec
+    if request.replay is not None:
+        return Replay(spec, Path(request.replay))
+    return Simulation(spec, network, streetside.obstacles, streetside.plazas)

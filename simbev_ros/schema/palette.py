@@ -1,0 +1,64 @@
+"""Display colors of labels (semantic tags, BEV classes, boxes, traffic lights), read from palette.yaml."""
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from simbev_ros.foundation.semantics import BEV_CLASSES, Tag
+from simbev_ros.foundation.tables import load_table
+from simbev_ros.foundation.types import UInt8Array, UInt16Array
+
+
+def semantic_color(tags: UInt8Array) -> UInt8Array:
+    """(…, 3) sRGB colors, 0..255, of (…) semantic tags; the colors are CARLA's."""
+    return _semantic_table().take(tags, axis=0)  # several times faster than indexing
+
+
+def bev_color(labels: UInt16Array) -> UInt8Array:
+    """(…, 3) sRGB colors, 0..255, of (…) bird's-eye-view labels; the topmost class of a cell determines its color."""
+    return _bev_table().take(labels, axis=0)
+
+
+def class_color(name: str) -> tuple[int, int, int]:
+    """Color (sRGB, 0..255) of a box class: its BEV color, or its semantic tag's color if it is not a BEV class."""
+    palette = _palette()
+    return _channels(palette["bev"].get(name) or palette["semantic"][name.upper()])
+
+
+def signal_color(state: str) -> tuple[int, int, int]:
+    """Color (sRGB, 0..255) of a traffic-light state."""
+    return _channels(_palette()["signal"][state])
+
+
+@lru_cache(maxsize=1)
+def _semantic_table() -> UInt8Array:
+    """(256, 3) color per tag; black for unused tag numbers."""
+    table = np.zeros((256, 3), np.uint8)
+    for tag in Tag:
+        table[tag] = _rgb(_palette()["semantic"][tag.name])
+    return table
+
+
+@lru_cache(maxsize=1)
+def _bev_table() -> UInt8Array:
+    """(2^classes, 3) color per combination of classes."""
+    labels = np.arange(1 << len(BEV_CLASSES))
+    table = np.tile(_rgb(_palette()["bev_background"]), (len(labels), 1))
+    for name, code in _palette()["bev"].items():
+        table[labels >> BEV_CLASSES.index(name) & 1 == 1] = _rgb(code)
+    return table
+
+
+def _channels(code: int) -> tuple[int, int, int]:
+    red, green, blue = _rgb(code).tolist()
+    return red, green, blue
+
+
+def _rgb(code: int) -> UInt8Array:
+    return np.array([code >> 16, code >> 8 & 255, code & 255], np.uint8)
+
+
+@lru_cache(maxsize=1)
+def _palette() -> dict[str, Any]:
+    return load_table("simbev_ros.schema", "palette.yaml")

@@ -1,0 +1,246 @@
+"""The specification of one fully drawn scene.
+
+Scene drawing produces a ``SceneSpec`` from a configuration and a map. The world simulation needs nothing but this
+specification and the map, and replays it byte for byte.
+"""
+
+from typing import Self
+
+from pydantic import Field, model_validator
+
+from simbev_ros.config.agents import EgoDriverKind
+from simbev_ros.config.annotation import Annotation
+from simbev_ros.config.base import Model
+from simbev_ros.config.frames import DEFAULT_FRAMES, Frames, are_default
+from simbev_ros.config.rig import Rig
+from simbev_ros.config.scenario import Split
+from simbev_ros.foundation.files.limits import (
+    MAX_ACTORS,
+    MAX_AGENTS,
+    MAX_SCENE_NUMBER,
+    MAX_SCENE_TICKS,
+    MAX_WARM_UP_TICKS,
+)
+from simbev_ros.foundation.units import NS_PER_S
+from simbev_ros.schema.scene.agent_spec import AgentSpec, BaseLinkX, StationSpec
+from simbev_ros.schema.scene.hazard import HazardSpec
+from simbev_ros.schema.scene.lights import LightSpec
+from simbev_ros.schema.scene.map_spec import MapSpec
+from simbev_ros.schema.scene.state import EGO_ID
+from simbev_ros.schema.scene.v2x_spec import V2xSpec
+from simbev_ros.schema.scene.weather import Weather
+
+_HOUR_NS = 3600 * NS_PER_S
+_MAX_SEED = (1 << 63) - 1
+
+
+class WaypointSpec(Model):
+    """A position on a lane."""
+
+    lane: str
+    s_m: float = Field(ge=0, description="distance from the lane's start along its center line")
+
+
+class StandSpec(Model):
+    """Pose of a vehicle that stands in a hazard area for the whole scene: its footprint's center, map frame."""
+
+    x_m: float
+    y_m: float
+    z_m: float = Field(description="approximate height; identifies the road level")
+    yaw_rad: float
+    hazard_lights: bool = False
+    open_doors: int = Field(0, ge=0, le=255, description="bit k: door k")
+
+
+class VehicleSpec(Model):
+    """One vehicle. The first vehicle of a scene carries the first agent."""
+
+    blueprint: str
+    color: int = Field(ge=0, le=0xFFFFFF, description="0xRRGGBB, sRGB")
+    start: WaypointSpec
+    speed_factor: float = Field(gt=0, description="desired speed divided by the speed limit")
+    min_gap_m: float = Field(ge=0, description="gap to the vehicle in front when stopped")
+    reckless: bool = False
+    headway_s: float = Field(1.0, gt=0, description="time gap to the vehicle in front when driving")
+    lane_change_eagerness: float = Field(
+        1.0, ge=0, description="eagerness to change lanes for speed; 1 is SUMO's default"
+    )
+    distracted: bool = Field(False, description="ignores lights and signs, but not other road users")
+    emergency_lights: bool = False
+    door_probability: float = Field(0.0, ge=0, le=1, description="probability of opening doors at each stop")
+    stands_at: StandSpec | None = Field(
+        None, description="set: the vehicle takes no part in traffic and ``start`` is the lane on which it stands"
+    )
+
+
+class PedestrianSpec(Model):
+    """One pedestrian, who starts on a walkable lane and walks to random destinations."""
+
+    blueprint: str
+    color: int = Field(ge=0, le=0xFFFFFF, description="0xRRGGBB of the clothes, sRGB")
+    start: WaypointSpec
+    max_speed_mps: float = Field(gt=0)
+    jaywalks: bool = Field(False, description="may cross streets away from crosswalks")
+    visits_plazas: bool = Field(False, description="visits the plazas on its route")
+
+
+class SceneSpec(Model):
+    """Everything that was drawn for one scene.
+
+    The specification is also the first agent's view of the scene: ``rig``, ``frames``, ``base_link_x_m``,
+    ``annotation``, ``ego_driver`` and ``ego`` are its own. ``agents.agent_views`` gives the views of all agents.
+    """
+
+    number: int = Field(ge=0, le=MAX_SCENE_NUMBER)
+    split: Split
+    seed: int = Field(ge=0, le=_MAX_SEED)
+    map: MapSpec
+    tick_ns: int = Field(gt=0, le=NS_PER_S)
+    warm_up_ticks: int = Field(ge=1, le=MAX_WARM_UP_TICKS)
+    ticks: int = Field(ge=1, le=MAX_SCENE_TICKS, description="number of recorded ticks")
+    end_after_standing_ticks: int | None = Field(
+        None,
+        ge=1,
+        le=MAX_SCENE_TICKS,
+        description="the scene ends early once the ego has stood still for this number of ticks",
+    )
+    weather: Weather = Field(description="until the first recorded tick")
+    final_weather: Weather | None = Field(None, description="at the last tick; none: the weather does not change")
+    lights: LightSpec = LightSpec()
+    ego_driver: EgoDriverKind = "traffic"
+    rig: Rig
+    frames: Frames = Field(DEFAULT_FRAMES, exclude_if=are_default)
+    base_link_x_m: BaseLinkX = 0.0
+    annotation: Annotation
+    agents: tuple[AgentSpec, ...] = Field(
+        (), max_length=MAX_AGENTS - 1, exclude_if=lambda agents: not agents, description="agents beside the first one"
+    )
+    v2x: V2xSpec | None = Field(
+        None, exclude_if=lambda v2x: v2x is None, description="messages between agents; none: they send none"
+    )
+    vehicles: tuple[VehicleSpec, ...] = Field(min_length=1, max_length=MAX_ACTORS)
+    pedestrians: tuple[PedestrianSpec, ...] = Field(max_length=MAX_ACTORS)
+    walker_cross_factor: float = Field(0.0, ge=0, le=1, description="probability that a pedestrian may jaywalk")
+    hazards: tuple[HazardSpec, ...] = Field((), description="their vehicles are the last entries of ``vehicles``")
+    green_time_s: tuple[float, ...] = Field(description="one draw per traffic-light program, used in turn")
+
+    @model_validator(mode="after")
+    def _agents_are_distinct(self) -> Self:
+        names = [rig.agent for rig in self.rigs]
+        if twice := sorted({name for name in names if names.count(name) > 1}):
+            raise ValueError(f"agents: two agents are called {', '.join(twice)}; names must be unique")
+        carriers = [agent.vehicle for agent in self.agents if agent.vehicle is not None]
+        if carriers and max(carriers) >= len(self.vehicles):
+            raise ValueError(f"agents: there is no vehicle {max(carriers)}; the scene has {len(self.vehicles)}")
+        if len(set(carriers)) < len(carriers):
+            raise ValueError("agents: two agents have the same vehicle")
+        if self.v2x is not None and (unknown := sorted({*self.v2x.agents} - {*names})):
+            raise ValueError(f"v2x.agents: there is no agent {unknown[0]}; the scene has {', '.join(names)}")
+        return self
+
+    @property
+    def whole(self) -> "SceneSpec":
+        """The specification of which this is one agent's view; only this one is written and sent."""
+        return self
+
+    @property
+    def rigs(self) -> tuple[Rig, ...]:
+        """Rigs of all agents, the first agent's first; each has the name of its agent."""
+        return (self.whole.rig, *(agent.rig for agent in self.agents))
+
+    @property
+    def ego_index(self) -> int | None:
+        """Index in ``vehicles`` of the agent's vehicle; None: the agent is a roadside unit."""
+        return 0
+
+    @property
+    def ego(self) -> VehicleSpec | None:
+        """The agent's vehicle; None: the agent is a roadside unit."""
+        return None if self.ego_index is None else self.vehicles[self.ego_index]
+
+    @property
+    def ego_id(self) -> int:
+        """Id of the agent's vehicle among the actors; a roadside unit has an id that no actor has."""
+        return EGO_ID
+
+    @property
+    def station(self) -> StationSpec | None:
+        """Pose of the agent if it is a roadside unit."""
+        return None
+
+    @property
+    def noise_seed(self) -> int:
+        """Seed of the noise of the agent's sensors. Agents with equal rigs have different noise."""
+        return self.seed
+
+    @property
+    def is_driven_by_traffic(self) -> bool:
+        """Whether no agent is driven from outside, so that the specification determines the scene."""
+        return self.whole.ego_driver == "traffic" and all(agent.driver == "traffic" for agent in self.agents)
+
+    @property
+    def name(self) -> str:
+        """Scene name ``<map>-<number>``, which is also the name of its folder."""
+        return f"{self.map.name}-{self.number:04d}"
+
+    @property
+    def drivers(self) -> tuple[VehicleSpec, ...]:
+        """Vehicles that take part in traffic."""
+        return tuple(vehicle for vehicle in self.vehicles if vehicle.stands_at is None)
+
+    @property
+    def closed_edges(self) -> frozenset[str]:
+        """Ids of the edges that hazard areas close to all traffic."""
+        return frozenset(edge for hazard in self.hazards for edge in hazard.closed_edges)
+
+    @property
+    def start_ns(self) -> int:
+        """Timestamp of tick 0. Every scene has an hour of its own, so time never runs backwards between scenes.
+
+        Scene 0 gets the second hour, because a stamp of 0 means "no time" in ROS.
+        """
+        return (self.number + 1) * _HOUR_NS + self.warm_up_ticks * self.tick_ns
+
+    def stamp_ns(self, tick: int) -> int:
+        """Timestamp of a tick; warm-up ticks are negative."""
+        return self.start_ns + tick * self.tick_ns
+
+    def weather_at(self, tick: int) -> Weather:
+        """Weather at a tick: constant in the warm-up, then changing linearly to the final one at the last tick."""
+        if self.final_weather is None or tick <= 0:
+            return self.weather
+        return self.weather.interpolate(
+            self.final_weather, min(tick / (self.ticks - 1), 1.0) if self.ticks > 1 else 1.0
+        )
+
+    def tick_of(self, stamp_ns: int) -> int:
+        """Tick of a timestamp; a timestamp between two ticks belongs to the earlier one."""
+        return (stamp_ns - self.start_ns) // self.tick_ns
+
+    def publishing_tick_of(self, stamp_ns: int) -> int:
+        """Tick at which a message with this timestamp is published: between two ticks, the later one."""
+        return -((self.start_ns - stamp_ns) // self.tick_ns)
+
+    def period_ticks(self, rate_hz: float | None) -> int:
+        """Number of ticks between two samples of something with this rate; None means every tick."""
+        return 1 if rate_hz is None else max(1, round(NS_PER_S / (rate_hz * self.tick_ns)))
+
+    def messages_per_tick(self, rate_hz: float | None) -> int:
+        """Number of messages at a due tick of something with this rate; more than 1 above the tick rate."""
+        return 1 if rate_hz is None else max(1, round(rate_hz * self.tick_ns / NS_PER_S))
+
+    @property
+    def lead_in_ticks(self) -> int:
+        """Number of published warm-up ticks: each sensor of any agent gets the history that its first sample needs."""
+        rates_hz = [sensor.rate_hz for rig in self.rigs for sensor in rig.sensors if sensor.rate_hz is not None]
+        return min(self.period_ticks(min(rates_hz, default=None)), self.warm_up_ticks)
+
+    @property
+    def loaded_tick(self) -> int:
+        """The tick before the first published one; a node that reports it as finished has loaded the scene."""
+        return -self.lead_in_ticks - 1
+
+
+def scene_number_of(stamp_ns: int) -> int:
+    """Number of the scene that a timestamp, of its warm-up too, belongs to; no scene's number if there is none."""
+    return stamp_ns // _HOUR_NS - 1

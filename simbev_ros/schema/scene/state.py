@@ -1,0 +1,162 @@
+"""The world state at one tick: the tables that the simulation writes and every sensor and annotator reads."""
+
+from dataclasses import dataclass
+from enum import IntEnum, IntFlag
+
+import numpy as np
+
+from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_rpy
+from simbev_ros.foundation.types import Float64Array, Table
+from simbev_ros.schema.scene.weather import Weather
+
+EGO_ID = 1
+"""Id of the first agent's vehicle in every scene."""
+
+ACTOR_DTYPE = np.dtype(
+    [
+        ("x", "<f8"),  # m, map frame: center of the bottom face of the actor's 3D box
+        ("y", "<f8"),
+        ("z", "<f8"),
+        ("roll", "<f4"),  # rad, fixed axes x y z (REP-103): R = Rz(yaw) Ry(pitch) Rx(roll)
+        ("pitch", "<f4"),
+        ("yaw", "<f4"),
+        ("vx", "<f4"),  # m/s, map frame
+        ("vy", "<f4"),
+        ("vz", "<f4"),
+        ("ax", "<f4"),  # m/s², map frame
+        ("ay", "<f4"),
+        ("az", "<f4"),
+        ("wx", "<f4"),  # rad/s, map frame
+        ("wy", "<f4"),
+        ("wz", "<f4"),
+        ("length", "<f4"),  # m, along the actor's x, y, z
+        ("width", "<f4"),
+        ("height", "<f4"),
+        ("steer", "<f4"),  # rad, front wheel angle, left positive
+        ("wheel", "<f4"),  # rad, wheel rotation since the start of the scene, forward positive
+        ("gait", "<f4"),  # rad, phase of the stride (0: the left foot lands) or of a cyclist's pedals
+        ("id", "<u4"),  # unique in a scene, never 0
+        ("parent", "<u4"),  # a rider's vehicle id, otherwise 0
+        ("color", "<u4"),  # 0xRRGGBB, sRGB
+        ("blueprint", "<u2"),  # index into the catalogue
+        ("lights", "<u2"),  # Light bits
+        ("behavior", "<u2"),  # Behavior bits
+        ("tag", "u1"),  # semantic Tag
+        ("doors", "u1"),  # bit k: door k is open
+    ],
+)
+"""One row per actor. Field names and order are those of /world/actors."""
+
+SIGNAL_DTYPE = np.dtype(
+    [
+        ("x", "<f8"),  # m, map frame: center of the signal head
+        ("y", "<f8"),
+        ("z", "<f8"),
+        ("yaw", "<f4"),  # rad, direction in which the lamps shine
+        ("time_in_state", "<f4"),  # s
+        ("time_remaining", "<f4"),  # s until the state changes; infinite if it never does
+        ("green_time", "<f4"),  # s, as drawn for its signal program
+        ("id", "<u4"),  # equals its row + 1
+        ("state", "u1"),  # SignalState
+    ],
+)
+"""One row per traffic-light head. Field names and order are those of /world/signals."""
+
+
+class Light(IntFlag):
+    """Bit flags of an actor's lights."""
+
+    LOW_BEAM = 1
+    BRAKE = 2
+    TURN_LEFT = 4  # set only while the blinker is in its bright half
+    TURN_RIGHT = 8
+    REVERSE = 16
+    EMERGENCY = 32  # set only while the beacon is in its bright half
+    HIGH_BEAM = 64
+
+
+class Behavior(IntFlag):
+    """Bit flags of an actor's behavior."""
+
+    RECKLESS = 1
+    DISTRACTED = 2
+    JAYWALKING = 4
+
+
+class SignalState(IntEnum):
+    """State that a traffic light shows."""
+
+    OFF = 0
+    RED = 1
+    YELLOW = 2
+    GREEN = 3
+    RED_YELLOW = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something that happened during the last tick.
+
+    Attributes:
+        type: ``collision``: two actors touch for the first time.
+        ids: Ids of the actors, ascending.
+        position_m: Position, map frame.
+        relative_speed_mps: Relative speed of the two actors just before the event.
+    """
+
+    type: str
+    ids: tuple[int, ...]
+    position_m: tuple[float, float, float]
+    relative_speed_mps: float
+
+
+@dataclass(frozen=True, slots=True)
+class WorldState:
+    """The world at one tick, as one agent, the ego, sees it; ``schema.scene.agents.seen_by`` makes another one the ego.
+
+    Attributes:
+        stamp_ns: Simulated time.
+        tick: 0 for the first recorded tick; negative during the warm-up.
+        ego_id: Id of the ego's row.
+        actors: (N,) ``ACTOR_DTYPE``, ascending by id, including the ego if it is a vehicle.
+        signals: (S,) ``SIGNAL_DTYPE``; the row order is constant within a scene.
+        weather: Weather and light at this tick.
+        events: Events since the previous tick; always empty in nodes other than the world node.
+        station: The ego's row, shape (), if the ego is a roadside unit, which is no actor.
+    """
+
+    stamp_ns: int
+    tick: int
+    ego_id: int
+    actors: Table
+    signals: Table
+    weather: Weather
+    events: tuple[Event, ...] = ()
+    station: Table | None = None
+
+    @property
+    def ego(self) -> Table:
+        """The ego's row, shape ()."""
+        if self.station is not None:
+            return self.station
+        return self.actors[np.searchsorted(self.actors["id"], self.ego_id)]
+
+    @property
+    def ego_ids(self) -> frozenset[int]:
+        """Ids of the ego and, if it has one, its rider."""
+        riders = self.actors["id"][self.actors["parent"] == self.ego_id]
+        return frozenset([self.ego_id, *riders.tolist()])
+
+    @property
+    def distance_to_ego_m(self) -> Float64Array:
+        """(N,) horizontal distance from the ego of each actor, box center to box center."""
+        offset_x_m: Float64Array = self.actors["x"] - self.ego["x"]
+        offset_y_m: Float64Array = self.actors["y"] - self.ego["y"]
+        return np.hypot(offset_x_m, offset_y_m)
+
+
+def map_from_actors(actors: Table) -> Float64Array:
+    """(N, 4, 4) transforms from each actor's frame to the map, for (N,) ``ACTOR_DTYPE`` rows."""
+    xyz = np.stack([actors["x"], actors["y"], actors["z"]], axis=-1)
+    rpy = np.stack([actors["roll"], actors["pitch"], actors["yaw"]], axis=-1).astype(np.float64)
+    return matrices_from_xyz_rpy(xyz, rpy)

@@ -1,0 +1,112 @@
+"""What a relay offers of a running graph: its topics, and the transforms where the graph cannot publish them."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from nav_msgs.msg import Odometry
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.serialization import deserialize_message
+from std_msgs.msg import String
+
+from simbev_ros.ros.conventions.names import NamespacedNode
+from simbev_ros.ros.msgs import topics
+from simbev_ros.ros.msgs.message_types import message_class
+from simbev_ros.ros.msgs.transforms import ego_transform, serialize_transforms, static_transforms
+from simbev_ros.schema.messages.message_types import is_known_type
+from simbev_ros.schema.scene.spec import SceneSpec
+
+_TRANSFORMS, _ODOMETRY = "tf2_msgs/msg/TFMessage", "nav_msgs/msg/Odometry"
+_INTERNAL = ("/parameter_events",)
+_LATCHED_DEPTH, _DEPTH = 10, 20
+_LARGE = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/PointCloud2")
+"""Types of which only the newest message waits for a busy relay."""
+
+
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """A topic for clients.
+
+    Attributes:
+        name: Name of the topic.
+        type_name: Its type.
+        sources: Topics of the graph to subscribe to; others if the offered messages are made of their messages.
+        source_type: Type of the sources.
+        is_latched: Whether the sources' publishers keep their last message for late subscribers.
+        make: Makes an offered message from each of the sources'; None: they are the same.
+    """
+
+    name: str
+    type_name: str
+    sources: tuple[str, ...]
+    source_type: str
+    is_latched: bool
+    make: Callable[[bytes], bytes] | None = None
+
+    @property
+    def qos(self) -> QoSProfile:
+        """QoS of a subscription that no publisher ever waits for: only latched topics are reliable."""
+        if self.is_latched:
+            return QoSProfile(depth=_LATCHED_DEPTH, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        depth = 1 if self.source_type in _LARGE else _DEPTH
+        return QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+def graph_offers(node: NamespacedNode) -> tuple[dict[str, Offer], dict[str, str]]:
+    """Topics with publishers in the domain and namespace of a node.
+
+    Returns:
+        Offers by name, and types by name of topics that cannot be offered because their package is not installed.
+    """
+    offers, unknown = {}, {}
+    for name, types in node.graph_topics():
+        publishers = [] if name in _INTERNAL else node.get_publishers_info_by_topic(name)
+        if not publishers:
+            continue
+        type_name = types[0]
+        if not _is_readable(type_name):
+            unknown[name] = type_name
+            continue
+        is_latched = all(
+            (each.qos_profile.durability, each.qos_profile.reliability)
+            == (DurabilityPolicy.TRANSIENT_LOCAL, ReliabilityPolicy.RELIABLE)
+            for each in publishers
+        )
+        offers[name] = Offer(name, type_name, (name,), type_name, is_latched)
+    missing = (topics.TF, topics.TF_STATIC)
+    for offer in _transform_offers(offers):
+        offers.setdefault(offer.name, offer)
+    return offers, {name: kind for name, kind in unknown.items() if name not in missing or name not in offers}
+
+
+def _is_readable(type_name: str) -> bool:
+    """Whether messages of a type can be received and described."""
+    try:
+        message_class(type_name)
+    except (ImportError, AttributeError, ValueError):
+        return False
+    return is_known_type(type_name)
+
+
+def _transform_offers(offers: Mapping[str, Offer]) -> Iterator[Offer]:
+    """/tf of all agents, and /tf_static, from a graph that runs where tf2_msgs is not installed."""
+    found = (name for name, offer in offers.items() if offer.type_name == _ODOMETRY and name.endswith("/odom"))
+    if odometries := tuple(sorted(found)):
+        yield Offer(topics.TF, _TRANSFORMS, odometries, _ODOMETRY, False, _transforms_of_odometry)
+    if topics.SCENE in offers:
+        scene_type = offers[topics.SCENE].type_name
+        yield Offer(topics.TF_STATIC, _TRANSFORMS, (topics.SCENE,), scene_type, True, _transforms_of_scene)
+
+
+def _transforms_of_odometry(payload: bytes) -> bytes:
+    return serialize_transforms([ego_transform(deserialize_message(payload, Odometry))])
+
+
+def _transforms_of_scene(payload: bytes) -> bytes:
+    spec = SceneSpec.model_validate_json(deserialize_message(payload, String).data)
+    return serialize_transforms(static_transforms(spec))
+
+
+def differences(before: Mapping[str, Offer], now: Mapping[str, Offer]) -> tuple[Sequence[str], Sequence[str]]:
+    """Names of the topics that have vanished or are offered differently, and of those that are new or different."""
+    gone = [name for name, offer in before.items() if now.get(name) != offer]
+    return gone, [name for name, offer in now.items() if before.get(name) != offer]

@@ -1,0 +1,78 @@
+"""Describes a scene as tables in Markdown: map, time, weather, light, traffic, hazards and rig."""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping
+
+import rerun as rr
+
+from simbev_ros.foundation.units import NS_PER_S
+from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.show.rerun.scene_log import SceneLog
+
+SHEET = "scene"
+
+
+def draw_sheet(log: SceneLog, spec: SceneSpec) -> None:
+    """Log the description of a scene."""
+    log.add_static(SHEET, rr.TextDocument(scene_sheet(spec), media_type=rr.MediaType.MARKDOWN))
+
+
+def scene_sheet(spec: SceneSpec) -> str:
+    """Description of a scene in Markdown."""
+    sections = {"Scene": _scene(spec), "Weather": _weather(spec), "Traffic": _traffic(spec), "Rig": _rig(spec)}
+    return f"# {_escaped(spec.name)}\n\n" + "\n\n".join(
+        f"## {title}\n\n" + _table(rows) for title, rows in sections.items()
+    )
+
+
+def _table(rows: Mapping[str, str]) -> str:
+    return "\n".join(
+        ["| | |", "|---|---|", *(f"| {_escaped(name)} | {_escaped(text)} |" for name, text in rows.items())]
+    )
+
+
+def _escaped(text: str) -> str:
+    """Text without effect on the table and its format; names of maps and sensors are the user's."""
+    return "".join(f"\\{each}" if each in r"\`*_{}[]<>()#+!|~" else each for each in text.replace("\n", " "))
+
+
+def _scene(spec: SceneSpec) -> dict[str, str]:
+    tick_s = spec.tick_ns / NS_PER_S
+    return {
+        "map": spec.map.name,
+        "split": spec.split,
+        "seed": str(spec.seed),
+        "length": f"{spec.ticks * tick_s:g} s, {spec.ticks} ticks of {1000 * tick_s:g} ms"
+        if spec.ticks
+        else f"open, ticks of {1000 * tick_s:g} ms",
+        **({"agent": f"{spec.rig.agent}, one of {len(spec.rigs)}"} if spec.agents else {}),
+        "ego": "roadside unit" if spec.ego is None else f"{spec.ego.blueprint}, driven by {spec.ego_driver}",
+    }
+
+
+def _weather(spec: SceneSpec) -> dict[str, str]:
+    return {name.replace("_", " "): f"{value:.4g}" for name, value in spec.weather.model_dump().items()}
+
+
+def _traffic(spec: SceneSpec) -> dict[str, str]:
+    kinds = Counter(vehicle.blueprint.removeprefix("vehicle.") for vehicle in spec.vehicles)
+    return {
+        "vehicles": f"{len(spec.vehicles)}: " + ", ".join(f"{count} {name}" for name, count in kinds.most_common()),
+        "pedestrians": str(len(spec.pedestrians)),
+        "hazards": str(len(spec.hazards)),
+    }
+
+
+def _rig(spec: SceneSpec) -> dict[str, str]:
+    return {sensor.name: ", ".join(_facts(sensor)) for sensor in spec.rig.sensors}
+
+
+def _facts(sensor: object) -> Iterator[str]:
+    """What kind of sensor it is, its size and its rate."""
+    yield str(getattr(sensor, "type", ""))
+    if (width_px := getattr(sensor, "width_px", None)) is not None:
+        yield f"{width_px} x {getattr(sensor, 'height_px', 0)} px"
+    if (channels := getattr(sensor, "channels", None)) is not None:
+        yield f"{channels} channels"
+    if (rate_hz := getattr(sensor, "rate_hz", None)) is not None:
+        yield f"{rate_hz:g} Hz"

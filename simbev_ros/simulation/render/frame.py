@@ -1,0 +1,88 @@
+"""Input and output of the renderer: requested camera views, the world state to draw, and the resulting images."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+from simbev_ros.config.camera import Camera, Modality
+from simbev_ros.config.optics import IDEAL_OPTICS, Optics
+from simbev_ros.foundation.geometry.camera import PinholeCamera
+from simbev_ros.foundation.random import stream
+from simbev_ros.foundation.types import Float32Array, Float64Array, UInt8Array, UInt16Array
+from simbev_ros.schema.scene.state import WorldState
+
+
+@dataclass(frozen=True, slots=True)
+class CameraView:
+    """One camera of the ego and the images requested from it.
+
+    Attributes:
+        camera: Intrinsics.
+        ego_from_sensor: (4, 4) pose of the camera's body frame (x forward, y left, z up).
+        modalities: The requested modalities.
+        optics: Exposure, vignetting and noise of the color image.
+        noise_seed: Seed of the noise, below 2**64; different for every camera and tick.
+        lens_seed: Seed of the drops on the lens, beside the camera's pose; different for every agent of a scene.
+    """
+
+    camera: PinholeCamera
+    ego_from_sensor: Float64Array
+    modalities: Sequence[Modality]
+    optics: Optics = IDEAL_OPTICS
+    noise_seed: int = 0
+    lens_seed: int = 0
+
+    @classmethod
+    def from_config(
+        cls,
+        camera: Camera,
+        seed: int,
+        tick: int,
+        modalities: Sequence[Modality] | None = None,
+        *,
+        lens_seed: int = 0,
+    ) -> Self:
+        """View of a configured camera at a tick of a scene with a seed, with all its modalities or a subset."""
+        noise_seed = int(stream(seed, f"camera.{camera.name}", tick).integers(1 << 63))
+        return cls(
+            camera.model, camera.pose.ego_from_sensor, modalities or camera.modalities, camera, noise_seed, lens_seed
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class RenderFrame:
+    """The world state to draw.
+
+    Attributes:
+        world: The current world state.
+        previous: The world state one frame earlier, for the flow; None: the first frame, its flow is zero.
+        show_ego: Draw the ego and its rider. By default they only cast shadows, because the cameras are inside.
+    """
+
+    world: WorldState
+    previous: WorldState | None = None
+    show_ego: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class CameraImages:
+    """Images of one camera, row 0 on top, C-contiguous; None for modalities that were not requested.
+
+    Attributes:
+        rgb: (H, W, 3) uint8, sRGB.
+        semantic: (H, W) uint8, a semantic ``Tag``.
+        instance: (H, W) uint16, actor id, 0 = none.
+        depth: (H, W) float32, meters along the optical axis, +inf for the sky (REP-118). On a GPU and with lens
+            distortion, it belongs to a point up to 1/256 pixel from the pixel center, because GPUs snap vertices to
+            such a grid.
+        flow: (H, W, 2) float32, pixels, x right and y down: current position minus position in the previous frame of
+            the visible surface point. NaN where that point was behind the previous camera, or so far outside the image
+            that the lens model is invalid there. The sky is treated as infinitely far. An actor that did not exist
+            before is treated as stationary.
+    """
+
+    rgb: UInt8Array | None = None
+    semantic: UInt8Array | None = None
+    instance: UInt16Array | None = None
+    depth: Float32Array | None = None
+    flow: Float32Array | None = None

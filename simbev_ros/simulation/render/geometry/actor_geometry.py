@@ -1,0 +1,82 @@
+"""Actors on the GPU: all models, each in several levels of detail, in one triangle store.
+
+An actor's level depends only on the world and the view. Poses come from the table of rigid parts.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import moderngl
+import numpy as np
+
+from simbev_ros.assets.actors.actor_model import ActorModel
+from simbev_ros.foundation.types import BoolArray, Float64Array
+from simbev_ros.schema.scene.state import WorldState
+from simbev_ros.simulation.render.geometry.level_of_detail import LevelsOfDetail
+from simbev_ros.simulation.render.geometry.occlusion import ReadOccluders
+from simbev_ros.simulation.render.geometry.rigid_table import RigidTable
+from simbev_ros.simulation.render.geometry.triangle_store import TriangleStore
+from simbev_ros.simulation.render.view import View
+
+_INSTANCE_DTYPE = np.dtype([("in_row", "<u4"), ("in_first", "<u4")])
+
+
+class ActorGeometry:
+    """Uploaded meshes of all models of the catalogue, and the draw calls for selected actors."""
+
+    def __init__(
+        self,
+        context: moderngl.Context,
+        models: Sequence[ActorModel],
+        programs: Mapping[str, moderngl.Program],
+    ) -> None:
+        """Upload the models for use with ``programs``."""
+        self._detail = LevelsOfDetail(models)
+        meshes = self._detail.meshes
+        self.store = TriangleStore(context, [mesh for levels in meshes for mesh in levels], programs, _INSTANCE_DTYPE)
+        self._counts = np.zeros((len(models), max(map(len, meshes), default=1)), np.int64)
+        for row, levels in zip(self._counts, meshes, strict=True):
+            row[: len(levels)] = [len(mesh.triangles) for mesh in levels]
+        self._ends = np.cumsum(self._counts).reshape(self._counts.shape)
+
+    def draw(
+        self,
+        program: str,
+        world: WorldState,
+        table: RigidTable,
+        selected: BoolArray,
+        pixel_m: Float64Array,
+        **matrices: Float64Array,
+    ) -> None:
+        """Draw the selected actors of a world.
+
+        Args:
+            program: Name of the program.
+            world: The world state.
+            table: The table of its rigid parts.
+            selected: (N,) which of its actors to draw.
+            pixel_m: (N,) size of a pixel at each actor.
+            matrices: (4, 4) uniforms of the program.
+        """
+        for name, matrix in matrices.items():
+            self.store.program(program)[name].write(matrix.T.astype(np.float32).tobytes())  # type: ignore[union-attr]
+        kinds = np.stack([world.actors["blueprint"], self._detail.select_levels(world.actors, pixel_m)], axis=1)[
+            selected
+        ]
+        unique_kinds, counts = np.unique(kinds, axis=0, return_counts=True)
+        instances = np.empty(len(kinds), _INSTANCE_DTYPE)
+        instances["in_row"] = table.first_row[selected][np.lexsort(kinds.T[::-1])]
+        ends = self._ends[*unique_kinds.T]
+        self.store.draw(program, ends - self._counts[*unique_kinds.T], ends, counts, instances)
+
+
+def visible_actors(
+    world: WorldState, table: RigidTable, view: View, read_occluders: ReadOccluders | None, show_ego: bool
+) -> BoolArray:
+    """(N,) whether a view may show actors of the world; actors hidden by the occluders are left out."""
+    visible = view.sees_spheres(table.center_m, table.radius_m)
+    if not show_ego:
+        visible &= ~np.isin(world.actors["id"], list(world.ego_ids))
+    if read_occluders and visible.any():
+        center_m, radius_m = table.center_m[visible], table.radius_m[visible, None]
+        visible[visible] = ~read_occluders().hidden(view, center_m - radius_m, center_m + radius_m)
+    return visible

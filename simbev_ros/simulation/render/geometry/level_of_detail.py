@@ -1,0 +1,55 @@
+"""Selects the level of detail of each actor for a camera. Labels use it too, to match the image. No OpenGL."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from simbev_ros.assets.actors.actor_model import ActorModel
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.foundation.types import Float64Array, Int64Array, Table
+
+_ERROR_PX = 0.5
+"""Maximum deviation of a coarser mesh from the exact one."""
+
+_LIMB_REACH_M = 0.6
+
+
+class LevelsOfDetail:
+    """The meshes of all models, from exact to coarse.
+
+    Attributes:
+        meshes: Meshes by blueprint and level.
+    """
+
+    def __init__(self, models: Sequence[ActorModel]) -> None:
+        """Build the levels of models, indexed by blueprint."""
+        coarser = [model.build_coarser() for model in models]
+        self.meshes: list[list[Mesh]] = [
+            [model.mesh, *(level.mesh for level in coarser_levels)]
+            for model, coarser_levels in zip(models, coarser, strict=True)
+        ]
+        self._errors_m = np.full((len(models), max(map(len, self.meshes), default=1)), np.inf)
+        for row, coarser_levels in zip(self._errors_m, coarser, strict=True):
+            row[: 1 + len(coarser_levels)] = [0.0, *(level.error_m for level in coarser_levels)]
+
+    def select_levels(self, actors: Table, pixel_m: Float64Array) -> Int64Array:
+        """(N,) the coarsest level that may be used for each of (N,) ``ACTOR_DTYPE`` actors.
+
+        Args:
+            actors: Rows of the world's actors table.
+            pixel_m: (N,) size of a pixel at each actor (``View.pixel_m``).
+        """
+        fits = self._errors_m[actors["blueprint"]] <= _ERROR_PX * pixel_m[:, None]
+        fits[actors["doors"] != 0, 1:] = False
+        return fits.sum(axis=1) - 1
+
+
+def bounding_spheres(actors: Table, origin_m: Float64Array) -> tuple[Float64Array, Float64Array]:
+    """Spheres around (N,) ``ACTOR_DTYPE`` actors; limbs may leave an actor's box, but not its sphere.
+
+    Returns:
+        (N, 3) their centers in meters, map axes, relative to (3,) ``origin_m``; (N,) their radii.
+    """
+    size_m = np.stack([actors["length"], actors["width"], actors["height"]], axis=1).astype(np.float64)
+    position_m = np.stack([actors["x"], actors["y"], actors["z"]], axis=1) - origin_m
+    return position_m + size_m * [0.0, 0.0, 0.5], np.linalg.norm(size_m, axis=1) / 2.0 + _LIMB_REACH_M

@@ -1,0 +1,117 @@
+"""Lens distortion and sensor noise: converts images of an ideal camera into those of the real camera.
+
+The G-buffer belongs to an ideal (distortion-free) camera whose image contains the real one
+(``geometry.camera.ideal_camera``). For a lens, the G-buffer also stores the screen-space slope of the depth and the
+edges of each pixel's triangle. So the labels, depth and flow of a pixel are exact for its own ray: among the triangles
+that the four nearest ideal pixels show, it takes the nearest one that the ray hits. The color image is interpolated.
+"""
+
+from collections.abc import Sequence
+
+import moderngl
+import numpy as np
+
+from simbev_ros.config.camera import Modality
+from simbev_ros.config.optics import Optics
+from simbev_ros.foundation.geometry.camera import LensCamera, PinholeCamera
+from simbev_ros.simulation.render.frame import CameraView
+from simbev_ros.simulation.render.gl.programs import TEXTURE_UNITS, ProgramLibrary
+from simbev_ros.simulation.render.gl.screen_pass import ScreenPass
+from simbev_ros.simulation.render.gl.targets import Image, Targets
+
+_GEOMETRIC: tuple[Modality, ...] = ("semantic", "instance", "depth", "flow")
+_NOISE_FREE_ELECTRONS = 1e12
+"""Electrons at white that stand for a sensor without noise."""
+
+
+class Lenses:
+    """Lens and sensor passes of all cameras, each compiled when it is first used, as most cameras are ideal."""
+
+    def __init__(self, context: moderngl.Context, library: ProgramLibrary) -> None:
+        """Store the context and the shader library; nothing is compiled yet."""
+        self._context, self._library = context, library
+        self._passes: dict[str, ScreenPass] = {}
+        self._rays: dict[LensCamera, moderngl.Texture] = {}
+        self._geometry: dict[tuple[int, int], moderngl.Framebuffer] = {}
+        self._color: dict[tuple[int, int], moderngl.Framebuffer] = {}
+
+    def images(self, view: CameraView, targets: Targets) -> dict[Modality, Image]:
+        """Attachments that hold a camera's images; its ideal camera's ``targets`` must be drawn and bound."""
+        images = targets.images
+        if isinstance(view.camera, LensCamera) and set(view.modalities) != {"rgb"}:
+            geometry = self._draw_geometry(view.camera)
+            images |= {modality: Image(geometry, index) for index, modality in enumerate(_GEOMETRIC)}
+        if "rgb" in view.modalities:
+            images["rgb"] = Image(self._draw_color(view, targets.rgb), 0, components=3)
+        return images
+
+    def _draw_geometry(self, camera: LensCamera) -> moderngl.Framebuffer:
+        """Draw all modalities except rgb; returns them as attachments, in the order of ``_GEOMETRIC``."""
+        target = self._target(self._geometry, camera, [(1, "u1"), (1, "u2"), (1, "f4"), (2, "f4")])
+        screen_pass = self._pass("lens_geometry.frag")
+        k1, k2, p1, p2, k3 = camera.distortion
+        program = screen_pass.program
+        program["lens_intrinsics"] = camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px
+        program["lens_radial"] = k1, k2, k3, camera.max_radius2
+        program["lens_tangential"] = p1, p2
+        self._bind_rays(camera)
+        screen_pass.draw(target)
+        return target
+
+    def _draw_color(self, view: CameraView, ideal: moderngl.Framebuffer) -> moderngl.Framebuffer:
+        """Draw the color image; returns the ideal camera's image if lens and sensor change nothing."""
+        camera, optics = view.camera, view.optics
+        distorts, senses = isinstance(camera, LensCamera), bool(optics.vignetting) or optics.noise is not None
+        if not (distorts or senses):
+            return ideal
+        screen_pass = self._pass("lens_color.frag", DISTORTED=distorts, SENSOR=senses)
+        if isinstance(camera, LensCamera):
+            self._bind_rays(camera)
+        if senses:
+            _set_sensor(screen_pass.program, optics, view.noise_seed)
+        image = ideal.color_attachments[0]
+        assert isinstance(image, moderngl.Texture)
+        image.use(TEXTURE_UNITS["ideal_rgb"])
+        target = self._target(self._color, camera, [(4, "f1")])
+        screen_pass.draw(target)
+        return target
+
+    def _bind_rays(self, camera: LensCamera) -> None:
+        """Bind the texture of a camera's pixel rays: x and y where z is 1."""
+        if camera not in self._rays:
+            size_px = (camera.width_px, camera.height_px)
+            rows, columns = np.mgrid[: camera.height_px, : camera.width_px]
+            rays = camera.rays(np.stack([columns.ravel(), rows.ravel()], axis=1))[:, :2]
+            self._rays[camera] = self._context.texture(size_px, 2, rays.astype(np.float32).tobytes(), dtype="f4")
+            self._rays[camera].filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self._rays[camera].use(TEXTURE_UNITS["lens_rays"])
+
+    def _pass(self, fragment: str, **constants: bool) -> ScreenPass:
+        key = f"{fragment} {constants}"
+        if key not in self._passes:
+            macros = {name: int(value) for name, value in constants.items()}
+            self._passes[key] = self._library.screen_pass(fragment, "true", **macros)
+        return self._passes[key]
+
+    def _target(
+        self,
+        targets: dict[tuple[int, int], moderngl.Framebuffer],
+        camera: PinholeCamera,
+        attachments: Sequence[tuple[int, str]],
+    ) -> moderngl.Framebuffer:
+        """Framebuffer of a camera's size, with textures of the given component counts and types."""
+        size_px = (camera.width_px, camera.height_px)
+        if size_px not in targets:
+            textures = [self._context.texture(size_px, count, dtype=dtype) for count, dtype in attachments]
+            targets[size_px] = self._context.framebuffer(textures)
+        return targets[size_px]
+
+
+def _set_sensor(program: moderngl.Program | moderngl.ComputeShader, optics: Optics, noise_seed: int) -> None:
+    """Set the uniforms of shaders/include/lens.glsl."""
+    program["vignetting"] = optics.vignetting
+    noise = optics.noise
+    program["electrons"] = (
+        (_NOISE_FREE_ELECTRONS, 0.0) if noise is None else (optics.white_electrons, noise.read_sigma_electrons**2)
+    )
+    program["noise_seed"] = noise_seed & 0xFFFFFFFF, noise_seed >> 32

@@ -1,0 +1,113 @@
+"""Shades the G-buffer into a color image: one shader per class, then reflections, anti-aliasing, glare, rain."""
+
+from collections.abc import Sequence
+
+import moderngl
+import numpy as np
+
+from simbev_ros.config.lights import MAX_COLORS
+from simbev_ros.foundation.types import Float64Array, Table
+from simbev_ros.schema.scene.lights import LightSpec
+from simbev_ros.simulation.render.gl.programs import BLOCK_BINDINGS, TEXTURE_UNITS, ProgramLibrary
+from simbev_ros.simulation.render.gl.targets import Targets
+from simbev_ros.simulation.render.gl.timer import Timer
+from simbev_ros.simulation.render.lighting.glare import Glare
+from simbev_ros.simulation.render.shading.class_areas import create_class_areas
+from simbev_ros.simulation.render.shading.rain import Rain
+from simbev_ros.simulation.render.shading.surfaces import material_block, shading_classes
+from simbev_ros.simulation.render.shading.wetness import Wetness
+
+_SEED_COUNT = 4096
+_GROUND = shading_classes().index("ground")
+_LIGHT_BLOCK_BYTES = (10 + 3 * 4 + 2) * 16
+
+
+class Shading:
+    """Lights the G-buffer. Light, matrices and signal states must be set per frame, before its first camera."""
+
+    def __init__(self, context: moderngl.Context, library: ProgramLibrary, timer: Timer) -> None:
+        self._context = context
+        self._timer = timer
+        self._visibility = library.screen_pass("visibility.frag")
+        self._smooth = library.screen_pass("smooth.frag")
+        self._areas = create_class_areas(context, library)
+        self._passes = {
+            lit: [
+                self._areas.surface_pass(f"shade_{name}.frag", number, LAMPS_LIT=float(lit))
+                for number, name in enumerate(shading_classes())
+            ]
+            for lit in (False, True)
+        }
+        self.glare = Glare(context, library)
+        self.rain = Rain(context, library)
+        self.wetness = Wetness(context, self._areas, library.quality, _GROUND)
+        self._antialias = library.screen_pass("antialias.frag")
+        self._enlarge = library.screen_pass("enlarge.frag")
+        self._materials = context.buffer(material_block())
+        self._materials.bind_to_uniform_block(BLOCK_BINDINGS["Materials"])
+        self._light = context.buffer(reserve=_LIGHT_BLOCK_BYTES)
+        self._light.bind_to_uniform_block(BLOCK_BINDINGS["Light"])
+        self._signals: moderngl.Texture | None = None
+        self._lamps_lit = False
+
+    def set_light(
+        self, lamps_lit: bool, sky: Float64Array, matrices: Sequence[Float64Array], tunnels: Float64Array
+    ) -> None:
+        """Set the uniform block ``Light``.
+
+        Args:
+            lamps_lit: Whether street lamps and windows are lit.
+            sky: (10, 4) vectors from ``SkyLight.block_head``.
+            matrices: (4, 4) matrices of the shadow map and of the lamp field.
+            tunnels: (2, 4) vectors from ``TunnelMap``.
+        """
+        self._lamps_lit = lamps_lit
+        block = np.concatenate([sky, *(matrix.T for matrix in matrices), tunnels])
+        self._light.write(block.astype(np.float32).tobytes())
+
+    def set_windows(self, lights: LightSpec) -> None:
+        """Set the share of windows that are lit at night, and their colors."""
+        buildings = lights.buildings
+        colors = [[color >> shift & 0xFF for shift in (16, 8, 0)] for color in buildings.colors]
+        srgb = np.resize(np.array(colors, np.float32) / 255.0, (MAX_COLORS, 3))
+        program = self._passes[True][shading_classes().index("wall")].program
+        program["window_colors"].write(srgb.tobytes())  # type: ignore[union-attr]
+        program["window_color_count"] = len(colors)
+        program["window_share"] = buildings.share_lit if buildings.enabled else 0.0
+        program["window_seed"] = lights.seed % _SEED_COUNT
+
+    def set_signals(self, signals: Table) -> None:
+        """Set the states of the (S,) ``SIGNAL_DTYPE`` rows."""
+        count = max(len(signals), 1)
+        if self._signals is None or self._signals.width != count:
+            if self._signals is not None:
+                self._signals.release()
+            self._signals = self._context.texture((count, 1), 1, dtype="u1")
+            self._signals.use(TEXTURE_UNITS["signal_states"])
+        self._signals.write(np.resize(signals["state"], count).tobytes() if len(signals) else b"\0")
+
+    def draw(self, targets: Targets, camera_seed: int) -> None:
+        """Fill ``targets.rgb`` from the G-buffer, which must be bound; each camera seed has other drops on the lens."""
+        with self._timer("sun and occlusion"):
+            self._visibility.draw(targets.noisy_visibility)
+            self._smooth.draw(targets.visibility)
+        with self._timer("classes"):
+            self._areas.find(targets)
+        passes = list(self._passes[self._lamps_lit])
+        if self.wetness.wet:
+            passes[_GROUND] = self.wetness.ground_pass(self._lamps_lit)
+        for name, shade in zip(shading_classes(), passes, strict=True):
+            with self._timer(f"shading: {name}"):
+                shade.draw(targets.surfaces)
+        with self._timer("reflections"):
+            self.wetness.draw_reflections(targets)
+        with self._timer("final pass"):
+            self._antialias.draw(targets.smoothed)
+            if targets.smoothed is not targets.rgb:
+                self._enlarge.draw(targets.rgb)
+        with self._timer("glare, rain"):
+            targets.rgb.use()
+            if self._lamps_lit:
+                self.glare.draw()
+            self.rain.draw_streaks(self._lamps_lit)
+            self.rain.draw_lens_drops(targets, camera_seed)

@@ -1,0 +1,137 @@
+"""A posed camera as shaders and culling need it: matrices relative to the frame's origin, and visibility tests.
+
+A ``CameraView`` and a ``WorldState`` enter, a ``View`` leaves. "World" is the map frame translated to the frame's
+origin (the ego), so that float32 on the GPU is accurate on large maps.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from simbev_ros.foundation.geometry.camera import PinholeCamera, ideal_camera
+from simbev_ros.foundation.geometry.transforms import SENSOR_FROM_OPTICAL, inverse
+from simbev_ros.foundation.types import BoolArray, Float64Array
+from simbev_ros.schema.scene.state import WorldState, map_from_actors
+from simbev_ros.simulation.render.frame import CameraView
+from simbev_ros.simulation.render.lighting.exposure import exposure_gain
+
+NEAR_M = 0.1
+FAR_M = 2000.0
+VIEW_BLOCK_BYTES = (3 * 4 + 2) * 16
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """A posed camera with its projection and view frustum tests.
+
+    Attributes:
+        camera: Intrinsics, without distortion (``simulation/render/lens.py``).
+        world_from_optical: (4, 4) pose of the optical frame.
+        clip_from_world: (4, 4) projection of world points to OpenGL's clip space.
+        previous_optical_from_world: (4, 4) inverse pose of the camera in the previous frame, or None.
+        exposure_gain: Brightness of the color image relative to automatic exposure.
+    """
+
+    camera: PinholeCamera
+    world_from_optical: Float64Array
+    clip_from_world: Float64Array
+    previous_optical_from_world: Float64Array | None
+    exposure_gain: float = 1.0
+
+    @classmethod
+    def from_camera(
+        cls,
+        view: CameraView,
+        world: WorldState,
+        previous: WorldState | None,
+        origin_m: Float64Array,
+        adaptation: float = 1.0,
+    ) -> "View":
+        """View of a camera of the ego, in the world whose origin is (3,) ``origin_m`` in the map frame.
+
+        ``adaptation`` is the factor by which automatic exposure differs from that of the weather.
+        """
+        ego_from_optical = view.ego_from_sensor @ SENSOR_FROM_OPTICAL
+        previous_pose = None if previous is None else inverse(_world_from_ego(previous, origin_m) @ ego_from_optical)
+        pose = _world_from_ego(world, origin_m) @ ego_from_optical
+        camera = ideal_camera(view.camera)
+        gain = exposure_gain(view.optics.exposure, world.weather, adaptation)
+        return cls(camera, pose, _clip_from_optical(camera) @ inverse(pose), previous_pose, gain)
+
+    @property
+    def position_m(self) -> Float64Array:
+        """(3,) optical center in the world."""
+        return self.world_from_optical[:3, 3]
+
+    def sees_spheres(self, centers_m: Float64Array, radii_m: Float64Array) -> BoolArray:
+        """(N,) whether spheres around (N, 3) world points reach into the view."""
+        planes = _planes(self.clip_from_world)
+        return np.all(centers_m @ planes[:, :3].T + planes[:, 3] >= -radii_m[:, None], axis=1)
+
+    def sees_shadows(self, centers_m: Float64Array, radii_m: Float64Array, light: Float64Array) -> BoolArray:
+        """(N,) whether shadows of spheres around (N, 3) world points, lit from (3,) ``light``, reach into the view."""
+        planes = _planes(self.clip_from_world)
+        reaches = centers_m @ planes[:, :3].T + planes[:, 3] >= -radii_m[:, None]
+        return np.all(reaches | (planes[:, :3] @ light < 0.0), axis=1)
+
+    def sees_boxes(self, low_m: Float64Array, high_m: Float64Array) -> BoolArray:
+        """(N,) whether axis-aligned boxes, given by two (N, 3) world corners, reach into the view."""
+        return boxes_in_clip_space(self.clip_from_world, low_m, high_m)
+
+    def pixel_m(self, centers_m: Float64Array, radii_m: Float64Array) -> Float64Array:
+        """(N,) minimum size of a pixel in spheres around (N, 3) world points, across the line of sight, m.
+
+        For low resolutions, the value of a higher one is used: 0.1 % of the distance, so that smaller geometric errors
+        stay invisible in depth images.
+        """
+        to_center = centers_m - self.position_m
+        distance_m = np.maximum(np.linalg.norm(to_center, axis=1), 1e-6)
+        ahead_m = to_center @ self.world_from_optical[:3, 2]
+        nearest = np.maximum(ahead_m - radii_m, 0.0) / max(self.camera.fx_px, self.camera.fy_px, 1000.0)
+        return nearest * np.clip(ahead_m / distance_m, 0.0, 1.0)  # off the axis, images are stretched
+
+    def block(self) -> bytes:
+        """Data of the uniform block ``View`` of shaders/include/view.glsl, std140."""
+        camera = self.camera
+        previous = np.eye(4) if self.previous_optical_from_world is None else self.previous_optical_from_world
+        has_previous = float(self.previous_optical_from_world is not None)
+        matrices = [self.clip_from_world.T, self.world_from_optical.T, previous.T]
+        vectors = [
+            [camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px],
+            [camera.width_px, camera.height_px, has_previous, self.exposure_gain],
+        ]
+        return np.concatenate([*matrices, np.array(vectors)]).astype(np.float32).tobytes()
+
+
+def boxes_in_clip_space(clip_from_world: Float64Array, low_m: Float64Array, high_m: Float64Array) -> BoolArray:
+    """(N,) whether axis-aligned boxes, given by two (N, 3) world corners, intersect the volume of a projection."""
+    planes = _planes(clip_from_world)
+    center, half = (low_m + high_m) / 2.0, (high_m - low_m) / 2.0
+    reach = half @ np.abs(planes[:, :3]).T
+    return np.all(center @ planes[:, :3].T + planes[:, 3] >= -reach, axis=1)
+
+
+def _planes(clip: Float64Array) -> Float64Array:
+    """(6, 4) planes of a projection's volume, normals inward and of unit length."""
+    planes: Float64Array = np.concatenate([clip[3] + clip[:3], clip[3] - clip[:3]])
+    planes /= np.linalg.norm(planes[:, :3], axis=1, keepdims=True)
+    return planes
+
+
+def _clip_from_optical(camera: PinholeCamera) -> Float64Array:
+    """(4, 4) projection from the intrinsics. Clip y grows downward, so that memory row 0 is the image's top row."""
+    width, height = camera.width_px, camera.height_px
+    return np.array(
+        [
+            [2.0 * camera.fx_px / width, 0.0, (2.0 * camera.cx_px + 1.0) / width - 1.0, 0.0],
+            [0.0, 2.0 * camera.fy_px / height, (2.0 * camera.cy_px + 1.0) / height - 1.0, 0.0],
+            [0.0, 0.0, (FAR_M + NEAR_M) / (FAR_M - NEAR_M), -2.0 * FAR_M * NEAR_M / (FAR_M - NEAR_M)],
+            [0.0, 0.0, 1.0, 0.0],
+        ]
+    )
+
+
+def _world_from_ego(world: WorldState, origin_m: Float64Array) -> Float64Array:
+    pose: Float64Array = map_from_actors(world.ego.reshape(1))[0]
+    pose[:3, 3] -= origin_m
+    return pose

@@ -1,0 +1,1 @@
+"""A recorded scene as a source of motion."""

@@ -1,0 +1,263 @@
+"""Replay of a recorded scene: its actors and signals again, tick by tick, with another rig or other weather."""
+
+import hashlib
+import tempfile
+import zlib
+from collections import defaultdict
+from collections.abc import Iterator
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+
+from simbev_ros.config.scenario import Scenario
+from simbev_ros.foundation.errors import BagError, InputError, LimitError
+from simbev_ros.foundation.files.limits import MAX_OSM_BYTES
+from simbev_ros.foundation.files.structured_text import parse_json
+from simbev_ros.foundation.files.unpacking import bunzip2, gunzip
+from simbev_ros.foundation.types import Table
+from simbev_ros.foundation.units import NS_PER_S
+from simbev_ros.maps.build import load_network
+from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.source import is_street_map, suffix_of
+from simbev_ros.recording.arrays import point_array
+from simbev_ros.recording.layout import (
+    GZIPPED_MAP_SOURCE_ATTACHMENT,
+    LEAD_IN_ATTACHMENT,
+    MAP_ATTACHMENT,
+    MAP_SOURCE_ATTACHMENT,
+    SCENE_ATTACHMENT,
+)
+from simbev_ros.recording.lead_in import lead_in_messages
+from simbev_ros.recording.reader import RawMessage, SceneBag
+from simbev_ros.scene.blueprints import blueprint_named
+from simbev_ros.scene.drawing.draw_lights import draw_lights
+from simbev_ros.scene.drawing.draw_v2x import draw_v2x
+from simbev_ros.scene.drawing.draw_weather import draw_weathers
+from simbev_ros.scene.drawing.starts import StartPositions
+from simbev_ros.scene.ending import DURATION
+from simbev_ros.scene.frames import base_link_x_m
+from simbev_ros.schema.scene.map_spec import MapSpec
+from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, Event, Light, WorldState
+from simbev_ros.simulation.replay.replayed_agents import replayed_agents
+from simbev_ros.simulation.world.lights import needs_low_beam
+
+_TABLES = {"/world/actors": ACTOR_DTYPE, "/world/signals": SIGNAL_DTYPE}
+_EVENTS = "/world/events"
+_Tables = dict[str, Table]
+
+
+class Replay:
+    """A source of world states that reads actors and signals from a bag and takes the weather from a specification.
+
+    Low beams follow the weather; everything else about actors and signals is byte for byte as recorded.
+
+    Attributes:
+        available: Number of complete ticks from tick 0 on, and the reason why the scene ends after them.
+    """
+
+    def __init__(self, spec: SceneSpec, path: Path) -> None:
+        """Open a bag.
+
+        Args:
+            spec: Specification of the replayed scene, from ``replayed_spec``.
+            path: The bag.
+
+        Raises:
+            BagError: There is no bag, it is damaged, or it holds no scene that can be replayed.
+        """
+        self._spec = spec
+        self._bag = SceneBag(path)
+        try:
+            self._recorded = recorded_spec(self._bag)
+            self.available = self._available_ticks()
+            self._events = self._read_events()
+            self._frames = self._read_ticks()
+            self._next_frame = next(self._frames)
+        except BaseException:
+            self._bag.close()
+            raise
+        self._tick = -spec.warm_up_ticks
+
+    def drive_vehicle(self, vehicle: int, speed_mps: float, yaw_rate_radps: float) -> None:
+        """Do nothing: all vehicles move as they were recorded."""
+
+    def step(self) -> WorldState:
+        """Advance by one tick and return the state; the first call returns that of the first warm-up tick.
+
+        Before the first recorded tick all actors are where they are in it.
+
+        Raises:
+            BagError: The bag is damaged at this tick.
+        """
+        stamp_ns, tables = self._next_frame
+        if self._spec.stamp_ns(self._tick) >= stamp_ns:
+            self._next_frame = next(self._frames, self._next_frame)
+        state = WorldState(
+            stamp_ns=self._spec.stamp_ns(self._tick),
+            tick=self._tick,
+            ego_id=EGO_ID,
+            actors=self._with_low_beams(tables["/world/actors"]),
+            signals=tables["/world/signals"],
+            weather=self._spec.weather_at(self._tick),
+            events=tuple(self._events[self._spec.stamp_ns(self._tick)]),
+        )
+        self._tick += 1
+        return state
+
+    def close(self) -> None:
+        """Close the bag."""
+        self._bag.close()
+
+    def _available_ticks(self) -> tuple[int, str]:
+        """Number of complete ticks from tick 0 on, and the reason why the scene ends after them."""
+        missing = [name for name in _TABLES if name not in self._bag.topics]
+        if missing:
+            raise BagError(f"{self._bag.path}: cannot be replayed without topic {', '.join(missing)}")
+        stamps = set.intersection(*(set(self._bag.topics[name].stamps_ns.tolist()) for name in _TABLES))
+        ticks = 0
+        while ticks < self._recorded.ticks and self._recorded.stamp_ns(ticks) in stamps:
+            ticks += 1
+        if not ticks:
+            raise BagError(f"{self._bag.path}: cannot be replayed: the first tick is not in the bag")
+        if ticks < (self._bag.recorded_ticks or self._recorded.ticks):
+            return ticks, f"the replayed bag ends at tick {ticks - 1}"
+        return ticks, self._bag.custom_data.get("ended", DURATION)
+
+    def _read_ticks(self) -> Iterator[tuple[int, _Tables]]:
+        """Yield stamp and tables of every complete tick, in order."""
+        lead_in = lead_in_messages(self._bag.attachments.get(LEAD_IN_ATTACHMENT, b"[]"))
+        last_ns = self._recorded.stamp_ns(self.available[0] - 1)
+        waiting: defaultdict[int, _Tables] = defaultdict(dict)
+        for message in chain(lead_in, self._bag.messages(list(_TABLES), to_ns=last_ns)):
+            tables = waiting[message.stamp_ns]
+            tables[message.topic] = self._table(message)
+            if len(tables) == len(_TABLES):
+                yield message.stamp_ns, waiting.pop(message.stamp_ns)
+
+    def _read_events(self) -> defaultdict[int, list[Event]]:
+        """Read all events, by stamp."""
+        events: defaultdict[int, list[Event]] = defaultdict(list)
+        for message in self._bag.messages([_EVENTS]):
+            try:
+                fields = parse_json(self._bag.decode(message).data)
+                position_m, ids = tuple(map(float, fields["position_m"])), tuple(map(int, fields["ids"]))
+                event = Event(fields["type"], ids, position_m, float(fields["relative_speed_mps"]))  # type: ignore[arg-type]
+            except (ValueError, KeyError, TypeError, OverflowError) as error:
+                raise BagError(f"{self._bag.path}: {_EVENTS} at {message.stamp_ns} ns: {error!r}") from None
+            events[message.stamp_ns].append(event)
+        return events
+
+    def _table(self, message: RawMessage) -> Table:
+        table = point_array(self._bag.decode(message))
+        wanted = _TABLES.get(message.topic)
+        if table.dtype != wanted:
+            raise BagError(f"{self._bag.path}: {message.topic} has other columns than this version of simbev writes")
+        return table
+
+    def _with_low_beams(self, actors: Table) -> Table:
+        """Actors with the low beams of vehicles switched as the current weather demands."""
+        lit = needs_low_beam(self._spec.weather_at(self._tick))
+        if lit == needs_low_beam(self._recorded.weather_at(self._tick)):
+            return actors
+        changed = actors.copy()
+        vehicles = changed["id"] < EGO_ID + len(self._spec.vehicles)
+        unlit = changed["lights"] & ~np.uint16(Light.LOW_BEAM)
+        changed["lights"] = np.where(vehicles, unlit | np.uint16(Light.LOW_BEAM if lit else 0), changed["lights"])
+        return changed
+
+
+def recorded_spec(bag: SceneBag) -> SceneSpec:
+    """Specification of the scene that a bag was recorded from, for a replay.
+
+    Raises:
+        BagError: The bag holds no scene, or one of another version.
+    """
+    spec = bag.spec
+    if spec is None:
+        raise BagError(f"{bag.path}: cannot be replayed: {SCENE_ATTACHMENT} is not attached")
+    return spec
+
+
+def build_recorded_roads(bag: SceneBag) -> MapSpec:
+    """Build the road network of a bag's map from the map file in the bag, as the original file may be gone.
+
+    The network is then in the cache, where it is found by the content of the map file.
+
+    Returns:
+        The map: that of the scene, or, if the bag holds only the part of an OpenStreetMap file that was read, a map of
+        that part.
+
+    Raises:
+        BagError: The map file in the bag is damaged, or larger than a map file may be.
+        InputError: The roads cannot be built from it.
+    """
+    spec, source = recorded_spec(bag).map, _map_source(bag)
+    if source is None:
+        return spec
+    digest = hashlib.sha256(source).hexdigest()
+    if digest != spec.sha256 and is_street_map(suffix_of(spec.path)):
+        spec = spec.model_copy(update={"sha256": digest, "bounds": None})
+    with tempfile.TemporaryDirectory(prefix="simbev-") as folder:
+        copy = Path(folder, f"{spec.name}{suffix_of(spec.path)}")
+        copy.write_bytes(source)
+        load_network(spec.model_copy(update={"path": str(copy)}))
+    return spec
+
+
+def _map_source(bag: SceneBag) -> bytes | None:
+    """The map file in a bag, or the part of it that was read; None if the map is a built-in town."""
+    for name, decompress in _DECOMPRESSORS.items():
+        if name in bag.attachments:
+            try:
+                return decompress(bag.attachments[name], MAX_OSM_BYTES)
+            except (EOFError, OSError, zlib.error, LimitError) as error:
+                raise BagError(f"{bag.path}: {name}: {error}") from None
+    return None
+
+
+_DECOMPRESSORS = {MAP_SOURCE_ATTACHMENT: bunzip2, GZIPPED_MAP_SOURCE_ATTACHMENT: gunzip}
+
+
+def replayed_spec(bag: SceneBag, scenario: Scenario, network: RoadNetwork, chosen: MapSpec | None = None) -> SceneSpec:
+    """Specification for replaying a bag with another configuration.
+
+    Rigs, annotation and the agents beside the first one come from the configuration (see ``replayed_agents``), and so
+    do weather and lights if it sets them; everything else is as recorded.
+
+    Args:
+        bag: The bag.
+        scenario: The configuration.
+        network: Road network of the bag's map.
+        chosen: That map, as ``build_recorded_roads`` returned it; None: as recorded.
+
+    Raises:
+        BagError: The bag holds no scene, or it was recorded on other roads.
+        InputError: The configuration has another tick length, or an agent that the scene has no vehicle for.
+    """
+    spec = recorded_spec(bag)
+    if spec.tick_ns != scenario.time.tick_ns:
+        raise InputError(
+            f"time.tick_s: {scenario.time.tick_s:g}, but {bag.path} has ticks of {spec.tick_ns / NS_PER_S:g} s"
+        )
+    recorded_map = bag.attachments.get(MAP_ATTACHMENT)
+    if recorded_map is not None and recorded_map != network.opendrive.encode():
+        raise BagError(f"{bag.path}: was recorded on other roads than map {spec.map.name} has now")
+    ego = blueprint_named(spec.vehicles[0].blueprint)
+    starts = StartPositions(network, scenario.traffic.waypoint_spacing_m)
+    agents = replayed_agents(spec, scenario, network, starts)
+    changes: dict[str, object] = {
+        "rig": scenario.rig,
+        "frames": scenario.frames,
+        "base_link_x_m": base_link_x_m(scenario.frames, ego),
+        "annotation": scenario.annotation,
+        "agents": agents,
+        "v2x": draw_v2x(scenario, spec.seed, [scenario.rig.agent, *(agent.rig.agent for agent in agents)]),
+        "map": chosen or spec.map,
+    }
+    if "weather" in scenario.model_fields_set:
+        changes["weather"], changes["final_weather"] = draw_weathers(scenario.weather, spec.seed, hilly=starts.is_hilly)
+    if "lights" in scenario.model_fields_set:
+        changes["lights"] = draw_lights(scenario.lights, spec.seed)
+    return spec.model_copy(update=changes)

@@ -1,0 +1,290 @@
+"""Rotating lidar model: casts the rays of one turn into the scene and returns a point cloud and a semantic one. No ROS.
+
+``lidar_pattern`` defines the ray directions, ``lidar_echo`` the strength of echoes, ``lidar_weather`` the effects of
+rain and fog. By default all rays of a turn are cast at the time stamp, from the pose at the time stamp, as in CARLA:
+the cloud is already motion-compensated, and ``time`` must not be used to do so again. A rolling scan casts each column
+at its own ``time``, with the sensor and all actors at their poses of that time; its points are in the sensor frame of
+that time, as those of a real lidar.
+
+Threads can share a turn in blocks of columns. Every ray has its own random numbers, whether it returns or not, so that
+the clouds do not depend on blocks and threads.
+"""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
+
+import numpy as np
+
+from simbev_ros.config.lidar import Lidar
+from simbev_ros.foundation.random import stream
+from simbev_ros.foundation.threads import start
+from simbev_ros.foundation.types import Float32Array, Float64Array, Int64Array, Table
+from simbev_ros.scene.interpolation import ActorHistory
+from simbev_ros.schema.points import POINT_DTYPE, SEMANTIC_POINT_DTYPE
+from simbev_ros.schema.scene.state import WorldState, map_from_actors
+from simbev_ros.simulation.raycast.scene import Hits, RayScene
+from simbev_ros.simulation.sensors.lidar_echo import echo_strength, intensity, is_lost_at_low_intensity
+from simbev_ros.simulation.sensors.lidar_pattern import ScanPattern
+from simbev_ros.simulation.sensors.lidar_weather import Echoes, LidarWeather
+from simbev_ros.simulation.sensors.mount import map_from_sensor
+
+
+@dataclass(frozen=True, slots=True)
+class LidarScan:
+    """Point clouds of one turn, rows in firing order; a cloud that the lidar does not publish is None.
+
+    Attributes:
+        points: (M,) ``POINT_DTYPE``.
+        semantic_points: (N,) ``SEMANTIC_POINT_DTYPE``.
+    """
+
+    points: Table | None
+    semantic_points: Table | None
+
+
+@dataclass(frozen=True, slots=True)
+class LidarScanInProgress:
+    """A turn that threads scan.
+
+    Attributes:
+        blocks: Its blocks of columns, in firing order.
+    """
+
+    blocks: Sequence[Future[LidarScan]]
+
+    def result(self) -> LidarScan:
+        """Wait for the whole turn."""
+        return _joined([block.result() for block in self.blocks])
+
+
+@dataclass(frozen=True, slots=True)
+class _Rays:
+    """(N,) rays in the map frame; if all are cast at the time stamp, ``origins_m`` is (1, 3) and ``lag_s`` None."""
+
+    origins_m: Float64Array
+    directions: Float32Array
+    lag_s: Float64Array | None
+
+
+@dataclass(frozen=True, slots=True)
+class _Draws:
+    """Random numbers of (N,) rays; None: not needed."""
+
+    drop_off: Float32Array
+    range_noise: Float32Array
+    intensity_drop_off: Float32Array | None
+    weather: Float32Array | None
+    air_echoes: Echoes | None
+
+
+@dataclass(frozen=True, slots=True)
+class _Echoes:
+    """(M,) echoes: ray indices, ascending, ranges, and strengths as defined in ``lidar_echo``."""
+
+    ray: Int64Array
+    range_m: Float32Array
+    strength: Float32Array
+
+
+_MIN_RAYS_PER_BLOCK = 1 << 16
+"""With smaller blocks, threads wait longer for Python's global lock than they compute."""
+
+
+class LidarModel:
+    """A lidar of the sensor rig, as configured."""
+
+    def __init__(self, lidar: Lidar, seed: int, turn_s: float, max_blocks: int = 1) -> None:
+        """Precompute the ray pattern.
+
+        Args:
+            lidar: Configuration of the lidar.
+            seed: Seed of the scene.
+            turn_s: Duration of a turn, from one cloud to the next.
+            max_blocks: Number of blocks into which a turn is divided, if it has enough rays; as many as threads.
+        """
+        self._lidar = lidar
+        self._seed = seed
+        self.pattern = ScanPattern.from_lidar(lidar, turn_s)
+        self._xyz = np.ascontiguousarray(self.pattern.directions.T)
+        self._time_s = self.pattern.time_s.astype(np.float32)
+        blocks = min(max(len(self._time_s) // _MIN_RAYS_PER_BLOCK, 1), max_blocks, lidar.columns)
+        edges = np.linspace(0, lidar.columns, blocks + 1).astype(int) * lidar.channels
+        self._blocks = [slice(start, stop) for start, stop in pairwise(edges.tolist())]
+
+    def scan(self, scene: RayScene, state: WorldState, earlier: Sequence[WorldState] = ()) -> LidarScan:
+        """Scan one turn that ends at a tick.
+
+        Args:
+            scene: Ray scene, already updated with the same states.
+            state: World state at the time stamp.
+            earlier: World states at the preceding ticks of the turn; only a rolling scan needs them.
+        """
+        return _joined([scan_block() for scan_block in self._scan_blocks(scene, state, earlier, None)])
+
+    def start_scan(
+        self, scene: RayScene, state: WorldState, earlier: Sequence[WorldState], threads: ThreadPoolExecutor
+    ) -> LidarScanInProgress:
+        """Let threads scan one turn, as ``scan`` does; the scene must not be updated before they are done."""
+        return LidarScanInProgress(list(map(threads.submit, self._scan_blocks(scene, state, earlier, threads))))
+
+    def _scan_blocks(
+        self,
+        scene: RayScene,
+        state: WorldState,
+        earlier: Sequence[WorldState],
+        threads: ThreadPoolExecutor | None,
+    ) -> list[Callable[[], LidarScan]]:
+        """Functions that scan the blocks of a turn, which threads may call at the same time."""
+        lidar, count = self._lidar, len(self._time_s)
+        rays_of = self._rolling_rays(state, earlier) if lidar.rolling else self._rays(state)
+        height_m = float(rays_of(slice(count - lidar.channels, count)).origins_m[-1, 2])
+        air = LidarWeather(lidar, state.weather, height_m)
+        draws_of = self._draw(air, state.tick, threads) if lidar.points else None
+
+        def scan_block(block: slice) -> LidarScan:
+            rays = rays_of(block)
+            hits = scene.cast(rays.origins_m, rays.directions, rays.lag_s)
+            returned = np.flatnonzero((hits.range_m >= lidar.min_range_m) & (hits.range_m <= lidar.range_m))
+            return LidarScan(
+                None if draws_of is None else self._points(hits, returned, rays, air, draws_of(block), block),
+                self._semantic_points(hits, returned, block) if lidar.semantic_points else None,
+            )
+
+        return [partial(scan_block, block) for block in self._blocks]
+
+    def _rays(self, state: WorldState) -> Callable[[slice], _Rays]:
+        """The function that returns some of the turn's rays."""
+        pose = map_from_sensor(self._lidar.pose, state)
+        rotation = pose[:3, :3].astype(np.float32)
+
+        def rays_of(block: slice) -> _Rays:
+            x, y, z = self._xyz[:, block]
+            directions = np.empty((len(x), 3), np.float32)
+            for axis, (by_x, by_y, by_z) in enumerate(rotation):
+                directions[:, axis] = x * by_x + y * by_y + z * by_z
+            return _Rays(pose[None, :3, 3], directions, None)
+
+        return rays_of
+
+    def _rolling_rays(self, state: WorldState, earlier: Sequence[WorldState]) -> Callable[[slice], _Rays]:
+        """The function that returns the rays of some whole columns."""
+        pattern, channels = self.pattern, self._lidar.channels
+        egos = ActorHistory.of_ego(state, earlier).at(
+            np.zeros(len(pattern.column_time_s), np.int64), -pattern.column_time_s
+        )
+        poses_of_columns = map_from_actors(egos) @ self._lidar.pose.ego_from_sensor
+
+        def rays_of(block: slice) -> _Rays:
+            poses = poses_of_columns[block.start // channels : block.stop // channels]
+            columns = pattern.directions[block].reshape(len(poses), channels, 3)
+            directions = np.einsum("cri,cji->crj", columns, poses[:, :3, :3].astype(np.float32))
+            origins_m = np.repeat(poses[:, :3, 3], channels, axis=0)
+            return _Rays(origins_m, directions.reshape(-1, 3), -pattern.time_s[block])
+
+        return rays_of
+
+    def _draw(self, air: LidarWeather, tick: int, threads: ThreadPoolExecutor | None) -> Callable[[slice], _Draws]:
+        """Start to draw the random numbers of all rays; the function that returns those of some rays."""
+        lidar, count = self._lidar, len(self._time_s)
+
+        def rng_of(name: str) -> np.random.Generator:
+            return stream(self._seed, f"lidar.{lidar.name}.{name}", tick)
+
+        def draw_weather() -> tuple[Float32Array, Echoes]:
+            rng = rng_of("weather")
+            return rng.random(count, np.float32), air.air_echoes(count, rng)
+
+        range_noise = start(threads, lambda: rng_of("range_noise").standard_normal(count, np.float32))
+        drop_off = start(threads, lambda: rng_of("drop_off").random(count, np.float32))
+        has_dropped = lidar.drop_off_at_zero_intensity > 0.0
+        dropped = start(
+            threads, lambda: rng_of("intensity_drop_off").random(count, np.float32) if has_dropped else None
+        )
+        weather = start(threads, lambda: None if air.is_clear else draw_weather())
+
+        def draws_of(block: slice) -> _Draws:
+            intensity_drop_off, of_weather = dropped(), weather()
+            return _Draws(
+                drop_off=drop_off()[block],
+                range_noise=range_noise()[block],
+                intensity_drop_off=None if intensity_drop_off is None else intensity_drop_off[block],
+                weather=None if of_weather is None else of_weather[0][block],
+                air_echoes=None if of_weather is None else of_weather[1].of(block),
+            )
+
+        return draws_of
+
+    def _semantic_points(self, hits: Hits, returned: Int64Array, block: slice) -> Table:
+        cloud = np.empty(len(returned), SEMANTIC_POINT_DTYPE)
+        self._write_positions(cloud, returned, hits.range_m[returned], block)
+        cloud["cos_angle"] = hits.cos_angle[returned]
+        cloud["object_id"] = hits.object_id[returned]
+        cloud["tag"] = hits.tag[returned]
+        return cloud
+
+    def _points(
+        self, hits: Hits, returned: Int64Array, rays: _Rays, air: LidarWeather, draws: _Draws, block: slice
+    ) -> Table:
+        """Returns of a block of rays that are not lost."""
+        lidar = self._lidar
+        strength = echo_strength(hits.material[returned], hits.cos_angle[returned])
+        echoes = _Echoes(returned, hits.range_m[returned], strength)
+        if draws.weather is not None and draws.air_echoes is not None:
+            echoes = self._apply_weather(air, echoes, hits, rays, draws.weather, draws.air_echoes)
+        kept = draws.drop_off[echoes.ray] >= lidar.drop_off
+        intensities = intensity(lidar, echoes.strength, echoes.range_m)
+        if draws.intensity_drop_off is not None:
+            kept &= ~is_lost_at_low_intensity(lidar, intensities, draws.intensity_drop_off[echoes.ray])
+        ray = echoes.ray[kept]
+        noise_m = draws.range_noise[ray] * np.float32(lidar.range_noise_sigma_m)
+        cloud = np.empty(len(ray), POINT_DTYPE)
+        self._write_positions(cloud, ray, np.maximum(echoes.range_m[kept] + noise_m, 0.0), block)
+        cloud["intensity"] = intensities[kept]
+        cloud["ring"] = self.pattern.ring[block][ray]
+        return cloud
+
+    def _apply_weather(
+        self,
+        air: LidarWeather,
+        echoes: _Echoes,
+        hits: Hits,
+        rays: _Rays,
+        uniform: Float32Array,
+        echoes_of_air: Echoes,
+    ) -> _Echoes:
+        """The strongest echo of each ray in rain or fog: the weakened echo of the target, or that of the air."""
+        transmission = air.two_way_transmission(echoes.range_m, rays.directions[echoes.ray, 2])
+        is_detected = air.are_detected(echoes.strength, transmission, echoes.range_m, uniform[echoes.ray])
+        strength, range_m = np.zeros(len(uniform), np.float32), hits.range_m.copy()
+        strength[echoes.ray] = np.where(is_detected, echoes.strength * transmission, 0.0)
+        ahead = (echoes_of_air.range_m < range_m) & (echoes_of_air.range_m >= self._lidar.min_range_m)
+        # Received power falls with the square of the range. Targets beyond the lidar's range were never received.
+        near = np.flatnonzero(ahead)
+        power = strength[near] / np.square(range_m[near])
+        wins = near[echoes_of_air.strength[near] / np.square(echoes_of_air.range_m[near]) > power]
+        strength[wins], range_m[wins] = echoes_of_air.strength[wins], echoes_of_air.range_m[wins]
+        ray = np.flatnonzero(strength > 0.0)
+        return _Echoes(ray, range_m[ray], strength[ray])
+
+    def _write_positions(self, cloud: Table, ray: Int64Array, range_m: Float32Array, block: slice) -> None:
+        """Write positions and times of points into the cloud of a block of rays."""
+        for name, directions in zip("xyz", self._xyz[:, block], strict=True):
+            cloud[name] = directions[ray] * range_m
+        cloud["time"] = self._time_s[block][ray]
+
+
+def _joined(scans: Sequence[LidarScan]) -> LidarScan:
+    """The scan of a turn from those of its blocks."""
+    return LidarScan(_rows([scan.points for scan in scans]), _rows([scan.semantic_points for scan in scans]))
+
+
+def _rows(tables: Sequence[Table | None]) -> Table | None:
+    """The rows of all tables; None if there is none."""
+    present = [table for table in tables if table is not None]
+    if len(present) < 2:
+        return present[0] if present else None
+    rows: Table = np.concatenate([table.view(np.uint8) for table in present]).view(present[0].dtype)
+    return rows  # joined as bytes, because NumPy copies rows of several columns value by value

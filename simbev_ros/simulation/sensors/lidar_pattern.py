@@ -1,0 +1,60 @@
+"""Scan pattern of a rotating lidar: direction, ring and firing time of every ray of one turn.
+
+A turn starts behind the sensor (-x) and runs clockwise seen from above: behind, left, ahead, right. With a narrower
+horizontal field of view it runs from left to right through ahead. Column c of C looks at azimuth
+fov / 2 - fov (c + ½) / C and is fired (c + 1 - C) / C of the sweep after the stamp, i.e. the last column at the stamp.
+The duration of the sweep is the turn's times fov / 360°. Rings are numbered in the order of the configured channels;
+uniform patterns and presets list them from the lowest up (as Velodyne's ROS driver does).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from simbev_ros.config.lidar import Lidar
+from simbev_ros.foundation.types import Float32Array, Float64Array, UInt16Array
+
+
+@dataclass(frozen=True, slots=True)
+class ScanPattern:
+    """Rays of one turn, in firing order: column by column, within a column by ring. N is columns · channels.
+
+    Attributes:
+        directions: (N, 3) unit vectors, sensor frame.
+        ring: (N,) channel of each ray.
+        column_time_s: (C,) firing time of each column relative to the stamp, ascending to 0.
+        time_s: (N,) firing time of each ray relative to the stamp.
+    """
+
+    directions: Float32Array
+    ring: UInt16Array
+    column_time_s: Float64Array
+    time_s: Float64Array
+
+    @classmethod
+    def from_lidar(cls, lidar: Lidar, turn_s: float) -> "ScanPattern":
+        """Create the pattern of a lidar that turns once in ``turn_s``."""
+        elevation = np.radians(channel_elevations_deg(lidar))
+        offset = np.radians(lidar.azimuth_offsets_deg or np.zeros(lidar.channels))
+        field_of_view = np.radians(lidar.horizontal_fov_deg)
+        columns = np.arange(lidar.columns)
+        column_azimuth = field_of_view / 2.0 - field_of_view * (columns + 0.5) / lidar.columns
+        azimuth = column_azimuth[:, None] + offset
+        level = np.cos(elevation)
+        upward = np.broadcast_to(np.sin(elevation), azimuth.shape)
+        xyz = np.stack([level * np.cos(azimuth), level * np.sin(azimuth), upward], axis=-1)
+        sweep_s = turn_s * lidar.horizontal_fov_deg / 360.0
+        column_time_s = (columns + 1 - lidar.columns) / lidar.columns * sweep_s
+        return cls(
+            directions=xyz.reshape(-1, 3).astype(np.float32),
+            ring=np.tile(np.arange(lidar.channels), lidar.columns).astype(np.uint16),
+            column_time_s=column_time_s,
+            time_s=np.repeat(column_time_s, lidar.channels),
+        )
+
+
+def channel_elevations_deg(lidar: Lidar) -> Float64Array:
+    """(channels,) elevations by ring, in degrees."""
+    if lidar.elevations_deg is not None:
+        return np.array(lidar.elevations_deg)
+    return np.linspace(lidar.lower_fov_deg, lidar.upper_fov_deg, lidar.channels)

@@ -1,0 +1,150 @@
+"""Radar model: casts random rays into the scene and returns one cloud of detections per radar. No ROS.
+
+Every scan casts new random rays into the field of view, and each ray that hits something within range gives one
+detection, as in CARLA (whose rays end on a plane at that range, so that off-axis rays reach further). A detection
+describes a surface point by its range and angles, its relative velocity along the ray, and the returned power.
+``radar_errors`` then adds the errors of a real radar.
+"""
+
+from collections.abc import Sequence
+from dataclasses import fields
+
+import numpy as np
+
+from simbev_ros.config.radar import Radar
+from simbev_ros.foundation.random import stream
+from simbev_ros.foundation.types import Float64Array, Int64Array, Table
+from simbev_ros.schema.points import RADAR_POINT_DTYPE
+from simbev_ros.schema.scene.state import WorldState
+from simbev_ros.simulation.raycast.scene import Hits, RayScene
+from simbev_ros.simulation.sensors.mount import map_from_sensor, vector
+from simbev_ros.simulation.sensors.radar_amplitude import amplitude_db, load_cross_sections, rain_loss_db_per_m
+from simbev_ros.simulation.sensors.radar_errors import apply_errors
+from simbev_ros.simulation.sensors.radar_rays import random_rays
+
+_DRAWS_PER_RAY = 5
+"""Number of normal random numbers per ray that the noise needs."""
+
+
+class RadarModel:
+    """A radar of the sensor rig, as configured; ``scan_radars`` runs one or more of them."""
+
+    def __init__(self, radar: Radar, seed: int, scan_s: float) -> None:
+        """Create the model.
+
+        Args:
+            radar: Configuration of the radar.
+            seed: Seed of the scene.
+            scan_s: Time from one scan to the next.
+        """
+        self.radar = radar
+        self.rays = max(1, round(radar.points_per_second * scan_s))
+        self._seed = seed
+        self._cross_sections = load_cross_sections()
+
+    def directions(self, tick: int) -> Float64Array:
+        """(rays, 3) unit vectors, sensor frame, of the random rays of a tick."""
+        return random_rays(self.radar, self.rays, self._stream("rays", tick))
+
+    def detections(
+        self,
+        map_from_radar: Float64Array,
+        directions: Float64Array,
+        hits: Hits,
+        velocity_mps: Float64Array,
+        state: WorldState,
+    ) -> Table:
+        """Detections of one scan: the hits within range, with their velocities, amplitudes and errors.
+
+        Args:
+            map_from_radar: (4, 4) pose of the radar, map frame.
+            directions: (rays, 3) unit vectors from ``directions``.
+            hits: (rays,) hits of these rays.
+            velocity_mps: (rays, 3) velocities of the hit points, map axes.
+            state: World state now.
+
+        Returns:
+            (N,) ``RADAR_POINT_DTYPE``, in the order of the rays.
+        """
+        radar = self.radar
+        ray = np.flatnonzero((hits.range_m >= radar.min_range_m) & (hits.range_m <= radar.range_m))
+        hits, directions = _select_hits(hits, ray), directions[ray]
+        directions_map = directions @ map_from_radar[:3, :3].T
+        range_m = hits.range_m.astype(np.float64)
+        table = np.zeros(len(ray), RADAR_POINT_DTYPE)
+        table["range"] = range_m
+        table["azimuth"] = np.arctan2(directions[:, 1], directions[:, 0])
+        table["elevation"] = np.arcsin(np.clip(directions[:, 2], -1.0, 1.0))
+        table["doppler_velocity"] = np.einsum(
+            "ni,ni->n", velocity_mps[ray] - _own_velocity(map_from_radar, state), directions_map
+        )
+        table["amplitude"] = self._amplitude_db(hits, range_m, state)
+        table = apply_errors(radar, table, ray, lambda: self._noise(state.tick))
+        _fill_xyz(table)
+        return table
+
+    def _amplitude_db(self, hits: Hits, range_m: Float64Array, state: WorldState) -> Float64Array:
+        cross_section_m2 = self._cross_sections.at_incidence(hits.material, hits.tag, hits.cos_angle.astype(np.float64))
+        clear_db = amplitude_db(cross_section_m2, range_m, self.radar.reference_range_m)
+        if not self.radar.rain_attenuation:
+            return clear_db
+        return clear_db - rain_loss_db_per_m(state.weather) * range_m
+
+    def _noise(self, tick: int) -> Float64Array:
+        return self._stream("noise", tick).standard_normal((self.rays, _DRAWS_PER_RAY))
+
+    def _stream(self, purpose: str, tick: int) -> np.random.Generator:
+        return stream(self._seed, f"radar.{self.radar.name}.{purpose}", tick)
+
+
+def scan_radars(
+    models: Sequence[RadarModel], scene: RayScene, state: WorldState, previous: WorldState | None
+) -> list[Table]:
+    """Scan with all radars at once, casting their rays in one batch.
+
+    Args:
+        models: Radars of the rig.
+        scene: Ray scene, already updated with ``state``.
+        state: World state now.
+        previous: World state one tick ago; if None, wheels and limbs move with their bodies.
+
+    Returns:
+        Per radar, (N,) ``RADAR_POINT_DTYPE`` detections.
+    """
+    if not models:
+        return []
+    poses = [map_from_sensor(model.radar.pose, state) for model in models]
+    counts = [model.rays for model in models]
+    directions = [model.directions(state.tick) for model in models]
+    origins_m = np.repeat([pose[:3, 3] for pose in poses], counts, axis=0)
+    directions_map = np.concatenate([each @ pose[:3, :3].T for each, pose in zip(directions, poses, strict=True)])
+    hits = scene.cast(origins_m, directions_map)
+    points_m = origins_m + directions_map * np.where(np.isfinite(hits.range_m), hits.range_m, 0.0)[:, None]
+    velocity_mps = scene.velocities(hits, points_m)
+    micro_doppler_rays = np.flatnonzero(np.repeat([model.radar.micro_doppler for model in models], counts))
+    if previous is not None and len(micro_doppler_rays):
+        velocity_mps[micro_doppler_rays] = scene.velocities(
+            _select_hits(hits, micro_doppler_rays), points_m[micro_doppler_rays], previous
+        )
+    rays_of_model = np.split(np.arange(len(directions_map)), np.cumsum(counts)[:-1])
+    return [
+        model.detections(pose, each, _select_hits(hits, rays), velocity_mps[rays], state)
+        for model, pose, each, rays in zip(models, poses, directions, rays_of_model, strict=True)
+    ]
+
+
+def _select_hits(hits: Hits, ray: Int64Array) -> Hits:
+    return Hits(*(getattr(hits, field.name)[ray] for field in fields(hits)))
+
+
+def _own_velocity(map_from_radar: Float64Array, state: WorldState) -> Float64Array:
+    """(3,) velocity of the radar, m/s, map axes, including the ego's rotation about its origin."""
+    arm_m = map_from_radar[:3, 3] - vector(state.ego, "x y z")
+    return vector(state.ego, "vx vy vz") + np.cross(vector(state.ego, "wx wy wz"), arm_m)
+
+
+def _fill_xyz(table: Table) -> None:
+    range_m, azimuth_rad, elevation_rad = (table[name].astype(np.float64) for name in ("range", "azimuth", "elevation"))
+    level_m = range_m * np.cos(elevation_rad)
+    table["x"], table["y"] = level_m * np.cos(azimuth_rad), level_m * np.sin(azimuth_rad)
+    table["z"] = range_m * np.sin(elevation_rad)

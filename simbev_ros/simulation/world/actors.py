@@ -1,0 +1,177 @@
+"""All actors over time: SUMO's samples in, one actors table per tick out, every column of the same moment."""
+
+import logging
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import shapely
+
+from simbev_ros.foundation.errors import SimulationError
+from simbev_ros.foundation.types import Int64Array, Table
+from simbev_ros.foundation.units import NS_PER_S
+from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.roads.tunnels import Tunnels
+from simbev_ros.schema.scene.agents import agent_views
+from simbev_ros.schema.scene.spec import PedestrianSpec, SceneSpec, VehicleSpec
+from simbev_ros.schema.scene.state import Event
+from simbev_ros.simulation.world.cast import cast_of, first_prop_id
+from simbev_ros.simulation.world.doors import Doors
+from simbev_ros.simulation.world.kinematics.collisions import Impact
+from simbev_ros.simulation.world.kinematics.footing import GroundPlanes
+from simbev_ros.simulation.world.kinematics.ground import GroundSurface
+from simbev_ros.simulation.world.kinematics.motion import Motion
+from simbev_ros.simulation.world.leading_points import LeadingPoints
+from simbev_ros.simulation.world.lights import HAZARD_LIGHTS
+from simbev_ros.simulation.world.pedestrians.excursions import Excursions
+from simbev_ros.simulation.world.pedestrians.itineraries import Leg
+from simbev_ros.simulation.world.population import Population
+from simbev_ros.simulation.world.props import prop_obstacles, prop_rows
+from simbev_ros.simulation.world.sumo.traffic import TrafficSample
+from simbev_ros.simulation.world.table import ActorTable
+
+_LOGGER = logging.getLogger(__name__)
+_HALF_WINDOW_S = 0.35
+_GROUND_MARGIN_M = 50.0
+
+
+class Actors:
+    """The moving actors and the static props of a scene.
+
+    Attributes:
+        events: Events of the latest table.
+    """
+
+    def __init__(
+        self,
+        spec: SceneSpec,
+        network: RoadNetwork,
+        population: Population,
+        obstacles: Table,
+        excursions: Mapping[int, tuple[Leg, ...]],
+    ) -> None:
+        """Start at rest, where SUMO has placed the actors.
+
+        Args:
+            spec: The scene.
+            network: Its roads.
+            population: Vehicles and pedestrians.
+            obstacles: (K,) ``OBSTACLE_DTYPE``, which pedestrians walk around.
+            excursions: Legs of the pedestrians that leave SUMO's network, by their index in the specification.
+
+        Raises:
+            SimulationError: An agent's vehicle could not be placed.
+        """
+        self.events: tuple[Event, ...] = ()
+        self._coming_events: tuple[Event, ...] = ()
+        self._population = population
+        tick_s = spec.tick_ns / NS_PER_S
+        _report_missing(spec, population)
+        sample, directions, vehicles = population.sample(), population.directions(), len(population.vehicles)
+        self._excursions = Excursions(spec, excursions, population, sample.front_m)
+        pedestrian_m, directions[vehicles:] = self._excursions.start_poses(sample.pedestrian_m, directions[vehicles:])
+        sample = replace(sample, pedestrian_m=pedestrian_m)
+        self._ground = _ground(spec, network, sample)
+        self._props = prop_rows(spec, first_prop_id(spec), self._ground)
+        obstacles = np.concatenate([obstacles, prop_obstacles(self._props, network, self._ground)])
+        cast = cast_of(spec, population.vehicles, population.pedestrians)
+        self._ids: Int64Array = cast.rows["id"][cast.rows["parent"] == 0].astype(np.int64)
+        self._half_length_m = cast.bodies.boxes.size_m[:, 0] / 2.0
+        self._leading = LeadingPoints(
+            spec, population, cast.bodies, self._excursions, self._ground, obstacles, sample, directions
+        )
+        self._motion = Motion(
+            cast.bodies,
+            self._leading.now,
+            directions,
+            tick_s,
+            max(1, round(_HALF_WINDOW_S / tick_s)),
+            None if self._ground.is_level else GroundPlanes(self._ground, cast.bodies.contacts),
+        )
+        # The oldest entry belongs to the same tick as the kinematics.
+        length = self.delay_ticks + 1
+        self._doors = Doors(spec, population.vehicles, population.sumo, sample.front_m, self.delay_ticks)
+        self._signals = deque([sample.signals] * length, maxlen=length)
+        self._jaywalking = deque([self._excursions.jaywalking.copy()] * length, maxlen=length)
+        self._table = ActorTable(spec, cast, vehicles, Tunnels.of_layout(network.layout))
+
+    @property
+    def ground(self) -> GroundSurface:
+        """The ground surface under all actors."""
+        return self._ground
+
+    @property
+    def delay_ticks(self) -> int:
+        """Number of ticks by which the tables are behind SUMO."""
+        return self._motion.delay_ticks
+
+    def advance_actors(self, sample: TrafficSample, step: int) -> Table:
+        """Advance by one tick; returns (N,) ``ACTOR_DTYPE``. ``step`` counts the ticks since the scene's start."""
+        self._signals.append(sample.signals)
+        vehicles, crashed = len(sample.signals), self._motion.collisions.crashed.copy()
+        self._leading.advance_points(sample, crashed)
+        points = self._leading.now
+        # Bodies lag behind their points: when the point is across, the body may still be meters from the curb.
+        crossing = self._excursions.jaywalking | self._jaywalking[-1]
+        self._jaywalking.append(crossing & (points[vehicles:, 3] == 0.0))
+        motion = self._motion.advance_motion(points)
+        self.events = self._coming_events  # collisions that are detected now belong to the next table
+        self._coming_events = tuple(map(self._event, self._motion.collisions.impacts))
+        self._hold_crashed()
+        doors = self._doors.advance_doors(sample.front_m, step)
+        signals = self._signals[0] | np.where(crashed[:vehicles], HAZARD_LIGHTS, 0)
+        return np.concatenate([self._table.fill(motion, signals, doors, self._jaywalking[0], step), self._props])
+
+    def _event(self, impact: Impact) -> Event:
+        a, b = sorted(int(self._ids[body]) for body in impact.bodies)
+        x_m, y_m, z_m = impact.position_m.tolist()
+        return Event("collision", (a, b), (x_m, y_m, z_m), impact.relative_speed_mps)
+
+    def _hold_crashed(self) -> None:
+        """Tell SUMO where newly crashed actors will come to rest, so that others queue or drive around them."""
+        collisions = self._motion.collisions
+        self._leading.rest_crashed(collisions)
+        for body in sorted({body for impact in collisions.impacts for body in impact.bodies}):
+            yaw_rad = float(collisions.yaw_rad[body])
+            ahead = np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0.0])
+            front_m = collisions.rest_m[body] + self._half_length_m[body] * ahead
+            self._population.hold_crashed(body, front_m, yaw_rad)
+
+
+def _ground(spec: SceneSpec, network: RoadNetwork, sample: TrafficSample) -> GroundSurface:
+    """The ground that actors can reach; prepares the sidewalks that pedestrians can reach."""
+    ground = GroundSurface(network.layout.near(_reachable_area(spec, network, sample), _GROUND_MARGIN_M))
+    max_speed_mps = max((pedestrian.max_speed_mps for pedestrian in spec.pedestrians), default=0.0)
+    ground.prepare(sample.pedestrian_m, max_speed_mps * (spec.warm_up_ticks + spec.ticks) * spec.tick_ns / NS_PER_S)
+    return ground
+
+
+def _reachable_area(spec: SceneSpec, network: RoadNetwork, sample: TrafficSample) -> shapely.Polygon:
+    """A rectangle that no actor leaves during the scene."""
+    positions_m = np.concatenate([sample.front_m, sample.pedestrian_m])[:, :2]
+    # A vehicle driven from outside may drive at the speed limit, whatever its own speed factor.
+    max_speed_factor = max(1.0, *(vehicle.speed_factor for vehicle in spec.vehicles))
+    max_speed_mps = max(lane.speed_mps for lane in network.lanes.values()) * max_speed_factor
+    max_distance_m = max_speed_mps * (spec.warm_up_ticks + spec.ticks) * spec.tick_ns / NS_PER_S
+    return shapely.box(*(positions_m.min(axis=0) - max_distance_m), *(positions_m.max(axis=0) + max_distance_m))
+
+
+def _report_missing(spec: SceneSpec, population: Population) -> None:
+    """Log the actors that could not be placed; raise if the vehicle of an agent is one of them."""
+    for view in agent_views(spec):
+        if view.ego is not None and view.ego_index not in population.vehicles:
+            start = _describe_start(view.ego)
+            raise SimulationError(f"{spec.name}: agent {view.rig.agent} does not fit at its start, {start}")
+    for kind, requested, present in (
+        ("vehicle", spec.vehicles, population.vehicles),
+        ("pedestrian", spec.pedestrians, population.pedestrians),
+    ):
+        for index in sorted(set(range(len(requested))) - set(present)):
+            _LOGGER.warning(
+                "%s: %s %d is left out; no room at %s", spec.name, kind, index, _describe_start(requested[index])
+            )
+
+
+def _describe_start(actor: VehicleSpec | PedestrianSpec) -> str:
+    return f"lane {actor.start.lane}, {actor.start.s_m:.1f} m"

@@ -1,0 +1,77 @@
+"""Agents' vehicles that outside nodes drive: commands in, moves of SUMO's vehicles out, one driver per vehicle."""
+
+from collections.abc import Callable
+
+from simbev_ros.foundation.types import Float64Array
+from simbev_ros.foundation.units import NS_PER_S
+from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.scene.blueprints import blueprint_named
+from simbev_ros.schema.scene.agents import agent_views
+from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.simulation.world.driving.ego_driver import EgoDriver
+from simbev_ros.simulation.world.sumo.traffic import SumoTraffic
+
+
+def driven_from_outside(spec: SceneSpec) -> frozenset[int]:
+    """Indices in ``spec.vehicles`` of the vehicles that outside nodes drive."""
+    return frozenset(
+        view.ego_index for view in agent_views(spec) if view.ego_index is not None and view.ego_driver == "twist"
+    )
+
+
+class OutsideDrivers:
+    """Drivers of the vehicles that outside nodes drive; contains the indices of these vehicles in ``spec.vehicles``."""
+
+    def __init__(
+        self,
+        spec: SceneSpec,
+        network: RoadNetwork,
+        sumo: SumoTraffic,
+        heights_m: Callable[[Float64Array], Float64Array],
+    ) -> None:
+        """Start at rest, where SUMO has placed the vehicles.
+
+        The speed limit of a vehicle is that of the fastest road, times its own speed factor if that is above 1.
+
+        Args:
+            spec: The scene.
+            network: Its roads.
+            sumo: SUMO's traffic.
+            heights_m: Function from (N, 3) points, roughly at road height, to the (N,) heights of the road.
+        """
+        self._sumo = sumo
+        self._drivers: dict[int, EgoDriver] = {}
+        driven = driven_from_outside(spec)
+        if not driven:  # an extra sample would shift the ticks at which SUMO's lanes ahead are refreshed
+            return
+        fastest_mps = max(lane.speed_mps for lane in network.lanes.values())
+        for row, (index, front_m) in enumerate(zip(sumo.vehicles, sumo.sample().front_m, strict=True)):
+            if index in driven:
+                vehicle = spec.vehicles[index]
+                blueprint = blueprint_named(vehicle.blueprint)
+                self._drivers[index] = EgoDriver(
+                    blueprint,
+                    front_m,
+                    sumo.direction(row),
+                    min(blueprint.max_speed_mps, fastest_mps * max(vehicle.speed_factor, 1.0)),
+                    spec.tick_ns / NS_PER_S,
+                    heights_m,
+                )
+
+    def __contains__(self, vehicle: object) -> bool:
+        return vehicle in self._drivers
+
+    def set_command(self, vehicle: int, speed_mps: float, yaw_rate_radps: float) -> None:
+        """Set the desired motion of a vehicle as in ``EgoDriver``; ignored for vehicles that others drive."""
+        if vehicle in self._drivers:
+            self._drivers[vehicle].set_command(speed_mps, yaw_rate_radps)
+
+    def move_vehicles(self) -> None:
+        """Drive for one tick; call it before each step of SUMO.
+
+        Raises:
+            SimulationError: SUMO failed.
+        """
+        for vehicle, driver in self._drivers.items():
+            driver.advance_tick()
+            self._sumo.move_vehicle(self._sumo.vehicles.index(vehicle), driver.front_m, driver.yaw_rad)

@@ -1,0 +1,57 @@
+"""Contacts between bodies: boxes that overlap in plan and in height, found with separating axes around each vehicle."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from simbev_ros.foundation.geometry.plan_view import left_of
+from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
+
+
+@dataclass(frozen=True, slots=True)
+class BodyBoxes:
+    """Boxes of G bodies that follow points; the origin is the center of a box's bottom face.
+
+    Attributes:
+        size_m: (G, 3) length, width, height.
+        vehicles: Number of vehicles; they come first, pedestrians after them.
+    """
+
+    size_m: Float64Array
+    vehicles: int
+
+    def touching_pairs(self, position_m: Float64Array, yaw_rad: Float64Array) -> Int64Array:
+        """(K, 2) pairs of bodies, ascending, whose boxes overlap at (G, 3) positions and (G,) headings.
+
+        At least one of each pair is a vehicle; contacts between pedestrians are ignored.
+        """
+        if not self.vehicles:
+            return np.zeros((0, 2), np.int64)
+        radius_m = np.hypot(self.size_m[:, 0], self.size_m[:, 1]) / 2.0
+        tree = cKDTree(position_m[:, :2])
+        centers_m = position_m[: self.vehicles, :2]
+        candidates = tree.query_ball_point(centers_m, radius_m[: self.vehicles] + radius_m.max(), return_sorted=False)
+        counts = np.array([len(each) for each in candidates])
+        other = np.concatenate(candidates).astype(np.int64)
+        pairs = np.column_stack([np.repeat(np.arange(self.vehicles), counts), other])
+        pairs = pairs[pairs[:, 0] < pairs[:, 1]]
+        gap_m = position_m[pairs[:, 1]] - position_m[pairs[:, 0]]
+        reach_m = radius_m[pairs].sum(axis=1)
+        min_gap_m, max_gap_m = -self.size_m[pairs[:, 1], 2], self.size_m[pairs[:, 0], 2]
+        is_near = (np.hypot(gap_m[:, 0], gap_m[:, 1]) < reach_m) & (min_gap_m < gap_m[:, 2]) & (gap_m[:, 2] < max_gap_m)
+        pairs = pairs[is_near]
+        pairs = pairs[self.overlap(pairs, position_m[pairs], yaw_rad[pairs])]
+        return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
+
+    def overlap(self, pairs: Int64Array, position_m: Float64Array, yaw_rad: Float64Array) -> BoolArray:
+        """(K,) whether (K, 2) pairs overlap in plan at their (K, 2, 3) positions and (K, 2) headings."""
+        half_m = self.size_m[pairs][..., :2] / 2.0
+        ahead = np.stack([np.cos(yaw_rad), np.sin(yaw_rad)], axis=-1)
+        axes = np.stack([ahead, left_of(ahead)], axis=2)  # pair, body, side, xy
+        normals = axes.reshape(len(pairs), 4, 2)
+        gap_m = np.abs(np.einsum("kax,kx->ka", normals, position_m[:, 1, :2] - position_m[:, 0, :2]))
+        projection = np.abs(np.einsum("kax,kbsx->kabs", normals, axes))
+        reach_m = np.einsum("kabs,kbs->ka", projection, half_m)
+        is_apart: BoolArray = np.any(gap_m >= reach_m, axis=1)
+        return ~is_apart

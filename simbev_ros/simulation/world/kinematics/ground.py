@@ -1,0 +1,123 @@
+"""The ground that actors stand on: the level at a point, the road's height there, and the sidewalks that rise above it.
+
+Approximate heights, such as SUMO's, which lie on the lanes' center lines, tell the levels apart: a point is on a
+structure if one of its strips covers the point in plan and is close to it in height, otherwise on the ground.
+"""
+
+from functools import cached_property
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
+from simbev_ros.maps.roads.elevation import Elevation
+from simbev_ros.maps.roads.lane_kind import CURB_HEIGHT_M
+from simbev_ros.maps.roads.layout import Layout
+from simbev_ros.maps.roads.raised_lanes import RaisedLanes
+from simbev_ros.maps.roads.surface import sidewalk_surface, strip_polygons
+
+_LEVEL_TOLERANCE_M = 1.25  # half the clearance between two levels
+_OVERHANG_M = 0.5  # distance by which wheels may stand beside the lanes of a structure
+_CELL_M = 512.0
+_PATCH_M = 32.0
+
+
+class GroundSurface:
+    """The surfaces of a map's roads; sidewalks are built on demand and cached."""
+
+    def __init__(self, layout: Layout) -> None:
+        self._layout = layout
+        self._elevation = Elevation(layout)
+        self._raised_lanes = [RaisedLanes.of_level(layout, level) for level in layout.levels]
+        raised = [strip for strip in layout.strips if strip.level > 0]
+        self._deck_level = np.array([strip.level for strip in raised], np.int64)
+        self._decks = shapely.STRtree(shapely.buffer(strip_polygons(raised), _OVERHANG_M))
+        self._first_m, self._patches = _covered_patches(self._decks)
+        self._sidewalks: dict[tuple[int, int, int], BaseGeometry] = {}
+
+    @cached_property
+    def is_level(self) -> bool:
+        """Whether all roads lie at height 0, and no lane is raised by the map."""
+        strips = self._layout.strips
+        return not any(self._raised_lanes) and not any(
+            side_m[:, 2].any() for strip in strips for side_m in (strip.left_m, strip.right_m)
+        )
+
+    def levels(self, point_m: Float64Array) -> Int64Array:
+        """(N,) levels of (N, 3) points, map frame."""
+        level = np.zeros(len(point_m), np.int64)
+        if not len(self._deck_level):
+            return level
+        near = np.flatnonzero(self._near_decks(point_m))
+        row, deck = self._decks.query(shapely.points(point_m[near, :2]), predicate="intersects")
+        point = near[row]
+        deck_level = self._deck_level[deck]
+        nearest_m = np.full(len(point_m), _LEVEL_TOLERANCE_M)
+        for number in np.unique(deck_level).tolist():
+            rows = np.unique(point[deck_level == number])
+            gap_m = np.abs(self._elevation.height_m(point_m[rows, :2], number) - point_m[rows, 2])
+            is_nearer = gap_m < nearest_m[rows]
+            level[rows[is_nearer]], nearest_m[rows[is_nearer]] = number, gap_m[is_nearer]
+        return level
+
+    def _near_decks(self, point_m: Float64Array) -> BoolArray:
+        """(N,) whether (N, 3) points lie in patches with structures; a fast test that excludes most points."""
+        patch = np.floor((point_m[:, :2] - self._first_m) / _PATCH_M).astype(np.int64) + 1
+        column, row = np.clip(patch, 0, np.array(self._patches.shape) - 1).T
+        return self._patches[column, row]
+
+    def heights_m(self, point_m: Float64Array) -> Float64Array:
+        """(N,) heights of the carriageway's plane, or of lanes that the map raises, at (N, 3) points."""
+        level = self.levels(point_m)
+        height_m = np.empty(len(point_m))
+        for number in np.unique(level).tolist():
+            rows = level == number
+            height_m[rows] = self._elevation.height_m(point_m[rows, :2], number)
+            if self._raised_lanes[number]:
+                height_m[rows] += np.nan_to_num(self._raised_lanes[number].rise_m(point_m[rows, :2]))
+        return height_m
+
+    def raised_m(self, point_m: Float64Array) -> Float64Array:
+        """(N,) height of the ground above ``heights_m`` at (N, 3) points: the default height of sidewalks."""
+        cells = np.column_stack([self.levels(point_m), np.floor(point_m[:, :2] / _CELL_M).astype(np.int64)])
+        on_sidewalk: BoolArray = np.zeros(len(point_m), bool)
+        keys, cell = np.unique(cells, axis=0, return_inverse=True)
+        for number, key in enumerate(keys.tolist()):
+            rows = cell.ravel() == number
+            on_sidewalk[rows] = shapely.contains_xy(self._sidewalk(*key), point_m[rows, :2])
+        return np.where(on_sidewalk, CURB_HEIGHT_M, 0.0)
+
+    def prepare(self, point_m: Float64Array, reach_m: float) -> None:
+        """Build the sidewalks within ``reach_m``, at most 512 m, of (N, 3) points now instead of on demand."""
+        around = min(reach_m, _CELL_M) * np.array([(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1)])
+        cells = np.floor((point_m[:, None, :2] + around) / _CELL_M).astype(np.int64).reshape(-1, 2)
+        for column, row in np.unique(cells, axis=0).tolist():
+            for level in self._layout.levels:
+                self._sidewalk(level, column, row)
+
+    def _sidewalk(self, level: int, column: int, row: int) -> BaseGeometry:
+        """The sidewalks of a grid cell, cached."""
+        key = level, column, row
+        if key not in self._sidewalks:
+            x_m, y_m = column * _CELL_M, row * _CELL_M
+            area = shapely.box(x_m, y_m, x_m + _CELL_M, y_m + _CELL_M)
+            sidewalk: BaseGeometry = sidewalk_surface(self._layout, level, area)
+            if self._raised_lanes[level]:
+                sidewalk = overlay.difference(sidewalk, self._raised_lanes[level].area)
+            self._sidewalks[key] = sidewalk
+            shapely.prepare(self._sidewalks[key])
+        return self._sidewalks[key]
+
+
+def _covered_patches(decks: shapely.STRtree) -> tuple[Float64Array, BoolArray]:
+    """(2,) corner of a grid of patches, and a mask of those that decks touch, padded with an empty rim."""
+    if not len(decks):
+        return np.zeros(2), np.zeros((1, 1), bool)
+    first_m, last_m = shapely.total_bounds(decks.geometries).reshape(2, 2)
+    shape = np.floor((last_m - first_m) / _PATCH_M).astype(np.int64) + 1
+    corner_m = first_m + _PATCH_M * np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1).reshape(-1, 2)
+    touched = np.zeros(len(corner_m), bool)
+    touched[decks.query(shapely.box(*corner_m.T, *(corner_m + _PATCH_M).T), predicate="intersects")[0]] = True
+    return first_m, np.pad(touched.reshape(shape), 1)

@@ -1,0 +1,148 @@
+"""The points that bodies follow: SUMO's positions without jumps, adjusted for everything that SUMO does not know.
+
+Vehicles are towed behind their fronts and move aside in narrow places. Pedestrians leave SUMO's network, walk around
+obstacles and keep off vehicles. Careful drivers then predict where all these points lead and brake for conflicts.
+Everything happens at SUMO's moment, ahead of the published tables.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from simbev_ros.foundation.types import BoolArray, Float64Array, Table
+from simbev_ros.foundation.units import NS_PER_S
+from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.simulation.world.driving.careful_drivers import CarefulDrivers
+from simbev_ros.simulation.world.driving.outside_drivers import driven_from_outside
+from simbev_ros.simulation.world.kinematics.collisions import Collisions
+from simbev_ros.simulation.world.kinematics.followers import PursuingPoints, SteadyPoints, TowedPoints
+from simbev_ros.simulation.world.kinematics.ground import GroundSurface
+from simbev_ros.simulation.world.kinematics.motion import Bodies
+from simbev_ros.simulation.world.pedestrians.excursions import Excursions
+from simbev_ros.simulation.world.pedestrians.furniture_avoidance import FurnitureAvoidance
+from simbev_ros.simulation.world.pedestrians.vehicle_avoidance import VehicleAvoidance
+from simbev_ros.simulation.world.population import Population
+from simbev_ros.simulation.world.sumo.traffic import TrafficSample
+
+_MAX_CHANGE_MPS2 = 20.0  # a larger change, before averaging, is a jump of SUMO's between lanes that do not meet
+_PEDESTRIAN_MPS2 = 4.0
+_PATIENCE_S = 15.0  # of drivers on map files, whose narrow junctions and dead ends our towns do not have
+_CATCH_UP_FACTOR = 1.3  # maximum speed while catching up with a sideways jump of SUMO's, divided by the usual maximum
+_STEP_BACK_MPS = 1.0  # on top of that speed, for a pedestrian whom a vehicle would touch
+
+
+class LeadingPoints:
+    """The leading points of a scene: V vehicles first, then P pedestrians.
+
+    Attributes:
+        now: (V + P, 4) latest points, map frame, and the height of each body above its point.
+    """
+
+    def __init__(
+        self,
+        spec: SceneSpec,
+        population: Population,
+        bodies: Bodies,
+        excursions: Excursions,
+        ground: GroundSurface,
+        obstacles: Table,
+        sample: TrafficSample,
+        directions: Float64Array,
+    ) -> None:
+        """Start at rest.
+
+        Args:
+            spec: The scene.
+            population: Vehicles and pedestrians.
+            bodies: The bodies that follow the points.
+            excursions: Pedestrians off SUMO's network.
+            ground: The ground under all actors.
+            obstacles: (K,) ``OBSTACLE_DTYPE``, which pedestrians walk around.
+            sample: Where all actors start.
+            directions: (V + P, 3) unit vectors of their headings.
+        """
+        tick_s = spec.tick_ns / NS_PER_S
+        vehicles = len(sample.front_m)
+        max_speed_mps = np.array([spec.pedestrians[index].max_speed_mps for index in population.pedestrians])
+        self._tick_s = tick_s
+        self._sumo_vehicles = slice(population.sumo_vehicle_count)
+        self._excursions, self._ground, self._furniture_avoidance = excursions, ground, FurnitureAvoidance(obstacles)
+        self._steady_fronts = SteadyPoints(sample.front_m, _MAX_CHANGE_MPS2 * tick_s**2)
+        behind_m = (bodies.boxes.size_m[:vehicles, 0] / 2.0 - bodies.lead_m[:vehicles])[:, None]
+        self._towed_points = TowedPoints(sample.front_m, directions[:vehicles], behind_m[:, 0])
+        self._vehicle_avoidance = VehicleAvoidance(
+            bodies, sample.front_m - behind_m * directions[:vehicles], directions[:vehicles]
+        )
+        self._careful_drivers = CarefulDrivers(
+            bodies,
+            _is_careful(spec, population),
+            sample.front_m[self._sumo_vehicles],
+            population.sumo,
+            tick_s,
+            _PATIENCE_S if spec.map.path else np.inf,
+        )
+        start_m = self._furniture_avoidance.move_aside(sample.pedestrian_m)
+        self._pursuing_points = PursuingPoints(
+            start_m, _CATCH_UP_FACTOR * max_speed_mps * tick_s, _PEDESTRIAN_MPS2 * tick_s**2
+        )
+        self._max_evasion_m = (_CATCH_UP_FACTOR * max_speed_mps + _STEP_BACK_MPS) * tick_s
+        self._wrecks = np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0)
+        self.now: Float64Array = self._update_points(sample)
+
+    def advance_points(self, sample: TrafficSample, crashed: BoolArray) -> None:
+        """Take SUMO's next sample. ``crashed`` (V + P,) marks actors that have collided and no longer move."""
+        vehicles = len(sample.front_m)
+        pedestrian_m = self._excursions.advance_walkers(sample, crashed[vehicles:])
+        self.now = self._update_points(replace(sample, pedestrian_m=pedestrian_m))
+        self._careful_drivers.look_and_brake(
+            self._front_m[self._sumo_vehicles],
+            self.now[self._sumo_vehicles, :3],
+            self._vehicle_avoidance.rear_m[self._sumo_vehicles],
+            np.concatenate([self._vehicle_avoidance.center_m, self.now[vehicles:, :3]]),
+            self._vehicle_avoidance.ahead,
+            crashed,
+            self.now[vehicles:, 3] != 0.0,
+        )
+
+    def rest_crashed(self, collisions: Collisions) -> None:
+        """Keep crashed bodies where they come to rest, not where their points are."""
+        vehicles = len(self._vehicle_avoidance.center_m)
+        wrecks = np.flatnonzero(collisions.crashed[:vehicles])
+        self._max_evasion_m[collisions.crashed[vehicles:]] = 0.0
+        self._wrecks = wrecks, collisions.rest_m[wrecks], collisions.yaw_rad[wrecks]
+
+    def _update_points(self, sample: TrafficSample) -> Float64Array:
+        """(V + P, 4) points of the next tick.
+
+        Pedestrians on sidewalks stand at curb height, those on plazas on the paving, all others on the carriageway.
+        """
+        self._front_m = self._steady_fronts.follow(sample.front_m).copy()
+        self._front_m[self._sumo_vehicles] += self._careful_drivers.offset_m
+        point_m = self._towed_points.follow(self._front_m)
+        desired_m = self._furniture_avoidance.move_aside(sample.pedestrian_m)
+        desired_m = self._vehicle_avoidance.avoid_paths(
+            point_m, self._pursuing_points.position_m, desired_m, self._tick_s
+        )
+        self._vehicle_avoidance.rest_crashed(*self._wrecks)
+        pedestrian_m = self._vehicle_avoidance.avoid_bodies(
+            self._pursuing_points.pursue(desired_m), self._max_evasion_m
+        )
+        self._pursuing_points.position_m = pedestrian_m
+        points = np.zeros((len(point_m) + len(pedestrian_m), 4))
+        points[:, :3] = np.concatenate([point_m, pedestrian_m])
+        points[len(point_m) :, 3] = self._raised_m(pedestrian_m)
+        return points
+
+    def _raised_m(self, pedestrian_m: Float64Array) -> Float64Array:
+        """(P,) height above the carriageway's plane of pedestrians at (P, 3) positions."""
+        raised_m = self._ground.raised_m(pedestrian_m)
+        paving_m = self._excursions.paving_m(pedestrian_m)
+        paved = np.flatnonzero((raised_m == 0.0) & np.isfinite(paving_m))
+        raised_m[paved] = paving_m[paved] - self._ground.heights_m(pedestrian_m[paved])
+        return raised_m
+
+
+def _is_careful(spec: SceneSpec, population: Population) -> BoolArray:
+    """(V,) whether each driver is careful; vehicles driven from outside are not controlled here."""
+    driven = driven_from_outside(spec)
+    return np.array([not spec.vehicles[index].reckless and index not in driven for index in population.vehicles])

@@ -1,0 +1,178 @@
+"""Simulation of a scene: ``SceneSpec``, roads, obstacles and plazas in, one ``WorldState`` per tick out.
+
+SUMO decides where vehicles and pedestrians move. The published tables are smooth, rigid-body motion, a fixed fraction
+of a second behind SUMO. Everything in a table, including lights and signals, belongs to the same moment.
+"""
+
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import numpy as np
+
+from simbev_ros.assets.land.plazas import Plaza
+from simbev_ros.assets.street.obstacles import OBSTACLE_DTYPE
+from simbev_ros.foundation.types import Table
+from simbev_ros.foundation.units import NS_PER_S
+from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.scene.blueprints import blueprint_named
+from simbev_ros.scene.ending import DURATION
+from simbev_ros.scene.streets.street_graph import streets_of
+from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.state import EGO_ID, WorldState
+from simbev_ros.simulation.world.actors import Actors
+from simbev_ros.simulation.world.demand import demand_of
+from simbev_ros.simulation.world.driving.outside_drivers import OutsideDrivers
+from simbev_ros.simulation.world.driving.rain import rain_effect
+from simbev_ros.simulation.world.driving.turning_room import TurningRoom
+from simbev_ros.simulation.world.population import Population
+from simbev_ros.simulation.world.sumo.closures import slow_near_closures
+from simbev_ros.simulation.world.sumo.curve_speeds import curve_speeds
+from simbev_ros.simulation.world.sumo.net_crop import crop_net
+from simbev_ros.simulation.world.sumo.routes import Routes
+from simbev_ros.simulation.world.sumo.signals import SignalHeads, signal_programs, signal_programs_xml
+from simbev_ros.simulation.world.sumo.tracks import LaneTracks
+from simbev_ros.simulation.world.sumo.traffic import SumoTraffic
+
+_ON_FOOT = (LaneKind.CROSSING, LaneKind.WALKING_AREA)
+_NO_OBSTACLES = np.empty(0, OBSTACLE_DTYPE)
+_NO_TRAFFIC = (LaneKind.PARKING, LaneKind.SHOULDER, LaneKind.MEDIAN)
+
+
+class Simulation:
+    """One running scene, from the start of its warm-up. Use it as a context manager; only one can run per process."""
+
+    def __init__(
+        self,
+        spec: SceneSpec,
+        network: RoadNetwork,
+        obstacles: Table = _NO_OBSTACLES,
+        plazas: Sequence[Plaza] = (),
+    ) -> None:
+        """Place all actors, at rest.
+
+        Args:
+            spec: The scene.
+            network: The roads of ``spec.map``.
+            obstacles: (K,) ``OBSTACLE_DTYPE``, which pedestrians walk around.
+            plazas: Plazas that pedestrians visit.
+
+        Raises:
+            SimulationError: SUMO failed, an agent's vehicle has no room, or this process runs another simulation.
+        """
+        self._spec = spec
+        self._steps = 0
+        self._ticks_per_second = max(1, round(NS_PER_S / spec.tick_ns))
+        net = network.net_path.read_text(encoding="utf-8")
+        cycles = signal_programs(spec, net)
+        self._signal_heads = SignalHeads(network.signals, cycles, spec.tick_ns)
+        demand = demand_of(spec, network, plazas)
+        cropped = crop_net(net, demand.edges)
+        self._routes = Routes(spec, network, cropped.edges)
+        lanes = [each for each in network.lanes.values() if each.edge in cropped.edges and each.kind not in _ON_FOOT]
+        signals = signal_programs_xml([cycle for cycle in cycles if cycle.id in cropped.lights], spec.tick_ns)
+        with tempfile.TemporaryDirectory(prefix="simbev-") as folder:
+            inputs = {"scene.net.xml": cropped.xml, "scene.rou.xml": demand.xml, "scene.add.xml": signals}
+            for name, text in inputs.items():
+                Path(folder, name).write_text(text, encoding="utf-8")
+            files = [Path(folder, name) for name in inputs]
+            closed = [lane.id for lane in lanes if lane.kind in _NO_TRAFFIC and lane.classes]
+            speeds_mps = slow_near_closures(curve_speeds(lanes), spec, lanes)
+            tracks = LaneTracks(lanes)
+            self._sumo = SumoTraffic(files, spec.tick_ns, spec.seed, speeds_mps, tracks, closed, cropped.left_hand)
+        try:
+            self._population = Population(spec, self._sumo)
+            self._actors = Actors(spec, network, self._population, obstacles, demand.excursions)
+            self._turning_room = self._turning_room_on(network)
+            self._outside_drivers = OutsideDrivers(spec, network, self._sumo, self._actors.ground.heights_m)
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def available(self) -> tuple[int, str]:
+        """Number of ticks of the scene, and "duration" as the reason for its end."""
+        return self._spec.ticks, DURATION
+
+    def _turning_room_on(self, network: RoadNetwork) -> TurningRoom:
+        """Rules for turning round at the ends of a map's roads."""
+        turns = streets_of(network).for_class("passenger").turns_at_ends()
+        lengths_m = {
+            lane.edge: lane.length_m * lane.sumo_s_per_m for lane in network.lanes.values() if lane.edge in turns
+        }
+        blueprints = [blueprint_named(self._spec.vehicles[index].blueprint) for index in self._sumo.vehicles]
+        vehicle_length_m = np.array([blueprint.size_m[0] for blueprint in blueprints])
+        return TurningRoom(turns, lengths_m, vehicle_length_m, self._sumo)
+
+    def drive_vehicle(self, vehicle: int, speed_mps: float, yaw_rate_radps: float) -> None:
+        """As in ``StateSource``; without further commands the vehicle brakes after 0.5 s."""
+        self._outside_drivers.set_command(vehicle, speed_mps, yaw_rate_radps)
+
+    def step(self) -> WorldState:
+        """Advance by one tick and return its state.
+
+        The first call returns tick ``-spec.warm_up_ticks`` with all actors at rest; tick 0 follows after the warm-up.
+
+        Raises:
+            SimulationError: SUMO failed.
+        """
+        if self._steps:
+            self._outside_drivers.move_vehicles()
+            self._turning_room.hold_back()
+            self._sumo.step_sumo()
+        tick = self._steps - self._spec.warm_up_ticks
+        if self._steps % self._ticks_per_second == 0:
+            self._extend_routes()
+            if self._spec.map.path:
+                self._reroute()
+            self._sumo.shorten_closures()
+            if self._spec.final_weather is not None:
+                self._adapt_to_rain(tick)
+        actors = self._actors.advance_actors(self._population.sample(), self._steps)
+        state = WorldState(
+            stamp_ns=self._spec.stamp_ns(tick),
+            tick=tick,
+            ego_id=EGO_ID,
+            actors=actors,
+            signals=self._signal_heads.table_at(self._steps - self._actors.delay_ticks),
+            weather=self._spec.weather_at(tick),
+            events=self._actors.events,
+        )
+        self._steps += 1
+        return state
+
+    def _extend_routes(self) -> None:
+        """Extend the routes that end soon, except those of vehicles driven from outside."""
+        for row, edge in self._sumo.ending_routes():
+            if (vehicle := self._sumo.vehicles[row]) not in self._outside_drivers:
+                extension = self._routes.draw_extension(vehicle, edge, self._steps)
+                self._sumo.extend_route(row, extension.edges, extension.last_lane)
+
+    def _reroute(self) -> None:
+        """Give vehicles that wait in a wrong lane for long a route that this lane leads to."""
+        for row, lane in self._sumo.vehicles_in_wrong_lanes():
+            vehicle = self._sumo.vehicles[row]
+            detour = self._routes.draw_detour(vehicle, lane, self._steps)
+            if len(detour.edges) > 1 and vehicle not in self._outside_drivers:
+                self._sumo.replace_route(row, detour.edges, detour.last_lane)
+
+    def _adapt_to_rain(self, tick: int) -> None:
+        effect = rain_effect(self._spec.weather_at(tick))
+        for row, index in enumerate(self._sumo.vehicles):
+            vehicle = self._spec.vehicles[index]
+            self._sumo.adapt_driver(row, vehicle.speed_factor * effect.speed, vehicle.headway_s * effect.headway)
+
+    def close(self) -> None:
+        """Stop SUMO; further calls have no effect."""
+        self._sumo.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()

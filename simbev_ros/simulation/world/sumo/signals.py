@@ -1,0 +1,211 @@
+"""Traffic lights: SUMO's signal programs with the scene's green times, and the state of every signal head at a tick.
+
+The programs run by the clock alone, so the table of heads is computed from them without querying SUMO.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import groupby
+from xml.etree import ElementTree
+
+import numpy as np
+
+from simbev_ros.foundation.geometry.ragged import ragged_starts
+from simbev_ros.foundation.random import stream
+from simbev_ros.foundation.types import Float64Array, Int64Array, Table, UInt8Array
+from simbev_ros.foundation.units import NS_PER_S
+from simbev_ros.maps.network import Signal
+from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.state import SIGNAL_DTYPE, SignalState
+
+YELLOW_S = 3.0
+ALL_RED_S = 2.0
+_MIN_GREEN_S = 4.0
+_STATE_OF = {
+    "G": SignalState.GREEN,
+    "g": SignalState.GREEN,
+    "y": SignalState.YELLOW,
+    "Y": SignalState.YELLOW,
+    "r": SignalState.RED,
+    "s": SignalState.RED,
+    "u": SignalState.RED_YELLOW,
+    "o": SignalState.OFF,
+    "O": SignalState.OFF,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class SignalProgram:
+    """The cycle of one traffic-light program.
+
+    Attributes:
+        id: SUMO's traffic-light id.
+        states: One string per phase; character k is the state of link k, in SUMO's letters.
+        ticks: Length of each phase.
+        offset_ticks: Tick since SUMO's start at which the first phase begins.
+        green_s: Drawn green time.
+    """
+
+    id: str
+    states: tuple[str, ...]
+    ticks: tuple[int, ...]
+    offset_ticks: int
+    green_s: float
+
+
+def signal_programs(spec: SceneSpec, net: str) -> tuple[SignalProgram, ...]:
+    """All signal programs of a SUMO network (its XML), sorted by id, with the scene's green times and drawn offsets.
+
+    On map files, the green time is that of the longest green phase of a program; shorter ones, as for left turns, are
+    shorter in the same proportion.
+    """
+    tick_s = spec.tick_ns / NS_PER_S
+    result = []
+    logics = {logic.attrib["id"]: logic for logic in _logics(net)}
+    for index, (_, logic) in enumerate(sorted(logics.items())):
+        phases = [(float(phase.attrib["duration"]), phase.attrib["state"]) for phase in logic.findall("phase")]
+        green_s = spec.green_time_s[index % len(spec.green_time_s)]
+        states, ticks = zip(*_retime(phases, green_s, tick_s, keeps_shares=bool(spec.map.path)), strict=True)
+        name = logic.attrib["id"]
+        offset_ticks = int(stream(spec.seed, f"signals.{name}.offset").integers(sum(ticks)))
+        result.append(SignalProgram(name, states, ticks, offset_ticks, green_s))
+    return tuple(result)
+
+
+def _logics(net: str) -> list[ElementTree.Element]:
+    """The ``tlLogic`` elements of a SUMO network; parses only the text from the first to the last one."""
+    start, end = net.find("<tlLogic "), net.rfind("</tlLogic>")
+    return ElementTree.fromstring(f"<net>{net[start:end]}</tlLogic></net>").findall("tlLogic") if start >= 0 else []
+
+
+def signal_programs_xml(programs: Sequence[SignalProgram], tick_ns: int) -> str:
+    """XML of a SUMO additional file that replaces the network's signal programs by these."""
+    root = ElementTree.Element("additional")
+    for program in programs:
+        offset = _seconds(program.offset_ticks, tick_ns)
+        attributes = {"id": program.id, "type": "static", "programID": "scene", "offset": offset}
+        logic = ElementTree.SubElement(root, "tlLogic", attributes)
+        for state, ticks in zip(program.states, program.ticks, strict=True):
+            ElementTree.SubElement(logic, "phase", {"duration": _seconds(ticks, tick_ns), "state": state})
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+class SignalHeads:
+    """The table of signal heads at any tick, computed for all programs at once."""
+
+    def __init__(self, signals: Sequence[Signal], programs: Sequence[SignalProgram], tick_ns: int) -> None:
+        self._tick_s = tick_ns / NS_PER_S
+        self._table = _heads(signals, programs)
+        self._offset = np.array([program.offset_ticks for program in programs], np.int64)
+        self._length = np.array([sum(program.ticks) for program in programs], np.int64)
+        max_phases = max((len(program.ticks) for program in programs), default=1)
+        self._phase_ends = np.full((len(programs), max_phases), np.iinfo(np.int64).max)
+        self._phase_starts = np.zeros((len(programs), max_phases), np.int64)
+        self._state_at_phase = np.zeros((max_phases, len(signals)), np.uint8)
+        self._held_ticks_at_phase = np.zeros((max_phases, len(signals)), np.int64)
+        self._left_ticks_at_phase = np.zeros((max_phases, len(signals)))
+        number = {program.id: index for index, program in enumerate(programs)}
+        self._program_of_head = np.array([number[signal.programme] for signal in signals], np.int64)
+        for index, program in enumerate(programs):
+            phases = len(program.ticks)
+            self._phase_ends[index, :phases] = np.cumsum(program.ticks)
+            self._phase_starts[index, 1:phases] = self._phase_ends[index, : phases - 1]
+            rows = np.flatnonzero(self._program_of_head == index)
+            links = [signals[row].link for row in rows.tolist()]
+            shown = np.array([[_STATE_OF[state[link]] for link in links] for state in program.states], np.uint8)
+            self._state_at_phase[:phases, rows] = shown
+            self._held_ticks_at_phase[:phases, rows] = _held_ticks(shown, np.array(program.ticks))
+            self._left_ticks_at_phase[:phases, rows] = _left_ticks(shown, np.array(program.ticks))
+
+    def table_at(self, tick: int) -> Table:
+        """(S,) ``SIGNAL_DTYPE`` at a tick since SUMO's start; negative ticks lie before it."""
+        in_cycle = (tick - self._offset) % self._length
+        phase = np.sum(self._phase_ends <= in_cycle[:, None], axis=1)
+        since = in_cycle - self._phase_starts[np.arange(len(phase)), phase]
+        heads = np.arange(len(self._table))
+        table = self._table.copy()
+        table["state"] = self._state_at_phase[phase[self._program_of_head], heads]
+        table["time_in_state"] = (
+            self._held_ticks_at_phase[phase[self._program_of_head], heads] + since[self._program_of_head]
+        ) * self._tick_s
+        table["time_remaining"] = (
+            self._left_ticks_at_phase[phase[self._program_of_head], heads] - since[self._program_of_head]
+        ) * self._tick_s
+        return table
+
+
+def _retime(
+    phases: Sequence[tuple[float, str]], green_s: float, tick_s: float, keeps_shares: bool = False
+) -> list[tuple[str, int]]:
+    """States and ticks of the phases with the given green, yellow and all-red times.
+
+    Consecutive green phases (SUMO ends the pedestrians' green earlier) share the green time in their old proportion.
+    With ``keeps_shares``, the longest such group has the green time, and others their old share of it. After each
+    yellow phase, the yellow links are red for the all-red time.
+    """
+    longest_s = max((sum(duration for duration, _ in group) for group in _green_groups(phases)), default=0.0)
+    yellow, all_red = round(YELLOW_S / tick_s), round(ALL_RED_S / tick_s)
+    result: list[tuple[str, int]] = []
+    for kind, group in groupby(phases, key=lambda phase: _kind(phase[1])):
+        members = list(group)
+        if kind == "green":
+            ends = np.cumsum([duration for duration, _ in members])
+            own_s = max(green_s * ends[-1] / longest_s, min(_MIN_GREEN_S, green_s)) if keeps_shares else green_s
+            ticks = np.diff(np.round(ends / ends[-1] * own_s / tick_s), prepend=0.0)
+            result += [(state, max(int(n), 1)) for (_, state), n in zip(members, ticks, strict=True)]
+        elif kind == "yellow":
+            for _, state in members:
+                result += [(state, yellow), (state.replace("y", "r").replace("Y", "r"), all_red)]
+        elif not result or _kind(result[-1][0]) == "green":
+            result += [(state, all_red) for _, state in members]
+    return result
+
+
+def _green_groups(phases: Sequence[tuple[float, str]]) -> list[list[tuple[float, str]]]:
+    """The groups of consecutive green phases."""
+    groups = groupby(phases, key=lambda phase: _kind(phase[1]))
+    return [list(group) for kind, group in groups if kind == "green"]
+
+
+def _kind(state: str) -> str:
+    """Whether a phase is yellow, green or, if neither, red."""
+    lower = state.lower()
+    return "yellow" if "y" in lower else "green" if "g" in lower else "red"
+
+
+def _held_ticks(shown: UInt8Array, ticks: Int64Array) -> Int64Array:
+    """(P, S) ticks for which each head has shown its state at the start of each phase.
+
+    A head that never changes has shown it for one cycle.
+    """
+    twice = np.concatenate([shown, shown])
+    start = ragged_starts(np.tile(ticks, 2))
+    changed = np.vstack([np.ones((1, shown.shape[1]), bool), twice[1:] != twice[:-1]])
+    since = np.maximum.accumulate(np.where(changed, start[:, None], 0))
+    return (start[:, None] - since)[len(ticks) :]
+
+
+def _left_ticks(shown: UInt8Array, ticks: Int64Array) -> Float64Array:
+    """(P, S) ticks from the start of each phase until each head changes; infinite if it never does."""
+    twice = np.concatenate([shown, shown])
+    end = np.cumsum(np.tile(ticks, 2))
+    changes = np.vstack([twice[1:] != twice[:-1], np.zeros((1, shown.shape[1]), bool)])
+    until: Float64Array = np.minimum.accumulate(np.where(changes, end[:, None], np.inf)[::-1])[::-1]
+    return (until - (end - np.tile(ticks, 2))[:, None])[: len(ticks)]
+
+
+def _heads(signals: Sequence[Signal], programs: Sequence[SignalProgram]) -> Table:
+    """Signal-head table with the constant columns filled in."""
+    green_s = {program.id: program.green_s for program in programs}
+    table = np.zeros(len(signals), SIGNAL_DTYPE)
+    if signals:
+        positions_m: Float64Array = np.stack([signal.position_m for signal in signals])
+        table["x"], table["y"], table["z"] = positions_m.T
+    table["yaw"] = [signal.yaw_rad for signal in signals]
+    table["green_time"] = [green_s[signal.programme] for signal in signals]
+    table["id"] = np.arange(1, len(signals) + 1)
+    return table
+
+
+def _seconds(ticks: int, tick_ns: int) -> str:
+    return f"{ticks * tick_ns / NS_PER_S:.3f}"

@@ -1,0 +1,401 @@
+"""SUMO in this process: one simulation, advanced tick by tick and read as arrays. Only this package uses libsumo."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from simbev_ros.foundation.errors import SimulationError
+from simbev_ros.foundation.types import Float64Array, Int64Array
+from simbev_ros.foundation.units import NS_PER_S
+from simbev_ros.simulation.world.driving.turning_room import RouteProgress
+from simbev_ros.simulation.world.sumo import vehicle_routes
+from simbev_ros.simulation.world.sumo.closures import CLOSURE
+from simbev_ros.simulation.world.sumo.lanes_ahead import LanesAhead
+from simbev_ros.simulation.world.sumo.libsumo_import import libsumo
+from simbev_ros.simulation.world.sumo.names import index_of, pedestrian_name, vehicle_name
+from simbev_ros.simulation.world.sumo.tracks import LaneTracks
+
+_NS_PER_MS = 1_000_000
+_OPTIONS = {
+    "lateral-resolution": "0.8",
+    "pedestrian.model": "striping",
+    "pedestrian.striping.dawdling": "0",
+    "pedestrian.striping.walkingarea-detail": "20",
+    "time-to-teleport": "-1",
+    "time-to-impatience": "20",
+    "collision.action": "none",
+    "intermodal-collision.action": "none",
+    "max-depart-delay": "0",
+    "threads": "1",
+    "xml-validation": "never",
+    "no-step-log": "true",
+    "no-warnings": "true",
+    "duration-log.disable": "true",
+}
+_MAX_SEED = 2**31 - 1
+_POSITION_VARIABLES = libsumo.VAR_LANE_ID, libsumo.VAR_LANEPOSITION, libsumo.VAR_LANEPOSITION_LAT
+_ON_OR_OFF_ROAD = 2  # mode of moveToXY: on a road or off it
+_VEHICLE_VARIABLES = (*_POSITION_VARIABLES, libsumo.VAR_SIGNALS)
+_NO_CHECKS, _BRAKES_HARD = 0, 27  # speed modes: any speed; all checks except for comfortable deceleration
+_ON_ROUTE = 1  # mode of moveToXY: on the vehicle's route
+_EMERGENCY_MPS2 = 8.0
+_QUEUE_GAP_M = 5.0
+_MAX_STOP_LINE_M = 10.0
+_MIN_CLOSURE_GAP_M, _SHORTENING_M, _MAX_SHORTENING_M = (
+    0.05,
+    1.0,
+    4.0,
+)  # gap to a closure beyond minGap; shortening per call, and in all
+_STANDING_MPS = 0.05
+_FOREVER_S = 1e8
+_ANY_ARRIVAL_M = 1.0
+_AXES = 3
+_FAILURES = (libsumo.TraCIException, libsumo.FatalTraCIError)
+
+
+@dataclass(frozen=True, slots=True)
+class TrafficSample:
+    """SUMO's state at one tick, in the order of ``SumoTraffic.vehicles`` and ``SumoTraffic.pedestrians``; map frame.
+
+    Attributes:
+        front_m: (V, 3) center of each vehicle's front bumper, on the road.
+        signals: (V,) int64, SUMO's vehicle signals (bit 0 right blinker, bit 1 left blinker).
+        pedestrian_m: (P, 3) each pedestrian, on the surface of its lane.
+    """
+
+    front_m: Float64Array
+    signals: Int64Array
+    pedestrian_m: Float64Array
+
+
+class SumoTraffic:
+    """A running SUMO simulation. libsumo holds one per process: close it before creating another one.
+
+    Attributes:
+        vehicles: Indices in the specification of the vehicles that SUMO could insert, ascending.
+        pedestrians: Indices of the pedestrians that SUMO could insert, ascending.
+        progress: Where the vehicles are on their routes, as of the latest sample.
+    """
+
+    _running = False
+
+    def __init__(
+        self,
+        files: Sequence[Path],
+        tick_ns: int,
+        seed: int,
+        speeds_mps: Mapping[str, float],
+        tracks: LaneTracks,
+        closed_lanes: Iterable[str] = (),
+        left_hand: bool = False,
+    ) -> None:
+        """Load a network and its traffic, and insert all vehicles and pedestrians at time 0.
+
+        Args:
+            files: Network file, route file (everything departs at 0), additional file (the signal programs).
+            tick_ns: Length of a step; whole milliseconds.
+            seed: Seed of SUMO's own random numbers.
+            speeds_mps: Lane id → speed limit that replaces the network's.
+            tracks: All lanes that a vehicle may get onto.
+            closed_lanes: Ids of lanes that are closed to all traffic, whatever the network permits.
+            left_hand: Traffic keeps to the left; SUMO then counts lateral positions to the right.
+
+        Raises:
+            SimulationError: Another simulation is running in this process, or SUMO rejects its input.
+        """
+        if SumoTraffic._running:
+            raise SimulationError("a simulation is running in this process already; close it first")
+        if tick_ns % _NS_PER_MS:
+            raise SimulationError(f"SUMO needs ticks of whole milliseconds, not {tick_ns} ns")
+        inputs = dict(zip(("net-file", "route-files", "additional-files"), map(str, files), strict=True))
+        own = {"step-length": f"{tick_ns / NS_PER_S:.3f}", "seed": str(seed % _MAX_SEED)}
+        options = {**_OPTIONS, **inputs, **own}
+        self._tracks = tracks
+        self._left_sign = -1.0 if left_hand else 1.0
+        self._tick_s = tick_ns / NS_PER_S
+        self._open = SumoTraffic._running = True
+        self._has_pending_move = False  # whether SUMO will move an actor at the next step
+        try:
+            libsumo.start(["sumo", *(argument for name, value in options.items() for argument in (f"--{name}", value))])
+            for lane, speed_mps in speeds_mps.items():
+                libsumo.lane.setMaxSpeed(lane, speed_mps)
+            for lane in closed_lanes:
+                libsumo.lane.setDisallowed(lane, ["all"])
+            libsumo.simulationStep()
+        except _FAILURES as error:
+            self.close()
+            raise SimulationError(f"SUMO could not start: {error}") from error
+        closures = [name for name in libsumo.vehicle.getIDList() if name.startswith(CLOSURE)]
+        self._closures = {name: libsumo.vehicle.getLength(name) for name in closures}
+        driven = (name for name in libsumo.vehicle.getIDList() if not name.startswith(CLOSURE))
+        self.vehicles: tuple[int, ...] = tuple(sorted(map(index_of, driven)))
+        self.pedestrians = tuple(sorted(map(index_of, libsumo.person.getIDList())))
+        self._crashed: dict[str, dict[int, Any]] = {}
+        self._driven: dict[str, tuple[dict[int, Any], Float64Array]] = {}
+        self._limits_mps: list[dict[str, float]] = [{} for _ in self.vehicles]
+        self._off_net: dict[str, dict[int, Any]] = {}
+        self._vehicle_names = [vehicle_name(index) for index in self.vehicles]
+        self._pedestrian_names = [pedestrian_name(index) for index in self.pedestrians]
+        self._latest_points: dict[int, tuple[float, float, float]] = {}
+        self._lanes_ahead = LanesAhead(self._vehicle_names, tracks)
+        self.progress = RouteProgress((), np.zeros(0), ())
+        for name in self._vehicle_names:
+            libsumo.vehicle.subscribe(name, _VEHICLE_VARIABLES)
+            libsumo.vehicle.setSpeedMode(name, _BRAKES_HARD)
+        for name in self._pedestrian_names:
+            libsumo.person.subscribe(name, [libsumo.VAR_POSITION3D])
+
+    def directions(self) -> Float64Array:
+        """(V + P, 3) unit vectors of the headings of vehicles, then pedestrians, map frame; all must be on the net."""
+        angles_deg = [
+            *[(libsumo.vehicle.getAngle(name), libsumo.vehicle.getSlope(name)) for name in self._vehicle_names],
+            *[(libsumo.person.getAngle(name), 0.0) for name in self._pedestrian_names],
+        ]
+        # SUMO's angle turns clockwise from north.
+        angle, slope = np.radians(np.array(angles_deg, np.float64).reshape(-1, 2)).T
+        return np.stack([np.sin(angle) * np.cos(slope), np.cos(angle) * np.cos(slope), np.sin(slope)], axis=1)
+
+    def sample(self) -> TrafficSample:
+        """The current state.
+
+        Raises:
+            SimulationError: An actor has left the simulation.
+        """
+        driven = {name: row for name, (row, _) in self._driven.items()}
+        vehicles = {**libsumo.vehicle.getAllSubscriptionResults(), **self._crashed, **driven}
+        pedestrians = {**libsumo.person.getAllSubscriptionResults(), **self._off_net}
+        try:
+            rows = [vehicles[name] for name in self._vehicle_names]
+            lanes, position_m, left_m = ([row[variable] for row in rows] for variable in _POSITION_VARIABLES)
+            lane_position = lanes, np.array(position_m, np.float64), self._left_sign * np.array(left_m, np.float64)
+            self._lanes_ahead.observe(*lane_position)
+            self.progress = RouteProgress(lanes, lane_position[1], self._lanes_ahead.next_edges)
+            front_m = self._tracks.positions_m(*lane_position)
+            for name, (_, driven_m) in self._driven.items():
+                front_m[self._vehicle_names.index(name)] = driven_m
+            return TrafficSample(
+                front_m,
+                np.array([row[libsumo.VAR_SIGNALS] for row in rows], np.int64),
+                _point_array(self._pedestrian_points(pedestrians)),
+            )
+        except KeyError as error:
+            raise SimulationError(f"SUMO has lost {error} at {libsumo.simulation.getTime():.3f} s") from error
+
+    def _pedestrian_points(self, results: Mapping[str, Mapping[int, Any]]) -> list[tuple[float, float, float]]:
+        """The pedestrians' positions; where SUMO has none, as on walking areas without extent, the latest one."""
+        for row, name in enumerate(self._pedestrian_names):
+            point = results[name][libsumo.VAR_POSITION3D]
+            if len(point) == _AXES:  # an invalid position has two coordinates
+                self._latest_points[row] = point
+        return [self._latest_points[row] for row in range(len(self._pedestrian_names))]
+
+    def ahead_m(self, vehicle: Int64Array, distance_m: Float64Array, left_m: Float64Array) -> Float64Array:
+        """(N, K, 3) positions of the fronts of (N,) of the latest vehicles after (N, K) distances along their routes.
+
+        They lie (N, K) farther to the left of their lanes' center lines than now.
+        """
+        positions_m = self._lanes_ahead.ahead_m(vehicle, distance_m, left_m)
+        for name, (_, driven_m) in self._driven.items():  # no route: its driver decides
+            row = self._vehicle_names.index(name)
+            ahead = np.array([*self.direction(row), 0.0])
+            positions_m[vehicle == row] = driven_m + distance_m[vehicle == row][..., None] * ahead
+        return positions_m
+
+    def hold_crashed(self, body: int, front_m: Float64Array, yaw_rad: float) -> None:
+        """Hold an actor that has collided where it is, for good.
+
+        Args:
+            body: Index among the vehicles, then pedestrians.
+            front_m: (3,) where its front shall stand, map frame; only vehicles, which are ahead of the published
+                tables, are moved there.
+            yaw_rad: The vehicle's heading.
+        """
+        if body >= len(self.vehicles):
+            if (pedestrian := self._pedestrian_names[body - len(self.vehicles)]) not in self._off_net:
+                libsumo.person.setSpeed(pedestrian, 0.0)
+            return
+        name = self._vehicle_names[body]
+        self._crashed[name] = dict(libsumo.vehicle.getSubscriptionResults(name))
+        libsumo.vehicle.setSpeedMode(name, _NO_CHECKS)
+        libsumo.vehicle.setLaneChangeMode(name, 0)
+        libsumo.vehicle.setSpeed(name, 0.0)
+        x_m, y_m = front_m[:2].tolist()
+        libsumo.vehicle.moveToXY(name, "", -1, x_m, y_m, 90.0 - np.degrees(yaw_rad), keepRoute=_ON_ROUTE)
+        self._has_pending_move = True
+
+    def move_vehicle(self, vehicle: int, front_m: Float64Array, yaw_rad: float) -> None:
+        """Move a vehicle to a pose at the next step, on a road or off it, unless it has crashed.
+
+        Args:
+            vehicle: Its index in ``vehicles``; from now on only this method moves it.
+            front_m: (3,) center of its front bumper, map frame.
+            yaw_rad: Its heading.
+
+        Raises:
+            SimulationError: SUMO failed.
+        """
+        name = self._vehicle_names[vehicle]
+        if name in self._crashed:
+            return
+        row = self._driven[name][0] if name in self._driven else dict(libsumo.vehicle.getSubscriptionResults(name))
+        self._driven[name] = row, front_m
+        try:
+            x_m, y_m = front_m[:2].tolist()
+            libsumo.vehicle.moveToXY(name, "", -1, x_m, y_m, 90.0 - np.degrees(yaw_rad), keepRoute=_ON_OR_OFF_ROAD)
+            self._has_pending_move = True
+        except _FAILURES as error:
+            raise SimulationError(f"SUMO failed: {error}") from error
+
+    def step_sumo(self) -> None:
+        """Advance by one tick.
+
+        Raises:
+            SimulationError: SUMO failed.
+        """
+        try:
+            libsumo.simulationStep()
+            self._has_pending_move = False
+        except _FAILURES as error:
+            raise SimulationError(f"SUMO failed: {error}") from error
+
+    def limit_speed(self, vehicle: int, reason: str, speed_mps: float | None) -> None:
+        """Limit the speed of a vehicle (its index in ``vehicles``) at the next step, for a reason; None lifts it.
+
+        The lowest limit of all reasons applies. A limit of 0 lasts until it is lifted; others must be set at every
+        step.
+        """
+        limits_mps, name = self._limits_mps[vehicle], self._vehicle_names[vehicle]
+        limits_mps.pop(reason, None)
+        if speed_mps is not None:
+            limits_mps[reason] = speed_mps
+        if name not in self._crashed and name not in self._driven:
+            min_limit_mps = min(limits_mps.values(), default=np.inf)
+            speed_mps = libsumo.vehicle.getSpeed(name)
+            # SUMO takes a given speed as the desired one even if its driver would be slower.
+            braking_limit_mps = max(min_limit_mps, speed_mps - _EMERGENCY_MPS2 * self._tick_s)
+            libsumo.vehicle.setSpeed(name, braking_limit_mps if min_limit_mps <= speed_mps else -1.0)
+
+    def shorten_closures(self) -> None:
+        """Shorten closures a little where a vehicle waits close behind them, halfway onto the next lane.
+
+        For SUMO, a vehicle closer than its minimum gap is beside the obstacle, which then blocks it forever.
+        """
+        for name, full_length_m in self._closures.items():
+            follower, gap_m = libsumo.vehicle.getFollower(name, _QUEUE_GAP_M)
+            length_m = libsumo.vehicle.getLength(name)
+            stands = follower and gap_m < _MIN_CLOSURE_GAP_M and libsumo.vehicle.getSpeed(follower) < _STANDING_MPS
+            if stands and length_m > full_length_m - _MAX_SHORTENING_M:
+                libsumo.vehicle.setLength(name, length_m - _SHORTENING_M)
+
+    def speed_mps(self, vehicle: int) -> float:
+        """A vehicle's speed."""
+        return float(libsumo.vehicle.getSpeed(self._vehicle_names[vehicle]))
+
+    def direction(self, vehicle: int) -> Float64Array:
+        """(2,) unit vector of a vehicle's heading."""
+        angle_rad = np.radians(libsumo.vehicle.getAngle(self._vehicle_names[vehicle]))
+        return np.array([np.sin(angle_rad), np.cos(angle_rad)])
+
+    def distance_m(self, vehicle: int, edge: str, position_m: float) -> float:
+        """Driving distance of a vehicle to SUMO's position on an edge; infinite if its route does not lead there."""
+        distance_m = libsumo.vehicle.getDrivingDistance(self._vehicle_names[vehicle], edge, position_m)
+        return np.inf if distance_m == libsumo.INVALID_DOUBLE_VALUE else float(distance_m)
+
+    def remove_pedestrian(self, pedestrian: int) -> None:
+        """Take a pedestrian (its index in ``pedestrians``) off the network; samples keep it at its last position."""
+        name = self._pedestrian_names[pedestrian]
+        self._off_net[name] = dict(libsumo.person.getSubscriptionResults(name))
+        libsumo.person.remove(name)
+
+    def reinsert_pedestrian(
+        self, pedestrian: int, edges: Sequence[str], position_m: float, arrival_m: float | None
+    ) -> None:
+        """Let a removed pedestrian walk along edges, from the next step on.
+
+        Args:
+            pedestrian: Its index in ``pedestrians``.
+            edges: All edges of the walk.
+            position_m: SUMO's position on the first edge where the walk starts.
+            arrival_m: SUMO's position on the last edge where it ends; None: anywhere.
+
+        Raises:
+            SimulationError: SUMO failed.
+        """
+        before, kind = self._pedestrian_names[pedestrian], pedestrian_name(self.pedestrians[pedestrian])
+        del self._off_net[before]
+        name = f"{kind}.{int(before.partition('.')[2] or 0) + 1}"
+        try:
+            libsumo.person.add(name, edges[0], position_m, typeID=kind)
+            length_m = libsumo.lane.getLength(f"{edges[-1]}_0")  # of all lanes of the edge; maybe a few centimeters
+            arrival_m = min(_ANY_ARRIVAL_M if arrival_m is None else arrival_m, length_m)
+            libsumo.person.appendWalkingStage(name, list(edges), arrival_m)
+            libsumo.person.appendWaitingStage(name, _FOREVER_S)
+            libsumo.person.subscribe(name, [libsumo.VAR_POSITION3D])
+        except _FAILURES as error:
+            raise SimulationError(f"SUMO failed: {error}") from error
+        self._pedestrian_names[pedestrian] = name
+
+    def limit_walking_speed(self, pedestrian: int, speed_mps: float) -> None:
+        """Limit the walking speed of a pedestrian."""
+        libsumo.person.setSpeed(self._pedestrian_names[pedestrian], speed_mps)
+
+    def wants_to_move(self, vehicle: int) -> bool:
+        """Whether a stopped vehicle would drive."""
+        return bool(libsumo.vehicle.getSpeedWithoutTraCI(self._vehicle_names[vehicle]) > _STANDING_MPS)
+
+    def will_stand(self, vehicle: int, for_s: float) -> bool:
+        """Whether a vehicle at rest will stay for this duration: in a queue, or at a red light that lasts as long."""
+        name = self._vehicle_names[vehicle]
+        leader = libsumo.vehicle.getLeader(name, _QUEUE_GAP_M)
+        if leader and leader[1] < _QUEUE_GAP_M:
+            return bool(libsumo.vehicle.getSpeed(leader[0]) < _STANDING_MPS)
+        for light, _, distance_m, state in libsumo.vehicle.getNextTLS(name)[:1]:
+            rest_s = libsumo.trafficlight.getNextSwitch(light) - libsumo.simulation.getTime()
+            return bool(state == "r" and distance_m < _MAX_STOP_LINE_M and rest_s >= for_s)
+        return False
+
+    def adapt_driver(self, vehicle: int, speed_factor: float, headway_s: float) -> None:
+        """Set a driver's desired speed, relative to the limit, and headway."""
+        libsumo.vehicle.setSpeedFactor(self._vehicle_names[vehicle], speed_factor)
+        libsumo.vehicle.setTau(self._vehicle_names[vehicle], headway_s)
+
+    def ending_routes(self) -> list[tuple[int, str]]:
+        """Vehicles (indices in ``vehicles``) whose routes end soon, each with the last edge of its route."""
+        last_edges = [(row, vehicle_routes.ending_edge(name)) for row, name in enumerate(self._vehicle_names)]
+        return [(row, edge) for row, edge in last_edges if edge and self._vehicle_names[row] not in self._crashed]
+
+    def extend_route(self, vehicle: int, edges: Sequence[str], last_lane: str | None) -> None:
+        """Append edges to a vehicle's route; with a ``last_lane`` it stops at that lane's end for good."""
+        vehicle_routes.extend_route(self._vehicle_names[vehicle], edges, last_lane)
+
+    def vehicles_in_wrong_lanes(self) -> list[tuple[int, str]]:
+        """Vehicles (indices in ``vehicles``) that stand for long as their lanes do not lead along their routes.
+
+        Each comes with its lane.
+        """
+        return [
+            (row, libsumo.vehicle.getLaneID(name))
+            for row, name in enumerate(self._vehicle_names)
+            if name not in self._crashed and vehicle_routes.stands_in_wrong_lane(name)
+        ]
+
+    def replace_route(self, vehicle: int, edges: Sequence[str], last_lane: str | None) -> None:
+        """Let a vehicle drive along edges, the first one its own; with a ``last_lane`` it stops at that lane's end."""
+        vehicle_routes.replace_route(self._vehicle_names[vehicle], edges, last_lane)
+
+    def close(self) -> None:
+        """End the simulation; further calls have no effect."""
+        if self._open:
+            if self._has_pending_move:  # otherwise libsumo would move an actor of the same name in the next simulation
+                with suppress(*_FAILURES):
+                    libsumo.simulationStep()
+            libsumo.close()
+            self._open = SumoTraffic._running = False
+
+
+def _point_array(points: Sequence[tuple[float, float, float]]) -> Float64Array:
+    return np.array(points, np.float64).reshape(-1, 3)

@@ -1,0 +1,114 @@
+"""Definitions of messages in the package, against ROS's own parser and the hashes of the real packages."""
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable
+from enum import IntEnum, IntFlag
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from simbev_ros.foundation.installation.interface_files import (
+    FOREIGN_PACKAGES,
+    OWN_PACKAGE,
+    interface_files,
+    interface_folder,
+)
+from simbev_ros.foundation.semantics import BOX_CLASSES, DIFFICULTIES, SIGN_TYPES, Tag
+from simbev_ros.schema.boxes import LIGHT_IDS, NO_BLUEPRINT, SIGN_IDS
+from simbev_ros.schema.scene.state import EGO_ID, Behavior, Light, SignalState
+
+ROOT = Path(__file__).parents[3]
+parser = pytest.importorskip("rosidl_adapter.parser")
+PARSERS: dict[str, Callable[[str, str], Any]] = {
+    "msg": parser.parse_message_file,
+    "srv": parser.parse_service_file,
+    "action": parser.parse_action_file,
+}
+PUBLISHED_HASHES = {
+    "vision_msgs/msg/Detection2DArray": "214274120007f4a683866481336b70310268cfa107aebe9d594a6acf75bda968",
+    "vision_msgs/msg/Detection3DArray": "793f5eab9595ac1c0da07873cc859db42eae51f0ee76056db8562515d830e018",
+    "vision_msgs/msg/LabelInfo": "3d37df4015cdf660cc851c51897f2acd957e1ca6205ba0a99aebffb9406b0783",
+    "vision_msgs/msg/VisionClass": "1e4a11f0fed50b5623cb8ff26ca0e37952a48a9c074d16f804b44e9164c2037a",
+    "vision_msgs/msg/VisionInfo": "95d3116a17484ad91c9a2686e1d54890bbfc3ff6c6a2de137738c4950d45d284",
+}
+"""Hashes in the code that ROS 2's generators made of the package vision_msgs, as found in public workspaces."""
+ALL_FILES = [(kind, path) for name in (OWN_PACKAGE, *FOREIGN_PACKAGES) for kind, path in interface_files(name).items()]
+
+
+def constants_of(message: str) -> dict[str, int]:
+    """Values of the whole-number constants of one of our messages, as ROS reads them."""
+    spec = parser.parse_message_file(OWN_PACKAGE, str(interface_folder(OWN_PACKAGE) / f"msg/{message}.msg"))
+    return {each.name: each.value for each in spec.constants if isinstance(each.value, int)}
+
+
+def members(prefix: str, numbers: type[IntEnum | IntFlag]) -> dict[str, int]:
+    return {f"{prefix}_{member.name}": int(member) for member in numbers}
+
+
+def numbered(prefix: str, names: tuple[str, ...]) -> dict[str, int]:
+    return {f"{prefix}_{name.upper() or 'NONE'}": index for index, name in enumerate(names)}
+
+
+@pytest.mark.parametrize(("name", "path"), ALL_FILES, ids=[name for name, _ in ALL_FILES])
+def test_ros_parses_every_definition(name: str, path: Path) -> None:
+    package, kind, _ = name.split("/")
+    assert PARSERS[kind](package, str(path)) is not None
+
+
+def test_every_field_of_ours_has_a_comment() -> None:
+    for path in interface_files(OWN_PACKAGE).values():
+        for line in path.read_text(encoding="utf-8").splitlines():
+            code, _, comment = line.partition("#")
+            assert comment or "=" in code or code.strip() in ("", "---"), f"{path.name}: {line}"
+
+
+def test_the_build_names_every_definition_and_nothing_else() -> None:
+    text = (ROOT / "interfaces/CMakeLists.txt").read_text(encoding="utf-8")
+    named = [line.strip().strip('"') for line in text.splitlines() if line.strip().startswith('"')]
+    folder = interface_folder(OWN_PACKAGE)
+    assert named == sorted(str(path.relative_to(folder)) for path in interface_files(OWN_PACKAGE).values())
+
+
+def test_both_packages_have_the_same_version_and_addresses() -> None:
+    ours, interfaces = (ElementTree.parse(ROOT / path).getroot() for path in ("package.xml", "interfaces/package.xml"))
+    for tag in ("version", "license", "maintainer", "url[@type='repository']"):
+        assert interfaces.findtext(tag) == ours.findtext(tag), tag
+    assert interfaces.findtext("name") == OWN_PACKAGE
+
+
+def test_constants_of_actors_are_those_of_the_tables() -> None:
+    expected = members("LIGHT", Light) | members("BEHAVIOR", Behavior) | members("TAG", Tag) | {"EGO_ID": EGO_ID}
+    assert constants_of("Actor") == expected
+
+
+def test_constants_of_traffic_signals_are_those_of_the_tables() -> None:
+    assert constants_of("TrafficSignal") == members("STATE", SignalState)
+
+
+def test_constants_of_boxes_are_those_of_the_tables() -> None:
+    names = numbered("CLASS", BOX_CLASSES) | numbered("DIFFICULTY", DIFFICULTIES) | numbered("SIGN", SIGN_TYPES)
+    ids = {"LIGHT_IDS": LIGHT_IDS, "SIGN_IDS": SIGN_IDS, "NO_BLUEPRINT": NO_BLUEPRINT}
+    assert constants_of("Box") == names | ids
+
+
+def test_type_hashes_of_vision_msgs_are_those_of_the_real_package() -> None:
+    store = get_typestore(Stores.ROS2_JAZZY)
+    for name, path in interface_files("vision_msgs").items():
+        store.register(get_types_from_msg(path.read_text(encoding="utf-8"), name))
+    assert {name: store.hash_rihs01(name) for name in PUBLISHED_HASHES} == {
+        name: f"RIHS01_{digest}" for name, digest in PUBLISHED_HASHES.items()
+    }
+
+
+def test_fields_of_tf2_msgs_are_those_that_rosbags_knows_of_jazzy() -> None:
+    store = get_typestore(Stores.ROS2_JAZZY)
+    for name in ("tf2_msgs/msg/TFMessage", "tf2_msgs/msg/TF2Error"):
+        text = interface_files("tf2_msgs")[name].read_text(encoding="utf-8")
+        assert get_types_from_msg(text, name)[name] == store.fielddefs[name]
+
+
+def test_a_package_without_definitions_is_refused() -> None:
+    with pytest.raises(KeyError, match="nav_msgs"):
+        interface_folder("nav_msgs")

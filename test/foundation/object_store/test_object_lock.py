@@ -1,0 +1,76 @@
+"""The lock on a folder of an object store: one process at a time, free after a clean end or a minute of silence."""
+
+import json
+import os
+import socket
+import time
+
+import pytest
+from store_server import BUCKET, StoreServer
+
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.object_store import object_lock
+from simbev_ros.foundation.object_store.object_lock import ObjectLock, require_writable_store
+from simbev_ros.foundation.object_store.object_path import ObjectPath
+from simbev_ros.foundation.object_store.transfers import list_objects, put_bytes
+
+FOLDER = ObjectPath(BUCKET, "sets/a")
+LOCK = FOLDER / ".lock"
+
+
+def test_a_second_process_is_told_who_holds_the_lock(store: StoreServer) -> None:
+    holder = rf"process {os.getpid()} on {socket.gethostname()} is writing into it; its last sign of life is \d s old"
+    with ObjectLock(FOLDER), pytest.raises(InputError, match=f"^{FOLDER}: {holder}, and after 60 s without one"):
+        ObjectLock(FOLDER)
+    assert list_objects(FOLDER) == {LOCK: 0}
+
+
+def test_the_lock_is_free_after_a_clean_end(store: StoreServer) -> None:
+    for _ in range(2):
+        with ObjectLock(FOLDER) as lock:
+            lock.require()
+
+
+def test_the_lock_of_a_killed_process_is_free_when_it_is_old(
+    store: StoreServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ObjectLock(FOLDER)  # which nobody refreshes
+    monkeypatch.setattr(object_lock, "_EXPIRY_S", 0.0)
+    with ObjectLock(FOLDER) as lock:
+        lock.require()
+
+
+def test_the_lock_is_refreshed_while_it_is_held(store: StoreServer, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(object_lock, "_REFRESH_S", 0.02)
+    with ObjectLock(FOLDER):
+        end_s = time.monotonic() + 10
+        while sum(request.startswith("PUT /made-up/sets/a/.lock?") for request in store.requests) < 3:
+            assert time.monotonic() < end_s
+            time.sleep(0.02)
+
+
+def test_a_lock_that_was_taken_over_is_neither_refreshed_nor_released(
+    store: StoreServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(object_lock, "_REFRESH_S", 0.02)
+    other = json.dumps({"host": "other", "pid": 7, "token": "x"}).encode()
+    with ObjectLock(FOLDER) as lock:
+        while lock.is_held():  # unless a refresh was under way
+            put_bytes(other, LOCK)
+        with pytest.raises(InputError, match=f"^{FOLDER}: process 7 on other has begun to write into it"):
+            lock.require()
+        time.sleep(0.1)
+    assert LOCK.read_bytes() == other
+
+
+@pytest.mark.parametrize("content", [b"{", b"[]", b"\xff"])
+def test_an_unreadable_lock_is_held_by_an_unknown_process(store: StoreServer, content: bytes) -> None:
+    put_bytes(content, LOCK)
+    with pytest.raises(InputError, match="process unknown on an unknown host is writing"):
+        ObjectLock(FOLDER)
+
+
+def test_a_folder_that_cannot_be_written_to_is_refused(store: StoreServer) -> None:
+    store.is_read_only = True
+    with pytest.raises(InputError, match=r"sets/a/\.lock\.\w+: access was refused \(ACCESS_DENIED\)"):
+        require_writable_store(FOLDER)

@@ -1,0 +1,134 @@
+"""Runs the graph as a user does, by a ``simbev`` command in a process of its own."""
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+import psutil
+
+from simbev_ros.ros.graph.shared_memory import held_files, middleware_files
+
+DOMAIN = 1 + os.getpid() % 38
+"""ROS domain of the tests' graphs; concurrent test runs have different ones."""
+
+SMALL = """
+seed: 11
+scenes: [{map: Blocks, train: 1}]
+time: {warm_up_s: 1, duration_s: DURATION}
+rig:
+  sensors:
+    - {type: camera, name: cam_front, pose: {x_m: 0.6, z_m: 1.6}, width_px: 96, height_px: 64, rate_hz: 10}
+    - {type: lidar, name: lidar, pose: {z_m: 1.8}, channels: 8, columns: 128}
+    - {type: radar, name: radar_front, pose: {x_m: 2.4, z_m: 0.6}, points_per_second: 4000, micro_doppler: true}
+    - {type: gnss, name: gnss}
+    - {type: imu, name: imu}
+    - {type: imu, name: imu_fast, rate_hz: 100}
+weather: {cloudiness: 20, precipitation: 0, sun_altitude_deg: 45, fog_density: 0}
+traffic: {vehicles: 15, pedestrians: 15, spawn_radius_m: 150}
+annotation:
+  bev: {rows: 100, columns: 100}
+  occupancy: {half_side_m: 20, voxel_m: 1, rate_hz: 10}
+  vector_map: {rate_hz: 5}
+"""
+
+
+SCENE = Path("scenes/train/Blocks-0000")
+"""Path of the first scene in its dataset."""
+
+
+_PRETEND_CORES = """
+import os
+os.sched_getaffinity = lambda _: set(range({}))
+from simbev_ros.cli.main import main
+main()
+"""
+
+
+class Command:
+    """A ``simbev`` command that runs in a session of its own, on a machine with two cores or as many as it is told."""
+
+    def __init__(self, *arguments: object, cores: int = 2) -> None:
+        self.environment = {**os.environ, "COLUMNS": "200", "ROS_DOMAIN_ID": str(DOMAIN)}
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", _PRETEND_CORES.format(cores), *map(str, arguments)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env=self.environment,
+            start_new_session=True,
+        )
+
+    def finish(self, timeout_s: float = 120) -> tuple[int, str]:
+        """Wait for the end of the command; return exit code and output."""
+        output, _ = self.process.communicate(timeout=timeout_s)
+        return self.process.returncode, output
+
+    def close(self) -> None:
+        """End the command if it still runs."""
+        self.process.terminate()
+        try:
+            self.process.wait(20)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+        if self.process.stdout is not None:
+            self.process.stdout.close()
+
+    def nodes(self) -> dict[str, int]:
+        """Pid of each node process, by label (such as ``gnss+imu``)."""
+        found = {}
+        for process in psutil.Process(self.process.pid).children(recursive=True):
+            with suppress(psutil.NoSuchProcess):
+                words = " ".join(process.cmdline()).split()
+                if words[:1] == ["simbev_ros.ros.nodes.main"]:
+                    names = [word.partition(":")[2].rpartition("/")[2] for word in words[1 : words.index("--ros-args")]]
+                    found["+".join(names)] = process.pid
+        return found
+
+    def wait_for(self, condition: Callable[[], bool], timeout_s: float = 60) -> None:
+        """Wait until a condition holds; fail if the command ends earlier."""
+        end_s = time.monotonic() + timeout_s
+        while not condition():
+            assert self.process.poll() is None, self.process.stdout and self.process.stdout.read()
+            assert time.monotonic() < end_s, "timed out"
+            time.sleep(0.05)
+
+
+def record(simbev: Callable[..., Command], config: Path, dataset: Path) -> Path:
+    """Record a configuration's scenes; return the bag of the first one."""
+    code, output = simbev("run", config, "--record", dataset).finish()
+    assert code == 0, output
+    return dataset / SCENE
+
+
+def wait_until(condition: Callable[[], bool], timeout_s: float = 10) -> None:
+    """Wait until a condition holds."""
+    end_s = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < end_s, "timed out"
+        time.sleep(0.05)
+
+
+def orphaned_files() -> set[str]:
+    """Names of Fast DDS's shared-memory files that no process has mapped."""
+    files = set(middleware_files())
+    held = held_files(psutil.pids())
+    return {path.name for path in files - held}
+
+
+def node_processes() -> list[int]:
+    """Pids of all node processes in the tests' domain."""
+    found = []
+    for path in Path("/proc").iterdir():
+        try:
+            if path.name.isdecimal() and b"simbev_ros.ros.nodes.main" in (path / "cmdline").read_bytes():
+                variables = (path / "environ").read_bytes().split(b"\0")
+                if f"ROS_DOMAIN_ID={DOMAIN}".encode() in variables:
+                    found.append(int(path.name))
+        except OSError:
+            continue
+    return found

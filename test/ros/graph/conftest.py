@@ -1,0 +1,103 @@
+"""Fixtures for tests with running graphs: a small configuration, commands, and a check for leftovers."""
+
+import time
+from collections.abc import Callable, Collection, Iterator
+from pathlib import Path
+
+import pytest
+from commands import SMALL, Command, node_processes, orphaned_files, record
+
+from simbev_ros.ros.msgs.message_types import message_class
+
+
+@pytest.fixture
+def small_config(tmp_path: Path) -> Callable[..., Path]:
+    """Function that writes a small configuration of a given duration, with further text appended.
+
+    Kinds of sensors that a test does not need can be left out: their processes take the longest to start.
+    """
+
+    def write(duration_s: float = 0.5, more: str = "", name: str = "small.yaml", without: Collection[str] = ()) -> Path:
+        path = tmp_path / name
+        lines = SMALL.replace("DURATION", f"{duration_s:g}").splitlines(keepends=True)
+        path.write_text("".join(line for line in lines if not any(f"type: {kind}," in line for kind in without)) + more)
+        return path
+
+    return write
+
+
+@pytest.fixture(scope="session")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The bag of a scene of half a second with the small configuration."""
+    folder = tmp_path_factory.mktemp("recorded")
+    (folder / "small.yaml").write_text(SMALL.replace("DURATION", "0.5"))
+    return record(Command, folder / "small.yaml", folder / "dataset")
+
+
+@pytest.fixture(scope="session")
+def in_both_forms(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The same scene, recorded as tables and as typed messages; another one follows on the same processes."""
+    folder = tmp_path_factory.mktemp("in_both_forms")
+    text = SMALL.replace("DURATION", "0.5").replace("train: 1", "train: 2") + "recording: {forms: [tables, messages]}\n"
+    (folder / "small.yaml").write_text(text)
+    return record(Command, folder / "small.yaml", folder / "dataset")
+
+
+@pytest.fixture
+def simbev() -> Iterator[Callable[..., Command]]:
+    """Function that starts commands; those still running at the end of the test are ended."""
+    commands: list[Command] = []
+
+    def start(*arguments: object, **machine: int) -> Command:
+        commands.append(Command(*arguments, **machine))
+        return commands[-1]
+
+    yield start
+    for command in commands:
+        command.close()
+
+
+@pytest.fixture(autouse=True)
+def no_leftovers() -> Iterator[None]:
+    """Check after every test that no new file of the middleware is in /dev/shm and no node process runs."""
+    before = orphaned_files()
+    yield
+    end_s = time.monotonic() + 5
+    while (orphaned_files() - before or node_processes()) and time.monotonic() < end_s:
+        time.sleep(0.1)
+    assert not node_processes()
+    assert not orphaned_files() - before
+
+
+@pytest.fixture(scope="session")
+def ros_type_hashes() -> dict[str, str]:
+    """Type hashes of installed message types, as announced by rclpy's own publishers."""
+    import rclpy
+    from rclpy.context import Context
+
+    context = Context()
+    rclpy.init(context=context, domain_id=38)
+    node = rclpy.create_node("hashes", context=context)
+    hashes = {}
+    try:
+        for type_name in (
+            "sensor_msgs/msg/PointCloud2",
+            "sensor_msgs/msg/CompressedImage",
+            "sensor_msgs/msg/CameraInfo",
+            "sensor_msgs/msg/Imu",
+            "sensor_msgs/msg/NavSatFix",
+            "nav_msgs/msg/Odometry",
+            "visualization_msgs/msg/MarkerArray",
+            "std_msgs/msg/String",
+            "rosgraph_msgs/msg/Clock",
+        ):
+            topic = "/" + type_name.replace("/", "_")
+            node.create_publisher(message_class(type_name), topic, 1)
+            end_s = time.monotonic() + 10
+            while not (infos := node.get_publishers_info_by_topic(topic)) and time.monotonic() < end_s:
+                time.sleep(0.05)
+            hashes[type_name] = str(infos[0].topic_type_hash)
+    finally:
+        node.destroy_node()
+        context.shutdown()
+    return hashes

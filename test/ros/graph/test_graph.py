@@ -1,0 +1,257 @@
+"""The whole graph with real processes records complete bags with repeatable bytes and ends in order."""
+
+import json
+import os
+import signal
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from commands import DOMAIN, SCENE, Command, node_processes, record, wait_until
+from mcap.reader import make_reader
+from rosbags.highlevel import AnyReader
+
+from simbev_ros.config.rig import Rig
+from simbev_ros.config.scenario import Scenario
+from simbev_ros.recording.digest import topic_digests
+from simbev_ros.recording.reader import SceneBag
+from simbev_ros.ros.graph.shared_memory import middleware_files, remove_orphans
+from tools.bench.world_timing import timed_world
+
+pytestmark = pytest.mark.graph
+
+Simbev = Callable[..., Command]
+Config = Callable[..., Path]
+
+
+SMALL_CHUNKS = "recording: {chunk_kib: 64}\n"
+"""With it, a bag grows as soon as ticks are played."""
+
+
+def size_of(bag: Path) -> int:
+    """Size of the files of an unfinished bag, in bytes."""
+    return sum(file.stat().st_size for file in bag.glob("*.mcap"))
+
+
+def digests(folder: Path) -> dict[str, str]:
+    with SceneBag(folder) as bag:
+        return topic_digests(bag)
+
+
+def test_every_topic_has_exactly_its_messages(recorded: Path) -> None:
+    with AnyReader([recorded]) as reader:
+        counts = {name: topic.msgcount for name, topic in reader.topics.items()}
+    world = ("scene", "map", "legend", "lights", "building_lights")
+    once = {"/tf_static", "/robot_description", *(f"/world/{name}" for name in world)}
+    camera = {name for name in counts if name.startswith("/ego/cam_front/")}
+    assert len(camera) == 12
+    assert (counts.pop("/ego/occupancy/points"), counts.pop("/ego/vector_map")) == (5, 3)
+    fast = {"/ego/imu_fast/data", "/ego/imu_fast/data_raw"}
+    assert {counts.pop(name) for name in fast} == {1 + 9 * 5}  # from tick 0 on
+    for name in counts.keys() - {"/world/events"}:  # there may be any number of events
+        assert counts[name] == (1 if name in once else 5 if name in camera else 10), name
+    sensed = {"/ego/lidar/points", "/ego/radar_front/points", "/ego/bev/labels", "/ego/boxes"}
+    assert {"/tf", "/clock", "/ego/odom", *sensed} <= counts.keys()
+
+
+def test_chunks_and_attachments_pass_their_checksums(recorded: Path) -> None:
+    with (recorded / "Blocks-0000_0.mcap").open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        assert sum(1 for _ in reader.iter_messages()) > 300
+        assert {attachment.name for attachment in reader.iter_attachments()} == {
+            "scene.json",
+            "config.yaml",
+            "map.xodr",
+            "lead_in.json",
+            "trajectories.npz",
+        }
+
+
+def test_metadata_holds_the_type_hashes_that_rclpy_offers(recorded: Path, ros_type_hashes: dict[str, str]) -> None:
+    with AnyReader([recorded]) as reader:
+        hashes = {connection.msgtype: connection.digest for connection in reader.connections}
+    shared = ros_type_hashes.keys() & hashes.keys()
+    assert len(shared) > 5
+    assert {name: hashes[name] for name in shared} == {name: ros_type_hashes[name] for name in shared}
+
+
+def test_accounting_of_a_complete_bag_is_complete(recorded: Path) -> None:
+    with SceneBag(recorded) as bag:
+        assert bag.custom_data["complete"] == "true"
+        assert json.loads(bag.custom_data["expected"]) == json.loads(bag.custom_data["recorded"])
+
+
+def test_all_frames_belong_to_one_tree(recorded: Path) -> None:
+    parents = {}
+    with AnyReader([recorded]) as reader:
+        for connection, _, payload in reader.messages([c for c in reader.connections if c.topic.startswith("/tf")]):
+            for transform in reader.deserialize(payload, connection.msgtype).transforms:  # type: ignore[attr-defined]
+                parents[transform.child_frame_id] = transform.header.frame_id
+        frames = set()
+        for connection, _, payload in reader.messages([c for c in reader.connections if c.topic.startswith("/ego/")]):
+            message: Any = reader.deserialize(payload, connection.msgtype)
+            if hasattr(message, "header"):
+                frames.add(message.header.frame_id)
+    for frame in frames:
+        while frame in parents:
+            frame = parents[frame]
+        assert frame == "map"
+
+
+def test_same_seed_leads_to_the_same_bytes_even_with_more_scenes_on_the_same_processes(
+    recorded: Path, in_both_forms: Path
+) -> None:
+    once, again = digests(recorded), digests(in_both_forms)
+    assert {name: again[name] for name in once} == once
+    with SceneBag(in_both_forms.with_name("Blocks-0001")) as second:
+        assert second.custom_data["complete"] == "true"
+
+
+@pytest.mark.slow
+def test_another_seed_changes_all_topics_that_are_not_static(
+    recorded: Path, simbev: Simbev, small_config: Config, tmp_path: Path
+) -> None:
+    seed_12 = small_config(more="graph: {window_ticks: 1}")
+    seed_12.write_text(seed_12.read_text().replace("seed: 11", "seed: 12"))
+    other = digests(record(simbev, seed_12, tmp_path / "other"))
+    same = {name for name, digest in digests(recorded).items() if digest == other[name]}
+    static = {
+        "/clock",
+        "/world/map",
+        "/world/legend",
+        "/tf_static",
+        *(name for name in other if name.endswith("camera_info")),
+    }
+    assert same - {"/world/events"} == static, "events may be missing in both"
+
+
+@pytest.mark.parametrize(
+    "node",
+    [
+        "recorder",
+        *(
+            pytest.param(node, marks=pytest.mark.slow)
+            for node in ("world", "camera", "lidar+radar", "gnss+imu", "annotator")
+        ),
+    ],
+)
+def test_killed_node_is_named_and_the_partial_bag_stays_readable(
+    simbev: Simbev, small_config: Config, tmp_path: Path, node: str
+) -> None:
+    others = [kind for kind in ("camera", "lidar", "radar") if kind not in node]
+    command = simbev("run", small_config(60, SMALL_CHUNKS, without=others), "--record", tmp_path / "out")
+    bag = tmp_path / "out" / f"{SCENE}.partial"
+    command.wait_for(lambda: size_of(bag) > 1_200_000)
+    os.kill(command.nodes()[node], signal.SIGKILL)
+    killed_s = time.monotonic()
+    code, output = command.finish(timeout_s=10)
+    assert time.monotonic() - killed_s < 10
+    assert code == 1
+    assert f"node {node} died after tick" in output
+    assert "SIGKILL" in output
+    assert "Traceback" not in output
+    with SceneBag(bag) as partial:
+        assert sum(1 for _ in partial.messages(["/clock"])) > 5
+    assert not (tmp_path / "out" / SCENE).exists()
+
+
+@pytest.mark.parametrize("number", [pytest.param(signal.SIGINT, marks=pytest.mark.slow), signal.SIGTERM])
+def test_interrupt_closes_the_bag_and_exits_130(
+    simbev: Simbev, small_config: Config, tmp_path: Path, number: signal.Signals
+) -> None:
+    config = small_config(60, SMALL_CHUNKS, without=["camera", "lidar", "radar"])
+    command = simbev("run", config, "--record", tmp_path / "out")
+    bag = tmp_path / "out" / f"{SCENE}.partial"
+    command.wait_for(lambda: size_of(bag) > 1_200_000)
+    os.kill(command.process.pid, number)
+    code, output = command.finish(timeout_s=20)
+    assert code == 130
+    assert "Traceback" not in output
+    assert (bag / "metadata.yaml").is_file()
+    with AnyReader([bag]) as reader:
+        assert reader.message_count > 100
+
+
+@pytest.mark.slow
+def test_stopped_node_is_named_when_it_has_been_silent_for_too_long(
+    simbev: Simbev, small_config: Config, tmp_path: Path
+) -> None:
+    config = small_config(600, f"{SMALL_CHUNKS}graph: {{silence_timeout_s: 20}}\n", without=["camera"])
+    command = simbev("run", config, "--record", tmp_path / "out")
+    bag = tmp_path / "out" / f"{SCENE}.partial"
+    command.wait_for(lambda: size_of(bag) > 1_000_000)  # ticks are played
+    os.kill(command.nodes()["annotator"], signal.SIGSTOP)
+    code, output = command.finish(timeout_s=60)
+    assert code == 1
+    assert "node annotator has been silent for 20 s, after tick" in output
+
+
+def test_nodes_end_when_the_command_is_killed(simbev: Simbev, small_config: Config) -> None:
+    before = set(middleware_files())  # a run killed together with its nodes may have left some
+    command = simbev("run", small_config(60))
+    command.wait_for(lambda: len(command.nodes()) == 5)
+    command.process.kill()
+    command.process.wait()
+    wait_until(lambda: not node_processes())
+    # The killed process could not remove its own two segments and their lock files; its nodes could.
+    assert len(remove_orphans(set(middleware_files()) - before)) <= 4
+
+
+def test_two_graphs_do_not_share_a_domain(simbev: Simbev, small_config: Config) -> None:
+    config = small_config(60, without=["camera", "lidar", "radar"])
+    first = simbev("run", config, "--live")  # or it would play as fast as it can until the other is refused
+    first.wait_for(lambda: len(first.nodes()) == 3)
+    code, output = simbev("run", config).finish()
+    assert code == 2
+    assert f"ROS domain {DOMAIN} is in use by another simbev graph" in output
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("cores", "views"), [(8, set()), (16, {"annotator_views"})])
+def test_more_cores_lead_to_more_processes_and_the_same_bytes(
+    recorded: Path, simbev: Simbev, small_config: Config, tmp_path: Path, cores: int, views: set[str]
+) -> None:
+    command = simbev("run", small_config(), "--record", tmp_path / "many", cores=cores)
+    nodes = {"world", "camera", "lidar", "radar", "gnss+imu", "annotator_boxes", "annotator_surroundings", "recorder"}
+    nodes |= views
+    command.wait_for(lambda: len(command.nodes()) == len(nodes))
+    assert command.nodes().keys() == nodes
+    code, output = command.finish()
+    assert code == 0, output
+    assert digests(tmp_path / "many" / SCENE) == digests(recorded)
+
+
+@pytest.mark.slow
+def test_bench_reports_the_time_of_every_process(simbev: Simbev, small_config: Config) -> None:
+    code, output = simbev("bench", small_config(), "--ticks", 20, "--json").finish()
+    assert code == 0, output
+    result = json.loads(output[output.index("{") :])
+    assert result["ticks_per_s"] > 0
+    processes = {process["name"]: process for process in result["processes"]}
+    assert processes.keys() == {"world", "camera", "lidar+radar", "gnss+imu", "annotator", "recorder"}
+    assert all(process["memory_mib"] > 50 for process in processes.values())
+    assert processes["camera"]["cpu_ms"] > 0  # the clock is too coarse for nodes with little load
+    parts = {name: {part["name"] for part in process["parts"]} for name, process in processes.items()}
+    assert parts["world"] == {"simulate", "message", "send", "all else"}
+    assert parts["camera"] == {"draw", "read back", "encode", "message", "send", "all else"}
+    assert parts["lidar+radar"] == {"place", "cast", "message", "send", "all else"}
+    assert parts["annotator"] == {"receive", "label", "message", "send", "all else"}
+    assert parts["recorder"] == {"receive", "write", "all else"}
+    slowest = max(result["processes"], key=lambda process: process["busy_ms"])
+    assert result["slowest"] == slowest["name"]
+    assert result["ticks_per_s_of_slowest"] == pytest.approx(1000 / slowest["busy_ms"])
+
+
+@pytest.mark.slow
+def test_world_bench_times_scenes_of_every_size() -> None:
+    scenario = Scenario.model_validate(
+        {"scenes": [{"map": "Blocks", "train": 1}], "rig": Rig(sensors=()), "time": {"duration_s": 1}}
+    )
+    timing = timed_world(scenario, "Blocks", counts=(6, 60))
+    assert [scene.people for scene in timing.scenes] == [4, 40]
+    assert all(scene.vehicles >= wanted for scene, wanted in zip(timing.scenes, (2, 20), strict=True))
+    assert all(0.0 < scene.mean_ms <= scene.p99_ms and scene.cpu_ms > 0.0 for scene in timing.scenes)
+    assert np.isfinite(timing.growth)

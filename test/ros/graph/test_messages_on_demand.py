@@ -1,0 +1,186 @@
+"""A running graph sends transforms, detections and typed messages to subscribers, and they say what its tables say."""
+
+import time
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from commands import DOMAIN, Command
+from scipy.spatial.transform import Rotation
+
+from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES
+from simbev_ros.ros.msgs.message_types import is_installed, message_class
+from simbev_ros.ros.msgs.qos import LATCHED, STATE_READER, rclpy_qos
+from simbev_ros.ros.msgs.stamps import stamp_of
+from simbev_ros.ros.msgs.tables import table_from_message
+
+pytestmark = [
+    pytest.mark.graph,
+    pytest.mark.skipif(
+        not all(
+            map(is_installed, ("tf2_msgs/msg/TFMessage", "vision_msgs/msg/LabelInfo", "simbev_interfaces/msg/Box"))
+        ),
+        reason="message packages are missing, see simbev doctor",
+    ),
+]
+
+TABLES = {
+    "/ego/odom": "nav_msgs/msg/Odometry",
+    "/ego/boxes": "sensor_msgs/msg/PointCloud2",
+    "/ego/cam_front/boxes": "sensor_msgs/msg/PointCloud2",
+    "/world/actors": "sensor_msgs/msg/PointCloud2",
+}
+ON_DEMAND = {
+    "/tf": "tf2_msgs/msg/TFMessage",
+    "/ego/detections": "vision_msgs/msg/Detection3DArray",
+    "/ego/cam_front/detections": "vision_msgs/msg/Detection2DArray",
+    "/ego/cam_front/detections/amodal": "vision_msgs/msg/Detection2DArray",
+    "/ego/boxes/typed": "simbev_interfaces/msg/Boxes",
+    "/world/actors/typed": "simbev_interfaces/msg/Actors",
+    "/world/weather/typed": "simbev_interfaces/msg/Weather",
+}
+ONCE = {
+    "/tf_static": "tf2_msgs/msg/TFMessage",
+    "/world/scene/typed": "simbev_interfaces/msg/Scene",
+    "/ego/bev/label_info": "vision_msgs/msg/LabelInfo",
+    "/ego/cam_front/semantic/label_info": "vision_msgs/msg/LabelInfo",
+}
+_PAIRS = 5
+
+
+class Listener:
+    """A node that keeps the messages of all these topics, by topic and stamp in ns."""
+
+    def __init__(self, node: Any) -> None:
+        self.messages: dict[str, dict[int, Any]] = defaultdict(dict)
+        for name, type_name in (TABLES | ON_DEMAND | ONCE).items():
+            qos = rclpy_qos(LATCHED if name in ONCE else STATE_READER)
+            node.create_subscription(message_class(type_name), name, self._keep(name), qos)
+
+    def _keep(self, name: str) -> Callable[[Any], None]:
+        def keep(message: Any) -> None:
+            stamped = message.transforms[0] if hasattr(message, "transforms") else message
+            self.messages[name][stamp_of(stamped.header.stamp)] = message
+
+        return keep
+
+    def pairs(self, table: str, other: str) -> list[tuple[Any, Any]]:
+        """Messages of two topics with equal stamps."""
+        first, second = self.messages[table], self.messages[other]
+        return [(first[stamp_ns], second[stamp_ns]) for stamp_ns in sorted(first.keys() & second.keys())]
+
+    def only(self, name: str) -> Any:
+        """The one message of a latched topic."""
+        [message] = self.messages[name].values()
+        return message
+
+    @property
+    def has_enough(self) -> bool:
+        """Whether every topic has sent messages that can be compared."""
+        frequent = all(len(self.messages[name]) >= _PAIRS for name in TABLES | ON_DEMAND)
+        return frequent and all(self.messages[name] for name in ONCE)
+
+
+@pytest.fixture(scope="module")
+def listener(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Listener]:
+    """What a graph has sent to a node that subscribes to all of these topics."""
+    import rclpy
+    from commands import SMALL
+    from rclpy.context import Context
+    from rclpy.executors import SingleThreadedExecutor
+
+    config = tmp_path_factory.mktemp("on_demand") / "small.yaml"
+    lines = SMALL.replace("DURATION", "600").splitlines(keepends=True)
+    lines = [line for line in lines if not any(f"type: {kind}," in line for kind in ("lidar", "radar", "imu"))]
+    config.write_text("".join([*lines, "frames: {odom: true}\n"]))
+    context = Context()
+    rclpy.init(context=context, domain_id=DOMAIN)
+    node = rclpy.create_node("listener", context=context)
+    listener = Listener(node)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    run = Command("run", config)
+    end_s = time.monotonic() + 90
+    while not listener.has_enough:
+        assert run.process.poll() is None, "the graph has ended"
+        assert time.monotonic() < end_s, {name: len(each) for name, each in listener.messages.items()}
+        executor.spin_once(timeout_sec=0.1)
+    run.close()
+    executor.shutdown()
+    node.destroy_node()
+    rclpy.shutdown(context=context)
+    yield listener
+
+
+def test_the_transforms_of_tf_lead_to_the_pose_of_the_odometry(listener: Listener) -> None:
+    pairs = listener.pairs("/ego/odom", "/tf")
+    assert len(pairs) >= _PAIRS
+    for odometry, message in pairs:
+        names = [(each.header.frame_id, each.child_frame_id) for each in message.transforms]
+        assert names == [("map", "ego/odom"), ("ego/odom", "ego/base_link")]
+        map_from_odom, odom_from_base = (
+            pose_matrix(each.transform.translation, each.transform.rotation) for each in message.transforms
+        )
+        truth = pose_matrix(odometry.pose.pose.position, odometry.pose.pose.orientation)
+        assert np.abs(map_from_odom @ odom_from_base - truth).max() < 1e-9
+
+
+def pose_matrix(position: Any, turn: Any) -> np.ndarray:
+    """(4, 4) pose from a position or translation and a quaternion."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).as_matrix()
+    matrix[:3, 3] = position.x, position.y, position.z
+    return matrix
+
+
+def test_static_transforms_reach_every_sensor(listener: Listener) -> None:
+    children = {each.child_frame_id: each.header.frame_id for each in listener.only("/tf_static").transforms}
+    assert children["ego/cam_front_optical"] == "ego/cam_front"
+    assert children["ego/cam_front"] == children["ego/gnss"] == "ego/base_link"
+
+
+def test_3d_detections_are_the_boxes_row_by_row(listener: Listener) -> None:
+    pairs = listener.pairs("/ego/boxes", "/ego/detections")
+    assert len(pairs) >= _PAIRS
+    for message, detections in pairs:
+        table = table_from_message(message)
+        assert [int(each.id) for each in detections.detections] == table["id"].tolist()
+        names = [each.results[0].hypothesis.class_id for each in detections.detections]
+        assert names == [BOX_CLASSES[number] for number in table["class"]]
+        centers = [each.bbox.center.position for each in detections.detections]
+        truth = np.column_stack([table[name] for name in ("x", "y", "z")])
+        assert (np.array([[each.x, each.y, each.z] for each in centers]).reshape(-1, 3) == truth).all()
+
+
+def test_2d_detections_are_the_view_row_by_row(listener: Listener) -> None:
+    pairs = listener.pairs("/ego/cam_front/boxes", "/ego/cam_front/detections")
+    assert len(pairs) >= _PAIRS
+    for message, detections in pairs:
+        table = table_from_message(message)
+        visible = table[table["visible_px"] > 0]
+        assert [int(each.id) for each in detections.detections] == visible["id"].tolist()
+        widths = [each.bbox.size_x for each in detections.detections]
+        assert widths == pytest.approx((visible["right"] - visible["left"]).tolist())
+    for message, detections in listener.pairs("/ego/cam_front/boxes", "/ego/cam_front/detections/amodal"):
+        assert [int(each.id) for each in detections.detections] == table_from_message(message)["id"].tolist()
+
+
+def test_typed_messages_are_the_tables_row_by_row(listener: Listener) -> None:
+    for source, field in (("/ego/boxes", "boxes"), ("/world/actors", "actors")):
+        pairs = listener.pairs(source, f"{source}/typed")
+        assert len(pairs) >= _PAIRS
+        for message, typed in pairs:
+            table, rows = table_from_message(message), getattr(typed, field)
+            assert [row.id for row in rows] == table["id"].tolist()
+            assert [row.x for row in rows] == table["x"].tolist()
+            assert [np.float32(row.yaw) for row in rows] == table["yaw"].tolist()
+
+
+def test_names_of_labels_and_facts_of_the_scene_are_latched(listener: Listener) -> None:
+    bits = {each.class_id: each.class_name for each in listener.only("/ego/bev/label_info").class_map}
+    assert bits == {1 << index: name for index, name in enumerate(BEV_CLASSES)}
+    tags = {each.class_id: each.class_name for each in listener.only("/ego/cam_front/semantic/label_info").class_map}
+    assert (tags[14], tags[24]) == ("car", "road_line")
+    assert listener.only("/world/scene/typed").name == "Blocks-0000"

@@ -1,0 +1,145 @@
+"""Forked node processes have an output, a session and an exit code of their own, and end with whoever started them."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import psutil
+import pytest
+from commands import DOMAIN, wait_until
+
+from simbev_ros.ros.graph.environment import graph_environment
+from simbev_ros.ros.graph.node_starter import ForkedProcess, NodeStarter
+from simbev_ros.ros.graph.shared_memory import middleware_files, remove_orphans
+from simbev_ros.ros.msgs.signing import KEY_VARIABLE
+
+pytestmark = pytest.mark.graph
+
+SUPERVISOR = """
+import sys, time
+from pathlib import Path
+from simbev_ros.ros.graph.environment import graph_environment
+from simbev_ros.ros.graph.node_starter import NodeStarter
+folder = Path(sys.argv[1])
+starter = NodeStarter(["imu", "gnss"], folder, graph_environment(int(sys.argv[2])))
+nodes = [starter.start([f"{kind}:{kind}"], folder / f"{kind}.log") for kind in ("imu", "gnss")]
+print(*(node.await_start() for node in nodes), flush=True)
+time.sleep(60)
+"""
+
+
+@pytest.fixture(autouse=True)
+def shared_memory_of_killed_nodes() -> Iterator[None]:
+    """Remove what killed processes leave; a session does so itself."""
+    before = set(middleware_files())
+    yield
+    remove_orphans(set(middleware_files()) - before)
+
+
+@pytest.fixture
+def starter(tmp_path: Path) -> Iterator[NodeStarter]:
+    started = NodeStarter(["imu"], tmp_path, graph_environment(DOMAIN))
+    yield started
+    started.close()
+
+
+def running(starter: NodeStarter, folder: Path) -> tuple[ForkedProcess, psutil.Process]:
+    """A node that is ready for signals, and what the system says of it."""
+    process = starter.start(["imu:mine"], folder / "mine.log")
+    seen = psutil.Process(process.await_start())
+    wait_until(lambda: "mine" in seen.name())
+    wait_until(lambda: seen.num_threads() > 5)  # the middleware runs
+    return process, seen
+
+
+def test_a_node_has_a_session_and_a_name_of_its_own_and_ends_in_order(starter: NodeStarter, tmp_path: Path) -> None:
+    process, seen = running(starter, tmp_path)
+    assert os.getsid(seen.pid) == seen.pid == process.pid
+    assert seen.cmdline()[0].startswith("simbev_ros.ros.nodes.main imu:mine")
+    assert process.poll() is None
+    with pytest.raises(subprocess.TimeoutExpired):
+        process.wait(0.1)
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(10) == 0 == process.poll()
+    process.send_signal(signal.SIGTERM)  # nobody is left
+
+
+def test_exit_code_and_output_are_those_of_the_process(starter: NodeStarter, tmp_path: Path) -> None:
+    refused = starter.start(["x:x"], tmp_path / "x.log")
+    killed, seen = running(starter, tmp_path)
+    seen.kill()
+    assert (refused.wait(10), killed.wait(10)) == (2, -signal.SIGKILL)
+    assert (tmp_path / "x.log").read_text().startswith("error: there is no node kind 'x'")
+    assert starter.failure() is None
+
+
+def test_all_nodes_end_when_the_server_is_killed_even_a_stopped_one(starter: NodeStarter, tmp_path: Path) -> None:
+    process, seen = running(starter, tmp_path)
+    server = seen.parent()
+    assert server is not None
+    seen.suspend()
+    server.kill()
+    assert process.wait(20) == -signal.SIGKILL
+    assert starter.failure() == "the process that starts nodes died: killed by SIGKILL"
+    wait_until(lambda: not psutil.pid_exists(seen.pid))  # until whoever adopted it has noticed
+
+
+def test_a_server_whose_imports_fail_says_why(tmp_path: Path) -> None:
+    starter = NodeStarter(["sonar"], tmp_path, graph_environment(DOMAIN))
+    assert starter.start(["sonar:sonar"], tmp_path / "sonar.log").await_start() == 0
+    assert str(starter.failure()).endswith("ModuleNotFoundError: No module named 'simbev_ros.ros.nodes.sonar_node'")
+    starter.close()
+
+
+@pytest.mark.parametrize("stopped", ["node", "server"])
+def test_nodes_end_with_a_killed_supervisor_even_if_something_is_stopped(tmp_path: Path, stopped: str) -> None:
+    command = [sys.executable, "-c", SUPERVISOR, str(tmp_path), str(DOMAIN)]
+    supervisor = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True)
+    assert supervisor.stdout is not None
+    nodes = [psutil.Process(int(word)) for word in supervisor.stdout.readline().split()]
+    server = nodes[0].parent()
+    assert server is not None and len(nodes) == 2
+    (nodes[0] if stopped == "node" else server).suspend()
+    supervisor.kill()
+    supervisor.communicate()
+    gone, _ = psutil.wait_procs([server, *nodes], timeout=30)
+    assert len(gone) == 3
+
+
+def test_nodes_end_in_order_that_were_requested_just_before_the_supervisor_died(tmp_path: Path) -> None:
+    starter = NodeStarter(["imu"], tmp_path, graph_environment(DOMAIN))
+    _, seen = running(starter, tmp_path)
+    server = seen.parent()
+    assert server is not None
+    server.suspend()
+    for index in range(6):
+        starter.start([f"imu:imu_{index}"], tmp_path / f"{index}.log")
+    starter._channel.close()
+    server.resume()
+    server.wait(12)  # it would kill the ones that have missed the signal after 15 s
+    starter.close()
+
+
+def test_a_command_does_not_know_the_key_and_ends_with_all_that_it_has_started(tmp_path: Path) -> None:
+    variables = {**graph_environment(DOMAIN), KEY_VARIABLE: "key"}
+    starter, log = NodeStarter([], tmp_path, variables), tmp_path / "stack.log"
+    script = f"echo ${KEY_VARIABLE} $ROS_DOMAIN_ID; sleep 1000 & sleep 1000"
+    leader = psutil.Process(starter.start(["sh", "-c", script], log, is_command=True).await_start())
+    wait_until(lambda: len(leader.children()) == 2)
+    everything = [leader, *leader.children()]
+    leader.suspend()
+    starter.close()
+    gone, _ = psutil.wait_procs(everything, timeout=10)
+    assert len(gone) == 3
+    assert log.read_text().split() == [str(DOMAIN)]
+
+
+def test_a_command_that_cannot_run_ends_at_once(starter: NodeStarter, tmp_path: Path) -> None:
+    (tmp_path / "stack").write_text("no program")
+    (tmp_path / "stack").chmod(0o755)
+    process = starter.start([str(tmp_path / "stack")], tmp_path / "stack.log", is_command=True)
+    assert process.wait(10) == os.EX_OSERR
+    assert (tmp_path / "stack.log").read_text() == f"{tmp_path}/stack: Exec format error\n"

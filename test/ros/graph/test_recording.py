@@ -1,0 +1,92 @@
+"""The recorder writes the configured topics and ends in order when the disk is full."""
+
+import os
+import signal
+import subprocess
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from commands import SCENE, Command, record
+
+from simbev_ros.recording.digest import topic_digests
+from simbev_ros.recording.layout import mcap_files
+from simbev_ros.recording.reader import SceneBag
+from simbev_ros.recording.verify import verify_bag
+from simbev_ros.ros.msgs.topics import REPLAY_TOPICS
+
+pytestmark = pytest.mark.graph
+
+Simbev = Callable[..., Command]
+Config = Callable[..., Path]
+
+FEW = """
+recording:
+  topics: {include: [/tf, "*/rgb/*"], exclude: ["*/camera_info"]}
+  zstd_level: null
+  chunk_kib: 64
+  split_mib: 1
+"""
+GREEDY = """
+recording: {chunk_kib: 256, sync_mib: 1, min_free_mib: 1}
+"""
+
+
+def digests(folder: Path) -> dict[str, str]:
+    with SceneBag(folder) as bag:
+        return topic_digests(bag)
+
+
+@pytest.mark.slow
+def test_a_bag_of_few_topics_is_enough_to_reproduce_all_others(
+    recorded: Path, simbev: Simbev, small_config: Config, tmp_path: Path
+) -> None:
+    bag = record(simbev, small_config(more=FEW), tmp_path / "few")
+    few, everything = digests(bag), digests(recorded)
+    assert few.keys() == {"/tf", "/ego/cam_front/rgb/image_raw/compressed", *REPLAY_TOPICS}
+    assert {name for name in few if few[name] != everything[name]} == set()
+    assert len(mcap_files(bag)) > 1 and verify_bag(bag) == []
+    code, output = simbev("replay", bag, small_config(name="all.yaml"), "--out", tmp_path / "all").finish()
+    assert code == 0, output
+    assert digests(tmp_path / "all" / SCENE) == everything
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """Mount point of a disk of 3 MiB."""
+    mount_point = tmp_path / "disk"
+    mount_point.mkdir()
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=3m", "tmpfs", mount_point], capture_output=True).returncode:
+        pytest.skip("no disk can be mounted here")
+    yield mount_point
+    subprocess.run(["umount", mount_point], check=True)
+
+
+def test_a_full_disk_ends_the_recording_with_one_message(
+    simbev: Simbev, small_config: Config, small_disk: Path
+) -> None:
+    config = small_config(120, GREEDY, without=["camera", "lidar", "radar"])
+    code, output = simbev("run", config, "--record", small_disk / "a").finish()
+    assert code == 1 and "Traceback" not in output, output
+    assert output.count("error: ") == 1 and "error: node recorder: " in output and "the disk is nearly full" in output
+    assert f"; what was recorded stays readable in {small_disk / 'a'}" in " ".join(output.split())
+    with SceneBag(small_disk / "a" / f"{SCENE}.partial") as bag:
+        assert bag.custom_data["complete"] == "false" and len(list(bag.messages(["/world/actors"]))) > 3
+    config = small_config(1, GREEDY, without=["camera", "lidar", "radar", "imu"])
+    code, output = simbev("run", config, "--record", small_disk / "b").finish()
+    assert code == 1 and "error: " in output and "must stay free (recording.min_free_mib)" in output
+
+
+@pytest.mark.slow
+def test_the_same_command_records_a_scene_anew_after_a_kill(
+    simbev: Simbev, small_config: Config, tmp_path: Path
+) -> None:
+    config, dataset = small_config(2, "recording: {chunk_kib: 64}", without=["camera"]), tmp_path / "out"
+    command = simbev("run", config, "--record", dataset)
+    command.wait_for(lambda: any(file.stat().st_size > 100_000 for file in (dataset / f"{SCENE}.partial").glob("*")))
+    os.killpg(command.process.pid, signal.SIGKILL)
+    command.process.wait()
+    code, output = simbev("run", config, "--record", dataset).finish()
+    assert code == 0 and "a run that was ended has left a part of it; it is made anew" in output, output
+    assert [path.name for path in (dataset / "scenes/train").iterdir()] == ["Blocks-0000"]
+    assert verify_bag(dataset / SCENE) == []

@@ -1,0 +1,177 @@
+"""The world node publishes the motion and the model of every agent of a scene, and each agent has its own commands."""
+
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import rclpy
+from geometry_msgs.msg import Twist
+from made_up_scene import made_up_spec
+from several_agents import car, made_up_agents, roadside_unit, with_agents
+
+from simbev_ros.assets.regions.region_scene import Streetside
+from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_rpy
+from simbev_ros.ros.conventions.names import NodeName
+from simbev_ros.ros.msgs import topics, transforms
+from simbev_ros.ros.msgs.robot_description import robot_description
+from simbev_ros.ros.msgs.stamps import stamp_of
+from simbev_ros.ros.msgs.tables import table_from_message
+from simbev_ros.ros.msgs.world import map_from_base_link
+from simbev_ros.ros.nodes import world_node
+from simbev_ros.ros.nodes.world_node import WorldNode
+from simbev_ros.scene.ending import DURATION
+from simbev_ros.scene.request import SceneRequest
+from simbev_ros.schema.scene.agents import agent_views
+from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, WorldState, map_from_actors
+
+
+class Parade:
+    """A source of states in which each vehicle drives along x at a speed of its own; keeps the commands."""
+
+    def __init__(self, spec: SceneSpec) -> None:
+        self.available = spec.ticks, DURATION
+        self.commands: list[tuple[int, float, float]] = []
+        self._spec, self._tick = spec, -spec.warm_up_ticks
+
+    def drive_vehicle(self, vehicle: int, speed_mps: float, yaw_rate_radps: float) -> None:
+        self.commands.append((vehicle, speed_mps, yaw_rate_radps))
+
+    def step(self) -> WorldState:
+        tick, self._tick = self._tick, self._tick + 1
+        actors = np.zeros(len(self._spec.vehicles), ACTOR_DTYPE)
+        actors["id"] = EGO_ID + np.arange(len(actors))
+        actors["vx"] = 5.0 * actors["id"]
+        actors["x"], actors["y"], actors["yaw"] = actors["vx"] * 0.05 * tick, 4.0 * actors["id"], 0.1 * actors["id"]
+        signals = np.zeros(0, SIGNAL_DTYPE)
+        return WorldState(self._spec.stamp_ns(tick), tick, EGO_ID, actors, signals, self._spec.weather)
+
+    def close(self) -> None:
+        pass
+
+
+class Sent(list[Any]):
+    """Stands in for a publisher."""
+
+    def publish(self, message: Any) -> None:
+        self.append(message)
+
+
+@pytest.fixture
+def node(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    """A world node without participants to wait for, which collects what it publishes in ``sent``, by topic."""
+    monkeypatch.setattr(world_node, "loaded_reach", lambda *_: None)
+    monkeypatch.setattr(world_node, "load_streetside", lambda *_, **__: Streetside(np.zeros((0, 3)), np.zeros(0), ()))
+    monkeypatch.setattr(world_node, "_make_source", lambda request, *_: Parade(request.spec))
+    rclpy.init(domain_id=39)
+    made: Any = WorldNode(NodeName("world"))
+    made.sent = {}
+    monkeypatch.setattr(made, "publish", lambda name, message: made.sent.setdefault(name, []).append(message))
+    monkeypatch.setattr(transforms, "TFMessage", SimpleNamespace)
+    made._transforms._publishers = {topics.TF: Sent(), topics.TF_STATIC: Sent()}
+    for publisher in made._transforms._publishers.values():
+        publisher.get_subscription_count = lambda: 1
+    yield made
+    made.close()
+    made.destroy_node()
+    rclpy.shutdown()
+
+
+def play(node: Any, spec: SceneSpec) -> None:
+    node.start(SceneRequest(spec=spec))
+    node.advance()
+
+
+def send(node: Any, topic: str, speed_mps: float, yaw_rate_radps: float) -> None:
+    """Deliver a command to the node's only subscription to a topic."""
+    (subscription,) = [each for each in node.subscriptions if each.topic_name == topic]
+    message = Twist()
+    message.linear.x, message.angular.z = speed_mps, yaw_rate_radps
+    subscription.callback(message)
+
+
+def commanded(node: Any) -> list[str]:
+    return sorted(each.topic_name for each in node.subscriptions if each.topic_name.endswith("/cmd_vel"))
+
+
+def test_the_odometry_of_each_agent_is_the_row_of_its_actor(node: Any) -> None:
+    spec = made_up_agents()
+    play(node, spec)
+    tables = node.sent[topics.ACTORS]
+    assert len(tables) == spec.lead_in_ticks + spec.ticks
+    for name, row in (("ego", 0), ("car", 2)):
+        for table, odometry in zip(tables, node.sent[f"/{name}/odom"], strict=True):
+            actors = table_from_message(table)
+            np.testing.assert_allclose(map_from_base_link(odometry), map_from_actors(actors)[row], atol=1e-9)
+            assert (odometry.header, odometry.child_frame_id) == (table.header, f"{name}/base_link")
+
+
+def test_the_odometry_of_a_roadside_unit_stays_at_its_foot_at_every_tick(node: Any) -> None:
+    spec = made_up_agents()
+    play(node, spec)
+    foot = matrices_from_xyz_rpy(np.array([12.0, -3.0, 1.0]), np.array([0.0, 0.0, 1.5]))
+    for table, odometry in zip(node.sent[topics.ACTORS], node.sent["/rsu/odom"], strict=True):
+        np.testing.assert_allclose(map_from_base_link(odometry), foot, atol=1e-7)
+        assert odometry.header == table.header
+
+
+def test_one_message_of_transforms_per_tick_has_all_agents(node: Any) -> None:
+    spec = made_up_agents()
+    play(node, spec)
+    moving, static = (node._transforms._publishers[name] for name in (topics.TF, topics.TF_STATIC))
+    assert len(moving) == spec.lead_in_ticks + spec.ticks and len(static) == 1
+    for message in moving:
+        frames = [each.child_frame_id for each in message.transforms]
+        assert frames == ["ego/base_link", "car/base_link", "rsu/base_link"]
+        assert len({stamp_of(each.header.stamp) for each in message.transforms}) == 1
+    (message,) = static
+    assert {"ego/lidar", "car/lidar", "rsu/lidar"} <= {each.child_frame_id for each in message.transforms}
+
+
+def test_each_agent_has_a_description_and_a_path(node: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    spec, paths = made_up_agents(), dict[str, list[Any]]()
+    monkeypatch.setattr(
+        node, "publish_display", lambda topic, _, *values: paths.setdefault(topic.name, []).append(values[0])
+    )
+    play(node, spec)
+    for view, name in zip(agent_views(spec), ("", "/car", "/rsu"), strict=True):
+        (message,) = node.sent[f"{name}/robot_description"]
+        assert message.data == robot_description(view)
+    assert [path for path in paths if path.endswith("/path")] == ["/ego/path", "/car/path", "/rsu/path"]
+    for name, end_m in (("ego", [0.5, 4.0, 0.0]), ("car", [1.5, 12.0, 0.0]), ("rsu", [12.0, -3.0, 1.0])):
+        pose = paths[f"/{name}/path"][-1]
+        assert (pose.stamp_ns, pose.position_m) == (spec.stamp_ns(2), pytest.approx(end_m))
+
+
+def test_each_agent_driven_from_outside_has_its_own_commands(node: Any) -> None:
+    first = made_up_spec([], number=2).model_copy(update={"ego_driver": "twist"})
+    spec = with_agents(first, car("car", 2, [], driver="twist"), car("other", 1, []), roadside_unit())
+    node.start(SceneRequest(spec=spec))
+    assert commanded(node) == ["/car/cmd_vel", "/ego/cmd_vel"]
+    send(node, "/car/cmd_vel", 3.0, 0.1)
+    send(node, "/ego/cmd_vel", 7.0, -0.2)
+    assert node._scene.source.commands == [(2, 3.0, 0.1), (0, 7.0, -0.2)]
+
+
+def test_commands_reach_the_vehicle_that_the_agent_has_in_the_present_scene(node: Any) -> None:
+    spec = made_up_spec([], number=2)
+    agents = [car("car", 2, [], driver="twist")], [car("a", 1, []), car("car", 3, [], driver="twist")], []
+    for further, commands in zip(agents, ([(2, 3.0, 0.1)], [(3, 3.0, 0.1)], []), strict=True):
+        node.start(SceneRequest(spec=with_agents(spec, *further)))
+        assert commanded(node) == ["/car/cmd_vel"]
+        send(node, "/car/cmd_vel", 3.0, 0.1)
+        assert node._scene.source.commands == commands
+    node.close()
+    send(node, "/car/cmd_vel", 3.0, 0.1)
+
+
+def test_a_scene_with_one_agent_has_the_topics_of_earlier_versions(node: Any) -> None:
+    spec = made_up_spec([], number=2)
+    play(node, spec)
+    assert commanded(node) == []
+    assert [name for name in node.sent if name.startswith("/ego/") or name.endswith("description")] == [
+        "/robot_description",
+        "/ego/odom",
+    ]

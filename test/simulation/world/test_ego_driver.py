@@ -1,0 +1,137 @@
+"""An ego driven from outside: where commands take it, its limits, and how traffic reacts to it."""
+
+import numpy as np
+import pytest
+from world_scenes import TICK_S, blocks, scene
+
+from simbev_ros.foundation.types import Table
+from simbev_ros.scene.blueprints import blueprint_named
+from simbev_ros.schema.scene.state import EGO_ID
+from simbev_ros.simulation.world.driving.ego_driver import EgoDriver
+from simbev_ros.simulation.world.simulation import Simulation
+
+SEDAN = blueprint_named("vehicle.sedan")
+
+
+def driver() -> EgoDriver:
+    return EgoDriver(
+        SEDAN, np.array([10.0, 5.0, 0.0]), np.array([1.0, 0.0, 0.0]), 20.0, TICK_S, lambda points: points[:, 2]
+    )
+
+
+def drive(car: EgoDriver, speed_mps: float, yaw_rate_radps: float, ticks: int) -> np.ndarray:
+    """(T, 3) x and y of the front bumper, and the heading."""
+    path = []
+    for _ in range(ticks):
+        car.set_command(speed_mps, yaw_rate_radps)
+        car.advance_tick()
+        path.append([*car.front_m[:2], car.yaw_rad])
+    return np.array(path)
+
+
+def rear_axle_m(path: np.ndarray) -> np.ndarray:
+    rear_to_front_m = (SEDAN.size_m[0] + SEDAN.wheelbase_m) / 2.0
+    return path[:, :2] - rear_to_front_m * np.stack([np.cos(path[:, 2]), np.sin(path[:, 2])], axis=1)
+
+
+def test_the_ego_reaches_the_desired_speed_at_its_maximum_acceleration() -> None:
+    path = drive(driver(), 10.0, 0.0, 200)
+    speed_mps = np.diff(path[:, 0]) / TICK_S
+    assert speed_mps[-1] == pytest.approx(10.0)
+    assert np.diff(speed_mps).max() / TICK_S == pytest.approx(SEDAN.accel)
+    assert np.all(path[:, 1] == 5.0)
+
+
+def test_a_steady_turn_is_a_circle_of_radius_speed_over_yaw_rate() -> None:
+    path = drive(driver(), 5.0, 0.25, 800)[300:]
+    assert np.diff(path[:, 2]).mean() / TICK_S == pytest.approx(0.25, rel=1e-3)
+    rear_m = rear_axle_m(path)
+    center_m = (rear_m.max(axis=0) + rear_m.min(axis=0)) / 2.0
+    assert np.linalg.norm(rear_m - center_m, axis=1) == pytest.approx(5.0 / 0.25, abs=0.1)
+
+
+def test_left_is_positive_and_extreme_commands_stay_within_tire_limits() -> None:
+    path = drive(driver(), 1e9, 1e9, 300)
+    rate_radps = np.diff(path[:, 2]) / TICK_S
+    assert rate_radps.min() >= 0.0
+    speed_mps = np.linalg.norm(np.diff(rear_axle_m(path), axis=0), axis=1) / TICK_S
+    assert rate_radps.max() < 1.21
+    assert speed_mps.max() < 20.01
+    assert (speed_mps * rate_radps).max() < 7.1
+
+
+def test_the_ego_brakes_to_a_stop_without_commands_for_half_a_second() -> None:
+    car = driver()
+    drive(car, 8.0, 0.0, 200)
+    before = car.front_m[0]
+    speeds = []
+    for _ in range(60):
+        car.advance_tick()
+        speeds.append((car.front_m[0] - before) / TICK_S)
+        before = car.front_m[0]
+    assert speeds[8] == pytest.approx(8.0)
+    assert speeds[9] == pytest.approx(8.0 - SEDAN.decel * TICK_S)
+    assert speeds[-1] == 0.0
+
+
+@pytest.mark.parametrize("command", [(float("nan"), 0.0), (5.0, float("inf"))])
+def test_non_finite_commands_are_ignored(command: tuple[float, float]) -> None:
+    assert np.all(drive(driver(), *command, 40)[:, 0] == 10.0)
+
+
+def test_the_ego_does_not_drive_backwards() -> None:
+    assert np.all(drive(driver(), -3.0, 0.0, 40)[:, 0] == 10.0)
+
+
+def run_commands(*commands: tuple[float, float], vehicles: int = 24) -> Table:
+    """(T,) ego rows of a scene with these commands, one per tick after the warm-up."""
+    spec = scene(vehicles=vehicles, pedestrians=0, ticks=len(commands), ego_driver="twist")
+    rows = []
+    with Simulation(spec, blocks()) as simulation:
+        for _ in range(spec.warm_up_ticks):
+            simulation.step()
+        for command in commands:
+            simulation.drive_vehicle(0, *command)
+            actors = simulation.step().actors
+            rows.append(actors[actors["id"] == EGO_ID][0])
+    return np.array(rows)
+
+
+def test_without_commands_the_ego_stands_while_others_drive() -> None:
+    spec = scene(pedestrians=0, ticks=60, ego_driver="twist")
+    with Simulation(spec, blocks()) as simulation:
+        states = [simulation.step() for _ in range(spec.warm_up_ticks + spec.ticks)]
+    displacement_m = [np.hypot(states[-1].actors[name] - states[0].actors[name], 0.0) for name in ("x", "y")]
+    assert displacement_m[0][0] == displacement_m[1][0] == 0.0
+    assert np.hypot(*displacement_m)[1:].max() > 20.0
+
+
+def test_the_ego_follows_its_commands_and_the_same_commands_give_the_same_bytes() -> None:
+    commands = [(6.0, 0.0)] * 80 + [(6.0, 0.3)] * 120
+    rows = run_commands(*commands, vehicles=1)
+    speed_mps = np.hypot(rows["vx"], rows["vy"])
+    assert speed_mps[75:].mean() == pytest.approx(6.0, abs=0.2)
+    assert rows["wz"][130:].mean() == pytest.approx(0.3, abs=0.02)
+    moved_m = np.hypot(np.diff(rows["x"]), np.diff(rows["y"]))
+    assert moved_m == pytest.approx(speed_mps[1:] * TICK_S, abs=0.02)
+    assert run_commands(*commands, vehicles=1).tobytes() == rows.tobytes()
+
+
+def test_the_ego_may_leave_the_roads_for_good() -> None:
+    rows = run_commands(*[(15.0, 0.1 * (tick < 60)) for tick in range(600)], vehicles=4)
+    assert np.hypot(rows["x"][-1] - rows["x"][0], rows["y"][-1] - rows["y"][0]) > 200.0
+
+
+def test_a_vehicle_behind_a_standing_ego_stops() -> None:
+    spec = scene(vehicles=2, pedestrians=0, ticks=200, ego_driver="twist")
+    ego, other = spec.vehicles
+    lane = max(blocks().lanes.values(), key=lambda lane: lane.length_m * (lane.kind == "driving" and not lane.junction))
+    start = {"lane": lane.id}
+    ego = ego.model_copy(update={"start": type(ego.start)(**start, s_m=60.0)})
+    other = other.model_copy(update={"start": type(ego.start)(**start, s_m=20.0), "blueprint": "vehicle.sedan"})
+    with Simulation(spec.model_copy(update={"vehicles": (ego, other)}), blocks()) as simulation:
+        states = [simulation.step() for _ in range(spec.warm_up_ticks + spec.ticks)]
+    first, second = states[-1].actors[:2]
+    gap_m = np.hypot(first["x"] - second["x"], first["y"] - second["y"]) - SEDAN.size_m[0]
+    assert np.hypot(second["vx"], second["vy"]) < 0.1
+    assert 0.5 < gap_m < 8.0

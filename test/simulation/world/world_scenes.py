@@ -1,0 +1,123 @@
+"""Small scenes for the tests of the world package: a hand-made specification on a small town."""
+
+from functools import cache
+
+import numpy as np
+
+from simbev_ros.config.annotation import Annotation
+from simbev_ros.config.rig import Rig
+from simbev_ros.foundation.types import Table
+from simbev_ros.maps.build import load_network
+from simbev_ros.maps.network import Lane, RoadNetwork
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.scene.blueprints import load_blueprints
+from simbev_ros.schema.scene.map_spec import MapSpec
+from simbev_ros.schema.scene.spec import PedestrianSpec, SceneSpec, VehicleSpec, WaypointSpec
+from simbev_ros.schema.scene.state import WorldState
+from simbev_ros.schema.scene.weather import Weather
+from simbev_ros.simulation.world.simulation import Simulation
+
+TICK_S = 0.05
+BLOCKS = MapSpec(name="Blocks", seed=0)
+NOON = Weather(
+    cloudiness=0,
+    precipitation=0,
+    precipitation_deposits=0,
+    wetness=0,
+    wind_intensity=0,
+    sun_azimuth_deg=0,
+    sun_altitude_deg=60,
+    fog_density=0,
+    fog_distance_m=0,
+    fog_falloff=1,
+)
+
+
+@cache
+def blocks() -> RoadNetwork:
+    return load_network(BLOCKS)
+
+
+def lane(name: str, successors: tuple[str, ...] = (), kind: LaneKind = LaneKind.DRIVING) -> Lane:
+    """A straight lane of 100 m outside junctions."""
+    line_m = np.array([[0.0, 0.0, 0.0], [100.0, 0.0, 0.0]])
+    return Lane(name, name.rsplit("_", 1)[0], int(name[-1]), kind, line_m, 3.5, 13.9, "", successors)
+
+
+def network(*lanes: Lane) -> RoadNetwork:
+    """A road network with only these lanes."""
+    return RoadNetwork(
+        "toy",
+        {each.id: each for each in lanes},
+        {},
+        (),
+        blocks().datum,
+        blocks().net_path,
+        "",
+        blocks().layout,
+        blocks().features,
+        0,
+    )
+
+
+def scene(vehicles: int = 32, pedestrians: int = 24, ticks: int = 160, **changes: object) -> SceneSpec:
+    """A sedan, then every kind of vehicle in turn, and pedestrians on random sidewalks."""
+    rng = np.random.default_rng(5)
+    waypoints = blocks().waypoints(24.0)
+    waypoint_indices = rng.permutation(len(waypoints.lane))
+    sidewalks = [lane for lane in blocks().lanes.values() if lane.kind is LaneKind.SIDEWALK]
+    cars = [blueprint.name for blueprint in load_blueprints() if blueprint.kind == "vehicle"]
+    pedestrian_names = [blueprint.name for blueprint in load_blueprints() if blueprint.kind == "pedestrian"]
+    fields: dict[str, object] = {
+        "number": 0,
+        "split": "train",
+        "seed": 7,
+        "map": BLOCKS,
+        "tick_ns": round(TICK_S * 1e9),
+        "warm_up_ticks": 40,
+        "ticks": ticks,
+        "weather": NOON,
+        "rig": Rig(sensors=()),
+        "annotation": Annotation(),
+        "vehicles": tuple(
+            VehicleSpec(
+                blueprint=cars[index % len(cars)] if index else "vehicle.sedan",
+                color=0x336699,
+                start=WaypointSpec(lane=waypoints.lane[waypoint_index], s_m=float(waypoints.s_m[waypoint_index])),
+                speed_factor=float(rng.uniform(0.8, 1.4)),
+                min_gap_m=float(rng.uniform(1.5, 5.0)),
+            )
+            for index, waypoint_index in enumerate(waypoint_indices[:vehicles])
+        ),
+        "pedestrians": tuple(
+            PedestrianSpec(
+                blueprint=pedestrian_names[index % len(pedestrian_names)],
+                color=0x112233,
+                start=WaypointSpec(lane=lane.id, s_m=float(rng.uniform(1.0, lane.length_m - 1.0))),
+                max_speed_mps=float(rng.uniform(0.8, 2.2)),
+            )
+            for index in range(pedestrians)
+            for lane in [sidewalks[int(rng.integers(len(sidewalks)))]]
+        ),
+        "green_time_s": (4.0, 6.5, 5.25),
+    }
+    return SceneSpec.model_validate({**fields, **changes})
+
+
+def run(spec: SceneSpec) -> list[WorldState]:
+    """All states of a scene, warm-up included."""
+    with Simulation(spec, blocks()) as simulation:
+        return [simulation.step() for _ in range(spec.warm_up_ticks + spec.ticks)]
+
+
+@cache
+def busy_run() -> tuple[SceneSpec, Table]:
+    """A scene and its (T, N) actors."""
+    spec = scene()
+    return spec, np.stack([state.actors for state in run(spec)])
+
+
+def of_kind(actors: Table, kind: str) -> Table:
+    """The (T, M) columns of one kind of actor: vehicle, rider or pedestrian."""
+    kinds = np.array([blueprint.kind for blueprint in load_blueprints()])
+    return actors[:, kinds[actors["blueprint"][0]] == kind]

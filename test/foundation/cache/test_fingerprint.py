@@ -35,7 +35,7 @@ from simbev_ros.maps.roads import (
 )
 
 if TYPE_CHECKING:
-    from simbev_ros.scene import weather
+    from simbev_ros.schema.scene import weather
 
 def late():
     from simbev_ros.foundation.random import stream
@@ -90,20 +90,20 @@ def changes(before: tuple[str, ...], after: tuple[str, ...]) -> set[str]:
 @pytest.mark.parametrize(
     ("file", "changed"),
     [
-        ("semantics.py", {REGIONS, MODELS, TURNS}),
+        ("foundation/semantics.py", {REGIONS, MODELS, TURNS}),
         ("assets/mesh/drape.py", {REGIONS}),
         ("assets/street/__init__.py", {REGIONS}),
         ("assets/actors/shapes/vehicle.bus.yaml", {MODELS}),
-        ("scene/state.py", {MODELS}),
+        ("schema/scene/state.py", {MODELS}),
         ("scene/streets/off_tracking.py", {TURNS}),
         ("maps/towns/Blocks.yaml", {MAPS, REGIONS, TURNS}),
         ("maps/sumo/netconvert.py", {MAPS}),
         ("cli/main.py", set()),
-        ("world/source.py", set()),
+        ("simulation/world/source.py", set()),
         ("scene/drawing/draw_scene.py", set()),
         ("config/rig.py", set()),
         ("config/evaluation.py", set()),
-        ("render/sky.yaml", set()),
+        ("simulation/render/lighting/sky.yaml", set()),
     ],
 )
 def test_an_edit_changes_the_keys_of_what_depends_on_the_file(copy: Copy, file: str, changed: set[str]) -> None:
@@ -152,9 +152,13 @@ def test_libraries_without_metadata_are_known_by_their_files(copy: Copy) -> None
 def test_all_forms_of_imports_are_followed(copy: Copy) -> None:
     (copy.root / "simbev_ros/probe.py").write_bytes(PROBE)
     inputs = set(copy.run("*fingerprint_inputs(root), sep='\\n'", "simbev_ros.probe").splitlines())
-    modules = {"", ".probe", ".maps.spec", ".maps.roads", ".maps.roads.levels", ".maps.roads.lane_kind"}
-    modules |= {".scene.weather", ".random", ".palette"}
-    assert inputs > {f"module simbev_ros{name}" for name in modules} | {"data palette.yaml", "library sumo", "python"}
+    modules = {"", ".probe", ".schema.scene.map_spec", ".maps.roads", ".maps.roads.levels", ".maps.roads.lane_kind"}
+    modules |= {".schema.scene.weather", ".foundation.random", ".schema.palette"}
+    assert inputs > {f"module simbev_ros{name}" for name in modules} | {
+        "data schema/palette.yaml",
+        "library sumo",
+        "python",
+    }
     assert "library opencv-python-headless" in inputs
     assert not inputs & {"library decimal", "library vision", "library nothing", "library typing"}
 

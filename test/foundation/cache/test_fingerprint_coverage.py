@@ -170,7 +170,7 @@ def test_each_module_that_uses_the_cache_names_itself_as_root() -> None:
     users = set()
     for path in PACKAGE.rglob("*.py"):
         text = path.read_text()
-        if path.parent == PACKAGE / "cache" or "simbev_ros.foundation.cache" not in text:
+        if path.parent == PACKAGE / "foundation/cache" or "simbev_ros.foundation.cache" not in text:
             continue
         calls = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Call)]
         names = {call.func.id: call for call in calls if isinstance(call.func, ast.Name)}

@@ -10,7 +10,7 @@ from simbev_ros.cli.production_display import SceneDisplay
 from simbev_ros.config.scenario import SPLITS, Scenario
 from simbev_ros.foundation.object_store.object_path import AnyPath
 from simbev_ros.production.dataset import plan_scenes
-from simbev_ros.production.dataset_home import require_writable_home
+from simbev_ros.production.dataset_storage import require_writable_dataset
 from simbev_ros.production.estimate import SAMPLE_TICKS, Estimate, SceneCounts, count_scenes, estimate_dataset
 from simbev_ros.production.scene_cost import SceneCost
 
@@ -37,7 +37,7 @@ def show_estimate(
         GraphError: A node died or fell silent.
     """
     _, entries = plan_scenes(scenario, dataset, replace)
-    require_writable_home(dataset)
+    require_writable_dataset(dataset)
     console.print(_counts_table(*count_scenes(dataset, entries)))
     if not entries:
         console.print("nothing is missing")

@@ -81,13 +81,13 @@ def open_pool(
         return
     if workers is not None:
         raise InputError("is for this machine alone; a cluster has as many as there is room for", parameter="workers")
-    from simbev_ros.production.cluster import ray_pool
+    from simbev_ros.production.cluster import ray_task_pool
     from simbev_ros.production.cluster.node_check import check_nodes
     from simbev_ros.production.cluster.ray_cluster import RayCluster
 
-    with RayCluster(ray, sweeps_graphs=False) as cluster:
-        check_nodes(cluster, *writes, reads=reads, modules=(module, ray_pool.__name__))
-        yield ray_pool.RayPool(cluster, memory_mib)
+    with RayCluster(ray, reaps_graphs=False) as cluster:
+        check_nodes(cluster, *writes, reads=reads, modules=(module, ray_task_pool.__name__))
+        yield ray_task_pool.RayTaskPool(cluster, memory_mib)
 
 
 def shared_path(path: Path, ray: str | None) -> Path:

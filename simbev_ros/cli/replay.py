@@ -117,8 +117,8 @@ def _play(
     from simbev_ros.cli.production_display import SceneDisplay
     from simbev_ros.production.play import play_specs
     from simbev_ros.production.replay.entry import checked_scene, require_distinct
-    from simbev_ros.production.replay.place import hold_place
     from simbev_ros.production.replay.selection import folder_of, select_bags
+    from simbev_ros.production.replay.target import lock_replay_target
 
     console = make_console()
     if record is not None:
@@ -129,7 +129,7 @@ def _play(
         return
     folders = [folder_of(bag) for bag in selection.bags]
     display = SceneDisplay(console)
-    with hold_place(record, folders, merge) as dataset:
+    with lock_replay_target(record, folders, merge) as dataset:
         specs = [checked_scene(bag, scenario, display) for bag in selection.bags]
         if dataset is not None:
             require_distinct(specs)

@@ -1,6 +1,7 @@
 """Parallel work over bags: a picklable function is mapped over items in a pool of workers, with results in order.
 
-The pools are ``Processes`` on this machine and ``production.cluster.ray_pool.RayPool`` on the nodes of a cluster.
+The pools are ``Processes`` on this machine, and ``production.cluster.ray_task_pool.RayTaskPool`` on the nodes of a
+cluster.
 """
 
 import multiprocessing

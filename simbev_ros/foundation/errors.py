@@ -60,7 +60,7 @@ class DiskError(SimbevError):
     """The disk is full, nearly full or failing, so recording cannot continue. Exit code 1."""
 
 
-class DeliveryError(SimbevError):
+class UploadError(SimbevError):
     """A finished scene could not be brought from the machine that made it to its dataset. Exit code 1."""
 
 

@@ -13,13 +13,13 @@ from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath, path_or_url
 from simbev_ros.production.cluster.node_check import check_nodes
 from simbev_ros.production.cluster.ray_cluster import RayCluster
-from simbev_ros.production.dataset_home import DatasetHome, hold_home, open_home
 from simbev_ros.production.dataset_maker import DatasetMaker
+from simbev_ros.production.dataset_storage import DatasetStorage, lock_dataset, open_storage
 from simbev_ros.production.observer import SILENT, ProductionObserver, SeveralObservers, observe_step
-from simbev_ros.production.workers.crew import Crew
-from simbev_ros.production.workers.local_crew import LocalCrew
-from simbev_ros.production.workers.ray_crew import RayCrew
+from simbev_ros.production.workers.local_pool import LocalPool
 from simbev_ros.production.workers.ray_metrics import RayMetrics
+from simbev_ros.production.workers.ray_worker_pool import RayWorkerPool
+from simbev_ros.production.workers.worker_pool import WorkerPool
 from simbev_ros.ros.graph.domain import ISOLATED_DOMAINS
 from simbev_ros.schema.scene.map_spec import MapSpec
 
@@ -96,7 +96,7 @@ def make_dataset(
     plan_scenes(scenario, out, replace)
     with ExitStack() as held:
         cluster = None if ray is None else held.enter_context(RayCluster(ray))
-        lock = held.enter_context(hold_home(out))
+        lock = held.enter_context(lock_dataset(out))
         if cluster is not None:
             check_nodes(cluster, *([] if isinstance(out, ObjectPath) else [out]))
             observer = SeveralObservers(observer, RayMetrics(out.name))
@@ -106,9 +106,11 @@ def make_dataset(
         wanted = {entry.number for entry in entries}
         skipped = tuple(entry for entry in existing if entry.number not in wanted)
         with observe_step(observer, "reading the scenes that are there"):
-            home = held.enter_context(closing(open_home(out, lock, existing, scenario.recording.min_free_mib << 20)))
-        crew = held.enter_context(open_crew(scenario, out, home, workers, cluster, len(entries), observer))
-        outcome = DatasetMaker(home, crew, retries=retries, observer=observer).make(entries)
+            storage = held.enter_context(
+                closing(open_storage(out, lock, existing, scenario.recording.min_free_mib << 20))
+            )
+        pool = held.enter_context(open_worker_pool(scenario, out, storage, workers, cluster, len(entries), observer))
+        outcome = DatasetMaker(storage, pool, retries=retries, observer=observer).make(entries)
     skipped = tuple(entry for entry in skipped if entry.name not in outcome.damaged)
     return DatasetResult(out, tuple(outcome.made), skipped, outcome.failed, outcome.damaged)
 
@@ -125,23 +127,23 @@ def check_workers(workers: int | Literal["auto"] | None, ray: str | None) -> Non
         raise InputError("is for this machine alone; a cluster has as many as there is room for", parameter="workers")
 
 
-def open_crew(
+def open_worker_pool(
     scenario: Scenario,
     out: AnyPath,
-    home: DatasetHome,
+    storage: DatasetStorage,
     workers: int | Literal["auto"] | None,
     cluster: RayCluster | None,
     scenes: int,
     observer: ProductionObserver,
     *,
     maps: Sequence[MapSpec] | None = None,
-) -> Crew:
+) -> WorkerPool:
     """The workers that make scenes, here or on a cluster.
 
     Args:
         scenario: The configuration.
         out: The dataset.
-        home: The same, open.
+        storage: The same, open.
         workers: Number of workers on this machine; None: this process makes the scenes, unless there is a cluster.
         cluster: The cluster.
         scenes: Number of scenes to make.
@@ -149,13 +151,13 @@ def open_crew(
         maps: Maps whose files a cluster's nodes need; None: those of the configuration.
     """
     if not scenes or (workers is None and cluster is None):
-        from simbev_ros.production.workers.own_process import OwnProcess  # loads what makes scenes
+        from simbev_ros.production.workers.in_process_pool import InProcessPool  # loads what makes scenes
 
-        return OwnProcess(scenario, home.staging, observer, home.delivery_of)
+        return InProcessPool(scenario, storage.staging, observer, storage.uploader_for)
     if cluster is not None:
-        shared = None if isinstance(out, ObjectPath) else home.staging
-        return RayCrew(cluster, scenario, shared, scenes, observer, home.delivery_of, maps=maps)
-    return LocalCrew(scenario, home.staging, workers or "auto", scenes, observer, home.delivery_of)
+        shared = None if isinstance(out, ObjectPath) else storage.staging
+        return RayWorkerPool(cluster, scenario, shared, scenes, observer, storage.uploader_for, maps=maps)
+    return LocalPool(scenario, storage.staging, workers or "auto", scenes, observer, storage.uploader_for)
 
 
 def plan_scenes(scenario: Scenario, out: AnyPath, replace: Numbers = ()) -> tuple[Plan, list[PlannedEntry]]:

@@ -1,4 +1,4 @@
-"""The driver of a dataset's production: gives scenes to workers, tries again what fails, and collects what is made."""
+"""The driver of a dataset's production: assigns scenes to workers, retries what fails, and commits what is made."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -7,14 +7,14 @@ from typing import assert_never
 
 from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.dataset.staging import ON_FULL_DISK
-from simbev_ros.foundation.errors import DeliveryError, DiskError, GraphError, InputError, SimbevError
-from simbev_ros.production.dataset_home import DatasetHome
+from simbev_ros.foundation.errors import DiskError, GraphError, InputError, SimbevError, UploadError
+from simbev_ros.production.dataset_storage import DatasetStorage
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.scene_ending import FailedScene, LostScene, MadeScene, SceneEnding
 from simbev_ros.production.scene_log import Attempt
-from simbev_ros.production.workers.crew import Crew, Worker
+from simbev_ros.production.workers.worker_pool import Worker, WorkerPool
 from simbev_ros.recording.bag_files import disk_error_consequence
-from simbev_ros.ros.graph.traces import sweep
+from simbev_ros.ros.graph.resources import reap_killed_graphs
 
 _POLL_S = 1.0
 _MAX_LOSSES = 10
@@ -41,23 +41,25 @@ class _History:
 
 
 class DatasetMaker:
-    """Has scenes made by a crew. The caller holds the dataset's lock, and closes crew and dataset.
+    """Has scenes made by a pool. The caller holds the dataset's lock, and closes pool and dataset.
 
     Args:
-        home: The dataset.
-        crew: The workers.
+        storage: The dataset.
+        pool: The workers.
         retries: Number of further attempts at a scene that has failed for a reason of its own.
         observer: Receives the progress.
     """
 
-    def __init__(self, home: DatasetHome, crew: Crew, *, retries: int, observer: ProductionObserver = SILENT) -> None:
-        self._home, self._crew, self._retries, self._observer = home, crew, retries, observer
+    def __init__(
+        self, storage: DatasetStorage, pool: WorkerPool, *, retries: int, observer: ProductionObserver = SILENT
+    ) -> None:
+        self._storage, self._pool, self._retries, self._observer = storage, pool, retries, observer
         self._waiting: deque[PlannedEntry] = deque()
         self._histories: dict[PlannedEntry, _History] = {}
         self._busy = 0
         self._first: PlannedEntry | None = None
         self._outcome = Outcome()
-        sweep()  # also where nothing is left to make
+        reap_killed_graphs()  # also where nothing is left to make
 
     def make(self, entries: Sequence[PlannedEntry]) -> Outcome:
         """Make scenes; failures are collected, as are the damaged bags of the dataset that remain.
@@ -69,31 +71,31 @@ class DatasetMaker:
         """
         self._waiting.extend(entries)
         self._first = next(iter(entries), None)
-        self._observer.dataset_started(len(entries), self._home.total_bytes)
+        self._observer.dataset_started(len(entries), self._storage.total_bytes)
         try:
             with disk_error_consequence(ON_FULL_DISK):
                 while self._waiting or self._busy:
-                    self._give_scenes()
-                    for worker, entry, ending in self._crew.wait(_POLL_S):
+                    self._submit_scenes()
+                    for worker, entry, ending in self._pool.wait(_POLL_S):
                         self._busy -= 1
                         self._settle(worker, entry, ending)
         finally:
             self._observer.dataset_ended()
-        self._outcome.damaged.update(self._home.damaged)
+        self._outcome.damaged.update(self._storage.damaged)
         return self._outcome
 
-    def _give_scenes(self) -> None:
-        """Give each idle worker a scene, if there is one that it has not failed at before while others could try."""
-        for worker in self._crew.idle():
+    def _submit_scenes(self) -> None:
+        """Assign each idle worker a scene, if there is one that it has not failed at before while others could try."""
+        for worker in self._pool.idle():
             entry = next((entry for entry in self._waiting if self._may_try(worker, entry)), None)
             if entry is None:
                 continue
-            self._home.check_space(self._busy + 1)
+            self._storage.check_space(self._busy + 1)
             self._waiting.remove(entry)
             history = self._histories.setdefault(entry, _History())
             history.attempts += 1
             history.latest = Attempt(entry.name, history.attempts, f"{worker.name}, {worker.machine}")
-            self._crew.give(worker, entry)
+            self._pool.submit(worker, entry)
             self._busy += 1
 
     def _may_try(self, worker: Worker, entry: PlannedEntry) -> bool:
@@ -101,7 +103,7 @@ class DatasetMaker:
         history = self._histories.get(entry)
         if history is None or worker.machine not in history.machines:
             return True
-        return len(history.machines) >= self._crew.machines
+        return len(history.machines) >= self._pool.machines
 
     def _settle(self, worker: Worker, entry: PlannedEntry, ending: SceneEnding) -> None:
         """Take a finished scene into the dataset, or decide what becomes of one that is not finished."""
@@ -109,17 +111,17 @@ class DatasetMaker:
         assert attempt is not None, "it was given to a worker"
         match ending:
             case MadeScene():
-                self._home.adopt(worker.name, entry, ending.row)
-                self._home.log(attempt, ending.summary, ending.output)
+                self._storage.commit(worker.name, entry, ending.row)
+                self._storage.log(attempt, ending.summary, ending.output)
                 del self._histories[entry]
                 self._outcome.made.append(entry)
-                self._observer.scene_made(entry, self._home.total_bytes)
+                self._observer.scene_made(entry, self._storage.total_bytes)
             case LostScene():
-                self._home.discard(worker.name)
-                self._home.log(attempt, ending.reason, {}, failed=True)
+                self._storage.discard(worker.name)
+                self._storage.log(attempt, ending.reason, {}, failed=True)
                 self._handle_loss(entry, ending.reason)
             case FailedScene():
-                self._home.log(attempt, str(ending.error), ending.output, failed=True)
+                self._storage.log(attempt, str(ending.error), ending.output, failed=True)
                 self._handle_failure(worker, entry, ending.error)
             case _:
                 assert_never(ending)
@@ -133,16 +135,16 @@ class DatasetMaker:
             self._give_up(entry, f"{history.losses} workers were lost while they made it; the last one: {reason}")
 
     def _handle_failure(self, worker: Worker, entry: PlannedEntry, error: SimbevError) -> None:
-        """Try again after a failure of graph or delivery, and on another machine what may be this machine's fault."""
+        """Retry after a failure of graph or upload, and on another machine what may be this machine's fault."""
         history = self._histories[entry]
         history.machines.add(worker.machine)
-        is_elsewhere_left = len(history.machines) < self._crew.machines
+        is_elsewhere_left = len(history.machines) < self._pool.machines
         if isinstance(error, DiskError) and not is_elsewhere_left:
             raise error
         if isinstance(error, InputError) and not is_elsewhere_left and entry == self._first and not self._outcome.made:
             raise error
         failures = history.attempts - history.losses
-        if is_elsewhere_left or (isinstance(error, GraphError | DeliveryError) and failures <= self._retries):
+        if is_elsewhere_left or (isinstance(error, GraphError | UploadError) and failures <= self._retries):
             self._try_again(entry, str(error))
         else:
             self._give_up(entry, str(error))

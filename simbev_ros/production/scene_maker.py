@@ -14,7 +14,6 @@ from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.index_row import index_row
 from simbev_ros.dataset.plan import PlannedEntry, bag_of
 from simbev_ros.foundation.errors import SimbevError
-from simbev_ros.production.delivery import Delivery
 from simbev_ros.production.drawing import PlannedSceneDrawer
 from simbev_ros.production.free_stations import require_free_stations
 from simbev_ros.production.observer import SILENT, ProductionObserver
@@ -23,8 +22,9 @@ from simbev_ros.production.replay.entry import ReplayedEntry, replayed_scene
 from simbev_ros.production.scene_cost import CostMeter
 from simbev_ros.production.scene_ending import FailedScene, MadeScene, Output
 from simbev_ros.production.surroundings import build_surroundings
+from simbev_ros.production.upload import Uploader
+from simbev_ros.ros.graph.resources import temporary_folder
 from simbev_ros.ros.graph.session import GraphSession
-from simbev_ros.ros.graph.traces import temporary_folder
 from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.schema.scene.spec import SceneSpec
 
@@ -38,7 +38,7 @@ class SceneMaker:
         observer: Receives the progress.
         maps: The configuration's maps, where their files may not be at hand; None: they are resolved here.
         rendering: Devices that render, in place of the configuration's.
-        delivery: Takes away finished bags; None: they stay in ``staging``.
+        uploader: Uploads finished bags; None: they stay in ``staging``.
     """
 
     def __init__(
@@ -49,17 +49,17 @@ class SceneMaker:
         *,
         maps: Iterable[MapSpec] | None = None,
         rendering: Rendering | None = None,
-        delivery: Delivery | None = None,
+        uploader: Uploader | None = None,
     ) -> None:
         self._scenario, self._observer = scenario, observer
-        self._rendering, self._delivery = rendering, delivery
+        self._rendering, self._uploader = rendering, uploader
         self._staging = staging or temporary_folder()
         self._maps = maps
         self._drawer: PlannedSceneDrawer | None = None
         self._session: GraphSession | None = None
 
     def make(self, entry: PlannedEntry) -> MadeScene | FailedScene:
-        """Make a scene; its bag is in the staging folder, or delivered."""
+        """Make a scene; its bag is in the staging folder, or uploaded."""
         shutil.rmtree(bag_of(self._staging, entry).parent, ignore_errors=True)
         try:
             return self._make(entry)
@@ -85,8 +85,8 @@ class SceneMaker:
         bag = bag_of(self._staging, entry)
         row = index_row(bag, self._staging)
         cost = meter.cost(session.pids().values(), row["recorded_ticks"])
-        if self._delivery is not None:
-            self._delivery.deliver(bag, entry)
+        if self._uploader is not None:
+            self._uploader.upload(bag, entry)
             shutil.rmtree(bag)
         summary = f"{end.reason} after tick {end.tick}, {row['bytes']:,} bytes"
         return MadeScene(row, summary, self._new_output(), cost)

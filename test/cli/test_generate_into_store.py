@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from fake_crew import COST
+from fake_pool import COST
 from store_server import BUCKET, StoreServer
 
 from simbev_ros.dataset.plan import Plan, PlannedEntry

@@ -16,10 +16,10 @@ from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.production.replay.entry import ReplayedEntry
 from simbev_ros.production.workers import local_worker
-from simbev_ros.production.workers.crew import Worker
 from simbev_ros.production.workers.local_worker import LocalWorker
 from simbev_ros.production.workers.messages import Settings, Sign
-from simbev_ros.production.workers.team import WorkerLost
+from simbev_ros.production.workers.supervised_pool import WorkerLost
+from simbev_ros.production.workers.worker_pool import Worker
 
 ENTRY = PlannedEntry(number=3, map="Blocks", split="val")
 PROGRAM = """#!{python}
@@ -94,7 +94,7 @@ def loss_of(worker: LocalWorker) -> str:
 def test_settings_and_scenes_arrive_and_the_worker_has_no_ros_domain_yet(start: Start, settings: Settings) -> None:
     worker = start(ECHO)
     assert next_messages(worker, 2) == [settings, None]
-    worker.give(ENTRY)
+    worker.submit(ENTRY)
     assert next_messages(worker) == [ENTRY]
 
 
@@ -102,7 +102,7 @@ def test_a_replay_arrives_with_its_bag(start: Start) -> None:
     worker = start(ECHO)
     next_messages(worker, 2)
     replay = ReplayedEntry(**ENTRY.model_dump(), bag=Path("/sets/first/scenes/val/Blocks-0003"))
-    worker.give(replay)
+    worker.submit(replay)
     assert next_messages(worker) == [replay]
 
 
@@ -139,7 +139,7 @@ def test_messages_of_a_process_that_has_died_still_arrive(start: Start) -> None:
 def test_a_scene_for_a_process_that_has_died_is_no_error_before_the_next_read(start: Start) -> None:
     worker = start("")
     worker._process.wait(20)
-    worker.give(ENTRY)
+    worker.submit(ENTRY)
     assert loss_of(worker).startswith("worker-1 died: ")
 
 
@@ -170,7 +170,7 @@ STARTER = """
 import time
 from pathlib import Path
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.production.workers.crew import Worker
+from simbev_ros.production.workers.worker_pool import Worker
 from simbev_ros.production.workers.local_worker import LocalWorker
 from simbev_ros.production.workers.messages import Settings
 scenario = Scenario.model_validate({{"scenes": [{{"map": "Blocks", "train": 1}}], "rig": {{"sensors": []}}}})

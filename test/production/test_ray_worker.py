@@ -13,10 +13,10 @@ from simbev_ros.foundation.errors import InputError, RenderError
 from simbev_ros.maps.source import map_spec
 from simbev_ros.production.cluster.node_check import Code
 from simbev_ros.production.workers import ray_worker
-from simbev_ros.production.workers.crew import Worker
 from simbev_ros.production.workers.messages import Settings, Sign
 from simbev_ros.production.workers.ray_worker import Answer, Needs, RayWorker, WorkerActor
-from simbev_ros.production.workers.team import WorkerLost
+from simbev_ros.production.workers.supervised_pool import WorkerLost
+from simbev_ros.production.workers.worker_pool import Worker
 from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.simulation.render.gl.devices import EglDevice
 
@@ -73,8 +73,8 @@ def test_the_first_answer_names_the_node(worker: RayWorker, actor: FakeActor) ->
 
 
 def test_scenes_are_given_to_the_actor(worker: RayWorker, actor: FakeActor) -> None:
-    worker.give(ENTRY)
-    assert actor.calls == ["give 3"]
+    worker.submit(ENTRY)
+    assert actor.calls == ["submit 3"]
 
 
 def test_a_worker_is_lost_after_a_minute_of_silence(worker: RayWorker, actor: FakeActor, clock: list[float]) -> None:
@@ -178,7 +178,7 @@ def test_an_actor_on_a_node_with_other_code_refuses_to_work(ray: FakeRay, monkey
     [refusal] = actor.poll().messages
     assert isinstance(refusal, InputError)
     assert str(refusal) == f"{NODE}: has simbev_ros {CODE.version}, this machine 0.0.9"
-    actor.give(ENTRY)
+    actor.submit(ENTRY)
     actor.end()
 
 

@@ -45,7 +45,7 @@ def ray(monkeypatch: pytest.MonkeyPatch) -> FakeRay:
     """A cluster of one node."""
     fake = install_fake_ray(monkeypatch)
     fake.add_node("aaaaaaaa")
-    fake.answers["_sweep_node", "aaaaaaaa"] = None
+    fake.answers["_reap_on_node", "aaaaaaaa"] = None
     return fake
 
 

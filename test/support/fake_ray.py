@@ -62,7 +62,7 @@ class FakeActor:
         self.calls: list[str] = []
         self.polls: list[Ref] = []
         self.poll = SimpleNamespace(remote=self._poll)
-        self.give = SimpleNamespace(remote=lambda entry: self.calls.append(f"give {entry.number}"))
+        self.submit = SimpleNamespace(remote=lambda entry: self.calls.append(f"submit {entry.number}"))
         self.end = SimpleNamespace(remote=self._end)
 
     def answer(self, value: Any) -> None:

@@ -135,7 +135,7 @@ def evaluate(
         daytime=daytime,
         weather=weather,
     )
-    groups, starts_m = parse.words("--by", by) if by else (), parse.numbers("--rings", rings)
+    groups, starts_m = parse.comma_separated("--by", by) if by else (), parse.numbers("--rings", rings)
     box_classes, bev_classes = parse.classes("--classes", classes)
     options = EvaluationOptions(
         slices=tuple(table_slices(counted, groups, starts_m)),

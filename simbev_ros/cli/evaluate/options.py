@@ -13,7 +13,7 @@ from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES, DIFFICULTIES
 
 
-def words(option: str, text: str) -> tuple[str, ...]:
+def comma_separated(option: str, text: str) -> tuple[str, ...]:
     """Parse words that are separated by commas.
 
     Raises:
@@ -31,7 +31,7 @@ def numbers(option: str, text: str) -> tuple[float, ...]:
     Raises:
         InputError: A word is not a finite number.
     """
-    return tuple(_number(option, word) for word in words(option, text))
+    return tuple(_number(option, word) for word in comma_separated(option, text))
 
 
 def span(option: str, text: str) -> tuple[float, float]:
@@ -68,7 +68,7 @@ def classes(option: str, text: str | None) -> tuple[tuple[str, ...], tuple[str, 
     """
     if text is None:
         return BOX_CLASSES, BEV_CLASSES
-    chosen = words(option, text)
+    chosen = comma_separated(option, text)
     known = tuple(dict.fromkeys((*BOX_CLASSES, *BEV_CLASSES)))
     strange = [name for name in chosen if name not in known]
     if strange:
@@ -88,12 +88,12 @@ def counted(
         range_m=span("--range", distance),
         visibility=(visibility, math.inf),
         points=(points, math.inf),
-        difficulties=words("--difficulty", difficulty) if difficulty else DIFFICULTIES,
+        difficulties=comma_separated("--difficulty", difficulty) if difficulty else DIFFICULTIES,
     )
     return TableSlice(
         boxes=boxes,
-        daytimes=words("--daytime", daytime) if daytime else DAYTIMES,
-        weathers=words("--weather", weather) if weather else WEATHERS,
+        daytimes=comma_separated("--daytime", daytime) if daytime else DAYTIMES,
+        weathers=comma_separated("--weather", weather) if weather else WEATHERS,
     )
 
 
@@ -103,7 +103,7 @@ def chosen_scenes(dataset: Dataset, split: str | None, names: str | None, agent:
     Raises:
         InputError: A scene does not exist, or none is left.
     """
-    wanted = None if names is None else words("--scenes", names)
+    wanted = None if names is None else comma_separated("--scenes", names)
     known = [scene.name for scene in dataset.scenes]
     for name in wanted or ():
         if name not in known:

@@ -14,7 +14,7 @@ from simbev_ros.production.observer import ProductionObserver
 from simbev_ros.ros.conventions.arguments import PLAIN, RosArguments
 from simbev_ros.ros.graph.interrupts import Interrupted
 from simbev_ros.ros.graph.node_starter import describe_exit
-from simbev_ros.ros.graph.traces import Traces
+from simbev_ros.ros.graph.resources import GraphResources
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.show.rerun.live.viewer_process import ADDRESS, SHOWING, ViewerProcess
 
@@ -50,12 +50,12 @@ class GraphViewer(ProductionObserver):
         """Start the viewer."""
         if not self._wanted:
             return
-        self._traces = Traces()
-        self._stack.callback(self._traces.remove, keep_logs=False)
+        self._resources = GraphResources()
+        self._stack.callback(self._resources.remove, keep_logs=False)
         self._process = ViewerProcess(
             domain_id,
             self._port,
-            self._traces.folder,
+            self._resources.folder,
             security_variables,
             network=self._network,
             ros=self._ros,
@@ -83,7 +83,7 @@ class GraphViewer(ProductionObserver):
 
     def _note_files(self) -> None:
         if self._process is not None:
-            self._traces.note([self._process.pid])
+            self._resources.note([self._process.pid])
 
     def _print(self, process: ViewerProcess) -> None:
         """Print the address and what else the viewer prints, and that it has died if it does."""

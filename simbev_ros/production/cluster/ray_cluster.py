@@ -19,7 +19,7 @@ from simbev_ros.foundation.errors import InputError
 
 R = TypeVar("R")
 
-_CONNECT_TIMEOUT_S, _ANSWER_TIMEOUT_S, _SWEEP_TIMEOUT_S = 5.0, 120.0, 15.0
+_CONNECT_TIMEOUT_S, _ANSWER_TIMEOUT_S, _REAP_TIMEOUT_S = 5.0, 120.0, 15.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,13 +63,13 @@ class RayCluster:
 
     Args:
         address: ``auto``: the cluster that this machine is a node of; or ``HOST:PORT`` of the head.
-        sweeps_graphs: Whether to remove at the end what killed graphs have left on the nodes.
+        reaps_graphs: Whether to remove at the end what killed graphs have left on the nodes.
 
     Raises:
         InputError: Ray is not installed, there is no cluster at the address, or its version of Ray or Python differs.
     """
 
-    def __init__(self, address: str, *, sweeps_graphs: bool = True) -> None:
+    def __init__(self, address: str, *, reaps_graphs: bool = True) -> None:
         if find_spec("ray") is None:
             raise InputError(f"--ray needs Ray; install it: {sys.executable} -m pip install 'ray[default]'")
         head = _head_of(address)
@@ -81,7 +81,7 @@ class RayCluster:
         except (ConnectionError, RuntimeError, ValueError) as error:
             raise InputError(f"--ray {address}: {one_line(error)}") from None
         self.address = str(context.address_info["gcs_address"])
-        self._sweeps_graphs = sweeps_graphs
+        self._reaps_graphs = reaps_graphs
 
     def __enter__(self) -> Self:
         return self
@@ -89,8 +89,8 @@ class RayCluster:
     def __exit__(self, *_: object) -> None:
         import ray
 
-        if self._sweeps_graphs:
-            self._sweep_nodes()
+        if self._reaps_graphs:
+            self._reap_on_nodes()
         ray.shutdown()
 
     def nodes(self) -> list[Node]:
@@ -137,13 +137,13 @@ class RayCluster:
                 if node.id in {other.id for other in self.nodes()}:
                     raise InputError(f"{node.label}: cannot run this package: {one_line(error)}") from None
 
-    def _sweep_nodes(self) -> None:
+    def _reap_on_nodes(self) -> None:
         """Remove what killed graphs have left on the nodes; those that do not answer are left alone."""
         import ray
 
         with suppress(ray.exceptions.RayError):
-            asked = [_on(node, _sweep_node).remote() for node in self.nodes() if node.cpus]
-            ray.wait(asked, num_returns=len(asked), timeout=_SWEEP_TIMEOUT_S)
+            asked = [_on(node, _reap_on_node).remote() for node in self.nodes() if node.cpus]
+            ray.wait(asked, num_returns=len(asked), timeout=_REAP_TIMEOUT_S)
 
 
 def _on(node: Node, function: Any) -> Any:
@@ -156,11 +156,11 @@ def _on(node: Node, function: Any) -> Any:
     )(function)
 
 
-def _sweep_node() -> None:
+def _reap_on_node() -> None:
     """Runs on a node."""
-    from simbev_ros.ros.graph.traces import sweep
+    from simbev_ros.ros.graph.resources import reap_killed_graphs
 
-    sweep()
+    reap_killed_graphs()
 
 
 def _head_of(address: str) -> str:

@@ -14,14 +14,14 @@ from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.files.whole_files import require_writable
 from simbev_ros.production.cluster.node_check import check_nodes
 from simbev_ros.production.cluster.ray_cluster import RayCluster
-from simbev_ros.production.dataset import check_workers, open_crew
-from simbev_ros.production.dataset_home import hold_home
+from simbev_ros.production.dataset import check_workers, open_worker_pool
 from simbev_ros.production.dataset_maker import DatasetMaker
+from simbev_ros.production.dataset_storage import lock_dataset
 from simbev_ros.production.observer import SILENT, ProductionObserver, SeveralObservers
 from simbev_ros.production.record_folder import hold_bags
 from simbev_ros.production.replay.entry import ReplayedEntry, checked_scene, replayed_scene, require_distinct
-from simbev_ros.production.replay.home import ReplayHome
 from simbev_ros.production.replay.selection import folder_of, require_mergeable, select_bags
+from simbev_ros.production.replay.storage import ReplayStorage
 from simbev_ros.production.workers.ray_metrics import RayMetrics
 from simbev_ros.recording.layout import additional_folder
 from simbev_ros.schema.scene.spec import SceneSpec
@@ -101,11 +101,11 @@ def replay_bags(
         require_distinct(entries)
         targets: dict[PlannedEntry, Path] = {entry: _target(entry, out, merge) for entry in entries}
         replayed = {targets[entry]: entry.bag for entry in entries}
-        held.enter_context(hold_home(place) if out is None else _hold_dataset(place, loaded, replayed, observer))
+        held.enter_context(lock_dataset(place) if out is None else _hold_dataset(place, loaded, replayed, observer))
         min_free_bytes = loaded.recording.min_free_mib << 20
-        home = held.enter_context(closing(ReplayHome(place, targets, selection.recorded, min_free_bytes)))
-        crew = open_crew(loaded, place, home, workers, cluster, len(entries), observer, maps=())
-        outcome = DatasetMaker(home, held.enter_context(crew), retries=retries, observer=observer).make(entries)
+        storage = held.enter_context(closing(ReplayStorage(place, targets, selection.recorded, min_free_bytes)))
+        pool = open_worker_pool(loaded, place, storage, workers, cluster, len(entries), observer, maps=())
+        outcome = DatasetMaker(storage, held.enter_context(pool), retries=retries, observer=observer).make(entries)
     return ReplayResult(tuple(targets[entry] for entry in outcome.made), tuple(selection.recorded), outcome.failed)
 
 

@@ -11,9 +11,9 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from simbev_ros.dataset.plan import PlannedEntry
-from simbev_ros.production.workers.crew import Worker
 from simbev_ros.production.workers.messages import Settings
-from simbev_ros.production.workers.team import WorkerLost
+from simbev_ros.production.workers.supervised_pool import WorkerLost
+from simbev_ros.production.workers.worker_pool import Worker
 from simbev_ros.ros.graph.node_starter import describe_exit
 from simbev_ros.ros.nodes.lifeline import SUPERVISOR_VARIABLE
 
@@ -50,7 +50,7 @@ class LocalWorker:
         self._send(settings)
         self._deadline_s = time.monotonic() + _START_PATIENCE_S
 
-    def give(self, entry: PlannedEntry) -> None:
+    def submit(self, entry: PlannedEntry) -> None:
         """Send a scene to make."""
         self._send(entry)
 

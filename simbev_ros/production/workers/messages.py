@@ -1,4 +1,4 @@
-"""Messages between a worker's process and the crew that it belongs to, and the observer at the worker's end."""
+"""Messages between a worker's process and the pool that it belongs to, and the observer at the worker's end."""
 
 import time
 from collections.abc import Callable
@@ -9,8 +9,8 @@ from typing import Any
 
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.production.delivery import Delivery
 from simbev_ros.production.observer import ProductionObserver
+from simbev_ros.production.upload import Uploader
 from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.schema.scene.spec import SceneSpec
 
@@ -27,14 +27,14 @@ class Settings:
         staging: Its folder for unfinished scenes; None: a temporary one.
         maps: The configuration's maps; None: the worker resolves them.
         rendering: Devices that render, in place of the configuration's.
-        delivery: Takes away finished bags.
+        uploader: Uploads finished bags; None: they stay in ``staging``.
     """
 
     scenario: Scenario
     staging: Path | None
     maps: tuple[MapSpec, ...] | None = None
     rendering: Rendering | None = None
-    delivery: Delivery | None = None
+    uploader: Uploader | None = None
 
 
 class Sign(Enum):

@@ -16,10 +16,10 @@ from simbev_ros.foundation.files.whole_files import write_whole
 from simbev_ros.maps.source import MAP_FILES_VARIABLE, name_of_copy
 from simbev_ros.production.cluster.node_check import Code, node_problem
 from simbev_ros.production.cluster.ray_cluster import this_node
-from simbev_ros.production.workers.crew import Worker
 from simbev_ros.production.workers.local_worker import PATIENCE_S, LocalWorker
 from simbev_ros.production.workers.messages import Report, Settings, Sign
-from simbev_ros.production.workers.team import WorkerLost
+from simbev_ros.production.workers.supervised_pool import WorkerLost
+from simbev_ros.production.workers.worker_pool import Worker
 from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.simulation.render.gl.devices import accessible_gpus
 
@@ -88,10 +88,10 @@ class WorkerActor:
                 break
         return Answer(self._node, [message for message in messages if message is not Sign.ALIVE], None)
 
-    def give(self, entry: PlannedEntry) -> None:
+    def submit(self, entry: PlannedEntry) -> None:
         """Let the process make a scene."""
         if self._worker is not None:
-            self._worker.give(entry)
+            self._worker.submit(entry)
 
     def end(self) -> None:
         """End the process, with its graph."""
@@ -138,9 +138,9 @@ class RayWorker:
         self.poll = self._actor.poll.remote()
         self._end: Any = None
 
-    def give(self, entry: PlannedEntry) -> None:
+    def submit(self, entry: PlannedEntry) -> None:
         """Send a scene to make."""
-        self._actor.give.remote(entry)
+        self._actor.submit.remote(entry)
 
     def read(self) -> list[Any]:
         """Messages that have arrived.

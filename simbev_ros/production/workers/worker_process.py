@@ -81,7 +81,7 @@ def run_worker(descriptor: int) -> None:
                 observer,
                 maps=settings.maps,
                 rendering=settings.rendering,
-                delivery=settings.delivery,
+                uploader=settings.uploader,
             )
         except SimbevError as error:
             line.send(error)

@@ -28,7 +28,7 @@ from simbev_ros.ros.graph.monitor import SUPERVISOR, GraphMonitor
 from simbev_ros.ros.graph.node_starter import NodeStarter
 from simbev_ros.ros.graph.plan import WRITERS, ProcessPlan, figures_file, plan_processes
 from simbev_ros.ros.graph.process import GraphProcess, NodeProcess, StackProcess
-from simbev_ros.ros.graph.traces import Traces
+from simbev_ros.ros.graph.resources import GraphResources
 from simbev_ros.ros.msgs.signing import KEY_VARIABLE, Signer, make_key
 from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.request import SceneRequest
@@ -83,7 +83,7 @@ class GraphSession:
         self._dataset = dataset
         self._lock = DomainLock(domain, ros.namespace)
         self.domain = self._lock.domain
-        self._traces = Traces()
+        self._resources = GraphResources()
         self._starter: NodeStarter | None = None
         self._plans: list[ProcessPlan] = []
         self._processes: list[GraphProcess] = []
@@ -118,18 +118,18 @@ class GraphSession:
 
     def _start_processes(self) -> None:
         environment = graph_environment(self.domain, self._exposure)
-        self.security_variables = self._exposure.security_environment(self._traces.folder)
+        self.security_variables = self._exposure.security_environment(self._resources.folder)
         environment |= self.security_variables
         os.environ.update(environment)  # for the monitor: the middleware reads them when the first node is created
         environment |= drawing_environment(self._camera_processes(self._scenario))
         self._plans = plans = self._plan(self._scenario)
         key = make_key()
         kinds_of_all = (node.kind for nodes in plans for node in nodes)
-        self._starter = NodeStarter(kinds_of_all, self._traces.folder, {**environment, KEY_VARIABLE: key})
+        self._starter = NodeStarter(kinds_of_all, self._resources.folder, {**environment, KEY_VARIABLE: key})
         for nodes in plans:
-            self._processes.append(NodeProcess(self._starter, nodes, self._traces.folder, self._ros))
+            self._processes.append(NodeProcess(self._starter, nodes, self._resources.folder, self._ros))
         for label, command in stack_commands(self._scenario, self._ros, live=self._live).items():
-            self._processes.append(StackProcess(self._starter, label, command, self._traces.folder))
+            self._processes.append(StackProcess(self._starter, label, command, self._resources.folder))
         names = [node.ros_name(self._ros.namespace) for nodes in plans for node in nodes]
         reporting = [*(name.name for name in names[1:]), *self._scenario.participants]
         writers = [node.name for nodes in plans for node in nodes if node.kind in WRITERS]
@@ -139,7 +139,7 @@ class GraphSession:
             if self.security_variables:
                 raise InputError(f"{str(error).splitlines()[0]}; {NEEDS_SROS}") from None
             raise
-        self._traces.note([os.getpid()])
+        self._resources.note([os.getpid()])
 
     def _camera_processes(self, scenario: Scenario) -> int:
         return camera_processes(self._rendering, len(scenario.sensors_of_type(Camera)))
@@ -151,7 +151,7 @@ class GraphSession:
             self._camera_processes(scenario),
             live=self._live,
             dataset=self._dataset,
-            figures=self._traces.folder,
+            figures=self._resources.folder,
             rendering=self._rendering,
             cores=usable_cores(),
         )
@@ -264,7 +264,7 @@ class GraphSession:
     @property
     def folder(self) -> Path:
         """Temporary folder of the graph, with its logs."""
-        return self._traces.folder
+        return self._resources.folder
 
     def pids(self) -> dict[str, int]:
         """Ids of all processes of the graph that have been started, by label, with supervisor and fork server."""
@@ -290,7 +290,7 @@ class GraphSession:
 
     def _check_processes(self, where: str) -> None:
         """Fail if a process has died."""
-        self._traces.note(self._pids())
+        self._resources.note(self._pids())
         if self._starter is not None and (failure := self._starter.failure()):
             self._fail(f"{failure}, {where}")
         for process in self._processes:
@@ -305,11 +305,11 @@ class GraphSession:
 
     def _fail(self, message: str) -> None:
         self._failed = True
-        raise GraphError(f"{message}\nlogs: {self._traces.folder}")
+        raise GraphError(f"{message}\nlogs: {self._resources.folder}")
 
     def close(self) -> None:
         """Stop all processes, with time for the recorder to finish, and remove all traces except logs of a failure."""
-        self._traces.note(self._pids())
+        self._resources.note(self._pids())
         for process in self._processes:
             process.terminate()
         end_s = time.monotonic() + _STOP_TIMEOUT_S
@@ -317,11 +317,11 @@ class GraphSession:
             process.join(max(end_s - time.monotonic(), 0.1))
         if self._starter is not None:
             self._starter.close()
-        files = [figures_file(self._traces.folder, agent) for agent in self._scenario.evaluated_agents]
+        files = [figures_file(self._resources.folder, agent) for agent in self._scenario.evaluated_agents]
         self.figures = [json.loads(file.read_text(encoding="utf-8")) for file in files if file.is_file()]
         if self._monitor is not None:
             self._monitor.close()
-        self._traces.remove(keep_logs=self._failed)
+        self._resources.remove(keep_logs=self._failed)
         self._lock.close()
 
 

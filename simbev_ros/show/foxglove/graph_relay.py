@@ -21,7 +21,7 @@ from simbev_ros.ros.msgs import topics
 from simbev_ros.ros.msgs.message_types import message_class
 from simbev_ros.ros.msgs.stamps import serialized_stamp_ns
 from simbev_ros.ros.nodes.graph_node import MALFORMED
-from simbev_ros.show.foxglove.offers import Offer, differences, graph_offers
+from simbev_ros.show.foxglove.relayed_topics import RelayedTopic, differences, relayed_topics
 from simbev_ros.show.foxglove.schemas import begins_with_stamp, schema_of
 from simbev_ros.show.foxglove.server import TIME_PERIOD_S
 
@@ -45,7 +45,7 @@ class GraphRelay:
     def __init__(self, node: NamespacedNode, context: "Context", warn: Callable[[str], None]) -> None:
         self._node, self._context, self._warn = node, context, warn
         self._requests: SimpleQueue[Callable[[], None]] = SimpleQueue()
-        self._offers: dict[str, Offer] = {}
+        self._relayed: dict[str, RelayedTopic] = {}
         self._channels: dict[str, Any] = {}
         self._subscribers: dict[int, int] = {}
         self._subscriptions: dict[str, list[Any]] = {}
@@ -88,25 +88,25 @@ class GraphRelay:
 
     def _discover(self) -> None:
         """Follow topics that appear, vanish or change."""
-        found, unknown = graph_offers(self._node)
-        gone, new = differences(self._offers, found)
+        found, unknown = relayed_topics(self._node)
+        gone, new = differences(self._relayed, found)
         for name in gone:
             self._unfollow(name)
             self._channels.pop(name).close()
-            del self._offers[name]
+            del self._relayed[name]
         for name in new[:_NEW_PER_DISCOVERY]:
-            self._offer(found[name])
+            self._relay(found[name])
         for name, type_name in unknown.items():
             if name not in self._warned:
                 self._warned.add(name)
                 self._warn(f"{name} is not shown: this Python has no definition of its type {type_name}")
 
-    def _offer(self, offer: Offer) -> None:
+    def _relay(self, topic: RelayedTopic) -> None:
         import foxglove
 
-        self._offers[offer.name] = offer
-        self._channels[offer.name] = foxglove.Channel(
-            offer.name, schema=schema_of(offer.type_name), message_encoding="cdr", context=self._context
+        self._relayed[topic.name] = topic
+        self._channels[topic.name] = foxglove.Channel(
+            topic.name, schema=schema_of(topic.type_name), message_encoding="cdr", context=self._context
         )
 
     def _subscribe(self, channel: int, topic: str) -> None:
@@ -116,7 +116,7 @@ class GraphRelay:
         if topic in self._latched:
             self._channels[topic].log(self._latched[topic], log_time=self._now_ns)
         if topic not in self._subscriptions:
-            self._follow(self._offers[topic])
+            self._follow(self._relayed[topic])
 
     def _unsubscribe(self, channel: int, topic: str) -> None:
         self._subscribers[channel] = self._subscribers.get(channel, 0) - 1
@@ -125,10 +125,10 @@ class GraphRelay:
             if topic in self._channels and self._channels[topic].id() == channel:
                 self._unfollow(topic)
 
-    def _follow(self, offer: Offer) -> None:
-        kind, receive = message_class(offer.source_type), self._guarded(lambda payload: self._forward(offer, payload))
-        self._subscriptions[offer.name] = [
-            self._node.create_subscription(kind, source, receive, offer.qos, raw=True) for source in offer.sources
+    def _follow(self, topic: RelayedTopic) -> None:
+        kind, receive = message_class(topic.source_type), self._guarded(lambda payload: self._forward(topic, payload))
+        self._subscriptions[topic.name] = [
+            self._node.create_subscription(kind, source, receive, topic.qos, raw=True) for source in topic.sources
         ]
 
     def _unfollow(self, topic: str) -> None:
@@ -136,19 +136,19 @@ class GraphRelay:
         for subscription in self._subscriptions.pop(topic, ()):
             self._node.destroy_subscription(subscription)
 
-    def _forward(self, offer: Offer, payload: bytes) -> None:
+    def _forward(self, topic: RelayedTopic, payload: bytes) -> None:
         try:
-            data = payload if offer.make is None else offer.make(payload)
-            stamp_ns = self._stamp_ns(offer.source_type, payload)
+            data = payload if topic.make is None else topic.make(payload)
+            stamp_ns = self._stamp_ns(topic.source_type, payload)
         except MALFORMED as error:
-            if offer.name not in self._warned:
-                self._warned.add(offer.name)
-                self._warn(f"ignored messages on {', '.join(offer.sources)}: {error!s:.200}")
+            if topic.name not in self._warned:
+                self._warned.add(topic.name)
+                self._warn(f"ignored messages on {', '.join(topic.sources)}: {error!s:.200}")
             return
-        if offer.name in self._channels:
-            self._channels[offer.name].log(data, log_time=stamp_ns)
-        if offer.is_latched:
-            self._latched[offer.name] = data
+        if topic.name in self._channels:
+            self._channels[topic.name].log(data, log_time=stamp_ns)
+        if topic.is_latched:
+            self._latched[topic.name] = data
 
     def _stamp_ns(self, type_name: str, payload: bytes) -> int:
         """Stamp of a message; of one without a stamp, the time of the graph's clock."""

@@ -24,7 +24,7 @@ def ray(monkeypatch: pytest.MonkeyPatch) -> FakeRay:
     fake = install_fake_ray(monkeypatch)
     for name in ("aaaaaaaa", "bbbbbbbb"):
         fake.add_node(name)
-        fake.answers["_sweep_node", name] = None
+        fake.answers["_reap_on_node", name] = None
     return fake
 
 

@@ -16,7 +16,7 @@ from simbev_ros.ros.msgs.world import agent_odometry
 from simbev_ros.schema.scene.agents import agent_views
 from simbev_ros.schema.scene.state import ACTOR_DTYPE
 from simbev_ros.show.foxglove.derived import derivations
-from simbev_ros.show.foxglove.offers import Offer, _transform_offers
+from simbev_ros.show.foxglove.relayed_topics import RelayedTopic, _transform_topics
 
 SPEC = made_up_agents()
 
@@ -63,14 +63,16 @@ def test_displays_are_made_of_the_agents_own_messages(made: tuple[Path, MadeUp],
 
 def test_transforms_of_a_graph_are_made_of_the_odometry_of_every_agent() -> None:
     names = ["/car/odom", "/ego/odom", "/rsu/odom", "/ego/wheel/odometry"]
-    offers = {name: Offer(name, "nav_msgs/msg/Odometry", (name,), "nav_msgs/msg/Odometry", False) for name in names}
-    (offer,) = _transform_offers(offers)
-    assert (offer.name, offer.sources) == (topics.TF, ("/car/odom", "/ego/odom", "/rsu/odom"))
-    assert offer.make is not None
+    relayed = {
+        name: RelayedTopic(name, "nav_msgs/msg/Odometry", (name,), "nav_msgs/msg/Odometry", False) for name in names
+    }
+    (topic,) = _transform_topics(relayed)
+    assert (topic.name, topic.sources) == (topics.TF, ("/car/odom", "/ego/odom", "/rsu/odom"))
+    assert topic.make is not None
     actors = np.zeros(4, ACTOR_DTYPE)
     actors["id"], actors["x"] = 1 + np.arange(4), 10.0 * np.arange(4)
     for view, x_m in zip(agent_views(SPEC), (0.0, 20.0, 12.0), strict=True):
         payload = bytes(serialize_message(agent_odometry(view, actors, SPEC.start_ns)))
-        (made,) = TYPES.deserialize_cdr(offer.make(payload), "tf2_msgs/msg/TFMessage").transforms
+        (made,) = TYPES.deserialize_cdr(topic.make(payload), "tf2_msgs/msg/TFMessage").transforms
         assert (made.header.frame_id, made.child_frame_id) == ("map", f"{view.rig.agent}/base_link")
         assert made.transform.translation.x == x_m

@@ -15,7 +15,7 @@ from simbev_ros.production.cluster.node_check import Code
 from simbev_ros.production.scene_ending import FailedScene, MadeScene
 from simbev_ros.production.workers.messages import Settings, Sign
 from tools.bench.production import driver_timing
-from tools.bench.production.copying_workers import CopyingCrew, RecordedScene, copying_actor
+from tools.bench.production.copying_workers import CopyingPool, RecordedScene, copying_actor
 from tools.bench.production.driver_timing import require_space, timed_production
 
 ENTRY = PlannedEntry(number=7, map="Blocks", split="val")
@@ -73,13 +73,13 @@ def test_more_copies_than_the_disk_has_space_for_are_refused(recorded: RecordedS
 
 
 def test_workers_in_one_process_copy_in_the_order_of_their_scenes(recorded: RecordedScene, place: Path) -> None:
-    with CopyingCrew(recorded, place, 2) as crew:
-        first, second = crew.idle()
-        crew.give(first, ENTRY)
-        crew.give(second, ENTRY.model_copy(update={"number": 8}))
-        assert not crew.idle()
-        [(worker, entry, _)] = crew.wait(0.0)
-        assert (worker, entry) == (first, ENTRY) and crew.idle() == [first] and crew.copying_s > 0.0
+    with CopyingPool(recorded, place, 2) as pool:
+        first, second = pool.idle()
+        pool.submit(first, ENTRY)
+        pool.submit(second, ENTRY.model_copy(update={"number": 8}))
+        assert not pool.idle()
+        [(worker, entry, _)] = pool.wait(0.0)
+        assert (worker, entry) == (first, ENTRY) and pool.idle() == [first] and pool.copying_s > 0.0
 
 
 def test_an_actor_copies_what_it_is_given(
@@ -89,7 +89,7 @@ def test_an_actor_copies_what_it_is_given(
     scenario = Scenario.model_validate({"scenes": [{"map": "Blocks", "train": 1}], "rig": {"sensors": []}})
     actor = copying_actor(recorded)("worker-1", Settings(scenario, place), Code("0.1.0", {}), {})
     assert actor.poll().messages == [Sign.READY]
-    actor.give(ENTRY)
+    actor.submit(ENTRY)
     made, ready = actor.poll().messages
     assert made.row["name"] == "Blocks-0007" and ready is Sign.READY and bag_of(place, ENTRY).is_dir()
 
@@ -132,4 +132,4 @@ def test_actors_on_a_cluster_make_the_same_dataset(recorded: RecordedScene, plac
     timing = timed_production(recorded, [30], folder=place, workers=1, ray=address)
     [run] = timing.runs
     assert (run.scenes, run.index_writes, run.copying_s) == (30, 25, 0.0) and run.making_s > 0.0
-    assert not list(place.iterdir()) and timing.crew == "actors on a Ray cluster"
+    assert not list(place.iterdir()) and timing.pool == "actors on a Ray cluster"

@@ -22,9 +22,9 @@ from simbev_ros.production.cluster.node_check import Code
 from simbev_ros.production.cluster.ray_cluster import this_node
 from simbev_ros.production.scene_cost import SceneCost
 from simbev_ros.production.scene_ending import FailedScene, MadeScene, SceneEnding
-from simbev_ros.production.workers.crew import Worker
 from simbev_ros.production.workers.messages import Settings, Sign
 from simbev_ros.production.workers.ray_worker import Answer
+from simbev_ros.production.workers.worker_pool import Worker
 from simbev_ros.recording.layout import finished_scenes
 from simbev_ros.schema.scene.map_spec import MapSpec
 
@@ -73,7 +73,7 @@ class RecordedScene:
         return MadeScene({**self.row, **names}, "copied", {}, _COST)
 
 
-class CopyingCrew:
+class CopyingPool:
     """Workers in this process that copy a scene one after the other, while the driver waits for them.
 
     Args:
@@ -103,7 +103,7 @@ class CopyingCrew:
         """Workers without a scene."""
         return list(self._idle)
 
-    def give(self, worker: Worker, entry: PlannedEntry) -> None:
+    def submit(self, worker: Worker, entry: PlannedEntry) -> None:
         """Note the scene to copy."""
         self._idle.remove(worker)
         self._busy.append((worker, entry))
@@ -138,7 +138,7 @@ class _CopyingActor:
                 messages.append(self._messages.get_nowait())
         return Answer(self._node, messages, None)
 
-    def give(self, entry: PlannedEntry) -> None:
+    def submit(self, entry: PlannedEntry) -> None:
         """Copy the scene."""
         self._messages.put(self.recorded.copy(self._staging, entry))
         self._messages.put(Sign.READY)

@@ -22,14 +22,14 @@ from simbev_ros.foundation.errors import DiskError, SimbevError
 from simbev_ros.foundation.files.whole_files import write_errors
 from simbev_ros.production.cluster.node_check import check_nodes
 from simbev_ros.production.cluster.ray_cluster import RayCluster
-from simbev_ros.production.dataset_folder import DatasetFolder
 from simbev_ros.production.dataset_maker import DatasetMaker
+from simbev_ros.production.folder_storage import FolderStorage
 from simbev_ros.production.observer import ProductionObserver, SeveralObservers
-from simbev_ros.production.workers.crew import Crew
-from simbev_ros.production.workers.ray_crew import RayCrew
 from simbev_ros.production.workers.ray_metrics import RayMetrics
+from simbev_ros.production.workers.ray_worker_pool import RayWorkerPool
+from simbev_ros.production.workers.worker_pool import WorkerPool
 from simbev_ros.recording.layout import scenes_folder
-from tools.bench.production.copying_workers import CopyingCrew, RecordedScene, copying_actor
+from tools.bench.production.copying_workers import CopyingPool, RecordedScene, copying_actor
 
 R = TypeVar("R")
 
@@ -66,18 +66,18 @@ class ProductionTiming:
     """The driver's time and memory at several numbers of scenes.
 
     Attributes:
-        crew: What copied the scenes.
+        pool: What copied the scenes.
         scene_bytes: Size of each scene.
         runs: The measurements.
     """
 
-    crew: str
+    pool: str
     scene_bytes: int
     runs: list[DriverRun]
 
     def title(self) -> str:
         """Title of the table."""
-        return f"the driver of a production whose scenes, of {self.scene_bytes:,} bytes, are copied by {self.crew}"
+        return f"the driver of a production whose scenes, of {self.scene_bytes:,} bytes, are copied by {self.pool}"
 
     def rows(self) -> list[tuple[str, ...]]:
         """Rows of a table, one for each number of scenes."""
@@ -142,8 +142,8 @@ def timed_production(
             runs.append(_measure(own, count, out, workers, ray))
             shutil.rmtree(out)
             advance()
-    crew = f"{workers} workers in its process" if ray is None else "actors on a Ray cluster"
-    return ProductionTiming(crew, recorded.row["bytes"], runs)
+    pool = f"{workers} workers in its process" if ray is None else "actors on a Ray cluster"
+    return ProductionTiming(pool, recorded.row["bytes"], runs)
 
 
 def _bytes_on_disk(recorded: RecordedScene) -> int:
@@ -172,18 +172,18 @@ class _SecondHalf(ProductionObserver):
 
     Args:
         scenes: Number of scenes, at least 2.
-        crew: The workers, whose copies in this process do not count.
+        pool: The workers, whose copies in this process do not count.
     """
 
-    def __init__(self, scenes: int, crew: Crew) -> None:
-        self._scenes, self._crew, self._made = scenes, crew, 0
+    def __init__(self, scenes: int, pool: WorkerPool) -> None:
+        self._scenes, self._pool, self._made = scenes, pool, 0
         self._times_s: list[float] = []
 
     def scene_made(self, entry: PlannedEntry, dataset_bytes: int) -> None:
         """Note the time at the middle and at the end."""
         self._made += 1
         if self._made in (self._scenes // 2, self._scenes):
-            self._times_s.append(time.perf_counter() - _copying_s(self._crew))
+            self._times_s.append(time.perf_counter() - _copying_s(self._pool))
 
     @property
     def ms_per_scene(self) -> float:
@@ -225,31 +225,33 @@ def _make(recorded: RecordedScene, count: int, out: Path, workers: int, ray: str
         plan = Plan().with_entries(PlannedEntry(number=k, map=map_name, split=split) for k in range(count))
         plan.save(out)
         scenes_folder(out).mkdir()
-        folder = held.enter_context(closing(DatasetFolder(out, [], 0)))
+        folder = held.enter_context(closing(FolderStorage(out, [], 0)))
         folder.index = index = _TimedIndex(out)
-        crew = held.enter_context(_open_crew(recorded, folder.staging, workers, cluster, count))
-        late = _SecondHalf(count, crew)
+        pool = held.enter_context(_open_pool(recorded, folder.staging, workers, cluster, count))
+        late = _SecondHalf(count, pool)
         observer = late if cluster is None else SeveralObservers(late, RayMetrics(out.name))
         began_s = time.perf_counter()
-        outcome = DatasetMaker(folder, crew, retries=0, observer=observer).make(plan.scenes)
+        outcome = DatasetMaker(folder, pool, retries=0, observer=observer).make(plan.scenes)
         making_s = time.perf_counter() - began_s
     if outcome.failed:
         name, reason = next(iter(outcome.failed.items()))
         raise SimbevError(f"{len(outcome.failed):,} of {count:,} scenes could not be copied; {name}: {reason}")
-    times = making_s, late.ms_per_scene, _copying_s(crew), index.writing_s
+    times = making_s, late.ms_per_scene, _copying_s(pool), index.writing_s
     return DriverRun(count, *times, index.writes, reopening_s=0.0, peak_mib=_peak_mib())
 
 
-def _open_crew(recorded: RecordedScene, staging: Path, workers: int, cluster: RayCluster | None, count: int) -> Crew:
+def _open_pool(
+    recorded: RecordedScene, staging: Path, workers: int, cluster: RayCluster | None, count: int
+) -> WorkerPool:
     """Workers that copy, in this process or on a cluster."""
     if cluster is None:
-        return CopyingCrew(recorded, staging, workers)
-    return RayCrew(cluster, load_scenario("demo"), staging, count, actor_class=copying_actor(recorded))
+        return CopyingPool(recorded, staging, workers)
+    return RayWorkerPool(cluster, load_scenario("demo"), staging, count, actor_class=copying_actor(recorded))
 
 
-def _copying_s(crew: Crew) -> float:
+def _copying_s(pool: WorkerPool) -> float:
     """Time that this process has spent on copies."""
-    return crew.copying_s if isinstance(crew, CopyingCrew) else 0.0
+    return pool.copying_s if isinstance(pool, CopyingPool) else 0.0
 
 
 def _reopen(out: Path) -> tuple[float, float]:
@@ -257,5 +259,5 @@ def _reopen(out: Path) -> tuple[float, float]:
     began_s = time.perf_counter()
     plan = Plan.load(out)
     plan.save(out)
-    DatasetFolder(out, plan.finished_entries(out), 0).close()
+    FolderStorage(out, plan.finished_entries(out), 0).close()
     return time.perf_counter() - began_s, _peak_mib()

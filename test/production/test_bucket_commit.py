@@ -17,7 +17,7 @@ from simbev_ros.dataset.stored_index import StoredIndex, load_stored_index
 from simbev_ros.foundation.object_store.connection import StoreError
 from simbev_ros.foundation.object_store.object_path import ObjectPath
 from simbev_ros.foundation.object_store.transfers import list_objects
-from simbev_ros.production.dataset_home import hold_home, open_home
+from simbev_ros.production.dataset_storage import lock_dataset, open_storage
 from simbev_ros.recording.layout import scenes_of
 
 SET = ObjectPath(BUCKET, "sets/a")
@@ -27,29 +27,29 @@ BAG = "scenes/train/Blocks-0001"
 
 @dataclass
 class Made:
-    """A scene in a worker's folder, and the dataset before and after its adoption."""
+    """A scene in a worker's folder, and the dataset before and after its commit."""
 
     folder: Path
     before: Path
     after: dict[str, bytes]
     row: Row
 
-    def adopt(self, dataset: ObjectPath, death: AbstractContextManager[None] | None = None) -> None:
-        """Have it delivered and adopted; ``death`` befalls the driver that adopts it."""
+    def commit(self, dataset: ObjectPath, death: AbstractContextManager[None] | None = None) -> None:
+        """Have it uploaded and committed; ``death`` befalls the driver that commits it."""
         bag = bag_of(self.folder, ENTRY)
-        with hold_home(dataset) as lock:
-            home = open_home(dataset, lock, [], 0)
-            delivery = home.delivery_of("worker-1")
-            assert delivery is not None
-            delivery.deliver(bag, ENTRY)
-            with death or nullcontext(), closing(home):
-                home.adopt("worker-1", ENTRY, self.row)
+        with lock_dataset(dataset) as lock:
+            storage = open_storage(dataset, lock, [], 0)
+            uploader = storage.uploader_for("worker-1")
+            assert uploader is not None
+            uploader.upload(bag, ENTRY)
+            with death or nullcontext(), closing(storage):
+                storage.commit("worker-1", ENTRY, self.row)
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Made:
     """A dataset of two scenes. The one to replace is larger, has a second file without messages, and another bag."""
-    folder = tmp_path_factory.mktemp("adoption")
+    folder = tmp_path_factory.mktemp("commit")
     for number, ticks in enumerate((2, 3)):
         made_up_scene(folder / f"before/scenes/train/Blocks-000{number}", number=number, ticks=ticks, sensors=[])
     made_up_scene(folder / "made" / BAG, number=1, ticks=2, sensors=[])
@@ -88,15 +88,15 @@ def test_a_driver_killed_at_any_step_leaves_the_old_scene_or_none_or_the_new_one
         dataset = ObjectPath(BUCKET, f"sets/{writes}")
         upload(made.before, dataset.key)
         try:
-            made.adopt(dataset, die_after(writes))
+            made.commit(dataset, die_after(writes))
             break
         except Killed:
             seen.append(state(dataset, made))
         if seen[-1] == "missing":
-            made.adopt(dataset)
+            made.commit(dataset)
         elif seen[-1] == "new":
-            with hold_home(dataset) as lock:
-                open_home(dataset, lock, [], 0).close()
+            with lock_dataset(dataset) as lock:
+                open_storage(dataset, lock, [], 0).close()
         if seen[-1] != "old":
             found = objects(dataset)
             assert [row["number"] for row in read_index(dataset)] == [0, 1]
@@ -106,23 +106,23 @@ def test_a_driver_killed_at_any_step_leaves_the_old_scene_or_none_or_the_new_one
 
 
 def test_what_a_lost_worker_has_uploaded_is_removed(made: Made, store: StoreServer) -> None:
-    with hold_home(SET) as lock, closing(open_home(SET, lock, [], 0)) as home:
+    with lock_dataset(SET) as lock, closing(open_storage(SET, lock, [], 0)) as storage:
         for worker in ("worker-1", "worker-2"):
-            delivery = home.delivery_of(worker)
-            assert delivery is not None
-            delivery.deliver(bag_of(made.folder, ENTRY), ENTRY)
-        home.discard("worker-1")
+            uploader = storage.uploader_for(worker)
+            assert uploader is not None
+            uploader.upload(bag_of(made.folder, ENTRY), ENTRY)
+        storage.discard("worker-1")
         assert {path.key.split("/")[4] for path in list_objects(SET / ".making")} == {"worker-2"}
     assert not list_objects(SET / ".making")
 
 
-def test_a_scene_of_which_a_part_is_missing_is_not_adopted(made: Made, store: StoreServer) -> None:
-    with hold_home(SET) as lock, closing(open_home(SET, lock, [], 0)) as home:
+def test_a_scene_of_which_a_part_is_missing_is_not_committed(made: Made, store: StoreServer) -> None:
+    with lock_dataset(SET) as lock, closing(open_storage(SET, lock, [], 0)) as storage:
         with pytest.raises(
             StoreError, match=rf"Blocks-0001: 0 of {made.row['bytes']:,} bytes are there; the others were"
         ):
-            home.adopt("worker-1", ENTRY, made.row)
-        assert len(home.index) == 0
+            storage.commit("worker-1", ENTRY, made.row)
+        assert len(storage.index) == 0
 
 
 def test_a_row_waits_as_an_object_until_the_index_is_written(

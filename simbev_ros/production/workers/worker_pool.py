@@ -1,7 +1,8 @@
 """The interface between the driver of a dataset and the workers that make its scenes.
 
-The driver gives scenes to idle workers and collects how they ended. It alone decides about retries and writes into the
-dataset; workers write into folders of their own. The crews are in ``own_process``, ``local_crew`` and ``ray_crew``.
+The driver assigns scenes to idle workers and collects how they ended. It alone decides about retries and writes into
+the dataset; workers write into folders of their own. The pools are in ``in_process_pool``, ``local_pool`` and
+``ray_worker_pool``.
 """
 
 from collections.abc import Sequence
@@ -25,7 +26,7 @@ class Worker:
     machine: str
 
 
-class Crew(Protocol):
+class WorkerPool(Protocol):
     """Workers, of which each makes one scene at a time. As a context manager it ends them all."""
 
     def __enter__(self) -> Self:
@@ -37,8 +38,8 @@ class Crew(Protocol):
     def idle(self) -> Sequence[Worker]:
         """Workers that wait for a scene."""
 
-    def give(self, worker: Worker, entry: PlannedEntry) -> None:
-        """Let an idle worker make a scene."""
+    def submit(self, worker: Worker, entry: PlannedEntry) -> None:
+        """Assign a scene to an idle worker."""
 
     def wait(self, timeout_s: float) -> list[tuple[Worker, PlannedEntry, SceneEnding]]:
         """Scenes that have ended since the last call, each with its worker; waits until there is one.

@@ -18,15 +18,15 @@ from simbev_ros.foundation.object_store.connection import StoreError
 from simbev_ros.foundation.object_store.object_lock import ObjectLock
 from simbev_ros.foundation.object_store.object_path import ObjectPath
 from simbev_ros.foundation.object_store.transfers import copy_object, delete_tree, list_objects
-from simbev_ros.production.object_delivery import ObjectDelivery
+from simbev_ros.production.object_upload import ObjectUploader
 from simbev_ros.production.scene_log import Attempt, write_scene_log
 from simbev_ros.recording.bag_files import check_space
 from simbev_ros.recording.layout import METADATA_FILE, SCENES_FOLDER, additional_bags
-from simbev_ros.ros.graph.traces import temporary_folder
+from simbev_ros.ros.graph.resources import temporary_folder
 
 
-class DatasetBucket:
-    """Takes finished scenes that workers have uploaded; see ``DatasetHome``.
+class BucketStorage:
+    """Takes finished scenes that workers have uploaded; see ``DatasetStorage``.
 
     Args:
         path: The dataset.
@@ -55,11 +55,11 @@ class DatasetBucket:
         """Size of all scenes."""
         return self.index.total_bytes
 
-    def delivery_of(self, worker: str) -> ObjectDelivery:
-        """Uploads a worker's bags to where ``adopt`` finds them."""
-        return ObjectDelivery(self._uploads / worker)
+    def uploader_for(self, worker: str) -> ObjectUploader:
+        """Uploads a worker's bags to where ``commit`` finds them."""
+        return ObjectUploader(self._uploads / worker)
 
-    def adopt(self, worker: str, entry: PlannedEntry, row: Row) -> None:
+    def commit(self, worker: str, entry: PlannedEntry, row: Row) -> None:
         """Copy a scene from a worker's uploads into the dataset, in place of an older one, and add it to the index.
 
         Raises:

@@ -1,4 +1,4 @@
-"""What crews of several workers have in common: following each worker's messages, and burying workers that are lost."""
+"""Base of pools of several workers: follows each worker's messages, reaps lost workers and spawns new ones."""
 
 import time
 from abc import ABC, abstractmethod
@@ -9,8 +9,8 @@ from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.foundation.errors import GraphError, SimbevError
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.scene_ending import FailedScene, LostScene, MadeScene, SceneEnding
-from simbev_ros.production.workers.crew import Worker
 from simbev_ros.production.workers.messages import Report, Sign
+from simbev_ros.production.workers.worker_pool import Worker
 from simbev_ros.schema.scene.spec import SceneSpec
 
 _PASSED_ON = ("scene_started", "scene_progressed", "scene_ended", "graph_warned", "workers_chosen", "worker_prepares")
@@ -23,12 +23,12 @@ class WorkerLost(Exception):
     """A worker has died or fallen silent; the message says how."""
 
 
-class Handle(Protocol):
+class WorkerHandle(Protocol):
     """The driver's end of a worker."""
 
     worker: Worker
 
-    def give(self, entry: PlannedEntry) -> None:
+    def submit(self, entry: PlannedEntry) -> None:
         """Send a scene to make."""
 
     def read(self) -> list[Any]:
@@ -48,75 +48,75 @@ class Handle(Protocol):
         """End the worker at once."""
 
 
-class _Member:
-    """A worker of a team, with the scene that it makes."""
+class _WorkerState:
+    """State of a worker, with the scene that it makes."""
 
-    def __init__(self, handle: Handle) -> None:
+    def __init__(self, handle: WorkerHandle) -> None:
         self.handle = handle
         self.is_ready = False
         self.entry: PlannedEntry | None = None
         self.scene: SceneSpec | None = None
 
 
-class Team(ABC):
-    """A crew of several workers.
+class SupervisedPool(ABC):
+    """Pool of several workers.
 
     Args:
         observer: Receives the progress.
     """
 
     def __init__(self, observer: ProductionObserver = SILENT) -> None:
-        self._observer = _TeamObserver(observer)
-        self._members: dict[str, _Member] = {}
+        self._observer = _PoolObserver(observer)
+        self._states: dict[str, _WorkerState] = {}
         self._failed_starts = 0
 
     def __enter__(self) -> Self:
-        self._replenish()
+        self._scale()
         return self
 
     def __exit__(self, *_: object) -> None:
-        handles = [member.handle for member in self._members.values()]
-        self._members.clear()
+        handles = [state.handle for state in self._states.values()]
+        self._states.clear()
         for handle in handles:
             handle.end()
         for handle in handles:
             handle.join()
 
     @abstractmethod
-    def _replenish(self) -> None:
-        """Start workers, through ``_hire``, if there are fewer than there should be."""
+    def _scale(self) -> None:
+        """Spawn workers through ``_add_worker``, or stop them, until there are as many as there should be."""
 
     @abstractmethod
     def _pause(self, timeout_s: float) -> None:
         """Wait until a message may have arrived."""
 
-    def _hire(self, handle: Handle) -> None:
-        """Take a worker into the team."""
-        self._members[handle.worker.name] = _Member(handle)
+    def _add_worker(self, handle: WorkerHandle) -> None:
+        """Add a worker that was spawned."""
+        self._states[handle.worker.name] = _WorkerState(handle)
 
-    def _dismiss(self, handle: Handle) -> None:
+    def _stop_worker(self, handle: WorkerHandle) -> None:
         """End a worker."""
-        del self._members[handle.worker.name]
+        del self._states[handle.worker.name]
         handle.end()
         handle.join()
 
     @abstractmethod
-    def _learn(self, scene: MadeScene) -> None:
+    def _record_cost(self, scene: MadeScene) -> None:
         """Note what a scene has cost."""
 
     @property
-    def _handles(self) -> list[Handle]:
-        return [member.handle for member in self._members.values()]
+    def _handles(self) -> list[WorkerHandle]:
+        return [state.handle for state in self._states.values()]
 
     def idle(self) -> Sequence[Worker]:
         """Workers that wait for a scene."""
-        return [member.handle.worker for member in self._members.values() if member.is_ready and not member.entry]
+        return [state.handle.worker for state in self._states.values() if state.is_ready and not state.entry]
 
-    def give(self, worker: Worker, entry: PlannedEntry) -> None:
-        """Let an idle worker make a scene."""
-        member = self._members[worker.name]
-        member.entry = entry
-        member.handle.give(entry)
+    def submit(self, worker: Worker, entry: PlannedEntry) -> None:
+        """Assign a scene to an idle worker."""
+        state = self._states[worker.name]
+        state.entry = entry
+        state.handle.submit(entry)
 
     def wait(self, timeout_s: float) -> list[tuple[Worker, PlannedEntry, SceneEnding]]:
         """Scenes that have ended since the last call; waits until there is one, or a worker becomes idle.
@@ -126,33 +126,33 @@ class Team(ABC):
         """
         end_s, idle_before = time.monotonic() + timeout_s, len(self.idle())
         while True:
-            self._replenish()
-            endings = [ending for member in list(self._members.values()) for ending in self._listen(member)]
+            self._scale()
+            endings = [ending for state in list(self._states.values()) for ending in self._listen(state)]
             left_s = end_s - time.monotonic()
             if endings or left_s <= 0.0 or len(self.idle()) > idle_before:
                 return endings
             self._pause(left_s)
 
-    def _listen(self, member: _Member) -> list[tuple[Worker, PlannedEntry, SceneEnding]]:
+    def _listen(self, state: _WorkerState) -> list[tuple[Worker, PlannedEntry, SceneEnding]]:
         """Act on the messages of a worker; return how its scene has ended, if it has."""
-        worker, entry = member.handle.worker, member.entry
+        worker, entry = state.handle.worker, state.entry
         try:
-            messages = member.handle.read()
+            messages = state.handle.read()
         except WorkerLost as loss:
-            self._bury(member, str(loss))
+            self._reap(state, str(loss))
             return [] if entry is None else [(worker, entry, LostScene(str(loss)))]
         endings: list[tuple[Worker, PlannedEntry, SceneEnding]] = []
         for message in messages:
             match message:
                 case Report():
-                    self._repeat(member, message)
+                    self._repeat(state, message)
                 case Sign.READY:
-                    member.is_ready, self._failed_starts = True, 0
+                    state.is_ready, self._failed_starts = True, 0
                 case MadeScene() | FailedScene() if entry is not None:
-                    member.entry, member.is_ready = None, False
+                    state.entry, state.is_ready = None, False
                     endings.append((worker, entry, message))
                     if isinstance(message, MadeScene):
-                        self._learn(message)
+                        self._record_cost(message)
                 case SimbevError():
                     raise message
                 case Sign.ALIVE:
@@ -161,29 +161,29 @@ class Team(ABC):
                     raise AssertionError(f"{worker.name} has sent {message!r:.200}")
         return endings
 
-    def _repeat(self, member: _Member, report: Report) -> None:
+    def _repeat(self, state: _WorkerState, report: Report) -> None:
         """Hand a report on to the observer."""
         if report.event == "scene_started":
-            member.scene = report.arguments[0]
-        self._observer.worker = member.handle.worker
-        report.repeat(self._observer, member.scene)
+            state.scene = report.arguments[0]
+        self._observer.worker = state.handle.worker
+        report.repeat(self._observer, state.scene)
         if report.event == "scene_ended":
-            member.scene = None
+            state.scene = None
 
-    def _bury(self, member: _Member, reason: str) -> None:
+    def _reap(self, state: _WorkerState, reason: str) -> None:
         """Remove a worker that is lost, and end what it was making, for the observer."""
-        del self._members[member.handle.worker.name]
-        member.handle.kill()
-        self._observer.worker_prepares(member.handle.worker.name, None)
-        if member.scene is not None:
-            self._observer.scene_ended(member.scene, None)
-        if not member.is_ready and member.entry is None:
+        del self._states[state.handle.worker.name]
+        state.handle.kill()
+        self._observer.worker_prepares(state.handle.worker.name, None)
+        if state.scene is not None:
+            self._observer.scene_ended(state.scene, None)
+        if not state.is_ready and state.entry is None:
             self._failed_starts += 1
             if self._failed_starts >= _MAX_FAILED_STARTS:
                 raise GraphError(f"{self._failed_starts} workers were lost as they started; the last one: {reason}")
 
 
-class _TeamObserver(ProductionObserver):
+class _PoolObserver(ProductionObserver):
     """Turns the reports of several workers into those of one production: steps become what a worker prepares.
 
     Attributes:

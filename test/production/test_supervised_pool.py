@@ -4,16 +4,16 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from fake_crew import COST
+from fake_pool import COST
 from made_up_scene import made_up_spec
 
 from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.foundation.errors import GraphError, RenderError
 from simbev_ros.production import ProductionObserver
 from simbev_ros.production.scene_ending import FailedScene, LostScene, MadeScene
-from simbev_ros.production.workers.crew import Worker
 from simbev_ros.production.workers.messages import ReportingObserver, Sign
-from simbev_ros.production.workers.team import Team, WorkerLost
+from simbev_ros.production.workers.supervised_pool import SupervisedPool, WorkerLost
+from simbev_ros.production.workers.worker_pool import Worker
 from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.schema.scene.spec import SceneSpec
 
@@ -30,8 +30,8 @@ class FakeHandle:
         self.batches = list(batches)
         self.calls: list[str] = []
 
-    def give(self, entry: PlannedEntry) -> None:
-        self.calls.append(f"give {entry.number}")
+    def submit(self, entry: PlannedEntry) -> None:
+        self.calls.append(f"submit {entry.number}")
 
     def read(self) -> list[Any]:
         batch = self.batches.pop(0) if self.batches else []
@@ -49,23 +49,23 @@ class FakeHandle:
         self.calls.append("kill")
 
 
-class FakeTeam(Team):
+class FakeSupervisedPool(SupervisedPool):
     """Has as many workers as it begins with; those that are lost are replaced by the next ones."""
 
     def __init__(self, observer: ProductionObserver, first: list[FakeHandle], later: list[FakeHandle]) -> None:
         super().__init__(observer)
         self._wanted, self._left = len(first), [*first, *later]
-        self.learned: list[MadeScene] = []
+        self.costs: list[MadeScene] = []
 
-    def _replenish(self) -> None:
+    def _scale(self) -> None:
         while len(self._handles) < self._wanted and self._left:
-            self._hire(self._left.pop(0))
+            self._add_worker(self._left.pop(0))
 
     def _pause(self, timeout_s: float) -> None:
         pass
 
-    def _learn(self, scene: MadeScene) -> None:
-        self.learned.append(scene)
+    def _record_cost(self, scene: MadeScene) -> None:
+        self.costs.append(scene)
 
 
 class Diary(ProductionObserver):
@@ -108,47 +108,47 @@ def reports(*calls: Callable[[ProductionObserver], None]) -> list[Any]:
     return sent
 
 
-def team(
+def fake_pool(
     *first: FakeHandle, later: tuple[FakeHandle, ...] = (), observer: ProductionObserver | None = None
-) -> FakeTeam:
-    return FakeTeam(observer or ProductionObserver(), list(first), list(later))
+) -> FakeSupervisedPool:
+    return FakeSupervisedPool(observer or ProductionObserver(), list(first), list(later))
 
 
-def give_to_all(team: Team, *numbers: int) -> None:
+def submit_to_all(pool: SupervisedPool, *numbers: int) -> None:
     """Wait until there are workers for some scenes, and give them out."""
     idle: list[Worker] = []
     while len(idle) < len(numbers):
-        assert team.wait(1.0) == []
-        idle = list(team.idle())
+        assert pool.wait(1.0) == []
+        idle = list(pool.idle())
     for worker, number in zip(idle, numbers, strict=True):
-        team.give(worker, ENTRY.model_copy(update={"number": number}))
+        pool.submit(worker, ENTRY.model_copy(update={"number": number}))
 
 
 def test_a_worker_is_idle_from_when_it_is_ready_to_when_it_is_given_a_scene() -> None:
     handle = FakeHandle("w1", [], [Sign.ALIVE], [Sign.READY], [Sign.ALIVE], [MADE], [Sign.READY])
-    with team(handle) as crew:
-        assert not crew.idle()
-        give_to_all(crew, 5)
-        assert not crew.idle() and handle.calls == ["give 5"]
-        assert crew.wait(1.0) == [(handle.worker, ENTRY.model_copy(update={"number": 5}), MADE)]
-        assert crew.learned == [MADE] and not crew.idle(), "it is not ready yet"
-        assert crew.wait(1.0) == [] and crew.idle() == [handle.worker]
-    assert handle.calls == ["give 5", "end", "join"]
+    with fake_pool(handle) as pool:
+        assert not pool.idle()
+        submit_to_all(pool, 5)
+        assert not pool.idle() and handle.calls == ["submit 5"]
+        assert pool.wait(1.0) == [(handle.worker, ENTRY.model_copy(update={"number": 5}), MADE)]
+        assert pool.costs == [MADE] and not pool.idle(), "it is not ready yet"
+        assert pool.wait(1.0) == [] and pool.idle() == [handle.worker]
+    assert handle.calls == ["submit 5", "end", "join"]
 
 
 def test_scenes_of_several_workers_end_independently() -> None:
     failed = FailedScene(GraphError("world died"))
     first, second = FakeHandle("w1", [Sign.READY], [], [MADE]), FakeHandle("w2", [Sign.READY], [failed, Sign.READY])
-    with team(first, second) as crew:
-        give_to_all(crew, 0, 1)
-        assert crew.wait(1.0) == [(second.worker, ENTRY.model_copy(update={"number": 1}), failed)]
-        assert crew.idle() == [second.worker]
-        assert crew.wait(1.0) == [(first.worker, ENTRY, MADE)]
+    with fake_pool(first, second) as pool:
+        submit_to_all(pool, 0, 1)
+        assert pool.wait(1.0) == [(second.worker, ENTRY.model_copy(update={"number": 1}), failed)]
+        assert pool.idle() == [second.worker]
+        assert pool.wait(1.0) == [(first.worker, ENTRY, MADE)]
 
 
 def test_waiting_has_an_end() -> None:
-    with team(FakeHandle("w1")) as crew:
-        assert crew.wait(0.05) == []
+    with fake_pool(FakeHandle("w1")) as pool:
+        assert pool.wait(0.05) == []
 
 
 def test_steps_of_workers_are_reported_with_their_names() -> None:
@@ -159,8 +159,8 @@ def test_steps_of_workers_are_reported_with_their_names() -> None:
         lambda to: to.region_built(),
         lambda to: to.surroundings_ended(),
     )
-    with team(FakeHandle("w1", one, [Sign.READY]), FakeHandle("w2", other), observer=diary) as crew:
-        crew.wait(1.0)
+    with fake_pool(FakeHandle("w1", one, [Sign.READY]), FakeHandle("w2", other), observer=diary) as pool:
+        pool.wait(1.0)
     assert diary.lines == ["w1 roads of Blocks", "w1 None", "w2 surroundings of Town01", "w2 None"]
 
 
@@ -171,8 +171,8 @@ def test_notes_of_maps_are_reported_once_and_warnings_each_time() -> None:
         lambda to: to.map_noted("Town01", "no trees"),
         lambda to: to.graph_warned("world", "slow"),
     )
-    with team(FakeHandle("w1", batch, [Sign.READY]), FakeHandle("w2", batch), observer=diary) as crew:
-        crew.wait(1.0)
+    with fake_pool(FakeHandle("w1", batch, [Sign.READY]), FakeHandle("w2", batch), observer=diary) as pool:
+        pool.wait(1.0)
     assert diary.lines == ["Blocks: no trees", "Town01: no trees", "world: slow", "world: slow"]
 
 
@@ -187,9 +187,9 @@ def test_progress_names_the_scene_of_the_worker_that_reports() -> None:
             lambda to, spec=spec: to.scene_ended(spec, None),  # type: ignore[misc]
         )
         handles.append(FakeHandle(f"w{number}", [Sign.READY], *([call] for call in calls), [MADE]))
-    with team(*handles, observer=diary) as crew:
-        give_to_all(crew, 0, 1)
-        assert len(crew.wait(1.0)) == 2
+    with fake_pool(*handles, observer=diary) as pool:
+        submit_to_all(pool, 0, 1)
+        assert len(pool.wait(1.0)) == 2
     assert diary.lines == ["start 0", "start 1", "0 at 7", "1 at 7", "end 0 None", "end 1 None"]
 
 
@@ -197,11 +197,11 @@ def test_a_worker_that_dies_is_killed_and_replaced_and_its_scene_is_lost() -> No
     diary, spec = Diary(), made_up_spec([])
     dying = FakeHandle("w1", [Sign.READY], reports(lambda to: to.scene_started(spec)), DEAD)
     heir = FakeHandle("w2", [Sign.READY])
-    with team(dying, later=(heir,), observer=diary) as crew:
-        give_to_all(crew, 0)
-        assert crew.wait(1.0) == [(dying.worker, ENTRY, LostScene("it died"))]
-        assert dying.calls == ["give 0", "kill"] and not crew.idle()
-        assert crew.wait(1.0) == [] and crew.idle() == [heir.worker]
+    with fake_pool(dying, later=(heir,), observer=diary) as pool:
+        submit_to_all(pool, 0)
+        assert pool.wait(1.0) == [(dying.worker, ENTRY, LostScene("it died"))]
+        assert dying.calls == ["submit 0", "kill"] and not pool.idle()
+        assert pool.wait(1.0) == [] and pool.idle() == [heir.worker]
     assert diary.lines == ["start 0", "w1 None", "end 0 None"]
     assert heir.calls == ["end", "join"]
 
@@ -209,39 +209,42 @@ def test_a_worker_that_dies_is_killed_and_replaced_and_its_scene_is_lost() -> No
 def test_a_scene_that_ended_before_its_worker_died_is_not_ended_again() -> None:
     diary, spec = Diary(), made_up_spec([])
     played = reports(lambda to: to.scene_started(spec), lambda to: to.scene_ended(spec, None))
-    with team(FakeHandle("w1", [Sign.READY], [*played, MADE], DEAD), observer=diary) as crew:
-        give_to_all(crew, 0)
-        assert len(crew.wait(1.0)) == 1
-        assert crew.wait(0.05) == []
+    with fake_pool(FakeHandle("w1", [Sign.READY], [*played, MADE], DEAD), observer=diary) as pool:
+        submit_to_all(pool, 0)
+        assert len(pool.wait(1.0)) == 1
+        assert pool.wait(0.05) == []
     assert diary.lines == ["start 0", "end 0 None", "w1 None"]
 
 
 def test_an_idle_worker_that_dies_loses_no_scene() -> None:
-    with team(FakeHandle("w1", [Sign.READY], DEAD)) as crew:
-        crew.wait(1.0)
-        assert crew.wait(0.05) == [] and not crew.idle()
+    with fake_pool(FakeHandle("w1", [Sign.READY], DEAD)) as pool:
+        pool.wait(1.0)
+        assert pool.wait(0.05) == [] and not pool.idle()
 
 
 def test_three_workers_that_are_lost_as_they_start_end_production() -> None:
     dying = [FakeHandle(f"w{k}", [Sign.ALIVE], WorkerLost(f"w{k} died: 1")) for k in range(3)]
     with (
         pytest.raises(GraphError, match=r"^3 workers were lost as they started; the last one: w2 died: 1$"),
-        team(dying[0], later=tuple(dying[1:])) as crew,
+        fake_pool(dying[0], later=tuple(dying[1:])) as pool,
     ):
-        crew.wait(1.0)
+        pool.wait(1.0)
     assert all(handle.calls == ["kill"] for handle in dying)
 
 
 def test_a_worker_that_was_ready_resets_the_count_of_lost_starts() -> None:
     dying = [FakeHandle(f"w{k}", DEAD) for k in range(2)]
     more = [FakeHandle("ready", [Sign.READY], DEAD), *(FakeHandle(f"v{k}", DEAD) for k in range(2))]
-    with team(dying[0], later=(dying[1], *more)) as crew:
-        crew.wait(1.0)
-        assert crew.wait(0.05) == [] and all(handle.calls == ["kill"] for handle in (*dying, *more))
+    with fake_pool(dying[0], later=(dying[1], *more)) as pool:
+        pool.wait(1.0)
+        assert pool.wait(0.05) == [] and all(handle.calls == ["kill"] for handle in (*dying, *more))
 
 
 def test_an_error_of_a_worker_that_cannot_start_is_raised_and_the_others_are_ended() -> None:
     other = FakeHandle("w2")
-    with pytest.raises(RenderError, match=r"^no GPU$"), team(FakeHandle("w1", [RenderError("no GPU")]), other) as crew:
-        crew.wait(1.0)
+    with (
+        pytest.raises(RenderError, match=r"^no GPU$"),
+        fake_pool(FakeHandle("w1", [RenderError("no GPU")]), other) as pool,
+    ):
+        pool.wait(1.0)
     assert other.calls == ["end", "join"]

@@ -14,14 +14,14 @@ from simbev_ros.ros.graph.private_folder import is_private_folder
 from simbev_ros.ros.graph.shared_memory import abandoned_files, held_files, remove_orphans, segment_names, unheld_files
 
 _PREFIX = "simbev_ros-"
-_FILE = "traces.json"
+_FILE = "resources.json"
 _SETTLING_S = 1.0
 """Time after which a process has surely mapped a file that it has made."""
 _MAX_CLOCK_STEP_S = 60.0
 """Start times this close are equal: the system derives them from a wall clock that may be adjusted in between."""
 
 
-class Traces:
+class GraphResources:
     """The folder for logs and parameters of one graph, and the shared-memory files of its processes.
 
     Attributes:
@@ -29,7 +29,7 @@ class Traces:
     """
 
     def __init__(self) -> None:
-        sweep()
+        reap_killed_graphs()
         self.folder = temporary_folder()
         self._files: set[Path] = set()
         self._names_before = segment_names()
@@ -65,7 +65,7 @@ class Traces:
         (self.folder / _FILE).unlink(missing_ok=True)
         if not keep_logs:
             shutil.rmtree(self.folder, ignore_errors=True)
-        sweep()
+        reap_killed_graphs()
 
 
 def temporary_folder() -> Path:
@@ -88,14 +88,14 @@ def _record(folder: Path, files: Iterable[Path]) -> None:
     write_whole(folder / _FILE, json.dumps(record).encode())
 
 
-def sweep() -> None:
+def reap_killed_graphs() -> None:
     """Remove what killed graphs of this user have left behind."""
     for folder in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*"):
         try:
             if not is_private_folder(folder.lstat()):
                 continue
             left = json.loads((folder / _FILE).read_text())
-            if _is_alive(int(left["pid"]), left.get("started_s")):
+            if _is_alive(int(left["pid"]), left["started_s"]):
                 continue
             files = [Path(file) for file in left["files"]]
             remove_orphans(files)
@@ -106,14 +106,11 @@ def sweep() -> None:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def _is_alive(pid: int, started_s: float | None) -> bool:
-    """Whether the process with this pid and start time, s since 1970, still runs: pids are reused, so both count.
-
-    Records of older versions have no start time; any process with their pid counts.
-    """
+def _is_alive(pid: int, started_s: float) -> bool:
+    """Whether the process with this pid and start time, s since 1970, still runs: pids are reused, so both count."""
     try:
         process = psutil.Process(pid)
-        is_same: bool = started_s is None or abs(process.create_time() - started_s) < _MAX_CLOCK_STEP_S
+        is_same: bool = abs(process.create_time() - started_s) < _MAX_CLOCK_STEP_S
         is_zombie: bool = process.status() == psutil.STATUS_ZOMBIE
         return is_same and not is_zombie
     except psutil.NoSuchProcess:

@@ -1,4 +1,4 @@
-"""The crew of one that makes scenes in the driver's process."""
+"""A pool with one worker: the driver's process."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -6,15 +6,15 @@ from typing import Self
 
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import PlannedEntry
-from simbev_ros.production.delivery import Deliveries, keep_bags
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.scene_ending import SceneEnding
 from simbev_ros.production.scene_maker import SceneMaker
-from simbev_ros.production.workers.crew import Worker
+from simbev_ros.production.upload import UploaderFactory, no_upload
+from simbev_ros.production.workers.worker_pool import Worker
 
 
-class OwnProcess:
-    """Crew of one worker: the calling process, which makes a scene while the driver waits for it."""
+class InProcessPool:
+    """Pool of one worker: the calling process, which makes a scene while the driver waits for it."""
 
     machines = 1
 
@@ -23,11 +23,11 @@ class OwnProcess:
         scenario: Scenario,
         staging: Path,
         observer: ProductionObserver = SILENT,
-        delivery_of: Deliveries = keep_bags,
+        uploader_for: UploaderFactory = no_upload,
     ) -> None:
         self._worker = worker = Worker("own", "this machine")
-        delivery = delivery_of(worker.name)
-        self._maker = SceneMaker(scenario, staging / worker.name, observer, delivery=delivery)
+        uploader = uploader_for(worker.name)
+        self._maker = SceneMaker(scenario, staging / worker.name, observer, uploader=uploader)
         self._entry: PlannedEntry | None = None
 
     def __enter__(self) -> Self:
@@ -40,7 +40,7 @@ class OwnProcess:
         """This process, unless it has been given a scene."""
         return [] if self._entry else [self._worker]
 
-    def give(self, worker: Worker, entry: PlannedEntry) -> None:
+    def submit(self, worker: Worker, entry: PlannedEntry) -> None:
         """Note the scene to make."""
         self._entry = entry
 

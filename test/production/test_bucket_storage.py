@@ -15,7 +15,7 @@ from simbev_ros.foundation.object_store.connection import StoreError
 from simbev_ros.foundation.object_store.object_lock import ObjectLock
 from simbev_ros.foundation.object_store.object_path import ObjectPath
 from simbev_ros.foundation.object_store.transfers import list_objects, put_bytes
-from simbev_ros.production import make_dataset, object_delivery
+from simbev_ros.production import make_dataset, object_upload
 
 SET = ObjectPath(BUCKET, "sets/a")
 
@@ -77,14 +77,14 @@ def test_a_driver_killed_at_any_moment_leaves_what_the_next_one_completes(
 def test_an_upload_that_fails_is_tried_again_with_its_scene(
     folder: dict[str, bytes], graph: FakeGraph, scenario: Scenarios, store: StoreServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    problems, put_file = [StoreError("s3://made-up/x: SLOW_DOWN")], object_delivery.put_file
+    problems, put_file = [StoreError("s3://made-up/x: SLOW_DOWN")], object_upload.put_file
 
     def put(source: Path, target: ObjectPath) -> None:
         put_file(source, target)
         if problems and source.suffix == ".yaml":
             raise problems.pop()
 
-    monkeypatch.setattr(object_delivery, "put_file", put)
+    monkeypatch.setattr(object_upload, "put_file", put)
     assert make_dataset(scenario(2), SET).is_complete and objects(SET) == folder
     failed = (SET / "logs/Blocks-0000.failed-1.log").read_bytes().decode()
     assert "\nBlocks-0000 was made, but could not be uploaded: s3://made-up/x: SLOW_DOWN\n" in failed
@@ -96,7 +96,7 @@ def test_an_upload_that_fails_for_good_is_listed_with_its_scene(
     def put(source: Path, target: ObjectPath) -> None:
         raise StoreError("s3://made-up/x: SLOW_DOWN")
 
-    monkeypatch.setattr(object_delivery, "put_file", put)
+    monkeypatch.setattr(object_upload, "put_file", put)
     result = make_dataset(scenario(2), SET, retries=1)
     problem = "was made, but could not be uploaded: s3://made-up/x: SLOW_DOWN"
     assert result.failed == {f"Blocks-000{number}": f"Blocks-000{number} {problem}" for number in (0, 1)}
@@ -111,7 +111,7 @@ def test_a_full_local_disk_ends_production_and_keeps_finished_scenes(
         raise OSError(errno.ENOSPC, "No space left on device", str(source))
 
     make_dataset(scenario(1), SET)
-    monkeypatch.setattr(object_delivery, "put_file", put)
+    monkeypatch.setattr(object_upload, "put_file", put)
     with pytest.raises(DiskError, match="the disk is full; finished scenes are in the dataset"):
         make_dataset(scenario(2), SET)
     assert [row["number"] for row in read_index(SET)] == [0] and not list(temporary.iterdir())
@@ -140,13 +140,13 @@ def test_objects_of_another_size_are_reported_as_damage(
 def test_a_driver_whose_dataset_was_taken_over_touches_nothing_more(
     graph: FakeGraph, scenario: Scenarios, store: StoreServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    put_file = object_delivery.put_file
+    put_file = object_upload.put_file
 
     def put(source: Path, target: ObjectPath) -> None:
         put_file(source, target)
         put_bytes(b'{"host": "other", "pid": 7, "token": "x"}', SET / ".lock")
 
-    monkeypatch.setattr(object_delivery, "put_file", put)
+    monkeypatch.setattr(object_upload, "put_file", put)
     with pytest.raises(InputError, match=r"^s3://made-up/sets/a: process 7 on other has begun to write into it"):
         make_dataset(scenario(1), SET)
     assert sorted(objects(SET)) == [".lock", "index.parquet", "plan.json"] and read_index(SET) == []

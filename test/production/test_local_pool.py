@@ -5,22 +5,22 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import pytest
-from fake_crew import COST
+from fake_pool import COST
 
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.foundation.object_store.object_path import ObjectPath
 from simbev_ros.production import ProductionObserver
-from simbev_ros.production.object_delivery import ObjectDelivery
+from simbev_ros.production.object_upload import ObjectUploader
 from simbev_ros.production.scene_cost import SceneCost
 from simbev_ros.production.scene_ending import MadeScene
-from simbev_ros.production.workers import local_crew
-from simbev_ros.production.workers.crew import Worker
-from simbev_ros.production.workers.local_crew import LocalCrew
+from simbev_ros.production.workers import local_pool
+from simbev_ros.production.workers.local_pool import LocalPool
 from simbev_ros.production.workers.messages import Settings, Sign
+from simbev_ros.production.workers.worker_pool import Worker
 
-Start = Callable[..., LocalCrew]
+Start = Callable[..., LocalPool]
 MADE = MadeScene({}, "made", {}, COST)
 
 
@@ -37,7 +37,7 @@ class FakeWorker:
         self.connection = None
         FakeWorker.all.append(self)
 
-    def give(self, entry: PlannedEntry) -> None:
+    def submit(self, entry: PlannedEntry) -> None:
         self.given.append(entry.number)
         self.messages += [MADE, Sign.READY]
 
@@ -67,66 +67,66 @@ def share_gpus(workers: int, scenario: Scenario) -> list[Rendering | None]:
 
 
 @pytest.fixture
-def crew(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Start:
-    """Function that makes a crew of fake workers on a machine that has room for three workers, with three GPUs."""
+def pool(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Start:
+    """Function that makes a pool of fake workers on a machine that has room for three workers, with three GPUs."""
     monkeypatch.setattr(FakeWorker, "all", [])
-    monkeypatch.setattr(local_crew, "LocalWorker", FakeWorker)
-    monkeypatch.setattr(local_crew, "wait", lambda *_: [])
-    monkeypatch.setattr(local_crew, "fitting_workers", lambda *_: 3)
-    monkeypatch.setattr(local_crew, "share_gpus", share_gpus)
+    monkeypatch.setattr(local_pool, "LocalWorker", FakeWorker)
+    monkeypatch.setattr(local_pool, "wait", lambda *_: [])
+    monkeypatch.setattr(local_pool, "fitting_workers", lambda *_: 3)
+    monkeypatch.setattr(local_pool, "share_gpus", share_gpus)
     scenario = Scenario.model_validate({"scenes": [{"map": "Blocks", "train": 1}], "rig": {"sensors": []}})
-    return lambda workers, scenes, *more, **options: LocalCrew(scenario, tmp_path, workers, scenes, *more, **options)
+    return lambda workers, scenes, *more, **options: LocalPool(scenario, tmp_path, workers, scenes, *more, **options)
 
 
-def make(crew: LocalCrew, scenes: int) -> int:
+def make(pool: LocalPool, scenes: int) -> int:
     """Make scenes as the driver does; return the largest number of scenes in the making."""
     number, made, largest = 0, 0, 0
-    with crew:
+    with pool:
         while made < scenes:
-            for worker in crew.idle():
+            for worker in pool.idle():
                 if number < scenes:
-                    crew.give(worker, PlannedEntry(number=number, map="Blocks", split="train"))
+                    pool.submit(worker, PlannedEntry(number=number, map="Blocks", split="train"))
                     number += 1
             largest = max(largest, number - made)
-            made += len(crew.wait(0.01))
+            made += len(pool.wait(0.01))
     assert all(worker.is_ended for worker in FakeWorker.all)
     return largest
 
 
-def test_each_worker_has_a_gpu_and_a_folder_of_its_own(crew: Start, tmp_path: Path) -> None:
-    assert make(crew(2, 5), 5) == 2
+def test_each_worker_has_a_gpu_and_a_folder_of_its_own(pool: Start, tmp_path: Path) -> None:
+    assert make(pool(2, 5), 5) == 2
     settings = [worker.settings for worker in FakeWorker.all]
     assert [each.rendering for each in settings] == share_gpus(2, settings[0].scenario)
     assert [each.staging for each in settings] == [tmp_path / "worker-1", tmp_path / "worker-2"]
 
 
-def test_there_are_never_more_workers_than_scenes(crew: Start) -> None:
-    assert make(crew(9, 2), 2) == 2
+def test_there_are_never_more_workers_than_scenes(pool: Start) -> None:
+    assert make(pool(9, 2), 2) == 2
 
 
-def test_after_the_first_scene_its_worker_gives_way_to_as_many_as_fit(crew: Start) -> None:
+def test_after_the_first_scene_its_worker_gives_way_to_as_many_as_fit(pool: Start) -> None:
     choice = Choice()
-    assert make(crew("auto", 20, choice), 20) == 3
+    assert make(pool("auto", 20, choice), 20) == 3
     assert choice.workers == 3
     assert FakeWorker.all[0].given == [0], "it renders on all GPUs"
     settings = [worker.settings for worker in FakeWorker.all]
     assert [each.rendering for each in settings] == [None, *share_gpus(3, settings[0].scenario)]
 
 
-def test_on_one_gpu_the_first_worker_stays(crew: Start, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(local_crew, "share_gpus", lambda workers, _: [None] * workers)
-    assert make(crew("auto", 20), 20) == 3
+def test_on_one_gpu_the_first_worker_stays(pool: Start, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(local_pool, "share_gpus", lambda workers, _: [None] * workers)
+    assert make(pool("auto", 20), 20) == 3
     assert len(FakeWorker.all) == 3 and len(FakeWorker.all[0].given) > 1
 
 
 @pytest.mark.parametrize(("scenes", "chosen", "started"), [(1, 1, 1), (2, 1, 1), (3, 2, 3)])
-def test_workers_are_chosen_for_the_scenes_that_are_left(crew: Start, scenes: int, chosen: int, started: int) -> None:
+def test_workers_are_chosen_for_the_scenes_that_are_left(pool: Start, scenes: int, chosen: int, started: int) -> None:
     choice = Choice()
-    make(crew("auto", scenes, choice), scenes)
+    make(pool("auto", scenes, choice), scenes)
     assert (choice.workers, len(FakeWorker.all)) == (chosen, started)
 
 
-def test_each_worker_has_a_delivery_of_its_own(crew: Start) -> None:
-    make(crew(2, 2, delivery_of=lambda worker: ObjectDelivery(ObjectPath("bucket", worker))), 2)
-    urls = [str(worker.settings.delivery.folder) for worker in FakeWorker.all]
+def test_each_worker_has_an_uploader_of_its_own(pool: Start) -> None:
+    make(pool(2, 2, uploader_for=lambda worker: ObjectUploader(ObjectPath("bucket", worker))), 2)
+    urls = [str(worker.settings.uploader.folder) for worker in FakeWorker.all]
     assert urls == ["s3://bucket/worker-1", "s3://bucket/worker-2"]

@@ -16,8 +16,8 @@ from simbev_ros.recording.layout import scenes_folder
 from simbev_ros.ros.graph.interrupts import postponing_interrupts
 
 
-class DatasetFolder:
-    """Takes finished scenes from the workers' folders; see ``DatasetHome``. The caller holds the dataset's lock.
+class FolderStorage:
+    """Takes finished scenes from the workers' folders; see ``DatasetStorage``. The caller holds the dataset's lock.
 
     Args:
         path: The dataset's folder.
@@ -47,10 +47,10 @@ class DatasetFolder:
         """Size of all scenes."""
         return self.index.total_bytes
 
-    def delivery_of(self, worker: str) -> None:
-        """Bags stay in the worker's folder, where ``adopt`` finds them."""
+    def uploader_for(self, worker: str) -> None:
+        """Bags stay in the worker's folder, where ``commit`` finds them."""
 
-    def adopt(self, worker: str, entry: PlannedEntry, row: Row) -> None:
+    def commit(self, worker: str, entry: PlannedEntry, row: Row) -> None:
         """Move a finished scene from a worker's folder into the dataset, and add it to the index, even if interrupted.
 
         Raises:

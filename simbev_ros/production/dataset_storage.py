@@ -1,4 +1,4 @@
-"""The home of a dataset as the driver of its production sees it: a folder, or a prefix of an object store."""
+"""Storage backends of a dataset, as the driver of production sees them: a folder, or a prefix of an object store."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -13,13 +13,13 @@ from simbev_ros.foundation.files.whole_files import require_writable
 from simbev_ros.foundation.object_store.object_lock import ObjectLock, require_writable_store
 from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath
 from simbev_ros.foundation.object_store.transfers import delete_tree
-from simbev_ros.production.delivery import Delivery
 from simbev_ros.production.scene_log import Attempt
+from simbev_ros.production.upload import Uploader
 
 Lock = DatasetLock | ObjectLock
 
 
-class DatasetHome(Protocol):
+class DatasetStorage(Protocol):
     """Takes finished scenes from workers, and keeps index and logs. Only the driver writes into it.
 
     Every method may raise ``InputError``: a file or an object cannot be written or read; and ``DiskError``: the disk is
@@ -38,10 +38,10 @@ class DatasetHome(Protocol):
     def total_bytes(self) -> int:
         """Size of all scenes."""
 
-    def delivery_of(self, worker: str) -> Delivery | None:
-        """What a worker hands its finished bags to; None: they stay in the worker's folder in ``staging``."""
+    def uploader_for(self, worker: str) -> Uploader | None:
+        """The uploader of a worker's finished bags; None: they stay in the worker's folder in ``staging``."""
 
-    def adopt(self, worker: str, entry: PlannedEntry, row: Row) -> None:
+    def commit(self, worker: str, entry: PlannedEntry, row: Row) -> None:
         """Move a finished scene from a worker into the dataset, and add it to the index."""
 
     def log(self, attempt: Attempt, summary: str, output: Mapping[str, str], *, failed: bool = False) -> None:
@@ -65,7 +65,7 @@ class DatasetHome(Protocol):
 
 
 @contextmanager
-def hold_home(path: AnyPath) -> Iterator[Lock]:
+def lock_dataset(path: AnyPath) -> Iterator[Lock]:
     """Lock a dataset against other drivers, and clean up after one that was killed.
 
     Raises:
@@ -81,12 +81,12 @@ def hold_home(path: AnyPath) -> Iterator[Lock]:
             yield file_lock
 
 
-def open_home(path: AnyPath, lock: Lock, existing: Sequence[PlannedEntry], min_free_bytes: int) -> DatasetHome:
+def open_storage(path: AnyPath, lock: Lock, existing: Sequence[PlannedEntry], min_free_bytes: int) -> DatasetStorage:
     """Open a dataset to add scenes to it.
 
     Args:
         path: The dataset.
-        lock: Its lock, from ``hold_home``.
+        lock: Its lock, from ``lock_dataset``.
         existing: Scenes that have a finished bag.
         min_free_bytes: Space on this machine's disk that must stay free.
 
@@ -94,16 +94,16 @@ def open_home(path: AnyPath, lock: Lock, existing: Sequence[PlannedEntry], min_f
         InputError: The index is damaged, or cannot be written.
     """
     if isinstance(path, ObjectPath):
-        from simbev_ros.production.dataset_bucket import DatasetBucket
+        from simbev_ros.production.bucket_storage import BucketStorage
 
         assert isinstance(lock, ObjectLock)
-        return DatasetBucket(path, lock, min_free_bytes)
-    from simbev_ros.production.dataset_folder import DatasetFolder
+        return BucketStorage(path, lock, min_free_bytes)
+    from simbev_ros.production.folder_storage import FolderStorage
 
-    return DatasetFolder(path, existing, min_free_bytes)
+    return FolderStorage(path, existing, min_free_bytes)
 
 
-def require_writable_home(path: AnyPath) -> None:
+def require_writable_dataset(path: AnyPath) -> None:
     """Check that a dataset can be written to. At most an empty object that stands for its prefix stays.
 
     Raises:

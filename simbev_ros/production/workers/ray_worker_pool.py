@@ -15,15 +15,15 @@ from simbev_ros.foundation.files.limits import MAX_OSM_BYTES
 from simbev_ros.maps.source import file_of
 from simbev_ros.production.cluster.node_check import Code
 from simbev_ros.production.cluster.ray_cluster import RayCluster, largest
-from simbev_ros.production.delivery import Deliveries, keep_bags
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.scene_cost import SceneCost
 from simbev_ros.production.scene_ending import MadeScene
-from simbev_ros.production.workers.crew import Worker
+from simbev_ros.production.upload import UploaderFactory, no_upload
 from simbev_ros.production.workers.machine_capacity import MEMORY_MARGIN
 from simbev_ros.production.workers.messages import Settings
 from simbev_ros.production.workers.ray_worker import Needs, RayWorker, WorkerActor
-from simbev_ros.production.workers.team import Team
+from simbev_ros.production.workers.supervised_pool import SupervisedPool
+from simbev_ros.production.workers.worker_pool import Worker
 from simbev_ros.schema.scene.map_spec import MapSpec
 
 _POLL_S, _NODES_S = 0.5, 5.0
@@ -36,7 +36,7 @@ _NODE_PATIENCE_S = 900.0
 """Maximum time for the first node with CPUs to join a cluster that begins without any."""
 
 
-class RayCrew(Team):
+class RayWorkerPool(SupervisedPool):
     """Workers that Ray places on nodes; new ones are asked for while there is room and scenes are left.
 
     Args:
@@ -45,7 +45,7 @@ class RayCrew(Team):
         staging: Folder for unfinished scenes that all nodes see; None: workers have temporary folders on their nodes.
         scenes: Number of scenes to make.
         observer: Receives the progress.
-        delivery_of: Deliveries of finished bags.
+        uploader_for: Uploaders of finished bags.
         actor_class: Class of the workers' ends on the nodes.
         maps: Maps whose files the nodes need; None: those of the configuration.
 
@@ -60,7 +60,7 @@ class RayCrew(Team):
         staging: Path | None,
         scenes: int,
         observer: ProductionObserver = SILENT,
-        delivery_of: Deliveries = keep_bags,
+        uploader_for: UploaderFactory = no_upload,
         actor_class: type[Any] = WorkerActor,
         *,
         maps: Iterable[MapSpec] | None = None,
@@ -69,7 +69,7 @@ class RayCrew(Team):
 
         super().__init__(observer)
         self._cluster, self._scenario, self._left = cluster, scenario, scenes
-        self._staging, self._delivery_of, self._actor_class = staging, delivery_of, actor_class
+        self._staging, self._uploader_for, self._actor_class = staging, uploader_for, actor_class
         self._numbers = count(1)
         self._looked_s, self._began_s = 0.0, time.monotonic()
         self._needs = self._first_needs()
@@ -105,7 +105,7 @@ class RayCrew(Team):
             raise GraphError(f"no node with CPUs has joined the cluster within {_NODE_PATIENCE_S / 60:g} min")
         self.machines = max(nodes, 1)
 
-    def _replenish(self) -> None:
+    def _scale(self) -> None:
         """Keep some workers waiting for room, so that each new node gets one, and replace those with outdated needs."""
         self._look_at_nodes()
         waiting = 0
@@ -113,17 +113,17 @@ class RayCrew(Team):
         for handle in self._handles:
             assert isinstance(handle, RayWorker)
             if handle.needs != self._needs and (not handle.is_placed or handle.worker in idle):
-                self._dismiss(handle)
+                self._stop_worker(handle)
             else:
                 waiting += not handle.is_placed
         wanted = max(2, len(self._handles) - waiting)
         for _ in range(min(wanted - waiting, self._left - len(self._handles))):
             worker = Worker(f"worker-{next(self._numbers)}", "")
             staging = None if self._staging is None else self._staging.absolute() / worker.name
-            settings = Settings(self._scenario, staging, self._maps, delivery=self._delivery_of(worker.name))
-            self._hire(RayWorker(worker, self._needs, settings, self._code, self._map_files, self._actor_class))
+            settings = Settings(self._scenario, staging, self._maps, uploader=self._uploader_for(worker.name))
+            self._add_worker(RayWorker(worker, self._needs, settings, self._code, self._map_files, self._actor_class))
 
-    def _learn(self, scene: MadeScene) -> None:
+    def _record_cost(self, scene: MadeScene) -> None:
         """Correct the needs by what a scene has cost, where they are off by much."""
         self._left -= 1
         needs, cost = self._needs, scene.cost

@@ -15,8 +15,8 @@ from simbev_ros.production.scene_log import Attempt, write_scene_log
 from simbev_ros.recording.bag_files import check_space
 
 
-class ReplayHome:
-    """Takes replays from the workers' folders; see ``DatasetHome``. The caller holds the dataset's lock.
+class ReplayStorage:
+    """Takes replays from the workers' folders; see ``DatasetStorage``. The caller holds the dataset's lock.
 
     Replays are scenes of a dataset of their own, or additional bags beside the scenes' own. They change neither plan
     nor index.
@@ -44,10 +44,10 @@ class ReplayHome:
         sizes = [sum(file.stat().st_size for file in bag.glob("*.mcap")) for bag in existing]
         self.total_bytes, self._largest_bytes = sum(sizes), max(sizes, default=0)
 
-    def delivery_of(self, worker: str) -> None:
-        """Bags stay in the worker's folder, where ``adopt`` finds them."""
+    def uploader_for(self, worker: str) -> None:
+        """Bags stay in the worker's folder, where ``commit`` finds them."""
 
-    def adopt(self, worker: str, entry: PlannedEntry, row: Row) -> None:
+    def commit(self, worker: str, entry: PlannedEntry, row: Row) -> None:
         """Move a finished bag from a worker's folder to its place.
 
         Raises:

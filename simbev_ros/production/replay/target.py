@@ -1,18 +1,18 @@
-"""The place that one graph records replays into: a dataset, or the staging folder of the one that gets the bags."""
+"""The folder that one graph records replays into: a dataset, or the staging folder of the one that gets the bags."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 from simbev_ros.dataset.staging import ON_FULL_DISK, clean_up_staging, staging_of
-from simbev_ros.production.dataset_home import hold_home
+from simbev_ros.production.dataset_storage import lock_dataset
 from simbev_ros.production.record_folder import keep_recorded
 from simbev_ros.production.replay.selection import require_mergeable
 from simbev_ros.recording.bag_files import disk_error_consequence
 
 
 @contextmanager
-def hold_place(out: Path | None, folders: Sequence[Path], label: str | None) -> Iterator[Path | None]:
+def lock_replay_target(out: Path | None, folders: Sequence[Path], label: str | None) -> Iterator[Path | None]:
     """The folder that one graph records replays into, None if there is none.
 
     If the bags get a label, it is the folder for unfinished scenes of the dataset that contains them all, which is held
@@ -32,7 +32,7 @@ def hold_place(out: Path | None, folders: Sequence[Path], label: str | None) -> 
             yield out
         return
     dataset = require_mergeable(folders, label)
-    with hold_home(dataset), disk_error_consequence(ON_FULL_DISK):
+    with lock_dataset(dataset), disk_error_consequence(ON_FULL_DISK):
         try:
             yield staging_of(dataset)
         finally:

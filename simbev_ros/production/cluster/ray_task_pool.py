@@ -29,7 +29,7 @@ _NODE_PATIENCE_S = 900.0
 """Maximum time for the first node with CPUs to join a cluster that begins without any."""
 
 
-class RayPool:
+class RayTaskPool:
     """Spreads work over all CPUs of a cluster; nodes that join later take part.
 
     Args:

@@ -1,4 +1,4 @@
-"""What a relay offers of a running graph: its topics, and the transforms where the graph cannot publish them."""
+"""Topics for the relay's clients: those of a running graph, and transforms where the graph cannot publish them."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ _LARGE = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage", "sensor_ms
 
 
 @dataclass(frozen=True, slots=True)
-class Offer:
+class RelayedTopic:
     """A topic for clients.
 
     Attributes:
@@ -51,13 +51,13 @@ class Offer:
         return QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
-def graph_offers(node: NamespacedNode) -> tuple[dict[str, Offer], dict[str, str]]:
+def relayed_topics(node: NamespacedNode) -> tuple[dict[str, RelayedTopic], dict[str, str]]:
     """Topics with publishers in the domain and namespace of a node.
 
     Returns:
-        Offers by name, and types by name of topics that cannot be offered because their package is not installed.
+        Topics by name, and types by name of topics that cannot be offered because their package is not installed.
     """
-    offers, unknown = {}, {}
+    relayed, unknown = {}, {}
     for name, types in node.graph_topics():
         publishers = [] if name in _INTERNAL else node.get_publishers_info_by_topic(name)
         if not publishers:
@@ -71,11 +71,11 @@ def graph_offers(node: NamespacedNode) -> tuple[dict[str, Offer], dict[str, str]
             == (DurabilityPolicy.TRANSIENT_LOCAL, ReliabilityPolicy.RELIABLE)
             for each in publishers
         )
-        offers[name] = Offer(name, type_name, (name,), type_name, is_latched)
+        relayed[name] = RelayedTopic(name, type_name, (name,), type_name, is_latched)
     missing = (topics.TF, topics.TF_STATIC)
-    for offer in _transform_offers(offers):
-        offers.setdefault(offer.name, offer)
-    return offers, {name: kind for name, kind in unknown.items() if name not in missing or name not in offers}
+    for topic in _transform_topics(relayed):
+        relayed.setdefault(topic.name, topic)
+    return relayed, {name: kind for name, kind in unknown.items() if name not in missing or name not in relayed}
 
 
 def _is_readable(type_name: str) -> bool:
@@ -87,14 +87,14 @@ def _is_readable(type_name: str) -> bool:
     return is_known_type(type_name)
 
 
-def _transform_offers(offers: Mapping[str, Offer]) -> Iterator[Offer]:
+def _transform_topics(relayed: Mapping[str, RelayedTopic]) -> Iterator[RelayedTopic]:
     """/tf of all agents, and /tf_static, from a graph that runs where tf2_msgs is not installed."""
-    found = (name for name, offer in offers.items() if offer.type_name == _ODOMETRY and name.endswith("/odom"))
+    found = (name for name, topic in relayed.items() if topic.type_name == _ODOMETRY and name.endswith("/odom"))
     if odometries := tuple(sorted(found)):
-        yield Offer(topics.TF, _TRANSFORMS, odometries, _ODOMETRY, False, _transforms_of_odometry)
-    if topics.SCENE in offers:
-        scene_type = offers[topics.SCENE].type_name
-        yield Offer(topics.TF_STATIC, _TRANSFORMS, (topics.SCENE,), scene_type, True, _transforms_of_scene)
+        yield RelayedTopic(topics.TF, _TRANSFORMS, odometries, _ODOMETRY, False, _transforms_of_odometry)
+    if topics.SCENE in relayed:
+        scene_type = relayed[topics.SCENE].type_name
+        yield RelayedTopic(topics.TF_STATIC, _TRANSFORMS, (topics.SCENE,), scene_type, True, _transforms_of_scene)
 
 
 def _transforms_of_odometry(payload: bytes) -> bytes:
@@ -106,7 +106,9 @@ def _transforms_of_scene(payload: bytes) -> bytes:
     return serialize_transforms(static_transforms(spec))
 
 
-def differences(before: Mapping[str, Offer], now: Mapping[str, Offer]) -> tuple[Sequence[str], Sequence[str]]:
+def differences(
+    before: Mapping[str, RelayedTopic], now: Mapping[str, RelayedTopic]
+) -> tuple[Sequence[str], Sequence[str]]:
     """Names of the topics that have vanished or are offered differently, and of those that are new or different."""
-    gone = [name for name, offer in before.items() if now.get(name) != offer]
-    return gone, [name for name, offer in now.items() if before.get(name) != offer]
+    gone = [name for name, topic in before.items() if now.get(name) != topic]
+    return gone, [name for name, topic in now.items() if before.get(name) != topic]

@@ -1,4 +1,4 @@
-"""A crew without processes: its workers end their scenes one after the other, in the way that a test asks for."""
+"""A pool without processes: its workers end their scenes one after the other, in the way that a test asks for."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,13 +10,13 @@ from simbev_ros.dataset.index_row import index_row
 from simbev_ros.dataset.plan import PlannedEntry, bag_of
 from simbev_ros.production.scene_cost import SceneCost
 from simbev_ros.production.scene_ending import FailedScene, LostScene, MadeScene, SceneEnding
-from simbev_ros.production.workers.crew import Worker
+from simbev_ros.production.workers.worker_pool import Worker
 from simbev_ros.recording.layout import partial_of
 
 COST = SceneCost(wall_s=1.0, cpu_s=2.0, memory_mib=100.0, frames=2)
 
 
-class FakeCrew:
+class FakePool:
     """Workers of which each has a machine; a worker that is lost is replaced at once.
 
     Args:
@@ -32,7 +32,7 @@ class FakeCrew:
     def __init__(self, staging: Path, *machines: str) -> None:
         self._staging = staging
         self._workers = [Worker(f"worker-{k + 1}", machine) for k, machine in enumerate(machines)]
-        self._hired = len(self._workers)
+        self._started = len(self._workers)
         self._busy: list[tuple[Worker, PlannedEntry]] = []
         self.machines = len(set(machines))
         self.endings: dict[int, list[FailedScene | LostScene]] = {}
@@ -50,7 +50,7 @@ class FakeCrew:
         busy = [worker for worker, _ in self._busy]
         return [worker for worker in self._workers if worker not in busy]
 
-    def give(self, worker: Worker, entry: PlannedEntry) -> None:
+    def submit(self, worker: Worker, entry: PlannedEntry) -> None:
         """Begin a scene, which leaves an unfinished bag."""
         self.given.append((entry.number, worker.machine))
         self._busy.append((worker, entry))
@@ -68,6 +68,6 @@ class FakeCrew:
             made_up_scene(bag_of(folder, entry), number=entry.number, split=entry.split, ticks=2)
             ending = MadeScene(index_row(bag_of(folder, entry), folder), "made", {}, COST)
         if isinstance(ending, LostScene):
-            self._hired += 1
-            self._workers[self._workers.index(worker)] = Worker(f"worker-{self._hired}", worker.machine)
+            self._started += 1
+            self._workers[self._workers.index(worker)] = Worker(f"worker-{self._started}", worker.machine)
         return [(worker, entry, ending)]

@@ -10,14 +10,14 @@ from typing import Literal
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.foundation.threads import usable_cores
-from simbev_ros.production.delivery import Deliveries, keep_bags
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.scene_ending import MadeScene
-from simbev_ros.production.workers.crew import Worker
+from simbev_ros.production.upload import UploaderFactory, no_upload
 from simbev_ros.production.workers.local_worker import LocalWorker
 from simbev_ros.production.workers.machine_capacity import fitting_workers, share_gpus
 from simbev_ros.production.workers.messages import Settings
-from simbev_ros.production.workers.team import Team
+from simbev_ros.production.workers.supervised_pool import SupervisedPool
+from simbev_ros.production.workers.worker_pool import Worker
 
 _POLL_S = 0.5
 """Maximum time between two looks for workers that have fallen silent."""
@@ -25,14 +25,14 @@ THIS_MACHINE = "this machine"
 
 
 @dataclass(slots=True)
-class _Seat:
+class _Slot:
     """The devices that a worker renders on, None: as configured; and its name."""
 
     rendering: Rendering | None
     worker: str = ""
 
 
-class LocalCrew(Team):
+class LocalPool(SupervisedPool):
     """Processes that make scenes side by side, each on a graph in a ROS domain of its own.
 
     Args:
@@ -41,7 +41,7 @@ class LocalCrew(Team):
         workers: Number of workers; ``auto``: as many as the machine carries, once one of them has made a scene.
         scenes: Number of scenes to make; there are never more workers.
         observer: Receives the progress.
-        delivery_of: Deliveries of finished bags.
+        uploader_for: Uploaders of finished bags.
 
     Raises:
         RenderError: There are several workers, but EGL is missing.
@@ -56,55 +56,55 @@ class LocalCrew(Team):
         workers: int | Literal["auto"],
         scenes: int,
         observer: ProductionObserver = SILENT,
-        delivery_of: Deliveries = keep_bags,
+        uploader_for: UploaderFactory = no_upload,
     ) -> None:
         super().__init__(observer)
         self._scenario, self._staging, self._scenes = scenario, staging, scenes
-        self._delivery_of = delivery_of
+        self._uploader_for = uploader_for
         self._chosen_by_cost = workers == "auto"
         self._numbers = count(1)
-        self._seats: list[_Seat] = []
-        self._divide(1 if workers == "auto" else workers)
+        self._slots: list[_Slot] = []
+        self._resize(1 if workers == "auto" else workers)
 
-    def _divide(self, workers: int) -> None:
-        """Make seats for a number of workers; those that would render on other devices leave when they are idle."""
-        before = {seat.worker: seat.rendering for seat in self._seats}
-        self._seats = []
+    def _resize(self, workers: int) -> None:
+        """Make slots for a number of workers; those on other devices are stopped when they are idle."""
+        before = {slot.worker: slot.rendering for slot in self._slots}
+        self._slots = []
         for rendering in share_gpus(max(min(workers, self._scenes), 1), self._scenario):
             kept = next((name for name, devices in before.items() if devices == rendering), "")
             before.pop(kept, None)
-            self._seats.append(_Seat(rendering, kept))
+            self._slots.append(_Slot(rendering, kept))
 
     def idle(self) -> Sequence[Worker]:
-        """Workers that have a seat and wait for a scene."""
-        seated = {seat.worker for seat in self._seats}
-        return [worker for worker in super().idle() if worker.name in seated]
+        """Workers that have a slot and wait for a scene."""
+        assigned = {slot.worker for slot in self._slots}
+        return [worker for worker in super().idle() if worker.name in assigned]
 
-    def _replenish(self) -> None:
-        seated, waiting = {seat.worker for seat in self._seats}, super().idle()
+    def _scale(self) -> None:
+        assigned, waiting = {slot.worker for slot in self._slots}, super().idle()
         for handle in self._handles:
-            if handle.worker.name not in seated and handle.worker in waiting:
-                self._dismiss(handle)
+            if handle.worker.name not in assigned and handle.worker in waiting:
+                self._stop_worker(handle)
         present = {handle.worker.name for handle in self._handles}
-        for seat in self._seats:
-            if seat.worker not in present:
-                seat.worker = self._start_worker(seat.rendering)
+        for slot in self._slots:
+            if slot.worker not in present:
+                slot.worker = self._start_worker(slot.rendering)
 
     def _start_worker(self, rendering: Rendering | None) -> str:
         worker = Worker(f"worker-{next(self._numbers)}", THIS_MACHINE)
-        folder, delivery = self._staging / worker.name, self._delivery_of(worker.name)
-        settings = Settings(self._scenario, folder, rendering=rendering, delivery=delivery)
-        self._hire(LocalWorker(worker, settings))
+        folder, uploader = self._staging / worker.name, self._uploader_for(worker.name)
+        settings = Settings(self._scenario, folder, rendering=rendering, uploader=uploader)
+        self._add_worker(LocalWorker(worker, settings))
         return worker.name
 
-    def _learn(self, scene: MadeScene) -> None:
+    def _record_cost(self, scene: MadeScene) -> None:
         """Choose the number of workers by the cost of the first scene."""
         if self._chosen_by_cost:
             self._chosen_by_cost = False
             workers = min(fitting_workers(scene.cost, usable_cores()), self._scenes - 1)
             if workers > 1:
-                self._divide(workers)
-            self._observer.workers_chosen(len(self._seats), scene.cost)
+                self._resize(workers)
+            self._observer.workers_chosen(len(self._slots), scene.cost)
 
     def _pause(self, timeout_s: float) -> None:
         connections = [handle.connection for handle in self._handles if isinstance(handle, LocalWorker)]

@@ -72,7 +72,6 @@ setup(
         (f"share/{NAME}/interfaces/action", files("interfaces/action/*.action")),
         (f"share/{NAME}/config", [*files("config/*.yaml"), *files("config/*.xml")]),
         (f"share/{NAME}/config/autoware", files("config/autoware/*")),
-        (f"share/{NAME}/config/baselines", files("config/baselines/*.yaml")),
         (f"share/{NAME}/config/diagnostics", files("config/diagnostics/*.yaml")),
         (f"share/{NAME}/config/nav2", files("config/nav2/*")),
         (f"share/{NAME}/config/rigs", files("config/rigs/*.yaml")),
@@ -125,7 +124,6 @@ setup(
         "cluster": ["ray[default]>=2.50"],
         "foxglove": ["foxglove-sdk>=0.30"],
         "baselines": ["onnxruntime>=1.20"],
-        "training": ["onnx>=1.17", "tensorboardX>=2.6", "torch>=2.6"],
         "view": ["rerun-sdk==0.41.*"],
         "docs": ["mkdocs-material>=9.5"],
         "test": [

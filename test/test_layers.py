@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / "simbev_ros"
+TRAINING = PACKAGE.parent / "training/simbev_training"
 FLOORS = [
     {"foundation", "__init__"},
     {"config"},
@@ -57,6 +58,13 @@ HOMES = {
     "rerun": ("show/rerun",),
     "foxglove": ("show/foxglove",),
     "typer": ("cli",),
+    "torch": ("dataset/torch_dataset",),
+    **dict.fromkeys(("onnx", "simbev_training"), ()),
+}
+HOMES_IN_TRAINING = {
+    **dict.fromkeys(ROS, ()),
+    **dict.fromkeys(("torch", "onnx"), ("model", "training", "cli/train")),
+    **dict.fromkeys(("typer", "rich", "simbev_ros.cli"), ("cli",)),
 }
 
 
@@ -92,6 +100,17 @@ def test_imports_point_upward_and_foreign_libraries_stay_in_their_rooms(path: Pa
         elif top in HOMES:
             place = "/".join(parts)
             assert place.startswith(HOMES[top]), f"imports {module}; its home is {HOMES[top]}"
+
+
+OF_TRAINING = sorted(TRAINING.rglob("*.py"))
+
+
+@pytest.mark.parametrize("path", OF_TRAINING, ids=[str(path.relative_to(TRAINING)) for path in OF_TRAINING])
+def test_libraries_stay_in_their_rooms_of_the_training(path: Path) -> None:
+    place = path.relative_to(TRAINING).as_posix()
+    for module in _imports(path):
+        for name in {module.split(".")[0], ".".join(module.split(".")[:2])} & HOMES_IN_TRAINING.keys():
+            assert place.startswith(HOMES_IN_TRAINING[name]), f"imports {module}"
 
 
 def test_every_package_has_a_floor() -> None:

@@ -1,6 +1,6 @@
 """Trained baselines for bird's-eye-view segmentation and 3D detection: camera, lidar and fused models.
 
-``frames`` and ``grid`` define what all of them share, ``model`` the networks (torch), ``cache`` the data that training
-reads, ``training`` how weights are made from it, ``inference`` how ONNX Runtime answers a frame with them, and ``node``
-the stack that answers a live graph. Only ``model`` and ``training`` import torch.
+``frames``, ``grid`` and ``boxes`` define what training and the live stack share, ``inference`` answers a frame on ONNX
+Runtime, ``weights`` come with the package, and ``node`` is the stack that answers a live graph. Training is a
+distribution of its own, ``training/simbev_training``.
 """

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from simbev_ros.baselines.grid import FEATURE_CELL_M, FEATURE_CELLS, HALF_M
-from simbev_ros.foundation.types import AnyArray, Float32Array, Table
+from simbev_ros.baselines.grid import FEATURE_CELL_M, FEATURE_CELLS, HALF_M, level_from_map
+from simbev_ros.foundation.types import AnyArray, Float32Array, Float64Array, Table
 
 DETECTED_CLASSES = ("car", "truck", "bus", "motorcycle", "bicycle", "pedestrian")
 """Classes of boxes that are predicted, those of the paper."""
@@ -51,6 +51,18 @@ def decode_boxes(heat: Float32Array, values: Float32Array) -> Table:
         boxes[name] = np.exp(np.clip(logarithm, -3.0, 4.0))
     boxes["vx"], boxes["vy"], boxes["score"], boxes["class"] = vx, vy, flat[likely], label
     return boxes[_apart(boxes)]
+
+
+def boxes_in_map(boxes: Table, map_from_ego: Float64Array) -> Table:
+    """Boxes of the level frame in the map frame."""
+    map_from_level = np.linalg.inv(level_from_map(map_from_ego))
+    result = boxes.copy()
+    center = np.stack([boxes["x"], boxes["y"], boxes["z"]], 1) @ map_from_level[:3, :3].T + map_from_level[:3, 3]
+    result["x"], result["y"], result["z"] = center.T
+    result["vx"], result["vy"] = map_from_level[:2, :2] @ np.stack([boxes["vx"], boxes["vy"]])
+    heading_rad = np.arctan2(map_from_level[1, 0], map_from_level[0, 0])
+    result["yaw"] = np.angle(np.exp(1j * (boxes["yaw"] + heading_rad)))
+    return result
 
 
 def _apart(boxes: Table) -> AnyArray:

@@ -5,8 +5,10 @@ import io
 import os
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
 from importlib import import_module
+from importlib.metadata import EntryPoint
 from itertools import pairwise
 from typing import Any
 
@@ -15,6 +17,7 @@ from typer.core import TyperGroup
 
 from simbev_ros import __version__
 from simbev_ros.cli.console import make_console
+from simbev_ros.cli.plugins import VERBS_GROUP, Command, click_command, find_plugins, load_plugin
 from simbev_ros.foundation.errors import DISK_FULL, InputError, SimbevError
 from simbev_ros.ros.conventions.arguments import split_ros_arguments
 from simbev_ros.ros.graph.interrupts import Interrupted, raising_interrupts
@@ -32,8 +35,6 @@ VERBS = {
     "logs": "logs:logs",
     "repair": "repair:repair",
     "evaluate": "evaluate.command:evaluate",
-    "train": "baselines.train:train",
-    "predict": "baselines.predict:predict",
     "doctor": "doctor:doctor",
     "env": "env:env",
     "map": "map.command:map_",
@@ -46,7 +47,8 @@ _TAKE_URLS = ("generate", "info", "logs", "verify")
 """Verbs that work with datasets in object stores."""
 _TAKE_ROS_ARGUMENTS = ("run", "replay", "view")
 """Verbs that pass on what follows --ros-args to nodes."""
-_OLD_NAMES = {"jobs": "workers"}
+_OF_TRAINING = ("train", "predict")
+"""Verbs of the distribution simbev_training, which lies in the repository of this one."""
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://")
 _TRACEBACK_VARIABLE = "SIMBEV_TRACEBACK"
 _MAX_LENGTH = 300
@@ -54,33 +56,44 @@ _EXHAUSTED = (*DISK_FULL, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN
 """Numbers of the operating system's errors that are no fault of the path that they name."""
 
 
-def load_verb(name: str) -> Callable[..., None] | typer.Typer:
-    """Import a verb's module and return the verb: a function, or a group of commands."""
+def load_verb(name: str) -> Command:
+    """Import the module of one of our verbs and return the verb."""
     module, _, attribute = VERBS[name].partition(":")
     return getattr(import_module(f"simbev_ros.cli.{module}"), attribute)
 
 
 class _LazyVerbs(Mapping[str, Any]):
-    """The click command of each verb by name, imported when it is looked up: most verbs take long to load."""
+    """The click command of each verb by name, imported when it is looked up: most verbs take long to load.
+
+    Verbs of other distributions are looked for when none of ours has the name, and for the help.
+    """
 
     def __init__(self) -> None:
         self._loaded: dict[str, Any] = {}
 
     def __getitem__(self, name: str) -> Any:
         if name not in self._loaded:
-            verb = load_verb(name)
-            if not isinstance(verb, typer.Typer):
-                function, verb = verb, typer.Typer(add_completion=False, rich_markup_mode="rich")
-                verb.command(name)(function)
-            self._loaded[name] = typer.main.get_command(verb)
-            self._loaded[name].name = name
+            self._loaded[name] = click_command(name, load_verb(name) if name in VERBS else self._load_plugin(name))
         return self._loaded[name]
 
     def __iter__(self) -> Iterator[str]:
-        return iter(VERBS)
+        return iter([*VERBS, *self._plugins])
 
     def __len__(self) -> int:
-        return len(VERBS)
+        return len(VERBS) + len(self._plugins)
+
+    @cached_property
+    def _plugins(self) -> Mapping[str, EntryPoint]:
+        return find_plugins(VERBS_GROUP, VERBS)
+
+    def _load_plugin(self, name: str) -> Command:
+        """Import the verb of another distribution; KeyError if there is none of this name."""
+        if name in _OF_TRAINING and name not in self._plugins:
+            raise InputError(
+                f"simbev {name} is a verb of simbev_training; install it in the repository: "
+                f"{sys.executable} -m pip install ./training"
+            )
+        return load_plugin(self._plugins[name])
 
 
 def _values(arguments: Sequence[str]) -> Iterator[str]:
@@ -120,11 +133,6 @@ class _Verbs(TyperGroup):
         return list(self.commands)
 
 
-def _present_name(token: str) -> str:
-    """The present name of an option, or of a command, that had another one once."""
-    return _OLD_NAMES.get(token, token)
-
-
 app = typer.Typer(
     name=_NAME,
     cls=_Verbs,
@@ -133,7 +141,7 @@ app = typer.Typer(
     add_completion=False,
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
-    context_settings={"help_option_names": ["-h", "--help"], "token_normalize_func": _present_name},
+    context_settings={"help_option_names": ["-h", "--help"]},
 )
 
 

@@ -71,20 +71,6 @@ def test_cameras_that_the_rig_lacks_are_black_and_see_nothing() -> None:
     assert pixel_from_level.shape == (3, 3, 4) and pixel_from_level[0].any() and not pixel_from_level[1:].any()
 
 
-@pytest.mark.parametrize("beside_lidar", [False, True])
-def test_a_camera_encoder_takes_nothing_from_a_camera_with_projections_of_zeros(beside_lidar: bool) -> None:
-    torch = pytest.importorskip("torch", reason="torch is not installed")
-    from simbev_ros.baselines.model.cameras import CameraEncoder
-
-    encoder = CameraEncoder(4, beside_lidar=beside_lidar).eval()
-    images, projections = torch.zeros(1, 1, 3, 32, 64), torch.zeros(1, 1, 3, 4)
-    black, _ = encoder(images, projections)
-    white, _ = encoder(images + 255, projections)
-    assert torch.equal(black, white)
-    projections[0, 0] = torch.tensor([[16.0, -32, 0, 0], [16, 0, -32, 0], [1, 0, 0, 0]])
-    assert not torch.equal(encoder(images + 255, projections)[0], white)
-
-
 def test_earlier_sweeps_move_to_the_frame_of_the_newest() -> None:
     baseline = FakeBaseline()
     older = Sweep(7 * 10**8, np.array([[1.0, 0.0, 0.5]], np.float32), pose(90.0, 0.0))

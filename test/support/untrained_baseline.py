@@ -6,8 +6,8 @@ from typing import Any
 import torch
 
 from simbev_ros.baselines.modality import Modality
-from simbev_ros.baselines.model.bev_model import BevModel
-from simbev_ros.baselines.training.export import export_model
+from simbev_training.model.bev_model import BevModel
+from simbev_training.training.export import export_model
 
 CAMERAS, SIZE_PX = 2, (96, 64)
 

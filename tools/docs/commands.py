@@ -2,9 +2,12 @@
 
 import inspect
 import re
+import sys
+import tomllib
 import types
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
@@ -19,6 +22,8 @@ _INTRODUCTION = """# Commands
 `./simbev` at the top of the repository is a start script. It sets the machine up once and then runs the command below.
 Inside an activated environment the same command is called `simbev`.
 
+`simbev train` and `simbev predict` come with a distribution of their own: `.venv/bin/pip install ./training`.
+
 The start script adds four verbs of its own, the last three for developers:
 
 | verb | what it does |
@@ -31,6 +36,7 @@ The start script adds four verbs of its own, the last three for developers:
 Exit codes: 0 done, 1 failed, 2 bad input (the message names file, field and value), 130 interrupted. With the
 environment variable `SIMBEV_TRACEBACK=1`, unexpected errors show their traceback.
 """
+_TRAINING = Path(__file__).parents[2] / "training"
 _EXAMPLES = re.compile(r"\[bold\]Examples?\[/\]")
 _MARKUP = re.compile(r"\[/?(?:bold|dim|italic|/)?\]")
 
@@ -97,11 +103,17 @@ def render_commands() -> str:
 
 
 def commands() -> Iterator[tuple[tuple[str, ...], Callable[..., Any]]]:
-    """All commands: the words that call them, and their functions."""
+    """All commands, at the end those of simbev_training: the words that call them, and their functions."""
     for name in VERBS:
         verb = load_verb(name)
         words = ("simbev", name)
         yield from _commands_of(verb, words) if isinstance(verb, typer.Typer) else [(words, verb)]
+    if str(_TRAINING) not in sys.path:
+        sys.path.append(str(_TRAINING))
+    project = tomllib.loads((_TRAINING / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    for name, at in project["entry-points"]["simbev.verbs"].items():
+        module, _, attribute = at.partition(":")
+        yield ("simbev", name), getattr(import_module(module), attribute)
 
 
 def _commands_of(group: typer.Typer, words: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Callable[..., Any]]]:

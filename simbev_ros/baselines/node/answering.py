@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from simbev_ros.baselines.boxes import BOX_DTYPE as MODEL_BOX_DTYPE
+from simbev_ros.baselines.boxes import boxes_in_map
 from simbev_ros.baselines.frames import points_of_frame, projections
 from simbev_ros.baselines.grid import CELL_M, CELLS, HALF_M
 from simbev_ros.baselines.inference import Baseline
@@ -13,7 +14,6 @@ from simbev_ros.baselines.node.ids import BoxIds
 from simbev_ros.baselines.node.image_fit import ImageFit
 from simbev_ros.baselines.node.scene_inputs import SceneInputs, stacked_projections
 from simbev_ros.baselines.node.sweeps import Sweep
-from simbev_ros.baselines.predict import boxes_in_map
 from simbev_ros.foundation.geometry.grid import BevGrid
 from simbev_ros.foundation.types import Float32Array, Float64Array, Table, UInt8Array
 from simbev_ros.foundation.units import NS_PER_S

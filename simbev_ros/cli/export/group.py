@@ -1,12 +1,41 @@
-"""The group of commands ``simbev export``."""
+"""The group of commands ``simbev export``: our exporters, and those of other distributions."""
+
+from collections.abc import Callable, Mapping
+from functools import cached_property
+from importlib.metadata import EntryPoint
+from typing import Any
 
 import typer
+from typer.core import TyperGroup
 
 from simbev_ros.cli.export.nuscenes import export_nuscenes
 from simbev_ros.cli.export.opv2v import export_opv2v
 from simbev_ros.cli.export.simbev import export_simbev
+from simbev_ros.cli.plugins import EXPORTERS_GROUP, click_command, find_plugins, load_plugin
 
-export = typer.Typer(rich_markup_mode="rich", no_args_is_help=True, help="Write a dataset in another layout.")
-export.command("simbev")(export_simbev)
-export.command("nuscenes")(export_nuscenes)
-export.command("opv2v")(export_opv2v)
+_OWN: dict[str, Callable[..., None]] = {"simbev": export_simbev, "nuscenes": export_nuscenes, "opv2v": export_opv2v}
+
+
+class _Exporters(TyperGroup):
+    """The group with the exporters of other distributions."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Return the names of all exporters."""
+        return [*_OWN, *self._plugins]
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Return an exporter; None if there is none of this name."""
+        if cmd_name in _OWN or cmd_name not in self._plugins:
+            return super().get_command(ctx, cmd_name)
+        return click_command(cmd_name, load_plugin(self._plugins[cmd_name]))
+
+    @cached_property
+    def _plugins(self) -> Mapping[str, EntryPoint]:
+        return find_plugins(EXPORTERS_GROUP, _OWN)
+
+
+export = typer.Typer(
+    cls=_Exporters, rich_markup_mode="rich", no_args_is_help=True, help="Write a dataset in another layout."
+)
+for _name, _command in _OWN.items():
+    export.command(_name)(_command)

@@ -1,0 +1,135 @@
+"""Reads a cache as a list of samples; arrays stay on disk until a sample needs them."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import simplejpeg
+
+from simbev_ros.baselines.frames import points_of_frame, projections, sweeps_of_frame
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.types import AnyArray, Float32Array, Float64Array, Table, UInt8Array
+from simbev_training.cache.layout import CM_PER_M, FORMAT, SCENE_FILE
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """One key frame.
+
+    Attributes:
+        sweeps_cm: (N, 3) int16 points of each of the frame's sweeps, cm, ego frame of its stamp; None: no such sweep.
+        sweep_poses: (4, 4) pose of the ego at the stamp of each sweep.
+        jpegs: Images of the cameras, as JPEG.
+        pixel_from_level: (K, 3, 4) float32 projections.
+        depth_m: (K, H / 8, W / 8) float32 depth; 0: none.
+        cells: (CELLS, CELLS) uint16 grid.
+        boxes: (B,) ``BOX_DTYPE``.
+    """
+
+    sweeps_cm: tuple[AnyArray | None, ...]
+    sweep_poses: tuple[Float64Array | None, ...]
+    jpegs: tuple[AnyArray, ...]
+    pixel_from_level: Float32Array
+    depth_m: Float32Array
+    cells: AnyArray
+    boxes: Table
+
+    def points(self) -> Float32Array:
+        """(N, 4) points as of ``points_of_frame``."""
+        in_m = np.float32(CM_PER_M)
+        sweeps = [None if each is None else each.astype(np.float32) / in_m for each in self.sweeps_cm]
+        return points_of_frame(sweeps, self.sweep_poses)
+
+    def images(self) -> UInt8Array:
+        """(K, H, W, 3) decoded images, RGB."""
+        return np.stack([simplejpeg.decode_jpeg(bytes(each), colorspace="RGB") for each in self.jpegs])
+
+
+class CachedScene:
+    """A scene of a cache. It is small when it is sent to another process, which maps the files anew."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    @cached_property
+    def about(self) -> dict[str, Any]:
+        """Facts about the scene.
+
+        Raises:
+            InputError: The scene is damaged, or of another version.
+        """
+        path = self.folder / SCENE_FILE
+        try:
+            about: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            raise InputError(f"{path}: cannot be read: {error}") from None
+        if about.get("format") != FORMAT:
+            raise InputError(
+                f"{path}: format: {about.get('format')!r}; this version reads {FORMAT}; write the cache again"
+            )
+        return about
+
+    @cached_property
+    def frames(self) -> Table:
+        """(F,) ``FRAME_DTYPE``."""
+        return np.asarray(self._map("frames"))
+
+    @property
+    def boxes(self) -> Table:
+        """(B,) ``BOX_DTYPE`` boxes of all frames."""
+        return np.asarray(self._arrays["boxes"])
+
+    @cached_property
+    def _arrays(self) -> dict[str, AnyArray]:
+        names = ("sweeps", "points", "images", "image_ends", "depth", "cells", "boxes", "pixels")
+        return {name: self._map(name) for name in names}
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {"folder": self.folder}
+
+    def sample(self, index: int, sweep_ages_ns: Sequence[int]) -> Sample:
+        """A key frame with the sweeps of some ages, newest first."""
+        frame, arrays = self.frames[index], self._arrays
+        sweeps = sweeps_of_frame(int(frame["stamp_ns"]), arrays["sweeps"]["stamp_ns"], sweep_ages_ns)
+        ends = arrays["image_ends"].ravel()
+        cameras = arrays["image_ends"].shape[1]
+        first = index * cameras
+        starts = [0 if k == 0 else int(ends[k - 1]) for k in range(first, first + cameras)]
+        boxes = slice(int(self.frames["boxes_end"][index - 1]) if index else 0, int(frame["boxes_end"]))
+        return Sample(
+            sweeps_cm=tuple(self._points_cm(each) if each >= 0 else None for each in sweeps),
+            sweep_poses=tuple(arrays["sweeps"]["map_from_ego"][each] if each >= 0 else None for each in sweeps),
+            jpegs=tuple(arrays["images"][s : int(ends[first + k])] for k, s in enumerate(starts)),
+            pixel_from_level=projections(arrays["pixels"], frame["map_from_ego"]),
+            depth_m=arrays["depth"][index].astype(np.float32) / np.float32(CM_PER_M),
+            cells=arrays["cells"][index],
+            boxes=np.asarray(arrays["boxes"][boxes]),
+        )
+
+    def _points_cm(self, sweep: int) -> AnyArray:
+        """(N, 3) points of a sweep."""
+        ends = self._arrays["sweeps"]["points_end"]
+        return self._arrays["points"][int(ends[sweep - 1]) if sweep else 0 : int(ends[sweep])]
+
+    def _map(self, name: str) -> AnyArray:
+        path = self.folder / f"{name}.npy"
+        try:
+            return np.asarray(np.load(path, mmap_mode="r"))
+        except (OSError, ValueError) as error:
+            raise InputError(f"{path}: cannot be read: {error}") from None
+
+
+def cached_scenes(cache: Path, split: str) -> list[CachedScene]:
+    """The scenes of a split by ascending number.
+
+    Raises:
+        InputError: There is none.
+    """
+    folders = [path.parent for path in (cache / split).glob(f"[!.]*/{SCENE_FILE}")]
+    if not folders:
+        raise InputError(f"{cache}: holds no scenes of the split {split}")
+    return [CachedScene(folder) for folder in sorted(folders, key=lambda each: int(each.name.rsplit("-", 1)[1]))]

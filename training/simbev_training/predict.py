@@ -1,0 +1,64 @@
+"""Predicts the key frames of a cache and writes what ``simbev evaluate`` reads."""
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from simbev_ros.baselines.boxes import boxes_in_map
+from simbev_ros.baselines.inference import Baseline
+from simbev_ros.evaluation.metrics.boxes import NO_ATTRIBUTE, Boxes, Predictions
+from simbev_ros.evaluation.predictions.prediction_writer import write_grid, write_predictions
+from simbev_ros.foundation.types import Float64Array, Table
+from simbev_training.cache.reader import CachedScene
+
+
+def predict(
+    baseline: Baseline, scenes: Sequence[CachedScene], out: Path, report: Callable[[int], None], every: int = 1
+) -> None:
+    """Write boxes (map frame) and grids of all key frames.
+
+    Args:
+        baseline: The model.
+        scenes: Scenes of a cache.
+        out: A new folder.
+        report: Called with 1 after each frame.
+        every: Only every Nth key frame of a scene.
+
+    Raises:
+        InputError: The folder holds predictions already.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+
+    def answers() -> Iterator[tuple[str, Predictions, list[int]]]:
+        for scene in scenes:
+            name, tables, ticks = str(scene.about["name"]), [], []
+            for index in range(0, len(scene.frames), every):
+                sample, frame = scene.sample(index, baseline.sweep_ages_ns), scene.frames[index]
+                images = sample.images() if baseline.modality.has_cameras else None
+                answer = baseline.answer(sample.points(), images, sample.pixel_from_level)
+                tick = int(frame["tick"])
+                write_grid(out, name, tick, np.moveaxis(answer.cells, 2, 0))
+                tables.append((tick, answer.boxes, frame["map_from_ego"]))
+                ticks.append(tick)
+                report(1)
+            yield name, _predictions(tables), ticks
+
+    write_predictions(out / "boxes.parquet", answers())
+
+
+def _predictions(tables: Sequence[tuple[int, Table, Float64Array]]) -> Predictions:
+    placed = [boxes_in_map(boxes, pose) for _, boxes, pose in tables]
+    rows = np.concatenate(placed)
+    frame = np.repeat([tick for tick, _, _ in tables], [len(each) for each in placed]).astype(np.int64)
+    velocity = np.stack([rows["vx"], rows["vy"], np.zeros(len(rows))], 1).astype(np.float64)
+    boxes = Boxes(
+        frame=frame,
+        label=rows["class"],
+        center_m=np.stack([rows["x"], rows["y"], rows["z"]], 1),
+        size_m=np.stack([rows["length"], rows["width"], rows["height"]], 1).astype(np.float64),
+        yaw_rad=rows["yaw"].astype(np.float64),
+        velocity_mps=velocity,
+        attribute=np.full(len(rows), NO_ATTRIBUTE, np.uint8),
+    )
+    return Predictions(boxes, rows["score"].astype(np.float64))

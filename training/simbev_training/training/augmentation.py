@@ -1,0 +1,90 @@
+"""Random changes of a sample: one linear map for points, boxes, cameras and the grid; and lidars with fewer points."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from simbev_ros.foundation.types import AnyArray, Float32Array, Float64Array, Table
+from simbev_training.cache.layout import CM_PER_M
+from simbev_training.training.config import Augmentation
+
+LIDAR_M = 1.8
+"""Height of the lidar above the ego's origin."""
+_RING_DEG = 41.34 / 127
+"""Angle between two rings of the lidar in config/rigs/baselines.yaml."""
+
+
+@dataclass(frozen=True, eq=False)
+class Warp:
+    """A linear map of the level frame.
+
+    Attributes:
+        matrix: (2, 2) map of x and y: a rotation with or without a flip, times the scale.
+        scale: Factor of all lengths, also of heights.
+    """
+
+    matrix: Float64Array
+    scale: float
+
+    @classmethod
+    def draw(cls, augmentation: Augmentation, rng: np.random.Generator) -> "Warp":
+        """Draw a map."""
+        angle_rad = np.radians(rng.uniform(-1.0, 1.0) * augmentation.rotation_deg)
+        scale = float(rng.uniform(1.0 - augmentation.scale, 1.0 + augmentation.scale))
+        flips = [-1.0 if augmentation.flip and rng.random() < 0.5 else 1.0 for _ in range(2)]
+        cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
+        rotation = np.array([[cosine, -sine], [sine, cosine]])
+        return cls(scale * rotation @ np.diag(flips), scale)
+
+    @property
+    def warped_from_level(self) -> Float64Array:
+        """(4, 4) the map as a homogeneous transform."""
+        result = np.eye(4)
+        result[:2, :2] = self.matrix
+        result[2, 2] = self.scale
+        return result
+
+    def boxes(self, boxes: Table) -> Table:
+        """(B,) boxes of a sample."""
+        warped = boxes.copy()
+        warped["x"], warped["y"] = self.matrix @ np.stack([boxes["x"], boxes["y"]])
+        warped["vx"], warped["vy"] = self.matrix @ np.stack([boxes["vx"], boxes["vy"]])
+        ahead = self.matrix @ np.stack([np.cos(boxes["yaw"]), np.sin(boxes["yaw"])])
+        warped["yaw"] = np.arctan2(ahead[1], ahead[0])
+        for name in ("z", "length", "width", "height"):
+            warped[name] = boxes[name] * self.scale
+        return warped
+
+    def projections(self, pixel_from_level: Float32Array) -> Float32Array:
+        """(K, 3, 4) projections of a sample."""
+        return np.asarray(pixel_from_level @ np.linalg.inv(self.warped_from_level), np.float32)
+
+
+@dataclass(frozen=True)
+class Thinning:
+    """Which points of a sample are left out.
+
+    Attributes:
+        share: Share of the points that are left out at random.
+        coarse: Whether every second ring is left out: stripes of elevation.
+        phase: Where the stripes begin, 0 … 2.
+    """
+
+    share: float
+    coarse: bool
+    phase: float
+
+    @classmethod
+    def draw(cls, augmentation: Augmentation, rng: np.random.Generator) -> "Thinning":
+        """Draw what is left out."""
+        share, coarse = rng.uniform(0.0, augmentation.thinning), rng.random() < augmentation.every_second_ring
+        return cls(float(share), bool(coarse), float(rng.uniform(0.0, 2.0)))
+
+    def kept(self, points_cm: AnyArray, rng: np.random.Generator) -> AnyArray:
+        """(N, 3) int16 points of a sweep, ego frame, without those that are left out."""
+        kept = rng.random(len(points_cm), np.float32) >= self.share
+        if self.coarse:
+            x, y, z = points_cm.astype(np.float32).T
+            elevation_deg = np.degrees(np.arctan2(z - LIDAR_M * CM_PER_M, np.hypot(x, y)))
+            kept &= (elevation_deg / _RING_DEG + self.phase) % 2.0 < 1.0
+        return points_cm.compress(kept, 0)

@@ -1,0 +1,85 @@
+"""What a model should have said of a batch: grids of classes, heat maps, and values of boxes at their centers."""
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from simbev_ros.baselines.boxes import DETECTED_CLASSES
+from simbev_ros.baselines.grid import CELL_M, CELLS, FEATURE_CELL_M, FEATURE_CELLS, HALF_M
+from simbev_ros.foundation.semantics import BEV_CLASSES
+from simbev_training.training.batches import Batch
+
+_MAX_RADIUS = 6
+_MIN_RADIUS = 2.0
+_RADIUS_SHARE = 0.35
+"""Radius of a peak in the heat map over the mean side of the box."""
+
+
+class Targets(NamedTuple):
+    """Targets of B samples.
+
+    Attributes:
+        cells: (B, CELLS, CELLS, C) float32, 0 or 1: in memory as a GPU's convolutions have it.
+        known: (B, CELLS, CELLS, 1) float32, 1 where the warped grid was recorded.
+        heat: (B, classes, FEATURE_CELLS, FEATURE_CELLS) float32, 1 at centers and less around them.
+        center: (M,) int64 flat index of sample, row, column of each box's center.
+        label: (M,) int64 class of each box.
+        boxes: (M, len(BOX_VALUES)) values.
+    """
+
+    cells: Tensor
+    known: Tensor
+    heat: Tensor
+    center: Tensor
+    label: Tensor
+    boxes: Tensor
+
+
+def targets_of(batch: Batch) -> Targets:
+    """Targets of a batch, on its device."""
+    cells, known = _warped_cells(batch)
+    heat, center, label, boxes = _box_targets(batch.boxes, len(batch.cells))
+    return Targets(cells, known, heat, center, label, boxes)
+
+
+def _warped_cells(batch: Batch) -> tuple[Tensor, Tensor]:
+    samples, device = len(batch.cells), batch.cells.device
+    ahead = HALF_M - (torch.arange(CELLS, device=device) + 0.5) * CELL_M
+    center = torch.stack(torch.meshgrid(ahead, ahead, indexing="ij"), -1).reshape(1, -1, 2)
+    source = center @ batch.level_from_warped.transpose(1, 2)
+    index = torch.floor((HALF_M - source) / CELL_M).long()
+    known = ((index >= 0) & (index < CELLS)).all(-1)
+    row, column = index.clamp(0, CELLS - 1).unbind(-1)
+    bits = batch.cells.reshape(samples, -1).gather(1, row * CELLS + column)
+    shift = torch.arange(len(BEV_CLASSES), device=device, dtype=bits.dtype)
+    cells = ((bits[..., None] >> shift) & 1).to(torch.float32).reshape(samples, CELLS, CELLS, -1)
+    return cells, known.to(torch.float32).reshape(samples, CELLS, CELLS, 1)
+
+
+def _box_targets(boxes: Tensor, samples: int) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Heat maps, and center, class and values of M boxes. Their number is known without waiting for a GPU."""
+    position = (HALF_M - boxes[:, 2:4]) / FEATURE_CELL_M
+    cell = torch.floor(position).long()
+    sample, label = boxes[:, 0].long(), boxes[:, 1].long()
+    size = boxes[:, 5:8]
+    radius = (_RADIUS_SHARE * size[:, :2].mean(1) / FEATURE_CELL_M).clamp(_MIN_RADIUS, _MAX_RADIUS)
+    around = torch.arange(-_MAX_RADIUS, _MAX_RADIUS + 1, device=boxes.device)
+    row = cell[:, 0, None, None] + around[None, :, None]
+    column = cell[:, 1, None, None] + around[None, None, :]
+    square = (around**2)[None, :, None] + (around**2)[None, None, :]
+    sigma = (2 * radius + 1)[:, None, None] / 6
+    peak = torch.exp(-square / (2 * sigma**2))
+    inside = (row >= 0) & (row < FEATURE_CELLS) & (column >= 0) & (column < FEATURE_CELLS)
+    area = FEATURE_CELLS * FEATURE_CELLS
+    plane = (sample * len(DETECTED_CLASSES) + label)[:, None, None] * area
+    flat = (plane + row.clamp(0, FEATURE_CELLS - 1) * FEATURE_CELLS + column.clamp(0, FEATURE_CELLS - 1)).flatten()
+    heat = torch.zeros(samples * len(DETECTED_CLASSES) * area, device=boxes.device)
+    heat = heat.scatter_reduce(0, flat, torch.where(inside, peak, 0.0).flatten(), "amax")
+    heat = heat.reshape(samples, len(DETECTED_CLASSES), FEATURE_CELLS, FEATURE_CELLS)
+    offset = position - cell - 0.5
+    values = torch.cat(
+        [offset, boxes[:, 4:5], torch.log(size), torch.sin(boxes[:, 8:9]), torch.cos(boxes[:, 8:9]), boxes[:, 9:11]], 1
+    )
+    center = (sample * FEATURE_CELLS + cell[:, 0]) * FEATURE_CELLS + cell[:, 1]
+    return heat, center, label, values

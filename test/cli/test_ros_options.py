@@ -28,8 +28,8 @@ def test_empty_arguments_of_a_launch_file_are_taken_by_every_verb(simbev: Any) -
             ("replay", "bag", "live", "--out", "o", "--workers", "2", "--namespace", "a"),
             "--namespace: is for one graph",
         ),
-        (("view", "bag", "--namespace", "a"), "--namespace a: is for --live"),
-        (("view", "bag", *REMAPPING), "--ros-args: is for --live"),
+        (("view", "foxglove", "bag", "--namespace", "a"), "--namespace: is for the running graph; leave bag out"),
+        (("view", "bag", *REMAPPING), "--ros-args: is for running graphs: simbev view live, simbev view foxglove"),
     ],
 )
 def test_what_cannot_be_is_refused(refused: Callable[..., str], words: tuple[str, ...], message: str) -> None:

@@ -24,11 +24,12 @@ def test_where_ros_needs_numpy_1_the_reason_is_named(
 ) -> None:
     monkeypatch.setattr("simbev_ros.cli.view.recorded.version", lambda name: "1.26.4")
     message = refused("view", bag)
-    assert "needs NumPy 2" in message and "call it where no ROS is sourced, or with --foxglove" in message
+    assert "needs NumPy 2" in message and "call it where no ROS is sourced, or simbev view foxglove" in message
 
 
-def test_without_a_path_both_ways_are_named(refused: Callable[..., str]) -> None:
-    assert refused("view") == "error: give a scene's bag or a dataset, or --live for a running graph\n"
+def test_without_a_path_the_help_names_all_views(simbev: Callable[..., tuple[int, str, str]]) -> None:
+    shown = "".join(simbev("view")[1:])
+    assert all(name in shown for name in ("recorded", "live", "foxglove", "simbev view BAG shows a recorded one"))
 
 
 def test_a_missing_path_is_named(refused: Callable[..., str], tmp_path: Path) -> None:

@@ -35,7 +35,11 @@ class _Exporters(TyperGroup):
 
 
 export = typer.Typer(
-    cls=_Exporters, rich_markup_mode="rich", no_args_is_help=True, help="Write a dataset in another layout."
+    cls=_Exporters,
+    add_completion=False,
+    rich_markup_mode="rich",
+    no_args_is_help=True,
+    help="Write a dataset in another layout.",
 )
 for _name, _command in _OWN.items():
     export.command(_name)(_command)

@@ -9,15 +9,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from simbev_ros.cli.view.command import RERUN_PORT
+from simbev_ros.cli.view.options import LOOPBACK, RERUN_PORT
 from simbev_ros.cli.view.recorded import require_rerun
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.ros.conventions.arguments import PLAIN, RosArguments
 
 if TYPE_CHECKING:
     from simbev_ros.cli.view.graph_viewer import GraphViewer
-
-_LOOPBACK = "127.0.0.1"
 
 ViewOption = Annotated[bool, typer.Option("--view", help="Show the graph in Rerun's viewer.")]
 ViewPortOption = Annotated[
@@ -63,9 +61,9 @@ def viewer_beside(
 def _require_free(port: int) -> None:
     """Raise InputError if something else listens on the viewer's port."""
     try:
-        socket.create_server((_LOOPBACK, port)).close()
+        socket.create_server((LOOPBACK, port)).close()
     except OSError as error:
         words = os.strerror(error.errno or 0).lower()
         raise InputError(
-            f"--view-port {port}: {_LOOPBACK}:{port} cannot be listened on: {words}; 0 takes any free port"
+            f"--view-port {port}: {LOOPBACK}:{port} cannot be listened on: {words}; 0 takes any free port"
         ) from None

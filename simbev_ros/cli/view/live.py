@@ -1,13 +1,32 @@
-"""The picture of a running graph in Rerun's viewer."""
+"""``simbev view live``: a running graph in Rerun's viewer."""
 
 import os
 import time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
+import typer
 from rich.console import Console
 
+from simbev_ros.cli.agent_option import AgentOption
+from simbev_ros.cli.console import make_console
+from simbev_ros.cli.ros_options import NamespaceOption, ros_arguments
 from simbev_ros.cli.view.browser import show_address
-from simbev_ros.ros.conventions.arguments import PLAIN, RosArguments
+from simbev_ros.cli.view.options import (
+    BROWSER_WIDTH_PX,
+    LOOPBACK,
+    RERUN_PORT,
+    Bind,
+    Domain,
+    ImageWidth,
+    Memory,
+    Network,
+    Open,
+    Points,
+    Port,
+    RunningGraph,
+    detail,
+)
+from simbev_ros.cli.view.recorded import require_rerun
 from simbev_ros.show.rerun.live.viewer_process import SHOWING
 
 if TYPE_CHECKING:
@@ -16,46 +35,67 @@ if TYPE_CHECKING:
 _IDLE_S = 0.5
 
 
+def live(
+    context: typer.Context,
+    agent: AgentOption = None,
+    domain: Domain = None,
+    network: Network = False,
+    namespace: NamespaceOption = None,
+    rate: Annotated[float, typer.Option(help="Frames that are shown per second.", min=0.1, max=60)] = 5.0,
+    port: Port = RERUN_PORT,
+    bind: Bind = LOOPBACK,
+    open_: Open = True,
+    memory: Memory = 300,
+    image_width: ImageWidth = BROWSER_WIDTH_PX,
+    points: Points = 40_000,
+    layers: Annotated[
+        bool, typer.Option(help="Show other images than color, classes of lidar points and occupancy too.")
+    ] = False,
+) -> None:
+    """Show a running graph, and the next one, in Rerun's viewer.
+
+    The graph does not wait for the viewer, which drops what it cannot show in time. Ctrl-C ends it.
+
+    [bold]Examples[/]
+
+    simbev view live --domain 3
+    """
+    graph = RunningGraph(domain, network, ros_arguments(context, namespace))
+    require_rerun()
+    shown = detail(points, image_width or 0, memory, layers=layers)
+    show_graph(graph, (port, bind), rate, shown, agent=agent, opens=open_)
+
+
 def show_graph(
+    graph: RunningGraph,
     place: tuple[int, str],
-    domain: int | None,
     rate_hz: float,
     detail: "Detail",
     *,
     agent: str | None = None,
-    network: bool,
     opens: bool,
-    console: Console,
-    ros: RosArguments = PLAIN,
 ) -> None:
     """Show the graph of a domain, and the next one, until an interrupt.
 
     Args:
+        graph: Where the graph is.
         place: Port and address to listen on.
-        domain: ROS domain; None: that of the environment, or 0.
         rate_hz: Maximum number of frames per second of wall time.
         detail: How much is shown; beyond its limit of memory, the earliest is dropped.
         agent: Name of the agent that is shown; None: the first one of each scene.
-        network: Whether the graph may be on another host.
         opens: Whether to open the browser.
-        console: Where to print.
-        ros: What the nodes of the graph are told, and its namespace.
 
     Raises:
         InputError: The port cannot be used, ROS_DOMAIN_ID is no domain, or a scene does not have the agent.
         SimbevError: Rerun's server does not start, or has ended by itself.
     """
-    from simbev_ros.ros.graph.domain import domain_from_environment
-    from simbev_ros.ros.graph.environment import graph_environment
-    from simbev_ros.ros.graph.exposure import Exposure
     from simbev_ros.ros.nodes.lifeline import SUPERVISOR_VARIABLE, end_with_supervisor
     from simbev_ros.show.rerun.live.live_viewer import running_viewer
 
+    console = make_console()
     end_with_supervisor()
-    chosen = domain_from_environment() if domain is None else domain
-    os.environ.update(graph_environment(chosen, Exposure(network=network)))
-    printing = _Printing(chosen, console, is_alone=SUPERVISOR_VARIABLE not in os.environ)
-    with running_viewer(place, rate_hz, detail, printing, ros, agent) as viewer:
+    printing = _Printing(graph.enter_domain(), console, is_alone=SUPERVISOR_VARIABLE not in os.environ)
+    with running_viewer(place, rate_hz, detail, printing, graph.ros, agent) as viewer:
         show_address(viewer.page_url, console, opens=opens)
         while True:
             viewer.require_running()

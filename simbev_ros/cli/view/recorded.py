@@ -1,16 +1,33 @@
-"""A recorded scene in Rerun's viewer, or as a file for it."""
+"""``simbev view recorded``: a recorded scene in Rerun's viewer, or as a file for it."""
 
 import sys
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
+import typer
 from rich.console import Console
 
-from simbev_ros.cli.console import counting_bar, plural
+from simbev_ros.cli.agent_option import AgentOption, require_agent
+from simbev_ros.cli.console import counting_bar, make_console, plural
 from simbev_ros.cli.output_file import require_place
 from simbev_ros.cli.view.browser import show_address, wait_for_end
+from simbev_ros.cli.view.options import (
+    BROWSER_WIDTH_PX,
+    LOOPBACK,
+    RERUN_PORT,
+    BagOrDataset,
+    Bind,
+    ImageWidth,
+    Memory,
+    Open,
+    Points,
+    Port,
+    SceneOption,
+    choose_scene,
+    detail,
+)
 from simbev_ros.foundation.errors import InputError
 
 if TYPE_CHECKING:
@@ -23,12 +40,49 @@ _SERVER_SHARE = 1.25
 """Of the size of what is drawn: what the server may keep, so that it drops nothing."""
 
 
+def recorded(
+    path: BagOrDataset,
+    scene: SceneOption = None,
+    agent: AgentOption = None,
+    out: Annotated[Path | None, typer.Option(help="Write a .rrd file for Rerun instead of opening the viewer.")] = None,
+    port: Port = RERUN_PORT,
+    bind: Bind = LOOPBACK,
+    open_: Open = True,
+    memory: Memory = 300,
+    image_width: ImageWidth = None,
+    points: Points = 40_000,
+    layers: Annotated[bool, typer.Option(help="Show semantic, instance, depth and flow images too.")] = True,
+) -> None:
+    """Show a recorded scene in Rerun's viewer: cameras, 3D, bird's-eye view, plots, map, table.
+
+    The viewer's page and the data come from this machine alone. Ctrl-C ends it.
+
+    [bold]Examples[/]
+
+    simbev view out/demo
+
+    simbev view datasets/first --scene Town01-0003 --port 0 --no-open
+
+    simbev view out/demo --out demo.rrd
+    """
+    require_rerun()
+    console, chosen = make_console(), choose_scene(path, scene)
+    if agent is not None:
+        require_agent(agent, chosen.agents, chosen.name)
+        chosen = chosen.of_agent(agent)
+    if out is not None:
+        write_file(chosen, out, detail(points, image_width or 0, layers=layers), console)
+        return
+    width_px = BROWSER_WIDTH_PX if image_width is None else image_width
+    show_recorded(chosen, (port, bind), detail(points, width_px, memory, layers=layers), console, opens=open_)
+
+
 def require_rerun() -> None:
     """Raise InputError if Rerun is not installed, or cannot be."""
     if version("numpy").startswith("1."):
         raise InputError(
             "simbev view needs Rerun, which needs NumPy 2, and an installed ROS 2 Jazzy needs NumPy 1; "
-            "call it where no ROS is sourced, or with --foxglove"
+            "call it where no ROS is sourced, or simbev view foxglove"
         )
     if find_spec("rerun") is None:
         raise InputError(f"simbev view needs Rerun; install it: {sys.executable} -m pip install 'simbev_ros[view]'")

@@ -44,7 +44,7 @@ DISPLAYS = {
 @contextmanager
 def relay(simbev: Simbev) -> Iterator[tuple[Command, FoxgloveClient]]:
     """A relay of the tests' domain, and a client."""
-    command = simbev("view", "--live", "--foxglove", "--port", 0)
+    command = simbev("view", "foxglove", "--port", 0)
     assert command.process.stdout is not None
     url = command.process.stdout.readline().split()[-1]
     try:
@@ -156,5 +156,5 @@ def test_topics_vanish_with_a_graph_and_come_back_with_the_next(simbev: Simbev, 
 
 
 def test_a_domain_that_is_none_is_named(simbev: Simbev) -> None:
-    code, output = simbev("view", "--live", "--foxglove", "--domain", 233).finish()
+    code, output = simbev("view", "foxglove", "--domain", 233).finish()
     assert code == 2 and "--domain" in output

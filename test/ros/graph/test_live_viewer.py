@@ -59,7 +59,7 @@ def viewers(command: Command) -> list[psutil.Process]:
 def test_a_stopped_viewer_neither_holds_up_a_graph_nor_changes_what_it_records(
     undisturbed: dict[str, str], simbev: Simbev, small_config: Config, tmp_path: Path
 ) -> None:
-    viewer = simbev("view", "--live", "--port", 0, "--no-open")
+    viewer = simbev("view", "live", "--port", 0, "--no-open")
     assert await_line(viewer, "waiting") == f"waiting for a graph in domain {DOMAIN}; Ctrl-C ends"
     run = simbev("run", small_config(DURATION_S), "--record", tmp_path / "out")
     await_line(viewer, "showing Blocks-0000")
@@ -90,7 +90,7 @@ def test_a_graph_goes_on_when_its_viewer_is_killed(
 
 @pytest.mark.slow
 def test_a_viewer_follows_one_graph_after_the_other(simbev: Simbev, small_config: Config, tmp_path: Path) -> None:
-    viewer = simbev("view", "--live", "--port", 0, "--no-open", "--rate", 20)
+    viewer = simbev("view", "live", "--port", 0, "--no-open", "--rate", 20)
     for _ in range(2):
         await_line(viewer, "viewer: ") if _ == 0 else None
         run = simbev("run", small_config(DURATION_S))

@@ -32,7 +32,7 @@ TYPES = get_typestore(Stores.ROS2_JAZZY)
 
 
 def command(*arguments: object) -> list[str]:
-    return [sys.executable, "-m", "simbev_ros.cli.main", "view", "--foxglove", *map(str, arguments)]
+    return [sys.executable, "-m", "simbev_ros.cli.main", "view", "foxglove", *map(str, arguments)]
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +68,7 @@ def failure(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch)
     """Runs the command with bad input, in this process; gives the only line that it prints."""
 
     def run(*arguments: object) -> str:
-        monkeypatch.setattr(sys, "argv", ["simbev", "view", "--foxglove", *map(str, arguments)])
+        monkeypatch.setattr(sys, "argv", ["simbev", "view", "foxglove", *map(str, arguments)])
         monkeypatch.setenv("COLUMNS", "200")
         with pytest.raises(SystemExit) as ended:
             main()

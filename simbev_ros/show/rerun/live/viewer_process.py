@@ -1,4 +1,4 @@
-"""``simbev view --live`` as a process of its own."""
+"""``simbev view live`` as a process of its own."""
 
 import os
 import signal
@@ -42,7 +42,7 @@ class ViewerProcess:
         network: bool = False,
         ros: RosArguments = PLAIN,
     ) -> None:
-        words = ["view", "--live", "--no-open", "--domain", str(domain), "--port", str(port)]
+        words = ["view", "live", "--no-open", "--domain", str(domain), "--port", str(port)]
         words += ["--network"] if network else []
         own = {SUPERVISOR_VARIABLE: str(os.getpid()), "TMPDIR": str(folder), "PYTHONUNBUFFERED": "1"}
         self._process = subprocess.Popen(

@@ -1,8 +1,7 @@
 """Progress bars and messages of commands that play scenes or make datasets."""
 
 import time
-from collections.abc import Mapping
-from typing import Any
+from typing import assert_never
 
 from rich.console import Console
 from rich.markup import escape
@@ -12,9 +11,32 @@ from rich.status import Status
 from simbev_ros.cli.console import DESCRIPTION, TickRate, counting_progress, format_size, plural
 from simbev_ros.cli.evaluate.live import print_live_tables
 from simbev_ros.dataset.plan import PlannedEntry
+from simbev_ros.production.events import (
+    DatasetEnded,
+    DatasetStarted,
+    GraphStarted,
+    GraphWarned,
+    LeftoverRemoved,
+    MapNoted,
+    ProductionEvent,
+    RegionBuilt,
+    SceneEnded,
+    SceneFailed,
+    SceneMade,
+    SceneProgressed,
+    SceneRetried,
+    SceneStarted,
+    StackEvaluated,
+    StepEnded,
+    StepStarted,
+    SurroundingsEnded,
+    SurroundingsStarted,
+    WorkerPrepares,
+    WorkersChosen,
+)
 from simbev_ros.production.observer import ProductionObserver
 from simbev_ros.production.scene_cost import SceneCost
-from simbev_ros.scene.ending import DURATION, SceneEnd
+from simbev_ros.scene.ending import DURATION
 from simbev_ros.schema.scene.spec import SceneSpec
 
 
@@ -30,43 +52,46 @@ class MapDisplay(ProductionObserver):
         self._status: Status | None = None
         self._regions: Progress | None = None
 
-    def step_started(self, step: str) -> None:
-        """Show a spinner."""
-        self._status = self.console.status(escape(step))
-        self._status.start()
+    def notify(self, event: ProductionEvent) -> None:
+        """Show a spinner for a step, a bar for surroundings, and print notes and warnings."""
+        match event:
+            case StepStarted(step):
+                self._status = self.console.status(escape(step))
+                self._status.start()
+            case StepEnded():
+                self._stop_spinner()
+            case GraphWarned(node, message):
+                self.console.print(f"warning: {node}: {message}", markup=False, soft_wrap=True)
+            case MapNoted(map_name, note):
+                self.console.print(f"map {map_name}: {note}", style="dim", highlight=False, soft_wrap=True)
+            case LeftoverRemoved(scene):
+                self.console.print(
+                    f"{scene}: an interrupted run left a part of it; it is recorded again", soft_wrap=True
+                )
+            case SurroundingsStarted() | RegionBuilt() | SurroundingsEnded():
+                self._show_regions(event)
+            case GraphStarted() | StackEvaluated() | SceneStarted() | SceneProgressed() | SceneEnded():
+                pass
+            case DatasetStarted() | WorkersChosen() | WorkerPrepares() | DatasetEnded():
+                pass
+            case SceneRetried() | SceneMade() | SceneFailed():
+                pass
+            case _:
+                assert_never(event)
 
-    def step_ended(self) -> None:
-        """Remove the spinner."""
+    def _stop_spinner(self) -> None:
         if self._status is not None:
             self._status.stop()
             self._status = None
 
-    def graph_warned(self, node: str, message: str) -> None:
-        """Print the warning."""
-        self.console.print(f"warning: {node}: {message}", markup=False, soft_wrap=True)
-
-    def map_noted(self, map_name: str, note: str) -> None:
-        """Print the note."""
-        self.console.print(f"map {map_name}: {note}", style="dim", highlight=False, soft_wrap=True)
-
-    def leftover_removed(self, spec: SceneSpec) -> None:
-        """Print which scene is recorded again."""
-        self.console.print(f"{spec.name}: a run that was ended has left a part of it; it is made anew", soft_wrap=True)
-
-    def surroundings_started(self, map_name: str, regions: int) -> None:
-        """Show a bar of regions."""
-        self._regions = counting_progress(self.console, TextColumn("regions"))
-        self._regions.add_task(f"surroundings of {map_name}", total=regions)
-        self._regions.start()
-
-    def region_built(self) -> None:
-        """Advance the bar of regions."""
-        if self._regions is not None:
+    def _show_regions(self, event: SurroundingsStarted | RegionBuilt | SurroundingsEnded) -> None:
+        if isinstance(event, SurroundingsStarted):
+            self._regions = counting_progress(self.console, TextColumn("regions"))
+            self._regions.add_task(f"surroundings of {event.map_name}", total=event.regions)
+            self._regions.start()
+        elif self._regions is not None and isinstance(event, RegionBuilt):
             self._regions.advance(self._regions.task_ids[0])
-
-    def surroundings_ended(self) -> None:
-        """Remove the bar of regions."""
-        if self._regions is not None:
+        elif self._regions is not None:
             self._regions.stop()
             self._regions = None
 
@@ -77,37 +102,38 @@ class SceneDisplay(MapDisplay):
     def __init__(self, console: Console) -> None:
         super().__init__(console)
         self._ticks: Progress | None = None
+        self._total = 0
 
-    def graph_started(self, domain_id: int, security_variables: Mapping[str, str]) -> None:
-        """Print the ROS domain, and what others need to take part in a secure graph."""
-        for name, value in {"ROS_DOMAIN_ID": str(domain_id), **security_variables}.items():
-            self.console.print(f"{name}={value}", style="dim", markup=False, highlight=False, soft_wrap=True)
+    def notify(self, event: ProductionEvent) -> None:
+        """Show a bar of ticks; print the ROS domain, figures of stacks, and why a scene ended early."""
+        match event:
+            case GraphStarted(domain_id, variables):
+                for name, value in {"ROS_DOMAIN_ID": str(domain_id), **variables}.items():
+                    self.console.print(f"{name}={value}", style="dim", markup=False, highlight=False, soft_wrap=True)
+            case StackEvaluated(figures):
+                print_live_tables(figures, self.console)
+            case SceneStarted(spec):
+                self._start_bar(spec)
+            case SceneProgressed(scene, tick) if self._ticks is not None and tick is not None:
+                task = self._ticks.task_ids[0]
+                self._ticks.update(task, description=scene, total=self._total, completed=max(tick + 1, 0))
+            case SceneEnded(scene, end):
+                self._leave_bar()
+                if end is not None and end.reason != DURATION:
+                    self.console.print(f"{scene} ended early: {end.reason}", highlight=False, soft_wrap=True)
+            case _:
+                super().notify(event)
 
-    def stack_evaluated(self, figures: Mapping[str, Any]) -> None:
-        """Print the figures as tables."""
-        print_live_tables(figures, self.console)
-
-    def scene_started(self, spec: SceneSpec) -> None:
-        """Show a bar of ticks."""
-        self._ticks = counting_progress(
-            self.console, TextColumn("ticks"), TickRate(), TimeRemainingColumn(), transient=False
-        )
+    def _start_bar(self, spec: SceneSpec) -> None:
+        columns = TextColumn("ticks"), TickRate(), TimeRemainingColumn()
+        self._ticks, self._total = counting_progress(self.console, *columns, transient=False), spec.ticks
         self._ticks.add_task(f"{spec.name}: loading", total=None)
         self._ticks.start()
 
-    def scene_progressed(self, spec: SceneSpec, tick: int | None) -> None:
-        """Advance the bar of ticks."""
-        if self._ticks is not None and tick is not None:
-            task = self._ticks.task_ids[0]
-            self._ticks.update(task, description=spec.name, total=spec.ticks, completed=max(tick + 1, 0))
-
-    def scene_ended(self, spec: SceneSpec, end: SceneEnd | None) -> None:
-        """Leave the bar as it is, and print why the scene ended if it ended early."""
+    def _leave_bar(self) -> None:
         if self._ticks is not None:
             self._ticks.stop()
             self._ticks = None
-        if end is not None and end.reason != DURATION:
-            self.console.print(f"{spec.name} ended early: {end.reason}", highlight=False, soft_wrap=True)
 
 
 class DatasetDisplay(MapDisplay):
@@ -118,10 +144,44 @@ class DatasetDisplay(MapDisplay):
         self._bars = Progress(disable=True)
         self._total: TaskID = self._bars.add_task("")
         self._tasks: dict[str, TaskID] = {}
+        self._scene_ticks: dict[str, int] = {}
         self._ticks: dict[str, int] = {}
         self._began_s, self._frames, self._done, self._failed = time.monotonic(), 0, 0, 0
 
-    def dataset_started(self, scenes: int, dataset_bytes: int) -> None:
+    def notify(self, event: ProductionEvent) -> None:
+        """Show and advance bars; print the number of workers, and why scenes are made again or failed."""
+        match event:
+            case DatasetStarted(scenes, dataset_bytes):
+                self._start_bars(scenes, dataset_bytes)
+            case WorkersChosen(workers, cost):
+                self._print_workers(workers, cost)
+            case WorkerPrepares(worker, None):
+                self._hide(worker)
+            case WorkerPrepares(worker, step):
+                self._show(worker, f"{worker}: {step}")
+            case SceneStarted(spec):
+                self._ticks[spec.name], self._scene_ticks[spec.name] = -1, spec.ticks
+                self._show(spec.name, f"{spec.name}: loading")
+            case SceneProgressed(scene, tick) if tick is not None and scene in self._tasks:
+                self._advance(scene, tick)
+            case SceneEnded(scene):
+                self._hide(scene)
+            case SceneRetried(entry, reason):
+                self._hide(entry.name)
+                self.console.print(f"{entry.name}: {reason}; once more", soft_wrap=True)
+            case SceneMade(entry, dataset_bytes):
+                self._bars.update(self._total, size=format_size(dataset_bytes))
+                self._finish_scene(entry)
+            case SceneFailed(entry, reason):
+                self.console.print(f"{entry.name} failed: {reason}", soft_wrap=True)
+                self._failed += 1
+                self._finish_scene(entry)
+            case DatasetEnded():
+                self._leave_bars()
+            case _:
+                super().notify(event)
+
+    def _start_bars(self, scenes: int, dataset_bytes: int) -> None:
         """Show the bar of the dataset, if there is something to make."""
         columns = (
             DESCRIPTION,
@@ -137,7 +197,7 @@ class DatasetDisplay(MapDisplay):
         self._total = self._bars.add_task("dataset", total=scenes, count=f"0/{scenes} scenes", speed="", size=used)
         self._bars.start()
 
-    def workers_chosen(self, workers: int, cost: SceneCost) -> None:
+    def _print_workers(self, workers: int, cost: SceneCost) -> None:
         """Print the number of workers and why."""
         self.console.print(
             f"{plural(workers, 'worker')}: the first scene used {cost.cores:.1f} cores and "
@@ -147,53 +207,19 @@ class DatasetDisplay(MapDisplay):
             soft_wrap=True,
         )
 
-    def worker_prepares(self, worker: str, step: str | None) -> None:
-        """Show what the worker does, until it has done it."""
-        if step is not None:
-            self._show(worker, f"{worker}: {step}")
-        else:
-            self._hide(worker)
-
-    def scene_started(self, spec: SceneSpec) -> None:
-        """Show a bar for the scene."""
-        self._ticks[spec.name] = -1
-        self._show(spec.name, f"{spec.name}: loading")
-
-    def scene_progressed(self, spec: SceneSpec, tick: int | None) -> None:
+    def _advance(self, scene: str, tick: int) -> None:
         """Advance the bars of scene and dataset."""
-        if tick is None or spec.name not in self._tasks:
-            return
-        self._frames += max(tick - self._ticks[spec.name], 0)
-        self._ticks[spec.name] = max(tick, self._ticks[spec.name])
-        done = self._ticks[spec.name] + 1
-        task = self._tasks[spec.name]
-        self._bars.update(task, description=spec.name, total=spec.ticks, completed=done)
+        self._frames += max(tick - self._ticks[scene], 0)
+        self._ticks[scene] = max(tick, self._ticks[scene])
+        done, ticks = self._ticks[scene] + 1, self._scene_ticks[scene]
+        task = self._tasks[scene]
+        self._bars.update(task, description=scene, total=ticks, completed=done)
         own = next(each for each in self._bars.tasks if each.id == task)
         speed = "" if own.speed is None else f"{own.speed:.2f} frames/s"
-        self._bars.update(task, count=f"{done}/{spec.ticks} frames", speed=speed)
+        self._bars.update(task, count=f"{done}/{ticks} frames", speed=speed)
         self._update_total()
 
-    def scene_ended(self, spec: SceneSpec, end: SceneEnd | None) -> None:
-        """Remove the scene's bar."""
-        self._hide(spec.name)
-
-    def scene_retried(self, entry: PlannedEntry, reason: str) -> None:
-        """Print why the scene is tried again."""
-        self._hide(entry.name)
-        self.console.print(f"{entry.name}: {reason}; once more", soft_wrap=True)
-
-    def scene_made(self, entry: PlannedEntry, dataset_bytes: int) -> None:
-        """Count the scene, and show the disk space."""
-        self._bars.update(self._total, size=format_size(dataset_bytes))
-        self._finish_scene(entry)
-
-    def scene_failed(self, entry: PlannedEntry, reason: str) -> None:
-        """Print the reason, and count the scene."""
-        self.console.print(f"{entry.name} failed: {reason}", soft_wrap=True)
-        self._failed += 1
-        self._finish_scene(entry)
-
-    def dataset_ended(self) -> None:
+    def _leave_bars(self) -> None:
         """Leave the bar of the dataset as it is."""
         for name in list(self._tasks):
             self._hide(name)

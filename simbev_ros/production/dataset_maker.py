@@ -9,6 +9,7 @@ from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.dataset.staging import ON_FULL_DISK
 from simbev_ros.foundation.errors import DiskError, GraphError, InputError, SimbevError, UploadError
 from simbev_ros.production.dataset_storage import DatasetStorage
+from simbev_ros.production.events import DatasetEnded, DatasetStarted, SceneFailed, SceneMade, SceneRetried
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.scene_ending import FailedScene, LostScene, MadeScene, SceneEnding
 from simbev_ros.production.scene_log import Attempt
@@ -71,7 +72,7 @@ class DatasetMaker:
         """
         self._waiting.extend(entries)
         self._first = next(iter(entries), None)
-        self._observer.dataset_started(len(entries), self._storage.total_bytes)
+        self._observer.notify(DatasetStarted(len(entries), self._storage.total_bytes))
         try:
             with disk_error_consequence(ON_FULL_DISK):
                 while self._waiting or self._busy:
@@ -80,7 +81,7 @@ class DatasetMaker:
                         self._busy -= 1
                         self._settle(worker, entry, ending)
         finally:
-            self._observer.dataset_ended()
+            self._observer.notify(DatasetEnded())
         self._outcome.damaged.update(self._storage.damaged)
         return self._outcome
 
@@ -115,7 +116,7 @@ class DatasetMaker:
                 self._storage.log(attempt, ending.summary, ending.output)
                 del self._histories[entry]
                 self._outcome.made.append(entry)
-                self._observer.scene_made(entry, self._storage.total_bytes)
+                self._observer.notify(SceneMade(entry, self._storage.total_bytes))
             case LostScene():
                 self._storage.discard(worker.name)
                 self._storage.log(attempt, ending.reason, {}, failed=True)
@@ -151,8 +152,8 @@ class DatasetMaker:
 
     def _try_again(self, entry: PlannedEntry, reason: str) -> None:
         self._waiting.appendleft(entry)
-        self._observer.scene_retried(entry, reason)
+        self._observer.notify(SceneRetried(entry, reason))
 
     def _give_up(self, entry: PlannedEntry, reason: str) -> None:
         self._outcome.failed[entry.name] = reason
-        self._observer.scene_failed(entry, reason)
+        self._observer.notify(SceneFailed(entry, reason))

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import PlannedEntry, maps_of
 from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.latest_value import LatestValue
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.surroundings import load_roads
 from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, planned_scenes, start_positions
@@ -42,7 +43,7 @@ class PlannedSceneDrawer:
     ) -> None:
         self._scenario, self._observer = scenario, observer
         self._maps: Mapping[str, MapSpec] = {spec.name: spec for spec in maps or maps_of(scenario)}
-        self._latest: tuple[MapSpec, StartPositions] | None = None
+        self._starts = LatestValue[MapSpec, StartPositions]()
 
     def draw(self, entry: PlannedEntry) -> SceneSpec:
         """Draw a scene.
@@ -54,7 +55,6 @@ class PlannedSceneDrawer:
             raise InputError(f"scene {entry.name}: the configuration has no map {entry.map}")
         spec = self._maps[entry.map]
         network = load_roads(spec, self._observer)
-        if self._latest is None or self._latest[0] != spec:
-            self._latest = spec, start_positions(self._scenario, network)
+        starts = self._starts.get(spec, lambda: start_positions(self._scenario, network))
         planned = PlannedScene(entry.number, spec, entry.split)
-        return draw_scene(self._scenario, planned, network, self._latest[1])
+        return draw_scene(self._scenario, planned, network, starts)

@@ -13,6 +13,7 @@ from simbev_ros.dataset.plan import Plan, PlannedEntry
 from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath
 from simbev_ros.production.dataset import without_stack
 from simbev_ros.production.drawing import PlannedSceneDrawer
+from simbev_ros.production.events import SceneEnded, SceneProgressed, SceneStarted
 from simbev_ros.production.free_stations import require_free_stations
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.scene_cost import CostMeter, SceneCost
@@ -139,14 +140,14 @@ def _time_ticks(
     finished_s: list[float] = []
     end: SceneEnd | None = None
     with GraphSession(scenario, dataset=folder) as session:
-        observer.scene_started(spec)
+        observer.notify(SceneStarted(spec))
         try:
             first = spec.model_copy(update={"ticks": 1, "number": spec.number + 1})
             session.play(first, lambda _: None)  # the start of processes is paid once for all scenes
             began_s, meter = time.monotonic(), CostMeter(session.pids().values())
 
             def progress(tick: int | None) -> None:
-                observer.scene_progressed(spec, tick)
+                observer.notify(SceneProgressed(spec.name, tick))
                 meter.look(session.pids().values())
                 while tick is not None and len(finished_s) <= tick:
                     finished_s.append(time.monotonic() - began_s)
@@ -154,7 +155,7 @@ def _time_ticks(
             end = session.play(spec, progress)
             cost = meter.cost(session.pids().values(), len(finished_s))
         finally:
-            observer.scene_ended(spec, end)
+            observer.notify(SceneEnded(spec.name, end))
     return finished_s, cost
 
 

@@ -10,6 +10,14 @@ from simbev_ros.config.scenario import Scenario
 from simbev_ros.foundation.errors import GraphError, SimbevError
 from simbev_ros.foundation.files.whole_files import require_writable
 from simbev_ros.production.drawing import draw_scenes
+from simbev_ros.production.events import (
+    GraphStarted,
+    GraphWarned,
+    SceneEnded,
+    SceneProgressed,
+    SceneStarted,
+    StackEvaluated,
+)
 from simbev_ros.production.free_stations import require_free_stations
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.record_folder import hold_record_folder, keep_recorded
@@ -104,7 +112,7 @@ def play_specs(
         require_free_stations(scenario, specs)
         session = GraphSession(scenario, live=live, dataset=dataset, domain=domain, exposure=exposure, ros=ros)
         held.enter_context(_run_graph(session, observer))
-        observer.graph_started(session.domain, session.security_variables)
+        observer.notify(GraphStarted(session.domain, session.security_variables))
         for spec, replay in zip_longest(specs, replays):
             play_on(session, spec, observer, replay=replay)
             yield scene_folder(dataset or Path(), spec.split, spec.name)
@@ -136,19 +144,19 @@ def play_on(
     """
 
     def progress(tick: int | None) -> None:
-        observer.scene_progressed(spec, tick)
+        observer.notify(SceneProgressed(spec.name, tick))
         for advice in session.new_advice():
-            observer.graph_warned(SUPERVISOR, advice)
+            observer.notify(GraphWarned(SUPERVISOR, advice))
         on_tick(tick)
 
     end: SceneEnd | None = None
-    observer.scene_started(spec)
+    observer.notify(SceneStarted(spec))
     try:
         end = session.play(spec, progress, replay, config)
     finally:
-        observer.scene_ended(spec, end)
+        observer.notify(SceneEnded(spec.name, end))
         for node, message in session.new_warnings():
-            observer.graph_warned(node, message)
+            observer.notify(GraphWarned(node, message))
     return end
 
 
@@ -164,4 +172,4 @@ def _run_graph(session: GraphSession, observer: ProductionObserver) -> Iterator[
         raise
     finally:
         for figures in () if failed else session.figures:
-            observer.stack_evaluated(figures)
+            observer.notify(StackEvaluated(figures))

@@ -9,6 +9,7 @@ from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.foundation.errors import BagError, InputError
 from simbev_ros.foundation.files.whole_files import require_writable, write_errors
+from simbev_ros.production.events import LeftoverRemoved
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.recording.bag_files import check_space, disk_error_consequence
 from simbev_ros.recording.layout import CONFIG_ATTACHMENT, partial_of, scene_folder, scenes_folder
@@ -69,7 +70,7 @@ def hold_bags(
                 )
         for unfinished, spec in leftovers.items():
             shutil.rmtree(unfinished)
-            observer.leftover_removed(spec)
+            observer.notify(LeftoverRemoved(spec.name))
         require_writable(dataset)
         with write_errors(dataset):
             scenes_folder(dataset).mkdir(exist_ok=True)

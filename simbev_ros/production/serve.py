@@ -14,7 +14,9 @@ from simbev_ros.foundation.errors import GraphError, InputError, SimbevError
 from simbev_ros.foundation.files.input_file import path_exists
 from simbev_ros.foundation.files.limits import MAX_SCENE_NUMBER
 from simbev_ros.foundation.files.whole_files import require_writable
+from simbev_ros.foundation.latest_value import LatestValue
 from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.production.events import GraphStarted, GraphWarned
 from simbev_ros.production.free_stations import require_free_stations
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.play import play_on
@@ -47,7 +49,7 @@ class OrderDrawer:
     def __init__(self, scenario: Scenario, dataset: Path | None) -> None:
         self._scenario, self._dataset = scenario, dataset
         self._next_number = 0
-        self._starts: tuple[tuple[MapSpec, float], StartPositions] | None = None
+        self._starts = LatestValue[tuple[MapSpec, float], StartPositions]()
 
     def draw(self, order: SceneOrder) -> tuple[Scenario, SceneSpec]:
         """Draw the scene of an order; return its configuration and its specification.
@@ -81,9 +83,7 @@ class OrderDrawer:
     def _start_positions(self, scenario: Scenario, network: RoadNetwork, planned: PlannedScene) -> StartPositions:
         """Start positions of a map, kept for further scenes there."""
         key = planned.map, scenario.traffic.waypoint_spacing_m
-        if self._starts is None or self._starts[0] != key:
-            self._starts = key, start_positions(scenario, network)
-        return self._starts[1]
+        return self._starts.get(key, lambda: start_positions(scenario, network))
 
     def _scenario_of(self, order: SceneOrder) -> Scenario:
         scenario = self._scenario
@@ -148,7 +148,7 @@ def serve_scenes(
         graph = _Graph(live=live, dataset=dataset, domain=domain, exposure=exposure, ros=ros)
         held.callback(graph.close)
         session = graph.session_for(scenario)
-        observer.graph_started(session.domain, session.security_variables)
+        observer.notify(GraphStarted(session.domain, session.security_variables))
         held.enter_context(scene_services(queue, session.domain, ros))
         while True:
             ordered = queue.take(0.0)
@@ -220,7 +220,7 @@ def _play(
         if bag is not None and not bag.is_dir():  # live, where the graph does not wait for the recorder
             raise GraphError(f"node recorder has not left a bag: {bag}")
     except SimbevError as error:
-        observer.graph_warned(spec.name, str(error))
+        observer.notify(GraphWarned(spec.name, str(error)))
         ordered.finish(Outcome(success=False, message=str(error), last_tick=ordered.tick))
         return None
     path = "" if bag is None else str(bag.resolve())

@@ -9,6 +9,7 @@ from simbev_ros.assets.regions.static_cache import StaticCache
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import Region, regions_of
+from simbev_ros.production.events import MapNoted, RegionBuilt, SurroundingsEnded, SurroundingsStarted
 from simbev_ros.production.observer import SILENT, ProductionObserver, observe_step
 from simbev_ros.scene.reach import loaded_reach
 from simbev_ros.schema.scene.map_spec import MapSpec
@@ -24,7 +25,7 @@ def load_roads(spec: MapSpec, observer: ProductionObserver = SILENT) -> RoadNetw
     with observe_step(observer, f"roads of {spec.name}"):
         network = load_network(spec)
     for note in network.notes:
-        observer.map_noted(spec.name, note)
+        observer.notify(MapNoted(spec.name, note))
     return network
 
 
@@ -66,8 +67,8 @@ def build_missing_regions(
         missing = cache.missing(regions)  # another process may have built them meanwhile
         if not missing:
             return
-        observer.surroundings_started(spec.name, len(missing))
+        observer.notify(SurroundingsStarted(spec.name, len(missing)))
         try:
-            build_regions(spec, missing, cache_dir, observer.region_built)
+            build_regions(spec, missing, cache_dir, lambda: observer.notify(RegionBuilt()))
         finally:
-            observer.surroundings_ended()
+            observer.notify(SurroundingsEnded())

@@ -1,5 +1,6 @@
-"""A graph that is not there, configurations for it, and the death of drivers."""
+"""A graph and a cluster that are not there, configurations for them, and the death of drivers."""
 
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -8,6 +9,7 @@ from typing import Any
 import pytest
 from bucket_content import DieAfter, Killed
 from fake_graph import FakeGraph, Scenarios
+from fake_ray import FakeRay, install_fake_ray
 
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.foundation.object_store import object_lock
@@ -76,3 +78,17 @@ def die_after(monkeypatch: pytest.MonkeyPatch) -> DieAfter:
             yield
 
     return arrange
+
+
+@pytest.fixture
+def ray(monkeypatch: pytest.MonkeyPatch) -> FakeRay:
+    """A cluster without nodes."""
+    return install_fake_ray(monkeypatch)
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """The time, s, in a list of one."""
+    now_s = [1000.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now_s[0])
+    return now_s

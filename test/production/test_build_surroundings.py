@@ -8,6 +8,7 @@ from analytic_maps import hilly_road
 from simbev_ros.assets.regions.static_cache import StaticCache
 from simbev_ros.maps.region import Region
 from simbev_ros.production import ProductionObserver, surroundings
+from simbev_ros.production.events import ProductionEvent, SurroundingsStarted
 from simbev_ros.production.surroundings import build_missing_regions
 from simbev_ros.schema.scene.map_spec import MapSpec
 
@@ -21,8 +22,9 @@ class Counting(ProductionObserver):
     def __init__(self) -> None:
         self.announced: list[int] = []
 
-    def surroundings_started(self, map_name: str, regions: int) -> None:
-        self.announced.append(regions)
+    def notify(self, event: ProductionEvent) -> None:
+        if isinstance(event, SurroundingsStarted):
+            self.announced.append(event.regions)
 
 
 @pytest.mark.parametrize(("left", "announced"), [((), []), ((WEST,), [1])])

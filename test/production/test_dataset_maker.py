@@ -12,7 +12,9 @@ from simbev_ros.dataset.plan import PlannedEntry, bag_of
 from simbev_ros.foundation.errors import DiskError, GraphError, InputError, SimbevError
 from simbev_ros.production import ProductionObserver
 from simbev_ros.production.dataset_maker import DatasetMaker, Outcome
+from simbev_ros.production.events import ProductionEvent, SceneRetried
 from simbev_ros.production.folder_storage import FolderStorage
+from simbev_ros.production.observer import SILENT
 from simbev_ros.production.replay.storage import ReplayStorage
 from simbev_ros.production.scene_ending import FailedScene, LostScene
 from simbev_ros.recording.layout import bytes_of, scenes_folder
@@ -32,7 +34,7 @@ def entries(count: int) -> list[PlannedEntry]:
 def make(
     folder: FolderStorage, pool: FakePool, scenes: int, retries: int = 0, observer: ProductionObserver | None = None
 ) -> Outcome:
-    return DatasetMaker(folder, pool, retries=retries, observer=observer or ProductionObserver()).make(entries(scenes))
+    return DatasetMaker(folder, pool, retries=retries, observer=observer or SILENT).make(entries(scenes))
 
 
 def failures(*errors: SimbevError) -> list[FailedScene | LostScene]:
@@ -105,8 +107,9 @@ def test_the_folder_of_a_lost_worker_is_removed_before_its_scene_is_made_again(
     left: list[list[str]] = []
 
     class Looking(ProductionObserver):
-        def scene_retried(self, entry: PlannedEntry, reason: str) -> None:
-            left.append(sorted(path.name for path in folder.staging.iterdir()))
+        def notify(self, event: ProductionEvent) -> None:
+            if isinstance(event, SceneRetried):
+                left.append(sorted(path.name for path in folder.staging.iterdir()))
 
     pool = FakePool(folder.staging, "a", "a")
     pool.endings = {0: [LostScene("worker-1 died: killed")]}

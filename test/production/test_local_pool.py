@@ -12,12 +12,12 @@ from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.foundation.object_store.object_path import ObjectPath
 from simbev_ros.production import ProductionObserver
+from simbev_ros.production.events import ProductionEvent, WorkersChosen
 from simbev_ros.production.object_upload import ObjectUploader
-from simbev_ros.production.scene_cost import SceneCost
 from simbev_ros.production.scene_ending import MadeScene
 from simbev_ros.production.workers import local_pool
 from simbev_ros.production.workers.local_pool import LocalPool
-from simbev_ros.production.workers.messages import Settings, Sign
+from simbev_ros.production.workers.messages import Settings, Signal
 from simbev_ros.production.workers.worker_pool import Worker
 
 Start = Callable[..., LocalPool]
@@ -31,7 +31,7 @@ class FakeWorker:
 
     def __init__(self, worker: Worker, settings: Settings) -> None:
         self.worker, self.settings = worker, settings
-        self.messages: list[Any] = [Sign.READY]
+        self.messages: list[Any] = [Signal.READY]
         self.given: list[int] = []
         self.is_ended = False
         self.connection = None
@@ -39,7 +39,7 @@ class FakeWorker:
 
     def submit(self, entry: PlannedEntry) -> None:
         self.given.append(entry.number)
-        self.messages += [MADE, Sign.READY]
+        self.messages += [MADE, Signal.READY]
 
     def read(self) -> list[Any]:
         messages, self.messages = self.messages[:1], self.messages[1:]
@@ -57,8 +57,9 @@ class Choice(ProductionObserver):
 
     workers: int | None = None
 
-    def workers_chosen(self, workers: int, cost: SceneCost) -> None:
-        self.workers = workers
+    def notify(self, event: ProductionEvent) -> None:
+        if isinstance(event, WorkersChosen):
+            self.workers = event.workers
 
 
 def share_gpus(workers: int, scenario: Scenario) -> list[Rendering | None]:

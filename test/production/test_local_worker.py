@@ -17,7 +17,7 @@ from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.production.replay.entry import ReplayedEntry
 from simbev_ros.production.workers import local_worker
 from simbev_ros.production.workers.local_worker import LocalWorker
-from simbev_ros.production.workers.messages import Settings, Sign
+from simbev_ros.production.workers.messages import Settings, Signal
 from simbev_ros.production.workers.supervised_pool import WorkerLost
 from simbev_ros.production.workers.worker_pool import Worker
 
@@ -115,7 +115,7 @@ def test_a_worker_that_is_told_to_end_ends_by_itself(start: Start) -> None:
 
 
 def test_a_worker_that_does_not_end_is_killed(start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(local_worker, "_END_PATIENCE_S", 0.2)
+    monkeypatch.setattr(local_worker, "_END_TIMEOUT_S", 0.2)
     worker = start(DEAF)
     next_messages(worker)
     worker.end()
@@ -146,7 +146,7 @@ def test_a_scene_for_a_process_that_has_died_is_no_error_before_the_next_read(st
 def test_a_stopped_process_is_lost_when_it_has_been_silent_for_too_long(
     start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(local_worker, "PATIENCE_S", 0.5)
+    monkeypatch.setattr(local_worker, "HEARTBEAT_TIMEOUT_S", 0.5)
     worker = start("line.recv()\nwhile True: line.send('alive'); time.sleep(0.1)")
     for _ in range(8):  # longer than the patience, but not silent
         next_messages(worker)
@@ -160,7 +160,7 @@ def test_a_stopped_process_is_lost_when_it_has_been_silent_for_too_long(
 def test_a_process_has_longer_to_start_than_to_send_signs_of_life(
     start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(local_worker, "PATIENCE_S", 0.1)
+    monkeypatch.setattr(local_worker, "HEARTBEAT_TIMEOUT_S", 0.1)
     worker = start("line.recv()\ntime.sleep(0.5)\nline.send('alive')\ntime.sleep(60)")
     assert next_messages(worker) == ["alive"]
     assert "silent" in loss_of(worker)
@@ -194,7 +194,7 @@ def test_a_real_worker_ends_when_its_driver_is_killed(tmp_path: Path) -> None:
 def test_a_real_worker_gets_ready_gives_signs_of_life_and_ends(settings: Settings) -> None:
     worker = LocalWorker(Worker("worker-1", "here"), settings)
     try:
-        assert set(next_messages(worker, 3)) == {Sign.READY, Sign.ALIVE}
+        assert set(next_messages(worker, 3)) == {Signal.READY, Signal.HEARTBEAT}
     finally:
         worker.end()
         worker.join()

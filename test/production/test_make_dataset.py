@@ -9,11 +9,19 @@ from fake_graph import FakeGraph, Scenarios
 
 from simbev_ros.dataset.index import read_index
 from simbev_ros.dataset.lock import DatasetLock
-from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.foundation.errors import DiskError, GraphError, InputError
 from simbev_ros.production import DatasetResult, ProductionObserver, make_dataset, scene_log
-from simbev_ros.scene.ending import SceneEnd
-from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.production.events import (
+    DatasetEnded,
+    DatasetStarted,
+    ProductionEvent,
+    SceneEnded,
+    SceneFailed,
+    SceneMade,
+    SceneProgressed,
+    SceneRetried,
+    SceneStarted,
+)
 
 
 class Diary(ProductionObserver):
@@ -22,30 +30,25 @@ class Diary(ProductionObserver):
     def __init__(self) -> None:
         self.lines: list[str] = []
 
-    def scene_started(self, spec: SceneSpec) -> None:
-        self.lines.append(f"start {spec.number}")
-
-    def scene_progressed(self, spec: SceneSpec, tick: int | None) -> None:
-        self.lines.append(f"tick {tick}")
-
-    def scene_ended(self, spec: SceneSpec, end: SceneEnd | None) -> None:
-        self.lines.append(f"end {spec.number} {end and end.reason}")
-
-    def dataset_started(self, scenes: int, dataset_bytes: int) -> None:
-        self.lines.append(f"{scenes} scenes")
-
-    def scene_retried(self, entry: PlannedEntry, reason: str) -> None:
-        self.lines.append(f"retry {entry.number}: {reason}")
-
-    def scene_made(self, entry: PlannedEntry, dataset_bytes: int) -> None:
-        assert dataset_bytes > 0
-        self.lines.append(f"made {entry.number}")
-
-    def scene_failed(self, entry: PlannedEntry, reason: str) -> None:
-        self.lines.append(f"failed {entry.number}: {reason}")
-
-    def dataset_ended(self) -> None:
-        self.lines.append("done")
+    def notify(self, event: ProductionEvent) -> None:
+        match event:
+            case SceneStarted(spec):
+                self.lines.append(f"start {spec.number}")
+            case SceneProgressed(_, tick):
+                self.lines.append(f"tick {tick}")
+            case SceneEnded(scene, end):
+                self.lines.append(f"end {int(scene[-4:])} {end and end.reason}")
+            case DatasetStarted(scenes):
+                self.lines.append(f"{scenes} scenes")
+            case SceneRetried(entry, reason):
+                self.lines.append(f"retry {entry.number}: {reason}")
+            case SceneMade(entry, dataset_bytes):
+                assert dataset_bytes > 0
+                self.lines.append(f"made {entry.number}")
+            case SceneFailed(entry, reason):
+                self.lines.append(f"failed {entry.number}: {reason}")
+            case DatasetEnded():
+                self.lines.append("done")
 
 
 def names(result: DatasetResult) -> tuple[list[str], list[str]]:

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from fake_ray import ActorDiedError, FakeActor, FakeRay, RayTaskError, Ref, install_fake_ray
+from fake_ray import ActorDiedError, FakeActor, FakeRay, RayTaskError, Ref
 
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import PlannedEntry
@@ -13,7 +13,7 @@ from simbev_ros.foundation.errors import InputError, RenderError
 from simbev_ros.maps.source import map_spec
 from simbev_ros.production.cluster.node_check import Code
 from simbev_ros.production.workers import ray_worker
-from simbev_ros.production.workers.messages import Settings, Sign
+from simbev_ros.production.workers.messages import Settings, Signal
 from simbev_ros.production.workers.ray_worker import Answer, Needs, RayWorker, WorkerActor
 from simbev_ros.production.workers.supervised_pool import WorkerLost
 from simbev_ros.production.workers.worker_pool import Worker
@@ -24,19 +24,6 @@ ENTRY = PlannedEntry(number=3, map="Blocks", split="val")
 SCENARIO = Scenario.model_validate({"scenes": [{"map": "Blocks", "train": 1}], "rig": {"sensors": []}})
 CODE = Code.here()
 NODE = "node abcdef at 10.0.0.1"
-
-
-@pytest.fixture
-def ray(monkeypatch: pytest.MonkeyPatch) -> FakeRay:
-    return install_fake_ray(monkeypatch)
-
-
-@pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    """The time, s, in a list of one."""
-    now_s = [1000.0]
-    monkeypatch.setattr(ray_worker.time, "monotonic", lambda: now_s[0])
-    return now_s
 
 
 @pytest.fixture
@@ -51,8 +38,8 @@ def actor(ray: FakeRay, worker: RayWorker) -> FakeActor:
 
 def placed(worker: RayWorker, actor: FakeActor) -> None:
     """Let the actor answer for the first time."""
-    actor.answer(Answer(NODE, [Sign.READY], None))
-    assert worker.read() == [Sign.READY]
+    actor.answer(Answer(NODE, [Signal.READY], None))
+    assert worker.read() == [Signal.READY]
 
 
 def test_an_actor_asks_for_what_its_worker_needs_and_is_not_restarted(actor: FakeActor) -> None:
@@ -183,12 +170,12 @@ def test_an_actor_on_a_node_with_other_code_refuses_to_work(ray: FakeRay, monkey
 
 
 def test_an_actor_passes_on_at_once_what_the_driver_waits_for(ray: FakeRay, monkeypatch: pytest.MonkeyPatch) -> None:
-    actor = actor_with(monkeypatch, [[Sign.ALIVE], [Sign.ALIVE, Sign.READY], [Sign.ALIVE]])
-    assert actor.poll() == Answer(NODE, [Sign.READY], None)
+    actor = actor_with(monkeypatch, [[Signal.HEARTBEAT], [Signal.HEARTBEAT, Signal.READY], [Signal.HEARTBEAT]])
+    assert actor.poll() == Answer(NODE, [Signal.READY], None)
 
 
 def test_an_actor_reports_the_loss_of_its_process(ray: FakeRay, monkeypatch: pytest.MonkeyPatch) -> None:
-    actor = actor_with(monkeypatch, [[Sign.ALIVE], WorkerLost("worker-1 died: 1")])
+    actor = actor_with(monkeypatch, [[Signal.HEARTBEAT], WorkerLost("worker-1 died: 1")])
     answer = actor.poll()
     assert answer.loss == "worker-1 died: 1"
 

@@ -8,35 +8,20 @@ from typing import Any
 
 import pytest
 from fake_pool import COST
-from fake_ray import FakeActor, FakeRay, install_fake_ray
+from fake_ray import FakeActor, FakeRay
 
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.foundation.errors import GraphError, InputError
 from simbev_ros.production.cluster.ray_cluster import RayCluster
 from simbev_ros.production.scene_ending import MadeScene
-from simbev_ros.production.workers import ray_worker_pool
-from simbev_ros.production.workers.messages import Sign
+from simbev_ros.production.workers.messages import Signal
 from simbev_ros.production.workers.ray_worker import Answer
 from simbev_ros.production.workers.ray_worker_pool import RayWorkerPool
 from simbev_ros.schema.scene.map_spec import MapSpec
 
 Open = Callable[..., RayWorkerPool]
 MIB = 1 << 20
-
-
-@pytest.fixture
-def ray(monkeypatch: pytest.MonkeyPatch) -> FakeRay:
-    """A cluster without nodes."""
-    return install_fake_ray(monkeypatch)
-
-
-@pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    """The time, s, in a list of one."""
-    now_s = [1000.0]
-    monkeypatch.setattr(ray_worker_pool.time, "monotonic", lambda: now_s[0])
-    return now_s
 
 
 @pytest.fixture
@@ -69,7 +54,7 @@ def asked(actor: FakeActor) -> tuple[float, float, float]:
 def place(*actors: FakeActor) -> None:
     """Let actors find a node; their workers are ready."""
     for actor in actors:
-        actor.answer(Answer("node a", [Sign.READY], None))
+        actor.answer(Answer("node a", [Signal.READY], None))
 
 
 def make_scene(pool: RayWorkerPool, actor: FakeActor, cores: float = 2.0, memory_mib: float = 1500.0) -> None:
@@ -77,7 +62,7 @@ def make_scene(pool: RayWorkerPool, actor: FakeActor, cores: float = 2.0, memory
     worker = next(worker for worker in pool.idle() if worker.name == actor.arguments[0])
     pool.submit(worker, PlannedEntry(number=0, map="Blocks", split="train"))
     cost = replace(COST, cpu_s=cores, memory_mib=memory_mib)
-    actor.answer(Answer("node a", [MadeScene({}, "made", {}, cost), Sign.READY], None))
+    actor.answer(Answer("node a", [MadeScene({}, "made", {}, cost), Signal.READY], None))
     assert len(pool.wait(0.0)) == 1
 
 
@@ -242,7 +227,7 @@ def test_workers_with_outdated_needs_are_replaced_when_they_are_idle(ray: FakeRa
     assert first.calls == ["submit 0", "end", "kill"] and second.calls == ["submit 1"]
     assert all(asked(actor) == (4, 2048, 0) for actor in running(ray) if actor is not second)
     cost = replace(COST, cpu_s=4.0, memory_mib=1500.0)
-    second.answer(Answer("node a", [MadeScene({}, "made", {}, cost), Sign.READY], None))
+    second.answer(Answer("node a", [MadeScene({}, "made", {}, cost), Signal.READY], None))
     pool.wait(0.0)
     pool.wait(0.0)
     assert second.calls == ["submit 1", "end", "kill"]

@@ -11,6 +11,7 @@ from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.foundation.errors import InputError
+from simbev_ros.production.events import LeftoverRemoved, ProductionEvent
 from simbev_ros.production.observer import ProductionObserver
 from simbev_ros.production.record_folder import hold_record_folder
 from simbev_ros.recording.bag_writer import SceneBagWriter
@@ -45,8 +46,9 @@ class Removed(ProductionObserver):
     def __init__(self) -> None:
         self.names: list[str] = []
 
-    def leftover_removed(self, spec: SceneSpec) -> None:
-        self.names.append(spec.name)
+    def notify(self, event: ProductionEvent) -> None:
+        if isinstance(event, LeftoverRemoved):
+            self.names.append(event.scene)
 
 
 def hold(dataset: Path, scenario: Scenario, spec: SceneSpec, *, live: bool = False) -> list[str]:

@@ -16,8 +16,8 @@ from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.foundation.errors import DiskError, GraphError, InputError
 from simbev_ros.production import ProductionObserver, ReplayResult, replay_bags
 from simbev_ros.production.cluster import node_check
+from simbev_ros.production.events import LeftoverRemoved, ProductionEvent
 from simbev_ros.recording.layout import partial_of
-from simbev_ros.schema.scene.spec import SceneSpec
 
 
 @pytest.fixture(scope="module")
@@ -141,8 +141,9 @@ def test_what_a_killed_replay_of_one_graph_has_left_is_removed(
     removed = []
 
     class Removed(ProductionObserver):
-        def leftover_removed(self, spec: SceneSpec) -> None:
-            removed.append(spec.name)
+        def notify(self, event: ProductionEvent) -> None:
+            if isinstance(event, LeftoverRemoved):
+                removed.append(event.scene)
 
     partial_of(tmp_path / "night/scenes/train/Blocks-0001").mkdir(parents=True)
     (tmp_path / "night/.making/0abc/worker-1").mkdir(parents=True)

@@ -10,12 +10,12 @@ from typing import Self
 from rich.console import Console
 
 from simbev_ros.cli.view.browser import show_address
+from simbev_ros.production.events import GraphStarted, ProductionEvent, SceneProgressed
 from simbev_ros.production.observer import ProductionObserver
 from simbev_ros.ros.conventions.arguments import PLAIN, RosArguments
 from simbev_ros.ros.graph.interrupts import Interrupted
 from simbev_ros.ros.graph.node_starter import describe_exit
 from simbev_ros.ros.graph.resources import GraphResources
-from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.show.rerun.live.viewer_process import ADDRESS, SHOWING, ViewerProcess
 
 _PRINTING_TIMEOUT_S = 2.0
@@ -46,10 +46,14 @@ class GraphViewer(ProductionObserver):
         self._is_ending = True
         self._stack.close()
 
-    def graph_started(self, domain_id: int, security_variables: Mapping[str, str]) -> None:
-        """Start the viewer."""
-        if not self._wanted:
-            return
+    def notify(self, event: ProductionEvent) -> None:
+        """Start the viewer with the graph, and note its files while a scene is played."""
+        if isinstance(event, GraphStarted) and self._wanted:
+            self._start(event.domain_id, event.security_variables)
+        elif isinstance(event, SceneProgressed):
+            self._note_files()
+
+    def _start(self, domain_id: int, security_variables: Mapping[str, str]) -> None:
         self._resources = GraphResources()
         self._stack.callback(self._resources.remove, keep_logs=False)
         self._process = ViewerProcess(
@@ -65,10 +69,6 @@ class GraphViewer(ProductionObserver):
         self._stack.callback(printing.join, _PRINTING_TIMEOUT_S)
         self._stack.enter_context(self._process)
 
-    def scene_progressed(self, spec: SceneSpec, tick: int | None) -> None:
-        """Note the files that the viewer has in shared memory, which are removed if it is killed."""
-        self._note_files()
-
     def stay(self) -> None:
         """If standard input is a terminal, wait until the user ends the viewer."""
         if self._process is None or not sys.stdin.isatty() or self._process.exit_code is not None:
@@ -82,6 +82,7 @@ class GraphViewer(ProductionObserver):
             return
 
     def _note_files(self) -> None:
+        """Note the files that the viewer has in shared memory, which are removed if it is killed."""
         if self._process is not None:
             self._resources.note([self._process.pid])
 

@@ -10,6 +10,7 @@ from typing import Literal
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.foundation.threads import usable_cores
+from simbev_ros.production.events import WorkersChosen
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.scene_ending import MadeScene
 from simbev_ros.production.upload import UploaderFactory, no_upload
@@ -104,7 +105,7 @@ class LocalPool(SupervisedPool):
             workers = min(fitting_workers(scene.cost, usable_cores()), self._scenes - 1)
             if workers > 1:
                 self._resize(workers)
-            self._observer.workers_chosen(len(self._slots), scene.cost)
+            self._observer.notify(WorkersChosen(len(self._slots), scene.cost))
 
     def _pause(self, timeout_s: float) -> None:
         connections = [handle.connection for handle in self._handles if isinstance(handle, LocalWorker)]

@@ -17,9 +17,9 @@ from simbev_ros.production.workers.worker_pool import Worker
 from simbev_ros.ros.graph.node_starter import describe_exit
 from simbev_ros.ros.nodes.lifeline import SUPERVISOR_VARIABLE
 
-_START_PATIENCE_S, PATIENCE_S = 180.0, 60.0
-"""Maximum time without a message, before the first one and later; signs of life come every second."""
-_END_PATIENCE_S = 20.0
+_START_TIMEOUT_S, HEARTBEAT_TIMEOUT_S = 180.0, 60.0
+"""Maximum time without a message, before the first one and later; heartbeats come every second."""
+_END_TIMEOUT_S = 20.0
 """Maximum time to end in; a graph takes up to 8 s."""
 
 
@@ -48,7 +48,7 @@ class LocalWorker:
             )
         self.connection = Connection(ours.detach())
         self._send(settings)
-        self._deadline_s = time.monotonic() + _START_PATIENCE_S
+        self._deadline_s = time.monotonic() + _START_TIMEOUT_S
 
     def submit(self, entry: PlannedEntry) -> None:
         """Send a scene to make."""
@@ -69,9 +69,9 @@ class LocalWorker:
                 raise WorkerLost(f"{self.worker.name} died: {self._describe_end()}") from None
         now_s = time.monotonic()
         if messages:
-            self._deadline_s = now_s + PATIENCE_S
+            self._deadline_s = now_s + HEARTBEAT_TIMEOUT_S
         elif now_s > self._deadline_s:
-            raise WorkerLost(f"{self.worker.name} has been silent for {PATIENCE_S:g} s")
+            raise WorkerLost(f"{self.worker.name} has been silent for {HEARTBEAT_TIMEOUT_S:g} s")
         return messages
 
     def end(self) -> None:
@@ -88,7 +88,7 @@ class LocalWorker:
     def join(self) -> None:
         """Wait for the end of the process, which is killed if it takes too long."""
         try:
-            self._process.wait(_END_PATIENCE_S)
+            self._process.wait(_END_TIMEOUT_S)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()

@@ -3,10 +3,17 @@
 import time
 from typing import Any
 
-from simbev_ros.dataset.plan import PlannedEntry
+from simbev_ros.production.events import (
+    DatasetStarted,
+    ProductionEvent,
+    SceneEnded,
+    SceneFailed,
+    SceneMade,
+    SceneProgressed,
+    SceneRetried,
+    SceneStarted,
+)
 from simbev_ros.production.observer import ProductionObserver
-from simbev_ros.scene.ending import SceneEnd
-from simbev_ros.schema.scene.spec import SceneSpec
 
 
 class RayMetrics(ProductionObserver):
@@ -39,46 +46,38 @@ class RayMetrics(ProductionObserver):
         self._ticks: dict[str, int] = {}
         self._began_s = time.monotonic()
 
-    def dataset_started(self, scenes: int, dataset_bytes: int) -> None:
-        """Note the number of scenes to make."""
-        self._planned.set(scenes)
-        self._bytes.set(dataset_bytes)
-        for gauge in (self._made, self._failed, self._retried, self._running, self._frames):
-            self._add(gauge, 0)
+    def notify(self, event: ProductionEvent) -> None:
+        """Count what the event reports."""
+        match event:
+            case DatasetStarted(scenes, dataset_bytes):
+                self._planned.set(scenes)
+                self._bytes.set(dataset_bytes)
+                for gauge in (self._made, self._failed, self._retried, self._running, self._frames):
+                    self._add(gauge, 0)
+            case SceneStarted(spec):
+                self._ticks[spec.name] = -1
+                self._running.set(len(self._ticks))
+            case SceneProgressed(scene, tick):
+                self._count_frames(scene, tick)
+            case SceneEnded(scene, end):
+                self._count_frames(scene, None if end is None else end.tick)
+                self._ticks.pop(scene, None)
+                self._running.set(len(self._ticks))
+            case SceneMade(_, dataset_bytes):
+                self._add(self._made, 1)
+                self._bytes.set(dataset_bytes)
+            case SceneRetried():
+                self._add(self._retried, 1)
+            case SceneFailed():
+                self._add(self._failed, 1)
 
-    def scene_started(self, spec: SceneSpec) -> None:
-        """Count the scene as running."""
-        self._ticks[spec.name] = -1
-        self._running.set(len(self._ticks))
-
-    def scene_progressed(self, spec: SceneSpec, tick: int | None) -> None:
-        """Count frames."""
-        last = self._ticks.get(spec.name)
+    def _count_frames(self, scene: str, tick: int | None) -> None:
+        last = self._ticks.get(scene)
         if tick is None or last is None or tick <= last:
             return
-        self._ticks[spec.name] = tick
+        self._ticks[scene] = tick
         self._add(self._frames, tick - last)
         self._rate.set(self._counts[self._frames] / (time.monotonic() - self._began_s))
-
-    def scene_ended(self, spec: SceneSpec, end: SceneEnd | None) -> None:
-        """Count the rest of the frames."""
-        if end is not None:
-            self.scene_progressed(spec, end.tick)
-        self._ticks.pop(spec.name, None)
-        self._running.set(len(self._ticks))
-
-    def scene_made(self, entry: PlannedEntry, dataset_bytes: int) -> None:
-        """Count the scene."""
-        self._add(self._made, 1)
-        self._bytes.set(dataset_bytes)
-
-    def scene_retried(self, entry: PlannedEntry, reason: str) -> None:
-        """Count the attempt."""
-        self._add(self._retried, 1)
-
-    def scene_failed(self, entry: PlannedEntry, reason: str) -> None:
-        """Count the scene."""
-        self._add(self._failed, 1)
 
     def _add(self, gauge: Any, amount: int) -> None:
         self._counts[gauge] = self._counts.get(gauge, 0) + amount

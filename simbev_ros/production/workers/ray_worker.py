@@ -16,8 +16,8 @@ from simbev_ros.foundation.files.whole_files import write_whole
 from simbev_ros.maps.source import MAP_FILES_VARIABLE, name_of_copy
 from simbev_ros.production.cluster.node_check import Code, node_problem
 from simbev_ros.production.cluster.ray_cluster import this_node
-from simbev_ros.production.workers.local_worker import PATIENCE_S, LocalWorker
-from simbev_ros.production.workers.messages import Report, Settings, Sign
+from simbev_ros.production.workers.local_worker import HEARTBEAT_TIMEOUT_S, LocalWorker
+from simbev_ros.production.workers.messages import Report, Settings, Signal
 from simbev_ros.production.workers.supervised_pool import WorkerLost
 from simbev_ros.production.workers.worker_pool import Worker
 from simbev_ros.schema.scene.map_spec import MapSpec
@@ -25,7 +25,7 @@ from simbev_ros.simulation.render.gl.devices import accessible_gpus
 
 _BATCH_S = 1.0
 """Maximum time for which reports are collected; how a scene ended is passed on at once."""
-_END_PATIENCE_S = 30.0
+_END_TIMEOUT_S = 30.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,9 +84,9 @@ class WorkerActor:
                 messages += self._worker.read()
             except WorkerLost as loss:
                 return Answer(self._node, messages, str(loss))
-            if any(not isinstance(message, Report) and message is not Sign.ALIVE for message in messages):
+            if any(not isinstance(message, Report) and message is not Signal.HEARTBEAT for message in messages):
                 break
-        return Answer(self._node, [message for message in messages if message is not Sign.ALIVE], None)
+        return Answer(self._node, [message for message in messages if message is not Signal.HEARTBEAT], None)
 
     def submit(self, entry: PlannedEntry) -> None:
         """Let the process make a scene."""
@@ -153,7 +153,9 @@ class RayWorker:
         now_s = time.monotonic()
         if not ray.wait([self.poll], timeout=0)[0]:
             if now_s > self._deadline_s:
-                raise WorkerLost(f"{self.worker.name} on {self.worker.machine} has been silent for {PATIENCE_S:g} s")
+                raise WorkerLost(
+                    f"{self.worker.name} on {self.worker.machine} has been silent for {HEARTBEAT_TIMEOUT_S:g} s"
+                )
             return []
         try:
             answer = ray.get(self.poll)
@@ -163,7 +165,7 @@ class RayWorker:
             raise WorkerLost(answer.loss)
         self.worker = replace(self.worker, machine=answer.node)
         self.is_placed = True
-        self._deadline_s = now_s + PATIENCE_S
+        self._deadline_s = now_s + HEARTBEAT_TIMEOUT_S
         self.poll = self._actor.poll.remote()
         return answer.messages
 
@@ -177,7 +179,7 @@ class RayWorker:
         import ray
 
         if self._end is not None:
-            ray.wait([self._end], timeout=_END_PATIENCE_S)
+            ray.wait([self._end], timeout=_END_TIMEOUT_S)
         self.kill()
 
     def kill(self) -> None:

@@ -3,18 +3,33 @@
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import Any, Protocol, Self
+from typing import Any, Protocol, Self, assert_never
 
 from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.foundation.errors import GraphError, SimbevError
+from simbev_ros.production.events import (
+    DatasetEvent,
+    GraphStarted,
+    GraphWarned,
+    LeftoverRemoved,
+    MapNoted,
+    ProductionEvent,
+    RegionBuilt,
+    SceneEnded,
+    SceneProgressed,
+    SceneStarted,
+    StackEvaluated,
+    StepEnded,
+    StepStarted,
+    SurroundingsEnded,
+    SurroundingsStarted,
+    WorkerPrepares,
+)
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.scene_ending import FailedScene, LostScene, MadeScene, SceneEnding
-from simbev_ros.production.workers.messages import Report, Sign
+from simbev_ros.production.workers.messages import Report, Signal
 from simbev_ros.production.workers.worker_pool import Worker
-from simbev_ros.schema.scene.spec import SceneSpec
 
-_PASSED_ON = ("scene_started", "scene_progressed", "scene_ended", "graph_warned", "workers_chosen", "worker_prepares")
-"""Methods of observers that are called as they are, whichever worker reports."""
 _MAX_FAILED_STARTS = 3
 """Workers that may be lost one after the other before any of them was ready."""
 
@@ -55,7 +70,7 @@ class _WorkerState:
         self.handle = handle
         self.is_ready = False
         self.entry: PlannedEntry | None = None
-        self.scene: SceneSpec | None = None
+        self.scene: str | None = None
 
 
 class SupervisedPool(ABC):
@@ -66,7 +81,8 @@ class SupervisedPool(ABC):
     """
 
     def __init__(self, observer: ProductionObserver = SILENT) -> None:
-        self._observer = _PoolObserver(observer)
+        self._observer = observer
+        self._noted: set[MapNoted] = set()
         self._states: dict[str, _WorkerState] = {}
         self._failed_starts = 0
 
@@ -144,9 +160,9 @@ class SupervisedPool(ABC):
         endings: list[tuple[Worker, PlannedEntry, SceneEnding]] = []
         for message in messages:
             match message:
-                case Report():
-                    self._repeat(state, message)
-                case Sign.READY:
+                case Report(event):
+                    self._forward(state, event)
+                case Signal.READY:
                     state.is_ready, self._failed_starts = True, 0
                 case MadeScene() | FailedScene() if entry is not None:
                     state.entry, state.is_ready = None, False
@@ -155,66 +171,52 @@ class SupervisedPool(ABC):
                         self._record_cost(message)
                 case SimbevError():
                     raise message
-                case Sign.ALIVE:
+                case Signal.HEARTBEAT:
                     pass
                 case _:
                     raise AssertionError(f"{worker.name} has sent {message!r:.200}")
         return endings
 
-    def _repeat(self, state: _WorkerState, report: Report) -> None:
-        """Hand a report on to the observer."""
-        if report.event == "scene_started":
-            state.scene = report.arguments[0]
-        self._observer.worker = state.handle.worker
-        report.repeat(self._observer, state.scene)
-        if report.event == "scene_ended":
+    def _forward(self, state: _WorkerState, event: ProductionEvent) -> None:
+        """Notify the observer of a worker's event."""
+        if isinstance(event, SceneStarted):
+            state.scene = event.spec.name
+        shared = self._event_of_pool(state.handle.worker.name, event)
+        if shared is not None:
+            self._observer.notify(shared)
+        if isinstance(event, SceneEnded):
             state.scene = None
+
+    def _event_of_pool(self, worker: str, event: ProductionEvent) -> ProductionEvent | None:
+        """The pool's event for an event of one worker; None: it does not matter to a production with several."""
+        if isinstance(event, DatasetEvent):
+            raise AssertionError(f"{worker} has sent an event of the driver: {event!r:.200}")
+        match event:
+            case StepStarted(step):
+                return WorkerPrepares(worker, step)
+            case SurroundingsStarted(map_name):
+                return WorkerPrepares(worker, f"surroundings of {map_name}")
+            case StepEnded() | SurroundingsEnded():
+                return WorkerPrepares(worker, None)
+            case MapNoted():
+                is_new = event not in self._noted
+                self._noted.add(event)
+                return event if is_new else None
+            case SceneStarted() | SceneProgressed() | SceneEnded() | GraphWarned():
+                return event
+            case RegionBuilt() | GraphStarted() | StackEvaluated() | LeftoverRemoved():
+                return None  # for users of a single graph
+            case _:
+                assert_never(event)
 
     def _reap(self, state: _WorkerState, reason: str) -> None:
         """Remove a worker that is lost, and end what it was making, for the observer."""
         del self._states[state.handle.worker.name]
         state.handle.kill()
-        self._observer.worker_prepares(state.handle.worker.name, None)
+        self._observer.notify(WorkerPrepares(state.handle.worker.name, None))
         if state.scene is not None:
-            self._observer.scene_ended(state.scene, None)
+            self._observer.notify(SceneEnded(state.scene, None))
         if not state.is_ready and state.entry is None:
             self._failed_starts += 1
             if self._failed_starts >= _MAX_FAILED_STARTS:
                 raise GraphError(f"{self._failed_starts} workers were lost as they started; the last one: {reason}")
-
-
-class _PoolObserver(ProductionObserver):
-    """Turns the reports of several workers into those of one production: steps become what a worker prepares.
-
-    Attributes:
-        worker: The worker whose report is being repeated.
-    """
-
-    def __init__(self, observer: ProductionObserver) -> None:
-        self.worker = Worker("", "")
-        self._observer = observer
-        self._noted: set[tuple[str, str]] = set()
-        for event in _PASSED_ON:
-            setattr(self, event, getattr(observer, event))
-
-    def step_started(self, step: str) -> None:
-        """Say which worker does it."""
-        self._observer.worker_prepares(self.worker.name, step)
-
-    def surroundings_started(self, map_name: str, regions: int) -> None:
-        """Say which worker builds them."""
-        self._observer.worker_prepares(self.worker.name, f"surroundings of {map_name}")
-
-    def step_ended(self) -> None:
-        """Say that the worker has done it."""
-        self._observer.worker_prepares(self.worker.name, None)
-
-    def surroundings_ended(self) -> None:
-        """Say that the worker has built them."""
-        self._observer.worker_prepares(self.worker.name, None)
-
-    def map_noted(self, map_name: str, note: str) -> None:
-        """Pass each note on once, whichever worker it comes from."""
-        if (map_name, note) not in self._noted:
-            self._noted.add((map_name, note))
-            self._observer.map_noted(map_name, note)

@@ -1,6 +1,6 @@
 """A worker's process: ``python -m simbev_ros.production.workers.worker_process DESCRIPTOR``.
 
-In: settings, then scenes to make, through a socket. Out: reports, signs of life and how each scene ended. It ends, with
+In: settings, then scenes to make, through a socket. Out: events, heartbeats and how each scene ended. It ends, with
 its graph, on SIGTERM and when the other end of the socket is closed, however that happened.
 """
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from simbev_ros.dataset.plan import PlannedEntry
     from simbev_ros.production.workers.messages import Settings
 
-_ALIVE_INTERVAL_S = 1.0
+_HEARTBEAT_S = 1.0
 
 
 class _Line:
@@ -42,9 +42,9 @@ class _Line:
             self._connection.send(message)
 
     def start_threads(self) -> None:
-        """Begin to receive scenes and to send signs of life."""
+        """Begin to receive scenes and to send heartbeats."""
         threading.Thread(target=self._receive, daemon=True).start()
-        threading.Thread(target=self._send_signs, daemon=True).start()
+        threading.Thread(target=self._send_heartbeats, daemon=True).start()
 
     def _receive(self) -> None:
         with suppress(EOFError, OSError):
@@ -52,12 +52,12 @@ class _Line:
                 self.scenes.put(self._connection.recv())
         os.kill(os.getpid(), signal.SIGTERM)  # the driver is gone
 
-    def _send_signs(self) -> None:
-        from simbev_ros.production.workers.messages import Sign
+    def _send_heartbeats(self) -> None:
+        from simbev_ros.production.workers.messages import Signal
 
         wait = threading.Event()
-        while not wait.wait(_ALIVE_INTERVAL_S):
-            self.send(Sign.ALIVE)
+        while not wait.wait(_HEARTBEAT_S):
+            self.send(Signal.HEARTBEAT)
 
 
 def run_worker(descriptor: int) -> None:
@@ -69,7 +69,7 @@ def run_worker(descriptor: int) -> None:
     line = _Line(descriptor)
     settings = line.receive_settings()
     from simbev_ros.production.scene_maker import SceneMaker
-    from simbev_ros.production.workers.messages import ReportingObserver, Sign
+    from simbev_ros.production.workers.messages import ReportingObserver, Signal
 
     with suppress(Interrupted), raising_interrupts():
         line.start_threads()
@@ -88,7 +88,7 @@ def run_worker(descriptor: int) -> None:
             return
         try:
             while True:
-                line.send(Sign.READY)
+                line.send(Signal.READY)
                 line.send(maker.make(line.scenes.get()))
         finally:
             maker.close()

@@ -14,6 +14,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 from simbev_ros.foundation.errors import SimulationError
+from simbev_ros.foundation.latest_value import LatestValue
 from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
@@ -141,14 +142,12 @@ class Streets:
         return tight_lanes(self._network, self.following)
 
 
-_latest: list[tuple[RoadNetwork, Streets]] = []
+_STREETS = LatestValue[int, Streets]()
 
 
 def streets_of(network: RoadNetwork) -> Streets:
     """All streets of a map; the most recent map is cached."""
-    if not _latest or _latest[0][0] is not network:
-        _latest[:] = [(network, Streets(network))]
-    return _latest[0][1]
+    return _STREETS.get(id(network), lambda: Streets(network))  # which refer to it, so no other one gets its id
 
 
 class StreetGraph:

@@ -13,6 +13,7 @@ from html import escape
 import numpy as np
 
 from simbev_ros.config.scenario import Scenario
+from simbev_ros.foundation.latest_value import LatestValue
 from simbev_ros.foundation.types import AnyArray, Float64Array
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.maps.build import load_network
@@ -122,15 +123,17 @@ class _Notes(logging.Handler):
         self.messages.append(record.getMessage())
 
 
-_latest: list[tuple[MapSpec, RoadNetwork, StartPositions]] = []
+_ROADS = LatestValue[MapSpec, tuple[RoadNetwork, StartPositions]]()
 
 
 def _roads(scenario: Scenario, spec: MapSpec) -> tuple[RoadNetwork, StartPositions]:
     """The roads of a map and where actors can start on them; those of the most recent map are kept."""
-    if not _latest or _latest[0][0] != spec:
+
+    def load() -> tuple[RoadNetwork, StartPositions]:
         network = load_network(spec)
-        _latest[:] = [(spec, network, start_positions(scenario, network))]
-    return _latest[0][1:]
+        return network, start_positions(scenario, network)
+
+    return _ROADS.get(spec, load)
 
 
 def _map(spec: SceneSpec, network: RoadNetwork) -> str:

@@ -18,6 +18,7 @@ from simbev_ros.dataset.statistics import SceneFacts
 from simbev_ros.evaluation.conditions import daytime_of, weather_of
 from simbev_ros.foundation.errors import SimbevError
 from simbev_ros.foundation.files.whole_files import write_whole
+from simbev_ros.foundation.latest_value import LatestValue
 from simbev_ros.foundation.object_store.object_path import AnyPath
 from simbev_ros.foundation.semantics import BOX_CLASSES
 from simbev_ros.maps.build import load_network
@@ -132,15 +133,17 @@ def _scene(dataset: AnyPath, bag: AnyPath) -> Scene:
     return next(each for each in _open(dataset).scenes if each.path == bag)
 
 
-_latest: list[tuple[str, RoadNetwork]] = []
+_ROADS = LatestValue[str, RoadNetwork]()
 
 
 def _roads(bag: AnyPath, map_spec: str) -> RoadNetwork:
     """The roads of a bag's map; those of the most recent map are kept."""
-    if not _latest or _latest[0][0] != map_spec:
+
+    def load() -> RoadNetwork:
         with SceneBag(bag) as opened:
-            _latest[:] = [(map_spec, load_network(build_recorded_roads(opened)))]
-    return _latest[0][1]
+            return load_network(build_recorded_roads(opened))
+
+    return _ROADS.get(map_spec, load)
 
 
 def _head(work: ScenePage) -> str:

@@ -22,7 +22,7 @@ from simbev_ros.production.cluster.node_check import Code
 from simbev_ros.production.cluster.ray_cluster import this_node
 from simbev_ros.production.scene_cost import SceneCost
 from simbev_ros.production.scene_ending import FailedScene, MadeScene, SceneEnding
-from simbev_ros.production.workers.messages import Settings, Sign
+from simbev_ros.production.workers.messages import Settings, Signal
 from simbev_ros.production.workers.ray_worker import Answer
 from simbev_ros.production.workers.worker_pool import Worker
 from simbev_ros.recording.layout import finished_scenes
@@ -127,7 +127,7 @@ class _CopyingActor:
         assert settings.staging is not None, "nodes and driver share a folder"
         self._node, self._staging = this_node(), settings.staging
         self._messages: SimpleQueue[Any] = SimpleQueue()
-        self._messages.put(Sign.READY)
+        self._messages.put(Signal.READY)
 
     def poll(self) -> Answer:
         """The messages of at most a second; less as soon as there is one."""
@@ -141,7 +141,7 @@ class _CopyingActor:
     def submit(self, entry: PlannedEntry) -> None:
         """Copy the scene."""
         self._messages.put(self.recorded.copy(self._staging, entry))
-        self._messages.put(Sign.READY)
+        self._messages.put(Signal.READY)
 
     def end(self) -> None:
         """Nothing is left to end."""

@@ -23,6 +23,7 @@ from simbev_ros.foundation.files.whole_files import write_errors
 from simbev_ros.production.cluster.node_check import check_nodes
 from simbev_ros.production.cluster.ray_cluster import RayCluster
 from simbev_ros.production.dataset_maker import DatasetMaker
+from simbev_ros.production.events import ProductionEvent, SceneMade
 from simbev_ros.production.folder_storage import FolderStorage
 from simbev_ros.production.observer import ProductionObserver, SeveralObservers
 from simbev_ros.production.workers.ray_metrics import RayMetrics
@@ -179,10 +180,10 @@ class _SecondHalf(ProductionObserver):
         self._scenes, self._pool, self._made = scenes, pool, 0
         self._times_s: list[float] = []
 
-    def scene_made(self, entry: PlannedEntry, dataset_bytes: int) -> None:
+    def notify(self, event: ProductionEvent) -> None:
         """Note the time at the middle and at the end."""
-        self._made += 1
-        if self._made in (self._scenes // 2, self._scenes):
+        self._made += isinstance(event, SceneMade)
+        if isinstance(event, SceneMade) and self._made in (self._scenes // 2, self._scenes):
             self._times_s.append(time.perf_counter() - _copying_s(self._pool))
 
     @property

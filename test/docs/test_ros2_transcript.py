@@ -105,11 +105,3 @@ def test_services_are_those_of_the_reference_page() -> None:
         re.findall(r"^(/world/\w+) \[((?:std_srvs|simbev\w+)/srv/\S+)\]$", answer("service list"), re.MULTILINE)
     )
     assert shown and shown.items() <= documented.items()
-
-
-def test_the_interface_is_that_of_the_package() -> None:
-    (name,) = (asked.split()[-1] for asked in ANSWERS if asked.startswith("ros2 interface show"))
-    package, _, rest = name.partition("/")
-    assert package == "simbev_interfaces"
-    (file,) = (ROOT / "interfaces").glob(f"{rest}.*")
-    assert answer("interface show").split() == file.read_text().split()

@@ -7,6 +7,38 @@ from setuptools import find_packages, setup
 
 NAME = "simbev_ros"
 INTERFACES = ("**/*.msg", "**/*.srv", "**/*.action")
+READING = [
+    "isal>=1.7",
+    "lz4>=4",
+    "mcap>=1.6",
+    "numpy>=1.26",
+    "pyarrow>=18",
+    "pydantic>=2.12",
+    "pyyaml>=6.0",
+    "rich>=13.9",
+    "rosbags>=0.10",
+    "simplejpeg>=1.8",
+    "typer>=0.15",
+    "zlib-ng>=0.5",
+    "zstandard>=0.23",
+]
+"""What reading, checking, evaluating and exporting datasets needs, on Linux, macOS and Windows."""
+PICTURES = ["av>=14", "opencv-python-headless>=4.10", "pillow>=11.2", "plotly>=6.0"]
+SIMULATOR = [
+    *PICTURES,
+    "eclipse-sumo>=1.28",
+    "libsumo>=1.28",
+    "mapbox_earcut>=2.0",
+    "moderngl>=5.12",
+    "open3d-cpu>=0.20",
+    "osmium>=4.0",
+    "packaging>=23.0",
+    "psutil>=6.0",
+    "pyproj>=3.6",
+    "scipy>=1.14",
+    "setproctitle>=1.3",
+    "shapely>=2.0",
+]
 MANIFEST = ElementTree.parse("package.xml").getroot()
 
 
@@ -79,39 +111,10 @@ setup(
         (f"share/{NAME}/config/foxglove", files("config/foxglove/*.json")),
         (f"share/{NAME}/config/plotjuggler", files("config/plotjuggler/*.xml")),
     ],
-    install_requires=[
-        "eclipse-sumo>=1.28",
-        "libsumo>=1.28",
-        "mapbox_earcut>=2.0",
-        "isal>=1.7",
-        "lz4>=4",
-        "mcap>=1.6",
-        "moderngl>=5.12",
-        "numpy>=1.26",
-        "open3d-cpu>=0.20",
-        "osmium>=4.0",
-        "opencv-python-headless>=4.10",
-        "packaging>=23.0",
-        "av>=14",
-        "pillow>=11.2",
-        "plotly>=6.0",
-        "psutil>=6.0",
-        "pyarrow>=18",
-        "pydantic>=2.12",
-        "pyelftools>=0.31",
-        "pyproj>=3.6",
-        "pyyaml>=6.0",
-        "rich>=13.9",
-        "rosbags>=0.10",
-        "scipy>=1.14",
-        "setproctitle>=1.3",
-        "shapely>=2.0",
-        "simplejpeg>=1.8",
-        "typer>=0.15",
-        "zlib-ng>=0.5",
-        "zstandard>=0.23",
-    ],
+    install_requires=READING,
     extras_require={
+        "sim": SIMULATOR,
+        "pictures": PICTURES,
         "wheels": ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"],
         # Its own reading of its towns is the truth that a test of the OpenDRIVE reader compares with.
         "carla": [
@@ -122,9 +125,9 @@ setup(
             "atheris>=3; python_version < '3.14' and sys_platform == 'linux' and platform_machine == 'x86_64'",
         ],
         "cluster": ["ray[default]>=2.50"],
-        "foxglove": ["foxglove-sdk>=0.30"],
-        "baselines": ["onnxruntime>=1.20"],
-        "view": ["rerun-sdk==0.41.*"],
+        "foxglove": ["foxglove-sdk>=0.30", *PICTURES],
+        "baselines": ["onnxruntime>=1.20", *PICTURES],
+        "view": ["rerun-sdk==0.41.*", "psutil>=6.0", *PICTURES],
         "docs": ["mkdocs-material>=9.5"],
         "test": [
             "dockerfile-parse>=2",
@@ -137,6 +140,7 @@ setup(
             "mypy>=1.15",
             "onnx>=1.17",
             "onnxruntime>=1.20",
+            "pyelftools>=0.31",
             "pytest>=8.3",
             "ray>=2.50",
             "ruff>=0.9",

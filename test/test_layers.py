@@ -26,6 +26,8 @@ FLOORS = [
     {"show"},
     {"cli"},
 ]
+DATA = {"foundation", "config", "schema", "recording", "dataset"}
+"""Reading, checking and planning data needs these alone: neither maps nor anything of the simulator."""
 ALONE = {"reference_stack", "join"}
 """Import nothing of the house, not even from above."""
 ROS = {
@@ -96,6 +98,7 @@ def test_imports_point_upward_and_foreign_libraries_stay_in_their_rooms(path: Pa
         top, *rest = module.split(".")
         if top == "simbev_ros" and rest:
             assert _floor(rest[0]) <= _floor(room), f"imports {module}, which is on a later floor"
+            assert room not in DATA or rest[0] in DATA, f"imports {module}; {room} reads data without the simulator"
             assert room not in ALONE or rest[0] == room, f"imports {module}; {room} knows only itself"
         elif top in HOMES:
             place = "/".join(parts)

@@ -1,7 +1,6 @@
 """Answers frames with a trained baseline on ONNX Runtime, on the CPU or a GPU."""
 
 import json
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,12 +12,12 @@ from simbev_ros.baselines.boxes import decode_boxes
 from simbev_ros.baselines.frames import sweep_ages_ns
 from simbev_ros.baselines.modality import Modality
 from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.installation.extras import load_extras
 from simbev_ros.foundation.types import Float32Array, Table, UInt8Array
 
 if TYPE_CHECKING:
     from onnxruntime import InferenceSession
 
-INSTALL = f"{sys.executable} -m pip install 'simbev_ros[baselines]'"
 WEIGHTS_FOLDER = Path(__file__).parent / "weights"
 """Weights that come with the package: ``lidar.onnx`` and so on."""
 ABOUT_KEY = "simbev_ros"
@@ -101,11 +100,15 @@ def weights_file(modality: Modality) -> Path:
     return WEIGHTS_FOLDER / f"{modality}.onnx"
 
 
+def require_onnx_runtime() -> None:
+    """Raise InputError if ONNX Runtime is not installed."""
+    load_extras()["baselines"].require("a baseline")
+
+
 def _session(path: Path, threads: int | None, gpu: bool) -> "InferenceSession":
-    try:
-        import onnxruntime
-    except ImportError:
-        raise InputError(f"baselines need ONNX Runtime: {INSTALL}") from None
+    require_onnx_runtime()
+    import onnxruntime
+
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     options = onnxruntime.SessionOptions()

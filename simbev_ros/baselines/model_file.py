@@ -1,17 +1,10 @@
 """The file of a baseline's weights: that in the package or one of the user's, and what it takes to read it."""
 
-from importlib.util import find_spec
 from pathlib import Path
 
-from simbev_ros.baselines.inference import INSTALL, Baseline, weights_file
+from simbev_ros.baselines.inference import Baseline, weights_file
 from simbev_ros.baselines.modality import Modality
 from simbev_ros.foundation.errors import InputError
-
-
-def require_onnx_runtime() -> None:
-    """Raise InputError if ONNX Runtime is not installed."""
-    if find_spec("onnxruntime") is None:
-        raise InputError(f"baselines need ONNX Runtime: {INSTALL}")
 
 
 def require_model_file(modality: Modality, path: Path | None) -> Path:

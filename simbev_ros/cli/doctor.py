@@ -15,6 +15,7 @@ from rich.text import Text
 
 from simbev_ros.cli.console import make_console
 from simbev_ros.foundation.errors import SimbevError
+from simbev_ros.foundation.installation.extras import install_command, load_extras
 from simbev_ros.foundation.installation.shipped_files import PACKAGE
 from simbev_ros.foundation.process_memory import address_space_problem
 
@@ -35,7 +36,7 @@ def doctor(
 ) -> None:
     """Check Python, ROS, renderer, ray caster, traffic simulator and memory of this machine.
 
-    Exit code 1 if something that is needed is missing.
+    Exit code 1 if something that is needed is missing. Where only datasets are read, the simulator is not.
 
     [bold]Examples[/]
 
@@ -58,6 +59,16 @@ def doctor(
 
 def _findings() -> Iterator[Finding]:
     yield Finding("Python", platform.python_version(), True)
+    if not set(load_extras()["sim"].modules) <= set(load_extras()["sim"].missing):
+        yield from _simulator()
+    free_gib = shutil.disk_usage(".").free / 2**30
+    yield Finding("disk", f"{free_gib:.1f} GiB free here", free_gib > 2)
+    for extra in load_extras().values():
+        found = f"not installed: {install_command(extra.name)}" if extra.missing else "installed"
+        yield Finding(f"extra {extra.name}", f"{extra.use}, {found}")
+
+
+def _simulator() -> Iterator[Finding]:
     memory_gib = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
     yield Finding("machine", f"{os.cpu_count()} cores, {memory_gib:.0f} GiB of memory")
     if problem := address_space_problem():
@@ -70,22 +81,15 @@ def _findings() -> Iterator[Finding]:
     yield _checked("ray caster", _ray_caster)
     yield _checked("traffic", _traffic)
     yield _shared_memory()
-    free_gib = shutil.disk_usage(".").free / 2**30
-    yield Finding("disk", f"{free_gib:.1f} GiB free here", free_gib > 2)
 
 
 def _libraries() -> Iterator[Finding]:
     """The missing shared libraries that the installed wheels need from the system, with their packages."""
     from simbev_ros.foundation.installation.system_libraries import find_missing_libraries
 
-    try:
-        missing = find_missing_libraries()
-    except metadata.PackageNotFoundError:
-        yield Finding("libraries", "not checked: simbev_ros runs from its sources without being installed")
-        return
+    missing = find_missing_libraries()
     for library in missing:
-        remedy = f"apt-get install {library.package}" if library.package else "no known package"
-        yield Finding("libraries", f"{library.name} is missing: {remedy} (for {library.needed_by})", False)
+        yield Finding("libraries", f"{library.name} is missing: apt-get install {library.package}", False)
     if not missing:
         yield Finding("libraries", "all that the installed wheels need of the system are there", True)
 

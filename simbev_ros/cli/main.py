@@ -19,6 +19,7 @@ from simbev_ros import __version__
 from simbev_ros.cli.console import make_console
 from simbev_ros.cli.plugins import VERBS_GROUP, Command, click_command, find_plugins, load_plugin
 from simbev_ros.foundation.errors import DISK_FULL, InputError, SimbevError
+from simbev_ros.foundation.installation.extras import extra_of, load_extras
 from simbev_ros.ros.conventions.arguments import split_ros_arguments
 from simbev_ros.ros.graph.interrupts import Interrupted, raising_interrupts
 
@@ -45,6 +46,8 @@ VERBS = {
 _NAME = "simbev"
 _TAKE_URLS = ("generate", "info", "logs", "verify")
 """Verbs that work with datasets in object stores."""
+_NEED_SIMULATOR = ("demo", "run", "generate", "replay", "scene", "map")
+"""Verbs that the base installation does not have; parts of others say so themselves."""
 _TAKE_ROS_ARGUMENTS = ("run", "replay", "view")
 """Verbs that pass on what follows --ros-args to nodes."""
 _OF_TRAINING = ("train", "predict")
@@ -119,6 +122,8 @@ class _Verbs(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Find the verb; refuse what it does not take: URLs that are no names of local files, ROS's arguments."""
         name, command, rest = super().resolve_command(ctx, args)
+        if name in _NEED_SIMULATOR and not {"-h", "--help"} & {*rest}:
+            load_extras()["sim"].require(f"simbev {name}")
         if ctx.obj and name not in _TAKE_ROS_ARGUMENTS:
             others = f"{', '.join(_TAKE_ROS_ARGUMENTS[:-1])} and {_TAKE_ROS_ARGUMENTS[-1]}"
             raise InputError(f"--ros-args: simbev {name} takes no arguments for nodes; {others} do")
@@ -191,6 +196,8 @@ def run_app(commands: typer.Typer, name: str) -> None:
 def _exit_code(error: Exception) -> int:
     if isinstance(error, SimbevError):
         return error.exit_code
+    if isinstance(error, ImportError) and extra_of(error):
+        return InputError.exit_code
     is_input = isinstance(error, OSError) and error.filename is not None and error.errno not in _EXHAUSTED
     return InputError.exit_code if is_input else SimbevError.exit_code
 
@@ -209,7 +216,8 @@ def _message(error: Exception) -> str:
         where = "" if error.filename is None else f"{os.fsdecode(error.filename)!s:.{_MAX_LENGTH}}: "
         return f"{where}{error.strerror}{while_what}"
     if isinstance(error, ImportError):
-        return f"{error}{while_what}; simbev doctor says what this machine lacks"
+        extra = extra_of(error)
+        return extra.remedy("this") if extra else f"{error}{while_what}; simbev doctor says what this machine lacks"
     return (
         f"this is a bug in simbev: {type(error).__name__}: {error!s:.{_MAX_LENGTH}}{while_what}\n"
         f"Please report it. With {_TRACEBACK_VARIABLE}=1 the traceback is shown"

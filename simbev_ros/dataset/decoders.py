@@ -4,10 +4,12 @@ import os
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 
+from simbev_ros.foundation.threads import usable_cores
+
 
 def decoder_pool(threads: int | None = None) -> ThreadPoolExecutor:
     """This process's pool with the given number of threads; None: one for each core that the process may use."""
-    return _pool(os.getpid(), threads or len(os.sched_getaffinity(0)))
+    return _pool(os.getpid(), threads or usable_cores())
 
 
 @lru_cache(maxsize=4)

@@ -1,12 +1,11 @@
 """Lock that keeps a second process from writing into a dataset."""
 
-import fcntl
 import os
 from pathlib import Path
 from typing import Self
 
 from simbev_ros.foundation.errors import InputError
-from simbev_ros.foundation.files.lock_file import open_lock_file
+from simbev_ros.foundation.files.lock_file import lock_file, open_lock_file
 
 _LOCK_FILE = ".lock"
 _MAX_PID_DIGITS = 10
@@ -25,7 +24,7 @@ class DatasetLock:
         try:
             dataset.mkdir(parents=True, exist_ok=True)
             self._file = os.fdopen(open_lock_file(dataset / _LOCK_FILE), "r+", errors="replace")
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            lock_file(self._file.fileno())
         except BlockingIOError:
             holder = self._file.read(_MAX_PID_DIGITS).strip() or "unknown"
             self._file.close()

@@ -28,6 +28,8 @@ _POLL_S = 0.2
 """Time between two reports of the progress."""
 
 _INTERRUPTS = (signal.SIGINT, signal.SIGTERM)
+_HAS_MASKS = hasattr(signal, "pthread_sigmask")
+"""Whether signals can be blocked, which Windows cannot."""
 
 _on_step: Callable[[], None] | None = None
 
@@ -132,6 +134,9 @@ def map_in_processes(
 @contextmanager
 def _interrupts_blocked() -> Iterator[None]:
     """Block interrupts while the context is open; pending ones are delivered when it closes."""
+    if not _HAS_MASKS:
+        yield
+        return
     before = signal.pthread_sigmask(signal.SIG_BLOCK, _INTERRUPTS)
     try:
         yield
@@ -143,7 +148,8 @@ def _set_up_worker(done: "Synchronized[int]") -> None:
     """Set up a worker process: an interrupt or the parent's death ends it at once, and its steps are counted."""
     for number in _INTERRUPTS:
         signal.signal(number, signal.SIG_DFL)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, _INTERRUPTS)
+    if _HAS_MASKS:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, _INTERRUPTS)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
     def count_step() -> None:

@@ -17,14 +17,13 @@ from pydantic import Field, ValidationError
 
 from simbev_ros.config.base import Model, first_problem
 from simbev_ros.config.names import NAME_PATTERN, Name
-from simbev_ros.config.scenario import SPLITS, Scenario, Split
+from simbev_ros.config.scenario import SPLITS, MapScenes, Scenario, Split
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.files.confined_paths import path_inside, refuse_links_out
 from simbev_ros.foundation.files.input_file import path_exists, read_small_file
 from simbev_ros.foundation.files.limits import MAX_SCENE_NUMBER
 from simbev_ros.foundation.files.whole_files import write_errors, write_whole
 from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath
-from simbev_ros.maps.source import map_spec
 from simbev_ros.recording.layout import SCENES_FOLDER, scene_folder
 from simbev_ros.schema.scene.map_spec import MapSpec
 
@@ -73,20 +72,23 @@ class Plan(Model):
             update={"scenes": tuple(sorted((*self.scenes, *entries), key=lambda entry: entry.number))}
         )
 
-    def with_scenes_of(self, scenario: Scenario) -> Self:
+    def with_scenes_of(self, scenario: Scenario, maps: Sequence[MapSpec]) -> Self:
         """Copy of the plan with as many scenes of each map and split as a configuration asks for.
 
         Existing scenes count. New scenes are numbered after the last one, in the order of the configuration; in an
         empty dataset they are the scenes of ``planned_scenes``.
 
+        Args:
+            scenario: The configuration.
+            maps: The map of each of its entries.
+
         Raises:
-            InputError: There is no such map, or a dataset cannot have that many scenes.
+            InputError: A dataset cannot have that many scenes.
         """
         have = Counter((entry.map, entry.split) for entry in self.scenes)
         number = max((entry.number for entry in self.scenes), default=-1) + 1
         added = []
-        for wanted in scenario.scenes:
-            name = map_spec(wanted.map, bounds=wanted.bounds).name
+        for wanted, name in _with_names(scenario, maps):
             for split in SPLITS:
                 count = getattr(wanted, split)
                 enough = min(have[name, split], count)
@@ -116,11 +118,13 @@ class Plan(Model):
             return [entry for entry in self.scenes if str(bag_of(dataset, entry).relative_to(dataset)) in paths]
         return [entry for entry in self.scenes if bag_of(dataset, entry).is_dir()]
 
-    def missing_entries(self, dataset: AnyPath, scenario: Scenario) -> list[PlannedEntry]:
-        """Scenes without a finished bag, in order, up to the number that the configuration still lacks."""
+    def missing_entries(self, dataset: AnyPath, scenario: Scenario, maps: Sequence[MapSpec]) -> list[PlannedEntry]:
+        """Scenes without a finished bag, in order, up to the number that the configuration still lacks.
+
+        The maps are those of ``with_scenes_of``.
+        """
         wanted: Counter[tuple[str, Split]] = Counter()
-        for asked in scenario.scenes:
-            name = map_spec(asked.map, bounds=asked.bounds).name
+        for asked, name in _with_names(scenario, maps):
             for split in SPLITS:
                 wanted[name, split] += getattr(asked, split)
         finished = self.finished_entries(dataset)
@@ -148,15 +152,6 @@ class Plan(Model):
         return [entry for entry in self.scenes if any(entry.number in each for each in numbers)]
 
 
-def maps_of(scenario: Scenario) -> list[MapSpec]:
-    """The maps of a configuration, in its order.
-
-    Raises:
-        InputError: There is no such town or file.
-    """
-    return list(dict.fromkeys(map_spec(wanted.map, bounds=wanted.bounds) for wanted in scenario.scenes))
-
-
 @overload
 def bag_of(dataset: Path, entry: PlannedEntry) -> Path: ...
 @overload
@@ -164,6 +159,11 @@ def bag_of(dataset: ObjectPath, entry: PlannedEntry) -> ObjectPath: ...
 def bag_of(dataset: AnyPath, entry: PlannedEntry) -> AnyPath:
     """Folder of a scene's finished bag, whether or not it exists."""
     return scene_folder(dataset, entry.split, entry.name)
+
+
+def _with_names(scenario: Scenario, maps: Sequence[MapSpec]) -> Iterator[tuple[MapScenes, str]]:
+    """Each entry of a configuration's scenes with the name of its map."""
+    return zip(scenario.scenes, (spec.name for spec in maps), strict=True)
 
 
 def _read_plan(dataset: AnyPath) -> tuple[AnyPath, bytes | None]:

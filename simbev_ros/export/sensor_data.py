@@ -5,16 +5,16 @@ Exporters share these functions.
 
 from functools import lru_cache
 
-import cv2
 import numpy as np
 
 from simbev_ros.dataset import Frame, columns
 from simbev_ros.dataset.calibration import Calibration
 from simbev_ros.foundation.geometry.camera import LensCamera, PinholeCamera
 from simbev_ros.foundation.geometry.transforms import apply, inverse
+from simbev_ros.foundation.installation.extras import load_extras
 from simbev_ros.foundation.types import AnyArray, Float32Array, UInt8Array
+from simbev_ros.schema.map_points import map_points
 from simbev_ros.schema.scene.agents import ego_row
-from simbev_ros.simulation.annotation.boxes.points import map_points
 
 
 def rectify(image: UInt8Array, camera: LensCamera) -> UInt8Array:
@@ -23,7 +23,13 @@ def rectify(image: UInt8Array, camera: LensCamera) -> UInt8Array:
     Args:
         image: (H, W, 3) image.
         camera: The camera that took it.
+
+    Raises:
+        InputError: OpenCV is not installed.
     """
+    load_extras()["pictures"].require("rectifying images of a camera with distortion")
+    import cv2
+
     pixels = _source_pixels(camera)
     rectified = cv2.remap(image, pixels[..., 0], pixels[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
     return np.asarray(rectified, np.uint8)

@@ -6,7 +6,6 @@ nodes, command line verbs, and benchmarks. Library classes do not, so that none 
 
 import ctypes
 import gc
-import resource
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -20,6 +19,8 @@ GRAPH_ADDRESS_SPACE_BYTES = 4 << 30
 
 def address_space_problem() -> str | None:
     """Describe why a graph cannot run within the limit of address space (``ulimit -v``); None if it can."""
+    import resource  # not on Windows, where nothing calls this
+
     limit_bytes = resource.getrlimit(resource.RLIMIT_AS)[0]
     if limit_bytes == resource.RLIM_INFINITY or limit_bytes >= GRAPH_ADDRESS_SPACE_BYTES:
         return None

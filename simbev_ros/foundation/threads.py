@@ -9,8 +9,9 @@ _Result = TypeVar("_Result")
 
 
 def usable_cores() -> int:
-    """Number of CPU cores that this process may use."""
-    return len(os.sched_getaffinity(0))
+    """Number of CPU cores that this process may use; those of the machine where the system has no such limit."""
+    allowed = getattr(os, "sched_getaffinity", None)  # not on macOS and Windows
+    return len(allowed(0)) if allowed is not None else os.cpu_count() or 1
 
 
 def start(threads: ThreadPoolExecutor | None, work: Callable[[], _Result]) -> Callable[[], _Result]:

@@ -1,4 +1,5 @@
-"""Conversion factors between units."""
+"""Conversion factors between units, and constants of physics."""
 
 NS_PER_S = 1_000_000_000
 S_PER_H = 3600
+GRAVITY_MPS2 = 9.81

@@ -11,6 +11,7 @@ from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import Plan, PlannedEntry
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath, path_or_url
+from simbev_ros.maps.source import maps_of
 from simbev_ros.production.cluster.node_check import check_nodes
 from simbev_ros.production.cluster.ray_cluster import RayCluster
 from simbev_ros.production.dataset_maker import DatasetMaker
@@ -166,9 +167,10 @@ def plan_scenes(scenario: Scenario, out: AnyPath, replace: Numbers = ()) -> tupl
     Raises:
         InputError: The dataset's plan is damaged, a map does not exist, or a number to replace has no scene.
     """
-    plan = Plan.load(out).with_scenes_of(scenario)
+    maps = maps_of(scenario)
+    plan = Plan.load(out).with_scenes_of(scenario, maps)
     numbers = [number if isinstance(number, range) else range(number, number + 1) for number in replace]
-    return plan, plan.entries_with_numbers(numbers) if numbers else plan.missing_entries(out, scenario)
+    return plan, plan.entries_with_numbers(numbers) if numbers else plan.missing_entries(out, scenario, maps)
 
 
 def without_stack(scenario: Scenario | Path | str) -> Scenario:

@@ -1,6 +1,6 @@
 """Writer of a bag's MCAP files: receives chunks and attachments, starts new files at a size limit, syncs to disk."""
 
-import os
+import shutil
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -166,8 +166,8 @@ def check_space(folder: Path, min_free_bytes: int, scene_bytes: int = 0) -> None
     Raises:
         DiskError: Less space is free than both together.
     """
-    status = os.statvfs(next(each for each in (folder, *folder.absolute().parents) if each.is_dir()))
-    free_bytes = status.f_bavail * status.f_frsize
+    existing = next(each for each in (folder, *folder.absolute().parents) if each.is_dir())
+    free_bytes = shutil.disk_usage(existing).free
     if free_bytes < min_free_bytes + scene_bytes:
         needed = f"a scene takes up to {decimal(scene_bytes)}, and " if scene_bytes else ""
         raise DiskError(

@@ -6,13 +6,14 @@
 | mono8, mono16 | PNG | none |
 | 32FC1 depth | compressed_depth_image_transport's: inverse depth as 16-bit PNG or as RVL | see ``encode_depth`` |
 | 32FC2 flow | KITTI's: u, v, valid as 16-bit PNG | 1/128 px; values beyond ±512 px become invalid |
+
+Decoding needs NumPy and small codecs; encoding depth and flow also needs OpenCV, which comes with the simulator.
 """
 
 import struct
 from collections.abc import Callable
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 import simplejpeg
 
@@ -99,6 +100,8 @@ def _depth_parameters(depth_m: Float32Array, finite: BoolArray) -> Float32Array:
     """The parameters a and b with which the farthest depth is level 1 and the nearest one the last level."""
     if not finite.any():
         return np.ones(2, np.float32)
+    import cv2
+
     near_m, far_m, _, _ = cv2.minMaxLoc(depth_m, finite.view(np.uint8))
     if near_m <= 0:
         raise ValueError(f"depth must be positive, not {near_m} m")
@@ -143,6 +146,8 @@ def encode_flow(flow_px: Float32Array) -> bytes:
     Args:
         flow_px: (H, W, 2) float32, pixels; invalid where NaN or outside the range of 16 bits.
     """
+    import cv2
+
     # Few calls that are long: between calls, each of the encoding threads waits for Python's lock. OpenCV rounds and
     # saturates in one pass, where NumPy needs four.
     levels = cv2.addWeighted(flow_px, _FLOW_UNITS_PER_PX, flow_px, 0.0, _FLOW_ZERO, dtype=cv2.CV_16U)
@@ -157,13 +162,12 @@ def encode_flow(flow_px: Float32Array) -> bytes:
 def decode_flow(data: bytes) -> Float32Array:
     """(H, W, 2) float32 flow in pixels, NaN where invalid."""
     image = decode_png(data, 3, 16)
-    levels, valid = np.empty((*image.shape[:2], 2), np.uint16), np.empty(image.shape[:2], np.uint16)
-    cv2.mixChannels([image], [levels, valid], (0, 0, 1, 1, 2, 2))
-    flow_px: Float32Array = levels.astype(np.float32)
+    flow_px: Float32Array = image[..., :2].astype(np.float32)
     flow_px -= np.float32(_FLOW_ZERO)
     flow_px *= np.float32(1 / _FLOW_UNITS_PER_PX)
+    valid = image[..., 2] != 0
     if not valid.all():
-        flow_px[valid == 0] = np.nan
+        flow_px[~valid] = np.nan
     return flow_px
 
 

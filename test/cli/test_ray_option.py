@@ -1,14 +1,13 @@
 """The option --ray: what it refuses before anything is written."""
 
 import socket
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from fake_ray import install_fake_ray
-
-from simbev_ros.production.cluster import ray_cluster
 
 pytestmark = pytest.mark.usefixtures("no_graph")
 
@@ -42,9 +41,9 @@ def test_an_address_at_which_nothing_listens_is_refused_at_once(
 def test_without_ray_one_line_says_how_to_install_it(
     refused: Callable[..., str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(ray_cluster, "find_spec", lambda name: None)
+    monkeypatch.setitem(sys.modules, "ray", None)
     message = refused("generate", "demo", "--out", tmp_path / "set", "--ray", "auto")
-    assert message.startswith("error: --ray needs Ray; install it: ") and message.endswith("install 'ray[default]'\n")
+    assert message.startswith("error: --ray needs Ray; install it: ") and message.endswith("[cluster]'\n")
     assert message.count("\n") == 1 and not (tmp_path / "set").exists()
 
 

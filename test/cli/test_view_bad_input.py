@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 from made_up_scene import made_up_scene
 
+from simbev_ros.foundation.installation.extras import install_command
+
 pytest.importorskip("rerun", reason="Rerun is not installed: pip install -e .[view]")
 
 
@@ -95,6 +97,4 @@ def test_without_rerun_one_line_says_how_to_install_it(
 ) -> None:
     monkeypatch.setitem(sys.modules, "rerun", None)
     message = refused("view", bag, *options)
-    assert (
-        message == f"error: simbev view needs Rerun; install it: {sys.executable} -m pip install 'simbev_ros[view]'\n"
-    )
+    assert message == f"error: simbev view needs Rerun; install it: {install_command('view')}\n"

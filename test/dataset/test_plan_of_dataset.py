@@ -9,11 +9,17 @@ from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.dataset.plan import Plan, bag_of
 from simbev_ros.foundation.errors import InputError
+from simbev_ros.maps.source import maps_of
 from simbev_ros.scene.drawing.draw_scene import planned_scenes
+from simbev_ros.schema.scene.map_spec import MapSpec
 
 
 def scenario_with(*scenes: dict[str, object]) -> Scenario:
     return Scenario.model_validate({"scenes": scenes, "rig": {"sensors": []}})
+
+
+def with_maps(scenario: Scenario) -> tuple[Scenario, list[MapSpec]]:
+    return scenario, maps_of(scenario)
 
 
 BLOCKS, TOWN = {"map": "Blocks", "train": 3, "val": 1}, {"map": "Town01", "train": 2, "test": 1}
@@ -21,35 +27,35 @@ BLOCKS, TOWN = {"map": "Blocks", "train": 3, "val": 1}, {"map": "Town01", "train
 
 def test_a_new_dataset_has_the_scenes_of_simbev_run(tmp_path: Path) -> None:
     scenario = scenario_with(BLOCKS, TOWN)
-    plan = Plan.load(tmp_path).with_scenes_of(scenario)
+    plan = Plan.load(tmp_path).with_scenes_of(*with_maps(scenario))
     expected = [(scene.number, scene.map.name, scene.split) for scene in planned_scenes(scenario)]
     assert [(entry.number, entry.map, entry.split) for entry in plan.scenes] == expected
-    assert plan.missing_entries(tmp_path, scenario) == list(plan.scenes)
+    assert plan.missing_entries(tmp_path, *with_maps(scenario)) == list(plan.scenes)
 
 
 def test_scenes_added_later_are_numbered_last_and_nothing_is_renumbered(tmp_path: Path) -> None:
-    first = Plan.load(tmp_path).with_scenes_of(scenario_with(BLOCKS, TOWN))
+    first = Plan.load(tmp_path).with_scenes_of(*with_maps(scenario_with(BLOCKS, TOWN)))
     first.save(tmp_path)
     bag_of(tmp_path, first.scenes[1]).mkdir(parents=True)
     more = scenario_with(BLOCKS | {"train": 5}, TOWN)
-    plan = Plan.load(tmp_path).with_scenes_of(more)
+    plan = Plan.load(tmp_path).with_scenes_of(*with_maps(more))
     assert plan.scenes[: len(first.scenes)] == first.scenes
     assert [entry.name for entry in plan.scenes[len(first.scenes) :]] == ["Blocks-0007", "Blocks-0008"]
-    assert [entry.number for entry in plan.missing_entries(tmp_path, more)] == [0, 2, 3, 4, 5, 6, 7, 8]
+    assert [entry.number for entry in plan.missing_entries(tmp_path, *with_maps(more))] == [0, 2, 3, 4, 5, 6, 7, 8]
 
 
 def test_fewer_requested_scenes_are_fewer_missing_scenes(tmp_path: Path) -> None:
-    plan = Plan.load(tmp_path).with_scenes_of(scenario_with(BLOCKS | {"train": 9}))
+    plan = Plan.load(tmp_path).with_scenes_of(*with_maps(scenario_with(BLOCKS | {"train": 9})))
     for number in (4, 5):
         bag_of(tmp_path, plan.scenes[number]).mkdir(parents=True)
-    less = scenario_with(BLOCKS)
-    assert [entry.number for entry in plan.with_scenes_of(less).missing_entries(tmp_path, less)] == [0, 9]
+    less = with_maps(scenario_with(BLOCKS))
+    assert [entry.number for entry in plan.with_scenes_of(*less).missing_entries(tmp_path, *less)] == [0, 9]
 
 
 def test_bags_without_a_plan_are_added_to_it(tmp_path: Path) -> None:
     for name in ("train/Blocks-0000", "train/Blocks-0006", "val/my-town-0003", "train/Blocks-0001.partial"):
         (tmp_path / "scenes" / name).mkdir(parents=True)
-    plan = Plan.load(tmp_path).with_scenes_of(scenario_with(BLOCKS))
+    plan = Plan.load(tmp_path).with_scenes_of(*with_maps(scenario_with(BLOCKS)))
     names = [(entry.name, entry.split) for entry in plan.scenes]
     assert names[:3] == [("Blocks-0000", "train"), ("my-town-0003", "val"), ("Blocks-0006", "train")]
     assert names[3:] == [("Blocks-0007", "train"), ("Blocks-0008", "val")]
@@ -66,7 +72,7 @@ def test_a_damaged_plan_is_named(tmp_path: Path) -> None:
 
 
 def test_a_scene_that_does_not_exist_cannot_be_replaced(tmp_path: Path) -> None:
-    plan = Plan.load(tmp_path).with_scenes_of(scenario_with(BLOCKS))
+    plan = Plan.load(tmp_path).with_scenes_of(*with_maps(scenario_with(BLOCKS)))
     assert [entry.number for entry in plan.entries_with_numbers([range(2, 3), range(1, 3)])] == [1, 2]
     with pytest.raises(InputError, match=r"^replace: the dataset has no scene 7, 9; its numbers are 0 to 3"):
         plan.entries_with_numbers([range(1, 2), range(7, 8), range(9, 10)])

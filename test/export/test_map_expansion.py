@@ -16,7 +16,7 @@ from simbev_ros.export.nuscenes.map_expansion import traffic_control
 from simbev_ros.export.nuscenes.map_expansion.arcline_paths import arcline_path
 from simbev_ros.export.nuscenes.map_expansion.dividers import divider_type
 from simbev_ros.export.nuscenes.map_expansion.expansion import map_expansion
-from simbev_ros.export.nuscenes.map_masks import Site
+from simbev_ros.export.nuscenes.sites import Site
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork

@@ -27,9 +27,9 @@ from simbev_ros.export.nuscenes import sensor_files, taxonomy
 from simbev_ros.export.nuscenes.channels import Channel
 from simbev_ros.export.nuscenes.evaluated_classes import evaluated_classes
 from simbev_ros.export.nuscenes.keyframes import keyframe_by_tick
-from simbev_ros.export.nuscenes.map_masks import sites_of
 from simbev_ros.export.nuscenes.origins import origins_by_scene
 from simbev_ros.export.nuscenes.sensor_files import radar_rows
+from simbev_ros.export.nuscenes.sites import sites_of
 from simbev_ros.export.nuscenes.taxonomy import taxonomy_tables, visibility_tokens
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.geometry.camera import LensCamera

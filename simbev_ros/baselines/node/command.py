@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
+from simbev_ros.baselines.inference import require_onnx_runtime
 from simbev_ros.baselines.modality import Modality
-from simbev_ros.baselines.model_file import require_model_file, require_onnx_runtime
+from simbev_ros.baselines.model_file import require_model_file
 
 
 def model_words(modality: str, weights: Path | None) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from simbev_ros.cli.agent_option import ExportedAgentOption, exported_agents
 from simbev_ros.cli.console import counting_bar, make_console, plural
 from simbev_ros.cli.pool import Ray, Workers, open_pool, shared_path
 from simbev_ros.foundation.errors import SimbevError
+from simbev_ros.foundation.installation.extras import load_extras
 
 if TYPE_CHECKING:
     from simbev_ros.export.nuscenes.export import Exported
@@ -108,6 +109,9 @@ def _report(done: "Exported", out: Path) -> None:
     for why in sorted(set(done.unlabeled.values())):
         count = sum(each == why for each in done.unlabeled.values())
         console.print(f"{plural(count, 'scene')} without categories of lidar points: {why}")
+    if not done.has_roads:
+        remedy = load_extras()["sim"].remedy("what draws the roads")
+        console.print(f"masks of maps are empty, and there are no vector maps: {remedy}")
     if done.without_imu:
         console.print(
             f"{plural(done.without_imu, 'scene')} without ms_imu in the CAN bus messages: no IMU was recorded"

@@ -1,8 +1,6 @@
 """``simbev view recorded``: a recorded scene in Rerun's viewer, or as a file for it."""
 
-import sys
 from importlib.metadata import version
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -29,6 +27,7 @@ from simbev_ros.cli.view.options import (
     detail,
 )
 from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.installation.extras import load_extras
 
 if TYPE_CHECKING:
     from simbev_ros.dataset.scene import Scene
@@ -84,8 +83,7 @@ def require_rerun() -> None:
             "simbev view needs Rerun, which needs NumPy 2, and an installed ROS 2 Jazzy needs NumPy 1; "
             "call it where no ROS is sourced, or simbev view foxglove"
         )
-    if find_spec("rerun") is None:
-        raise InputError(f"simbev view needs Rerun; install it: {sys.executable} -m pip install 'simbev_ros[view]'")
+    load_extras()["view"].require("simbev view")
 
 
 def write_file(scene: "Scene", out: Path, detail: "Detail", console: Console) -> None:

@@ -17,17 +17,16 @@ import numpy as np
 from simbev_ros.config.positioning import Imu
 from simbev_ros.dataset import Frame, Scene
 from simbev_ros.export.nuscenes.channels import wxyz
-from simbev_ros.export.nuscenes.map_masks import Site
 from simbev_ros.export.nuscenes.scene_part import ScenePart, source_of
+from simbev_ros.export.nuscenes.sites import Site
 from simbev_ros.export.nuscenes.taxonomy import Record
 from simbev_ros.export.parts import Json, Part
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_quaternion
 from simbev_ros.foundation.types import Float64Array, Table
-from simbev_ros.foundation.units import NS_PER_S
+from simbev_ros.foundation.units import GRAVITY_MPS2, NS_PER_S
 from simbev_ros.schema.scene.agents import ego_row
 from simbev_ros.schema.scene.state import Light
-from simbev_ros.simulation.sensors.imu import GRAVITY_MPS2
 
 FOLDER = "can_bus"
 """Folder of the messages."""

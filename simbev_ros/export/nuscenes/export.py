@@ -10,6 +10,8 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
+import numpy as np
+
 from simbev_ros.dataset import Dataset, Scene
 from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.dataset.parallel import OWN_PROCESS, Pool
@@ -21,14 +23,15 @@ from simbev_ros.export.nuscenes.lidarseg import (
     remove_other_labels,
     why_without_labels,
 )
-from simbev_ros.export.nuscenes.map_expansion.expansion import expansion_part, write_expansion
-from simbev_ros.export.nuscenes.map_masks import sites_of, write_mask
 from simbev_ros.export.nuscenes.origins import VERSION
 from simbev_ros.export.nuscenes.scene_part import ScenePart, make_part, parts_of
+from simbev_ros.export.nuscenes.sites import Site, sites_of
 from simbev_ros.export.nuscenes.tables import write_tables
 from simbev_ros.export.parts import is_begun
 from simbev_ros.foundation.errors import BagError, InputError
-from simbev_ros.foundation.files.whole_files import write_errors
+from simbev_ros.foundation.files.whole_files import write_errors, write_whole
+from simbev_ros.foundation.installation.extras import load_extras
+from simbev_ros.recording.png import RowFilter, encode_png
 
 P = TypeVar("P", CanBusPart, LidarsegPart, ScenePart)
 _VERSION = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]*")
@@ -48,6 +51,7 @@ class Exported:
         origins_m: Origin of nuScenes' global frame in the frame ``map``, by name of the location.
         classes: Classes of nuScenes' detection task that occur as its evaluation counts them, by name of the split.
         unlabeled: Reasons why scenes have no labels of lidar points although labels were wanted, by name of the scene.
+        has_roads: Whether masks and vector maps of the roads were written, which needs the simulator.
         without_imu: Number of scenes that have CAN bus messages, but none of an IMU.
     """
 
@@ -59,6 +63,7 @@ class Exported:
     origins_m: dict[str, tuple[float, float]]
     classes: dict[str, tuple[str, ...]]
     unlabeled: dict[str, str]
+    has_roads: bool
     without_imu: int
 
 
@@ -115,10 +120,8 @@ def export_nuscenes(
         labeled = [part for part in labeled if part.scene.name not in failures]
         labels = [row for part in labeled for row in part.rows()]
         summaries = [{**part.summary(), "bag": str(part.scene.path)} for part in finished]
-        sites = sites_of(summaries)
-        for site in sites:
-            write_mask(site, out)
-            write_expansion(site, out) if map_expansion else expansion_part(site, out).remove()
+        sites = sites_of(summaries, has_roads=not load_extras()["sim"].missing)
+        _write_maps(sites, out, map_expansion=map_expansion)
         buses = can_bus_parts(finished, sites, names)
         if can_bus:
             failures |= _make_missing(make_can_bus_part, buses, pool)
@@ -139,8 +142,22 @@ def export_nuscenes(
         origins_m={site.name: site.low_m for site in sites},
         classes=classes,
         unlabeled={part.scene.name: why for part in finished if lidarseg and (why := why_without_labels(part.scene))},
+        has_roads=all(site.has_roads for site in sites),
         without_imu=sum(imu_of(part.scene) is None for part in buses) if can_bus else 0,
     )
+
+
+def _write_maps(sites: Sequence[Site], out: Path, *, map_expansion: bool) -> None:
+    """Write the masks of sites, and their vector maps or none; without the simulator, masks without roads."""
+    for site in sites:
+        if site.has_roads:
+            from simbev_ros.export.nuscenes.map_expansion.expansion import expansion_part, write_expansion
+            from simbev_ros.export.nuscenes.map_masks import write_mask
+
+            write_mask(site, out)
+            write_expansion(site, out) if map_expansion else expansion_part(site, out).remove()
+        else:
+            write_whole(out / site.filename, encode_png(np.zeros(site.size_px[::-1], np.uint8), RowFilter.NONE))
 
 
 def _make_parts(parts: Sequence[ScenePart], pool: Pool, report: Callable[[int, int], None]) -> dict[str, str]:

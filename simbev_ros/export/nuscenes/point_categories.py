@@ -7,10 +7,10 @@ else it is an echo from the air, nuScenes' ``noise``. Echoes within the noise of
 """
 
 from collections.abc import Mapping, Sequence
+from itertools import product
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from simbev_ros.dataset import columns
 from simbev_ros.export.nuscenes.taxonomy import category_of_blueprint, category_of_tag, point_labels
@@ -19,6 +19,9 @@ from simbev_ros.foundation.types import AnyArray, Float64Array, Int64Array, Tabl
 
 _MAX_ANGLE_RAD = 1e-5
 """Maximum angle between two directions of one ray; rounding to float32 makes 1e-7, and rays are 1e-4 apart."""
+
+_CELL_RAD = 5e-5
+"""Side of the cells in which directions are looked up: so small that a cell holds one ray."""
 
 _NOISE_SIGMAS = 6.0
 _ROUNDING_M = 1e-3
@@ -39,8 +42,8 @@ def labels_of_points(cloud: Table, semantic_cloud: Table, labels: UInt8Array, ra
     result = np.full(len(cloud), point_labels()["noise"], np.uint8)
     if not (len(cloud) and len(semantic_cloud)):
         return result
-    angle_rad, row = cKDTree(semantic_rays).query(rays, distance_upper_bound=_MAX_ANGLE_RAD)
-    known = np.flatnonzero(np.isfinite(angle_rad))
+    row = _rows_of_rays(rays, semantic_rays)
+    known = np.flatnonzero(row >= 0)
     offset_m = np.abs(range_m[known] - semantic_range_m[row[known]])
     known = known[offset_m <= _NOISE_SIGMAS * range_noise_sigma_m + _ROUNDING_M]
     result[known] = labels[row[known]]
@@ -96,6 +99,26 @@ def _labels_by_tag() -> UInt8Array:
     """(T,) labels of static surfaces by semantic tag."""
     labels = point_labels()
     return np.array([labels[category_of_tag(tag)] for tag in Tag], np.uint8)
+
+
+def _rows_of_rays(rays: Float64Array, known_rays: Float64Array) -> Int64Array:
+    """(N,) rows of the known rays that (N, 3) rays are, by (M, 3) directions; -1: none of them."""
+    cells = _cells(known_rays)
+    order = np.argsort(cells, kind="stable")
+    result, nearest_rad = np.full(len(rays), -1), np.full(len(rays), _MAX_ANGLE_RAD)
+    for shift in product((-_MAX_ANGLE_RAD, _MAX_ANGLE_RAD), repeat=3):  # all cells that are near enough
+        wanted = _cells(rays + np.array(shift))
+        row = order[np.minimum(np.searchsorted(cells, wanted, sorter=order), len(order) - 1)]
+        angle_rad = np.linalg.norm(known_rays[row] - rays, axis=1)
+        is_nearer = (cells[row] == wanted) & (angle_rad < nearest_rad)
+        result[is_nearer], nearest_rad[is_nearer] = row[is_nearer], angle_rad[is_nearer]
+    return result
+
+
+def _cells(rays: Float64Array) -> Int64Array:
+    """(N,) numbers of the cells that (N, 3) directions are in."""
+    x, y, z = np.floor(rays.T / _CELL_RAD).astype(np.int64)
+    return (x << 40) + (y << 20) + z
 
 
 def _rays(cloud: Table) -> tuple[Float64Array, Float64Array]:

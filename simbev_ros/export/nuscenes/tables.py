@@ -13,8 +13,8 @@ from typing import TextIO
 
 from simbev_ros.config.scenario import SPLITS
 from simbev_ros.export.nuscenes.evaluated_classes import evaluated_classes
-from simbev_ros.export.nuscenes.map_masks import Site
 from simbev_ros.export.nuscenes.scene_part import ScenePart
+from simbev_ros.export.nuscenes.sites import Site
 from simbev_ros.export.nuscenes.taxonomy import Record, detection_ranges_m, taxonomy_tables
 from simbev_ros.foundation.files.syncing import sync
 

@@ -5,16 +5,16 @@ A scene enters; its ``ConnectedAgent``s and their common frames leave.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import permutations
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.dataset import Scene
 from simbev_ros.export.frame_period import frame_period
 from simbev_ros.foundation.errors import BagError
-from simbev_ros.foundation.types import Int64Array
+from simbev_ros.foundation.types import Float64Array, Int64Array
 
 CAMERA_YAWS_DEG = (0.0, -100.0, 100.0, 180.0)
 """Yaw, positive to the left, of OPV2V's cameras 0 to 3: front, right rear, left rear, back."""
@@ -121,6 +121,19 @@ def _cameras(scene: Scene) -> dict[int, str]:
     forward = np.array([scene.calibration[name].ego_from_sensor[:2, 0] for name in names])
     yaw_deg = np.degrees(np.arctan2(forward[:, 1], forward[:, 0]))
     offset_deg = np.abs((yaw_deg[:, None] - CAMERA_YAWS_DEG + 180.0) % 360.0 - 180.0)
-    pairs = zip(*linear_sum_assignment(offset_deg), strict=True)
-    chosen = {int(number): names[row] for row, number in pairs if offset_deg[row, number] <= _MAX_CAMERA_OFFSET_DEG}
-    return dict(sorted(chosen.items()))
+    return {
+        number: names[row]
+        for number, row in enumerate(_best_rows(offset_deg))
+        if row >= 0 and offset_deg[row, number] <= _MAX_CAMERA_OFFSET_DEG
+    }
+
+
+def _best_rows(cost: Float64Array) -> list[int]:
+    """A row of its own for each column of (rows, columns), so that the sum is minimal; -1: there are too few rows."""
+    columns = np.arange(cost.shape[1])
+    rows = np.unique(np.argsort(cost, axis=0, kind="stable")[: len(columns)])  # others are never better
+    rows = np.append(rows, np.full(max(len(columns) - len(rows), 0), -1))
+    choices = np.array(list(permutations(rows.tolist(), len(columns))))
+    with_none = np.vstack([cost, np.zeros(len(columns))])
+    best: list[int] = choices[np.argmin(with_none[choices, columns].sum(axis=1))].tolist()
+    return best

@@ -18,8 +18,8 @@ from simbev_ros.foundation.geometry.transforms import rotations_from_rpy
 from simbev_ros.foundation.semantics import BOX_CLASSES, DIFFICULTIES, SIGN_TYPES, Tag
 from simbev_ros.foundation.types import Float64Array, Table
 from simbev_ros.schema.boxes import LIGHT_IDS, NO_BLUEPRINT
+from simbev_ros.schema.scene.spec import ALL_RED_S, YELLOW_S
 from simbev_ros.schema.scene.state import SignalState
-from simbev_ros.simulation.world.sumo.signals import ALL_RED_S, YELLOW_S
 
 _UNIT_CORNERS = np.array([(x, -y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 """(8, 3) corners of the unit box in CARLA's order: index 4·ix + 2·iy + iz along its axes, whose y points right."""

@@ -9,7 +9,6 @@ import pickle
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import cv2
 import numpy as np
 
 from simbev_ros.export.simbev.zip_file import zip_of_one_file
@@ -47,15 +46,14 @@ def semantic_png(tags: UInt8Array) -> bytes:
 def instance_png(tags: UInt8Array, ids: UInt16Array) -> bytes:
     """PNG file of (H, W) tags and actor ids: red is the tag, green the low and blue the high byte of the id."""
     low, high = (ids & 255).astype(np.uint8), (ids >> 8).astype(np.uint8)
-    return encode_png(cv2.merge([tags, low, high]), RowFilter.NONE)
+    return encode_png(np.stack([tags, low, high], axis=2), RowFilter.NONE)
 
 
 def depth_png(depth_m: Float32Array) -> bytes:
     """PNG file of (H, W) depth: 1000 m in 2²⁴ - 1 steps, red the lowest byte; sky and larger depths are at 1000 m."""
     share = np.clip(depth_m.astype(np.float64) / _MAX_DEPTH_M, 0.0, 1.0)
     code = np.rint(share * _MAX_CODE).astype("<u4")
-    lowest_byte_first = cv2.cvtColor(code.view(np.uint8).reshape(*code.shape, 4), cv2.COLOR_BGRA2BGR)
-    return encode_png(lowest_byte_first, RowFilter.UP)
+    return encode_png(code.view(np.uint8).reshape(*code.shape, 4)[..., :3], RowFilter.UP)
 
 
 def npz(array: AnyArray) -> bytes:

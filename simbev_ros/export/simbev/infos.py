@@ -6,14 +6,13 @@ Scenes and frames enter; plain values for JSON leave.
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.radar import Radar
 from simbev_ros.dataset import Frame, Scene
 from simbev_ros.export.simbev.channels import CAMERAS, RADARS, lidar_of
-from simbev_ros.foundation.geometry.transforms import inverse
+from simbev_ros.foundation.geometry.transforms import inverse, quaternion_from_rpy, rpy_from_rotation
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.schema.scene.spec import SceneSpec
 
@@ -104,5 +103,5 @@ def _pose(ego_from_sensor: Float64Array, ego_from_lidar: Float64Array) -> dict[s
 
 def _wxyz(transform: Float64Array) -> list[float]:
     """The rotation of a (4, 4) transform as a unit quaternion w, x, y, z."""
-    x, y, z, w = Rotation.from_matrix(transform[:3, :3]).as_quat().tolist()
+    x, y, z, w = quaternion_from_rpy(rpy_from_rotation(transform[:3, :3])).tolist()
     return [w, x, y, z]

@@ -1,9 +1,14 @@
-"""Opens files that processes lock: never through a link, and with their content as it is."""
+"""Opens and locks files: never through a link, and with their content as it is."""
 
 import errno
 import os
 import stat
+from importlib import import_module
 from pathlib import Path
+from typing import Any
+
+_LOCKED_BYTE = 1 << 30
+"""Position that is locked on Windows, where others cannot read what is locked."""
 
 
 def open_lock_file(path: Path, folder: int | None = None) -> int:
@@ -16,7 +21,9 @@ def open_lock_file(path: Path, folder: int | None = None) -> int:
     Raises:
         OSError: The file cannot be opened, or it is a link, a device or another thing that is no file.
     """
-    flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+    flags = os.O_RDWR | os.O_CREAT
+    for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_CLOEXEC"):  # which Windows does not have
+        flags |= getattr(os, name, 0)
     try:
         descriptor = os.open(path, flags, 0o666, dir_fd=folder)
     except OSError as error:
@@ -27,3 +34,25 @@ def open_lock_file(path: Path, folder: int | None = None) -> int:
         os.close(descriptor)
         raise OSError(errno.EINVAL, f"{path.name} is not a file", str(path))
     return descriptor
+
+
+def lock_file(descriptor: int) -> None:
+    """Lock an open file until it is closed, or its process ends.
+
+    Raises:
+        BlockingIOError: Another process has locked it.
+        OSError: It cannot be locked.
+    """
+    if os.name == "nt":
+        msvcrt: Any = import_module("msvcrt")
+        os.lseek(descriptor, _LOCKED_BYTE, os.SEEK_SET)
+        try:
+            msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+        except PermissionError as error:
+            raise BlockingIOError(errno.EAGAIN, error.strerror) from None
+        finally:
+            os.lseek(descriptor, 0, os.SEEK_SET)
+        return
+    import fcntl  # not on Windows
+
+    fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)

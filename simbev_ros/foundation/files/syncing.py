@@ -7,8 +7,11 @@ from pathlib import Path
 
 def sync(*paths: Path) -> None:
     """Sync files, or folders with their entries such as new file names, to disk."""
+    is_windows = os.name == "nt"
     for path in paths:
-        descriptor = os.open(path, os.O_RDONLY)
+        if is_windows and path.is_dir():  # it has no descriptors of folders
+            continue
+        descriptor = os.open(path, os.O_RDWR if is_windows else os.O_RDONLY)
         try:
             os.fsync(descriptor)
         finally:

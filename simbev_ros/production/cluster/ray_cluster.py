@@ -6,16 +6,15 @@ Ray is an extra. It is imported with the first connection.
 import os
 import signal
 import socket
-import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
 from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.installation.extras import load_extras
 
 R = TypeVar("R")
 
@@ -70,8 +69,7 @@ class RayCluster:
     """
 
     def __init__(self, address: str, *, reaps_graphs: bool = True) -> None:
-        if find_spec("ray") is None:
-            raise InputError(f"--ray needs Ray; install it: {sys.executable} -m pip install 'ray[default]'")
+        load_extras()["cluster"].require("--ray")
         head = _head_of(address)
         import ray
 

@@ -9,10 +9,9 @@ from typing import Any
 
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.dataset.plan import maps_of
 from simbev_ros.foundation.errors import GraphError, InputError
 from simbev_ros.foundation.files.limits import MAX_OSM_BYTES
-from simbev_ros.maps.source import file_of
+from simbev_ros.maps.source import file_of, maps_of
 from simbev_ros.production.cluster.node_check import Code
 from simbev_ros.production.cluster.ray_cluster import RayCluster, largest
 from simbev_ros.production.observer import SILENT, ProductionObserver
@@ -73,7 +72,7 @@ class RayWorkerPool(SupervisedPool):
         self._numbers = count(1)
         self._looked_s, self._began_s = 0.0, time.monotonic()
         self._needs = self._first_needs()
-        self._maps = tuple(maps_of(scenario) if maps is None else maps)
+        self._maps = tuple(dict.fromkeys(maps_of(scenario) if maps is None else maps))
         self._map_files, self._code = _share_files(self._maps), ray.put(Code.here())
         self.machines = 1
         self._look_at_nodes()

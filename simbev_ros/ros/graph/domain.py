@@ -1,6 +1,5 @@
 """Reserves a namespace of a ROS domain for each running graph with a lock file, so that graphs stay apart."""
 
-import fcntl
 import os
 import re
 import tempfile
@@ -10,7 +9,7 @@ from pathlib import Path
 from typing import Self
 
 from simbev_ros.foundation.errors import GraphError, InputError
-from simbev_ros.foundation.files.lock_file import open_lock_file
+from simbev_ros.foundation.files.lock_file import lock_file, open_lock_file
 from simbev_ros.ros.graph.private_folder import is_private_folder
 
 ISOLATED_DOMAINS = range(41, 101)
@@ -76,7 +75,7 @@ def _try_lock(domain: int, namespace: str) -> int | None:
     with _lock_folder() as folder:
         descriptor = open_lock_file(Path(name), folder)
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        lock_file(descriptor)
     except BlockingIOError:
         os.close(descriptor)
         return None

@@ -9,6 +9,8 @@ from types import FrameType
 
 _AGAIN_S = 0.01
 """Time until an exception that was lost is raised again."""
+_HAS_TIMER = hasattr(signal, "setitimer")
+"""Whether the system has the timer for that; Windows, where no graph runs, has none."""
 
 
 class Interrupted(BaseException):
@@ -34,14 +36,19 @@ def raising_interrupts() -> Iterator[None]:
 
     def note_lost(unraisable: "sys.UnraisableHookArgs") -> None:
         if issubclass(unraisable.exc_type, Interrupted):
-            signal.setitimer(signal.ITIMER_REAL, _AGAIN_S)
+            set_timer(_AGAIN_S)
         else:
             hook_before(unraisable)
+
+    def set_timer(time_s: float) -> None:
+        if _HAS_TIMER:
+            signal.setitimer(signal.ITIMER_REAL, time_s)
 
     handled = (signal.SIGINT, signal.SIGTERM)
     hook_before, sys.unraisablehook = sys.unraisablehook, note_lost
     before = {number: signal.signal(number, stop) for number in handled}
-    before[signal.SIGALRM] = signal.signal(signal.SIGALRM, stop_again)
+    if _HAS_TIMER:
+        before[signal.SIGALRM] = signal.signal(signal.SIGALRM, stop_again)
     try:
         yield
     except SystemError as error:
@@ -49,7 +56,7 @@ def raising_interrupts() -> Iterator[None]:
             raise error.__cause__ from None
         raise
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
+        set_timer(0.0)
         for number, handler in before.items():
             signal.signal(number, handler)
         sys.unraisablehook = hook_before

@@ -8,7 +8,7 @@ from simbev_ros.config.draw import sample
 from simbev_ros.config.scenario import SPLITS, Scenario, Split, Timing
 from simbev_ros.foundation.random import stream
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.source import map_spec
+from simbev_ros.maps.source import maps_of
 from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.drawing.draw_agents import draw_agents
 from simbev_ros.scene.drawing.draw_lights import draw_lights
@@ -37,8 +37,7 @@ def planned_scenes(scenario: Scenario) -> Iterator[PlannedScene]:
         InputError: There is no such map.
     """
     number = 0
-    for entry in scenario.scenes:
-        chosen = map_spec(entry.map, bounds=entry.bounds)
+    for entry, chosen in zip(scenario.scenes, maps_of(scenario), strict=True):
         for split in SPLITS:
             for _ in range(getattr(entry, split)):
                 yield PlannedScene(number, chosen, split)

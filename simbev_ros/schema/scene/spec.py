@@ -30,6 +30,9 @@ from simbev_ros.schema.scene.state import EGO_ID
 from simbev_ros.schema.scene.v2x_spec import V2xSpec
 from simbev_ros.schema.scene.weather import Weather
 
+YELLOW_S, ALL_RED_S = 3.0, 2.0
+"""Durations of the two phases between greens, the same at all traffic lights."""
+
 _HOUR_NS = 3600 * NS_PER_S
 _MAX_SEED = (1 << 63) - 1
 

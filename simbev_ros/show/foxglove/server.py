@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.installation.extras import load_extras
 
 if TYPE_CHECKING:
     from foxglove import Context
@@ -28,10 +29,7 @@ class Address(NamedTuple):
 
 def require_foxglove() -> None:
     """Raise InputError if foxglove-sdk is not installed."""
-    try:
-        import foxglove  # noqa: F401
-    except ImportError:
-        raise InputError("foxglove-sdk is not installed: pip install 'simbev_ros[foxglove]'") from None
+    load_extras()["foxglove"].require("the server")
 
 
 @contextmanager

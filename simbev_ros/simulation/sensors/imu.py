@@ -11,13 +11,12 @@ from simbev_ros.config.positioning import Imu
 from simbev_ros.foundation.geometry.transforms import quaternion_from_rpy, rotations_from_rpy, rpy_from_rotation
 from simbev_ros.foundation.random import stream
 from simbev_ros.foundation.types import Float64Array, Int64Array
-from simbev_ros.foundation.units import NS_PER_S
+from simbev_ros.foundation.units import GRAVITY_MPS2, NS_PER_S
 from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.simulation.sensors.attitude import MIN_VARIANCE, AttitudeErrors
 from simbev_ros.simulation.sensors.processes import Drift
 from simbev_ros.simulation.sensors.tick_motion import motion_within_tick
 
-GRAVITY_MPS2 = 9.81
 """Gravitational acceleration, as in CARLA."""
 
 

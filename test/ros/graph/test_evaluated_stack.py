@@ -146,8 +146,8 @@ def test_weights_that_the_package_lacks_are_named(monkeypatch: pytest.MonkeyPatc
 def test_without_onnx_runtime_the_message_says_how_to_install_it(
     monkeypatch: pytest.MonkeyPatch, weights: Path
 ) -> None:
-    monkeypatch.setattr("simbev_ros.baselines.model_file.find_spec", lambda _: None)
-    with pytest.raises(InputError, match=r"^baselines need ONNX Runtime: .*python\S* -m pip install '.*baselines.*'$"):
+    monkeypatch.setitem(sys.modules, "onnxruntime", None)
+    with pytest.raises(InputError, match=r"^a baseline needs ONNX Runtime; install it: \S+ -m pip .*\[baselines\]'$"):
         require_stacks(scenario_with_evaluation({"stack": ["baseline-lidar", str(weights)]}))
     require_stacks(scenario_with_evaluation({"stack": "reference"}))
 

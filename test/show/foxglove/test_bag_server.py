@@ -18,6 +18,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from simbev_ros.cli.main import main
 from simbev_ros.drawing.displays.box_markers import box_markers
+from simbev_ros.foundation.installation.extras import install_command
 from simbev_ros.recording.arrays import point_array
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.show.foxglove.derived import derivations
@@ -195,7 +196,7 @@ def test_without_the_library_one_line_says_how_to_install_it(
     bag: Path, failure: Callable[..., str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "foxglove", None)
-    assert failure(bag) == "error: foxglove-sdk is not installed: pip install 'simbev_ros[foxglove]'"
+    assert failure(bag) == f"error: the server needs Foxglove's SDK; install it: {install_command('foxglove')}"
 
 
 def test_the_clock_keeps_to_the_bag_and_stands_while_paused() -> None:

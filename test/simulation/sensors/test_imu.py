@@ -9,7 +9,8 @@ from synthetic_world import TICK_NS, actor, world
 
 from simbev_ros.config.positioning import Imu
 from simbev_ros.config.sensor import Pose
-from simbev_ros.simulation.sensors.imu import GRAVITY_MPS2, ImuModel, ImuSamples
+from simbev_ros.foundation.units import GRAVITY_MPS2
+from simbev_ros.simulation.sensors.imu import ImuModel, ImuSamples
 
 SILENT = {"accelerometer_noise_sigma_mps2": 0, "gyroscope_noise_sigma_radps": 0, "gyroscope_bias_radps": 0}
 

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 import numpy as np
 import shapely
 
-from simbev_ros.export.nuscenes.map_masks import Site
+from simbev_ros.export.nuscenes.sites import Site
 from simbev_ros.export.nuscenes.taxonomy import Record, token
 from simbev_ros.foundation.geometry.plan_view import polygon_parts
 from simbev_ros.foundation.types import Float64Array

@@ -18,7 +18,8 @@ from simbev_ros.export.nuscenes.map_expansion.dividers import divider_layers
 from simbev_ros.export.nuscenes.map_expansion.lanes import lane_layers, road_blocks
 from simbev_ros.export.nuscenes.map_expansion.road_areas import RoadAreas
 from simbev_ros.export.nuscenes.map_expansion.traffic_control import signals_by_strip, stop_lines, traffic_lights
-from simbev_ros.export.nuscenes.map_masks import Site, network_of
+from simbev_ros.export.nuscenes.map_masks import network_of
+from simbev_ros.export.nuscenes.sites import Site
 from simbev_ros.export.nuscenes.taxonomy import Record
 from simbev_ros.export.parts import Part
 from simbev_ros.foundation.geometry.plan_view import polygon_parts

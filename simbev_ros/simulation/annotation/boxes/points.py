@@ -12,40 +12,10 @@ from simbev_ros.foundation.geometry.ragged import ragged_indices, ragged_starts
 from simbev_ros.foundation.geometry.transforms import rotations_from_rpy
 from simbev_ros.foundation.types import AnyArray, BoolArray, Float64Array, Int32Array, Int64Array, Table
 from simbev_ros.schema.boxes import difficulty
-from simbev_ros.simulation.sensors.mount import vector
 
 _CELL_M, _MAX_CELLS = 0.75, 256  # cell size of the lookup grid, and the maximum number of cells along its longer side
 _BATCH = 16384  # points per batch: intermediate results stay in the cache, which is three times as fast
 _SLACK_M = 1e-6  # cells are this much larger than the boxes: more than rounding errors, less than matters
-
-
-def map_points(cloud: Table, map_from_sensor: Float64Array, carrier: Table | None = None) -> Float64Array:
-    """(N, 3) float64 points of a sensor's cloud in the map frame, meters.
-
-    Args:
-        cloud: (N,) rows with ``x y z`` in the sensor frame.
-        map_from_sensor: (4, 4) ``simulation.sensors.mount.map_from_sensor`` at the stamp.
-        carrier: For rolling scans, whose points are in the sensor frame at their own ``time``: the ``ACTOR_DTYPE`` row
-            of the vehicle that carries the sensor, assumed to move and turn uniformly during a scan. None: all points
-            were measured at the stamp.
-    """
-    local_m = np.stack([cloud["x"], cloud["y"], cloud["z"]], dtype=np.float64)
-    points_m: Float64Array = np.einsum("ij,jn->in", map_from_sensor[:3, :3], local_m)  # BLAS would wake its threads
-    points_m += map_from_sensor[:3, 3:]
-    if carrier is None:
-        return points_m.T
-    return _motion_compensated(points_m.T, cloud["time"].astype(np.float64)[:, None], carrier)
-
-
-def _motion_compensated(points_m: Float64Array, time_s: Float64Array, carrier: Table) -> Float64Array:
-    """Move (N, 3) points with their carrier to where they were at (N, 1) times relative to the stamp."""
-    position_m, velocity_mps, turn_radps = (vector(carrier, names) for names in ("x y z", "vx vy vz", "wx wy wz"))
-    rate_radps = float(np.linalg.norm(turn_radps))
-    axis = turn_radps / max(rate_radps, 1e-12)
-    offset_m, angle_rad = points_m - position_m, rate_radps * time_s
-    cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
-    rotated_m = offset_m * cosine + np.cross(axis, offset_m) * sine + axis * (offset_m @ axis)[:, None] * (1.0 - cosine)
-    return position_m + velocity_mps * time_s + rotated_m  # Rodrigues' formula
 
 
 def add_point_counts(

@@ -15,11 +15,11 @@ import numpy as np
 
 from simbev_ros.foundation.geometry.transforms import rotations_from_rpy
 from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
+from simbev_ros.foundation.units import GRAVITY_MPS2
 from simbev_ros.simulation.world.kinematics.collisions import Collisions
 from simbev_ros.simulation.world.kinematics.contacts import BodyBoxes
 from simbev_ros.simulation.world.kinematics.footing import ContactPoints, GroundPlanes
 
-_GRAVITY_MPS2 = 9.81
 _SETTLING_FRACTION = 0.4  # window for heights divided by the points' window: long enough to act like springs
 
 
@@ -165,7 +165,7 @@ class Motion:
         self._lead_m = lead_m
         turn_rad = _cross(old_forward_m, to_lead_m) / np.einsum("gi,gi->g", old_forward_m, to_lead_m)
         lateral_mps2 = turn_rad * np.linalg.norm(step_m, axis=1) / self._tick_s**2
-        return np.where(self._bodies.leans, -np.arctan(lateral_mps2 / _GRAVITY_MPS2), 0.0)
+        return np.where(self._bodies.leans, -np.arctan(lateral_mps2 / GRAVITY_MPS2), 0.0)
 
     def _poses(self, lean_rad: Float64Array, raised_m: Float64Array) -> tuple[Float64Array, Float64Array]:
         """(G, 3) origins and (G, 3) roll, pitch, yaw of bodies that lean by (G,) and stand (G,) above the road."""

@@ -15,11 +15,9 @@ from simbev_ros.foundation.random import stream
 from simbev_ros.foundation.types import Float64Array, Int64Array, Table, UInt8Array
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.maps.network import Signal
-from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.spec import ALL_RED_S, YELLOW_S, SceneSpec
 from simbev_ros.schema.scene.state import SIGNAL_DTYPE, SignalState
 
-YELLOW_S = 3.0
-ALL_RED_S = 2.0
 _MIN_GREEN_S = 4.0
 _STATE_OF = {
     "G": SignalState.GREEN,

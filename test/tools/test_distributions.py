@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from simbev_ros.foundation.installation.distributions import DistributionGraph
+from tools.system_libraries.distributions import DistributionGraph
 
 
 @pytest.fixture

@@ -5,8 +5,8 @@ From each lidar cloud and the odometry at its stamp it computes 3D boxes and bir
     cloud ─▶ ground ─▶ clusters ─▶ box_fit ─▶ readings ─▶ tracker, tracks ─▶ boxes ─▶ grid
                └──────────────────────────── road ─────────────────────────────────────▲
 
-``pipeline`` does all of this without ROS. ``node`` connects it to the graph, with ``scene``, ``tick_join`` and
-``messages``, and is a starting point for a stack of your own. ``python -m simbev_ros.reference_stack`` runs it.
-``cooperative`` is the same stack for scenes with several agents: it merges the boxes of other agents' stacks into its
-own by ``fusion``. The package imports nothing else of simbev_ros.
+``pipeline`` does all of this without ROS. ``node`` connects it to the graph, with ``scene`` and ``messages``, and is a
+starting point for a stack of your own. ``python -m simbev_ros.reference_stack`` runs it. ``cooperative`` is the same
+stack for scenes with several agents: it merges the boxes of other agents' stacks into its own by ``fusion``. Of
+simbev_ros the package imports nothing else but ``foundation.tick_join``, one file that needs nothing but Python.
 """

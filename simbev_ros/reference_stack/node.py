@@ -19,6 +19,7 @@ from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Header, String
 from visualization_msgs.msg import MarkerArray
 
+from simbev_ros.foundation.tick_join import TickJoin, all_of
 from simbev_ros.reference_stack.arrays import Floats
 from simbev_ros.reference_stack.messages import (
     header_of,
@@ -31,13 +32,14 @@ from simbev_ros.reference_stack.messages import (
 )
 from simbev_ros.reference_stack.pipeline import Answer, Pipeline
 from simbev_ros.reference_stack.scene import Scene, UsageError, read_scene
-from simbev_ros.reference_stack.tick_join import TickJoin
 
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 EVERY = QoSProfile(depth=16)
 """Reliable, with a queue longer than the lockstep window can fill."""
 _NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 _CLOUD = "cloud"
+_PATIENCE_TICKS = 50
+"""A tick waits up to this number of ticks for what it lacks; where messages are lost, a later one ends the wait."""
 _POLL_S = 0.05
 _POLLS_TO_SETTLE = 10
 """This side of a connection is established a moment before the other side is."""
@@ -67,7 +69,7 @@ class ReferenceStack(Node):
         self._lidar_topic = lidar_topic or self._points_topic.removeprefix(self.get_namespace().rstrip("/"))
         self._scene: Scene | None = None
         self._pipeline: Pipeline | None = None
-        self._join: TickJoin[PointCloud2, Odometry] = TickJoin()
+        self._join: TickJoin[Odometry, PointCloud2] | None = None
         self._points: Subscription | None = None
         self._polls_connected = 0
         self.inputs = [self.create_subscription(Odometry, "ego/odom", self._on_odometry, EVERY)]
@@ -80,12 +82,13 @@ class ReferenceStack(Node):
 
     def _on_scene(self, message: String) -> None:
         """Start a new scene; its first tick waits until this node reports that it is ready."""
-        self._join.clear()
         if self._points is not None:  # the next graph may be live although this one is not, or vice versa
             self.destroy_subscription(self._points)
         self._points, self._polls_connected = None, 0
         self._scene = self.start_scene(message.data)
         self._pipeline = Pipeline(self._scene.ego_from_lidar, self._scene.grid)
+        patience_ns = _PATIENCE_TICKS * self._scene.tick_ns
+        self._join = TickJoin(all_of(self.due, patience_ticks=patience_ns, in_order=True))
 
     def start_scene(self, text: str) -> Scene:
         """Read the specification of a new scene, JSON; override it if more is needed of it."""
@@ -110,18 +113,20 @@ class ReferenceStack(Node):
 
     def add_input(self, name: str, message: PointCloud2) -> None:
         """Receive a message of an input; answer what it completes."""
-        self._join.add_input(name, stamp_ns_of(message.header), message)
-        self._finish_ticks()
+        if self._join is not None:
+            self._join.add(name, stamp_ns_of(message.header), message)
+            self._finish_ticks()
 
     def _on_odometry(self, message: Odometry) -> None:
-        self._join.add_odometry(stamp_ns_of(message.header), message)
-        self._finish_ticks()
+        if self._join is not None:
+            self._join.open(stamp_ns_of(message.header), message)
+            self._finish_ticks()
 
     def _finish_ticks(self) -> None:
         """Answer and report each tick whose messages have all arrived."""
-        if self._scene is None or self._pipeline is None:
+        if self._scene is None or self._pipeline is None or self._join is None:
             return
-        for stamp_ns, odometry, messages in self._join.release_complete(self.due):
+        for stamp_ns, odometry, messages in self._join.release():
             if _CLOUD in messages:
                 self._answer(self._scene, self._pipeline, messages, odometry, stamp_ns)
             self._report(self._scene, stamp_ns)

@@ -22,9 +22,9 @@ from simbev_ros.baselines.node.newest import NewestOnly
 from simbev_ros.baselines.node.scene_inputs import SceneInputs, inputs_of_scene
 from simbev_ros.baselines.node.sweeps import Sweep, SweepMemory, points_in_ego
 from simbev_ros.config.included_stacks import baseline_stack
+from simbev_ros.foundation.tick_join import TickJoin, all_of
 from simbev_ros.foundation.types import UInt8Array
 from simbev_ros.reference_stack.messages import markers_message, scores_message, table_message
-from simbev_ros.reference_stack.tick_join import TickJoin
 from simbev_ros.ros.msgs.stamps import header, stamp_of
 from simbev_ros.ros.msgs.tables import table_from_message
 from simbev_ros.ros.msgs.world import map_from_base_link
@@ -33,6 +33,8 @@ _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _EVERY = QoSProfile(depth=16)
 """Reliable, with a queue longer than the lockstep window can fill."""
 _LIVE = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
+_PATIENCE_TICKS = 50
+"""A tick waits up to this number of ticks for what it lacks; where messages are lost, a later one ends the wait."""
 _POLL_S = 0.05
 _POLLS_TO_SETTLE = 10
 """This side of a connection is established a moment before the other side is."""
@@ -80,7 +82,7 @@ class BaselineNode(Node):
         self._inputs: SceneInputs | None = None
         self._answering: Answering | None = None
         self._sweeps = SweepMemory(baseline.sweep_ages_ns)
-        self._join: TickJoin[Any, Odometry] = TickJoin()
+        self._join: TickJoin[Odometry, Any] | None = None
         self._newest: NewestOnly[_Task] | None = None
         self._offers: dict[str, tuple[_Offer, ...]] = {}
         self._connected: dict[str, Subscription] = {}
@@ -100,7 +102,6 @@ class BaselineNode(Node):
 
     def _on_scene(self, message: String) -> None:
         """Start a new scene; its first tick waits until this node reports that it is ready."""
-        self._join.clear()
         self._sweeps = SweepMemory(self._baseline.sweep_ages_ns)
         for each in self._connected.values():  # the next graph may be live although this one is not, or vice versa
             self.destroy_subscription(each)
@@ -121,6 +122,7 @@ class BaselineNode(Node):
             forms = (_Offer(camera.compressed_topic, CompressedImage), _Offer(camera.raw_topic, Image))
             self._offers[camera.compressed_topic] = forms
         self._inputs, self._answering = inputs, Answering(baseline, inputs)
+        self._join = TickJoin(all_of(inputs.due, patience_ticks=_PATIENCE_TICKS * inputs.tick_ns, in_order=True))
 
     def _connect(self) -> None:
         """Subscribe to the inputs, every message or the newest ones; when connected, report the lead-in as finished."""
@@ -149,19 +151,21 @@ class BaselineNode(Node):
                 return
 
     def _on_input(self, name: str, message: Any) -> None:
-        self._join.add_input(name, stamp_of(message.header.stamp), message)
-        self._finish_ticks()
+        if self._join is not None:
+            self._join.add(name, stamp_of(message.header.stamp), message)
+            self._finish_ticks()
 
     def _on_odometry(self, message: Odometry) -> None:
-        self._join.add_odometry(stamp_of(message.header.stamp), message)
-        self._finish_ticks()
+        if self._join is not None:
+            self._join.open(stamp_of(message.header.stamp), message)
+            self._finish_ticks()
 
     def _finish_ticks(self) -> None:
         """Answer and report each tick whose messages have all arrived."""
         inputs, answering = self._inputs, self._answering
-        if inputs is None or answering is None:
+        if inputs is None or answering is None or self._join is None:
             return
-        for stamp_ns, odometry, messages in self._join.release_complete(inputs.due):
+        for stamp_ns, odometry, messages in self._join.release():
             frame = self._frame(inputs, stamp_ns, odometry, messages)
             task = None if frame is None else _Task(inputs, answering, frame, odometry.header.frame_id)
             if not self._is_live:

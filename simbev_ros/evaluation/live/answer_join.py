@@ -7,15 +7,17 @@ stack gives has arrived or can no longer be expected. The code reads no clock: t
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.tick_join import TickJoin
 
 POSE, BOXES, LABELS = "pose", "boxes", "labels"
 """Parts of the ground truth of a frame; poses arrive at all ticks."""
 _OWN_TRUTH = (POSE, BOXES, LABELS)
+_INPUT = "input"
 _MAX_POLL_GAP_S = 0.25
 """Upper bound on the waiting time that one poll adds: during a long computation, unread messages pile up."""
 _WAIT_AFTER_REPORT_S = 1.0
@@ -46,7 +48,7 @@ class WaitLimits:
 
 @dataclass(slots=True)
 class OpenFrame:
-    """Data of one frame that have arrived so far.
+    """Data of one frame that have arrived when it leaves.
 
     Attributes:
         tick: Index of the frame in the scene.
@@ -55,7 +57,7 @@ class OpenFrame:
         answers: ``PredictedBoxes`` or ``ScoreGrid``, by topic.
         input_s: Time when the input arrived, on any clock; None: it has not.
         answered_s: Time when the last answer arrived, on the same clock.
-        is_complete: Whether there is an answer of every kind; set when the frame leaves.
+        is_complete: Whether there is an answer of every kind.
     """
 
     tick: int
@@ -95,15 +97,14 @@ class AnswerJoin:
 
     Attributes:
         counts: Counts of the frames that have left and of late answers.
-        finished_tick: The last tick up to which no frame is open; -1: there is none.
     """
 
     def __init__(self, is_due: Callable[[int], bool], limits: WaitLimits, other_poses: Iterable[str] = ()) -> None:
         self._is_due, self._limits = is_due, limits
         self._parts = (*_OWN_TRUTH, *other_poses)
-        self._frames: dict[int, OpenFrame] = {}
-        self._newest_truth = dict.fromkeys(self._parts, -1)
-        self._newest_answer: dict[str, int | None] = {}
+        self._join: TickJoin[None, Any] = TickJoin(lambda _, tick: self._may_finish(tick), capacity=None)
+        self._join.open(0, None)
+        self._topics: dict[str, None] = {}
         self._answered: set[tuple[str, int]] = set()
         self._silent: set[str] = set()
         self._unanswered: Counter[str] = Counter()
@@ -112,7 +113,11 @@ class AnswerJoin:
         self._idle_s = self._ended_s = 0.0
         self._last_tick: int | None = None
         self.counts = JoinCounts()
-        self.finished_tick = -1
+
+    @property
+    def finished_tick(self) -> int:
+        """The last tick up to which all frames have left; -1: there is none."""
+        return -1 if self._join.left is None else self._join.left
 
     @property
     def is_over(self) -> bool:
@@ -121,20 +126,17 @@ class AnswerJoin:
 
     def add_topic(self, topic: str) -> None:
         """Register a topic of answers; frames wait for it until it turns out that nothing is sent on it."""
-        self._newest_answer.setdefault(topic, None)
+        self._topics.setdefault(topic)
 
     def add_truth(self, part: str, tick: int, value: Any) -> None:
         """Add a part of the ground truth, with a value as in ``OpenFrame``; each part in the order of the ticks."""
         self._idle_s = 0.0
-        self._newest_truth[part] = max(self._newest_truth[part], tick)
-        if (frame := self._frame(tick)) is not None:
-            frame.truth[part] = value
+        self._join.add(part, tick, value)
 
     def add_input(self, tick: int, arrival_s: float) -> None:
         """Record the arrival of the stack's input."""
         self._idle_s = 0.0
-        if (frame := self._frame(tick)) is not None:
-            frame.input_s = arrival_s
+        self._join.add(_INPUT, tick, arrival_s)
 
     def add_answer(self, topic: str, tick: int, value: Any, arrival_s: float) -> None:
         """Add an answer, even to a tick that has no frame.
@@ -149,16 +151,11 @@ class AnswerJoin:
         if (topic, tick) in self._answered and self._limits.grace_ticks is None:
             raise InputError(f"{topic}: tick {tick} is answered twice; each frame may be answered once")
         self._answered.add((topic, tick))
-        newest = self._newest_answer.get(topic)
-        self._newest_answer[topic] = tick if newest is None else max(newest, tick)
+        self.add_topic(topic)
         self._silent.discard(topic)
         self._unanswered[topic] = 0
-        frame = self._frame(tick)
-        if frame is None:
+        if not self._join.add(topic, tick, (value, arrival_s)):
             self.counts.late += self._is_due(tick)
-            return
-        frame.answers[topic] = value
-        frame.answered_s = max(frame.answered_s, arrival_s)
 
     def mark_stack_finished(self, tick: int) -> None:
         """Record that the stack has reported a tick as finished."""
@@ -180,21 +177,23 @@ class AnswerJoin:
             self._idle_s += waited_s
             self._ended_s += 0.0 if self._last_tick is None else waited_s
         self._last_poll_s = now_s
-        while not self.is_over and self._may_finish(tick := self.finished_tick + 1):
-            frame = self._frames.pop(tick, None) or OpenFrame(tick)
-            self.finished_tick = tick
+        for tick, _, messages in self._join.release():
+            self._join.open(tick + 1, None)
             if self._is_due(tick):
                 if self._limits.grace_ticks is None and self._is_idle:
-                    self._unanswered.update(topic for topic in self._awaited_topics() if topic not in frame.answers)
+                    self._unanswered.update(topic for topic in self._awaited_topics() if topic not in messages)
                     self._idle_s = 0.0
+                frame = self._frame(tick, messages)
                 if self._count_frame(frame):
                     yield frame
 
-    def _frame(self, tick: int) -> OpenFrame | None:
-        """The open frame of a tick, or None if it has left or there is none."""
-        if tick <= self.finished_tick or not self._is_due(tick):
-            return None
-        return self._frames.setdefault(tick, OpenFrame(tick))
+    def _frame(self, tick: int, messages: Mapping[str, Any]) -> OpenFrame:
+        """The frame of a tick that has left with these messages."""
+        truth = {part: messages[part] for part in self._parts if part in messages}
+        answered = {topic: messages[topic] for topic in self._topics if topic in messages}
+        answers = {topic: value for topic, (value, _) in answered.items()}
+        answered_s = max((arrival_s for _, arrival_s in answered.values()), default=0.0)
+        return OpenFrame(tick, truth, answers, messages.get(_INPUT), answered_s)
 
     @property
     def _is_idle(self) -> bool:
@@ -203,32 +202,31 @@ class AnswerJoin:
 
     def _may_finish(self, tick: int) -> bool:
         """Whether nothing more is expected for a tick."""
-        is_live, is_idle = self._limits.grace_ticks is not None, self._is_idle
-        if self._newest_truth[POSE] < tick:
+        if self.is_over:
+            return False
+        is_live, is_idle, join = self._limits.grace_ticks is not None, self._is_idle, self._join
+        if not join.is_past(POSE, tick - 1):
             return is_live and is_idle and self._last_tick is not None
         if not self._is_due(tick):
             return True
-        frame = self._frames.get(tick) or OpenFrame(tick)
-        missing = [part for part in self._parts if part not in frame.truth]
-        if missing:
-            return any(self._newest_truth[part] > tick for part in missing) or (is_live and is_idle)
+        if missing := [part for part in self._parts if not join.has(part, tick)]:
+            return any(join.is_past(part, tick) for part in missing) or (is_live and is_idle)
         is_past = is_live and self._ended_s >= self._limits.idle_s
-        return is_idle or is_past or all(self._is_settled(topic, frame) for topic in self._awaited_topics())
+        return is_idle or is_past or all(self._is_settled(topic, tick) for topic in self._awaited_topics())
 
     def _awaited_topics(self) -> list[str]:
         """Topics that are waited for: all but those that were silent while others answered."""
-        return [topic for topic in self._newest_answer if topic not in self._silent]
+        return [topic for topic in self._topics if topic not in self._silent]
 
-    def _is_settled(self, topic: str, frame: OpenFrame) -> bool:
+    def _is_settled(self, topic: str, tick: int) -> bool:
         """Whether the answer on a topic has arrived, or will not arrive any more."""
-        if topic in frame.answers or self._unanswered[topic] >= _MAX_UNANSWERED:
+        if self._join.has(topic, tick) or self._unanswered[topic] >= _MAX_UNANSWERED:
             return True
-        if self._stack_tick >= frame.tick and self._idle_s >= _WAIT_AFTER_REPORT_S:
+        if self._stack_tick >= tick and self._idle_s >= _WAIT_AFTER_REPORT_S:
             return True
         if self._limits.grace_ticks is not None:
-            return self._newest_truth[POSE] >= frame.tick + self._limits.grace_ticks
-        newest = self._newest_answer[topic]
-        return newest is not None and newest > frame.tick
+            return self._join.is_past(POSE, tick + self._limits.grace_ticks - 1)
+        return self._join.is_past(topic, tick)
 
     def _count_frame(self, frame: OpenFrame) -> bool:
         """Update the counts with a frame that leaves, and return whether it is evaluated."""
@@ -243,5 +241,5 @@ class AnswerJoin:
         frame.is_complete = bool(awaited) and not missing
         self.counts.missed += not frame.is_complete
         if frame.answers:  # the stack answers, but never on these topics
-            self._silent.update(topic for topic in missing if self._newest_answer[topic] is None)
+            self._silent.update(topic for topic in missing if self._join.newest(topic) is None)
         return True

@@ -62,11 +62,11 @@ def frequency_status(name: NodeName, load: Mapping[str, float]) -> DiagnosticSta
         load: A reading of its ``LoadMeter``.
     """
     window_s, rate_hz = load["window_s"], load["rate_hz"]
-    due_hz = (load["ticks"] + load["dropped"]) / window_s
+    due_hz = (load["ticks"] + load["late"]) / window_s
     minimum_hz = due_hz * (1.0 - _TOLERANCE)
     level, words = DiagnosticStatus.OK, "Desired frequency met" if due_hz else "No tick was due"
     if rate_hz < minimum_hz:
-        level, words = DiagnosticStatus.WARN, f"Frequency too low: {load['dropped']:g} ticks dropped"
+        level, words = DiagnosticStatus.WARN, f"Frequency too low: {load['late']:g} ticks late"
     values = {
         "Events in window": load["ticks"],
         "Events since startup": load["ticks_total"],

@@ -9,7 +9,7 @@ Where there are cores enough, several such nodes share the agents and the labels
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,15 +30,12 @@ from simbev_ros.maps.hd_map import lane_record
 from simbev_ros.ros.conventions.names import NodeName
 from simbev_ros.ros.msgs.annotation_topics import Label
 from simbev_ros.ros.msgs.images import image_message
-from simbev_ros.ros.msgs.message_types import message_class
-from simbev_ros.ros.msgs.qos import qos_of, rclpy_qos
-from simbev_ros.ros.msgs.stamps import serialized_stamp_ns
 from simbev_ros.ros.msgs.tables import message_from_table
 from simbev_ros.ros.msgs.topic import Topic
 from simbev_ros.ros.msgs.world import MAP_FRAME, record_message
 from simbev_ros.ros.nodes.annotated_agent import AgentTick, AnnotatedAgent
+from simbev_ros.ros.nodes.joined_inputs import JoinedInputs
 from simbev_ros.ros.nodes.participant import Participant
-from simbev_ros.ros.nodes.sensor_join import SensorJoin
 from simbev_ros.ros.nodes.surroundings import Surroundings
 from simbev_ros.schema.palette import bev_color
 from simbev_ros.schema.scene.agents import seen_by
@@ -96,9 +93,9 @@ class AnnotatorNode(Participant):
         self._views = ViewAnnotator(load_models())
         self._agents: list[AnnotatedAgent] = []
         self._inputs: dict[str, _Input] = {}
-        self._subscriptions_of: dict[str, Any] = {}
-        self._join: SensorJoin[list[AgentTick], _Reading] = SensorJoin({})
-        self._has_begun = False
+        self._joined: JoinedInputs[list[AgentTick], _Reading] = JoinedInputs(
+            self, _LIVE_PATIENCE_TICKS, self._start_reading, self._publish_ready_boxes
+        )
         self._threads = self.meter.pool("label")
         self._boxes_thread = ThreadPoolExecutor(1)  # one tick after the other
         self._started: list[Future[_BoxLabels]] = []
@@ -136,36 +133,17 @@ class AnnotatorNode(Participant):
         ]
 
     def _subscribe_to_sensors(self) -> None:
-        """Subscribe to the topics that the boxes need; subscriptions are kept for later scenes with the same topic."""
+        """Subscribe to the topics that the boxes need."""
         self._inputs = {
             agent.key(sensor): _Input(agent, sensor, topic)
             for agent in self._agents
             for sensor, topic in agent.sensors.items()
         }
-        names = {each.topic.name for each in self._inputs.values()}
-        for name in self._subscriptions_of.keys() - names:
-            self.inputs.remove(self._subscriptions_of[name])
-            self.destroy_subscription(self._subscriptions_of.pop(name))
-        for key, each in self._inputs.items():
-            topic = each.topic
-            if topic.name not in self._subscriptions_of:
-                qos, callback = rclpy_qos(qos_of(topic, live=self.live)), self._make_callback(key, topic)
-                kind = message_class(topic.type)
-                self._subscriptions_of[topic.name] = self.create_subscription(kind, topic.name, callback, qos, raw=True)
-                self.inputs.append(self._subscriptions_of[topic.name])
-        periods = {key: each.topic.period_ticks for key, each in self._inputs.items()}
-        self._has_begun = False
-        self._join = SensorJoin(periods, _LIVE_PATIENCE_TICKS if self.live else None)
+        self._joined.start_scene({key: each.topic for key, each in self._inputs.items()})
 
-    def _make_callback(self, key: str, topic: Topic) -> Callable[[bytes], None]:
-        def receive(payload: bytes) -> None:
-            spec, stamp_ns = self.spec, self.read(topic.name, partial(serialized_stamp_ns, payload, topic.type))
-            if spec is not None and stamp_ns is not None and self._join.is_awaited(key, spec.tick_of(stamp_ns)):
-                reading = self._threads.submit(self._read_sensor, self._inputs[key], payload).result
-                self._join.add_message(key, spec.tick_of(stamp_ns), reading)
-                self._publish_ready_boxes(spec)
-
-        return receive
+    def _start_reading(self, key: str, payload: bytes) -> _Reading:
+        """Let a thread read a sensor's message."""
+        return self._threads.submit(self._read_sensor, self._inputs[key], payload).result
 
     def is_due(self, spec: SceneSpec, tick: int) -> bool:
         """Whether there is any agent to label at the tick."""
@@ -175,9 +153,6 @@ class AnnotatorNode(Participant):
         """Annotate a tick and publish all but its boxes, which wait for the messages of the sensors."""
         if state.tick < 0:
             return
-        if not self._has_begun:  # a bag that is played back may lack topics of the scene's rig
-            self._has_begun = True
-            self._join.give_up(key for key, each in self._inputs.items() if not self._is_sent(each.topic))
         states = [seen_by(agent.view, state) for agent in self._agents]
         if Label.SURROUNDINGS in self._labels:
             for agent, seen in zip(self._agents, states, strict=True):
@@ -188,15 +163,12 @@ class AnnotatorNode(Participant):
         if self._awaits_sensors:
             with self.meter.part("label"):
                 boxes = [agent.annotator.boxes(seen) for agent, seen in zip(self._agents, states, strict=True)]
-                self._join.expect(state.tick, list(map(AgentTick, states, boxes)))
+                self._joined.expect(state.tick, list(map(AgentTick, states, boxes)))
 
     @property
     def _awaits_sensors(self) -> bool:
         """Whether ticks are finished when the sensors' messages are there."""
         return self._has_objects and bool(self._agents)
-
-    def _is_sent(self, topic: Topic) -> bool:
-        return bool(self._subscriptions_of[topic.name].get_publisher_count())
 
     def finish(self, spec: SceneSpec, state: WorldState) -> None:
         """Report ticks of the lead-in, and those without boxes; others are finished when their boxes are published."""
@@ -231,8 +203,8 @@ class AnnotatorNode(Participant):
                 self.publish(topic.name, occupancy_grid(covered, geometry, state.stamp_ns, agent.frame, rpy_rad))
 
     def _publish_ready_boxes(self, spec: SceneSpec) -> None:
-        """Start to complete boxes and views of all ticks whose messages are there or overdue; then publish them."""
-        for ticks, messages in self._join.release():
+        """Start to complete boxes and views of all ticks that do not wait any longer; then publish them."""
+        for _, ticks, messages in self._joined.release():
             labels = [
                 self._boxes_thread.submit(self._complete_boxes, agent, tick, messages)
                 for agent, tick in zip(self._agents, ticks, strict=True)

@@ -175,7 +175,7 @@ class EvaluatorNode(GraphNode):
     def _truth(self, part: str, value_of: Callable[[Any], Any]) -> Callable[[Any], None]:
         def receive(message: Any) -> None:
             tick = self._tick(stamp_of(message.header.stamp))
-            if tick is not None and (value := self.read(part, partial(value_of, message))) is not None:
+            if tick is not None and (value := self.read(part, value_of, message)) is not None:
                 self._join.add_truth(part, tick, value)
                 self._advance()
 
@@ -191,7 +191,7 @@ class EvaluatorNode(GraphNode):
         return boxes_in_reach(table_from_message(message), self._spec)
 
     def _on_input(self, payload: bytes, info: Any) -> None:
-        stamp_ns = self.read(self._input, partial(serialized_stamp_ns, payload, self._input_type))
+        stamp_ns = self.read(self._input, serialized_stamp_ns, payload, self._input_type)
         tick = None if stamp_ns is None else self._tick(stamp_ns)
         if tick is not None:
             self._join.add_input(tick, received_s(info))
@@ -219,7 +219,7 @@ class EvaluatorNode(GraphNode):
             self._join.counts.malformed += 1
 
     def _on_ready(self, message: Header) -> None:
-        report = self.read(topics.READY, partial(read_report, message, self.signer, self._outside))
+        report = self.read(topics.READY, read_report, message, self.signer, self._outside)
         if report is None or not self._stack.record_report(report):
             return
         if (tick := self._stack.finished_by_all()) is not None:

@@ -1,9 +1,9 @@
 """The base class of all nodes of the graph: parameters with descriptors, reports of finished ticks, diagnostics."""
 
 import struct
+import traceback
 from collections.abc import Callable
-from functools import partial
-from typing import Any, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray
 from pydantic import ValidationError
@@ -37,6 +37,7 @@ _MAX_REASON_CHARACTERS = 300
 
 Section = TypeVar("Section", bound=Model)
 _Content = TypeVar("_Content")
+_Arguments = ParamSpec("_Arguments")
 
 MALFORMED = (
     *(SimbevError, ValueError, KeyError, TypeError, AttributeError),
@@ -199,7 +200,7 @@ class GraphNode(NamespacedNode):
         """
 
         def announce(payload: bytes) -> None:
-            if (specification := self.read(topics.SCENE, partial(_specification, payload))) is not None:
+            if (specification := self.read(topics.SCENE, _specification, payload)) is not None:
                 inbox.announce(specification, payload)
                 if not self.signer.checks:
                     inbox.request(specification)
@@ -215,7 +216,7 @@ class GraphNode(NamespacedNode):
 
     def read_request(self, message: String) -> SceneRequest | None:
         """The supervisor's request in a message from /world/request; None if it is somebody else's, or an old one."""
-        request = self.read(topics.REQUEST, partial(content_of, SceneRequest, message.data, self.signer))
+        request = self.read(topics.REQUEST, content_of, SceneRequest, message.data, self.signer)
         last = self._last_request
         if request is None or (self.signer.checks and last is not None and request.number <= last.number):
             return None
@@ -224,26 +225,41 @@ class GraphNode(NamespacedNode):
 
     def read_end(self, message: String) -> SceneEnd | None:
         """The world node's message from /world/end; None if it is somebody else's."""
-        return self.read(topics.END, partial(content_of, SceneEnd, message.data, self.signer))
+        return self.read(topics.END, content_of, SceneEnd, message.data, self.signer)
 
-    def read(self, topic: str, read: Callable[[], _Content]) -> _Content | None:
+    def read(
+        self,
+        topic: str,
+        read: Callable[_Arguments, _Content],
+        *arguments: _Arguments.args,
+        **options: _Arguments.kwargs,
+    ) -> _Content | None:
         """Read a message that anybody may have sent; None if it is malformed or forged.
 
         Such messages are counted in /diagnostics; the first one on each topic is logged.
+
+        Args:
+            topic: Its topic.
+            read: Reads it.
+            arguments: Arguments of ``read``.
+            options: Further ones, by name.
         """
         try:
-            return read()
+            return read(*arguments, **options)
         except MALFORMED as error:
             self.ignore(topic, error)
             return None
 
     def ignore(self, topic: str, reason: Exception) -> None:
-        """Count a message that cannot be used; log the first one on a topic."""
+        """Count a message that cannot be used; log the first one on a topic, and where it was found."""
         self.meter.count_ignored()
         if topic not in self._ignored:
             self._ignored.add(topic)
             words = " ".join(str(reason).split())[:_MAX_REASON_CHARACTERS]
             self.get_logger().warning(f"ignored messages on {topic}: {words}")
+            if not isinstance(reason, SimbevError):
+                for line in "".join(traceback.format_exception(reason)).splitlines():
+                    self.get_logger().info(line)
 
     def _publish_diagnostics(self) -> None:
         load = self.meter.read()

@@ -1,4 +1,4 @@
-"""Measures a node's load: tick rate, time per tick and per part of its work, dropped ticks.
+"""Measures a node's load: tick rate, time per tick and per part of its work, late ticks.
 
 It reads the wall clock; no data depends on it.
 """
@@ -42,15 +42,15 @@ class LoadMeter:
     """Counts a node's ticks and the time they take, between two readings; threads may time parts of the work."""
 
     def __init__(self) -> None:
-        self._dropped_total = self._ignored_total = self._ticks_total = 0
+        self._late_total = self._ignored_total = self._ticks_total = 0
         self._lock = threading.Lock()
         self._thread = threading.local()
         self._parts_s = _no_parts()
         self._reset()
 
-    def count_dropped(self, ticks: int) -> None:
+    def count_late(self, ticks: int) -> None:
         """Count ticks that were due and skipped."""
-        self._dropped += ticks
+        self._late += ticks
 
     def count_ignored(self) -> None:
         """Count a message that was malformed or came from elsewhere."""
@@ -91,14 +91,14 @@ class LoadMeter:
             self._parts_s = _no_parts()
 
     def read(self) -> dict[str, float]:
-        """Return rate, load, drops and each part's wall and CPU time per tick since the last reading, and the totals.
+        """Return rate, load and each part's wall and CPU time per tick since the last reading, and counts.
 
-        Totals are those of ticks, of drops and of ignored messages. Wall times of threads that work side by side are
-        summed up.
+        Counts are those of ticks, of late ticks and of ignored messages, also in total. Wall times of threads that work
+        side by side are summed up.
         """
         elapsed_s = max(time.perf_counter() - self._since_s, 1e-9)
         self._ticks_total += self._ticks
-        self._dropped_total += self._dropped
+        self._late_total += self._late
         self._ignored_total += self._ignored
         load = {
             "window_s": elapsed_s,
@@ -106,8 +106,8 @@ class LoadMeter:
             "ticks": float(self._ticks),
             "ticks_total": float(self._ticks_total),
             BUSY: 1000 * self._busy_s / max(self._ticks, 1),
-            "dropped": float(self._dropped),
-            "dropped_total": float(self._dropped_total),
+            "late": float(self._late),
+            "late_total": float(self._late_total),
             "ignored": float(self._ignored),
             "ignored_total": float(self._ignored_total),
         }
@@ -129,7 +129,7 @@ class LoadMeter:
         self._since_s = time.perf_counter()
         self._busy_s = 0.0
         self._ticks = 0
-        self._dropped = self._ignored = 0
+        self._late = self._ignored = 0
 
 
 class _TimedPool(ThreadPoolExecutor):

@@ -8,7 +8,6 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from dataclasses import replace
-from functools import partial
 from typing import Any, NamedTuple
 
 from sensor_msgs.msg import PointCloud2
@@ -18,6 +17,7 @@ from simbev_ros.config.rig import S
 from simbev_ros.config.scenario import RecordedTopics
 from simbev_ros.config.sensor import Sensor
 from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.tick_join import TickJoin, all_of
 from simbev_ros.foundation.types import Table
 from simbev_ros.ros.conventions.names import NodeName
 from simbev_ros.ros.msgs import topics
@@ -30,11 +30,6 @@ from simbev_ros.ros.nodes.graph_node import GraphNode
 from simbev_ros.schema.scene.agents import agent_views
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import EGO_ID, WorldState
-from simbev_ros.schema.scene.weather import Weather
-
-_MAX_WAITING = 64
-"""Number of ticks of which parts may wait for the others; the window allows 8."""
-
 
 _MAX_UNSENT = 1
 """Lockstep: number of ticks whose messages threads may still prepare while the next tick is processed."""
@@ -99,9 +94,7 @@ class Participant(GraphNode):
         self._loaded_reported = False
         self._last_tick = 0
         self._unsent: deque[_Unsent] = deque()
-        self._actors: dict[int, Table] = {}
-        self._signals: dict[int, Table] = {}
-        self._weather: dict[int, Weather] = {}
+        self._join = _new_join()
         state_qos = rclpy_qos(replace(STATE, depth=1) if self.live else STATE_READER)
         self.follow_scenes(self._on_scene)
         self.inputs = [
@@ -191,8 +184,7 @@ class Participant(GraphNode):
     def _on_scene(self, specification: str, _: bytes) -> None:
         self.spec = None
         self._unsent.clear()
-        for waiting in (self._actors, self._signals, self._weather):
-            waiting.clear()
+        self._join = _new_join()
         spec = SceneSpec.model_validate_json(specification)
         self._awaited_readers = self._expected_readers(spec, self.start_scene(spec))
         self.get_logger().info(f"scene {spec.name} is loaded")
@@ -225,38 +217,30 @@ class Participant(GraphNode):
         }
 
     def _on_actors(self, message: PointCloud2) -> None:
-        if (actors := self.read(topics.ACTORS, partial(actors_from_message, message))) is not None:
-            self._store(self._actors, stamp_of(message.header.stamp), actors)
+        if (actors := self.read(topics.ACTORS, actors_from_message, message)) is not None:
+            self._join.open(stamp_of(message.header.stamp), actors)
+            self._process_newest()
 
     def _on_signals(self, message: PointCloud2) -> None:
-        if (signals := self.read(topics.SIGNALS, partial(signals_from_message, message))) is not None:
-            self._store(self._signals, stamp_of(message.header.stamp), signals)
+        if (signals := self.read(topics.SIGNALS, signals_from_message, message)) is not None:
+            self._join.add(topics.SIGNALS, stamp_of(message.header.stamp), signals)
+            self._process_newest()
 
     def _on_weather(self, message: String) -> None:
-        if (weather := self.read(topics.WEATHER, partial(weather_from_message, message))) is not None:
-            self._store(self._weather, *weather)
+        if (weather := self.read(topics.WEATHER, weather_from_message, message)) is not None:
+            self._join.add(topics.WEATHER, *weather)
+            self._process_newest()
 
-    def _store(self, waiting: dict[int, Any], stamp_ns: int, part: Any) -> None:
-        """Store a part of the state; process every tick that it completes (live: only the newest complete tick)."""
-        waiting[stamp_ns] = part
-        if len(waiting) > _MAX_WAITING:  # somebody else sends ticks that are far ahead
-            del waiting[min(waiting) if self.live else max(waiting)]
-        while self.spec is not None:
-            complete = self._actors.keys() & self._signals.keys() & self._weather.keys()
-            if not complete:
-                return
-            stamp_ns = max(complete) if self.live else min(complete)
-            tick = self.spec.tick_of(stamp_ns)
-            parts = self._actors[stamp_ns], self._signals[stamp_ns], self._weather[stamp_ns]
-            state = WorldState(stamp_ns, tick, EGO_ID, *parts)
-            for table in (self._actors, self._signals, self._weather):
-                for old in [key for key in table if key <= stamp_ns]:
-                    del table[old]
-            self._process(self.spec, state)
+    def _process_newest(self) -> None:
+        """Process the tick whose state is complete now. Each part comes in order, so in lockstep none is skipped."""
+        if (spec := self.spec) is not None:
+            for stamp_ns, actors, parts in self._join.release():
+                signals, weather = parts[topics.SIGNALS], parts[topics.WEATHER]
+                self._process(spec, WorldState(stamp_ns, spec.tick_of(stamp_ns), EGO_ID, actors, signals, weather))
 
     def _process(self, spec: SceneSpec, state: WorldState) -> None:
         skipped = range(self._last_tick + 1, state.tick)
-        self.meter.count_dropped(sum(self.is_due(spec, tick) for tick in skipped))
+        self.meter.count_late(sum(self.is_due(spec, tick) for tick in skipped))
         self._last_tick = state.tick
         if self.is_due(spec, state.tick):
             with self.meter.busy():
@@ -266,6 +250,11 @@ class Participant(GraphNode):
         if state.tick < 0:
             self.meter.discard_parts()
         self.finish(spec, state)
+
+
+def _new_join() -> TickJoin[Table, Any]:
+    """Joins the parts of the world's state by stamp."""
+    return TickJoin(all_of(lambda _: (topics.SIGNALS, topics.WEATHER)), newest=True)
 
 
 def _annotated_names(view: SceneSpec) -> Iterator[str]:

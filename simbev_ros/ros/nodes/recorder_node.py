@@ -42,7 +42,7 @@ from simbev_ros.ros.msgs.topic import Topic
 from simbev_ros.ros.msgs.transforms import serialize_transforms, static_transforms
 from simbev_ros.ros.msgs.typed_topics import typed_topics
 from simbev_ros.ros.msgs.world import actors_from_message, signals_from_message, weather_from_message
-from simbev_ros.ros.nodes.graph_node import GraphNode
+from simbev_ros.ros.nodes.graph_node import MALFORMED, GraphNode
 from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.trajectories import TrackRecorder, tracks_to_npz
@@ -135,9 +135,12 @@ class RecorderNode(GraphNode):
         if self._spec is None:
             return
         with self.meter.part("receive"):
-            makers = self._makers.get(topic.name, {})
-            message = self.read(topic.name, partial(_stamped, payload, topic, self._spec, makers))
-            if message is None or message.stamp_ns is None or self._is_repeated(topic, message.stamp_ns):
+            try:
+                message = _stamped(payload, topic, self._spec, self._makers.get(topic.name, {}))
+            except MALFORMED as error:
+                self.ignore(topic.name, error)
+                return
+            if message.stamp_ns is None or self._is_repeated(topic, message.stamp_ns):
                 return
             if message.stamp_ns < self._spec.start_ns and topic.name in _REPLAYED:
                 self._lead_in.append(RawMessage(topic.name, message.stamp_ns, topic.type, bytes(message.payload)))

@@ -176,7 +176,7 @@ class WorldNode(GraphNode):
             self._commands[command] = self.create_subscription(Twist, command, drive, 10)
 
     def _on_stop(self, message: String) -> None:
-        stop = self.read(topics.STOP, partial(content_of, SceneStop, message.data, self.signer))
+        stop = self.read(topics.STOP, content_of, SceneStop, message.data, self.signer)
         if stop is not None:
             self._stop = stop
             self._end_if_asked()
@@ -192,7 +192,7 @@ class WorldNode(GraphNode):
             self._scene.source.drive_vehicle(vehicle, message.linear.x, message.angular.z)
 
     def _on_ready(self, message: Header) -> None:
-        report = self.read(topics.READY, partial(read_report, message, self.signer, self._outside))
+        report = self.read(topics.READY, read_report, message, self.signer, self._outside)
         if report is not None:
             self._lockstep.record_report(report, self._next_tick - 1)
             self.advance()

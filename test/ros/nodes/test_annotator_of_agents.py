@@ -142,7 +142,7 @@ def sent(small_world: None) -> dict[str, list[Any]]:
 def collect(node: Any, spec: SceneSpec) -> dict[str, list[Any]]:
     """Let a node begin a scene; return what it is going to publish, by topic, and the ticks that it reports."""
     sent: dict[str, list[Any]] = defaultdict(list)
-    node.spec, node._is_sent = spec, lambda _: True
+    node.spec, node._joined._is_sent = spec, lambda _: True
     node.publish = lambda name, message: sent[name].append(message)
     node.report_finished = lambda _, tick: sent["finished"].append(tick)
     return sent
@@ -172,8 +172,8 @@ def play(node: Any, spec: SceneSpec, arriving: Iterable[tuple[WorldState, str, b
         if not topic:
             node.process(spec, state)
             node.finish(spec, state)
-        elif topic in node._subscriptions_of:
-            node._subscriptions_of[topic].callback(payload)
+        elif topic in node._joined._subscriptions:
+            node._joined._subscriptions[topic].callback(payload)
     node._send(0)
     return dict(sent)
 
@@ -262,8 +262,8 @@ def test_a_tick_is_finished_once_and_only_when_the_messages_of_all_agents_are_th
         for name, payload in messages.items():
             node._send(0)
             assert "finished" not in sent and "/ego/boxes" not in sent
-            node._subscriptions_of[name].callback(payload)
-            node._subscriptions_of[name].callback(payload)
+            node._joined._subscriptions[name].callback(payload)
+            node._joined._subscriptions[name].callback(payload)
         node._send(0)
         assert sent["finished"] == [0]
         assert [len(sent[f"/{agent}/boxes"]) for agent in POINTS] == [1, 1, 1]
@@ -349,7 +349,7 @@ def test_a_node_without_agents_reports_its_ticks_and_loads_nothing(scope: str, m
     monkeypatch.setattr(annotator_node, "MeshAnnotators", None)
     spec = scene()
     with started_node("annotator", spec, scope=f"[{scope}]", agent_share=3, agent_shares=4) as node:
-        assert node.topics == [] and not node._subscriptions_of
+        assert node.topics == [] and not node._joined._subscriptions
         assert not node.is_due(spec, 0)
         sent = play(node, spec, [(state_at(tick), "", b"") for tick in range(-2, 3)])
     assert sent == {"finished": [-2, -1, 0, 1, 2]}
@@ -359,10 +359,10 @@ def test_a_scene_with_fewer_agents_may_follow() -> None:
     alone = ego_alone()
     with started_node("annotator", scene(), compressed=False) as node:
         play(node, scene(), events(scene(), [state_at(0)]))
-        before = dict(node._subscriptions_of)
+        before = dict(node._joined._subscriptions)
         node.start_scene(alone)
         names = {topic.name for topic in annotator_inputs(alone, compressed_images=False).values()}
-        assert node._subscriptions_of == {name: before[name] for name in names}, "those of the ego are kept"
+        assert node._joined._subscriptions == {name: before[name] for name in names}, "those of the ego are kept"
         sent = play(node, alone, events(alone, [state_at(tick) for tick in TICKS]))
     assert sent == published(alone)
 

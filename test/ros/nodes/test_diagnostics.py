@@ -23,13 +23,13 @@ def test_exactly_one_of_the_shipped_analyzers_takes_the_statuses_of_each_node(no
 
 def test_a_node_that_drops_ticks_or_ignores_messages_warns_until_it_does_so_no_more() -> None:
     name, meter = NodeName("lidar", "ego"), LoadMeter()
-    for ticks, dropped, ignored in ((20, 1, 0), (18, 3, 0), (20, 0, 2), (0, 0, 0)):
+    for ticks, late, ignored in ((20, 1, 0), (18, 3, 0), (20, 0, 2), (0, 0, 0)):
         for _ in range(ticks):
             with meter.busy():
                 pass
-        meter.count_dropped(dropped)
+        meter.count_late(late)
         for _ in range(ignored):
             meter.count_ignored()
         load = meter.read()
         warns = frequency_status(name, load).level == DiagnosticStatus.WARN, load_status(name, load).level != b"\0"
-        assert warns == (dropped > 2, ignored > 0)
+        assert warns == (late > 2, ignored > 0)

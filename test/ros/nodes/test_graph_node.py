@@ -1,4 +1,4 @@
-"""Nodes read sections of the configuration from JSON parameters."""
+"""Nodes read sections of the configuration from JSON parameters, and log where the first malformed message fails."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -50,3 +50,19 @@ def test_an_invalid_section_is_refused_with_parameter_and_field(
 ) -> None:
     with pytest.raises(InputError, match=message):
         make_node(text).declare_section("rendering", Rendering)
+
+
+def test_the_first_malformed_message_on_a_topic_is_logged_with_its_traceback(
+    make_node: Callable[[str], GraphNode], capfd: pytest.CaptureFixture[str]
+) -> None:
+    node = make_node("{}")
+
+    def read_length(message: object) -> int:
+        return len(message.data)  # type: ignore[attr-defined]
+
+    for _ in range(2):
+        assert node.read("/points", read_length, 5) is None
+    log = "".join(capfd.readouterr())
+    assert log.count("ignored messages on /points: 'int' object has no attribute 'data'") == 1
+    assert log.count("in read_length") == 1 and "Traceback" in log
+    assert node.meter.read()["ignored"] == 2

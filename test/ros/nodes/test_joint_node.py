@@ -53,12 +53,12 @@ def arriving(spec: SceneSpec, seed: int) -> Iterable[tuple[str, int, bytes]]:
 def play(node: Any, spec: SceneSpec, events: Iterable[tuple[str, int, bytes]]) -> dict[str, list[Any]]:
     """What the node publishes by topic, and the ticks that it reports."""
     sent: dict[str, list[Any]] = defaultdict(list)
-    node.spec, node._is_sent = spec, lambda _: True
+    node.spec, node._joined._is_sent = spec, lambda _: True
     node.publish = lambda name, message: sent[name].append(message)
     node.report_finished = lambda _, tick: sent["finished"].append(tick)
     for agent, tick, payload in events:
         if agent:
-            node._subscriptions_of[f"/{agent}/boxes"].callback(payload)
+            node._joined._subscriptions[f"/{agent}/boxes"].callback(payload)
         else:
             node.process(spec, state_at(tick))
             node.finish(spec, state_at(tick))

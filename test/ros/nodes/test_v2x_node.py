@@ -52,7 +52,7 @@ def network_of(spec: SceneSpec) -> V2xNetwork:
 def play(node: Any, spec: SceneSpec, readers: int = 0) -> dict[str, list[Any]]:
     """What the node publishes by topic, and the ticks that it reports."""
     sent: dict[str, list[Any]] = defaultdict(list)
-    node.spec, node._is_sent, node.reader_count = spec, lambda _: True, lambda _: readers
+    node.spec, node._joined._is_sent, node.reader_count = spec, lambda _: True, lambda _: readers
     node.publish = lambda name, message: sent[name].append(message)
     node.report_finished = lambda _, tick: sent["finished"].append(tick)
     for tick in TICKS:
@@ -60,7 +60,7 @@ def play(node: Any, spec: SceneSpec, readers: int = 0) -> dict[str, list[Any]]:
         node.finish(spec, state_at(tick))
         for name in AGENTS if tick >= 0 and spec.agents else ():
             payload = serialize_message(message_from_table(boxes_of(tick), spec.stamp_ns(tick), "map"))
-            node._subscriptions_of[f"/{name}/boxes"].callback(payload)
+            node._joined._subscriptions[f"/{name}/boxes"].callback(payload)
     return dict(sent)
 
 

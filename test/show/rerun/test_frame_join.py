@@ -108,7 +108,7 @@ def test_messages_that_are_not_drawn_are_not_kept() -> None:
     graph.send(ODOM, 0)
     for tick in range(0, 100, 2):
         graph.send(IMAGE, tick)
-    assert len(graph.join._streams[IMAGE.name]._messages) == 1
+    assert len(graph.join._join._messages[IMAGE.name]) == 1
 
 
 def test_a_frame_that_is_not_taken_is_replaced_by_the_next() -> None:

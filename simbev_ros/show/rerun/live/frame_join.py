@@ -4,14 +4,15 @@ Everything that is drawn together has the same tick, because boxes of one tick d
 """
 
 from collections import deque
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 
+from simbev_ros.foundation.tick_join import TickJoin
 from simbev_ros.ros.msgs.topic import Topic
 from simbev_ros.show.rerun.live.live_frame import LiveFrame, LiveScene, Payloads
 from simbev_ros.show.rerun.live.tick_rate import TickRate
 
 MAX_LAG_TICKS = 16
-"""A topic this far behind is not waited for; in lockstep at most 8 ticks are in flight."""
+"""A topic that is late by this number of ticks is not waited for; in lockstep at most 8 ticks are in flight."""
 _UNSTAMPED = "std_msgs/msg/String"
 _MAX_UNSTAMPED = 100
 
@@ -32,22 +33,28 @@ class FrameJoin:
 
     def __init__(self, scene: LiveScene, topics: Iterable[Topic], interval_s: float) -> None:
         self._scene, self._interval_s = scene, interval_s
-        self._streams = {topic.name: _Stream(topic) for topic in topics if topic.type != _UNSTAMPED}
+        self._topics = {topic.name: topic for topic in topics if topic.type != _UNSTAMPED}
         self._texts: dict[str, tuple[Topic, deque[bytes]]] = {}
-        self._chosen: deque[int] = deque()
+        self._join: TickJoin[None, list[bytes]] = TickJoin(
+            lambda _, tick: all(self._is_settled(name, tick) for name in self._awaited),
+            newest=True,
+            sample_of=self._due,
+        )
+        self._first: dict[str, int] = {}
+        self._unfinished: dict[str, int] = {}
         self._newest: int | None = None
         self._chosen_s = -interval_s
-        self._awaited: Collection[str] = self._streams.keys()
+        self._awaited: Collection[str] = self._topics.keys()
 
     def add_topic(self, topic: Topic) -> None:
         """Keep the messages of a further topic."""
-        self._streams[topic.name] = stream = _Stream(topic)
+        self._topics[topic.name] = topic
         if self._newest is not None:
-            stream.begin_at(self._newest)
+            self._first[topic.name] = self._newest
 
     def await_only(self, names: Collection[str]) -> None:
         """Wait for these topics only; the others have no publishers."""
-        self._awaited = names
+        self._awaited = [name for name in names if name in self._topics]
 
     def add_text(self, topic: Topic, payload: bytes) -> None:
         """Keep a message without a stamp in its header for the next frame: all of a sporadic topic, else the newest."""
@@ -69,80 +76,39 @@ class FrameJoin:
         if not 0 <= tick < spec.ticks:
             return None
         self._notice(tick, now_s)
-        stream = self._streams[name]
-        stream.add(tick, payload, is_last=stamp_ns == spec.stamp_ns(tick))
-        stream.drop(self._chosen)
-        complete = None
-        while self._chosen and self._is_complete(self._chosen[0]):
-            complete = self._chosen.popleft()
-        return None if complete is None else self._frame(complete, rate)
+        self._join.add(name, tick, [*(self._join.message(name, tick) or ()), payload])
+        if stamp_ns == spec.stamp_ns(tick):
+            self._unfinished.pop(name, None)
+        else:  # there are several messages in a tick if the sensor is faster than the ticks
+            self._unfinished[name] = tick
+        for complete, _, messages in self._join.release():
+            return self._frame(complete, messages, rate)
+        return None
 
     def _notice(self, tick: int, now_s: float) -> None:
         """Choose a tick that has begun, unless the last choice was too recent."""
         if self._newest is None:
-            for stream in self._streams.values():
-                stream.begin_at(tick)
+            self._first = dict.fromkeys(self._topics, tick)
         elif tick <= self._newest:
             return
         self._newest = tick
         if now_s - self._chosen_s >= self._interval_s:
-            self._chosen.append(tick)
+            self._join.open(tick, None)
             self._chosen_s = now_s
 
-    def _is_complete(self, tick: int) -> bool:
-        assert self._newest is not None
-        oldest = self._newest - MAX_LAG_TICKS
-        streams = (self._streams[name] for name in self._awaited if name in self._streams)
-        return all(stream.is_settled(tick) or stream.newest < oldest for stream in streams)
+    def _due(self, name: str, tick: int) -> int:
+        return tick - tick % self._topics[name].period_ticks
 
-    def _frame(self, tick: int, rate: TickRate) -> LiveFrame:
-        taken = [Payloads(stream.topic, stream.take(tick)) for stream in self._streams.values()]
+    def _is_settled(self, name: str, tick: int) -> bool:
+        """Whether the message of a topic for a tick is there, lost, or of a topic that has fallen silent."""
+        assert self._newest is not None
+        due, first, newest = self._due(name, tick), self._first[name], self._join.newest(name)
+        if due < first or (first - 1 if newest is None else newest) < self._newest - MAX_LAG_TICKS:
+            return True
+        return self._join.is_past(name, due) or (newest == due and self._unfinished.get(name) != due)
+
+    def _frame(self, tick: int, messages: Mapping[str, list[bytes]], rate: TickRate) -> LiveFrame:
+        taken = [Payloads(topic, messages[name]) for name, topic in self._topics.items() if name in messages]
         taken += [Payloads(topic, list(texts)) for topic, texts in self._texts.values()]
         self._texts.clear()
-        return LiveFrame(self._scene, tick, [each for each in taken if each.messages], rate.ticks_per_s)
-
-
-class _Stream:
-    """Messages of one topic that may still be drawn.
-
-    Attributes:
-        topic: The topic.
-        newest: Tick of the newest message.
-    """
-
-    def __init__(self, topic: Topic) -> None:
-        self.topic, self.newest = topic, -1
-        self._is_whole, self._drawn = False, -1
-        self._messages: dict[int, list[bytes]] = {}
-
-    def begin_at(self, tick: int) -> None:
-        """Wait for messages from this tick on; earlier ones may have been missed."""
-        self.newest, self._is_whole = tick - 1, True
-
-    def add(self, tick: int, payload: bytes, *, is_last: bool) -> None:
-        """Keep a message; there are several in a tick if the sensor is faster than the ticks."""
-        if tick >= self.newest:
-            self.newest, self._is_whole = tick, is_last
-            self._messages.setdefault(tick, []).append(payload)
-
-    def is_settled(self, tick: int) -> bool:
-        """Whether the message for a tick is there, or lost."""
-        due = self._due(tick)
-        return self.newest > due or (self.newest == due and self._is_whole)
-
-    def drop(self, chosen: Iterable[int]) -> None:
-        """Drop everything that belongs neither to a chosen tick nor to the newest one."""
-        kept = {self.newest, *map(self._due, chosen)}
-        for tick in [each for each in self._messages if each not in kept]:
-            del self._messages[tick]
-
-    def take(self, tick: int) -> list[bytes]:
-        """Messages for a tick that have not been taken yet."""
-        due = self._due(tick)
-        if due <= self._drawn:
-            return []
-        self._drawn = due
-        return self._messages.pop(due, [])
-
-    def _due(self, tick: int) -> int:
-        return tick - tick % self.topic.period_ticks
+        return LiveFrame(self._scene, tick, taken, rate.ticks_per_s)

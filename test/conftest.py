@@ -5,10 +5,22 @@ import os
 from collections.abc import Iterator
 
 import pytest
+import retry_failed
 from store_server import StoreServer, running_store
 
 _OBJECTS_BETWEEN_COLLECTIONS = 100_000
 _STARTED_FILES: set[str] = set()
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the option of continuous integration."""
+    parser.addoption("--retry-failed", action="store_true", help="run a failed test once more; list it as flaky")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Load the plugin that the option asks for."""
+    if config.getoption("--retry-failed"):
+        config.pluginmanager.register(retry_failed)
 
 
 @pytest.hookimpl(trylast=True)

@@ -14,12 +14,15 @@ _MIDDLE_M = 0.06
 
 
 class Door(Model):
-    """A pair of doors, left and right.
+    """Pair of hinged doors, left and right; they open by 65 degrees.
+
+    Doors count front left, front right, rear left, rear right: door k is bit k of the column ``doors``, and the
+    blueprint's field ``doors`` is their number.
 
     Attributes:
-        name: Name that panels refer to.
+        name: Name that panels refer to; the parts are called ``door <name> left`` and ``door <name> right``.
         hinge: x and y of the left hinge.
-        seat: x, y, z where back and cushion of the seat behind the left door meet; None for no seat.
+        seat: x, y, z where back and cushion of the seat behind the left door meet; without it, no seat.
     """
 
     name: str

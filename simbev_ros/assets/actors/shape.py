@@ -31,7 +31,16 @@ _VERTEX_COLUMNS = ("vertices", "normals", "uv", "color", "material", "tag", "par
 
 
 class ShapePart(Model):
-    """Rigid part of a shape file: as ``Part``, with its parent given by name."""
+    """Further rigid part, for example a fork or cranks; a parent comes before its children.
+
+    Attributes:
+        name: Name that solids refer to.
+        parent: The part that it moves with.
+        pivot: Point that it turns about.
+        spins: Whether it turns with the wheels.
+        steers: Whether it turns with the steering angle.
+        cranks: Whether it turns with the pedals.
+    """
 
     name: str
     parent: str = "body"
@@ -50,7 +59,7 @@ class Shape(Model):
         doors: Pairs of doors, front to rear.
         parts: Rigid parts besides the body, the wheels and the doors; parents come first.
         figure: Human figure, for pedestrians and riders.
-        solids: All other solids.
+        solids: Everything else: mirrors, plates, bars, lamps.
     """
 
     shells: tuple[Shell, ...] = ()

@@ -18,8 +18,8 @@ class Loop(Model):
 
     Attributes:
         name: Name that patches refer to.
-        z: Height.
-        half: Half of the width.
+        z: Height: a number, or points (x, z) of a smooth curve along the vehicle.
+        half: Half of the width: a number, or points (x, half).
         front: x of the foremost point, in the middle.
         rear: x of the rearmost point.
         sides: x values of this loop that correspond to the shell's ``sides``; equal to them when omitted.
@@ -38,15 +38,15 @@ class Loop(Model):
 
 
 class Area(Model):
-    """Set of cells of a shell.
+    """Range of rows and columns of a shell; patches and panels are areas.
 
     Attributes:
-        rows: Names of the loops below and above; None for the cap.
+        rows: Names of the loops below and above; the cap without them.
         front: Ranges [from, to, from, to, ...] of the front section: 0 in the middle, 1 at the start of the side.
         side: Ranges of x, front to rear, in terms of the shell's ``sides``.
         rear: Ranges of the rear section: 0 at the end of the side, 1 in the middle.
         lateral: Range of |y| over the half width, on the cap.
-        only: The only side of the vehicle that has the cells; None for both.
+        only: The only side of the vehicle that has the cells; both without it.
     """
 
     rows: tuple[str, str] | None = None
@@ -58,13 +58,17 @@ class Area(Model):
 
 
 class Patch(Area):
-    """Cells with another finish (see finishes.yaml); ``turn_left`` becomes ``turn_right`` on the right."""
+    """Area with another finish.
+
+    Attributes:
+        finish: Name of the finish; ``turn_left`` becomes ``turn_right`` on the right.
+    """
 
     finish: str
 
 
 class Panel(Area):
-    """Cells that belong to a door, left and right.
+    """Area that belongs to a door, left and right.
 
     Attributes:
         door: Name of the door.
@@ -79,12 +83,12 @@ class Seam(Model):
     """A shut line: vertical between two loops, or horizontal below a loop.
 
     Attributes:
-        rows: Names of the loops that a vertical seam connects; None for a horizontal one.
+        rows: Names of the loops that a vertical seam connects; a horizontal one has none.
         below: Name of the loop below which a horizontal seam runs.
         front: Positions of vertical seams, or ranges of a horizontal one, on the front section; see ``Area``.
         side: As ``front``, on the side.
         rear: As ``front``, on the rear section.
-        only: The only side of the vehicle that has the seam; None for both.
+        only: The only side of the vehicle that has the seam; both without it.
     """
 
     rows: tuple[str, str] | None = None
@@ -112,7 +116,11 @@ class Recess(Model):
 
 
 class Shell(Model):
-    """Smooth body of a vehicle; the module docstring explains the construction.
+    """Smooth body of a vehicle, lofted through closed loops from the lowest to the highest, with a crowned cap.
+
+    It is symmetric. Half of a loop has three stretches: the front, from the middle of the nose to the start of the
+    side; the side; and the rear, to the middle of the tail. Points along the stretches are columns. So the surface is a
+    grid of loops x columns, and lamps, windows, grilles, doors and seams are areas of this grid.
 
     Attributes:
         loops: Loops from the bottom up. With arches, the first two are the edge of the floor and the inner edge of the

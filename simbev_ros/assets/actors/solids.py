@@ -22,8 +22,10 @@ class Solid(Model):
     """Base of all solids of a shape; meters and degrees, actor frame.
 
     Attributes:
-        finish: Name of the finish, see finishes.yaml.
-        part: Name of the rigid part that moves the solid.
+        finish: Name of a finish in finishes.yaml, or a material with a color such as ``cloth #304050``. Finishes with
+            the material of a lamp (``low_beam``, ``tail``, ``turn_left``, ``reverse``, ``beacon``) shine with the
+            actor's light bits; ``paint`` and ``clothes`` are multiplied by the actor's color.
+        part: Name of the rigid part that moves the solid: ``body``, a wheel, a door, or one of ``parts``.
         at: Position of the solid's origin.
         turn: Roll, pitch, yaw about the origin.
         mirrored: Whether there is a mirror image; "left" in its names of finish and part becomes "right".

@@ -16,7 +16,9 @@ from simbev_ros.foundation.semantics import Tag
 
 
 class Wheels(Model):
-    """The wheels of a vehicle with two sides; the first axle steers.
+    """Wheels of a vehicle with two sides; the first axle steers.
+
+    The parts are called ``wheel <axle> left`` and ``wheel <axle> right``, axles counted from 0.
 
     Attributes:
         radius: Radius of the tire, meters.
@@ -26,7 +28,7 @@ class Wheels(Model):
         rim: Radius of the rim over that of the tire.
         spokes: Number of spokes; 0 for a plain steel disc.
         finish: Finish of the spokes or disc.
-        twin: Whether the rear wheels have twin tires.
+        twin: Whether all axles but the first have double tires.
     """
 
     radius: float

@@ -7,62 +7,23 @@ import numpy as np
 from simbev_ros.foundation.semantics import BOX_CLASSES, DIFFICULTIES
 from simbev_ros.foundation.tables import load_table
 from simbev_ros.foundation.types import AnyArray, Float64Array, Int64Array, Table
+from simbev_ros.schema.messages.message_rows import message_constants, row_dtype
 from simbev_ros.schema.scene.state import map_from_actors
 
-BOX_DTYPE = np.dtype(
-    [
-        ("x", "<f8"),  # m, map frame: center of the box
-        ("y", "<f8"),
-        ("z", "<f8"),
-        ("roll", "<f4"),  # rad, fixed axes x y z (REP-103): R = Rz(yaw) Ry(pitch) Rx(roll)
-        ("pitch", "<f4"),
-        ("yaw", "<f4"),
-        ("length", "<f4"),  # m, along x, y, z of the box
-        ("width", "<f4"),
-        ("height", "<f4"),
-        ("vx", "<f4"),  # m/s, map frame
-        ("vy", "<f4"),
-        ("vz", "<f4"),
-        ("ax", "<f4"),  # m/s², map frame
-        ("ay", "<f4"),
-        ("az", "<f4"),
-        ("wx", "<f4"),  # rad/s, map frame
-        ("wy", "<f4"),
-        ("wz", "<f4"),
-        ("distance", "<f4"),  # m, between the centers of the ego's box and this one
-        ("angle", "<f4"),  # rad, direction to the center in the ego frame: 0 ahead, positive to the left
-        ("visibility", "<f4"),  # visible pixels over those of the object alone, of all cameras; NaN: in no image
-        ("limit", "<f4"),  # m/s, limit shown by a speed limit sign, else 0
-        ("lidar_points", "<i4"),  # points of all lidars inside the box; -1: none received at this tick
-        ("radar_points", "<i4"),
-        ("id", "<u4"),  # actor id; static objects have ids of their own, above ``LIGHT_IDS`` and ``SIGN_IDS``
-        ("parent", "<u4"),  # id of the actor that this one belongs to, else 0
-        ("color", "<u4"),  # 0xRRGGBB, sRGB
-        ("blueprint", "<u2"),  # index into the catalogue, ``NO_BLUEPRINT`` for static objects
-        ("lights", "<u2"),  # Light bits
-        ("behavior", "<u2"),  # Behavior bits
-        ("class", "u1"),  # index into BOX_CLASSES
-        ("tag", "u1"),  # semantic Tag
-        ("doors", "u1"),  # bit k: door k is open
-        ("on_ego_level", "u1"),  # 1: on a road of the ego's level; 0: on a road above or below it
-        ("valid", "u1"),  # 1: at least one lidar or radar point is inside
-        ("difficulty", "u1"),  # index into DIFFICULTIES
-        ("state", "u1"),  # SignalState of a traffic light
-        ("sign", "u1"),  # index into SIGN_TYPES of a traffic sign
-    ]
-)
-"""Row of the table of boxes. Field names and order are those of /ego/boxes."""
+BOX_DTYPE = row_dtype("Box")
+"""Row of /ego/boxes; ``interfaces/msg/Box.msg`` says what its columns mean."""
 
-
-LIGHT_IDS, SIGN_IDS = 0x10000, 0x20000
+_CONSTANTS = message_constants("Box")
+LIGHT_IDS, SIGN_IDS = _CONSTANTS["LIGHT_IDS"], _CONSTANTS["SIGN_IDS"]
 """Offsets of the ids of static objects.
 
 A traffic light's id is the first plus its id in /world/signals; a sign's id is the second plus its number in the map's
 layout, from 1. Actor ids are smaller, as they must fit instance images.
 """
 
-
-NO_CLASS, NO_BLUEPRINT = 255, 65535
+NO_BLUEPRINT = _CONSTANTS["NO_BLUEPRINT"]
+NO_CLASS = 255
+"""Class of what has no box."""
 
 
 def blank_boxes(count: int) -> Table:

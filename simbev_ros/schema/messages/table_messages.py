@@ -5,7 +5,6 @@ serialized row has the bytes of the row in memory, followed by padding up to the
 """
 
 import struct
-from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -13,7 +12,7 @@ import numpy as np
 
 from simbev_ros.foundation.types import Table
 from simbev_ros.foundation.units import NS_PER_S
-from simbev_ros.schema.messages.message_types import types_with
+from simbev_ros.schema.messages.message_rows import message_fields, row_dtype
 
 ACTORS = "simbev_interfaces/msg/Actors"
 SIGNALS = "simbev_interfaces/msg/TrafficSignals"
@@ -23,8 +22,6 @@ VIEWS = "simbev_interfaces/msg/Views"
 TABLE_TYPES = (ACTORS, SIGNALS, BOXES, VIEWS)
 """Message types that hold a table."""
 
-_COLUMN_OF_FIELD = {"class_id": "class"}
-"""Columns that are called otherwise than their fields, because their names are words of C++ and Python."""
 _LITTLE_ENDIAN = b"\0\1\0\0"
 """Encapsulation of plain CDR; alignment counts from behind it."""
 
@@ -48,13 +45,12 @@ class RowLayout(NamedTuple):
 @lru_cache
 def row_layout(type_name: str) -> RowLayout:
     """Layout of the rows of one of ``TABLE_TYPES``."""
-    definitions: Mapping[str, Any] = types_with(type_name).fielddefs
-    _, (sequence, (_, ((_, row_type), _))) = definitions[type_name][1]
-    kinds = {name: kind for name, (_, (kind, _)) in definitions[row_type][1]}
-    dtype = np.dtype([(_COLUMN_OF_FIELD.get(name, name), kind) for name, kind in kinds.items()])
-    sizes = [dtype[index].itemsize for index in range(len(kinds))]
+    _, sequence = message_fields(type_name.rpartition("/")[2]).items()
+    row_type = sequence[1].removesuffix("[]")
+    dtype = row_dtype(row_type)
+    sizes = [dtype[index].itemsize for index in range(len(dtype))]
     assert sizes == sorted(sizes, reverse=True), f"{row_type}: its fields must be in order of size"
-    return RowLayout(sequence, tuple(kinds), dtype, -(-dtype.itemsize // sizes[0]) * sizes[0])
+    return RowLayout(sequence[0], tuple(message_fields(row_type)), dtype, -(-dtype.itemsize // sizes[0]) * sizes[0])
 
 
 def serialize_table(type_name: str, table: Table, stamp_ns: int, frame: str) -> bytes:

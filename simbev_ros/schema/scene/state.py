@@ -7,60 +7,17 @@ import numpy as np
 
 from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_rpy
 from simbev_ros.foundation.types import Float64Array, Table
+from simbev_ros.schema.messages.message_rows import message_constants, row_dtype
 from simbev_ros.schema.scene.weather import Weather
 
-EGO_ID = 1
+EGO_ID = message_constants("Actor")["EGO_ID"]
 """Id of the first agent's vehicle in every scene."""
 
-ACTOR_DTYPE = np.dtype(
-    [
-        ("x", "<f8"),  # m, map frame: center of the bottom face of the actor's 3D box
-        ("y", "<f8"),
-        ("z", "<f8"),
-        ("roll", "<f4"),  # rad, fixed axes x y z (REP-103): R = Rz(yaw) Ry(pitch) Rx(roll)
-        ("pitch", "<f4"),
-        ("yaw", "<f4"),
-        ("vx", "<f4"),  # m/s, map frame
-        ("vy", "<f4"),
-        ("vz", "<f4"),
-        ("ax", "<f4"),  # m/s², map frame
-        ("ay", "<f4"),
-        ("az", "<f4"),
-        ("wx", "<f4"),  # rad/s, map frame
-        ("wy", "<f4"),
-        ("wz", "<f4"),
-        ("length", "<f4"),  # m, along the actor's x, y, z
-        ("width", "<f4"),
-        ("height", "<f4"),
-        ("steer", "<f4"),  # rad, front wheel angle, left positive
-        ("wheel", "<f4"),  # rad, wheel rotation since the start of the scene, forward positive
-        ("gait", "<f4"),  # rad, phase of the stride (0: the left foot lands) or of a cyclist's pedals
-        ("id", "<u4"),  # unique in a scene, never 0
-        ("parent", "<u4"),  # a rider's vehicle id, otherwise 0
-        ("color", "<u4"),  # 0xRRGGBB, sRGB
-        ("blueprint", "<u2"),  # index into the catalogue
-        ("lights", "<u2"),  # Light bits
-        ("behavior", "<u2"),  # Behavior bits
-        ("tag", "u1"),  # semantic Tag
-        ("doors", "u1"),  # bit k: door k is open
-    ],
-)
-"""One row per actor. Field names and order are those of /world/actors."""
+ACTOR_DTYPE = row_dtype("Actor")
+"""Row of /world/actors; ``interfaces/msg/Actor.msg`` says what its columns mean."""
 
-SIGNAL_DTYPE = np.dtype(
-    [
-        ("x", "<f8"),  # m, map frame: center of the signal head
-        ("y", "<f8"),
-        ("z", "<f8"),
-        ("yaw", "<f4"),  # rad, direction in which the lamps shine
-        ("time_in_state", "<f4"),  # s
-        ("time_remaining", "<f4"),  # s until the state changes; infinite if it never does
-        ("green_time", "<f4"),  # s, as drawn for its signal program
-        ("id", "<u4"),  # equals its row + 1
-        ("state", "u1"),  # SignalState
-    ],
-)
-"""One row per traffic-light head. Field names and order are those of /world/signals."""
+SIGNAL_DTYPE = row_dtype("TrafficSignal")
+"""Row of /world/signals, a head of a traffic light; ``interfaces/msg/TrafficSignal.msg`` has its columns."""
 
 
 class Light(IntFlag):

@@ -36,8 +36,11 @@ def noise(dtype: np.dtype[np.void], count: int) -> Table:
 
 
 @pytest.mark.parametrize("type_name", DTYPES)
-def test_the_fields_of_a_row_are_the_columns_of_the_table(type_name: str) -> None:
-    assert row_layout(type_name).dtype == DTYPES[type_name]
+def test_the_columns_of_the_table_are_the_fields_that_rosbags_reads(type_name: str) -> None:
+    definitions = types_with(type_name).fielddefs
+    _, (_, (_, ((_, row_type), _))) = definitions[type_name][1]
+    fields = [(name.replace("class_id", "class"), kind) for name, (_, (kind, _)) in definitions[row_type][1]]
+    assert row_layout(type_name).dtype == DTYPES[type_name] == np.dtype(fields)
 
 
 @pytest.mark.parametrize("type_name", DTYPES)

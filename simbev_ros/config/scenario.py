@@ -27,6 +27,7 @@ from simbev_ros.config.rates import require_fitting_rate, require_fitting_rates
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.rig import Rig, S
 from simbev_ros.config.v2x import V2x
+from simbev_ros.config.weather import WeatherConfig
 from simbev_ros.foundation.units import NS_PER_S
 
 DepthForm = Literal["png", "rvl"]
@@ -34,7 +35,6 @@ DepthForm = Literal["png", "rvl"]
 Split = Literal["train", "val", "test"]
 SPLITS: tuple[Split, ...] = ("train", "val", "test")
 
-_Percent = Annotated[PaperOrDrawn, within(0, 100)]
 _Count = Annotated[PaperOrDrawn, within(0, 10_000)]
 _MIN_DURATION_S = 0.001
 _Probability = Annotated[float, Field(ge=0, le=1)]
@@ -81,35 +81,6 @@ class Timing(Model):
     def tick_ns(self) -> int:
         """Length of a tick, ns."""
         return round(self.tick_s * NS_PER_S)
-
-
-class WeatherParameters(Model):
-    """Weather and light; ``paper`` draws by the rules of the paper's table, some of which depend on other values."""
-
-    cloudiness: _Percent = Field("paper", description="cloud cover in percent")
-    precipitation: _Percent = Field("paper", description="rain intensity in percent")
-    precipitation_deposits: _Percent = Field("paper", description="area covered by puddles in percent")
-    wetness: _Percent = Field("paper", description="wetness of roads in percent")
-    wind_intensity: _Percent = Field("paper", description="wind intensity in percent")
-    sun_azimuth_deg: Annotated[PaperOrDrawn, within(0, 360)] = Field(
-        "paper", description="azimuth of the sun, counterclockwise from the map's x axis"
-    )
-    sun_altitude_deg: Annotated[PaperOrDrawn, within(-90, 90)] = Field(
-        "paper", description="altitude of the sun above the horizon; negative at night"
-    )
-    fog_density: _Percent = Field("paper", description="fog density in percent")
-    fog_distance_m: Annotated[PaperOrDrawn, within(0)] = Field("paper", description="distance at which fog starts")
-    fog_falloff: Annotated[PaperOrDrawn, within(0)] = Field(
-        "paper", description="decrease of fog with height; 0: none, above 5: close to the ground"
-    )
-
-
-class WeatherConfig(WeatherParameters):
-    """Weather and light at the scene's start and, if they change, at its end."""
-
-    final: WeatherParameters | None = Field(
-        None, description="weather at the last tick, reached linearly from the first; parameters not given are `paper`"
-    )
 
 
 class Traffic(Model):

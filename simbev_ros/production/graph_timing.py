@@ -8,7 +8,8 @@ from typing import get_args
 
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.rendering import Quality
-from simbev_ros.config.scenario import MapScenes, Scenario, Timing, WeatherConfig
+from simbev_ros.config.scenario import MapScenes, Scenario, Timing
+from simbev_ros.config.weather import WeatherConfig
 from simbev_ros.foundation.threads import usable_cores
 from simbev_ros.production.drawing import draw_scenes
 from simbev_ros.production.observer import SILENT, ProductionObserver

@@ -10,8 +10,8 @@ import numpy as np
 from simbev_ros.config.base import Model
 from simbev_ros.foundation.tables import load_table
 from simbev_ros.foundation.types import Float64Array
+from simbev_ros.foundation.units import GRAVITY_MPS2
 
-_G_MPS2 = 9.81
 _HIP_HEIGHT = 0.53
 """Hip height divided by body height: Drillis and Contini, "Body Segment Parameters", 1966."""
 _TRANSITION_FROUDE = 0.5
@@ -56,18 +56,18 @@ def interpolate_gaits(steps_per_row: int) -> tuple[Gait, ...]:
 
 def transition_mps(height_m: float) -> float:
     """Speed above which a person of this height runs."""
-    return float(np.sqrt(_TRANSITION_FROUDE * _G_MPS2 * _HIP_HEIGHT * height_m))
+    return float(np.sqrt(_TRANSITION_FROUDE * GRAVITY_MPS2 * _HIP_HEIGHT * height_m))
 
 
 def unit_mps(height_m: float) -> float:
     """Speed that counts as 1 in gait.yaml for a person of this height."""
-    return float(np.sqrt(_G_MPS2 * height_m))
+    return float(np.sqrt(GRAVITY_MPS2 * height_m))
 
 
 def stride_lengths_m(height_m: Float64Array, speed_mps: Float64Array) -> Float64Array:
     """(N,) stride lengths (two steps) of people of (N,) heights at (N,) speeds."""
     gaits = load_gaits()
     relative = np.interp(
-        speed_mps / np.sqrt(_G_MPS2 * height_m), [gait.speed for gait in gaits], [gait.stride for gait in gaits]
+        speed_mps / np.sqrt(GRAVITY_MPS2 * height_m), [gait.speed for gait in gaits], [gait.stride for gait in gaits]
     )
     return height_m * relative

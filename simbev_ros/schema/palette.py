@@ -23,12 +23,12 @@ def bev_color(labels: UInt16Array) -> UInt8Array:
 def class_color(name: str) -> tuple[int, int, int]:
     """Color (sRGB, 0..255) of a box class: its BEV color, or its semantic tag's color if it is not a BEV class."""
     palette = _palette()
-    return _channels(palette["bev"].get(name) or palette["semantic"][name.upper()])
+    return rgb_channels(palette["bev"].get(name) or palette["semantic"][name.upper()])
 
 
 def signal_color(state: str) -> tuple[int, int, int]:
     """Color (sRGB, 0..255) of a traffic-light state."""
-    return _channels(_palette()["signal"][state])
+    return rgb_channels(_palette()["signal"][state])
 
 
 @lru_cache(maxsize=1)
@@ -50,7 +50,8 @@ def _bev_table() -> UInt8Array:
     return table
 
 
-def _channels(code: int) -> tuple[int, int, int]:
+def rgb_channels(code: int) -> tuple[int, int, int]:
+    """Red, green and blue, 0..255, of a color 0xRRGGBB."""
     red, green, blue = _rgb(code).tolist()
     return red, green, blue
 

@@ -4,26 +4,30 @@ from typing import Final
 
 import numpy as np
 
-from simbev_ros.schema.boxes import BOX_DTYPE
-
-_BOX_COLUMNS = (
-    *("id", "class", "x", "y", "z", "roll", "pitch", "yaw", "length", "width", "height", "vx", "vy", "vz"),
-    *("lidar_points", "radar_points", "visibility"),
-)
-
 V2X_DTYPE = np.dtype(
     [
         ("sender", "<u4"),  # actor id of the sender's vehicle; a roadside unit has an id of its own, from 0x30000 on
-        *((name, BOX_DTYPE[name]) for name in _BOX_COLUMNS),
+        ("id", "<u4"),  # id of the box; 0: the row tells the pose of the sender itself
+        ("class", "u1"),  # index into BOX_CLASSES; 255: a roadside unit
+        ("x", "<f8"),  # m, map frame: center of the box; of the sender the origin of its ego frame, on the ground
+        ("y", "<f8"),
+        ("z", "<f8"),
+        ("roll", "<f4"),  # rad, as in boxes
+        ("pitch", "<f4"),
+        ("yaw", "<f4"),
+        ("length", "<f4"),  # m, along x, y, z of the box; 0: a roadside unit
+        ("width", "<f4"),
+        ("height", "<f4"),
+        ("vx", "<f4"),  # m/s, map frame
+        ("vy", "<f4"),
+        ("vz", "<f4"),
+        ("lidar_points", "<i4"),  # of the sender; -1: none received, or the row is the sender itself
+        ("radar_points", "<i4"),
+        ("visibility", "<f4"),  # to the sender's cameras; NaN: in no image, or the row is the sender itself
         ("tick", "<i4"),  # tick at which the message was sent, counted from the first frame of the scene
     ]
 )
-"""Row of a message, and of the table of all messages that arrive at a tick.
-
-The other columns are those of boxes, with points and visibility as the sender has them. The first row of a message is
-the sender itself: its id is ``OWN_POSE``, x, y and z are those of its ego frame's origin, on the ground, and it has no
-points and no visibility. A roadside unit has the class ``NO_CLASS`` and no size.
-"""
+"""Row of a message, and of the table of all messages that arrive at a tick."""
 
 
 OWN_POSE: Final = 0

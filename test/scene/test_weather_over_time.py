@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from simbev_ros.config.load import load_scenario
-from simbev_ros.config.scenario import Traffic, WeatherConfig, WeatherParameters
+from simbev_ros.config.scenario import Traffic
+from simbev_ros.config.weather import WeatherConfig, WeatherParameters
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork

@@ -54,6 +54,12 @@ def render_interfaces() -> str:
     return "\n".join(part.rstrip("\n") + "\n" for part in parts)
 
 
+def message_fields_of(message: str) -> list[tuple[list[str], str, str]]:
+    """Names of consecutive fields of a message of ours with the same type and comment; and these."""
+    path = interface_files(OWN_PACKAGE)[f"{OWN_PACKAGE}/msg/{message}"]
+    return _part(path.read_text(encoding="utf-8").splitlines()).fields
+
+
 def _order(name: str) -> tuple[int, str]:
     return list(_KINDS).index(name.split("/")[1]), name
 

@@ -1,6 +1,6 @@
 """docs/reference/box-columns.md: columns of every table, and what its numbers mean.
 
-Columns are read from the source, because the comment beside a column is its description.
+Columns are read from definitions of messages or from the source: the comment beside a column is its description.
 """
 
 import ast
@@ -16,6 +16,7 @@ import yaml
 import simbev_ros
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.legend import legend
+from tools.docs.interfaces import message_fields_of
 from tools.docs.markdown import GENERATED, code, sentence, table
 
 TABLES: Mapping[str, tuple[str, str]] = {
@@ -47,6 +48,10 @@ TABLES: Mapping[str, tuple[str, str]] = {
 }
 """Name of the dtype in the code → heading, and where the table is found."""
 
+_MESSAGES = {"BOX_DTYPE": "Box", "VIEW_DTYPE": "View", "ACTOR_DTYPE": "Actor", "SIGNAL_DTYPE": "TrafficSignal"}
+"""Name of the dtype → message that has its columns."""
+_NOTE = "; column class of the table"
+
 _INTRODUCTION = """# Columns of boxes and other tables
 
 Tables are published as sensor_msgs/PointCloud2: one row a point, one column a field. The dataset reader gives them as
@@ -61,10 +66,15 @@ def render_tables() -> str:
     """The whole page."""
     parts = [GENERATED, _INTRODUCTION]
     for name, (title, where) in TABLES.items():
-        rows = _merged(columns_of(name))
+        rows = _message_rows(_MESSAGES[name]) if name in _MESSAGES else _merged(columns_of(name))
         parts.append(f"## {title}\n\n{where}\n\n{table(('column', 'type', 'meaning'), rows)}")
     parts += _legend()
     return "\n".join(part.rstrip("\n") + "\n" for part in parts)
+
+
+def _message_rows(message: str) -> Iterator[tuple[str, str, str]]:
+    for names, kind, text in message_fields_of(message):
+        yield " ".join(map(code, names)).replace("class_id", "class"), kind, sentence(text.removesuffix(_NOTE))
 
 
 def columns_of(name: str) -> list[tuple[str, str, str]]:

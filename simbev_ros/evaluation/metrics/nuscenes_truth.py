@@ -18,13 +18,13 @@ from simbev_ros.export.nuscenes.scene_taxonomy import SceneTaxonomy
 from simbev_ros.export.nuscenes.taxonomy import attribute_names, detection_class_of, detection_ranges_m
 from simbev_ros.foundation.semantics import BOX_CLASSES
 from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array, Table, UInt8Array
+from simbev_ros.schema.boxes import NO_CLASS
 
 ATTRIBUTES: tuple[str, ...] = tuple(attribute_names())
 """Attribute names; the boxes' attributes are indices into them."""
 
 _MAX_INTERVAL_S = 1.5
 """Maximum time between two positions that give a velocity; twice that between the previous and the next one."""
-_NO_CLASS = 255
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,17 +68,17 @@ def nuscenes_truth(scene: Scene, keyframe_hz: float | None = 2.0) -> NuscenesTru
         boxes,
         velocity_mps=_velocities_mps(table["id"], stamp_s, boxes.center_m),
         attribute=np.concatenate(attributes),
-    ).take(label != _NO_CLASS)
-    boxes = replace(boxes, label=label[label != _NO_CLASS])
+    ).take(label != NO_CLASS)
+    boxes = replace(boxes, label=label[label != NO_CLASS])
     ego_m = np.array([scene[tick]["odom"][-1]["position_m"][:2] for tick in _lidar_ticks(scene, ticks).tolist()])
-    counts = _is_near(boxes, ticks, ego_m) & _is_hit(table[label != _NO_CLASS])
+    counts = _is_near(boxes, ticks, ego_m) & _is_hit(table[label != NO_CLASS])
     return NuscenesTruth(boxes.take(counts), ticks, ego_m)
 
 
 def _numbers(categories: list[str], attributes: list[list[str]]) -> tuple[UInt8Array, UInt8Array]:
     """(N,) index into ``BOX_CLASSES`` of the class of each box, and (N,) index into ``ATTRIBUTES``."""
     classes = [detection_class_of(category) for category in categories]
-    label = [BOX_CLASSES.index(name) if name in BOX_CLASSES else _NO_CLASS for name in classes]
+    label = [BOX_CLASSES.index(name) if name in BOX_CLASSES else NO_CLASS for name in classes]
     attribute = [ATTRIBUTES.index(names[0]) if names else NO_ATTRIBUTE for names in attributes]
     return np.array(label, np.uint8), np.array(attribute, np.uint8)
 

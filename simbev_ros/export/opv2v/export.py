@@ -22,6 +22,7 @@ from simbev_ros.foundation.errors import BagError, InputError
 from simbev_ros.foundation.files.confined_paths import path_inside
 from simbev_ros.foundation.files.whole_files import write_errors, write_whole
 from simbev_ros.foundation.object_store.object_path import require_local
+from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.recording.layout import PARTIAL_SUFFIX
 
 VEHICLE_CLASSES = ("car", "truck", "bus", "motorcycle")
@@ -240,7 +241,7 @@ def _write_protocol(agents: Sequence[ConnectedAgent], out: Path, settings: Frame
     record: Record = {
         "world": {
             "town": spec.map.name,
-            "fixed_delta_seconds": spec.tick_ns / 1e9,
+            "fixed_delta_seconds": spec.tick_ns / NS_PER_S,
             "weather": spec.weather.model_dump(mode="json"),
         },
         "scene": {"name": scene.name, "number": scene.number, "split": scene.split, "seed": spec.seed},

@@ -13,6 +13,7 @@ from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.object_store.connection import connection, store_errors
 from simbev_ros.foundation.object_store.object_path import ObjectPath
 from simbev_ros.foundation.object_store.transfers import put_bytes
+from simbev_ros.foundation.units import NS_PER_S
 
 LOCK_NAME = ".lock"
 _PROBE_PREFIX = f"{LOCK_NAME}."
@@ -20,7 +21,6 @@ _REFRESH_S = 10.0
 _EXPIRY_S = 60.0
 """Age from which the lock of a process that does not refresh it is free."""
 _MAX_BYTES = 1 << 12
-_NS_PER_S = 1e9
 
 
 class ObjectLock:
@@ -46,7 +46,7 @@ class ObjectLock:
         self._token = secrets.token_hex(8)
         holder = self._read()
         now_ns = require_writable_store(folder)
-        if holder and (silent_s := (now_ns - self._path.stat().st_mtime_ns) / _NS_PER_S) < _EXPIRY_S:
+        if holder and (silent_s := (now_ns - self._path.stat().st_mtime_ns) / NS_PER_S) < _EXPIRY_S:
             raise InputError(
                 f"{folder}: {_describe(holder)} is writing into it; its last sign of life is {max(silent_s, 0):.0f} s "
                 f"old, and after {_EXPIRY_S:.0f} s without one the dataset is free"

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from simbev_ros.config.weather import WEATHER_PARAMETERS, message_field
 from simbev_ros.drawing.displays.messages import MAP_FRAME, build, moment, serialize, stamped
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.schema.scene.hazard import HazardKind
@@ -26,7 +27,8 @@ _CHANGES = {"NONE": (False, False), "Left": (True, False), "Right": (False, True
 
 def serialize_weather(record: Mapping[str, Any], stamp_ns: int) -> bytes:
     """Weather message of a record as on /world/weather, or as ``Weather.model_dump`` gives it."""
-    return serialize(_weather({name: record[name] for name in Weather.model_fields}, stamp_ns))
+    values = {name: value for name, value in record.items() if name in WEATHER_PARAMETERS}
+    return serialize(_weather(Weather(**values), stamp_ns))
 
 
 def serialize_event(record: Mapping[str, Any], stamp_ns: int) -> bytes:
@@ -108,14 +110,14 @@ def serialize_scene(scene_json: str, stamp_ns: int) -> bytes:
 
 
 def _weather_at(spec: SceneSpec, tick: int) -> Any:
-    return _weather(spec.weather_at(tick).model_dump(), spec.stamp_ns(tick))
+    return _weather(spec.weather_at(tick), spec.stamp_ns(tick))
 
 
-def _weather(values: Mapping[str, Any], stamp_ns: int) -> Any:
+def _weather(weather: Weather, stamp_ns: int) -> Any:
     fields = {}
-    for name, value in values.items():
-        converted = math.radians(value) if name.endswith("_deg") else float(value)
-        fields[name.removesuffix("_deg").removesuffix("_m")] = converted
+    for name, row in WEATHER_PARAMETERS.items():
+        value = float(getattr(weather, name))
+        fields[message_field(name)] = math.radians(value) if row.unit == "°" else value
     return build(WEATHER, header=stamped(stamp_ns, MAP_FRAME), **fields)
 
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from simbev_ros.config.draw import sample
-from simbev_ros.config.scenario import WeatherConfig, WeatherParameters
+from simbev_ros.config.weather import WEATHER_PARAMETERS, WeatherConfig, WeatherParameters
 from simbev_ros.foundation.random import stream
 from simbev_ros.schema.scene.weather import Weather
 
@@ -27,10 +27,10 @@ def draw_weather(config: WeatherParameters, seed: int, *, hilly: bool, name: str
     """
     drawn: dict[str, float] = {}
 
-    def draw(parameter: str, paper: Callable[[np.random.Generator], float]) -> float:
+    def draw(parameter: str, paper: Callable[[np.random.Generator], float] | None = None) -> float:
         requested = getattr(config, parameter)
         rng = stream(seed, f"{name}.{parameter}")
-        drawn[parameter] = paper(rng) if requested == "paper" else sample(requested, rng)
+        drawn[parameter] = paper(rng) if paper is not None and requested == "paper" else sample(requested, rng)
         return drawn[parameter]
 
     clouds = draw("cloudiness", lambda rng: 100 * rng.beta(0.8, 1.0))
@@ -43,4 +43,6 @@ def draw_weather(config: WeatherParameters, seed: int, *, hilly: bool, name: str
     fog = draw("fog_density", lambda rng: 100 * rng.beta(1.6, 2.0) if clouds > 40 or altitude < 10 else 0.0)
     draw("fog_distance_m", lambda rng: rng.lognormal(3.2, 0.8) if fog > 10 else 0.0)
     draw("fog_falloff", lambda rng: (0.01 if hilly else 5 * rng.beta(1.2, 2.4)) if fog > 10 else 1.0)
+    for parameter in WEATHER_PARAMETERS.keys() - drawn:
+        draw(parameter)
     return Weather(**drawn)

@@ -11,6 +11,7 @@ from pydantic import BaseModel
 
 from simbev_ros.config.draw import Distribution
 from simbev_ros.config.scenario import Scenario
+from simbev_ros.config.weather import WEATHER_PARAMETERS
 from simbev_ros.foundation.tables import load_table
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.foundation.units import NS_PER_S
@@ -133,7 +134,8 @@ def configured_value(name: str, scenario: Scenario) -> str:
         ):
             continue
         if value == "paper":
-            return str(facts["paper"].get(path.replace("weather.final.", "weather."), "the paper's rule"))
+            weather = WEATHER_PARAMETERS.get(path.rpartition(".")[2])
+            return str(facts["paper"].get(path, weather.paper if weather else "the paper's rule"))
         limits = f", {facts['only'][path]}" if path in facts["only"] else ""
         return _describe(value, is_probability=path.endswith("_probability") > name.endswith("_probability")) + limits
     return ""

@@ -48,9 +48,10 @@ def row_layout(type_name: str) -> RowLayout:
     _, sequence = message_fields(type_name.rpartition("/")[2]).items()
     row_type = sequence[1].removesuffix("[]")
     dtype = row_dtype(row_type)
-    sizes = [dtype[index].itemsize for index in range(len(dtype))]
+    fields = tuple(message_fields(row_type))
+    sizes = [dtype[index].itemsize for index in range(len(fields))]
     assert sizes == sorted(sizes, reverse=True), f"{row_type}: its fields must be in order of size"
-    return RowLayout(sequence[0], tuple(message_fields(row_type)), dtype, -(-dtype.itemsize // sizes[0]) * sizes[0])
+    return RowLayout(sequence[0], fields, dtype, -(-dtype.itemsize // sizes[0]) * sizes[0])
 
 
 def serialize_table(type_name: str, table: Table, stamp_ns: int, frame: str) -> bytes:

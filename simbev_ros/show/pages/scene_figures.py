@@ -9,10 +9,10 @@ import numpy as np
 from rich.filesize import decimal
 
 from simbev_ros.config.scenario import SPLITS
+from simbev_ros.config.weather import WEATHER_PARAMETERS
 from simbev_ros.dataset.statistics import SceneFacts, Statistics
 from simbev_ros.dataset.tallies import SPEED_STEP_MPS
 from simbev_ros.foundation.types import AnyArray
-from simbev_ros.schema.scene.weather import Weather
 from simbev_ros.show.pages.charts import SMALL_PX, bars, figure, histogram
 from simbev_ros.show.reports.svg_charts import Series
 from simbev_ros.show.reports.svg_drawing import Color, number
@@ -21,19 +21,6 @@ SPLIT_COLORS: dict[str, Color] = {"train": (47, 111, 143), "val": (217, 142, 50)
 _MAX_KINDS = 20
 _COLUMNS = 24
 _WEATHER_BINS = 20
-WEATHER_ENDS: dict[str, tuple[float, float, str]] = {
-    "cloudiness": (0, 100, "%"),
-    "precipitation": (0, 100, "%"),
-    "precipitation_deposits": (0, 100, "%"),
-    "wetness": (0, 100, "%"),
-    "wind_intensity": (0, 100, "%"),
-    "sun_azimuth_deg": (0, 360, "°"),
-    "sun_altitude_deg": (-90, 90, "°"),
-    "fog_density": (0, 100, "%"),
-    "fog_distance_m": (0, 100, "m"),
-    "fog_falloff": (0, 5, ""),
-}
-"""Limits of each parameter of the weather in figures, and its unit."""
 
 
 def key_figures(statistics: Statistics) -> list[tuple[str, str]]:
@@ -74,8 +61,8 @@ def scene_figures(statistics: Statistics) -> Iterator[str]:
 
 def weather_figures(statistics: Statistics) -> Iterator[str]:
     """Figures of the distribution of each weather parameter over the scenes."""
-    for name in Weather.model_fields:
-        low, high, unit = WEATHER_ENDS[name]
+    for name, parameter in WEATHER_PARAMETERS.items():
+        (low, high), unit = parameter.axis, parameter.unit
         values = np.array([getattr(scene.weather, name) for scene in statistics.scenes])
         step = (high - low) / _WEATHER_BINS
         inside = np.clip(values, low, high - step / 2)

@@ -13,6 +13,7 @@ from urllib.parse import quote
 import numpy as np
 from rich.filesize import decimal
 
+from simbev_ros.config.weather import WEATHER_PARAMETERS
 from simbev_ros.dataset import Dataset, Scene, open_dataset
 from simbev_ros.dataset.statistics import SceneFacts
 from simbev_ros.evaluation.conditions import daytime_of, weather_of
@@ -24,7 +25,7 @@ from simbev_ros.foundation.semantics import BOX_CLASSES
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.recording.reader import SceneBag
-from simbev_ros.schema.palette import class_color
+from simbev_ros.schema.palette import class_color, rgb_channels
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.show.pages.charts import Chart, curves, figure
 from simbev_ros.show.pages.plans import Square, plan_picture
@@ -228,13 +229,8 @@ def _weather_curves(spec: SceneSpec, duration_s: float) -> str:
         return ""
     ends_s = np.array([0.0, duration_s])
     series = [
-        Series(parameter_title(name), np.array(weather_ends(spec, name)), color)
-        for name, color in (
-            ("cloudiness", (120, 130, 140)),
-            ("precipitation", (40, 110, 200)),
-            ("fog_density", (170, 130, 190)),
-            ("wetness", (40, 160, 160)),
-            ("sun_altitude_deg", (226, 150, 40)),
-        )
+        Series(parameter_title(name), np.array(weather_ends(spec, name)), rgb_channels(parameter.curve))
+        for name, parameter in WEATHER_PARAMETERS.items()
+        if parameter.curve is not None
     ]
     return figure("Weather, % and °", curves(ends_s, series, "s", "", over_time=True))

@@ -3,10 +3,10 @@
 from collections import Counter
 from html import escape
 
+from simbev_ros.config.weather import WEATHER_PARAMETERS
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.schema.scene.spec import SceneSpec
-from simbev_ros.schema.scene.weather import Weather
-from simbev_ros.show.pages.scene_figures import WEATHER_ENDS, parameter_title
+from simbev_ros.show.pages.scene_figures import parameter_title
 from simbev_ros.show.reports.page import section, table
 from simbev_ros.show.reports.svg_drawing import number
 
@@ -44,9 +44,9 @@ def _settings(spec: SceneSpec) -> list[str]:
 
 def _weather(spec: SceneSpec) -> list[str]:
     rows = []
-    for name in Weather.model_fields:
+    for name, parameter in WEATHER_PARAMETERS.items():
         ends = (f"{value:.3g}" for value in weather_ends(spec, name))
-        rows.append(_row(parameter_title(name), *ends, WEATHER_ENDS[name][2]))
+        rows.append(_row(parameter_title(name), *ends, parameter.unit))
     return rows
 
 

@@ -13,6 +13,7 @@ from simbev_ros.evaluation.predictions.reference_frames import AgentPoses, Refer
 from simbev_ros.foundation.geometry.transforms import quaternion_from_rpy
 from simbev_ros.foundation.semantics import BOX_CLASSES
 from simbev_ros.foundation.types import Float64Array, Table
+from simbev_ros.foundation.units import S_PER_NS
 from simbev_ros.schema.boxes import LIGHT_IDS
 from simbev_ros.schema.palette import class_color
 from simbev_ros.schema.scene.agents import agent_views
@@ -60,7 +61,7 @@ class BoxDrawing:
 
     def _draw_futures(self, boxes: Table, stamp_ns: int) -> None:
         assert self._tracks is not None
-        tick_s = self._tracks.tick_ns * 1e-9
+        tick_s = self._tracks.tick_ns * S_PER_NS
         moving = boxes[boxes["id"] < LIGHT_IDS]
         moving = moving[np.isin(moving["id"], self._tracks.id)]
         step_s = max(1, round(_STEP_S / tick_s)) * tick_s

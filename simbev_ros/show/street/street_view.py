@@ -22,7 +22,6 @@ from simbev_ros.schema.scene.weather import Weather
 from simbev_ros.show.street.street_traffic import bystanders
 from simbev_ros.simulation.render.frame import CameraImages, CameraView, RenderFrame
 from simbev_ros.simulation.render.renderer import Renderer
-from simbev_ros.simulation.world.lights import needs_low_beam
 
 SIZE_PX = (1600, 900)
 """Default width and height of pictures."""
@@ -93,7 +92,7 @@ class StreetView:
             modalities: The modalities to render; optical flow is that over the last 50 ms.
         """
         actors = self._actors.copy()
-        actors["lights"][self._driving] = Light.LOW_BEAM if needs_low_beam(weather) else 0
+        actors["lights"][self._driving] = Light.LOW_BEAM if weather.needs_low_beam else 0
         actors["lights"][self._braking] |= np.uint16(Light.BRAKE)
         world = WorldState(0, 0, EGO_ID, actors, self._signals, weather)
         before = WorldState(0, 0, EGO_ID, _a_frame_before(actors), self._signals, weather)

@@ -41,7 +41,6 @@ from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, Event, Light, WorldState
 from simbev_ros.simulation.replay.replayed_agents import replayed_agents
-from simbev_ros.simulation.world.lights import needs_low_beam
 
 _TABLES = {"/world/actors": ACTOR_DTYPE, "/world/signals": SIGNAL_DTYPE}
 _EVENTS = "/world/events"
@@ -158,8 +157,8 @@ class Replay:
 
     def _with_low_beams(self, actors: Table) -> Table:
         """Actors with the low beams of vehicles switched as the current weather demands."""
-        lit = needs_low_beam(self._spec.weather_at(self._tick))
-        if lit == needs_low_beam(self._recorded.weather_at(self._tick)):
+        lit = self._spec.weather_at(self._tick).needs_low_beam
+        if lit == self._recorded.weather_at(self._tick).needs_low_beam:
             return actors
         changed = actors.copy()
         vehicles = changed["id"] < EGO_ID + len(self._spec.vehicles)

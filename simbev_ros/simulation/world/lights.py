@@ -14,9 +14,6 @@ HAZARD_LIGHTS = _SUMO_RIGHT | _SUMO_LEFT
 _BRAKING_MPS2 = -0.6
 _STANDING_MPS = 0.1
 _REVERSING_MPS = -0.1
-_LOW_SUN_DEG = 5.0
-_HEAVY_RAIN = 50.0
-_THICK_FOG = 40.0
 
 
 def vehicle_lights(
@@ -45,7 +42,7 @@ def vehicle_lights(
     braking &= signals & HAZARD_LIGHTS != HAZARD_LIGHTS  # hazard lights: the vehicle is parked, not braking
     lights = np.zeros(len(signals), np.uint16)
     for light, on in (
-        (Light.LOW_BEAM, in_tunnel | needs_low_beam(weather)),
+        (Light.LOW_BEAM, in_tunnel | weather.needs_low_beam),
         (Light.BRAKE, braking),
         (Light.TURN_LEFT, blinker_bright & (signals & _SUMO_LEFT > 0)),
         (Light.TURN_RIGHT, blinker_bright & (signals & _SUMO_RIGHT > 0)),
@@ -59,12 +56,3 @@ def vehicle_lights(
 def is_bright(phases: Float64Array, time_s: float, rate_hz: float) -> BoolArray:
     """(V,) whether blinking lights are in their bright half, for (V,) positions in the cycle at time 0."""
     return (time_s * rate_hz + phases) % 1.0 < 0.5
-
-
-def needs_low_beam(weather: Weather) -> bool:
-    """Whether drivers switch their lights on everywhere: at dusk and night, in heavy rain, in thick fog."""
-    return (
-        weather.sun_altitude_deg < _LOW_SUN_DEG
-        or weather.precipitation > _HEAVY_RAIN
-        or weather.fog_density > _THICK_FOG
-    )

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from simbev_ros.config.scenario import WeatherParameters
+from simbev_ros.config.weather import WeatherParameters
 from simbev_ros.scene.drawing.draw_weather import draw_weather
 from simbev_ros.schema.scene.weather import Weather
 from simbev_ros.simulation.render.lighting.light import SkyLight

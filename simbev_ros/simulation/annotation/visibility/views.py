@@ -19,6 +19,7 @@ from simbev_ros.foundation.geometry.transforms import inverse
 from simbev_ros.foundation.semantics import BOX_CLASSES
 from simbev_ros.foundation.threads import start
 from simbev_ros.foundation.types import AnyArray, Float32Array, Float64Array, Int64Array, Table, UInt16Array
+from simbev_ros.schema.boxes import NO_CLASS
 from simbev_ros.schema.scene.state import WorldState, map_from_actors
 from simbev_ros.schema.views import VIEW_DTYPE
 from simbev_ros.simulation.annotation.visibility.contours import MeshInstances, trace_contours
@@ -30,7 +31,6 @@ from simbev_ros.simulation.render.geometry.level_of_detail import LevelsOfDetail
 from simbev_ros.simulation.render.view import NEAR_M, View
 
 _VISIBLE_BOX = ("left", "top", "right", "bottom")
-_NO_CLASS = 255
 
 
 class ViewAnnotator:
@@ -40,7 +40,7 @@ class ViewAnnotator:
         """Prepare the catalogue's models, indexed by blueprint."""
         self._skeletons = Skeletons(models)
         self._detail = LevelsOfDetail(models)
-        classes = [BOX_CLASSES.index(model.box_class) if model.box_class else _NO_CLASS for model in models]
+        classes = [BOX_CLASSES.index(model.box_class) if model.box_class else NO_CLASS for model in models]
         self._class = np.array(classes, np.uint8)
         self._shells: dict[tuple[int, int], Shell] = {}
 
@@ -65,7 +65,7 @@ class ViewAnnotator:
             (K,) ``VIEW_DTYPE`` per camera, ascending id.
         """
         requested = np.isin(state.actors["id"], boxes["id"]) & (state.actors["id"] != state.ego_id)
-        actors = state.actors[requested & (self._class[state.actors["blueprint"]] != _NO_CLASS)]
+        actors = state.actors[requested & (self._class[state.actors["blueprint"]] != NO_CLASS)]
         objects = _PosedObjects.from_actors(
             self._skeletons, actors, np.array([state.ego["x"], state.ego["y"], state.ego["z"]])
         )

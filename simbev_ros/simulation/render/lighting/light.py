@@ -11,7 +11,7 @@ import numpy as np
 
 from simbev_ros.foundation.tables import load_table
 from simbev_ros.foundation.types import Float64Array
-from simbev_ros.foundation.units import NS_PER_S
+from simbev_ros.foundation.units import NS_PER_S, S_PER_NS
 from simbev_ros.scene.air import fog_falloff_per_m, fog_halvings_per_m, rain_halvings_per_m
 from simbev_ros.schema.scene.weather import Weather
 from simbev_ros.simulation.render.lighting.atmosphere import (
@@ -121,7 +121,7 @@ class SkyLight:
         # Changes of the wind must not be multiplied by the whole time since 0: the drift restarts with each scene's
         # hour.
         hour, time_in_hour_ns = divmod(stamp_ns, _HOUR_NS)
-        drift_time_s = time_in_hour_ns // _CLOUD_STEP_NS * _CLOUD_STEP_NS * 1e-9
+        drift_time_s = time_in_hour_ns // _CLOUD_STEP_NS * _CLOUD_STEP_NS * S_PER_NS
         drift_per_s = _CLOUD_DRIFT_PER_S * (0.2 + weather.wind_intensity / 100.0)
         drift = (hour * _CLOUD_PHASE_PER_HOUR + drift_time_s * drift_per_s) % 1.0
         rain = weather.precipitation / 100.0
@@ -134,7 +134,7 @@ class SkyLight:
             (self.air, weather.cloudiness / 100.0),
             (self.air_glow, weather.wetness / 100.0),
             (self.cloud_light, weather.precipitation_deposits / 100.0),
-            (self.sky_ambient, time_in_hour_ns * 1e-9),
+            (self.sky_ambient, time_in_hour_ns * S_PER_NS),
             (self.ground_ambient, rain),
             (fog, haze_per_m),
             (origin_m % _NOISE_PERIOD_M, contact_half_m),

@@ -10,6 +10,7 @@ import numpy as np
 
 from simbev_ros.config.rendering import QUALITIES
 from simbev_ros.foundation.types import Float64Array
+from simbev_ros.foundation.units import S_PER_NS
 from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.simulation.render.gl.programs import ProgramLibrary
 from simbev_ros.simulation.render.gl.targets import Targets
@@ -44,7 +45,7 @@ class Rain:
         weather, ego = world.weather, world.ego
         self._weather_rain, self._wet = weather.precipitation / 100.0, weather.wetness / 100.0
         self._sheltered = sheltered
-        self._time_s = world.stamp_ns * 1e-9
+        self._time_s = world.stamp_ns * S_PER_NS
         velocity_mps = drop_velocities(weather.wind_intensity)
         self._shift_m = np.mod(velocity_mps * self._time_s - origin_m, BOX_M)
         self._passing_m = (velocity_mps - np.array([ego["vx"], ego["vy"], ego["vz"]])) * _SHUTTER_S

@@ -115,8 +115,6 @@ if TYPE_CHECKING:
     class WeatherParameters(Model):
         """A model whose fields are not known before the program runs."""
 
-        def __init__(self, **values: object) -> None: ...
-
 else:
     WeatherParameters = create_model(
         "WeatherParameters",

@@ -9,7 +9,7 @@ from typing import get_args
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.rendering import Quality
 from simbev_ros.config.scenario import MapScenes, Scenario, Timing
-from simbev_ros.config.weather import WeatherConfig
+from simbev_ros.config.weather import WEATHER_PARAMETERS, WeatherConfig
 from simbev_ros.foundation.threads import usable_cores
 from simbev_ros.production.drawing import draw_scenes
 from simbev_ros.production.observer import SILENT, ProductionObserver
@@ -17,17 +17,11 @@ from simbev_ros.production.play import play_on
 from simbev_ros.ros.graph.session import GraphSession
 from simbev_ros.ros.nodes.load_meter import BUSY, Part, part_keys
 
-DAY = WeatherConfig(
-    cloudiness=20,
-    precipitation=0,
-    precipitation_deposits=0,
-    wetness=0,
-    wind_intensity=10,
-    sun_azimuth_deg=160,
-    sun_altitude_deg=45,
-    fog_density=0,
-    fog_distance_m=0,
-    fog_falloff=1,
+DAY = WeatherConfig.model_validate(
+    {
+        **dict.fromkeys(WEATHER_PARAMETERS, 0.0),
+        "cloudiness": 20, "wind_intensity": 10, "sun_azimuth_deg": 160, "sun_altitude_deg": 45, "fog_falloff": 1,
+    }
 )
 """Weather of benchmarks: a clear day."""
 

@@ -3,10 +3,11 @@
 import numpy as np
 
 from simbev_ros.baselines.grid import FEATURE_CELL_M, FEATURE_CELLS, HALF_M, level_from_map
+from simbev_ros.foundation.semantics import BOX_CLASSES
 from simbev_ros.foundation.types import AnyArray, Float32Array, Float64Array, Table
 
-DETECTED_CLASSES = ("car", "truck", "bus", "motorcycle", "bicycle", "pedestrian")
-"""Classes of boxes that are predicted, those of the paper."""
+DETECTED_CLASSES = BOX_CLASSES[:6]
+"""Classes of boxes that are predicted: those of the paper, for which the weights of this package were trained."""
 BOX_VALUES = ("dx", "dy", "z", "log_length", "log_width", "log_height", "sin_yaw", "cos_yaw", "vx", "vy")
 """Values of a box at the cell of its center: offset from the cell's center along rows and columns, in cells; height, m;
 logarithms of its size in m; heading and velocity in the level frame, m/s."""

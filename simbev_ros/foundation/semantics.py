@@ -1,6 +1,10 @@
 """Label vocabulary of the whole system: semantic tags (CARLA's numbering), BEV classes and box classes."""
 
+from collections.abc import Mapping
 from enum import IntEnum
+from typing import Any
+
+from simbev_ros.foundation.tables import load_table
 
 
 class Tag(IntEnum):
@@ -37,37 +41,28 @@ class Tag(IntEnum):
     GUARD_RAIL = 28
 
 
-BEV_CLASSES: tuple[str, ...] = (
-    "road",
-    "hazard",
-    "road_line",
-    "sidewalk",
-    "crosswalk",
-    "traffic_cone",
-    "barrier",
-    "car",
-    "truck",
-    "bus",
-    "motorcycle",
-    "bicycle",
-    "rider",
-    "pedestrian",
-)
-"""Bird's-eye-view classes in bit order: class ``k`` is bit ``k`` of a label cell."""
+CLASSES: Mapping[str, Mapping[str, Any]] = load_table("simbev_ros.foundation", "classes.yaml")
+"""Rows of classes.yaml, all that is known of a class, by name; in the order in which the grid is painted."""
 
-BOX_CLASSES: tuple[str, ...] = (
-    "car",
-    "truck",
-    "bus",
-    "motorcycle",
-    "bicycle",
-    "pedestrian",
-    "traffic_light",
-    "traffic_sign",
-    "traffic_cone",
-    "barrier",
-)
-"""Classes of 3-D detection boxes; ``truck`` includes vans and HGVs."""
+
+def _in_order_of(column: str) -> tuple[str, ...]:
+    """Names of the classes that have a number in a column; the numbers count from 0, as they are indices."""
+    numbers = {row[column]: name for name, row in CLASSES.items() if column in row}
+    assert sorted(numbers) == [*range(len(numbers))], f"classes.yaml: {column}: numbers must count from 0 without gaps"
+    return tuple(numbers[index] for index in range(len(numbers)))
+
+
+BEV_CLASSES: tuple[str, ...] = _in_order_of("bit")
+"""Bird's-eye-view classes in bit order: class ``k`` is bit ``k`` of a label cell. Bags have the bits: append only."""
+
+BOX_CLASSES: tuple[str, ...] = _in_order_of("box")
+"""Classes of 3-D detection boxes; ``truck`` includes vans and HGVs. Bags have the indices: append only."""
+
+MOVING_CLASSES: tuple[str, ...] = tuple(name for name in BOX_CLASSES if "moves" in CLASSES[name])
+"""Classes of boxes that take part in traffic."""
+
+MOTOR_CLASSES: tuple[str, ...] = tuple(name for name in MOVING_CLASSES if CLASSES[name]["moves"] == "motor")
+"""Classes of vehicles with a motor."""
 
 DIFFICULTIES: tuple[str, ...] = ("easy", "medium", "hard")
 """Difficulty levels of detecting a box."""

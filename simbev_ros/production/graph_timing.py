@@ -20,7 +20,11 @@ from simbev_ros.ros.nodes.load_meter import BUSY, Part, part_keys
 DAY = WeatherConfig.model_validate(
     {
         **dict.fromkeys(WEATHER_PARAMETERS, 0.0),
-        "cloudiness": 20, "wind_intensity": 10, "sun_azimuth_deg": 160, "sun_altitude_deg": 45, "fog_falloff": 1,
+        "cloudiness": 20,
+        "wind_intensity": 10,
+        "sun_azimuth_deg": 160,
+        "sun_altitude_deg": 45,
+        "fog_falloff": 1,
     }
 )
 """Weather of benchmarks: a clear day."""

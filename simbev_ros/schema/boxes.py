@@ -4,8 +4,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from simbev_ros.foundation.semantics import BOX_CLASSES, DIFFICULTIES
-from simbev_ros.foundation.tables import load_table
+from simbev_ros.foundation.semantics import BOX_CLASSES, CLASSES, DIFFICULTIES
 from simbev_ros.foundation.types import AnyArray, Float64Array, Int64Array, Table
 from simbev_ros.schema.messages.message_rows import message_constants, row_dtype
 from simbev_ros.schema.scene.state import map_from_actors
@@ -43,7 +42,7 @@ def difficulty(box_class: AnyArray, distance_m: AnyArray, points: AnyArray) -> I
     """(B,) index into ``DIFFICULTIES`` from class, distance to the ego, and number of lidar and radar points inside.
 
     A box is hard at or beyond a class-specific distance or below a number of points, else medium at or beyond a smaller
-    distance or below a larger number, else easy (SimBEV; the thresholds are in difficulty.yaml).
+    distance or below a larger number, else easy (SimBEV; the thresholds are in classes.yaml).
     """
     limits = _limits()[box_class]
     within = (distance_m[:, None] < limits[..., 0]) & (points[:, None] >= limits[..., 1])
@@ -56,5 +55,4 @@ _EASY, _MEDIUM, _HARD = (DIFFICULTIES.index(name) for name in ("easy", "medium",
 @lru_cache(maxsize=1)
 def _limits() -> Float64Array:
     """(classes, 2, 2) distance and number of points, for hard first, then for medium."""
-    table = load_table("simbev_ros.schema", "difficulty.yaml")
-    return np.array([[table[name]["hard"], table[name]["medium"]] for name in BOX_CLASSES], np.float64)
+    return np.array([[CLASSES[name]["hard"], CLASSES[name]["medium"]] for name in BOX_CLASSES], np.float64)

@@ -1,11 +1,11 @@
-"""Display colors of labels (semantic tags, BEV classes, boxes, traffic lights), read from palette.yaml."""
+"""Display colors of labels: semantic tags and traffic lights by palette.yaml, classes by foundation/classes.yaml."""
 
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from simbev_ros.foundation.semantics import BEV_CLASSES, Tag
+from simbev_ros.foundation.semantics import BEV_CLASSES, CLASSES, Tag
 from simbev_ros.foundation.tables import load_table
 from simbev_ros.foundation.types import UInt8Array, UInt16Array
 
@@ -21,9 +21,13 @@ def bev_color(labels: UInt16Array) -> UInt8Array:
 
 
 def class_color(name: str) -> tuple[int, int, int]:
-    """Color (sRGB, 0..255) of a box class: its BEV color, or its semantic tag's color if it is not a BEV class."""
-    palette = _palette()
-    return rgb_channels(palette["bev"].get(name) or palette["semantic"][name.upper()])
+    """Color (sRGB, 0..255) of a class of boxes or of the bird's-eye view."""
+    return rgb_channels(CLASSES[name]["color"])
+
+
+def chart_color(name: str) -> tuple[int, int, int]:
+    """Color (sRGB, 0..255) of a class in charts: like that of the bird's-eye view, but readable on white and black."""
+    return rgb_channels(CLASSES[name]["chart"])
 
 
 def signal_color(state: str) -> tuple[int, int, int]:
@@ -45,8 +49,8 @@ def _bev_table() -> UInt8Array:
     """(2^classes, 3) color per combination of classes."""
     labels = np.arange(1 << len(BEV_CLASSES))
     table = np.tile(_rgb(_palette()["bev_background"]), (len(labels), 1))
-    for name, code in _palette()["bev"].items():
-        table[labels >> BEV_CLASSES.index(name) & 1 == 1] = _rgb(code)
+    for row in (each for each in CLASSES.values() if "bit" in each):
+        table[labels >> row["bit"] & 1 == 1] = _rgb(row["color"])
     return table
 
 

@@ -17,7 +17,7 @@ from processes import run
 
 from simbev_ros.dataset import open_dataset
 from simbev_ros.export.nuscenes.export import export_nuscenes
-from simbev_ros.export.nuscenes.taxonomy import detection_ranges_m
+from simbev_ros.schema.nuscenes import detection_ranges_m
 
 CHECKS, MAP_CHECKS = (Path(__file__).with_name(name) for name in ("devkit_checks.py", "devkit_map_checks.py"))
 

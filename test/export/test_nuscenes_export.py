@@ -30,7 +30,7 @@ from simbev_ros.export.nuscenes.keyframes import keyframe_by_tick
 from simbev_ros.export.nuscenes.origins import origins_by_scene
 from simbev_ros.export.nuscenes.sensor_files import radar_rows
 from simbev_ros.export.nuscenes.sites import sites_of
-from simbev_ros.export.nuscenes.taxonomy import taxonomy_tables, visibility_tokens
+from simbev_ros.export.nuscenes.taxonomy import taxonomy_tables
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.geometry.camera import LensCamera
 from simbev_ros.foundation.geometry.transforms import apply, inverse, matrices_from_xyz_rpy
@@ -39,6 +39,7 @@ from simbev_ros.foundation.types import AnyArray, Float64Array
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.roads.surface import surfaces_of
 from simbev_ros.scene.blueprints import load_blueprints
+from simbev_ros.schema.nuscenes import visibility_tokens
 from simbev_ros.schema.points import POINT_DTYPE, RADAR_POINT_DTYPE
 from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.schema.scene.state import ACTOR_DTYPE, EGO_ID

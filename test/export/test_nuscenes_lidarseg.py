@@ -12,10 +12,11 @@ from typer.testing import CliRunner
 
 from simbev_ros.cli.main import app
 from simbev_ros.export.nuscenes.point_categories import labels_of_points, labels_of_surfaces
-from simbev_ros.export.nuscenes.taxonomy import category_of_tag, point_labels, taxonomy_tables
+from simbev_ros.export.nuscenes.taxonomy import taxonomy_tables
 from simbev_ros.foundation.semantics import Tag
 from simbev_ros.foundation.types import AnyArray, Table, UInt8Array
 from simbev_ros.scene.legend import legend
+from simbev_ros.schema.nuscenes import category_of_tag, point_labels
 from simbev_ros.schema.points import POINT_DTYPE, SEMANTIC_POINT_DTYPE
 from simbev_ros.schema.scene.state import ACTOR_DTYPE, EGO_ID
 

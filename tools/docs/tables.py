@@ -11,9 +11,9 @@ from io import StringIO
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 import simbev_ros
+from simbev_ros.foundation.semantics import BOX_CLASSES, CLASSES
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.legend import legend
 from tools.docs.interfaces import message_fields_of
@@ -150,8 +150,7 @@ def _legend() -> Iterator[str]:
 
 
 def _difficulty() -> str:
-    (path,) = Path(str(simbev_ros.__file__)).parent.rglob("difficulty.yaml")
-    limits = yaml.safe_load(path.read_text(encoding="utf-8"))
+    limits = {name: CLASSES[name] for name in BOX_CLASSES}
     rows = [
         (code(name), *(f"≥ {distance} m, or < {points} points" for distance, points in (each["hard"], each["medium"])))
         for name, each in limits.items()

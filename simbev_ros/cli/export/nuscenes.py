@@ -124,7 +124,7 @@ def _report(done: "Exported", out: Path) -> None:
 
 def _bounds_of_map(classes: Mapping[str, Sequence[str]]) -> Iterator[str]:
     """Lines of text that say which mAP perfect detections have in nuScenes' evaluation, by split."""
-    from simbev_ros.export.nuscenes.taxonomy import detection_ranges_m
+    from simbev_ros.schema.nuscenes import detection_ranges_m
 
     known = list(detection_ranges_m())
     for split, found in classes.items():

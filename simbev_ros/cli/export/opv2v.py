@@ -10,12 +10,12 @@ import typer
 from simbev_ros.cli.console import counting_bar, make_console, plural
 from simbev_ros.cli.pool import Ray, Workers, open_pool, shared_path
 from simbev_ros.foundation.errors import InputError, SimbevError
+from simbev_ros.foundation.semantics import MOTOR_CLASSES, MOVING_CLASSES
 
 if TYPE_CHECKING:
     from simbev_ros.export.opv2v.export import Exported
 
 _MODULE, _MEMORY_MIB = "simbev_ros.export.opv2v.export", 1024
-_ACTORS = ("car", "truck", "bus", "motorcycle", "bicycle", "pedestrian")
 
 
 def export_opv2v(
@@ -24,8 +24,10 @@ def export_opv2v(
     rate_hz: Annotated[float, typer.Option(help="Number of frames per second.", min=0.01, max=1000)] = 10.0,
     classes: Annotated[
         str,
-        typer.Option(help=f"Classes of vehicles, with commas between; allowed: {', '.join(_ACTORS)}.", metavar="NAMES"),
-    ] = "car,truck,bus,motorcycle",
+        typer.Option(
+            help=f"Classes of vehicles, with commas between; allowed: {', '.join(MOVING_CLASSES)}.", metavar="NAMES"
+        ),
+    ] = ",".join(MOTOR_CLASSES),
     points: Annotated[int, typer.Option(help="Minimum number of an agent's lidar points in a vehicle.", min=0)] = 1,
     cameras: Annotated[
         str | None,
@@ -61,8 +63,8 @@ def export_opv2v(
         raise InputError(f"{cameras!r} are {len(chosen)}; the layout has {MAX_CAMERAS}", parameter="cameras")
     wanted = _words("classes", classes)
     for name in wanted:
-        if name not in _ACTORS:
-            raise InputError(f"there is no {name!r}; allowed: {', '.join(_ACTORS)}", parameter="classes")
+        if name not in MOVING_CLASSES:
+            raise InputError(f"there is no {name!r}; allowed: {', '.join(MOVING_CLASSES)}", parameter="classes")
     settings = FrameSettings(rate_hz=rate_hz, classes=wanted, min_points=points, cameras=chosen)
     opened, out = open_dataset(shared_path(dataset, ray), threads=1), shared_path(out, ray)
     pooled = open_pool(workers, ray, module=_MODULE, memory_mib=_MEMORY_MIB, reads=[dataset], writes=[out])

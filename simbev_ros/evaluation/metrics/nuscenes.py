@@ -18,19 +18,9 @@ from simbev_ros.evaluation.metrics.errors import angle_between_rad, distance, er
 from simbev_ros.evaluation.metrics.matching import match, near_pairs, ranks, sorted_pairs
 from simbev_ros.foundation.semantics import BOX_CLASSES
 from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array, UInt8Array
+from simbev_ros.schema.nuscenes import detection_ranges_m
 
-CLASSES: tuple[str, ...] = (
-    "car",
-    "truck",
-    "bus",
-    "trailer",
-    "construction_vehicle",
-    "pedestrian",
-    "motorcycle",
-    "bicycle",
-    "traffic_cone",
-    "barrier",
-)
+CLASSES: tuple[str, ...] = tuple(detection_ranges_m())
 """Classes of the nuScenes detection task; two of them never occur in our scenes."""
 ERRORS: tuple[str, ...] = ("mATE", "mAOE", "mASE", "mAVE", "mAAE")
 DISTANCES_M: tuple[float, ...] = (0.5, 1.0, 2.0, 4.0)

@@ -15,10 +15,10 @@ from simbev_ros.evaluation.metrics.boxes import NO_ATTRIBUTE, Boxes, Predictions
 from simbev_ros.export.nuscenes.channels import TOP_LIDAR, channels_of
 from simbev_ros.export.nuscenes.keyframes import keyframes_of
 from simbev_ros.export.nuscenes.scene_taxonomy import SceneTaxonomy
-from simbev_ros.export.nuscenes.taxonomy import attribute_names, detection_class_of, detection_ranges_m
 from simbev_ros.foundation.semantics import BOX_CLASSES
 from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array, Table, UInt8Array
 from simbev_ros.schema.boxes import NO_CLASS
+from simbev_ros.schema.nuscenes import attribute_names, detection_class_of, detection_ranges_m
 
 ATTRIBUTES: tuple[str, ...] = tuple(attribute_names())
 """Attribute names; the boxes' attributes are indices into them."""

@@ -8,9 +8,10 @@ import numpy as np
 from simbev_ros.dataset import Frame, Scene, columns
 from simbev_ros.export.nuscenes.channels import wxyz
 from simbev_ros.export.nuscenes.scene_taxonomy import SceneTaxonomy
-from simbev_ros.export.nuscenes.taxonomy import Record, token, visibility_tokens
+from simbev_ros.export.nuscenes.taxonomy import Record, token
 from simbev_ros.foundation.geometry.transforms import quaternion_from_rpy
 from simbev_ros.foundation.types import Table
+from simbev_ros.schema.nuscenes import visibility_tokens
 
 _DECIMALS = 9
 """Number of decimals of lengths in meters and of the components of quaternions."""

@@ -9,7 +9,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from simbev_ros.export.nuscenes.channels import TOP_LIDAR
-from simbev_ros.export.nuscenes.taxonomy import Record, detection_class_of, detection_ranges_m, taxonomy_tables
+from simbev_ros.export.nuscenes.taxonomy import Record, taxonomy_tables
+from simbev_ros.schema.nuscenes import detection_class_of, detection_ranges_m
 
 
 def evaluated_classes(rows: Mapping[str, Sequence[Record]]) -> set[str]:

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from simbev_ros.dataset import columns
-from simbev_ros.export.nuscenes.taxonomy import category_of_blueprint, category_of_tag, point_labels
 from simbev_ros.foundation.semantics import Tag
 from simbev_ros.foundation.types import AnyArray, Float64Array, Int64Array, Table, UInt8Array
+from simbev_ros.schema.nuscenes import category_of_blueprint, category_of_tag, point_labels
 
 _MAX_ANGLE_RAD = 1e-5
 """Maximum angle between two directions of one ray; rounding to float32 makes 1e-7, and rays are 1e-4 apart."""

@@ -1,8 +1,8 @@
 """Gives the boxes of a scene their nuScenes categories and attributes, which also depend on the scene's actors."""
 
 from simbev_ros.dataset import Frame, Scene
-from simbev_ros.export.nuscenes.taxonomy import attributes_of, categories_of
 from simbev_ros.foundation.errors import InputError
+from simbev_ros.schema.nuscenes import attributes_of, categories_of
 from simbev_ros.schema.scene.state import EGO_ID
 
 

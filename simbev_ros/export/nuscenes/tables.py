@@ -15,8 +15,9 @@ from simbev_ros.config.scenario import SPLITS
 from simbev_ros.export.nuscenes.evaluated_classes import evaluated_classes
 from simbev_ros.export.nuscenes.scene_part import ScenePart
 from simbev_ros.export.nuscenes.sites import Site
-from simbev_ros.export.nuscenes.taxonomy import Record, detection_ranges_m, taxonomy_tables
+from simbev_ros.export.nuscenes.taxonomy import Record, taxonomy_tables
 from simbev_ros.foundation.files.syncing import sync
+from simbev_ros.schema.nuscenes import detection_ranges_m
 
 _SCENE_TABLES = (
     "scene",

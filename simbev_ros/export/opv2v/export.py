@@ -25,9 +25,6 @@ from simbev_ros.foundation.object_store.object_path import require_local
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.recording.layout import PARTIAL_SUFFIX
 
-VEHICLE_CLASSES = ("car", "truck", "bus", "motorcycle")
-"""Classes of boxes that are vehicles of the layout unless others are chosen."""
-
 MAX_CAMERAS = 4
 
 _FOLDERS = {"train": "train", "val": "validate", "test": "test"}

@@ -17,7 +17,7 @@ from simbev_ros.dataset.tallies import (
     SPEED_STEP_MPS,
     VISIBILITIES,
 )
-from simbev_ros.foundation.semantics import BOX_CLASSES, DIFFICULTIES
+from simbev_ros.foundation.semantics import BOX_CLASSES, CLASSES, DIFFICULTIES, MOVING_CLASSES
 from simbev_ros.foundation.types import Int64Array
 from simbev_ros.schema.palette import class_color
 from simbev_ros.show.pages.charts import SMALL_PX, WIDE_PX, Chart, axis_title, bars, curves, figure, heat_map, histogram
@@ -26,7 +26,7 @@ from simbev_ros.show.reports.svg_drawing import Color, number
 
 _PALE: Color = (203, 213, 219)
 _DIFFICULTY_COLORS: tuple[Color, ...] = ((126, 184, 138), (226, 178, 84), (196, 84, 74))
-_MOVING = ("car", "truck", "bus", "motorcycle", "bicycle", "pedestrian")
+_ON_WHEELS = tuple(name for name in MOVING_CLASSES if CLASSES[name]["moves"] != "feet")
 _COLUMNS = 24
 _RINGS_M = (40, 80, 120)
 _RING = {"color": "rgba(128,128,128,0.7)", "width": 1, "dash": "dot"}
@@ -58,7 +58,7 @@ def box_figures(statistics: Statistics) -> Iterator[str]:
         Series(name, counts["difficulty"][rows, k] / frames, colors_of[name]) for k, name in enumerate(DIFFICULTIES)
     ]
     yield figure("Difficulty, boxes a frame", bars(names, grades))
-    yield _position_figure(counts["places"], ("car", "truck", "bus", "motorcycle", "bicycle"), "Where vehicles are")
+    yield _position_figure(counts["places"], _ON_WHEELS, "Where vehicles are")
     yield _position_figure(counts["places"], ("pedestrian",), "Where pedestrians are")
     for kind in ("lidar", "radar"):
         if counts[f"{kind}_points"].any():
@@ -87,7 +87,7 @@ def size_figures(statistics: Statistics) -> Iterator[str]:
         row, color = BOX_CLASSES.index(name), class_color(name)
         if not counts["boxes"][row]:
             continue
-        if name in _MOVING:
+        if name in MOVING_CLASSES:
             chart = histogram(
                 [Series("boxes", counts["speed"][row], color)], SPEED_STEP_MPS, "m/s", "", height_px=SMALL_PX
             )

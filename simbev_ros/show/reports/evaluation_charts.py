@@ -4,7 +4,6 @@ An ``Evaluation`` or its figures enter; HTML figures with SVG charts leave.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import lru_cache
 
 import numpy as np
 
@@ -12,8 +11,8 @@ from simbev_ros.evaluation.evaluation import Evaluation
 from simbev_ros.evaluation.metrics.detection import Method
 from simbev_ros.evaluation.tables import METHOD_NAMES, Figures, at_table_threshold, measured_methods
 from simbev_ros.foundation.semantics import BOX_CLASSES
-from simbev_ros.foundation.tables import load_table
 from simbev_ros.foundation.types import Float64Array
+from simbev_ros.schema.palette import chart_color
 from simbev_ros.show.reports.svg_charts import Series, figure, legend, words
 from simbev_ros.show.reports.svg_drawing import Color, Size
 from simbev_ros.show.reports.svg_lines import share_lines, share_profile
@@ -89,8 +88,8 @@ def cell_figures(segmentation: Figures) -> Iterator[str]:
 def _profile(
     title: str, y_label: str, names: Sequence[str], values: Mapping[str, Iterable[float | None]], *, joined: bool
 ) -> str:
-    colors = {words(name): class_colors()[name] for name in values}
-    series = [Series(words(name), _numbers(own), class_colors()[name]) for name, own in values.items()]
+    colors = {words(name): chart_color(name) for name in values}
+    series = [Series(words(name), _numbers(own), chart_color(name)) for name, own in values.items()]
     return figure(title, share_profile(names, series, y_label, _PROFILE, joined=joined), legend(colors))
 
 
@@ -101,10 +100,3 @@ def _short(name: str) -> str:
 
 def _numbers(values: Iterable[float | None]) -> Float64Array:
     return np.array([np.nan if value is None else value for value in values])
-
-
-@lru_cache(maxsize=1)
-def class_colors() -> dict[str, Color]:
-    """Chart colors of all box and bird's-eye-view classes by name."""
-    codes = load_table("simbev_ros.show.reports", "class_colors.yaml")
-    return {name: (code >> 16, code >> 8 & 255, code & 255) for name, code in codes.items()}

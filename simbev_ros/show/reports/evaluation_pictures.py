@@ -18,7 +18,7 @@ from simbev_ros.foundation.geometry.transforms import inverse
 from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES
 from simbev_ros.foundation.types import AnyArray, BoolArray, Float64Array, Int64Array, Table, UInt8Array
 from simbev_ros.schema.boxes import blank_boxes
-from simbev_ros.show.reports.evaluation_charts import class_colors
+from simbev_ros.schema.palette import chart_color
 from simbev_ros.show.reports.svg_charts import words
 from simbev_ros.show.reports.svg_drawing import Drawing
 from simbev_ros.show.sheet.truth import leveled_pose
@@ -153,5 +153,5 @@ def _ground(labels: AnyArray) -> tuple[UInt8Array, UInt8Array]:
     indices, ramp = np.zeros(labels.shape, np.uint8), np.zeros((256, 4), np.uint8)
     for index, name in enumerate(_GROUND_CLASSES, start=1):
         indices[labels >> BEV_CLASSES.index(name) & 1 == 1] = index
-        ramp[index] = *class_colors()[name], _GROUND_OPACITY
+        ramp[index] = *chart_color(name), _GROUND_OPACITY
     return indices, ramp

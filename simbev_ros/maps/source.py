@@ -8,7 +8,6 @@ from importlib.resources import files
 from pathlib import Path
 
 from simbev_ros.config.map_files import MAP_SUFFIXES, READ_FILES, Bounds, expand_home
-from simbev_ros.config.scenario import Scenario
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.files.limits import MAX_MAP_BYTES, MAX_OSM_BYTES, MAX_PBF_BYTES
 from simbev_ros.maps.safe_xml import check_readable
@@ -53,15 +52,6 @@ def map_spec(name_or_path: str, seed: int = 0, bounds: Bounds | None = None) -> 
     raise InputError(
         f"map: no map is called {name_or_path!r}; towns: {', '.join(known_maps())}; map files end in {READ_FILES}"
     )
-
-
-def maps_of(scenario: Scenario) -> list[MapSpec]:
-    """The map of each entry of a configuration's scenes, in its order; a map may occur several times.
-
-    Raises:
-        InputError: There is no such town or file.
-    """
-    return [map_spec(entry.map, bounds=entry.bounds) for entry in scenario.scenes]
 
 
 def known_map(name_or_path: str) -> str:

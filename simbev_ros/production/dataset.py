@@ -11,7 +11,6 @@ from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import Plan, PlannedEntry
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath, path_or_url
-from simbev_ros.maps.source import maps_of
 from simbev_ros.production.cluster.node_check import check_nodes
 from simbev_ros.production.cluster.ray_cluster import RayCluster
 from simbev_ros.production.dataset_maker import DatasetMaker
@@ -22,6 +21,7 @@ from simbev_ros.production.workers.ray_metrics import RayMetrics
 from simbev_ros.production.workers.ray_worker_pool import RayWorkerPool
 from simbev_ros.production.workers.worker_pool import WorkerPool
 from simbev_ros.ros.graph.domain import ISOLATED_DOMAINS
+from simbev_ros.scene.drawing.draw_scene import maps_of
 from simbev_ros.schema.scene.map_spec import MapSpec
 
 _MAX_WORKERS = len(ISOLATED_DOMAINS)

@@ -11,7 +11,7 @@ from simbev_ros.config.camera import Camera
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.foundation.errors import GraphError, InputError
 from simbev_ros.foundation.files.limits import MAX_OSM_BYTES
-from simbev_ros.maps.source import file_of, maps_of
+from simbev_ros.maps.source import file_of
 from simbev_ros.production.cluster.node_check import Code
 from simbev_ros.production.cluster.ray_cluster import RayCluster, largest
 from simbev_ros.production.observer import SILENT, ProductionObserver
@@ -23,6 +23,7 @@ from simbev_ros.production.workers.messages import Settings
 from simbev_ros.production.workers.ray_worker import Needs, RayWorker, WorkerActor
 from simbev_ros.production.workers.supervised_pool import SupervisedPool
 from simbev_ros.production.workers.worker_pool import Worker
+from simbev_ros.scene.drawing.draw_scene import maps_of
 from simbev_ros.schema.scene.map_spec import MapSpec
 
 _POLL_S, _NODES_S = 0.5, 5.0

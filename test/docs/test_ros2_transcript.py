@@ -14,7 +14,6 @@ from simbev_ros.ros.graph.plan import plan_processes
 from simbev_ros.ros.msgs import topics
 from simbev_ros.ros.msgs.qos import qos_of
 from simbev_ros.ros.msgs.topic import Topic
-from simbev_ros.schema.points import POINT_DTYPE
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs/guide/ros.md").read_text(encoding="utf-8")
@@ -78,18 +77,6 @@ def test_a_publisher_has_the_qos_of_its_topic() -> None:
     assert f"Type: {topic.type}\n" in text
     assert f"Reliability: {profile.reliability.upper()}\n" in text
     assert f"Durability: {profile.durability.upper()}\n" in text
-
-
-def test_clouds_have_the_size_of_their_points() -> None:
-    message = yaml.safe_load(answer("topic echo --once --no-arr /ego/lidar/points").replace("---", ""))
-    assert message["point_step"] == POINT_DTYPE.itemsize
-    assert message["row_step"] == message["width"] * POINT_DTYPE.itemsize
-    assert message["header"]["frame_id"] == "ego/lidar"
-
-
-def test_the_rate_is_that_of_the_ticks() -> None:
-    (rate_hz,) = re.findall(r"average rate: ([\d.]+)", answer("topic hz /ego/odom"))
-    assert float(rate_hz) == pytest.approx(1.0 / SCENARIO.time.tick_s, rel=0.05)
 
 
 def test_parameters_are_those_of_the_plan() -> None:

@@ -29,11 +29,6 @@ amcl: {ros__parameters: {base_frame_id: base_footprint}}
 """
 
 
-def test_the_page_shows_the_local_costmap_of_the_file() -> None:
-    (block,) = re.findall(r"^```yaml\n(.*?)^```$", page("nav2"), re.DOTALL | re.MULTILINE)
-    assert block in FILE.read_text() and yaml.safe_load(block) == {"local_costmap": PARAMETERS["local_costmap"]}
-
-
 def test_printed_script_puts_our_parameters_over_the_defaults(tmp_path: Path) -> None:
     found = re.search(r"^python3 - \S+ (\S+) >params.yaml <<'EOF'\n(.*?)^EOF$", page("nav2"), re.DOTALL | re.MULTILINE)
     assert found is not None and ROOT / found[1] == FILE

@@ -30,6 +30,7 @@ SIMULATOR = [
     "libsumo>=1.28",
     "mapbox_earcut>=2.0",
     "moderngl>=5.12",
+    "obstore>=0.12",
     "open3d-cpu>=0.20",
     "osmium>=4.0",
     "packaging>=23.0",

@@ -110,7 +110,7 @@ class BucketStorage:
             StoreError: The store cannot be reached or refuses access.
         """
         shutil.rmtree(self.staging, ignore_errors=True)
-        if self._lock.is_held():
+        if self._lock.renew():
             self.index.write()
             delete_tree(staging_of(self._path))
         else:

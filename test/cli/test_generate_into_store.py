@@ -10,7 +10,7 @@ from store_server import BUCKET, StoreServer
 
 from simbev_ros.dataset.plan import Plan, PlannedEntry
 from simbev_ros.dataset.stored_index import StoredIndex
-from simbev_ros.foundation.object_store import connection
+from simbev_ros.foundation.object_store import connection, writer
 from simbev_ros.foundation.object_store.object_lock import ObjectLock
 from simbev_ros.foundation.object_store.object_path import ObjectPath
 from simbev_ros.foundation.object_store.transfers import list_objects, put_bytes
@@ -46,7 +46,7 @@ def test_a_store_that_cannot_be_written_to_is_refused(
 ) -> None:
     store.is_read_only = True
     message = one_line(refused("generate", config, "--out", SET, *more))
-    assert message.startswith(f"{SET}/.lock.") and "access was refused (ACCESS_DENIED); check the cred" in message
+    assert message.startswith(f"{SET}/.lock.") and "access was refused (AccessDenied); check the cred" in message
     store.reset()
     assert not list_objects(ObjectPath(BUCKET))
 
@@ -68,7 +68,8 @@ def test_a_store_without_credentials_is_refused(
 def test_a_store_that_cannot_be_reached_is_refused(
     refused: Refused, config: Path, store: StoreServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(connection, "_MAX_ATTEMPTS", 1)
+    for module in (connection, writer):
+        monkeypatch.setattr(module, "MAX_ATTEMPTS", 1)
     monkeypatch.setenv("AWS_ENDPOINT_URL_S3", "http://127.0.0.1:1")
     assert "http://127.0.0.1:1 cannot be reached" in one_line(refused("generate", config, "--out", SET))
 
@@ -83,7 +84,7 @@ def test_other_urls_and_urls_of_configurations_are_refused(refused: Refused, con
 def test_a_second_driver_is_told_who_writes(refused: Refused, config: Path, store: StoreServer) -> None:
     with ObjectLock(SET):
         message = one_line(refused("generate", config, "--out", SET))
-    assert message.startswith(f"{SET}: process ") and " is writing into it; its last sign of life is " in message
+    assert message.startswith(f"{SET}: process ") and " is writing into it; its last heartbeat is " in message
 
 
 def test_a_scene_to_replace_that_does_not_exist_is_refused(refused: Refused, config: Path, store: StoreServer) -> None:

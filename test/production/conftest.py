@@ -1,11 +1,12 @@
 """A graph and a cluster that are not there, configurations for them, and the death of drivers."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from typing import Any
 
+import obstore
 import pytest
 from bucket_content import DieAfter, Killed
 from fake_graph import FakeGraph, Scenarios
@@ -13,13 +14,12 @@ from fake_ray import FakeRay, install_fake_ray
 
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.foundation.object_store import object_lock
-from simbev_ros.foundation.object_store.connection import connection
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.production import scene_maker, surroundings
 from simbev_ros.schema.scene.map_spec import MapSpec
 
-_WRITES = ("open_output_stream", "copy_file", "delete_dir", "delete_file")
+_WRITES = ("put", "copy", "delete")
 
 
 @cache
@@ -62,19 +62,18 @@ def die_after(monkeypatch: pytest.MonkeyPatch) -> DieAfter:
     def arrange(writes: int) -> Iterator[None]:
         left = iter(range(writes))
 
-        class Files:
-            def __init__(self, files: Any) -> None:
-                self._files = files
-
-            def __getattr__(self, name: str) -> Any:
-                if name in _WRITES and next(left, None) is None:
+        def counted(write: Callable[..., Any]) -> Callable[..., Any]:
+            def call(*arguments: Any, **options: Any) -> Any:
+                if next(left, None) is None:
                     raise Killed
-                return getattr(self._files, name)
+                return write(*arguments, **options)
+
+            return call
 
         monkeypatch.setattr(object_lock, "_EXPIRY_S", 0.0)
         with monkeypatch.context() as patch:
-            for one in (connection(), connection(is_patient=True)):
-                patch.setattr(one, "files", Files(one.files))
+            for name in _WRITES:
+                patch.setattr(obstore, name, counted(getattr(obstore, name)))
             yield
 
     return arrange

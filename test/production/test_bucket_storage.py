@@ -147,7 +147,9 @@ def test_a_driver_whose_dataset_was_taken_over_touches_nothing_more(
         put_bytes(b'{"host": "other", "pid": 7, "token": "x"}', SET / ".lock")
 
     monkeypatch.setattr(object_upload, "put_file", put)
-    with pytest.raises(InputError, match=r"^s3://made-up/sets/a: process 7 on other has begun to write into it"):
+    with pytest.raises(
+        InputError, match=r"^s3://made-up/sets/a: process 7 on other has taken over; this process stops"
+    ):
         make_dataset(scenario(1), SET)
     assert sorted(objects(SET)) == [".lock", "index.parquet", "plan.json"] and read_index(SET) == []
     assert b"other" in objects(SET)[".lock"]

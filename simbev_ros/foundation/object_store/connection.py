@@ -1,4 +1,4 @@
-"""Connections to object stores, made from the environment variables that AWS tools use, and their errors in words.
+"""Connections that read object stores, made from the environment variables that AWS tools use, and their errors.
 
 ``pyarrow.fs`` is imported with the first connection, as programs that read local folders do not need it.
 """
@@ -27,14 +27,11 @@ _CREDENTIAL_VARIABLES = (
     *("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY", "AWS_SESSION_TOKEN", "AWS_PROFILE"),
     *("AWS_SHARED_CREDENTIALS_FILE", "AWS_CONFIG_FILE"),
 )
-_MAX_ATTEMPTS = 7
+MAX_ATTEMPTS = 7
 """Attempts of a request that the store refuses because it is busy, or that does not arrive. The pauses between them
 double from 50 ms to 1.6 s. An unreachable store is given up after about 10 s, and one that refuses every fifth request
 fails one in 80,000."""
 _CONNECT_TIMEOUT_S = 0.8
-_PATIENCE_S = 120.0
-"""Silence of the store after which a copy within it, or the end of an upload in parts, is requested again: it may first
-answer when all bytes are copied. Other requests are sent again after 3 s, as the SDK has it."""
 _MAX_HANDLES = 4096
 _ERROR = re.compile(r"AWS Error (\w+)(?: \(HTTP status (\d+)\))? during \w+ operation: (.*)", re.DOTALL)
 _REFUSALS = {"ACCESS_DENIED", "INVALID_ACCESS_KEY_ID", "INVALID_CLIENT_TOKEN_ID", "SIGNATURE_DOES_NOT_MATCH"}
@@ -44,6 +41,10 @@ _REQUEST_ID = re.compile(r" ?\(Request ID: [^)]*\)")
 
 class StoreError(InputError):
     """An object store cannot be reached, refuses access or fails; the message names the URL. Exit code 2."""
+
+
+class StoreConflict(StoreError):
+    """A conditional write has found an object that another process has written."""
 
 
 class Connection:
@@ -72,49 +73,45 @@ class Connection:
         return handle
 
 
-def connection(*, is_patient: bool = False) -> Connection:
+def connection() -> Connection:
     """The connection of this process to the store that the environment names.
-
-    Args:
-        is_patient: Whether the store may take minutes to answer.
 
     Raises:
         InputError: The URL of the store is not valid.
     """
+    return _connect(os.getpid(), store_endpoint(), store_region(), tuple(map(os.environ.get, _CREDENTIAL_VARIABLES)))
+
+
+def store_endpoint() -> str | None:
+    """URL of the store that the environment names; None: AWS.
+
+    Raises:
+        InputError: It is not valid.
+    """
     endpoint = next((os.environ[name] for name in ENDPOINT_VARIABLES if os.environ.get(name)), None)
-    region = next((os.environ[name] for name in REGION_VARIABLES if os.environ.get(name)), None)
-    credentials = tuple(map(os.environ.get, _CREDENTIAL_VARIABLES))
-    return _connect(os.getpid(), endpoint, region, credentials, is_patient)
+    if endpoint is not None and not re.match(r"https?://[^/]", endpoint):
+        raise InputError(f"{ENDPOINT_VARIABLES[0]}: is {endpoint!r}; allowed: a URL with http:// or https://")
+    return endpoint
+
+
+def store_region() -> str | None:
+    """Region that the environment names."""
+    return next((os.environ[name] for name in REGION_VARIABLES if os.environ.get(name)), None)
 
 
 @lru_cache(maxsize=4)
-def _connect(
-    process: int, endpoint: str | None, region: str | None, credentials: tuple[str | None, ...], is_patient: bool
-) -> Connection:
+def _connect(process: int, endpoint: str | None, region: str | None, credentials: tuple[str | None, ...]) -> Connection:
     """Connect one process; a forked one must not share its parent's sockets. The SDK looks up the credentials."""
     from pyarrow import fs
 
     options: dict[str, Any] = {"region": region} if region else {}
     if endpoint is not None:
-        options |= {"region": region or "us-east-1"} | _endpoint_options(endpoint)
-    if is_patient:
-        options["request_timeout"] = _PATIENCE_S
-    retries = fs.AwsDefaultS3RetryStrategy(max_attempts=_MAX_ATTEMPTS)
+        parts = urlsplit(endpoint)
+        options |= {"region": region or "us-east-1", "scheme": parts.scheme}
+        options["endpoint_override"] = parts.netloc + parts.path.rstrip("/")
+    retries = fs.AwsDefaultS3RetryStrategy(max_attempts=MAX_ATTEMPTS)
     options |= {"connect_timeout": _CONNECT_TIMEOUT_S, "retry_strategy": retries}
-    return Connection(
-        fs.S3FileSystem(
-            **options,
-            allow_delayed_open=True,  # small objects are written with one request
-            check_directory_existence_before_creation=True,
-        )
-    )
-
-
-def _endpoint_options(endpoint: str) -> dict[str, str]:
-    parts = urlsplit(endpoint)
-    if parts.scheme not in ("http", "https") or not parts.netloc:
-        raise InputError(f"{ENDPOINT_VARIABLES[0]}: is {endpoint!r}; allowed: a URL with http:// or https://")
-    return {"scheme": parts.scheme, "endpoint_override": parts.netloc + parts.path.rstrip("/")}
+    return Connection(fs.S3FileSystem(**options))
 
 
 @contextmanager
@@ -142,10 +139,19 @@ def _reason(text: str) -> str:
     if code == "NO_SUCH_BUCKET":
         return "there is no such bucket"
     if code == "NETWORK_CONNECTION":
-        store = next((os.environ[name] for name in ENDPOINT_VARIABLES if os.environ.get(name)), "the store")
-        return f"{store} cannot be reached: {_CURL_CODE.sub('', detail.partition('; Details: ')[0])}"
+        return unreachable(_CURL_CODE.sub("", detail.partition("; Details: ")[0]))
     if code in _REFUSALS or status == "403":
-        has_key = all(os.environ.get(name) for name in KEY_VARIABLES)
-        hint = "check the credentials and their rights" if has_key else f"{' and '.join(KEY_VARIABLES)} are not set"
-        return f"access was refused ({code}); {hint}"
+        return refusal(code)
     return f"{code}{f' (HTTP status {status})' if status else ''}: {detail}"
+
+
+def unreachable(detail: str) -> str:
+    """Words for the user: the store cannot be reached."""
+    return f"{store_endpoint() or 'the store'} cannot be reached: {detail}"
+
+
+def refusal(code: str) -> str:
+    """Words for the user: the store refuses access."""
+    has_key = all(os.environ.get(name) for name in KEY_VARIABLES)
+    hint = "check the credentials and their rights" if has_key else f"{' and '.join(KEY_VARIABLES)} are not set"
+    return f"access was refused ({code}); {hint}"

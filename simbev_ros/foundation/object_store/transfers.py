@@ -2,47 +2,76 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
 from itertools import repeat
 from pathlib import Path
 from threading import Event
-from typing import BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 from simbev_ros.foundation.files.confined_paths import path_inside
 from simbev_ros.foundation.object_store.connection import StoreError, connection, store_errors
 from simbev_ros.foundation.object_store.object_path import ObjectPath
+from simbev_ros.foundation.object_store.writer import writer, writer_errors
+
+if TYPE_CHECKING:
+    from obstore import PutMode
 
 PART_BYTES = 8 << 20
 """Bytes that are read at once while a file is transferred; larger objects are uploaded in parts."""
 MAX_COPY_BYTES = 5 << 30
 """Largest object that S3 copies within a store; larger ones pass through this machine."""
-_MAX_TRANSFERS = 8
+_MAX_TRANSFERS, _MAX_PARTS_AT_ONCE = 8, 4
+_MAX_PARTS = 10_000
+"""Largest number of parts of an upload."""
 
 
 def put_file(source: Path, target: ObjectPath) -> None:
     """Upload a file, in parts if it is large. The object appears when the last part is there.
 
-    pyarrow cannot abort an upload. After a failure it completes the object, cut off, and this function deletes it: for
-    a moment others may see it, and if the deletion fails too, it stays. So upload to keys that nobody reads, and copy
-    from there. A killed process leaves no object, but parts that cost space until a lifecycle rule of the bucket
-    removes incomplete uploads.
+    After a failure nothing is left. A killed process leaves no object, but parts that cost space until a lifecycle rule
+    of the bucket removes incomplete uploads.
 
     Raises:
         OSError: The file cannot be read.
         StoreError: The store cannot be reached, refuses access, or fails.
     """
     with source.open("rb") as stream:
-        _put(_parts(stream), target, source.stat().st_size)
+        _put(stream, target, source.stat().st_size)
 
 
-def put_bytes(content: bytes, target: ObjectPath) -> None:
-    """Write an object whole, in place of an earlier one.
+def put_bytes(content: bytes, target: ObjectPath, mode: "PutMode" = "overwrite") -> str:
+    """Write an object whole, by default in place of an earlier one.
+
+    Args:
+        content: The object's content.
+        target: The object.
+        mode: ``create``: only if there is none; ``{"e_tag": …}``: only if it has this entity tag.
+
+    Returns:
+        Its entity tag.
 
     Raises:
+        StoreConflict: There is an object already, or it has another entity tag.
         StoreError: The store cannot be reached, refuses access, or fails.
     """
-    with store_errors(str(target)), connection().files.open_output_stream(target.location) as stream:
-        stream.write(content)
+    import obstore
+
+    with writer_errors(str(target)):
+        result = obstore.put(writer(target.bucket), target.key, content, mode=mode, use_multipart=False)
+    return result["e_tag"] or ""
+
+
+def get_bytes(source: ObjectPath) -> tuple[bytes, str]:
+    """Content and entity tag of a small object, for a conditional write in its place.
+
+    Raises:
+        FileNotFoundError: There is no such object.
+        StoreError: The store cannot be reached, refuses access, or fails.
+    """
+    import obstore
+
+    with writer_errors(str(source)):
+        result = obstore.get(writer(source.bucket), source.key)
+        return bytes(result.bytes()), result.meta["e_tag"] or ""
 
 
 def copy_object(source: ObjectPath, target: ObjectPath) -> None:
@@ -52,13 +81,15 @@ def copy_object(source: ObjectPath, target: ObjectPath) -> None:
         FileNotFoundError: There is no such object.
         StoreError: The store cannot be reached, refuses access, or fails.
     """
+    import obstore
+
     size_bytes = source.stat().st_size
     if size_bytes > MAX_COPY_BYTES:
         with source.open() as stream:
-            _put(_parts(stream), target, size_bytes)
+            _put(stream, target, size_bytes)
         return
-    with store_errors(str(target)):
-        connection(is_patient=True).files.copy_file(source.location, target.location)
+    with writer_errors(str(target)):
+        obstore.copy(writer(target.bucket), source.key, target.key)
 
 
 def list_objects(folder: ObjectPath) -> dict[ObjectPath, int]:
@@ -84,8 +115,21 @@ def delete_tree(folder: ObjectPath) -> None:
     """
     if not folder.key:
         raise ValueError(f"{folder}: a whole bucket is never deleted")
-    with suppress(FileNotFoundError), store_errors(str(folder)):
-        connection().files.delete_dir(folder.location)
+    delete_objects(list_objects(folder))
+
+
+def delete_objects(paths: Iterable[ObjectPath]) -> None:
+    """Delete objects of one bucket; those that are missing do not matter.
+
+    Raises:
+        StoreError: The store cannot be reached, refuses access, or fails.
+    """
+    import obstore
+
+    paths = list(paths)
+    if paths:
+        with writer_errors(str(paths[0])):
+            obstore.delete(writer(paths[0].bucket), [path.key for path in paths])
 
 
 def download(sizes: Mapping[ObjectPath, int], folder: ObjectPath, target: Path) -> None:
@@ -119,25 +163,20 @@ def _download(source: ObjectPath, size_bytes: int, target: Path, stop: Event) ->
             raise StoreError(f"{source}: {file.tell():,} of {size_bytes:,} bytes could be read")
 
 
-def _put(parts: Iterable[bytes], target: ObjectPath, size_bytes: int) -> None:
-    """Upload consecutive parts. pyarrow can only complete an object, so what failed is completed and deleted."""
-    with store_errors(str(target)):
-        stream = connection(is_patient=True).files.open_output_stream(target.location)
-    try:
-        for part in parts:
-            with store_errors(str(target)):
-                stream.write(part)
-        if stream.tell() != size_bytes:
-            raise StoreError(f"{target}: not written: {stream.tell():,} of {size_bytes:,} bytes could be read for it")
-        with store_errors(str(target)):
-            stream.close()
-    except BaseException:
-        with suppress(OSError):
-            stream.close()
-        with suppress(OSError, StoreError), store_errors(str(target)):
-            connection().files.delete_file(target.location)
-        raise
+def _put(stream: BinaryIO, target: ObjectPath, size_bytes: int) -> None:
+    """Upload a stream, or nothing if it does not have this size."""
+    import obstore
 
+    def parts() -> Iterator[bytes]:
+        read_bytes = 0
+        while part := stream.read(PART_BYTES):
+            read_bytes += len(part)
+            yield part
+        if read_bytes != size_bytes:
+            raise StoreError(f"{target}: not written: {read_bytes:,} of {size_bytes:,} bytes could be read for it")
 
-def _parts(stream: BinaryIO) -> Iterator[bytes]:
-    return iter(lambda: stream.read(PART_BYTES), b"")
+    content = parts() if size_bytes > PART_BYTES else b"".join(parts())
+    with writer_errors(str(target)):
+        part_bytes = max(PART_BYTES, -(-size_bytes // _MAX_PARTS))
+        store, limit = writer(target.bucket), _MAX_PARTS_AT_ONCE
+        obstore.put(store, target.key, content, chunk_size=part_bytes, max_concurrency=limit)

@@ -3,7 +3,11 @@
 import json
 import os
 import socket
+import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from typing import Any
 
 import pytest
 from store_server import BUCKET, StoreServer
@@ -19,7 +23,7 @@ LOCK = FOLDER / ".lock"
 
 
 def test_a_second_process_is_told_who_holds_the_lock(store: StoreServer) -> None:
-    holder = rf"process {os.getpid()} on {socket.gethostname()} is writing into it; its last sign of life is \d s old"
+    holder = rf"process {os.getpid()} on {socket.gethostname()} is writing into it; its last heartbeat is \d s old"
     with ObjectLock(FOLDER), pytest.raises(InputError, match=f"^{FOLDER}: {holder}, and after 60 s without one"):
         ObjectLock(FOLDER)
     assert list_objects(FOLDER) == {LOCK: 0}
@@ -34,14 +38,14 @@ def test_the_lock_is_free_after_a_clean_end(store: StoreServer) -> None:
 def test_the_lock_of_a_killed_process_is_free_when_it_is_old(
     store: StoreServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    ObjectLock(FOLDER)  # which nobody refreshes
+    ObjectLock(FOLDER)  # which is not renewed
     monkeypatch.setattr(object_lock, "_EXPIRY_S", 0.0)
     with ObjectLock(FOLDER) as lock:
         lock.require()
 
 
-def test_the_lock_is_refreshed_while_it_is_held(store: StoreServer, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(object_lock, "_REFRESH_S", 0.02)
+def test_the_lock_is_renewed_while_it_is_held(store: StoreServer, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(object_lock, "_RENEWAL_S", 0.02)
     with ObjectLock(FOLDER):
         end_s = time.monotonic() + 10
         while sum(request.startswith("PUT /made-up/sets/a/.lock?") for request in store.requests) < 3:
@@ -49,18 +53,50 @@ def test_the_lock_is_refreshed_while_it_is_held(store: StoreServer, monkeypatch:
             time.sleep(0.02)
 
 
-def test_a_lock_that_was_taken_over_is_neither_refreshed_nor_released(
+def test_a_lock_that_was_taken_over_is_neither_renewed_nor_released(
     store: StoreServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(object_lock, "_REFRESH_S", 0.02)
+    monkeypatch.setattr(object_lock, "_RENEWAL_S", 0.02)
     other = json.dumps({"host": "other", "pid": 7, "token": "x"}).encode()
     with ObjectLock(FOLDER) as lock:
-        while lock.is_held():  # unless a refresh was under way
-            put_bytes(other, LOCK)
-        with pytest.raises(InputError, match=f"^{FOLDER}: process 7 on other has begun to write into it"):
+        put_bytes(other, LOCK)
+        assert not lock.renew()
+        with pytest.raises(InputError, match=f"^{FOLDER}: process 7 on other has taken over"):
             lock.require()
         time.sleep(0.1)
     assert LOCK.read_bytes() == other
+
+
+@pytest.mark.parametrize(
+    "before", [None, b"", b'{"host": "dead", "pid": 7, "token": "x"}'], ids=["none", "free", "old"]
+)
+def test_of_processes_that_begin_at_the_same_time_one_gets_the_lock(
+    store: StoreServer, monkeypatch: pytest.MonkeyPatch, before: bytes | None
+) -> None:
+    if before is not None:
+        put_bytes(before, LOCK)
+    monkeypatch.setattr(object_lock, "_EXPIRY_S", 0.0)
+    at_once, read = threading.Barrier(4), ObjectLock._read
+
+    def read_together(lock: ObjectLock) -> Any:
+        found = read(lock)
+        with suppress(threading.BrokenBarrierError):
+            at_once.wait(30.0)
+            at_once.abort()  # later reads do not wait
+        return found
+
+    monkeypatch.setattr(ObjectLock, "_read", read_together)
+    with ThreadPoolExecutor(4) as pool:
+        begun = [pool.submit(ObjectLock, FOLDER) for _ in range(4)]
+    refused = [error for each in begun if (error := each.exception()) is not None]
+    assert len(refused) == 3 and all("at the same time" in str(error) for error in refused)
+
+
+def test_a_renewal_whose_answer_was_lost_is_not_taken_for_another_process(store: StoreServer) -> None:
+    with ObjectLock(FOLDER) as lock:
+        put_bytes(LOCK.read_bytes() + b"\n", LOCK)  # as the store has it after a request that it has answered in vain
+        lock.require()
+        lock.require()
 
 
 @pytest.mark.parametrize("content", [b"{", b"[]", b"\xff"])
@@ -72,5 +108,5 @@ def test_an_unreadable_lock_is_held_by_an_unknown_process(store: StoreServer, co
 
 def test_a_folder_that_cannot_be_written_to_is_refused(store: StoreServer) -> None:
     store.is_read_only = True
-    with pytest.raises(InputError, match=r"sets/a/\.lock\.\w+: access was refused \(ACCESS_DENIED\)"):
+    with pytest.raises(InputError, match=r"sets/a/\.lock\.\w+: access was refused \(AccessDenied\)"):
         require_writable_store(FOLDER)

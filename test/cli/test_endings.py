@@ -4,11 +4,11 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from waiting import PATIENCE_S, wait_until
 
 from simbev_ros.assets.regions import region_pool
 from simbev_ros.assets.regions.static_cache import StaticCache
@@ -19,7 +19,6 @@ STREETS = """<osm version="0.6"><node id="1" lat="50" lon="8"/><node id="2" lat=
 <node id="3" lat="50.004" lon="8.01"/><way id="1"><nd ref="1"/><nd ref="2"/><tag k="highway" v="residential"/></way>
 <way id="2"><nd ref="1"/><nd ref="3"/><tag k="highway" v="residential"/></way></osm>"""
 BUILDING = "surroundings/*/.*/"
-_PATIENCE_S = 120.0
 
 
 @pytest.fixture
@@ -37,7 +36,7 @@ def building(tmp_path: Path, streets: Path) -> Iterator[subprocess.Popen[str]]:
     with subprocess.Popen(
         command, env=environment, text=True, stderr=subprocess.PIPE, start_new_session=True
     ) as process:
-        _until(lambda: any((tmp_path / "simbev_ros").glob(BUILDING)) or process.poll() is not None)
+        wait_until(lambda: any((tmp_path / "simbev_ros").glob(BUILDING)) or process.poll() is not None)
         assert process.poll() is None, "it was done too soon"
         yield process
         if _group_lives(process.pid):
@@ -49,18 +48,18 @@ def test_an_interrupt_ends_all_processes_and_leaves_nothing(
     building: subprocess.Popen[str], tmp_path: Path, number: signal.Signals
 ) -> None:
     building.send_signal(number)
-    _, error = building.communicate(timeout=_PATIENCE_S)
+    _, error = building.communicate(timeout=PATIENCE_S)
     assert building.returncode == 130
     assert error.strip().endswith("interrupted")
     assert "leaked" not in error and "Traceback" not in error
-    _until(lambda: not _group_lives(building.pid), 5.0)
+    wait_until(lambda: not _group_lives(building.pid))
     assert not list((tmp_path / "simbev_ros").glob(BUILDING))
 
 
 def test_workers_end_when_their_parent_is_killed(building: subprocess.Popen[str]) -> None:
     building.kill()
     building.wait()
-    _until(lambda: not _group_lives(building.pid))
+    wait_until(lambda: not _group_lives(building.pid))
 
 
 def test_a_fault_of_ours_is_said_with_what_it_happened_to(
@@ -91,11 +90,3 @@ def _group_lives(group: int) -> bool:
     except ProcessLookupError:
         return False
     return True
-
-
-def _until(condition: object, patience_s: float = _PATIENCE_S) -> None:
-    assert callable(condition)
-    end_s = time.monotonic() + patience_s
-    while not condition():
-        assert time.monotonic() < end_s, "waited too long"
-        time.sleep(0.02)

@@ -2,7 +2,6 @@
 
 import socket
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -24,16 +23,14 @@ def test_a_bad_address_is_refused_in_one_line(
     assert not (tmp_path / "set").exists()
 
 
-def test_an_address_at_which_nothing_listens_is_refused_at_once(
+def test_an_address_at_which_nothing_listens_is_refused(
     refused: Callable[..., str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     install_fake_ray(monkeypatch)
     with socket.socket() as reserved:
         reserved.bind(("127.0.0.1", 0))
         address = f"127.0.0.1:{reserved.getsockname()[1]}"
-        began_s = time.monotonic()
         message = refused("generate", "demo", "--out", tmp_path / "set", "--ray", address)
-    assert time.monotonic() - began_s < 5.0
     assert message == f"error: --ray {address}: nothing answers at {address}: Connection refused\n"
     assert not (tmp_path / "set").exists()
 

@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
+from waiting import PATIENCE_S, wait_until
 
 from simbev_ros.dataset.parallel import map_in_processes, report_step
 from simbev_ros.foundation.errors import SimbevError
@@ -55,22 +56,19 @@ def _members(group: int) -> list[int]:
 
 
 def _wait_until_gone(group: int) -> None:
-    deadline_s = time.monotonic() + 10.0
-    while _members(group):
-        assert time.monotonic() < deadline_s, "its processes are still running"
-        time.sleep(0.05)
+    wait_until(lambda: not _members(group))
 
 
 def test_ctrl_c_ends_running_work_at_once(program):
     assert len(_members(program.pid)) == 4
     os.killpg(program.pid, signal.SIGINT)  # as a terminal does
-    assert program.wait(10) == 130
+    assert program.wait(PATIENCE_S) == 130
     _wait_until_gone(program.pid)
 
 
 def test_an_interrupt_of_the_parent_alone_ends_its_processes(program):
     program.send_signal(signal.SIGTERM)
-    assert program.wait(10) == 130
+    assert program.wait(PATIENCE_S) == 130
     _wait_until_gone(program.pid)
 
 
@@ -104,18 +102,27 @@ def _divide(item: int) -> float:
     return 1 / item
 
 
-def three_steps(number: int) -> int:
-    for _ in range(3):
-        time.sleep(0.15)
+def three_steps(item: tuple[int, Path]) -> int:
+    """Report a step, and two more once the first one has been noticed."""
+    number, noticed = item
+    report_step()
+    wait_until(noticed.exists)
+    for _ in range(2):
         report_step()
     return -number
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_steps_are_reported_while_the_work_is_running(workers: int) -> None:
+def test_steps_are_reported_while_the_work_is_running(workers: int, tmp_path: Path) -> None:
     reported: list[int] = []
     results = []
-    for result in map_in_processes(three_steps, range(2), workers, reported.append):
+
+    def report(steps: int) -> None:
+        reported.append(steps)
+        (tmp_path / "noticed").touch()
+
+    items = [(number, tmp_path / "noticed") for number in range(2)]
+    for result in map_in_processes(three_steps, items, workers, report):
         results.append(result)
         assert any(1 <= steps < 3 * workers for steps in reported), "nothing was reported before the first result"
     assert results == [0, -1]

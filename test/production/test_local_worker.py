@@ -4,13 +4,13 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import psutil
 import pytest
+from waiting import PATIENCE_S, wait_until
 
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import PlannedEntry
@@ -76,11 +76,7 @@ def pid_of(worker: LocalWorker) -> int:
 
 def next_messages(worker: LocalWorker, count: int = 1) -> list[Any]:
     messages: list[Any] = []
-    end_s = time.monotonic() + 20
-    while len(messages) < count:
-        assert time.monotonic() < end_s, "timed out"
-        messages += worker.read()
-        time.sleep(0.01)
+    wait_until(lambda: messages.extend(worker.read()) or len(messages) >= count)
     return messages
 
 
@@ -131,38 +127,56 @@ def test_the_end_of_a_process_is_described_with_what_it_has_printed(start: Start
 
 def test_messages_of_a_process_that_has_died_still_arrive(start: Start) -> None:
     worker = start("line.recv()\nline.send('last words')\nos.kill(os.getpid(), 9)")
-    worker._process.wait(20)
+    worker._process.wait(PATIENCE_S)
     assert worker.read() == ["last words"]
     assert "SIGKILL" in loss_of(worker)
 
 
 def test_a_scene_for_a_process_that_has_died_is_no_error_before_the_next_read(start: Start) -> None:
     worker = start("")
-    worker._process.wait(20)
+    worker._process.wait(PATIENCE_S)
     worker.submit(ENTRY)
     assert loss_of(worker).startswith("worker-1 died: ")
 
 
-def test_a_stopped_process_is_lost_when_it_has_been_silent_for_too_long(
-    start: Start, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(local_worker, "HEARTBEAT_TIMEOUT_S", 0.5)
+class Clock:
+    """A clock that stands still unless the test moves it."""
+
+    def __init__(self) -> None:
+        self.now_s = 1000.0
+
+    def monotonic(self) -> float:
+        return self.now_s
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    made = Clock()
+    monkeypatch.setattr(local_worker, "time", made)
+    return made
+
+
+def test_a_stopped_process_is_lost_when_it_has_been_silent_for_too_long(start: Start, clock: Clock) -> None:
     worker = start("line.recv()\nwhile True: line.send('alive'); time.sleep(0.1)")
-    for _ in range(8):  # longer than the patience, but not silent
+    for _ in range(3):  # longer than the patience, but not silent
         next_messages(worker)
-        time.sleep(0.1)
-    os.kill(pid_of(worker), signal.SIGSTOP)
-    assert loss_of(worker) == "worker-1 has been silent for 0.5 s"
+        clock.now_s += 59.0
+    process = psutil.Process(pid_of(worker))
+    process.suspend()
+    wait_until(lambda: process.status() == psutil.STATUS_STOPPED and not worker.read())
+    clock.now_s += 60.1
+    assert loss_of(worker) == "worker-1 has been silent for 60 s"
     worker.kill()
     assert not psutil.pid_exists(pid_of(worker))
 
 
-def test_a_process_has_longer_to_start_than_to_send_signs_of_life(
-    start: Start, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(local_worker, "HEARTBEAT_TIMEOUT_S", 0.1)
-    worker = start("line.recv()\ntime.sleep(0.5)\nline.send('alive')\ntime.sleep(60)")
+def test_a_process_has_longer_to_start_than_to_send_signs_of_life(start: Start, clock: Clock) -> None:
+    worker = start("line.recv()\nline.recv()\nline.send('alive')\ntime.sleep(600)")
+    clock.now_s += 179.0
+    assert worker.read() == []
+    worker.submit(ENTRY)
     assert next_messages(worker) == ["alive"]
+    clock.now_s += 60.1
     assert "silent" in loss_of(worker)
 
 
@@ -187,7 +201,7 @@ def test_a_real_worker_ends_when_its_driver_is_killed(tmp_path: Path) -> None:
     worker = psutil.Process(int(driver.stdout.readline()))
     driver.kill()
     driver.communicate()
-    _, alive = psutil.wait_procs([worker], timeout=30)
+    _, alive = psutil.wait_procs([worker], timeout=PATIENCE_S)
     assert not alive
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import psutil
 import pytest
+from waiting import PATIENCE_S
 
 from simbev_ros.production import scene_cost
 from simbev_ros.production.scene_cost import CostMeter, SceneCost, free_memory_mib
@@ -48,7 +49,7 @@ def start() -> Iterator[Started]:
 
     yield start
     for process in processes:
-        process.communicate("\n\n", timeout=20)
+        process.communicate("\n\n", timeout=PATIENCE_S)
 
 
 def next_line(process: subprocess.Popen[str]) -> str:

@@ -8,6 +8,7 @@ from contextlib import suppress
 from typing import Any, Self
 
 import websocket
+from waiting import PATIENCE_S, wait_until
 
 _MESSAGE = struct.Struct("<BIQ")
 _MESSAGE_DATA = 1
@@ -30,18 +31,18 @@ class FoxgloveClient:
         self._topics: dict[int, str] = {}
         self._socket.settimeout(0.1)
 
-    def receive_until(self, condition: Callable[[], bool], timeout_s: float = 30) -> None:
+    def receive_until(self, condition: Callable[[], bool], timeout_s: float = PATIENCE_S) -> None:
         """Receive until a condition holds; fail if it never does."""
-        end_s = time.monotonic() + timeout_s
-        while not condition():
-            assert time.monotonic() < end_s, "timed out"
-            with suppress(websocket.WebSocketTimeoutException):
-                self._take(self._socket.recv())
+        wait_until(condition, timeout_s, meanwhile=self._receive_once)
 
     def receive(self, seconds: float) -> None:
         """Receive for some time."""
         end_s = time.monotonic() + seconds
         self.receive_until(lambda: time.monotonic() > end_s, seconds + 20)
+
+    def _receive_once(self) -> None:
+        with suppress(websocket.WebSocketTimeoutException):
+            self._take(self._socket.recv())
 
     def send(self, data: bytes) -> None:
         """Send a binary message."""

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 import rclpy
+from ros_domain import DOMAIN
 
 from simbev_ros.ros.conventions.names import NodeName
 from simbev_ros.ros.nodes.main import node_class
@@ -16,7 +17,7 @@ from simbev_ros.schema.scene.spec import SceneSpec
 def started_node(kind: str, spec: SceneSpec, **parameters: object) -> Iterator[Any]:
     """A node with ROS parameters that has started a scene; ``topics`` are the names of those it may record."""
     words = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
-    rclpy.init(args=["--ros-args", *words] if words else [], domain_id=39)
+    rclpy.init(args=["--ros-args", *words] if words else [], domain_id=DOMAIN)
     made: Any = None
     try:
         made = node_class(kind)(NodeName(kind))
@@ -35,7 +36,7 @@ def collecting_node(kind: str, spec: SceneSpec, monkeypatch: pytest.MonkeyPatch,
 
     It collects messages in ``sent`` and finished ticks in ``reported``; ``recorded_topics`` are those it may record.
     """
-    rclpy.init(args=["--ros-args", *arguments] if arguments else None, domain_id=39)
+    rclpy.init(args=["--ros-args", *arguments] if arguments else None, domain_id=DOMAIN)
     made: Any = node_class(kind)(NodeName(kind, "ego"))
     made.sent, made.reported = [], []
     made.recorded_topics = made.start_scene(spec)

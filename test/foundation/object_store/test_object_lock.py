@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 from store_server import BUCKET, StoreServer
+from waiting import wait_until
 
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.object_store import object_lock
@@ -47,10 +48,7 @@ def test_the_lock_of_a_killed_process_is_free_when_it_is_old(
 def test_the_lock_is_renewed_while_it_is_held(store: StoreServer, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(object_lock, "_RENEWAL_S", 0.02)
     with ObjectLock(FOLDER):
-        end_s = time.monotonic() + 10
-        while sum(request.startswith("PUT /made-up/sets/a/.lock?") for request in store.requests) < 3:
-            assert time.monotonic() < end_s
-            time.sleep(0.02)
+        wait_until(lambda: sum(request.startswith("PUT /made-up/sets/a/.lock?") for request in store.requests) >= 3)
 
 
 def test_a_lock_that_was_taken_over_is_neither_renewed_nor_released(

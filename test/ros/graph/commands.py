@@ -3,17 +3,15 @@
 import os
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
 import psutil
+from ros_domain import DOMAIN
+from waiting import PATIENCE_S, wait_until
 
 from simbev_ros.ros.graph.shared_memory import held_files, middleware_files
-
-DOMAIN = 1 + os.getpid() % 38
-"""ROS domain of the tests' graphs; concurrent test runs have different ones."""
 
 SMALL = """
 seed: 11
@@ -62,7 +60,7 @@ class Command:
             start_new_session=True,
         )
 
-    def finish(self, timeout_s: float = 120) -> tuple[int, str]:
+    def finish(self, timeout_s: float = PATIENCE_S) -> tuple[int, str]:
         """Wait for the end of the command; return exit code and output."""
         output, _ = self.process.communicate(timeout=timeout_s)
         return self.process.returncode, output
@@ -89,13 +87,15 @@ class Command:
                     found["+".join(names)] = process.pid
         return found
 
-    def wait_for(self, condition: Callable[[], bool], timeout_s: float = 60) -> None:
+    def wait_for(self, condition: Callable[[], bool], timeout_s: float = PATIENCE_S) -> None:
         """Wait until a condition holds; fail if the command ends earlier."""
-        end_s = time.monotonic() + timeout_s
-        while not condition():
-            assert self.process.poll() is None, self.process.stdout and self.process.stdout.read()
-            assert time.monotonic() < end_s, "timed out"
-            time.sleep(0.05)
+
+        def holds() -> bool:
+            has_ended, is_met = self.process.poll() is not None, condition()
+            assert is_met or not has_ended, self.process.stdout and self.process.stdout.read()
+            return is_met
+
+        wait_until(holds, timeout_s)
 
 
 def record(simbev: Callable[..., Command], config: Path, dataset: Path) -> Path:
@@ -103,14 +103,6 @@ def record(simbev: Callable[..., Command], config: Path, dataset: Path) -> Path:
     code, output = simbev("run", config, "--record", dataset).finish()
     assert code == 0, output
     return dataset / SCENE
-
-
-def wait_until(condition: Callable[[], bool], timeout_s: float = 10) -> None:
-    """Wait until a condition holds."""
-    end_s = time.monotonic() + timeout_s
-    while not condition():
-        assert time.monotonic() < end_s, "timed out"
-        time.sleep(0.05)
 
 
 def orphaned_files() -> set[str]:

@@ -1,11 +1,13 @@
 """Fixtures for tests with running graphs: a small configuration, commands, and a check for leftovers."""
 
-import time
 from collections.abc import Callable, Collection, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 from commands import SMALL, Command, node_processes, orphaned_files, record
+from ros_domain import DOMAIN
+from waiting import wait_until
 
 from simbev_ros.ros.msgs.message_types import message_class
 
@@ -62,9 +64,8 @@ def no_leftovers() -> Iterator[None]:
     """Check after every test that no new file of the middleware is in /dev/shm and no node process runs."""
     before = orphaned_files()
     yield
-    end_s = time.monotonic() + 5
-    while (orphaned_files() - before or node_processes()) and time.monotonic() < end_s:
-        time.sleep(0.1)
+    with suppress(AssertionError):
+        wait_until(lambda: not node_processes() and not orphaned_files() - before, 30)
     assert not node_processes()
     assert not orphaned_files() - before
 
@@ -76,7 +77,7 @@ def ros_type_hashes() -> dict[str, str]:
     from rclpy.context import Context
 
     context = Context()
-    rclpy.init(context=context, domain_id=38)
+    rclpy.init(context=context, domain_id=DOMAIN)
     node = rclpy.create_node("hashes", context=context)
     hashes = {}
     try:
@@ -93,10 +94,8 @@ def ros_type_hashes() -> dict[str, str]:
         ):
             topic = "/" + type_name.replace("/", "_")
             node.create_publisher(message_class(type_name), topic, 1)
-            end_s = time.monotonic() + 10
-            while not (infos := node.get_publishers_info_by_topic(topic)) and time.monotonic() < end_s:
-                time.sleep(0.05)
-            hashes[type_name] = str(infos[0].topic_type_hash)
+            wait_until(lambda topic=topic: node.get_publishers_info_by_topic(topic))
+            hashes[type_name] = str(node.get_publishers_info_by_topic(topic)[0].topic_type_hash)
     finally:
         node.destroy_node()
         context.shutdown()

@@ -10,8 +10,8 @@ from itertools import groupby
 from pathlib import Path
 
 import pytest
-from commands import DOMAIN
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from ros_domain import DOMAIN
 from std_msgs.msg import Header
 from subscriber import outside_node
 
@@ -71,14 +71,14 @@ def test_labels_of_a_replayed_bag_equal_the_recorded_ones(recorded: Path) -> Non
         scene.publish(next(message.data for message in messages if message.topic == topics.SCENE))
         ready: list[Header] = []
         node.create_subscription(Header, topics.READY, ready.append, LATCHED)
-        spin_until(lambda: bool(ready), 60)  # the scene is loaded, and all readers and writers are connected
+        spin_until(lambda: bool(ready))  # the scene is loaded, and all readers and writers are connected
         moving = [message for message in messages if message.topic in read]
         for number, (_, tick) in enumerate(groupby(moving, key=lambda message: message.stamp_ns), start=1):
             for message in tick:
                 publishers[message.topic].publish(message.data)
-            spin_until(partial(holds, got["/ego/boxes"], number), 20)
+            spin_until(partial(holds, got["/ego/boxes"], number))
         assert number == 10
         recorded_labels = {name: [each.data for each in messages if each.topic == name] for name in labels}
-        spin_until(lambda: all(holds(got[name], len(data)) for name, data in recorded_labels.items()), 10)
+        spin_until(lambda: all(holds(got[name], len(data)) for name, data in recorded_labels.items()))
     for name, kind in labels.items():
         assert [canonical_cdr(payload, kind) for payload in got[name]] == recorded_labels[name], name

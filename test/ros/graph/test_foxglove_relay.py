@@ -71,19 +71,19 @@ def test_clients_get_the_bytes_that_are_recorded_and_displays_those_that_follow_
         node.create_subscription(String, "/world/scene", keep(scenes), LATCHED)
         ready = node.create_publisher(Header, "/sync/ready", LATCHED)
         run = simbev("run", small_config(1, GATE), "--record", tmp_path / "dataset")
-        spin_until(lambda: bool(scenes), 60)
+        spin_until(lambda: bool(scenes))
         spec = SceneSpec.model_validate_json(scenes[0].data)
 
         def let_play(tick: int) -> None:
             ready.publish(header(spec.stamp_ns(tick), f"gate:{spec.name}"))
 
         let_play(-4)  # up to tick -2
-        client.receive_until(lambda: client.channels.keys() >= RECORDED | DISPLAYS, 60)
+        client.receive_until(lambda: client.channels.keys() >= RECORDED | DISPLAYS)
         client.receive(1.0)  # the relay subscribes
         for tick in range(-3, spec.ticks):
             let_play(tick)
             client.receive(0.05)
-        client.receive_until(lambda: run.process.poll() is not None, 120)
+        client.receive_until(lambda: run.process.poll() is not None)
         assert run.finish()[0] == 0
     with SceneBag(tmp_path / "dataset" / SCENE) as bag:
         recorded = {(each.topic, bytes(each.data)) for each in bag.messages()}
@@ -132,7 +132,7 @@ def test_a_relay_that_is_stopped_in_the_middle_changes_nothing(
     alone = record(simbev, config, tmp_path / "alone")
     with relay(simbev) as (command, client):
         run = simbev("run", config, "--record", tmp_path / "watched")
-        client.receive_until(lambda: "/ego/lidar/points" in client.messages, 120)
+        client.receive_until(lambda: "/ego/lidar/points" in client.messages)
         assert run.process.poll() is None
         os.kill(command.process.pid, signal.SIGSTOP)
         code, output = run.finish()
@@ -147,10 +147,10 @@ def test_topics_vanish_with_a_graph_and_come_back_with_the_next(simbev: Simbev, 
         for _ in range(2):
             run = simbev("run", config)
             client.messages.clear()
-            client.receive_until(lambda: {"/ego/odom", "/world/scene"} <= client.messages.keys(), 60)
+            client.receive_until(lambda: {"/ego/odom", "/world/scene"} <= client.messages.keys())
             run.process.send_signal(signal.SIGINT)
             run.finish()
-            client.receive_until(lambda: "/ego/odom" not in client.channels, 30)
+            client.receive_until(lambda: "/ego/odom" not in client.channels)
         command.process.send_signal(signal.SIGTERM)
         assert command.finish(20)[0] == 130
 

@@ -10,8 +10,9 @@ import time
 from pathlib import Path
 
 import pytest
-from commands import DOMAIN
 from generating import Simbev, files, generate, write
+from ros_domain import DOMAIN
+from waiting import wait_until
 
 from simbev_ros.dataset.index import read_index
 from simbev_ros.recording.layout import is_dataset, scenes_of
@@ -55,10 +56,10 @@ def test_killed_at_random_moments_it_ends_with_the_same_bytes(
     indexes = [read_index(tmp_path / name) for name in ("undisturbed", "killed")]
     assert indexes[0] == indexes[1] and len(indexes[0]) == len(undisturbed)
     assert not [fault for bag in scenes_of(tmp_path / "killed") for fault in verify_bag(bag)]
-    end_s = time.monotonic() + 25  # a node that does not end with its supervisor is killed 15 s later
-    while (left := set(middleware_files()) - before) and time.monotonic() < end_s:
-        remove_orphans(left)  # of a command that was killed before it had noted its own
-        time.sleep(0.2)
+    # Commands that were killed before they had noted their own files leave them.
+    wait_until(
+        lambda: not set(middleware_files()) - before, meanwhile=lambda: remove_orphans(set(middleware_files()) - before)
+    )
 
 
 @pytest.mark.slow

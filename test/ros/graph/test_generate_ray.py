@@ -13,8 +13,8 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from commands import wait_until
 from generating import Simbev, files, generate, write
+from waiting import wait_until
 
 from simbev_ros.dataset.index import read_index
 from simbev_ros.production.scene_log import scene_logs
@@ -43,7 +43,7 @@ def find(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Find]:
     monkeypatch.setenv(_MARK, str(tmp_path))
     mark = f"{_MARK}={tmp_path}".encode()
     yield lambda part: processes(part, mark)
-    wait_until(lambda: not processes("simbev_ros.", mark), 60)
+    wait_until(lambda: not processes("simbev_ros.", mark))
 
 
 @pytest.fixture
@@ -135,7 +135,7 @@ def test_whatever_dies_the_dataset_is_complete_and_the_same(
 
     for victim in ("raylet", ACTOR, WORKER, NODE, "driver", "node stopped", "stopped", WORKER, "driver", ACTOR):
         made = len(files(two))
-        command.wait_for(partial(is_working, made + 1), 180)
+        command.wait_for(partial(is_working, made + 1))
         time.sleep(chance.uniform(0.0, 1.0))
         if victim == "driver":
             command.process.kill()
@@ -160,8 +160,7 @@ def test_whatever_dies_the_dataset_is_complete_and_the_same(
     failures = "".join(path.read_text() for bag in scenes_of(two) for path in scene_logs(two, bag.name)[:-1])
     for folder in re.findall(r"^logs: (/.*)$", failures, re.MULTILINE):
         shutil.rmtree(folder, ignore_errors=True)  # which a failed graph leaves
-    end_s = time.monotonic() + 25
-    while (left := set(middleware_files()) - before) and time.monotonic() < end_s:
-        remove_orphans(left)  # of workers that were killed before they had noted their own
-        time.sleep(0.2)
-    assert not left
+    # Commands that were killed before they had noted their own files leave them.
+    wait_until(
+        lambda: not set(middleware_files()) - before, meanwhile=lambda: remove_orphans(set(middleware_files()) - before)
+    )

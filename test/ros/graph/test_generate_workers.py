@@ -4,13 +4,12 @@ import os
 import re
 import shutil
 import signal
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from commands import wait_until
 from generating import Simbev, files, generate, write
+from waiting import wait_until
 
 from simbev_ros.dataset.index import read_index
 from simbev_ros.production.scene_log import scene_logs
@@ -42,19 +41,18 @@ def find(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Find]:
         return found
 
     yield find
-    wait_until(lambda: not find(""), 25)
+    wait_until(lambda: not find(""))
 
 
-def test_an_interrupt_ends_all_workers_within_seconds(simbev: Simbev, find: Find, tmp_path: Path) -> None:
+def test_an_interrupt_ends_all_workers_before_the_command_ends(simbev: Simbev, find: Find, tmp_path: Path) -> None:
     config, dataset = write(tmp_path, "{map: Blocks, train: 40}", has_lidar=False), tmp_path / "set"
     command = simbev("generate", config, "--out", dataset, "--workers", 2)
     command.wait_for(lambda: len(files(dataset)) > 1)
     assert len(find(WORKER)) == 2
-    began_s = time.monotonic()
     command.process.send_signal(signal.SIGINT)
     code, output = command.finish()
     assert code == 130, output
-    assert time.monotonic() - began_s < 15 and not find("")
+    assert not find("")
     assert sorted(path.name for path in dataset.iterdir()) == [
         *(".lock", "index.parquet", "logs", "plan.json", "scenes")
     ]

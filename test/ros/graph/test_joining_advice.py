@@ -1,14 +1,14 @@
 """The supervisor says what a participant from outside has to change before it is heard."""
 
-import time
 from collections.abc import Callable, Iterator
 
 import pytest
-from commands import DOMAIN
 from made_up_scene import made_up_spec
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from ros_domain import DOMAIN
 from std_msgs.msg import Header, String
 from subscriber import outside_node
+from waiting import wait_until
 
 from simbev_ros.config.load import load_scenario
 from simbev_ros.foundation.errors import GraphError
@@ -121,10 +121,8 @@ def monitor(monkeypatch: pytest.MonkeyPatch) -> Iterator[GraphMonitor]:
 
 def advice_of(monitor: GraphMonitor, until: Callable[[], bool] = lambda: False) -> list[str]:
     """The first advice that the monitor has."""
-    end_s = time.monotonic() + 10
-    while not (advice := monitor.new_advice()) and not until():
-        assert time.monotonic() < end_s, "timed out"
-        monitor.spin(0.05)
+    advice: list[str] = []
+    wait_until(lambda: advice.extend(monitor.new_advice()) or advice or until(), meanwhile=lambda: monitor.spin(0.05))
     return advice
 
 
@@ -147,7 +145,7 @@ def test_publishers_are_found_in_the_ros_graph_and_advice_is_given_once(
 ) -> None:
     with outside_node("my_node") as (node, spin_until):
         publisher = node.create_publisher(kind, "/sync/ready", qos)
-        spin_until(lambda: len(monitor._outside_publishers()) == 1, 10)
+        spin_until(lambda: len(monitor._outside_publishers()) == 1)
         (said,) = advice_of(monitor)
         assert remedy in said
         monitor.spin(0.3)
@@ -177,7 +175,7 @@ def test_a_report_that_arrives_ends_the_advice(monitor: GraphMonitor) -> None:
 
     with outside_node("my_node") as (node, spin_until):
         ready = node.create_publisher(Header, "/sync/ready", 10)
-        spin_until(lambda: ready.get_subscription_count() == 1, 10)
+        spin_until(lambda: ready.get_subscription_count() == 1)
         ready.publish(Header(frame_id=f"mine:{SPEC.name}"))
         advice_of(monitor, until=is_loaded)
         assert is_loaded()

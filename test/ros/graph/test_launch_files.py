@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from commands import DOMAIN
+from ros_domain import DOMAIN
 from rosgraph_msgs.msg import Clock
 from subscriber import keep, outside_node
 
@@ -156,7 +156,7 @@ def test_the_launched_graph_runs_and_ends_cleanly_when_launch_is_interrupted(
         with outside_node("outside") as (node, spin_until):
             clocks: list[Clock] = []
             node.create_subscription(Clock, "/time", keep(clocks), 10)
-            spin_until(lambda: len(clocks) > 5, 60)
+            spin_until(lambda: len(clocks) > 5)
         process.send_signal(signal.SIGINT)
         output, _ = process.communicate(timeout=min(graph.patience_s))
     finally:

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from commands import Command, wait_until
+from commands import Command
 from PIL import Image
+from waiting import wait_until
 
 from simbev_ros.foundation.types import UInt8Array
 
@@ -89,5 +90,5 @@ def test_camera_and_lidar_of_a_running_graph_appear(
         return shows_camera(pictures[-1]) and shows_points(pictures[-1])
 
     assert not is_shown()
-    wait_until(is_shown, 150)
+    wait_until(is_shown)
     assert run.process.poll() is None

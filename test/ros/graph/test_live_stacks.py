@@ -49,10 +49,10 @@ def test_ground_truth_as_answers_is_perfect_in_every_frame(
     command = simbev("run", config, "--stack", echo("--reports"), "--evaluate", tmp_path / "figures")
     with outside_node("listener") as (node, spin_until):
         node.create_subscription(DiagnosticArray, "/evaluation", keep(figures_messages), 10)
-        spin_until(lambda: command.process.poll() is not None, 120)
+        spin_until(lambda: command.process.poll() is not None)
         code, output = command.finish()
         assert code == 0, output
-        spin_until(lambda: any("10 frames" in each.status[0].message for each in figures_messages), 10)
+        spin_until(lambda: any("10 frames" in each.status[0].message for each in figures_messages))
     figures = figures_of(tmp_path / "figures/Blocks-0000.json")
     frames = {"evaluated": 10, "scenes": 1, "answered_boxes": 10, "answered_grids": 10, "missed": 0, "late": 0}
     assert figures["frames"] == {**frames, "without_input": 0, "without_truth": 0, "malformed": 0}

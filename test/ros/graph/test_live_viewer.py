@@ -10,7 +10,9 @@ from typing import Any
 
 import psutil
 import pytest
-from commands import DOMAIN, SCENE, SMALL, Command, wait_until
+from commands import SCENE, SMALL, Command
+from ros_domain import DOMAIN
+from waiting import wait_until
 
 from simbev_ros.recording.digest import topic_digests
 from simbev_ros.recording.reader import SceneBag

@@ -1,14 +1,15 @@
 """A running graph sends transforms, detections and typed messages to subscribers, and they say what its tables say."""
 
-import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 import pytest
-from commands import DOMAIN, Command
+from commands import Command
+from ros_domain import DOMAIN
 from scipy.spatial.transform import Rotation
+from waiting import wait_until
 
 from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES
 from simbev_ros.ros.msgs.message_types import is_installed, message_class
@@ -102,11 +103,12 @@ def listener(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Listener]:
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
     run = Command("run", config)
-    end_s = time.monotonic() + 90
-    while not listener.has_enough:
+
+    def has_enough() -> bool:
         assert run.process.poll() is None, "the graph has ended"
-        assert time.monotonic() < end_s, {name: len(each) for name, each in listener.messages.items()}
-        executor.spin_once(timeout_sec=0.1)
+        return listener.has_enough
+
+    wait_until(has_enough, meanwhile=lambda: executor.spin_once(timeout_sec=0.1))
     run.close()
     executor.shutdown()
     node.destroy_node()

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import psutil
 import pytest
-from commands import DOMAIN, wait_until
+from ros_domain import DOMAIN
+from waiting import PATIENCE_S, wait_until
 
 from simbev_ros.ros.graph.environment import graph_environment
 from simbev_ros.ros.graph.node_starter import ForkedProcess, NodeStarter
@@ -63,7 +64,7 @@ def test_a_node_has_a_session_and_a_name_of_its_own_and_ends_in_order(starter: N
     with pytest.raises(subprocess.TimeoutExpired):
         process.wait(0.1)
     process.send_signal(signal.SIGTERM)
-    assert process.wait(10) == 0 == process.poll()
+    assert process.wait(PATIENCE_S) == 0 == process.poll()
     process.send_signal(signal.SIGTERM)  # nobody is left
 
 
@@ -71,7 +72,7 @@ def test_exit_code_and_output_are_those_of_the_process(starter: NodeStarter, tmp
     refused = starter.start(["x:x"], tmp_path / "x.log")
     killed, seen = running(starter, tmp_path)
     seen.kill()
-    assert (refused.wait(10), killed.wait(10)) == (2, -signal.SIGKILL)
+    assert (refused.wait(PATIENCE_S), killed.wait(PATIENCE_S)) == (2, -signal.SIGKILL)
     assert (tmp_path / "x.log").read_text().startswith("error: there is no node kind 'x'")
     assert starter.failure() is None
 
@@ -82,7 +83,7 @@ def test_all_nodes_end_when_the_server_is_killed_even_a_stopped_one(starter: Nod
     assert server is not None
     seen.suspend()
     server.kill()
-    assert process.wait(20) == -signal.SIGKILL
+    assert process.wait(PATIENCE_S) == -signal.SIGKILL
     assert starter.failure() == "the process that starts nodes died: killed by SIGKILL"
     wait_until(lambda: not psutil.pid_exists(seen.pid))  # until whoever adopted it has noticed
 
@@ -105,11 +106,27 @@ def test_nodes_end_with_a_killed_supervisor_even_if_something_is_stopped(tmp_pat
     (nodes[0] if stopped == "node" else server).suspend()
     supervisor.kill()
     supervisor.communicate()
-    gone, _ = psutil.wait_procs([server, *nodes], timeout=30)
+    gone, _ = psutil.wait_procs([server, *nodes], timeout=PATIENCE_S)
     assert len(gone) == 3
 
 
-def test_nodes_end_in_order_that_were_requested_just_before_the_supervisor_died(tmp_path: Path) -> None:
+PATIENT_SERVER = """#!{python}
+import sys
+from simbev_ros.ros.nodes import fork_server
+fork_server._STOP_TIMEOUT_S = 1e6
+sys.argv = sys.argv[2:]
+fork_server.main()
+"""
+
+
+def test_nodes_end_in_order_that_were_requested_just_before_the_supervisor_died(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    program = tmp_path / "patient_server"  # it does not kill nodes that have missed the signal
+    program.write_text(PATIENT_SERVER.format(python=sys.executable))
+    program.chmod(0o700)
+    monkeypatch.setattr(sys, "executable", str(program))
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path))
     starter = NodeStarter(["imu"], tmp_path, graph_environment(DOMAIN))
     _, seen = running(starter, tmp_path)
     server = seen.parent()
@@ -119,7 +136,7 @@ def test_nodes_end_in_order_that_were_requested_just_before_the_supervisor_died(
         starter.start([f"imu:imu_{index}"], tmp_path / f"{index}.log")
     starter._channel.close()
     server.resume()
-    server.wait(12)  # it would kill the ones that have missed the signal after 15 s
+    server.wait(PATIENCE_S)
     starter.close()
 
 
@@ -132,7 +149,7 @@ def test_a_command_does_not_know_the_key_and_ends_with_all_that_it_has_started(t
     everything = [leader, *leader.children()]
     leader.suspend()
     starter.close()
-    gone, _ = psutil.wait_procs(everything, timeout=10)
+    gone, _ = psutil.wait_procs(everything, timeout=PATIENCE_S)
     assert len(gone) == 3
     assert log.read_text().split() == [str(DOMAIN)]
 
@@ -141,5 +158,5 @@ def test_a_command_that_cannot_run_ends_at_once(starter: NodeStarter, tmp_path: 
     (tmp_path / "stack").write_text("no program")
     (tmp_path / "stack").chmod(0o755)
     process = starter.start([str(tmp_path / "stack")], tmp_path / "stack.log", is_command=True)
-    assert process.wait(10) == os.EX_OSERR
+    assert process.wait(PATIENCE_S) == os.EX_OSERR
     assert (tmp_path / "stack.log").read_text() == f"{tmp_path}/stack: Exec format error\n"

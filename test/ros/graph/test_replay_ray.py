@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from commands import wait_until
 from generating import Simbev, files, generate, write
+from waiting import wait_until
 
 pytest.importorskip("ray", reason="Ray is not installed: pip install -e .[cluster]")
 
@@ -23,7 +23,7 @@ def nodes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[RayNodes]
     cluster = RayNodes(2)
     yield cluster
     cluster.close()
-    wait_until(lambda: not processes("simbev_ros.", f"{_MARK}={tmp_path}".encode()), 60)
+    wait_until(lambda: not processes("simbev_ros.", f"{_MARK}={tmp_path}".encode()))
 
 
 def test_a_cluster_records_the_bytes_of_one_graph(simbev: Simbev, nodes: RayNodes, tmp_path: Path) -> None:

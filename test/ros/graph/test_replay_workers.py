@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from commands import wait_until
 from generating import Simbev, files, generate, write
+from waiting import wait_until
 
 pytestmark = [pytest.mark.graph, pytest.mark.slow]
 
@@ -27,7 +27,7 @@ def no_process_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Itera
             return False
 
     yield
-    wait_until(lambda: not any(map(is_left, Path("/proc").glob("[0-9]*"))), 25)
+    wait_until(lambda: not any(map(is_left, Path("/proc").glob("[0-9]*"))))
 
 
 @pytest.fixture
@@ -57,7 +57,7 @@ def test_workers_record_the_bytes_of_one_graph_also_after_an_interrupt(
     one, two = tmp_path / "one", tmp_path / "two"
     replay(simbev, dataset, night, "--out", one)
     command = simbev("replay", dataset, night, "--out", two, "--workers", 2)
-    command.wait_for(lambda: len(files(two)) > 0, 180)
+    command.wait_for(lambda: len(files(two)) > 0)
     command.process.send_signal(signal.SIGINT)
     code, output = command.finish(60)
     assert code == 130, output

@@ -2,13 +2,14 @@
 
 import signal
 import threading
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
-from commands import DOMAIN, Command
+from commands import Command
+from ros_domain import DOMAIN
+from waiting import wait_until
 
 from simbev_ros.foundation.files.limits import MAX_SCENE_NUMBER
 from simbev_ros.recording.reader import SceneBag
@@ -128,8 +129,7 @@ def test_scenes_are_played_recorded_and_ended_on_request(
     longer = config.read_text().replace("duration_s: 0.5", "duration_s: 600")
     client.feedback.clear()
     goal = client.start(configuration=longer, number=4)
-    while not any(each.tick >= 3 for each in client.feedback):
-        time.sleep(0.05)
+    wait_until(lambda: any(each.tick >= 3 for each in client.feedback))
     client.ask(goal.cancel_goal_async)
     canceled = client.ask(goal.get_result_async)
     assert canceled.status == GoalStatus.STATUS_CANCELED

@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 
 import pytest
-from commands import DOMAIN
 from made_up_scene import made_up_spec
+from ros_domain import DOMAIN
 
 from simbev_ros.config.load import load_scenario
 from simbev_ros.foundation.errors import GraphError

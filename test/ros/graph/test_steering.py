@@ -61,7 +61,7 @@ def test_services_control_the_world(
         def call(name: str, request: Any) -> Any:
             assert clients[name].wait_for_service(10)
             future = clients[name].call_async(request)
-            spin_until(future.done, 20)
+            spin_until(future.done)
             return future.result()
 
         def settle() -> int:
@@ -73,7 +73,7 @@ def test_services_control_the_world(
             assert run.process.poll() is None, run.finish()[1]
             return True
 
-        spin_until(lambda: runs() and len(clocks) > 20, 60)
+        spin_until(lambda: runs() and len(clocks) > 20)
         answer = call("step", Trigger.Request())
         assert (answer.success, answer.message) == (False, "pause first: /world/pause")
         answer = call("pause", SetBool.Request(data=True))
@@ -87,7 +87,7 @@ def test_services_control_the_world(
         assert (answer.success, answer.message) == (restarted, answer_to_reset)
         assert call("pause", SetBool.Request(data=False)).message == "running"
         count = len(clocks)
-        spin_until(lambda: len(clocks) > count + 10, 30)
+        spin_until(lambda: len(clocks) > count + 10)
         assert (stamp_ns(clocks[-1]) < paused_ns) == restarted
 
 
@@ -99,7 +99,7 @@ def drive(simbev: Simbev, config: Path, dataset: Path) -> Path:
         node.create_subscription(String, "/world/scene", keep(scenes), LATCHED)
         ready = node.create_publisher(Header, "/sync/ready", LATCHED)
         wheel = node.create_publisher(Twist, "/ego/cmd_vel", 10)
-        spin_until(lambda: bool(scenes) and wheel.get_subscription_count() > 0, 60)
+        spin_until(lambda: bool(scenes) and wheel.get_subscription_count() > 0)
         spec = SceneSpec.model_validate_json(scenes[0].data)
 
         def finish(tick: int) -> None:
@@ -116,7 +116,7 @@ def drive(simbev: Simbev, config: Path, dataset: Path) -> Path:
 
         node.create_subscription(Clock, "/clock", on_clock, 50)
         finish(spec.loaded_tick)
-        spin_until(lambda: command.process.poll() is not None, 120)
+        spin_until(lambda: command.process.poll() is not None)
     code, output = command.finish()
     assert code == 0, output
     return dataset / "scenes" / "train" / "Blocks-0000"

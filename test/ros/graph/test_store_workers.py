@@ -6,9 +6,9 @@ from pathlib import Path
 
 import psutil
 import pytest
-from commands import wait_until
 from generating import Simbev, files, generate, write
 from store_server import BUCKET, StoreServer
+from waiting import wait_until
 
 from simbev_ros.dataset import open_dataset
 from simbev_ros.dataset.fetched_check import verify_fetched_bag
@@ -40,7 +40,7 @@ def test_whatever_is_killed_the_dataset_in_the_store_is_that_of_a_folder(
     orphans = workers(command.process.pid)
     command.process.kill()  # alone: its workers have to notice
     command.process.wait()
-    wait_until(lambda: not any(orphan.is_running() for orphan in orphans), 25)
+    wait_until(lambda: not any(orphan.is_running() for orphan in orphans))
     put_bytes(b"", SET / ".lock")  # instead of a minute's wait
     code, output = simbev(*arguments).finish(600)
     store.reset()

@@ -1,6 +1,5 @@
 """The node of a baseline subscribes to what is published, and answers and reports each tick; a fake model stands in."""
 
-import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -14,8 +13,10 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from ros_domain import DOMAIN
 from sensor_msgs.msg import CompressedImage, Image, PointCloud2
 from std_msgs.msg import Header, String
+from waiting import wait_until
 
 from simbev_ros.baselines.boxes import BOX_DTYPE as MODEL_BOX_DTYPE
 from simbev_ros.baselines.grid import CELLS
@@ -58,7 +59,7 @@ class Graph:
     """
 
     def __init__(self, arguments: list[str], sensor_qos: QoSProfile, image_topics: tuple[str, ...]) -> None:
-        rclpy.init(args=["--ros-args", *arguments], domain_id=39)
+        rclpy.init(args=["--ros-args", *arguments], domain_id=DOMAIN)
         self.spec = made_up_spec(SENSORS, number=3, ticks=10)
         self.node, self.stack = Node("graph"), BaselineNode(FakeBaseline())  # type: ignore[arg-type]
         self.executor = SingleThreadedExecutor()
@@ -103,10 +104,7 @@ class Graph:
                 self.publishers[RAW].publish(image_message(image, stamp_ns, "c"))
 
     def spin_until(self, condition: Callable[[], bool]) -> None:
-        end_s = time.monotonic() + 20.0
-        while not condition():
-            assert time.monotonic() < end_s, "timed out"
-            self.executor.spin_once(timeout_sec=0.05)
+        wait_until(condition, meanwhile=lambda: self.executor.spin_once(timeout_sec=0.05))
 
     def reported_ticks(self) -> list[int]:
         return [self.spec.tick_of(stamp_of(report.stamp)) for report in self.reports]

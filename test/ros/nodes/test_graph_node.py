@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 import rclpy
+from ros_domain import DOMAIN
 
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.foundation.errors import InputError
@@ -20,7 +21,7 @@ def make_node(tmp_path: Path) -> Iterator[Callable[[str], GraphNode]]:
     def make(text: str) -> GraphNode:
         file = tmp_path / "parameters.yaml"
         file.write_text(f"camera: {{ros__parameters: {{rendering: '{text}'}}}}\n")
-        rclpy.init(args=["--ros-args", "--params-file", str(file)], domain_id=39)
+        rclpy.init(args=["--ros-args", "--params-file", str(file)], domain_id=DOMAIN)
         nodes.append(GraphNode(NodeName("camera")))
         return nodes[0]
 

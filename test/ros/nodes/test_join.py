@@ -13,6 +13,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Header, String
+from waiting import wait_until
 
 from simbev_ros import join
 from simbev_ros.join import Lockstep
@@ -58,11 +59,8 @@ class World:
         self.reports.append(report)
         self.lockstep.record_report(report)
 
-    def spin_until(self, condition: Callable[[], bool], timeout_s: float = 10) -> None:
-        end_s = time.monotonic() + timeout_s
-        while not condition():
-            assert time.monotonic() < end_s, "timed out"
-            self.executor.spin_once(timeout_sec=0.05)
+    def spin_until(self, condition: Callable[[], bool]) -> None:
+        wait_until(condition, meanwhile=lambda: self.executor.spin_once(timeout_sec=0.05))
 
     def spin(self, duration_s: float) -> None:
         end_s = time.monotonic() + duration_s

@@ -10,6 +10,8 @@ import rclpy
 import yaml
 from nav_msgs.msg import OccupancyGrid
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from ros_domain import DOMAIN
+from waiting import PATIENCE_S
 
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.ros.conventions.names import NodeName
@@ -36,7 +38,7 @@ def make_node(tmp_path: Path) -> Iterator[MakeNode]:
     def make(namespace: str = "", **parameters: object) -> GraphNode:
         file = tmp_path / "parameters.yaml"
         file.write_text(yaml.safe_dump({"/**": {"ros__parameters": parameters}}))
-        rclpy.init(args=["--ros-args", "--params-file", str(file)], domain_id=39)
+        rclpy.init(args=["--ros-args", "--params-file", str(file)], domain_id=DOMAIN)
         nodes.append(GraphNode(NodeName("lidar", "ego", namespace)))
         return nodes[0]
 
@@ -71,7 +73,7 @@ def received(node: GraphNode, topic: Topic, qos: QoSProfile, *, late: bool = Fal
 
 
 def test_a_subscriber_with_default_qos_gets_live_sensor_data_if_they_are_reliable(make_node: MakeNode) -> None:
-    assert len(received(make_node(live=True, reliable=True), POINTS, DEFAULT, limit_s=10.0)) == 1
+    assert len(received(make_node(live=True, reliable=True), POINTS, DEFAULT, limit_s=PATIENCE_S)) == 1
 
 
 def test_live_sensor_data_are_best_effort_by_default_and_depth_stays_if_they_are_reliable(make_node: MakeNode) -> None:
@@ -84,11 +86,11 @@ def test_live_sensor_data_are_best_effort_by_default_and_depth_stays_if_they_are
 
 
 def test_a_late_subscriber_gets_the_newest_grid_as_it_would_a_map(make_node: MakeNode) -> None:
-    assert len(received(make_node(), GRID, MAP, late=True, limit_s=10.0)) == 1
+    assert len(received(make_node(), GRID, MAP, late=True, limit_s=PATIENCE_S)) == 1
 
 
 def test_a_grid_reaches_a_subscriber_that_asks_for_no_earlier_ones(make_node: MakeNode) -> None:
-    (message,) = received(make_node(), GRID, DEFAULT, limit_s=10.0)
+    (message,) = received(make_node(), GRID, DEFAULT, limit_s=PATIENCE_S)
     assert isinstance(message, OccupancyGrid)
 
 

@@ -1,6 +1,5 @@
 """The reference stack queues every cloud in lockstep, and none but the newest in a live graph."""
 
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -9,8 +8,10 @@ import rclpy
 from made_up_scene import made_up_scene
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from ros_domain import DOMAIN
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
+from waiting import wait_until
 
 from simbev_ros.reference_stack.node import ReferenceStack
 
@@ -27,15 +28,17 @@ def subscribed_as(tmp_path: Path) -> Iterator[SubscribedAs]:
     text = made_up_scene(tmp_path / "bag", number=3, ticks=1).spec.model_dump_json()
 
     def subscribe(offered: QoSProfile, *arguments: str) -> ReliabilityPolicy:
-        rclpy.init(args=["--ros-args", *arguments], domain_id=39)
+        rclpy.init(args=["--ros-args", *arguments], domain_id=DOMAIN)
         graph, stack = Node("graph"), ReferenceStack()
         nodes.extend((graph, stack))
         graph.create_publisher(PointCloud2, "/ego/lidar/points", offered)
         graph.create_publisher(String, "/world/scene", LATCHED).publish(String(data=text))
-        end_s = time.monotonic() + 10.0
-        while not (found := graph.get_subscriptions_info_by_topic("/ego/lidar/points")) and time.monotonic() < end_s:
-            rclpy.spin_once(stack, timeout_sec=0.05)
-        return found[0].qos_profile.reliability
+        topic = "/ego/lidar/points"
+        wait_until(
+            lambda: graph.get_subscriptions_info_by_topic(topic),
+            meanwhile=lambda: rclpy.spin_once(stack, timeout_sec=0.05),
+        )
+        return graph.get_subscriptions_info_by_topic(topic)[0].qos_profile.reliability
 
     yield subscribe
     for node in nodes:

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 import rclpy
 from made_up_scene import made_up_spec
+from ros_domain import DOMAIN
 from several_agents import car, with_agents
 from synthetic_world import actor, box_model, world
 
@@ -32,7 +33,7 @@ LIGHT_KINDS = [kind for kind in SENSOR_KINDS if kind not in ("camera", "lidar", 
 
 @pytest.fixture
 def context() -> Iterator[None]:
-    rclpy.init(domain_id=39)
+    rclpy.init(domain_id=DOMAIN)
     yield
     rclpy.shutdown()
 

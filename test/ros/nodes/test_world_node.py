@@ -9,6 +9,7 @@ import pytest
 import rclpy
 from geometry_msgs.msg import Twist
 from made_up_scene import made_up_spec
+from ros_domain import DOMAIN
 from several_agents import car, made_up_agents, roadside_unit, with_agents
 
 from simbev_ros.assets.regions.region_scene import Streetside
@@ -65,7 +66,7 @@ def node(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     monkeypatch.setattr(world_node, "loaded_reach", lambda *_: None)
     monkeypatch.setattr(world_node, "load_streetside", lambda *_, **__: Streetside(np.zeros((0, 3)), np.zeros(0), ()))
     monkeypatch.setattr(world_node, "_make_source", lambda request, *_: Parade(request.spec))
-    rclpy.init(domain_id=39)
+    rclpy.init(domain_id=DOMAIN)
     made: Any = WorldNode(NodeName("world"))
     made.sent = {}
     monkeypatch.setattr(made, "publish", lambda name, message: made.sent.setdefault(name, []).append(message))

@@ -12,8 +12,10 @@ from nav_msgs.msg import OccupancyGrid, Odometry
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from ros_domain import DOMAIN
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
+from waiting import wait_until
 
 from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_rpy, quaternion_from_rpy
 from simbev_ros.ros.msgs.stamps import header
@@ -24,7 +26,6 @@ from simbev_ros.ros.relays.nav2 import Nav2Relay, drivable_map
 from simbev_ros.schema.points import POINT_DTYPE
 
 STAMP_NS = 3_602_050_000_000
-DOMAIN = 57
 SCENE = made_up_spec([]).model_copy(update={"base_link_x_m": -1.4})
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -103,13 +104,14 @@ def test_the_nodes_answer_what_they_hear(context: Context) -> None:
     executor = SingleThreadedExecutor(context=context)
     for node in nodes:
         executor.add_node(node)
-    for _ in range(100):
+
+    def send_again() -> None:
         for publisher, message in inputs:
             publisher.publish(message)
         for _ in range(10):
             executor.spin_once(timeout_sec=0.01)
-        if len(received) == 3:
-            break
+
+    wait_until(lambda: len(received) == 3, meanwhile=send_again)
     executor.shutdown()
     for node in nodes:
         node.destroy_node()

@@ -155,7 +155,7 @@ def _is_elevation(given: Any) -> bool:
 
 
 def _preset_for(data: dict[str, Any], preset: dict[str, Any]) -> dict[str, Any]:
-    """Properties of a preset that remain valid beside those that the rig gives.
+    """Properties of a preset that remain valid together with those that the rig gives.
 
     If the rig changes the channels, they are spread evenly over the preset's vertical field of view. A lidar with
     another rate of rotation keeps its firing rate.

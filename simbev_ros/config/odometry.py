@@ -2,7 +2,7 @@
 
 Defaults are those of a production car: 1 % of the distance, from wear and pressure of the tires (Borenstein and Feng,
 "Measurement and Correction of Systematic Odometry Errors in Mobile Robots", 1996, call it a systematic error), and a
-yaw rate sensor of the stability control, whose bias was removed at the last standstill.
+yaw rate sensor of the stability control, with the bias of the last standstill removed.
 """
 
 from typing import ClassVar, Literal, Self

@@ -46,7 +46,7 @@ class MastPose(Model):
 
 
 class JunctionPlace(Model):
-    """A place beside a drawn junction, at a pole of its traffic lights if it has any; x points to its center."""
+    """A position next to a random junction, at a pole of its traffic lights if it has any; x points to its center."""
 
     signalised: bool | None = Field(None, description="whether the junction has traffic lights; none: it may")
     near: Near | None = Field(

@@ -16,7 +16,7 @@ def require_fitting_rates(keys: Keys, rig: Rig, annotation: Annotation | None, t
         tick_hz: The tick rate.
 
     Raises:
-        FieldError: A rate does not divide the tick rate and, for an IMU, is no multiple of it.
+        FieldError: A rate does not divide the tick rate and, for an IMU, is not a multiple of it.
     """
     allowed = _dividing_rates(tick_hz)
     for index, sensor in enumerate(rig.sensors):

@@ -285,7 +285,7 @@ class Scenario(Model):
     def origins(self) -> dict[Keys, tuple[str, Keys]]:
         """For the fields of agents, file with line and the field's name there; filled by ``config.load``.
 
-        It is no part of the configuration: it is neither compared nor dumped, but copies and pickles have it.
+        It is not part of the configuration: it is neither compared nor dumped, but copied and pickled.
         """
         return {}
 

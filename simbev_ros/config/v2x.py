@@ -12,7 +12,7 @@ _MAX_SIGMA_DEG = 180.0
 
 
 class V2x(Model):
-    """Messages that agents send each other: each tells its pose and the boxes that it sees."""
+    """Messages between agents: each sends its pose and the boxes that it sees."""
 
     rate_hz: float = Field(10.0, gt=0, le=1000, description="rate of each sender, which must divide the tick rate")
     range_m: Annotated[Drawn, within(1, 100_000)] = Field(

@@ -1,4 +1,4 @@
-"""Tables of this package: YAML files beside the modules that read them."""
+"""Tables of this package: YAML files next to the modules that read them."""
 
 from importlib.resources import files
 from typing import Any

@@ -15,7 +15,7 @@ from simbev_ros.maps.safe_xml import line_of
 
 
 class Outcome(StrEnum):
-    """What a finding means for the map."""
+    """Consequence of a finding for the map."""
 
     LEFT_OUT = "left out"
     REPAIRED = "repaired"
@@ -24,7 +24,7 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Finding:
-    """One place in a map's file, or several of a kind that are not told apart.
+    """One place in a map's file, or several of a kind that are counted together.
 
     Attributes:
         rule: What was found, in the same words at all places of a kind.

@@ -70,7 +70,7 @@ class _Roads:
         ]
 
     def clear(self, item: MapObject, level: int) -> list[MapObject]:
-        """What remains of an object."""
+        """The part of an object that is kept."""
         plan = _plan(item)
         tree = self._trees[level]
         if len(tree.query(plan, predicate="intersects")) == 0:

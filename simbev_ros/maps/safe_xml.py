@@ -56,7 +56,7 @@ def parse(path: Path, root_tag: str) -> Element:
 
 
 def read_elements(path: Path, root_tag: str, target: XmlTarget, max_bytes: int, max_elements: int) -> None:
-    """Parse an XML file, plain or compressed, without keeping it in memory; errors as of ``parse``.
+    """Parse an XML file, plain or compressed, without keeping it in memory; raises the errors of ``parse``.
 
     Args:
         path: A regular file.

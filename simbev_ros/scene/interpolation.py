@@ -64,7 +64,7 @@ class ActorHistory:
 
     @classmethod
     def of_ego(cls, state: WorldState, earlier: Sequence[WorldState] = ()) -> "ActorHistory":
-        """Build the history of a state's ego alone; a roadside unit, which is no actor, has always been as it is now.
+        """Build the history of a state's ego alone; a roadside unit, which is not an actor, has never moved.
 
         Args:
             state: The world now.

@@ -1,4 +1,4 @@
-"""The messages with which the supervisor tells the world node which scene to play, and to end it early."""
+"""Messages from the supervisor to the world node: the scene to play, and requests to end it early."""
 
 from pydantic import Field
 

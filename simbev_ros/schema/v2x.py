@@ -7,7 +7,7 @@ import numpy as np
 V2X_DTYPE = np.dtype(
     [
         ("sender", "<u4"),  # actor id of the sender's vehicle; a roadside unit has an id of its own, from 0x30000 on
-        ("id", "<u4"),  # id of the box; 0: the row tells the pose of the sender itself
+        ("id", "<u4"),  # id of the box; 0: the row is the sender's own pose
         ("class", "u1"),  # index into BOX_CLASSES; 255: a roadside unit
         ("x", "<f8"),  # m, map frame: center of the box; of the sender the origin of its ego frame, on the ground
         ("y", "<f8"),
@@ -31,4 +31,4 @@ V2X_DTYPE = np.dtype(
 
 
 OWN_POSE: Final = 0
-"""Id in the row that tells the sender's pose."""
+"""Id of the row with the sender's own pose."""

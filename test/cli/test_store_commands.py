@@ -94,7 +94,7 @@ def test_folders_and_urls_can_be_verified_together(simbev: Simbev, folder: Path,
         (f"s3://{BUCKET}/none", "there is no dataset and no bag"),
         (f"s3://{BUCKET}/none.mcap", "no such object"),
         ("s3://nobody/none", "there is no bucket 'nobody'"),
-        ("s3://", "'' is no name of a bucket"),
+        ("s3://", "'' is not a valid bucket name"),
         ("gs://bucket/set", "URLs with gs:// are not supported; allowed: s3://bucket/prefix"),
     ],
 )

@@ -21,7 +21,7 @@ class Detail:
 
     @property
     def for_spinning_parts(self) -> "Detail":
-        """Stricter detail for wheels: they turn so far between images that optical flow shows errors up to doubled."""
+        """Stricter detail for wheels: their rotation between images up to doubles errors in optical flow."""
         return replace(self, error_m=self.error_m / 3.0)
 
     def segments(self, wanted: int, radius_m: float, minimum: int = 4) -> int:

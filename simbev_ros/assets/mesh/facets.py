@@ -32,7 +32,7 @@ class Facets:
         tile: (F, 2) column and row of each facet's tile.
         first_tile: (2,) column and row of the south-western tile.
         leaf_at: For squares with sides of one tile, half a tile and so on: (I, J) index of the leaf, -1 where the
-            square is no leaf.
+            square is not a leaf.
         middle_m: (L, 2) centers of the leaves.
         sectors: (L, 4, 2) facet of each half of the leaves' sectors.
     """

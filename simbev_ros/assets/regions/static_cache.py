@@ -81,7 +81,7 @@ def load_streetside(
 
 
 class StaticCache:
-    """The regions of one map on disk; a cached one has the same bytes as one built anew."""
+    """The regions of one map on disk; a cached region has the same bytes as one that is built again."""
 
     def __init__(self, spec: MapSpec, network: RoadNetwork, cache_dir: Path | None = None) -> None:
         """Arguments as of ``load_static_scene``."""

@@ -124,7 +124,7 @@ def _last_use_s(entry: Path) -> float:
 
 
 def _is_hidden(entry: Path) -> bool:
-    """Whether this is no entry, but what a process is just building or removing."""
+    """Whether this is a temporary folder, of an entry that a process is building or removing."""
     return entry.name.startswith(".")
 
 

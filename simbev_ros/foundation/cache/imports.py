@@ -29,7 +29,7 @@ class Dependencies:
 
     Attributes:
         modules: SHA-256 of the source of each module of this package, by the module's name.
-        data: SHA-256 of each file that is no source, in the packages of the modules, by its path in this package.
+        data: SHA-256 of each file that is not source code, in the packages of the modules, by its path in this package.
         libraries: Top-level names of the imported modules that belong neither to this package nor to Python.
     """
 

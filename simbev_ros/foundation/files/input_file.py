@@ -44,7 +44,7 @@ def read_small_file(path: Path, max_bytes: int) -> bytes:
     """The content of a regular file.
 
     Raises:
-        InputError: It is no regular file, cannot be read, or is larger than ``max_bytes``.
+        InputError: It is not a regular file, cannot be read, or is larger than ``max_bytes``.
     """
     require_file(path)
     try:

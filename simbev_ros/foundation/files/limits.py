@@ -26,7 +26,7 @@ MAX_MAP_BYTES = 128 << 20
 """Size of an OpenDRIVE file, a Lanelet2 map or a SUMO net, on disk and unpacked."""
 
 MAX_OSM_BYTES = 512 << 20
-"""Size of an OpenStreetMap file in XML, on disk and unpacked. Of a larger area, use the PBF."""
+"""Size of an OpenStreetMap file in XML, on disk and unpacked. Use PBF for a larger area."""
 
 MAX_PBF_BYTES = 16 << 30
 """Size of an OpenStreetMap file in PBF; whole countries are smaller."""
@@ -63,7 +63,7 @@ MAX_OBJECT_COPIES = 10_000
 """Copies of one object that is repeated along an OpenDRIVE road."""
 
 MAX_MAP_OBJECTS = 200_000
-"""Objects beside the roads of a map, such as trees and poles, copies included. Further ones are left out."""
+"""Maximum number of roadside objects of a map, such as trees and poles, including copies. The rest is left out."""
 
 MAX_OBJECT_LINES_KM = 1_000
 """Length of all barriers, rails, tree rows and power lines of an OpenStreetMap file. Further ones are left out."""
@@ -75,7 +75,7 @@ MAX_SECTIONS_PER_M = 10.0
 """Lane sections per meter of an OpenDRIVE road, beyond the first 100; a road with more is left out."""
 
 MAX_FINDINGS = 1_000
-"""Places in a map's file that are told apart for each kind of finding; further ones are counted."""
+"""Maximum number of places in a map's file that are listed for each kind of finding; the rest is counted."""
 
 MAX_YAML_BYTES = 4 << 20
 """Size of a YAML text: a configuration, or a bag's description. The description of a bag with 100 topics has 80 KiB."""

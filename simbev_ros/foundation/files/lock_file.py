@@ -19,7 +19,7 @@ def open_lock_file(path: Path, folder: int | None = None) -> int:
         folder: Descriptor of the folder that a relative path starts from; None: the working directory.
 
     Raises:
-        OSError: The file cannot be opened, or it is a link, a device or another thing that is no file.
+        OSError: The file cannot be opened, or it is a link, a device or anything else that is not a file.
     """
     flags = os.O_RDWR | os.O_CREAT
     for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_CLOEXEC"):  # which Windows does not have

@@ -55,7 +55,7 @@ def load_yaml(path: Path) -> Any:
 
     Raises:
         OSError: The file cannot be read.
-        ValueError: It is no regular file, or as of ``parse_yaml``.
+        ValueError: It is not a regular file, or see ``parse_yaml``.
     """
     if path.exists() and not path.is_file():
         raise ValueError("it is not a file")  # opening a pipe may wait forever

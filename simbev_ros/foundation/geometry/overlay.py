@@ -16,7 +16,7 @@ from shapely.geometry.base import BaseGeometry
 from simbev_ros.foundation.types import AnyArray
 
 _GRIDS_M = (1e-6, 1e-4, 1e-3, 1e-2, 0.1)
-"""Precision grids of further attempts, coordinates in meters; the last one still tells lines of paint apart."""
+"""Precision grids of further attempts, coordinates in meters; the last one still separates lines of paint."""
 _MAX_EXCESS_M2 = 1.0
 """Excess of a result's area that invalid operands and precision grids explain."""
 

@@ -7,7 +7,7 @@ PACKAGE = "simbev_ros"
 
 
 def shipped_folder(name: str, member: str) -> Path:
-    """Folder that lies beside the Python package in a checkout, and in ``share/simbev_ros`` where it is installed.
+    """Folder next to the Python package in a checkout, and in ``share/simbev_ros`` where it is installed.
 
     Args:
         name: Name of the folder, such as ``config``.

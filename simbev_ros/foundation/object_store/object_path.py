@@ -173,7 +173,7 @@ def path_or_url(text: str | AnyPath) -> AnyPath:
         raise InputError(f"{text}: URLs with {scheme}:// are not supported; allowed: {SCHEME}://bucket/prefix")
     bucket, _, key = rest.partition("/")
     if not _BUCKET.fullmatch(bucket):
-        raise InputError(f"{text}: {bucket!r} is no name of a bucket; allowed: {SCHEME}://bucket/prefix")
+        raise InputError(f"{text}: {bucket!r} is not a valid bucket name; allowed: {SCHEME}://bucket/prefix")
     return ObjectPath(bucket) / key
 
 

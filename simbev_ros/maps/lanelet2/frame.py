@@ -2,7 +2,7 @@
 
 Points have latitude and longitude, or coordinates of their own in the tags ``local_x`` and ``local_y``, as Autoware
 writes them. Local coordinates are the map frame; their position on Earth follows from latitudes and longitudes, else
-from ``map_projector_info.yaml`` beside the file, else from the points' ``mgrs_code``.
+from ``map_projector_info.yaml`` next to the file, else from the points' ``mgrs_code``.
 """
 
 from collections.abc import Mapping

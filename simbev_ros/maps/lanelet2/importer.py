@@ -81,7 +81,7 @@ def _read(path: Path, mirrored: bool = False) -> tuple[LaneletMap, list[LaneletS
 def _right_of_way(
     rules: Iterable[Rule], topology: Topology, traffic: Traffic, crosswalks: Sequence[Crosswalk]
 ) -> RightOfWay:
-    """Right of way of the edges at whose end lanelets have rules."""
+    """Right of way of the edges that end at lanelets with rules."""
     lane_ids = traffic.lane_ids()
     edges: dict[str, set[str]] = defaultdict(set)
     for rule in rules:

@@ -25,7 +25,7 @@ _ORIGIN = {"latitude": 90.0, "longitude": 180.0, "altitude": 10e3}
 
 
 def datum_of_file(path: Path) -> MapDatum | None:
-    """The datum according to the projector file beside a map; None if there is none or it has no position on Earth.
+    """The datum according to the projector file next to a map; None if there is none or it has no position on Earth.
 
     Raises:
         InputError: The projector file is invalid.

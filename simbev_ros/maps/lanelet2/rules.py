@@ -76,7 +76,7 @@ def rules_of(source: LaneletMap, junctions: Junctions, notes: Findings) -> tuple
 
 
 def waiting_at_crosswalks(crosswalks: Sequence[Crosswalk], topology: Topology) -> set[str]:
-    """Lanelets at whose end pedestrians cross: those whose end is the nearest one to a crosswalk on their lane.
+    """Lanelets with a crosswalk at their end: on each lane the one that ends nearest to it.
 
     Pedestrians cross where edges of the SUMO net meet, so that one has to end there.
     """
@@ -123,7 +123,7 @@ def _sign_rules(
 
 
 def _approaches(names: Iterable[str], stop_lines: Iterable[Linestring], junctions: Junctions) -> tuple[str, ...]:
-    """The lanelets at whose end traffic waits before it passes, or leaves, the given ones.
+    """The lanelets where traffic waits, at their ends, before it passes or leaves the given ones.
 
     A rule of a lanelet whose stop line is at its start holds up the lanelets before it.
     """

@@ -35,7 +35,7 @@ def traffic_of(junctions: Junctions, waiting: Collection[str], notes: Findings) 
 
     Args:
         junctions: The junctions, with the relations of the lanelets.
-        waiting: Lanelets at whose end traffic may have to wait, so that an edge ends there.
+        waiting: Lanelets with traffic that may have to wait at their ends, so that an edge ends there.
         notes: Receives omissions.
     """
     topology = junctions.topology

@@ -106,7 +106,7 @@ def _lane_types(document: Document) -> str:
 def _edges_by_meaning(
     signals: Iterable[Signal], approaches: Approaches, traffic: Traffic
 ) -> tuple[Mapping[str, set[str]], set[str]]:
-    """Meaning of signals → edges at whose end they apply; and the nodes with traffic lights."""
+    """Meaning of signals → edges that they apply to, at their ends; and the nodes with traffic lights."""
     lane_ids = traffic.lane_ids()
     by_meaning: dict[str, set[str]] = defaultdict(set)
     for signal in signals:

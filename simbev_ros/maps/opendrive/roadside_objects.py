@@ -34,7 +34,7 @@ _MIN_BUILDING_M2 = 1.0
 
 
 class ObjectType(Model):
-    """What an OpenDRIVE object type is, and its size where the file gives none; see object_types.yaml."""
+    """Meaning of an OpenDRIVE object type, and its size where the file gives none; see object_types.yaml."""
 
     kind: ObjectKind | Literal["building"]
     length_m: float = Field(0.0, ge=0)

@@ -37,13 +37,13 @@ class Signal:
     Attributes:
         id: Its id in the file.
         meaning: One of the values of ``SIGNAL_MEANINGS``.
-        road: The road that it stands beside.
+        road: The road that it stands next to.
         s_m: Its distance along the road.
         position_m: (3,) its position on the road's surface, map frame.
         bottom_m: Height of its lower edge above the surface.
         height_m: Its own height, 0 if the file has none.
         axis_rad: Direction normal to its face, up to sign: editors disagree about the sign.
-        traffic_rad: Direction of the traffic that it stands beside.
+        traffic_rad: Direction of the traffic that passes it.
         forward: Whether it applies to traffic in the direction of s.
         lanes: The lanes that it applies to.
         speed_mps: Value of speed limits, else 0.

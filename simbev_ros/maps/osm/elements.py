@@ -62,14 +62,14 @@ class OsmElements:
         self._latitudes_deg.append(latitude_deg)
 
     def add_nodes(self, identifiers: Int64Array, longitude_latitude_deg: Float64Array) -> None:
-        """Add (N,) nodes with (N, 2) coordinates; errors as of ``add_node``."""
+        """Add (N,) nodes with (N, 2) coordinates; raises the errors of ``add_node``."""
         for identifier, (longitude_deg, latitude_deg) in zip(
             identifiers.tolist(), longitude_latitude_deg.tolist(), strict=True
         ):
             self.add_node(identifier, longitude_deg, latitude_deg)
 
     def add_way(self, identifier: int, nodes: Sequence[int], tags: Tags) -> None:
-        """Add a way with the ids of its nodes, which may be missing or come later; errors as of ``add_node``."""
+        """Add a way with the ids of its nodes, which may be missing or come later; raises the errors of ``add_node``."""
         if len(self._references) + len(nodes) + len(self._ends) > _MAX_REFERENCES_PER_NODE * self._max_nodes:
             raise InputError(f"{self._path}: has too many ways; choose a part with bounds, or a smaller one")
         self._way_ids.append(identifier)

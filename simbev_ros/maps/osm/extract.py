@@ -24,7 +24,7 @@ def cut(data: OsmData, box: Box, reason: str = "") -> OsmData:
     Args:
         data: The file.
         box: The part.
-        reason: Why the box was chosen, if users did not choose it, for a note that tells them how to.
+        reason: Why the box was chosen, if users did not choose it, for a note on how to choose it.
     """
     cutter = _Cutter(data, box)
     near = cutter.touches(box.grow(SURROUNDINGS_M))

@@ -81,7 +81,7 @@ def import_osm(path: Path, work: Path, bounds: Bounds | None = None) -> MapParts
 
 
 class _Prepared(NamedTuple):
-    """What an import needs of a file after netconvert's input has been written: netconvert's options, and the rest."""
+    """Content of a file that an import needs in addition to netconvert's input."""
 
     options: list[str]
     datum: MapDatum
@@ -162,7 +162,7 @@ def _project(data: OsmData, nodes: Int64Array) -> tuple[MapDatum, Float64Array]:
 
 
 def _contents(data: OsmData) -> str:
-    """What a file without roads holds: the most frequent keys of its ways."""
+    """Description of a file without roads: the most frequent keys of its ways."""
     keys = Counter(key for way in data.ways for key in way.tags)
     if not keys:
         return f"a file of {len(data.longitude_latitude_deg)} points and {len(data.ways)} ways without tags"

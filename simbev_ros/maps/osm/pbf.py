@@ -159,7 +159,7 @@ def _degrees(nodes: Table) -> Float64Array:
 
 
 def _located(nodes: Table, ids: Int64Array) -> tuple[Int64Array, Float64Array]:
-    """Those of the (N,) sorted ids that are there, and their (M, 2) longitudes and latitudes."""
+    """The existing ones of (N,) sorted ids, and their (M, 2) longitudes and latitudes."""
     if not len(nodes):
         return np.empty(0, np.int64), np.empty((0, 2))
     position = np.minimum(np.searchsorted(nodes["id"], ids), len(nodes) - 1)

@@ -143,7 +143,7 @@ def _contract(plan: Plan, short: Link) -> Plan:
 
 
 def _crowding_notes(plan: Plan) -> Iterator[str]:
-    """One sentence for each link whose junctions leave no room for cars to queue between them."""
+    """One sentence for each link that is too short for cars to queue between its junctions."""
     touching = plan.links_at()
     for link in plan.links:
         whole_m = length_m(link.line_m)

@@ -158,7 +158,7 @@ def _extend_structures(links: coo_matrix, reach_m: Float64Array) -> tuple[BoolAr
 
     Args:
         links: (N, N) path lengths between neighbors.
-        reach_m: (N,) distance by which structures extend from each piece; negative: the piece is no source.
+        reach_m: (N,) distance by which structures extend from each piece; negative: the piece is not a source.
     """
     count, longest_m = len(reach_m), float(reach_m.max())
     sources = np.flatnonzero(reach_m >= 0.0)

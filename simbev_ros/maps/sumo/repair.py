@@ -136,7 +136,7 @@ class NetFile:
             self.findings.left_out("a junction without a position is left out", self._junctions.pop(name), name)
 
     def _fault_of(self, edge: Element) -> str:
-        """What makes an edge unusable, or ""."""
+        """The reason why an edge is unusable, or ""."""
         lanes = edge.findall("lane")
         if any(edge.get(end) not in self._junctions for end in ("from", "to")):
             return "from or to missing junctions"

@@ -87,7 +87,7 @@ class StationDrawer:
         return StationSpec(x_m=pose.x_m, y_m=pose.y_m, z_m=z_m, yaw_rad=math.radians(pose.yaw_deg))
 
     def _draw_at_junction(self, place: JunctionPlace, purpose: str, where: Where) -> StationSpec:
-        """Draw a junction, then a place beside it."""
+        """Draw a junction, then a position next to it."""
         masts = self.starts.masts
         centers_m = np.array([crossing.center_m for crossing in masts.crossings]).reshape(-1, 3)
         in_area, area = self._is_near(centers_m, place.near, purpose)
@@ -117,7 +117,7 @@ class StationDrawer:
         return is_near(positions_m, near, self.others_m, self.spawn_radius_m, self.seed, purpose)
 
     def _free(self, feet_m: Float64Array) -> Float64Array:
-        """Those of (K, 3) feet that are apart from all masts drawn before."""
+        """The (K, 3) feet that keep a distance from all masts drawn before."""
         taken_m = np.array([[station.x_m, station.y_m] for station in self.stations]).reshape(-1, 2)
         distance_m = np.linalg.norm(feet_m[:, None, :2] - taken_m, axis=2)
         return feet_m[distance_m.min(axis=1, initial=np.inf) >= _MIN_APART_M]

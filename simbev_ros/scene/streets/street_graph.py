@@ -352,7 +352,7 @@ class StreetGraph:
         return tuple(self._streets.edges[edge] for edge in route)
 
     def _onward_choices(self, edge: int, following: Int64Array, length_m: float) -> Int64Array:
-        """Those of the edges after an edge from which the longest paths lead, at least ``length_m`` if there are any.
+        """The following edges of an edge from which the longest paths lead, of at least ``length_m`` if there are any.
 
         On a map cut out of a city, a vehicle does not turn back onto its road where it can drive on.
         """

@@ -1,4 +1,4 @@
-"""The lanes of a map that are too tight for long vehicles, computed once and cached beside the map."""
+"""The lanes of a map that are too tight for long vehicles, computed once and cached with the map."""
 
 import hashlib
 import json

@@ -72,7 +72,7 @@ def route_line_m(spec: SceneSpec, network: RoadNetwork, index: int) -> Float64Ar
 
 
 def _path_to(edge: str, lane: Lane, network: RoadNetwork) -> list[Lane]:
-    """The lanes from a lane, or from one beside it, through a junction to an edge; empty if there are none."""
+    """The lanes from a lane, or from an adjacent one, through a junction to an edge; empty if there are none."""
     beside = sorted(
         (other for other in network.lanes_of_edge(lane.edge) if other.kind is lane.kind),
         key=lambda other: abs(other.index - lane.index),

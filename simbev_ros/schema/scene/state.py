@@ -79,7 +79,7 @@ class WorldState:
         signals: (S,) ``SIGNAL_DTYPE``; the row order is constant within a scene.
         weather: Weather and light at this tick.
         events: Events since the previous tick; always empty in nodes other than the world node.
-        station: The ego's row, shape (), if the ego is a roadside unit, which is no actor.
+        station: The ego's row, shape (), if the ego is a roadside unit, which is not an actor.
     """
 
     stamp_ns: int

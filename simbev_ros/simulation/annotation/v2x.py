@@ -1,4 +1,4 @@
-"""Messages between agents (V2X): what each one tells of itself and of the boxes that it sees, and where that arrives.
+"""Messages between agents (V2X): the pose and the boxes that each agent sends, and which agents receive them.
 
 The world state and the boxes around each agent enter, tick by tick; ``V2X_DTYPE`` tables leave: what is sent, and what
 arrives. Everything random follows from the seed, the agents' names and the tick.

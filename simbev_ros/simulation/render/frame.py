@@ -22,7 +22,7 @@ class CameraView:
         modalities: The requested modalities.
         optics: Exposure, vignetting and noise of the color image.
         noise_seed: Seed of the noise, below 2**64; different for every camera and tick.
-        lens_seed: Seed of the drops on the lens, beside the camera's pose; different for every agent of a scene.
+        lens_seed: Seed of the drops on the lens, together with the camera's pose; differs between agents of a scene.
     """
 
     camera: PinholeCamera

@@ -110,7 +110,7 @@ class Renderer:
     def set_agents(self, count: int) -> None:
         """Keep the maps that are around this number of agents; until this is called, those around one.
 
-        Images do not depend on it, but agents that share too few maps have them drawn anew in each of their calls.
+        Images do not depend on it, but if agents share too few maps, each call draws them again.
         """
         self._shadow_map.set_agents(count)
         self._tunnel_map.set_agents(count)

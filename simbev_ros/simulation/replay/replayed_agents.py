@@ -21,7 +21,7 @@ def replayed_agents(
 ) -> tuple[AgentSpec, ...]:
     """Specifications of the further agents of a replay.
 
-    An agent rides in its ``carrier``, or else in the vehicle that carried the agent of its name. Masts are drawn anew.
+    An agent rides in its ``carrier``, or else in the vehicle that carried the agent of its name. Masts are drawn again.
     A recorded agent that the configuration lacks is a vehicle like others.
 
     Args:

@@ -42,8 +42,8 @@ def test_a_path_is_not_relative_to_a_folder_that_it_is_not_in(folder: ObjectPath
     [
         ("gs://bucket/a", "URLs with gs:// are not supported; allowed: s3://bucket/prefix"),
         ("https://host/a", "URLs with https:// are not supported"),
-        ("s3:///a", "'' is no name of a bucket"),
-        ("s3://a b/c", "'a b' is no name of a bucket"),
+        ("s3:///a", "'' is not a valid bucket name"),
+        ("s3://a b/c", "'a b' is not a valid bucket name"),
     ],
 )
 def test_a_url_that_leads_nowhere_is_refused(url: str, problem: str) -> None:

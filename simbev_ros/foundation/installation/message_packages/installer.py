@@ -48,7 +48,7 @@ def is_possible() -> bool:
 
 
 def describe_remedy() -> str | None:
-    """What to do so that all packages are there and current; None if they are."""
+    """Advice for the user if a package is missing or out of date; None otherwise."""
     missing = [state.package.name for state in survey_packages() if not state.is_current]
     if not missing:
         return None

@@ -40,7 +40,7 @@ def compile_libraries(name: str, sources: Sources, folder: Path) -> None:
 
     Args:
         name: Name of the package.
-        sources: Its generated sources. The extension is written beside the Python modules.
+        sources: Its generated sources. The extension is written next to the Python modules.
         folder: Folder for the libraries.
 
     Raises:

@@ -22,7 +22,7 @@ from rosidl_typesupport_introspection_c.cli import GenerateIntrospectionCTypesup
 from simbev_ros.foundation.installation.message_packages.definitions import MessagePackage
 
 TYPESUPPORTS = ("rosidl_typesupport_fastrtps_c", "rosidl_typesupport_introspection_c")
-"""What Fast DDS needs: the first converts messages, the second describes their types to other participants."""
+"""Libraries for Fast DDS: the first converts messages, the second describes their types to other participants."""
 
 _CONVERTERS: Mapping[str, Callable[..., object]] = {
     ".msg": convert_msg_to_idl,
@@ -95,7 +95,7 @@ def _generate(package: MessagePackage, folder: Path) -> Sources:
 
 @contextmanager
 def _each_definition_parsed_once() -> Iterator[None]:
-    """Let the generators share what they parse: each of them parses all definitions anew, which takes longest."""
+    """Let the generators share parsed definitions: otherwise each parses all of them, which takes longest."""
     parse = parser.get_ast_from_idl_string
     parser.get_ast_from_idl_string = cache(parse)
     try:

@@ -26,7 +26,7 @@ def pack_wheel(package: MessagePackage, version: str, sources: Sources, librarie
     Args:
         package: The message package.
         version: Version of the distribution.
-        sources: The generated sources, with the compiled extension beside the Python modules.
+        sources: The generated sources, with the compiled extension next to the Python modules.
         libraries: Folder with the compiled libraries, which go where ROS's wheels have theirs.
         folder: Folder for the wheel.
 

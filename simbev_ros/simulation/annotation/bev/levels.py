@@ -120,7 +120,7 @@ class _Grounds:
         return self._below[ground]
 
     def reuse_or_make(self, ground: Footprint, key: bytes, make: Callable[[], Footprint]) -> Footprint:
-        """The cached result for a footprint; computed anew if ``key`` has changed."""
+        """The cached result for a footprint; computed again if ``key`` has changed."""
         if ground not in self._kept or self._kept[ground][0] != key:
             self._kept[ground] = key, make()
         return self._kept[ground][1]

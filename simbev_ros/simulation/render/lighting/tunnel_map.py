@@ -1,7 +1,7 @@
 """Map of the tunnels around the ego, seen from above, and the adaptation of cameras to the light in them.
 
 Shaders look up whether a point lies in a tunnel, how far away the nearest portal is, and how much light of the lamps
-arrives. The map is drawn anew only where the ego leaves a coarse grid cell, and kept for each of several agents.
+arrives. The map is drawn again only when the ego leaves a coarse grid cell, and is kept for each agent.
 """
 
 from typing import NamedTuple

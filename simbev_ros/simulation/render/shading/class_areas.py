@@ -53,7 +53,7 @@ class _ComputeAreas:
 
 
 class _SquareAreas:
-    """The screen in squares. In squares with several classes, the depth of ``targets.surfaces`` tells them apart."""
+    """The screen in squares. In squares with several classes, the depth of ``targets.surfaces`` separates them."""
 
     def __init__(self, context: moderngl.Context, library: ProgramLibrary) -> None:
         self._context, self._library = context, library

@@ -73,5 +73,5 @@ def slow_near_closures(speeds_mps: Mapping[str, float], spec: SceneSpec, lanes: 
 
 
 def _passable_stretches(spec: SceneSpec) -> list[BlockedStretch]:
-    """The blocked stretches beside which lanes stay open."""
+    """The blocked stretches with open lanes next to them."""
     return [stretch for hazard in spec.hazards if not hazard.closed_edges for stretch in hazard.blocked]

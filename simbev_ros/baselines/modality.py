@@ -1,10 +1,10 @@
-"""What a baseline sees."""
+"""Modalities of baselines."""
 
 from enum import StrEnum
 
 
 class Modality(StrEnum):
-    """What a baseline sees: images, clouds, or both."""
+    """Sensors of a baseline: cameras, lidar, or both."""
 
     CAMERA = "camera"
     LIDAR = "lidar"

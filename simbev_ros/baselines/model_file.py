@@ -8,7 +8,7 @@ from simbev_ros.foundation.errors import InputError
 
 
 def require_model_file(modality: Modality, path: Path | None) -> Path:
-    """The file of a baseline, which is there.
+    """The file of a baseline, which exists.
 
     Args:
         modality: What the baseline sees.

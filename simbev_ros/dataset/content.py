@@ -31,7 +31,7 @@ _SPORADIC = ("/world/events",)
 ODOMETRY = "odom"
 """Key of the ego's true motion."""
 _MOTION = ("/clock", "/tf")
-"""Topics that additional bags repeat from the scene's own bag, beside the odometry of all agents."""
+"""Topics that additional bags repeat from the scene's own bag, in addition to the odometry of all agents."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -120,7 +120,7 @@ class SceneBags:
             other_spec = _read_spec(other)
             if (other_spec.name, other_spec.start_ns) != (spec.name, spec.start_ns):
                 raise BagError(
-                    f"{other_path}: its motion is that of scene {other_spec.name}, not of {spec.name} beside it"
+                    f"{other_path}: its motion is that of scene {other_spec.name}, not of {spec.name} next to it"
                 )
             others[label] = other, other_spec
         return cls(own, spec, others)

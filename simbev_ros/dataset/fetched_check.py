@@ -36,7 +36,7 @@ def verify_fetched_bag(bag: ObjectPath, row: Row | None = None, temporary: Path 
 
 
 def _files_of_mcap(file: ObjectPath) -> dict[ObjectPath, int]:
-    """Sizes of an MCAP file and of the description beside it."""
+    """Sizes of an MCAP file and of the description next to it."""
     described = file.with_name(METADATA_FILE)
     return {path: path.stat().st_size for path in (file, *([described] if described.is_file() else []))}
 

@@ -128,7 +128,7 @@ class Frames(Sequence[Frame]):
 
 
 def _scenes_of_agent(scenes: Sequence[Scene], agent: str) -> list[Scene]:
-    """Those of some scenes that have an agent, as it sees them. Raises InputError if none of them has."""
+    """The scenes that have an agent, as it sees them. Raises InputError if none of them has."""
     found = [scene.of_agent(agent) for scene in scenes if agent in scene.agents]
     if scenes and not found:
         names = sorted({name for scene in scenes for name in scene.agents})

@@ -16,7 +16,7 @@ from simbev_ros.recording.layout import REPLACED_SUFFIX, SCENES_FOLDER, addition
 
 _STAGING_FOLDER = ".making"
 ON_FULL_DISK = "finished scenes are in the dataset, nothing else is kept; given space, the same command makes the rest"
-"""What holds, for messages, when the disk is full while scenes are recorded in staging."""
+"""Consequence of a full disk while scenes are recorded in staging, for messages."""
 
 
 def clean_up_staging(dataset: Path) -> None:

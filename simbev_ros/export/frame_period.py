@@ -21,5 +21,5 @@ def frame_period(scene: Scene, rate_hz: float, parameter: str) -> int:
     tick_hz = NS_PER_S / scene.spec.tick_ns
     period = round(tick_hz / rate_hz)
     if period < 1 or abs(tick_hz / period - rate_hz) > _TOLERANCE_HZ:
-        raise InputError(f"{rate_hz:g} is no divisor of the {tick_hz:g} frames/s of {scene.path}", parameter=parameter)
+        raise InputError(f"{rate_hz:g} does not divide the {tick_hz:g} frames/s of {scene.path}", parameter=parameter)
     return period

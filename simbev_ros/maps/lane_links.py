@@ -97,7 +97,7 @@ def strips_at(positions: Sequence[tuple[Lane, float]], driven: LaneStrips) -> li
 
 
 def halting_strips(stop_lines: Sequence[StopLine], driven: LaneStrips) -> Iterator[tuple[str, ...]]:
-    """For each stop line, yield the ids of the strips with traffic that stops at it: those that cross it in its direction.
+    """For each stop line, yield the ids of the strips where traffic stops at it: those that cross it in its direction.
 
     Maps do not always give the direction of a stop line: if no strip crosses it in its direction, those that cross it
     in the opposite direction are returned.

@@ -69,7 +69,7 @@ class BucketStorage:
         sizes = list_objects(uploaded)
         size = sum(size for path, size in sizes.items() if path.suffix == ".mcap")
         if size != row["bytes"]:
-            raise StoreError(f"{uploaded}: {size:,} of {row['bytes']:,} bytes are there; the others were deleted")
+            raise StoreError(f"{uploaded}: {size:,} of {row['bytes']:,} bytes exist; the rest was deleted")
         self._lock.require()
         self._remove(entry, bag)
         for path in sorted(sizes, key=lambda path: (path.name == METADATA_FILE, path)):

@@ -68,7 +68,7 @@ def make_dataset(
     """Make the scenes that a configuration asks for; scenes that exist already count.
 
     Interrupted at any moment, the same call continues where it stopped. All input is checked before anything is
-    written. A scene that fails is tried again, then listed, and the others follow. A perception stack in the
+    written. A scene that fails is retried, then listed, and the others follow. A perception stack in the
     configuration is not run.
 
     Args:

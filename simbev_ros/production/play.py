@@ -51,7 +51,7 @@ def play_scenes(
         dataset: Folder to record into; None: nothing is recorded.
         domain: ROS domain; None: that of the environment, else a free one.
         exposure: Who can take part in the graph.
-        ros: What all nodes of the graph are told, and its namespace.
+        ros: ROS arguments of all nodes of the graph, and its namespace.
         observer: Receives the progress.
 
     Raises:
@@ -96,7 +96,7 @@ def play_specs(
         dataset: Folder to record into; None: nothing is recorded.
         domain: ROS domain; None: that of the environment, else a free one.
         exposure: Who can take part in the graph.
-        ros: What all nodes of the graph are told, and its namespace.
+        ros: ROS arguments of all nodes of the graph, and its namespace.
         replays: For each scene a bag to take all motion from; empty: motion is simulated.
         observer: Receives the progress.
 

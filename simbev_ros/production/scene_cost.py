@@ -1,4 +1,4 @@
-"""What a scene costs: time, processor time, memory and GPUs, measured while its graph plays it."""
+"""Cost of a scene: time, processor time, memory and GPUs, measured while its graph plays it."""
 
 import shutil
 import subprocess
@@ -11,7 +11,7 @@ from pathlib import Path
 import psutil
 
 _INTERVAL_S, _GPU_TIMEOUT_S = 5.0, 5.0
-"""Time between two looks at memory and GPUs; the kernel adds up the pages of each process for them."""
+"""Interval between measurements of memory and GPUs, for which the kernel adds up the pages of each process."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,14 +87,14 @@ def _memory_mib(pid: int) -> float:
 
 
 def _busy_gpus() -> float:
-    """Number of GPUs in use, a fraction for one that is idle at times, as NVIDIA's tool tells; 0 without it."""
+    """Number of GPUs in use, a fraction for one that is idle at times, according to NVIDIA's tool; 0 without it."""
     command = shutil.which("nvidia-smi")
     if command is None:
         return 0.0
     with suppress(OSError, ValueError, subprocess.TimeoutExpired):
         query = [command, "--query-gpu=utilization.gpu", "--format=csv,noheader,nounits"]
-        told = subprocess.run(query, capture_output=True, text=True, timeout=_GPU_TIMEOUT_S, check=False)
-        return sum(map(float, told.stdout.split())) / 100.0
+        answer = subprocess.run(query, capture_output=True, text=True, timeout=_GPU_TIMEOUT_S, check=False)
+        return sum(map(float, answer.stdout.split())) / 100.0
     return 0.0
 
 

@@ -8,7 +8,7 @@ from simbev_ros.foundation.errors import SimbevError
 from simbev_ros.production.scene_cost import SceneCost
 
 Output = Mapping[str, str]
-"""What the processes of a graph have written while they played a scene, by label of the process."""
+"""Output of a graph's processes while they played a scene, by label of the process."""
 
 
 @dataclass(frozen=True, slots=True)

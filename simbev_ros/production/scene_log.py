@@ -18,7 +18,7 @@ class Attempt:
     Attributes:
         scene: Name of the scene, or of an additional bag of it.
         number: Number of the attempt, from 1.
-        worker: Who makes it, for readers of the log.
+        worker: The worker that makes it, for readers of the log.
         began_s: When it began, s since 1970.
     """
 

@@ -35,7 +35,7 @@ from simbev_ros.schema.scene.spec import SceneSpec
 
 _IDLE_S = 0.1
 _ORDER_NAME = "configuration"
-"""What messages call a configuration that comes as text."""
+"""Name in messages of a configuration that comes as text."""
 
 
 class OrderDrawer:
@@ -124,8 +124,8 @@ def serve_scenes(
 ) -> Generator[Path, None, None]:
     """Start a graph and play the scenes that are asked for through service and action; yield the bags of recorded ones.
 
-    The graph starts anew for a scene whose configuration needs other nodes, and after a failure, which the client is
-    told. It runs until the generator is closed.
+    The graph is restarted for a scene whose configuration needs other nodes, and after a failure, which is reported to
+    the client. It runs until the generator is closed.
 
     Args:
         scenario: The configuration of the graph, and of orders without one.
@@ -133,7 +133,7 @@ def serve_scenes(
         dataset: Folder to record into; None: nothing is recorded.
         domain: ROS domain; None: that of the environment, else a free one.
         exposure: Who can take part in the graph.
-        ros: What all nodes of the graph are told, and its namespace.
+        ros: ROS arguments of all nodes of the graph, and its namespace.
         observer: Receives the progress.
 
     Raises:

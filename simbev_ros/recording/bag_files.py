@@ -69,7 +69,7 @@ class BagFiles:
 
         Args:
             chunk: The messages.
-            packed: Waits for ``chunk.pack`` with the bag's level, if somebody else is at it.
+            packed: Waits for ``chunk.pack`` with the bag's level if another thread runs it.
         """
         with self._until_failure():
             if self._split_bytes is not None and self._file.size >= self._split_bytes:

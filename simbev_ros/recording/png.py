@@ -30,7 +30,7 @@ _ISAL_LEVEL = 1
 
 
 class RowFilter(IntEnum):
-    """What is stored of a row: its bytes, or their differences from the row above (modulo 256)."""
+    """The stored form of a row: its bytes, or their differences from the row above (modulo 256)."""
 
     NONE = 0
     UP = 2

@@ -268,7 +268,7 @@ def parse_counts(text: str) -> dict[str, int]:
     """Parse a fact that is a number by topic. Raises ValueError if it is not."""
     counts = parse_json(text)
     if not (isinstance(counts, dict) and all(type(count) is int and count >= 0 for count in counts.values())):
-        raise ValueError("it is no number by topic")
+        raise ValueError("it is not a number by topic")
     return counts
 
 

@@ -12,7 +12,7 @@ _NS_PER_S = 1_000_000_000
 
 
 class UsageError(Exception):
-    """Base of what a stack is told wrong; the message says what to change."""
+    """Base of errors in a stack's input; the message says what to change."""
 
 
 class NoLidarError(UsageError):

@@ -51,7 +51,7 @@ def test_auto_without_a_cluster_is_refused_in_one_line(
     monkeypatch.delenv("RAY_ADDRESS")
     monkeypatch.setenv("RAY_TMPDIR", str(tmp_path))
     message = refused("generate", "demo", "--out", tmp_path / "set", "--ray", "auto")
-    assert message.startswith("error: --ray auto: this machine is no node of a Ray cluster; ")
+    assert message.startswith("error: --ray auto: this machine is not a node of a Ray cluster; ")
     assert message.count("\n") == 1 and not (tmp_path / "set").exists()
 
 

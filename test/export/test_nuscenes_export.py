@@ -307,9 +307,9 @@ def test_origins_lead_back_to_the_map(tables: Tables, scene: Scene, nuscenes_fol
 @pytest.mark.parametrize(
     ("table", "content", "message"),
     [
-        ("map", None, r"map\.json: is no table of nuScenes' layout: .*No such file"),
-        ("map", "{", r"map\.json: is no table of nuScenes' layout"),
-        ("map", "{}", r"map\.json: is no table of nuScenes' layout: it is not a list"),
+        ("map", None, r"map\.json: is not a table in nuScenes' layout: .*No such file"),
+        ("map", "{", r"map\.json: is not a table in nuScenes' layout"),
+        ("map", "{}", r"map\.json: is not a table in nuScenes' layout: it is not a list"),
         ("map", '[{"log_tokens": ["a"]}]', r"map\.json: a map has no origin_m; simbev export nuscenes writes it"),
         (
             "scene",

@@ -69,7 +69,7 @@ def test_a_part_with_other_settings_is_replaced(tmp_path: Path) -> None:
     made_up_scene(bag, ticks=23)
     export(tmp_path / "set", tmp_path / "out")
     assert export(tmp_path / "set", tmp_path / "out", sweeps=False, keyframe_hz=None).made == 1
-    with pytest.raises(InputError, match=r"^keyframe_hz: 3 is no divisor of the 20 frames/s"):
+    with pytest.raises(InputError, match=r"^keyframe_hz: 3 does not divide the 20 frames/s"):
         export(tmp_path / "set", tmp_path / "out", keyframe_hz=3)  # the existing part is kept
     assert not list((tmp_path / "out").glob("sweeps/*/*"))
     assert len(list((tmp_path / "out/samples/RADAR_FRONT").iterdir())) == 23

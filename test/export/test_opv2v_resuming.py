@@ -159,7 +159,7 @@ def test_a_scene_has_the_frames_that_all_agents_have(
 
 
 def test_a_rate_must_divide_that_of_the_frames(folder: Path) -> None:
-    with pytest.raises(InputError, match=r"^rate_hz: 3 is no divisor of the 20 frames/s of .*Blocks-0002$"):
+    with pytest.raises(InputError, match=r"^rate_hz: 3 does not divide the 20 frames/s of .*Blocks-0002$"):
         export(folder, folder / "out", rate_hz=3.0)
     assert not (folder / "out").exists()
 

@@ -118,9 +118,7 @@ def test_what_a_lost_worker_has_uploaded_is_removed(made: Made, store: StoreServ
 
 def test_a_scene_of_which_a_part_is_missing_is_not_committed(made: Made, store: StoreServer) -> None:
     with lock_dataset(SET) as lock, closing(open_storage(SET, lock, [], 0)) as storage:
-        with pytest.raises(
-            StoreError, match=rf"Blocks-0001: 0 of {made.row['bytes']:,} bytes are there; the others were"
-        ):
+        with pytest.raises(StoreError, match=rf"Blocks-0001: 0 of {made.row['bytes']:,} bytes exist; the rest was"):
             storage.commit("worker-1", ENTRY, made.row)
         assert len(storage.index) == 0
 

@@ -42,7 +42,7 @@ class Frame:
 
 @dataclass(frozen=True, eq=False)
 class FrameAnswer:
-    """What is published for a frame.
+    """Messages that are published for a frame.
 
     Attributes:
         boxes: (N,) ``BOX_DTYPE``, map frame.

@@ -51,7 +51,7 @@ class ImageFit:
         """The model's image (H, W, 3) from a JPEG, RGB.
 
         Raises:
-            ValueError: It is no JPEG.
+            ValueError: It is not a JPEG.
         """
         width_px, height_px = self.scaled_px
         return self.fit(simplejpeg.decode_jpeg(jpeg, colorspace="RGB", min_width=width_px, min_height=height_px))

@@ -1,4 +1,4 @@
-"""What a scene sends to a baseline: topics, rates, poses and projections, from its specification. Imports no ROS."""
+"""Inputs of a baseline in a scene: topics, rates, poses and projections, from its specification. Imports no ROS."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -57,7 +57,7 @@ class CameraInput:
 
 @dataclass(frozen=True, eq=False)
 class SceneInputs:
-    """What a scene sends to a baseline.
+    """Inputs of a baseline in a scene.
 
     Attributes:
         name: Name of the scene, for reports on /sync/ready.

@@ -1,7 +1,7 @@
 """Selects the predictions by which single frames are judged.
 
 From each class, only as many of the most confident predictions are taken as the frame has boxes. The share of these
-that is correct tells how well the frame is answered.
+that is correct says how good the answer to the frame is.
 """
 
 import numpy as np

@@ -161,7 +161,7 @@ class PredictionSet:
     def for_dataset(self, scenes: Sequence[str]) -> "PredictionSet":
         """The same predictions with ``scenes`` limited to those of a dataset.
 
-        A source that names no scene, and whose stem is no scene's name, belongs to the only scene of the dataset, if
+        A source that names no scene, and has no scene's name as its stem, belongs to the only scene of the dataset, if
         it has just one.
 
         Args:

@@ -16,7 +16,7 @@ def read_npz(path: Path, names: Collection[str] | None = None) -> dict[str, AnyA
         names: Names of the arrays to read if present; None: all.
 
     Raises:
-        InputError: The file cannot be read, is no NPZ file, or is damaged; an array holds Python objects; the arrays
+        InputError: The file cannot be read, is not NPZ, or is damaged; an array holds Python objects; the arrays
             exceed ``limits.max_unpacked_bytes``.
     """
     name = ""

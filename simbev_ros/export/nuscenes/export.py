@@ -98,7 +98,7 @@ def export_nuscenes(
 
     Raises:
         InputError: There is nothing to export, the folder cannot be written to or contains other data, another process
-            writes into it, a map's roads cannot be built, ``version`` is no name of a folder, or a scene cannot have a
+            writes into it, a map's roads cannot be built, ``version`` is not a folder name, or a scene cannot have a
             name of the devkit's.
         SimbevError: A process was killed.
     """

@@ -25,7 +25,7 @@ def origins_by_scene(dataroot: Path | str, version: str = VERSION) -> dict[str, 
         version: Name of its folder of tables.
 
     Raises:
-        InputError: The folder is no export by ``simbev export nuscenes``.
+        InputError: The folder is not an export by ``simbev export nuscenes``.
     """
     folder = Path(dataroot) / version
     origin_by_log = {
@@ -51,7 +51,7 @@ def _table(path: Path) -> list[Record]:
     try:
         records: Any = json.loads(path.read_bytes())
     except (OSError, ValueError) as error:
-        raise InputError(f"{path}: is no table of nuScenes' layout: {error}") from None
+        raise InputError(f"{path}: is not a table in nuScenes' layout: {error}") from None
     if not (isinstance(records, list) and all(isinstance(record, dict) for record in records)):
-        raise InputError(f"{path}: is no table of nuScenes' layout: it is not a list of objects")
+        raise InputError(f"{path}: is not a table in nuScenes' layout: it is not a list of objects")
     return records

@@ -2,7 +2,7 @@
 
 Both clouds are made of the same rays. The semantic one has what each ray hits, exactly; in the other, returns are lost,
 ranges are noisy, and rain or fog may return a ray before it reaches a surface. Noise moves a point along its ray, so
-that its direction tells which ray it belongs to. A point has the category of what its ray hits if it is as far away;
+that its direction identifies its ray. A point has the category of what its ray hits if it is as far away;
 else it is an echo from the air, nuScenes' ``noise``. Echoes within the noise of a surface have the surface's category.
 """
 

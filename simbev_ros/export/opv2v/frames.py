@@ -94,16 +94,16 @@ def _poses(frame: Frame, agent: ConnectedAgent) -> Record:
         "RSU": frame.scene.spec.station is not None,
         "lidar_pose": _plain(carla_pose(frame.map_from_sensor(agent.lidar))),
         "true_ego_pos": _plain(carla_pose(frame.map_from_ego)),
-        "predicted_ego_pos": _plain(carla_pose(_told_pose(frame))),
+        "predicted_ego_pos": _plain(carla_pose(_sent_pose(frame))),
         "ego_speed": _speed_kmh(frame["odom"][-1]["velocity_mps"]),
     }
 
 
-def _told_pose(frame: Frame) -> Float64Array:
-    """(4, 4) pose, map from ego, that the agent tells the others at the frame; the true one if it sends nothing."""
+def _sent_pose(frame: Frame) -> Float64Array:
+    """(4, 4) pose, map from ego, that the agent sends at the frame; the true one if it sends nothing."""
     key = f"v2x/{frame.scene.agent}"
-    told: Table = frame[key] if key in frame else np.zeros(0, V2X_DTYPE)
-    own = told[told["id"] == OWN_POSE]
+    sent: Table = frame[key] if key in frame else np.zeros(0, V2X_DTYPE)
+    own = sent[sent["id"] == OWN_POSE]
     if not len(own):
         return frame.map_from_ego
     return matrices_from_xyz_rpy(columns(own, "x", "y", "z")[0], columns(own, "roll", "pitch", "yaw")[0])

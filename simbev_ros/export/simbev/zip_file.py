@@ -10,7 +10,7 @@ from zlib_ng import zlib_ng
 from simbev_ros.recording.deflate import deflate
 
 _ABOUT = struct.Struct("<HHHHHIIIHH")
-"""What both headers say of a file: version, flags, method, time, date, CRC, packed size, size, lengths of its name and
+"""Fields of a file in both headers: version, flags, method, time, date, CRC, packed size, size, lengths of its name and
 of extra fields."""
 _PLACE = struct.Struct("<HHHII")
 """Length of a comment, disk, internal and external attributes, position of the local header."""

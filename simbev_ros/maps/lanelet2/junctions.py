@@ -31,7 +31,7 @@ class Junctions:
         return {name: tuple(self._outside(name)) for name in self.by_lanelet}
 
     def approaches(self, name: str) -> tuple[str, ...]:
-        """The lanelets where traffic waits, at their ends, for a rule of a lanelet: itself, or those before its junction."""
+        """The lanelets where traffic waits for a rule of a lanelet: itself, or those before its junction."""
         return self.entries.get(name, (name,))
 
     def paths(self, name: str) -> dict[str, tuple[str, ...]]:

@@ -69,7 +69,7 @@ class OsmElements:
             self.add_node(identifier, longitude_deg, latitude_deg)
 
     def add_way(self, identifier: int, nodes: Sequence[int], tags: Tags) -> None:
-        """Add a way with the ids of its nodes, which may be missing or come later; raises the errors of ``add_node``."""
+        """Add a way with the ids of its nodes, which may come later or never; raises the errors of ``add_node``."""
         if len(self._references) + len(nodes) + len(self._ends) > _MAX_REFERENCES_PER_NODE * self._max_nodes:
             raise InputError(f"{self._path}: has too many ways; choose a part with bounds, or a smaller one")
         self._way_ids.append(identifier)

@@ -24,7 +24,7 @@ def read_osm(path: Path, box: Box | None = None) -> OsmData:
         box: The part to read; None: all.
 
     Raises:
-        InputError: It is not an OpenStreetMap file, it is damaged or too large, or an id or coordinate in it is invalid.
+        InputError: It is not such a file, it is damaged or too large, or an id or coordinate in it is invalid.
     """
     if is_pbf(path):
         elements, part = read_pbf(path, None if box is None else box.grow(SURROUNDINGS_M))

@@ -112,7 +112,7 @@ class RayCluster:
         return max(sum(node.cpus for node in self.nodes()) / cores, 1.0) if cores else 1.0
 
     def ask_nodes(self, function: Callable[..., R], *arguments: object) -> Iterator[tuple[Node, R]]:
-        """Call a function on each node that has CPUs, beside whatever else runs there; yield the answers.
+        """Call a function on each node that has CPUs, without waiting for free ones; yield the answers.
 
         Nodes that are lost meanwhile have none.
 
@@ -145,7 +145,7 @@ class RayCluster:
 
 
 def _on(node: Node, function: Any) -> Any:
-    """A remote function that runs on a certain node, beside whatever else runs there."""
+    """A remote function that runs on a certain node and reserves no CPU."""
     import ray
     from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
@@ -166,7 +166,7 @@ def _head_of(address: str) -> str:
     name, head = f"--ray {address}", _own_cluster() if address == "auto" else address
     if head is None:
         raise InputError(
-            f"{name}: this machine is no node of a Ray cluster; start one with ray start --head, or name a head as "
+            f"{name}: this machine is not a node of a Ray cluster; start one with ray start --head, or name a head as "
             "HOST:PORT; --workers needs no cluster"
         )
     host, _, port = head.rpartition(":")

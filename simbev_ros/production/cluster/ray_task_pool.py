@@ -135,7 +135,7 @@ class _StepCounter:
 
 
 class _TaskSteps:
-    """Counts the steps of a task, and tells the counter about them now and then."""
+    """Counts the steps of a task, and reports them to the counter now and then."""
 
     def __init__(self, number: int, counter: Any) -> None:
         self._number, self._counter, self._steps, self._noted_s = number, counter, 0, time.monotonic()

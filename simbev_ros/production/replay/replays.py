@@ -61,14 +61,14 @@ def replay_bags(
     """Record bags again with the rig and annotation of a configuration, and with its weather and lights if it has any.
 
     Of datasets only scenes whose replays are not recorded yet are played, so that the same call continues after an
-    interruption. All bags are checked before anything is recorded. A replay that fails is tried again, then listed, and
+    interruption. All bags are checked before anything is recorded. A replay that fails is retried, then listed, and
     the others follow.
 
     Args:
         scenario: The configuration, its file, or the name of a shipped one.
         bags: Scenes' bags, their MCAP files, or datasets.
         out: Dataset to record into, new or begun.
-        merge: Label of additional bags to record beside the scenes' own, in place of ``out``.
+        merge: Label of additional bags of the scenes to record, in place of ``out``.
         retries: Number of further attempts at a replay after the graph has failed.
         workers: See ``make_dataset``.
         ray: Address of a Ray cluster; its nodes see the bags and the dataset that is written to. See ``make_dataset``.
@@ -112,7 +112,9 @@ def replay_bags(
 def _require_recordable(scenario: Scenario, out: Path | None, merge: str | None) -> None:
     """Check what is to be recorded, and where."""
     if (out is None) == (merge is None):
-        raise InputError("replays are recorded either into a dataset or beside their scenes: give out or merge")
+        raise InputError(
+            "replays are recorded either into a dataset or as additional bags of their scenes: give out or merge"
+        )
     if scenario.evaluated_agents:
         raise InputError("evaluation: several graphs evaluate no stack; remove the section, or replay on one graph")
     if out is not None:

@@ -1,4 +1,4 @@
-"""A worker on this machine: a process of its own, which ends when it is told to or when its starter ends."""
+"""A worker on this machine: a process of its own, which ends on request or with the driver."""
 
 import os
 import socket
@@ -95,7 +95,7 @@ class LocalWorker:
         self._log.close()
 
     def _send(self, message: Any) -> None:
-        with suppress(OSError):  # it has died, which the next read tells
+        with suppress(OSError):  # it has died, which the next read reports
             self.connection.send(message)
 
     def _describe_end(self) -> str:

@@ -30,7 +30,7 @@ _END_TIMEOUT_S = 30.0
 
 @dataclass(frozen=True, slots=True)
 class Needs:
-    """What a worker asks of its node.
+    """Resources that a worker requests on its node.
 
     Attributes:
         cpus: Number of CPUs.
@@ -45,7 +45,7 @@ class Needs:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """What an actor answers to a poll: its node, messages of its process, and how that was lost, if it was."""
+    """Answer of an actor to a poll: its node, messages of its process, and how that was lost, if it was."""
 
     node: str
     messages: list[Any]

@@ -28,7 +28,7 @@ from simbev_ros.schema.scene.map_spec import MapSpec
 
 _POLL_S, _NODES_S = 0.5, 5.0
 _FIRST_NEEDS = Needs(cpus=2, memory_mib=2048, gpus=0.25)
-"""What workers ask for until a scene has been measured."""
+"""Resources that workers request until a scene has been measured."""
 _MAX_CPUS = 4
 """CPUs that a worker asks for at most: alone on a large node a graph uses more, and leaves many of them idle."""
 _MEMORY_STEP_MIB, _GPU_STEP = 256, 0.05

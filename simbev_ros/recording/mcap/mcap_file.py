@@ -132,7 +132,7 @@ class McapFile:
         Args:
             chunk: The messages.
             definitions: Definitions of all topics.
-            packed: Waits for ``chunk.pack`` with this file's level, if somebody else is at it; it is of no use if the
+            packed: Waits for ``chunk.pack`` with this file's level if another thread runs it; it is of no use if the
                 chunk has to start with definitions.
         """
         if not chunk.index_entries:

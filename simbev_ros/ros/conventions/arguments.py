@@ -15,14 +15,14 @@ _REMAP = ("-r", "--remap")
 _NODE_NAMES = ("__node", "__name")
 _NAMESPACE = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 _INTERNAL = re.compile(r"^Failed to parse ROS arguments: |, at /.*|\. Error: Expected lexeme.*", re.DOTALL)
-"""What ROS's messages say about its own code."""
+"""Prefix of ROS's messages that concerns its own code."""
 _MAX_LENGTH = 64
 """Leaves room for the names of topics: ROS allows 255 characters in all."""
 
 
 @dataclass(frozen=True, slots=True)
 class RosArguments:
-    """What all nodes of a graph are told.
+    """ROS arguments of all nodes of a graph.
 
     Attributes:
         namespace: Namespace of the graph, such as ``/sim1``; empty: none.
@@ -34,14 +34,14 @@ class RosArguments:
 
     @classmethod
     def parse(cls, words: Sequence[str], namespace: str | None = None) -> "RosArguments":
-        """The arguments in words of a command line.
+        """The arguments as options of a command line.
 
         Args:
             words: The words after ``--ros-args``.
             namespace: The graph's namespace, if it is given in another way.
 
         Raises:
-            InputError: It is no namespace, there are two different ones, or a rule would rename all nodes.
+            InputError: It is not a namespace, there are two different ones, or a rule would rename all nodes.
         """
         found = [] if namespace is None else [_checked_namespace("--namespace", namespace)]
         kept: list[str] = []
@@ -110,7 +110,7 @@ def _checked_namespace(where: str, text: str) -> str:
     namespace = f"/{text.strip('/')}" if text.strip("/") else ""
     if namespace and not (_NAMESPACE.fullmatch(namespace) and len(namespace) <= _MAX_LENGTH):
         raise InputError(
-            f"{where}: {text!r:.80} is no namespace; allowed: letters, digits and _ in parts that / separates and no "
-            f"digit begins, at most {_MAX_LENGTH} characters"
+            f"{where}: {text!r:.80} is not a namespace; allowed: letters, digits and _ in parts that / separates and "
+            f"no digit begins, at most {_MAX_LENGTH} characters"
         )
     return namespace

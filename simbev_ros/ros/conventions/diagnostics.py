@@ -18,7 +18,7 @@ _TOLERANCE = 0.1
 
 
 def hardware_id(name: NodeName) -> str:
-    """What a node's statuses are about: its full name without the first slash."""
+    """Subject of a node's statuses: its full name without the first slash."""
     return name.full.removeprefix("/")
 
 

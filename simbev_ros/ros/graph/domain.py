@@ -61,7 +61,7 @@ def domain_from_environment() -> int:
     """The domain that ``ROS_DOMAIN_ID`` names; 0 if it is not set.
 
     Raises:
-        InputError: It is no domain.
+        InputError: It is not a domain.
     """
     text = os.environ.get("ROS_DOMAIN_ID") or "0"
     if not re.fullmatch(r"[0-9]{1,3}", text) or int(text) > 232:

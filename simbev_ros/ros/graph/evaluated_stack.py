@@ -24,7 +24,7 @@ def stack_commands(scenario: Scenario, ros: RosArguments = PLAIN, *, live: bool 
 
     Args:
         scenario: The configuration.
-        ros: What all nodes of the graph are told; so is an included stack, but no other one.
+        ros: ROS arguments of all nodes of the graph; an included stack gets them too, others do not.
         live: Whether the world is paced by the wall clock.
 
     Raises:
@@ -152,7 +152,7 @@ def _lidar_topics(rig: Rig) -> Iterator[tuple[str, float]]:
 
 
 def _camera_topics(rig: Rig) -> Iterator[tuple[str, float]]:
-    """Topic and rate of the camera_info beside the color images of each camera."""
+    """Topic and rate of the camera_info of the color images of each camera."""
     for camera in _color_cameras(rig):
         yield camera_info_name(rig.agent, camera.name, "rgb"), _rate_hz(camera.rate_hz)
 

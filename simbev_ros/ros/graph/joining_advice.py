@@ -31,7 +31,7 @@ class OutsidePublisher(NamedTuple):
 
 
 class JoiningAdvice:
-    """What nodes outside have reported in a scene, and what they should change.
+    """Reports of nodes outside in a scene, and advice on what to change.
 
     Args:
         participants: Names of the participants from outside.
@@ -60,7 +60,7 @@ class JoiningAdvice:
             self.note_unknown(frame_id)
 
     def note_unknown(self, frame_id: str) -> None:
-        """Note the frame id of a message that is no report of a known node; signed ones are another graph's."""
+        """Note the frame id of a message that is not a report of a known node; signed ones are another graph's."""
         if len(self._unknown) < _MAX_UNKNOWN and not is_signed(frame_id):
             self._unknown[frame_id[:_MAX_SHOWN_CHARACTERS]] = None
 

@@ -66,8 +66,8 @@ class GraphMonitor:
         domain: ROS domain of the graph.
         nodes: Names of simbev's own nodes, which also send diagnostics; all of one graph.
         participants: Names of all nodes that report finished ticks to the world, including outside nodes.
-        signer: Signs requests, and tells the nodes' messages from those of others.
-        ros: What all nodes of the graph are told.
+        signer: Signs requests, and checks that messages come from the graph's nodes.
+        ros: ROS arguments of all nodes of the graph.
         writers: Names of the nodes that report one tick more than a scene has, when their files are closed.
 
     Attributes:
@@ -229,7 +229,7 @@ class GraphMonitor:
             self._joining.note_report(report, message.frame_id)
 
     def _notice_restart(self, report: Report) -> None:
-        """Begin anew if the world reports an earlier tick than before, which means that the scene was reset."""
+        """Begin again if the world reports an earlier tick than before, which means that the scene was reset."""
         if report.node != "world" or report.scene != self._scene or self._spec is None:
             return
         if report.stamp_ns < self._world_ns:

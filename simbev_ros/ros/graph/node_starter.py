@@ -81,7 +81,7 @@ class NodeStarter:
         """
         process = ForkedProcess(self)
         self._waiting.append(process)
-        with suppress(OSError):  # the server has died, which the answer tells
+        with suppress(OSError):  # the server has died, which the next read reports
             request = {"arguments": list(arguments), "log": str(log), "is_command": is_command}
             self._channel.send(json.dumps(request).encode())
         return process

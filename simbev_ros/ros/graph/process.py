@@ -133,7 +133,7 @@ class NodeProcess(GraphProcess):
         starter: What starts the process.
         nodes: The nodes.
         folder: Folder for its parameter file and its log.
-        ros: What all nodes of the graph are told.
+        ros: ROS arguments of all nodes of the graph.
     """
 
     def __init__(self, starter: NodeStarter, nodes: ProcessPlan, folder: Path, ros: RosArguments = PLAIN) -> None:

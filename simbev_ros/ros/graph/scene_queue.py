@@ -33,7 +33,7 @@ class SceneOrder(NamedTuple):
 
 
 class Phase(IntEnum):
-    """What happens to a scene; the numbers are those of simbev_interfaces/action/RunScene."""
+    """Phase of a scene; the numbers are those of simbev_interfaces/action/RunScene."""
 
     LOADING = 0
     WARM_UP = 1

@@ -49,7 +49,7 @@ def scene_services(queue: SceneQueue, domain: int, ros: RosArguments = PLAIN) ->
     Args:
         queue: Where ordered scenes go.
         domain: ROS domain of the graph.
-        ros: What all nodes of the graph are told.
+        ros: ROS arguments of all nodes of the graph.
     """
     context = Context()
     no_handlers = SignalHandlerOptions.NO

@@ -57,7 +57,7 @@ class GraphSession:
         domain: ROS domain; None: that of the environment, else a free one.
         exposure: Who can take part in the graph.
         rendering: Devices and processes that render, in place of the configuration's, which is recorded all the same.
-        ros: What all nodes are told, and the graph's namespace.
+        ros: ROS arguments of all nodes, and the graph's namespace.
 
     Attributes:
         security_variables: Environment variables with which other nodes can take part in a secure graph.
@@ -250,7 +250,7 @@ class GraphSession:
         return [warning for process in self._processes for warning in process.new_warnings()]
 
     def new_advice(self) -> list[str]:
-        """What nodes outside should change that the graph has been waiting for; each sentence is returned once."""
+        """Advice for nodes outside that the graph has been waiting for; each sentence is returned once."""
         return self.monitor.new_advice()
 
     def cpu_s(self) -> dict[str, float]:

@@ -55,15 +55,15 @@ def remove_orphans(files: Iterable[Path]) -> list[Path]:
 
 
 def unheld_files(names: Collection[str]) -> set[Path]:
-    """Those of the named files of this user that no running process has mapped."""
+    """The named files of this user that no running process has mapped."""
     files = {file for file in middleware_files() if file.name in names}
     return files - held_files(psutil.pids()) if files else set()
 
 
 def abandoned_files(files: Iterable[Path]) -> set[Path]:
-    """Those of the given files whose process has ended, also one that is not visible from here, as in a container.
+    """Files of processes that have ended, including processes that are not visible from here, as in a container.
 
-    A process that makes a segment holds a lock on a file beside it, ``_el``, as long as it lives. Give no files that
+    A process that makes a segment holds a lock on a file next to it, ``_el``, as long as it lives. Give no files that
     have just been made: their lock may come next.
     """
     files = set(files)

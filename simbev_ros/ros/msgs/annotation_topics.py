@@ -21,7 +21,7 @@ from simbev_ros.schema.scene.spec import SceneSpec
 
 
 class Label(StrEnum):
-    """What an annotator labels: 3D boxes, what cameras see of them, or what surrounds the ego."""
+    """Labels of an annotator: 3D boxes, their visibility in cameras, or the surroundings of the ego."""
 
     BOXES = "boxes"
     VIEWS = "views"
@@ -91,7 +91,7 @@ class AnnotationTopics:
 
     @property
     def displays(self) -> dict[Label, tuple[Topic, ...]]:
-        """Topics that are published while somebody subscribes, and not recorded, by what they are about."""
+        """Topics that are published while they have subscribers, and not recorded, by what they are about."""
         roads = () if self.map_markers is None else (self.map_markers,)
         surroundings = (*self.grids.values(), self.lane_status, *roads, self.bev_label_info)
         views = (*self.view_markers.values(), *(topic for each in self.camera_detections.values() for topic in each))

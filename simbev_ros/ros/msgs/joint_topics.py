@@ -46,7 +46,7 @@ def joint_boxes_topic(spec: SceneSpec) -> Topic | None:
 
 
 def joint_displays(spec: SceneSpec) -> Iterator[Topic]:
-    """Topics that are published while somebody subscribes, and that are not recorded."""
+    """Topics that are published while they have subscribers, and that are not recorded."""
     for topics in v2x_topics(spec).values():
         yield from (topics.sent_detections, topics.arrived_detections)
 

@@ -14,7 +14,7 @@ LATCHED = QosProfile(reliability="reliable", durability="transient_local", depth
 STEERING = replace(LATCHED, depth=4000)
 """Subscriptions to latched topics that steer the graph: a busy node must not lose one among messages of others."""
 STEERING_VOLATILE = replace(STEERING, durability="volatile")
-"""Subscriptions beside those, for publishers that are not latched."""
+"""Additional subscriptions, for publishers that are not latched."""
 STATE = QosProfile(reliability="reliable", durability="volatile", depth=_DEPTH)
 EVENTS = QosProfile(reliability="reliable", durability="volatile", depth=1000)
 """A pile-up causes many events at once, none of which may be lost."""

@@ -38,7 +38,7 @@ class CameraTopics(NamedTuple):
     Attributes:
         raw: Its images.
         compressed: Its compressed images, named as in image_transport.
-        info: The CameraInfo of the images, beside them, where image_transport looks for it.
+        info: The CameraInfo of the images, in their namespace, where image_transport looks for it.
     """
 
     raw: Topic

@@ -1,7 +1,7 @@
 """Signs the messages that steer a graph, so that its nodes follow each other and nobody else.
 
 A ROS domain has neighbors: other graphs, replayed bags, nodes under development. Whatever they publish on
-/world/request, /world/end, or on /sync/ready in the name of one of the graph's nodes, is told apart by its signature.
+/world/request, /world/end, or on /sync/ready in the name of one of the graph's nodes, is recognized by its signature.
 The key is made for each graph and passed on in the environment of its processes, which only their user can read.
 Signatures do not hide anything; encryption and access control are SROS 2's.
 """
@@ -71,11 +71,11 @@ def content_of(kind: type[_Content], text: str, signer: Signer) -> _Content:
     """The model in a ``signed_json``.
 
     Raises:
-        ValueError: The text is no such model, or somebody else has signed it.
+        ValueError: The text is not such a model, or has another signer.
     """
     fields = parse_json(text)
     if not isinstance(fields, dict):
-        raise ValueError("is no JSON object")
+        raise ValueError("is not a JSON object")
     signature = fields.pop(_SIGNATURE, "")
     content = kind.model_validate_json(json.dumps(fields))
     if not isinstance(signature, str) or not signer.is_valid(signature, content.model_dump_json()):

@@ -44,7 +44,7 @@ def serialized_stamp_ns(payload: bytes | memoryview, type_name: str) -> int | No
     if type_name == "std_msgs/msg/String":
         fields = parse_json(bytes(payload[8:]).rstrip(b"\0"))
         if not isinstance(fields, dict):
-            raise ValueError("its text is no JSON object")
+            raise ValueError("its text is not a JSON object")
         stamp_ns = fields.get("stamp_ns")
         if stamp_ns is not None and type(stamp_ns) is not int:
             raise ValueError(f"its stamp_ns is {stamp_ns!r:.60}; it must be a whole number")

@@ -11,7 +11,7 @@ class Topic:
         name: Name with leading slash.
         type: ROS type, such as ``sensor_msgs/msg/Image``.
         period_ticks: One message every ``period_ticks`` ticks, from tick 0 on; 0: latched, one message per scene.
-        sensor: Whether this is sensor data, which live graphs send as best effort if not told otherwise.
+        sensor: Whether this is sensor data, which live graphs send as best effort by default.
         sporadic: Whether messages depend on events: none, one or more per tick.
         keeps_newest: Whether a late subscriber gets the newest message at once, as of a map in ROS.
         messages_per_tick: Number of messages at each tick but the first, stamped at equal intervals, the last one at

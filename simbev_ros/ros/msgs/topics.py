@@ -104,7 +104,7 @@ def unrecorded_world_topics(spec: SceneSpec) -> Iterator[Topic]:
 
 
 def world_displays(spec: SceneSpec) -> Iterator[Topic]:
-    """Topics of the world node that it publishes while somebody subscribes, and that are not recorded."""
+    """Topics of the world node that it publishes while they have subscribers, and that are not recorded."""
     yield Topic(WORLD_MARKERS, "visualization_msgs/msg/MarkerArray")
     for name in (ACTOR_POINTS, SIGNAL_POINTS, LIGHT_POINTS):
         yield Topic(name, "sensor_msgs/msg/PointCloud2")
@@ -115,7 +115,7 @@ def world_displays(spec: SceneSpec) -> Iterator[Topic]:
 
 
 def display_topics(spec: SceneSpec) -> Iterator[Topic]:
-    """Topics that the graph publishes while somebody subscribes, and that are not recorded."""
+    """Topics that the graph publishes while they have subscribers, and that are not recorded."""
     yield from world_displays(spec)
     for view in agent_views(spec):
         yield from _agent_displays(view)

@@ -144,7 +144,7 @@ class TransformBroadcaster:
             self._publishers[topics.TF_STATIC].publish(TFMessage(transforms=list(static_transforms(spec))))
 
     def publish(self, odometries: Sequence[Odometry]) -> None:
-        """Publish the transforms of a tick, if the graph publishes any and somebody subscribes.
+        """Publish the transforms of a tick, if the graph publishes any and there is a subscriber.
 
         Args:
             odometries: True odometry of each agent.

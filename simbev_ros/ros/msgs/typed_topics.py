@@ -27,7 +27,7 @@ from simbev_ros.schema.scene.spec import SceneSpec
 
 _SUFFIX = "typed"
 _MALFORMED = (SimbevError, SerdeError, KeyError, TypeError, AttributeError, OverflowError, struct.error)
-"""What reading or serializing malformed content raises, apart from ValueError."""
+"""Exceptions from reading or serializing malformed content, apart from ValueError."""
 
 
 @dataclass(frozen=True, slots=True)

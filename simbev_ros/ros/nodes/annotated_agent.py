@@ -132,7 +132,7 @@ class AnnotatedAgent:
     def sensor_views(
         self, annotator: ViewAnnotator, tick: AgentTick, images: Mapping[str, AnyArray], threads: ThreadPoolExecutor
     ) -> dict[str, Table]:
-        """What the cameras whose images are there see of the boxes, by the camera's name."""
+        """Views of the boxes by the cameras with an image, by the camera's name."""
         seeing = [camera for camera in self.cameras if camera.name in images]
         views = [CameraView(camera.model, camera.pose.ego_from_sensor, ("instance",)) for camera in seeing]
         ids = [images[camera.name] for camera in seeing]

@@ -88,7 +88,7 @@ class EvaluatorNode(GraphNode):
             "patience_s", 60.0, "Time that the first scene waits for the stack, s", minimum=0.0
         )
         others = self.declare_read_only(
-            "outside_participants", [], "Nodes whose reports need no signature, beside the stack"
+            "outside_participants", [], "Nodes whose reports need no signature, in addition to the stack"
         )
         stack = self._evaluation.participants_of(self._agent)
         self._outside = frozenset((*stack, *others))
@@ -237,7 +237,7 @@ class EvaluatorNode(GraphNode):
         except InputError as error:
             if not self._loaded_reported:
                 raise
-            self.ignore(self._evaluation.boxes_topic, error)  # somebody has joined a graph that works
+            self.ignore(self._evaluation.boxes_topic, error)  # another node has joined a graph that works
             return
         for name in new:
             if self._spec is not None:

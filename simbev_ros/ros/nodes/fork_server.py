@@ -137,7 +137,7 @@ class _ForkServer:
             self._answer(ended=pid, exit_code=os.waitstatus_to_exitcode(status))
 
     def _answer(self, **values: int) -> None:
-        with suppress(OSError):  # the supervisor is gone, which the next read tells
+        with suppress(OSError):  # the supervisor is gone, which the next read reports
             self._channel.send(json.dumps(values).encode())
 
     def _end_all(self) -> None:

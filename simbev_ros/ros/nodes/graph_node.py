@@ -43,7 +43,7 @@ MALFORMED = (
     *(SimbevError, ValueError, KeyError, TypeError, AttributeError),
     *(IndexError, OverflowError, RecursionError, struct.error),
 )
-"""What reading a malformed message may raise."""
+"""Exceptions from reading a malformed message."""
 
 
 class GraphNode(NamespacedNode):
@@ -118,7 +118,7 @@ class GraphNode(NamespacedNode):
         """Declare a read-only parameter with a section of the configuration as JSON; return the validated section.
 
         Raises:
-            InputError: The parameter is no JSON, or a value in it is not allowed.
+            InputError: The parameter is not JSON, or a value in it is not allowed.
         """
         words = f"The configuration's section {name}, as JSON; {{}}: all defaults"
         text = self.declare_read_only(name, "{}", words, allowed=f"as {name} in docs/reference/configuration.md")
@@ -146,7 +146,7 @@ class GraphNode(NamespacedNode):
         return qos_of(topic, live=self.live, reliable=self.reliable)
 
     def publish_display(self, topic: Topic | None, make: Callable[..., bytes], *values: Any) -> None:
-        """Make a message from values and publish it, if somebody subscribes; None: the scene has no such topic."""
+        """Make a message from values and publish it if there is a subscriber; None: the scene has no such topic."""
         if topic is not None and topic.name in self._topic_publishers and self.reader_count(topic.name):
             self.publish(topic.name, make(*values))
 
@@ -164,12 +164,12 @@ class GraphNode(NamespacedNode):
             self.advertise(each.topic)
 
     def publish_typed_once(self, source: str, content: Any, stamp_ns: int) -> None:
-        """Publish the content of a latched message as a typed message, which is latched, too."""
+        """Publish the content of a latched message as a typed message, which is latched as well."""
         if (typed := self._typed.get(source)) is not None:
             self.publish_once(typed.topic, typed.serialize, content, stamp_ns)
 
     def publish_typed(self, source: str, content: Any, stamp_ns: int) -> None:
-        """Publish the content of a message on another topic as a typed message, if somebody subscribes.
+        """Publish the content of a message on another topic as a typed message if there is a subscriber.
 
         Args:
             source: Name of the other topic.
@@ -215,7 +215,7 @@ class GraphNode(NamespacedNode):
             self.create_subscription(String, topics.REQUEST, request, rclpy_qos(STEERING))
 
     def read_request(self, message: String) -> SceneRequest | None:
-        """The supervisor's request in a message from /world/request; None if it is somebody else's, or an old one."""
+        """The supervisor's request in a message from /world/request; None if it has another sender or is old."""
         request = self.read(topics.REQUEST, content_of, SceneRequest, message.data, self.signer)
         last = self._last_request
         if request is None or (self.signer.checks and last is not None and request.number <= last.number):
@@ -224,7 +224,7 @@ class GraphNode(NamespacedNode):
         return request
 
     def read_end(self, message: String) -> SceneEnd | None:
-        """The world node's message from /world/end; None if it is somebody else's."""
+        """The world node's message from /world/end; None if it has another sender."""
         return self.read(topics.END, content_of, SceneEnd, message.data, self.signer)
 
     def read(
@@ -268,7 +268,7 @@ class GraphNode(NamespacedNode):
 
 
 def _specification(payload: bytes) -> str:
-    """The JSON in a message from /world/scene; raises ValueError if it is no specification."""
+    """The JSON in a message from /world/scene; raises ValueError if it is not a specification."""
     text: str = deserialize_message(payload, String).data
     SceneSpec.model_validate_json(text)
     return text

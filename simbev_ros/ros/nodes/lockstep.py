@@ -70,7 +70,7 @@ class LockstepWindow:
         return tick if -spec.lead_in_ticks - self._window_ticks <= tick <= spec.ticks else None
 
     def _outside_tick(self, spec: SceneSpec, report: Report, published_tick: int | None) -> int | None:
-        """Tick up to which an outside participant has finished the scene; None if the report is no news."""
+        """Tick up to which an outside participant has finished the scene; None if the report is not new."""
         tick, finished = spec.tick_of(report.stamp_ns), self._finished.get(report.node)
         if finished is None:
             self._first_stamps_ns[report.node] = report.stamp_ns

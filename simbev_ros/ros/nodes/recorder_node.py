@@ -118,7 +118,7 @@ class RecorderNode(GraphNode):
         self._record_own(topics.TF_STATIC, spec.start_ns, serialize_transforms(static_transforms(spec)))
 
     def _subscribe(self, topic: Topic) -> None:
-        """Subscribe to a topic, once; to a latched topic anew for each scene, to receive its current value only."""
+        """Subscribe to a topic, once; to a latched topic again for each scene, to receive its current value only."""
         if topic.name in (topics.SCENE, topics.TF, topics.TF_STATIC):
             return
         if topic.name in self._subscriptions_by_topic:

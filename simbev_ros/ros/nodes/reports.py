@@ -41,7 +41,7 @@ def read_report(message: Header, signer: Signer, outside: Collection[str]) -> Re
         outside: Names of the nodes whose reports need no signature.
 
     Raises:
-        ValueError: It is no report, or somebody else sends it in the name of one of the graph's nodes.
+        ValueError: It is not a report, or another sender uses the name of one of the graph's nodes.
     """
     node, _, rest = message.frame_id.partition(":")
     scene, _, signature = rest.partition(":")

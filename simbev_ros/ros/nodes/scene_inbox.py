@@ -1,4 +1,4 @@
-"""Passes on the scenes that the supervisor has asked for, and no others that somebody publishes on /world/scene."""
+"""Passes on the scenes that the supervisor has requested, and no others that are published on /world/scene."""
 
 from collections.abc import Callable
 from typing import Generic, TypeVar

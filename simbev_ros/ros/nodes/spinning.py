@@ -1,4 +1,4 @@
-"""Runs a node beside the main thread, so that an interrupt never ends one of its callbacks."""
+"""Runs a node in a thread of its own, so that an interrupt never ends one of its callbacks."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

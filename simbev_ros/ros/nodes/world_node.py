@@ -67,7 +67,7 @@ class _LoadedScene:
         views: The agents' views of it.
         source: Simulation or replay that computes its states.
         ending: Decides when the scene ends.
-        displays: Publishes what somebody looks at.
+        displays: Publishes displays that have subscribers.
         end: How the scene has ended; None: it has not.
     """
 

@@ -17,7 +17,7 @@ _RELIABLE = QoSProfile(depth=5)
 
 
 class AutowareRelay(Node):
-    """Publishes what Autoware reads in a form of its own, while somebody subscribes.
+    """Publishes what Autoware reads in a form of its own, while there are subscribers.
 
     Topics, which can be remapped as usual: /ego/lidar/points and /ego/odom in;
     /sensing/lidar/top/pointcloud_raw_ex and /sensing/vehicle_velocity_converter/twist_with_covariance out.

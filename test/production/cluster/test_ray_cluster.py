@@ -70,7 +70,7 @@ def test_auto_without_a_cluster_says_what_to_do(ray: FakeRay, monkeypatch: pytes
     monkeypatch.setenv("RAY_TMPDIR", str(tmp_path))
     with pytest.raises(InputError) as refused:
         RayCluster(AUTO)
-    assert str(refused.value).startswith("--ray auto: this machine is no node of a Ray cluster; start one with ray ")
+    assert str(refused.value).startswith("--ray auto: this machine is not a node of a Ray cluster; start one with ray ")
     assert "\n" not in str(refused.value)
 
 

@@ -18,7 +18,7 @@ class Approaches:
         self._roads, self._shapes, self._links = document.roads, shapes, links
 
     def waiting_lanes(self, lanes: Iterable[LaneKey]) -> tuple[LaneKey, ...]:
-        """The lanes where traffic waits, at their ends, before it enters the given lanes or leaves them for a junction."""
+        """The lanes where traffic waits before it enters the given lanes or leaves them for a junction."""
         found: dict[LaneKey, None] = {}
         for key in lanes:
             if self._roads[key.road].junction:

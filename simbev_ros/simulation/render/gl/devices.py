@@ -1,4 +1,4 @@
-"""Lists the devices that EGL can render on, and distinguishes GPUs from software renderers, without opening any of them."""
+"""Lists EGL's devices, and distinguishes GPUs from software renderers, without opening any of them."""
 
 import ctypes
 import os

@@ -26,7 +26,7 @@ from simbev_ros.schema.trajectories import Tracks, tracks_from_npz
 
 _IMAGE = re.compile(r"/image_raw(/compressed|/compressedDepth)?$")
 _OF_FIRST = re.compile(r"/(prediction/.+|robot_description)")
-"""Topics of the first agent whose names lack it, because ROS tools and perception stacks expect these names."""
+"""Topics of the first agent without its name, because ROS tools and perception stacks expect these names."""
 _SPORADIC = ("/world/events",)
 ODOMETRY = "odom"
 """Key of the ego's true motion."""
@@ -110,8 +110,8 @@ class SceneBags:
         """Open a scene's bag, and additional bags by label.
 
         Raises:
-            BagError: A bag cannot be read, is cut off without ``may_be_cut_off``, holds no scene, or an additional bag
-                has another motion.
+            BagError: A bag cannot be read, is truncated without ``may_be_cut_off``, holds no scene, or an
+                additional bag has another motion.
         """
         own = _open(path, cache, may_be_cut_off)
         spec, others = _read_spec(own), {}

@@ -21,7 +21,7 @@ def verify_fetched_bag(bag: ObjectPath, row: Row | None = None, temporary: Path 
         temporary: Folder for temporary files, with space for the bag; None: that of the system, which ``TMPDIR`` moves.
 
     Raises:
-        InputError: The store cannot be reached or refuses access, or there is no bag and no row of it.
+        InputError: The store cannot be reached or refuses access, or has neither the bag nor its row.
     """
     if row is None:
         numbered_files(bag)

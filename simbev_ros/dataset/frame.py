@@ -114,7 +114,7 @@ class Frame(Mapping[str, Any]):
 
     @cached_property
     def received(self) -> Mapping[str, "Frame"]:
-        """Frames of other agents whose messages have arrived by now, by the sender's name, in the scene's order.
+        """Frames of other agents at the newest messages that have arrived, by the sender's name, in the scene's order.
 
         Each is the sender's frame of the tick at which it sent its newest message that has arrived: its sensor data and
         labels are thus as old as the message, and an agent out of range is missing. Messages count that have arrived

@@ -79,7 +79,7 @@ def read_rows(path: AnyPath, source: Path | pa.BufferReader) -> pa.Table:
     """
     try:
         _require_columns(path, pq.ParquetFile(source))
-        table = pq.read_table(source, columns=_schema().names, use_threads=False)  # whose memory would stay
+        table = pq.read_table(source, columns=_schema().names, use_threads=False)  # threads would keep their memory
         table.validate(full=True)  # texts are UTF-8
         for name, largest in _LARGEST.items():
             _require_range(path, name, table.column(name), largest)

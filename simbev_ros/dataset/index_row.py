@@ -31,7 +31,7 @@ def index_row(bag_path: Path, dataset: Path) -> Row:
     """Index row of a finished bag.
 
     Raises:
-        BagError: The bag cannot be read, is cut off, or holds another scene than its name says.
+        BagError: The bag cannot be read, is truncated, or holds another scene than its name says.
     """
     with SceneBag(bag_path) as bag:
         spec = bag.spec

@@ -78,7 +78,7 @@ class Dataset:
             agent: Only scenes with this agent, as it sees them; None: all scenes, as the first agent sees each.
 
         Raises:
-            InputError: There is no such split, no scene on such a map, with such an agent, or with such a key.
+            InputError: The split is unknown, or no scene has this map, agent or key.
             BagError: A scene that must be opened to look for agents or keys cannot be read.
         """
         if split is not None and split not in SPLITS:
@@ -137,7 +137,7 @@ def _scenes_of_agent(scenes: Sequence[Scene], agent: str) -> list[Scene]:
 
 
 def open_bag(path: Path, *, cache_bytes: int = CACHE_BYTES) -> IndexedBag:
-    """Open a bag with any contents, finished or cut off, to read its topics by time.
+    """Open a bag with any contents, finished or truncated, to read its topics by time.
 
     Raises:
         BagError: There is no bag at this path, or it is damaged.
@@ -146,12 +146,12 @@ def open_bag(path: Path, *, cache_bytes: int = CACHE_BYTES) -> IndexedBag:
 
 
 def open_dataset(path: AnyPath | str, *, cache_bytes: int = CACHE_BYTES, threads: int | None = None) -> Dataset:
-    """Open a dataset, or one bag, even if the bag is unfinished or cut off.
+    """Open a dataset, or one bag, even if the bag is unfinished or truncated.
 
     Args:
         path: A dataset's folder, a bag's folder, or an MCAP file; also as a URL, ``s3://bucket/prefix``. A dataset is
             opened with all its finished scenes, in an object store with all that are in its index; reading a scene
-            that was cut off afterwards raises BagError.
+            that was truncated afterwards raises BagError.
         cache_bytes: Size of the cache of decompressed chunks, in each process.
         threads: Number of threads that decode in ``Frame.load``; None: one for each core.
 

@@ -1,4 +1,4 @@
-"""The plan of a dataset: the scenes that it is to have, with numbers that never change once they are assigned.
+"""The plan of a dataset: its finished and future scenes, with numbers that never change.
 
 The plan is stored in the dataset as ``plan.json``, so that interrupted work continues with the same scenes. Scenes that
 were recorded into the dataset without a plan are added to it.
@@ -47,7 +47,7 @@ class PlannedEntry(Model):
 
 
 class Plan(Model):
-    """All scenes that a dataset has or is to have, by ascending number."""
+    """All finished and future scenes of a dataset, by ascending number."""
 
     scenes: tuple[PlannedEntry, ...] = ()
 

@@ -35,7 +35,7 @@ class Scene(Sequence[Frame]):
         additional: Additional bags with the same motion, by label.
         row: The scene's row in the dataset's index; empty if it has none.
         threads: Number of threads that decode in ``Frame.load``; None: one for each core.
-        may_be_cut_off: Whether a bag that was cut off is read as far as it goes; otherwise it raises BagError.
+        may_be_cut_off: Whether the readable part of a truncated bag is read; otherwise it raises BagError.
     """
 
     def __init__(

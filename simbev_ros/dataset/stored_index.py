@@ -1,7 +1,7 @@
 """The index of a dataset in an object store that scenes are being added to.
 
 In an object store the index makes a scene exist, and it cannot be rebuilt from the bags without reading them. So each
-row that a ``GrowingIndex`` does not write at once is an object of its own, ``.rows/<number>.parquet``, until it does.
+row that a ``GrowingIndex`` does not write at once is a separate object, ``.rows/<number>.parquet``, until it does.
 """
 
 import pyarrow as pa

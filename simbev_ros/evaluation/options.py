@@ -25,7 +25,7 @@ class EvaluationOptions:
         bev_classes: Classes of ``BEV_CLASSES`` to evaluate; metrics omit the others.
         every: Evaluate every Nth frame of a scene.
         nuscenes: Whether to compute the nuScenes metrics in addition.
-        truth: Whose ground truth counts.
+        truth: Ground truth that counts: the agent's own, or that of all agents.
     """
 
     slices: tuple[TableSlice, ...] = (TableSlice(),)

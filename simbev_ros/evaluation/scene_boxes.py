@@ -80,7 +80,7 @@ class GroundTruthFrame(NamedTuple):
         """Ground truth of a recorded frame: its agent's own, or the joint one.
 
         Raises:
-            InputError: The joint table is none of this scene.
+            InputError: The joint table belongs to another scene.
         """
         spec = frame.scene.spec
         boxes = frame[truth_key(truth)]
@@ -94,7 +94,7 @@ class SceneBoxes:
     Args:
         spec: The scene.
         truth: (F) ground truth of the evaluated frames, by ascending tick.
-        predictions: Predictions in the map frame, whose ``frame`` is the tick; those of other ticks are ignored.
+        predictions: Predictions in the map frame; their ``frame`` is the tick; those of other ticks are ignored.
         options: What to evaluate.
     """
 

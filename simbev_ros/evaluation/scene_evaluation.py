@@ -103,7 +103,7 @@ def evaluate_scene(scene: Scene, predicted: PredictedScene, options: EvaluationO
 
 
 def _boxes_in_map(scene: Scene, predicted: PredictedScene) -> Predictions:
-    """Predicted boxes at the ticks with the poses of the agents whose frames they are in."""
+    """Predicted boxes at the ticks with the poses of the agents of their frames."""
     boxes, frames = predicted.boxes(), ReferenceFrames.from_scene(scene)
     others = frames.agents_of(each.frame_id for each in boxes.references) - {scene.agent}
     with_poses = _ticks_with(scene, ("odom", *(f"{name}/odom" for name in sorted(others))))

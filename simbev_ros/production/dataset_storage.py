@@ -104,7 +104,7 @@ def open_storage(path: AnyPath, lock: Lock, existing: Sequence[PlannedEntry], mi
 
 
 def require_writable_dataset(path: AnyPath) -> None:
-    """Check that a dataset can be written to. At most an empty object that stands for its prefix stays.
+    """Check that a dataset can be written to. At most an empty object for its prefix stays.
 
     Raises:
         InputError: It cannot.

@@ -1,7 +1,7 @@
 """Events of production: everything that is reported to an observer, in this process and from workers to the driver.
 
 Each ``…Started`` is followed by its ``…Ended``, also after an error or Ctrl-C. ``ProductionEvent`` is the union of all;
-whoever decides about every event matches it and ends with ``assert_never``, so that mypy finds a forgotten one.
+code that handles every event ends its match with ``assert_never``, so that mypy finds a forgotten one.
 """
 
 from collections.abc import Mapping

@@ -88,7 +88,7 @@ class Report:
         return all(account.recorded >= account.expected for account in self.topics.values())
 
     def problems(self) -> list[str]:
-        """A sentence for each topic whose account is not balanced."""
+        """A sentence for each topic with missing or unexpected messages."""
         return [f"{topic}: {_describe(account)}" for topic, account in self.topics.items() if not account.balanced]
 
     def custom_data(self, scene: str) -> dict[str, str]:

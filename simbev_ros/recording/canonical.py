@@ -12,7 +12,7 @@ def canonical_cdr(payload: bytes, type_name: str) -> memoryview:
     """A serialized message as little-endian CDR with zeros as padding; it shares no memory with ``payload``.
 
     Raises:
-        ValueError: The bytes are no message of this type.
+        ValueError: The bytes are not a message of this type.
     """
     types = types_with(type_name)
     try:

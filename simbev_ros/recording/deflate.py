@@ -4,8 +4,8 @@ ISA-L's levels 1 and 2 do not guarantee that. When they begin a stream on x86, t
 position 2 from a register that still holds the address of the stream's state (``.write_first_byte`` in
 ``igzip_icf_body_h1_gr_bt.asm``, up to version 2.32.1 at least). One of 8192 hashes, which depends on the position of
 the thread's stack, then refers to position 2 instead of 0. Once in thousands of images that changes the distance of a
-match. It has no effect if the first call has input enough for the first byte alone: the next call computes the hashes
-anew.
+match. It has no effect if the first call has input for the first byte only: the next call computes the hashes
+again.
 """
 
 from isal import isal_zlib

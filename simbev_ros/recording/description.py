@@ -19,7 +19,7 @@ from simbev_ros.schema.scene.agents import agent_views
 from simbev_ros.schema.scene.spec import SceneSpec
 
 _ABBREVIATIONS = {"gnss": "GNSS", "imu": "IMU"}
-"""Spelling in prose of the sensor kinds whose names are abbreviations."""
+"""Spelling in prose of sensor kinds that are abbreviations."""
 
 
 def describe_bag(

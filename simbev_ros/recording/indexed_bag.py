@@ -49,7 +49,7 @@ class IndexedTopic:
 
 
 class IndexedBag:
-    """A bag, complete or cut off, with random access to its messages.
+    """A bag, complete or truncated, with random access to its messages.
 
     It keeps no file open; threads and processes can share it, and it can be pickled.
 
@@ -57,7 +57,7 @@ class IndexedBag:
         name: The scene's name.
         file: First MCAP file of the bag.
         files: All MCAP files.
-        closed: Whether all files were closed by their writer; if not, the bag was cut off.
+        closed: Whether all files were closed by their writer; if not, the bag is truncated.
         topics: Topics by name.
 
     Raises:

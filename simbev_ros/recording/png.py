@@ -148,7 +148,7 @@ def _decompress(compressed: bytes, size: int) -> bytes:
 
 
 def _unfiltered(rows: UInt8Array) -> UInt8Array:
-    """Bytes of the pixels in rows with filter NONE or UP, whose first byte is the filter."""
+    """Bytes of the pixels in rows that begin with the filter NONE or UP."""
     if not rows[:, 0].any():
         return np.ascontiguousarray(rows[:, 1:])
     pixels = np.empty((rows.shape[0], rows.shape[1] - 1), np.uint8)

@@ -65,7 +65,7 @@ class _Part:
 class SceneBag:
     """An open bag of one or several files, for reading messages in order; a context manager.
 
-    The bag may be finished, unfinished or cut off; of a bag that was cut off all complete chunks are read.
+    The bag may be finished, unfinished or truncated; of a truncated bag all complete chunks are read.
 
     Attributes:
         name: The scene's name.
@@ -100,7 +100,7 @@ class SceneBag:
         return self.counts("payload_bytes") or {}
 
     def fact(self, name: str) -> Any:
-        """A fact from ``custom_data``, parsed from its JSON; None if there is no such fact.
+        """A fact from ``custom_data``, parsed from its JSON; None if it is missing.
 
         Raises:
             BagError: The fact is damaged.
@@ -111,7 +111,7 @@ class SceneBag:
             raise BagError(f"{self.path}: {name} in the bag's description is damaged: {error}") from None
 
     def counts(self, name: str) -> Mapping[str, int] | None:
-        """A fact that is a number by topic; None if there is no such fact.
+        """A fact that is a number by topic; None if it is missing.
 
         Raises:
             BagError: The fact is damaged.

@@ -3,7 +3,7 @@
 Format: A. D. Wilson, Fast Lossless Depth Image Compression, ISS 2017, https://doi.org/10.1145/3132272.3134144. The
 pixels, row by row, are a series of runs: the number of zeros, the number of other values, and the differences of these
 from the value before (zeros left out; the first from 0), with the sign in the lowest bit. Each number is written in
-nibbles, lowest three bits first, whose top bit says that more follow. Eight nibbles are a little-endian word, the first
+nibbles, lowest three bits first; their top bit says that more follow. Eight nibbles are a little-endian word, the first
 one on top.
 """
 
@@ -111,7 +111,7 @@ def _words(nibbles: UInt8Array) -> bytes:
 
 
 def _numbers(data: bytes) -> UInt32Array:
-    """All numbers of a stream, and zeros that stand for the nibbles which fill up the last word."""
+    """All numbers of a stream, and zeros for the nibbles that pad the last word."""
     words = np.frombuffer(data, "<u4", count=len(data) // 4).astype(">u4").view(np.uint8)
     nibbles = np.empty(2 * len(words), np.uint8)
     nibbles[0::2], nibbles[1::2] = words >> 4, words & 15

@@ -33,7 +33,7 @@ class CooperativeStack(ReferenceStack):
         partners: Topics of the clouds that the partners answer to.
 
     Raises:
-        UsageError: There are no partners.
+        UsageError: The list of partners is empty.
     """
 
     def __init__(self) -> None:

@@ -58,7 +58,7 @@ class ReferenceStack(Node):
             with ``--reliable`` does not differ from lockstep in this.
 
     Attributes:
-        inputs: Subscriptions beside that to the clouds that must be connected before a scene starts.
+        inputs: Further subscriptions that must be connected before a scene starts.
     """
 
     def __init__(self, name: str = "reference_stack") -> None:
@@ -153,7 +153,7 @@ class ReferenceStack(Node):
         self._grid.publish(scores_message(answer.scores, header_of(stamp_ns, scene.ego_frame)))
 
     def complete(self, answer: Answer, messages: Mapping[str, PointCloud2], map_from_ego: Floats) -> Answer:
-        """Complete an answer by what other inputs than the cloud tell; override it if there are any.
+        """Complete an answer by other inputs than the cloud; override it if there are any.
 
         Args:
             answer: The answer to the cloud.

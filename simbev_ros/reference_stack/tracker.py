@@ -40,7 +40,7 @@ class Tracker:
 
         Args:
             readings: Readings of all clusters, map frame.
-            stamp_s: Stamp, s; after a gap or a step back in time tracking starts anew.
+            stamp_s: Stamp, s; after a gap or a step back in time tracking starts over.
             ego_yaw_rad: Assumed heading of objects that have not moved yet, up to a quarter turn.
         """
         step_s, self._stamp_s = stamp_s - self._stamp_s, stamp_s

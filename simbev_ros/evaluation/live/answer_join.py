@@ -25,7 +25,7 @@ _MAX_UNANSWERED = 2
 
 
 def pose_of(agent: str) -> str:
-    """Part of the ground truth that is the pose of another agent, in whose frames answers may be."""
+    """Pose of another agent as a part of the ground truth, because answers may be in its frames."""
     return f"{POSE} of {agent}"
 
 
@@ -91,7 +91,7 @@ class AnswerJoin:
     """Joins the frames of one scene.
 
     Args:
-        is_due: Tells whether there is a frame at a tick.
+        is_due: Whether there is a frame at a tick.
         limits: Limits on how long frames wait.
         other_poses: Further parts of the ground truth, the poses of other agents (``pose_of``).
 

@@ -47,7 +47,7 @@ class LiveScene:
     """Result of the live evaluation of one scene.
 
     Attributes:
-        tally: Tally of the scene, as of a recorded one.
+        tally: Tally of the scene, in the form of a recorded scene's.
         latency_ms: (L,) time from the input to the last answer, of the frames that were answered in every kind.
         counts: Numbers of missed frames and late answers.
     """

@@ -20,7 +20,7 @@ any higher recall, as in Pascal VOC since 2010.
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Curve:
-    """Precision and recall of all predictions whose score reaches a limit, for each limit.
+    """Precision and recall of all predictions with at least a certain score, for each score.
 
     Attributes:
         score: (K,) limits, descending, without duplicates.

@@ -27,7 +27,7 @@ DISTANCES_M: tuple[float, ...] = (0.5, 1.0, 2.0, 4.0)
 _ERRORS_AT = DISTANCES_M.index(2.0)
 _MIN_PRECISION = 0.1
 _FIRST_BIN = 11
-"""Index into the 101 recalls: those up to 0.1 are cut off."""
+"""Index into the 101 recalls: those up to 0.1 do not count."""
 _MAP_WEIGHT = 5.0
 _NO_FIGURE = {"traffic_cone": ("mAOE", "mAVE", "mAAE"), "barrier": ("mAVE", "mAAE")}
 

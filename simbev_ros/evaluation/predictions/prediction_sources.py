@@ -29,7 +29,7 @@ class BoxSource(PredictionSource, Protocol):
     """Source of predicted boxes."""
 
     def boxes(self, scene: str, stamps_ns: Int64Array) -> tuple[PredictedBoxes, frozenset[int]]:
-        """Boxes of a scene, whose (T,) frames have these stamps, and the ticks that were answered.
+        """Boxes of a scene with frames at (T,) stamps, and the ticks that were answered.
 
         Raises:
             InputError: The source is damaged, or a value is invalid.
@@ -40,7 +40,7 @@ class GridSource(PredictionSource, Protocol):
     """Source of bird's-eye-view scores."""
 
     def grid_ticks(self, scene: str, stamps_ns: Int64Array) -> frozenset[int]:
-        """Ticks with scores of at least one class, of a scene whose (T,) frames have these stamps.
+        """Ticks with scores of at least one class, of a scene with frames at (T,) stamps.
 
         Raises:
             InputError: There is an answer to a frame that does not exist, or there are two to the same frame.

@@ -6,7 +6,7 @@
 
     def answers():
         for scene in open_dataset("datasets/first").scenes:
-            yield scene.name, my_predictions(scene)     # Predictions, whose frame is the tick
+            yield scene.name, my_predictions(scene)     # Predictions; their frame is the tick
 
     write_predictions(Path("answers/boxes.parquet"), answers(), frame_id="ego/lidar")
     write_grid(Path("answers"), "Town01-0000", tick=0, scores=scores)
@@ -39,7 +39,7 @@ def write_predictions(
 
     Args:
         path: A new ``.parquet`` file.
-        scenes: Name and boxes of each scene, whose ``frame`` is the tick; optionally also the ticks that were answered,
+        scenes: Name and boxes of each scene; their ``frame`` is the tick; optionally also the ticks that were answered,
             so that answers without boxes are recorded.
         frame_id: Coordinate frame of all boxes.
 

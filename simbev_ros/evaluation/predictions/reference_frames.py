@@ -18,7 +18,7 @@ from simbev_ros.schema.scene.spec import SceneSpec
 
 
 class AgentPoses(NamedTuple):
-    """An agent whose coordinate frames are known, and where it is.
+    """Coordinate frames and poses of an agent.
 
     Attributes:
         view: The scene as the agent sees it.

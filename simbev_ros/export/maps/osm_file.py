@@ -20,7 +20,7 @@ _TABLE = "osm_tags.yaml"
 
 
 def osm_of(network: RoadNetwork) -> bytes:
-    """The content of an OpenStreetMap file of a map, in UTF-8, with negative ids as of data that was never uploaded."""
+    """The content of an OpenStreetMap file of a map, in UTF-8, with negative ids, like data that was never uploaded."""
     file = _OsmFile(network.datum)
     junction_nodes = {
         name: file.add_node(junction.center_m, {"highway": "traffic_signals"} if junction.signalised else {})

@@ -52,7 +52,7 @@ class Exported:
         classes: Classes of nuScenes' detection task that occur as its evaluation counts them, by name of the split.
         unlabeled: Reasons why scenes have no labels of lidar points although labels were wanted, by name of the scene.
         has_roads: Whether masks and vector maps of the roads were written, which needs the simulator.
-        without_imu: Number of scenes that have CAN bus messages, but none of an IMU.
+        without_imu: Number of scenes with CAN bus messages, but without an IMU.
     """
 
     scenes: int

@@ -1,6 +1,6 @@
 """Exports the labels of a scene's lidar points as nuScenes-lidarseg has them: one byte a point, for each sample.
 
-A scene enters; a part of the export leaves, beside the part with the scene's files, so that exports of earlier versions
+A scene enters; a part of the export leaves, next to that with the scene's files, so that exports of earlier versions
 get labels without being made again. Labels are of the uppermost lidar, as in nuScenes, and need its semantic cloud.
 """
 
@@ -50,7 +50,7 @@ def lidarseg_parts(parts: Sequence[ScenePart], version: str) -> list[LidarsegPar
             out=part.out,
             name=f"{part.name}.{version}.lidarseg",
             identity={"made_from": {**source_of(part.scene), "keyframe_hz": part.keyframe_hz}},
-            patterns=(),  # names of labels do not tell their scene; remove_other_labels removes those left over
+            patterns=(),  # names of labels do not contain their scene; remove_other_labels removes those left over
             scene=part.scene,
             keyframe_hz=part.keyframe_hz,
             version=version,

@@ -88,7 +88,7 @@ def _labels_of_actors(actors: Table, blueprints: Sequence[Mapping[str, Any]], eg
 
 
 def _row_of(actors: Table, ids: AnyArray) -> Int64Array:
-    """(K,) rows of (K,) ids in actors that are in order of their ids; -1: there is no such actor."""
+    """(K,) rows of (K,) ids in actors that are in order of their ids; -1: the actor is missing."""
     if not len(actors):
         return np.full(len(ids), -1)
     row = np.minimum(np.searchsorted(actors["id"], ids), len(actors) - 1)

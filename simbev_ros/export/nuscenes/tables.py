@@ -48,7 +48,7 @@ def write_tables(
         sites: The sites of all these scenes.
         version: Name of the folder.
         names: Name of each scene in the tables, by its own name.
-        labels: Rows of the table ``lidarseg``; without any, there is no such table.
+        labels: Rows of the table ``lidarseg``; without any, the table is missing.
 
     Returns:
         Classes of the detection task that occur, in its order, by name of the split.

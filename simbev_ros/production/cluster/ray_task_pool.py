@@ -147,7 +147,7 @@ class _TaskSteps:
             self.note()
 
     def note(self) -> None:
-        """Tell the counter; return at once."""
+        """Report to the counter; return at once."""
         if self._steps:
             self._noted_s = time.monotonic()
             self._counter.note.remote(self._number, self._steps)

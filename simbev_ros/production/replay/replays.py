@@ -110,7 +110,7 @@ def replay_bags(
 
 
 def _require_recordable(scenario: Scenario, out: Path | None, merge: str | None) -> None:
-    """Check what is to be recorded, and where."""
+    """Check the requested replays and their destination."""
     if (out is None) == (merge is None):
         raise InputError(
             "replays are recorded either into a dataset or as additional bags of their scenes: give out or merge"

@@ -99,7 +99,7 @@ class McapIndex:
 def read_mcap_index(stream: BinaryIO, name: str, attachments: Collection[str] | None = None) -> McapIndex:
     """Index an open MCAP file.
 
-    Of an object in a store, only the end and what the summary lists are read; one that was cut off is refused, since
+    Of an object in a store, only the end and what the summary lists are read; a truncated one is refused, since
     it would have to be read as a whole.
 
     Args:
@@ -248,7 +248,7 @@ def _check_locations(index: McapIndex, statistics: Statistics) -> None:
 
 
 def _scan(stream: BinaryIO, size: int, name: str) -> McapIndex:
-    """Index a file record by record, up to the first record that is cut off or damaged."""
+    """Index a file record by record, up to the first truncated or damaged record."""
     index = McapIndex(False)
     try:
         for opcode, offset, length in _records(stream, size):

@@ -30,7 +30,7 @@ def status(name: NodeName, task: str, level: bytes, message: str, values: Mappin
         task: What it is about.
         level: A constant of DiagnosticStatus.
         message: The status in words.
-        values: Numbers by name; names tell the units.
+        values: Numbers by name; names contain the units.
     """
     return DiagnosticStatus(
         level=level,

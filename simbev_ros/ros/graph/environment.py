@@ -33,7 +33,7 @@ def graph_environment(domain: int, exposure: Exposure = LOCAL) -> dict[str, str]
 def subscriber_environment(exposure: Exposure = LOCAL) -> dict[str, str]:
     """Variables with which other nodes find a graph and receive large messages.
 
-    Those set by the user are kept. A profile of ours is none of the user's: ``simbev env`` may have set it for a graph
+    The user's own values are kept. Our profile does not count as one: ``simbev env`` may have set it for a graph
     of another exposure.
 
     Args:

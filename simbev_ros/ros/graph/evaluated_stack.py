@@ -28,7 +28,7 @@ def stack_commands(scenario: Scenario, ros: RosArguments = PLAIN, *, live: bool 
         live: Whether the world is paced by the wall clock.
 
     Raises:
-        InputError: There are no such weights.
+        InputError: The weights do not exist.
     """
     agents = scenario.evaluated_agents
     commands = {agent.label("stack"): _command(agent, _partners(agent, agents), ros, live=live) for agent in agents}
@@ -36,7 +36,7 @@ def stack_commands(scenario: Scenario, ros: RosArguments = PLAIN, *, live: bool 
 
 
 def _partners(agent: EvaluatedAgent, agents: Sequence[EvaluatedAgent]) -> list[EvaluatedAgent]:
-    """The agents whose boxes the included stack of an agent merges into its own: those that wait for no others."""
+    """The agents whose boxes the included stack of an agent merges into its own: those that do not wait for others."""
     if agent.evaluation.included is None or not agent.evaluation.included.merges:
         return []
     others = (each for each in agents if each.name != agent.name)

@@ -1,4 +1,4 @@
-"""Who can take part in a graph: this host or the network, anybody or only those with keys (SROS 2)."""
+"""Who can take part in a graph: this host or the network, all participants or only those with keys (SROS 2)."""
 
 import shutil
 import subprocess
@@ -40,10 +40,10 @@ class Exposure:
         """Make keys, if they are wanted; return the variables with which nodes use them.
 
         Args:
-            folder: Folder for the keys, which nobody else can read.
+            folder: Folder for the keys, readable for this user only.
 
         Raises:
-            InputError: There is no SROS 2, or it cannot make keys.
+            InputError: SROS 2 is missing, or cannot make keys.
         """
         if not self.security:
             return {}

@@ -1,4 +1,4 @@
-"""Advice on why a participant from outside is not heard, from what its publisher offers and what it has reported.
+"""Advice on why no report of an outside participant arrives, from what its publisher offers and what it has reported.
 
 It is pure: the graph's monitor feeds it publishers and reports, and shows the advice while the graph waits.
 """
@@ -65,11 +65,11 @@ class JoiningAdvice:
             self._unknown[frame_id[:_MAX_SHOWN_CHARACTERS]] = None
 
     def advice(self, waiting: Mapping[str, int | None], publishers: Collection[OutsidePublisher]) -> list[str]:
-        """Sentences about what to change before the participants are heard that hold up the graph.
+        """Advice, as sentences, for the participants that hold up the graph.
 
         Args:
             waiting: For each of these the last finished tick, which is negative when it has loaded the scene; None:
-                nothing has been heard of it. Nodes of the graph are passed over.
+                it has not reported anything. Nodes of the graph are skipped.
             publishers: The publishers on /sync/ready of nodes that are not of the graph.
         """
         if self._spec is None:

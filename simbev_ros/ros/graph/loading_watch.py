@@ -1,4 +1,4 @@
-"""Tells which nodes are still computing while a scene loads: a node that builds or reads a map cannot report."""
+"""Finds nodes that are still computing while a scene loads: a node that builds or reads a map cannot report."""
 
 from collections.abc import Mapping
 

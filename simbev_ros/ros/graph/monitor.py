@@ -162,7 +162,7 @@ class GraphMonitor:
         world_tick, others_tick = self.world.finished_by_all(), self.behind_world.finished_by_all()
         if others_tick is None or (world_tick is not None and others_tick < world_tick):
             behind = self.behind_world.laggards()
-            return [name for name in behind if name not in self._nodes] or behind  # own nodes are heard: they wait
+            return [name for name in behind if name not in self._nodes] or behind  # own nodes report: they wait
         return [] if world_tick is not None else ["world"]
 
     def advice(self, silent: Iterable[str]) -> list[str]:

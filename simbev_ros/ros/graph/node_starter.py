@@ -122,7 +122,7 @@ class NodeStarter:
         return b""
 
     def _note_death(self) -> None:
-        """The server has died: the kernel has asked its processes to end, and nobody is left to tell how they do."""
+        """The server has died: the kernel has asked its processes to end, and their exit codes are lost."""
         code = self._server.wait()
         words = self._log.read_text(errors="replace").strip().splitlines()
         self._failure = f"the process that starts nodes died: {describe_exit(code, words)}"

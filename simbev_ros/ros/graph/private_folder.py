@@ -1,4 +1,4 @@
-"""Tells folders of this user from those that other users have put into a shared folder such as /tmp."""
+"""Distinguishes this user's folders from those of other users in a shared folder such as /tmp."""
 
 import os
 import stat

@@ -69,7 +69,7 @@ class OrderedScene:
         phase: What happens to it.
         tick: The last tick that all nodes have finished; negative before the first one.
         outcome: How it ended.
-        stop_reason: Why it is to end early; None: it is not.
+        stop_reason: Reason to end it early; None: play it to its end.
     """
 
     def __init__(self, scenario: Scenario, spec: SceneSpec) -> None:
@@ -136,7 +136,7 @@ class SceneQueue:
         return scene
 
     def take(self, timeout_s: float) -> OrderedScene | None:
-        """Take the next scene, which is then the one that is being played; None if there is none in time."""
+        """Take the next scene, which then counts as playing; None after the timeout."""
         with self._changed:
             self._current = None
             while True:

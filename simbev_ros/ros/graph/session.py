@@ -104,8 +104,8 @@ class GraphSession:
         """Start the processes; if one of them fails to start, stop the others.
 
         Raises:
-            InputError: The limit of address space is too low, the included stack cannot run, or there is no SROS 2 and
-                the graph is to be secure.
+            InputError: The limit of address space is too low, the included stack cannot run, or SROS 2 is missing but
+                the graph has to be secure.
             RenderError: The configured devices cannot draw.
         """
         try:

@@ -36,7 +36,7 @@ def _mappings(pid: int) -> bytes:
 
 
 def _segment(name: bytes) -> bytes:
-    """Name of the segment that a file contains, or whose lock it is."""
+    """Name of the segment that a file contains or locks."""
     return name.removeprefix(b"sem.").removesuffix(b"_mutex").removesuffix(b"_el")
 
 

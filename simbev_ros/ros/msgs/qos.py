@@ -17,7 +17,7 @@ STEERING_VOLATILE = replace(STEERING, durability="volatile")
 """Additional subscriptions, for publishers that are not latched."""
 STATE = QosProfile(reliability="reliable", durability="volatile", depth=_DEPTH)
 EVENTS = QosProfile(reliability="reliable", durability="volatile", depth=1000)
-"""A pile-up causes many events at once, none of which may be lost."""
+"""A pile-up causes many events at once, and all of them count."""
 STATE_READER = replace(STATE, depth=1000)
 """Subscriptions to the world state in lockstep, in which a busy node must not lose a message among those of others."""
 SENSOR_LOCKSTEP = QosProfile(reliability="reliable", durability="volatile", depth=_DEPTH)

@@ -1,4 +1,4 @@
-"""Signs the messages that steer a graph, so that its nodes follow each other and nobody else.
+"""Signs the messages that steer a graph, so that its nodes follow only each other.
 
 A ROS domain has neighbors: other graphs, replayed bags, nodes under development. Whatever they publish on
 /world/request, /world/end, or on /sync/ready in the name of one of the graph's nodes, is recognized by its signature.

@@ -56,7 +56,7 @@ def table_from_cdr(payload: bytes, columns: Sequence[str] = ()) -> Table:
     """(N,) structured array that shares the memory of a serialized PointCloud2.
 
     Raises:
-        ValueError: It is no such message, lacks one of ``columns``, or as of ``table_from_message``.
+        ValueError: The message is of another kind, lacks one of ``columns``, or ``table_from_message`` fails.
     """
     try:
         table = table_from_message(_TYPES.deserialize_cdr(payload, "sensor_msgs/msg/PointCloud2"))

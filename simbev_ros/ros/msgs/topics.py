@@ -87,7 +87,7 @@ def _first_world_topics(first: SceneSpec) -> Iterator[Topic]:
 
 
 def _agent_world_topics(view: SceneSpec) -> Iterator[Topic]:
-    """Topics of the world node about an agent beside the first one."""
+    """Topics of the world node about an agent other than the first one."""
     yield robot_description_topic(view)
     yield odometry_topic(view)
 

@@ -76,7 +76,7 @@ def serialize_scene(scene_json: str, stamp_ns: int) -> bytes:
     """Scene message of a scene's specification as JSON, as on /world/scene; its stamp is that of tick 0.
 
     Raises:
-        ValidationError: The text is no such specification.
+        ValidationError: The text is not such a specification.
     """
     spec = SceneSpec.model_validate_json(scene_json)
     kinds = [hazard.kind for hazard in spec.hazards]

@@ -32,7 +32,7 @@ _MALFORMED = (SimbevError, SerdeError, KeyError, TypeError, AttributeError, Over
 
 @dataclass(frozen=True, slots=True)
 class TypedTopic:
-    """A topic whose messages say what those of another topic say, in a message type of their own.
+    """Topic with the same content as another topic, in a message type with typed fields.
 
     Attributes:
         topic: The topic; it has a message for each one of the source, with the same stamp.

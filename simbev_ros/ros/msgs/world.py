@@ -75,8 +75,8 @@ def actors_from_message(message: PointCloud2) -> Table:
     """(N,) ``ACTOR_DTYPE`` from an ``actors_message``.
 
     Raises:
-        ValueError: It is no such table, or one that no world has: without an ego, with ids that do not ascend, with
-            unknown blueprints, or with numbers that are not finite.
+        ValueError: The message is not such a table, or an impossible one: without an ego, with ids that do not ascend,
+            with unknown blueprints, or with numbers that are not finite.
     """
     actors = _rows(message, ACTOR_DTYPE)
     ids = actors["id"]
@@ -90,7 +90,7 @@ def actors_from_message(message: PointCloud2) -> Table:
 
 
 def signals_from_message(message: PointCloud2) -> Table:
-    """(S,) ``SIGNAL_DTYPE`` from a ``signals_message``; raises ValueError if it is no such table."""
+    """(S,) ``SIGNAL_DTYPE`` from a ``signals_message``; raises ValueError if the message is not such a table."""
     return _rows(message, SIGNAL_DTYPE)
 
 
@@ -130,7 +130,7 @@ def agent_odometry(view: SceneSpec, actors: Table, stamp_ns: int) -> Odometry:
 def odometry_message(actor: Table, stamp_ns: int, child_frame: str, ahead_m: float = 0.0) -> Odometry:
     """Odometry message from one ``ACTOR_DTYPE`` row.
 
-    The true pose is in the map frame, the twist in the child frame. The covariances are zero: there is no error.
+    The true pose is in the map frame, the twist in the child frame. The covariances are zero: the pose is exact.
 
     Args:
         actor: The row.

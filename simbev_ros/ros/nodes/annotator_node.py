@@ -58,7 +58,7 @@ _Reading = Callable[[], AnyArray]
 
 
 class _Input(NamedTuple):
-    """A topic that is read, and whose sensor it is."""
+    """A topic that is read, and its sensor."""
 
     agent: AnnotatedAgent
     sensor: str

@@ -76,7 +76,7 @@ class AnswerTopics:
         """Subscribe to topics that have gained a publisher since the last call; return their names.
 
         Raises:
-            InputError: A topic has a wrong type, or one whose package is not installed, or scores are published both
+            InputError: A topic has a wrong type, or the type's package is not installed, or scores are published both
                 for all classes and for single classes.
         """
         new = []

@@ -299,7 +299,7 @@ class EvaluatorNode(GraphNode):
                 _write(path / f"{spec.name}.json", self._figures_of(self._scenes[-1:]))
 
     def _figures_of(self, scenes: Sequence[LiveScene]) -> dict[str, Any]:
-        """Figures of scenes, and whose they are if that is not the first agent's own truth."""
+        """Figures of scenes, with agent and kind of truth if that is not the first agent's own truth."""
         of_agent = {"agent": self._agent} if self._agent else {}
         truth = {"truth": self._options.truth} if self._options.truth != "own" else {}
         return {**of_agent, **truth, **live_figures(scenes, self._options)}

@@ -79,7 +79,7 @@ class _ForkServer:
     def serve(self) -> list[str] | None:
         """Handle requests; return None when the supervisor is gone, and in a forked process the arguments for nodes.
 
-        A process that is to run another command does not return.
+        A process for another command does not return.
         """
         while True:
             ready, _, _ = select.select([self._channel, self._child_ended], [], [])
@@ -116,7 +116,7 @@ class _ForkServer:
         return False
 
     def _leave(self, log: str) -> None:
-        """Make the new process one that was started by itself: a session, output and signals of its own."""
+        """Give the new process its own session, output and signals, as if it had been started directly."""
         os.setsid()
         signal.set_wakeup_fd(-1)
         signal.signal(signal.SIGCHLD, signal.SIG_DFL)

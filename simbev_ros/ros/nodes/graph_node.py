@@ -234,7 +234,7 @@ class GraphNode(NamespacedNode):
         *arguments: _Arguments.args,
         **options: _Arguments.kwargs,
     ) -> _Content | None:
-        """Read a message that anybody may have sent; None if it is malformed or forged.
+        """Read a message of unknown origin; None if it is malformed or forged.
 
         Such messages are counted in /diagnostics; the first one on each topic is logged.
 

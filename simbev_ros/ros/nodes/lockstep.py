@@ -18,7 +18,7 @@ class LockstepWindow:
     Args:
         participants: Names of the nodes that must report.
         window_ticks: Tick t may start when every participant has finished tick t - window_ticks.
-        outside: Participants that are no nodes of the graph; they follow a looser protocol (see ``record_report``).
+        outside: Participants that are not nodes of the graph; they follow a looser protocol (see ``record_report``).
 
     Attributes:
         participants: Names of the nodes that must report.

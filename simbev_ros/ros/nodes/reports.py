@@ -64,7 +64,7 @@ def subscribe_to_reports(node: Node, receive: Callable[[Header], None], outside:
     """Subscribe to the reports of the graph's nodes and of outside participants, whatever durability these offer.
 
     A latched subscription receives what was reported before it existed, but is not compatible with volatile publishers,
-    rclpy's default. A volatile one is compatible with both. So there are two if anybody outside takes part. Reports
+    rclpy's default. A volatile one is compatible with both. So there are two if outside nodes take part. Reports
     of outside participants with latched publishers then arrive twice, which changes nothing.
 
     Args:

@@ -17,6 +17,7 @@ from simbev_ros.cli.pool import Workers, processes
 from simbev_ros.dataset.parallel import Pool
 from simbev_ros.foundation.errors import BagError, InputError
 from simbev_ros.foundation.files.whole_files import write_errors
+from simbev_ros.foundation.installation.extras import load_extras
 from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath, path_or_url
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.recording.layout import PARTIAL_SUFFIX, finished_scenes, is_dataset, is_scene, scenes_of
@@ -106,6 +107,7 @@ def _page(report: Path) -> Path:
         DiskError: The disk is full.
         InputError: It cannot be written.
     """
+    load_extras()["sim"].require("simbev info --report")
     if report.suffix.lower() in (".html", ".htm"):
         require_place(report)
         return report

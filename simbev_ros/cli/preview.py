@@ -14,7 +14,7 @@ from simbev_ros.cli.console import make_console, percent_bar
 from simbev_ros.cli.output_file import make_room
 from simbev_ros.config.rendering import Quality
 from simbev_ros.foundation.errors import InputError
-from simbev_ros.show.sheet.layout import LabelPlacement
+from simbev_ros.show.sheet import LabelPlacement
 
 if TYPE_CHECKING:
     from simbev_ros.recording.indexed_bag import IndexedBag

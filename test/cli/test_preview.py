@@ -17,9 +17,9 @@ from simbev_ros.foundation.types import UInt8Array
 from simbev_ros.maps.build import load_network
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
+from simbev_ros.show.sheet import LabelPlacement
 from simbev_ros.show.sheet.contact_sheet import Captions, ContactSheet
 from simbev_ros.show.sheet.frames import FrameReader
-from simbev_ros.show.sheet.layout import LabelPlacement
 from simbev_ros.show.sheet.sheet_panels import LABEL_PANEL
 from simbev_ros.show.sheet.views import find_views
 

@@ -7,16 +7,9 @@ has exactly one height for a given width.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal, assert_never
+from typing import assert_never
 
 from simbev_ros.drawing.canvas import Box
-
-LabelPlacement = Literal["off", "panel", "cameras"]
-"""Where labels are drawn.
-
-``off``: nowhere. ``panel``: over a second picture of the main camera, and over the views from above. ``cameras``: over
-all cameras, and over the views from above.
-"""
 
 
 @dataclass(frozen=True, slots=True)

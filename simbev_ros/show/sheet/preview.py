@@ -13,7 +13,6 @@ from simbev_ros.foundation.files.whole_files import whole_file, write_whole
 from simbev_ros.foundation.types import UInt8Array
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.schema.scene.spec import SceneSpec
-from simbev_ros.show.sheet.agents_sheet import AgentsSheet
 from simbev_ros.show.sheet.contact_sheet import DESIGN_WIDTH_PX, Captions, ContactSheet
 from simbev_ros.show.sheet.frames import FrameReader, SheetFrame
 
@@ -64,6 +63,8 @@ def write_agents_picture(scene: Scene, tick: int, path: Path) -> None:
     Raises:
         InputError: The map of the scene cannot be read.
     """
+    from simbev_ros.show.sheet.agents_sheet import AgentsSheet  # draws roads, which needs the simulator
+
     _write_png(AgentsSheet(scene).draw(tick), path)
 
 
@@ -78,6 +79,8 @@ def write_agents_video(scene: Scene, path: Path, progress: Callable[[], None]) -
     Raises:
         InputError: The map of the scene cannot be read.
     """
+    from simbev_ros.show.sheet.agents_sheet import AgentsSheet
+
     sheet = AgentsSheet(scene, VIDEO_WIDTH_PX)
     pictures = (sheet.draw(tick) for tick in range(len(scene)))
     _encode(pictures, sheet.size_px, NS_PER_S / scene.tick_ns, path, progress)

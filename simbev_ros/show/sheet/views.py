@@ -17,7 +17,7 @@ from simbev_ros.foundation.types import Float64Array
 from simbev_ros.recording.indexed_bag import IndexedBag
 from simbev_ros.schema.scene.agents import agent_view
 from simbev_ros.schema.scene.spec import SceneSpec
-from simbev_ros.show.sheet.layout import LabelPlacement
+from simbev_ros.show.sheet import LabelPlacement
 from simbev_ros.show.sheet.truth import TruthTopics
 
 CAMERA_ORDER = ("front_left", "front", "front_right", "back_left", "back", "back_right")

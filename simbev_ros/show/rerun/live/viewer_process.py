@@ -9,8 +9,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Self
 
-import psutil
-
 from simbev_ros.ros.conventions.arguments import PLAIN, RosArguments
 from simbev_ros.ros.nodes.lifeline import SUPERVISOR_VARIABLE
 
@@ -85,6 +83,8 @@ class ViewerProcess:
 
     def pids(self) -> list[int]:
         """Ids of the viewer's process and of Rerun's server, if they run."""
+        import psutil
+
         with suppress(psutil.NoSuchProcess):
             if self.exit_code is None:
                 return [self.pid, *(child.pid for child in psutil.Process(self.pid).children())]

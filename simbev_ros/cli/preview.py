@@ -68,8 +68,6 @@ def preview(
 
     simbev preview --gallery --out pictures --map Town03 --map Town10HD
     """
-    from simbev_ros.cli.gallery import make_gallery
-
     console = make_console()
     if (bag is not None) == gallery:
         raise InputError("give either a scene's bag, or --gallery")
@@ -78,6 +76,8 @@ def preview(
     if maps and not gallery:
         raise InputError("--map is for --gallery; a bag has the map of its scene")
     if gallery:
+        from simbev_ros.cli.gallery import make_gallery
+
         paths = make_gallery(out, maps or [], size, quality, seed, overwrite=overwrite, console=console)
     else:
         assert bag is not None

@@ -21,7 +21,7 @@ from simbev_ros.production.workers.ray_metrics import RayMetrics
 from simbev_ros.production.workers.ray_worker_pool import RayWorkerPool
 from simbev_ros.production.workers.worker_pool import WorkerPool
 from simbev_ros.ros.graph.domain import ISOLATED_DOMAINS
-from simbev_ros.scene.drawing.draw_scene import maps_of
+from simbev_ros.scene.drawing.chosen_maps import maps_of
 from simbev_ros.schema.scene.map_spec import MapSpec
 
 _MAX_WORKERS = len(ISOLATED_DOMAINS)

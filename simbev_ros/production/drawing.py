@@ -8,7 +8,8 @@ from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.latest_value import LatestValue
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.surroundings import load_roads
-from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, maps_of, planned_scenes, start_positions
+from simbev_ros.scene.drawing.chosen_maps import maps_of
+from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, planned_scenes, start_positions
 from simbev_ros.scene.drawing.starts import StartPositions
 from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.schema.scene.spec import SceneSpec

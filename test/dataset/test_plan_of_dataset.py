@@ -9,7 +9,8 @@ from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.dataset.plan import Plan, bag_of
 from simbev_ros.foundation.errors import InputError
-from simbev_ros.scene.drawing.draw_scene import maps_of, planned_scenes
+from simbev_ros.scene.drawing.chosen_maps import maps_of
+from simbev_ros.scene.drawing.draw_scene import planned_scenes
 from simbev_ros.schema.scene.map_spec import MapSpec
 
 

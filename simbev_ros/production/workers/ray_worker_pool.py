@@ -23,7 +23,7 @@ from simbev_ros.production.workers.messages import Settings
 from simbev_ros.production.workers.ray_worker import Needs, RayWorker, WorkerActor
 from simbev_ros.production.workers.supervised_pool import SupervisedPool
 from simbev_ros.production.workers.worker_pool import Worker
-from simbev_ros.scene.drawing.draw_scene import maps_of
+from simbev_ros.scene.drawing.chosen_maps import maps_of
 from simbev_ros.schema.scene.map_spec import MapSpec
 
 _POLL_S, _NODES_S = 0.5, 5.0

@@ -8,8 +8,8 @@ from simbev_ros.config.draw import sample
 from simbev_ros.config.scenario import SPLITS, Scenario, Split, Timing
 from simbev_ros.foundation.random import stream
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.source import map_spec
 from simbev_ros.scene.blueprints import blueprint_named
+from simbev_ros.scene.drawing.chosen_maps import maps_of
 from simbev_ros.scene.drawing.draw_agents import draw_agents
 from simbev_ros.scene.drawing.draw_lights import draw_lights
 from simbev_ros.scene.drawing.draw_v2x import draw_v2x
@@ -28,15 +28,6 @@ class PlannedScene(NamedTuple):
     number: int
     map: MapSpec
     split: Split
-
-
-def maps_of(scenario: Scenario) -> list[MapSpec]:
-    """The map of each entry of a configuration's scenes, in its order; a map may occur several times.
-
-    Raises:
-        InputError: There is no such town or file.
-    """
-    return [map_spec(entry.map, bounds=entry.bounds) for entry in scenario.scenes]
 
 
 def planned_scenes(scenario: Scenario) -> Iterator[PlannedScene]:

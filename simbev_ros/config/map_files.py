@@ -40,7 +40,7 @@ def parse_bounds(text: str) -> tuple[float, float, float, float]:
         return _check_bounds((west, south, east, north))
     except ValueError:
         raise InputError(
-            f"--bounds {text!r:.80}: must be west,south,east,north in degrees, with south below north"
+            f"is {text!r:.80}; must be west,south,east,north in degrees, with south below north", parameter="bounds"
         ) from None
 
 

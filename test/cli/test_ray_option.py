@@ -31,7 +31,7 @@ def test_an_address_at_which_nothing_listens_is_refused(
         reserved.bind(("127.0.0.1", 0))
         address = f"127.0.0.1:{reserved.getsockname()[1]}"
         message = refused("generate", "demo", "--out", tmp_path / "set", "--ray", address)
-    assert message == f"error: --ray {address}: nothing answers at {address}: Connection refused\n"
+    assert message == f"error: --ray: {address}: nothing answers at {address}: Connection refused\n"
     assert not (tmp_path / "set").exists()
 
 
@@ -40,7 +40,7 @@ def test_without_ray_one_line_says_how_to_install_it(
 ) -> None:
     monkeypatch.setitem(sys.modules, "ray", None)
     message = refused("generate", "demo", "--out", tmp_path / "set", "--ray", "auto")
-    assert message.startswith("error: --ray needs Ray; install it: ") and message.endswith("[cluster]'\n")
+    assert message.startswith("error: a cluster needs Ray; install it: ") and message.endswith("[cluster]'\n")
     assert message.count("\n") == 1 and not (tmp_path / "set").exists()
 
 
@@ -51,7 +51,7 @@ def test_auto_without_a_cluster_is_refused_in_one_line(
     monkeypatch.delenv("RAY_ADDRESS")
     monkeypatch.setenv("RAY_TMPDIR", str(tmp_path))
     message = refused("generate", "demo", "--out", tmp_path / "set", "--ray", "auto")
-    assert message.startswith("error: --ray auto: this machine is not a node of a Ray cluster; ")
+    assert message.startswith("error: --ray: auto: this machine is not a node of a Ray cluster; ")
     assert message.count("\n") == 1 and not (tmp_path / "set").exists()
 
 

@@ -110,9 +110,7 @@ def test_without_gpus_no_worker_asks_for_one(ray: FakeRay, open_worker_pool: Ope
 def test_too_little_memory_on_every_node_is_refused(ray: FakeRay, open_worker_pool: Open) -> None:
     ray.add_node("a", memory_mib=1024)
     ray.add_node("b", memory_mib=1536)
-    with pytest.raises(
-        InputError, match=r"^--ray: a graph takes 2 GiB of memory, and the largest node offers 1\.5 GiB$"
-    ):
+    with pytest.raises(InputError, match=r"^ray: a graph takes 2 GiB of memory, the largest node offers 1\.5 GiB$"):
         open_worker_pool(9)
     assert not ray.actors
 

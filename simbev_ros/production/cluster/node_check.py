@@ -114,7 +114,7 @@ def node_problem(
 def _folder_problem(probe: Path) -> str | None:
     """Why a node cannot use the folder of a probe; None: it can."""
     if not probe.is_file():
-        return f"does not see the folder {probe.parent}; --out must be a folder that all nodes see"
+        return f"does not see the folder {probe.parent}; a dataset must be in a folder that all nodes see"
     return None if os.access(probe.parent, os.W_OK) else f"cannot write to {probe.parent}"
 
 

@@ -69,7 +69,7 @@ class RayCluster:
     """
 
     def __init__(self, address: str, *, reaps_graphs: bool = True) -> None:
-        load_extras()["cluster"].require("--ray")
+        load_extras()["cluster"].require("a cluster")
         head = _head_of(address)
         import ray
 
@@ -77,7 +77,7 @@ class RayCluster:
             with _kept_signals():
                 context = ray.init(address=head, log_to_driver=False, logging_level="ERROR", namespace="simbev_ros")
         except (ConnectionError, RuntimeError, ValueError) as error:
-            raise InputError(f"--ray {address}: {one_line(error)}") from None
+            raise InputError(f"{address}: {one_line(error)}", parameter="ray") from None
         self.address = str(context.address_info["gcs_address"])
         self._reaps_graphs = reaps_graphs
 
@@ -163,21 +163,23 @@ def _reap_on_node() -> None:
 
 def _head_of(address: str) -> str:
     """Address of a cluster's head; refuse one at which nothing listens, as Ray would try for minutes."""
-    name, head = f"--ray {address}", _own_cluster() if address == "auto" else address
+    head = _own_cluster() if address == "auto" else address
     if head is None:
         raise InputError(
-            f"{name}: this machine is not a node of a Ray cluster; start one with ray start --head, or name a head as "
-            "HOST:PORT; --workers needs no cluster"
+            "auto: this machine is not a node of a Ray cluster; start one with ray start --head, or name a head as "
+            "HOST:PORT; workers on this machine need no cluster",
+            parameter="ray",
         )
     host, _, port = head.rpartition(":")
     if not (host and port.isascii() and port.isdecimal() and 0 < int(port[:6]) < 1 << 16) or "/" in host:
         raise InputError(
-            f"--ray: is {head!r:.80}; allowed: auto, or HOST:PORT of a cluster's head, such as 10.0.0.5:6379"
+            f"is {head!r:.80}; allowed: auto, or HOST:PORT of a cluster's head, such as 10.0.0.5:6379", parameter="ray"
         )
     try:
         socket.create_connection((host.strip("[]"), int(port)), _CONNECT_TIMEOUT_S).close()
     except OSError as error:
-        raise InputError(f"{name}: nothing answers at {head}: {error.strerror or error}") from None
+        problem = f"{address}: nothing answers at {head}: {error.strerror or error}"
+        raise InputError(problem, parameter="ray") from None
     return head
 
 

@@ -45,7 +45,9 @@ class RayTaskPool:
         self._tasks, self._looked_s, self._began_s = 0, float("-inf"), time.monotonic()
         nodes = [node for node in cluster.nodes() if node.cpus >= 1]
         if nodes and not any(node.memory_mib >= memory_mib for node in nodes):
-            raise InputError(f"--ray: a task takes {memory_mib} MiB, and the largest node offers {largest(nodes)}")
+            raise InputError(
+                f"a task takes {memory_mib} MiB, the largest node offers {largest(nodes)}", parameter="ray"
+            )
 
     def map(
         self, work: Callable[[W], R], items: Sequence[W], report: Callable[[int], None] = lambda steps: None

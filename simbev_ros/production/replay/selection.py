@@ -79,7 +79,7 @@ def require_mergeable(folders: Sequence[Path], label: str) -> Path:
     dataset = dataset_of(folders[0])
     for folder in folders:
         if not is_scene(folder) or dataset_of(folder) is None or dataset_of(folder) != dataset:
-            raise InputError(f"--merge: {folder}: is not a finished scene of the dataset that gets the bags")
+            raise InputError(f"{folder}: is not a finished scene of the dataset that gets the bags", parameter="merge")
         if additional_folder(folder, label).exists():
             raise InputError(f"{additional_folder(folder, label)}: exists already; nothing was overwritten")
     assert dataset is not None, "checked above"

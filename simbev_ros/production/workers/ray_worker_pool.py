@@ -87,7 +87,9 @@ class RayWorkerPool(SupervisedPool):
         nodes = [node for node in self._cluster.nodes() if node.cpus >= 1]
         if nodes and not any(node.memory_mib >= _FIRST_NEEDS.memory_mib for node in nodes):
             needed = f"{_FIRST_NEEDS.memory_mib / 1024:g} GiB"
-            raise InputError(f"--ray: a graph takes {needed} of memory, and the largest node offers {largest(nodes)}")
+            raise InputError(
+                f"a graph takes {needed} of memory, the largest node offers {largest(nodes)}", parameter="ray"
+            )
         cpus = int(max((node.cpus for node in nodes), default=_FIRST_NEEDS.cpus))
         draws = bool(self._scenario.sensors_of_type(Camera)) and self._scenario.rendering.gpus != ()
         has_gpus = any(node.gpus for node in nodes)

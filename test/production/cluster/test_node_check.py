@@ -113,7 +113,7 @@ def test_nodes_without_cpus_and_dead_ones_are_not_asked(ray: FakeRay) -> None:
 
 def test_a_node_that_does_not_see_the_folder_is_refused(tmp_path: Path) -> None:
     problem = node_check._folder_problem(tmp_path / "set" / ".probe")
-    assert problem == f"does not see the folder {tmp_path}/set; --out must be a folder that all nodes see"
+    assert problem == f"does not see the folder {tmp_path}/set; a dataset must be in a folder that all nodes see"
 
 
 def test_a_node_that_cannot_write_to_the_folder_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -40,12 +40,12 @@ def test_an_address_of_another_form_is_refused(ray: FakeRay, address: str) -> No
     with pytest.raises(InputError) as refused:
         RayCluster(address)
     allowed = "allowed: auto, or HOST:PORT of a cluster's head, such as 10.0.0.5:6379"
-    assert str(refused.value) == f"--ray: is {address!r:.80}; {allowed}"
+    assert str(refused.value) == f"ray: is {address!r:.80}; {allowed}"
     assert not ray.is_open
 
 
 def test_an_address_at_which_nothing_listens_is_refused(ray: FakeRay, closed_address: str) -> None:
-    answer = rf"^--ray {closed_address}: nothing answers at {closed_address}: Connection refused$"
+    answer = rf"^ray: {closed_address}: nothing answers at {closed_address}: Connection refused$"
     with pytest.raises(InputError, match=answer):
         RayCluster(closed_address)
     assert not ray.is_open
@@ -61,7 +61,7 @@ def test_a_cluster_of_another_address_is_connected_to(ray: FakeRay) -> None:
 
 def test_without_ray_the_message_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "ray", None)
-    with pytest.raises(InputError, match=r"^--ray needs Ray; install it: \S+ -m pip install .*\[cluster\]'$"):
+    with pytest.raises(InputError, match=r"^a cluster needs Ray; install it: \S+ -m pip install .*\[cluster\]'$"):
         RayCluster(AUTO)
 
 
@@ -70,20 +70,20 @@ def test_auto_without_a_cluster_says_what_to_do(ray: FakeRay, monkeypatch: pytes
     monkeypatch.setenv("RAY_TMPDIR", str(tmp_path))
     with pytest.raises(InputError) as refused:
         RayCluster(AUTO)
-    assert str(refused.value).startswith("--ray auto: this machine is not a node of a Ray cluster; start one with ray ")
+    assert str(refused.value).startswith("ray: auto: this machine is not a node of a Ray cluster; start one with ray ")
     assert "\n" not in str(refused.value)
 
 
 def test_another_version_of_ray_or_python_is_refused_in_one_line(ray: FakeRay) -> None:
     ray.refusal = RuntimeError("Version mismatch:\n    Ray: 2.1.0\n    Python: 3.11\n\nMore advice.\n")
-    with pytest.raises(InputError, match=r"^--ray auto: Version mismatch: Ray: 2\.1\.0 Python: 3\.11$"):
+    with pytest.raises(InputError, match=r"^ray: auto: Version mismatch: Ray: 2\.1\.0 Python: 3\.11$"):
         RayCluster(AUTO)
 
 
 @pytest.mark.parametrize("address", ["x", "auto"])
 def test_nothing_is_written_when_the_cluster_cannot_be_used(ray: FakeRay, tmp_path: Path, address: str) -> None:
     ray.refusal = ConnectionError()
-    with pytest.raises(InputError, match=r"^--ray"):
+    with pytest.raises(InputError, match=r"^ray: "):
         make_dataset("demo", tmp_path / "set", ray=address)
     assert not (tmp_path / "set").exists()
 

@@ -140,6 +140,6 @@ def test_tasks_that_an_interrupt_does_not_end_are_killed(pool: RayTaskPool, ray:
 def test_a_cluster_whose_nodes_are_too_small_is_refused(ray: FakeRay) -> None:
     with (
         RayCluster("auto", reaps_graphs=False) as cluster,
-        pytest.raises(InputError, match=r"^--ray: a task takes 9000 MiB, and the largest node offers 8\.0 GiB$"),
+        pytest.raises(InputError, match=r"^ray: a task takes 9000 MiB, the largest node offers 8\.0 GiB$"),
     ):
         RayTaskPool(cluster, 9000)

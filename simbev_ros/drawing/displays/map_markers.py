@@ -7,8 +7,8 @@ import numpy as np
 
 from simbev_ros.drawing.displays.markers import lines, replacing_markers
 from simbev_ros.drawing.displays.messages import MAP_FRAME, color, stamped
+from simbev_ros.drawing.drawn_lines import drawn_lines
 from simbev_ros.foundation.types import Float64Array
-from simbev_ros.simulation.annotation.vector_map.drawn_lines import drawn_lines
 
 
 def map_markers(record: Mapping[str, Any], stamp_ns: int) -> bytes:

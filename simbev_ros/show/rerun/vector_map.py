@@ -2,9 +2,9 @@
 
 import rerun as rr
 
+from simbev_ros.drawing.drawn_lines import drawn_lines
 from simbev_ros.show.rerun.scene_log import WORLD, SceneLog
 from simbev_ros.show.rerun.subject import Samples
-from simbev_ros.simulation.annotation.vector_map.drawn_lines import drawn_lines
 
 VECTOR_MAP = f"{WORLD}/vector_map"
 

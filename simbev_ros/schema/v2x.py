@@ -4,6 +4,10 @@ from typing import Final
 
 import numpy as np
 
+from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_rpy
+from simbev_ros.foundation.types import Table
+from simbev_ros.schema.boxes import NO_CLASS
+
 V2X_DTYPE = np.dtype(
     [
         ("sender", "<u4"),  # actor id of the sender's vehicle; a roadside unit has an id of its own, from 0x30000 on
@@ -32,3 +36,18 @@ V2X_DTYPE = np.dtype(
 
 OWN_POSE: Final = 0
 """Id of the row with the sender's own pose."""
+
+
+def boxes_of_messages(rows: Table) -> Table:
+    """Rows of messages as boxes: with the centers of the senders' own boxes and their ids, without roadside units."""
+    result: Table = rows[(rows["id"] != OWN_POSE) | (rows["class"] != NO_CLASS)].copy()
+    own = result["id"] == OWN_POSE
+    xyz, rpy = (
+        np.stack([result[own][name] for name in names], axis=-1)
+        for names in (("x", "y", "z"), ("roll", "pitch", "yaw"))
+    )
+    up = matrices_from_xyz_rpy(xyz, rpy.astype(np.float64))[:, :3, 2]
+    for axis, name in enumerate("xyz"):
+        result[name][own] += up[:, axis] * result["height"][own] / 2.0
+    result["id"][own] = result["sender"][own]
+    return result

@@ -12,6 +12,7 @@ from simbev_ros.config.load import load_scenario
 from simbev_ros.ros.graph.monitor import SUPERVISOR
 from simbev_ros.ros.graph.plan import plan_processes
 from simbev_ros.ros.msgs import topics
+from simbev_ros.ros.msgs.displays import display_topics
 from simbev_ros.ros.msgs.qos import qos_of
 from simbev_ros.ros.msgs.topic import Topic
 
@@ -40,7 +41,7 @@ def answer(command: str) -> str:
 def known() -> dict[str, Topic]:
     """All topics of the graph, by name."""
     found = [topic for form in (True, False) for topic in topics.manifest(SPEC, compressed_images=form)]
-    found += [*topics.unrecorded_world_topics(SPEC), *topics.display_topics(SPEC)]
+    found += [topics.end_topic(), *display_topics(SPEC)]
     return {topic.name: topic for topic in found}
 
 

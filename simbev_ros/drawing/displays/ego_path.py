@@ -38,9 +38,9 @@ class EgoPath:
         if not self._poses or _distance_m(self._poses[-1], added) >= _MIN_STEP_M:
             self._poses.append(added)
 
-    def message(self, now: PathPose) -> bytes:
-        """Path up to the pose ``now``; poses with later stamps are left out."""
-        return path_message([*(each for each in self._poses if each.stamp_ns < now.stamp_ns), now])
+    def until(self, now: PathPose) -> list[PathPose]:
+        """The poses up to ``now``; those with later stamps are left out."""
+        return [*(each for each in self._poses if each.stamp_ns < now.stamp_ns), now]
 
 
 def path_message(poses: Iterable[PathPose]) -> bytes:

@@ -1,5 +1,7 @@
 """Converts one class of a bird's-eye-view grid to nav_msgs/OccupancyGrid."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from simbev_ros.drawing.displays.messages import GRID, build, moment, pose, serialize, stamped
@@ -8,7 +10,9 @@ from simbev_ros.foundation.geometry.transforms import quaternion_from_rpy, rotat
 from simbev_ros.foundation.types import BoolArray, Float64Array
 
 
-def occupancy_grid(covered: BoolArray, grid: BevGrid, stamp_ns: int, frame: str, rpy_rad: Float64Array) -> bytes:
+def occupancy_grid(
+    covered: BoolArray, grid: BevGrid, stamp_ns: int, frame: str, rpy_rad: Sequence[float] | Float64Array
+) -> bytes:
     """OccupancyGrid of one class, 100 where covered and 0 elsewhere.
 
     Its cell (0, 0) has the smallest x and y (behind and right of the ego), and x runs fastest, so the grid of (rows,

@@ -6,15 +6,13 @@ All of them follow from a scene's specification. Pure: imports no ROS.
 from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import NamedTuple
 
 from simbev_ros.config.annotation import Annotation
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.radar import Radar
 from simbev_ros.config.rig import Rig
-from simbev_ros.drawing.displays.detections import DETECTIONS_2D, DETECTIONS_3D, LABEL_INFO
-from simbev_ros.foundation.semantics import BEV_CLASSES
+from simbev_ros.drawing.displays.detections import LABEL_INFO
 from simbev_ros.ros.msgs.sensor_topics import camera_topics, lidar_topics, radar_topic
 from simbev_ros.ros.msgs.topic import Topic, agent_topic
 from simbev_ros.schema.scene.spec import SceneSpec
@@ -26,13 +24,6 @@ class Label(StrEnum):
     BOXES = "boxes"
     VIEWS = "views"
     SURROUNDINGS = "surroundings"
-
-
-class CameraDetections(NamedTuple):
-    """Topics with what a camera sees as vision_msgs: boxes around visible pixels, and around whole silhouettes."""
-
-    visible: Topic
-    amodal: Topic
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,13 +39,6 @@ class AnnotationTopics:
         views: How each camera with instance images sees the boxes, by the camera's name.
         occupancy: Occupied voxels; None: not configured.
         vector_map: The roads around the ego; None: not configured.
-        box_points: The 3D boxes as a cloud of float32 for displays; not recorded.
-        grids: The grid of each class for displays and planners, by the name of the class; not recorded in bags.
-        lane_status: The lane under the ego for displays; not recorded.
-        map_markers: The roads around the ego as markers; not recorded. None: no vector map is configured.
-        view_markers: The 2D boxes of each camera in ``views`` as markers over its image; not recorded.
-        detections: The boxes as detections; not recorded.
-        camera_detections: The 2D boxes of each camera in ``views`` as detections; not recorded.
         bev_label_info: Names of the bits of ``bev_labels``, latched; not recorded.
     """
 
@@ -66,13 +50,6 @@ class AnnotationTopics:
     views: Mapping[str, Topic]
     occupancy: Topic | None
     vector_map: Topic | None
-    box_points: Topic
-    grids: Mapping[str, Topic]
-    lane_status: Topic
-    map_markers: Topic | None
-    view_markers: Mapping[str, Topic]
-    detections: Topic
-    camera_detections: Mapping[str, CameraDetections]
     bev_label_info: Topic
 
     @property
@@ -88,15 +65,6 @@ class AnnotationTopics:
         boxes, views = (self.boxes, self.box_markers), tuple(self.views.values())
         others = tuple(topic for topic in self.recorded if topic not in (*boxes, *views))
         return {Label.BOXES: boxes, Label.VIEWS: views, Label.SURROUNDINGS: others}
-
-    @property
-    def displays(self) -> dict[Label, tuple[Topic, ...]]:
-        """Topics that are published while they have subscribers, and not recorded, by what they are about."""
-        roads = () if self.map_markers is None else (self.map_markers,)
-        surroundings = (*self.grids.values(), self.lane_status, *roads, self.bev_label_info)
-        views = (*self.view_markers.values(), *(topic for each in self.camera_detections.values() for topic in each))
-        boxes = (self.box_points, self.detections)
-        return {Label.BOXES: boxes, Label.VIEWS: views, Label.SURROUNDINGS: surroundings}
 
 
 def boxes_name(agent: str) -> str:
@@ -129,29 +97,8 @@ def annotation_topics(spec: SceneSpec) -> AnnotationTopics:
         },
         occupancy=topic("occupancy/points", "sensor_msgs/msg/PointCloud2", occupancy.rate_hz) if occupancy else None,
         vector_map=topic("vector_map", "std_msgs/msg/String", vector_map.rate_hz) if vector_map else None,
-        box_points=topic("boxes/points", "sensor_msgs/msg/PointCloud2"),
-        grids={name: _grid_topic(agent, name) for name in BEV_CLASSES},
-        lane_status=topic("hd_map/status", "diagnostic_msgs/msg/DiagnosticArray"),
-        map_markers=topic("vector_map/markers", markers, vector_map.rate_hz) if vector_map else None,
-        view_markers={
-            camera.name: topic(f"{camera.name}/boxes/markers", "visualization_msgs/msg/ImageMarker", camera.rate_hz)
-            for camera in cameras
-        },
-        detections=topic("detections", DETECTIONS_3D),
-        camera_detections={
-            camera.name: CameraDetections(
-                topic(f"{camera.name}/detections", DETECTIONS_2D, camera.rate_hz),
-                topic(f"{camera.name}/detections/amodal", DETECTIONS_2D, camera.rate_hz),
-            )
-            for camera in cameras
-        },
         bev_label_info=Topic(agent_topic(agent, "bev/label_info"), LABEL_INFO, 0),
     )
-
-
-def _grid_topic(agent: str, name: str) -> Topic:
-    """Topic with the grid of one class; it has the QoS of a map, which is what planners such as Nav2 ask for."""
-    return Topic(agent_topic(agent, f"bev/{name}/grid"), "nav_msgs/msg/OccupancyGrid", keeps_newest=True)
 
 
 def viewing_cameras(rig: Rig, annotation: Annotation) -> list[Camera]:

@@ -2,15 +2,9 @@
 
 from collections.abc import Callable, Container, Iterable, Mapping
 
-from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import PointCloud2
-
 from simbev_ros.ros.msgs import topics
-from simbev_ros.ros.msgs.tables import table_from_message
 from simbev_ros.ros.msgs.transforms import SceneTransforms, serialize_transforms
 from simbev_ros.ros.msgs.typed_topics import TypedTopic
-from simbev_ros.ros.msgs.world import agent_odometry
-from simbev_ros.schema.scene.agents import agent_views
 from simbev_ros.schema.scene.spec import SceneSpec
 
 Maker = Callable[[bytes, int], bytes]
@@ -37,11 +31,6 @@ def message_makers(
 
 
 def _transforms(spec: SceneSpec) -> Maker:
-    """Maker of /tf. One table has the motion of all agents, whereas their odometries arrive one by one."""
-    views, transforms = agent_views(spec), SceneTransforms(spec)
-
-    def make(payload: bytes, stamp_ns: int) -> bytes:
-        actors = table_from_message(deserialize_message(payload, PointCloud2))
-        return serialize_transforms(transforms.at([agent_odometry(view, actors, stamp_ns) for view in views]))
-
-    return make
+    """Maker of /tf."""
+    transforms = SceneTransforms(spec)
+    return lambda payload, stamp_ns: serialize_transforms(transforms.of_actors(payload, stamp_ns))

@@ -6,7 +6,6 @@ A scene with one agent has none of them. Pure: imports no ROS.
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from simbev_ros.drawing.displays.detections import DETECTIONS_3D
 from simbev_ros.ros.msgs.annotation_topics import annotation_topics
 from simbev_ros.ros.msgs.topic import Topic, agent_topic
 from simbev_ros.schema.scene.agents import agent_views
@@ -22,14 +21,10 @@ class V2xTopics(NamedTuple):
     Attributes:
         sent: What the agent sends, at the rate of the messages.
         arrived: What arrives at the agent, at every tick.
-        sent_detections: The boxes that it sends as detections; not recorded.
-        arrived_detections: The boxes that arrive as detections; not recorded.
     """
 
     sent: Topic
     arrived: Topic
-    sent_detections: Topic
-    arrived_detections: Topic
 
 
 def joint_topics(spec: SceneSpec) -> Iterator[Topic]:
@@ -45,24 +40,13 @@ def joint_boxes_topic(spec: SceneSpec) -> Topic | None:
     return Topic(JOINT_BOXES, _TABLE) if spec.whole.agents else None
 
 
-def joint_displays(spec: SceneSpec) -> Iterator[Topic]:
-    """Topics that are published while they have subscribers, and that are not recorded."""
-    for topics in v2x_topics(spec).values():
-        yield from (topics.sent_detections, topics.arrived_detections)
-
-
 def v2x_topics(spec: SceneSpec) -> dict[str, V2xTopics]:
     """Topics of the messages between agents, by the name of the agent that sends or receives them."""
     if spec.v2x is None:
         return {}
     period = spec.period_ticks(spec.v2x.rate_hz)
     return {
-        name: V2xTopics(
-            sent=Topic(f"/v2x/{name}", _TABLE, period),
-            arrived=Topic(agent_topic(name, "v2x"), _TABLE),
-            sent_detections=Topic(f"/v2x/{name}/detections", DETECTIONS_3D, period),
-            arrived_detections=Topic(agent_topic(name, "v2x/detections"), DETECTIONS_3D),
-        )
+        name: V2xTopics(sent=Topic(f"/v2x/{name}", _TABLE, period), arrived=Topic(agent_topic(name, "v2x"), _TABLE))
         for name in spec.v2x.agents
     }
 

@@ -50,18 +50,6 @@ class CameraTopics(NamedTuple):
         return (self.compressed if compressed else self.raw), self.info
 
 
-class PictureTopics(NamedTuple):
-    """Topics with a colored picture of one modality of a camera, for displays; not recorded.
-
-    Attributes:
-        raw: Pictures in rgb8.
-        compressed: The same as JPEG, named as in image_transport.
-    """
-
-    raw: Topic
-    compressed: Topic
-
-
 class LidarTopics(NamedTuple):
     """Topics of a lidar; None: this cloud is switched off. At least one is on."""
 
@@ -116,18 +104,6 @@ def camera_topics(spec: SceneSpec, camera: Camera) -> dict[Modality, CameraTopic
 def camera_info_topic(spec: SceneSpec, camera: Camera) -> Topic:
     """Topic with the CameraInfo that all images of a camera share: one lens, one frame, one rate."""
     return _topic(spec, camera, _CAMERA_INFO, "sensor_msgs/msg/CameraInfo")
-
-
-def picture_topics(spec: SceneSpec, camera: Camera) -> dict[Modality, PictureTopics]:
-    """Topics with colored pictures of a camera's other modalities, by modality in the rig's order."""
-    return {
-        modality: PictureTopics(
-            _topic(spec, camera, f"{modality}/color", "sensor_msgs/msg/Image"),
-            _topic(spec, camera, f"{modality}/color/compressed", "sensor_msgs/msg/CompressedImage"),
-        )
-        for modality in camera.modalities
-        if modality != "rgb"
-    }
 
 
 def label_info_topic(spec: SceneSpec, camera: Camera) -> Topic | None:

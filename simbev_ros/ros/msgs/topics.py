@@ -7,11 +7,10 @@ gives the topics of all agents of a scene, one with the parameter ``view`` those
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from simbev_ros.config.camera import Camera
 from simbev_ros.config.scenario import RecordedTopics
 from simbev_ros.ros.msgs.annotation_topics import annotation_topics
-from simbev_ros.ros.msgs.joint_topics import joint_displays, joint_topics
-from simbev_ros.ros.msgs.sensor_topics import label_info_topic, picture_topics, sensor_topics
+from simbev_ros.ros.msgs.joint_topics import joint_topics
+from simbev_ros.ros.msgs.sensor_topics import sensor_topics
 from simbev_ros.ros.msgs.topic import Topic, agent_topic
 from simbev_ros.schema.scene.agents import agent_views
 from simbev_ros.schema.scene.spec import SceneSpec
@@ -29,12 +28,6 @@ LIGHTS = "/world/lights"
 BUILDING_LIGHTS = "/world/building_lights"
 WEATHER = "/world/weather"
 EVENTS = "/world/events"
-WORLD_MARKERS = "/world/markers"
-ACTOR_POINTS = "/world/actors/points"
-SIGNAL_POINTS = "/world/signals/points"
-LIGHT_POINTS = "/world/lights/points"
-WEATHER_STATUS = "/world/weather/status"
-EVENT_STATUS = "/world/events/status"
 READY = "/sync/ready"
 DIAGNOSTICS = "/diagnostics"
 EVALUATION = "/evaluation"
@@ -60,6 +53,11 @@ def robot_description_topic(view: SceneSpec) -> Topic:
     """Topic with an agent's URDF; that of the first agent has the name that ROS tools expect."""
     name = ROBOT_DESCRIPTION if view is view.whole else agent_topic(view.rig.agent, "robot_description")
     return Topic(name, "std_msgs/msg/String", 0)
+
+
+def end_topic() -> Topic:
+    """Topic that announces the end of a scene; it is not recorded."""
+    return Topic(END, "std_msgs/msg/String", 0)
 
 
 def world_topics(spec: SceneSpec) -> Iterator[Topic]:
@@ -90,47 +88,6 @@ def _agent_world_topics(view: SceneSpec) -> Iterator[Topic]:
     """Topics of the world node about an agent other than the first one."""
     yield robot_description_topic(view)
     yield odometry_topic(view)
-
-
-def path_name(agent: str) -> str:
-    """Name of the topic with an agent's path up to now."""
-    return agent_topic(agent, "path")
-
-
-def unrecorded_world_topics(spec: SceneSpec) -> Iterator[Topic]:
-    """Topics of the world node that are not recorded: the end of a scene, and displays."""
-    yield Topic(END, "std_msgs/msg/String", 0)
-    yield from world_displays(spec)
-
-
-def world_displays(spec: SceneSpec) -> Iterator[Topic]:
-    """Topics of the world node that it publishes while they have subscribers, and that are not recorded."""
-    yield Topic(WORLD_MARKERS, "visualization_msgs/msg/MarkerArray")
-    for name in (ACTOR_POINTS, SIGNAL_POINTS, LIGHT_POINTS):
-        yield Topic(name, "sensor_msgs/msg/PointCloud2")
-    for view in agent_views(spec):
-        yield Topic(path_name(view.rig.agent), "nav_msgs/msg/Path")
-    yield Topic(WEATHER_STATUS, "diagnostic_msgs/msg/DiagnosticArray")
-    yield Topic(EVENT_STATUS, "diagnostic_msgs/msg/DiagnosticArray", sporadic=True)
-
-
-def display_topics(spec: SceneSpec) -> Iterator[Topic]:
-    """Topics that the graph publishes while they have subscribers, and that are not recorded."""
-    yield from world_displays(spec)
-    for view in agent_views(spec):
-        yield from _agent_displays(view)
-    yield from joint_displays(spec)
-
-
-def _agent_displays(view: SceneSpec) -> Iterator[Topic]:
-    """Topics for displays of an agent's sensor data and labels."""
-    for camera in view.rig.of_type(Camera):
-        for pictures in picture_topics(view, camera).values():
-            yield from pictures
-        if (names := label_info_topic(view, camera)) is not None:
-            yield names
-    for topics in annotation_topics(view).displays.values():
-        yield from topics
 
 
 def transform_topics(spec: SceneSpec) -> Iterator[Topic]:

@@ -2,6 +2,7 @@
 
 The scene's specification gives the static ones, an agent's odometry those of its motion: map to base_link, or with
 ``frames.odom`` map to odom to base_link. They are always recorded, but published live only if tf2_msgs is installed.
+World node, recorder and Foxglove relay make them with ``SceneTransforms``.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -11,7 +12,9 @@ import numpy as np
 from geometry_msgs.msg import Transform, TransformStamped
 from nav_msgs.msg import Odometry
 from rclpy.node import Node
+from rclpy.serialization import deserialize_message
 from rosbags.typesys import Stores, get_typestore
+from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
 from simbev_ros.foundation.geometry.transforms import inverse, quaternion_from_rpy, rpy_from_rotation
@@ -20,7 +23,8 @@ from simbev_ros.ros.msgs import topics
 from simbev_ros.ros.msgs.odometry import odom_from_base_link
 from simbev_ros.ros.msgs.qos import qos_of, rclpy_qos
 from simbev_ros.ros.msgs.stamps import header, stamp_of
-from simbev_ros.ros.msgs.world import map_from_base_link, quaternion_message, vector_message
+from simbev_ros.ros.msgs.tables import table_from_message
+from simbev_ros.ros.msgs.world import agent_odometry, map_from_base_link, quaternion_message, vector_message
 from simbev_ros.scene.frames import ego_from_base_link, fixed_frames, odom_frame, odometry_of_frames, rear_axle_m
 from simbev_ros.schema.scene.agents import agent_views
 from simbev_ros.schema.scene.spec import SceneSpec
@@ -70,12 +74,25 @@ class SceneTransforms:
         pairs = zip(self._agents, odometries, strict=True)
         return [transform for agent, odometry in pairs for transform in agent.at(odometry)]
 
+    def of_actors(self, payload: bytes, stamp_ns: int) -> list[TransformStamped]:
+        """The same from a serialized message of /world/actors, which has the motion of all agents at once.
+
+        Raises:
+            ValueError: The message is malformed, or the vehicle of an agent is not in it.
+        """
+        actors = table_from_message(deserialize_message(payload, PointCloud2))
+        return self.at([agent_odometry(agent.view, actors, stamp_ns) for agent in self._agents])
+
 
 class EgoTransforms:
-    """Transforms of /tf of one agent in one scene, from its true odometry of each tick in order."""
+    """Transforms of /tf of one agent in one scene, from its true odometry of each tick in order.
+
+    Attributes:
+        view: The scene as the agent sees it.
+    """
 
     def __init__(self, view: SceneSpec) -> None:
-        self._view, self._published = view, view.frames.publish
+        self.view = view
         self._reckoning: DeadReckoning | None = None
         if view.frames.odom:
             self._reckoning = DeadReckoning(
@@ -89,7 +106,7 @@ class EgoTransforms:
         """
         if self._reckoning is None:
             return [ego_transform(odometry)]
-        view, map_from_base = self._view, map_from_base_link(odometry)
+        view, map_from_base = self.view, map_from_base_link(odometry)
         tick = view.tick_of(stamp_of(odometry.header.stamp))
         self._reckoning.advance_to(tick, map_from_base @ inverse(ego_from_base_link(view)))
         odom_from_base = odom_from_base_link(self._reckoning.pose)
@@ -99,7 +116,7 @@ class EgoTransforms:
             "map_to_odom": _stamped(odometry.header, odom, map_from_odom),
             "odom_to_base_link": _stamped(in_odom, odometry.child_frame_id, odom_from_base),
         }
-        return [transform for name, transform in made.items() if name in self._published]
+        return [transform for name, transform in made.items() if name in view.frames.publish]
 
 
 def serialize_transforms(transforms: Iterable[TransformStamped]) -> bytes:

@@ -14,17 +14,11 @@ from typing import NamedTuple
 import numpy as np
 
 from simbev_ros.assets.actors.catalogue import load_models
-from simbev_ros.drawing.displays.box_markers import box_markers
-from simbev_ros.drawing.displays.detections import detections_2d, detections_3d, label_info
-from simbev_ros.drawing.displays.grids import occupancy_grid
-from simbev_ros.drawing.displays.image_boxes import image_boxes
-from simbev_ros.drawing.displays.map_markers import map_markers
-from simbev_ros.drawing.displays.status import LANE, status
-from simbev_ros.drawing.displays.table_points import table_points
+from simbev_ros.drawing.displays.detections import label_info
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.process_memory import freeze_after_loading
 from simbev_ros.foundation.semantics import BEV_CLASSES
-from simbev_ros.foundation.types import AnyArray, Table, UInt16Array
+from simbev_ros.foundation.types import AnyArray, Table
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.hd_map import lane_record
 from simbev_ros.ros.conventions.names import NodeName
@@ -32,12 +26,12 @@ from simbev_ros.ros.msgs.annotation_topics import Label
 from simbev_ros.ros.msgs.images import image_message
 from simbev_ros.ros.msgs.tables import message_from_table
 from simbev_ros.ros.msgs.topic import Topic
+from simbev_ros.ros.msgs.topics import ACTORS
 from simbev_ros.ros.msgs.world import MAP_FRAME, record_message
 from simbev_ros.ros.nodes.annotated_agent import AgentTick, AnnotatedAgent
 from simbev_ros.ros.nodes.joined_inputs import JoinedInputs
 from simbev_ros.ros.nodes.participant import Participant
 from simbev_ros.ros.nodes.surroundings import Surroundings
-from simbev_ros.schema.palette import bev_color
 from simbev_ros.schema.scene.agents import seen_by
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import WorldState
@@ -108,15 +102,14 @@ class AnnotatorNode(Participant):
         self._subscribe_to_sensors()
         recorded = []
         for agent in self._agents:
-            by_label, displays = agent.topics.by_label, agent.topics.displays
-            of_agent = [topic for label in sorted(self._labels) for topic in by_label[label]]
-            for topic in (*of_agent, *(topic for label in sorted(self._labels) for topic in displays[label])):
+            for topic in (topic for label in sorted(self._labels) for topic in agent.topics.by_label[label]):
                 self.advertise(topic)
-            recorded += [topic.name for topic in of_agent]
-        self.advertise_typed(spec)
+                recorded.append(topic.name)
+        self.advertise_derived(spec)
         if Label.SURROUNDINGS in self._labels:
             bits = {1 << index: name for index, name in enumerate(BEV_CLASSES)}
             for agent in self._agents:
+                self.advertise(agent.topics.bev_label_info)
                 self.publish_once(agent.topics.bev_label_info, label_info, bits, spec.start_ns, agent.frame)
         return recorded
 
@@ -179,28 +172,16 @@ class AnnotatorNode(Participant):
 
     def _publish_surroundings(self, agent: AnnotatedAgent, state: WorldState, labels: SurroundingsLabels) -> None:
         topics, stamp_ns, frame = agent.topics, state.stamp_ns, agent.frame
+        contents: dict[str, Any] = {ACTORS: state.actors, topics.bev_labels.name: labels.grid}
         self.publish(topics.bev_labels.name, image_message(labels.grid, stamp_ns, frame))
-        if self.reader_count(topics.bev_color.name):
-            self.publish(topics.bev_color.name, image_message(bev_color(labels.grid), stamp_ns, frame))
-        self._publish_grids(agent, labels.grid, state)
         if topics.occupancy is not None and labels.voxels is not None:
             self.publish(topics.occupancy.name, message_from_table(labels.voxels, stamp_ns, frame))
         if topics.vector_map is not None and labels.roads is not None:
             self.publish(topics.vector_map.name, record_message(labels.roads, stamp_ns))
-            self.publish_display(topics.map_markers, map_markers, labels.roads, stamp_ns)
+            contents[topics.vector_map.name] = labels.roads
         lane = lane_record(self._network, vector(state.ego, "x y z"), float(state.ego["yaw"]))
         self.publish(topics.hd_map.name, record_message(lane, stamp_ns))
-        self.publish_display(topics.lane_status, status, LANE, lane, stamp_ns)
-        self.publish_typed(topics.hd_map.name, lane, stamp_ns)
-
-    def _publish_grids(self, agent: AnnotatedAgent, grid: UInt16Array, state: WorldState) -> None:
-        geometry = agent.view.annotation.bev.grid
-        rpy_rad = vector(state.ego, "roll pitch yaw")
-        for index, name in enumerate(BEV_CLASSES):
-            topic = agent.topics.grids[name]
-            if self.reader_count(topic.name):
-                covered = (grid >> index & 1).astype(bool)
-                self.publish(topic.name, occupancy_grid(covered, geometry, state.stamp_ns, agent.frame, rpy_rad))
+        self.publish_derived(stamp_ns, contents | {topics.hd_map.name: lane})
 
     def _publish_ready_boxes(self, spec: SceneSpec) -> None:
         """Start to complete boxes and views of all ticks that do not wait any longer; then publish them."""
@@ -243,23 +224,15 @@ class AnnotatorNode(Participant):
                 self._publish_views(agent, views, tick.state.stamp_ns)
 
     def _publish_boxes(self, agent: AnnotatedAgent, boxes: Table, stamp_ns: int) -> None:
-        topics = agent.topics
-        self.publish(topics.boxes.name, message_from_table(boxes, stamp_ns, MAP_FRAME))
-        self.publish_display(topics.box_markers, box_markers, boxes, stamp_ns)
-        self.publish_display(topics.detections, detections_3d, boxes, stamp_ns)
-        self.publish_typed(topics.boxes.name, boxes, stamp_ns)
-        self.publish_display(topics.box_points, table_points, boxes, stamp_ns)
+        topic = agent.topics.boxes.name
+        self.publish(topic, message_from_table(boxes, stamp_ns, MAP_FRAME))
+        self.publish_derived(stamp_ns, {topic: boxes})
 
     def _publish_views(self, agent: AnnotatedAgent, views: Mapping[str, Table], stamp_ns: int) -> None:
-        topics = agent.topics
         for camera, table in views.items():
-            frame = f"{agent.view.rig.agent}/{camera}_optical"
-            self.publish(topics.views[camera].name, message_from_table(table, stamp_ns, frame))
-            self.publish_display(topics.view_markers[camera], image_boxes, table, stamp_ns, frame)
-            visible, amodal = topics.camera_detections[camera]
-            self.publish_display(visible, detections_2d, table, stamp_ns, frame)
-            self.publish_display(amodal, detections_2d, table, stamp_ns, frame, "amodal_")
-            self.publish_typed(topics.views[camera].name, table, stamp_ns)
+            topic, frame = agent.topics.views[camera].name, f"{agent.view.rig.agent}/{camera}_optical"
+            self.publish(topic, message_from_table(table, stamp_ns, frame))
+            self.publish_derived(stamp_ns, {topic: table})
 
     def _read_sensor(self, source: _Input, payload: bytes) -> AnyArray:
         """Decode a sensor's message."""

@@ -10,11 +10,9 @@ from typing import Self
 from simbev_ros.config.camera import Camera, Modality
 from simbev_ros.ros.msgs.sensor_topics import (
     CameraTopics,
-    PictureTopics,
     camera_info_topic,
     camera_topics,
     label_info_topic,
-    picture_topics,
 )
 from simbev_ros.ros.msgs.topic import Topic
 from simbev_ros.schema.scene.spec import SceneSpec
@@ -29,7 +27,6 @@ class MountedCamera:
         camera: The camera.
         frame: Frame of its images.
         topics: Topics of its images, by modality.
-        pictures: Topics of its colored pictures, by modality.
         info: The topic with the CameraInfo that all its images share.
         label_info: The topic with the names of the classes in its semantic images; None: it has none.
     """
@@ -37,7 +34,6 @@ class MountedCamera:
     camera: Camera
     frame: str
     topics: Mapping[Modality, CameraTopics]
-    pictures: Mapping[Modality, PictureTopics]
     info: Topic
     label_info: Topic | None
 
@@ -48,7 +44,6 @@ class MountedCamera:
             camera,
             frame=f"{view.rig.agent}/{camera.name}_optical",
             topics=camera_topics(view, camera),
-            pictures=picture_topics(view, camera),
             info=camera_info_topic(view, camera),
             label_info=label_info_topic(view, camera),
         )

@@ -7,7 +7,7 @@ The same holds for colored pictures. In lockstep, threads encode the images of a
 drawn.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
@@ -22,14 +22,13 @@ from simbev_ros.config.camera import Modality
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.scenario import Recording
 from simbev_ros.drawing.displays.detections import label_info
-from simbev_ros.drawing.displays.messages import rgb_image
-from simbev_ros.drawing.displays.pictures import color_picture, compressed_picture
 from simbev_ros.foundation.semantics import Tag
 from simbev_ros.foundation.types import AnyArray
 from simbev_ros.recording.image_codecs import compressed_format, encode_image
 from simbev_ros.ros.conventions.names import NodeName
+from simbev_ros.ros.msgs.displays import SceneDisplay
 from simbev_ros.ros.msgs.images import camera_info_message, compressed_image_message, encoding_of, image_message
-from simbev_ros.ros.msgs.sensor_topics import CameraTopics, PictureTopics
+from simbev_ros.ros.msgs.sensor_topics import CameraTopics
 from simbev_ros.ros.nodes.camera_groups import CameraGroup, MountedCamera, camera_groups
 from simbev_ros.ros.nodes.participant import Participant
 from simbev_ros.ros.nodes.surroundings import Surroundings
@@ -48,23 +47,20 @@ class _Output(NamedTuple):
         mounted: The camera.
         modality: The modality.
         read: Names of those topics that have readers.
+        displays: Its displays that have readers.
         image: The image; None: it is not drawn.
     """
 
     mounted: MountedCamera
     modality: Modality
     read: frozenset[str]
+    displays: Sequence[SceneDisplay]
     image: AnyArray | None = None
 
     @property
     def topics(self) -> CameraTopics:
         """Topics of the image."""
         return self.mounted.topics[self.modality]
-
-    @property
-    def pictures(self) -> PictureTopics | None:
-        """Topics of its colored picture; None: it has none."""
-        return self.mounted.pictures.get(self.modality)
 
 
 class _Encoded(NamedTuple):
@@ -121,6 +117,7 @@ class CameraNode(Participant):
         renderer.set_lights(spec.lights)
         renderer.set_agents(len({group.view.rig.agent for group in self._groups}))
         recorded = list(self._advertise())
+        self.advertise_derived(spec)
         self._publish_label_info(spec)
         return recorded
 
@@ -152,16 +149,17 @@ class CameraNode(Participant):
         outputs = []
         for mounted in cameras:
             for modality, topics in mounted.topics.items():
-                forms = (topics.raw, topics.compressed, *(mounted.pictures.get(modality) or ()))
+                displays = [each for each in self.displays_of(topics.raw.name) if self.reader_count(each.topic.name)]
+                forms = (topics.raw, topics.compressed)
                 read = frozenset(topic.name for topic in forms if self.reader_count(topic.name))
-                outputs.append(_Output(mounted, modality, read))
+                outputs.append(_Output(mounted, modality, read, displays))
         return outputs
 
     def _render(self, group: CameraGroup, outputs: list[_Output], frame: RenderFrame) -> list[_Output]:
         """Render the outputs that have readers; return all outputs, with the images of the rendered ones."""
         wanted: dict[MountedCamera, list[Modality]] = {}
         for output in outputs:
-            if output.read:
+            if output.read or output.displays:
                 wanted.setdefault(output.mounted, []).append(output.modality)
         views = [
             CameraView.from_config(
@@ -203,14 +201,11 @@ class CameraNode(Participant):
             return _Encoded(None, {})
         if output.topics.compressed.name in output.read:
             compressed = encode_image(encoding_of(image), image, self._jpeg_quality, self._depth_form)
-        return _Encoded(compressed, _pictures_of(output, image, stamp_ns))
+        return _Encoded(compressed, {each.topic.name: each.make(stamp_ns, image) for each in output.displays})
 
     def _advertise(self) -> Iterator[str]:
         """Create the publishers; yield the names of the topics that can be recorded."""
         cameras = [mounted for group in self._groups for mounted in group.cameras]
-        for mounted in cameras:
-            for topic in chain.from_iterable(mounted.pictures.values()):
-                self.advertise(topic)
         for mounted in cameras:
             self.advertise(mounted.info)
             yield mounted.info.name
@@ -231,13 +226,3 @@ class CameraNode(Participant):
         """Stop the encoding threads and free the GL resources."""
         self._encoders.shutdown()
         self._surroundings.close()
-
-
-def _pictures_of(output: _Output, image: AnyArray, stamp_ns: int) -> dict[str, bytes]:
-    """Messages with the colored picture of an image, by those of its topics that have readers."""
-    forms = zip(output.pictures or (), (rgb_image, compressed_picture), strict=False)
-    makers = {topic.name: make for topic, make in forms if topic.name in output.read}
-    if not makers:
-        return {}
-    picture = color_picture(output.modality, image)
-    return {name: make(picture, stamp_ns, output.mounted.frame) for name, make in makers.items()}

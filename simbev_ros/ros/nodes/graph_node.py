@@ -2,7 +2,8 @@
 
 import struct
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from itertools import chain
 from typing import Any, ParamSpec, TypeVar
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -19,6 +20,7 @@ from simbev_ros.ros.conventions.diagnostics import frequency_status, load_status
 from simbev_ros.ros.conventions.names import NamespacedNode, NodeName, ros_name
 from simbev_ros.ros.conventions.parameters import declare_read_only
 from simbev_ros.ros.msgs import topics
+from simbev_ros.ros.msgs.displays import SceneDisplay, scene_displays
 from simbev_ros.ros.msgs.message_types import is_installed, message_class
 from simbev_ros.ros.msgs.qos import LATCHED, STEERING, qos_of, rclpy_qos
 from simbev_ros.ros.msgs.qos_overrides import override_options
@@ -80,6 +82,7 @@ class GraphNode(NamespacedNode):
         self._failure: Exception | None = None
         self._topic_publishers: dict[str, Any] = {}
         self._typed: dict[str, TypedTopic] = {}
+        self._displays: dict[str, list[SceneDisplay]] = {}
         self._ready = self.create_publisher(Header, topics.READY, rclpy_qos(LATCHED))
         self._diagnostics = self.create_publisher(DiagnosticArray, topics.DIAGNOSTICS, 10)
         self.create_wall_timer(1.0, self._publish_diagnostics)
@@ -145,39 +148,52 @@ class GraphNode(NamespacedNode):
         """QoS profile with which the graph publishes a topic."""
         return qos_of(topic, live=self.live, reliable=self.reliable)
 
-    def publish_display(self, topic: Topic | None, make: Callable[..., bytes], *values: Any) -> None:
-        """Make a message from values and publish it if there is a subscriber; None: the scene has no such topic."""
-        if topic is not None and topic.name in self._topic_publishers and self.reader_count(topic.name):
-            self.publish(topic.name, make(*values))
-
     def publish_once(self, topic: Topic, make: Callable[..., bytes], *values: Any) -> None:
         """Make the message of a latched display and publish it, if its message package is installed."""
         if topic.name in self._topic_publishers:
             self.publish(topic.name, make(*values))
 
-    def advertise_typed(self, spec: SceneSpec) -> None:
-        """Create the publishers of typed messages for the topics that this node has advertised."""
-        self._typed = {
-            each.source.name: each for each in typed_topics(spec) if each.source.name in self._topic_publishers
-        }
-        for each in self._typed.values():
-            self.advertise(each.topic)
+    def advertise_derived(self, spec: SceneSpec) -> None:
+        """Create the publishers of typed messages and displays that are made of this node's topics."""
+        own = {*self._topic_publishers}
+        self._typed = {each.source.name: each for each in typed_topics(spec) if each.source.name in own}
+        self._displays = {}
+        for display in scene_displays(spec):
+            if display.sources[0] in own:
+                self._displays.setdefault(display.sources[0], []).append(display)
+        displays = chain.from_iterable(self._displays.values())
+        for topic in (*(each.topic for each in self._typed.values()), *(each.topic for each in displays)):
+            self.advertise(topic)
+
+    def displays_of(self, source: str) -> Sequence[SceneDisplay]:
+        """Displays that this node makes of the messages on a topic, and advertises."""
+        return [each for each in self._displays.get(source, ()) if each.topic.name in self._topic_publishers]
 
     def publish_typed_once(self, source: str, content: Any, stamp_ns: int) -> None:
         """Publish the content of a latched message as a typed message, which is latched as well."""
         if (typed := self._typed.get(source)) is not None:
             self.publish_once(typed.topic, typed.serialize, content, stamp_ns)
 
-    def publish_typed(self, source: str, content: Any, stamp_ns: int) -> None:
-        """Publish the content of a message on another topic as a typed message if there is a subscriber.
+    def publish_derived(self, stamp_ns: int, contents: Mapping[str, Any]) -> None:
+        """Publish the typed messages and displays that have subscribers and follow from contents of messages.
 
         Args:
-            source: Name of the other topic.
-            content: The table or record in its message.
-            stamp_ns: Its stamp.
+            stamp_ns: The messages' stamp.
+            contents: Table, image, record or poses in the message, by the topic's name.
         """
-        if (typed := self._typed.get(source)) is not None:
-            self.publish_display(typed.topic, typed.serialize, content, stamp_ns)
+        for source, content in contents.items():
+            typed = self._typed.get(source)
+            if typed is not None and self._is_read(typed.topic):
+                self.publish(typed.topic.name, typed.serialize(content, stamp_ns))
+            for display in self._displays.get(source, ()):
+                if self._is_read(display.topic) and all(each in contents for each in display.sources):
+                    self.publish(
+                        display.topic.name, display.make(stamp_ns, *(contents[each] for each in display.sources))
+                    )
+
+    def _is_read(self, topic: Topic) -> bool:
+        """Whether a topic is advertised and has subscribers."""
+        return topic.name in self._topic_publishers and bool(self.reader_count(topic.name))
 
     def publish(self, name: str, message: Any) -> None:
         """Publish a message, as object or serialized, on an advertised topic."""

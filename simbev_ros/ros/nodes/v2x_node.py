@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 
-from simbev_ros.drawing.displays.detections import detections_3d
 from simbev_ros.foundation.types import Table
 from simbev_ros.ros.conventions.names import NodeName
 from simbev_ros.ros.msgs.joint_topics import V2xTopics, v2x_topics
@@ -12,7 +11,7 @@ from simbev_ros.ros.msgs.world import MAP_FRAME
 from simbev_ros.ros.nodes.box_reader import BoxReader
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import WorldState
-from simbev_ros.simulation.annotation.v2x import V2xNetwork, boxes_of_messages
+from simbev_ros.simulation.annotation.v2x import V2xNetwork
 
 
 class V2xNode(BoxReader):
@@ -31,6 +30,7 @@ class V2xNode(BoxReader):
         for topics in self._topics_of.values():
             for topic in topics:
                 self.advertise(topic)
+        self.advertise_derived(spec)
         return [topic.name for topics in self._topics_of.values() for topic in (topics.sent, topics.arrived)]
 
     def is_due(self, spec: SceneSpec, tick: int) -> bool:
@@ -42,17 +42,10 @@ class V2xNode(BoxReader):
         assert self._network is not None
         exchange = self._network.exchange(state, boxes)
         for name, rows in exchange.sent.items():
-            topics = self._topics_of[name]
-            self._publish(topics.sent, topics.sent_detections, rows, state.stamp_ns)
+            self._publish(self._topics_of[name].sent, rows, state.stamp_ns)
         for name, rows in exchange.arrived.items():
-            topics = self._topics_of[name]
-            self._publish(topics.arrived, topics.arrived_detections, rows, state.stamp_ns)
+            self._publish(self._topics_of[name].arrived, rows, state.stamp_ns)
 
-    def _publish(self, topic: Topic, display: Topic, rows: Table, stamp_ns: int) -> None:
+    def _publish(self, topic: Topic, rows: Table, stamp_ns: int) -> None:
         self.publish(topic.name, message_from_table(rows, stamp_ns, MAP_FRAME))
-        self.publish_display(display, detections_of, rows, stamp_ns)
-
-
-def detections_of(rows: Table, stamp_ns: int) -> bytes:
-    """Detection3DArray with the boxes in ``V2X_DTYPE`` rows, those of the senders among them."""
-    return detections_3d(boxes_of_messages(rows), stamp_ns)
+        self.publish_derived(stamp_ns, {topic.name: rows})

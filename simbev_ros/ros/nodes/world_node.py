@@ -148,9 +148,9 @@ class WorldNode(GraphNode):
         """Load and announce a scene; return the source of its states, and its displays."""
         spec = request.spec
         network = load_network(spec.map)
-        for topic in (*topics.unrecorded_world_topics(spec), *topics.world_topics(spec)):
+        for topic in (topics.end_topic(), *topics.world_topics(spec)):
             self.advertise(topic)
-        self.advertise_typed(spec)
+        self.advertise_derived(spec)
         self._transforms.start_scene(spec)
         for view in views:
             self._follow_commands(view)

@@ -14,14 +14,15 @@ from typing import TYPE_CHECKING, Any
 
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from std_msgs.msg import String
 
 from simbev_ros.ros.conventions.names import NamespacedNode
 from simbev_ros.ros.msgs import topics
 from simbev_ros.ros.msgs.message_types import message_class
 from simbev_ros.ros.msgs.stamps import serialized_stamp_ns
 from simbev_ros.ros.nodes.graph_node import MALFORMED
-from simbev_ros.show.foxglove.relayed_topics import RelayedTopic, differences, relayed_topics
+from simbev_ros.show.foxglove.relayed_topics import GraphTransforms, RelayedTopic, differences, relayed_topics
 from simbev_ros.show.foxglove.schemas import begins_with_stamp, schema_of
 from simbev_ros.show.foxglove.server import TIME_PERIOD_S
 
@@ -51,12 +52,15 @@ class GraphRelay:
         self._subscriptions: dict[str, list[Any]] = {}
         self._latched: dict[str, bytes] = {}
         self._warned: set[str] = set()
+        self._transforms = GraphTransforms()
         self._now_ns, self._told_s = 0, 0.0
         self.server: WebSocketServer | None = None
         self.failure: Exception | None = None
         newest = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
         clock = message_class("rosgraph_msgs/msg/Clock")
         node.create_subscription(clock, topics.CLOCK, self._guarded(self._on_clock), newest, raw=True)
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        node.create_subscription(String, topics.SCENE, self._guarded(self._on_scene), latched, raw=True)
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         node.create_timer(_REQUESTS_S, self._guarded(self._answer), clock=steady)
         node.create_timer(_DISCOVERY_S, self._guarded(self._discover), clock=steady)
@@ -88,7 +92,7 @@ class GraphRelay:
 
     def _discover(self) -> None:
         """Follow topics that appear, vanish or change."""
-        found, unknown = relayed_topics(self._node)
+        found, unknown = relayed_topics(self._node, self._transforms)
         gone, new = differences(self._relayed, found)
         for name in gone:
             self._unfollow(name)
@@ -145,6 +149,8 @@ class GraphRelay:
                 self._warned.add(topic.name)
                 self._warn(f"ignored messages on {', '.join(topic.sources)}: {error!s:.200}")
             return
+        if data is None:
+            return
         if topic.name in self._channels:
             self._channels[topic.name].log(data, log_time=stamp_ns)
         if topic.is_latched:
@@ -156,6 +162,10 @@ class GraphRelay:
             with suppress(struct.error):
                 return serialized_stamp_ns(payload, type_name) or self._now_ns
         return self._now_ns
+
+    def _on_scene(self, payload: bytes) -> None:
+        with suppress(*MALFORMED):  # anybody can send messages
+            self._transforms.start_scene(payload)
 
     def _on_clock(self, payload: bytes) -> None:
         stamp_ns = serialized_stamp_ns(payload, "rosgraph_msgs/msg/Clock") or 0

@@ -1,9 +1,8 @@
 """Topics for the relay's clients: those of a running graph, and transforms where the graph cannot publish them."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from nav_msgs.msg import Odometry
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
@@ -11,11 +10,12 @@ from std_msgs.msg import String
 from simbev_ros.ros.conventions.names import NamespacedNode
 from simbev_ros.ros.msgs import topics
 from simbev_ros.ros.msgs.message_types import message_class
-from simbev_ros.ros.msgs.transforms import ego_transform, serialize_transforms, static_transforms
+from simbev_ros.ros.msgs.stamps import serialized_stamp_ns
+from simbev_ros.ros.msgs.transforms import SceneTransforms, serialize_transforms, static_transforms
 from simbev_ros.schema.messages.message_types import is_known_type
 from simbev_ros.schema.scene.spec import SceneSpec
 
-_TRANSFORMS, _ODOMETRY = "tf2_msgs/msg/TFMessage", "nav_msgs/msg/Odometry"
+_TRANSFORMS = "tf2_msgs/msg/TFMessage"
 _INTERNAL = ("/parameter_events",)
 _LATCHED_DEPTH, _DEPTH = 10, 20
 _LARGE = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/PointCloud2")
@@ -32,7 +32,7 @@ class RelayedTopic:
         sources: Topics of the graph to subscribe to; others if the offered messages are made of their messages.
         source_type: Type of the sources.
         is_latched: Whether the sources' publishers keep their last message for late subscribers.
-        make: Makes an offered message from each of the sources'; None: they are the same.
+        make: Makes an offered message from each of the sources', or None of some; None: they are the same.
     """
 
     name: str
@@ -40,7 +40,7 @@ class RelayedTopic:
     sources: tuple[str, ...]
     source_type: str
     is_latched: bool
-    make: Callable[[bytes], bytes] | None = None
+    make: Callable[[bytes], bytes | None] | None = None
 
     @property
     def qos(self) -> QoSProfile:
@@ -51,8 +51,14 @@ class RelayedTopic:
         return QoSProfile(depth=depth, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
-def relayed_topics(node: NamespacedNode) -> tuple[dict[str, RelayedTopic], dict[str, str]]:
+def relayed_topics(
+    node: NamespacedNode, transforms: "GraphTransforms"
+) -> tuple[dict[str, RelayedTopic], dict[str, str]]:
     """Topics with publishers in the domain and namespace of a node.
+
+    Args:
+        node: The node.
+        transforms: Makes transforms that the graph does not publish.
 
     Returns:
         Topics by name, and types by name of topics that cannot be offered because their package is not installed.
@@ -73,7 +79,7 @@ def relayed_topics(node: NamespacedNode) -> tuple[dict[str, RelayedTopic], dict[
         )
         relayed[name] = RelayedTopic(name, type_name, (name,), type_name, is_latched)
     missing = (topics.TF, topics.TF_STATIC)
-    for topic in _transform_topics(relayed):
+    for topic in transform_topics(relayed, transforms):
         relayed.setdefault(topic.name, topic)
     return relayed, {name: kind for name, kind in unknown.items() if name not in missing or name not in relayed}
 
@@ -87,23 +93,49 @@ def _is_readable(type_name: str) -> bool:
     return is_known_type(type_name)
 
 
-def _transform_topics(relayed: Mapping[str, RelayedTopic]) -> Iterator[RelayedTopic]:
+def transform_topics(relayed: Mapping[str, RelayedTopic], transforms: "GraphTransforms") -> Iterator[RelayedTopic]:
     """/tf of all agents, and /tf_static, from a graph that runs where tf2_msgs is not installed."""
-    found = (name for name, topic in relayed.items() if topic.type_name == _ODOMETRY and name.endswith("/odom"))
-    if odometries := tuple(sorted(found)):
-        yield RelayedTopic(topics.TF, _TRANSFORMS, odometries, _ODOMETRY, False, _transforms_of_odometry)
-    if topics.SCENE in relayed:
-        scene_type = relayed[topics.SCENE].type_name
-        yield RelayedTopic(topics.TF_STATIC, _TRANSFORMS, (topics.SCENE,), scene_type, True, _transforms_of_scene)
+    for name, source, make in (
+        (topics.TF, topics.ACTORS, transforms.moving),
+        (topics.TF_STATIC, topics.SCENE, transforms.static),
+    ):
+        if source in relayed and topics.SCENE in relayed:
+            yield replace(relayed[source], name=name, type_name=_TRANSFORMS, make=make)
 
 
-def _transforms_of_odometry(payload: bytes) -> bytes:
-    return serialize_transforms([ego_transform(deserialize_message(payload, Odometry))])
+class GraphTransforms:
+    """Makes the transforms of the scene that a graph plays, as its recorder does."""
 
+    def __init__(self) -> None:
+        self._spec: SceneSpec | None = None
+        self._transforms: SceneTransforms | None = None
 
-def _transforms_of_scene(payload: bytes) -> bytes:
-    spec = SceneSpec.model_validate_json(deserialize_message(payload, String).data)
-    return serialize_transforms(static_transforms(spec))
+    def start_scene(self, payload: bytes) -> None:
+        """Take the message of /world/scene.
+
+        Raises:
+            ValueError: It is malformed.
+        """
+        self._spec = SceneSpec.model_validate_json(deserialize_message(payload, String).data)
+        self._transforms = SceneTransforms(self._spec)
+
+    def moving(self, payload: bytes) -> bytes | None:
+        """/tf of a message of /world/actors; None: the scene is not known yet, or has no such transforms.
+
+        Raises:
+            ValueError: The message is malformed.
+        """
+        stamp_ns = serialized_stamp_ns(payload, "sensor_msgs/msg/PointCloud2")
+        if self._transforms is None or stamp_ns is None:
+            return None
+        made = self._transforms.of_actors(payload, stamp_ns)
+        return serialize_transforms(made) if made else None
+
+    def static(self, payload: bytes) -> bytes:
+        """/tf_static of a message of /world/scene."""
+        self.start_scene(payload)
+        assert self._spec is not None
+        return serialize_transforms(static_transforms(self._spec))
 
 
 def differences(

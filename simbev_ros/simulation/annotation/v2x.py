@@ -11,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 
 from simbev_ros.config.draw import sample
-from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_rpy
 from simbev_ros.foundation.random import stream
 from simbev_ros.foundation.types import BoolArray, Float64Array, Table
 from simbev_ros.foundation.units import NS_PER_S
@@ -25,7 +24,6 @@ from simbev_ros.simulation.annotation.boxes.boxes import class_of_blueprint
 
 _FROM_BOXES = [name for name in V2X_DTYPE.names or () if name not in ("sender", "tick")]
 _FROM_VEHICLE = [*("x", "y", "z", "roll", "pitch", "yaw", "length", "width", "height"), *("vx", "vy", "vz")]
-_RPY = ("roll", "pitch", "yaw")
 
 
 class Exchange(NamedTuple):
@@ -127,18 +125,6 @@ def message_of(view: SceneSpec, settings: V2xSpec, carrier: Table, boxes: Table 
     rows["sender"], rows["tick"] = view.ego_id, tick
     _add_errors(rows, view, settings, tick)
     return rows
-
-
-def boxes_of_messages(rows: Table) -> Table:
-    """Rows of messages as boxes: with the centers of the senders' own boxes and their ids, without roadside units."""
-    result: Table = rows[(rows["id"] != OWN_POSE) | (rows["class"] != NO_CLASS)].copy()
-    own = result["id"] == OWN_POSE
-    xyz, rpy = (np.stack([result[own][name] for name in names], axis=-1) for names in (("x", "y", "z"), _RPY))
-    up = matrices_from_xyz_rpy(xyz, rpy.astype(np.float64))[:, :3, 2]
-    for axis, name in enumerate("xyz"):
-        result[name][own] += up[:, axis] * result["height"][own] / 2.0
-    result["id"][own] = result["sender"][own]
-    return result
 
 
 def _are_seen(boxes: Table, settings: V2xSpec) -> BoolArray:

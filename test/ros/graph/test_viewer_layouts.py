@@ -17,9 +17,10 @@ from rosbags.typesys import Stores, get_typestore
 from simbev_ros.config.annotation import VectorMapPatch
 from simbev_ros.config.load import load_scenario
 from simbev_ros.recording.reader import SceneBag
+from simbev_ros.ros.msgs.displays import display_topics
 from simbev_ros.ros.msgs.qos import qos_of
 from simbev_ros.ros.msgs.topic import Topic
-from simbev_ros.ros.msgs.topics import DIAGNOSTICS, display_topics, manifest
+from simbev_ros.ros.msgs.topics import DIAGNOSTICS, manifest
 from simbev_ros.schema.boxes import BOX_DTYPE
 from simbev_ros.schema.points import POINT_DTYPE, RADAR_POINT_DTYPE, SEMANTIC_POINT_DTYPE
 from simbev_ros.schema.scene.state import ACTOR_DTYPE

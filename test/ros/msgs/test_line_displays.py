@@ -9,7 +9,7 @@ from sensor_msgs.msg import CompressedImage, Image
 from visualization_msgs.msg import ImageMarker, Marker, MarkerArray
 
 from simbev_ros.drawing.displays.box_markers import world_markers
-from simbev_ros.drawing.displays.ego_path import EgoPath, PathPose
+from simbev_ros.drawing.displays.ego_path import EgoPath, PathPose, path_message
 from simbev_ros.drawing.displays.image_boxes import image_boxes
 from simbev_ros.drawing.displays.map_markers import map_markers
 from simbev_ros.drawing.displays.messages import rgb_image
@@ -91,11 +91,11 @@ def test_the_path_has_steps_of_half_a_meter_and_ends_where_the_ego_is() -> None:
     places = [PathPose(1_000 * tick, [0.2 * tick, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]) for tick in range(21)]
     for place in places:
         path.add(place)
-    message = deserialize_message(path.message(places[-1]), Path)
+    message = deserialize_message(path_message(path.until(places[-1])), Path)
     x = np.array([each.pose.position.x for each in message.poses])
     assert x[:-1] == pytest.approx(0.6 * np.arange(7)) and x[-1] == pytest.approx(4.0)
     assert [stamp_of(each.header.stamp) for each in message.poses][-1] == stamp_of(message.header.stamp) == 20_000
-    earlier = deserialize_message(path.message(places[4]), Path)
+    earlier = deserialize_message(path_message(path.until(places[4])), Path)
     assert [each.pose.position.x for each in earlier.poses] == pytest.approx([0.0, 0.6, 0.8])
 
 
@@ -103,7 +103,9 @@ def test_a_long_path_keeps_its_newest_part() -> None:
     path = EgoPath()
     for meter in range(3000):
         path.add(PathPose(meter, [float(meter), 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]))
-    message = deserialize_message(path.message(PathPose(3000, [3000.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0])), Path)
+    message = deserialize_message(
+        path_message(path.until(PathPose(3000, [3000.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]))), Path
+    )
     assert [message.poses[0].pose.position.x, len(message.poses)] == [1000.0, 2001]
 
 

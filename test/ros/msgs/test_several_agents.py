@@ -17,6 +17,7 @@ from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_rpy
 from simbev_ros.foundation.types import Table
 from simbev_ros.ros.msgs import topics
 from simbev_ros.ros.msgs.derived_messages import message_makers
+from simbev_ros.ros.msgs.displays import display_topics
 from simbev_ros.ros.msgs.joint_topics import joint_topics
 from simbev_ros.ros.msgs.robot_description import robot_description
 from simbev_ros.ros.msgs.topic import Topic
@@ -68,11 +69,11 @@ def test_the_manifest_is_the_same_from_every_view() -> None:
 def test_no_name_is_used_twice(spec: Callable[[], SceneSpec]) -> None:
     found = [
         *topics.manifest(spec(), compressed_images=True),
-        *topics.unrecorded_world_topics(spec()),
+        topics.end_topic(),
         *(each.topic for each in typed_topics(spec())),
     ]
     assert len(set(names_of(found))) == len(found)
-    displays = names_of([*topics.display_topics(spec())])
+    displays = names_of([*display_topics(spec())])
     assert len(set(displays)) == len(displays)
 
 
@@ -80,7 +81,7 @@ def test_the_world_node_publishes_the_motion_and_the_model_of_every_agent() -> N
     found = [*topics.world_topics(SPEC)]
     assert found[:-4] == [*topics.world_topics(FIRST)]
     assert names_of(found[-4:]) == ["/car/robot_description", "/car/odom", "/rsu/robot_description", "/rsu/odom"]
-    paths = [name for name in names_of([*topics.world_displays(SPEC)]) if name.endswith("/path")]
+    paths = [name for name in names_of([*display_topics(SPEC)]) if name.endswith("/path")]
     assert paths == ["/ego/path", "/car/path", "/rsu/path"]
 
 
@@ -88,7 +89,7 @@ def test_typed_messages_and_displays_come_with_the_labels_of_every_agent() -> No
     typed = {each.source.name for each in typed_topics(SPEC)} - {each.source.name for each in typed_topics(FIRST)}
     cameras = {f"/car/{name}/boxes" for name in ("cam_front", "cam_back_left")} | {"/rsu/cam/boxes"}
     assert typed == {"/car/boxes", "/car/hd_map", "/rsu/boxes", "/rsu/hd_map", *cameras}
-    displays = names_of([*topics.display_topics(SPEC)])
+    displays = names_of([*display_topics(SPEC)])
     assert {"/car/cam_front/depth/color", "/rsu/cam/semantic/label_info", "/rsu/boxes/points"} <= set(displays)
 
 

@@ -61,7 +61,6 @@ def test_equal_cameras_of_two_agents_have_topics_and_frames_of_their_own() -> No
     assert (own.frame, other.frame) == ("ego/slow_optical", "car/slow_optical")
     assert own.info.name == "/ego/slow/camera_info" and other.info.name == "/car/slow/camera_info"
     assert other.topics["rgb"].raw.name == "/car/slow/rgb/image_raw"
-    assert other.pictures["semantic"].raw.name == "/car/slow/semantic/color"
     assert other.label_info == label_info_topic(agent_view(scene(), "car"), other.camera)
 
 

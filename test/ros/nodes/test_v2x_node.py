@@ -14,9 +14,9 @@ from synthetic_world import actor, cart_model, world
 
 from simbev_ros.drawing.displays.detections import DETECTIONS_3D
 from simbev_ros.foundation.types import Table
+from simbev_ros.ros.msgs.displays import display_topics, scene_displays
 from simbev_ros.ros.msgs.tables import message_from_table, table_from_message
-from simbev_ros.ros.msgs.topics import display_topics, manifest
-from simbev_ros.ros.nodes import v2x_node
+from simbev_ros.ros.msgs.topics import manifest
 from simbev_ros.schema.boxes import blank_boxes
 from simbev_ros.schema.messages.message_types import types_with
 from simbev_ros.schema.scene.spec import SceneSpec
@@ -98,7 +98,8 @@ def test_the_topics_are_those_of_the_manifest_and_of_the_displays() -> None:
 
 def test_messages_are_shown_as_detections_with_the_senders_among_them() -> None:
     sent = network_of(scene()).exchange(state_at(0), {}).sent
-    payload = v2x_node.detections_of(np.concatenate(list(sent.values())), 7)
+    display = next(each for each in scene_displays(scene()) if each.topic.name == "/v2x/ego/detections")
+    payload = display.make(7, np.concatenate(list(sent.values())))
     found = types_with(DETECTIONS_3D).deserialize_cdr(payload, DETECTIONS_3D)
     assert [each.id for each in found.detections] == [str(EGO_ID), str(EGO_ID + 2)]
     assert [each.bbox.center.position.x for each in found.detections] == [0.0, 40.0]

@@ -134,15 +134,15 @@ def test_one_message_of_transforms_per_tick_has_all_agents(node: Any) -> None:
 def test_each_agent_has_a_description_and_a_path(node: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     spec, paths = made_up_agents(), dict[str, list[Any]]()
     monkeypatch.setattr(
-        node, "publish_display", lambda topic, _, *values: paths.setdefault(topic.name, []).append(values[0])
+        node, "publish_derived", lambda _, contents: [*map(paths.__setitem__, contents, contents.values())]
     )
     play(node, spec)
     for view, name in zip(agent_views(spec), ("", "/car", "/rsu"), strict=True):
         (message,) = node.sent[f"{name}/robot_description"]
         assert message.data == robot_description(view)
-    assert [path for path in paths if path.endswith("/path")] == ["/ego/path", "/car/path", "/rsu/path"]
+    assert [path for path in paths if path.endswith("/odom")] == ["/ego/odom", "/car/odom", "/rsu/odom"]
     for name, end_m in (("ego", [0.5, 4.0, 0.0]), ("car", [1.5, 12.0, 0.0]), ("rsu", [12.0, -3.0, 1.0])):
-        pose = paths[f"/{name}/path"][-1]
+        pose = paths[f"/{name}/odom"][-1]
         assert (pose.stamp_ns, pose.position_m) == (spec.stamp_ns(2), pytest.approx(end_m))
 
 

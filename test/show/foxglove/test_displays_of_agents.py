@@ -6,17 +6,18 @@ import numpy as np
 import pytest
 from made_up_scene import SENSORS, MadeUp, boxes, made_up_spec, record_made_up
 from rclpy.serialization import serialize_message
-from ros_messages import TYPES
+from ros_messages import TYPES, point_cloud
 from several_agents import made_up_agents
+from std_msgs.msg import String
 
+from simbev_ros.config.frames import Frames
 from simbev_ros.foundation.semantics import BEV_CLASSES
 from simbev_ros.recording.reader import RawMessage, SceneBag
 from simbev_ros.ros.msgs import topics
-from simbev_ros.ros.msgs.world import agent_odometry
-from simbev_ros.schema.scene.agents import agent_views
+from simbev_ros.ros.msgs.derived_messages import message_makers
 from simbev_ros.schema.scene.state import ACTOR_DTYPE
 from simbev_ros.show.foxglove.derived import derivations
-from simbev_ros.show.foxglove.relayed_topics import RelayedTopic, _transform_topics
+from simbev_ros.show.foxglove.relayed_topics import GraphTransforms, RelayedTopic, transform_topics
 
 SPEC = made_up_agents()
 
@@ -61,18 +62,25 @@ def test_displays_are_made_of_the_agents_own_messages(made: tuple[Path, MadeUp],
     assert points.width == len(values["boxes"])
 
 
-def test_transforms_of_a_graph_are_made_of_the_odometry_of_every_agent() -> None:
-    names = ["/car/odom", "/ego/odom", "/rsu/odom", "/ego/wheel/odometry"]
-    relayed = {
-        name: RelayedTopic(name, "nav_msgs/msg/Odometry", (name,), "nav_msgs/msg/Odometry", False) for name in names
-    }
-    (topic,) = _transform_topics(relayed)
-    assert (topic.name, topic.sources) == (topics.TF, ("/car/odom", "/ego/odom", "/rsu/odom"))
-    assert topic.make is not None
+@pytest.mark.parametrize("odom", [False, True])
+def test_transforms_of_a_graph_are_those_that_its_recorder_makes(odom: bool) -> None:
+    spec = SPEC.model_copy(update={"frames": Frames(odom=odom)})
     actors = np.zeros(4, ACTOR_DTYPE)
     actors["id"], actors["x"] = 1 + np.arange(4), 10.0 * np.arange(4)
-    for view, x_m in zip(agent_views(SPEC), (0.0, 20.0, 12.0), strict=True):
-        payload = bytes(serialize_message(agent_odometry(view, actors, SPEC.start_ns)))
-        (made,) = TYPES.deserialize_cdr(topic.make(payload), "tf2_msgs/msg/TFMessage").transforms
-        assert (made.header.frame_id, made.child_frame_id) == ("map", f"{view.rig.agent}/base_link")
-        assert made.transform.translation.x == x_m
+    payload = point_cloud(spec.start_ns, actors)
+    cloud, text = "sensor_msgs/msg/PointCloud2", "std_msgs/msg/String"
+    relayed = {
+        topics.ACTORS: RelayedTopic(topics.ACTORS, cloud, (topics.ACTORS,), cloud, False),
+        topics.SCENE: RelayedTopic(topics.SCENE, text, (topics.SCENE,), text, True),
+    }
+    moving, static = transform_topics(relayed, GraphTransforms())
+    assert moving.make is not None and static.make is not None
+    assert (moving.name, moving.sources, moving.is_latched) == (topics.TF, (topics.ACTORS,), False)
+    assert (static.name, static.sources, static.is_latched) == (topics.TF_STATIC, (topics.SCENE,), True)
+    assert moving.make(payload) is None, "no scene has been announced yet"
+    static.make(bytes(serialize_message(String(data=spec.model_dump_json()))))
+    recorder = message_makers(spec, (), {topics.TF})[topics.ACTORS][topics.TF]
+    made = moving.make(payload)
+    assert made == recorder(payload, spec.start_ns)
+    frames = [each.child_frame_id for each in TYPES.deserialize_cdr(made, "tf2_msgs/msg/TFMessage").transforms]
+    assert frames == [*(["ego/odom"] if odom else []), "ego/base_link", "car/base_link", "rsu/base_link"]

@@ -19,7 +19,8 @@ from simbev_ros.schema.scene.agents import agent_view, ego_row
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import EGO_ID, WorldState
 from simbev_ros.schema.scene.v2x_spec import V2xSpec
-from simbev_ros.simulation.annotation.v2x import Exchange, V2xNetwork, boxes_of_messages, message_of
+from simbev_ros.schema.v2x import boxes_of_messages
+from simbev_ros.simulation.annotation.v2x import Exchange, V2xNetwork, message_of
 
 CAR_ID, RSU_ID = EGO_ID + 1, 0x30001
 EXACT = {"rate_hz": 20, "latency_s": 0.0, "range_m": 100.0}

@@ -10,7 +10,7 @@ from simbev_ros.cli.console import counting_bar
 from simbev_ros.cli.output_file import make_room
 from simbev_ros.cli.picture_size import picture_size_px
 from simbev_ros.cli.production_display import MapDisplay
-from simbev_ros.config.camera import MODALITIES
+from simbev_ros.config.modalities import MODALITIES
 from simbev_ros.config.rendering import Quality
 from simbev_ros.foundation.process_memory import keep_freed_memory
 from simbev_ros.maps.build import load_network

@@ -8,20 +8,18 @@ from typing import Annotated, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
+from simbev_ros.config.modalities import MODALITIES, Modality
 from simbev_ros.config.optics import Optics
 from simbev_ros.config.sensor import Sensor
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.files.limits import MAX_IMAGE_SIDE_PX
 from simbev_ros.foundation.geometry.camera import MAX_RAY_ANGLE_RAD, LensCamera, PinholeCamera
 
-Modality = Literal["rgb", "semantic", "instance", "depth", "flow"]
-MODALITIES: tuple[Modality, ...] = ("rgb", "semantic", "instance", "depth", "flow")
-
 _FIELD_OF_VIEW_DEG = 80.0
 
 
 class Camera(Sensor, Optics):
-    """A camera with up to five modalities.
+    """A camera with one or more modalities.
 
     Give its intrinsics either as a horizontal field of view, or as a focal length with any other intrinsics that differ
     from their defaults.

@@ -3,7 +3,7 @@
 Images of each modality, point clouds and bird's-eye-view labels enter; (H, W, 3) uint8 RGB pictures leave.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -65,24 +65,24 @@ def flow_picture(flow_px: Float32Array, rgb: UInt8Array | None, width_px: int) -
     return np.asarray(cv2.blendLinear(cv2.cvtColor(hsv, cv2.COLOR_HSV2RGB), dark, strength, 1 - strength), np.uint8)
 
 
-ModalityPicture = Callable[[AnyArray, UInt8Array | None, int], UInt8Array]
+DrawModality = Callable[[AnyArray, UInt8Array | None, int], UInt8Array]
 """Function that makes a picture from a recorded image, the same view in RGB or None, and the displayed width in px."""
 
 
-class Modality(NamedTuple):
-    """How a modality is shown: its title, a note beside it, and the function that makes the picture."""
+class ModalityPicture(NamedTuple):
+    """How a modality is shown: the function that makes its picture, and a note beside it."""
 
-    title: str
-    note: str
-    picture: ModalityPicture
+    picture: DrawModality
+    note: str = ""
 
 
-MODALITY_PICTURES = {
-    "semantic": Modality("Semantic", "", semantic_picture),
-    "instance": Modality("Instance", "", instance_picture),
-    "depth": Modality("Depth", f"{MIN_DEPTH_M:.0f} to {MAX_DEPTH_M:.0f} m", depth_picture),
-    "flow": Modality("Optical flow", "", flow_picture),
+MODALITY_PICTURES: Mapping[str, ModalityPicture] = {
+    "semantic": ModalityPicture(semantic_picture),
+    "instance": ModalityPicture(instance_picture),
+    "depth": ModalityPicture(depth_picture, f"{MIN_DEPTH_M:.0f} to {MAX_DEPTH_M:.0f} m"),
+    "flow": ModalityPicture(flow_picture),
 }
+"""How each modality but rgb is shown."""
 
 
 def lidar_picture(points: Table, ego_from_lidar: Float64Array, size_px: int, half_extent_m: float) -> UInt8Array:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 
-from simbev_ros.config.camera import MODALITIES
+from simbev_ros.config.modalities import IMAGE_KINDS, MODALITIES
 from simbev_ros.drawing.canvas import BACKGROUND, BOLD, DIM, draw_label, draw_picture, draw_text
 from simbev_ros.drawing.panels import MODALITY_PICTURES
 from simbev_ros.foundation.errors import InputError
@@ -67,10 +67,10 @@ def modality_pictures(view: StreetView, size_px: tuple[int, int]) -> Iterator[Pi
     """Take one frame of a street in all modalities of a camera, with labels as colors."""
     images = view.photograph(view.fair_weather(), size_px, MODALITIES)
     assert images.rgb is not None
-    yield Picture("rgb", "RGB", "", images.rgb)
+    yield Picture("rgb", IMAGE_KINDS["rgb"].title, "", images.rgb)
     for name, shown in MODALITY_PICTURES.items():
         picture = shown.picture(getattr(images, name), images.rgb, size_px[0])
-        yield Picture(name, shown.title, shown.note, picture)
+        yield Picture(name, IMAGE_KINDS[name].title, shown.note, picture)
 
 
 def draw_sheet(section: Section, pictures: Sequence[Picture]) -> UInt8Array:

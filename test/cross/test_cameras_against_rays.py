@@ -10,7 +10,7 @@ import pytest
 from camera_truth import Agreement, Triangles, agreement, truth_of
 from studio import EXACT, Studio, random_views
 
-from simbev_ros.config.camera import MODALITIES
+from simbev_ros.config.modalities import MODALITIES
 from simbev_ros.foundation.geometry.camera import LensCamera, PinholeCamera
 from simbev_ros.simulation.render.frame import CameraView, RenderFrame
 from simbev_ros.simulation.render.renderer import Renderer

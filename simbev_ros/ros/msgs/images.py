@@ -3,18 +3,13 @@
 import numpy as np
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
+from simbev_ros.config.modalities import IMAGE_KINDS
 from simbev_ros.foundation.geometry.camera import LensCamera, PinholeCamera
 from simbev_ros.foundation.types import AnyArray
 from simbev_ros.ros.msgs.arrays import bytes_field
 from simbev_ros.ros.msgs.stamps import header
 
-_ENCODING = {
-    ("uint8", 1): "mono8",
-    ("uint8", 3): "rgb8",
-    ("uint16", 1): "mono16",
-    ("float32", 1): "32FC1",
-    ("float32", 2): "32FC2",
-}
+_ENCODING = {(each.dtype, each.channels): each.encoding for each in IMAGE_KINDS.values()}
 
 
 def encoding_of(image: AnyArray) -> str:

@@ -8,8 +8,9 @@ Pure: imports no ROS.
 from collections.abc import Iterator
 from typing import NamedTuple, assert_never
 
-from simbev_ros.config.camera import Camera, Modality
+from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar
+from simbev_ros.config.modalities import IMAGE_KINDS, Modality
 from simbev_ros.config.odometry import Odometry
 from simbev_ros.config.positioning import Gnss, Imu
 from simbev_ros.config.radar import Radar
@@ -22,14 +23,6 @@ from simbev_ros.schema.scene.spec import SceneSpec
 _POINTS = "points"
 _CAMERA_INFO = "camera_info"
 _LABEL_INFO = "label_info"
-_COMPRESSED: dict[Modality, str] = {
-    "rgb": "compressed",
-    "semantic": "compressed",
-    "instance": "compressed",
-    "depth": "compressedDepth",
-    "flow": "compressed",
-}
-"""Last part of the name of a modality's compressed topic, as in image_transport."""
 
 
 class CameraTopics(NamedTuple):
@@ -95,7 +88,7 @@ def camera_topics(spec: SceneSpec, camera: Camera) -> dict[Modality, CameraTopic
         raw = f"{modality}/image_raw"
         topics[modality] = CameraTopics(
             _topic(spec, camera, raw, "sensor_msgs/msg/Image"),
-            _topic(spec, camera, f"{raw}/{_COMPRESSED[modality]}", "sensor_msgs/msg/CompressedImage"),
+            _topic(spec, camera, f"{raw}/{IMAGE_KINDS[modality].transport}", "sensor_msgs/msg/CompressedImage"),
             _topic(spec, camera, f"{modality}/{_CAMERA_INFO}", "sensor_msgs/msg/CameraInfo"),
         )
     return topics

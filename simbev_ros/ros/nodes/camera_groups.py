@@ -7,7 +7,8 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Self
 
-from simbev_ros.config.camera import Camera, Modality
+from simbev_ros.config.camera import Camera
+from simbev_ros.config.modalities import Modality
 from simbev_ros.ros.msgs.sensor_topics import (
     CameraTopics,
     camera_info_topic,

@@ -18,7 +18,7 @@ from rclpy.serialization import serialize_message
 
 from simbev_ros.assets.actors.catalogue import load_models
 from simbev_ros.assets.placement.static_scene import StaticScene
-from simbev_ros.config.camera import Modality
+from simbev_ros.config.modalities import Modality
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.scenario import Recording
 from simbev_ros.drawing.displays.detections import label_info

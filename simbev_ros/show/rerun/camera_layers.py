@@ -1,11 +1,12 @@
 """Draws the other modalities of the cameras: semantic tags, instances, depth and optical flow."""
 
 from collections.abc import Callable, Mapping
+from functools import partial
 
 import numpy as np
 import rerun as rr
 
-from simbev_ros.drawing.panels import MAX_DEPTH_M, MIN_DEPTH_M, flow_picture, instance_picture
+from simbev_ros.drawing.panels import MAX_DEPTH_M, MIN_DEPTH_M, MODALITY_PICTURES, flow_picture
 from simbev_ros.foundation.types import AnyArray
 from simbev_ros.recording.image_codecs import encode_labels, encode_rgb
 from simbev_ros.recording.png import RowFilter, encode_png
@@ -23,8 +24,9 @@ def _semantic(tags: AnyArray) -> rr.EncodedImage:
     return rr.EncodedImage(contents=png, media_type="image/png")
 
 
-def _instance(ids: AnyArray) -> rr.EncodedImage:
-    picture = instance_picture(ids, None, ids.shape[1])
+def _picture(modality: str, image: AnyArray) -> rr.EncodedImage:
+    """The picture that ``simbev preview`` draws, without loss."""
+    picture = MODALITY_PICTURES[modality].picture(image, None, image.shape[1])
     return rr.EncodedImage(contents=encode_png(picture, RowFilter.NONE), media_type="image/png")
 
 
@@ -43,11 +45,11 @@ def _flow(flow_px: AnyArray) -> rr.EncodedImage:
     return rr.EncodedImage(contents=encode_rgb(flow_picture(flow_px, None, flow_px.shape[1])), media_type="image/jpeg")
 
 
-LAYERS: Mapping[str, Callable[[AnyArray], rr.EncodedImage | rr.EncodedDepthImage]] = {
-    "semantic": _semantic,
-    "instance": _instance,
-    "depth": _depth,
-    "flow": _flow,
+_Layer = Callable[[AnyArray], rr.EncodedImage | rr.EncodedDepthImage]
+_OWN: Mapping[str, _Layer] = {"semantic": _semantic, "depth": _depth, "flow": _flow}
+"""Modalities for which Rerun has a form of its own, or a smaller one."""
+LAYERS: Mapping[str, _Layer] = {
+    modality: _OWN.get(modality, partial(_picture, modality)) for modality in MODALITY_PICTURES
 }
 """Functions that make the picture of a modality, by the modality's name."""
 

@@ -110,7 +110,7 @@ class ContactSheet:
 def _arrange(views: Views, aspects: Mapping[str, float]) -> Block:
     """The sheet's layout: cameras in panorama rows; below them the modalities and the views with labels.
 
-    Without a picture with labels, four modalities form a 2 x 2 block beside the views from above.
+    Without a picture with labels, all modalities form a block of two rows beside the views from above.
     """
 
     def row(topics: Sequence[str]) -> Row:
@@ -127,7 +127,7 @@ def _arrange(views: Views, aspects: Mapping[str, float]) -> Block:
     starts = np.cumsum([0, *lengths]).tolist()
     blocks: list[Block] = [row(cameras[a : a + n]) for a, n in zip(starts, lengths, strict=False)]
     if views.label_panel is None and len(others) == len(panels.MODALITY_PICTURES) and above.blocks:
-        bottom = [Row([Column([row(others[:2]), row(others[2:])]), *above.blocks])]
+        bottom = [Row([Column([row(others[: len(others) // 2]), row(others[len(others) // 2 :])]), *above.blocks])]
     elif len(others) == len(panels.MODALITY_PICTURES):
         bottom = [row(others), above]
     else:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from simbev_ros.config.camera import Camera
+from simbev_ros.config.modalities import IMAGE_KINDS
 from simbev_ros.drawing import panels
 from simbev_ros.drawing.canvas import Box
 from simbev_ros.foundation.errors import BagError
@@ -66,7 +67,7 @@ class PanelPainter:
         for modality, topic in views.modalities.items():
             entry = panels.MODALITY_PICTURES[modality]
             note = ", ".join(part for part in (_caption(main).lower(), entry.note) if part)
-            yield Panel(topic, [topic], entry.title, note, _modality(topic, rgb, entry.picture))
+            yield Panel(topic, [topic], IMAGE_KINDS[modality].title, note, _modality(topic, rgb, entry.picture))
         if views.label_panel is not None:
             camera, each = views.label_panel
             note = f"{_caption(camera).lower()}, boxes and ground"
@@ -146,7 +147,7 @@ def _require_size(topic: str, rgb: UInt8Array, camera: Camera) -> None:
         )
 
 
-def _modality(topic: str, rgb: str | None, picture: panels.ModalityPicture) -> _Paint:
+def _modality(topic: str, rgb: str | None, picture: panels.DrawModality) -> _Paint:
     return lambda frame, box: picture(frame.arrays[topic], frame.arrays.get(rgb) if rgb else None, box.width)
 
 

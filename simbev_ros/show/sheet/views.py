@@ -12,6 +12,7 @@ import numpy as np
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.radar import Radar
 from simbev_ros.config.rig import Rig
+from simbev_ros.drawing.panels import MODALITY_PICTURES
 from simbev_ros.foundation.errors import BagError
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.recording.indexed_bag import IndexedBag
@@ -23,7 +24,7 @@ from simbev_ros.show.sheet.truth import TruthTopics
 CAMERA_ORDER = ("front_left", "front", "front_right", "back_left", "back", "back_right")
 """Names of cameras without ``cam_`` in panorama order; all others come after them, by name."""
 
-MODALITIES = ("semantic", "instance", "depth", "flow")
+MODALITIES = tuple(MODALITY_PICTURES)
 """Modalities of the main camera that are shown, in order."""
 
 _ANY_AGENT = "(?!world/)[^/]+"

@@ -10,7 +10,7 @@ import numpy as np
 
 from simbev_ros.assets.actors.catalogue import load_models
 from simbev_ros.assets.placement.static_scene import StaticScene
-from simbev_ros.config.camera import Modality
+from simbev_ros.config.modalities import Modality
 from simbev_ros.config.rendering import Quality
 from simbev_ros.foundation.geometry.camera import PinholeCamera
 from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_rpy

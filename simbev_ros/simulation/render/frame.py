@@ -4,7 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
-from simbev_ros.config.camera import Camera, Modality
+from simbev_ros.config.camera import Camera
+from simbev_ros.config.modalities import Modality
 from simbev_ros.config.optics import IDEAL_OPTICS, Optics
 from simbev_ros.foundation.geometry.camera import PinholeCamera
 from simbev_ros.foundation.random import stream

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import moderngl
 import numpy as np
 
-from simbev_ros.config.camera import Modality
+from simbev_ros.config.modalities import IMAGE_KINDS, Modality
 from simbev_ros.config.optics import Optics
 from simbev_ros.foundation.geometry.camera import LensCamera, PinholeCamera
 from simbev_ros.simulation.render.frame import CameraView
@@ -20,6 +20,7 @@ from simbev_ros.simulation.render.gl.screen_pass import ScreenPass
 from simbev_ros.simulation.render.gl.targets import Image, Targets
 
 _GEOMETRIC: tuple[Modality, ...] = ("semantic", "instance", "depth", "flow")
+"""Modalities of a distorted camera that are computed together, in the order of the outputs of the shader."""
 _NOISE_FREE_ELECTRONS = 1e12
 """Electrons at white that stand for a sensor without noise."""
 
@@ -31,9 +32,10 @@ class Lenses:
         """Store the context and the shader library; nothing is compiled yet."""
         self._context, self._library = context, library
         self._passes: dict[str, ScreenPass] = {}
-        self._rays: dict[LensCamera, moderngl.Texture] = {}
+        self._rays: dict[PinholeCamera, moderngl.Texture] = {}
         self._geometry: dict[tuple[int, int], moderngl.Framebuffer] = {}
         self._color: dict[tuple[int, int], moderngl.Framebuffer] = {}
+        self._from_depth: dict[Modality, dict[tuple[int, int], moderngl.Framebuffer]] = {}
 
     def images(self, view: CameraView, targets: Targets) -> dict[Modality, Image]:
         """Attachments that hold a camera's images; its ideal camera's ``targets`` must be drawn and bound."""
@@ -43,11 +45,14 @@ class Lenses:
             images |= {modality: Image(geometry, index) for index, modality in enumerate(_GEOMETRIC)}
         if "rgb" in view.modalities:
             images["rgb"] = Image(self._draw_color(view, targets.rgb), 0, components=3)
+        for modality in view.modalities:
+            if modality not in images:
+                images[modality] = Image(self._draw_from_depth(view.camera, modality, images["depth"]), 0)
         return images
 
     def _draw_geometry(self, camera: LensCamera) -> moderngl.Framebuffer:
         """Draw all modalities except rgb; returns them as attachments, in the order of ``_GEOMETRIC``."""
-        target = self._target(self._geometry, camera, [(1, "u1"), (1, "u2"), (1, "f4"), (2, "f4")])
+        target = self._target(self._geometry, camera, [IMAGE_KINDS[name].texel for name in _GEOMETRIC])
         screen_pass = self._pass("lens_geometry.frag")
         k1, k2, p1, p2, k3 = camera.distortion
         program = screen_pass.program
@@ -76,7 +81,17 @@ class Lenses:
         screen_pass.draw(target)
         return target
 
-    def _bind_rays(self, camera: LensCamera) -> None:
+    def _draw_from_depth(self, camera: PinholeCamera, modality: Modality, depth: Image) -> moderngl.Framebuffer:
+        """Draw a modality that has a shader of its own, from the depth at the camera's pixels."""
+        kind = IMAGE_KINDS[modality]
+        assert kind.shader is not None
+        self._bind_rays(camera)
+        depth.texture.use(TEXTURE_UNITS["pixel_depth"])
+        target = self._target(self._from_depth.setdefault(modality, {}), camera, [kind.texel])
+        self._pass(kind.shader).draw(target)
+        return target
+
+    def _bind_rays(self, camera: PinholeCamera) -> None:
         """Bind the texture of a camera's pixel rays: x and y where z is 1."""
         if camera not in self._rays:
             size_px = (camera.width_px, camera.height_px)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from render_scene import CAMERA, NOON, car, front_pose, scene, snap_error_m, vertex_snap_px, world
 
-from simbev_ros.config.camera import MODALITIES
+from simbev_ros.config.modalities import MODALITIES
 from simbev_ros.config.optics import IDEAL_OPTICS
 from simbev_ros.config.rendering import QUALITIES, Quality
 from simbev_ros.foundation.geometry.camera import LensCamera, PinholeCamera

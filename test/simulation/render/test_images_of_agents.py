@@ -9,7 +9,7 @@ import pytest
 from render_scene import CAMERA, NOON, car, front_pose, scene, world
 from several_agents import made_up_agents
 
-from simbev_ros.config.camera import MODALITIES
+from simbev_ros.config.modalities import MODALITIES
 from simbev_ros.foundation.geometry.camera import LensCamera
 from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_rpy
 from simbev_ros.schema.scene.agents import agent_views, seen_by

@@ -8,7 +8,7 @@ from simbev_ros.assets.actors.posing import pose_actors
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.placement.static_scene import StaticScene, Tile
-from simbev_ros.config.camera import MODALITIES
+from simbev_ros.config.modalities import MODALITIES
 from simbev_ros.foundation.errors import RenderError
 from simbev_ros.foundation.geometry.camera import PinholeCamera
 from simbev_ros.foundation.geometry.transforms import SENSOR_FROM_OPTICAL, apply, inverse, matrices_from_xyz_rpy

@@ -6,7 +6,8 @@ import pytest
 from render_scene import car, front_pose, scene, snap_error_m, world
 from test_labels import EGO, MAP_OFFSET, OTHER, cast, map_from_optical, pixel_rays, triangles
 
-from simbev_ros.config.camera import MODALITIES, Camera
+from simbev_ros.config.camera import Camera
+from simbev_ros.config.modalities import MODALITIES
 from simbev_ros.config.optics import Exposure, Optics, SensorNoise
 from simbev_ros.foundation.geometry.camera import LensCamera, PinholeCamera, ideal_camera
 from simbev_ros.foundation.geometry.transforms import apply, inverse

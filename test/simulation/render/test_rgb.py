@@ -14,7 +14,7 @@ from render_scene import NOON, box, car, plane, world
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.placement.static_scene import StaticScene, StreetLight, Tile
-from simbev_ros.config.camera import MODALITIES
+from simbev_ros.config.modalities import MODALITIES
 from simbev_ros.foundation.geometry.camera import PinholeCamera
 from simbev_ros.foundation.geometry.transforms import SENSOR_FROM_OPTICAL, apply, inverse, matrices_from_xyz_rpy
 from simbev_ros.foundation.semantics import Tag

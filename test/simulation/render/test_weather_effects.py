@@ -12,7 +12,7 @@ from render_scene import CAMERA, NOON, box, car, front_pose, plane, scene, world
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.placement.static_scene import StaticScene, Tile
-from simbev_ros.config.camera import MODALITIES
+from simbev_ros.config.modalities import MODALITIES
 from simbev_ros.foundation.geometry.camera import PinholeCamera
 from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_rpy
 from simbev_ros.foundation.semantics import Tag

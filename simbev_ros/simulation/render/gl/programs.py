@@ -42,6 +42,7 @@ TEXTURE_UNITS = {
             "g_edges",
             "lens_rays",
             "ideal_rgb",
+            "pixel_depth",
             "triangle_ids",
             "triangle_depth",
             "tunnel_map",

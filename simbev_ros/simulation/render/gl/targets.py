@@ -6,10 +6,12 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 
-from simbev_ros.config.camera import Modality
+from simbev_ros.config.modalities import IMAGE_KINDS, Modality
 from simbev_ros.foundation.types import AnyArray, UInt32Array
 from simbev_ros.simulation.render.gl.programs import TEXTURE_UNITS
 
+_LABELS: tuple[Modality, ...] = ("semantic", "instance", "flow")
+"""Modalities that are drawn with the geometry, in the order of the outputs in shaders/include/g_buffer.glsl."""
 _DTYPES = {"f1": np.uint8, "u1": np.uint8, "u2": np.uint16, "f4": np.float32}
 
 
@@ -25,23 +27,24 @@ class Image:
         """An array for its pixels, (H, W[, C])."""
         width, height = self.framebuffer.size
         shape = (height, width) if self._channels == 1 else (height, width, self._channels)
-        return np.empty(shape, _DTYPES[self._source.dtype])
+        return np.empty(shape, _DTYPES[self.texture.dtype])
 
     def read_into(self, destination: AnyArray | moderngl.Buffer) -> None:
         """Write the pixels to an array or a buffer, row 0 on top."""
         self.framebuffer.read_into(
-            destination, components=self._channels, attachment=self.attachment, dtype=self._source.dtype
+            destination, components=self._channels, attachment=self.attachment, dtype=self.texture.dtype
         )
 
     @property
-    def _source(self) -> moderngl.Texture:
+    def texture(self) -> moderngl.Texture:
+        """The texture that holds it."""
         source = self.framebuffer.color_attachments[self.attachment]
         assert isinstance(source, moderngl.Texture)
         return source
 
     @property
     def _channels(self) -> int:
-        return self.components or self._source.components
+        return self.components or self.texture.components
 
 
 class Targets:
@@ -83,7 +86,7 @@ class Targets:
         self._coarse = [smooth_texture(shading_px) for _ in range(2)] if shading_px != size_px else []
         self._noisy_visibility, self._visibility = (context.texture(visibility_px, 4, dtype="f1") for _ in range(2))
         self._lens = {"g_slope": texture(2, "f4"), "g_edges": texture(4, "u4")} if for_lens else {}
-        images = [texture(1, "u1"), texture(1, "u2"), texture(2, "f4")]
+        images = [texture(*IMAGE_KINDS[modality].texel) for modality in _LABELS]
         self.geometry = context.framebuffer(
             [self._surface, self._depth, self._color, *images, *self._lens.values()],
             context.depth_renderbuffer(size_px),
@@ -127,6 +130,6 @@ class Targets:
     @property
     def images(self) -> dict[Modality, Image]:
         """Attachment of each modality, valid after drawing."""
-        attachments: dict[Modality, int] = {"depth": 1, "semantic": 3, "instance": 4, "flow": 5}
+        attachments: dict[Modality, int] = {"depth": 1, **{name: index for index, name in enumerate(_LABELS, start=3)}}
         images = {modality: Image(self.geometry, index) for modality, index in attachments.items()}
         return {**images, "rgb": Image(self.rgb, 0, components=3)}

@@ -13,6 +13,7 @@ from simbev_ros.baselines.frames import sweep_ages_ns
 from simbev_ros.baselines.modality import Modality
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.installation.extras import load_extras
+from simbev_ros.foundation.semantics import BEV_CLASSES
 from simbev_ros.foundation.types import Float32Array, Table, UInt8Array
 
 if TYPE_CHECKING:
@@ -92,7 +93,8 @@ class Baseline:
         }
         feed = {each.name: given[each.name] for each in self._session.get_inputs()}
         cells, heat, values = self._session.run(["cells", "heat", "boxes"], feed)
-        return Answer(cells, decode_boxes(heat, values))
+        later = len(BEV_CLASSES) - cells.shape[2]  # classes that came after the model was trained
+        return Answer(np.pad(cells, ((0, 0), (0, 0), (0, later))) if later else cells, decode_boxes(heat, values))
 
 
 def weights_file(modality: Modality) -> Path:

@@ -22,7 +22,7 @@ import numpy as np
 
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.foundation.types import BoolArray, Float32Array, Float64Array
-from simbev_ros.scene.air import extinction_per_m, optical_depth
+from simbev_ros.scene.air import extinction_per_m, fog_halvings_per_m, optical_depth, rain_halvings_per_m
 from simbev_ros.schema.scene.weather import Weather
 
 _REFERENCE_REFLECTANCE = 0.1
@@ -74,8 +74,8 @@ class LidarWeather:
     @property
     def is_clear(self) -> bool:
         """Whether the weather changes nothing: there is neither rain nor fog, or the lidar ignores weather."""
-        weather = self._weather
-        return not self._lidar.weather_effects or weather.fog_density + weather.precipitation == 0.0
+        halvings_per_m = fog_halvings_per_m(self._weather) + rain_halvings_per_m(self._weather)
+        return not self._lidar.weather_effects or halvings_per_m == 0.0
 
     def two_way_transmission(self, range_m: Float32Array, upward: Float32Array) -> Float32Array:
         """(N,) transmission over (N,) meters there and back; ``upward`` is the z of the rays' unit vectors."""

@@ -41,27 +41,18 @@ def words(command: str, folder: Path, out: Path) -> list[str]:
 
 
 @pytest.mark.parametrize("text", ["0", "-1", "x", "1025", "٣", "", "1.5", "9" * 5000])
-@pytest.mark.parametrize("option", ["--workers", "--jobs"])
 @pytest.mark.parametrize("command", [*ON_CLUSTERS, *OTHERS])
 def test_a_bad_number_of_workers_is_refused_in_one_line(
-    refused: Refused, folder: Path, tmp_path: Path, command: str, option: str, text: str
+    refused: Refused, folder: Path, tmp_path: Path, command: str, text: str
 ) -> None:
-    message = refused(*words(command, folder, tmp_path / "out"), f"{option}={text}")
+    message = refused(*words(command, folder, tmp_path / "out"), f"--workers={text}")
     assert message == f"error: --workers: is {text!r:.80}; allowed: 1 to 1024, or auto\n"
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("value", [("--workers", "auto"), ("--workers", "2"), ("--jobs", "2"), ("--jobs=1",)])
-def test_the_old_name_of_the_option_means_the_same(
-    simbev: Callable[..., Any], folder: Path, value: tuple[str, ...]
-) -> None:
-    assert simbev("info", folder / "set", *value).code == 0
-
-
-@pytest.mark.parametrize("command", ["verify", "export simbev", "export nuscenes", "info", "evaluate"])
-def test_help_shows_the_new_name_alone(simbev: Callable[..., Any], command: str) -> None:
-    shown = simbev(*command.split(), "--help").out
-    assert "--workers" in shown and "--jobs" not in shown
+@pytest.mark.parametrize("value", ["auto", "2"])
+def test_a_number_of_workers_or_auto_is_accepted(simbev: Callable[..., Any], folder: Path, value: str) -> None:
+    assert simbev("info", folder / "set", "--workers", value).code == 0
 
 
 @pytest.mark.parametrize("address", ["x", "10.0.0.5", "ray://a:1"])

@@ -12,7 +12,7 @@ NamespaceOption = Annotated[
 
 
 def ros_arguments(context: typer.Context, namespace: str | None) -> RosArguments:
-    """What the command line says to nodes, after --ros-args and with --namespace.
+    """Arguments of nodes on the command line, after --ros-args and with --namespace.
 
     Raises:
         InputError: ROS does not understand it, or it is no namespace.

@@ -139,7 +139,7 @@ class SceneRetried:
 
 @dataclass(frozen=True, slots=True)
 class SceneMade:
-    """A scene is in the dataset, whose scenes now take this much space."""
+    """A scene is in the dataset, which now takes this much space."""
 
     entry: PlannedEntry
     dataset_bytes: int

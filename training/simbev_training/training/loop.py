@@ -50,7 +50,7 @@ def train(
     workers: int,
     report: Callable[[Progress], None],
 ) -> None:
-    """Train a baseline, or go on where its checkpoint in ``out`` stands; the folder then holds the final checkpoint.
+    """Train a baseline, or resume from its checkpoint in ``out``; the folder then holds the final checkpoint.
 
     Args:
         training: The configuration.

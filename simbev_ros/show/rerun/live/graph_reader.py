@@ -114,7 +114,7 @@ class GraphReader(NamespacedNode):
             self._join.await_only([name for name in self._read_topics if self.count_publishers(name)])
 
     def _notice_graph(self) -> None:
-        """Let go of everything if the graph has ended or another one begins, so that its nodes do not count us."""
+        """Drop all subscriptions if the graph has ended or another one begins, so that its nodes do not count them."""
         graph = frozenset(bytes(each.endpoint_gid) for each in self.get_publishers_info_by_topic(topics.SCENE))
         before, self._graph = self._graph, graph
         if before and (not graph or graph - before):  # a killed graph disappears later than the next one appears

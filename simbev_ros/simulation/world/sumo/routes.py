@@ -14,7 +14,7 @@ _ON_LANES_M = 100.0  # a new route needs no lane change within this distance
 
 
 class RouteExtension(NamedTuple):
-    """Edges that follow or replace a route, and the lane at whose end a vehicle must stop if it is a dead end."""
+    """Edges that follow or replace a route, and, in a dead end, the lane where a vehicle must stop at the end."""
 
     edges: tuple[str, ...]
     last_lane: str | None

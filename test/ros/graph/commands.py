@@ -11,7 +11,7 @@ import psutil
 from ros_domain import DOMAIN
 from waiting import PATIENCE_S, wait_until
 
-from simbev_ros.ros.graph.shared_memory import held_files, middleware_files
+from simbev_ros.ros.graph.shared_memory import held_files, middleware_files, remove_orphans
 
 SMALL = """
 seed: 11
@@ -110,6 +110,25 @@ def orphaned_files() -> set[str]:
     files = set(middleware_files())
     held = held_files(psutil.pids())
     return {path.name for path in files - held}
+
+
+def is_alone() -> bool:
+    """Whether no other test run or graph on this machine uses the middleware, so that its files are of these tests."""
+    own = psutil.Process()
+    related = {own.pid, *(each.pid for each in (*own.parents(), *own.children(recursive=True)))}
+    for process in psutil.process_iter(["cmdline"]):
+        words = " ".join(process.info["cmdline"] or ())
+        if process.pid not in related and ("simbev_ros" in words or "pytest" in words):
+            return False
+    return True
+
+
+def remove_leftovers(before: set[Path]) -> None:
+    """Remove files of the middleware that killed commands have left since ``before``, as their processes end."""
+    wait_until(
+        lambda: not set(middleware_files()) - before or not is_alone(),
+        meanwhile=lambda: remove_orphans(set(middleware_files()) - before),
+    )
 
 
 def node_processes() -> list[int]:

@@ -5,7 +5,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from commands import SMALL, Command, node_processes, orphaned_files, record
+from commands import SMALL, Command, is_alone, node_processes, orphaned_files, record
 from ros_domain import DOMAIN
 from waiting import wait_until
 
@@ -61,13 +61,16 @@ def simbev() -> Iterator[Callable[..., Command]]:
 
 @pytest.fixture(autouse=True)
 def no_leftovers() -> Iterator[None]:
-    """Check after every test that no new file of the middleware is in /dev/shm and no node process runs."""
+    """Check after every test that no node process runs, and that there is no new file of the middleware in /dev/shm.
+
+    The files do not say whose they are, so they are not checked while other graphs run on the machine.
+    """
     before = orphaned_files()
     yield
     with suppress(AssertionError):
-        wait_until(lambda: not node_processes() and not orphaned_files() - before, 30)
+        wait_until(lambda: not node_processes() and (not orphaned_files() - before or not is_alone()), 30)
     assert not node_processes()
-    assert not orphaned_files() - before
+    assert not orphaned_files() - before or not is_alone()
 
 
 @pytest.fixture(scope="session")

@@ -10,14 +10,14 @@ import time
 from pathlib import Path
 
 import pytest
+from commands import remove_leftovers
 from generating import Simbev, files, generate, write
 from ros_domain import DOMAIN
-from waiting import wait_until
 
 from simbev_ros.dataset.index import read_index
 from simbev_ros.recording.layout import is_dataset, scenes_of
 from simbev_ros.recording.verify import verify_bag
-from simbev_ros.ros.graph.shared_memory import middleware_files, remove_orphans
+from simbev_ros.ros.graph.shared_memory import middleware_files
 
 pytestmark = pytest.mark.graph
 
@@ -56,10 +56,7 @@ def test_killed_at_random_moments_it_ends_with_the_same_bytes(
     indexes = [read_index(tmp_path / name) for name in ("undisturbed", "killed")]
     assert indexes[0] == indexes[1] and len(indexes[0]) == len(undisturbed)
     assert not [fault for bag in scenes_of(tmp_path / "killed") for fault in verify_bag(bag)]
-    # Commands that were killed before they had noted their own files leave them.
-    wait_until(
-        lambda: not set(middleware_files()) - before, meanwhile=lambda: remove_orphans(set(middleware_files()) - before)
-    )
+    remove_leftovers(before)
 
 
 @pytest.mark.slow

@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 
 import pytest
+from commands import remove_leftovers
 from generating import Simbev, files, generate, write
 from waiting import wait_until
 
@@ -20,7 +21,7 @@ from simbev_ros.dataset.index import read_index
 from simbev_ros.production.scene_log import scene_logs
 from simbev_ros.recording.layout import scenes_of
 from simbev_ros.recording.verify import verify_bag
-from simbev_ros.ros.graph.shared_memory import middleware_files, remove_orphans
+from simbev_ros.ros.graph.shared_memory import middleware_files
 
 pytest.importorskip("ray", reason="Ray is not installed: pip install -e .[cluster]")
 
@@ -160,7 +161,4 @@ def test_whatever_dies_the_dataset_is_complete_and_the_same(
     failures = "".join(path.read_text() for bag in scenes_of(two) for path in scene_logs(two, bag.name)[:-1])
     for folder in re.findall(r"^logs: (/.*)$", failures, re.MULTILINE):
         shutil.rmtree(folder, ignore_errors=True)  # which a failed graph leaves
-    # Commands that were killed before they had noted their own files leave them.
-    wait_until(
-        lambda: not set(middleware_files()) - before, meanwhile=lambda: remove_orphans(set(middleware_files()) - before)
-    )
+    remove_leftovers(before)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from commands import SCENE, Command, node_processes, record
+from commands import SCENE, Command, is_alone, node_processes, record
 from mcap.reader import make_reader
 from ros_domain import DOMAIN
 from rosbags.highlevel import AnyReader
@@ -178,14 +178,14 @@ def test_interrupt_closes_the_bag_and_exits_130(
 def test_stopped_node_is_named_when_it_has_been_silent_for_too_long(
     simbev: Simbev, small_config: Config, tmp_path: Path
 ) -> None:
-    config = small_config(600, f"{SMALL_CHUNKS}graph: {{silence_timeout_s: 20}}\n", without=["camera"])
+    config = small_config(600, f"{SMALL_CHUNKS}graph: {{silence_timeout_s: 40}}\n", without=["camera"])
     command = simbev("run", config, "--record", tmp_path / "out")
     bag = tmp_path / "out" / f"{SCENE}.partial"
     command.wait_for(lambda: size_of(bag) > 1_000_000)  # ticks are played
     os.kill(command.nodes()["annotator"], signal.SIGSTOP)
     code, output = command.finish()
     assert code == 1
-    assert "node annotator has been silent for 20 s, after tick" in output
+    assert "node annotator has been silent for 40 s, after tick" in output
 
 
 def test_nodes_end_when_the_command_is_killed(simbev: Simbev, small_config: Config) -> None:
@@ -196,7 +196,7 @@ def test_nodes_end_when_the_command_is_killed(simbev: Simbev, small_config: Conf
     command.process.wait()
     wait_until(lambda: not node_processes())
     # The killed process could not remove its own two segments and their lock files; its nodes could.
-    assert len(remove_orphans(set(middleware_files()) - before)) <= 4
+    assert len(remove_orphans(set(middleware_files()) - before)) <= 4 or not is_alone()
 
 
 def test_two_graphs_do_not_share_a_domain(simbev: Simbev, small_config: Config) -> None:

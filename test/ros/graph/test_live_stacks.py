@@ -113,10 +113,10 @@ def test_an_answer_without_columns_is_counted_and_the_run_goes_on(
 
 @pytest.mark.slow
 def test_a_stack_that_hangs_is_named(simbev: Simbev, lidar_config: Config) -> None:
-    config = lidar_config(PARTICIPANT + "\ngraph: {silence_timeout_s: 15}")
+    config = lidar_config(PARTICIPANT + "\ngraph: {silence_timeout_s: 40}")
     code, output = simbev("run", config, "--stack", echo("--reports", "--hang-at", "3")).finish()
     assert code == 1
-    assert "error: node echo has been silent for 15 s, after tick 2" in output
+    assert "error: node echo has been silent for 40 s, after tick 2" in output
 
 
 @pytest.mark.slow
@@ -129,8 +129,8 @@ def test_a_stack_that_dies_ends_the_run(simbev: Simbev, lidar_config: Config) ->
 
 @pytest.mark.slow
 def test_without_a_stack_the_run_ends_with_a_message(simbev: Simbev, lidar_config: Config, tmp_path: Path) -> None:
-    more = "evaluation: {boxes_topic: /boxes, grids_topic: /grids}\ngraph: {silence_timeout_s: 15}"
+    more = "evaluation: {boxes_topic: /boxes, grids_topic: /grids}\ngraph: {silence_timeout_s: 40}"
     code, output = simbev("run", lidar_config(more), "--evaluate", tmp_path / "figures.json").finish()
     assert code == 2
-    message = "no stack has connected within 12 s: nothing publishes /boxes, /grids or /grids/<class>"
+    message = "no stack has connected within 32 s: nothing publishes /boxes, /grids or /grids/<class>"
     assert f"error: node evaluator: {message}" in output

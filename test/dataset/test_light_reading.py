@@ -128,6 +128,9 @@ def test_what_a_verb_lacks_is_said_in_one_line_with_the_remedy(dataset: Path, tm
             "--out",
             out,
         ): "this needs the libraries that draw pictures",
+        ("evaluate", "predictions", str(dataset), "--report", f"{out}.html"): (
+            "simbev evaluate --report needs the libraries that draw pictures"
+        ),
         ("info", str(dataset), "--report", out): "simbev info --report needs the simulator",
     }
     for use, (code, _, error) in zip(uses.values(), simbev(*uses, all_platforms=False), strict=True):

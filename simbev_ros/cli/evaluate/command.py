@@ -12,6 +12,7 @@ from simbev_ros.cli.console import counting_bar, make_console
 from simbev_ros.cli.output_file import require_place
 from simbev_ros.cli.pool import Workers, processes
 from simbev_ros.foundation.files.whole_files import write_errors
+from simbev_ros.foundation.installation.extras import load_extras
 
 _WORDS = "with commas between"
 _COUNTED = "What counts"
@@ -152,6 +153,8 @@ def evaluate(
         truth=truth,
     )
     pool = processes(workers)
+    if report is not None:
+        load_extras()["pictures"].require("simbev evaluate --report")
     for file in filter(None, (report, json_file)):
         require_place(file)
     opened, console = open_dataset(dataset, threads=1), make_console(highlight=False)

@@ -1,1 +1,1 @@
-"""Builds all geometry as triangle meshes: the static world, and the catalogue of vehicle and pedestrian models."""
+"""Builds all geometry as triangle meshes: the static world, and the catalog of vehicle and pedestrian models."""

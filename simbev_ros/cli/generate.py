@@ -47,7 +47,7 @@ def generate(
         bool, typer.Option("--dry-run", help="Only estimate the number, time and size of scenes.")
     ] = False,
 ) -> None:
-    """Make the scenes of each map and split that the configuration asks for; existing scenes count.
+    """Make the scenes of each map and split that the configuration asks for; existing scenes are kept.
 
     After Ctrl-C, a crash or a power cut the same command continues where it stopped. A scene that fails is tried again,
     then listed, and the others follow; the exit code is 1 then. The dataset gets an index, index.parquet, and a log for

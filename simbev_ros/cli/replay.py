@@ -35,7 +35,7 @@ def replay(
     ] = None,
     merge: Annotated[
         str | None,
-        typer.Option(help="Record each scene as an additional bag beside its own, <scene>.LABEL.", metavar="LABEL"),
+        typer.Option(help="Record each scene as an additional bag next to its own, <scene>.LABEL.", metavar="LABEL"),
     ] = None,
     workers: Annotated[
         str | None,
@@ -64,7 +64,7 @@ def replay(
     mast. Of a dataset only scenes that are not recorded yet are played: after Ctrl-C the same command continues where
     it stopped.
 
-    With --workers or --ray, a scene that fails is tried again, then listed, and the others follow; the exit code is 1
+    With --workers or --ray, a scene that fails is retried, then listed, and the others follow; the exit code is 1
     then. Each attempt has a log.
 
     [bold]Examples[/]

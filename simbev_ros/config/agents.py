@@ -56,13 +56,13 @@ class Ego(Model):
 
 
 class Agent(Ego):
-    """A vehicle or, with `mast`, a roadside unit that carries a rig, beside the first agent."""
+    """A vehicle or, with `mast`, a roadside unit that carries a rig, in addition to the first agent."""
 
     name: TopicName = Field(description="name of the agent, the first part of its topics and frames")
     rig: Rig = Field(description="sensors of the agent, which is called `name`, whatever `agent` the rig has")
     count: Annotated[Drawn, within(0, MAX_AGENTS)] | None = Field(
         None,
-        description="number of such agents, called `<name>_1`, `<name>_2`, …; a drawn value is rounded. "
+        description="number of such agents, called `<name>_1`, `<name>_2`, …; a random value is rounded. "
         "None: one, called `name`",
     )
     spawn: tuple[SpawnPose, ...] = Field(
@@ -94,7 +94,7 @@ class Agent(Ego):
     evaluation: Evaluation | None = Field(
         None,
         exclude_if=lambda evaluation: evaluation is None,
-        description="live evaluation of the agent's own stack, whose topics are by default `/<name>/prediction/boxes` "
+        description="live evaluation of the agent's own stack; its topics are by default `/<name>/prediction/boxes` "
         "and `/<name>/prediction/bev`; none: no evaluation",
     )
 

@@ -57,7 +57,7 @@ class JunctionPlace(Model):
 
 
 class RoadPlace(Model):
-    """A point above a drawn driving lane with nothing but sky over it; x points in driving direction."""
+    """A point above a random driving lane under the open sky; x points in driving direction."""
 
     near: Near | None = Field(
         None,

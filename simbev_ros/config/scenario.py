@@ -60,7 +60,7 @@ class Timing(Model):
     tick_s: float = Field(0.05, ge=0.001, le=1, description="length of a simulation step")
     warm_up_s: float = Field(4.0, gt=0, le=600, description="simulated time before recording starts")
     duration_s: Annotated[Drawn, within(_MIN_DURATION_S, 3000)] = Field(
-        16.0, description="recorded time; a drawn value is rounded to whole ticks"
+        16.0, description="recorded time; a random value is rounded to whole ticks"
     )
     end_after_standing_s: float | None = Field(
         None, gt=0, le=3000, description="standstill of the ego after which the scene ends; none: never ends early"

@@ -1,7 +1,7 @@
 import numpy as np
 import open3d as o3d
 import pytest
-from catalogue_models import blueprint, model
+from catalog_models import blueprint, model
 
 from simbev_ros.assets.actors.actor_model import CoarserMesh
 from simbev_ros.assets.actors.detail import COARSER, EXACT, Detail

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from catalogue_models import GAIT, ON_FOOT, PEDESTRIANS, blueprint, model, pose_vertices, rows
+from catalog_models import GAIT, ON_FOOT, PEDESTRIANS, blueprint, model, pose_vertices, rows
 
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.scene.gait import stride_lengths_m, transition_mps

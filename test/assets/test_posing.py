@@ -2,7 +2,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from simbev_ros.assets.actors.actor_model import ActorModel, Cycle
-from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.actors.catalog import load_models
 from simbev_ros.assets.actors.posing import pose_actors
 from simbev_ros.foundation.types import Float64Array, Table
 from simbev_ros.schema.scene.state import ACTOR_DTYPE

@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 from synthetic_world import actor
 
-from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.actors.catalog import load_models
 from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.assets.regions.static_cache import load_static_scene, load_streetside
 from simbev_ros.config.agents import Ego

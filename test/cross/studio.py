@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.actors.catalog import load_models
 from simbev_ros.assets.regions.static_cache import load_static_scene
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import Scenario

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.actors.catalog import load_models
 from simbev_ros.assets.regions.static_cache import load_static_scene
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.radar import Radar

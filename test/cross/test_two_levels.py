@@ -12,7 +12,7 @@ import pytest
 import shapely
 from synthetic_world import EGO_ID, actor, world
 
-from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.actors.catalog import load_models
 from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.assets.regions.static_cache import load_static_scene
 from simbev_ros.config.camera import Camera

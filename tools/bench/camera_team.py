@@ -11,7 +11,7 @@ from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
 from typing import Literal, NamedTuple, Self
 
-from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.actors.catalog import load_models
 from simbev_ros.config.rendering import Device, Quality, Rendering
 from simbev_ros.foundation.errors import SimbevError
 from simbev_ros.foundation.process_memory import keep_freed_memory

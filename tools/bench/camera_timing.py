@@ -7,7 +7,7 @@ from functools import partial
 from importlib.metadata import version
 from statistics import median
 
-from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.actors.catalog import load_models
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.rendering import Quality, Rendering
 from simbev_ros.foundation.process_memory import keep_freed_memory

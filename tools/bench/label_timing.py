@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.actors.catalog import load_models
 from simbev_ros.config.annotation import Occupancy
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar

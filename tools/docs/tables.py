@@ -146,7 +146,7 @@ def _legend() -> Iterator[str]:
     for title, text, values in numbers:
         rows = [(str(value), code(name)) for name, value in values.items()]
         yield f"## {title}\n\n{text}\n\n{table(('value', 'name'), rows)}"
-    yield f"## Catalogue\n\nColumn `blueprint` is the index in this list.\n\n{_catalogue()}"
+    yield f"## Catalog\n\nColumn `blueprint` is the index in this list.\n\n{_catalog()}"
 
 
 def _difficulty() -> str:
@@ -159,7 +159,7 @@ def _difficulty() -> str:
     return f"{text}\n\n{table(('class', 'hard', 'medium'), rows)}"
 
 
-def _catalogue() -> str:
+def _catalog() -> str:
     rows = [
         (
             str(index),

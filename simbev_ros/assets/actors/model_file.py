@@ -1,4 +1,4 @@
-"""Reads and writes the catalogue's models as NPZ files of flat arrays; damaged files raise ``errors.NPZ_DAMAGE``."""
+"""Reads and writes the catalog's models as NPZ files of flat arrays; damaged files raise ``errors.NPZ_DAMAGE``."""
 
 import json
 from collections.abc import Callable, Sequence

@@ -34,7 +34,7 @@ def pose_actors(models: Sequence[ActorModel], actors: Table, origin_m: Float64Ar
     """Pose the meshes of (N,) ``ACTOR_DTYPE`` rows and merge them in row order.
 
     Args:
-        models: Models of the catalogue, indexed by blueprint.
+        models: Models of the catalog, indexed by blueprint.
         actors: (N,) ``ACTOR_DTYPE`` rows to pose.
         origin_m: (3,) point of the map frame that becomes the origin (keeps float32 exact on large maps).
     """

@@ -1,4 +1,4 @@
-"""Catalogue of building kinds: the space that each kind needs (kinds.yaml), and the function that builds it."""
+"""Catalog of building kinds: the space that each kind needs (kinds.yaml), and the function that builds it."""
 
 from collections.abc import Callable, Mapping
 from functools import lru_cache

@@ -24,7 +24,7 @@ FiguresOption = Annotated[
     typer.Option(
         "--evaluate",
         help="Compare the answers of a stack with the truth; file (.json) for all figures, or folder for those of each "
-        "scene. Figures of agents beside the first one are in FILE_AGENT.json, or FOLDER/AGENT.",
+        "scene. Figures of other agents than the first one are in FILE_AGENT.json, or FOLDER/AGENT.",
         metavar="PATH",
         rich_help_panel=_PANEL,
     ),

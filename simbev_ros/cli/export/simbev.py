@@ -34,7 +34,7 @@ def export_simbev(
     """Write finished scenes in the layout of SimBEV: sweeps, ground truth, infos.
 
     After Ctrl-C or a crash the same command continues where it stopped; of a dataset that has grown only new scenes are
-    written. The infos are written anew each time, so the same command with or without --absolute-paths changes only
+    written. The infos are rewritten each time, so the same command with or without --absolute-paths changes only
     these, and after an export with absolute paths was moved, it corrects them.
 
     [bold]Examples[/]

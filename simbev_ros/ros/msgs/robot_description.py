@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
-from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.actors.catalog import load_models
 from simbev_ros.assets.actors.silhouette import silhouette_boxes, wheel_cylinders
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.actors.catalog import load_models
 from simbev_ros.drawing.displays.detections import label_info
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.process_memory import freeze_after_loading

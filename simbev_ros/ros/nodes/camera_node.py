@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from rclpy.serialization import serialize_message
 
-from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.actors.catalog import load_models
 from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.config.modalities import Modality
 from simbev_ros.config.rendering import Rendering

@@ -3,7 +3,7 @@
 import numpy as np
 import rerun as rr
 
-from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.actors.catalog import load_models
 from simbev_ros.dataset.values import poses_from_odometry
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.show.rerun.scene_log import EGO, WORLD, SceneLog

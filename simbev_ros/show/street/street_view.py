@@ -8,7 +8,7 @@ from typing import Self
 
 import numpy as np
 
-from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.actors.catalog import load_models
 from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.config.modalities import Modality
 from simbev_ros.config.rendering import Quality

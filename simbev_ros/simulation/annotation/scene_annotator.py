@@ -56,7 +56,7 @@ class MeshAnnotators:
     """
 
     def __init__(self, static: StaticScene, models: Sequence[ActorModel]) -> None:
-        """Prepare the annotators from the static scene and the catalogue's models, indexed by blueprint."""
+        """Prepare the annotators from the static scene and the catalog's models, indexed by blueprint."""
         self.bev = BevAnnotator(static, models)
         self.occupancy = OccupancyAnnotator(static, models)
         self.extents = Extents(models)

@@ -33,7 +33,7 @@ def part_velocities(
     """Velocities of points on moving parts relative to the body that carries them.
 
     Args:
-        skeletons: Kinematics of the catalogue's models.
+        skeletons: Kinematics of the catalog's models.
         before: (A,) ``ACTOR_DTYPE`` a tick ago; wheels, steering and gait have moved uniformly since.
         now: (A,) the same actors now.
         elapsed_s: Length of the tick.

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 
 from simbev_ros.assets.actors.actor_model import ActorModel
-from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.actors.catalog import load_models
 from simbev_ros.assets.actors.skeletons import Skeletons
 from simbev_ros.foundation.types import Float32Array, Float64Array, Int32Array, Int64Array
 from simbev_ros.simulation.raycast.embree import TriangleSet
@@ -69,7 +69,7 @@ class PartStack:
 
 @cache
 def load_part_stack() -> PartStack:
-    """The part stack of the catalogue's models, which all nodes of a process share."""
+    """The part stack of the catalog's models, which all nodes of a process share."""
     return PartStack(load_models())
 
 

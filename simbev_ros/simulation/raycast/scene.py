@@ -66,7 +66,7 @@ class RayScene:
     """
 
     def __init__(self, static: StaticScene | StaticTriangles, models: Sequence[ActorModel] | PartStack) -> None:
-        """Create the scene from the static world and the catalogue's models, indexed by blueprint, or their parts."""
+        """Create the scene from the static world and the catalog's models, indexed by blueprint, or their parts."""
         self.static = static if isinstance(static, StaticTriangles) else StaticTriangles(static)
         self.parts = models if isinstance(models, PartStack) else PartStack(models)
         self._actors = ActorTriangles(self.parts)

@@ -63,7 +63,7 @@ class Renderer:
 
         Args:
             static: The static scene.
-            models: The catalogue's models, indexed by blueprint.
+            models: The catalog's models, indexed by blueprint.
             context: Context from ``open_context``; by default a new one.
             quality: Quality of the color image.
             timer: Context manager factory that is entered around each part of a frame.

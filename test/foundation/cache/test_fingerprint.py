@@ -18,7 +18,7 @@ from simbev_ros.foundation.cache.fingerprint import fingerprint, fingerprint_inp
 MAPS, REGIONS, MODELS, TURNS = ROOTS = (
     "simbev_ros.maps.build",
     "simbev_ros.assets.regions.static_cache",
-    "simbev_ros.assets.actors.catalogue",
+    "simbev_ros.assets.actors.catalog",
     "simbev_ros.scene.streets.tight_turns",
 )
 PROBE = b'''"""Imports in all forms that the package uses, and then:

@@ -32,7 +32,7 @@ static.region(Region(0, 0))
 static.far_land()
 """
 MODEL = """
-from simbev_ros.assets.actors.catalogue import build_model, load_blueprints, load_shape
+from simbev_ros.assets.actors.catalog import build_model, load_blueprints, load_shape
 for index in (0, -1):
     blueprint = load_blueprints()[index]
     build_model(blueprint, load_shape(blueprint.name)).build_coarser()
@@ -44,7 +44,7 @@ tight_lanes(network, np.empty((0, 2), np.int64))
 PROGRAMS = {
     ("simbev_ros.maps.build",): MAP,
     ("simbev_ros.maps.build", "simbev_ros.assets.regions.static_cache"): MAP + REGION,
-    ("simbev_ros.assets.actors.catalogue",): MODEL,
+    ("simbev_ros.assets.actors.catalog",): MODEL,
     ("simbev_ros.maps.build", "simbev_ros.scene.streets.tight_turns"): MAP + TURNS,
 }
 """The program that builds the content of each cache, by the root modules whose fingerprints are in its key."""

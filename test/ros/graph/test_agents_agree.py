@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from commands import Command
 
-from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.actors.catalog import load_models
 from simbev_ros.assets.regions.static_cache import load_static_scene
 from simbev_ros.dataset import open_dataset
 from simbev_ros.dataset.frame import Frame

@@ -7,7 +7,7 @@ import pytest
 from ego_frames import edges, with_frames
 from made_up_scene import SENSORS, made_up_spec
 
-from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.actors.catalog import load_models
 from simbev_ros.assets.actors.silhouette import silhouette_boxes, wheel_cylinders
 from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_rpy
 from simbev_ros.foundation.types import Float64Array

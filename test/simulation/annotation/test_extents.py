@@ -3,7 +3,7 @@ import pytest
 from synthetic_world import EGO_ID, world
 
 from simbev_ros.assets.actors.actor_model import ActorModel, Part
-from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.actors.catalog import load_models
 from simbev_ros.assets.actors.posing import pose_actors
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.foundation.geometry.transforms import rotations_from_rpy
@@ -20,7 +20,7 @@ MODELS = load_models()
 EXTENTS = Extents(MODELS)
 
 
-def catalogue(copies: int = 1) -> Table:
+def catalog(copies: int = 1) -> Table:
     """Actors of every blueprint with a box: in rest pose, on slopes, far from the map's origin."""
     random = np.random.default_rng(4)
     actors = np.zeros(copies * len(WITH_BOX), ACTOR_DTYPE)
@@ -36,8 +36,8 @@ def catalogue(copies: int = 1) -> Table:
 
 
 def moving(copies: int) -> Table:
-    """The actors of ``catalogue`` in all kinds of motion."""
-    random, actors = np.random.default_rng(5), catalogue(copies)
+    """The actors of ``catalog`` in all kinds of motion."""
+    random, actors = np.random.default_rng(5), catalog(copies)
     actors["gait"], actors["wheel"] = random.uniform(0.0, 2.0 * np.pi, (2, len(actors)))
     actors["steer"] = random.uniform(-0.6, 0.6, len(actors))
     actors["vx"] = random.uniform(0.0, 4.0, len(actors))
@@ -68,7 +68,7 @@ def bounds_in_boxes(actors: Table, of: Table, doors: bool = True) -> tuple[Float
 
 
 def test_at_rest_boxes_enclose_all_vertices_tightly() -> None:
-    actors = catalogue()
+    actors = catalog()
     assert len(actors) > 35
     for gaps_m in bounds_in_boxes(actors, boxes_of(actors)):
         np.testing.assert_allclose(gaps_m, 0.0, atol=1e-4)

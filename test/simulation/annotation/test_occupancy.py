@@ -5,7 +5,7 @@ import pytest
 from exact_voxels import touches, winding_numbers
 from synthetic_world import EGO_ID, actor, box, box_model, mesh, sheet, static_scene, world
 
-from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.actors.catalog import load_models
 from simbev_ros.assets.actors.posing import pose_actors
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.foundation.geometry.transforms import apply, matrices_from_xyz_rpy

@@ -2,7 +2,7 @@ import numpy as np
 from exact_voxels import winding_numbers
 from synthetic_world import box, mesh, sheet
 
-from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.actors.catalog import load_models
 from simbev_ros.assets.flora.crowns import crown
 from simbev_ros.assets.materials import Material
 from simbev_ros.foundation.semantics import Tag

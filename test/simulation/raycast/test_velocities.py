@@ -5,7 +5,7 @@ import pytest
 from synthetic_world import TICK_NS, actor, box, box_model, cart_model, mesh, static_scene, world
 
 from simbev_ros.assets.actors.actor_model import ActorModel
-from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.actors.catalog import load_models
 from simbev_ros.assets.actors.posing import pose_actors
 from simbev_ros.assets.materials import Material
 from simbev_ros.foundation.semantics import Tag

@@ -5,7 +5,7 @@ import pytest
 from render_scene import NOON, scene
 
 from simbev_ros.assets.actors.actor_model import ActorModel
-from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.actors.catalog import load_models
 from simbev_ros.foundation.geometry.camera import PinholeCamera
 from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_rpy
 from simbev_ros.foundation.types import AnyArray, BoolArray, Int64Array, Table

@@ -8,7 +8,7 @@ from point_distance import distances_m
 from rclpy.serialization import serialize_message
 from rosbags.typesys import Stores, get_typestore
 
-from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.actors.catalog import load_models
 from simbev_ros.assets.actors.posing import pose_actors
 from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.assets.regions.static_cache import load_static_scene

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from synthetic_world import EGO_ID, TICK_NS, actor, box_model, mesh, sheet, static_scene, world
 
 from simbev_ros.assets.actors.actor_model import ActorModel
-from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.actors.catalog import load_models
 from simbev_ros.assets.actors.posing import pose_actors
 from simbev_ros.assets.materials import Material
 from simbev_ros.config.lidar import Lidar

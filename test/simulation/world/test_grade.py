@@ -8,7 +8,7 @@ import pytest
 from synthetic_world import mesh, static_scene
 from world_scenes import TICK_S, blocks, scene
 
-from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.actors.catalog import load_models
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.positioning import Imu

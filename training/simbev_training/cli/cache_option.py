@@ -13,7 +13,7 @@ from simbev_ros.dataset.parallel import Processes
 Cache = Annotated[
     Path | None,
     typer.Option(
-        help="Folder of the cache; by default beside the dataset, with the agent, if given, and .cache at its end.",
+        help="Folder of the cache; by default next to the dataset, with the agent, if given, and .cache at its end.",
         show_default=False,
     ),
 ]

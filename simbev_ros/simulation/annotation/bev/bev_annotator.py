@@ -41,7 +41,7 @@ class BevAnnotator:
     """Labels the BEV grid from the map and its actors; the static part is prepared once."""
 
     def __init__(self, static: StaticScene, models: Sequence[ActorModel]) -> None:
-        """Prepare the static scene and the catalogue's models, indexed by blueprint."""
+        """Prepare the static scene and the catalog's models, indexed by blueprint."""
         self._plans = ActorPlans(models)
         # Riders have no detection class but a tag of their own; cones and barriers share their tag with other objects.
         names = [model.box_class or model.tag.name.lower() for model in models]

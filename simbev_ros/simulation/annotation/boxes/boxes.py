@@ -34,7 +34,7 @@ class StaticObjects:
 
 
 def class_of_blueprint() -> UInt8Array:
-    """(B,) index into BOX_CLASSES of each blueprint of the catalogue, ``NO_CLASS`` where it has none."""
+    """(B,) index into BOX_CLASSES of each blueprint of the catalog, ``NO_CLASS`` where it has none."""
     names = [blueprint.box_class for blueprint in load_blueprints()]
     return np.array([BOX_CLASSES.index(name) if name else NO_CLASS for name in names], np.uint8)
 
@@ -52,7 +52,7 @@ def boxes_around_ego(
         state: The world state to label.
         radius_m: Maximum distance between the centers of the ego's box and another box.
         ego_level: The road level that the ego is on; None: everything counts.
-        extents: Extents of the catalogue's models, for boxes that fit the posed meshes; None: use the actors' sizes.
+        extents: Extents of the catalog's models, for boxes that fit the posed meshes; None: use the actors' sizes.
         static_objects: Traffic lights and signs of the map; None: leave them out.
 
     Returns:
@@ -114,6 +114,6 @@ def _near(table: Table, state: WorldState, radius_m: float) -> Table:
 
 
 def _sign_of_blueprint() -> UInt8Array:
-    """(B,) index into SIGN_TYPES of each blueprint of the catalogue."""
+    """(B,) index into SIGN_TYPES of each blueprint of the catalog."""
     kind = {f"prop.sign_{name}": index for index, name in enumerate(SIGN_TYPES)}
     return np.array([kind.get(blueprint.name, 0) for blueprint in load_blueprints()], np.uint8)

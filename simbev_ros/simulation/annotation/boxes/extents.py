@@ -16,7 +16,7 @@ from simbev_ros.foundation.types import AnyArray, BoolArray, Float32Array, Float
 
 
 class Extents:
-    """The catalogue's models, reduced to the points that can be outermost in some pose."""
+    """The catalog's models, reduced to the points that can be outermost in some pose."""
 
     def __init__(self, models: Sequence[ActorModel]) -> None:
         """Prepare models, indexed by blueprint."""

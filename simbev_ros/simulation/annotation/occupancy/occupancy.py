@@ -59,7 +59,7 @@ class OccupancyAnnotator:
 
         Args:
             static: The static scene.
-            models: The catalogue's models, indexed by blueprint.
+            models: The catalog's models, indexed by blueprint.
             threads: Number of CPU cores to use.
         """
         self._tiles, self._threads = static.tiles, threads

@@ -34,10 +34,10 @@ _VISIBLE_BOX = ("left", "top", "right", "bottom")
 
 
 class ViewAnnotator:
-    """Computes what cameras see of the actors of a catalogue."""
+    """Computes what cameras see of the actors of a catalog."""
 
     def __init__(self, models: Sequence[ActorModel]) -> None:
-        """Prepare the catalogue's models, indexed by blueprint."""
+        """Prepare the catalog's models, indexed by blueprint."""
         self._skeletons = Skeletons(models)
         self._detail = LevelsOfDetail(models)
         classes = [BOX_CLASSES.index(model.box_class) if model.box_class else NO_CLASS for model in models]

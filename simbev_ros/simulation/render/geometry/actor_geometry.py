@@ -21,7 +21,7 @@ _INSTANCE_DTYPE = np.dtype([("in_row", "<u4"), ("in_first", "<u4")])
 
 
 class ActorGeometry:
-    """Uploaded meshes of all models of the catalogue, and the draw calls for selected actors."""
+    """Uploaded meshes of all models of the catalog, and the draw calls for selected actors."""
 
     def __init__(
         self,

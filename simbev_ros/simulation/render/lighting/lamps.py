@@ -55,7 +55,7 @@ class _ModelLamps:
 
 
 class VehicleLamps:
-    """The lamps of all models of the catalogue, found in their meshes."""
+    """The lamps of all models of the catalog, found in their meshes."""
 
     def __init__(self, models: Sequence[ActorModel]) -> None:
         """Find the lamps of (B,) models, indexed by blueprint."""

@@ -1,9 +1,9 @@
-"""Access to the catalogue's models for tests, with vertices in any pose."""
+"""Access to the catalog's models for tests, with vertices in any pose."""
 
 import numpy as np
 
 from simbev_ros.assets.actors.actor_model import ActorModel
-from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.actors.catalog import load_models
 from simbev_ros.assets.actors.skeletons import part_poses
 from simbev_ros.foundation.types import Float64Array, Table
 from simbev_ros.scene.blueprints import Blueprint, blueprint_index, blueprint_named, load_blueprints

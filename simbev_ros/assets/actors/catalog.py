@@ -1,4 +1,4 @@
-"""The catalogue: one model per blueprint. What is built once is then read from the cache."""
+"""The catalog: one model per blueprint. What is built once is then read from the cache."""
 
 from collections.abc import Sequence
 from functools import lru_cache, partial

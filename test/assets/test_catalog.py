@@ -3,10 +3,10 @@ from dataclasses import fields, replace
 import numpy as np
 import open3d as o3d
 import pytest
-from catalogue_models import ON_FOOT, PEDESTRIANS, blueprint, model, pose_vertices, rows
+from catalog_models import ON_FOOT, PEDESTRIANS, blueprint, model, pose_vertices, rows
 
 from simbev_ros.assets.actors.actor_model import ActorModel, Cycle
-from simbev_ros.assets.actors.catalogue import load_models
+from simbev_ros.assets.actors.catalog import load_models
 from simbev_ros.assets.actors.finishes import finish_named
 from simbev_ros.assets.actors.shape import Shape, build_model, load_shape
 from simbev_ros.assets.actors.skeletons import part_poses

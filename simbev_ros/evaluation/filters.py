@@ -46,7 +46,7 @@ class BoxFilter:
             raise InputError(f"difficulties: {wrong} is not allowed; allowed: {', '.join(DIFFICULTIES)}")
 
     def truth_mask(self, boxes: Table) -> BoolArray:
-        """(N,) mask of the ``simulation.annotation.boxes.BOX_DTYPE`` boxes that count."""
+        """(N,) mask of the ``schema.boxes.BOX_DTYPE`` boxes that count."""
         points = np.maximum(boxes["lidar_points"], 0) + np.maximum(boxes["radar_points"], 0)
         difficulties = [DIFFICULTIES.index(name) for name in self.difficulties]
         return (

@@ -81,7 +81,7 @@ class Predictions:
 
 
 def boxes_from_tables(tables: Mapping[int, Table]) -> Boxes:
-    """Ground-truth boxes from ``simulation.annotation.boxes.BOX_DTYPE`` tables by frame, in the order of the frames."""
+    """Ground-truth boxes from ``schema.boxes.BOX_DTYPE`` tables by frame, in the order of the frames."""
     frame = np.repeat(np.array([*tables], np.int64), np.array([len(table) for table in tables.values()], np.int64))
     parts = [_columns(table) for table in tables.values()]
     if not parts:

@@ -1,7 +1,9 @@
-"""Section ``evaluation``: live evaluation of a perception stack, whose answers are compared with the ground truth."""
+"""Section ``evaluation``: how answers of a perception stack are compared with the ground truth, live or from files."""
 
 import shlex
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Field, field_validator, model_validator
@@ -13,6 +15,11 @@ from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES
 
 BOXES_TOPIC, GRIDS_TOPIC = "/prediction/boxes", "/prediction/bev"
 """Default topics of the predicted boxes and grids of the first agent's stack."""
+
+RINGS_M = (0.0, 20.0, 40.0, 60.0)
+IOUS = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+DISTANCES_M = (0.5, 1.0, 2.0, 4.0)
+"""Thresholds of the paper for boxes."""
 
 Truth = Literal["own", "joint"]
 """Ground truth against which an agent's stack is judged: the agent's own boxes, or those of all agents together."""
@@ -66,6 +73,7 @@ class Evaluation(Model):
         description="boxes that the stack must find; own: those of its agent; joint: with the points and the "
         "visibility that all agents of the scene together have, for stacks that use the data of several",
     )
+    min_range_m: float = Field(0.0, ge=0, description="minimum distance of evaluated boxes and cells")
     range_m: float | None = Field(
         None, gt=0, description="maximum distance of evaluated boxes and cells; none: no limit"
     )
@@ -74,8 +82,37 @@ class Evaluation(Model):
     classes: tuple[str, ...] | None = Field(
         None, min_length=1, description="classes of boxes and cells that are evaluated; none: all"
     )
-    by: tuple[Literal["distance", "visibility", "points", "difficulty", "daytime", "weather"], ...] = Field(
-        (), description="conditions by which results are broken down in additional tables"
+    difficulties: tuple[Literal["easy", "medium", "hard"], ...] = Field(
+        ("easy", "medium", "hard"), min_length=1, description="difficulties of evaluated boxes"
+    )
+    daytimes: tuple[Literal["day", "twilight", "night"], ...] = Field(
+        ("day", "twilight", "night"),
+        min_length=1,
+        description="times of day of evaluated frames; it is twilight while the sun is within 6° of the horizon",
+    )
+    weathers: tuple[Literal["clear", "cloudy", "fog", "rain"], ...] = Field(
+        ("clear", "cloudy", "fog", "rain"),
+        min_length=1,
+        description="weather of evaluated frames: rain from a precipitation of 10 %, else fog from a density of 20 %, "
+        "else cloudy from 60 %",
+    )
+    by: tuple[Literal["distance", "visibility", "points", "difficulty", "daytime", "weather", "map"], ...] = Field(
+        (),
+        description="conditions by which results are broken down in additional tables; map: only of predictions in "
+        "files",
+    )
+    rings_m: tuple[float, ...] = Field(
+        RINGS_M, min_length=1, description="start of each ring of the table by distance, rising"
+    )
+    ious: tuple[Annotated[float, Field(gt=0, le=1)], ...] = Field(
+        IOUS, description="thresholds for matching boxes by 3D IoU, rising"
+    )
+    distances_m: tuple[Annotated[float, Field(gt=0, le=1000)], ...] = Field(
+        DISTANCES_M, description="thresholds for matching boxes by the distance of their centers, rising"
+    )
+    planar: bool = Field(False, description="distances and velocities without z")
+    envelope: bool = Field(
+        False, description="area under the envelope of precision over recall, as Pascal VOC, and not under its steps"
     )
     figures: str | None = Field(
         None,
@@ -91,6 +128,21 @@ class Evaluation(Model):
         if unknown:
             raise ValueError(f"there is no {unknown[0]!r}; allowed: {', '.join(known)}")
         return names
+
+    @field_validator("rings_m", "ious", "distances_m")
+    @classmethod
+    def _rise(cls, values: Sequence[float]) -> Sequence[float]:
+        if any(low >= high for low, high in pairwise(values)) or min(values, default=0) < 0:
+            raise ValueError(f"{', '.join(f'{each:g}' for each in values)}: must rise, the first from 0 or more")
+        return values
+
+    @model_validator(mode="after")
+    def _something_counts(self) -> Self:
+        if self.range_m is not None and self.range_m <= self.min_range_m:
+            raise ValueError(f"range_m: {self.range_m:g} must be above min_range_m, {self.min_range_m:g}")
+        if not (self.ious or self.distances_m):
+            raise ValueError("ious, distances_m: at least one threshold is needed")
+        return self
 
     @property
     def included(self) -> IncludedStack | None:

@@ -4,6 +4,7 @@ The command line and the ``evaluation`` section of a configuration are converted
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from simbev_ros.config.evaluation import Evaluation, Truth
@@ -46,17 +47,38 @@ class EvaluationOptions:
                 raise InputError(f"{name}: there is no {unknown[0]!r}; allowed: {', '.join(known)}")
 
 
-def options_of(section: Evaluation) -> EvaluationOptions:
-    """Options that the ``evaluation`` section of a configuration asks for."""
+def options_of(
+    section: Evaluation, *, maps: Sequence[str] = (), every: int = 1, nuscenes: bool = False
+) -> EvaluationOptions:
+    """Options that the ``evaluation`` section of a configuration asks for.
+
+    Args:
+        section: The section.
+        maps: Maps of the scenes, for the table by map.
+        every: Evaluate every Nth frame of a scene.
+        nuscenes: Whether to compute the nuScenes metrics in addition.
+    """
     boxes = BoxFilter(
-        range_m=(0.0, math.inf if section.range_m is None else section.range_m),
+        range_m=(section.min_range_m, math.inf if section.range_m is None else section.range_m),
         visibility=(section.min_visibility, math.inf),
         points=(section.min_points, math.inf),
+        difficulties=section.difficulties,
+    )
+    counted = TableSlice(
+        boxes=boxes,
+        daytimes=section.daytimes,
+        weathers=section.weathers,
+        maps=tuple(maps) if "map" in section.by else (),
     )
     chosen = (*BOX_CLASSES, *BEV_CLASSES) if section.classes is None else section.classes
     return EvaluationOptions(
-        slices=tuple(table_slices(TableSlice(boxes=boxes), section.by)),
+        slices=tuple(table_slices(counted, section.by, section.rings_m)),
+        detection=DetectionOptions(
+            section.ious, section.distances_m, section.planar, "envelope" if section.envelope else "steps"
+        ),
         box_classes=tuple(name for name in BOX_CLASSES if name in chosen),
         bev_classes=tuple(name for name in BEV_CLASSES if name in chosen),
+        every=every,
+        nuscenes=nuscenes,
         truth=section.truth,
     )

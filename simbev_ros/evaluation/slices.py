@@ -10,13 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from simbev_ros.config.evaluation import RINGS_M
 from simbev_ros.evaluation.conditions import DAYTIMES, WEATHERS, daytime_of, weather_of
 from simbev_ros.evaluation.filters import BoxFilter
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.schema.scene.spec import SceneSpec
 
-RINGS_M: tuple[float, ...] = (0.0, 20.0, 40.0, 60.0)
-"""Distances from the ego at which the rings begin; the last one is unbounded."""
 _VISIBILITIES = (0.0, 0.4, 0.6, 0.8)
 """Lower bounds of the visibility levels, as in nuScenes."""
 _POINTS = (0, 1, 5, 20, 100)
@@ -79,7 +78,7 @@ def table_slices(base: TableSlice, groups: Sequence[str], rings_m: Sequence[floa
     Args:
         base: Everything that counts; each slice is a part of it.
         groups: Conditions to slice by, keys of ``GROUPS``; slices by map are those of the maps that ``base`` names.
-        rings_m: Distances at which the rings begin, rising from 0 or more.
+        rings_m: Distances from the ego at which the rings begin, rising from 0 or more; the last one is unbounded.
 
     Raises:
         InputError: A group is unknown, or the rings do not rise.

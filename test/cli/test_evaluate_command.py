@@ -62,7 +62,9 @@ def test_figures_are_written_although_nobody_reads_the_tables(
 
 def test_the_figures_are_of_what_is_asked_for(dataset: Path, predictions: Path, tmp_path: Path) -> None:
     file = tmp_path / "figures.json"
-    words = ("--classes", "car", "--range", ":40", "--points", "1", "--every", "2", "--distances", "none", "--by", "")
+    config = tmp_path / "config.yaml"
+    config.write_text("evaluation: {distances_m: [], range_m: 50, classes: [car], by: [map]}\n")
+    words = ("--config", config, "--range", ":40", "--points", "1", "--every", "2", "--by", "")
     result = called(predictions, dataset, "--json", file, *words)
     assert result.exit_code == 0, result.output
     figures = json.loads(file.read_text())
@@ -76,29 +78,53 @@ def test_the_figures_are_of_what_is_asked_for(dataset: Path, predictions: Path, 
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--classes", "tram"), "--classes: there is no 'tram'; allowed: car, "),
+        (("--classes", "tram"), "classes: there is no 'tram'; allowed: car, "),
         (("--range", "50"), "--range: '50': must be FROM:TO"),
-        (("--range", "50:20"), "range_m: 50 to 20"),
+        (("--range", "50:20"), "range: range_m: 20 must be above min_range_m, 50"),
         (("--range", "a:"), "--range: 'a' is not a number"),
-        (("--rings", "20,10"), "rings: 20, 10: must rise"),
-        (("--ious", "0.5,1.5"), "--ious: 0.5,1.5: must rise, and each be above 0 and at most 1"),
-        (("--ious", "0.5,,0.6"), "must be words with commas between"),
-        (("--distances", "inf"), "--distances: 'inf' is not a number"),
-        (("--by", "colour"), "by: there is no 'colour'; allowed: distance"),
-        (("--weather", "snow"), "weathers: 'snow' is not allowed; allowed: clear"),
-        (("--difficulty", "simple"), "difficulties: 'simple' is not allowed"),
+        (("--by", "distance,,map"), "must be words with commas between"),
+        (("--by", "colour"), "by: Input should be 'distance', "),
         (("--scenes", "Blocks-0009"), "has no scene 'Blocks-0009', but Blocks-0000, Blocks-0001"),
         (("--split", "train"), "there is no scene of the split 'train'"),
         (("--json", "/nowhere/a.json"), "/nowhere/a.json: there is no folder /nowhere"),
         (("--report", "/tmp"), "/tmp: is a folder, not a file"),
         (("--json", "/proc/a.json"), "/proc: cannot be written to"),
-        (("--daytime", "night", "--scenes", "Blocks-0000"), "no frame of 1 scenes is left to evaluate"),
+        (("--config", "none.yaml"), "none.yaml: no such file; shipped configurations are "),
     ],
 )
 def test_bad_words_are_named(dataset: Path, predictions: Path, words: tuple[str, ...], message: str) -> None:
     result = called(predictions, dataset, *words)
     assert isinstance(result.exception, InputError)
     assert message in str(result.exception)
+
+
+@pytest.mark.parametrize(
+    ("section", "message"),
+    [
+        ("rings_m: [20, 10]", ":1: evaluation.rings_m: 20, 10: must rise"),
+        ("ious: [0.5, 1.5]", ":1: evaluation.ious.1: Input should be less than or equal to 1, not 1.5"),
+        ("ious: [], distances_m: []", ":1: evaluation.ious, distances_m: at least one threshold is needed"),
+        ("weathers: [snow]", ":1: evaluation.weathers.0: Input should be 'clear', "),
+        ("difficulties: []", ":1: evaluation.difficulties: "),
+        ("daytimes: [night]", "no frame of 1 scenes is left to evaluate"),
+        (None, ": has no section evaluation"),
+    ],
+)
+def test_a_wrong_section_of_the_configuration_is_named(
+    dataset: Path, predictions: Path, tmp_path: Path, section: str | None, message: str
+) -> None:
+    config = tmp_path / "config.yaml"
+    config.write_text("seed: 1\n" if section is None else f"evaluation: {{{section}}}\n")
+    result = called(predictions, dataset, "--config", config, "--scenes", made.NAMES[0])
+    assert isinstance(result.exception, InputError)
+    assert message in str(result.exception)
+
+
+def test_a_shipped_configuration_says_what_counts(dataset: Path, predictions: Path, tmp_path: Path) -> None:
+    file = tmp_path / "figures.json"
+    result = called(predictions, dataset, "--config", "stack", "--json", file, "--workers", "1")
+    assert result.exit_code == 0, result.output
+    assert "motorcycle" in json.loads(file.read_text())["segmentation"]["IoU_at"]
 
 
 def test_predictions_of_another_dataset_are_refused(dataset: Path, tmp_path: Path) -> None:

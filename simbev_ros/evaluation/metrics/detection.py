@@ -18,6 +18,7 @@ from typing import Literal
 
 import numpy as np
 
+from simbev_ros.config.evaluation import DISTANCES_M, IOUS
 from simbev_ros.evaluation.metrics.averages import mean_ignoring_nan
 from simbev_ros.evaluation.metrics.curves import Area, Curve, average_precision, curve
 from simbev_ros.evaluation.metrics.errors import ERRORS
@@ -41,8 +42,8 @@ class DetectionOptions:
         area: How the area under the precision-recall curve is computed.
     """
 
-    ious: tuple[float, ...] = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
-    distances_m: tuple[float, ...] = (0.5, 1.0, 2.0, 4.0)
+    ious: tuple[float, ...] = IOUS
+    distances_m: tuple[float, ...] = DISTANCES_M
     planar: bool = False
     area: Area = "steps"
 

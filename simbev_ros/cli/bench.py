@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from simbev_ros.cli.console import make_console
+from simbev_ros.cli.scene_options import SHIPPED
 from simbev_ros.cli.timing_report import Json, show_timing
 from simbev_ros.config.rendering import Quality
 
@@ -16,7 +17,7 @@ _FULL = "full"
 def bench(
     config: Annotated[
         str,
-        typer.Argument(help=f"Configuration to time: a file, or demo, live, paper, stack; {_FULL}: the paper's rig."),
+        typer.Argument(help=f"Configuration to time: a file, or {SHIPPED}; {_FULL}: the paper's rig."),
     ] = "demo",
     ticks: Annotated[
         int,

@@ -10,6 +10,7 @@ from rich.table import Table
 from simbev_ros.cli.console import make_console, plural
 from simbev_ros.cli.pool import MAX_GRAPHS, worker_count
 from simbev_ros.cli.scene_numbers import scene_numbers
+from simbev_ros.cli.scene_options import Config, GraphRay, GraphWorkers
 from simbev_ros.config.load import load_scenario
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath, path_or_url
@@ -20,29 +21,16 @@ if TYPE_CHECKING:
 
 
 def generate(
-    config: Annotated[str, typer.Argument(help="Configuration file, or demo, live, paper, stack.", show_default=False)],
+    config: Config,
     out: Annotated[
         str, typer.Option(help="The dataset, new or begun: a folder, or s3://bucket/prefix.", show_default=False)
     ],
     replace: Annotated[
-        list[str] | None,
-        typer.Option(help="Make only these scenes again: numbers and ranges.", metavar="3,17-20"),
+        list[str] | None, typer.Option(help="Make only these scenes again: numbers and ranges.", metavar="3,17-20")
     ] = None,
     retries: Annotated[int, typer.Option(help="Maximum number of retries of a failed scene.", min=0, max=10)] = 2,
-    workers: Annotated[
-        str | None,
-        typer.Option(
-            help="Number of scenes to make at once, each on a graph of its own; auto: as many as this machine carries.",
-            metavar="N|auto",
-        ),
-    ] = None,
-    ray: Annotated[
-        str | None,
-        typer.Option(
-            help="Make the scenes on this Ray cluster; auto: the one that this machine is a node of.",
-            metavar="auto|HOST:PORT",
-        ),
-    ] = None,
+    workers: GraphWorkers = None,
+    ray: GraphRay = None,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Only estimate the number, time and size of scenes.")
     ] = False,

@@ -70,17 +70,7 @@ def info(
         raise InputError(f"--agent {agent!r:.80}: is for a scene's bag, without --report")
     page = None if report is None else _page(report)
     if is_dataset(place):
-        bags = _bags_of(place)
-        scenes = [_describe_any(bag, digest) for bag in bags]
-        facts: dict[str, Any] = {"path": str(place), "scenes": scenes}
-        own = {str(bag) for bag in bags if is_scene(bag) or bag.name.endswith(PARTIAL_SUFFIX)}
-        finished = sum(scene["state"] == "finished" and scene["path"] in own for scene in scenes)
-        additional = sum(map(len, finished_scenes(place).values())) if isinstance(place, Path) else 0
-        more = f", {additional} additional bags" if additional else ""
-        parts: list[Text | Table] = [
-            Text.assemble((str(place), "bold"), f": {finished} of {len(own)} scenes finished{more}"),
-            _scene_table(scenes, digest),
-        ]
+        facts, parts = _describe_dataset(place, digest)
     else:
         facts = _describe(place, digest)
         if agent is not None:
@@ -92,6 +82,18 @@ def info(
         table_console().print(*parts, sep="\n")
     if page is not None:
         _write_report(place, page, pool, videos=videos)
+
+
+def _describe_dataset(place: AnyPath, digest: bool) -> tuple[dict[str, Any], list[Text | Table]]:
+    """Facts of a dataset, and how they are printed."""
+    bags = _bags_of(place)
+    scenes = [_describe_any(bag, digest) for bag in bags]
+    own = {str(bag) for bag in bags if is_scene(bag) or bag.name.endswith(PARTIAL_SUFFIX)}
+    finished = sum(scene["state"] == "finished" and scene["path"] in own for scene in scenes)
+    additional = sum(map(len, finished_scenes(place).values())) if isinstance(place, Path) else 0
+    more = f", {additional} additional bags" if additional else ""
+    head = Text.assemble((str(place), "bold"), f": {finished} of {len(own)} scenes finished{more}")
+    return {"path": str(place), "scenes": scenes}, [head, _scene_table(scenes, digest)]
 
 
 def _bags_of(dataset: AnyPath) -> Sequence[AnyPath]:

@@ -31,6 +31,7 @@ VERBS = {
     "scene": "scene.command:scene",
     "info": "info:info",
     "preview": "preview:preview",
+    "gallery": "gallery:gallery",
     "view": "view.command:view",
     "verify": "verify:verify",
     "logs": "logs:logs",

@@ -1,10 +1,18 @@
 """Files that users ask for on the command line: checked before the work begins."""
 
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.text import Text
 
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.files.input_file import is_folder
 from simbev_ros.foundation.files.whole_files import require_writable, write_errors
+
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace existing pictures.")]
 
 
 def require_place(file: Path) -> None:
@@ -35,6 +43,12 @@ def make_room(out: Path, targets: list[Path], overwrite: bool) -> None:
     taken = [path for path in targets if path.exists()]
     if taken and not overwrite:
         raise InputError(f"{taken[0]}: exists already; nothing was overwritten (--overwrite replaces it)")
+
+
+def show_written(paths: Iterable[Path], console: Console) -> None:
+    """Print the files that were written."""
+    for path in paths:
+        console.print(Text.assemble(("wrote", "green"), f" {path}"), soft_wrap=True)
 
 
 def require_name(path: Path) -> None:

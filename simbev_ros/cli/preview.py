@@ -1,31 +1,25 @@
-"""``simbev preview``: pictures of a recorded scene, or a gallery of towns, weathers and camera modalities."""
+"""``simbev preview``: pictures and a video of a recorded scene."""
 
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 from rich.console import Console
-from rich.text import Text
 
 from simbev_ros.cli.agent_option import ALL, ShownAgentOption, require_agent
 from simbev_ros.cli.console import make_console, percent_bar
-from simbev_ros.cli.output_file import make_room
-from simbev_ros.config.rendering import Quality
+from simbev_ros.cli.output_file import Overwrite, make_room, show_written
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.show.sheet import LabelPlacement
 
 if TYPE_CHECKING:
     from simbev_ros.recording.indexed_bag import IndexedBag
 
-_GALLERY = "Gallery"
-
 
 def preview(
-    bag: Annotated[
-        Path | None, typer.Argument(help="A scene's bag: its folder or its .mcap file.", show_default=False)
-    ] = None,
+    bag: Annotated[Path, typer.Argument(help="A scene's bag: its folder or its .mcap file.", show_default=False)],
     out: Annotated[Path, typer.Option(help="Folder for the pictures.")] = Path(),
     frame: Annotated[int | None, typer.Option(help="Frame of the contact sheet; by default the middle one.")] = None,
     labels: Annotated[
@@ -34,29 +28,9 @@ def preview(
     ] = "panel",
     agent: ShownAgentOption = None,
     video: Annotated[bool, typer.Option(help="Also write an MP4 of all frames.")] = True,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace existing pictures.")] = False,
-    gallery: Annotated[
-        bool,
-        typer.Option(
-            "--gallery", help="Draw towns, weathers and modalities instead of a bag.", rich_help_panel=_GALLERY
-        ),
-    ] = False,
-    maps: Annotated[
-        list[str] | None,
-        typer.Option("--map", help="Only this town or map file; may be repeated.", rich_help_panel=_GALLERY),
-    ] = None,
-    size: Annotated[
-        str, typer.Option(help="Size of each picture in pixels.", metavar="WxH", rich_help_panel=_GALLERY)
-    ] = "1600x900",
-    quality: Annotated[
-        Quality, typer.Option(help="Quality of rendering: low, medium, high.", rich_help_panel=_GALLERY)
-    ] = "high",
-    seed: Annotated[
-        int,
-        typer.Option(help="Seed for everything the maps do not determine.", min=0, max=2**31, rich_help_panel=_GALLERY),
-    ] = 0,
+    overwrite: Overwrite = False,
 ) -> None:
-    """Write a contact sheet (PNG) of one frame and a video (MP4) of all frames of a recorded scene; or a gallery.
+    """Write a contact sheet (PNG) of one frame and a video (MP4) of all frames of a recorded scene.
 
     [bold]Examples[/]
 
@@ -65,27 +39,10 @@ def preview(
     simbev preview out/demo/scenes/train/Blocks-0000 --frame 12 --no-video
 
     simbev preview out/agents/scenes/train/Town05-0000 --agent all
-
-    simbev preview --gallery --out pictures --map Town03 --map Town10HD
     """
     console = make_console()
-    if (bag is not None) == gallery:
-        raise InputError("give either a scene's bag, or --gallery")
-    if gallery and (frame is not None or agent is not None or not video):
-        raise InputError("--frame, --agent and --no-video are for a scene's bag, not for --gallery")
-    if maps and not gallery:
-        raise InputError("--map is for --gallery; a bag has the map of its scene")
-    if gallery:
-        from simbev_ros.cli.gallery import make_gallery
-
-        paths = make_gallery(out, maps or [], size, quality, seed, overwrite=overwrite, console=console)
-    else:
-        assert bag is not None
-        paths = make_preview(
-            bag, out, frame=frame, labels=labels, agent=agent, video=video, overwrite=overwrite, console=console
-        )
-    for path in paths:
-        console.print(Text.assemble(("wrote", "green"), f" {path}"), soft_wrap=True)
+    shown: dict[str, Any] = {"frame": frame, "labels": labels, "agent": agent, "video": video}
+    show_written(make_preview(bag, out, **shown, overwrite=overwrite, console=console), console)
 
 
 def make_preview(

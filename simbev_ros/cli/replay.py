@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from rich.console import Console
@@ -13,6 +13,7 @@ from simbev_ros.cli.evaluate.live import FiguresOption, StackOption, with_evalua
 from simbev_ros.cli.generate import show_failures
 from simbev_ros.cli.pool import MAX_GRAPHS, worker_count
 from simbev_ros.cli.ros_options import NamespaceOption, ros_arguments
+from simbev_ros.cli.scene_options import Config, GraphRay, GraphWorkers, Live
 from simbev_ros.config.load import load_scenario
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.files.whole_files import require_writable
@@ -24,35 +25,23 @@ if TYPE_CHECKING:
     from simbev_ros.production.replay.replays import ReplayResult
 
 
+Bags = Annotated[list[Path], typer.Argument(help="Scenes' bags, their .mcap files, or datasets.", show_default=False)]
+Out = Annotated[Path | None, typer.Option(help="Record the scenes as bags in this dataset folder.")]
+Merge = Annotated[
+    str | None,
+    typer.Option(help="Record each scene as an additional bag next to its own, <scene>.LABEL.", metavar="LABEL"),
+]
+
+
 def replay(
     context: typer.Context,
-    bags: Annotated[
-        list[Path], typer.Argument(help="Scenes' bags, their .mcap files, or datasets.", show_default=False)
-    ],
-    config: Annotated[str, typer.Argument(help="Configuration file: rig, annotation, weather.", show_default=False)],
-    record: Annotated[
-        Path | None, typer.Option("--record", "--out", help="Record the scenes as bags in this dataset folder.")
-    ] = None,
-    merge: Annotated[
-        str | None,
-        typer.Option(help="Record each scene as an additional bag next to its own, <scene>.LABEL.", metavar="LABEL"),
-    ] = None,
-    workers: Annotated[
-        str | None,
-        typer.Option(
-            help="Number of scenes to record at once, each on a graph of its own; auto: as many as this machine "
-            "carries.",
-            metavar="N|auto",
-        ),
-    ] = None,
-    ray: Annotated[
-        str | None,
-        typer.Option(
-            help="Record the scenes on this Ray cluster; auto: the one that this machine is a node of.",
-            metavar="auto|HOST:PORT",
-        ),
-    ] = None,
-    live: Annotated[bool, typer.Option("--live", help="In real time; sensor topics are best effort.")] = False,
+    bags: Bags,
+    config: Config,
+    out: Out = None,
+    merge: Merge = None,
+    workers: GraphWorkers = None,
+    ray: GraphRay = None,
+    live: Live = False,
     namespace: NamespaceOption = None,
     evaluate: FiguresOption = None,
     stack: StackOption = None,
@@ -77,31 +66,37 @@ def replay(
 
     simbev replay /shared/datasets/first rear_cameras.yaml --merge rear --ray auto
     """
-    if merge is not None and (record is not None or live):
+    if merge is not None and (out is not None or live):
         raise InputError("--merge records beside the replayed bags; give neither --out nor --live with it")
     ros, count = ros_arguments(context, namespace), worker_count(workers, MAX_GRAPHS)
     if workers is None and ray is None:
         scenario = with_evaluation(load_scenario(config), evaluate, stack or ())
-        _play(bags, scenario, record, merge, live=live, ros=ros)
+        _play(bags, scenario, out, merge, live=live, ros=ros)
         return
     one_graph = {"--live": live, "--evaluate": evaluate is not None, "--stack": bool(stack)}
     one_graph |= {"--namespace": namespace is not None, "--ros-args": bool(context.obj)}
-    _require_recording([option for option, is_given in one_graph.items() if is_given], record, merge)
+    _require_recording([option for option, is_given in one_graph.items() if is_given], out, merge)
+    result = _record(bags, load_scenario(config), out, merge, count, ray)
+    raise typer.Exit(0 if result.is_complete else 1)
+
+
+def _record(
+    bags: Sequence[Path],
+    scenario: "Scenario",
+    out: Path | None,
+    merge: str | None,
+    workers: int | Literal["auto"] | None,
+    ray: str | None,
+) -> "ReplayResult":
+    """Record scenes on several graphs at once, and print what became of them."""
     from simbev_ros.cli.production_display import DatasetDisplay
     from simbev_ros.production.replay.replays import replay_bags
 
     console = make_console()
-    result = replay_bags(
-        load_scenario(config),
-        bags,
-        out=record,
-        merge=merge,
-        workers=count,
-        ray=ray,
-        observer=DatasetDisplay(console),
-    )
+    display = DatasetDisplay(console)
+    result = replay_bags(scenario, bags, out=out, merge=merge, workers=workers, ray=ray, observer=display)
     _show(result, console)
-    raise typer.Exit(0 if result.is_complete else 1)
+    return result
 
 
 def _play(

@@ -2,41 +2,50 @@
 
 import os
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.console import Console
 
 from simbev_ros.cli.console import make_console
 from simbev_ros.cli.evaluate.live import FiguresOption, StackOption, with_evaluation
 from simbev_ros.cli.ros_options import NamespaceOption, ros_arguments
+from simbev_ros.cli.scene_options import Config, Live
 from simbev_ros.cli.view.beside_run import ViewOption, ViewPortOption, viewer_beside
 from simbev_ros.config.load import load_scenario
 from simbev_ros.foundation.errors import InputError
 
+if TYPE_CHECKING:
+    from simbev_ros.config.scenario import Scenario
+
+
+Record = Annotated[Path | None, typer.Option(help="Record each scene as a bag in this dataset folder.")]
+Domain = Annotated[int | None, typer.Option(help="ROS domain; default: ROS_DOMAIN_ID, or 0.", min=0, max=232)]
+Network = Annotated[
+    bool, typer.Option("--network", help="Let other hosts take part; by default the graph is on this one alone.")
+]
+Security = Annotated[
+    bool, typer.Option("--security", help="Encrypt with keys that are made for this run (needs SROS 2).")
+]
+Reliable = Annotated[
+    bool, typer.Option("--reliable", help="With --live: sensor topics are reliable, for subscribers with default QoS.")
+]
+Serve = Annotated[
+    bool, typer.Option("--serve", help="Play the scenes that ROS nodes ask for (/world/load_scene, /world/run_scene).")
+]
+
 
 def run(
     context: typer.Context,
-    config: Annotated[str, typer.Argument(help="Configuration file, or demo, live, paper, stack.", show_default=False)],
-    live: Annotated[bool, typer.Option("--live", help="In real time; sensor topics are best effort.")] = False,
-    reliable: Annotated[
-        bool,
-        typer.Option("--reliable", help="With --live: sensor topics are reliable, for subscribers with default QoS."),
-    ] = False,
-    record: Annotated[Path | None, typer.Option(help="Record each scene as a bag in this dataset folder.")] = None,
-    domain: Annotated[
-        int | None, typer.Option(help="ROS domain; default: ROS_DOMAIN_ID, or 0.", min=0, max=232)
-    ] = None,
-    network: Annotated[
-        bool, typer.Option("--network", help="Let other hosts take part; by default the graph is on this one alone.")
-    ] = False,
-    security: Annotated[
-        bool, typer.Option("--security", help="Encrypt with keys that are made for this run (needs SROS 2).")
-    ] = False,
+    config: Config,
+    live: Live = False,
+    reliable: Reliable = False,
+    record: Record = None,
+    domain: Domain = None,
+    network: Network = False,
+    security: Security = False,
     namespace: NamespaceOption = None,
-    serve: Annotated[
-        bool,
-        typer.Option("--serve", help="Play the scenes that ROS nodes ask for (/world/load_scene, /world/run_scene)."),
-    ] = False,
+    serve: Serve = False,
     evaluate: FiguresOption = None,
     stack: StackOption = None,
     view: ViewOption = False,
@@ -65,36 +74,42 @@ def run(
     simbev run my.yaml --serve                   scenes on request: a service, and an action
     """
     from simbev_ros.cli.production_display import SceneDisplay
-    from simbev_ros.foundation.installation.message_packages.installer import describe_remedy, survey_packages
     from simbev_ros.production.observer import SeveralObservers
     from simbev_ros.production.play import play_scenes
     from simbev_ros.production.serve import serve_scenes
     from simbev_ros.ros.graph.exposure import Exposure
 
-    ros = ros_arguments(context, namespace)
-    if reliable and not live:
-        raise InputError("--reliable: is for --live; in lockstep, all topics are reliable")
+    ros, console = ros_arguments(context, namespace), make_console()
     scenario = with_evaluation(load_scenario(config), evaluate, stack or ())
     if reliable:
-        scenario = scenario.model_copy(
-            update={"graph": scenario.graph.model_copy(update={"live_reliability": "reliable"})}
-        )
-    console = make_console()
+        scenario = _with_reliable_topics(scenario, live=live)
     if domain is None and not os.environ.get("ROS_DOMAIN_ID"):
         domain = 0
-    exposure = Exposure(network=network, security=security)
-    console.print(
-        f"subscribers: source <({_env_command(domain, network)})", style="dim", highlight=False, soft_wrap=True
-    )
-    if lacking := [state.package.use for state in survey_packages() if not state.is_there]:
-        console.print(f"not available: {'; '.join(lacking)}. {describe_remedy()}", style="dim", soft_wrap=True)
+    _print_environment(domain, console, network=network)
     with viewer_beside(view_port, console, wanted=view, network=network, ros=ros) as viewer:
         observer = SeveralObservers(SceneDisplay(console), viewer)
+        where: dict[str, Any] = {"domain": domain, "exposure": Exposure(network=network, security=security), "ros": ros}
         play = serve_scenes if serve else play_scenes
-        where: dict[str, Any] = {"domain": domain, "exposure": exposure, "ros": ros}
-        bags = play(scenario, live=live, dataset=record, **where, observer=observer)
-        for bag in bags:
+        for bag in play(scenario, live=live, dataset=record, **where, observer=observer):
             console.print(f"recorded {bag}", soft_wrap=True)
+
+
+def _with_reliable_topics(scenario: "Scenario", *, live: bool) -> "Scenario":
+    """The configuration with reliable sensor topics in real time."""
+    if not live:
+        raise InputError("--reliable: is for --live; in lockstep, all topics are reliable")
+    graph = scenario.graph.model_copy(update={"live_reliability": "reliable"})
+    return scenario.model_copy(update={"graph": graph})
+
+
+def _print_environment(domain: int | None, console: Console, *, network: bool) -> None:
+    """Print what nodes in other shells need to take part, and which message packages are missing."""
+    from simbev_ros.foundation.installation.message_packages.installer import describe_remedy, survey_packages
+
+    command = _env_command(domain, network)
+    console.print(f"subscribers: source <({command})", style="dim", highlight=False, soft_wrap=True)
+    if lacking := [state.package.use for state in survey_packages() if not state.is_there]:
+        console.print(f"not available: {'; '.join(lacking)}. {describe_remedy()}", style="dim", soft_wrap=True)
 
 
 def _env_command(domain: int | None, network: bool) -> str:

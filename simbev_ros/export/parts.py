@@ -179,5 +179,6 @@ def is_begun(out: Path) -> bool:
 
 
 def part_names(out: Path) -> set[str]:
-    """Names of all parts in an export's folder, finished or interrupted; of names without dots."""
-    return {file.name.partition(".")[0] for file in (out / PARTS_FOLDER).glob("*")}
+    """Names of all parts in an export's folder, finished or interrupted."""
+    files = (out / PARTS_FOLDER).glob("*")
+    return {file.name.removesuffix(".json").removesuffix(PARTIAL_SUFFIX) for file in files}

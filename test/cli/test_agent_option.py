@@ -60,7 +60,6 @@ def test_what_does_not_go_together_is_refused(refused: Run, bag: Path, tmp_path:
     for words in ([bag, "--report", tmp_path / "report"], [tmp_path]):
         message = "error: --agent 'car': is for a scene's bag, without --report\n"
         assert refused("info", *words, "--agent", "car") == message
-    assert "--agent and --no-video are for a scene's bag" in refused("preview", "--gallery", "--agent", "car")
 
 
 def test_info_describes_every_agent(simbev: Run, bag: Path) -> None:

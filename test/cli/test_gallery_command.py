@@ -1,4 +1,4 @@
-"""``simbev preview --gallery`` as a user runs it."""
+"""``simbev gallery`` as a user runs it."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -12,27 +12,19 @@ Refused = Callable[..., str]
 
 @pytest.mark.parametrize("size", ["big", "1600", "1600x", "100x90", "1600x9000", "-160x-90"])
 def test_a_size_that_cannot_be_is_refused(refused: Refused, tmp_path: Path, size: str) -> None:
-    message = refused("preview", "--gallery", "--out", tmp_path / "out", f"--size={size}")
+    message = refused("gallery", "--out", tmp_path / "out", f"--size={size}")
     assert f"--size {size}: must be WIDTHxHEIGHT in pixels, each from 160 to 8192" in message
     assert not (tmp_path / "out").exists()
 
 
 def test_a_map_that_is_not_there_is_refused(refused: Refused, tmp_path: Path) -> None:
-    assert "Town99" in refused("preview", "--gallery", "--out", tmp_path / "out", "--map", "Town99")
+    assert "Town99" in refused("gallery", "--out", tmp_path / "out", "--map", "Town99")
     assert not (tmp_path / "out").exists()
-
-
-def test_a_bag_and_a_gallery_are_two_things(refused: Refused, tmp_path: Path) -> None:
-    for arguments in ([], [tmp_path, "--gallery"]):
-        assert "give either a scene's bag, or --gallery" in refused("preview", *arguments)
-    assert "--map is for --gallery" in refused("preview", tmp_path, "--map", "Town01")
-    for option in ("--no-video", "--frame=3"):
-        assert "are for a scene's bag, not for --gallery" in refused("preview", "--gallery", option)
 
 
 def test_pictures_that_are_there_are_kept(refused: Refused, tmp_path: Path) -> None:
     (tmp_path / "weathers").mkdir()
-    message = refused("preview", "--gallery", "--out", tmp_path, "--map", "Blocks")
+    message = refused("gallery", "--out", tmp_path, "--map", "Blocks")
     assert f"{tmp_path / 'weathers'}: exists already; nothing was overwritten" in message
 
 
@@ -42,8 +34,7 @@ def test_a_gallery_has_all_pictures_and_is_the_same_every_time(simbev: Any, tmp_
     contents = []
     for folder in (tmp_path / "a", tmp_path / "b"):
         answer = simbev(
-            "preview",
-            "--gallery",
+            "gallery",
             "--out",
             folder,
             "--map",

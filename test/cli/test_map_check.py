@@ -58,7 +58,7 @@ def test_a_map_without_findings_passes(simbev: Callable[..., Any]) -> None:
 
 
 def test_a_check_needs_a_map(refused: Callable[..., str]) -> None:
-    assert "a check needs a map" in refused("map", "--check")
+    assert "--check: needs a map" in refused("map", "--check")
 
 
 def test_a_check_writes_no_other_form(refused: Callable[..., str], damaged: Path, tmp_path: Path) -> None:

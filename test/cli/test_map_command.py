@@ -62,7 +62,7 @@ def test_bounds_choose_a_part_of_a_street_map(
 
 def test_impossible_bounds_are_refused(refused: Callable[..., str], streets: Path) -> None:
     assert "--bounds: is '8,50'; must be west,south,east,north" in refused("map", streets, "--bounds", "8,50")
-    assert "--bounds: need a map" in refused("map", "--bounds", "8,50,8.1,50.1")
+    assert "--bounds: needs a map" in refused("map", "--bounds", "8,50,8.1,50.1")
     assert "only OpenStreetMap files have parts" in refused("map", "Blocks", "--bounds", "8,50,8.1,50.1")
 
 

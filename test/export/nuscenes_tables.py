@@ -6,15 +6,15 @@ from pathlib import Path
 from typing import Any
 
 from simbev_ros.dataset import open_dataset
-from simbev_ros.export.nuscenes.export import Exported, export_nuscenes
+from simbev_ros.export.nuscenes.export import Exported, ExportSettings, export_nuscenes
 
 Tables = dict[str, list[dict[str, Any]]]
 TABLES = ["category", "attribute", "visibility", "instance", "sensor", "calibrated_sensor", "ego_pose", "log", "scene"]
 TABLES += ["sample", "sample_data", "sample_annotation", "map"]
 
 
-def export(dataset: Path, out: Path, **options: Any) -> Exported:
-    return export_nuscenes(open_dataset(dataset, threads=1), out, **options)
+def export(dataset: Path, out: Path, **settings: Any) -> Exported:
+    return export_nuscenes(open_dataset(dataset, threads=1), out, ExportSettings(**settings))
 
 
 def tables_of(out: Path) -> Tables:

@@ -22,7 +22,7 @@ from simbev_ros.dataset import open_dataset
 from simbev_ros.dataset.frame import Frame
 from simbev_ros.export.parts import Part
 from simbev_ros.export.simbev import encodings
-from simbev_ros.export.simbev.export import finish, make_part, parts_of, remove_vanished
+from simbev_ros.export.simbev.export import finish, make_part, parts_of, remove_ends
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.semantics import BEV_CLASSES
 from simbev_ros.foundation.types import AnyArray
@@ -31,7 +31,7 @@ from simbev_ros.foundation.types import AnyArray
 def export(dataset: Path, root: Path, **options: Any) -> list[str]:
     opened = open_dataset(dataset)
     parts = parts_of(opened, root)
-    remove_vanished(parts)
+    remove_ends(parts)
     for part in parts:
         if part.record() is None:
             make_part(part)

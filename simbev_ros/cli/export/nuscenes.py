@@ -13,33 +13,37 @@ from simbev_ros.foundation.errors import SimbevError
 from simbev_ros.foundation.installation.extras import load_extras
 
 if TYPE_CHECKING:
-    from simbev_ros.export.nuscenes.export import Exported
+    from simbev_ros.export.nuscenes.export import Exported, ExportSettings
 
 _MODULE, _MEMORY_MIB = "simbev_ros.export.nuscenes.export", 1024
+
+
+KeyframeHz = Annotated[
+    float, typer.Option(help="Number of samples, which have annotations, per second.", min=0.01, max=1000)
+]
+Lidarseg = Annotated[
+    bool, typer.Option(help="Write the categories of the lidar's points, if its semantic cloud was recorded.")
+]
+CanBus = Annotated[bool, typer.Option(help="Write the messages of nuScenes' CAN bus expansion that scenes have.")]
+DevkitSceneNames = Annotated[
+    bool,
+    typer.Option(
+        "--devkit-scene-names",
+        help="Name scenes scene-2000 and so on, by their numbers, as the devkit's CAN bus API demands.",
+    ),
+]
 
 
 def export_nuscenes(
     dataset: Annotated[Path, typer.Argument(help="A dataset's folder, or one scene's bag.", show_default=False)],
     out: Annotated[Path, typer.Option(help="Folder to export to, nuScenes' dataroot.", show_default=False)],
-    keyframe_hz: Annotated[
-        float, typer.Option(help="Number of samples, which have annotations, per second.", min=0.01, max=1000)
-    ] = 2.0,
+    keyframe_hz: KeyframeHz = 2.0,
     all_frames: Annotated[bool, typer.Option("--all-frames", help="Every frame is a sample.")] = False,
     sweeps: Annotated[bool, typer.Option(help="Write the sensor data between samples.")] = True,
-    lidarseg: Annotated[
-        bool, typer.Option(help="Write the categories of the lidar's points, if its semantic cloud was recorded.")
-    ] = True,
+    lidarseg: Lidarseg = True,
     map_expansion: Annotated[bool, typer.Option(help="Write the vector maps of nuScenes' map expansion.")] = True,
-    can_bus: Annotated[
-        bool, typer.Option(help="Write the messages of nuScenes' CAN bus expansion that scenes have.")
-    ] = True,
-    devkit_scene_names: Annotated[
-        bool,
-        typer.Option(
-            "--devkit-scene-names",
-            help="Name scenes scene-2000 and so on, by their numbers, as the devkit's CAN bus API demands.",
-        ),
-    ] = False,
+    can_bus: CanBus = True,
+    devkit_scene_names: DevkitSceneNames = False,
     version: Annotated[str, typer.Option(help="Name of the folder of tables.")] = "v1.0-trainval",
     agent: ExportedAgentOption = None,
     workers: Workers = None,
@@ -68,29 +72,27 @@ def export_nuscenes(
 
     simbev export nuscenes /shared/datasets/first --out /shared/exported --ray auto
     """
+    from simbev_ros.export.nuscenes.export import ExportSettings
+
+    rate_hz = None if all_frames else keyframe_hz
+    settings = ExportSettings(rate_hz, sweeps, lidarseg, map_expansion, can_bus, devkit_scene_names, version)
+    _export(dataset, out, settings, agent, workers, ray)
+
+
+def _export(
+    dataset: Path, out: Path, settings: "ExportSettings", agent: str | None, workers: str | None, ray: str | None
+) -> None:
+    """Export what the agents have recorded, and print what was made."""
     from simbev_ros.dataset import open_dataset
     from simbev_ros.export.nuscenes.export import export_nuscenes
 
     opened, out = open_dataset(shared_path(dataset, ray), threads=1), shared_path(out, ray)
-    rate_hz = None if all_frames else keyframe_hz
     failed = scenes = 0
     pooled = open_pool(workers, ray, module=_MODULE, memory_mib=_MEMORY_MIB, reads=[dataset], writes=[out])
     with pooled as pool:
         for seen, folder in exported_agents(opened, agent, out):
             with counting_bar("frames", make_console(stderr=True), elapsed=True) as bar:
-                done = export_nuscenes(
-                    seen,
-                    folder,
-                    keyframe_hz=rate_hz,
-                    sweeps=sweeps,
-                    lidarseg=lidarseg,
-                    map_expansion=map_expansion,
-                    can_bus=can_bus,
-                    devkit_scene_names=devkit_scene_names,
-                    version=version,
-                    pool=pool,
-                    report=bar.show,
-                )
+                done = export_nuscenes(seen, folder, settings, pool=pool, report=bar.show)
             _report(done, folder)
             failed, scenes = failed + len(done.failures), scenes + len(seen.scenes)
     if failed:

@@ -60,11 +60,11 @@ def export_simbev(
 def _export(opened: "Dataset", root: Path, pool: Pool, *, absolute_paths: bool) -> None:
     """Export what one agent sees, and print what was made."""
     from simbev_ros.dataset.lock import DatasetLock
-    from simbev_ros.export.simbev.export import finish, parts_of, remove_vanished
+    from simbev_ros.export.simbev.export import finish, parts_of, remove_ends
 
     with DatasetLock(root):
         parts = parts_of(opened, root)
-        remove_vanished(parts)
+        remove_ends(parts)
         made = _make(parts, pool)
         missing = finish(opened, parts, absolute_paths=absolute_paths)
     console, frames = make_console(), sum(part.count for part in parts)

@@ -6,11 +6,12 @@ from typing import Annotated
 import typer
 
 from simbev_ros.cli.pool import Workers, processes
+from simbev_ros.cli.scene_options import Config
 from simbev_ros.foundation.errors import InputError
 
 
 def scene(
-    config: Annotated[str, typer.Argument(help="Configuration file, or demo, live, paper, stack.", show_default=False)],
+    config: Config,
     count: Annotated[
         int | None,
         typer.Option(help="Number of scenes; default: that of the configuration.", min=1, max=100_000),

@@ -1,7 +1,8 @@
 """Exports the labels of a scene's lidar points as nuScenes-lidarseg has them: one byte a point, for each sample.
 
-A scene enters; a part of the export leaves, next to that with the scene's files, so that exports of earlier versions
-get labels without being made again. Labels are of the uppermost lidar, as in nuScenes, and need its semantic cloud.
+A scene enters; a part of the export leaves, next to the part with the scene's files, so that labels are added to an
+export, or removed, without making its scenes again. Labels are of the uppermost lidar, as in nuScenes, and need its
+semantic cloud.
 """
 
 from collections.abc import Sequence

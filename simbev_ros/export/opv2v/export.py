@@ -5,7 +5,7 @@ agent, with the agent's files of all frames. A part of the work (``export.parts`
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from glob import escape
 from pathlib import Path
@@ -17,13 +17,13 @@ from simbev_ros.dataset.parallel import OWN_PROCESS, Pool, report_step
 from simbev_ros.export.frame_period import frame_period
 from simbev_ros.export.opv2v.connected_agents import ConnectedAgent, connected_agents, exported_ticks, recorded_cameras
 from simbev_ros.export.opv2v.frames import FrameSettings, Record, frame_files, motion_of, yaml_file
-from simbev_ros.export.parts import PARTS_FOLDER, Part, fingerprint_of, is_begun
+from simbev_ros.export.part_making import Failures, Report, ignore_progress, make_parts, remove_vanished
+from simbev_ros.export.parts import Part, fingerprint_of, is_begun
 from simbev_ros.foundation.errors import BagError, InputError
 from simbev_ros.foundation.files.confined_paths import path_inside
 from simbev_ros.foundation.files.whole_files import write_errors, write_whole
 from simbev_ros.foundation.object_store.object_path import require_local
 from simbev_ros.foundation.units import NS_PER_S
-from simbev_ros.recording.layout import PARTIAL_SUFFIX
 
 MAX_CAMERAS = 4
 
@@ -70,7 +70,7 @@ class Exported:
     cameras: dict[str, tuple[dict[int, str], tuple[str, ...]]]
     without_lidar: dict[str, int]
     many_stations: tuple[str, ...]
-    failures: dict[str, str]
+    failures: Failures
 
 
 def export_opv2v(
@@ -79,7 +79,7 @@ def export_opv2v(
     settings: FrameSettings,
     *,
     pool: Pool = OWN_PROCESS,
-    report: Callable[[int, int], None] = lambda done, total: None,
+    report: Report = ignore_progress,
 ) -> Exported:
     """Export the finished scenes of a dataset; scenes that are already in the folder and have not changed are kept.
 
@@ -104,7 +104,8 @@ def export_opv2v(
     with DatasetLock(out), write_errors(out):
         _remove_vanished(out, dataset, parts)
         missing = [part for part in parts if part.record() is None]
-        failures |= _make(missing, pool, report)
+        frames = sum(len(range(0, len(part.scene), _period(part))) for part in missing)
+        failures |= make_parts(make_part, missing, pool, report, frames)
         for part in parts:
             if part.scene.name in failures:
                 part.remove()
@@ -147,9 +148,7 @@ def make_part(part: AgentPart) -> None:
     part.finish({"frames": len(ticks)})
 
 
-def _agents_by_scene(
-    dataset: Dataset, settings: FrameSettings
-) -> tuple[dict[str, list[ConnectedAgent]], dict[str, str]]:
+def _agents_by_scene(dataset: Dataset, settings: FrameSettings) -> tuple[dict[str, list[ConnectedAgent]], Failures]:
     """Exported agents by name of the scene, and the reasons why scenes cannot be exported."""
     found: dict[str, list[ConnectedAgent]] = {}
     failures = {}
@@ -186,36 +185,19 @@ def _part(agent: ConnectedAgent, out: Path, settings: FrameSettings) -> AgentPar
     )
 
 
-def _make(parts: Sequence[AgentPart], pool: Pool, report: Callable[[int, int], None]) -> dict[str, str]:
-    """Make parts in parallel; return why scenes could not be exported, by name of the scene."""
-    frames = sum(len(range(0, len(part.scene), _period(part))) for part in parts)
-    report(0, frames)
-    problems = list(pool.map(_problem_of, parts, lambda done: report(done, frames)))
-    report(frames, frames)
-    return {part.scene.name: problem for part, problem in zip(parts, problems, strict=True) if problem is not None}
-
-
 def _period(part: AgentPart) -> int:
     return frame_period(part.scene, part.settings.rate_hz, "rate_hz")
 
 
-def _problem_of(part: AgentPart) -> str | None:
-    """Make one part; return what is wrong with the scene's bag, or None."""
-    try:
-        make_part(part)
-    except BagError as error:
-        return str(error)
-    return None
-
-
 def _remove_vanished(out: Path, dataset: Dataset, parts: Sequence[AgentPart]) -> None:
     """Remove earlier parts of agents that scenes no longer have, as readers take every folder for an agent."""
-    names, scenes = {part.name for part in parts}, {scene.name for scene in dataset.scenes}
-    for file in list((out / PARTS_FOLDER).glob("*")):
-        name = file.name.removesuffix(".json").removesuffix(PARTIAL_SUFFIX)
+    scenes = {scene.name for scene in dataset.scenes}
+
+    def patterns_of(name: str) -> tuple[str, ...] | None:
         scene, _, folder = name.rpartition(".")
-        if scene in scenes and name not in names:
-            Part(out=out, name=name, identity={}, patterns=_patterns(scene, folder)).remove()
+        return _patterns(scene, folder) if scene in scenes else None
+
+    remove_vanished(out, [part.name for part in parts], patterns_of)
 
 
 def _remove_empty_folders(out: Path, scene: str) -> None:

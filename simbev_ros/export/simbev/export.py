@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from simbev_ros.dataset import Dataset, Scene, open_dataset
-from simbev_ros.export.parts import Json, Part, fingerprint_of, part_names
+from simbev_ros.export.part_making import remove_vanished
+from simbev_ros.export.parts import Json, Part, fingerprint_of
 from simbev_ros.export.simbev.channels import channels, left_out
 from simbev_ros.export.simbev.infos import frame_info, metadata, scene_info
 from simbev_ros.foundation.errors import InputError
@@ -87,17 +88,19 @@ def parts_of(dataset: Dataset, root: Path) -> list[FramesPart]:
     return parts
 
 
-def remove_vanished(parts: Sequence[FramesPart]) -> None:
+def remove_ends(parts: Sequence[FramesPart]) -> None:
     """Remove earlier parts beyond the end of scenes that are now shorter, before parts are made.
 
     Raises:
         InputError: A file cannot be removed.
     """
-    root, names, numbers = parts[0].out, {part.name for part in parts}, {part.number for part in parts}
-    for name in part_names(root) - names:
+    numbers = {part.number for part in parts}
+
+    def patterns_of(name: str) -> tuple[str, ...] | None:
         match = _PART_NAME.fullmatch(name)
-        if match and int(match["number"]) in numbers:
-            Part(out=root, name=name, identity={}, patterns=_patterns(*map(int, match.groups()))).remove()
+        return _patterns(*map(int, match.groups())) if match and int(match["number"]) in numbers else None
+
+    remove_vanished(parts[0].out, [part.name for part in parts], patterns_of)
 
 
 def make_part(part: FramesPart) -> int:

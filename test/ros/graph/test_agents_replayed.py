@@ -52,7 +52,7 @@ def test_a_replay_repeats_every_byte_and_changes_the_rig_of_one_agent(
     config = write(tmp_path, "all.yaml", EGO, VAN, UNIT, V2X)
     run(simbev, "run", config, "--record", tmp_path / "first")
     bag = tmp_path / "first" / SCENE
-    run(simbev, "replay", bag, config, "--record", tmp_path / "again")
+    run(simbev, "replay", bag, config, "--out", tmp_path / "again")
     before = digests(bag)
     assert digests(tmp_path / "again" / SCENE) == before
     run(simbev, "replay", bag, write(tmp_path, "fine.yaml", EGO, VAN, UNIT, V2X, columns=512), "--merge", "fine")
@@ -73,7 +73,7 @@ def test_a_scene_with_one_agent_is_replayed_with_more(simbev: Callable[..., Comm
     carrier = int(cars["id"][np.argmin(cars["distance"])])
     rider = f"  - {{name: rider, rig: {LIDAR}, carrier: {carrier}}}\n"
     config = write(tmp_path, "more.yaml", EGO, rider, UNIT, V2X)
-    run(simbev, "replay", tmp_path / "one" / SCENE, config, "--record", tmp_path / "more")
+    run(simbev, "replay", tmp_path / "one" / SCENE, config, "--out", tmp_path / "more")
     more, alone = digests(tmp_path / "more" / SCENE), digests(tmp_path / "one" / SCENE)
     of_ego = [name for name in alone if name.startswith(("/ego/", "/world/actors", "/world/signals"))]
     assert len(of_ego) > 5 and all(more[name] == alone[name] for name in of_ego)

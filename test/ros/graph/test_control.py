@@ -60,7 +60,7 @@ def first_of_two(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def replay(simbev: Simbev, bag: Path, config: Path, dataset: Path) -> Path:
-    code, output = simbev("replay", bag, config, "--record", dataset).finish()
+    code, output = simbev("replay", bag, config, "--out", dataset).finish()
     assert code == 0, output
     return dataset / SCENE
 

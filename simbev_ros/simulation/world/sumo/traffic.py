@@ -17,26 +17,10 @@ from simbev_ros.simulation.world.sumo.closures import CLOSURE
 from simbev_ros.simulation.world.sumo.lanes_ahead import LanesAhead
 from simbev_ros.simulation.world.sumo.libsumo_import import libsumo
 from simbev_ros.simulation.world.sumo.names import index_of, pedestrian_name, vehicle_name
+from simbev_ros.simulation.world.sumo.start import start_sumo
 from simbev_ros.simulation.world.sumo.tracks import LaneTracks
 
 _NS_PER_MS = 1_000_000
-_OPTIONS = {
-    "lateral-resolution": "0.8",
-    "pedestrian.model": "striping",
-    "pedestrian.striping.dawdling": "0",
-    "pedestrian.striping.walkingarea-detail": "20",
-    "time-to-teleport": "-1",
-    "time-to-impatience": "20",
-    "collision.action": "none",
-    "intermodal-collision.action": "none",
-    "max-depart-delay": "0",
-    "threads": "1",
-    "xml-validation": "never",
-    "no-step-log": "true",
-    "no-warnings": "true",
-    "duration-log.disable": "true",
-}
-_MAX_SEED = 2**31 - 1
 _POSITION_VARIABLES = libsumo.VAR_LANE_ID, libsumo.VAR_LANEPOSITION, libsumo.VAR_LANEPOSITION_LAT
 _ON_OR_OFF_ROAD = 2  # mode of moveToXY: on a road or off it
 _VEHICLE_VARIABLES = (*_POSITION_VARIABLES, libsumo.VAR_SIGNALS)
@@ -111,21 +95,13 @@ class SumoTraffic:
             raise SimulationError("a simulation is running in this process already; close it first")
         if tick_ns % _NS_PER_MS:
             raise SimulationError(f"SUMO needs ticks of whole milliseconds, not {tick_ns} ns")
-        inputs = dict(zip(("net-file", "route-files", "additional-files"), map(str, files), strict=True))
-        own = {"step-length": f"{tick_ns / NS_PER_S:.3f}", "seed": str(seed % _MAX_SEED)}
-        options = {**_OPTIONS, **inputs, **own}
         self._tracks = tracks
         self._left_sign = -1.0 if left_hand else 1.0
         self._tick_s = tick_ns / NS_PER_S
         self._open = SumoTraffic._running = True
         self._has_pending_move = False  # whether SUMO will move an actor at the next step
         try:
-            libsumo.start(["sumo", *(argument for name, value in options.items() for argument in (f"--{name}", value))])
-            for lane, speed_mps in speeds_mps.items():
-                libsumo.lane.setMaxSpeed(lane, speed_mps)
-            for lane in closed_lanes:
-                libsumo.lane.setDisallowed(lane, ["all"])
-            libsumo.simulationStep()
+            start_sumo(files, self._tick_s, seed, speeds_mps, closed_lanes)
         except _FAILURES as error:
             self.close()
             raise SimulationError(f"SUMO could not start: {error}") from error

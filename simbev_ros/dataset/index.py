@@ -163,15 +163,6 @@ def _require_names(path: AnyPath, rows: Iterable[Row]) -> None:
             raise InputError(f"{path}: scene {row['number']}: {first_problem(error)}; {_REBUILD_HINT}") from None
 
 
-def write_index(dataset: Path, rows: Iterable[Row]) -> None:
-    """Write the index atomically.
-
-    Raises:
-        InputError: It cannot be written.
-    """
-    save_index(dataset, index_table(rows))
-
-
 def save_index(dataset: AnyPath, table: pa.Table) -> None:
     """Write the index atomically, sorted by the scenes' numbers.
 

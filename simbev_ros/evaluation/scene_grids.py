@@ -53,7 +53,7 @@ class SceneGrids:
         """Count the cells of a frame; without scores all of its ground truth is missed.
 
         Args:
-            labels: (H, W) ground truth, as ``segmentation.segmentation_tally`` takes it.
+            labels: (H, W) ground truth, as ``segmentation.tallies_by_region`` takes it.
             conditions: Time of day and weather of the frame.
             predicted: Predicted scores, or None.
             base: The table slice for the returned IoU.

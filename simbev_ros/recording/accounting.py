@@ -165,10 +165,6 @@ class Accounting:
         all_sporadic = all(self._sporadic[topic] >= count for topic, count in self._announced.items())
         return all_sporadic and self.finished_tick + 1 >= self._ticks
 
-    def topics_awaited_at(self, tick: int) -> list[str]:
-        """Topics with a message that is due at this tick and has not arrived."""
-        return [topic for topic in self._missing if tick in self._missing_ticks(topic)]
-
     def report(self) -> Report:
         """Report on the current state of the accounts."""
         unscheduled = sorted(self._unexpected.keys() - self._due.keys())

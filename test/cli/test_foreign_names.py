@@ -1,5 +1,6 @@
 """Names and links in a stranger's dataset never lead out of it: commands refuse them, and write nothing anywhere."""
 
+import bz2
 import json
 from collections.abc import Callable
 from functools import reduce
@@ -69,7 +70,7 @@ def foreign_bag(path: Path, field: str, value: str) -> Path:
     reduce(getitem, parents, scene)[last] = value
     with SceneBagWriter(path) as writer:
         writer.add_attachment("scene.json", "application/json", json.dumps(scene).encode())
-        writer.add_attachment("map_source.gz", "application/gzip", b"")
+        writer.add_attachment("map_source.bz2", "application/x-bzip2", bz2.compress(b""))
         writer.add_topic("/world/events", "std_msgs/msg/String", QosProfile())
         writer.write("/world/events", scene["number"], string("{}"))
         return writer.finish({"expected": '{"/world/events": 1}', "complete": "true"})

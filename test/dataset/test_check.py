@@ -8,10 +8,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import recorded_scene as written
+from index_files import write_index
 from peak_memory import at_most
 
 from simbev_ros.dataset.check import dataset_faults
-from simbev_ros.dataset.index import read_index, update_index, write_index
+from simbev_ros.dataset.index import read_index, update_index
 from simbev_ros.dataset.opened import open_dataset
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.recording.layout import scenes_of

@@ -5,10 +5,11 @@ from pathlib import Path
 
 import pytest
 import recorded_scene as written
+from index_files import write_index
 
 from simbev_ros.dataset import growing_index
 from simbev_ros.dataset.growing_index import GrowingIndex
-from simbev_ros.dataset.index import index_table, load_index, read_index, save_index, write_index
+from simbev_ros.dataset.index import index_table, load_index, read_index, save_index
 from simbev_ros.dataset.index_row import Row, index_row
 from simbev_ros.foundation.errors import InputError
 

@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 import pytest
 import recorded_scene as written
+from index_files import write_index
 from rosbags.highlevel import AnyReader
 
 from simbev_ros.dataset import Dataset, Frame, Scene, columns, open_dataset
-from simbev_ros.dataset.index import write_index
 from simbev_ros.dataset.index_row import index_row
 from simbev_ros.foundation.errors import BagError, InputError
 from simbev_ros.foundation.types import AnyArray

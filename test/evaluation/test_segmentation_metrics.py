@@ -4,12 +4,19 @@ import numpy as np
 import pytest
 
 from simbev_ros.evaluation.figures import segmentation_figures
-from simbev_ros.evaluation.metrics.segmentation import THRESHOLDS, empty_tally, segmentation_tally
+from simbev_ros.evaluation.metrics.segmentation import THRESHOLDS, SegmentationTally, empty_tally, tallies_by_region
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.semantics import BEV_CLASSES
+from simbev_ros.foundation.types import AnyArray
 
 ROAD_AND_CAR = 1 << BEV_CLASSES.index("road") | 1 << BEV_CLASSES.index("car")
 ROAD = 1 << BEV_CLASSES.index("road")
+
+
+def segmentation_tally(labels: AnyArray, scores: AnyArray, classes: tuple[str, ...] = BEV_CLASSES) -> SegmentationTally:
+    """Counts of one frame as a whole."""
+    (tally,) = tallies_by_region(labels, scores, np.zeros(labels.shape, np.uint8), 1, classes)
+    return tally
 
 
 def test_iou_by_hand() -> None:

@@ -18,7 +18,6 @@ from simbev_ros.dataset import Frame, columns, open_dataset
 from simbev_ros.export.opv2v.export import export_opv2v
 from simbev_ros.export.opv2v.frames import FrameSettings
 from simbev_ros.foundation.geometry.transforms import apply, inverse
-from simbev_ros.foundation.semantics import MOTOR_CLASSES
 from simbev_ros.foundation.types import Float64Array
 
 OPENCOOD = os.environ.get("SIMBEV_TEST_OPENCOOD", "")
@@ -31,7 +30,7 @@ def test_opencood_reads_agents_clouds_and_boxes(tmp_path: Path) -> None:
     spec = with_agents(made_up_spec(SENSORS, number=3, ticks=5), car("car", 2), car("van", 4))
     record_made_up(tmp_path / f"set/scenes/train/{spec.name}", spec)
     dataset = open_dataset(tmp_path / "set", threads=1)
-    settings = FrameSettings(rate_hz=10.0, classes=MOTOR_CLASSES, min_points=1, cameras=None)
+    settings = FrameSettings()
     export_opv2v(dataset, tmp_path / "out", settings)
     frames = json.loads(run(OPENCOOD, Path(__file__).with_name("opencood_reading.py"), tmp_path / "out/train"))
     assert len(frames) == 3

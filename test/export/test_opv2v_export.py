@@ -21,12 +21,12 @@ from simbev_ros.export.opv2v.connected_agents import connected_agents
 from simbev_ros.export.opv2v.export import Exported, export_opv2v
 from simbev_ros.export.opv2v.frames import FrameSettings
 from simbev_ros.export.opv2v.pcd import pcd_file
-from simbev_ros.foundation.semantics import BOX_CLASSES, MOTOR_CLASSES
+from simbev_ros.foundation.semantics import BOX_CLASSES
 from simbev_ros.foundation.types import Float64Array, Table
 from simbev_ros.scene.legend import legend
 from simbev_ros.schema.v2x import OWN_POSE, V2X_DTYPE
 
-SETTINGS = FrameSettings(rate_hz=10.0, classes=MOTOR_CLASSES, min_points=1, cameras=None)
+SETTINGS = FrameSettings()
 SCENE, TICKS = "Blocks-0002", 9
 FOLDERS = {"ego": "1", "car": "3", "rsu": "-1"}
 MIRROR = np.diag([1.0, -1.0, 1.0, 1.0])
@@ -168,7 +168,7 @@ def test_vehicles_are_those_of_chosen_classes_with_points(made: tuple[Path, Made
         assert box["class"] == BOX_CLASSES[row["class"]] and box["bp_id"] == blueprints[row["blueprint"]]["name"]
         assert box["speed"] == pytest.approx(3.6 * np.linalg.norm([row[name] for name in ("vx", "vy", "vz")]), abs=1e-5)
         assert [int(value) for value in box["color"].split(", ")] == list(int(row["color"]).to_bytes(3, "big"))
-    settings = FrameSettings(rate_hz=10.0, classes=("pedestrian", *MOTOR_CLASSES), min_points=0, cameras=None)
+    settings = FrameSettings(classes=("pedestrian", *FrameSettings().classes), min_points=0)
     export(made[0] / "set", tmp_path, settings)
     unseen = 0
     for tick in range(0, TICKS, 2):

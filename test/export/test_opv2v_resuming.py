@@ -19,11 +19,10 @@ from simbev_ros.export.opv2v import export as opv2v_export
 from simbev_ros.export.opv2v.export import Exported, export_opv2v
 from simbev_ros.export.opv2v.frames import FrameSettings, frame_files
 from simbev_ros.foundation.errors import InputError, SimbevError
-from simbev_ros.foundation.semantics import MOTOR_CLASSES
 from simbev_ros.recording.layout import locate_mcap
 from simbev_ros.schema.scene.spec import SceneSpec
 
-SETTINGS = FrameSettings(rate_hz=10.0, classes=MOTOR_CLASSES, min_points=1, cameras=None)
+SETTINGS = FrameSettings()
 BAG = "set/scenes/train/Blocks-0002"
 
 

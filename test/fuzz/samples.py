@@ -12,6 +12,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from index_files import write_index
+
 sys.path += [str(Path(__file__).parents[1] / name) for name in ("support", "maps", "evaluation")]
 
 import numpy as np
@@ -27,7 +29,7 @@ from made_up_scene import made_up_spec
 from mcap.writer import CompressionType, Writer
 from targets import KEY, MESSAGE_TYPES, STAMPS_NS, TARGETS
 
-from simbev_ros.dataset.index import INDEX_FILE, write_index
+from simbev_ros.dataset.index import INDEX_FILE
 from simbev_ros.dataset.index_row import index_row
 from simbev_ros.dataset.plan import Plan, PlannedEntry
 from simbev_ros.foundation.semantics import BEV_CLASSES

@@ -54,26 +54,6 @@ def empty_tally(classes: int = len(BEV_CLASSES), thresholds: int = len(THRESHOLD
     return SegmentationTally(0, zeros, zeros, np.zeros(classes, np.int64))
 
 
-def segmentation_tally(
-    labels: AnyArray,
-    scores: AnyArray,
-    classes: Sequence[str] = BEV_CLASSES,
-    thresholds: Sequence[float] = THRESHOLDS,
-) -> SegmentationTally:
-    """Count the cells of one frame; a cell is predicted where its score is at least the threshold.
-
-    Args:
-        labels: (H, W) unsigned; bit k of a cell is class k of ``BEV_CLASSES``.
-        scores: (C, H, W) of ``classes``: floating, 0 … 1, or uint8, where 255 is 1.
-        classes: Predicted classes, out of ``BEV_CLASSES``.
-        thresholds: Score thresholds above 0, ascending.
-
-    Raises:
-        InputError: Shape, type or a score is not as above.
-    """
-    return tallies_by_region(labels, scores, np.zeros(labels.shape, np.uint8), 1, classes, thresholds)[0]
-
-
 def tallies_by_region(
     labels: AnyArray,
     scores: AnyArray,
@@ -82,18 +62,20 @@ def tallies_by_region(
     classes: Sequence[str] = BEV_CLASSES,
     thresholds: Sequence[float] = THRESHOLDS,
 ) -> list[SegmentationTally]:
-    """Count the cells of one frame as ``segmentation_tally`` does, separately for each region of the grid.
+    """Count the cells of one frame, separately for each region of the grid.
+
+    A cell is predicted where its score is at least the threshold.
 
     Args:
-        labels: (H, W).
-        scores: (C, H, W).
+        labels: (H, W) unsigned; bit k of a cell is class k of ``BEV_CLASSES``.
+        scores: (C, H, W) of ``classes``: floating, 0 … 1, or uint8, where 255 is 1.
         region: (H, W) index of the region that each cell belongs to.
         regions: Number of regions.
-        classes: Predicted classes.
+        classes: Predicted classes, out of ``BEV_CLASSES``.
         thresholds: Score thresholds above 0, ascending.
 
     Raises:
-        InputError: As ``segmentation_tally``.
+        InputError: Shape, type or a score is not as above.
     """
     _check(labels, scores, classes)
     reached, levels = _count_reached(scores, thresholds), len(thresholds) + 1

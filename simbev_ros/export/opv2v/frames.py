@@ -21,7 +21,7 @@ from simbev_ros.export.opv2v.pcd import pcd_file
 from simbev_ros.export.sensor_data import points_at_stamp, rectify
 from simbev_ros.foundation.geometry.camera import LensCamera
 from simbev_ros.foundation.geometry.transforms import inverse, matrices_from_xyz_rpy
-from simbev_ros.foundation.semantics import BOX_CLASSES
+from simbev_ros.foundation.semantics import BOX_CLASSES, MOTOR_CLASSES
 from simbev_ros.foundation.types import AnyArray, Float64Array, Table
 from simbev_ros.recording.png import RowFilter, encode_png
 from simbev_ros.recording.qos import FAST_DUMPER
@@ -47,10 +47,10 @@ class FrameSettings:
         cameras: Names of the cameras 0 to 3; None: chosen by their directions.
     """
 
-    rate_hz: float
-    classes: tuple[str, ...]
-    min_points: int
-    cameras: tuple[str, ...] | None
+    rate_hz: float = 10.0
+    classes: tuple[str, ...] = MOTOR_CLASSES
+    min_points: int = 1
+    cameras: tuple[str, ...] | None = None
 
 
 def frame_files(frame: Frame, agent: ConnectedAgent, settings: FrameSettings, motion: Table) -> dict[str, bytes]:

@@ -23,17 +23,6 @@ _COMPRESSIONS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 """Kinds of compression that numpy writes. zipfile unpacks them step by step, other kinds all at once."""
 
 
-def gunzip(data: bytes, max_bytes: int) -> bytes:
-    """Decompress gzip data of at most ``max_bytes`` after decompression.
-
-    Raises:
-        LimitError: The data unpack to more.
-        OSError, EOFError, zlib.error: The data are damaged.
-    """
-    with gzip.GzipFile(fileobj=io.BytesIO(data)) as file:
-        return _read_up_to(file, max_bytes)
-
-
 def bunzip2(data: bytes, max_bytes: int) -> bytes:
     """Decompress bzip2 data of at most ``max_bytes`` after decompression.
 

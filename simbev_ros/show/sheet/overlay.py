@@ -106,7 +106,7 @@ def draw_wireframes(
     hidden = _hidden(lines, depth_m)
     in_sight = np.bincount(lines.row[~hidden], minlength=len(boxes)) > 0
     strength = _strengths(boxes) * in_sight
-    classes = _column(boxes, "class", 255)
+    classes = boxes["class"]
     factor = np.array(picture.shape[1::-1]) / [camera.width_px, camera.height_px]
     faces, row = front_faces(boxes, camera.model, optical_from_map)
     layer = picture.copy()
@@ -144,8 +144,8 @@ def draw_boxes_from_above(
     corners_m = box_outlines(boxes, frame_from_map)[..., ::-1]
     pixels = size_px / 2 - corners_m * size_px[0] / (2 * half_extent_m) - 0.5
     near = (np.abs(pixels - size_px / 2) < size_px).all(axis=(1, 2))
-    faint = _column(boxes, faint_without, -1) == 0
-    classes = _column(boxes, "class", 255)
+    faint = boxes[faint_without] == 0
+    classes = boxes["class"]
     for strength, these in ((_FAINT, near & faint), (1.0, near & ~faint)):
         pieces = pixels[these][:, [[0, 1], [1, 2], [2, 3], [3, 0], [4, 5]]]
         _draw_lines(picture, _fixed(pieces.reshape(-1, 2, 2)), np.repeat(classes[these], 5), strength, line_px)
@@ -153,9 +153,9 @@ def draw_boxes_from_above(
 
 def _strengths(boxes: Table) -> Float64Array:
     """(N,) opacities in 0..1: lower for boxes that are far or mostly occluded, 0 below the minimum visibility."""
-    visibility = np.asarray(_column(boxes, "visibility", np.nan), np.float64)
+    visibility = np.asarray(boxes["visibility"], np.float64)
     visibility = np.where(np.isfinite(visibility), visibility, 1.0)
-    near = 1.0 - (1.0 - _FAR_STRENGTH) * np.minimum(_column(boxes, "distance", 0.0) / _FADE_DISTANCE_M, 1.0)
+    near = 1.0 - (1.0 - _FAR_STRENGTH) * np.minimum(boxes["distance"] / _FADE_DISTANCE_M, 1.0)
     return near * np.clip(2.0 * visibility, 0.5, 1.0) * (visibility >= MIN_VISIBILITY)
 
 
@@ -186,11 +186,6 @@ def _blend(picture: UInt8Array, layer: UInt8Array, strength: float) -> None:
 def _fixed(pixels: Float64Array, factor: Float64Array | float = 1.0) -> Int32Array:
     """Pixel coordinates scaled to a picture larger by ``factor``, as OpenCV's fixed-point numbers."""
     return np.rint(((pixels + 0.5) * factor - 0.5) * (1 << _FRACTION_BITS)).astype(np.int32)
-
-
-def _column(boxes: Table, name: str, missing: float) -> AnyArray:
-    """A column of the boxes, or ``missing`` for all rows: older bags may lack it."""
-    return boxes[name] if name in (boxes.dtype.names or ()) else np.full(len(boxes), missing)
 
 
 @lru_cache(maxsize=1)

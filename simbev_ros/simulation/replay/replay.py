@@ -2,7 +2,6 @@
 
 import hashlib
 import tempfile
-import zlib
 from collections import defaultdict
 from collections.abc import Iterator
 from itertools import chain
@@ -14,7 +13,7 @@ from simbev_ros.config.scenario import Scenario
 from simbev_ros.foundation.errors import BagError, InputError, LimitError
 from simbev_ros.foundation.files.limits import MAX_OSM_BYTES
 from simbev_ros.foundation.files.structured_text import parse_json
-from simbev_ros.foundation.files.unpacking import bunzip2, gunzip
+from simbev_ros.foundation.files.unpacking import bunzip2
 from simbev_ros.foundation.types import Table
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.maps.build import load_network
@@ -22,7 +21,6 @@ from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.source import is_street_map, suffix_of
 from simbev_ros.recording.arrays import point_array
 from simbev_ros.recording.layout import (
-    GZIPPED_MAP_SOURCE_ATTACHMENT,
     LEAD_IN_ATTACHMENT,
     MAP_ATTACHMENT,
     MAP_SOURCE_ATTACHMENT,
@@ -207,16 +205,12 @@ def build_recorded_roads(bag: SceneBag) -> MapSpec:
 
 def _map_source(bag: SceneBag) -> bytes | None:
     """The map file in a bag, or the part of it that was read; None if the map is a built-in town."""
-    for name, decompress in _DECOMPRESSORS.items():
-        if name in bag.attachments:
-            try:
-                return decompress(bag.attachments[name], MAX_OSM_BYTES)
-            except (EOFError, OSError, zlib.error, LimitError) as error:
-                raise BagError(f"{bag.path}: {name}: {error}") from None
-    return None
-
-
-_DECOMPRESSORS = {MAP_SOURCE_ATTACHMENT: bunzip2, GZIPPED_MAP_SOURCE_ATTACHMENT: gunzip}
+    if MAP_SOURCE_ATTACHMENT not in bag.attachments:
+        return None
+    try:
+        return bunzip2(bag.attachments[MAP_SOURCE_ATTACHMENT], MAX_OSM_BYTES)
+    except (EOFError, OSError, LimitError) as error:
+        raise BagError(f"{bag.path}: {MAP_SOURCE_ATTACHMENT}: {error}") from None
 
 
 def replayed_spec(bag: SceneBag, scenario: Scenario, network: RoadNetwork, chosen: MapSpec | None = None) -> SceneSpec:

@@ -13,7 +13,6 @@ from simbev_ros.dataset import open_dataset
 from simbev_ros.dataset.scene import Scene
 from simbev_ros.export.opv2v.export import export_opv2v
 from simbev_ros.export.opv2v.frames import FrameSettings
-from simbev_ros.foundation.semantics import MOTOR_CLASSES
 from simbev_ros.recording.digest import topic_digests
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.recording.verify import verify_bag
@@ -84,7 +83,7 @@ def test_each_is_an_actor_of_one_world_and_in_the_others_boxes(scene: Scene) -> 
 
 
 def test_points_of_an_opv2v_export_are_in_the_boxes_of_all_agents(scene: Scene, tmp_path: Path) -> None:
-    settings = FrameSettings(rate_hz=10.0, classes=MOTOR_CLASSES, min_points=1, cameras=None)
+    settings = FrameSettings()
     export_opv2v(open_dataset(scene.path, threads=1), tmp_path, settings)
     agents = {agent.spec.ego_id: agent for agent in (scene, scene.of_agent("van"))}
     counted = off = 0

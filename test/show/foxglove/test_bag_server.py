@@ -111,14 +111,6 @@ def test_displays_are_made_of_what_is_recorded(bag: Path, server: str) -> None:
     assert "/world/markers" not in client.channels, "the bag has no table of street lights"
 
 
-def test_a_bag_of_an_earlier_version_has_the_camera_info_that_images_share(bag: Path, server: str) -> None:
-    with SceneBag(bag) as opened:
-        assert "/ego/cam_front/camera_info" not in opened.topics
-        infos = {(m.stamp_ns, bytes(m.data)) for m in opened.messages(["/ego/cam_front/rgb/camera_info"])}
-    with FoxgloveClient(server) as client:
-        client.receive_until(lambda: set(client.messages.get("/ego/cam_front/camera_info", [])) == infos)
-
-
 def test_a_seek_sends_what_was_there_at_that_time(bag: Path) -> None:
     with SceneBag(bag) as opened:
         stamp_ns = int(opened.topics["/ego/odom"].stamps_ns[1])

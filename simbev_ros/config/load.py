@@ -27,7 +27,7 @@ CONFIG_SUFFIXES = (".yaml", ".yml")
 
 
 def load_scenario(path_or_name: str | Path) -> Scenario:
-    """Load the configuration at a path, or the shipped one with that name (``demo``, ``live``, ``paper``).
+    """Load the configuration at a path, or the shipped one with that name, such as ``demo``.
 
     Raises:
         InputError: There is no such file, or it is invalid.

@@ -154,7 +154,7 @@ def test_images_of_another_size_than_the_rigs_camera_are_refused_with_labels_onl
     with SceneBag(labelled_path) as bag:
         attachments = {"scene.json": bag.attachments["scene.json"]}
     path = write_scene(tmp_path / "a", ticks=2, width_px=64, cameras=("front",), boxes=True, attachments=attachments)
-    with pytest.raises(BagError, match=r"cam_front/rgb.*64.*160.*--labels off"):
+    with pytest.raises(BagError, match=r"cam_front/rgb.*64.*160.*without labels"):
         draw(path)
     draw(path, labels="off")
 

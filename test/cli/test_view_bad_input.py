@@ -75,20 +75,20 @@ def test_a_port_in_use_is_named(refused: Callable[..., str], bag: Path) -> None:
         port = taken.getsockname()[1]
         message = refused("view", bag, "--port", port)
     words = "cannot be listened on: address already in use; 0 takes any free port"
-    assert message == f"error: --port {port}: 127.0.0.1:{port} {words}\n"
+    assert message == f"error: --port: 127.0.0.1:{port} {words}\n"
 
 
 @pytest.mark.parametrize("address", ["192.0.2.1", "2001:db8::1"])
 def test_an_address_of_another_machine_is_named(refused: Callable[..., str], bag: Path, address: str) -> None:
     message = refused("view", bag, "--port", 0, "--bind", address)
     assert re.fullmatch(
-        rf"error: --bind {address}: cannot be listened on: .*; must be an address of this machine\n", message
+        rf"error: --bind: {address} cannot be listened on: .*; must be an address of this machine\n", message
     )
 
 
 def test_an_empty_address_does_not_open_all_interfaces(refused: Callable[..., str], bag: Path) -> None:
     message = refused("view", bag, "--port", 0, "--bind", "")
-    assert message == "error: --bind '': must be an address of this machine\n"
+    assert message == "error: --bind: '': must be an address of this machine\n"
 
 
 @pytest.mark.parametrize("options", [[], ["--out", "scene.rrd"]])

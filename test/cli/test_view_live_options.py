@@ -52,4 +52,4 @@ def test_a_taken_port_is_named(
         port = taken.getsockname()[1]
         message = refused(*words, port)
     words_of_system = "cannot be listened on: address already in use"
-    assert message == f"error: {option} {port}: 127.0.0.1:{port} {words_of_system}; 0 takes any free port\n"
+    assert message == f"error: {option}: 127.0.0.1:{port} {words_of_system}; 0 takes any free port\n"

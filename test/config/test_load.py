@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from simbev_ros.cli.scene_options import SHIPPED
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.load import load_scenario
 from simbev_ros.foundation.errors import InputError
@@ -18,7 +19,7 @@ def rig(sensor: str) -> str:
     return f"scenes: [{{map: Blocks, train: 1}}]\nrig: {{sensors: [{sensor}]}}\n"
 
 
-@pytest.mark.parametrize("name", ["demo", "live", "paper", "stack"])
+@pytest.mark.parametrize("name", SHIPPED.split(", "))
 def test_shipped_configurations_load(name: str) -> None:
     assert load_scenario(name).rig.sensors
 
@@ -120,8 +121,7 @@ def test_yaml_bomb_is_refused_before_it_expands(tmp_path: Path) -> None:
 
 
 def test_missing_file_lists_the_shipped_configurations() -> None:
-    shipped = "baselines, cooperative, demo, live, paper, stack"
-    with pytest.raises(InputError, match=f"no such file; shipped configurations are {shipped}"):
+    with pytest.raises(InputError, match=f"no such file; shipped configurations are {SHIPPED}$"):
         load_scenario("nowhere.yaml")
 
 

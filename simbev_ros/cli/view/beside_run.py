@@ -65,5 +65,5 @@ def _require_free(port: int) -> None:
     except OSError as error:
         words = os.strerror(error.errno or 0).lower()
         raise InputError(
-            f"--view-port {port}: {LOOPBACK}:{port} cannot be listened on: {words}; 0 takes any free port"
+            f"--view-port: {LOOPBACK}:{port} cannot be listened on: {words}; 0 takes any free port"
         ) from None

@@ -84,7 +84,7 @@ def topology_of(path: Path, all_shapes: Sequence[LaneletShape], datum: MapDatum)
         datum: Datum of the map frame: its country decides the side of traffic if no lanelets are oncoming.
 
     Raises:
-        InputError: More than a million pairs of lanelets follow or overlap each other.
+        InputError: More pairs of lanelets follow or overlap each other than ``limits.MAX_LANELET_PAIRS``.
     """
     lanes = {shape.id: shape for shape in all_shapes if shape.kind is not LaneKind.CROSSING}
     left_hand = _left_hand(lanes.values(), datum)

@@ -64,8 +64,8 @@ def running_server(
         )
     except RuntimeError as error:
         reason = str(error).removeprefix("FoxgloveError: ")
-        remedy = "choose another one with --port, or another address with --bind"
-        raise InputError(f"port {address.port} of {address.host} cannot be used: {reason}; {remedy}") from None
+        problem = f"{address.port} of {address.host} cannot be used: {reason}; choose another one, or another address"
+        raise InputError(problem, parameter="port") from None
     try:
         yield server, address._replace(port=server.port)
     finally:

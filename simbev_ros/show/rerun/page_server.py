@@ -37,7 +37,7 @@ class PageServer(ThreadingHTTPServer):
 
     def __init__(self, address: str, port: int) -> None:
         if not address:  # for sockets it means all interfaces
-            raise InputError("--bind '': must be an address of this machine")
+            raise InputError("'': must be an address of this machine", parameter="bind")
         self.source, self.data_origin = ("", 0), ""
         self.address_family = AF_INET6 if ":" in address else AF_INET
         try:
@@ -45,8 +45,9 @@ class PageServer(ThreadingHTTPServer):
         except OSError as error:
             words = f"cannot be listened on: {error.strerror or error}".lower()
             if error.errno in _PORT_ERRORS:
-                raise InputError(f"--port {port}: {address}:{port} {words}; 0 takes any free port") from None
-            raise InputError(f"--bind {address}: {words}; must be an address of this machine") from None
+                problem = f"{address}:{port} {words}; 0 takes any free port"
+                raise InputError(problem, parameter="port") from None
+            raise InputError(f"{address} {words}; must be an address of this machine", parameter="bind") from None
         self._thread = Thread(target=self.serve_forever, daemon=True)
 
     def __enter__(self) -> Self:

@@ -143,7 +143,7 @@ def _require_size(topic: str, rgb: UInt8Array, camera: Camera) -> None:
     if (width_px, height_px) != (camera.width_px, camera.height_px):
         raise BagError(
             f"{topic}: images of {width_px} x {height_px} pixels, but the camera of the scene's rig has "
-            f"{camera.width_px} x {camera.height_px}; --labels off draws them as they are"
+            f"{camera.width_px} x {camera.height_px}; without labels they are drawn as they are"
         )
 
 

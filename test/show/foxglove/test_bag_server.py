@@ -160,7 +160,7 @@ def test_it_listens_where_it_is_told_to_and_nowhere_else(bag: Path, bind: str, s
 
 def test_an_address_of_another_machine_is_named(bag: Path, failure: Callable[..., str]) -> None:
     line = failure(bag, "--port", 0, "--bind", "192.0.2.1")
-    assert "192.0.2.1 cannot be used" in line and "--bind" in line
+    assert "192.0.2.1 cannot be used" in line and "another address" in line
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -5,6 +5,7 @@ from typing import Annotated
 import typer
 
 from simbev_ros.cli.console import make_console
+from simbev_ros.cli.scene_options import SHIPPED
 from simbev_ros.cli.timing_report import Json, show_timing
 from simbev_ros.config.load import load_scenario
 from simbev_ros.foundation.files.limits import MAX_AGENTS
@@ -53,9 +54,7 @@ for _command in (cameras, rays, labels, reading, record, evaluate, city, product
 @bench.command()
 def world(
     map_name: Annotated[str, typer.Argument(help="A town or a map file.", metavar="MAP")] = "Town10HD",
-    config: Annotated[
-        str, typer.Option(help="Configuration of the traffic: a file, or demo, live, paper, stack.")
-    ] = "demo",
+    config: Annotated[str, typer.Option(help=f"Configuration of the traffic: a file, or {SHIPPED}.")] = "demo",
     ticks: Ticks = 40,
     as_json: Json = False,
 ) -> None:

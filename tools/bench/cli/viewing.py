@@ -7,13 +7,14 @@ from typing import Annotated
 import typer
 
 from simbev_ros.cli.console import make_console
+from simbev_ros.cli.scene_options import SHIPPED
 from simbev_ros.cli.timing_report import Json, show_timing
 from simbev_ros.cli.view.recorded import require_rerun
 from simbev_ros.config.load import load_scenario
 
 
 def view(
-    config: Annotated[str, typer.Argument(help="Configuration to time: a file, or demo, live, paper, stack.")] = "demo",
+    config: Annotated[str, typer.Argument(help=f"Configuration to time: a file, or {SHIPPED}.")] = "demo",
     ticks: Annotated[int, typer.Option(help="Ticks of each scene.", min=30, max=10_000)] = 60,
     rounds: Annotated[
         int, typer.Option(help="Number of times each case is timed, one after the other.", min=1, max=100)

@@ -47,7 +47,7 @@ VERBS = {
 _NAME = "simbev"
 _TAKE_URLS = ("generate", "info", "logs", "verify")
 """Verbs that work with datasets in object stores."""
-_NEED_SIMULATOR = ("demo", "run", "generate", "replay", "scene", "map")
+_NEED_SIMULATOR = ("demo", "run", "generate", "replay", "scene", "gallery", "map")
 """Verbs that the base installation does not have; parts of others say so themselves."""
 _TAKE_ROS_ARGUMENTS = ("run", "replay", "view")
 """Verbs that pass on what follows --ros-args to nodes."""

@@ -54,7 +54,6 @@ def evaluate(
     from simbev_ros.evaluation.figures import figures_of
     from simbev_ros.evaluation.options import options_of
     from simbev_ros.evaluation.predictions.dataset_predictions import open_predictions
-    from simbev_ros.show.reports.evaluation_report import write_evaluation_report
 
     section, pool = option.chosen_section(config, truth, distance, points, classes, by), processes(workers)
     _require_places(report, json_file)
@@ -70,9 +69,16 @@ def evaluate(
     figures = {"dataset": str(dataset), "predictions": str(predictions), **seen_by, **figures_of(result)}
     _show_figures(figures, json_file)
     if report is not None:
-        with make_console(stderr=True).status("report"), write_errors(report):
-            write_evaluation_report(report, result, chosen, predicted, figures)
-        make_console(highlight=False).print(f"report in {report}", soft_wrap=True)
+        _write_report(report, result, chosen, predicted, figures)
+
+
+def _write_report(report: Path, *content: Any) -> None:
+    """Write the page; ``content`` as of ``write_evaluation_report``."""
+    from simbev_ros.show.reports.evaluation_report import write_evaluation_report
+
+    with make_console(stderr=True).status("report"), write_errors(report):
+        write_evaluation_report(report, *content)
+    make_console(highlight=False).print(f"report in {report}", soft_wrap=True)
 
 
 def _require_places(report: Path | None, json_file: Path | None) -> None:

@@ -27,7 +27,6 @@ from simbev_ros.cli.view.options import (
     detail,
 )
 from simbev_ros.cli.view.recorded import require_rerun
-from simbev_ros.show.rerun.live.viewer_process import SHOWING
 
 if TYPE_CHECKING:
     from simbev_ros.show.rerun.subject import Detail
@@ -123,6 +122,8 @@ class _Printing:
 
     def scene_shown(self, name: str) -> None:
         """Print the name."""
+        from simbev_ros.show.rerun.live.viewer_process import SHOWING
+
         self._print(f"{SHOWING}{name}")
 
     def messages_ignored(self, reason: str) -> None:

@@ -24,10 +24,10 @@ class Page(HTMLParser):
 
     Args:
         text: The page.
-        has_scripts: Whether the page has scripts, charts, and files beside it.
+        is_single: Whether the page needs no other file.
     """
 
-    def __init__(self, text: str, *, has_scripts: bool = False) -> None:
+    def __init__(self, text: str, *, is_single: bool = False) -> None:
         super().__init__()
         self.headings: list[str] = []
         self.tables: list[list[list[str]]] = []
@@ -38,13 +38,14 @@ class Page(HTMLParser):
         self.scripts: list[str] = []
         self._open: list[str] = []
         self._label, self._is_data = "", False
+        text = re.sub(r"<script>.*?</script>", "", text, flags=re.DOTALL)
         self.feed(text)
         self.close()
         assert self._open == []
         assert "://" not in re.sub(r"base64,[\w+/=]+", "", text)
-        if not has_scripts:
+        if is_single:
             assert all(re.match(r"data:image/(png|jpeg);base64,", address) for address in self.pictures)
-            assert "<script" not in text
+            assert self.scripts == []
         self.drawings = [ElementTree.fromstring(svg) for svg in re.findall(r"<svg .*?</svg>", text)]
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:

@@ -16,10 +16,9 @@ from simbev_ros.dataset import open_dataset
 from simbev_ros.dataset.statistics import Statistics, statistics_of
 from simbev_ros.schema.scene.weather import Weather
 from simbev_ros.show.pages.browsable_table import Cell, Column, browsable_table
-from simbev_ros.show.pages.charts import bars, curves, heat_map, histogram
+from simbev_ros.show.pages.charts import Series, bars, curves, heat_map, histogram
 from simbev_ros.show.pages.dataset_pages import dataset_page
 from simbev_ros.show.pages.scene_columns import condition_cells, hazard_text
-from simbev_ros.show.reports.svg_charts import Series
 from simbev_ros.show.reports.svg_drawing import number, ticks
 
 HOSTILE = '"><script>alert("&amp;")</script>'
@@ -57,7 +56,7 @@ def statistics(dataset: Path) -> Statistics:
 
 
 def read(page: Path) -> Page:
-    return Page(page.read_text(encoding="utf-8"), has_scripts=True)
+    return Page(page.read_text(encoding="utf-8"))
 
 
 def test_the_main_page_has_a_row_for_each_scene_and_all_statistics(report: Path) -> None:
@@ -145,7 +144,7 @@ def test_names_from_data_are_shown_as_text(statistics: Statistics) -> None:
     )
     changed.tally.actors[HOSTILE] = 10_000
     text = dataset_page(changed, HOSTILE, {}, {HOSTILE})
-    page = Page(text, has_scripts=True)
+    page = Page(text)
     del changed.tally.actors[HOSTILE]
     assert page.tables[0][1][1:3] == [HOSTILE, HOSTILE]
     assert "<script>alert" not in text and page.charts["Bar chart: Most frequent actors"]["data"][0]["y"][0] == HOSTILE

@@ -42,7 +42,7 @@ def test_each_drawn_scene_has_a_map_and_its_parameters(config: Path, tmp_path: P
     result = draw(config, "--count", 3, "--out", out, "--workers", 1)
     assert result.exit_code == 0, result.output
     text = out.read_text(encoding="utf-8")
-    page = Page(text, has_scripts=True)
+    page = Page(text)
     assert page.scripts == [] and page.unlabeled == [] and len(page.drawings) == 3
     assert all(address.startswith("data:image/jpeg;base64,") for address in page.pictures)
     heads, *rows = page.tables[0]

@@ -4,7 +4,6 @@ from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import evaluated_dataset as made
 import numpy as np
@@ -23,9 +22,8 @@ from simbev_ros.evaluation.options import EvaluationOptions
 from simbev_ros.evaluation.predictions.dataset_predictions import open_predictions, write_grid, write_predictions
 from simbev_ros.evaluation.slices import GROUPS, TableSlice, table_slices
 from simbev_ros.foundation.semantics import BEV_CLASSES
+from simbev_ros.show.pages.charts import Series, share_profile
 from simbev_ros.show.reports.evaluation_report import evaluation_report, write_evaluation_report
-from simbev_ros.show.reports.svg_charts import Series
-from simbev_ros.show.reports.svg_lines import share_profile
 
 ERRORS = ("ATE", "AOE", "ASE", "AVE")
 
@@ -62,7 +60,7 @@ def report(
     result = replace(evaluate(chosen, predictions, options), nuscenes=own_nuscenes)
     figures = {"dataset": str(dataset), "predictions": str(folder), **figures_of(result)}
     write_evaluation_report(folder / "report.html", result, chosen, predictions, figures)
-    return Page((folder / "report.html").read_text(encoding="utf-8")), figures
+    return Page((folder / "report.html").read_text(encoding="utf-8"), is_single=True), figures
 
 
 def random_nuscenes_figures() -> NuscenesResult:
@@ -154,26 +152,16 @@ def test_a_missing_figure_is_a_dash(dataset: Path, tmp_path: Path) -> None:
 def test_curves_are_drawn_where_precision_and_recall_are(dataset: Path, tmp_path: Path) -> None:
     """Pedestrians are predicted twice in one of two scenes: precision and recall are 0.5."""
     page, _ = report(dataset, tmp_path, some_boxes(), options=EvaluationOptions(detection=DetectionOptions(ious=())))
-    pedestrian = page.drawings[1]
-    lines = list(pedestrian.iter("polyline"))
-    assert len(lines) == 4
-    ends = [tuple(map(float, line.attrib["points"].split()[-1].split(","))) for line in lines]
-    left, right, floor, top = 46.0, 260.0, 186.0, 22.0
-    expected = left + 0.5 * (right - left), floor + 0.5 * (top - floor)
-    np.testing.assert_allclose(ends, [expected] * 4, atol=0.11)
+    chart = page.charts["Line chart: Pedestrian"]
+    assert [(line["x"][-1], line["y"][-1]) for line in chart["data"]] == [(0.5, 0.5)] * 4
+    assert (chart["layout"]["xaxis"]["range"], chart["layout"]["yaxis"]["range"]) == ([0.0, 1.03], [0.0, 1.03])
 
 
-def test_profiles_have_a_dot_for_each_figure_and_gaps_where_there_is_none() -> None:
+@pytest.mark.parametrize(("joined", "mode"), [(True, "lines+markers"), (False, "markers")])
+def test_profiles_have_a_dot_for_each_figure_and_gaps_where_there_is_none(joined: bool, mode: str) -> None:
     cars = Series("car", np.array([1.0, 0.5, np.nan, 0.0]))
-    svg = ElementTree.fromstring(share_profile(["near", "mid", "far", "off"], [cars], "AP", (400, 200)))
-    dots = [(float(dot.attrib["cx"]), float(dot.attrib["cy"])) for dot in svg.iter("circle") if dot.attrib["r"] != "2"]
-    step, floor, top = (400 - 46 - 10) / 4, 200 - 34, 22
-    assert dots == [
-        pytest.approx(center, abs=0.06)
-        for center in ((46 + step / 2, top), (46 + step * 1.5, (top + floor) / 2), (46 + step * 3.5, floor))
-    ]
-    assert [len(line.attrib["points"].split()) for line in svg.iter("polyline")] == [2, 1]
-    assert {"near", "mid", "far", "off", "AP"} <= {text.text for text in svg.iter("text")}
+    (line,) = share_profile(["near", "mid", "far", "off"], [cars], "AP", joined=joined).data
+    assert (line["x"], line["y"], line["mode"]) == (["near", "mid", "far", "off"], [1.0, 0.5, None, 0.0], mode)
 
 
 def test_names_from_data_are_shown_as_text(dataset: Path, tmp_path: Path) -> None:
@@ -185,5 +173,5 @@ def test_names_from_data_are_shown_as_text(dataset: Path, tmp_path: Path) -> Non
     result = evaluate(scenes, predictions, None)
     renamed = replace(result, frames={hostile: result.frames[made.NAMES[0]]})
     figures = {"dataset": hostile, "predictions": str(folder), **figures_of(renamed)}
-    page = Page(evaluation_report(renamed, figures))
+    page = Page(evaluation_report(renamed, figures), is_single=True)
     assert hostile in page.table("scene")

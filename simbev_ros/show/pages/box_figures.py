@@ -20,8 +20,19 @@ from simbev_ros.dataset.tallies import (
 from simbev_ros.foundation.semantics import BOX_CLASSES, CLASSES, DIFFICULTIES, MOVING_CLASSES
 from simbev_ros.foundation.types import Int64Array
 from simbev_ros.schema.palette import class_color
-from simbev_ros.show.pages.charts import SMALL_PX, WIDE_PX, Chart, axis_title, bars, curves, figure, heat_map, histogram
-from simbev_ros.show.reports.svg_charts import Series, words
+from simbev_ros.show.pages.charts import (
+    SMALL_PX,
+    WIDE_PX,
+    Chart,
+    Series,
+    axis_title,
+    bars,
+    curves,
+    figure,
+    heat_map,
+    histogram,
+)
+from simbev_ros.show.reports.page import words
 from simbev_ros.show.reports.svg_drawing import Color, number
 
 _PALE: Color = (203, 213, 219)

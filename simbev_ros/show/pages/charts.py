@@ -10,7 +10,6 @@ import numpy as np
 
 from simbev_ros.foundation.types import AnyArray, Float64Array
 from simbev_ros.show.pages.web_page import json_block
-from simbev_ros.show.reports.svg_charts import Series
 from simbev_ros.show.reports.svg_drawing import INK, Color, css, number
 
 WIDE_PX, SMALL_PX = 280, 190
@@ -20,6 +19,16 @@ _TOP_SHARE = 0.998
 _MARGIN = {"l": 48, "r": 12, "t": 10, "b": 50}
 _LEGEND = {"traceorder": "normal", "orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0}
 _ROW_PX = 22
+_SHARES: dict[str, Any] = {"range": [0.0, 1.03], "dtick": 0.25}
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """A named series of (N,) values, one for each bin, bar or point, with its color."""
+
+    name: str
+    values: AnyArray
+    color: Color = INK
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +162,45 @@ def curves(
     if not is_log:
         y_axis["rangemode"] = "tozero"
     return Chart("Line chart", data, layout, {"data-clock": "axis"} if over_time else {})
+
+
+def share_lines(lines: Sequence[tuple[Float64Array, Series]], x_label: str, y_label: str, height_px: int) -> Chart:
+    """Lines of shares in 0..1 over shares, each over its own (N,) x; NaN is a gap. The legend is left to the page."""
+    data = [
+        {
+            "type": "scatter",
+            "mode": "lines" if len(x) > 1 else "markers",
+            "name": each.name,
+            "x": _rounded(x),
+            "y": _rounded(each.values),
+            "line": {"color": css(each.color), "width": 2},
+            "hovertemplate": f"{x_label} %{{x:.3f}}: {y_label} %{{y:.3f}}",
+        }
+        for x, each in lines
+    ]
+    axes = {"xaxis": {**_SHARES, "title": axis_title(x_label)}, "yaxis": {**_SHARES, "title": axis_title(y_label)}}
+    return Chart("Line chart", data, {"height": height_px, "showlegend": False, **axes})
+
+
+def share_profile(
+    names: Sequence[str], series: Sequence[Series], y_label: str, height_px: int = WIDE_PX, *, joined: bool = True
+) -> Chart:
+    """Dots of shares in 0..1 over (N,) names, joined if the names are ordered. The legend is left to the page."""
+    data = [
+        {
+            "type": "scatter",
+            "mode": "lines+markers" if joined else "markers",
+            "name": each.name,
+            "x": list(names),
+            "y": _rounded(each.values),
+            "line": {"color": css(each.color), "width": 2},
+            "marker": {"color": css(each.color), "size": 7},
+            "hovertemplate": "%{x}: %{y:.3f}",
+        }
+        for each in series
+    ]
+    axes = {"xaxis": {"type": "category"}, "yaxis": {**_SHARES, "title": axis_title(y_label)}}
+    return Chart("Profile", data, {"height": height_px, "showlegend": False, **axes})
 
 
 def heat_map(

@@ -20,7 +20,7 @@ from simbev_ros.show.pages.scene_columns import CONDITIONS, condition_cells, haz
 from simbev_ros.show.pages.scene_figures import key_figures, scene_figures, weather_figures
 from simbev_ros.show.pages.scene_media import THUMBNAIL, THUMBNAIL_SIZE
 from simbev_ros.show.pages.scene_page import PAGE, PlanPicture, ScenePage, write_plan, write_scene_page
-from simbev_ros.show.pages.web_page import web_page
+from simbev_ros.show.pages.web_page import plotly_script, web_page
 from simbev_ros.show.reports import page as sections
 from simbev_ros.show.reports.page import section, sheet
 
@@ -71,7 +71,7 @@ def write_pages(
         _counted(ok, done, total, progress)
         for done, ok in enumerate(pool.map(write_scene_page, scenes), 1 + len(plans))
     ]
-    write_whole(folder / _PLOTLY, _plotly())
+    write_whole(folder / _PLOTLY, plotly_script().encode())
     drawn = {
         plan.file.stem: f"{folder.name}/{_MAPS}/{plan.file.name}"
         for plan, ok in zip(plans, has_plan, strict=True)
@@ -173,13 +173,6 @@ def _scene_pages(statistics: Statistics, page: Path, *, videos: bool) -> list[Sc
 def _counted(result: bool, done: int, total: int, progress: Callable[[int, int], None]) -> bool:
     progress(done, total)
     return result
-
-
-def _plotly() -> bytes:
-    """Plotly's script, from its wheel."""
-    from plotly.offline import get_plotlyjs
-
-    return get_plotlyjs().encode()
 
 
 def _name(dataset: AnyPath) -> str:

@@ -29,8 +29,7 @@ from simbev_ros.show.pages.browsable_table import Cell, Column, browsable_table
 from simbev_ros.show.pages.plans import Square
 from simbev_ros.show.pages.scene_columns import CONDITIONS, condition_cells, hazard_cell, hazard_text
 from simbev_ros.show.pages.web_page import web_page
-from simbev_ros.show.reports.page import key_figures, section
-from simbev_ros.show.reports.svg_charts import words
+from simbev_ros.show.reports.page import key_figures, section, words
 from simbev_ros.show.reports.svg_drawing import Drawing, jpeg, number, ticks
 
 MAX_SCENES = 1000

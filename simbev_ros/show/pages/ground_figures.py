@@ -13,10 +13,10 @@ from simbev_ros.dataset.tallies import CELL_M
 from simbev_ros.foundation.semantics import BEV_CLASSES
 from simbev_ros.foundation.types import AnyArray, Int64Array
 from simbev_ros.schema.palette import class_color
-from simbev_ros.show.pages.charts import SMALL_PX, Chart, bars, figure, heat_map
+from simbev_ros.show.pages.charts import SMALL_PX, Chart, Series, bars, figure, heat_map
 from simbev_ros.show.pages.plans import Square
 from simbev_ros.show.pages.scene_figures import SPLIT_COLORS
-from simbev_ros.show.reports.svg_charts import Series, words
+from simbev_ros.show.reports.page import words
 from simbev_ros.show.reports.svg_drawing import Color, css, number
 
 _MAX_CELLS = 120

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from simbev_ros.evaluation.conditions import daytime_of, weather_of
 from simbev_ros.schema.scene.weather import Weather
 from simbev_ros.show.pages.browsable_table import Cell, Column
-from simbev_ros.show.reports.svg_charts import words
+from simbev_ros.show.reports.page import words
 
 CONDITIONS = (
     Column("light", "choice", "time of day at the start, by the sun's altitude"),

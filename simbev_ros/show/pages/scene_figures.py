@@ -13,8 +13,7 @@ from simbev_ros.config.weather import WEATHER_PARAMETERS
 from simbev_ros.dataset.statistics import SceneFacts, Statistics
 from simbev_ros.dataset.tallies import SPEED_STEP_MPS
 from simbev_ros.foundation.types import AnyArray
-from simbev_ros.show.pages.charts import SMALL_PX, bars, figure, histogram
-from simbev_ros.show.reports.svg_charts import Series
+from simbev_ros.show.pages.charts import SMALL_PX, Series, bars, figure, histogram
 from simbev_ros.show.reports.svg_drawing import Color, number
 
 SPLIT_COLORS: dict[str, Color] = {"train": (47, 111, 143), "val": (217, 142, 50), "test": (166, 68, 92)}

@@ -27,15 +27,14 @@ from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.schema.palette import class_color, rgb_channels
 from simbev_ros.schema.scene.spec import SceneSpec
-from simbev_ros.show.pages.charts import Chart, curves, figure
+from simbev_ros.show.pages.charts import Chart, Series, curves, figure
 from simbev_ros.show.pages.plans import Square, plan_picture
 from simbev_ros.show.pages.scene_columns import hazard_text
 from simbev_ros.show.pages.scene_figures import parameter_title
 from simbev_ros.show.pages.scene_media import PLAN, SHEET, VIDEO, is_newer, write_media
 from simbev_ros.show.pages.scene_parameters import parameter_section, weather_ends
 from simbev_ros.show.pages.web_page import facts, web_page
-from simbev_ros.show.reports.page import section
-from simbev_ros.show.reports.svg_charts import Series, words
+from simbev_ros.show.reports.page import section, words
 from simbev_ros.show.reports.svg_drawing import css
 from simbev_ros.simulation.replay.replay import build_recorded_roads
 

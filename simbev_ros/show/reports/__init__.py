@@ -1,1 +1,1 @@
-"""Reports of datasets and evaluations as single HTML pages with SVG charts."""
+"""Reports of evaluations as single HTML pages, and the SVG pictures on them."""

@@ -1,6 +1,6 @@
 """Charts of an evaluation report: precision over recall, and metrics over conditions and thresholds.
 
-An ``Evaluation`` or its figures enter; HTML figures with SVG charts leave.
+An ``Evaluation`` or its figures enter; HTML figures leave.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -10,15 +10,14 @@ import numpy as np
 from simbev_ros.evaluation.evaluation import Evaluation
 from simbev_ros.evaluation.metrics.detection import Method
 from simbev_ros.evaluation.tables import METHOD_NAMES, Figures, at_table_threshold, measured_methods
-from simbev_ros.foundation.semantics import BOX_CLASSES
+from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.schema.palette import chart_color
-from simbev_ros.show.reports.svg_charts import Series, figure, legend, words
-from simbev_ros.show.reports.svg_drawing import Color, Size
-from simbev_ros.show.reports.svg_lines import share_lines, share_profile
+from simbev_ros.show.pages.charts import Series, figure, share_lines, share_profile
+from simbev_ros.show.reports.page import words
+from simbev_ros.show.reports.svg_drawing import Color
 
-_SQUARE: Size = (270.0, 220.0)
-_PROFILE: Size = (480.0, 240.0)
+_SQUARE_PX = 230
 _LENIENT, _MIDDLE, _STRICT = (230, 160, 40), (214, 72, 96), (124, 92, 214)
 _UNORDERED = ("weather",)
 
@@ -53,7 +52,7 @@ def precision_recall_figures(evaluation: Evaluation, detection: Figures, method:
                 recall, precision = np.append(0.0, curve.recall), np.append(curve.precision[0], curve.precision)
                 lines.append((recall, Series(title, precision, colors[title])))
         note = f"AP {values[method]['AP']:.3f}" if lines else "nothing is predicted"
-        yield figure(words(name).capitalize(), share_lines(lines, "recall", "precision", _SQUARE), note)
+        yield figure(words(name).capitalize(), share_lines(lines, "recall", "precision", _SQUARE_PX), note)
 
 
 def condition_figures(key: str, boxes: Figures, cells: Figures) -> Iterator[str]:
@@ -88,9 +87,16 @@ def cell_figures(segmentation: Figures) -> Iterator[str]:
 def _profile(
     title: str, y_label: str, names: Sequence[str], values: Mapping[str, Iterable[float | None]], *, joined: bool
 ) -> str:
-    colors = {words(name): chart_color(name) for name in values}
     series = [Series(words(name), _numbers(own), chart_color(name)) for name, own in values.items()]
-    return figure(title, share_profile(names, series, y_label, _PROFILE, joined=joined), legend(colors))
+    return figure(title, share_profile(names, series, y_label, joined=joined))
+
+
+def profile_colors(boxes: Figures, cells: Figures) -> dict[str, Color]:
+    """Colors of the classes in detection and segmentation figures of several rows, by displayed name."""
+    known = {name for row in boxes.values() for name in row.get("classes", ())}
+    known |= {name for row in cells.values() for name in row.get("IoU_at", ())}
+    ordered = dict.fromkeys((*BOX_CLASSES, *BEV_CLASSES))
+    return {words(name): chart_color(name) for name in ordered if name in known}
 
 
 def _short(name: str) -> str:

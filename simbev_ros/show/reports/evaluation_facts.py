@@ -4,7 +4,6 @@ Figures and ``EvaluationOptions`` enter; text and HTML leave.
 """
 
 from collections.abc import Iterator
-from html import escape
 
 import numpy as np
 
@@ -13,7 +12,8 @@ from simbev_ros.evaluation.options import EvaluationOptions
 from simbev_ros.evaluation.slices import TableSlice
 from simbev_ros.evaluation.tables import METHOD_NAMES, Figures, at_table_threshold, text_of
 from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES, DIFFICULTIES
-from simbev_ros.show.reports.svg_charts import words
+from simbev_ros.show.pages.web_page import facts as fact_list
+from simbev_ros.show.reports.page import words
 from simbev_ros.show.reports.svg_drawing import number
 
 
@@ -34,8 +34,7 @@ def headline(figures: Figures) -> Iterator[tuple[str, str]]:
 
 def facts(figures: Figures, options: EvaluationOptions) -> str:
     """Source of the data, conditions on what counts, and the method of measurement, as an HTML list."""
-    lines = "".join(f"<dt>{escape(label)}</dt><dd>{escape(text)}</dd>" for label, text in _facts(figures, options))
-    return f'<dl class="facts">{lines}</dl>'
+    return fact_list(_facts(figures, options), "rows")
 
 
 def _facts(figures: Figures, options: EvaluationOptions) -> Iterator[tuple[str, str]]:

@@ -23,8 +23,8 @@ from simbev_ros.schema.palette import class_color
 from simbev_ros.show.reports.evaluation_cameras import camera_picture
 from simbev_ros.show.reports.evaluation_grids import FALSE, MISSED, RIGHT, grid_pictures
 from simbev_ros.show.reports.evaluation_pictures import marked_boxes, picture_half_extent_m, top_view
+from simbev_ros.show.reports.page import legend, words
 from simbev_ros.show.reports.page import table as html_table
-from simbev_ros.show.reports.svg_charts import legend, words
 from simbev_ros.show.reports.svg_drawing import Color
 
 _MIN_INTERVAL_S = 1.0

@@ -19,7 +19,7 @@ from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES
 from simbev_ros.foundation.types import AnyArray, BoolArray, Float64Array, Int64Array, Table, UInt8Array
 from simbev_ros.schema.boxes import blank_boxes
 from simbev_ros.schema.palette import chart_color
-from simbev_ros.show.reports.svg_charts import words
+from simbev_ros.show.reports.page import words
 from simbev_ros.show.reports.svg_drawing import Drawing
 from simbev_ros.show.sheet.truth import leveled_pose
 

@@ -21,20 +21,20 @@ from simbev_ros.evaluation.tables import (
     text_of,
 )
 from simbev_ros.foundation.errors import InputError
+from simbev_ros.show.pages.web_page import web_page
 from simbev_ros.show.reports.evaluation_charts import (
     cell_figures,
     condition_figures,
     precision_recall_figures,
+    profile_colors,
     threshold_colors,
     threshold_name,
 )
 from simbev_ros.show.reports.evaluation_facts import facts, headline
 from simbev_ros.show.reports.evaluation_frames import worst_frame_cards, worst_grid_cards
 from simbev_ros.show.reports.evaluation_tables import html_table, scene_table
-from simbev_ros.show.reports.page import key_figures, page, section, sheet
-from simbev_ros.show.reports.svg_charts import legend
+from simbev_ros.show.reports.page import key_figures, legend, section, sheet
 
-_STYLE_FILE = "evaluation_report.css"
 _BOXES_NOTE = (
     "Errors are those of matched boxes, means over thresholds and classes. A class without boxes is in no mean; where "
     "nothing matches, an error counts as 1."
@@ -94,7 +94,7 @@ def evaluation_report(evaluation: Evaluation, figures: Figures, boxes: str = "",
     ]
     head = key_figures(headline(figures)) + facts(figures, evaluation.options)
     title = " on ".join(Path(figures[what]).resolve().name for what in ("predictions", "dataset"))
-    return page(title, head, "".join(sections), _STYLE_FILE)
+    return web_page(title, head, "".join(sections), ["charts.js"], is_single=True)
 
 
 def _boxes(evaluation: Evaluation, detection: Figures) -> str:
@@ -125,13 +125,15 @@ def _conditions(figures: Figures) -> Iterator[str]:
     for condition in conditions_of(figures):
         boxes, cells = (figures.get(part, {}).get(f"by_{condition}", {}) for part in ("detection", "segmentation"))
         charts = sheet("pair", condition_figures(condition, boxes, cells))
+        charts = legend(profile_colors(boxes, cells)) + charts if charts else ""
         yield section(f"By {condition}", html_table(condition_table(condition, figures, with_empty=True)) + charts)
 
 
 def _cells(segmentation: Figures) -> str:
     if not segmentation:
         return ""
-    body = html_table(segmentation_table(segmentation)) + sheet("pair", cell_figures(segmentation))
+    colors = legend(profile_colors({}, {"": segmentation}))
+    body = html_table(segmentation_table(segmentation)) + colors + sheet("pair", cell_figures(segmentation))
     return section(
         "Bird's-eye view", body, "IoU of cells by class; a class is present where its score is at least the threshold."
     )

@@ -7,8 +7,7 @@ import numpy as np
 from simbev_ros.evaluation.evaluation import Evaluation
 from simbev_ros.evaluation.tables import Cell, CellKind, FigureTable, text_of
 from simbev_ros.foundation.types import BoolArray, Table
-from simbev_ros.show.reports.page import table
-from simbev_ros.show.reports.svg_charts import words
+from simbev_ros.show.reports.page import table, words
 
 _ANSWERED = {"answered_boxes": "with boxes", "answered_grid": "with grids"}
 _MAX_SPANS = 3

@@ -1,36 +1,9 @@
-"""Builds self-contained HTML pages of sections, figures and tables, without scripts or other files."""
+"""Parts of HTML pages: sections, figures beside each other, tables, key figures and legends."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
-from importlib.resources import files
 
-from simbev_ros import __version__
-
-_STYLE_FILE = "page.css"
-_POLICY = (
-    '<meta http-equiv="Content-Security-Policy" '
-    "content=\"default-src 'none'; style-src 'unsafe-inline'; img-src data:\">"
-)
-"""What browsers may load and run: no scripts, nothing from elsewhere."""
-
-
-def page(title: str, head: str, body: str, *style_files: str) -> str:
-    """A complete HTML page.
-
-    Args:
-        title: Title of the page, as text.
-        head: HTML below the title.
-        body: HTML of all sections.
-        style_files: Names of style sheets in this package that are added to the common one.
-    """
-    folder = files("simbev_ros.show.reports")
-    style = "".join(folder.joinpath(name).read_text(encoding="utf-8") for name in (_STYLE_FILE, *style_files))
-    return (
-        f'<!doctype html><html lang="en"><head><meta charset="utf-8">{_POLICY}<title>{escape(title)}</title>'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<style>{style}</style></head><body><header><h1>{escape(title)}</h1>{head}</header>"
-        f"<main>{body}</main><footer>simbev_ros {escape(__version__)}</footer></body></html>"
-    )
+from simbev_ros.show.reports.svg_drawing import Color, css
 
 
 def key_figures(figures: Iterable[tuple[str, str]]) -> str:
@@ -56,3 +29,14 @@ def table(heads: Sequence[str], rows: Iterable[str]) -> str:
     head = "".join(f"<th>{escape(text)}</th>" for text in heads)
     body = "".join(f"<tr>{cells}</tr>" for cells in rows)
     return f'<div class="table"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+
+
+def words(name: str) -> str:
+    """Name of a class as displayed text, with spaces."""
+    return name.replace("_", " ")
+
+
+def legend(series: Mapping[str, Color]) -> str:
+    """HTML legend of names with their colors."""
+    items = (f'<span><i style="background:{css(color)}"></i>{escape(name)}</span>' for name, color in series.items())
+    return f'<p class="legend">{"".join(items)}</p>'

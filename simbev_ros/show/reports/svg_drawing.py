@@ -46,11 +46,6 @@ class Drawing:
         box = f'x="{x:.2f}" y="{y:.2f}" width="{max(width, 0):.2f}" height="{max(height, 0):.2f}"'
         self.add(f'<rect {box} fill="{css(color)}"><title>{escape(title)}</title></rect>')
 
-    def dot(self, x: float, y: float, color: Color, title: str = "", radius: float = 2.0) -> None:
-        """Add a filled circle; ``title`` is shown under the pointer."""
-        tooltip = f"<title>{escape(title)}</title>"
-        self.add(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius:g}" fill="{css(color)}">{tooltip}</circle>')
-
     def path(self, kind: str, data: str, title: str = "") -> None:
         """Add lines along SVG path data; ``kind`` is their class in the style sheet."""
         tooltip = f"<title>{escape(title)}</title>" if title else ""

@@ -5,11 +5,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import evaluated_dataset as made
 import pytest
 from made_up_scene import made_up_scene
 from typer.testing import CliRunner
 
 from simbev_ros.cli.main import app
+from simbev_ros.evaluation.predictions.dataset_predictions import write_predictions
 
 pytest.importorskip("selenium", reason="selenium is not installed: pip install -e .[test]")
 
@@ -94,6 +96,18 @@ def test_charts_are_drawn_when_they_come_into_view(browser: Any, report: Path) -
     for chart in (charts[len(charts) // 2], charts[-1]):
         browser.execute_script("arguments[0].scrollIntoView()", chart)
         WebDriverWait(browser, 20).until(lambda _, chart=chart: chart.find_elements(By.CSS_SELECTOR, ".main-svg"))
+
+
+def test_an_evaluations_report_draws_its_charts_without_other_files(browser: Any, tmp_path: Path) -> None:
+    predictions, dataset = tmp_path / "predictions", made.record(tmp_path / "set")
+    predictions.mkdir()
+    write_predictions(predictions / "boxes.parquet", [(made.NAMES[0], made.as_predicted())])
+    command = ["evaluate", str(predictions), str(dataset), "--report", str(tmp_path / "report.html")]
+    result = CliRunner().invoke(app, command)
+    assert result.exit_code == 0, result.output
+    browser.get((tmp_path / "report.html").as_uri())
+    assert len(browser.find_elements(By.CSS_SELECTOR, ".chart")) > 2
+    WebDriverWait(browser, 20).until(lambda driver: driver.find_elements(By.CSS_SELECTOR, ".scatterlayer .trace"))
 
 
 def test_a_scene_is_reached_by_its_link_and_its_video_moves_the_dot_on_the_map(browser: Any, report: Path) -> None:

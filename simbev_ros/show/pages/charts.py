@@ -183,7 +183,7 @@ def share_lines(lines: Sequence[tuple[Float64Array, Series]], x_label: str, y_la
 
 
 def share_profile(
-    names: Sequence[str], series: Sequence[Series], y_label: str, height_px: int = WIDE_PX, *, joined: bool = True
+    names: Sequence[str], series: Sequence[Series], y_label: str, height_px: int = WIDE_PX - 30, *, joined: bool = True
 ) -> Chart:
     """Dots of shares in 0..1 over (N,) names, joined if the names are ordered. The legend is left to the page."""
     data = [
@@ -195,12 +195,14 @@ def share_profile(
             "y": _rounded(each.values),
             "line": {"color": css(each.color), "width": 2},
             "marker": {"color": css(each.color), "size": 7},
+            "cliponaxis": False,
             "hovertemplate": "%{x}: %{y:.3f}",
         }
         for each in series
     ]
     axes = {"xaxis": {"type": "category"}, "yaxis": {**_SHARES, "title": axis_title(y_label)}}
-    return Chart("Profile", data, {"height": height_px, "showlegend": False, **axes})
+    layout = {"height": height_px, "showlegend": False, "margin": {**_MARGIN, "b": 28}, **axes}
+    return Chart("Profile", data, layout)
 
 
 def heat_map(

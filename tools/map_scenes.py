@@ -69,7 +69,7 @@ def _plan(frame: Frame) -> UInt8Array:
 
 def _labeled_image(frame: Frame) -> UInt8Array:
     """Image of the front camera with the boxes that it sees."""
-    (camera,) = (sensor for sensor in frame.scene.spec.rig.sensors if isinstance(sensor, Camera))
+    (camera,) = (sensor for sensor in frame.scene.view.rig.sensors if isinstance(sensor, Camera))
     picture: UInt8Array = frame["cam_front/rgb"].copy()
     optical_from_map = inverse(frame.map_from_optical(camera.name))
     draw_wireframes(picture, frame["boxes"], camera, optical_from_map, frame.get("cam_front/depth"), _LINE_PX)

@@ -69,7 +69,7 @@ def make_preview(
     bag = open_bag(path)
     if agent is not None:
         spec = bag.spec
-        agents = [rig.agent for rig in spec.rigs] if spec else []
+        agents = [agent.name for agent in spec.agents] if spec else []
         require_agent(agent, [*agents, ALL] if len(agents) > 1 else agents, bag.name)
     shown = _all_agents(path) if agent == ALL else _one_agent(bag, labels, agent)
     index = shown.frames // 2 if frame is None else frame

@@ -50,9 +50,7 @@ class Ego(Model):
     reckless_probability: float = Field(
         0.01, ge=0, le=1, description="probability that the driver ignores lights, signs and other road users"
     )
-    v2x: bool = Field(
-        True, exclude_if=bool, description="whether the agent sends and receives messages, if there is a section `v2x`"
-    )
+    v2x: bool = Field(True, description="whether the agent sends and receives messages, if there is a section `v2x`")
 
 
 class Agent(Ego):
@@ -75,14 +73,12 @@ class Agent(Ego):
     )
     mast: Mast | None = Field(
         None,
-        exclude_if=lambda mast: mast is None,
         description="makes the agent a roadside unit, which has no fields of vehicles: `blueprint`, `driver`, "
         "`reckless_probability`, `spawn` and `near`; none: the agent is a vehicle",
     )
     carrier: int | None = Field(
         None,
         ge=1,
-        exclude_if=lambda carrier: carrier is None,
         description="only in replays: actor id of the recorded vehicle that carries the rig; none: the vehicle that "
         "carried the agent of this name",
     )
@@ -93,7 +89,6 @@ class Agent(Ego):
     annotation: Annotation | None = Field(None, description="labels of the agent; none: those of the first agent")
     evaluation: Evaluation | None = Field(
         None,
-        exclude_if=lambda evaluation: evaluation is None,
         description="live evaluation of the agent's own stack; its topics are by default `/<name>/prediction/boxes` "
         "and `/<name>/prediction/bev`; none: no evaluation",
     )

@@ -69,7 +69,6 @@ class Evaluation(Model):
     )
     truth: Truth = Field(
         "own",
-        exclude_if=lambda truth: truth == "own",
         description="boxes that the stack must find; own: those of its agent; joint: with the points and the "
         "visibility that all agents of the scene together have, for stacks that use the data of several",
     )

@@ -40,9 +40,4 @@ class Frames(Model):
 
 
 DEFAULT_FRAMES = Frames()
-"""Frames of a configuration without the section, and of bags from before there was one."""
-
-
-def are_default(frames: Frames) -> bool:
-    """Whether frames are left out of a file or a specification, which stays as it was before there were any."""
-    return frames == DEFAULT_FRAMES
+"""Frames of a configuration without the section."""

@@ -13,10 +13,6 @@ from simbev_ros.config.base import Model
 from simbev_ros.config.sensor import Sensor
 
 
-def _is_none(value: object) -> bool:
-    return value is None
-
-
 class GnssVelocity(Model):
     """Velocity from the Doppler shift of the carriers; its noise is white, and not that of the fixes."""
 
@@ -49,7 +45,6 @@ class Gnss(Sensor):
     dropout_mean_s: float = Field(5.0, gt=0, le=3600, description="mean duration of a dropout")
     velocity: GnssVelocity | None = Field(
         None,
-        exclude_if=_is_none,
         description="velocity on the topics `vel` and `fix_velocity`, `{}` for the defaults; none: neither",
     )
 
@@ -108,6 +103,5 @@ class Imu(Sensor):
     )
     orientation: ImuOrientation | None = Field(
         None,
-        exclude_if=_is_none,
         description="errors of the orientation on the topic `data`, `{}` for the defaults; none: it is exact",
     )

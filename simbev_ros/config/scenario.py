@@ -19,7 +19,7 @@ from simbev_ros.config.annotation import Annotation
 from simbev_ros.config.base import FieldError, Keys, Model, dotted_path
 from simbev_ros.config.draw import Distribution, Drawn, PaperOrDrawn, within
 from simbev_ros.config.evaluation import EvaluatedAgent, Evaluation, ParticipantName
-from simbev_ros.config.frames import DEFAULT_FRAMES, Frames, are_default
+from simbev_ros.config.frames import DEFAULT_FRAMES, Frames
 from simbev_ros.config.hazards import Hazards
 from simbev_ros.config.lights import Lights
 from simbev_ros.config.map_files import Bounds
@@ -213,17 +213,15 @@ class Scenario(Model):
     scenes: tuple[MapScenes, ...] = Field(min_length=1)
     time: Timing = Timing()
     rig: Rig
-    frames: Frames = Field(DEFAULT_FRAMES, exclude_if=are_default)
+    frames: Frames = DEFAULT_FRAMES
     ego: Ego = Ego()
     agents: tuple[Agent, ...] = Field(
         (),
-        exclude_if=lambda agents: not agents,
         description="agents beside the first one, which `rig`, `frames`, `ego` and `annotation` describe; in a file "
         "without `rig`, all agents",
     )
     v2x: V2x | None = Field(
         None,
-        exclude_if=lambda v2x: v2x is None,
         description="messages that agents send each other, with `{}` as by default; none: they send none",
     )
     weather: WeatherConfig = WeatherConfig()

@@ -20,13 +20,13 @@ from simbev_ros.recording.indexed_bag import IndexedBag, IndexedTopic
 from simbev_ros.recording.layout import SCENE_ATTACHMENT, TRAJECTORIES_ATTACHMENT
 from simbev_ros.recording.mcap.chunk_cache import ChunkCache
 from simbev_ros.recording.reader import SceneBag
-from simbev_ros.schema.scene.agents import agent_views
+from simbev_ros.schema.scene.agents import AgentView, agent_views
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.trajectories import Tracks, tracks_from_npz
 
 _IMAGE = re.compile(r"/image_raw(/compressed|/compressedDepth)?$")
-_OF_FIRST = re.compile(r"/(prediction/.+|robot_description)")
-"""Topics of the first agent without its name, because ROS tools and perception stacks expect these names."""
+_OF_EGO = re.compile(r"/(prediction/.+|robot_description)")
+"""Topics of the ego without its name, because ROS tools and perception stacks expect these names."""
 _SPORADIC = ("/world/events",)
 ODOMETRY = "odom"
 """Key of the ego's true motion."""
@@ -145,7 +145,7 @@ class Content:
     tick_ns: int
 
     @classmethod
-    def from_bags(cls, bags: SceneBags, view: SceneSpec) -> "Content":
+    def from_bags(cls, bags: SceneBags, view: AgentView) -> "Content":
         """Content of a scene's bags with the keys of one agent, given by its view of the scene.
 
         A key of an additional bag that is taken already gets the label as a suffix, as in ``cam_front/rgb@label``. So
@@ -155,7 +155,7 @@ class Content:
             BagError: A message is beyond the scene's end.
         """
         sources, calibration = _sources(bags.own, view), calibrations(view.rig)
-        stamps_ns = _stamps_ns(bags.own, view, sources)
+        stamps_ns = _stamps_ns(bags.own, view.scene, sources)
         for label, (other, other_spec) in bags.additional.items():
             other_view = _view_in(other_spec, view)
             rig = {} if other_view is None else calibrations(other_view.rig)
@@ -168,7 +168,7 @@ class Content:
             calibration |= {f"{name}@{label}" if name in calibration else name: each for name, each in rig.items()}
         constants = {key: source for key, source in sources.items() if source.topic.is_latched}
         repeated_keys = sorted(sources.keys() - constants.keys())
-        return cls({key: sources[key] for key in repeated_keys}, constants, calibration, stamps_ns, view.tick_ns)
+        return cls({key: sources[key] for key in repeated_keys}, constants, calibration, stamps_ns, view.scene.tick_ns)
 
 
 def _open(path: AnyPath, cache: ChunkCache, may_be_cut_off: bool) -> IndexedBag:
@@ -199,14 +199,14 @@ def _read_spec(bag: IndexedBag) -> SceneSpec:
     return spec
 
 
-def key_of_topic(name: str, view: SceneSpec) -> str:
+def key_of_topic(name: str, view: AgentView) -> str:
     """Key of a topic for an agent: its name without the agent's and, for an image, without its transport.
 
-    Topics of another agent keep the name of that agent, also those of the first agent whose names lack it.
+    Topics of another agent keep the name of that agent, also those of the ego whose names lack it.
     """
-    if view is not view.whole and _OF_FIRST.fullmatch(name):
-        name = f"/{view.whole.rig.agent}{name}"
-    return _IMAGE.sub("", name.removeprefix(f"/{view.rig.agent}/").removeprefix("/"))
+    if not view.is_ego and _OF_EGO.fullmatch(name):
+        name = f"/{view.scene.agents[0].name}{name}"
+    return _IMAGE.sub("", name.removeprefix(f"/{view.agent}/").removeprefix("/"))
 
 
 def sources_by_topic(bag: IndexedBag, spec: SceneSpec | None) -> dict[str, Source]:
@@ -215,20 +215,20 @@ def sources_by_topic(bag: IndexedBag, spec: SceneSpec | None) -> dict[str, Sourc
     return {name: Source(bag, topic, arms_m.get(name, 0.0)) for name, topic in bag.topics.items()}
 
 
-def _view_in(other: SceneSpec, view: SceneSpec) -> SceneSpec | None:
+def _view_in(other: SceneSpec, view: AgentView) -> AgentView | None:
     """View of the same agent in an additional bag; the only agent of a scene may have another name there."""
-    views = {each.rig.agent: each for each in agent_views(other)}
-    return views.get(view.rig.agent, None if view.agents else other)
+    views = {each.agent: each for each in agent_views(other)}
+    return views.get(view.agent, AgentView(other, 0) if len(view.scene.agents) == 1 else None)
 
 
 def _base_links_m(spec: SceneSpec) -> dict[str, float]:
     """X of base_link in the ego frame of each agent, m, by the topic of the agent's odometry."""
-    return {f"/{view.rig.agent}/{ODOMETRY}": view.base_link_x_m for view in agent_views(spec)}
+    return {f"/{view.agent}/{ODOMETRY}": view.base_link_x_m for view in agent_views(spec)}
 
 
-def _sources(bag: IndexedBag, view: SceneSpec) -> dict[str, Source]:
+def _sources(bag: IndexedBag, view: AgentView) -> dict[str, Source]:
     """Sources by key."""
-    return {key_of_topic(name, view): source for name, source in sources_by_topic(bag, view).items()}
+    return {key_of_topic(name, view): source for name, source in sources_by_topic(bag, view.scene).items()}
 
 
 def _stamps_ns(bag: IndexedBag, spec: SceneSpec, sources: Mapping[str, Source]) -> Int64Array:

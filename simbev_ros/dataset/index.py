@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import pyarrow as pa
 import pyarrow.compute as pc
@@ -28,6 +28,7 @@ from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath
 from simbev_ros.foundation.semantics import BOX_CLASSES
 from simbev_ros.recording.layout import INDEX_FILE, SCENES_FOLDER, bytes_of
 from simbev_ros.schema.scene.weather import Weather
+from simbev_ros.schema.stored import FORMAT
 
 _MAX_ROWS, _GROUP_ROWS = MAX_SCENE_NUMBER + 1, 1 << 13
 _LARGEST = {
@@ -36,6 +37,8 @@ _LARGEST = {
     "number": MAX_SCENE_NUMBER,
 }
 """Largest value of columns that others count with."""
+LATER_COLUMNS: dict[str, Any] = {}
+"""Columns that came after the first index of format 1, each with the value that it has for rows from before."""
 _REBUILD_HINT = "delete it, and simbev generate rebuilds it"
 
 
@@ -78,8 +81,10 @@ def read_rows(path: AnyPath, source: Path | pa.BufferReader) -> pa.Table:
         InputError: See ``read_index``.
     """
     try:
-        _require_columns(path, pq.ParquetFile(source))
-        table = pq.read_table(source, columns=_schema().names, use_threads=False)  # threads would keep their memory
+        file = pq.ParquetFile(source)
+        _require_format(path, file)
+        known = _require_columns(path, file)
+        table = pq.read_table(source, columns=known, use_threads=False)  # threads would keep their memory
         table.validate(full=True)  # texts are UTF-8
         for name, largest in _LARGEST.items():
             _require_range(path, name, table.column(name), largest)
@@ -87,7 +92,7 @@ def read_rows(path: AnyPath, source: Path | pa.BufferReader) -> pa.Table:
             _require_names(path, batch.to_pylist())
     except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: {error}; {_REBUILD_HINT}") from None
-    return table
+    return _with_later_columns(table)
 
 
 def index_table(rows: Iterable[Row]) -> pa.Table:
@@ -127,10 +132,24 @@ def _open_index(dataset: AnyPath) -> tuple[AnyPath, Path | pa.BufferReader | Non
     return path, path
 
 
-def _require_columns(path: AnyPath, file: pq.ParquetFile) -> None:
-    """Raise InputError if an index lacks a column, has one of another type, or is too large to be read."""
-    found = {field.name: field.type for field in file.schema_arrow}
+def _require_format(path: AnyPath, file: pq.ParquetFile) -> None:
+    """Raise InputError if a newer version has written the index."""
+    if "format" in file.schema_arrow.names:
+        newest = pc.max(file.read(["format"], use_threads=False)["format"]).as_py()
+        if newest is not None and newest > FORMAT:
+            raise InputError(f"{path}: format: a newer simbev_ros wrote it; allowed: 1 to {FORMAT}, not {newest}")
+
+
+def _require_columns(path: AnyPath, file: pq.ParquetFile) -> list[str]:
+    """Names of the columns of an index that this version knows; others are ignored.
+
+    Raises:
+        InputError: The index lacks a column without a default, has one of another type, or is too large to be read.
+    """
+    found, defaults = {field.name: field.type for field in file.schema_arrow}, _defaults()
     for column in _schema():
+        if column.name not in found and column.name in defaults:
+            continue
         if found.get(column.name) != column.type:
             raise InputError(
                 f"{path}: it is not an index of this version, which has a column {column.name} of the type "
@@ -143,6 +162,23 @@ def _require_columns(path: AnyPath, file: pq.ParquetFile) -> None:
         )
     groups = range(file.metadata.num_row_groups)
     require_unpacked_size(sum(file.metadata.row_group(group).total_byte_size for group in groups), f"{path}: it")
+    return [name for name in _schema().names if name in found]
+
+
+def _with_later_columns(table: pa.Table) -> pa.Table:
+    """A table with all columns of this version; those that it lacks have their defaults."""
+    defaults = _defaults()
+    for column in _schema():
+        if column.name not in table.column_names:
+            table = table.append_column(column, pa.repeat(pa.scalar(defaults[column.name], column.type), len(table)))
+    table = table.select(_schema().names)
+    return table.set_column(0, "format", pa.repeat(pa.scalar(FORMAT, pa.int64()), len(table)))
+
+
+def _defaults() -> dict[str, Any]:
+    """Values of columns that came later in an index that lacks them."""
+    later = {name: field.default for name, field in Weather.model_fields.items() if not field.is_required()}
+    return {**LATER_COLUMNS, **later, **dict.fromkeys(f"final_{name}" for name in later)}
 
 
 def _require_range(path: AnyPath, name: str, values: pa.ChunkedArray, largest: int) -> None:
@@ -228,6 +264,7 @@ def _schema() -> pa.Schema:
     )
     return pa.schema(
         [
+            ("format", pa.int64()),
             *((name, pa.string()) for name in texts),
             ("complete", pa.bool_()),
             *((name, pa.int64()) for name in (*counts, *contents, "bytes")),

@@ -20,6 +20,7 @@ from simbev_ros.recording.layout import CONFIG_ATTACHMENT, bytes_of, mcap_files,
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.weather import Weather
+from simbev_ros.schema.stored import FORMAT
 
 Row = dict[str, Any]
 """A row by column."""
@@ -43,6 +44,7 @@ def index_row(bag_path: Path, dataset: Path) -> Row:
             raise BagError(f"{bag_path}: it holds scene {spec.split}/{spec.name}")
         facts = bag.custom_data
         return {
+            "format": FORMAT,
             "path": str(bag_path.relative_to(dataset)),
             **_settings(spec),
             **_weather("", spec.weather),
@@ -88,7 +90,7 @@ def _settings(spec: SceneSpec) -> Row:
         "work_zones": sum(kind != "accident" for kind in kinds),
         "walker_cross_factor": spec.walker_cross_factor,
         "ego_blueprint": spec.vehicles[0].blueprint,
-        "cameras": len(spec.rig.of_type(Camera)),
+        "cameras": len(spec.agents[0].rig.of_type(Camera)),
     }
 
 
@@ -97,14 +99,15 @@ def _weather(prefix: str, weather: Weather | None) -> Row:
 
 
 def _content(bag: SceneBag, spec: SceneSpec) -> Row:
-    """Count of messages; of the first agent, counts of objects and boxes, and the length of its path."""
+    """Count of messages; of the ego, counts of objects and boxes, and the length of its path."""
     counts = np.zeros((2, len(BOX_CLASSES)), np.int64)
     ids: set[int] = set()
     positions_m = []
-    boxes, odometry = (f"/{spec.rig.agent}/{name}" for name in ("boxes", "odom"))
+    ego = spec.agents[0]
+    boxes, odometry = (f"/{ego.name}/{name}" for name in ("boxes", "odom"))
     for message in bag.messages([boxes, odometry]):
         if message.topic == odometry:
-            (row,) = in_ego_frame(value_of(ODOMETRY_TYPE, [bag.decode(message)]), spec.base_link_x_m)
+            (row,) = in_ego_frame(value_of(ODOMETRY_TYPE, [bag.decode(message)]), ego.base_link_x_m)
             positions_m.append(row["position_m"])
             continue
         table = point_array(bag.decode(message))

@@ -32,9 +32,9 @@ def newest_messages(scene: "Scene", tick: int, arrived_at: Callable[[int], Table
     if MESSAGES not in scene.sources or scene.spec.v2x is None:
         raise KeyError(f"scene {scene.name} has no messages to {scene.agent}")
     senders = {
-        view.ego_id: view.rig.agent
+        view.ego_id: view.agent
         for view in agent_views(scene.spec)
-        if view.rig.agent in scene.spec.v2x.agents and view.rig.agent != scene.agent
+        if view.agent in scene.spec.v2x.agents and view.agent != scene.agent
     }
     memory_ticks = max(_MEMORY_NS // scene.tick_ns, scene.spec.period_ticks(scene.spec.v2x.rate_hz))
     newest = dict[str, int]()

@@ -26,6 +26,7 @@ from simbev_ros.foundation.files.whole_files import write_errors, write_whole
 from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath
 from simbev_ros.recording.layout import SCENES_FOLDER, scene_folder
 from simbev_ros.schema.scene.map_spec import MapSpec
+from simbev_ros.schema.stored import Stored
 
 PLAN_FILE = "plan.json"
 _SCENE = re.compile(rf"(?P<map>{NAME_PATTERN})-(?P<number>\d{{4,}})")
@@ -46,7 +47,7 @@ class PlannedEntry(Model):
         return f"{self.map}-{self.number:04d}"
 
 
-class Plan(Model):
+class Plan(Stored):
     """All finished and future scenes of a dataset, by ascending number."""
 
     scenes: tuple[PlannedEntry, ...] = ()
@@ -60,7 +61,7 @@ class Plan(Model):
         """
         path, content = _read_plan(dataset)
         try:
-            plan = cls() if content is None else cls.model_validate_json(content)
+            plan = cls() if content is None else cls.from_json(content)
         except ValidationError as error:
             raise InputError(f"{path}: {first_problem(error)}") from None
         known = {entry.number for entry in plan.scenes}

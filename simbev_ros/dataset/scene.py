@@ -15,7 +15,7 @@ from simbev_ros.dataset.frame import Frame
 from simbev_ros.foundation.object_store.object_path import AnyPath
 from simbev_ros.foundation.types import BoolArray, Int64Array
 from simbev_ros.recording.mcap.chunk_cache import ChunkCache
-from simbev_ros.schema.scene.agents import agent_view, agent_views
+from simbev_ros.schema.scene.agents import AgentView, agent_view, agent_views
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.weather import Weather
 from simbev_ros.schema.trajectories import Tracks
@@ -28,12 +28,13 @@ class Scene(Sequence[Frame]):
 
     Args:
         cache: Cache of the bag's decompressed chunks.
-        agent: Name of the agent; None: the scene's first one.
+        agent: Name of the agent; None: the ego.
 
     Attributes:
         path: The scene's bag.
         additional: Additional bags with the same motion, by label.
         row: The scene's row in the dataset's index; empty if it has none.
+        chosen_agent: Name of the agent as given; None: the ego. It is known without opening the bag.
         threads: Number of threads that decode in ``Frame.load``; None: one for each core.
         may_be_cut_off: Whether the readable part of a truncated bag is read; otherwise it raises BagError.
     """
@@ -50,7 +51,7 @@ class Scene(Sequence[Frame]):
         agent: str | None = None,
     ) -> None:
         self.path, self.additional, self.row, self.threads = path, dict(additional or {}), dict(row or {}), threads
-        self.may_be_cut_off, self._cache, self._chosen_agent = may_be_cut_off, cache, agent
+        self.may_be_cut_off, self._cache, self.chosen_agent = may_be_cut_off, cache, agent
 
     @property
     def name(self) -> str:
@@ -72,30 +73,29 @@ class Scene(Sequence[Frame]):
         """Name of the scene's map."""
         return str(self.row["map"]) if self.row else self.spec.map.name
 
-    @cached_property
+    @property
     def spec(self) -> SceneSpec:
-        """Specification of the scene as the agent sees it: everything that was drawn, with the agent's rig and labels.
+        """Specification of the scene: everything that was drawn for it."""
+        return self._bags.spec
+
+    @cached_property
+    def view(self) -> AgentView:
+        """The scene as the agent sees it: the agent's rig, labels, frames and carrier.
 
         Raises:
             KeyError: The scene has no such agent.
         """
-        whole = self._bags.spec
-        return whole if self._chosen_agent is None else agent_view(whole, self._chosen_agent)
+        return agent_view(self.spec, self.chosen_agent)
 
     @property
     def agent(self) -> str:
         """Name of the agent that the scene is read for."""
-        return self.spec.rig.agent
-
-    @property
-    def further_agent(self) -> str | None:
-        """Name of the agent if it is not the scene's first one; else None, without opening the bag."""
-        return self._chosen_agent
+        return self.view.agent
 
     @property
     def agents(self) -> tuple[str, ...]:
-        """Names of all agents of the scene, the first agent's first."""
-        return tuple(rig.agent for rig in self.spec.rigs)
+        """Names of all agents of the scene, the ego's first."""
+        return tuple(agent.name for agent in self.spec.agents)
 
     def of_agent(self, name: str) -> "Scene":
         """The same scene as another of its agents sees it; both share the opened bag and its cache.
@@ -183,16 +183,16 @@ class Scene(Sequence[Frame]):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the scene without anything that was read, so that it is small when it is sent to another process."""
-        made = partial(Scene, may_be_cut_off=self.may_be_cut_off, agent=self._chosen_agent)
+        made = partial(Scene, may_be_cut_off=self.may_be_cut_off, agent=self.chosen_agent)
         return made, (self.path, self._cache, self.additional, self.row, self.threads)
 
     def __repr__(self) -> str:
-        agent = "" if self._chosen_agent is None else f" of {self._chosen_agent}"
+        agent = "" if self.chosen_agent is None else f" of {self.chosen_agent}"
         return f"<scene {self.name}, {len(self)} frames{agent}>"
 
     @cached_property
     def _content(self) -> Content:
-        return Content.from_bags(self._bags, self.spec)
+        return Content.from_bags(self._bags, self.view)
 
     @cached_property
     def _bags(self) -> SceneBags:
@@ -202,16 +202,15 @@ class Scene(Sequence[Frame]):
     def _of_agents(self) -> dict[str, "Scene"]:
         """The scene of each agent by name, this one among them."""
         scenes = {
-            view.rig.agent: self if view.rig.agent == self.agent else self._seen_by(view)
-            for view in agent_views(self.spec)
+            view.agent: self if view.agent == self.agent else self._of_view(view) for view in agent_views(self.spec)
         }
         for scene in scenes.values():
             scene._of_agents = scenes
         return scenes
 
-    def _seen_by(self, view: SceneSpec) -> "Scene":
+    def _of_view(self, view: AgentView) -> "Scene":
         given = self.path, self._cache, self.additional, self.row, self.threads
-        agent = None if view is view.whole else view.rig.agent
+        agent = None if view.is_ego else view.agent
         scene = Scene(*given, may_be_cut_off=self.may_be_cut_off, agent=agent)
-        scene.spec, scene._bags = view, self._bags
+        scene.view, scene._bags = view, self._bags
         return scene

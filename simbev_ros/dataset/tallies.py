@@ -107,7 +107,7 @@ class Tally:
             if "boxes" in frame:
                 moment["boxes"] = tally._add_boxes(_boxes(frame))
             if "bev/labels" in frame:
-                tally._add_grid(frame["bev/labels"], frame.scene.spec.annotation.bev.cell_m)
+                tally._add_grid(frame["bev/labels"], frame.scene.view.annotation.bev.cell_m)
             if "world/actors" in frame:
                 tally._add_actors(frame, with_kinds=with_actors and index == 0)
         return tally
@@ -145,7 +145,7 @@ class Tally:
 
     def _add_actors(self, frame: Frame, *, with_kinds: bool) -> None:
         actors = frame["world/actors"]
-        others = actors[actors["id"] != frame.scene.spec.ego_id]
+        others = actors[actors["id"] != frame.scene.view.ego_id]
         cells = np.floor(np.stack([others["x"], others["y"]], axis=1) / CELL_M).astype(np.int64)
         self.visited = np.unique(np.concatenate([self.visited, cells]), axis=0)
         if with_kinds:

@@ -9,7 +9,7 @@ from simbev_ros.config.evaluation import Truth
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.types import Table
 from simbev_ros.schema.boxes import BOX_DTYPE, difficulty
-from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.agents import AgentView
 
 _OF_AGENT = {"distance": "distance", "angle": "angle", "on_ego_level": "on_level"}
 """Columns that depend on where the agent is, and their names in the joint table, after the agent's."""
@@ -23,7 +23,7 @@ def truth_key(truth: Truth) -> str:
     return _KEYS[truth]
 
 
-def boxes_in_reach(joint: Table, view: SceneSpec) -> Table:
+def boxes_in_reach(joint: Table, view: AgentView) -> Table:
     """The boxes of the joint table around one agent.
 
     Args:
@@ -37,12 +37,12 @@ def boxes_in_reach(joint: Table, view: SceneSpec) -> Table:
     Raises:
         InputError: The table has no such columns, for example because it is of a scene without this agent.
     """
-    agent = view.rig.agent
+    agent = view.agent
     names = (name for name in BOX_DTYPE.names or () if name not in _DERIVED)
     columns = {name: f"{agent}.{_OF_AGENT[name]}" if name in _OF_AGENT else name for name in names}
     missing = [column for column in columns.values() if column not in (joint.dtype.names or ())]
     if missing:
-        raise InputError(f"world/boxes: the joint boxes of {view.name} have no column {missing[0]}")
+        raise InputError(f"world/boxes: the joint boxes of {view.scene.name} have no column {missing[0]}")
     near = joint[joint[columns["distance"]] <= view.annotation.box_radius_m]
     boxes = np.zeros(len(near), BOX_DTYPE)
     for name, column in columns.items():

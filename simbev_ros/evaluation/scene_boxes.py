@@ -23,7 +23,7 @@ from simbev_ros.foundation.semantics import BOX_CLASSES
 from simbev_ros.foundation.types import AnyArray, BoolArray, Float64Array, Int64Array, Table
 from simbev_ros.scene.frames import ego_size_m
 from simbev_ros.schema.boxes import BOX_DTYPE
-from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.agents import AgentView
 
 _FOUND_DISTANCE_M = 2.0
 
@@ -82,24 +82,24 @@ class GroundTruthFrame(NamedTuple):
         Raises:
             InputError: The joint table belongs to another scene.
         """
-        spec = frame.scene.spec
+        view = frame.scene.view
         boxes = frame[truth_key(truth)]
-        boxes = boxes_in_reach(boxes, spec) if truth == "joint" else boxes
-        return cls(frame.tick, boxes, frame.map_from_ego, Conditions.of_tick(spec, frame.tick))
+        boxes = boxes_in_reach(boxes, view) if truth == "joint" else boxes
+        return cls(frame.tick, boxes, frame.map_from_ego, Conditions.of_tick(view.scene, frame.tick))
 
 
 class SceneBoxes:
     """Matched boxes of some frames of a scene.
 
     Args:
-        spec: The scene.
+        view: The scene as the evaluated agent sees it.
         truth: (F) ground truth of the evaluated frames, by ascending tick.
         predictions: Predictions in the map frame; their ``frame`` is the tick; those of other ticks are ignored.
         options: What to evaluate.
     """
 
     def __init__(
-        self, spec: SceneSpec, truth: Sequence[GroundTruthFrame], predictions: Predictions, options: EvaluationOptions
+        self, view: AgentView, truth: Sequence[GroundTruthFrame], predictions: Predictions, options: EvaluationOptions
     ) -> None:
         self._ticks = np.array([each.tick for each in truth], np.int64)
         self._conditions, self._options = [each.conditions for each in truth], options
@@ -107,9 +107,9 @@ class SceneBoxes:
         self._table = np.concatenate([np.zeros(0, BOX_DTYPE), *tables.values()])
         self._predictions = predictions.take(np.isin(predictions.boxes.frame, self._ticks))
         self._matching = Matching(boxes_from_tables(tables), self._predictions, self._ticks, options.detection)
-        ego_m = _ego_centers_m(spec, truth)[self._rows_of(self._predictions.boxes.frame)]
+        ego_m = _ego_centers_m(view, truth)[self._rows_of(self._predictions.boxes.frame)]
         self._distance_m = np.linalg.norm(self._predictions.boxes.center_m - ego_m, axis=1)
-        self._is_labeled = self._distance_m <= spec.annotation.box_radius_m  # there are no labels beyond this radius
+        self._is_labeled = self._distance_m <= view.annotation.box_radius_m  # there are no labels beyond this radius
 
     def tally(self, table_slice: TableSlice) -> DetectionTally:
         """Tally of the scene for one row of a table."""
@@ -153,8 +153,8 @@ class SceneBoxes:
         return np.searchsorted(self._ticks, tick)
 
 
-def _ego_centers_m(spec: SceneSpec, truth: Sequence[GroundTruthFrame]) -> Float64Array:
+def _ego_centers_m(view: AgentView, truth: Sequence[GroundTruthFrame]) -> Float64Array:
     """(F, 3) centers of the ego's box in the map frame; distances of boxes are measured from there."""
-    height_m = ego_size_m(spec)[2]
+    height_m = ego_size_m(view)[2]
     poses = [each.map_from_ego for each in truth]
     return np.array([pose[:3, 3] + pose[:3, 2] * height_m / 2.0 for pose in poses]).reshape(-1, 3)

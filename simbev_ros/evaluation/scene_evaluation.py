@@ -80,7 +80,7 @@ def evaluate_scene(scene: Scene, predicted: PredictedScene, options: EvaluationO
     frames["tick"], frames["iou"] = ticks, np.nan
     frames["answered_boxes"] = [tick in predicted.ticks_with_boxes for tick in ticks]
     frames["answered_grid"] = [tick in predicted.ticks_with_grid for tick in ticks]
-    cells = SceneGrids(scene.spec.annotation.bev.grid, options.slices)
+    cells = SceneGrids(scene.view.annotation.bev.grid, options.slices)
     truth: list[GroundTruthFrame] = []
     for row, tick in enumerate(ticks):
         frame = scene[tick]
@@ -90,7 +90,7 @@ def evaluate_scene(scene: Scene, predicted: PredictedScene, options: EvaluationO
             frames["iou"][row] = cells.add_frame(frame["bev/labels"], conditions, predicted.grid(tick), base)
         report_step()
     boxes = _boxes_in_map(scene, predicted)
-    scene_boxes = SceneBoxes(scene.spec, truth, boxes, options)
+    scene_boxes = SceneBoxes(scene.view, truth, boxes, options)
     frames["boxes"], frames["found"] = scene_boxes.count_found()
     return SceneTally(
         scene.name,
@@ -131,7 +131,7 @@ def outcomes_of(scene: Scene, predicted: PredictedScene, tick: int, options: Eva
         BagError: As ``evaluate_scene``.
     """
     boxes = boxes_in_map(predicted.boxes().at_ticks([tick]), ReferenceFrames.from_scene(scene))
-    return SceneBoxes(scene.spec, [GroundTruthFrame.from_frame(scene[tick], options.truth)], boxes, options).outcomes()
+    return SceneBoxes(scene.view, [GroundTruthFrame.from_frame(scene[tick], options.truth)], boxes, options).outcomes()
 
 
 def _nuscenes(scene: Scene, predictions: Predictions) -> NuscenesTally:

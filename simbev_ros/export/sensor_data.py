@@ -14,7 +14,6 @@ from simbev_ros.foundation.geometry.transforms import apply, inverse
 from simbev_ros.foundation.installation.extras import load_extras
 from simbev_ros.foundation.types import AnyArray, Float32Array, UInt8Array
 from simbev_ros.schema.map_points import map_points
-from simbev_ros.schema.scene.agents import ego_row
 
 
 def rectify(image: UInt8Array, camera: LensCamera) -> UInt8Array:
@@ -55,5 +54,5 @@ def points_at_stamp(frame: Frame, key: str, calibration: Calibration) -> AnyArra
     if not getattr(calibration.sensor, "rolling", False):
         return columns(frame[key], "x", "y", "z")
     map_from_sensor = frame.map_from_ego @ calibration.ego_from_sensor
-    carrier = ego_row(frame.scene.spec, frame["world/actors"])
+    carrier = frame.scene.view.ego_row(frame["world/actors"])
     return apply(inverse(map_from_sensor), map_points(frame[key], map_from_sensor, carrier))

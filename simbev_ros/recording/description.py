@@ -15,7 +15,7 @@ from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.recording.digest import scene_digest, topic_digests
 from simbev_ros.recording.layout import bytes_of
 from simbev_ros.recording.reader import SceneBag, Topic
-from simbev_ros.schema.scene.agents import agent_views
+from simbev_ros.schema.scene.agents import AgentView, agent_views
 from simbev_ros.schema.scene.spec import SceneSpec
 
 _ABBREVIATIONS = {"gnss": "GNSS", "imu": "IMU"}
@@ -103,13 +103,13 @@ def _scene(spec: SceneSpec) -> dict[str, Any]:
         "pedestrians": len(spec.pedestrians),
         "weather": spec.weather.model_dump(),
         "final_weather": None if spec.final_weather is None else spec.final_weather.model_dump(),
-        "rig": _rig(spec.rig),
-        "agents": {view.rig.agent: {"carrier": _carrier(view), "rig": _rig(view.rig)} for view in agent_views(spec)},
+        "rig": _rig(spec.agents[0].rig),
+        "agents": {view.agent: {"carrier": _carrier(view), "rig": _rig(view.rig)} for view in agent_views(spec)},
     }
 
 
-def _carrier(view: SceneSpec) -> str:
-    return "roadside unit" if view.ego is None else view.ego.blueprint
+def _carrier(view: AgentView) -> str:
+    return "roadside unit" if view.vehicle is None else view.vehicle.blueprint
 
 
 def _rig(rig: Rig) -> list[str]:

@@ -39,8 +39,8 @@ def lead_in_messages(attachment: bytes) -> list[RawMessage]:
         raise BagError(f"the lead-in is damaged: {error}") from None
 
 
-def _message(topic: Any, stamp_ns: Any, type: Any, cdr: Any) -> RawMessage:
-    """The message of an entry. Raises ValueError or TypeError if the entry is damaged."""
+def _message(topic: Any, stamp_ns: Any, type: Any, cdr: Any, **_: Any) -> RawMessage:
+    """The message of an entry; other fields are ignored. Raises ValueError or TypeError if the entry is damaged."""
     if not (isinstance(topic, str) and isinstance(stamp_ns, int) and isinstance(type, str)):
         raise ValueError("a topic, stamp or type is missing")
     return RawMessage(topic, stamp_ns, type, base64.b64decode(cdr))

@@ -259,7 +259,7 @@ def attached_spec(attachments: Mapping[str, bytes], path: AnyPath) -> SceneSpec 
     if text is None:
         return None
     try:
-        return SceneSpec.model_validate_json(text)
+        return SceneSpec.from_json(text)
     except ValidationError as error:
         raise BagError(f"{path}: {SCENE_ATTACHMENT}: {first_problem(error)}") from None
 

@@ -25,6 +25,7 @@ from simbev_ros.recording.layout import (
 from simbev_ros.recording.mcap.mcap_check import McapContent, check_mcap
 from simbev_ros.recording.reader import SceneBag, attached_spec
 from simbev_ros.schema.messages.message_types import types_with
+from simbev_ros.schema.stored import read_stored
 from simbev_ros.schema.trajectories import tracks_from_npz
 
 
@@ -189,16 +190,16 @@ def _agent_faults(attachments: Mapping[str, bytes], path: Path, recorded: Collec
         spec = attached_spec(attachments, path)
     except BagError:  # a fault of the attachment
         return
-    for rig in spec.rigs if spec is not None and spec.agents else ():
-        topic = f"/{rig.agent}/odom"
+    for agent in spec.agents if spec is not None and len(spec.agents) > 1 else ():
+        topic = f"/{agent.name}/odom"
         if topic not in recorded and not _is_left_out(topic, attachments):
-            yield topic, f"the scene has an agent {rig.agent}, but not its odometry"
+            yield topic, f"the scene has an agent {agent.name}, but not its odometry"
 
 
 def _is_left_out(topic: str, attachments: Mapping[str, bytes]) -> bool:
     """Whether the attached configuration leaves a topic out of the recording."""
     try:
-        chosen = RecordedTopics.model_validate(parse_yaml(attachments[CONFIG_ATTACHMENT])["recording"]["topics"])
+        chosen = read_stored(RecordedTopics, parse_yaml(attachments[CONFIG_ATTACHMENT])["recording"]["topics"])
     except (ValueError, LookupError, TypeError):  # it is not the recorder's
         return False
     return topic not in chosen

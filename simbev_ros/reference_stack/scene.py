@@ -62,7 +62,7 @@ def read_scene(text: str, points_topic: str) -> Scene:
     spec = json.loads(text)
     lidars = {
         f"/{agent['rig']['agent']}/{sensor['name']}/points": (agent, sensor)
-        for agent in (spec, *spec.get("agents", ()))  # a scene with one agent has no others
+        for agent in spec["agents"]
         for sensor in agent["rig"]["sensors"]
         if sensor["type"] == "lidar"
     }
@@ -70,9 +70,9 @@ def read_scene(text: str, points_topic: str) -> Scene:
         raise NoLidarError(f"no lidar of the scene publishes {points_topic}; remap it to one of: {', '.join(lidars)}")
     agent, lidar = lidars[points_topic]
     name, bev, tick_ns = agent["rig"]["agent"], agent["annotation"]["bev"], spec["tick_ns"]
-    is_behind = agent.get("frames", {}).get("base_link") == "rear_axle"
+    is_behind = agent["frames"]["base_link"] == "rear_axle"
     base_link_from_ego = np.eye(4)
-    base_link_from_ego[0, 3] = -agent.get("base_link_x_m", 0.0)  # left out where both are the same frame
+    base_link_from_ego[0, 3] = -agent["base_link_x_m"]
     period_ns = _NS_PER_S / lidar["rate_hz"] if lidar["rate_hz"] else tick_ns
     return Scene(
         name=f"{spec['map']['name']}-{spec['number']:04d}",

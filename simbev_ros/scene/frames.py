@@ -20,7 +20,7 @@ from simbev_ros.config.sensor import Sensor
 from simbev_ros.foundation.geometry.transforms import SENSOR_FROM_OPTICAL, inverse, matrices_from_xyz_rpy
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.scene.blueprints import Blueprint, blueprint_named
-from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.agents import AgentView
 
 
 class FixedFrame(NamedTuple):
@@ -49,10 +49,10 @@ def odom_frame(agent: str) -> str:
     return f"{agent}/odom"
 
 
-def ego_frame(spec: SceneSpec) -> str:
+def ego_frame(view: AgentView) -> str:
     """Name of the ego frame, that of grids and voxels."""
-    agent = spec.rig.agent
-    return f"{agent}/footprint" if spec.frames.base_link == "rear_axle" else base_link_frame(agent)
+    agent = view.agent
+    return f"{agent}/footprint" if view.frames.base_link == "rear_axle" else base_link_frame(agent)
 
 
 def base_link_x_m(frames: Frames, ego: Blueprint) -> float:
@@ -60,35 +60,35 @@ def base_link_x_m(frames: Frames, ego: Blueprint) -> float:
     return -ego.footprint.axle_m if frames.base_link == "rear_axle" else 0.0
 
 
-def ego_from_base_link(spec: SceneSpec) -> Float64Array:
+def ego_from_base_link(view: AgentView) -> Float64Array:
     """(4, 4) pose of base_link in the ego frame."""
-    return matrices_from_xyz_rpy(np.array([spec.base_link_x_m, 0.0, 0.0]), np.zeros(3))
+    return matrices_from_xyz_rpy(np.array([view.base_link_x_m, 0.0, 0.0]), np.zeros(3))
 
 
-def rear_axle_m(spec: SceneSpec) -> float:
+def rear_axle_m(view: AgentView) -> float:
     """Distance from the origin of the ego frame back to the rear axle; the ego must be a vehicle."""
-    assert spec.ego is not None, "a roadside unit has no axles"
-    return blueprint_named(spec.ego.blueprint).footprint.axle_m
+    assert view.vehicle is not None, "a roadside unit has no axles"
+    return blueprint_named(view.vehicle.blueprint).footprint.axle_m
 
 
-def ego_size_m(spec: SceneSpec) -> tuple[float, float, float]:
+def ego_size_m(view: AgentView) -> tuple[float, float, float]:
     """Length, width and height of the ego's box; a roadside unit has no body, so its size is zero."""
-    return (0.0, 0.0, 0.0) if spec.ego is None else blueprint_named(spec.ego.blueprint).size_m
+    return (0.0, 0.0, 0.0) if view.vehicle is None else blueprint_named(view.vehicle.blueprint).size_m
 
 
-def odometry_of_frames(spec: SceneSpec) -> Odometry:
+def odometry_of_frames(view: AgentView) -> Odometry:
     """The wheel odometry by which the odom frame drifts: the rig's first one, or one with defaults."""
-    return next(iter(spec.rig.of_type(Odometry)), Odometry(type="odometry", name="wheel"))
+    return next(iter(view.rig.of_type(Odometry)), Odometry(type="odometry", name="wheel"))
 
 
-def fixed_frames(spec: SceneSpec) -> Iterator[FixedFrame]:
+def fixed_frames(view: AgentView) -> Iterator[FixedFrame]:
     """Frames that are fixed to base_link, parents first: the ego frame if it is another one, then those of sensors."""
-    agent = spec.rig.agent
-    base_link, ego = base_link_frame(agent), ego_frame(spec)
-    base_link_from_ego = None if ego == base_link else inverse(ego_from_base_link(spec))
+    agent = view.agent
+    base_link, ego = base_link_frame(agent), ego_frame(view)
+    base_link_from_ego = None if ego == base_link else inverse(ego_from_base_link(view))
     if base_link_from_ego is not None:
         yield FixedFrame(base_link, ego, base_link_from_ego, None)
-    for sensor in spec.rig.sensors:
+    for sensor in view.rig.sensors:
         if not sensor.has_frame:
             continue
         frame, pose = f"{agent}/{sensor.name}", sensor.pose.ego_from_sensor

@@ -9,7 +9,7 @@ from simbev_ros.foundation.types import Float64Array
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.region import Reach, Reaches, regions_of
-from simbev_ros.schema.scene.agents import agent_views
+from simbev_ros.schema.scene.agents import AgentView, agent_views
 from simbev_ros.schema.scene.spec import SceneSpec
 
 VIEW_M = 500.0
@@ -27,15 +27,15 @@ def loaded_reach(spec: SceneSpec, network: RoadNetwork, view_m: float = VIEW_M) 
     return circles[0] if len(circles) == 1 else Reaches(circles)
 
 
-def reach_of(view: SceneSpec, network: RoadNetwork, view_m: float = VIEW_M) -> Reach:
+def reach_of(view: AgentView, network: RoadNetwork, view_m: float = VIEW_M) -> Reach:
     """Circle around an agent's start: the distance that it can drive in the scene, plus ``view_m``."""
     if view.station is not None:
         return Reach((view.station.x_m, view.station.y_m), _MARGIN_M + view_m)
-    ego = view.ego
-    assert ego is not None
-    start_m, _ = network.pose_on_lane(ego.start.lane, ego.start.s_m)
-    duration_s = (view.warm_up_ticks + view.ticks) * view.tick_ns / NS_PER_S
-    travel_m = _max_travel_m(network, start_m[:2], ego.start.lane, duration_s * max(ego.speed_factor, 1.0))
+    scene, vehicle = view.scene, view.vehicle
+    assert vehicle is not None
+    start_m, _ = network.pose_on_lane(vehicle.start.lane, vehicle.start.s_m)
+    duration_s = (scene.warm_up_ticks + scene.ticks) * scene.tick_ns / NS_PER_S
+    travel_m = _max_travel_m(network, start_m[:2], vehicle.start.lane, duration_s * max(vehicle.speed_factor, 1.0))
     return Reach((float(start_m[0]), float(start_m[1])), travel_m + _MARGIN_M + view_m)
 
 

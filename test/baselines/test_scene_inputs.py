@@ -48,7 +48,7 @@ def test_facts_equal_those_of_the_scene_spec() -> None:
     assert (inputs.name, inputs.start_ns, inputs.tick_ns) == (spec.name, spec.start_ns, spec.tick_ns)
     assert inputs.ego_frame == "ego/footprint"
     assert inputs.base_link_from_ego[:3, 3] == pytest.approx([1.4, 0, 0])
-    bev = spec.annotation.bev
+    bev = spec.agents[0].annotation.bev
     assert bev is not None and inputs.grid is not None
     assert (inputs.grid.rows, inputs.grid.columns, inputs.grid.cell_m) == (bev.rows, bev.columns, bev.cell_m)
 

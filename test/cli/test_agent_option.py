@@ -92,7 +92,7 @@ def test_a_preview_shows_the_topics_of_its_agent(made: tuple[Path, MadeUp], agen
     assert views.read_topics and all(topic.startswith(f"/{name}/") for topic in views.read_topics)
     assert views.truth.names == [f"/{name}/{each}" for each in ("boxes", "odom", "bev/labels")]
     assert list(views.cameras) == (["cam"] if name == "rsu" else ["cam_front", "cam_back_left"])
-    assert views.scene is not None and views.scene.rig.agent == name
+    assert views.view is not None and views.view.agent == name
     (frame,) = FrameReader(bag, views).frames(1, 1)
     ticks = made[1].ticks if name == "ego" else made[1].others[name]
     assert frame.arrays[f"/{name}/bev/labels"].tobytes() == ticks[1]["bev/labels"].tobytes()

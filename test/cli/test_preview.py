@@ -4,6 +4,7 @@ import av
 import cv2
 import numpy as np
 import pytest
+from scene_edits import with_ego
 from synthetic_scene import STEP_M, YAWS_DEG, camera_images, street, write_scene
 
 from simbev_ros.cli.preview import preview
@@ -41,7 +42,7 @@ def labelled_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
         Camera(type="camera", name=f"cam_{name}", pose=Pose(z_m=1.6, yaw_deg=yaw), width_px=160, height_px=90)
         for name, yaw in YAWS_DEG.items()
     )
-    spec = draw_scene(scenario, planned, load_network(planned.map)).model_copy(update={"rig": Rig(sensors=cameras)})
+    spec = with_ego(draw_scene(scenario, planned, load_network(planned.map)), rig=Rig(sensors=cameras))
     attachments = {"scene.json": spec.model_dump_json().encode()}
     folder = tmp_path_factory.mktemp("labelled")
     return write_scene(

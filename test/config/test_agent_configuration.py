@@ -16,6 +16,7 @@ from simbev_ros.foundation.files.limits import MAX_AGENTS
 from simbev_ros.ros.msgs.displays import display_topics
 from simbev_ros.ros.msgs.topics import manifest
 from simbev_ros.ros.msgs.typed_topics import typed_topics
+from simbev_ros.schema.scene.agent_spec import AgentSpec
 from simbev_ros.schema.scene.spec import SceneSpec
 
 SCENES = "scenes: [{map: Blocks, train: 1}]\n"
@@ -72,10 +73,6 @@ def test_null_is_the_default_in_the_first_entry_as_in_the_others() -> None:
     assert parse_scenario(entry(f"name: car, {nulls}"), "x") == parse_scenario(entry("name: car"), "x")
 
 
-def test_a_configuration_with_one_agent_has_no_section_agents() -> None:
-    assert "agents" not in yaml.safe_load(parse_scenario(EGO, "x").as_yaml())
-
-
 def test_agents_come_in_addition_to_the_sections_of_the_first_one() -> None:
     scenario = parse_scenario(f"{EGO}agents: [{{name: car, {RIG}}}]", "x")
     assert (scenario.rig.agent, [agent.name for agent in scenario.agents]) == ("ego", ["car"])
@@ -113,7 +110,7 @@ ALL_SENSORS = """rig: {sensors: [
 def test_a_mast_carries_all_sensors_but_odometry_and_reads_back_without_fields_of_vehicles() -> None:
     scenario = parse_scenario(mast("mast: {junction: {signalised: true}, height_m: 150}, count: 2", ALL_SENSORS), "x")
     dump = yaml.safe_load(scenario.as_yaml())["agents"][0]
-    assert dump.keys() == {"name", "rig", "count", "mast", "frames", "annotation"}
+    assert dump.keys() == {"name", "rig", "count", "mast", "frames", "annotation", "v2x", "evaluation"}
     assert parse_scenario(scenario.as_yaml(), "dump") == scenario
     nulls = "count: null, near: null, spawn: [], frames: {odom: false}, mast: {above_road: {near: null}}"
     assert parse_scenario(mast(nulls), "x").agents[0].frames == Frames()
@@ -333,7 +330,8 @@ def test_as_many_agents_as_there_are_bits_are_allowed() -> None:
 def test_first_parts_of_topics_and_labels_are_reserved() -> None:
     scenario = load_scenario("paper")
     labels = Annotation(occupancy=Occupancy(), vector_map=VectorMapPatch())
-    values = {"rig": scenario.rig, "frames": Frames(odom=True), "annotation": labels, "tick_ns": scenario.time.tick_ns}
+    agent = AgentSpec(rig=scenario.rig, frames=Frames(odom=True), annotation=labels, vehicle=0)
+    values = {"agents": (agent,), "tick_ns": scenario.time.tick_ns}
     spec: SceneSpec = SceneSpec.model_construct(**values)  # type: ignore[arg-type]  # topics need no more of a scene
     topics = [
         *manifest(spec, compressed_images=True),

@@ -33,6 +33,5 @@ def test_wheel_odometry_with_a_pose_is_refused() -> None:
         Scenario.model_validate(PLAIN | {"rig": {"sensors": [wheel]}})
 
 
-def test_default_frames_are_not_in_the_configuration_of_a_bag() -> None:
-    assert "frames" not in Scenario.model_validate(PLAIN | {"frames": {}}).as_yaml()
+def test_frames_are_in_the_configuration_of_a_bag() -> None:
     assert "rear_axle" in Scenario.model_validate(PLAIN | {"frames": {"base_link": "rear_axle"}}).as_yaml()

@@ -14,8 +14,7 @@ from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.region import Reach
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
-from simbev_ros.schema.scene.agents import seen_by
-from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.agents import AgentView, agent_view
 from simbev_ros.schema.scene.state import WorldState, map_from_actors
 from simbev_ros.simulation.render.frame import CameraImages, CameraView, RenderFrame
 from simbev_ros.simulation.render.renderer import Renderer
@@ -52,9 +51,9 @@ class Studio:
         self.models = load_models()
         self._renderer = Renderer(self.static, self.models)
 
-    def images(self, views: Sequence[CameraView], agent: SceneSpec | None = None) -> list[CameraImages]:
+    def images(self, views: Sequence[CameraView], agent: AgentView | None = None) -> list[CameraImages]:
         """Images of the ego's cameras, or of those of another agent."""
-        now, before = (seen_by(agent or self.spec, state) for state in (self.state, self.previous))
+        now, before = ((agent or agent_view(self.spec)).ego_state(state) for state in (self.state, self.previous))
         return self._renderer.render(views, RenderFrame(now, before))
 
 

@@ -30,7 +30,7 @@ def scene() -> tuple[list[RadarModel], RayScene, list[WorldState]]:
     planned = next(planned_scenes(scenario))
     network = load_network(planned.map)
     spec = draw_scene(scenario, planned, network)
-    models = [RadarModel(radar, spec.seed, 0.05) for radar in spec.rig.of_type(Radar)]
+    models = [RadarModel(radar, spec.seed, 0.05) for radar in spec.agents[0].rig.of_type(Radar)]
     with Simulation(spec, network) as simulation:
         states = [simulation.step() for _ in range(spec.warm_up_ticks + AROUND_TICK + 2)][-3:]
     rays = RayScene(load_static_scene(planned.map, network), load_models())

@@ -9,7 +9,7 @@ from studio import EXACT, Studio
 from simbev_ros.config.sensor import Pose
 from simbev_ros.foundation.geometry.camera import PinholeCamera
 from simbev_ros.foundation.semantics import Tag
-from simbev_ros.schema.scene.agents import agent_view, seen_by
+from simbev_ros.schema.scene.agents import agent_view
 from simbev_ros.schema.scene.state import EGO_ID
 from simbev_ros.simulation.render.frame import CameraView
 
@@ -24,7 +24,7 @@ def test_a_camera_above_the_road_sees_what_rays_hit_and_the_roofs_of_cars(blocks
     place = {"x_m": float(ego["x"]), "y_m": float(ego["y"]), "z_m": float(ego["z"]), "yaw_rad": 0.3}
     view = agent_view(with_agents(blocks.spec, roadside_unit() | {"station": place}), "rsu")
     camera = CameraView(CAMERA, Pose(z_m=height_m, pitch_deg=90.0).ego_from_sensor, EXACT)
-    states = seen_by(view, blocks.state), seen_by(view, blocks.previous)
+    states = view.ego_state(blocks.state), view.ego_state(blocks.previous)
     still = Triangles.of_static(blocks.static, blocks.origin_m)
     moving = Triangles.of_actors(blocks.models, *states, blocks.origin_m)
     [images] = blocks.images([camera], view)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from ros_messages import compressed_image, header, image, message, odometry, point_cloud, serialize, string
+from scene_edits import ego
 
 from simbev_ros.foundation.types import AnyArray, Table
 from simbev_ros.recording.bag_writer import SceneBagWriter
@@ -43,8 +44,7 @@ def spec(number: int = 0, split: str = "train", sensors: Sequence[dict[str, Any]
             "warm_up_ticks": 1,
             "ticks": TICKS,
             "weather": dict.fromkeys(Weather.model_fields, 1.0),
-            "rig": {"sensors": sensors},
-            "annotation": {},
+            "agents": [ego(sensors)],
             "vehicles": [EGO],
             "pedestrians": [],
             "green_time_s": [],

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from made_up_scene import SENSORS, MadeUp, boxes, made_up_scene, made_up_spec, record_made_up
+from scene_edits import with_ego
 from several_agents import MAST_SENSORS, car, made_up_agents, roadside_unit, with_agents
 
 from simbev_ros.dataset import Dataset, Frame, Scene, open_dataset
@@ -65,7 +66,7 @@ def test_a_frame_has_the_values_of_its_agent(made: tuple[Path, MadeUp], scene: S
     view = agent_view(SPEC, name)
     seen = scene.of_agent(name)
     assert (seen.agent, seen.agents, len(seen)) == (name, scene.agents, len(scene))
-    assert (seen.spec.rig, seen.spec.ego_id) == (view.rig, view.ego_id)
+    assert (seen.view.rig, seen.view.ego_id) == (view.rig, view.ego_id)
     assert list(seen.calibration) == [sensor.name for sensor in view.rig.sensors]
     for frame, expected in zip(seen, made[1].others[name], strict=True):
         for key in ("boxes", "bev/labels", "lidar/points"):
@@ -204,7 +205,7 @@ def test_an_additional_bag_adds_keys_to_each_agent_that_it_has(tmp_path: Path) -
 
 def test_the_only_agent_of_a_scene_may_have_another_name_in_an_additional_bag(tmp_path: Path) -> None:
     alone = made_up_spec(SENSORS, number=2)
-    renamed = alone.model_copy(update={"rig": alone.rig.model_copy(update={"agent": "robot"})})
+    renamed = with_ego(alone, rig=alone.agents[0].rig.model_copy(update={"agent": "robot"}))
     record_made_up(scene_folder(tmp_path, "train", alone.name), alone)
     record_made_up(tmp_path / f"scenes/train/{alone.name}.night", renamed)
     scene = open_dataset(tmp_path).scenes[0]
@@ -219,8 +220,8 @@ def test_a_dataset_is_read_as_an_agent_of_some_scenes_sees_it(tmp_path: Path) ->
     assert dataset.agents == ("ego", "car", "rsu")
     assert [scene.name for scene in dataset.of_agent("ego").scenes] == ["Blocks-0002", "Blocks-0003"]
     (seen,) = dataset.of_agent("car").scenes
-    assert (seen.agent, seen.further_agent) == ("car", "car")
+    assert (seen.agent, seen.chosen_agent) == ("car", "car")
     sent = pickle.loads(pickle.dumps(seen))
-    assert sent.further_agent == "car" and sent.of_agent("ego").further_agent is None
+    assert sent.chosen_agent == "car" and sent.of_agent("ego").chosen_agent is None
     with pytest.raises(InputError, match="agent: no scene has 'bus', but car, ego, rsu"):
         dataset.of_agent("bus")

@@ -18,6 +18,7 @@ from simbev_ros.recording.layout import SCENE_ATTACHMENT, scene_folder
 from simbev_ros.recording.qos import QosProfile
 from simbev_ros.ros.msgs.topics import odometry_topic
 from simbev_ros.ros.msgs.world import odometry_message
+from simbev_ros.schema.scene.agents import agent_view
 from simbev_ros.schema.scene.state import map_from_actors
 from simbev_ros.show.rerun.live.live_frame import LiveFrame, LiveScene, Payloads
 
@@ -33,9 +34,8 @@ BOTH = pytest.mark.parametrize("base_link", SPECS)
 def payload(base_link: str, tick: int) -> bytes:
     """The odometry that the graph publishes at a tick."""
     spec = SPECS[base_link]
-    return bytes(
-        serialize_message(odometry_message(STATES[tick].ego, spec.stamp_ns(tick), "ego/base_link", spec.base_link_x_m))
-    )
+    ahead_m = spec.agents[0].base_link_x_m
+    return bytes(serialize_message(odometry_message(STATES[tick].ego, spec.stamp_ns(tick), "ego/base_link", ahead_m)))
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +63,7 @@ def test_points_of_every_sensor_are_at_the_same_places_of_the_map(datasets: dict
     for frame in scene_of(datasets, base_link):
         map_from_ego = map_from_actors(STATES[frame.tick].ego[None])[0]
         np.testing.assert_allclose(frame.map_from_ego, map_from_ego, rtol=0, atol=1e-9)
-        for sensor in SPECS[base_link].rig.sensors:
+        for sensor in SPECS[base_link].agents[0].rig.sensors:
             expected = apply(map_from_ego @ sensor.pose.ego_from_sensor, points)
             np.testing.assert_allclose(apply(frame.map_from_sensor(sensor.name), points), expected, rtol=0, atol=1e-9)
         optical = apply(frame.map_from_optical("cam_front"), np.array([[0.0, 0.0, 7.0]]))
@@ -81,8 +81,8 @@ def test_velocities_are_those_of_the_ego_frame(datasets: dict[str, Path], base_l
 
 @BOTH
 def test_a_live_frame_has_the_same_motion_as_a_recorded_one(datasets: dict[str, Path], base_link: str) -> None:
-    spec = SPECS[base_link]
-    live = LiveFrame(LiveScene(spec, 0), 3, [Payloads(odometry_topic(spec), [payload(base_link, 3)])], None)
+    view = agent_view(SPECS[base_link])
+    live = LiveFrame(LiveScene(view, 0), 3, [Payloads(odometry_topic(view), [payload(base_link, 3)])], None)
     assert live["odom"].tobytes() == scene_of(datasets, base_link)[3]["odom"].tobytes()
 
 
@@ -108,5 +108,5 @@ def test_answers_of_a_stack_may_be_in_base_link_or_in_the_ego_frame(datasets: di
     np.testing.assert_array_equal(frames(2, "ego/footprint"), map_from_ego)
     behind = apply(map_from_ego, np.array([[-1.4, 0.0, 0.0]]))[0]
     np.testing.assert_allclose(frames(2, "ego/base_link")[:3, 3], behind, rtol=0, atol=1e-9)
-    lidar = map_from_ego @ SPECS["rear_axle"].rig.sensors[2].pose.ego_from_sensor
+    lidar = map_from_ego @ SPECS["rear_axle"].agents[0].rig.sensors[2].pose.ego_from_sensor
     np.testing.assert_allclose(frames(2, "ego/lidar"), lidar, rtol=0, atol=1e-9)

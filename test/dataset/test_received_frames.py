@@ -17,7 +17,7 @@ from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.v2x import V2X_DTYPE
 
 PLAIN = made_up_agents()
-IDS = {view.rig.agent: view.ego_id for view in agent_views(PLAIN)}
+IDS = {view.agent: view.ego_id for view in agent_views(PLAIN)}
 
 
 def spec_with(**settings: Any) -> SceneSpec:

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 from ros_messages import odometry
+from scene_edits import ego
 
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.qos import QosProfile
@@ -29,8 +30,7 @@ def spec(number: int = 0) -> SceneSpec:
             "warm_up_ticks": 1,
             "ticks": TICKS,
             "weather": dict.fromkeys(Weather.model_fields, 1.0),
-            "rig": {"sensors": SENSORS},
-            "annotation": {},
+            "agents": [ego(SENSORS)],
             "vehicles": [EGO],
             "pedestrians": [],
             "green_time_s": [],

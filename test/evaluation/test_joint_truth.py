@@ -38,7 +38,7 @@ def answers(scene: Scene, *tables: dict[int, Table]) -> Predictions:
     joined: dict[int, Table] = {}
     for tick in range(made.TICKS):
         rows = np.concatenate([each[tick] for each in tables])
-        rows = rows[rows["id"] != scene.spec.ego_id]
+        rows = rows[rows["id"] != scene.view.ego_id]
         joined[tick] = rows[np.unique(rows["id"], return_index=True)[1]]
     return made.as_answers(joined)
 
@@ -109,7 +109,7 @@ def test_a_scene_with_one_agent_has_no_joint_truth(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"cannot be evaluated, because the bag lacks world/boxes$"):
         judge(single, made.single.as_predicted(), tmp_path / "boxes.parquet")
     with pytest.raises(InputError, match=r"^world/boxes: the joint boxes of Blocks-0000 have no column ego.distance$"):
-        boxes_in_reach(made.boxes("ego", 0), single.spec)
+        boxes_in_reach(made.boxes("ego", 0), single.view)
 
 
 def test_nuscenes_metrics_are_for_the_own_truth() -> None:
@@ -135,12 +135,12 @@ def test_live_and_recorded_frames_are_judged_alike_also_in_the_frame_of_another_
         boxes.yaw_rad[row] -= made.YAW_RAD[other]
     recorded = judge(judged, predictions, tmp_path / "boxes.parquet", frame_id=in_other)
     assert share_found(recorded) == 3 / 4
-    live = LiveEvaluation(judged.spec, recorded.options)
+    live = LiveEvaluation(judged.view, recorded.options)
     answered = PredictedBoxes.with_reference(predictions, Reference(in_other, "/boxes"))
     for frame in judged:
         truth = {
             POSE: frame.map_from_ego,
-            BOXES: boxes_in_reach(frame["world/boxes"], judged.spec),
+            BOXES: boxes_in_reach(frame["world/boxes"], judged.view),
             LABELS: frame["bev/labels"],
             pose_of(other): frame.others[other].map_from_ego,
         }

@@ -88,7 +88,7 @@ def assert_matches(found: Any, expected: Any) -> None:
 
 
 def test_live_figures_equal_those_of_the_recorded_scene(scene: Scene, tmp_path: Path) -> None:
-    live = LiveEvaluation(scene.spec, OPTIONS)
+    live = LiveEvaluation(scene.view, OPTIONS)
     for tick in range(TICKS):
         live.add_frame(frame_of(scene, tick))
         if tick % 20 == 5:
@@ -104,7 +104,7 @@ def test_live_figures_equal_those_of_the_recorded_scene(scene: Scene, tmp_path: 
 
 
 def test_running_figures_cover_the_frames_so_far(scene: Scene) -> None:
-    live = LiveEvaluation(scene.spec, OPTIONS)
+    live = LiveEvaluation(scene.view, OPTIONS)
     assert live.running_figures() == {"frames": 0, "answered_boxes": 0, "answered_grids": 0}
     for tick in range(10):
         live.add_frame(frame_of(scene, tick))
@@ -117,7 +117,7 @@ def test_running_figures_cover_the_frames_so_far(scene: Scene) -> None:
 
 
 def test_latency_covers_complete_frames_only(scene: Scene) -> None:
-    live = LiveEvaluation(scene.spec, OPTIONS)
+    live = LiveEvaluation(scene.view, OPTIONS)
     for tick in range(12):
         live.add_frame(frame_of(scene, tick, is_complete=tick <= 10, input_s=7.0, answered_s=7.0 + 0.001 * tick))
     latency_ms = live_figures([live.finish(JoinCounts())], OPTIONS)["latency_ms"]
@@ -127,7 +127,7 @@ def test_latency_covers_complete_frames_only(scene: Scene) -> None:
 def test_several_scenes_are_counted_together(scene: Scene) -> None:
     scenes = []
     for missed in (1, 2):
-        live = LiveEvaluation(scene.spec, OPTIONS)
+        live = LiveEvaluation(scene.view, OPTIONS)
         live.add_frame(frame_of(scene, 1, answers={}))
         scenes.append(live.finish(JoinCounts(missed=missed, late=3)))
     figures = live_figures(scenes, OPTIONS)
@@ -138,7 +138,7 @@ def test_several_scenes_are_counted_together(scene: Scene) -> None:
 
 
 def test_boxes_of_an_unknown_frame_are_refused(scene: Scene) -> None:
-    live = LiveEvaluation(scene.spec, OPTIONS)
+    live = LiveEvaluation(scene.view, OPTIONS)
     boxes = PredictedBoxes.with_reference(
         answers(scene, 1)["/boxes"].predictions, Reference("base_link", "/boxes: tick 1")
     )
@@ -151,4 +151,4 @@ def test_grids_of_different_sizes_are_refused(scene: Scene) -> None:
     sizes = {"car": 20, "bus": 9}
     grids = {name: ScoreGrid((name,), np.zeros((1, rows, 24)), f"/bev/{name}") for name, rows in sizes.items()}
     with pytest.raises(InputError, match=r"^/bev/bus: scores: have 9 x 24 cells; the truth has 20 x 24$"):
-        LiveEvaluation(scene.spec, OPTIONS).add_frame(frame_of(scene, 1, answers=grids))
+        LiveEvaluation(scene.view, OPTIONS).add_frame(frame_of(scene, 1, answers=grids))

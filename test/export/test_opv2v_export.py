@@ -24,6 +24,7 @@ from simbev_ros.export.opv2v.pcd import pcd_file
 from simbev_ros.foundation.semantics import BOX_CLASSES
 from simbev_ros.foundation.types import Float64Array, Table
 from simbev_ros.scene.legend import legend
+from simbev_ros.schema.scene.agents import agent_view
 from simbev_ros.schema.v2x import OWN_POSE, V2X_DTYPE
 
 SETTINGS = FrameSettings()
@@ -74,7 +75,7 @@ def map_from(xyz_m: Any, rpy_rad: Any) -> Float64Array:
 
 def map_from_sensor(made: tuple[Path, MadeUp], agent: str, tick: int, name: str) -> Float64Array:
     """(4, 4) pose of a sensor in our map frame, from what was recorded."""
-    rig = next(rig for rig in made[1].spec.rigs if rig.agent == agent)
+    rig = agent_view(made[1].spec, agent).rig
     pose = next(sensor for sensor in rig.sensors if sensor.name == name).pose
     mount = map_from([pose.x_m, pose.y_m, pose.z_m], np.radians([pose.roll_deg, pose.pitch_deg, pose.yaw_deg]))
     return map_from(*values_of(made, agent, tick)["odom"]) @ mount

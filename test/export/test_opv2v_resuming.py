@@ -20,7 +20,7 @@ from simbev_ros.export.opv2v.export import Exported, export_opv2v
 from simbev_ros.export.opv2v.frames import FrameSettings, frame_files
 from simbev_ros.foundation.errors import InputError, SimbevError
 from simbev_ros.recording.layout import locate_mcap
-from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.agents import AgentView
 
 SETTINGS = FrameSettings()
 BAG = "set/scenes/train/Blocks-0002"
@@ -142,9 +142,9 @@ def test_a_scene_has_the_frames_that_all_agents_have(
     """The roadside unit has clouds at some ticks alone."""
     values = made_up_scene._values
 
-    def without_clouds(rng: Any, spec: SceneSpec, tick: int) -> dict[str, Any]:
-        found = values(rng, spec, tick)
-        if spec.station is not None and tick not in ticks:
+    def without_clouds(rng: Any, view: AgentView, tick: int) -> dict[str, Any]:
+        found = values(rng, view, tick)
+        if view.station is not None and tick not in ticks:
             del found["lidar/points"]
         return found
 

@@ -56,6 +56,7 @@ from simbev_ros.ros.nodes.reports import read_report
 from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.request import SceneRequest
 from simbev_ros.schema.messages.message_types import types_with
+from simbev_ros.schema.scene.agents import agent_view
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.trajectories import futures, tracks_from_npz
 from simbev_ros.simulation.replay.replay import Replay, recorded_spec
@@ -158,7 +159,7 @@ def _read_bag_by_index(data: bytes) -> None:
         for location in source.topic.locations:
             source.value(location[None])
     bags = SceneBags.open(bag.file, {}, ChunkCache(_CACHE_BYTES), may_be_cut_off=True)
-    content = Content.from_bags(bags, bags.spec)
+    content = Content.from_bags(bags, agent_view(bags.spec))
     assert len(content.stamps_ns) <= MAX_SCENE_TICKS
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from made_up_scene import made_up_scene
+from scene_edits import with_ego
 
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Scenario
@@ -72,7 +73,7 @@ def test_a_part_of_the_same_scene_is_made_anew(tmp_path: Path, scenario: Scenari
 def test_what_would_not_come_back_stays(tmp_path: Path, scenario: Scenario, spec: SceneSpec) -> None:
     partial = killed(tmp_path / "set", scenario, spec)
     before = {file.name: file.read_bytes() for file in partial.iterdir()}
-    steered = spec.model_copy(update={"ego_driver": "twist"})
+    steered = with_ego(spec, driver="twist")
     others = [
         (scenario, spec.model_copy(update={"seed": spec.seed + 1}), False),
         (scenario.model_copy(update={"seed": scenario.seed + 1}), spec, False),

@@ -43,20 +43,21 @@ def replayed(spec: SceneSpec, chosen: Scenario) -> tuple[AgentSpec, ...]:
 def test_the_same_configuration_gives_the_same_agents(tmp_path: Path) -> None:
     chosen = scenario(tmp_path, CAR, MASTS)
     spec = drawn(chosen)
-    assert [agent.rig.agent for agent in spec.agents] == ["car", "rsu_1", "rsu_2"]
+    assert [agent.name for agent in spec.agents] == ["ego", "car", "rsu_1", "rsu_2"]
     assert replayed(spec, chosen) == spec.agents
 
 
 def test_an_agent_that_is_left_out_is_a_vehicle_like_others(tmp_path: Path) -> None:
     spec = drawn(scenario(tmp_path, CAR, MASTS))
-    assert replayed(spec, scenario(tmp_path)) == ()
-    assert replayed(spec, scenario(tmp_path, MASTS)) == spec.agents[1:]
+    assert replayed(spec, scenario(tmp_path)) == spec.agents[:1]
+    assert replayed(spec, scenario(tmp_path, MASTS)) == (spec.agents[0], *spec.agents[2:])
 
 
 def test_new_agents_ride_in_recorded_vehicles_or_stand_on_masts(tmp_path: Path) -> None:
     spec = drawn(scenario(tmp_path))
     bus = "  - {name: bus, rig: {sensors: []}, carrier: 4}\n"
-    car, *masts = replayed(spec, scenario(tmp_path, bus, MASTS))
+    ego, car, *masts = replayed(spec, scenario(tmp_path, bus, MASTS))
+    assert ego == spec.agents[0]
     assert (car.rig.agent, car.vehicle, car.driver, car.station) == ("bus", 3, "traffic", None)
     assert [mast.rig.agent for mast in masts] == ["rsu_1", "rsu_2"]
     assert all(mast.station is not None and mast.rig.sensors[0].pose.z_m == 5 for mast in masts)

@@ -151,7 +151,7 @@ def test_a_bag_without_message_counts_is_not_complete(tmp_path: Path) -> None:
 def bag_of_agents(path: Path, *, without: str, config: str = "") -> Path:
     """A bag of a scene with the agents ego, car and rsu that has the odometry of all but one of them."""
     spec = made_up_agents()
-    names = [f"/{rig.agent}/odom" for rig in spec.rigs if rig.agent != without]
+    names = [f"/{agent.name}/odom" for agent in spec.agents if agent.name != without]
     books = Accounting(dict.fromkeys(names, Schedule()), start_ns=spec.start_ns, tick_ns=spec.tick_ns, ticks=spec.ticks)
     with SceneBagWriter(path) as writer:
         writer.add_attachment("scene.json", "application/json", spec.model_dump_json().encode())

@@ -42,13 +42,13 @@ def spec(tmp_path_factory: pytest.TempPathFactory) -> SceneSpec:
 
 def test_scene_facts_equal_those_of_the_scene_spec(spec: SceneSpec) -> None:
     scene = read_scene(spec.model_dump_json(), "/ego/roof/points")
-    (roof,) = (lidar for lidar in spec.rig.of_type(Lidar) if lidar.name == "roof")
+    (roof,) = (lidar for lidar in spec.agents[0].rig.of_type(Lidar) if lidar.name == "roof")
     assert scene.name == spec.name
     assert scene.start_ns == spec.start_ns
     assert scene.tick_ns == spec.tick_ns
     assert scene.period_ticks == spec.period_ticks(roof.rate_hz) == 2
     assert scene.ego_from_lidar == pytest.approx(roof.pose.ego_from_sensor)
-    bev = spec.annotation.bev
+    bev = spec.agents[0].annotation.bev
     assert scene.grid == GridShape(bev.rows, bev.columns, bev.cell_m)
 
 

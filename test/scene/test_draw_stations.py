@@ -59,7 +59,7 @@ def pose_of(station: StationSpec) -> str:
 def stations_of(spec: SceneSpec) -> Iterator[tuple[str, StationSpec]]:
     for view in agent_views(spec):
         if view.station is not None:
-            yield view.rig.agent, view.station
+            yield view.agent, view.station
 
 
 def only_station(spec: SceneSpec) -> StationSpec:
@@ -150,7 +150,7 @@ def test_masts_are_within_the_asked_distance_and_apart(draw: Draw) -> None:
     feet = np.array(list(feet_m.values()))
     distance_m = np.linalg.norm(feet[:, None] - feet, axis=2)[~np.eye(len(feet), dtype=bool)]
     assert distance_m.min() >= 5.0
-    assert [agent.vehicle for agent in spec.agents] == [None] * 8 + [1]
+    assert [agent.vehicle for agent in spec.agents] == [0] + [None] * 8 + [1]
 
 
 def test_a_pose_is_kept_and_its_foot_is_on_the_ground(draw: Draw) -> None:
@@ -177,11 +177,11 @@ def test_units_of_one_entry_have_poses_of_their_own(draw: Draw) -> None:
 def test_the_mast_raises_all_sensors_of_its_unit_alone(draw: Draw) -> None:
     assert Sensor.model_fields["pose"].default.ego_from_sensor is not None  # which the pose keeps
     spec = draw("name: rsu, mast: {junction: {}, height_m: 7.5}", "name: car")
-    rsu, car = spec.agents
+    ego, rsu, car = spec.agents
     assert [sensor.pose.z_m for sensor in rsu.rig.sensors] == [8.5, 7.5]
     assert rsu.rig.sensors[0].pose.ego_from_sensor[2, 3] == 8.5
     assert [sensor.pose.z_m for sensor in car.rig.sensors] == [1.0, 0.0]
-    assert rsu.rig.agent == "rsu" and rsu.frames == spec.frames and rsu.annotation == spec.annotation
+    assert rsu.rig.agent == "rsu" and (rsu.frames, rsu.annotation) == (ego.frames, ego.annotation)
 
 
 def test_a_unit_is_drawn_by_its_name_and_changes_no_vehicle_of_another_agent(draw: Draw) -> None:

@@ -2,6 +2,7 @@
 
 import pytest
 from pydantic import ValidationError
+from scene_edits import ego
 
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.weather import Weather
@@ -13,8 +14,7 @@ SPEC = {
     "split": "train",
     "seed": 0,
     "map": {"name": "Blocks"},
-    "rig": {"sensors": []},
-    "annotation": {},
+    "agents": [ego()],
     "tick_ns": 50_000_000,
     "warm_up_ticks": 1,
     "ticks": 1,

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from PIL import Image
 from ros_messages import image
+from scene_edits import with_ego
 
 from simbev_ros.config.rig import Rig
 from simbev_ros.dataset import Scene, open_dataset
@@ -44,7 +45,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
     """A scene with a camera that records even ticks only."""
     path = tmp_path_factory.mktemp("pictured") / "scenes" / "val" / made.NAMES[0]
     rig = Rig.model_validate({"sensors": [*made.SENSORS, CAMERA]})
-    spec = made.spec(0).model_copy(update={"rig": rig})
+    spec = with_ego(made.spec(0), rig=rig)
     with SceneBagWriter(path) as writer:
         writer.add_attachment("scene.json", "application/json", spec.model_dump_json().encode())
         for tick in range(4):

@@ -19,6 +19,7 @@ from simbev_ros.ros.msgs.topic import Topic
 from simbev_ros.ros.msgs.topics import manifest
 from simbev_ros.ros.relays.autoware_points import AUTOWARE_POINT_DTYPE
 from simbev_ros.schema.points import POINT_DTYPE
+from simbev_ros.schema.scene.agents import agent_view
 
 COMMON = get_typestore(Stores.ROS2_JAZZY).types
 STACKS = {"autoware": "Autoware", "nav2": "Nav2"}
@@ -112,8 +113,8 @@ def test_images_are_remapped_with_the_camera_info_beside_them() -> None:
     spec = made_up_spec(
         [sensor.model_dump() for sensor in load_scenario(ROOT / "config/autoware/simbev.yaml").rig.sensors]
     )
-    (camera,) = (sensor for sensor in spec.rig.sensors if sensor.type == "camera")
-    image = mapped[camera_topics(spec, camera)["rgb"].raw.name]
+    (camera,) = (sensor for sensor in spec.agents[0].rig.sensors if sensor.type == "camera")
+    image = mapped[camera_topics(agent_view(spec), camera)["rgb"].raw.name]
     assert mapped[f"/ego/{camera.name}/camera_info"] == f"{image.rpartition('/')[0]}/camera_info"
 
 

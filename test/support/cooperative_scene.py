@@ -35,7 +35,7 @@ def spec(**annotation_of_car: object) -> SceneSpec:
     plain = single.spec(0).model_dump(mode="json")
     rig = {"agent": "car", "sensors": single.SENSORS}
     agent = {"rig": rig, "annotation": {"bev": single.GRID} | annotation_of_car, "vehicle": 1}
-    return SceneSpec.model_validate(plain | {"vehicles": [single.EGO] * 2, "agents": [agent]})
+    return SceneSpec.model_validate(plain | {"vehicles": [single.EGO] * 2, "agents": [*plain["agents"], agent]})
 
 
 def place_m(agent: str, tick: int) -> Float64Array:

@@ -5,7 +5,9 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import TransformStamped
+from scene_edits import with_ego
 
+from simbev_ros.config.frames import Frames
 from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_quaternion
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.scene.blueprints import blueprint_named
@@ -15,9 +17,9 @@ from simbev_ros.schema.scene.spec import SceneSpec
 
 def with_frames(spec: SceneSpec, **frames: Any) -> SceneSpec:
     """A scene as it is drawn with these ``frames``, after a round trip through JSON."""
-    made = SceneSpec.model_validate(spec.model_dump(mode="json") | {"frames": frames})
-    ahead_m = base_link_x_m(made.frames, blueprint_named(made.vehicles[0].blueprint))
-    return SceneSpec.model_validate_json(made.model_copy(update={"base_link_x_m": ahead_m}).model_dump_json())
+    made = Frames.model_validate(frames)
+    ahead_m = base_link_x_m(made, blueprint_named(spec.vehicles[0].blueprint))
+    return SceneSpec.model_validate_json(with_ego(spec, frames=made, base_link_x_m=ahead_m).model_dump_json())
 
 
 def edges(transforms: Iterable[TransformStamped]) -> dict[tuple[str, str], Float64Array]:

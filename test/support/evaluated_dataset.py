@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 from ros_messages import image, odometry, point_cloud
+from scene_edits import ego
 
 from simbev_ros.evaluation.metrics.boxes import Boxes, Predictions, boxes_from_tables
 from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES
@@ -38,8 +39,7 @@ def spec(number: int) -> SceneSpec:
             "ticks": TICKS,
             "weather": CLEAR_DAY,
             "final_weather": RAINY_NIGHT if number else None,
-            "rig": {"sensors": SENSORS},
-            "annotation": {"bev": GRID},
+            "agents": [ego(SENSORS, {"bev": GRID})],
             "vehicles": [EGO],
             "pedestrians": [],
             "green_time_s": [],

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from ros_messages import header, image, message, odometry, point_cloud, serialize, string
+from scene_edits import ego
 
 from simbev_ros.foundation.geometry.transforms import quaternion_from_rpy
 from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES, Tag
@@ -22,7 +23,7 @@ from simbev_ros.scene.legend import legend
 from simbev_ros.schema.boxes import BOX_DTYPE, LIGHT_IDS, NO_BLUEPRINT, SIGN_IDS
 from simbev_ros.schema.messages import table_messages
 from simbev_ros.schema.points import POINT_DTYPE, RADAR_POINT_DTYPE, SEMANTIC_POINT_DTYPE
-from simbev_ros.schema.scene.agents import agent_views
+from simbev_ros.schema.scene.agents import AgentView, agent_views
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import ACTOR_DTYPE, SIGNAL_DTYPE
 from simbev_ros.schema.voxels import VOXEL_DTYPE
@@ -87,7 +88,7 @@ def record_made_up(
         typed: Whether to write tables also as typed messages.
         tables: Further tables by topic: one that is written at every tick, or one for each tick.
     """
-    made = MadeUp(spec, others={view.rig.agent: [] for view in agent_views(spec)[1:]})
+    made = MadeUp(spec, others={view.agent: [] for view in agent_views(spec)[1:]})
     seeds = [spec.number, *([spec.number, *name.encode()] for name in made.others)]
     agents = [(view, np.random.default_rng(seed)) for view, seed in zip(agent_views(spec), seeds, strict=True)]
     with SceneBagWriter(path, chunk_bytes=chunk_bytes) as writer:
@@ -104,7 +105,7 @@ def record_made_up(
             ]
             for view, rng in agents:
                 values = _values(rng, view, tick)
-                (made.ticks if view is spec else made.others[view.rig.agent]).append(values)
+                (made.ticks if view.is_ego else made.others[view.agent]).append(values)
                 messages += _messages(view, values, tick, typed=typed)
             for topic, type_name, data in messages:
                 if topic not in topics:
@@ -169,11 +170,15 @@ def made_up_spec(
             "warm_up_ticks": 1,
             "ticks": ticks,
             "weather": _WEATHER | {"sun_altitude_deg": 10.0 * number},
-            "rig": {"sensors": sensors},
-            "annotation": {
-                "bev": {"rows": grid[0], "columns": grid[1]},
-                "occupancy": {"half_side_m": 4, "voxel_m": 1},
-            },
+            "agents": [
+                ego(
+                    sensors,
+                    {
+                        "bev": {"rows": grid[0], "columns": grid[1]},
+                        "occupancy": {"half_side_m": 4, "voxel_m": 1},
+                    },
+                )
+            ],
             "vehicles": [car] * (2 + number),
             "pedestrians": [],
             "green_time_s": [10.0],
@@ -181,23 +186,22 @@ def made_up_spec(
     )
 
 
-def _values(rng: np.random.Generator, spec: SceneSpec, tick: int) -> dict[str, Any]:
+def _values(rng: np.random.Generator, view: AgentView, tick: int) -> dict[str, Any]:
     """Values of one tick for an agent by key of the reader, in the form that the reader returns."""
-    assert spec.annotation.bev is not None
-    grid = spec.annotation.bev.rows, spec.annotation.bev.columns
+    grid = view.annotation.bev.rows, view.annotation.bev.columns
     values: dict[str, Any] = {
-        "odom": _motion(spec, tick),
+        "odom": _motion(view, tick),
         "boxes": boxes(rng, 12),
         "bev/labels": rng.integers(0, 1 << len(BEV_CLASSES), grid).astype(np.uint16),
     }
-    if spec is spec.whole:
+    if view.is_ego:
         values |= {"world/actors": noise(rng, ACTOR_DTYPE, 9), "world/signals": noise(rng, SIGNAL_DTYPE, 4)}
         values["world/actors"]["id"] = 1 + np.arange(9)
         values["world/actors"]["blueprint"] %= 5
-    values["hd_map"] = {"stamp_ns": spec.stamp_ns(tick), "id": "a_0", "s": 1.5, "is_junction": False}
+    values["hd_map"] = {"stamp_ns": view.scene.stamp_ns(tick), "id": "a_0", "s": 1.5, "is_junction": False}
     if tick % 2 == 0:
         values["occupancy/points"] = _voxels(rng)
-    for sensor in spec.rig.sensors:
+    for sensor in view.rig.sensors:
         match sensor.type:
             case "camera":
                 for modality in sensor.modalities:
@@ -216,11 +220,11 @@ def _values(rng: np.random.Generator, spec: SceneSpec, tick: int) -> dict[str, A
     return values
 
 
-def _motion(spec: SceneSpec, tick: int) -> tuple[Float64Array, Float64Array]:
+def _motion(view: AgentView, tick: int) -> tuple[Float64Array, Float64Array]:
     """Position and roll, pitch, yaw of an agent's base_link: vehicles drive behind each other, stations stand still."""
-    if (station := spec.station) is not None:
+    if (station := view.station) is not None:
         return np.array([station.x_m, station.y_m, station.z_m]), np.array([0.0, 0.0, station.yaw_rad])
-    behind_m = 20.0 * (spec.ego_index or 0)
+    behind_m = 20.0 * (view.spec.vehicle or 0)
     return np.array([5.0 * tick - behind_m, 1.0, 0.5]), np.array([0.01, 0.02, 0.3 + 0.1 * tick])
 
 
@@ -245,13 +249,13 @@ def _voxels(rng: np.random.Generator) -> Table:
     return table
 
 
-def _messages(spec: SceneSpec, values: dict[str, Any], tick: int, *, typed: bool) -> Iterator[tuple[str, str, bytes]]:
+def _messages(view: AgentView, values: dict[str, Any], tick: int, *, typed: bool) -> Iterator[tuple[str, str, bytes]]:
     """Topic, type and serialized message of each value of an agent, and of its typed form if asked for."""
     for key, value in values.items():
-        topic = f"/{key}" if key.startswith("world/") else f"/{spec.rig.agent}/{key}"
-        yield _message(topic, key, value, spec.stamp_ns(tick))
+        topic = f"/{key}" if key.startswith("world/") else f"/{view.agent}/{key}"
+        yield _message(topic, key, value, view.scene.stamp_ns(tick))
         if typed and key in _TYPED:
-            data = table_messages.serialize_table(_TYPED[key], value, spec.stamp_ns(tick), "map")
+            data = table_messages.serialize_table(_TYPED[key], value, view.scene.stamp_ns(tick), "map")
             yield f"{topic}/typed", _TYPED[key], data
 
 

@@ -30,8 +30,9 @@ def roadside_unit(
 
 
 def with_agents(spec: SceneSpec, *agents: dict[str, Any]) -> SceneSpec:
-    """The scene with agents beside the first one."""
-    return SceneSpec.model_validate(spec.model_dump(mode="json") | {"agents": agents})
+    """The scene with its ego and these other agents."""
+    data = spec.model_dump(mode="json")
+    return SceneSpec.model_validate(data | {"agents": [data["agents"][0], *agents]})
 
 
 def made_up_agents() -> SceneSpec:
@@ -48,5 +49,5 @@ def blocks_agents() -> SceneSpec:
     scenario = load_scenario("demo")
     planned = next(planned_scenes(scenario))
     spec = draw_scene(scenario, planned, load_network(planned.map))
-    sensors = spec.rig.model_dump(mode="json")["sensors"]
+    sensors = spec.agents[0].rig.model_dump(mode="json")["sensors"]
     return with_agents(spec, car("car_1", 1, sensors), car("car_2", 2, sensors), roadside_unit())

@@ -118,7 +118,7 @@ def test_scenes_that_do_not_suit_the_baselines_are_refused(tmp_path: Path, optio
 
 def test_a_cache_of_another_agent_has_what_it_sees_and_replaces_the_first_agents(tmp_path: Path) -> None:
     spec = made_up_spec(SENSORS, number=1, ticks=TICKS, grid=(360, 360))
-    labels = spec.annotation.model_dump(mode="json")
+    labels = spec.agents[0].annotation.model_dump(mode="json")
     made = record_made_up(
         tmp_path / "set/scenes/train/Blocks-0001", with_agents(spec, car("car", 1, SENSORS, annotation=labels))
     )

@@ -20,7 +20,7 @@ from simbev_ros.schema.scene.spec import SceneSpec
 def main() -> None:
     """Receive messages until the process or its supervisor ends."""
     end_with_supervisor()
-    spec = SceneSpec.model_validate_json(Path(sys.argv[1]).read_text(encoding="utf-8"))
+    spec = SceneSpec.from_json(Path(sys.argv[1]).read_text(encoding="utf-8"))
     rclpy.init()
     node = rclpy.create_node("topic_reader")
     for topic in manifest(spec, compressed_images=False):

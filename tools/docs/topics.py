@@ -15,6 +15,7 @@ from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.ros.msgs.qos import qos_of
 from simbev_ros.ros.msgs.topics import Topic, manifest
 from simbev_ros.ros.msgs.typed_topics import typed_topics
+from simbev_ros.schema.scene.agent_spec import AgentSpec
 from simbev_ros.schema.scene.spec import SceneSpec
 from tools.docs.markdown import GENERATED, code, table
 
@@ -73,7 +74,8 @@ def paper_topics() -> dict[str, Topic]:
     """By name all topics of the paper's rig with every label, images in both forms, and typed messages."""
     scenario = load_scenario("paper")
     labels = scenario.annotation.model_copy(update={"occupancy": Occupancy(), "vector_map": VectorMapPatch()})
-    values: dict[str, Any] = {"rig": scenario.rig, "annotation": labels, "tick_ns": scenario.time.tick_ns}
+    agent = AgentSpec(rig=scenario.rig, annotation=labels, vehicle=0)
+    values: dict[str, Any] = {"agents": (agent,), "tick_ns": scenario.time.tick_ns}
     spec: SceneSpec = getattr(SceneSpec, "model_construct")(**values)  # noqa: B009 - topics need no more of a scene
     sent = [topic for form in (False, True) for topic in manifest(spec, compressed_images=form)]
     return {topic.name: topic for topic in (*sent, *(each.topic for each in typed_topics(spec)))}

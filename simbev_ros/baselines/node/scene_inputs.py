@@ -17,7 +17,7 @@ from simbev_ros.foundation.types import Float64Array
 from simbev_ros.ros.msgs.sensor_topics import camera_topics, points_name
 from simbev_ros.ros.msgs.topics import odometry_name
 from simbev_ros.scene.frames import ego_frame, ego_from_base_link
-from simbev_ros.schema.scene.agents import agent_view
+from simbev_ros.schema.scene.agents import AgentView, agent_view
 from simbev_ros.schema.scene.spec import SceneSpec
 
 
@@ -116,13 +116,13 @@ def inputs_of_scene(
     Raises:
         InputError: There is no such agent, its rig lacks what the model sees, or a camera has a distorting lens.
     """
-    whole = SceneSpec.model_validate_json(text)
+    spec = SceneSpec.from_json(text)
     try:
-        spec = agent_view(whole, agent) if agent else whole
+        view = agent_view(spec, agent or None)
     except KeyError as error:
         raise InputError(f"agent: {error.args[0]}") from None
-    bev = spec.annotation.bev
-    colored = [camera for camera in spec.rig.of_type(Camera) if "rgb" in camera.modalities]
+    bev = view.annotation.bev
+    colored = [camera for camera in view.rig.of_type(Camera) if "rgb" in camera.modalities]
     if modality.has_cameras and not colored:
         raise InputError(f"{spec.name}: the rig has no camera with rgb images")
     seen = colored[:cameras] if modality.has_cameras else []
@@ -130,12 +130,12 @@ def inputs_of_scene(
         name=spec.name,
         start_ns=spec.start_ns,
         tick_ns=spec.tick_ns,
-        odometry_topic=odometry_name(spec.rig.agent),
-        base_link_from_ego=inverse(ego_from_base_link(spec)),
-        ego_frame=ego_frame(spec),
+        odometry_topic=odometry_name(view.agent),
+        base_link_from_ego=inverse(ego_from_base_link(view)),
+        ego_frame=ego_frame(view),
         grid=None if bev is None else BevGrid(bev.rows, bev.columns, bev.cell_m),
-        lidar=_lidar_input(spec, lidar_topic) if modality.has_lidar else None,
-        cameras={camera.name: _camera_input(spec, camera, size_px) for camera in seen},
+        lidar=_lidar_input(view, lidar_topic) if modality.has_lidar else None,
+        cameras={camera.name: _camera_input(view, camera, size_px) for camera in seen},
         unseen_cameras=tuple(camera.name for camera in colored[cameras:]) if modality.has_cameras else (),
     )
 
@@ -145,27 +145,29 @@ def stacked_projections(cameras: Sequence[CameraInput]) -> Float64Array:
     return np.array([camera.pixel_from_ego for camera in cameras], np.float64).reshape(-1, 3, 4)
 
 
-def _lidar_input(spec: SceneSpec, topic: str) -> LidarInput:
-    lidars = {points_name(spec.rig.agent, lidar.name): lidar for lidar in spec.rig.of_type(Lidar) if lidar.points}
+def _lidar_input(view: AgentView, topic: str) -> LidarInput:
+    lidars = {points_name(view.agent, lidar.name): lidar for lidar in view.rig.of_type(Lidar) if lidar.points}
     if not lidars:
-        raise InputError(f"{spec.name}: the rig has no lidar with points")
+        raise InputError(f"{view.scene.name}: the rig has no lidar with points")
     topic = topic or next(iter(lidars))
     if topic not in lidars:
-        raise InputError(f"lidar_topic: no lidar of {spec.name} publishes {topic}; allowed: {', '.join(lidars)}")
+        raise InputError(f"lidar_topic: no lidar of {view.scene.name} publishes {topic}; allowed: {', '.join(lidars)}")
     lidar = lidars[topic]
-    return LidarInput(topic, spec.period_ticks(lidar.rate_hz), lidar.pose.ego_from_sensor)
+    return LidarInput(topic, view.scene.period_ticks(lidar.rate_hz), lidar.pose.ego_from_sensor)
 
 
-def _camera_input(spec: SceneSpec, camera: Camera, size_px: tuple[int, int]) -> CameraInput:
+def _camera_input(view: AgentView, camera: Camera, size_px: tuple[int, int]) -> CameraInput:
     model = camera.model
     if isinstance(model, LensCamera):
-        raise InputError(f"{spec.name}: camera {camera.name}: has a distorting lens; the baselines need an ideal one")
-    topics, fit = camera_topics(spec, camera)["rgb"], ImageFit.of_camera(model, size_px)
+        raise InputError(
+            f"{view.scene.name}: camera {camera.name}: has a distorting lens; the baselines need an ideal one"
+        )
+    topics, fit = camera_topics(view, camera)["rgb"], ImageFit.of_camera(model, size_px)
     optical_from_ego = inverse(camera.pose.ego_from_sensor @ SENSOR_FROM_OPTICAL)
     return CameraInput(
         compressed_topic=topics.compressed.name,
         raw_topic=topics.raw.name,
-        period_ticks=spec.period_ticks(camera.rate_hz),
+        period_ticks=view.scene.period_ticks(camera.rate_hz),
         fit=fit,
         pixel_from_ego=fit.fitted_from_source @ model.matrix @ optical_from_ego[:3],
     )

@@ -144,7 +144,7 @@ def chosen_scenes(
 
 def answer_topics(section: Evaluation, scenes: Sequence["Scene"], agent: str | None) -> tuple[str, str]:
     """Topics of boxes and of grids: those of the section, or else the usual ones of an agent (None: the first one)."""
-    is_first = agent is None or all(scene.spec is scene.spec.whole for scene in scenes)
+    is_first = agent is None or all(scene.view.is_ego for scene in scenes)
     boxes_topic, grids_topic = answer_topics_of("" if is_first else str(agent))
     set_fields = section.model_fields_set
     return (

@@ -101,7 +101,7 @@ def write_file(scene: "Scene", out: Path, detail: "Detail", console: Console) ->
     if out.suffix != _SUFFIX:
         raise InputError(f"--out {out}: must end in {_SUFFIX}")
     require_place(out)
-    with whole_file(out) as file, SceneLog(scene.spec) as log:
+    with whole_file(out) as file, SceneLog(scene.view) as log:
         player = ScenePlayer(scene, log, detail)
         log.save(file, scene_blueprint(player.subject, with_predictions=player.has_predictions))
         with counting_bar(scene.name, console, player.steps) as bar:
@@ -122,7 +122,7 @@ def show_recorded(scene: "Scene", place: tuple[int, str], detail: "Detail", cons
     from simbev_ros.show.rerun.scene_log import SceneLog
     from simbev_ros.show.rerun.server import ViewerServer
 
-    with ViewerServer(*place, int(detail.limit_bytes * _SERVER_SHARE)) as server, SceneLog(scene.spec) as log:
+    with ViewerServer(*place, int(detail.limit_bytes * _SERVER_SHARE)) as server, SceneLog(scene.view) as log:
         player = ScenePlayer(scene, log, detail)
         log.connect(server.data_url, scene_blueprint(player.subject, with_predictions=player.has_predictions))
         show_address(server.page_url, console, opens=opens)

@@ -37,8 +37,7 @@ from simbev_ros.drawing.kinds import Kind
 from simbev_ros.foundation.semantics import BEV_CLASSES
 from simbev_ros.foundation.types import AnyArray, Table, UInt16Array
 from simbev_ros.schema.palette import bev_color
-from simbev_ros.schema.scene.agents import ego_row
-from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.agents import AgentView
 from simbev_ros.schema.v2x import boxes_of_messages
 
 
@@ -54,7 +53,7 @@ class Moment:
 
     stamp_ns: int
     frame: str
-    view: SceneSpec
+    view: AgentView
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +85,7 @@ def _detections(at: Moment, messages: Table) -> bytes:
 
 
 def _grid(index: int, at: Moment, labels: UInt16Array, actors: Table) -> bytes:
-    ego = ego_row(at.view, actors)
+    ego = at.view.ego_row(actors)
     rpy_rad = [float(ego[name]) for name in ("roll", "pitch", "yaw")]
     covered = (_bev_labels(labels) >> index & 1).astype(bool)
     return occupancy_grid(covered, at.view.annotation.bev.grid, at.stamp_ns, at.frame, rpy_rad)

@@ -34,8 +34,7 @@ from simbev_ros.evaluation.scene_grids import SceneGrids
 from simbev_ros.evaluation.slices import Conditions, TableSlice
 from simbev_ros.foundation.semantics import BEV_CLASSES
 from simbev_ros.foundation.types import BoolArray, Float64Array, Table
-from simbev_ros.schema.scene.agents import agent_views
-from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.agents import AgentView, agent_views
 
 _MATCH_BATCH_FRAMES = 64
 """Upper bound on the number of frames matched in one batch: batches save time, but frames wait in memory."""
@@ -61,24 +60,25 @@ class LiveEvaluation:
     """Tallies one scene while it runs.
 
     Args:
-        spec: The scene as the evaluated agent sees it.
+        view: The scene as the evaluated agent sees it.
         options: What to evaluate; ``every`` and ``nuscenes`` have no effect.
     """
 
-    def __init__(self, spec: SceneSpec, options: EvaluationOptions) -> None:
-        self._spec, self._options = spec, options
+    def __init__(self, view: AgentView, options: EvaluationOptions) -> None:
+        self._view, self._options = view, options
         self._poses: dict[str, Float64Array] = {}
         self._frames = ReferenceFrames(
-            AgentPoses(view, calibrations(view.rig), partial(self._pose, view.rig.agent)) for view in agent_views(spec)
+            AgentPoses(each, calibrations(each.rig), partial(self._pose, each.agent))
+            for each in agent_views(view.scene)
         )
         self._waiting: list[tuple[GroundTruthFrame, PredictedBoxes]] = []
-        self._cells = SceneGrids(spec.annotation.bev.grid, options.slices)
+        self._cells = SceneGrids(view.annotation.bev.grid, options.slices)
         self._rows: list[Table] = []
         self._tallies: dict[TableSlice, list[DetectionTally]] = {table_slice: [] for table_slice in options.slices}
         self._latency_ms: list[float] = []
         self._iou: list[float] = []
         self._answered: list[tuple[bool, bool]] = []
-        self._tally(SceneBoxes(spec, [], join_boxes([]).predictions, options), [])
+        self._tally(SceneBoxes(view, [], join_boxes([]).predictions, options), [])
 
     def add_frame(self, frame: OpenFrame) -> None:
         """Count a frame; frames must come in order.
@@ -89,9 +89,9 @@ class LiveEvaluation:
         Raises:
             InputError: An answer does not fit the scene.
         """
-        conditions, map_from_ego = Conditions.of_tick(self._spec, frame.tick), frame.truth[POSE]
-        own = self._spec.rig.agent
-        others = (rig.agent for rig in self._spec.rigs if rig.agent != own)
+        conditions, map_from_ego = Conditions.of_tick(self._view.scene, frame.tick), frame.truth[POSE]
+        own = self._view.agent
+        others = (agent.name for agent in self._view.scene.agents if agent.name != own)
         self._poses = {own: map_from_ego, **{name: frame.truth[pose_of(name)] for name in others}}
         boxes = [each for each in frame.answers.values() if isinstance(each, PredictedBoxes)]
         grids = [each for each in frame.answers.values() if isinstance(each, ScoreGrid)]
@@ -133,7 +133,7 @@ class LiveEvaluation:
         has_grids = bool(rows["answered_grid"].any())
         rows["iou"] = self._iou if has_grids else np.nan
         tally = SceneTally(
-            self._spec.name,
+            self._view.scene.name,
             rows,
             {table_slice: merge_tallies(tallies) for table_slice, tallies in self._tallies.items()},
             self._cells.tallies if has_grids else {},
@@ -157,7 +157,7 @@ class LiveEvaluation:
             return
         truth, predictions = [frame for frame, _ in self._waiting], join_boxes([boxes for _, boxes in self._waiting])
         self._tally(
-            SceneBoxes(self._spec, truth, predictions.predictions, self._options), [each.tick for each in truth]
+            SceneBoxes(self._view, truth, predictions.predictions, self._options), [each.tick for each in truth]
         )
         self._waiting = []
 

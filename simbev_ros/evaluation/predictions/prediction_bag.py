@@ -208,9 +208,7 @@ class PredictionBag:
         topic = self._bag.topics.get(_SCENE_TOPIC)
         locations = [] if topic is None else [*topic.locations]
         try:
-            return [
-                SceneSpec.model_validate_json(self._message(topic, location).data) for location in locations if topic
-            ]
+            return [SceneSpec.from_json(self._message(topic, location).data) for location in locations if topic]
         except ValidationError as error:
             raise BagError(f"{self._bag.file}: {_SCENE_TOPIC}: {first_problem(error)}") from None
 

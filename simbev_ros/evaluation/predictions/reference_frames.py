@@ -14,7 +14,7 @@ from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.geometry.transforms import SENSOR_FROM_OPTICAL
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.scene.frames import base_link_frame, ego_frame, ego_from_base_link
-from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.agents import AgentView
 
 
 class AgentPoses(NamedTuple):
@@ -26,13 +26,13 @@ class AgentPoses(NamedTuple):
         map_from_ego: Gives the (4, 4) pose of the agent at a tick.
     """
 
-    view: SceneSpec
+    view: AgentView
     calibration: Mapping[str, Calibration]
     map_from_ego: Callable[[int], Float64Array]
 
     def ego_from_frames(self) -> Iterator[tuple[str, Float64Array | None]]:
         """Name and (4, 4) pose in the ego frame of each of the agent's frames; None: it is the ego frame."""
-        agent = self.view.rig.agent
+        agent = self.view.agent
         if ego_frame(self.view) != base_link_frame(agent):
             yield base_link_frame(agent), ego_from_base_link(self.view)
         yield ego_frame(self.view), None
@@ -59,7 +59,7 @@ class ReferenceFrames:
         self._scene = ""
         self._frames: dict[str, tuple[AgentPoses, Float64Array | None]] = {}
         for agent in agents:
-            self._scene = agent.view.name
+            self._scene = agent.view.scene.name
             self._frames |= {name: (agent, pose) for name, pose in agent.ego_from_frames()}
 
     @classmethod
@@ -75,7 +75,7 @@ class ReferenceFrames:
 
     def agents_of(self, frame_ids: Iterable[str]) -> set[str]:
         """Names of the agents that coordinate frames belong to; the map and unknown frames belong to none."""
-        return {self._frames[name][0].view.rig.agent for name in frame_ids if name in self._frames}
+        return {self._frames[name][0].view.agent for name in frame_ids if name in self._frames}
 
     def __call__(self, tick: int, frame_id: str) -> Float64Array:
         """(4, 4) map from a coordinate frame at a tick.
@@ -94,4 +94,4 @@ class ReferenceFrames:
 
 def _recorded_poses(scene: Scene) -> AgentPoses:
     """Poses of the agent for which a recorded scene is read."""
-    return AgentPoses(scene.spec, scene.calibration, lambda tick: scene[tick].map_from_ego)
+    return AgentPoses(scene.view, scene.calibration, lambda tick: scene[tick].map_from_ego)

@@ -25,7 +25,6 @@ from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_quaternion
 from simbev_ros.foundation.types import Float64Array, Table
 from simbev_ros.foundation.units import GRAVITY_MPS2, NS_PER_S
-from simbev_ros.schema.scene.agents import ego_row
 from simbev_ros.schema.scene.state import Light
 
 FOLDER = "can_bus"
@@ -120,9 +119,9 @@ def can_bus_messages(scene: Scene, origin_m: tuple[float, float]) -> dict[str, l
     imu, messages = imu_of(scene), {name: list[Record]() for name in ("pose", "ms_imu", "vehicle_monitor")}
     for tick in np.flatnonzero(scene.has(_KEYS)).tolist():
         frame = scene[tick]
-        odometry, ego = frame["odom"][-1], ego_row(scene.spec, frame["world/actors"])
+        odometry, ego = frame["odom"][-1], scene.view.ego_row(frame["world/actors"])
         messages["pose"].append(_pose(odometry, ego, origin_m))
-        if scene.spec.station is None:
+        if scene.view.station is None:
             messages["vehicle_monitor"].append(_vehicle_monitor(odometry, ego))
         messages["ms_imu"] += _imu_messages(frame, imu)
     return messages

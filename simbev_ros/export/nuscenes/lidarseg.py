@@ -115,7 +115,7 @@ def frame_labels(frame: Frame, channel: Channel) -> UInt8Array:
     """(N,) labels of the points of a lidar's file at a frame, in their order."""
     semantic_cloud = frame[_semantic_key(channel)]
     blueprints = frame.scene.constants["world/legend"]["blueprints"]
-    labels = labels_of_surfaces(semantic_cloud, frame["world/actors"], blueprints, frame.scene.spec.ego_id)
+    labels = labels_of_surfaces(semantic_cloud, frame["world/actors"], blueprints, frame.scene.view.ego_id)
     if channel.key == _semantic_key(channel):
         return labels
     lidar = channel.calibration.sensor

@@ -88,7 +88,7 @@ def source_of(scene: Scene) -> Json:
     newest_ns = max(file.stat().st_mtime_ns for file in mcap_files(bag))
     own = {"bytes": bytes_of(bag), "mtime_ns": newest_ns}
     additional = [fingerprint_of(require_local(each)) for each in scene.additional.values()]
-    agent = {} if scene.further_agent is None else {"agent": scene.further_agent}
+    agent = {} if scene.chosen_agent is None else {"agent": scene.chosen_agent}
     return {**own, **({"additional": additional} if additional else {}), **agent, "by": __version__}
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from simbev_ros.export.nuscenes.taxonomy import Record, token
 from simbev_ros.schema.scene.map_spec import MapSpec
+from simbev_ros.schema.stored import read_stored
 
 PIXELS_PER_M = 10
 
@@ -52,7 +53,7 @@ class Site:
         high_m = np.max([each["high_m"] for each in summaries], axis=0) + _MARGIN_M
         low_m, high_m = np.floor(low_m / _STEP_M) * _STEP_M, np.ceil(high_m / _STEP_M) * _STEP_M
         return cls(
-            MapSpec.model_validate(summaries[0]["map"]),
+            read_stored(MapSpec, summaries[0]["map"]),
             summaries[0]["bag"],
             tuple(each["name"] for each in summaries),
             (float(low_m[0]), float(low_m[1])),
@@ -93,7 +94,7 @@ def sites_of(summaries: Iterable[Mapping[str, Any]], *, has_roads: bool = True) 
     """The sites of scenes, given their summaries; each scene belongs to exactly one site."""
     by_map: defaultdict[str, list[Mapping[str, Any]]] = defaultdict(list)
     for summary in summaries:
-        by_map[_location(MapSpec.model_validate(summary["map"]))].append(summary)
+        by_map[_location(read_stored(MapSpec, summary["map"]))].append(summary)
     sites = []
     for name, known in sorted(by_map.items()):
         whole = Site.around(known, name, has_roads=has_roads)

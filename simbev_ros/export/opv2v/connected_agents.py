@@ -59,8 +59,8 @@ def connected_agents(scene: Scene, cameras: Sequence[str] | None) -> list[Connec
     found, stations = [], 0
     for name in scene.agents:
         seen = scene.of_agent(name)
-        stations += seen.spec.station is not None
-        folder = seen.spec.ego_id if seen.spec.station is None else -stations
+        stations += seen.view.station is not None
+        folder = seen.view.ego_id if seen.view.station is None else -stations
         lidar = _lidar(seen)
         if lidar is not None:
             chosen = _cameras(seen) if cameras is None else _named(seen, cameras)

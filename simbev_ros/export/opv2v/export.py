@@ -216,7 +216,7 @@ def _remove_empty_folders(out: Path, scene: str) -> None:
 def _write_protocol(agents: Sequence[ConnectedAgent], out: Path, settings: FrameSettings) -> None:
     """Write what a scene was made of, and which folder is whose; readers of the layout do not need it."""
     scene = agents[0].scene
-    spec = scene.spec.whole
+    spec = scene.spec
     record: Record = {
         "world": {
             "town": spec.map.name,
@@ -231,10 +231,10 @@ def _write_protocol(agents: Sequence[ConnectedAgent], out: Path, settings: Frame
 
 
 def _about(agent: ConnectedAgent) -> Record:
-    spec = agent.scene.spec
+    vehicle = agent.scene.view.vehicle
     return {
         "name": agent.scene.agent,
-        "carrier": "roadside unit" if spec.ego is None else spec.ego.blueprint,
+        "carrier": "roadside unit" if vehicle is None else vehicle.blueprint,
         "lidar": agent.lidar,
         "cameras": {f"camera{number}": name for number, name in agent.cameras.items()},
     }

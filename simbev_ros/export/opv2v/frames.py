@@ -91,7 +91,7 @@ def motion_of(agent: ConnectedAgent) -> Table:
 def _poses(frame: Frame, agent: ConnectedAgent) -> Record:
     """Poses and speed of the agent."""
     return {
-        "RSU": frame.scene.spec.station is not None,
+        "RSU": frame.scene.view.station is not None,
         "lidar_pose": _plain(carla_pose(frame.map_from_sensor(agent.lidar))),
         "true_ego_pos": _plain(carla_pose(frame.map_from_ego)),
         "predicted_ego_pos": _plain(carla_pose(_sent_pose(frame))),
@@ -111,7 +111,7 @@ def _sent_pose(frame: Frame) -> Float64Array:
 
 def _plan(frame: Frame, motion: Table, rate_hz: float) -> list[list[float]]:
     """X, y and speed in km/h where the agent drives next, at each exported frame; a roadside unit has no path."""
-    if frame.scene.spec.station is not None:
+    if frame.scene.view.station is not None:
         return []
     step_ns = frame_period(frame.scene, rate_hz, "rate_hz") * frame.scene.tick_ns
     stamps_ns = frame.stamp_ns + step_ns * np.arange(1, round(PLAN_S * rate_hz) + 1)

@@ -112,7 +112,7 @@ def _others(scene: Scene) -> Iterator[Channel]:
         yield _sweep("GNSS", "bin", encodings.gnss_bin, f"{gnss.name}/fix")
     if imu is not None:
         yield _sweep("IMU", "bin", encodings.imu_bin, f"{imu.name}/data")
-    occupancy = scene.spec.annotation.occupancy
+    occupancy = scene.view.annotation.occupancy
     if occupancy is not None:
         encode = partial(encodings.voxel_npz, grid=occupancy.grid)
         yield _sweep("VOXEL-GRID", "npz", encode, "occupancy/points")

@@ -66,7 +66,7 @@ def parts_of(dataset: Dataset, root: Path) -> list[FramesPart]:
             first = dataset.scenes[0].path
             raise InputError(f"{scene.path}: its sensors are not those of {first}, and the layout knows one rig")
         bags = map(require_local, (scene.path, *scene.additional.values()))
-        agent = [] if scene.further_agent is None else [scene.further_agent]
+        agent = [] if scene.chosen_agent is None else [scene.chosen_agent]
         source = " ".join([scene.name, scene.split, *map(fingerprint_of, bags), *agent])
         for first_frame in range(0, len(scene), _FRAMES_PER_PART):
             count = min(_FRAMES_PER_PART, len(scene) - first_frame)
@@ -77,7 +77,7 @@ def parts_of(dataset: Dataset, root: Path) -> list[FramesPart]:
                 patterns=_patterns(scene.number, first_frame),
                 dataset=require_local(dataset.path),
                 scene=scene.name,
-                agent=scene.further_agent,
+                agent=scene.chosen_agent,
                 number=scene.number,
                 first=first_frame,
                 count=count,

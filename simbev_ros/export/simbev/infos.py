@@ -14,11 +14,12 @@ from simbev_ros.dataset import Frame, Scene
 from simbev_ros.export.simbev.channels import CAMERAS, RADARS, lidar_of
 from simbev_ros.foundation.geometry.transforms import inverse, quaternion_from_rpy, rpy_from_rotation
 from simbev_ros.foundation.types import Float64Array
-from simbev_ros.schema.scene.spec import SceneSpec
 
 _NS_PER_US = 1000
-_LEFT_OUT = ("rig", "vehicles", "pedestrians", "map", "green_time_s", "hazards", "agents", "v2x")
+_LEFT_OUT = {"vehicles", "pedestrians", "map", "green_time_s", "hazards", "agents", "v2x"}
 """Settings of a scene that are left out because they are long; they are in its configuration or its tables."""
+_OF_AGENT = {"frames", "base_link_x_m", "annotation", "driver"}
+"""Settings of the agent."""
 
 
 def metadata(scene: Scene) -> dict[str, Any]:
@@ -31,7 +32,7 @@ def metadata(scene: Scene) -> dict[str, Any]:
         if isinstance(calibration.sensor, Camera):
             result["camera_intrinsics"] = calibration.intrinsics.tolist()
             break
-    occupancy = scene.spec.annotation.occupancy
+    occupancy = scene.view.annotation.occupancy
     if occupancy is not None:
         result["voxel_detector_properties"] = {
             "range": occupancy.half_side_m,
@@ -44,20 +45,10 @@ def metadata(scene: Scene) -> dict[str, Any]:
 
 def scene_info(scene: Scene) -> dict[str, Any]:
     """The entry of a scene: its map, numbers of actors, and settings."""
-    spec = scene.spec
-    settings = {name: value for name, value in _settings(spec).items() if name not in _LEFT_OUT}
+    spec, agent = scene.spec, scene.view.spec
+    settings = {**spec.model_dump(mode="json", exclude=_LEFT_OUT), **agent.model_dump(mode="json", include=_OF_AGENT)}
     counts = {"vehicles": len(spec.vehicles), "pedestrians": len(spec.pedestrians)}
     return {"map": spec.map.name, **counts, **settings}
-
-
-def _settings(spec: SceneSpec) -> dict[str, Any]:
-    """Settings of a scene; those that each agent has are the agent's own."""
-    settings = spec.whole.model_dump(mode="json")
-    if spec is not spec.whole:
-        own = {"frames": spec.frames, "annotation": spec.annotation}
-        settings |= {name: value.model_dump(mode="json") for name, value in own.items()}
-        settings |= {"base_link_x_m": spec.base_link_x_m, "ego_driver": spec.ego_driver}
-    return settings
 
 
 def frame_info(frame: Frame) -> dict[str, Any]:
@@ -82,7 +73,7 @@ def _poses(scene: Scene) -> dict[str, Float64Array]:
         poses[f"CAM_{name.upper()}"] = known[f"cam_{name}"].ego_from_optical
     for name in (name for name in RADARS if _is_a(scene, f"radar_{name}", Radar)):
         poses[f"RAD_{name.upper()}"] = known[f"radar_{name}"].ego_from_sensor
-    if scene.spec.annotation.occupancy is not None:
+    if scene.view.annotation.occupancy is not None:
         poses["VOXEL-GRID"] = np.eye(4)
     return poses
 

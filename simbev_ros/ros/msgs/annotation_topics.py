@@ -15,7 +15,7 @@ from simbev_ros.config.rig import Rig
 from simbev_ros.drawing.displays.detections import LABEL_INFO
 from simbev_ros.ros.msgs.sensor_topics import camera_topics, lidar_topics, radar_topic
 from simbev_ros.ros.msgs.topic import Topic, agent_topic
-from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.agents import AgentView
 
 
 class Label(StrEnum):
@@ -77,13 +77,13 @@ def bev_labels_name(agent: str) -> str:
     return agent_topic(agent, "bev/labels")
 
 
-def annotation_topics(spec: SceneSpec) -> AnnotationTopics:
+def annotation_topics(view: AgentView) -> AnnotationTopics:
     """Topics that the annotator publishes in a scene."""
-    agent, occupancy, vector_map = spec.rig.agent, spec.annotation.occupancy, spec.annotation.vector_map
-    cameras, markers = viewing_cameras(spec.rig, spec.annotation), "visualization_msgs/msg/MarkerArray"
+    agent, occupancy, vector_map = view.agent, view.annotation.occupancy, view.annotation.vector_map
+    cameras, markers = viewing_cameras(view.rig, view.annotation), "visualization_msgs/msg/MarkerArray"
 
     def topic(name: str, type_name: str, rate_hz: float | None = None) -> Topic:
-        return Topic(agent_topic(agent, name), type_name, spec.period_ticks(rate_hz))
+        return Topic(agent_topic(agent, name), type_name, view.scene.period_ticks(rate_hz))
 
     return AnnotationTopics(
         bev_labels=Topic(bev_labels_name(agent), "sensor_msgs/msg/Image"),
@@ -107,27 +107,27 @@ def viewing_cameras(rig: Rig, annotation: Annotation) -> list[Camera]:
 
 
 def annotator_inputs(
-    spec: SceneSpec, *, compressed_images: bool, labels: Container[Label] = tuple(Label)
+    view: AgentView, *, compressed_images: bool, labels: Container[Label] = tuple(Label)
 ) -> dict[str, Topic]:
     """Topics that an annotator reads, by the sensor's name.
 
     Boxes need the clouds, of each lidar the noisy one if there is one, because perception receives that one; views need
     the instance images in one of their two forms. An annotator of boxes without views reads the views of another one.
     """
-    return dict(_annotator_inputs(spec, compressed_images, labels))
+    return dict(_annotator_inputs(view, compressed_images, labels))
 
 
 def _annotator_inputs(
-    spec: SceneSpec, compressed_images: bool, labels: Container[Label]
+    view: AgentView, compressed_images: bool, labels: Container[Label]
 ) -> Iterator[tuple[str, Topic]]:
     if Label.BOXES in labels:
-        for lidar in spec.rig.of_type(Lidar):
-            yield lidar.name, next(topic for topic in lidar_topics(spec, lidar) if topic is not None)
-        for radar in spec.rig.of_type(Radar):
-            yield radar.name, radar_topic(spec, radar)
+        for lidar in view.rig.of_type(Lidar):
+            yield lidar.name, next(topic for topic in lidar_topics(view, lidar) if topic is not None)
+        for radar in view.rig.of_type(Radar):
+            yield radar.name, radar_topic(view, radar)
     if Label.VIEWS in labels:
-        for camera in viewing_cameras(spec.rig, spec.annotation):
-            images, _ = camera_topics(spec, camera)["instance"].recorded(compressed=compressed_images)
+        for camera in viewing_cameras(view.rig, view.annotation):
+            images, _ = camera_topics(view, camera)["instance"].recorded(compressed=compressed_images)
             yield camera.name, images
     elif Label.BOXES in labels:
-        yield from annotation_topics(spec).views.items()
+        yield from annotation_topics(view).views.items()

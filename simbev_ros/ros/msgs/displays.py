@@ -16,7 +16,7 @@ from simbev_ros.ros.msgs.joint_topics import v2x_topics
 from simbev_ros.ros.msgs.sensor_topics import camera_topics, label_info_topic
 from simbev_ros.ros.msgs.topic import Topic, agent_topic
 from simbev_ros.scene.frames import ego_frame
-from simbev_ros.schema.scene.agents import agent_views
+from simbev_ros.schema.scene.agents import AgentView, agent_views
 from simbev_ros.schema.scene.spec import SceneSpec
 
 _WORLD = {
@@ -42,7 +42,7 @@ class SceneDisplay:
     sources: tuple[str, ...]
     _row: MessageDisplay
     _frame: str
-    _view: SceneSpec
+    _view: AgentView
 
     def make(self, stamp_ns: int, *contents: Any) -> bytes:
         """Serialized message of the contents of the sources, which are as in ``MessageDisplay``."""
@@ -73,17 +73,17 @@ def display_topics(spec: SceneSpec) -> Iterator[Topic]:
         yield annotation_topics(view).bev_label_info
 
 
-def _of_agent(rows: list[MessageDisplay], known: Mapping[str, Topic], view: SceneSpec) -> Iterator[SceneDisplay]:
+def _of_agent(rows: list[MessageDisplay], known: Mapping[str, Topic], view: AgentView) -> Iterator[SceneDisplay]:
     """Displays of an agent whose data the scene has."""
     cameras = [camera.name for camera in view.rig.of_type(Camera)]
     for row in rows:
         for sensor in cameras if row.kinds[0].is_of_sensor else [""]:
-            if all(kind.key(view.rig.agent, sensor) in known for kind in row.kinds):
+            if all(kind.key(view.agent, sensor) in known for kind in row.kinds):
                 yield _display(row, known, view, sensor)
 
 
-def _display(row: MessageDisplay, known: Mapping[str, Topic], view: SceneSpec, sensor: str = "") -> SceneDisplay:
-    agent = view.rig.agent
+def _display(row: MessageDisplay, known: Mapping[str, Topic], view: AgentView, sensor: str = "") -> SceneDisplay:
+    agent = view.agent
     sources = [known[kind.key(agent, sensor)] for kind in row.kinds]
     name = row.topic.format(agent=agent, sensor=sensor)
     topic = replace(
@@ -96,16 +96,16 @@ def _display(row: MessageDisplay, known: Mapping[str, Topic], view: SceneSpec, s
     return SceneDisplay(topic, tuple(source.name for source in sources), row, frame, view)
 
 
-def _data_of(view: SceneSpec) -> Iterator[tuple[str, Topic]]:
+def _data_of(view: AgentView) -> Iterator[tuple[str, Topic]]:
     """Topics with an agent's data, by their keys."""
-    labels, agent = annotation_topics(view), view.rig.agent
+    labels, agent = annotation_topics(view), view.agent
     yield Kind.ODOMETRY, topics.odometry_topic(view)
     yield Kind.BOXES, labels.boxes
     yield Kind.GRID, labels.bev_labels
     yield Kind.LANE, labels.hd_map
     if labels.vector_map is not None:
         yield Kind.VECTOR_MAP, labels.vector_map
-    if (messages := v2x_topics(view).get(agent)) is not None:
+    if (messages := v2x_topics(view.scene).get(agent)) is not None:
         yield Kind.V2X_SENT.key(agent), messages.sent
         yield Kind.V2X_ARRIVED, messages.arrived
     for name, topic in labels.views.items():

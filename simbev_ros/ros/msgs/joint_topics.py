@@ -37,7 +37,7 @@ def joint_topics(spec: SceneSpec) -> Iterator[Topic]:
 
 def joint_boxes_topic(spec: SceneSpec) -> Topic | None:
     """Topic with the boxes around all agents; None: the scene has one agent."""
-    return Topic(JOINT_BOXES, _TABLE) if spec.whole.agents else None
+    return Topic(JOINT_BOXES, _TABLE) if len(spec.agents) > 1 else None
 
 
 def v2x_topics(spec: SceneSpec) -> dict[str, V2xTopics]:
@@ -53,6 +53,6 @@ def v2x_topics(spec: SceneSpec) -> dict[str, V2xTopics]:
 
 def joint_inputs(spec: SceneSpec) -> dict[str, Topic]:
     """Topics with the boxes of each agent, by its name, which are read to join them or to send them."""
-    if not spec.whole.agents:
+    if len(spec.agents) == 1:
         return {}
-    return {view.rig.agent: annotation_topics(view).boxes for view in agent_views(spec)}
+    return {view.agent: annotation_topics(view).boxes for view in agent_views(spec)}

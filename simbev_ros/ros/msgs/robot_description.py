@@ -22,7 +22,7 @@ from simbev_ros.foundation.geometry.transforms import rpy_from_rotation
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.scene.blueprints import blueprint_index
 from simbev_ros.scene.frames import base_link_frame, ego_frame, fixed_frames
-from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.agents import AgentView
 
 _TIRE_RGB, _SENSOR_RGB = (24, 24, 26), (230, 90, 30)
 _SMALL_BODY = "box", {"size": "0.06 0.06 0.03"}
@@ -37,22 +37,22 @@ _LYING_RPY_RAD = (math.pi / 2.0, 0.0, 0.0)
 """Turns a cylinder's axis from z to y."""
 
 
-def robot_description(view: SceneSpec) -> str:
+def robot_description(view: AgentView) -> str:
     """URDF of an agent.
 
     The root link is ``<agent>/base_link``. Fixed joints lead to the frame of every sensor, from a camera's body to its
     optical frame, and to the ego frame if that is another one. The car itself belongs to the ego frame: boxes from cuts
     through the blueprint's mesh, in the ego's color, and a cylinder per wheel. A roadside unit has sensors only.
     """
-    ego = view.ego
-    robot = Element("robot", name=view.rig.agent if ego is None else ego.blueprint)
-    links = {(root := base_link_frame(view.rig.agent)): SubElement(robot, "link", name=root)}
+    vehicle = view.vehicle
+    robot = Element("robot", name=view.agent if vehicle is None else vehicle.blueprint)
+    links = {(root := base_link_frame(view.agent)): SubElement(robot, "link", name=root)}
     for frame in fixed_frames(view):
         links[frame.name] = link = _child_link(robot, frame.parent, frame.name, frame.parent_from_frame)
         if frame.sensor is not None:
             _add_visual(link, *_BODIES.get(type(frame.sensor), _SMALL_BODY), _SENSOR_RGB)
-    if ego is not None:
-        _add_car(links[ego_frame(view)], ego.blueprint, ego.color)
+    if vehicle is not None:
+        _add_car(links[ego_frame(view)], vehicle.blueprint, vehicle.color)
     ElementTree.indent(robot)
     return ElementTree.tostring(robot, encoding="unicode", xml_declaration=False) + "\n"
 

@@ -18,7 +18,7 @@ from simbev_ros.config.rig import AnySensor
 from simbev_ros.config.sensor import Sensor
 from simbev_ros.drawing.displays.detections import LABEL_INFO
 from simbev_ros.ros.msgs.topic import Topic, agent_topic
-from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.agents import AgentView
 
 _POINTS = "points"
 _CAMERA_INFO = "camera_info"
@@ -81,102 +81,102 @@ def camera_info_name(agent: str, camera: str, modality: Modality) -> str:
     return agent_topic(agent, f"{camera}/{modality}/{_CAMERA_INFO}")
 
 
-def camera_topics(spec: SceneSpec, camera: Camera) -> dict[Modality, CameraTopics]:
+def camera_topics(view: AgentView, camera: Camera) -> dict[Modality, CameraTopics]:
     """Topics of a camera, by modality in the rig's order."""
     topics = {}
     for modality in camera.modalities:
         raw = f"{modality}/image_raw"
         topics[modality] = CameraTopics(
-            _topic(spec, camera, raw, "sensor_msgs/msg/Image"),
-            _topic(spec, camera, f"{raw}/{IMAGE_KINDS[modality].transport}", "sensor_msgs/msg/CompressedImage"),
-            _topic(spec, camera, f"{modality}/{_CAMERA_INFO}", "sensor_msgs/msg/CameraInfo"),
+            _topic(view, camera, raw, "sensor_msgs/msg/Image"),
+            _topic(view, camera, f"{raw}/{IMAGE_KINDS[modality].transport}", "sensor_msgs/msg/CompressedImage"),
+            _topic(view, camera, f"{modality}/{_CAMERA_INFO}", "sensor_msgs/msg/CameraInfo"),
         )
     return topics
 
 
-def camera_info_topic(spec: SceneSpec, camera: Camera) -> Topic:
+def camera_info_topic(view: AgentView, camera: Camera) -> Topic:
     """Topic with the CameraInfo that all images of a camera share: one lens, one frame, one rate."""
-    return _topic(spec, camera, _CAMERA_INFO, "sensor_msgs/msg/CameraInfo")
+    return _topic(view, camera, _CAMERA_INFO, "sensor_msgs/msg/CameraInfo")
 
 
-def label_info_topic(spec: SceneSpec, camera: Camera) -> Topic | None:
+def label_info_topic(view: AgentView, camera: Camera) -> Topic | None:
     """Latched topic with the names of the classes in a camera's semantic images; None: it has no such images."""
     if "semantic" not in camera.modalities:
         return None
-    return Topic(agent_topic(spec.rig.agent, f"{camera.name}/semantic/{_LABEL_INFO}"), LABEL_INFO, 0)
+    return Topic(agent_topic(view.agent, f"{camera.name}/semantic/{_LABEL_INFO}"), LABEL_INFO, 0)
 
 
-def lidar_topics(spec: SceneSpec, lidar: Lidar) -> LidarTopics:
+def lidar_topics(view: AgentView, lidar: Lidar) -> LidarTopics:
     """Topics of a lidar."""
     return LidarTopics(
-        _topic(spec, lidar, _POINTS, "sensor_msgs/msg/PointCloud2") if lidar.points else None,
-        _topic(spec, lidar, "semantic_points", "sensor_msgs/msg/PointCloud2") if lidar.semantic_points else None,
+        _topic(view, lidar, _POINTS, "sensor_msgs/msg/PointCloud2") if lidar.points else None,
+        _topic(view, lidar, "semantic_points", "sensor_msgs/msg/PointCloud2") if lidar.semantic_points else None,
     )
 
 
-def radar_topic(spec: SceneSpec, radar: Radar) -> Topic:
+def radar_topic(view: AgentView, radar: Radar) -> Topic:
     """Topic with the detections of a radar."""
-    return _topic(spec, radar, _POINTS, "sensor_msgs/msg/PointCloud2")
+    return _topic(view, radar, _POINTS, "sensor_msgs/msg/PointCloud2")
 
 
-def gnss_topics(spec: SceneSpec, gnss: Gnss) -> GnssTopics:
+def gnss_topics(view: AgentView, gnss: Gnss) -> GnssTopics:
     """Topics of a GNSS receiver."""
-    fix = _topic(spec, gnss, "fix", "sensor_msgs/msg/NavSatFix")
+    fix = _topic(view, gnss, "fix", "sensor_msgs/msg/NavSatFix")
     if gnss.velocity is None:
         return GnssTopics(fix, None, None)
     return GnssTopics(
         fix,
-        _topic(spec, gnss, "vel", "geometry_msgs/msg/TwistStamped"),
-        _topic(spec, gnss, "fix_velocity", "geometry_msgs/msg/TwistWithCovarianceStamped"),
+        _topic(view, gnss, "vel", "geometry_msgs/msg/TwistStamped"),
+        _topic(view, gnss, "fix_velocity", "geometry_msgs/msg/TwistWithCovarianceStamped"),
     )
 
 
-def imu_topics(spec: SceneSpec, imu: Imu) -> ImuTopics:
+def imu_topics(view: AgentView, imu: Imu) -> ImuTopics:
     """Topics of an IMU."""
     return ImuTopics(
-        raw=_topic(spec, imu, "data_raw", "sensor_msgs/msg/Imu"),
-        oriented=_topic(spec, imu, "data", "sensor_msgs/msg/Imu"),
+        raw=_topic(view, imu, "data_raw", "sensor_msgs/msg/Imu"),
+        oriented=_topic(view, imu, "data", "sensor_msgs/msg/Imu"),
     )
 
 
-def wheel_odometry_topic(spec: SceneSpec, odometry: Odometry) -> Topic:
+def wheel_odometry_topic(view: AgentView, odometry: Odometry) -> Topic:
     """Topic with pose and velocity of a wheel odometry."""
-    return _topic(spec, odometry, "odometry", "nav_msgs/msg/Odometry")
+    return _topic(view, odometry, "odometry", "nav_msgs/msg/Odometry")
 
 
-def sensor_topics(spec: SceneSpec, *, compressed_images: bool) -> Iterator[Topic]:
+def sensor_topics(view: AgentView, *, compressed_images: bool) -> Iterator[Topic]:
     """Topics of all sensors of a scene's rig; images in compressed or raw form."""
-    for sensor in spec.rig.sensors:
-        yield from topics_of_sensor(spec, sensor, compressed_images=compressed_images)
+    for sensor in view.rig.sensors:
+        yield from topics_of_sensor(view, sensor, compressed_images=compressed_images)
 
 
-def topics_of_sensor(spec: SceneSpec, sensor: AnySensor, *, compressed_images: bool) -> tuple[Topic, ...]:
+def topics_of_sensor(view: AgentView, sensor: AnySensor, *, compressed_images: bool) -> tuple[Topic, ...]:
     """Topics of one sensor of any kind, in the order in which they are in a bag."""
     match sensor:
         case Camera():
-            modalities = camera_topics(spec, sensor).values()
+            modalities = camera_topics(view, sensor).values()
             images = (topic for each in modalities for topic in each.recorded(compressed=compressed_images))
-            return (camera_info_topic(spec, sensor), *images)
+            return (camera_info_topic(view, sensor), *images)
         case Lidar():
-            return tuple(topic for topic in lidar_topics(spec, sensor) if topic is not None)
+            return tuple(topic for topic in lidar_topics(view, sensor) if topic is not None)
         case Radar():
-            return (radar_topic(spec, sensor),)
+            return (radar_topic(view, sensor),)
         case Gnss():
-            return tuple(topic for topic in gnss_topics(spec, sensor) if topic is not None)
+            return tuple(topic for topic in gnss_topics(view, sensor) if topic is not None)
         case Imu():
-            return imu_topics(spec, sensor)
+            return imu_topics(view, sensor)
         case Odometry():
-            return (wheel_odometry_topic(spec, sensor),)
+            return (wheel_odometry_topic(view, sensor),)
         case _:
             assert_never(sensor)
 
 
-def _topic(spec: SceneSpec, sensor: Sensor, name: str, type_name: str) -> Topic:
+def _topic(view: AgentView, sensor: Sensor, name: str, type_name: str) -> Topic:
     """A topic in a sensor's namespace, at the sensor's rate."""
     return Topic(
-        agent_topic(spec.rig.agent, f"{sensor.name}/{name}"),
+        agent_topic(view.agent, f"{sensor.name}/{name}"),
         type_name,
-        spec.period_ticks(sensor.rate_hz),
+        view.scene.period_ticks(sensor.rate_hz),
         sensor=True,
-        messages_per_tick=spec.messages_per_tick(sensor.rate_hz),
+        messages_per_tick=view.scene.messages_per_tick(sensor.rate_hz),
     )

@@ -12,7 +12,7 @@ from simbev_ros.ros.msgs.annotation_topics import annotation_topics
 from simbev_ros.ros.msgs.joint_topics import joint_topics
 from simbev_ros.ros.msgs.sensor_topics import sensor_topics
 from simbev_ros.ros.msgs.topic import Topic, agent_topic
-from simbev_ros.schema.scene.agents import agent_views
+from simbev_ros.schema.scene.agents import AgentView, agent_views
 from simbev_ros.schema.scene.spec import SceneSpec
 
 CLOCK = "/clock"
@@ -44,14 +44,14 @@ def odometry_name(agent: str) -> str:
     return agent_topic(agent, "odom")
 
 
-def odometry_topic(view: SceneSpec) -> Topic:
+def odometry_topic(view: AgentView) -> Topic:
     """Topic with an agent's true motion."""
-    return Topic(odometry_name(view.rig.agent), "nav_msgs/msg/Odometry")
+    return Topic(odometry_name(view.agent), "nav_msgs/msg/Odometry")
 
 
-def robot_description_topic(view: SceneSpec) -> Topic:
-    """Topic with an agent's URDF; that of the first agent has the name that ROS tools expect."""
-    name = ROBOT_DESCRIPTION if view is view.whole else agent_topic(view.rig.agent, "robot_description")
+def robot_description_topic(view: AgentView) -> Topic:
+    """Topic with an agent's URDF; the ego's has the name that ROS tools expect."""
+    name = ROBOT_DESCRIPTION if view.is_ego else agent_topic(view.agent, "robot_description")
     return Topic(name, "std_msgs/msg/String", 0)
 
 
@@ -62,32 +62,29 @@ def end_topic() -> Topic:
 
 def world_topics(spec: SceneSpec) -> Iterator[Topic]:
     """Topics of the world node that every scene has."""
-    first, *further = agent_views(spec)
-    yield from _first_world_topics(first)
-    for view in further:
-        yield from _agent_world_topics(view)
+    yield from _WORLD
+    for view in agent_views(spec):
+        yield from _carrier_topics(view)
 
 
-def _first_world_topics(first: SceneSpec) -> Iterator[Topic]:
-    """Topics about the world and the first agent."""
-    yield Topic(SCENE, "std_msgs/msg/String", 0)
-    yield Topic(MAP, "std_msgs/msg/String", 0)
-    yield Topic(LEGEND, "std_msgs/msg/String", 0)
-    yield Topic(LIGHTS, "sensor_msgs/msg/PointCloud2", 0)
-    yield Topic(BUILDING_LIGHTS, "std_msgs/msg/String", 0)
-    yield robot_description_topic(first)
-    yield Topic(EVENTS, "std_msgs/msg/String", sporadic=True)
-    yield Topic(CLOCK, "rosgraph_msgs/msg/Clock")
-    yield Topic(ACTORS, "sensor_msgs/msg/PointCloud2")
-    yield Topic(SIGNALS, "sensor_msgs/msg/PointCloud2")
-    yield Topic(WEATHER, "std_msgs/msg/String")
-    yield odometry_topic(first)
+_WORLD = (
+    Topic(SCENE, "std_msgs/msg/String", 0),
+    Topic(MAP, "std_msgs/msg/String", 0),
+    Topic(LEGEND, "std_msgs/msg/String", 0),
+    Topic(LIGHTS, "sensor_msgs/msg/PointCloud2", 0),
+    Topic(BUILDING_LIGHTS, "std_msgs/msg/String", 0),
+    Topic(EVENTS, "std_msgs/msg/String", sporadic=True),
+    Topic(CLOCK, "rosgraph_msgs/msg/Clock"),
+    Topic(ACTORS, "sensor_msgs/msg/PointCloud2"),
+    Topic(SIGNALS, "sensor_msgs/msg/PointCloud2"),
+    Topic(WEATHER, "std_msgs/msg/String"),
+)
+"""Topics about the world."""
 
 
-def _agent_world_topics(view: SceneSpec) -> Iterator[Topic]:
-    """Topics of the world node about an agent other than the first one."""
-    yield robot_description_topic(view)
-    yield odometry_topic(view)
+def _carrier_topics(view: AgentView) -> tuple[Topic, Topic]:
+    """Topics of the world node about an agent."""
+    return robot_description_topic(view), odometry_topic(view)
 
 
 def transform_topics(spec: SceneSpec) -> Iterator[Topic]:
@@ -119,17 +116,16 @@ class TopicFilter:
 
 def manifest(spec: SceneSpec, *, compressed_images: bool) -> tuple[Topic, ...]:
     """All topics that a scene's bag can have, in the order in which a tick is written: by agent, and the joint ones."""
-    first, *further = agent_views(spec)
     return (
-        *_first_world_topics(first),
+        *_WORLD,
         *transform_topics(spec),
-        *_agent_data(first, compressed_images),
-        *(topic for view in further for topic in (*_agent_world_topics(view), *_agent_data(view, compressed_images))),
+        *(topic for view in agent_views(spec) for topic in _agent_topics(view, compressed_images)),
         *joint_topics(spec),
     )
 
 
-def _agent_data(view: SceneSpec, compressed_images: bool) -> Iterator[Topic]:
-    """Topics of an agent's sensor data and labels."""
+def _agent_topics(view: AgentView, compressed_images: bool) -> Iterator[Topic]:
+    """Topics of an agent: its motion, sensor data and labels."""
+    yield from _carrier_topics(view)
     yield from sensor_topics(view, compressed_images=compressed_images)
     yield from annotation_topics(view).recorded

@@ -26,7 +26,7 @@ from simbev_ros.ros.msgs.stamps import header, stamp_of
 from simbev_ros.ros.msgs.tables import table_from_message
 from simbev_ros.ros.msgs.world import agent_odometry, map_from_base_link, quaternion_message, vector_message
 from simbev_ros.scene.frames import ego_from_base_link, fixed_frames, odom_frame, odometry_of_frames, rear_axle_m
-from simbev_ros.schema.scene.agents import agent_views
+from simbev_ros.schema.scene.agents import AgentView, agent_views
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.simulation.sensors.odometry import DeadReckoning
 
@@ -91,12 +91,12 @@ class EgoTransforms:
         view: The scene as the agent sees it.
     """
 
-    def __init__(self, view: SceneSpec) -> None:
+    def __init__(self, view: AgentView) -> None:
         self.view = view
         self._reckoning: DeadReckoning | None = None
         if view.frames.odom:
             self._reckoning = DeadReckoning(
-                odometry_of_frames(view), view.noise_seed, view.tick_ns, rear_axle_m(view), view.base_link_x_m
+                odometry_of_frames(view), view.noise_seed, view.scene.tick_ns, rear_axle_m(view), view.base_link_x_m
             )
 
     def at(self, odometry: Odometry) -> list[TransformStamped]:
@@ -107,10 +107,10 @@ class EgoTransforms:
         if self._reckoning is None:
             return [ego_transform(odometry)]
         view, map_from_base = self.view, map_from_base_link(odometry)
-        tick = view.tick_of(stamp_of(odometry.header.stamp))
+        tick = view.scene.tick_of(stamp_of(odometry.header.stamp))
         self._reckoning.advance_to(tick, map_from_base @ inverse(ego_from_base_link(view)))
         odom_from_base = odom_from_base_link(self._reckoning.pose)
-        map_from_odom, odom = map_from_base @ inverse(odom_from_base), odom_frame(view.rig.agent)
+        map_from_odom, odom = map_from_base @ inverse(odom_from_base), odom_frame(view.agent)
         in_odom = Header(stamp=odometry.header.stamp, frame_id=odom)
         made = {
             "map_to_odom": _stamped(odometry.header, odom, map_from_odom),

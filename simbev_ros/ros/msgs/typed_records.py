@@ -78,8 +78,8 @@ def serialize_scene(scene_json: str, stamp_ns: int) -> bytes:
     Raises:
         ValidationError: The text is not such a specification.
     """
-    spec = SceneSpec.model_validate_json(scene_json)
-    kinds = [hazard.kind for hazard in spec.hazards]
+    spec = SceneSpec.from_json(scene_json)
+    ego, kinds = spec.agents[0], [hazard.kind for hazard in spec.hazards]
     return serialize(
         build(
             SCENE,
@@ -94,14 +94,14 @@ def serialize_scene(scene_json: str, stamp_ns: int) -> bytes:
             warm_up_ticks=spec.warm_up_ticks,
             start=moment(spec.start_ns),
             duration=_duration(spec.ticks * spec.tick_ns),
-            agent=spec.rig.agent,
+            agent=ego.name,
             ego_blueprint=spec.vehicles[0].blueprint,
-            ego_driver=spec.ego_driver,
+            ego_driver=ego.driver,
             vehicles=len(spec.vehicles),
             pedestrians=len(spec.pedestrians),
             accidents=kinds.count(HazardKind.ACCIDENT),
             work_zones=kinds.count(HazardKind.WORK_ZONE),
-            sensors=[sensor.name for sensor in spec.rig.sensors],
+            sensors=[sensor.name for sensor in ego.rig.sensors],
             weather=_weather_at(spec, 0),
             final_weather=_weather_at(spec, spec.ticks - 1),
             json=scene_json,

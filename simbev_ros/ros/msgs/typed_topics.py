@@ -22,7 +22,7 @@ from simbev_ros.ros.msgs.topic import Topic
 from simbev_ros.schema.messages import table_messages
 from simbev_ros.schema.messages.message_types import types_with
 from simbev_ros.schema.messages.table_messages import serialize_table
-from simbev_ros.schema.scene.agents import agent_views
+from simbev_ros.schema.scene.agents import AgentView, agent_views
 from simbev_ros.schema.scene.spec import SceneSpec
 
 _SUFFIX = "typed"
@@ -73,13 +73,13 @@ def typed_topics(spec: SceneSpec) -> tuple[TypedTopic, ...]:
     )
 
 
-def _typed_labels(view: SceneSpec) -> Iterator[TypedTopic]:
+def _typed_labels(view: AgentView) -> Iterator[TypedTopic]:
     """Typed topics of an agent's labels."""
     labels = annotation_topics(view)
     yield _of_text(labels.hd_map, typed_records.LANE, typed_records.serialize_lane, parse_json)
     yield _of_table(labels.boxes, table_messages.BOXES, MAP_FRAME)
     for camera, topic in labels.views.items():
-        yield _of_table(topic, table_messages.VIEWS, f"{view.rig.agent}/{camera}_optical")
+        yield _of_table(topic, table_messages.VIEWS, f"{view.agent}/{camera}_optical")
 
 
 def _typed(source: Topic, type_name: str) -> Topic:

@@ -21,11 +21,11 @@ from simbev_ros.ros.msgs.stamps import header
 from simbev_ros.ros.msgs.tables import message_from_table, table_from_message
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.frames import base_link_frame
-from simbev_ros.schema.scene.agents import ego_row
+from simbev_ros.schema.scene.agents import AgentView
 from simbev_ros.schema.scene.lights import BuildingLightSpec
-from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, Event, WorldState
 from simbev_ros.schema.scene.weather import Weather
+from simbev_ros.schema.stored import read_stored
 
 MAP_FRAME = "map"
 
@@ -99,7 +99,7 @@ def weather_from_message(message: String) -> tuple[int, Weather]:
     fields = parse_json(message.data)
     if not isinstance(fields, dict) or not isinstance(stamp_ns := fields.pop("stamp_ns", None), int):
         raise ValueError("it has no stamp_ns")
-    return stamp_ns, Weather.model_validate(fields)
+    return stamp_ns, read_stored(Weather, fields)
 
 
 _FLOATS = [name for name in ACTOR_DTYPE.names or () if ACTOR_DTYPE[name].kind == "f"]
@@ -113,7 +113,7 @@ def _rows(message: PointCloud2, dtype: np.dtype[np.void]) -> Table:
     return table.astype(dtype, copy=False)
 
 
-def agent_odometry(view: SceneSpec, actors: Table, stamp_ns: int) -> Odometry:
+def agent_odometry(view: AgentView, actors: Table, stamp_ns: int) -> Odometry:
     """Odometry message with the true motion of an agent's base_link.
 
     Args:
@@ -124,7 +124,7 @@ def agent_odometry(view: SceneSpec, actors: Table, stamp_ns: int) -> Odometry:
     Raises:
         ValueError: The agent's vehicle is not among the actors.
     """
-    return odometry_message(ego_row(view, actors), stamp_ns, base_link_frame(view.rig.agent), view.base_link_x_m)
+    return odometry_message(view.ego_row(actors), stamp_ns, base_link_frame(view.agent), view.base_link_x_m)
 
 
 def odometry_message(actor: Table, stamp_ns: int, child_frame: str, ahead_m: float = 0.0) -> Odometry:

@@ -31,7 +31,7 @@ from simbev_ros.ros.msgs.tables import table_from_cdr
 from simbev_ros.ros.msgs.topic import Topic
 from simbev_ros.scene.frames import ego_frame
 from simbev_ros.schema.map_points import map_points
-from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.agents import AgentView
 from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.schema.views import VIEW_DTYPE
 from simbev_ros.simulation.annotation.boxes.points import add_point_counts
@@ -64,7 +64,7 @@ class AnnotatedAgent:
         cameras: Cameras whose views of the boxes are published.
     """
 
-    view: SceneSpec
+    view: AgentView
     labels: Collection[Label]
     annotator: SceneAnnotator
     topics: AnnotationTopics
@@ -74,7 +74,7 @@ class AnnotatedAgent:
     @classmethod
     def of(
         cls,
-        view: SceneSpec,
+        view: AgentView,
         network: RoadNetwork,
         meshes: MeshAnnotators,
         labels: Collection[Label],
@@ -98,7 +98,7 @@ class AnnotatedAgent:
 
     def key(self, sensor: str) -> str:
         """Name of one of its sensors that is unique in the scene."""
-        return f"{self.view.rig.agent}/{sensor}"
+        return f"{self.view.agent}/{sensor}"
 
     def decode(self, sensor: str, payload: bytes, *, compressed_images: bool) -> AnyArray:
         """The points of a serialized cloud; of a camera, the (H, W) object ids of its instance image or its view.

@@ -32,7 +32,6 @@ from simbev_ros.ros.nodes.annotated_agent import AgentTick, AnnotatedAgent
 from simbev_ros.ros.nodes.joined_inputs import JoinedInputs
 from simbev_ros.ros.nodes.participant import Participant
 from simbev_ros.ros.nodes.surroundings import Surroundings
-from simbev_ros.schema.scene.agents import seen_by
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.schema.views import VIEW_DTYPE
@@ -146,7 +145,7 @@ class AnnotatorNode(Participant):
         """Annotate a tick and publish all but its boxes, which wait for the messages of the sensors."""
         if state.tick < 0:
             return
-        states = [seen_by(agent.view, state) for agent in self._agents]
+        states = [agent.view.ego_state(state) for agent in self._agents]
         if Label.SURROUNDINGS in self._labels:
             for agent, seen in zip(self._agents, states, strict=True):
                 with self.meter.part("label"):
@@ -230,7 +229,7 @@ class AnnotatorNode(Participant):
 
     def _publish_views(self, agent: AnnotatedAgent, views: Mapping[str, Table], stamp_ns: int) -> None:
         for camera, table in views.items():
-            topic, frame = agent.topics.views[camera].name, f"{agent.view.rig.agent}/{camera}_optical"
+            topic, frame = agent.topics.views[camera].name, f"{agent.view.agent}/{camera}_optical"
             self.publish(topic, message_from_table(table, stamp_ns, frame))
             self.publish_derived(stamp_ns, {topic: table})
 

@@ -41,7 +41,7 @@ class BoxReader(Participant):
         """Do the work of one recorded tick.
 
         Args:
-            spec: The specification, which is the first agent's view.
+            spec: The scene.
             state: The state as the first agent sees it.
             boxes: ``BOX_DTYPE`` rows around each agent whose boxes were received, by the agent's name.
         """

@@ -16,7 +16,7 @@ from simbev_ros.ros.msgs.sensor_topics import (
     label_info_topic,
 )
 from simbev_ros.ros.msgs.topic import Topic
-from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.agents import AgentView
 from simbev_ros.schema.scene.state import WorldState
 
 
@@ -39,11 +39,11 @@ class MountedCamera:
     label_info: Topic | None
 
     @classmethod
-    def on(cls, view: SceneSpec, camera: Camera) -> Self:
+    def on(cls, view: AgentView, camera: Camera) -> Self:
         """A camera of the agent that has this view of a scene."""
         return cls(
             camera,
-            frame=f"{view.rig.agent}/{camera.name}_optical",
+            frame=f"{view.agent}/{camera.name}_optical",
             topics=camera_topics(view, camera),
             info=camera_info_topic(view, camera),
             label_info=label_info_topic(view, camera),
@@ -62,7 +62,7 @@ class CameraGroup:
         previous: The state of the previous images, as the agent sees it, to which flow refers; None: there are none.
     """
 
-    view: SceneSpec
+    view: AgentView
     period_ticks: int
     cameras: Sequence[MountedCamera]
     noise_seed: int
@@ -70,11 +70,11 @@ class CameraGroup:
 
     @property
     def lens_seed(self) -> int:
-        """Seed of the drops on lenses; those of the scene's first agent depend on the camera alone."""
-        return 0 if self.view.whole is self.view else self.noise_seed
+        """Seed of the drops on lenses; those of the ego's depend on the camera alone."""
+        return 0 if self.view.is_ego else self.noise_seed
 
 
-def camera_groups(views: Iterable[SceneSpec], names: Collection[str]) -> Iterator[CameraGroup]:
+def camera_groups(views: Iterable[AgentView], names: Collection[str]) -> Iterator[CameraGroup]:
     """Groups of cameras, agent by agent, each agent's shortest period first.
 
     Args:
@@ -82,11 +82,11 @@ def camera_groups(views: Iterable[SceneSpec], names: Collection[str]) -> Iterato
         names: Cameras as ``agent/camera``, or ``camera`` of every agent; empty: all cameras.
     """
     for view in views:
-        agent, noise_seed = view.rig.agent, view.noise_seed
+        agent, noise_seed = view.agent, view.noise_seed
         by_period: dict[int, list[MountedCamera]] = {}
         for camera in view.rig.of_type(Camera):
             if not names or camera.name in names or f"{agent}/{camera.name}" in names:
                 mounted = MountedCamera.on(view, camera)
-                by_period.setdefault(view.period_ticks(camera.rate_hz), []).append(mounted)
+                by_period.setdefault(view.scene.period_ticks(camera.rate_hz), []).append(mounted)
         for period_ticks in sorted(by_period):
             yield CameraGroup(view, period_ticks, by_period[period_ticks], noise_seed)

@@ -32,7 +32,6 @@ from simbev_ros.ros.msgs.sensor_topics import CameraTopics
 from simbev_ros.ros.nodes.camera_groups import CameraGroup, MountedCamera, camera_groups
 from simbev_ros.ros.nodes.participant import Participant
 from simbev_ros.ros.nodes.surroundings import Surroundings
-from simbev_ros.schema.scene.agents import seen_by
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.simulation.render.frame import CameraView, RenderFrame
@@ -115,7 +114,7 @@ class CameraNode(Participant):
         self._outputs.clear()
         renderer = self._surroundings.load(spec)
         renderer.set_lights(spec.lights)
-        renderer.set_agents(len({group.view.rig.agent for group in self._groups}))
+        renderer.set_agents(len({group.view.agent for group in self._groups}))
         recorded = list(self._advertise())
         self.advertise_derived(spec)
         self._publish_label_info(spec)
@@ -130,7 +129,7 @@ class CameraNode(Participant):
         for group in self._groups:
             if state.tick % group.period_ticks:
                 continue
-            frame = RenderFrame(seen_by(group.view, state), group.previous)
+            frame = RenderFrame(group.view.ego_state(state), group.previous)
             with self.meter.part("draw"):
                 outputs = self._render(group, self._due_outputs(group.cameras), frame)
             if state.tick >= 0:  # images of the lead-in only warm up the renderer

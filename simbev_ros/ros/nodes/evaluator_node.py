@@ -49,7 +49,7 @@ from simbev_ros.ros.nodes.lockstep import LockstepWindow
 from simbev_ros.ros.nodes.reports import read_report, subscribe_to_reports
 from simbev_ros.scene.frames import ego_from_base_link
 from simbev_ros.schema.boxes import BOX_DTYPE
-from simbev_ros.schema.scene.agents import agent_view, agent_views
+from simbev_ros.schema.scene.agents import AgentView, agent_view, agent_views
 from simbev_ros.schema.scene.spec import SceneSpec
 
 _LIVE_GRACE_TICKS = 40
@@ -98,7 +98,7 @@ class EvaluatorNode(GraphNode):
         self._numbers: set[int] = set()
         self._stack = LockstepWindow(stack, window_ticks=1, outside=stack)
         self._spec: SceneSpec | None = None
-        self._views: dict[str, SceneSpec] = {}
+        self._views: dict[str, AgentView] = {}
         self._subscriptions_by_topic: dict[str, Subscription] = {}
         self._polls_connected, self._loaded_reported, self._scene_since_s = 0, False, 0.0
         self._next_figures_s = 0.0
@@ -116,20 +116,21 @@ class EvaluatorNode(GraphNode):
 
     def _on_scene(self, specification: str, _: bytes) -> None:
         """Start evaluating a scene; if the same scene starts again, its earlier frames do not count."""
-        spec = self._view_of(SceneSpec.model_validate_json(specification))
+        spec = SceneSpec.from_json(specification)
+        self._evaluated = self._view_of(spec)
         answered = self._answered_topic(spec)
         self._input_type = answered.type
-        self._views = {view.rig.agent: view for view in agent_views(spec)}
-        poses = {name: POSE if name == spec.rig.agent else pose_of(name) for name in self._views}
+        self._views = {view.agent: view for view in agent_views(spec)}
+        poses = {name: POSE if name == self._evaluated.agent else pose_of(name) for name in self._views}
         others = [part for part in poses.values() if part != POSE]
         self._join = AnswerJoin(lambda tick: tick % answered.period_ticks == 0, self._patience, others)
-        self._live_evaluation = LiveEvaluation(spec, self._options)
+        self._live_evaluation = LiveEvaluation(self._evaluated, self._options)
         for name in self._answers.found:
             self._join.add_topic(name)
         for name, view in self._views.items():
             receive = self._truth(poses[name], partial(self._map_from_ego, name))
             self._subscribe(topics.odometry_topic(view), receive)
-        labels = annotation_topics(spec)
+        labels = annotation_topics(self._evaluated)
         if self._options.truth == "joint":
             self._subscribe(_joint_topic(spec), self._truth(BOXES, self._joint_boxes))
         else:
@@ -141,10 +142,10 @@ class EvaluatorNode(GraphNode):
         self._spec = spec
         self._numbers.add(spec.number)
 
-    def _view_of(self, spec: SceneSpec) -> SceneSpec:
+    def _view_of(self, spec: SceneSpec) -> AgentView:
         """The scene as the evaluated agent sees it."""
         try:
-            return agent_view(spec, self._agent) if self._agent else spec
+            return agent_view(spec, self._agent or None)
         except KeyError as error:
             raise InputError(f"agent: {error.args[0]}") from None
 
@@ -187,8 +188,7 @@ class EvaluatorNode(GraphNode):
 
     def _joint_boxes(self, message: PointCloud2) -> Table:
         """The joint boxes around the agent. Raises InputError if the table is of another scene."""
-        assert self._spec is not None
-        return boxes_in_reach(table_from_message(message), self._spec)
+        return boxes_in_reach(table_from_message(message), self._evaluated)
 
     def _on_input(self, payload: bytes, info: Any) -> None:
         stamp_ns = self.read(self._input, serialized_stamp_ns, payload, self._input_type)

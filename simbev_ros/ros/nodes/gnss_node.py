@@ -8,14 +8,14 @@ from simbev_ros.ros.conventions.names import NodeName
 from simbev_ros.ros.msgs.motion import fix_message, velocity_messages
 from simbev_ros.ros.msgs.sensor_topics import GnssTopics, gnss_topics
 from simbev_ros.ros.nodes.participant import Participant
-from simbev_ros.schema.scene.agents import seen_by
+from simbev_ros.schema.scene.agents import AgentView
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.simulation.sensors.gnss import GnssModel
 
 
 class _Mounted(NamedTuple):
-    view: SceneSpec
+    view: AgentView
     frame: str
     model: GnssModel
     topics: GnssTopics
@@ -38,14 +38,14 @@ class GnssNode(Participant):
                 if topic is not None:
                     self.advertise(topic)
             model = GnssModel(gnss, datum, view.noise_seed, spec.tick_ns, topics.fix.period_ticks, tunnels)
-            self._mounted.append(_Mounted(view, f"{view.rig.agent}/{gnss.name}", model, topics))
+            self._mounted.append(_Mounted(view, f"{view.agent}/{gnss.name}", model, topics))
         return [topic.name for mounted in self._mounted for topic in mounted.topics if topic is not None]
 
     def process(self, spec: SceneSpec, state: WorldState) -> None:
         """Publish the fixes that are due, and velocities with them."""
         for view, frame, model, topics in self._mounted:
             if model.is_due(state.tick):
-                seen = seen_by(view, state)
+                seen = view.ego_state(state)
                 fix = model.measure(seen)
                 self.publish(topics.fix.name, fix_message(fix, state.stamp_ns, frame))
                 if topics.velocity is not None and topics.fix_velocity is not None:

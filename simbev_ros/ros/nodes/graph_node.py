@@ -286,5 +286,5 @@ class GraphNode(NamespacedNode):
 def _specification(payload: bytes) -> str:
     """The JSON in a message from /world/scene; raises ValueError if it is not a specification."""
     text: str = deserialize_message(payload, String).data
-    SceneSpec.model_validate_json(text)
+    SceneSpec.from_json(text)
     return text

@@ -7,14 +7,14 @@ from simbev_ros.ros.conventions.names import NodeName
 from simbev_ros.ros.msgs.motion import imu_messages
 from simbev_ros.ros.msgs.sensor_topics import ImuTopics, imu_topics
 from simbev_ros.ros.nodes.participant import Participant
-from simbev_ros.schema.scene.agents import seen_by
+from simbev_ros.schema.scene.agents import AgentView
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.simulation.sensors.imu import ImuModel
 
 
 class _Mounted(NamedTuple):
-    view: SceneSpec
+    view: AgentView
     frame: str
     model: ImuModel
     topics: ImuTopics
@@ -41,15 +41,15 @@ class ImuNode(Participant):
                 self.advertise(topic)
             period, per_tick = topics.raw.period_ticks, topics.raw.messages_per_tick
             model = ImuModel(imu, view.noise_seed, spec.tick_ns, period, per_tick)
-            self._mounted.append(_Mounted(view, f"{view.rig.agent}/{imu.name}", model, topics))
+            self._mounted.append(_Mounted(view, f"{view.agent}/{imu.name}", model, topics))
         return [topic.name for mounted in self._mounted for topic in mounted.topics]
 
     def process(self, spec: SceneSpec, state: WorldState) -> None:
         """Publish the samples that are due."""
         for view, frame, model, topics in self._mounted:
             if model.is_due(state.tick):
-                previous = None if self._previous is None else seen_by(view, self._previous)
-                samples = model.measure(seen_by(view, state), previous)
+                previous = None if self._previous is None else view.ego_state(self._previous)
+                samples = model.measure(view.ego_state(state), previous)
                 for topic, oriented in ((topics.raw, False), (topics.oriented, True)):
                     for message in imu_messages(samples, frame, oriented=oriented):
                         self.publish(topic.name, message)

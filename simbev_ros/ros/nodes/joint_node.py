@@ -7,7 +7,6 @@ from simbev_ros.ros.msgs.joint_topics import JOINT_BOXES, joint_boxes_topic
 from simbev_ros.ros.msgs.tables import message_from_table
 from simbev_ros.ros.msgs.world import MAP_FRAME
 from simbev_ros.ros.nodes.box_reader import BoxReader
-from simbev_ros.schema.scene.agents import agent_views
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.simulation.annotation.boxes.joint import join_boxes
@@ -26,8 +25,7 @@ class JointNode(BoxReader):
 
     def process_boxes(self, spec: SceneSpec, state: WorldState, boxes: Mapping[str, Table]) -> None:
         """Publish the joint boxes of a tick."""
-        names = [view.rig.agent for view in agent_views(spec)]
-        joint = join_boxes(names, boxes)
+        joint = join_boxes([agent.name for agent in spec.agents], boxes)
         for agent, reason in joint.refused.items():
             self.ignore(f"boxes of {agent}", ValueError(reason))
         self.publish(JOINT_BOXES, message_from_table(joint.rows, state.stamp_ns, MAP_FRAME))

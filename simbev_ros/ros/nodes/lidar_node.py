@@ -17,7 +17,7 @@ from simbev_ros.ros.msgs.sensor_topics import LidarTopics, lidar_topics
 from simbev_ros.ros.msgs.tables import message_from_table
 from simbev_ros.ros.nodes.participant import Participant
 from simbev_ros.ros.nodes.ray_scenes import RayScenes
-from simbev_ros.schema.scene.agents import seen_by
+from simbev_ros.schema.scene.agents import AgentView
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.simulation.raycast.scene import RayScene
@@ -50,7 +50,7 @@ class _Mounted(NamedTuple):
 class _Group(NamedTuple):
     """The lidars of an agent that share a ray casting scene."""
 
-    view: SceneSpec
+    view: AgentView
     settings: _RaySettings
     lidars: tuple[_Mounted, ...]
 
@@ -90,9 +90,9 @@ class LidarNode(Participant):
             self._groups += _groups(view, mounted)
         return recorded
 
-    def _mount(self, view: SceneSpec, lidar: Lidar) -> _Mounted:
-        period = view.period_ticks(lidar.rate_hz)
-        turn_s = period * view.tick_ns / NS_PER_S
+    def _mount(self, view: AgentView, lidar: Lidar) -> _Mounted:
+        period = view.scene.period_ticks(lidar.rate_hz)
+        turn_s = period * view.scene.tick_ns / NS_PER_S
         model = LidarModel(lidar, view.noise_seed, turn_s, max_blocks=usable_cores())
         topics = lidar_topics(view, lidar)
         for topic in topics:
@@ -111,12 +111,12 @@ class LidarNode(Participant):
         scenes = self._scenes.take(len(self._groups))
         for group, rays in zip(self._groups, scenes, strict=True):
             if due := [mounted for mounted in group.lidars if mounted.is_due(state.tick)]:
-                self._scan(rays, group, due, seen_by(group.view, state))
+                self._scan(rays, group, due, group.view.ego_state(state))
         expired_tick = state.tick - max((group.settings.turn_ticks for group in self._groups), default=0)
         self._states = [each for each in (*self._states, state) if each.tick > expired_tick]
         with self.meter.part("place"):
             for group, rays in zip(self._groups, scenes, strict=True):
-                self._scenes.build_ahead(rays, seen_by(group.view, state))
+                self._scenes.build_ahead(rays, group.view.ego_state(state))
 
     def finish(self, spec: SceneSpec, state: WorldState) -> None:
         """Let the clouds be published as soon as they are complete, which finishes the tick."""
@@ -136,7 +136,7 @@ class LidarNode(Participant):
             rays.update(state, vector(state.ego, "x y z"), self._scenes.reach_m, hidden_ids, earlier)
         for mounted in due:
             scan = mounted.model.start_scan(rays, state, earlier, self._threads)
-            self._scanning.append(_Scanning(mounted, f"{group.view.rig.agent}/{mounted.lidar.name}", scan))
+            self._scanning.append(_Scanning(mounted, f"{group.view.agent}/{mounted.lidar.name}", scan))
 
     def _publish(self, state: WorldState, scanning: list[_Scanning]) -> None:
         for mounted, frame, in_progress in scanning:
@@ -150,7 +150,7 @@ class LidarNode(Participant):
         self._threads.shutdown()
 
 
-def _groups(view: SceneSpec, lidars: Sequence[_Mounted]) -> Iterator[_Group]:
+def _groups(view: AgentView, lidars: Sequence[_Mounted]) -> Iterator[_Group]:
     """Group the lidars of an agent by their ray settings."""
     ordered = sorted(lidars, key=lambda mounted: mounted.settings)
     for settings, alike in groupby(ordered, key=lambda mounted: mounted.settings):

@@ -9,14 +9,14 @@ from simbev_ros.ros.msgs.sensor_topics import wheel_odometry_topic
 from simbev_ros.ros.msgs.topic import Topic
 from simbev_ros.ros.nodes.participant import Participant
 from simbev_ros.scene.frames import base_link_frame, odom_frame, rear_axle_m
-from simbev_ros.schema.scene.agents import seen_by
+from simbev_ros.schema.scene.agents import AgentView
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.simulation.sensors.odometry import OdometryModel
 
 
 class _Mounted(NamedTuple):
-    view: SceneSpec
+    view: AgentView
     model: OdometryModel
     topic: Topic
 
@@ -48,7 +48,7 @@ class OdometryNode(Participant):
     def process(self, spec: SceneSpec, state: WorldState) -> None:
         """Integrate the motion, and publish what is due."""
         for view, model, topic in self._mounted:
-            agent, seen = view.rig.agent, seen_by(view, state)
+            agent, seen = view.agent, view.ego_state(state)
             model.advance(seen)
             if model.is_due(state.tick):
                 message = wheel_odometry_message(

@@ -27,7 +27,7 @@ from simbev_ros.ros.msgs.qos import STATE, STATE_READER, rclpy_qos
 from simbev_ros.ros.msgs.stamps import stamp_of
 from simbev_ros.ros.msgs.world import actors_from_message, signals_from_message, weather_from_message
 from simbev_ros.ros.nodes.graph_node import GraphNode
-from simbev_ros.schema.scene.agents import agent_views
+from simbev_ros.schema.scene.agents import AgentView, agent_views
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import EGO_ID, WorldState
 
@@ -53,7 +53,7 @@ class Participant(GraphNode):
     """Base of the sensor and annotation nodes.
 
     A subclass advertises its topics in ``start_scene`` and publishes in ``process``. It serves all agents of a
-    scene, or a share of them; ``schema.scene.agents.seen_by`` makes one of them the ego of a state.
+    scene, or a share of them; ``AgentView.ego_state`` makes one of them the ego of a state.
 
     Attributes:
         inputs: Subscriptions that must be connected before a scene starts.
@@ -114,12 +114,12 @@ class Participant(GraphNode):
             raise InputError(f"parameter agent_share: must be less than agent_shares, which is {shares}")
         return share, shares
 
-    def served_views(self, spec: SceneSpec, kind: type[Sensor] | None = None) -> tuple[SceneSpec, ...]:
+    def served_views(self, spec: SceneSpec, kind: type[Sensor] | None = None) -> tuple[AgentView, ...]:
         """Views of the agents that this node serves: its share of those with sensors of a kind, or of all (None)."""
         views = [view for view in agent_views(spec) if kind is None or view.rig.of_type(kind)]
         return tuple(views[self._share :: self._shares])
 
-    def served_sensors(self, spec: SceneSpec, kind: type[S]) -> Iterator[tuple[SceneSpec, S]]:
+    def served_sensors(self, spec: SceneSpec, kind: type[S]) -> Iterator[tuple[AgentView, S]]:
         """The sensors of a kind that this node serves, each with the view of the agent that carries it."""
         for view in self.served_views(spec, kind):
             for sensor in view.rig.of_type(kind):
@@ -129,7 +129,7 @@ class Participant(GraphNode):
         """Load what a scene needs and advertise its topics; return the names of the topics that can be recorded.
 
         Args:
-            spec: The specification, which is the first agent's view.
+            spec: The scene.
         """
         raise NotImplementedError
 
@@ -141,8 +141,8 @@ class Participant(GraphNode):
         """Do the work of one tick, including lead-in ticks (negative, nothing is published).
 
         Args:
-            spec: The specification, which is the first agent's view.
-            state: The state as the first agent sees it.
+            spec: The scene.
+            state: The state, with the scene's first agent as the ego.
         """
         raise NotImplementedError
 
@@ -185,7 +185,7 @@ class Participant(GraphNode):
         self.spec = None
         self._unsent.clear()
         self._join = _new_join()
-        spec = SceneSpec.model_validate_json(specification)
+        spec = SceneSpec.from_json(specification)
         self._awaited_readers = self._expected_readers(spec, self.start_scene(spec))
         self.get_logger().info(f"scene {spec.name} is loaded")
         self._last_tick = spec.loaded_tick
@@ -257,7 +257,7 @@ def _new_join() -> TickJoin[Table, Any]:
     return TickJoin(all_of(lambda _: (topics.SIGNALS, topics.WEATHER)), newest=True)
 
 
-def _annotated_names(view: SceneSpec) -> Iterator[str]:
+def _annotated_names(view: AgentView) -> Iterator[str]:
     """Names of the topics of an agent that annotators may read; some come twice."""
     for compressed in (False, True):
         yield from (topic.name for topic in annotator_inputs(view, compressed_images=compressed).values())

@@ -12,7 +12,7 @@ from simbev_ros.ros.msgs.tables import message_from_table
 from simbev_ros.ros.msgs.topic import Topic
 from simbev_ros.ros.nodes.participant import Participant
 from simbev_ros.ros.nodes.ray_scenes import RayScenes
-from simbev_ros.schema.scene.agents import seen_by
+from simbev_ros.schema.scene.agents import AgentView
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.simulation.raycast.scene import RayScene
@@ -32,7 +32,7 @@ class _Mounted(NamedTuple):
 class _Carrier(NamedTuple):
     """An agent with its radars."""
 
-    view: SceneSpec
+    view: AgentView
     radars: tuple[_Mounted, ...]
 
 
@@ -56,10 +56,10 @@ class RadarNode(Participant):
         ]
         return [mounted.topic.name for carrier in self._carriers for mounted in carrier.radars]
 
-    def _mount(self, view: SceneSpec, radar: Radar) -> _Mounted:
+    def _mount(self, view: AgentView, radar: Radar) -> _Mounted:
         topic = radar_topic(view, radar)
         self.advertise(topic)
-        scan_s = topic.period_ticks * view.tick_ns / NS_PER_S
+        scan_s = topic.period_ticks * view.scene.tick_ns / NS_PER_S
         return _Mounted(RadarModel(radar, view.noise_seed, scan_s), topic)
 
     def is_due(self, spec: SceneSpec, tick: int) -> bool:
@@ -70,10 +70,10 @@ class RadarNode(Participant):
         """Cast and publish the scans that are due."""
         for carrier, rays in zip(self._carriers, self._scenes.take(len(self._carriers)), strict=True):
             if due := [mounted for mounted in carrier.radars if mounted.is_due(state.tick)]:
-                self._scan(rays, due, carrier.view, seen_by(carrier.view, state))
+                self._scan(rays, due, carrier.view, carrier.view.ego_state(state))
         self._previous = state
 
-    def _scan(self, rays: RayScene, due: Sequence[_Mounted], view: SceneSpec, state: WorldState) -> None:
+    def _scan(self, rays: RayScene, due: Sequence[_Mounted], view: AgentView, state: WorldState) -> None:
         """Scan with some radars of an agent; their rays pass through the agent and its rider."""
         state = with_local_weather(state, self._scenes.tunnels)
         with self.meter.part("place"):
@@ -82,7 +82,7 @@ class RadarNode(Participant):
             clouds = scan_radars([model for model, _ in due], rays, state, self._previous)
         if state.tick >= 0:  # scans of the lead-in only warm up the ray caster
             for (model, topic), cloud in zip(due, clouds, strict=True):
-                frame = f"{view.rig.agent}/{model.radar.name}"
+                frame = f"{view.agent}/{model.radar.name}"
                 self.publish(topic.name, message_from_table(cloud, state.stamp_ns, frame))
         with self.meter.part("place"):
             self._scenes.build_ahead(rays, state)

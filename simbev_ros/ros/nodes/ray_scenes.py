@@ -35,7 +35,7 @@ class RayScenes:
 
     def load(self, spec: SceneSpec) -> None:
         """Load the meshes around the agents of a scene; they are kept while scenes stay there."""
-        sensors = [sensor for rig in spec.rigs for sensor in rig.of_type(self._kind)]
+        sensors = [sensor for agent in spec.agents for sensor in agent.rig.of_type(self._kind)]
         distances_m = [sensor.range_m + math.hypot(sensor.pose.x_m, sensor.pose.y_m) for sensor in sensors]
         self.reach_m = max(distances_m, default=0.0)
         self._surroundings.load(spec, ray_view_radius_m(sensor.range_m for sensor in sensors))

@@ -87,7 +87,7 @@ class RecorderNode(GraphNode):
 
     def _on_scene(self, scene_json: str, payload: bytes) -> None:
         self.close()
-        self._spec = spec = SceneSpec.model_validate_json(scene_json)
+        self._spec = spec = SceneSpec.from_json(scene_json)
         self._end, self._lead_in, self._clock_ns = None, [], -1
         self._loaded_reported = False
         chosen = topics.TopicFilter(self._recording.topics)

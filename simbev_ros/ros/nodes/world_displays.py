@@ -26,7 +26,7 @@ class WorldDisplays:
             lamps: (L,) ``STREET_LIGHT_DTYPE``.
         """
         self._node, self._lamps = node, lamps
-        self._paths = [(topics.odometry_name(rig.agent), EgoPath()) for rig in spec.rigs]
+        self._paths = [(topics.odometry_name(agent.name), EgoPath()) for agent in spec.agents]
 
     def publish(self, state: WorldState, odometries: Sequence[Odometry]) -> None:
         """Publish the displays and typed messages that have subscribers.

@@ -46,7 +46,7 @@ from simbev_ros.scene.ending import SceneEnd, SceneEndDetector
 from simbev_ros.scene.legend import legend
 from simbev_ros.scene.reach import loaded_reach
 from simbev_ros.scene.request import SceneRequest, SceneStop
-from simbev_ros.schema.scene.agents import agent_views
+from simbev_ros.schema.scene.agents import AgentView, agent_views
 from simbev_ros.schema.scene.lights import street_lights
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import WorldState
@@ -72,7 +72,7 @@ class _LoadedScene:
     """
 
     request: SceneRequest
-    views: tuple[SceneSpec, ...]
+    views: tuple[AgentView, ...]
     source: StateSource
     ending: SceneEndDetector
     displays: WorldDisplays
@@ -86,7 +86,7 @@ class _LoadedScene:
     @property
     def vehicles(self) -> Mapping[str, int | None]:
         """Index in ``spec.vehicles`` of each agent's vehicle; None for roadside units."""
-        return {view.rig.agent: view.ego_index for view in self.views}
+        return {view.agent: view.spec.vehicle for view in self.views}
 
 
 class WorldNode(GraphNode):
@@ -144,7 +144,7 @@ class WorldNode(GraphNode):
         self._end_if_asked()
         self.get_logger().info(f"scene {request.spec.name} is loaded")
 
-    def _load(self, request: SceneRequest, views: Sequence[SceneSpec]) -> tuple[StateSource, WorldDisplays]:
+    def _load(self, request: SceneRequest, views: Sequence[AgentView]) -> tuple[StateSource, WorldDisplays]:
         """Load and announce a scene; return the source of its states, and its displays."""
         spec = request.spec
         network = load_network(spec.map)
@@ -168,11 +168,11 @@ class WorldNode(GraphNode):
         self.publish_typed_once(topics.SCENE, specification, spec.start_ns)
         return _make_source(request, network, streetside), WorldDisplays(self, spec, lamps)
 
-    def _follow_commands(self, view: SceneSpec) -> None:
+    def _follow_commands(self, view: AgentView) -> None:
         """Subscribe to the commands for an agent driven from outside; the subscription stays for later scenes."""
-        command = topics.agent_topic(view.rig.agent, "cmd_vel")
-        if view.ego_driver == "twist" and command not in self._commands:
-            drive = partial(self._on_command, view.rig.agent)
+        command = topics.agent_topic(view.agent, "cmd_vel")
+        if view.spec.driver == "twist" and command not in self._commands:
+            drive = partial(self._on_command, view.agent)
             self._commands[command] = self.create_subscription(Twist, command, drive, 10)
 
     def _on_stop(self, message: String) -> None:
@@ -255,7 +255,7 @@ class WorldNode(GraphNode):
         odometries = [agent_odometry(view, state.actors, state.stamp_ns) for view in scene.views]
         scene.displays.publish(state, odometries)
         for view, odometry in zip(scene.views, odometries, strict=True):
-            self.publish(topics.odometry_name(view.rig.agent), odometry)
+            self.publish(topics.odometry_name(view.agent), odometry)
         self._transforms.publish(odometries)
 
     def _pause(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:

@@ -15,6 +15,7 @@ from simbev_ros.ros.msgs.world import map_from_base_link
 from simbev_ros.ros.relays.nav2_map import FREE, OCCUPIED, LevelGrid, align
 from simbev_ros.ros.relays.running import run
 from simbev_ros.scene.frames import ego_from_base_link
+from simbev_ros.schema.scene.agents import agent_view
 from simbev_ros.schema.scene.spec import SceneSpec
 
 _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -44,7 +45,7 @@ class Nav2Relay(Node):
 
     def _on_scene(self, message: String) -> None:
         """Learn where base_link is in the ego frame, in which the grids are."""
-        self._base_link_from_ego = inverse(ego_from_base_link(SceneSpec.model_validate_json(message.data)))
+        self._base_link_from_ego = inverse(ego_from_base_link(agent_view(SceneSpec.from_json(message.data))))
 
     def _on_odometry(self, message: Odometry) -> None:
         map_from_ego = map_from_base_link(message) @ self._base_link_from_ego

@@ -34,19 +34,19 @@ _LANE_CLEARANCE = 0.99  # of the waypoint spacing: no other vehicle starts close
 
 
 class DrawnAgents(NamedTuple):
-    """The A agents of a scene, the first one first.
+    """The A agents of a scene, the ego first.
 
     Attributes:
         vehicles: The V vehicles that carry them.
         start_m: (V, 3) float64, the starts of the vehicles, map frame.
         position_m: (A, 3) float64, the starts of all agents, which for roadside units are the feet of their masts.
-        further: Specifications of the agents beside the first one.
+        specs: Specifications of the agents.
     """
 
     vehicles: tuple[VehicleSpec, ...]
     start_m: Float64Array
     position_m: Float64Array
-    further: tuple[AgentSpec, ...]
+    specs: tuple[AgentSpec, ...]
 
 
 def draw_agents(
@@ -75,6 +75,7 @@ def draw_agents(
     carriers = _CarrierDrawer(scenario, seed, network, starts, duration_s, clearance, drawn)
     masts = StationDrawer(seed, network, starts, scenario.traffic.spawn_radius_m, drawn.position_m, drawn.stations)
     carriers.draw(scenario.ego, scenario.rig.agent, "ego", partial(scenario.where, "ego"))
+    drawn.specs.append(ego_spec(scenario, drawn.vehicles[0], scenario.ego.driver))
     for index, agent in enumerate(scenario.agents):
         where, siblings = partial(scenario.where, "agents", index), list[StationSpec]()
         if agent.carrier is not None:
@@ -83,10 +84,10 @@ def draw_agents(
             if agent.mast is None:
                 carriers.draw(agent, name, f"agents.{name}", where)
                 vehicle, number = drawn.vehicles[-1], len(drawn.vehicles) - 1
-                drawn.further.append(agent_on_vehicle(scenario, agent, name, vehicle, number, agent.driver))
+                drawn.specs.append(agent_on_vehicle(scenario, agent, name, vehicle, number, agent.driver))
             else:
                 siblings.append(masts.draw(agent.mast, name, partial(where, "mast"), siblings))
-                drawn.further.append(agent_on_mast(scenario, agent, agent.mast, name, siblings[-1]))
+                drawn.specs.append(agent_on_mast(scenario, agent, agent.mast, name, siblings[-1]))
     return drawn.agents()
 
 
@@ -94,6 +95,18 @@ def drawn_names(agent: Agent, seed: int) -> tuple[str, ...]:
     """Names of the agents of an entry in the scene with this seed, whose number is drawn if the entry has a count."""
     return agent.names(
         1 if agent.count is None else round(sample(agent.count, stream(seed, f"agents.{agent.name}.count")))
+    )
+
+
+def ego_spec(scenario: Scenario, vehicle: VehicleSpec, driver: EgoDriverKind) -> AgentSpec:
+    """Specification of the ego, which rides in the scene's first vehicle."""
+    return AgentSpec(
+        rig=scenario.rig,
+        frames=scenario.frames,
+        base_link_x_m=base_link_x_m(scenario.frames, blueprint_named(vehicle.blueprint)),
+        annotation=scenario.annotation,
+        vehicle=0,
+        driver=driver,
     )
 
 
@@ -143,19 +156,19 @@ class _Drawn:
         position_m: (3,) start of each agent, map frame, by name.
         vehicles: Vehicles that carry agents.
         stations: Roadside units.
-        further: Specifications of the agents beside the first one.
+        specs: Specifications of the agents.
     """
 
     position_m: dict[str, Float64Array]
     vehicles: list[VehicleSpec]
     stations: list[StationSpec]
-    further: list[AgentSpec]
+    specs: list[AgentSpec]
 
     def agents(self) -> DrawnAgents:
         """All agents, when they are drawn."""
         position_m = np.array(list(self.position_m.values()))
-        on_road = [0, *(number for number, agent in enumerate(self.further, 1) if agent.station is None)]
-        return DrawnAgents(tuple(self.vehicles), position_m[on_road], position_m, tuple(self.further))
+        on_road = [agent.station is None for agent in self.specs]
+        return DrawnAgents(tuple(self.vehicles), position_m[on_road], position_m, tuple(self.specs))
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,6 @@ from simbev_ros.config.draw import sample
 from simbev_ros.config.scenario import SPLITS, Scenario, Split, Timing
 from simbev_ros.foundation.random import stream
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.drawing.chosen_maps import maps_of
 from simbev_ros.scene.drawing.draw_agents import draw_agents
 from simbev_ros.scene.drawing.draw_lights import draw_lights
@@ -17,7 +16,6 @@ from simbev_ros.scene.drawing.draw_weather import draw_weathers
 from simbev_ros.scene.drawing.scene_drawer import SceneDrawer
 from simbev_ros.scene.drawing.start_clearance import StartClearance
 from simbev_ros.scene.drawing.starts import StartPositions
-from simbev_ros.scene.frames import base_link_x_m
 from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.schema.scene.spec import SceneSpec
 
@@ -80,13 +78,8 @@ def draw_scene(
         weather=weather,
         final_weather=final_weather,
         lights=draw_lights(scenario.lights, seed),
-        ego_driver=scenario.ego.driver,
-        rig=scenario.rig,
-        frames=scenario.frames,
-        base_link_x_m=base_link_x_m(scenario.frames, blueprint_named(scenario.ego.blueprint)),
-        annotation=scenario.annotation,
-        agents=agents.further,
-        v2x=draw_v2x(scenario, seed, [rig.agent for rig in (scenario.rig, *(agent.rig for agent in agents.further))]),
+        agents=agents.specs,
+        v2x=draw_v2x(scenario, seed, [agent.name for agent in agents.specs]),
         vehicles=(*agents.vehicles, *vehicles, *hazards.vehicles),
         pedestrians=tuple(drawer.draw_pedestrians(clearance)),
         walker_cross_factor=drawer.draw_cross_factor(),

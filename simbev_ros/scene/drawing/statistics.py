@@ -96,7 +96,7 @@ def iter_drawn_values(spec: SceneSpec) -> Iterator[tuple[str, float | str]]:
     yield "duration_s", spec.ticks * spec.tick_ns / NS_PER_S
     yield from _iter_values("", spec)
     stations = sum(agent.station is not None for agent in spec.agents)
-    carriers = 1 + len(spec.agents) - stations
+    carriers = len(spec.agents) - stations
     yield "agents", float(carriers + stations)
     yield "roadside_units", float(stations)
     yield "vehicles", float(len(spec.drivers) - carriers)

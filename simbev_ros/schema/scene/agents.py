@@ -1,122 +1,134 @@
 """Views of a scene: its specification and its states as each of its agents sees them.
 
-Code that serves one agent takes a ``SceneSpec`` and reads ``rig``, ``frames``, ``annotation``, ``ego`` and
-``noise_seed``. Given an agent's view, which is a ``SceneSpec`` too, it serves that agent.
+Code that serves one agent takes an ``AgentView``, code that serves a scene a ``SceneSpec``.
 """
 
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
-from pydantic import model_serializer
 
+from simbev_ros.config.annotation import Annotation
+from simbev_ros.config.frames import Frames
+from simbev_ros.config.rig import Rig
 from simbev_ros.foundation.random import stream
 from simbev_ros.foundation.types import Table
 from simbev_ros.schema.scene.agent_spec import AgentSpec, StationSpec
-from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.spec import SceneSpec, VehicleSpec
 from simbev_ros.schema.scene.state import ACTOR_DTYPE, EGO_ID, WorldState
 
 STATION_IDS = 0x30000
 """Offset of the ids of roadside units, above those of actors, traffic lights and signs (``schema.boxes``)."""
 
 
-class AgentScene(SceneSpec):
-    """View of one of the agents beside the first one. It exists in memory only and cannot be serialized.
+@dataclass(frozen=True)
+class AgentView:
+    """A scene as one of its agents sees it.
 
     Attributes:
-        scene: The specification, ``whole``.
-        agent_index: Index of the agent in ``agents``.
+        scene: Specification of the scene.
+        index: Index of the agent in ``scene.agents``; 0: the ego.
     """
 
     scene: SceneSpec
-    agent_index: int
+    index: int
 
     @property
-    def _agent(self) -> AgentSpec:
-        return self.agents[self.agent_index]
+    def spec(self) -> AgentSpec:
+        """Specification of the agent."""
+        return self.scene.agents[self.index]
 
     @property
-    def whole(self) -> SceneSpec:
-        """The specification of which this is a view."""
-        return self.scene
+    def agent(self) -> str:
+        """Name of the agent."""
+        return self.spec.rig.agent
 
     @property
-    def ego_index(self) -> int | None:
-        """As in ``SceneSpec``."""
-        return self._agent.vehicle
+    def is_ego(self) -> bool:
+        """Whether the agent is the scene's first one."""
+        return self.index == 0
 
     @property
-    def ego_id(self) -> int:
-        """As in ``SceneSpec``."""
-        return STATION_IDS + self.agent_index if self.ego_index is None else EGO_ID + self.ego_index
+    def rig(self) -> Rig:
+        """The agent's sensors."""
+        return self.spec.rig
+
+    @property
+    def frames(self) -> Frames:
+        """The agent's coordinate frames."""
+        return self.spec.frames
+
+    @property
+    def base_link_x_m(self) -> float:
+        """X of the origin of base_link in the agent's ego frame."""
+        return self.spec.base_link_x_m
+
+    @property
+    def annotation(self) -> Annotation:
+        """Labels that the agent gets."""
+        return self.spec.annotation
 
     @property
     def station(self) -> StationSpec | None:
-        """As in ``SceneSpec``."""
-        return self._agent.station
+        """Pose of the agent if it is a roadside unit."""
+        return self.spec.station
+
+    @property
+    def vehicle(self) -> VehicleSpec | None:
+        """The agent's vehicle; None: the agent is a roadside unit."""
+        return None if self.spec.vehicle is None else self.scene.vehicles[self.spec.vehicle]
+
+    @property
+    def ego_id(self) -> int:
+        """Id of the agent's vehicle among the actors; a roadside unit has an id that no actor has."""
+        return STATION_IDS + self.index - 1 if self.spec.vehicle is None else EGO_ID + self.spec.vehicle
 
     @property
     def noise_seed(self) -> int:
-        """As in ``SceneSpec``. It follows from the agent's name, whichever other agents there are."""
-        return int(stream(self.seed, f"agents.{self.rig.agent}.noise").integers(1 << 63))
+        """Seed of the noise of the agent's sensors; agents with equal rigs have different noise.
 
-    @model_serializer
-    def _refuse(self) -> Any:
-        raise TypeError(f"{self.rig.agent}'s view of {self.name} is no specification; serialize its whole")
+        The ego's is the scene's seed. Any other agent's follows from its name, whichever other agents there are.
+        """
+        seed = self.scene.seed
+        return seed if self.is_ego else int(stream(seed, f"agents.{self.agent}.noise").integers(1 << 63))
+
+    def ego_state(self, state: WorldState) -> WorldState:
+        """The state of the scene at one tick, in which the agent is the ego."""
+        return replace(state, ego_id=self.ego_id, station=None if self.station is None else self._station_row())
+
+    def ego_row(self, actors: Table) -> Table:
+        """The agent's row, shape (): that of its vehicle in (N,) ``ACTOR_DTYPE``, or a roadside unit's own.
+
+        Raises:
+            ValueError: The agent's vehicle is not among the actors.
+        """
+        if self.station is not None:
+            return self._station_row()
+        rows = actors[actors["id"] == self.ego_id]
+        if len(rows) != 1:
+            raise ValueError(f"actor {self.ego_id}, which carries {self.agent}, is missing")
+        return rows[0]
+
+    def _station_row(self) -> Table:
+        """Row of a roadside unit: it stands still, is upright and has no size."""
+        assert self.station is not None
+        row = np.zeros((), ACTOR_DTYPE)
+        row["id"], row["yaw"] = self.ego_id, self.station.yaw_rad
+        row["x"], row["y"], row["z"] = self.station.x_m, self.station.y_m, self.station.z_m
+        return row
 
 
-def agent_views(spec: SceneSpec) -> tuple[SceneSpec, ...]:
-    """Views of all agents of a scene, given any of them; the first agent's is the specification itself."""
-    whole = spec.whole
-    return (whole, *(_view(whole, index, agent) for index, agent in enumerate(whole.agents)))
+def agent_views(scene: SceneSpec) -> tuple[AgentView, ...]:
+    """Views of all agents of a scene, the ego's first."""
+    return tuple(AgentView(scene, index) for index in range(len(scene.agents)))
 
 
-def agent_view(spec: SceneSpec, name: str) -> SceneSpec:
-    """View of one agent.
+def agent_view(scene: SceneSpec, agent: str | None = None) -> AgentView:
+    """View of one agent by name, or of the ego.
 
     Raises:
         KeyError: The scene has no agent of this name.
     """
-    views = {view.rig.agent: view for view in agent_views(spec)}
-    if name not in views:
-        raise KeyError(f"{spec.name}: no agent {name!r}; there are: {', '.join(views)}")
-    return views[name]
-
-
-def _view(whole: SceneSpec, index: int, agent: AgentSpec) -> AgentScene:
-    own = {
-        "rig": agent.rig,
-        "frames": agent.frames,
-        "base_link_x_m": agent.base_link_x_m,
-        "annotation": agent.annotation,
-        "ego_driver": agent.driver,
-    }
-    return AgentScene.model_construct(**dict(whole) | own, scene=whole, agent_index=index)
-
-
-def seen_by(view: SceneSpec, state: WorldState) -> WorldState:
-    """The state of an agent's scene at one tick, in which the agent is the ego."""
-    station = None if view.station is None else _station_row(view.station, view.ego_id)
-    return replace(state, ego_id=view.ego_id, station=station)
-
-
-def ego_row(view: SceneSpec, actors: Table) -> Table:
-    """The row, shape (), of an agent: that of its vehicle in (N,) ``ACTOR_DTYPE``, or a roadside unit's own.
-
-    Raises:
-        ValueError: The agent's vehicle is not among the actors.
-    """
-    if view.station is not None:
-        return _station_row(view.station, view.ego_id)
-    rows = actors[actors["id"] == view.ego_id]
-    if len(rows) != 1:
-        raise ValueError(f"actor {view.ego_id}, which carries {view.rig.agent}, is missing")
-    return rows[0]
-
-
-def _station_row(station: StationSpec, station_id: int) -> Table:
-    """Row of a roadside unit: it stands still, is upright and has no size."""
-    row = np.zeros((), ACTOR_DTYPE)
-    row["id"], row["yaw"] = station_id, station.yaw_rad
-    row["x"], row["y"], row["z"] = station.x_m, station.y_m, station.z_m
-    return row
+    views = {view.agent: view for view in agent_views(scene)}
+    if agent is not None and agent not in views:
+        raise KeyError(f"{scene.name}: no agent {agent!r}; there are: {', '.join(views)}")
+    return AgentView(scene, 0) if agent is None else views[agent]

@@ -1,9 +1,8 @@
 """The map of a scene, as scene specifications record it."""
 
 import re
-from typing import Any
 
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
+from pydantic import Field
 
 from simbev_ros.config.base import Model
 from simbev_ros.config.map_files import MAP_SUFFIXES, Bounds
@@ -28,11 +27,3 @@ class MapSpec(Model):
     bounds: Bounds | None = Field(
         None, description="part of an OpenStreetMap file: west, south, east, north in degrees; none: all of it"
     )
-
-    @model_serializer(mode="wrap")
-    def _without_absent_bounds(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave absent bounds out, so that scenes on whole maps are written as they were before there were bounds."""
-        fields: dict[str, Any] = serialize(self)
-        if self.bounds is None:
-            fields.pop("bounds", None)
-        return fields

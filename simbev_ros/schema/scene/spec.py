@@ -8,11 +8,7 @@ from typing import Self
 
 from pydantic import Field, model_validator
 
-from simbev_ros.config.agents import EgoDriverKind
-from simbev_ros.config.annotation import Annotation
 from simbev_ros.config.base import Model
-from simbev_ros.config.frames import DEFAULT_FRAMES, Frames, are_default
-from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import Split
 from simbev_ros.foundation.files.limits import (
     MAX_ACTORS,
@@ -22,13 +18,13 @@ from simbev_ros.foundation.files.limits import (
     MAX_WARM_UP_TICKS,
 )
 from simbev_ros.foundation.units import NS_PER_S
-from simbev_ros.schema.scene.agent_spec import AgentSpec, BaseLinkX, StationSpec
+from simbev_ros.schema.scene.agent_spec import AgentSpec
 from simbev_ros.schema.scene.hazard import HazardSpec
 from simbev_ros.schema.scene.lights import LightSpec
 from simbev_ros.schema.scene.map_spec import MapSpec
-from simbev_ros.schema.scene.state import EGO_ID
 from simbev_ros.schema.scene.v2x_spec import V2xSpec
 from simbev_ros.schema.scene.weather import Weather
+from simbev_ros.schema.stored import Stored
 
 YELLOW_S, ALL_RED_S = 3.0, 2.0
 """Durations of the two phases between greens, the same at all traffic lights."""
@@ -56,7 +52,7 @@ class StandSpec(Model):
 
 
 class VehicleSpec(Model):
-    """One vehicle. The first vehicle of a scene carries the first agent."""
+    """One vehicle. The first vehicle of a scene is the ego's."""
 
     blueprint: str
     color: int = Field(ge=0, le=0xFFFFFF, description="0xRRGGBB, sRGB")
@@ -87,11 +83,10 @@ class PedestrianSpec(Model):
     visits_plazas: bool = Field(False, description="visits the plazas on its route")
 
 
-class SceneSpec(Model):
+class SceneSpec(Stored):
     """Everything that was drawn for one scene.
 
-    The specification is also the first agent's view of the scene: ``rig``, ``frames``, ``base_link_x_m``,
-    ``annotation``, ``ego_driver`` and ``ego`` are its own. ``agents.agent_views`` gives the views of all agents.
+    ``schema.scene.agents.agent_views`` gives the scene as each of its agents sees it.
     """
 
     number: int = Field(ge=0, le=MAX_SCENE_NUMBER)
@@ -110,17 +105,10 @@ class SceneSpec(Model):
     weather: Weather = Field(description="until the first recorded tick")
     final_weather: Weather | None = Field(None, description="at the last tick; none: the weather does not change")
     lights: LightSpec = LightSpec()
-    ego_driver: EgoDriverKind = "traffic"
-    rig: Rig
-    frames: Frames = Field(DEFAULT_FRAMES, exclude_if=are_default)
-    base_link_x_m: BaseLinkX = 0.0
-    annotation: Annotation
     agents: tuple[AgentSpec, ...] = Field(
-        (), max_length=MAX_AGENTS - 1, exclude_if=lambda agents: not agents, description="agents beside the first one"
+        min_length=1, max_length=MAX_AGENTS, description="the first one is the ego, which drives the first vehicle"
     )
-    v2x: V2xSpec | None = Field(
-        None, exclude_if=lambda v2x: v2x is None, description="messages between agents; none: they send none"
-    )
+    v2x: V2xSpec | None = Field(None, description="messages between agents; none: they send none")
     vehicles: tuple[VehicleSpec, ...] = Field(min_length=1, max_length=MAX_ACTORS)
     pedestrians: tuple[PedestrianSpec, ...] = Field(max_length=MAX_ACTORS)
     walker_cross_factor: float = Field(0.0, ge=0, le=1, description="probability that a pedestrian may jaywalk")
@@ -129,11 +117,13 @@ class SceneSpec(Model):
 
     @model_validator(mode="after")
     def _agents_are_distinct(self) -> Self:
-        names = [rig.agent for rig in self.rigs]
+        names = [agent.name for agent in self.agents]
         if twice := sorted({name for name in names if names.count(name) > 1}):
             raise ValueError(f"agents: two agents are called {', '.join(twice)}; names must be unique")
+        if self.agents[0].vehicle != 0:
+            raise ValueError(f"agents: {names[0]}, the ego, must have vehicle 0")
         carriers = [agent.vehicle for agent in self.agents if agent.vehicle is not None]
-        if carriers and max(carriers) >= len(self.vehicles):
+        if max(carriers) >= len(self.vehicles):
             raise ValueError(f"agents: there is no vehicle {max(carriers)}; the scene has {len(self.vehicles)}")
         if len(set(carriers)) < len(carriers):
             raise ValueError("agents: two agents have the same vehicle")
@@ -142,44 +132,9 @@ class SceneSpec(Model):
         return self
 
     @property
-    def whole(self) -> "SceneSpec":
-        """The specification of which this is one agent's view; only this one is written and sent."""
-        return self
-
-    @property
-    def rigs(self) -> tuple[Rig, ...]:
-        """Rigs of all agents, the first agent's first; each has the name of its agent."""
-        return (self.whole.rig, *(agent.rig for agent in self.agents))
-
-    @property
-    def ego_index(self) -> int | None:
-        """Index in ``vehicles`` of the agent's vehicle; None: the agent is a roadside unit."""
-        return 0
-
-    @property
-    def ego(self) -> VehicleSpec | None:
-        """The agent's vehicle; None: the agent is a roadside unit."""
-        return None if self.ego_index is None else self.vehicles[self.ego_index]
-
-    @property
-    def ego_id(self) -> int:
-        """Id of the agent's vehicle among the actors; a roadside unit has an id that no actor has."""
-        return EGO_ID
-
-    @property
-    def station(self) -> StationSpec | None:
-        """Pose of the agent if it is a roadside unit."""
-        return None
-
-    @property
-    def noise_seed(self) -> int:
-        """Seed of the noise of the agent's sensors. Agents with equal rigs have different noise."""
-        return self.seed
-
-    @property
     def is_driven_by_traffic(self) -> bool:
         """Whether no agent is driven from outside, so that the specification determines the scene."""
-        return self.whole.ego_driver == "traffic" and all(agent.driver == "traffic" for agent in self.agents)
+        return all(agent.driver == "traffic" for agent in self.agents)
 
     @property
     def name(self) -> str:
@@ -235,7 +190,8 @@ class SceneSpec(Model):
     @property
     def lead_in_ticks(self) -> int:
         """Number of published warm-up ticks: each sensor of any agent gets the history that its first sample needs."""
-        rates_hz = [sensor.rate_hz for rig in self.rigs for sensor in rig.sensors if sensor.rate_hz is not None]
+        sensors = (sensor for agent in self.agents for sensor in agent.rig.sensors)
+        rates_hz = [sensor.rate_hz for sensor in sensors if sensor.rate_hz is not None]
         return min(self.period_ticks(min(rates_hz, default=None)), self.warm_up_ticks)
 
     @property

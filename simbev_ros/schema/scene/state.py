@@ -69,7 +69,7 @@ class Event:
 
 @dataclass(frozen=True, slots=True)
 class WorldState:
-    """The world at one tick, as one agent, the ego, sees it; ``schema.scene.agents.seen_by`` makes another one the ego.
+    """The world at one tick, as one agent, the ego, sees it; ``AgentView.ego_state`` makes another one the ego.
 
     Attributes:
         stamp_ns: Simulated time.

@@ -116,7 +116,7 @@ class GraphTransforms:
         Raises:
             ValueError: It is malformed.
         """
-        self._spec = SceneSpec.model_validate_json(deserialize_message(payload, String).data)
+        self._spec = SceneSpec.from_json(deserialize_message(payload, String).data)
         self._transforms = SceneTransforms(self._spec)
 
     def moving(self, payload: bytes) -> bytes | None:

@@ -21,7 +21,6 @@ from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, start_positions
 from simbev_ros.scene.drawing.starts import StartPositions
 from simbev_ros.scene.streets.vehicle_route import route_line_m
-from simbev_ros.schema.scene.agents import agent_views
 from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.show.maps.map_plan import MapPlan
@@ -105,7 +104,7 @@ def drawn_scenes_page(title: str, scenes: Sequence[DrawnScene]) -> str:
         "Drawn, not simulated. On the maps: the ego's start (white), its route as far as it gets if nothing stops it "
         "(blue), and hazard areas (red); north is up."
     )
-    if any(spec.agents for spec in specs):
+    if any(len(spec.agents) > 1 for spec in specs):
         note += " Other agents have starts and routes like the ego's; squares are roadside units."
     table = browsable_table("Drawn scenes", _COLUMNS, [_row(scene) for scene in scenes], cards=True)
     return web_page(title, key_figures(figures), section("Scenes", table, note), ("browse.js",))
@@ -169,20 +168,20 @@ def _map(spec: SceneSpec, network: RoadNetwork) -> str:
 
 def _routes_m(spec: SceneSpec, network: RoadNetwork) -> dict[str, Float64Array]:
     """(N, 2) route of each agent's vehicle, map frame, by the agent's name."""
-    indices = {view.rig.agent: view.ego_index for view in agent_views(spec)}
+    indices = {agent.name: agent.vehicle for agent in spec.agents}
     return {name: route_line_m(spec, network, index) for name, index in indices.items() if index is not None}
 
 
 def _masts_m(spec: SceneSpec) -> dict[str, Float64Array]:
     """(4, 2) corners of the symbol of each roadside unit, map frame, by its name."""
-    stations = {agent.rig.agent: agent.station for agent in spec.agents if agent.station is not None}
+    stations = {agent.name: agent.station for agent in spec.agents if agent.station is not None}
     square_m = _MAST_M * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
     return {name: square_m + np.array([station.x_m, station.y_m]) for name, station in stations.items()}
 
 
 def _title_of(name: str, spec: SceneSpec) -> str:
     """Title of an agent's symbol, if there are several agents."""
-    return f"<title>{escape(name)}</title>" if spec.agents else ""
+    return f"<title>{escape(name)}</title>" if len(spec.agents) > 1 else ""
 
 
 def _hazards(spec: SceneSpec) -> Counter[str]:

@@ -33,11 +33,11 @@ def _settings(spec: SceneSpec) -> list[str]:
     return [
         _row("tick", f"{spec.tick_ns / NS_PER_S:g} s"),
         _row("warm-up", f"{spec.warm_up_ticks * spec.tick_ns / NS_PER_S:g} s"),
-        _row("ego", f"{ego.blueprint}, driven by {spec.ego_driver}"),
+        _row("ego", f"{ego.blueprint}, driven by {spec.agents[0].driver}"),
         _row("ego's start", f"lane {ego.start.lane}, {ego.start.s_m:.1f} m"),
         _row("ego's speed factor", f"{ego.speed_factor:.2f}"),
         _row("jaywalking", f"{100 * spec.walker_cross_factor:.0f} % of pedestrians may"),
-        *([_row("agents", ", ".join(rig.agent for rig in spec.rigs))] if spec.agents else []),
+        *([_row("agents", ", ".join(agent.name for agent in spec.agents))] if len(spec.agents) > 1 else []),
         _row("map's file", spec.map.path.rpartition("/")[2] or "built in"),
     ]
 
@@ -52,7 +52,7 @@ def _weather(spec: SceneSpec) -> list[str]:
 
 def _sensors(spec: SceneSpec) -> list[str]:
     rows = []
-    for sensor in spec.rig.sensors:
+    for sensor in spec.agents[0].rig.sensors:
         pose, rate = sensor.pose, "every tick" if sensor.rate_hz is None else f"{sensor.rate_hz:g} Hz"
         place = f"{pose.x_m:g}, {pose.y_m:g}, {pose.z_m:g} m, {pose.yaw_deg:g}°"
         rows.append(_row(sensor.name, sensor.type, place, rate))

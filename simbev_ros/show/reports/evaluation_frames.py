@@ -84,7 +84,7 @@ def _chosen_frames(
 
 def _frame_card(worst: WorstFrame, frame: Frame, outcomes: Outcomes) -> str:
     boxes = marked_boxes(outcomes)
-    grid = frame.scene.spec.annotation.bev
+    grid = frame.scene.view.annotation.bev
     picture = top_view(frame, boxes, picture_half_extent_m(outcomes, grid.columns * grid.cell_m / 2.0))
     views, seen = _view("from above", picture), camera_picture(frame, outcomes, boxes)
     if seen is not None:

@@ -82,7 +82,7 @@ def top_view(frame: Frame, boxes: Iterable[MarkedBoxes], half_extent_m: float) -
         boxes: The boxes, in painting order.
         half_extent_m: Distance from the ego to the edges of the picture.
     """
-    sheet, grid = Drawing(_SIDE, _SIDE), frame.scene.spec.annotation.bev.grid
+    sheet, grid = Drawing(_SIDE, _SIDE), frame.scene.view.annotation.bev.grid
     scale = _SIDE / (2.0 * half_extent_m)
     if "bev/labels" in frame:
         rows, columns = frame["bev/labels"].shape

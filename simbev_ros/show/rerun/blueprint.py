@@ -67,7 +67,7 @@ def _side_deg(yaw_deg: float) -> float:
 
 def _camera_tabs(subject: Subject, layers: Iterable[str]) -> rrb.Tabs | None:
     """A tab for the colors and each layer, with all cameras that have it."""
-    cameras = [sensor for sensor in subject.spec.rig.sensors if isinstance(sensor, Camera)]
+    cameras = [sensor for sensor in subject.view.rig.sensors if isinstance(sensor, Camera)]
     tabs = []
     for modality in ("rgb", *layers):
         rows = rows_of_cameras([camera for camera in cameras if modality in camera.modalities])

@@ -112,9 +112,9 @@ class PredictionDrawing:
 
     def _poses(self, samples: Samples) -> Iterator[AgentPoses]:
         """Agents whose poses are among the samples; an answer may be in the frames of any."""
-        shown = self._subject.spec.rig.agent
-        for view in agent_views(self._subject.spec):
-            key = "odom" if view.rig.agent == shown else f"{view.rig.agent}/odom"
+        shown = self._subject.view.agent
+        for view in agent_views(self._subject.view.scene):
+            key = "odom" if view.agent == shown else f"{view.agent}/odom"
             if key in samples:
                 yield AgentPoses(view, calibrations(view.rig), _constant(poses_from_odometry(samples[key][-1])))
 

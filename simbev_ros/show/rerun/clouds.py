@@ -95,7 +95,7 @@ class OccupancyDrawing:
     """Draws the occupied voxels that have a free side; the others cannot be seen."""
 
     def __init__(self, log: SceneLog, subject: Subject) -> None:
-        self._log, self._section = log, subject.spec.annotation.occupancy
+        self._log, self._section = log, subject.view.annotation.occupancy
 
     def draw(self, samples: Samples) -> None:
         """Log the voxels."""

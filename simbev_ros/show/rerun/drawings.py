@@ -15,7 +15,7 @@ from simbev_ros.show.rerun.vector_map import VectorMapDrawing
 
 def main_drawings(log: SceneLog, subject: Subject) -> list[Drawing]:
     """Everything that is shown at first; what does not change in time is logged at once."""
-    draw_sheet(log, subject.spec)
+    draw_sheet(log, subject.view)
     return [
         EgoDrawing(log, subject),
         PlotDrawing(log, subject),
@@ -24,7 +24,7 @@ def main_drawings(log: SceneLog, subject: Subject) -> list[Drawing]:
         *(RadarDrawing(log, subject, sensor.name) for sensor in subject.sensors("radar")),
         BoxDrawing(log, subject),
         PredictionDrawing(log, subject),
-        GroundDrawing(log, subject.spec),
+        GroundDrawing(log, subject.view),
         VectorMapDrawing(log),
         *(FixDrawing(log, sensor.name) for sensor in subject.sensors("gnss")),
         EventDrawing(log),

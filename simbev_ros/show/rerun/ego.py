@@ -37,10 +37,10 @@ class EgoDrawing:
 
 
 def _draw_mesh(log: SceneLog, subject: Subject) -> None:
-    ego = subject.spec.ego
-    if ego is None:  # a roadside unit has no body
+    vehicle = subject.view.vehicle
+    if vehicle is None:  # a roadside unit has no body
         return
-    mesh = next(model.mesh for model in load_models() if model.blueprint == ego.blueprint)
+    mesh = next(model.mesh for model in load_models() if model.blueprint == vehicle.blueprint)
     log.add_static(
         f"{EGO}/body",
         rr.Mesh3D(

@@ -9,7 +9,7 @@ from simbev_ros.foundation.types import AnyArray, Float64Array, UInt16Array
 from simbev_ros.recording.png import RowFilter, encode_png
 from simbev_ros.scene.frames import ego_size_m
 from simbev_ros.schema.palette import bev_color, class_color
-from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.agents import AgentView
 from simbev_ros.show.rerun.pictures import mask_picture
 from simbev_ros.show.rerun.scene_log import SceneLog
 from simbev_ros.show.rerun.subject import Samples
@@ -23,9 +23,9 @@ _EGO_RADIUS = rr.Radius.ui_points(1.0)
 class GroundDrawing:
     """Draws the grid of the truth, and that of a perception stack."""
 
-    def __init__(self, log: SceneLog, spec: SceneSpec) -> None:
+    def __init__(self, log: SceneLog, view: AgentView) -> None:
         self._log = log
-        outline = ego_outline_px(spec)
+        outline = ego_outline_px(view)
         for entity in (TRUTH, PREDICTION):
             log.add_static(
                 f"{entity}/ego", rr.LineStrips2D([outline], colors=_EGO_COLOR, radii=_EGO_RADIUS, draw_order=50.0)
@@ -55,14 +55,14 @@ class GroundDrawing:
             )
 
 
-def ego_outline_px(spec: SceneSpec) -> Float64Array:
+def ego_outline_px(view: AgentView) -> Float64Array:
     """(7, 2) x and y in the picture of the ego's outline, with a line from its center to its front."""
-    length_m, width_m, _ = ego_size_m(spec)
+    length_m, width_m, _ = ego_size_m(view)
     front, left = length_m / 2.0, width_m / 2.0
     corners_m = np.array(
         [(0, 0), (front, 0), (front, left), (-front, left), (-front, -left), (front, -left), (front, 0)]
     )
-    return np.asarray(spec.annotation.bev.grid.cells_from_ego(corners_m)[:, ::-1] + 0.5)
+    return np.asarray(view.annotation.bev.grid.cells_from_ego(corners_m)[:, ::-1] + 0.5)
 
 
 def predicted_scores(samples: Samples) -> dict[str, AnyArray]:

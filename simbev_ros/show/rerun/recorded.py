@@ -77,7 +77,7 @@ class ScenePlayer:
 
     def __init__(self, scene: Scene, log: SceneLog, detail: Detail) -> None:
         self._scene, self._log, self._detail = scene, log, detail
-        self.subject = Subject(scene.spec, _tracks_of(scene), detail)
+        self.subject = Subject(scene.view, _tracks_of(scene), detail)
         self.every, self.every_layer, self.damage = 1, 1, ""
         self._damaged_tick: int | None = None
 

@@ -9,7 +9,7 @@ from typing import Any, Self
 import rerun as rr
 
 from simbev_ros.foundation.units import NS_PER_S
-from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.agents import AgentView
 
 APPLICATION = "simbev_ros"
 TIME, TICK = "time", "tick"
@@ -31,17 +31,18 @@ class SceneLog:
     """A Rerun recording of one scene as one agent sees it.
 
     Args:
-        spec: The scene as the agent sees it.
+        view: The scene as the agent sees it.
         run: Text that tells several runs of the same scene apart.
 
     Attributes:
         size_bytes: Size of everything that was logged with a time.
     """
 
-    def __init__(self, spec: SceneSpec, run: str = "") -> None:
+    def __init__(self, view: AgentView, run: str = "") -> None:
         rr.set_strict_mode(True)  # else it logs errors and goes on
+        spec = view.scene
         self._start_ns = spec.start_ns
-        agent = "" if spec is spec.whole else f"-{spec.rig.agent}"
+        agent = "" if view.is_ego else f"-{view.agent}"
         self._stream = rr.RecordingStream(
             APPLICATION, recording_id=f"{spec.name}{agent}-{spec.seed}{run}", batcher_config=_batches()
         )

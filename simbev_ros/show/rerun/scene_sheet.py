@@ -6,20 +6,22 @@ from collections.abc import Iterator, Mapping
 import rerun as rr
 
 from simbev_ros.foundation.units import NS_PER_S
+from simbev_ros.schema.scene.agents import AgentView
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.show.rerun.scene_log import SceneLog
 
 SHEET = "scene"
 
 
-def draw_sheet(log: SceneLog, spec: SceneSpec) -> None:
+def draw_sheet(log: SceneLog, view: AgentView) -> None:
     """Log the description of a scene."""
-    log.add_static(SHEET, rr.TextDocument(scene_sheet(spec), media_type=rr.MediaType.MARKDOWN))
+    log.add_static(SHEET, rr.TextDocument(scene_sheet(view), media_type=rr.MediaType.MARKDOWN))
 
 
-def scene_sheet(spec: SceneSpec) -> str:
+def scene_sheet(view: AgentView) -> str:
     """Description of a scene in Markdown."""
-    sections = {"Scene": _scene(spec), "Weather": _weather(spec), "Traffic": _traffic(spec), "Rig": _rig(spec)}
+    spec = view.scene
+    sections = {"Scene": _scene(view), "Weather": _weather(spec), "Traffic": _traffic(spec), "Rig": _rig(view)}
     return f"# {_escaped(spec.name)}\n\n" + "\n\n".join(
         f"## {title}\n\n" + _table(rows) for title, rows in sections.items()
     )
@@ -36,7 +38,8 @@ def _escaped(text: str) -> str:
     return "".join(f"\\{each}" if each in r"\`*_{}[]<>()#+!|~" else each for each in text.replace("\n", " "))
 
 
-def _scene(spec: SceneSpec) -> dict[str, str]:
+def _scene(view: AgentView) -> dict[str, str]:
+    spec, vehicle = view.scene, view.vehicle
     tick_s = spec.tick_ns / NS_PER_S
     return {
         "map": spec.map.name,
@@ -45,8 +48,8 @@ def _scene(spec: SceneSpec) -> dict[str, str]:
         "length": f"{spec.ticks * tick_s:g} s, {spec.ticks} ticks of {1000 * tick_s:g} ms"
         if spec.ticks
         else f"open, ticks of {1000 * tick_s:g} ms",
-        **({"agent": f"{spec.rig.agent}, one of {len(spec.rigs)}"} if spec.agents else {}),
-        "ego": "roadside unit" if spec.ego is None else f"{spec.ego.blueprint}, driven by {spec.ego_driver}",
+        **({"agent": f"{view.agent}, one of {len(spec.agents)}"} if len(spec.agents) > 1 else {}),
+        "ego": "roadside unit" if vehicle is None else f"{vehicle.blueprint}, driven by {view.spec.driver}",
     }
 
 
@@ -63,8 +66,8 @@ def _traffic(spec: SceneSpec) -> dict[str, str]:
     }
 
 
-def _rig(spec: SceneSpec) -> dict[str, str]:
-    return {sensor.name: ", ".join(_facts(sensor)) for sensor in spec.rig.sensors}
+def _rig(view: AgentView) -> dict[str, str]:
+    return {sensor.name: ", ".join(_facts(sensor)) for sensor in view.rig.sensors}
 
 
 def _facts(sensor: object) -> Iterator[str]:

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 
 from simbev_ros.config.rig import AnySensor
 from simbev_ros.dataset.calibration import Calibration, calibrations
-from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.agents import AgentView
 from simbev_ros.schema.trajectories import Tracks
 
 
@@ -56,19 +56,19 @@ class Subject:
     """The scene that is shown.
 
     Attributes:
-        spec: Specification of the scene.
+        view: The scene as the agent that is shown sees it.
         tracks: Tracks of all actors; None if they are not known.
         detail: How much of it is shown.
     """
 
-    spec: SceneSpec
+    view: AgentView
     tracks: Tracks | None = None
     detail: Detail = Detail()
 
     @cached_property
     def calibration(self) -> Mapping[str, Calibration]:
         """Calibrations by sensor name."""
-        return calibrations(self.spec.rig)
+        return calibrations(self.view.rig)
 
     def image_step(self, camera: str) -> int:
         """Of a camera's pixels, one in this many is shown in each direction."""
@@ -77,7 +77,7 @@ class Subject:
 
     def sensors(self, kind: str) -> list[AnySensor]:
         """Sensors of a type, such as ``camera``, in the order of the rig."""
-        return [sensor for sensor in self.spec.rig.sensors if sensor.type == kind]
+        return [sensor for sensor in self.view.rig.sensors if sensor.type == kind]
 
 
 class Drawing(Protocol):

@@ -205,7 +205,7 @@ class _Plan:
 
 def _main_camera(scene: Scene) -> Camera | None:
     """The camera of an agent that is shown, of whose color images the scene has some."""
-    cameras = [camera for camera in scene.spec.rig.of_type(Camera) if f"{camera.name}/rgb" in scene.keys]
+    cameras = [camera for camera in scene.view.rig.of_type(Camera) if f"{camera.name}/rgb" in scene.keys]
     return min(cameras, key=lambda camera: main_camera_rank(camera.name), default=None)
 
 
@@ -215,7 +215,7 @@ def _points_m(frame: Frame) -> Float64Array:
 
 
 def _clouds_m(frame: Frame) -> Iterator[Float64Array]:
-    for lidar in frame.scene.spec.rig.of_type(Lidar):
+    for lidar in frame.scene.view.rig.of_type(Lidar):
         for key in (f"{lidar.name}/points", f"{lidar.name}/semantic_points"):
             if key in frame:
                 points = frame[key]

@@ -12,6 +12,7 @@ from simbev_ros.dataset.scene import Scene
 from simbev_ros.foundation.files.whole_files import whole_file, write_whole
 from simbev_ros.foundation.types import UInt8Array
 from simbev_ros.foundation.units import NS_PER_S
+from simbev_ros.schema.scene.agents import AgentView
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.show.sheet.contact_sheet import DESIGN_WIDTH_PX, Captions, ContactSheet
 from simbev_ros.show.sheet.frames import FrameReader, SheetFrame
@@ -119,18 +120,19 @@ def _video_frame(picture: UInt8Array) -> av.VideoFrame:
 
 
 def _sheet(reader: FrameReader, width_px: int) -> ContactSheet:
-    spec = reader.views.scene
-    start_ns = spec.start_ns if spec else reader.stamps_ns[0]
-    facts = _facts(spec) if spec else ""
+    view = reader.views.view
+    start_ns = view.scene.start_ns if view else reader.stamps_ns[0]
+    facts = _facts(view) if view else ""
     captions = Captions(reader.bag.name, facts, len(reader.stamps_ns), start_ns)
-    bev = spec.annotation.bev if spec else None
+    bev = view.annotation.bev if view else None
     half_extent_m = bev.columns * bev.cell_m / 2 if bev else 72.0
     return ContactSheet(reader.views, reader.aspects(), captions, width_px=width_px, half_extent_m=half_extent_m)
 
 
-def _facts(spec: SceneSpec) -> str:
+def _facts(view: AgentView) -> str:
+    spec = view.scene
     parts = [
-        *([f"agent {spec.rig.agent}"] if spec.agents else []),
+        *([f"agent {view.agent}"] if len(spec.agents) > 1 else []),
         f"seed {spec.seed}",
         f"{len(spec.vehicles)} vehicles, {len(spec.pedestrians)} pedestrians",
         f"sun {_weather_range(spec, 'sun_altitude_deg')}°",

@@ -16,8 +16,7 @@ from simbev_ros.drawing.panels import MODALITY_PICTURES
 from simbev_ros.foundation.errors import BagError
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.recording.indexed_bag import IndexedBag
-from simbev_ros.schema.scene.agents import agent_view
-from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.agents import AgentView, agent_view
 from simbev_ros.show.sheet import LabelPlacement
 from simbev_ros.show.sheet.truth import TruthTopics
 
@@ -57,7 +56,7 @@ class Views:
     """The topics of a bag that a preview shows.
 
     Attributes:
-        scene: The scene as the agent sees it; None: the bag holds none.
+        view: The scene as the agent sees it; None: the bag holds none.
         cameras: RGB topic by camera, in panorama order.
         main_camera: The camera whose other modalities are shown.
         modalities: Topic by modality, of the main camera.
@@ -70,7 +69,7 @@ class Views:
         labeled: Cameras over whose pictures ground truth is drawn, by name.
     """
 
-    scene: SceneSpec | None
+    view: AgentView | None
     cameras: Mapping[str, str]
     main_camera: str
     modalities: Mapping[str, str]
@@ -106,15 +105,15 @@ def find_views(bag: IndexedBag, labels: LabelPlacement = "panel", agent: str | N
     Args:
         bag: The bag of a scene.
         labels: Where labels are drawn.
-        agent: Name of the agent; None: the first one. If the bag holds no scene, topics of any agent are chosen.
+        agent: Name of the agent; None: the ego. If the bag holds no scene, topics of any agent are chosen.
 
     Raises:
         BagError: The bag has no topic that can be shown.
         KeyError: The scene has no such agent.
     """
     spec = bag.spec
-    scene = agent_view(spec, agent) if spec and agent else spec
-    rig = scene.rig if scene else None
+    view = agent_view(spec, agent) if spec else None
+    rig = view.rig if view else None
     prefix = f"/{re.escape(rig.agent) if rig else _ANY_AGENT}/"
     names = sorted(name for name, topic in bag.topics.items() if len(topic.stamps_ns) and re.match(prefix, name))
     images: dict[tuple[str, str], str] = {}
@@ -128,7 +127,7 @@ def find_views(bag: IndexedBag, labels: LabelPlacement = "panel", agent: str | N
     truth = TruthTopics(boxes, odometry, bev)
     labeled = cameras if labels == "cameras" else sorted(cameras, key=main_camera_rank)[:1]
     views = Views(
-        scene,
+        view,
         {camera: images[camera, "rgb"] for camera in cameras},
         main,
         {modality: images[main, modality] for modality in MODALITIES if (main, modality) in images},

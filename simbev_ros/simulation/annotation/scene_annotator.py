@@ -19,7 +19,7 @@ from simbev_ros.foundation.types import Table, UInt16Array
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.layout import Layout
 from simbev_ros.scene.reach import VIEW_M, reach_of
-from simbev_ros.schema.scene.agents import agent_views
+from simbev_ros.schema.scene.agents import AgentView
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.simulation.annotation.bev.bev_annotator import BevAnnotator
@@ -68,14 +68,14 @@ class SceneAnnotator:
     The agent is the ego of the states that enter.
     """
 
-    def __init__(self, spec: SceneSpec, network: RoadNetwork, meshes: MeshAnnotators) -> None:
+    def __init__(self, view: AgentView, network: RoadNetwork, meshes: MeshAnnotators) -> None:
         """Prepare the annotator with the agent's view of the scene, which has its annotation settings."""
-        self._spec, self._annotation, self._meshes = spec, spec.annotation, meshes
-        layout = _nearby_layout(spec, network, VIEW_M)
-        self._levels, self._hazards = Levels(layout), hazard_areas(spec.hazards, layout)
+        self._scene, self._annotation, self._meshes = view.scene, view.annotation, meshes
+        layout = _nearby_layout(view, network, VIEW_M)
+        self._levels, self._hazards = Levels(layout), hazard_areas(view.scene.hazards, layout)
         self._standing = find_static_objects(network)
-        patch = spec.annotation.vector_map
-        self._roads = None if patch is None else _vector_map(spec, network, patch)
+        patch = view.annotation.vector_map
+        self._roads = None if patch is None else _vector_map(view, network, patch)
 
     def boxes(self, state: WorldState) -> Table:
         """(N,) ``BOX_DTYPE`` around the ego; the columns that depend on sensor data are not filled yet."""
@@ -93,7 +93,7 @@ class SceneAnnotator:
         )
 
     def _is_due(self, wanted: Occupancy | VectorMapPatch, state: WorldState) -> bool:
-        return state.tick % self._spec.period_ticks(wanted.rate_hz) == 0
+        return state.tick % self._scene.period_ticks(wanted.rate_hz) == 0
 
     def _voxels(self, wanted: Occupancy, state: WorldState) -> Table:
         hidden_ids = frozenset() if wanted.ego else state.ego_ids
@@ -105,7 +105,7 @@ def meshes_radius_m(spec: SceneSpec) -> float:
 
     Whichever agents a node labels, it thus loads the same meshes.
     """
-    return max(_labels_radius_m(view.annotation) for view in agent_views(spec))
+    return max(_labels_radius_m(agent.annotation) for agent in spec.agents)
 
 
 def _labels_radius_m(annotation: Annotation) -> float:
@@ -117,12 +117,12 @@ def _labels_radius_m(annotation: Annotation) -> float:
     return radius_m
 
 
-def _vector_map(spec: SceneSpec, network: RoadNetwork, patch: VectorMapPatch) -> VectorMap:
+def _vector_map(view: AgentView, network: RoadNetwork, patch: VectorMapPatch) -> VectorMap:
     radius_m = math.hypot(patch.length_m, patch.width_m) / 2.0 + _ROADS_MARGIN_M
-    return VectorMap(network, _nearby_layout(spec, network, radius_m), patch.length_m, patch.width_m)
+    return VectorMap(network, _nearby_layout(view, network, radius_m), patch.length_m, patch.width_m)
 
 
-def _nearby_layout(spec: SceneSpec, network: RoadNetwork, radius_m: float) -> Layout:
+def _nearby_layout(view: AgentView, network: RoadNetwork, radius_m: float) -> Layout:
     """The part of the road layout within ``radius_m`` of any position that the ego can reach."""
-    reach = reach_of(spec, network, radius_m)
+    reach = reach_of(view, network, radius_m)
     return network.layout.near(shapely.Point(reach.center_m).buffer(reach.radius_m), margin_m=0.0)

@@ -15,7 +15,7 @@ from simbev_ros.foundation.random import stream
 from simbev_ros.foundation.types import BoolArray, Float64Array, Table
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.schema.boxes import NO_CLASS
-from simbev_ros.schema.scene.agents import agent_views, ego_row
+from simbev_ros.schema.scene.agents import AgentView, agent_views
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.schema.scene.v2x_spec import V2xSpec
@@ -58,7 +58,7 @@ class V2xNetwork:
             settings: Its messages, ``spec.v2x``.
         """
         self._settings, self._seed, self._tick_ns = settings, spec.seed, spec.tick_ns
-        self._views = {view.rig.agent: view for view in agent_views(spec) if view.rig.agent in settings.agents}
+        self._views = {view.agent: view for view in agent_views(spec) if view.agent in settings.agents}
         self._period_ticks = spec.period_ticks(settings.rate_hz)
         self._on_their_way: dict[str, list[_Message]] = {name: [] for name in self._views}
 
@@ -71,7 +71,7 @@ class V2xNetwork:
         """
         sent = {}
         if state.tick % self._period_ticks == 0:
-            carriers = {name: ego_row(view, state.actors) for name, view in self._views.items()}
+            carriers = {name: view.ego_row(state.actors) for name, view in self._views.items()}
             for name, view in self._views.items():
                 sent[name] = message_of(view, self._settings, carriers[name], boxes.get(name), state.tick)
                 self._send(name, sent[name], carriers, state.tick)
@@ -103,7 +103,7 @@ class V2xNetwork:
         return np.concatenate([np.zeros(0, V2X_DTYPE), *(each.rows for each in arriving)])
 
 
-def message_of(view: SceneSpec, settings: V2xSpec, carrier: Table, boxes: Table | None, tick: int) -> Table:
+def message_of(view: AgentView, settings: V2xSpec, carrier: Table, boxes: Table | None, tick: int) -> Table:
     """(N,) ``V2X_DTYPE`` message of an agent: its own pose, then the boxes that it sees.
 
     Args:
@@ -138,7 +138,7 @@ def _are_seen(boxes: Table, settings: V2xSpec) -> BoolArray:
     return seen
 
 
-def _add_errors(rows: Table, view: SceneSpec, settings: V2xSpec, tick: int) -> None:
+def _add_errors(rows: Table, view: AgentView, settings: V2xSpec, tick: int) -> None:
     """Move and turn a message with the error of the sender's pose, and each box with an error of its own."""
     draws = stream(view.noise_seed, "v2x.errors", tick).standard_normal((len(rows), 3))
     if settings.pose_sigma_m or settings.pose_yaw_sigma_deg:

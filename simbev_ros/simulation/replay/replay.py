@@ -28,13 +28,11 @@ from simbev_ros.recording.layout import (
 )
 from simbev_ros.recording.lead_in import lead_in_messages
 from simbev_ros.recording.reader import RawMessage, SceneBag
-from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.drawing.draw_lights import draw_lights
 from simbev_ros.scene.drawing.draw_v2x import draw_v2x
 from simbev_ros.scene.drawing.draw_weather import draw_weathers
 from simbev_ros.scene.drawing.starts import StartPositions
 from simbev_ros.scene.ending import DURATION
-from simbev_ros.scene.frames import base_link_x_m
 from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, Event, Light, WorldState
@@ -147,11 +145,17 @@ class Replay:
         return events
 
     def _table(self, message: RawMessage) -> Table:
-        table = point_array(self._bag.decode(message))
-        wanted = _TABLES.get(message.topic)
-        if table.dtype != wanted:
+        """The rows of a message with the columns that this version has; others are ignored."""
+        table, wanted = point_array(self._bag.decode(message)), _TABLES[message.topic]
+        names = wanted.names or ()
+        if not {*names} <= {*(table.dtype.names or ())} or any(table.dtype[name] != wanted[name] for name in names):
             raise BagError(f"{self._bag.path}: {message.topic} has other columns than this version of simbev writes")
-        return table
+        if table.dtype == wanted:
+            return table
+        rows = np.zeros(len(table), wanted)
+        for name in names:
+            rows[name] = table[name]
+        return rows
 
     def _with_low_beams(self, actors: Table) -> Table:
         """Actors with the low beams of vehicles switched as the current weather demands."""
@@ -216,7 +220,7 @@ def _map_source(bag: SceneBag) -> bytes | None:
 def replayed_spec(bag: SceneBag, scenario: Scenario, network: RoadNetwork, chosen: MapSpec | None = None) -> SceneSpec:
     """Specification for replaying a bag with another configuration.
 
-    Rigs, annotation and the agents beside the first one come from the configuration (see ``replayed_agents``), and so
+    The agents with their rigs and labels come from the configuration (see ``replayed_agents``), and so
     do weather and lights if it sets them; everything else is as recorded.
 
     Args:
@@ -237,16 +241,11 @@ def replayed_spec(bag: SceneBag, scenario: Scenario, network: RoadNetwork, chose
     recorded_map = bag.attachments.get(MAP_ATTACHMENT)
     if recorded_map is not None and recorded_map != network.opendrive.encode():
         raise BagError(f"{bag.path}: was recorded on other roads than map {spec.map.name} has now")
-    ego = blueprint_named(spec.vehicles[0].blueprint)
     starts = StartPositions(network, scenario.traffic.waypoint_spacing_m)
     agents = replayed_agents(spec, scenario, network, starts)
     changes: dict[str, object] = {
-        "rig": scenario.rig,
-        "frames": scenario.frames,
-        "base_link_x_m": base_link_x_m(scenario.frames, ego),
-        "annotation": scenario.annotation,
         "agents": agents,
-        "v2x": draw_v2x(scenario, spec.seed, [scenario.rig.agent, *(agent.rig.agent for agent in agents)]),
+        "v2x": draw_v2x(scenario, spec.seed, [agent.name for agent in agents]),
         "map": chosen or spec.map,
     }
     if "weather" in scenario.model_fields_set:

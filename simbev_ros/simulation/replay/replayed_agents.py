@@ -1,4 +1,4 @@
-"""The agents of a replay beside the first one: recorded ones again, and new ones on recorded vehicles or masts."""
+"""The agents of a replay: the ego, recorded ones again, and new ones on recorded vehicles or masts."""
 
 from functools import partial
 
@@ -7,7 +7,7 @@ from simbev_ros.config.scenario import Scenario
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.scene.drawing.draw_agents import agent_on_mast, agent_on_vehicle, drawn_names
+from simbev_ros.scene.drawing.draw_agents import agent_on_mast, agent_on_vehicle, drawn_names, ego_spec
 from simbev_ros.scene.drawing.draw_stations import StationDrawer
 from simbev_ros.scene.drawing.spawn import Where
 from simbev_ros.scene.drawing.starts import StartPositions
@@ -19,10 +19,10 @@ from simbev_ros.schema.scene.state import EGO_ID
 def replayed_agents(
     spec: SceneSpec, scenario: Scenario, network: RoadNetwork, starts: StartPositions
 ) -> tuple[AgentSpec, ...]:
-    """Specifications of the further agents of a replay.
+    """Specifications of the agents of a replay.
 
-    An agent rides in its ``carrier``, or else in the vehicle that carried the agent of its name. Masts are drawn again.
-    A recorded agent that the configuration lacks is a vehicle like others.
+    The ego rides in its recorded vehicle, any other agent in its ``carrier``, or else in the vehicle that carried the
+    agent of its name. Masts are drawn again. A recorded agent that the configuration lacks is a vehicle like others.
 
     Args:
         spec: The recorded scene.
@@ -34,18 +34,18 @@ def replayed_agents(
         InputError: An agent has no vehicle in the recorded scene, or one that another agent has; or a mast cannot be
             drawn.
     """
-    if not scenario.agents:
-        return ()
     drivers: dict[int | None, EgoDriverKind] = {each.vehicle: each.driver for each in spec.agents}
+    agents = [ego_spec(scenario, spec.vehicles[0], drivers[0])]
+    if not scenario.agents:
+        return tuple(agents)
     starts_m = {scenario.rig.agent: _start_m(spec, network, 0)}
     masts = StationDrawer(spec.seed, network, starts, scenario.traffic.spawn_radius_m, starts_m, [])
-    agents = list[AgentSpec]()
     for number, agent in enumerate(scenario.agents):
         where, siblings = partial(scenario.where, "agents", number), list[StationSpec]()
         for name in drawn_names(agent, spec.seed):
             if agent.mast is None:
                 index = _vehicle_index(spec, agent, name, where)
-                if rival := next((each.rig.agent for each in agents if each.vehicle == index), None):
+                if rival := next((each.name for each in agents if each.vehicle == index), None):
                     raise InputError(f"{where()}: vehicle {EGO_ID + index} carries {rival}; it can carry one agent")
                 driver = drivers.get(index, "traffic")
                 agents.append(agent_on_vehicle(scenario, agent, name, spec.vehicles[index], index, driver))
@@ -66,7 +66,7 @@ def _vehicle_index(spec: SceneSpec, agent: Agent, name: str, where: Where) -> in
                 f"allowed: {EGO_ID + 1} to {last}"
             )
         return agent.carrier - EGO_ID
-    recorded = {each.rig.agent: each.vehicle for each in spec.agents if each.vehicle is not None}
+    recorded = {each.name: each.vehicle for each in spec.agents[1:] if each.vehicle is not None}
     if name not in recorded:
         raise InputError(
             f"{where('carrier')}: is missing; recorded scene {spec.name} has no vehicle with an agent {name!r} "

@@ -160,9 +160,9 @@ def _reachable_area(spec: SceneSpec, network: RoadNetwork, sample: TrafficSample
 def _report_missing(spec: SceneSpec, population: Population) -> None:
     """Log the actors that could not be placed; raise if the vehicle of an agent is one of them."""
     for view in agent_views(spec):
-        if view.ego is not None and view.ego_index not in population.vehicles:
-            start = _describe_start(view.ego)
-            raise SimulationError(f"{spec.name}: agent {view.rig.agent} does not fit at its start, {start}")
+        if view.vehicle is not None and view.spec.vehicle not in population.vehicles:
+            start = _describe_start(view.vehicle)
+            raise SimulationError(f"{spec.name}: agent {view.agent} does not fit at its start, {start}")
     for kind, requested, present in (
         ("vehicle", spec.vehicles, population.vehicles),
         ("pedestrian", spec.pedestrians, population.pedestrians),

@@ -49,7 +49,7 @@ class RelayStack(Node):
 
     def on_scene(self, message: String) -> None:
         self.spec = SceneSpec.model_validate_json(message.data)
-        self.ego_from_lidar = calibrations(self.spec.rig)["lidar"].ego_from_sensor
+        self.ego_from_lidar = calibrations(self.spec.agents[0].rig)["lidar"].ego_from_sensor
 
     def load(self) -> None:
         if self.spec is not None and self.polls < 10 and all(each.get_publisher_count() for each in self.inputs):

@@ -123,7 +123,7 @@ def test_every_actor_is_the_same_to_the_bit_in_the_tables_of_all(scene: Scene) -
 def test_each_car_is_where_its_actor_is_and_in_the_tables_of_the_others(scene: Scene) -> None:
     for tick in range(len(scene)):
         frames, actors = of_all_agents(scene, tick), scene[tick]["world/actors"]
-        carriers = {name: frame.scene.spec.ego_id for name, frame in frames.items()}
+        carriers = {name: frame.scene.view.ego_id for name, frame in frames.items()}
         for name, frame in frames.items():
             others = {carriers[car] for car in CARS if car != name}
             assert others <= set(frame["boxes"]["id"].tolist()) and carriers[name] not in frame["boxes"]["id"]
@@ -136,7 +136,7 @@ def test_points_of_one_lie_on_the_mesh_that_all_see(
     scene: Scene, transforms: dict[int, dict[str, Float64Array]], tick: int
 ) -> None:
     """Embree, with all triangles in one mesh: rays from each lidar along its points, placed by /tf."""
-    whole, ids = scene.spec, {name: scene.of_agent(name).spec.ego_id for name in scene.agents}
+    whole, ids = scene.spec, {name: scene.of_agent(name).view.ego_id for name in scene.agents}
     network = load_network(whole.map)
     static, models = load_static_scene(whole.map, network, reach=loaded_reach(whole, network)), load_models()
     on_others = 0

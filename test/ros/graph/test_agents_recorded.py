@@ -70,7 +70,7 @@ def test_both_have_the_same_topics(scene: Scene) -> None:
 def test_each_is_an_actor_of_one_world_and_in_the_others_boxes(scene: Scene) -> None:
     van = scene.of_agent("van")
     for tick in range(0, len(scene), 5):
-        actors, ids = scene[tick]["world/actors"], (scene.spec.ego_id, van.spec.ego_id)
+        actors, ids = scene[tick]["world/actors"], (scene.view.ego_id, van.view.ego_id)
         for agent, own, other in ((scene, *ids), (van, *reversed(ids))):
             boxes, row = agent[tick]["boxes"], actors[actors["id"] == other]
             assert own not in boxes["id"]
@@ -85,7 +85,7 @@ def test_each_is_an_actor_of_one_world_and_in_the_others_boxes(scene: Scene) -> 
 def test_points_of_an_opv2v_export_are_in_the_boxes_of_all_agents(scene: Scene, tmp_path: Path) -> None:
     settings = FrameSettings()
     export_opv2v(open_dataset(scene.path, threads=1), tmp_path, settings)
-    agents = {agent.spec.ego_id: agent for agent in (scene, scene.of_agent("van"))}
+    agents = {agent.view.ego_id: agent for agent in (scene, scene.of_agent("van"))}
     counted = off = 0
     for tick in range(0, len(scene), 2):
         frames = {number: AgentFrame(tmp_path / "train" / scene.name / str(number), tick) for number in agents}

@@ -21,6 +21,7 @@ from simbev_ros.ros.graph.environment import graph_environment
 from simbev_ros.ros.msgs import topics
 from simbev_ros.ros.msgs.annotation_topics import annotation_topics, annotator_inputs
 from simbev_ros.ros.msgs.message_types import message_class
+from simbev_ros.schema.scene.agents import agent_view
 
 pytestmark = pytest.mark.graph
 
@@ -57,8 +58,8 @@ def test_labels_of_a_replayed_bag_equal_the_recorded_ones(recorded: Path) -> Non
     with SceneBag(recorded) as bag:
         assert bag.spec is not None
         messages = list(bag.messages())
-        labels = {topic.name: topic.type for topic in annotation_topics(bag.spec).recorded}
-        sensors = annotator_inputs(bag.spec, compressed_images=True)
+        labels = {topic.name: topic.type for topic in annotation_topics(agent_view(bag.spec)).recorded}
+        sensors = annotator_inputs(agent_view(bag.spec), compressed_images=True)
     read = {topics.ACTORS, topics.SIGNALS, topics.WEATHER, *(topic.name for topic in sensors.values())}
     assert len(read) == 6
     got: dict[str, list[bytes]] = {name: [] for name in labels}

@@ -9,7 +9,6 @@ from simbev_ros.dataset.scene import Scene
 from simbev_ros.foundation.geometry.transforms import apply, inverse
 from simbev_ros.foundation.semantics import Tag
 from simbev_ros.recording.verify import verify_bag
-from simbev_ros.schema.scene.agents import ego_row
 from simbev_ros.schema.scene.state import map_from_actors
 
 pytestmark = [pytest.mark.graph, pytest.mark.slow]
@@ -59,7 +58,7 @@ def test_units_stand_still_and_all_their_sensors_are_recorded(scene: Scene) -> N
     unit = scene.of_agent("rsu")
     for tick in (0, 9):
         frame = unit[tick]
-        pose = map_from_actors(ego_row(unit.spec, frame["world/actors"]).reshape(1))[0]
+        pose = map_from_actors(unit.view.ego_row(frame["world/actors"]).reshape(1))[0]
         np.testing.assert_allclose(frame.map_from_ego, pose, atol=1e-6)
         np.testing.assert_allclose(frame["imu/data"]["acceleration_mps2"], [[0.0, 0.0, 9.81]], atol=0.05)
         assert abs(frame["imu/data"]["angular_velocity_radps"]).max() < 0.01
@@ -72,7 +71,7 @@ def test_cars_are_in_the_boxes_of_units_by_their_distance_from_the_mast(scene: S
         boxes, actors = unit[9]["boxes"], unit[9]["world/actors"]
         foot_m = unit[9].map_from_ego[:2, 3]
         for other in ("ego", "van"):
-            other_id = scene.of_agent(other).spec.ego_id
+            other_id = scene.of_agent(other).view.ego_id
             (row,) = actors[actors["id"] == other_id]
             (box,) = boxes[boxes["id"] == other_id]
             assert box["distance"] == pytest.approx(np.hypot(row["x"] - foot_m[0], row["y"] - foot_m[1]), abs=0.05)
@@ -101,5 +100,5 @@ def test_the_camera_above_the_road_sees_the_vehicles_below_it(scene: Scene) -> N
     centers_m = (inverse(frame.map_from_ego) @ map_from_actors(actors))[:, :2, 3]
     below = actors["id"][(np.abs(centers_m) < 26.0).all(axis=1) & (actors["length"] > 3.0)]
     seen = np.unique(frame["cam/instance"])
-    assert scene.spec.ego_id in below and scene.spec.ego_id in seen
+    assert scene.view.ego_id in below and scene.view.ego_id in seen
     assert np.isin(below, seen).mean() > 0.5, "trees hide some vehicles, but not most"

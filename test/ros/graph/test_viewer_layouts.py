@@ -13,6 +13,7 @@ import pytest
 import yaml
 from made_up_scene import made_up_spec
 from rosbags.typesys import Stores, get_typestore
+from scene_edits import with_ego
 
 from simbev_ros.config.annotation import VectorMapPatch
 from simbev_ros.config.load import load_scenario
@@ -70,8 +71,8 @@ def topics() -> dict[str, Topic]:
     rig = load_scenario("paper").rig
     sensors = [sensor.model_dump() for sensor in rig.sensors]
     plain = made_up_spec(sensors)
-    labels = plain.annotation.model_copy(update={"vector_map": VectorMapPatch()})
-    spec = plain.model_copy(update={"annotation": labels})
+    labels = plain.agents[0].annotation.model_copy(update={"vector_map": VectorMapPatch()})
+    spec = with_ego(plain, annotation=labels)
     found = [topic for form in (True, False) for topic in manifest(spec, compressed_images=form)]
     found += [*display_topics(spec), Topic(DIAGNOSTICS, "diagnostic_msgs/msg/DiagnosticArray")]
     return {topic.name: topic for topic in found}

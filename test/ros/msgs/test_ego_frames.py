@@ -12,6 +12,7 @@ from simbev_ros.ros.msgs.topics import manifest
 from simbev_ros.ros.msgs.transforms import EgoTransforms, static_transforms
 from simbev_ros.ros.msgs.world import map_from_base_link, odometry_message
 from simbev_ros.scene.frames import ego_frame, ego_from_base_link
+from simbev_ros.schema.scene.agents import agent_view
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import WorldState, map_from_actors
 
@@ -24,7 +25,7 @@ AXLE_M = 1.4
 def odometries(spec: SceneSpec, first_tick: int = 0) -> list[tuple[WorldState, object]]:
     states = [state_at(hilly, tick) for tick in range(first_tick, TICKS)]
     return [
-        (state, odometry_message(state.ego, spec.stamp_ns(state.tick), "ego/base_link", spec.base_link_x_m))
+        (state, odometry_message(state.ego, spec.stamp_ns(state.tick), "ego/base_link", spec.agents[0].base_link_x_m))
         for state in states
     ]
 
@@ -32,7 +33,7 @@ def odometries(spec: SceneSpec, first_tick: int = 0) -> list[tuple[WorldState, o
 @pytest.mark.parametrize("base_link", ["footprint", "rear_axle"])
 def test_map_odom_base_link_compose_to_the_true_odometry(base_link: str) -> None:
     spec = with_frames(SPEC, odom=True, base_link=base_link)
-    transforms = EgoTransforms(spec)
+    transforms = EgoTransforms(agent_view(spec))
     drifts = []
     for state, odometry in odometries(spec):
         tree = edges(transforms.at(odometry))
@@ -40,7 +41,7 @@ def test_map_odom_base_link_compose_to_the_true_odometry(base_link: str) -> None
         truth = map_from_base_link(odometry)
         np.testing.assert_allclose(pose_in_tree(tree, "ego/base_link"), truth, rtol=0, atol=1e-9)
         np.testing.assert_allclose(
-            truth, map_from_actors(state.ego[None])[0] @ ego_from_base_link(spec), rtol=0, atol=1e-9
+            truth, map_from_actors(state.ego[None])[0] @ ego_from_base_link(agent_view(spec)), rtol=0, atol=1e-9
         )
         drifts.append(tree["map", "ego/odom"])
     errors_m = np.linalg.norm([drift[:2, 3] - drifts[0][:2, 3] for drift in drifts], axis=1)
@@ -49,7 +50,7 @@ def test_map_odom_base_link_compose_to_the_true_odometry(base_link: str) -> None
 
 def test_odometry_begins_at_the_first_tick_and_moves_without_jumps() -> None:
     spec = with_frames(SPEC, odom=True)
-    transforms = EgoTransforms(spec)
+    transforms = EgoTransforms(agent_view(spec))
     poses = {
         state.tick: edges(transforms.at(odometry))["ego/odom", "ego/base_link"]
         for state, odometry in odometries(spec, first_tick=-3)
@@ -63,7 +64,7 @@ def test_odometry_begins_at_the_first_tick_and_moves_without_jumps() -> None:
 
 def test_a_recorder_that_misses_the_lead_in_makes_the_same_transforms() -> None:
     spec = with_frames(SPEC, odom=True, base_link="rear_axle")
-    world_node, recorder = EgoTransforms(spec), EgoTransforms(spec)
+    world_node, recorder = EgoTransforms(agent_view(spec)), EgoTransforms(agent_view(spec))
     for state, odometry in odometries(spec, first_tick=-2)[:50]:
         published = world_node.at(odometry)
         if state.tick >= 0:
@@ -81,7 +82,7 @@ def test_a_recorder_that_misses_the_lead_in_makes_the_same_transforms() -> None:
 def test_what_a_node_under_test_publishes_is_left_to_it(publish: list[str], left: list[tuple[str, str]]) -> None:
     spec = with_frames(SPEC, odom=True, publish=publish)
     ((_, odometry), *_) = odometries(spec)
-    assert list(edges(EgoTransforms(spec).at(odometry))) == left
+    assert list(edges(EgoTransforms(agent_view(spec)).at(odometry))) == left
     names = [topic.name for topic in manifest(spec, compressed_images=True)]
     assert ("/tf" in names) == bool(left) and "/tf_static" in names
 
@@ -91,7 +92,7 @@ def test_the_odom_frame_is_that_of_the_rigs_wheel_odometry() -> None:
     plain, exact = (with_frames(made_up_spec(rig, number=1, ticks=TICKS), odom=True) for rig in ([], [worn]))
     last = [
         [edges(transforms.at(odometry)) for _, odometry in odometries(spec)[:100]][-1]["ego/odom", "ego/base_link"]
-        for spec, transforms in ((spec, EgoTransforms(spec)) for spec in (plain, exact))
+        for spec, transforms in ((spec, EgoTransforms(agent_view(spec))) for spec in (plain, exact))
     ]
     assert not np.allclose(last[0][:2, 3], last[1][:2, 3], atol=0.5)
 
@@ -102,9 +103,10 @@ def test_sensors_are_at_the_same_points_of_the_map_whichever_point_base_link_is(
     for base_link in ("footprint", "rear_axle"):
         spec = with_frames(SPEC, odom=odom, base_link=base_link)
         _, odometry = odometries(spec)[0]
-        tree = edges([*static_transforms(spec), *EgoTransforms(spec).at(odometry)])
-        names = [f"ego/{sensor.name}" for sensor in spec.rig.sensors]
-        poses.append([pose_in_tree(tree, name) for name in (ego_frame(spec), *names, "ego/cam_front_optical")])
+        tree = edges([*static_transforms(spec), *EgoTransforms(agent_view(spec)).at(odometry)])
+        names = [f"ego/{sensor.name}" for sensor in spec.agents[0].rig.sensors]
+        frames = ego_frame(agent_view(spec)), *names, "ego/cam_front_optical"
+        poses.append([pose_in_tree(tree, name) for name in frames])
     np.testing.assert_allclose(poses[1], poses[0], rtol=0, atol=1e-9)
 
 
@@ -136,10 +138,10 @@ def test_the_velocity_at_the_rear_axle_is_the_change_of_its_position() -> None:
 def test_default_frames_leave_the_specification_as_it_was() -> None:
     assert {"frames", "base_link_x_m"}.isdisjoint(SPEC.model_dump())
     spec = with_frames(SPEC, base_link="rear_axle")
-    assert spec.base_link_x_m == -AXLE_M and '"base_link":"rear_axle"' in spec.model_dump_json()
+    assert spec.agents[0].base_link_x_m == -AXLE_M and '"base_link":"rear_axle"' in spec.model_dump_json()
 
 
 def test_wheel_odometry_has_no_frame_of_its_own() -> None:
     spec = made_up_spec([{"type": "odometry", "name": "wheel"}])
     assert list(static_transforms(spec)) == []
-    np.testing.assert_array_equal(inverse(ego_from_base_link(spec)), np.eye(4))
+    np.testing.assert_array_equal(inverse(ego_from_base_link(agent_view(spec))), np.eye(4))

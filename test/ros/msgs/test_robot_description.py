@@ -15,6 +15,7 @@ from simbev_ros.ros.msgs.robot_description import robot_description
 from simbev_ros.ros.msgs.transforms import static_transforms
 from simbev_ros.scene.blueprints import blueprint_index, load_blueprints
 from simbev_ros.scene.frames import ego_frame
+from simbev_ros.schema.scene.agents import agent_view
 
 SPEC = made_up_spec(
     [
@@ -23,7 +24,7 @@ SPEC = made_up_spec(
     ]
 )
 SPECS = {"footprint": SPEC, "rear_axle": with_frames(SPEC, base_link="rear_axle")}
-ROBOTS = {name: ElementTree.fromstring(robot_description(spec)) for name, spec in SPECS.items()}
+ROBOTS = {name: ElementTree.fromstring(robot_description(agent_view(spec))) for name, spec in SPECS.items()}
 ROBOT = ROBOTS["footprint"]
 BOTH = pytest.mark.parametrize("base_link", SPECS)
 
@@ -62,7 +63,7 @@ def test_geometry_needs_no_file() -> None:
 def test_the_car_is_drawn_in_the_ego_frame_and_every_sensor_in_its_own(base_link: str) -> None:
     spec = SPECS[base_link]
     seen = {link.attrib["name"] for link in ROBOTS[base_link].iter("link") if link.find("visual") is not None}
-    assert seen == {ego_frame(spec), *(f"ego/{sensor.name}" for sensor in SPEC.rig.sensors)}
+    assert seen == {ego_frame(agent_view(spec)), *(f"ego/{sensor.name}" for sensor in SPEC.agents[0].rig.sensors)}
 
 
 @pytest.mark.parametrize("name", [each.name for each in load_blueprints() if each.kind == "vehicle"])

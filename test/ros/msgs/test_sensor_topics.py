@@ -7,6 +7,7 @@ from simbev_ros.config.rig import SENSOR_KINDS
 from simbev_ros.ros.msgs.annotation_topics import annotator_inputs
 from simbev_ros.ros.msgs.sensor_topics import sensor_topics, topics_of_sensor
 from simbev_ros.ros.msgs.topics import manifest
+from simbev_ros.schema.scene.agents import agent_view
 
 RIG = [
     {"type": "camera", "name": "cam", "modalities": ["rgb", "instance", "depth"], "rate_hz": 10},
@@ -52,13 +53,13 @@ LABELS = {
 @pytest.mark.parametrize("kind", SENSOR_KINDS)
 def test_every_kind_has_topics(kind: str) -> None:
     spec = made_up_spec([{"type": kind, "name": "some"}])
-    (sensor,) = spec.rig.sensors
-    topics = topics_of_sensor(spec, sensor, compressed_images=True)
+    (sensor,) = spec.agents[0].rig.sensors
+    topics = topics_of_sensor(agent_view(spec), sensor, compressed_images=True)
     assert topics and all(topic.name.startswith("/ego/some/") and topic.sensor for topic in topics)
 
 
 def test_sensors_send_the_topics_of_the_table() -> None:
-    topics = list(sensor_topics(made_up_spec(RIG), compressed_images=True))
+    topics = list(sensor_topics(agent_view(made_up_spec(RIG)), compressed_images=True))
     sensed = {
         f"/ego/{name}": (f"{PACKAGES.get(kind, 'sensor_msgs')}/msg/{kind}", *rest)
         for name, (kind, *rest) in SENSED.items()
@@ -67,12 +68,11 @@ def test_sensors_send_the_topics_of_the_table() -> None:
     assert [topic.name for topic in topics] == list(sensed)
 
 
-def test_a_tick_is_written_in_the_order_world_transforms_sensors_labels() -> None:
+def test_a_tick_is_written_in_the_order_world_transforms_motion_sensors_labels() -> None:
     topics = manifest(made_up_spec(RIG), compressed_images=True)
     names = [topic.name for topic in topics]
     assert names[:4] == ["/world/scene", "/world/map", "/world/legend", "/world/lights"]
-    assert names[5] == "/robot_description"
-    assert names[11:14] == ["/ego/odom", "/tf_static", "/tf"]
+    assert names[10:14] == ["/tf_static", "/tf", "/robot_description", "/ego/odom"]
     assert names[14:] == [f"/ego/{name}" for name in (*SENSED, *LABELS)]
     assert {t.name: t.period_ticks for t in topics[14 + len(SENSED) :]} == {f"/ego/{n}": p for n, p in LABELS.items()}
 
@@ -81,7 +81,7 @@ def test_a_tick_is_written_in_the_order_world_transforms_sensors_labels() -> Non
 def test_the_annotator_reads_one_cloud_per_lidar_and_radar_and_the_instances_of_each_camera(
     compressed: bool,
 ) -> None:
-    read = annotator_inputs(made_up_spec(RIG), compressed_images=compressed)
+    read = annotator_inputs(agent_view(made_up_spec(RIG)), compressed_images=compressed)
     assert {sensor: topic.name for sensor, topic in read.items()} == {
         "cam": f"/ego/cam/instance/image_raw{'/compressed' * compressed}",
         "both": "/ego/both/points",

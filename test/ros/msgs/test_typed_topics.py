@@ -19,6 +19,7 @@ from simbev_ros.ros.msgs.world import event_record
 from simbev_ros.schema.boxes import BOX_DTYPE
 from simbev_ros.schema.messages.message_types import types_with
 from simbev_ros.schema.messages.table_messages import table_of
+from simbev_ros.schema.scene.agents import agent_view
 from simbev_ros.schema.scene.hazard import HazardKind, HazardSpec
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import ACTOR_DTYPE, SIGNAL_DTYPE, Event, WorldState
@@ -61,7 +62,7 @@ def test_a_typed_topic_has_the_rate_and_quality_of_its_source(spec: SceneSpec) -
 
 def test_every_table_and_record_of_the_world_and_of_the_labels_has_one(spec: SceneSpec) -> None:
     world = {topics.SCENE, topics.ACTORS, topics.SIGNALS, topics.WEATHER, topics.EVENTS}
-    labels = annotation_topics(spec)
+    labels = annotation_topics(agent_view(spec))
     wanted = world | {labels.boxes.name, labels.hd_map.name, *(topic.name for topic in labels.views.values())}
     assert {each.source.name for each in typed_topics(spec)} == wanted
     assert len(labels.views) == 2

@@ -20,7 +20,7 @@ from simbev_ros.foundation.types import Table
 from simbev_ros.ros.msgs.sensor_topics import sensor_topics
 from simbev_ros.ros.msgs.tables import table_from_message
 from simbev_ros.ros.nodes import ray_scenes, surroundings
-from simbev_ros.schema.scene.agents import agent_views, seen_by
+from simbev_ros.schema.scene.agents import agent_views
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import EGO_ID, WorldState
 from simbev_ros.simulation.raycast.part_stack import PartStack
@@ -109,7 +109,7 @@ def test_a_node_publishes_the_topics_of_all_agents_in_their_frames(kind: str) ->
 @pytest.mark.parametrize("kind", SENSORS)
 def test_nodes_that_share_the_agents_publish_what_a_single_one_would(kind: str) -> None:
     spec = scene_of(kind)
-    agents = [view.rig.agent for view in agent_views(spec)]
+    agents = [view.agent for view in agent_views(spec)]
     together = published(kind, spec)
     apart: dict[str, list[Any]] = {}
     for share, agent in enumerate(agents):
@@ -126,7 +126,7 @@ def test_clouds_of_each_agent_equal_those_of_its_models() -> None:
     for view in agent_views(spec):
         for lidar in view.rig.of_type(Lidar):
             ticks = range(3) if lidar.rolling else range(3, 4)
-            *earlier, state = (seen_by(view, state_at(tick)) for tick in ticks)
+            *earlier, state = (view.ego_state(state_at(tick)) for tick in ticks)
             rays = RayScene(STATIC, MODELS)
             hidden_ids = frozenset() if lidar.hits_own_vehicle else state.ego_ids
             rays.update(state, vector(state.ego, "x y z"), 60.0, hidden_ids, earlier)
@@ -134,7 +134,7 @@ def test_clouds_of_each_agent_equal_those_of_its_models() -> None:
             for cloud, table in (("points", scan.points), ("semantic_points", scan.semantic_points)):
                 assert table is not None
                 assert len(table) > 200
-                assert cloud_of(sent, f"/{view.rig.agent}/{lidar.name}/{cloud}").tobytes() == table.tobytes()
+                assert cloud_of(sent, f"/{view.agent}/{lidar.name}/{cloud}").tobytes() == table.tobytes()
 
 
 def test_a_lidar_sees_the_other_agents_and_not_the_vehicle_that_carries_it() -> None:
@@ -241,6 +241,6 @@ def test_readers_are_expected_for_the_topics_of_every_agent() -> None:
     readers = {"recorded": True, "annotated": True, "evaluated_topics": f"['{read}','{read}']"}
     with started_node("lidar", spec, **readers) as node:
         expected = node._expected_readers(spec, node.topics)
-    clouds = {view.rig.agent: expected[f"/{view.rig.agent}/slow/points"] for view in agent_views(spec)}
+    clouds = {view.agent: expected[f"/{view.agent}/slow/points"] for view in agent_views(spec)}
     assert clouds == {"ego": 2, "car": 4, "rsu": 2}, "a recorder, an annotator, and two evaluators of one topic"
     assert expected["/car/slow/semantic_points"] == 1

@@ -27,7 +27,7 @@ from simbev_ros.ros.nodes import annotator_node, surroundings
 from simbev_ros.ros.nodes.surroundings import Surroundings
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.schema.boxes import LIGHT_IDS
-from simbev_ros.schema.scene.agents import agent_views, seen_by
+from simbev_ros.schema.scene.agents import AgentView, agent_view, agent_views
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import EGO_ID, SIGNAL_DTYPE, WorldState
 from simbev_ros.simulation.annotation.scene_annotator import meshes_radius_m
@@ -63,7 +63,8 @@ def drawn() -> tuple[dict[str, Any], RoadNetwork]:
 
 def single(name: str, vehicles: Sequence[dict[str, Any]], annotation: dict[str, Any]) -> SceneSpec:
     """A scene with one agent, which rides in the first vehicle."""
-    own = {"rig": {"agent": name, "sensors": SENSORS}, "annotation": annotation, "vehicles": vehicles}
+    agent = {"rig": {"agent": name, "sensors": SENSORS}, "annotation": annotation, "vehicle": 0}
+    own = {"agents": [agent], "vehicles": vehicles}
     return SceneSpec.model_validate(drawn()[0] | own)
 
 
@@ -101,11 +102,11 @@ def state_at(tick: int, ego_id: int = EGO_ID, car_id: int = CAR_ID) -> WorldStat
     return replace(state, ego_id=EGO_ID, signals=signals, stamp_ns=scene().stamp_ns(tick))
 
 
-def sensor_messages(view: SceneSpec, state: WorldState) -> dict[str, bytes]:
+def sensor_messages(view: AgentView, state: WorldState) -> dict[str, bytes]:
     """Messages of an agent's sensors that are due, by topic: points on the other vehicles, and pixels of them."""
-    state, inputs = seen_by(view, state), annotator_inputs(view, compressed_images=False)
+    state, inputs = view.ego_state(state), annotator_inputs(view, compressed_images=False)
     others = state.actors[state.actors["id"] != state.ego_id]
-    count = POINTS[view.rig.agent]
+    count = POINTS[view.agent]
     at_m = np.stack([others["x"], others["y"], others["z"] + 0.9], axis=1).repeat(count * (state.tick + 1), axis=0)
     lidar = view.rig.sensors[0]
     cloud = np.zeros(len(at_m), CLOUD_DTYPE)
@@ -196,13 +197,13 @@ def test_labels_of_all_agents_are_published_at_each_tick_and_in_their_frames(sen
     spec = scene()
     assert sent["finished"] == list(TICKS)
     for view in agent_views(spec):
-        topics, own = annotation_topics(view), labels_of(sent, view.rig.agent)
+        topics, own = annotation_topics(view), labels_of(sent, view.agent)
         for name in (topics.boxes.name, topics.bev_labels.name, topics.hd_map.name):
             assert len(own[name]) == len(TICKS)
         assert len(own[topics.views["cam"].name]) == len(TICKS) // 2
         frames = {message.header.frame_id for message in own[topics.views["cam"].name]}
-        assert frames == {f"{view.rig.agent}/cam_optical"}
-        assert {message.header.frame_id for message in own[topics.bev_labels.name]} == {f"{view.rig.agent}/base_link"}
+        assert frames == {f"{view.agent}/cam_optical"}
+        assert {message.header.frame_id for message in own[topics.bev_labels.name]} == {f"{view.agent}/base_link"}
 
 
 def test_an_agent_is_in_the_boxes_of_the_others_with_their_own_distances_and_points(sent: dict[str, list[Any]]) -> None:
@@ -322,14 +323,14 @@ def test_another_agents_labels_are_those_of_a_scene_in_which_it_is_the_first_one
 
 def test_agents_share_what_is_prepared_from_meshes() -> None:
     with started_node("annotator", scene()) as node:
-        assert [agent.view.rig.agent for agent in node._agents] == list(POINTS)
+        assert [agent.view.agent for agent in node._agents] == list(POINTS)
         assert {id(agent.annotator._meshes) for agent in node._agents} == {id(node._surroundings.built)}
 
 
 def test_meshes_are_loaded_as_far_as_any_agent_of_the_scene_needs_them(monkeypatch: pytest.MonkeyPatch) -> None:
     wide = ANNOTATION | {"bev": {"rows": 400, "columns": 300, "cell_m": 0.5}}
     spec = with_agents(ego_alone(), car("car", 1, SENSORS, annotation=wide))
-    assert [meshes_radius_m(view) for view in agent_views(spec)] == [125.0, 125.0]
+    assert meshes_radius_m(spec) == 125.0
     assert meshes_radius_m(ego_alone()) == 25.0
     loaded, load = [], Surroundings.load
 
@@ -361,7 +362,7 @@ def test_a_scene_with_fewer_agents_may_follow() -> None:
         play(node, scene(), events(scene(), [state_at(0)]))
         before = dict(node._joined._subscriptions)
         node.start_scene(alone)
-        names = {topic.name for topic in annotator_inputs(alone, compressed_images=False).values()}
+        names = {topic.name for topic in annotator_inputs(agent_view(alone), compressed_images=False).values()}
         assert node._joined._subscriptions == {name: before[name] for name in names}, "those of the ego are kept"
         sent = play(node, alone, events(alone, [state_at(tick) for tick in TICKS]))
     assert sent == published(alone)

@@ -150,7 +150,7 @@ def test_frames_with_all_inputs_are_answered_and_every_tick_is_reported(graph: C
     assert [float(table["width"][0]) for table in tables] == pytest.approx([200.0, 100.0], abs=2.0)
     assert [running.spec.tick_of(stamp_of(each.header.stamp)) for each in running.boxes] == [0, 2]
     assert {each.header.frame_id for each in running.boxes} == {"map"}
-    bev, grid = running.spec.annotation.bev, running.grids[-1]
+    bev, grid = running.spec.agents[0].annotation.bev, running.grids[-1]
     assert bev is not None
     assert (grid.height, grid.width, grid.encoding) == (bev.rows, bev.columns, "8UC14")
     assert (grid.header.frame_id, set(grid.data)) == ("ego/base_link", {7})

@@ -27,9 +27,7 @@ def scene() -> SceneSpec:
 def served(names: list[str]) -> list[tuple[str, int, list[str]]]:
     """Agent, period and cameras of each group."""
     groups = camera_groups(agent_views(scene()), names)
-    return [
-        (each.view.rig.agent, each.period_ticks, [mounted.camera.name for mounted in each.cameras]) for each in groups
-    ]
+    return [(each.view.agent, each.period_ticks, [mounted.camera.name for mounted in each.cameras]) for each in groups]
 
 
 def test_groups_have_an_agents_cameras_of_one_period_the_shortest_first() -> None:

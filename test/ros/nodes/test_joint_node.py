@@ -143,7 +143,7 @@ def test_live_boxes_that_never_arrive_are_given_up() -> None:
 
 def test_annotators_wait_for_all_nodes_that_read_boxes_of_several_agents() -> None:
     spec = made_up_agents()
-    names = [f"/{view.rig.agent}/boxes" for view in agent_views(spec)]
+    names = [f"/{view.agent}/boxes" for view in agent_views(spec)]
     with started_node("joint", spec, recorded=True, box_readers=2) as node:
         assert node._expected_readers(spec, names) == dict.fromkeys(names, 3)
         assert node._expected_readers(made_up_spec([]), ["/ego/boxes"]) == {"/ego/boxes": 1}

@@ -58,7 +58,7 @@ def play(node: Any, spec: SceneSpec, readers: int = 0) -> dict[str, list[Any]]:
     for tick in TICKS:
         node.process(spec, state_at(tick))
         node.finish(spec, state_at(tick))
-        for name in AGENTS if tick >= 0 and spec.agents else ():
+        for name in AGENTS if tick >= 0 and len(spec.agents) > 1 else ():
             payload = serialize_message(message_from_table(boxes_of(tick), spec.stamp_ns(tick), "map"))
             node._joined._subscriptions[f"/{name}/boxes"].callback(payload)
     return dict(sent)

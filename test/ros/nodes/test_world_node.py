@@ -10,6 +10,7 @@ import rclpy
 from geometry_msgs.msg import Twist
 from made_up_scene import made_up_spec
 from ros_domain import DOMAIN
+from scene_edits import with_ego
 from several_agents import car, made_up_agents, roadside_unit, with_agents
 
 from simbev_ros.assets.regions.region_scene import Streetside
@@ -147,7 +148,7 @@ def test_each_agent_has_a_description_and_a_path(node: Any, monkeypatch: pytest.
 
 
 def test_each_agent_driven_from_outside_has_its_own_commands(node: Any) -> None:
-    first = made_up_spec([], number=2).model_copy(update={"ego_driver": "twist"})
+    first = with_ego(made_up_spec([], number=2), driver="twist")
     spec = with_agents(first, car("car", 2, [], driver="twist"), car("other", 1, []), roadside_unit())
     node.start(SceneRequest(spec=spec))
     assert commanded(node) == ["/car/cmd_vel", "/ego/cmd_vel"]

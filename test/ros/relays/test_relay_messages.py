@@ -13,6 +13,7 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_domain import DOMAIN
+from scene_edits import with_ego
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 from waiting import wait_until
@@ -26,7 +27,7 @@ from simbev_ros.ros.relays.nav2 import Nav2Relay, drivable_map
 from simbev_ros.schema.points import POINT_DTYPE
 
 STAMP_NS = 3_602_050_000_000
-SCENE = made_up_spec([]).model_copy(update={"base_link_x_m": -1.4})
+SCENE = with_ego(made_up_spec([]), base_link_x_m=-1.4)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 

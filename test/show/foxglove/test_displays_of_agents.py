@@ -7,6 +7,7 @@ import pytest
 from made_up_scene import SENSORS, MadeUp, boxes, made_up_spec, record_made_up
 from rclpy.serialization import serialize_message
 from ros_messages import TYPES, point_cloud
+from scene_edits import with_ego
 from several_agents import made_up_agents
 from std_msgs.msg import String
 
@@ -64,7 +65,7 @@ def test_displays_are_made_of_the_agents_own_messages(made: tuple[Path, MadeUp],
 
 @pytest.mark.parametrize("odom", [False, True])
 def test_transforms_of_a_graph_are_those_that_its_recorder_makes(odom: bool) -> None:
-    spec = SPEC.model_copy(update={"frames": Frames(odom=odom)})
+    spec = with_ego(SPEC, frames=Frames(odom=odom))
     actors = np.zeros(4, ACTOR_DTYPE)
     actors["id"], actors["x"] = 1 + np.arange(4), 10.0 * np.arange(4)
     payload = point_cloud(spec.start_ns, actors)

@@ -11,6 +11,7 @@ pytest.importorskip("rerun", reason="Rerun is not installed: pip install -e .[vi
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.load import load_scenario
 from simbev_ros.scene.blueprints import blueprint_index, load_blueprints
+from simbev_ros.schema.scene.agents import agent_view
 from simbev_ros.show.rerun.blueprint import rows_of_cameras
 from simbev_ros.show.rerun.cameras import dashed_boxes
 from simbev_ros.show.rerun.clouds import has_free_side, thin_out
@@ -83,10 +84,10 @@ def test_one_camera_is_one_row(yaw_deg: float) -> None:
 
 def test_the_egos_outline_is_where_the_cells_around_it_are() -> None:
     spec = made_up_spec(SENSORS)
-    grid = spec.annotation.bev.grid
+    grid = spec.agents[0].annotation.bev.grid
     length_m, width_m, _ = load_blueprints()[blueprint_index()["vehicle.sedan"]].size_m
     # In a picture, the center of the first pixel is at one half.
-    columns, rows = ego_outline_px(spec).T - 0.5
+    columns, rows = ego_outline_px(agent_view(spec)).T - 0.5
     x_m = np.interp(rows, np.arange(grid.rows), grid.centers_ego[:, 0, 0])
     y_m = np.interp(columns, np.arange(grid.columns), grid.centers_ego[0, :, 1])
     front_m, left_m = length_m / 2, width_m / 2
@@ -95,7 +96,7 @@ def test_the_egos_outline_is_where_the_cells_around_it_are() -> None:
 
 
 def test_the_sheet_lists_the_map_and_the_sensors() -> None:
-    sheet = scene_sheet(made_up_spec(SENSORS))
+    sheet = scene_sheet(agent_view(made_up_spec(SENSORS)))
     assert sheet.startswith("# Blocks-0000\n")
     assert "| map | Blocks |" in sheet
     assert r"| cam\_front | camera, 32 x 24 px" in sheet
@@ -105,6 +106,6 @@ def test_the_sheet_escapes_markdown_in_names() -> None:
     spec = made_up_spec(SENSORS)
     name = "a|b *c* <img src=x> [d](e)"
     named = spec.model_copy(update={"map": spec.map.model_copy(update={"name": name})})
-    sheet = scene_sheet(named)
+    sheet = scene_sheet(agent_view(named))
     assert r"| map | a\|b \*c\* \<img src=x\> \[d\]\(e\) |" in sheet
     assert not re.search(r"(?<!\\)[<*\[]", sheet)

@@ -2,6 +2,7 @@
 
 from made_up_scene import SENSORS, made_up_spec
 
+from simbev_ros.schema.scene.agents import agent_view
 from simbev_ros.show.rerun.live.drawn_topics import drawn_topics
 
 SPEC = made_up_spec(SENSORS)
@@ -14,11 +15,11 @@ SHOWN = {
 
 
 def test_without_layers_nothing_is_read_that_is_hidden_at_first() -> None:
-    assert {topic.name for topic in drawn_topics(SPEC, lambda forms: forms.raw, layers=False)} == SHOWN
+    assert {topic.name for topic in drawn_topics(agent_view(SPEC), lambda forms: forms.raw, layers=False)} == SHOWN
 
 
 def test_layers_are_read_in_the_chosen_form() -> None:
-    names = {topic.name for topic in drawn_topics(SPEC, lambda forms: forms.compressed, layers=True)}
+    names = {topic.name for topic in drawn_topics(agent_view(SPEC), lambda forms: forms.compressed, layers=True)}
     assert names - SHOWN == {
         *("/ego/lidar/semantic_points", "/ego/occupancy/points"),
         *(f"/ego/{camera}/rgb/image_raw/compressed" for camera in ("cam_front", "cam_back_left")),

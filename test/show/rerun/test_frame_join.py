@@ -6,13 +6,14 @@ import pytest
 from made_up_scene import SENSORS, made_up_spec
 
 from simbev_ros.ros.msgs.topic import Topic
+from simbev_ros.schema.scene.agents import agent_view
 from simbev_ros.show.rerun.live.frame_join import MAX_LAG_TICKS, FrameJoin
 from simbev_ros.show.rerun.live.live_frame import LiveFrame, LiveScene
 from simbev_ros.show.rerun.live.newest_frame import NewestFrame
 from simbev_ros.show.rerun.live.tick_rate import TickRate
 
 SPEC = made_up_spec(SENSORS, ticks=100)
-SCENE = LiveScene(SPEC, 0)
+SCENE = LiveScene(agent_view(SPEC), 0)
 ODOM = Topic("/ego/odom", "nav_msgs/msg/Odometry")
 IMAGE = Topic("/ego/cam_front/rgb/image_raw", "sensor_msgs/msg/Image", period_ticks=2, sensor=True)
 BOXES = Topic("/ego/cam_front/boxes", "sensor_msgs/msg/PointCloud2", period_ticks=2)

@@ -11,6 +11,7 @@ from made_up_scene import SENSORS, made_up_spec
 pytest.importorskip("rerun", reason="Rerun is not installed: pip install -e .[view]")
 
 from simbev_ros.ros.msgs.topic import Topic
+from simbev_ros.schema.scene.agents import agent_view
 from simbev_ros.show.rerun.live.graph_drawing import GraphDrawing
 from simbev_ros.show.rerun.live.live_frame import LiveFrame, LiveScene, Payloads
 from simbev_ros.show.rerun.live.newest_frame import NewestFrame
@@ -42,11 +43,11 @@ def test_a_stalled_server_holds_up_only_the_drawing_which_ends_with_it() -> None
     drawing = GraphDrawing(frames, Detail(100, layers=False), notes)
     with ViewerServer(0, "127.0.0.1", 64 << 20) as server:
         drawing.start(server.data_url)
-        frames.put(LiveFrame(LiveScene(SPEC, 0), 0, [], 10.0))
+        frames.put(LiveFrame(LiveScene(agent_view(SPEC), 0), 0, [], 10.0))
         assert notes.is_shown.wait(30) and notes.shown == [SPEC.name]
         os.kill(server.pid, signal.SIGSTOP)
         for run in range(1, 4):  # each begins a recording
-            frames.put(LiveFrame(LiveScene(SPEC, run), 0, [], 10.0))
+            frames.put(LiveFrame(LiveScene(agent_view(SPEC), run), 0, [], 10.0))
             time.sleep(0.1)
         assert notes.shown == [SPEC.name]
         drawing.end()
@@ -58,7 +59,8 @@ def test_a_stalled_server_holds_up_only_the_drawing_which_ends_with_it() -> None
 def test_messages_that_cannot_be_drawn_are_reported_once_and_the_rest_is_drawn() -> None:
     frames, notes = NewestFrame(), Notes()
     drawing = GraphDrawing(frames, Detail(100, layers=False), notes)
-    scene, bad = LiveScene(SPEC, 0), Payloads(Topic("/ego/boxes", "sensor_msgs/msg/PointCloud2"), [b"nonsense"])
+    scene = LiveScene(agent_view(SPEC), 0)
+    bad = Payloads(Topic("/ego/boxes", "sensor_msgs/msg/PointCloud2"), [b"nonsense"])
     with ViewerServer(0, "127.0.0.1", 64 << 20) as server:
         drawing.start(server.data_url)
         for tick in range(3):

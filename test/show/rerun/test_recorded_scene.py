@@ -18,6 +18,7 @@ from simbev_ros.dataset.opened import open_dataset
 from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_rpy
 from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES
 from simbev_ros.foundation.types import Float64Array
+from simbev_ros.schema.scene.agents import agent_view
 from simbev_ros.show.rerun.blueprint import scene_blueprint
 from simbev_ros.show.rerun.ego import EgoDrawing
 from simbev_ros.show.rerun.recorded import ScenePlayer
@@ -52,7 +53,7 @@ def written(bag: Path, *options: str) -> tuple[Rows, str]:
 def played(bag: Path, out: Path, detail: Detail) -> tuple[Rows, ScenePlayer]:
     """Rows of a scene with some detail."""
     scene = open_dataset(bag).scenes[0]
-    with SceneLog(scene.spec) as log:
+    with SceneLog(scene.view) as log:
         player = ScenePlayer(scene, log, detail)
         log.save(out, scene_blueprint(player.subject))
         player.play(lambda: None)
@@ -138,7 +139,7 @@ def test_fewer_points_and_smaller_images_are_shown_if_that_is_asked(made: tuple[
 
 
 def test_a_limit_thins_out_large_samples_but_neither_boxes_nor_plots(made: tuple[Path, MadeUp], tmp_path: Path) -> None:
-    with SceneLog(made[1].spec) as log:
+    with SceneLog(agent_view(made[1].spec)) as log:
         player = ScenePlayer(open_dataset(made[0]).scenes[0], log, Detail(layers=False))
         player.play(lambda: None)
         limit_bytes = log.size_bytes / 1.7
@@ -188,9 +189,9 @@ def test_a_closed_bag_without_trajectories_is_shown_without_a_warning(made: tupl
 
 @pytest.mark.parametrize("max_width_px", [None, 16, 11])
 def test_a_point_is_projected_to_the_same_pixel_as_by_the_calibration(max_width_px: int | None, tmp_path: Path) -> None:
-    subject = Subject(made_up_spec(SENSORS), None, replace(Detail(), max_width_px=max_width_px))
+    subject = Subject(agent_view(made_up_spec(SENSORS)), None, replace(Detail(), max_width_px=max_width_px))
     out = tmp_path / "ego.rrd"
-    with SceneLog(subject.spec) as log:
+    with SceneLog(subject.view) as log:
         log.save(out, scene_blueprint(subject))
         EgoDrawing(log, subject)
     rows = rows_by_entity(out)

@@ -68,7 +68,7 @@ def test_keys_of_a_frame_are_those_of_the_shown_agent() -> None:
 def test_a_scene_is_shown_as_the_agent_sees_it(agent: str | None, shown: str) -> None:
     reader = reader_of(agent)
     reader.raise_failure()
-    assert reader._scene is not None and reader._scene.spec.rig.agent == shown
+    assert reader._scene is not None and reader._scene.view.agent == shown
     reader.destroy_node()
 
 
@@ -85,4 +85,4 @@ def test_the_sheet_of_a_scene_with_several_agents_names_the_shown_one() -> None:
     from simbev_ros.show.rerun.scene_sheet import scene_sheet
 
     assert "| agent | rsu, one of 3 |" in scene_sheet(agent_view(SPEC, "rsu"))
-    assert "| agent |" not in scene_sheet(made_up_spec(SENSORS))
+    assert "| agent |" not in scene_sheet(agent_view(made_up_spec(SENSORS)))

@@ -15,7 +15,7 @@ from simbev_ros.foundation.semantics import BOX_CLASSES, Tag
 from simbev_ros.foundation.types import BoolArray, Float64Array, Table
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.schema.boxes import NO_CLASS, blank_boxes
-from simbev_ros.schema.scene.agents import agent_view, ego_row
+from simbev_ros.schema.scene.agents import agent_view
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import EGO_ID, WorldState
 from simbev_ros.schema.scene.v2x_spec import V2xSpec
@@ -111,7 +111,7 @@ def test_points_or_visible_pixels_make_a_box_seen(settings: dict[str, Any], expe
     points, visibility = [1, 2, 0, 0, -1, -1], [math.nan, 0.0, 0.0, 0.1, 0.5, math.nan]
     boxes = boxes_at(1, 2, 3, 4, 5, 6, lidar_points=points, radar_points=[-1, 1, 0, 0, 0, -1], visibility=visibility)
     spec = scene_with(**settings)
-    rows = message_of(spec, settings_of(spec), ego_row(spec, state_at(0).actors), boxes, 0)
+    rows = message_of(agent_view(spec), settings_of(spec), agent_view(spec).ego_row(state_at(0).actors), boxes, 0)
     assert rows["id"][1:].tolist() == expected
 
 
@@ -217,7 +217,7 @@ def errors(names: str, ticks: int, **settings: float) -> Float64Array:
     columns = names.split()
 
     def values(tick: int, each: SceneSpec) -> Float64Array:
-        rows = message_of(each, settings_of(each), carrier, boxes, tick)
+        rows = message_of(agent_view(each), settings_of(each), carrier, boxes, tick)
         return np.stack([rows[name] for name in columns], axis=-1, dtype=np.float64)
 
     return np.array([values(tick, spec) for tick in range(ticks)]) - values(0, exact)
@@ -232,7 +232,8 @@ def test_an_error_of_the_senders_position_moves_its_boxes_as_well() -> None:
 
 def test_an_error_of_the_senders_heading_turns_its_boxes_around_it() -> None:
     spec = scene_with(pose_yaw_sigma_deg=4.0)
-    rows = message_of(spec, settings_of(spec), ego_row(spec, state_at(0).actors), boxes_at(7, vx=2.0), 3)
+    view = agent_view(spec)
+    rows = message_of(view, settings_of(spec), view.ego_row(state_at(0).actors), boxes_at(7, vx=2.0), 3)
     turn_rad = float(rows["yaw"][0]) - 0.5
     assert 1e-3 < abs(turn_rad) < 0.3
     assert rows[["x", "y"]][0].tolist() == (0, 0)
@@ -257,13 +258,13 @@ def test_errors_differ_between_senders_and_not_between_runs() -> None:
     for before, after in zip(first, second, strict=True):
         assert all(before.sent[name].tobytes() == after.sent[name].tobytes() for name in AGENTS)
     assert len({float(first[0].sent[name]["x"][0]) % 10.0 for name in AGENTS}) == 3
-    assert agent_view(spec, "car").noise_seed != spec.noise_seed
+    assert agent_view(spec, "car").noise_seed != agent_view(spec).noise_seed
 
 
 def test_headings_with_errors_stay_within_half_a_turn() -> None:
     spec = scene_with(yaw_sigma_deg=180.0)
     boxes = boxes_at(*range(1, 200), yaw=3.1)
-    rows = message_of(spec, settings_of(spec), ego_row(spec, state_at(0).actors), boxes, 0)
+    rows = message_of(agent_view(spec), settings_of(spec), agent_view(spec).ego_row(state_at(0).actors), boxes, 0)
     assert (np.abs(rows["yaw"]) <= np.float32(math.pi)).all()
     assert np.ptp(rows["yaw"]) > 6.0
 

@@ -12,7 +12,7 @@ from several_agents import made_up_agents
 from simbev_ros.config.modalities import MODALITIES
 from simbev_ros.foundation.geometry.camera import LensCamera
 from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_rpy
-from simbev_ros.schema.scene.agents import agent_views, seen_by
+from simbev_ros.schema.scene.agents import agent_views
 from simbev_ros.schema.scene.state import EGO_ID, Light, WorldState
 from simbev_ros.schema.scene.weather import Weather
 from simbev_ros.simulation.render.frame import CameraImages, CameraView, RenderFrame
@@ -21,7 +21,7 @@ from simbev_ros.simulation.render.renderer import Renderer
 
 pytestmark = pytest.mark.gl
 
-VIEWS = {view.rig.agent: view for view in agent_views(made_up_agents())}
+VIEWS = {view.agent: view for view in agent_views(made_up_agents())}
 EGO, CAR, STATION = VIEWS
 CAR_ID = VIEWS[CAR].ego_id
 NIGHT = {"sun_altitude_deg": -40.0}
@@ -63,13 +63,13 @@ def photograph(
     """Images of a pinhole camera and of a distorted one that looks backward."""
     back = front_pose() @ matrices_from_xyz_rpy(np.zeros(3), np.array([0.0, 0.0, np.pi]))
     cameras = [CameraView(CAMERA, front_pose(), MODALITIES), CameraView(LENS, back, MODALITIES)]
-    before = None if previous is None else seen_by(VIEWS[agent], previous)
-    return renderer.render(cameras, RenderFrame(seen_by(VIEWS[agent], state), before))
+    before = None if previous is None else VIEWS[agent].ego_state(previous)
+    return renderer.render(cameras, RenderFrame(VIEWS[agent].ego_state(state), before))
 
 
 def look_down(renderer: Renderer, agent: str, state: WorldState, **changes: Any) -> CameraImages:
     view = CameraView(CAMERA, DOWN, ("rgb", "instance"), **changes)
-    [images] = renderer.render([view], RenderFrame(seen_by(VIEWS[agent], state)))
+    [images] = renderer.render([view], RenderFrame(VIEWS[agent].ego_state(state)))
     return images
 
 

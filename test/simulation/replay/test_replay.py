@@ -170,7 +170,7 @@ def test_rig_and_weather_come_from_the_configuration(tmp_path: Path) -> None:
     network = load_network(SPEC.map)
     with SceneBag(bag(tmp_path / "a")) as recorded:
         kept = replayed_spec(recorded, scenario, network)
-        assert kept.rig == scenario.rig
+        assert kept.agents[0].rig == scenario.rig
         for name in ("vehicles", "pedestrians", "seed", "ticks", "map"):
             assert getattr(kept, name) == getattr(SPEC, name)
         slow = scenario.model_copy(update={"time": scenario.time.model_copy(update={"tick_s": 0.1})})
@@ -277,14 +277,27 @@ def test_bags_that_hold_no_scene_are_refused(tmp_path: Path) -> None:
         Replay(SPEC, bag(tmp_path / "late", ticks=(1, 2)))
 
 
-def test_tables_of_another_version_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(DTYPES, "/world/actors", np.dtype([("x", "<f8")]))
-    folder = tmp_path / "old"
+def with_columns(folder: Path, monkeypatch: pytest.MonkeyPatch, dtype: np.dtype[np.void]) -> Path:
+    """A bag whose actors have other columns than this version writes."""
+    monkeypatch.setitem(DTYPES, "/world/actors", dtype)
     with SceneBagWriter(folder) as writer:
         writer.add_attachment("scene.json", "application/json", SPEC.model_dump_json().encode())
-        for name, dtype in DTYPES.items():
+        for name, each in DTYPES.items():
             writer.add_topic(name, CLOUD, QosProfile())
-            writer.write(name, SPEC.start_ns, cloud(np.zeros(2, dtype), SPEC.start_ns))
+            writer.write(name, SPEC.start_ns, cloud(np.ones(2, each), SPEC.start_ns))
         writer.finish({})
+    return folder
+
+
+def test_tables_that_lack_a_column_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = with_columns(tmp_path / "old", monkeypatch, np.dtype([("x", "<f8")]))
     with pytest.raises(BagError, match="/world/actors has other columns than this version"):
         Replay(SPEC, folder)
+
+
+def test_columns_that_are_not_known_are_ignored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = with_columns(tmp_path / "new", monkeypatch, np.dtype([("snow", "<f4"), *ACTOR_DTYPE.descr]))
+    replay = Replay(SPEC, folder)
+    ticks = dict(replay._read_ticks())
+    np.testing.assert_array_equal(ticks[SPEC.start_ns]["/world/actors"], np.ones(2, ACTOR_DTYPE))
+    replay.close()

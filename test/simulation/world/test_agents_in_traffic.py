@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scene_edits import ego
 from several_agents import car, roadside_unit, with_agents
 from world_scenes import TICK_S, blocks, run, scene
 
@@ -28,7 +29,7 @@ def on_longest_lane(vehicle: VehicleSpec, s_m: float) -> VehicleSpec:
 
 def in_a_row(*agents: dict[str, Any], ego_driver: str = "twist") -> SceneSpec:
     """Three sedans on one lane, the first one 20 m behind the second and 60 m behind the third; nobody else."""
-    spec = scene(vehicles=3, pedestrians=0, ticks=160, ego_driver=ego_driver)
+    spec = scene(vehicles=3, pedestrians=0, ticks=160, agents=[ego(driver=ego_driver)])
     vehicles = tuple(map(on_longest_lane, spec.vehicles, (20.0, 40.0, 80.0)))
     return with_agents(spec.model_copy(update={"vehicles": vehicles}), *agents)
 

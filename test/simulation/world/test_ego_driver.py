@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scene_edits import ego as ego_fields
 from world_scenes import TICK_S, blocks, scene
 
 from simbev_ros.foundation.types import Table
@@ -85,7 +86,7 @@ def test_the_ego_does_not_drive_backwards() -> None:
 
 def run_commands(*commands: tuple[float, float], vehicles: int = 24) -> Table:
     """(T,) ego rows of a scene with these commands, one per tick after the warm-up."""
-    spec = scene(vehicles=vehicles, pedestrians=0, ticks=len(commands), ego_driver="twist")
+    spec = scene(vehicles=vehicles, pedestrians=0, ticks=len(commands), agents=[ego_fields(driver="twist")])
     rows = []
     with Simulation(spec, blocks()) as simulation:
         for _ in range(spec.warm_up_ticks):
@@ -98,7 +99,7 @@ def run_commands(*commands: tuple[float, float], vehicles: int = 24) -> Table:
 
 
 def test_without_commands_the_ego_stands_while_others_drive() -> None:
-    spec = scene(pedestrians=0, ticks=60, ego_driver="twist")
+    spec = scene(pedestrians=0, ticks=60, agents=[ego_fields(driver="twist")])
     with Simulation(spec, blocks()) as simulation:
         states = [simulation.step() for _ in range(spec.warm_up_ticks + spec.ticks)]
     displacement_m = [np.hypot(states[-1].actors[name] - states[0].actors[name], 0.0) for name in ("x", "y")]
@@ -123,7 +124,7 @@ def test_the_ego_may_leave_the_roads_for_good() -> None:
 
 
 def test_a_vehicle_behind_a_standing_ego_stops() -> None:
-    spec = scene(vehicles=2, pedestrians=0, ticks=200, ego_driver="twist")
+    spec = scene(vehicles=2, pedestrians=0, ticks=200, agents=[ego_fields(driver="twist")])
     ego, other = spec.vehicles
     lane = max(blocks().lanes.values(), key=lambda lane: lane.length_m * (lane.kind == "driving" and not lane.junction))
     start = {"lane": lane.id}

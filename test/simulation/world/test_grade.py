@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scene_edits import with_ego
 from synthetic_world import mesh, static_scene
 from world_scenes import TICK_S, blocks, scene
 
@@ -67,7 +68,7 @@ def spec() -> SceneSpec:
     start = WaypointSpec(lane="up_0", s_m=20.0)
     ego = VehicleSpec(blueprint="vehicle.sedan", color=0, start=start, speed_factor=1.0, min_gap_m=2.0)
     rig = Rig(sensors=(LIDAR, CAMERA, IMU))
-    return scene(ticks=260).model_copy(update={"vehicles": (ego,), "pedestrians": (), "rig": rig})
+    return with_ego(scene(ticks=260).model_copy(update={"vehicles": (ego,), "pedestrians": ()}), rig=rig)
 
 
 @pytest.fixture(scope="module")

@@ -6,6 +6,7 @@ import numpy as np
 import open3d as o3d
 import pytest
 import shapely
+from scene_edits import with_ego
 from world_scenes import of_kind
 
 from simbev_ros.assets.regions.static_cache import load_static_scene, load_streetside
@@ -141,7 +142,7 @@ def test_the_drawn_share_visits_plazas_but_runners_do_not():
 
 
 def test_an_ego_driven_from_outside_works_with_visitors_who_start_on_plazas():
-    spec = draw_town(31, 56.0, plaza_probability=1.0).model_copy(update={"ego_driver": "twist"})
+    spec = with_ego(draw_town(31, 56.0, plaza_probability=1.0), driver="twist")
     network = load_network(spec.map)
     assert any(legs[0].starts_at_stop for legs in demand_of(spec, network, plazas()).excursions.values())
     with Simulation(spec, network, plazas=plazas()) as simulation:

@@ -3,9 +3,8 @@
 from functools import cache
 
 import numpy as np
+from scene_edits import ego
 
-from simbev_ros.config.annotation import Annotation
-from simbev_ros.config.rig import Rig
 from simbev_ros.foundation.types import Table
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import Lane, RoadNetwork
@@ -77,8 +76,7 @@ def scene(vehicles: int = 32, pedestrians: int = 24, ticks: int = 160, **changes
         "warm_up_ticks": 40,
         "ticks": ticks,
         "weather": NOON,
-        "rig": Rig(sensors=()),
-        "annotation": Annotation(),
+        "agents": [ego()],
         "vehicles": tuple(
             VehicleSpec(
                 blueprint=cars[index % len(cars)] if index else "vehicle.sedan",

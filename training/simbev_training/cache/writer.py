@@ -72,7 +72,7 @@ def _is_written(cache: Path, scene: Scene) -> bool:
     except (OSError, ValueError):
         return False
     made_from = [about.get(name) for name in ("format", "sha256", "agent")]
-    return made_from == [FORMAT, scene.row.get("sha256"), scene.further_agent]
+    return made_from == [FORMAT, scene.row.get("sha256"), scene.chosen_agent]
 
 
 def write_scene(scene: Scene, cache: Path, lidar: str) -> None:
@@ -88,7 +88,7 @@ def write_scene(scene: Scene, cache: Path, lidar: str) -> None:
     about = {
         "format": FORMAT,
         "sha256": scene.row.get("sha256"),
-        "agent": scene.further_agent,
+        "agent": scene.chosen_agent,
         "name": scene.name,
         "map": scene.map,
         "split": scene.split,
@@ -192,7 +192,7 @@ def _patch_depth_cm(depth_m: AnyArray) -> AnyArray:
 
 
 def _cells(scene: Scene, frame: Frame) -> AnyArray:
-    bev = scene.spec.annotation.bev
+    bev = scene.view.annotation.bev
     cells = frame["bev/labels"]
     if bev is None or (bev.rows, bev.columns, bev.cell_m) != (CELLS, CELLS, CELL_M):
         raise InputError(f"{scene.path}: annotation.bev: the baselines need {CELLS} x {CELLS} cells of {CELL_M} m")

@@ -10,26 +10,26 @@ from simbev_ros.ros.msgs.annotation_topics import annotation_topics
 from simbev_ros.ros.msgs.sensor_topics import CameraTopics, camera_topics, imu_topics, lidar_topics, topics_of_sensor
 from simbev_ros.ros.msgs.topic import Topic
 from simbev_ros.ros.msgs.topics import EVENTS, odometry_topic
-from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.agents import AgentView
 
 ChooseImage = Callable[[CameraTopics], Topic]
 """Chooses the raw or the compressed topic of a camera's modality."""
 
 
-def drawn_topics(spec: SceneSpec, choose_image: ChooseImage, *, layers: bool) -> Iterator[Topic]:
+def drawn_topics(view: AgentView, choose_image: ChooseImage, *, layers: bool) -> Iterator[Topic]:
     """Topics of a scene that are drawn.
 
     Args:
-        spec: The scene.
+        view: The scene as the agent that is shown sees it.
         choose_image: Chooses one of the two forms of an image.
         layers: Whether to include what is hidden until it is switched on: the cameras' other modalities, the classes
             of lidar points, and occupancy.
     """
-    yield odometry_topic(spec)
+    yield odometry_topic(view)
     yield Topic(EVENTS, "std_msgs/msg/String", sporadic=True)
-    for sensor in spec.rig.sensors:
-        yield from _sensor_topics(spec, sensor, choose_image, layers)
-    labels = annotation_topics(spec)
+    for sensor in view.rig.sensors:
+        yield from _sensor_topics(view, sensor, choose_image, layers)
+    labels = annotation_topics(view)
     yield from (labels.bev_labels, labels.boxes, *labels.views.values())
     if labels.vector_map is not None:
         yield labels.vector_map
@@ -37,15 +37,15 @@ def drawn_topics(spec: SceneSpec, choose_image: ChooseImage, *, layers: bool) ->
         yield labels.occupancy
 
 
-def _sensor_topics(spec: SceneSpec, sensor: AnySensor, choose_image: ChooseImage, layers: bool) -> Iterator[Topic]:
+def _sensor_topics(view: AgentView, sensor: AnySensor, choose_image: ChooseImage, layers: bool) -> Iterator[Topic]:
     if isinstance(sensor, Camera):
-        for modality, forms in camera_topics(spec, sensor).items():
+        for modality, forms in camera_topics(view, sensor).items():
             if modality == "rgb" or layers:
                 yield choose_image(forms)
     elif isinstance(sensor, Lidar):
-        clouds = [topic for topic in lidar_topics(spec, sensor) if topic is not None]
+        clouds = [topic for topic in lidar_topics(view, sensor) if topic is not None]
         yield from clouds if layers else clouds[:1]
     elif isinstance(sensor, Imu):
-        yield imu_topics(spec, sensor).oriented
+        yield imu_topics(view, sensor).oriented
     else:
-        yield from topics_of_sensor(spec, sensor, compressed_images=True)
+        yield from topics_of_sensor(view, sensor, compressed_images=True)

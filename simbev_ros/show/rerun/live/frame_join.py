@@ -71,7 +71,7 @@ class FrameJoin:
             now_s: Wall time, s.
             rate: Speed of the graph, for the frame.
         """
-        spec = self._scene.spec
+        spec = self._scene.view.scene
         tick = spec.publishing_tick_of(stamp_ns)
         if not 0 <= tick < spec.ticks:
             return None

@@ -69,8 +69,8 @@ class GraphDrawing:
     def _draw_scene(self, frame: LiveFrame) -> LiveFrame | None:
         """Draw frames of one scene; return the first one of the next scene, or None at the end."""
         scene = frame.scene
-        subject = Subject(scene.spec, detail=self._detail)
-        with SceneLog(scene.spec, f"-{scene.run}") as log:
+        subject = Subject(scene.view, detail=self._detail)
+        with SceneLog(scene.view, f"-{scene.run}") as log:
             is_answered = any(key.startswith("prediction/bev") for key in frame)
             log.connect(self._url, _blueprint(subject, with_predictions=is_answered))
             drawings = main_drawings(log, subject) + (layer_drawings(log, subject) if self._detail.layers else [])
@@ -81,7 +81,7 @@ class GraphDrawing:
                         return following
                     self._draw(log, drawings, following)
                     if following is frame:
-                        self._observer.scene_shown(scene.spec.name)
+                        self._observer.scene_shown(scene.view.scene.name)
                 following = self._frames.take(_STEP_S)
         return None
 

@@ -26,7 +26,7 @@ from simbev_ros.ros.msgs.sensor_topics import CameraTopics
 from simbev_ros.ros.msgs.stamps import serialized_stamp_ns
 from simbev_ros.ros.msgs.topic import Topic
 from simbev_ros.ros.nodes.graph_node import MALFORMED
-from simbev_ros.schema.scene.agents import agent_view
+from simbev_ros.schema.scene.agents import AgentView, agent_view
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.show.rerun.live.drawn_topics import drawn_topics
 from simbev_ros.show.rerun.live.frame_join import MAX_LAG_TICKS, FrameJoin
@@ -110,7 +110,7 @@ class GraphReader(NamespacedNode):
                 self._observer.graph_noticed(is_there)
             self._reported = is_there
         if self._join is not None and self._scene is not None:
-            self._read_answers(self._join, self._scene.spec)
+            self._read_answers(self._join, self._scene.view)
             self._join.await_only([name for name in self._read_topics if self.count_publishers(name)])
 
     def _notice_graph(self) -> None:
@@ -128,32 +128,32 @@ class GraphReader(NamespacedNode):
         text = deserialize_message(payload, String).data
         if text != self._text:  # a latched message may come twice
             self._text = text
-            self._begin_view(SceneSpec.model_validate_json(text))
+            self._begin_view(SceneSpec.from_json(text))
 
     def _begin_view(self, spec: SceneSpec) -> None:
         """Begin a scene as the agent that is shown sees it; a scene without this agent ends the viewer."""
         try:
-            view = spec if self._agent is None else agent_view(spec, self._agent)
+            view = agent_view(spec, self._agent)
         except KeyError as error:
             self._failure = InputError(str(error.args[0]), parameter="agent")
             return
         self._begin(view)
 
-    def _begin(self, spec: SceneSpec) -> None:
-        self._scene, self._join = LiveScene(spec, self._runs), None
-        self._runs, self._last_tick, self._rate = self._runs + 1, -spec.lead_in_ticks, TickRate()
+    def _begin(self, view: AgentView) -> None:
+        self._scene, self._join = LiveScene(view, self._runs), None
+        self._runs, self._last_tick, self._rate = self._runs + 1, -view.scene.lead_in_ticks, TickRate()
 
     def _on_clock(self, payload: bytes) -> None:
         """Begin to read with the first tick of a scene, and again if the same scene is played once more."""
         stamp_ns = serialized_stamp_ns(payload, "rosgraph_msgs/msg/Clock")
         if self._scene is None or stamp_ns is None:
             return
-        spec = self._scene.spec
+        view, spec = self._scene.view, self._scene.view.scene
         tick = spec.tick_of(stamp_ns)
         if not -spec.lead_in_ticks <= tick < spec.ticks:
             return  # the scene before, or the next one
         if tick < self._last_tick - MAX_LAG_TICKS:
-            self._begin(spec)
+            self._begin(view)
         self._last_tick = tick
         self._rate.add(tick, time.monotonic())
         if self._join is None:
@@ -161,7 +161,7 @@ class GraphReader(NamespacedNode):
 
     def _read_scene(self, scene: LiveScene) -> None:
         """Subscribe to what is drawn of a scene; subscriptions are kept from scene to scene."""
-        wanted = {topic.name: topic for topic in drawn_topics(scene.spec, self._choose_image, layers=self._layers)}
+        wanted = {topic.name: topic for topic in drawn_topics(scene.view, self._choose_image, layers=self._layers)}
         for name in self._read_topics.keys() - wanted.keys():
             self.destroy_subscription(self._read_topics.pop(name)[1])
         self._join = FrameJoin(scene, wanted.values(), self._interval_s)
@@ -175,9 +175,9 @@ class GraphReader(NamespacedNode):
         )
         return forms.compressed if is_compressed_read else forms.raw
 
-    def _read_answers(self, join: FrameJoin, view: SceneSpec) -> None:
+    def _read_answers(self, join: FrameJoin, view: AgentView) -> None:
         """Subscribe to what a perception stack has begun to publish for the agent that is shown."""
-        answers = "/prediction/" if view is view.whole else f"/{view.rig.agent}/prediction/"
+        answers = "/prediction/" if view.is_ego else f"/{view.agent}/prediction/"
         for name, types in self.graph_topics():
             known = next((each for each in types if each in _ANSWER_TYPES), None)
             if name.startswith(answers) and known is not None and name not in self._read_topics:

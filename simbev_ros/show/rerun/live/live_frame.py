@@ -7,7 +7,7 @@ from typing import Any
 from simbev_ros.dataset.content import ODOMETRY, key_of_topic
 from simbev_ros.dataset.values import decode_message, in_ego_frame, value_of
 from simbev_ros.ros.msgs.topic import Topic
-from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.agents import AgentView
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -15,11 +15,11 @@ class LiveScene:
     """A scene that a graph plays.
 
     Attributes:
-        spec: The scene as the agent that is shown sees it.
+        view: The scene as the agent that is shown sees it.
         run: Number of the scene among those that the viewer has shown; the same scene may be played again.
     """
 
-    spec: SceneSpec
+    view: AgentView
     run: int
 
 
@@ -42,9 +42,9 @@ class LiveFrame:
     """
 
     def __init__(self, scene: LiveScene, tick: int, payloads: Sequence[Payloads], ticks_per_s: float | None) -> None:
-        self.scene, self.tick, self.stamp_ns = scene, tick, scene.spec.stamp_ns(tick)
+        self.scene, self.tick, self.stamp_ns = scene, tick, scene.view.scene.stamp_ns(tick)
         self.ticks_per_s = ticks_per_s
-        self._payloads: Mapping[str, Payloads] = {key_of_topic(each.topic.name, scene.spec): each for each in payloads}
+        self._payloads: Mapping[str, Payloads] = {key_of_topic(each.topic.name, scene.view): each for each in payloads}
         self._values: dict[str, Any] = {}
 
     def __contains__(self, key: object) -> bool:
@@ -60,7 +60,7 @@ class LiveFrame:
                 self._values[key] = [value_of(topic.type, [message]) for message in messages]
             else:
                 value = value_of(topic.type, messages)
-                ahead_m = self.scene.spec.base_link_x_m
+                ahead_m = self.scene.view.base_link_x_m
                 self._values[key] = in_ego_frame(value, ahead_m) if key == ODOMETRY else value
         return self._values[key]
 

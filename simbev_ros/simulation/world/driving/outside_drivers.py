@@ -6,7 +6,6 @@ from simbev_ros.foundation.types import Float64Array
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.blueprints import blueprint_named
-from simbev_ros.schema.scene.agents import agent_views
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.simulation.world.driving.ego_driver import EgoDriver
 from simbev_ros.simulation.world.sumo.traffic import SumoTraffic
@@ -14,9 +13,7 @@ from simbev_ros.simulation.world.sumo.traffic import SumoTraffic
 
 def driven_from_outside(spec: SceneSpec) -> frozenset[int]:
     """Indices in ``spec.vehicles`` of the vehicles that outside nodes drive."""
-    return frozenset(
-        view.ego_index for view in agent_views(spec) if view.ego_index is not None and view.ego_driver == "twist"
-    )
+    return frozenset(agent.vehicle for agent in spec.agents if agent.vehicle is not None and agent.driver == "twist")
 
 
 class OutsideDrivers:

@@ -1,0 +1,1 @@
+"""Configurations and maps of the bags that a test keeps readable."""

@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from tools.docs.links import anchors, broken_links, headings, missing_paths
-from tools.docs.markdown import slug
+from tools.docs.markdown import GENERATED, slug
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
@@ -44,6 +44,12 @@ def test_every_page_is_in_the_navigation() -> None:
     text = re.sub(r"!!python/name:\S+", "null", (ROOT / "mkdocs.yml").read_text())
     listed = set(re.findall(r"[\w/-]+\.md", str(yaml.safe_load(text)["nav"])))
     assert listed == {str(page.relative_to(ROOT / "docs")) for page in PAGES if page.is_relative_to(ROOT / "docs")}
+
+
+def test_pages_written_by_hand_have_at_most_28_000_words_outside_of_code_blocks() -> None:
+    by_hand = [page.read_text() for page in PAGES if page.name != "CHANGELOG.md" and GENERATED not in page.read_text()]
+    prose = re.sub(r"^```.*?^```$", "", "\n".join(by_hand), flags=re.DOTALL | re.MULTILINE)
+    assert len([word for word in prose.split() if re.search(r"\w", word)]) <= 28_000
 
 
 def test_broken_links_are_found(tmp_path: Path) -> None:

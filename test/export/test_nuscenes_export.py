@@ -23,7 +23,7 @@ from simbev_ros.config.sensor import Pose
 from simbev_ros.dataset import Scene, columns, open_dataset
 from simbev_ros.dataset.calibration import Calibration
 from simbev_ros.export import sensor_data
-from simbev_ros.export.nuscenes import sensor_files, taxonomy
+from simbev_ros.export.nuscenes import sensor_files
 from simbev_ros.export.nuscenes.channels import Channel
 from simbev_ros.export.nuscenes.evaluated_classes import evaluated_classes
 from simbev_ros.export.nuscenes.keyframes import keyframe_by_tick
@@ -34,12 +34,12 @@ from simbev_ros.export.nuscenes.taxonomy import taxonomy_tables
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.geometry.camera import LensCamera
 from simbev_ros.foundation.geometry.transforms import apply, inverse, matrices_from_xyz_rpy
-from simbev_ros.foundation.semantics import BOX_CLASSES
+from simbev_ros.foundation.semantics import BOX_CLASSES, CLASSES
 from simbev_ros.foundation.types import AnyArray, Float64Array
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.roads.surface import surfaces_of
 from simbev_ros.scene.blueprints import load_blueprints
-from simbev_ros.schema.nuscenes import visibility_tokens
+from simbev_ros.schema.nuscenes import nuscenes_names, visibility_tokens
 from simbev_ros.schema.points import POINT_DTYPE, RADAR_POINT_DTYPE
 from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.schema.scene.state import ACTOR_DTYPE, EGO_ID
@@ -402,8 +402,7 @@ class _Occupancy:
 
 def test_everything_has_a_category_and_visibility_a_level() -> None:
     known = {record["name"] for record in taxonomy_tables()["category"]}
-    of_class, of_blueprint = (taxonomy._taxonomy()[name] for name in ("of_class", "of_blueprint"))
-    assert set(of_class) == set(BOX_CLASSES)
-    assert {*of_class.values(), *of_blueprint.values()} <= known
+    of_blueprint = nuscenes_names()["of_blueprint"]
+    assert {*(CLASSES[name]["nuscenes"] for name in BOX_CLASSES), *of_blueprint.values()} <= known
     assert set(of_blueprint) <= {blueprint.name for blueprint in load_blueprints()}
     assert visibility_tokens(np.array([np.nan, 0.39, 0.4, 0.61, 0.8, 1.0])) == ["1", "1", "2", "3", "4", "4"]

@@ -8,12 +8,13 @@ from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
+from index_files import write_index
 from made_up_scene import SENSORS, made_up_scene, made_up_spec
 from pydantic import ValidationError
 from several_agents import made_up_agents
 
 from simbev_ros.dataset import index
-from simbev_ros.dataset.index import read_index, write_index
+from simbev_ros.dataset.index import read_index
 from simbev_ros.dataset.index_row import index_row
 from simbev_ros.dataset.plan import Plan, PlannedEntry
 from simbev_ros.foundation.errors import BagError, InputError

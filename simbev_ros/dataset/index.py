@@ -67,7 +67,14 @@ def load_index(dataset: AnyPath) -> pa.Table:
         InputError: See ``read_index``.
     """
     path, source = _open_index(dataset)
-    return index_table([]) if source is None else read_rows(path, source)
+    try:
+        return index_table([]) if source is None else read_rows(path, source)
+    except InputError:
+        if not isinstance(dataset, ObjectPath):
+            raise
+        # An object that is replaced between the requests for its size and for its bytes is read truncated.
+        source = _open_index(dataset)[1]
+        return index_table([]) if source is None else read_rows(path, source)
 
 
 def read_rows(path: AnyPath, source: Path | pa.BufferReader) -> pa.Table:

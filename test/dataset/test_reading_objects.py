@@ -150,6 +150,15 @@ def test_a_damaged_index_is_named(url: str) -> None:
         open_dataset(url)
 
 
+def test_an_index_that_is_replaced_while_it_is_read_is_read_again(
+    folder: Path, url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = (folder / "index.parquet").read_bytes()
+    answers = iter([whole[:-9], whole])
+    monkeypatch.setattr(ObjectPath, "read_bytes", lambda *_: next(answers))
+    assert read_index(ObjectPath(BUCKET, "sets/first")) == read_index(folder)
+
+
 @pytest.mark.parametrize("size", [0, 5, 4000, -100])
 def test_a_cut_off_object_is_refused_without_reading_it(folder: Path, url: str, store: StoreServer, size: int) -> None:
     name = "scenes/train/Blocks-0001/Blocks-0001_0.mcap"

@@ -37,7 +37,7 @@ def generate(
 ) -> None:
     """Make the scenes of each map and split that the configuration asks for; existing scenes are kept.
 
-    After Ctrl-C, a crash or a power cut the same command continues where it stopped. A scene that fails is tried again,
+    After Ctrl-C, a crash or a power cut the same command continues where it stopped. A scene that fails is retried,
     then listed, and the others follow; the exit code is 1 then. The dataset gets an index, index.parquet, and a log for
     each scene.
 
@@ -97,7 +97,7 @@ def _show(result: "DatasetResult", console: Console) -> None:
     """Print how many scenes were made, and a table of those that failed or are damaged."""
     console.print(f"{plural(len(result.made), 'scene')} made in {result.path}", highlight=False, soft_wrap=True)
     remedies = {
-        name: f"damaged: {problem}; --replace {int(name.rpartition('-')[2])} makes it anew"
+        name: f"damaged: {problem}; --replace {int(name.rpartition('-')[2])} makes it again"
         for name, problem in result.damaged.items()
     }
     show_failures({**result.failed, **remedies}, console)

@@ -47,7 +47,7 @@ def test_a_damaged_scene_is_listed_with_what_to_do(simbev: Simbev, config: Path,
         mcap.write_bytes(content[:-100] if damage == "cut off" else b"")
     answer = simbev("generate", config, "--out", dataset)
     assert answer.code == 1 and "Blocks-0001" in answer.out
-    assert "--replace 1 makes it anew" in " ".join(answer.out.split())
+    assert "--replace 1 makes it again" in " ".join(answer.out.split())
     assert [row["name"] for row in read_index(dataset)] == ["Blocks-0000"]
 
 

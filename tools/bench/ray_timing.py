@@ -83,7 +83,7 @@ class RayTiming:
         """A sentence on the comparison with the merged mesh."""
         return (
             f"One merged mesh in plain Open3D takes {self.whole_ratio:.1f} times our time, {self.cast_ratio:.1f} times "
-            f"when it is not built anew; {100 * self.agreement:.2f} % of the ranges are the same within 1 mm"
+            f"when it is not rebuilt; {100 * self.agreement:.2f} % of the ranges are the same within 1 mm"
         )
 
 

@@ -50,7 +50,7 @@ class Sample:
 
 
 class CachedScene:
-    """A scene of a cache. It is small when it is sent to another process, which maps the files anew."""
+    """A scene of a cache. It is small when it is sent to another process, which maps the files again."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder

@@ -18,7 +18,7 @@ _OF_EXPORT = ("average_with", "export_weights")
 
 
 class Augmentation(Model):
-    """Random changes of each sample, drawn anew in each epoch."""
+    """Random changes of each sample, different in each epoch."""
 
     flip: bool = Field(True, description="mirror x, y and each image, all with a probability of one half")
     rotation_deg: float = Field(45.0, ge=0, le=180, description="maximum rotation about z, in both directions")

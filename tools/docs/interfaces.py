@@ -10,7 +10,7 @@ from tools.docs.markdown import GENERATED, code, table
 _INTRODUCTION = """# Messages, service and action
 
 The ROS package `simbev_interfaces` has the world, its labels and its scenes as typed fields. Its files are in
-[`interfaces/`](../../interfaces/package.xml). With ROS, build it together with `simbev_ros`. As colcon does not look for
+[`interfaces/`](../../interfaces/package.xml). With ROS, build it with `simbev_ros`. As colcon does not look for
 packages in packages, name both folders:
 
 ```sh

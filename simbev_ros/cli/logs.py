@@ -53,7 +53,7 @@ def logs(
 
 
 def _problem(path: AnyPath) -> str:
-    """Why a path is no dataset."""
+    """Reason why a path is not a dataset."""
     if isinstance(path, ObjectPath):
         require_bucket(path)
         return "there is no dataset"

@@ -15,7 +15,7 @@ def ros_arguments(context: typer.Context, namespace: str | None) -> RosArguments
     """Arguments of nodes on the command line, after --ros-args and with --namespace.
 
     Raises:
-        InputError: ROS does not understand it, or it is no namespace.
+        InputError: ROS does not understand it, or the namespace is invalid.
     """
     ros = RosArguments.parse(context.obj or (), namespace)
     if ros.words:

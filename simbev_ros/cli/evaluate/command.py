@@ -73,7 +73,7 @@ def evaluate(
 
 
 def _write_report(report: Path, *content: Any) -> None:
-    """Write the page; ``content`` as of ``write_evaluation_report``."""
+    """Write the page; ``content`` as for ``write_evaluation_report``."""
     from simbev_ros.show.reports.evaluation_report import write_evaluation_report
 
     with make_console(stderr=True).status("report"), write_errors(report):

@@ -1,4 +1,4 @@
-"""The viewer beside a command that plays scenes: its options, and when it is there."""
+"""The viewer of a command that plays scenes: its options, and when it is there."""
 
 import os
 import socket
@@ -39,7 +39,7 @@ def viewer_beside(
         console: Where to print.
         wanted: Whether there is a viewer.
         network: Whether the graph takes part in the network.
-        ros: What all nodes of the graph are told.
+        ros: ROS arguments for all nodes of the graph.
 
     Raises:
         InputError: Rerun is not installed, the port is taken, or there is a port without a viewer.

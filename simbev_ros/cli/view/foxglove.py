@@ -95,7 +95,7 @@ def serve_graph(graph: RunningGraph, port: int, bind: str, console: Console) -> 
         console: Console for messages.
 
     Raises:
-        InputError: foxglove-sdk is not installed, ROS_DOMAIN_ID is no domain, or the address cannot be used.
+        InputError: foxglove-sdk is not installed, ROS_DOMAIN_ID is not a domain, or the address cannot be used.
     """
     from simbev_ros.show.foxglove.server import Address, require_foxglove
 

@@ -1,4 +1,4 @@
-"""Starts the viewer beside a graph that plays scenes, and prints what it says; the graph does not depend on it."""
+"""Starts the viewer for a graph that plays scenes, and prints what it says; the graph does not depend on it."""
 
 import sys
 import time
@@ -30,7 +30,7 @@ class GraphViewer(ProductionObserver):
         console: Where to print.
         wanted: Whether to start it at all.
         network: Whether the graph takes part in the network.
-        ros: What all nodes of the graph are told; the viewer is told the same.
+        ros: ROS arguments for all nodes of the graph and for the viewer.
     """
 
     def __init__(self, port: int, console: Console, *, wanted: bool, network: bool, ros: RosArguments = PLAIN) -> None:

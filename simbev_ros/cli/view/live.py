@@ -85,7 +85,7 @@ def show_graph(
         opens: Whether to open the browser.
 
     Raises:
-        InputError: The port cannot be used, ROS_DOMAIN_ID is no domain, or a scene does not have the agent.
+        InputError: The port cannot be used, ROS_DOMAIN_ID is not a domain, or a scene does not have the agent.
         SimbevError: Rerun's server does not start, or has ended by itself.
     """
     from simbev_ros.ros.nodes.lifeline import SUPERVISOR_VARIABLE, end_with_supervisor
@@ -107,7 +107,7 @@ class _Printing:
     Args:
         domain: ROS domain.
         console: Where to print.
-        is_alone: Whether the graph belongs to somebody else.
+        is_alone: Whether another command runs the graph.
     """
 
     def __init__(self, domain: int, console: Console, *, is_alone: bool) -> None:

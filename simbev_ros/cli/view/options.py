@@ -58,7 +58,7 @@ class RunningGraph:
     Attributes:
         domain: ROS domain; None: that of ROS_DOMAIN_ID, or 0.
         network: Whether the graph may be on another host.
-        ros: What the nodes of the graph are told, and its namespace.
+        ros: ROS arguments for the nodes of the graph, and its namespace.
     """
 
     domain: int | None
@@ -69,7 +69,7 @@ class RunningGraph:
         """Give this process the environment of the graph's nodes; return the domain.
 
         Raises:
-            InputError: ROS_DOMAIN_ID is no domain.
+            InputError: ROS_DOMAIN_ID is not a domain.
         """
         from simbev_ros.ros.graph.domain import domain_from_environment
         from simbev_ros.ros.graph.environment import graph_environment

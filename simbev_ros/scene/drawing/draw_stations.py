@@ -1,4 +1,4 @@
-"""Draw the masts of a scene's roadside units: at given poses, beside junctions or above lanes."""
+"""Draw the masts of a scene's roadside units: at given poses, at junctions or above lanes."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Ground on which the masts of roadside units can stand on a map: beside junctions, above lanes, and at given poses."""
+"""Ground on which the masts of roadside units can stand on a map: at junctions, above lanes, and at given poses."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -79,7 +79,7 @@ class MastPlaces:
 
     @cached_method(maxsize=1024)
     def feet_m(self, index: int) -> Float64Array:
-        """(K, 3) feet of masts beside a crossing, map frame: its poles of traffic lights, else around it off roads."""
+        """(K, 3) feet of masts at a crossing, map frame: its poles of traffic lights, else around it off roads."""
         crossing = self.crossings[index]
         poles_m = self._poles_m.get(crossing.junction, np.empty((0, 3)))
         free_m = poles_m[~self._is_on_road(poles_m, ROAD_KINDS)]

@@ -95,7 +95,7 @@ class Roadside:
     def sign_ahead_of(
         self, area: HazardArea, distance_m: float, size_m: tuple[float, float]
     ) -> tuple[Float64Array, Float64Array] | None:
-        """(1, 3) position and (1,) heading of a sign beside the road, at a distance ahead of an area; None: no room.
+        """(1, 3) position and (1,) heading of a sign at the roadside, at a distance ahead of an area; None: no room.
 
         The sign stands on the straightest path to the area that has room: on the sidewalk or verge or, as on bridges,
         on the hard shoulder.

@@ -37,7 +37,7 @@ def serve_domain(
         address: Where to listen.
         on_started: Called with the address once clients can connect.
         warn: Called with a line for each topic that cannot be shown.
-        ros: What the nodes of the graph are told, and its namespace; clients see the names without it.
+        ros: ROS arguments for the nodes of the graph, and its namespace; clients see the names without it.
 
     Raises:
         InputError: The address cannot be used.

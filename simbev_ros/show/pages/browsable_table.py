@@ -61,7 +61,7 @@ def browsable_table(
         caption: What the rows are.
         columns: The columns.
         rows: The cells of each row, one for each column.
-        cards: Whether rows are shown as cards beside each other.
+        cards: Whether rows are shown as cards side by side.
     """
     titles, kind = [column.title for column in columns], "browse cards" if cards else "browse"
     head = "".join(map(_head, columns))

@@ -1,6 +1,6 @@
 """Writes the pages of a dataset: one with a table of its scenes and its statistics, and one for each scene.
 
-A dataset's ``Statistics`` enter; a page and a folder beside it leave. They load nothing from elsewhere, and can be
+A dataset's ``Statistics`` enter; a page and a folder next to it leave. They load nothing from elsewhere, and can be
 opened from the disk or served by any web server.
 """
 
@@ -43,7 +43,7 @@ _COLUMNS = (
 
 
 def files_of(page: Path) -> Path:
-    """The folder beside a dataset's page that holds all other files."""
+    """The folder next to a dataset's page that holds all other files."""
     return page.with_name(f"{page.stem}_files")
 
 

@@ -1,4 +1,4 @@
-"""Writes the pictures and the short video of a recorded scene beside its page, unless they are newer than its bag."""
+"""Writes the pictures and the short video of a recorded scene next to its page, unless they are newer than its bag."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Parts of HTML pages: sections, figures beside each other, tables, key figures and legends."""
+"""Parts of HTML pages: sections, figures side by side, tables, key figures and legends."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
@@ -19,7 +19,7 @@ def section(title: str, body: str, note: str = "") -> str:
 
 
 def sheet(kind: str, figures: Iterable[str]) -> str:
-    """HTML of figures beside each other; ``kind`` is the style class: ``wide``, ``small`` or ``pair``."""
+    """HTML of figures side by side; ``kind`` is the style class: ``wide``, ``small`` or ``pair``."""
     body = "".join(figures)
     return f'<div class="{kind}">{body}</div>' if body else ""
 

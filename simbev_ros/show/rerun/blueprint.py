@@ -25,7 +25,7 @@ def scene_blueprint(subject: Subject, *, with_predictions: bool = False, is_live
 
     Args:
         subject: The scene.
-        with_predictions: Whether a perception stack's bird's-eye view is shown beside the truth.
+        with_predictions: Whether a perception stack's bird's-eye view is shown next to the truth.
         is_live: Whether a running graph is shown, of which the speed is known.
     """
     ground_views = [_ground_view("Bird's-eye view", ground.TRUTH)]

@@ -1,4 +1,4 @@
-"""Draws the bird's-eye view: all classes in one picture, each class as a layer, and predictions beside the truth."""
+"""Draws the bird's-eye view: all classes in one picture, each class as a layer, and predictions next to the truth."""
 
 import numpy as np
 import rerun as rr

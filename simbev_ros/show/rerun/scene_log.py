@@ -32,7 +32,7 @@ class SceneLog:
 
     Args:
         view: The scene as the agent sees it.
-        run: Text that tells several runs of the same scene apart.
+        run: Text that distinguishes several runs of the same scene.
 
     Attributes:
         size_bytes: Size of everything that was logged with a time.

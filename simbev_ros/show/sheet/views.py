@@ -40,7 +40,7 @@ class LabeledCamera:
     Attributes:
         camera: The camera of the scene's rig.
         rgb: Topic of the picture.
-        depth: Topic of the depth image, which tells what is occluded; None if it was not recorded.
+        depth: Topic of the depth image, for occlusion; None if it was not recorded.
         semantic: Topic of the semantic image, which distinguishes ground from objects on it; None if it was not
             recorded.
     """

@@ -62,7 +62,7 @@ def running_viewer(
         rate_hz: Maximum number of frames per second of wall time.
         detail: How much is shown; beyond its limit of memory, the earliest is dropped.
         observer: Receives what happens.
-        ros: What the nodes of the graph are told, and its namespace.
+        ros: ROS arguments for the nodes of the graph, and its namespace.
         agent: Name of the agent that is shown; None: the first one of each scene.
 
     Raises:

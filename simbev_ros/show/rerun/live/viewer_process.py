@@ -27,7 +27,7 @@ class ViewerProcess:
         folder: Folder for its temporary files.
         environment: Further environment variables.
         network: Whether the graph may be on another host.
-        ros: What all nodes of the graph are told.
+        ros: ROS arguments for all nodes of the graph.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""The report of ``simbev map --check``: findings line by line, as a linter prints them, a table of rules, and a picture."""
+"""The report of ``simbev map --check``: findings as a linter prints them, a table of rules, and a picture."""
 
 import json
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""What exporters do with all their parts: make them in a pool, note scenes that fail, remove parts of what is gone."""
+"""Work on all parts of an export: make them in a pool, note scenes that fail, remove parts of what is gone."""
 
 from collections.abc import Callable, Collection, Sequence
 from functools import partial

@@ -40,7 +40,7 @@ _OTHER_FOLDERS = ("samples", "sweeps", "maps", "lidarseg", "can_bus")
 
 @dataclass(frozen=True, slots=True)
 class ExportSettings:
-    """What an export writes.
+    """Options of an export.
 
     Attributes:
         keyframe_hz: Number of keyframes, which have annotations, per second; None: every frame is one.

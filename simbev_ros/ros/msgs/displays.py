@@ -63,7 +63,7 @@ def scene_displays(spec: SceneSpec) -> tuple[SceneDisplay, ...]:
 
 
 def display_topics(spec: SceneSpec) -> Iterator[Topic]:
-    """Topics that the graph publishes while somebody subscribes, and that are not recorded."""
+    """Topics that the graph publishes only to subscribers, and that are not recorded."""
     views = agent_views(spec)
     recorded = {topic.name for view in views for topic in annotation_topics(view).recorded}
     yield from (each.topic for each in scene_displays(spec) if each.topic.name not in recorded)

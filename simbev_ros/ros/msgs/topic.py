@@ -13,7 +13,7 @@ class Topic:
         period_ticks: One message every ``period_ticks`` ticks, from tick 0 on; 0: latched, one message per scene.
         sensor: Whether this is sensor data, which live graphs send as best effort by default.
         sporadic: Whether messages depend on events: none, one or more per tick.
-        keeps_newest: Whether a late subscriber gets the newest message at once, as of a map in ROS.
+        keeps_newest: Whether a late subscriber gets the newest message at once, like that of a map in ROS.
         messages_per_tick: Number of messages at each tick but the first, stamped at equal intervals, the last one at
             the tick; at tick 0 there is one. Above 1 only if ``period_ticks`` is 1.
     """

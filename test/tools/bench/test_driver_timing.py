@@ -13,7 +13,7 @@ from simbev_ros.dataset.plan import PlannedEntry, bag_of
 from simbev_ros.foundation.errors import DiskError, InputError
 from simbev_ros.production.cluster.node_check import Code
 from simbev_ros.production.scene_ending import FailedScene, MadeScene
-from simbev_ros.production.workers.messages import Settings, Sign
+from simbev_ros.production.workers.messages import Settings, Signal
 from tools.bench.production import driver_timing
 from tools.bench.production.copying_workers import CopyingPool, RecordedScene, copying_actor
 from tools.bench.production.driver_timing import require_space, timed_production
@@ -88,10 +88,10 @@ def test_an_actor_copies_what_it_is_given(
     install_fake_ray(monkeypatch)
     scenario = Scenario.model_validate({"scenes": [{"map": "Blocks", "train": 1}], "rig": {"sensors": []}})
     actor = copying_actor(recorded)("worker-1", Settings(scenario, place), Code("0.1.0", {}), {})
-    assert actor.poll().messages == [Sign.READY]
+    assert actor.poll().messages == [Signal.READY]
     actor.submit(ENTRY)
     made, ready = actor.poll().messages
-    assert made.row["name"] == "Blocks-0007" and ready is Sign.READY and bag_of(place, ENTRY).is_dir()
+    assert made.row["name"] == "Blocks-0007" and ready is Signal.READY and bag_of(place, ENTRY).is_dir()
 
 
 @pytest.mark.slow

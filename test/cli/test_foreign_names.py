@@ -66,7 +66,7 @@ def run_refused(simbev: Simbev, command: str, bag: Path, out: Path, own: Path, t
 def foreign_bag(path: Path, field: str, value: str) -> Path:
     """A bag whose scene.json has a value that no scene can have."""
     scene = json.loads(made_up_spec(SENSORS).model_dump_json())
-    *parents, last = field.split(".")
+    *parents, last = (int(key) if key.isdigit() else key for key in field.split("."))
     reduce(getitem, parents, scene)[last] = value
     with SceneBagWriter(path) as writer:
         writer.add_attachment("scene.json", "application/json", json.dumps(scene).encode())
@@ -100,7 +100,7 @@ def test_no_command_follows_names_in_a_scene(
         ("map.name", "<script>"),
         ("map.path", "/etc/passwd"),
         ("map.path", "/tmp/..\0.osm"),
-        ("rig.agent", "../ego"),
+        ("agents.0.rig.agent", "../ego"),
     ],
 )
 def test_every_name_in_a_scene_is_checked(

@@ -41,6 +41,7 @@ from simbev_ros.maps.roads.surface import surfaces_of
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.schema.nuscenes import nuscenes_names, visibility_tokens
 from simbev_ros.schema.points import POINT_DTYPE, RADAR_POINT_DTYPE
+from simbev_ros.schema.scene.agents import agent_view
 from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.schema.scene.state import ACTOR_DTYPE, EGO_ID
 
@@ -208,7 +209,7 @@ class _Moving(dict[str, Any]):
     """A frame whose ego is at the map's origin and drives along x."""
 
     map_from_ego = np.eye(4)
-    scene = SimpleNamespace(spec=made_up_spec([]))
+    scene = SimpleNamespace(view=agent_view(made_up_spec([])))
 
 
 def test_points_of_a_rolling_scan_are_moved_to_the_stamp() -> None:

@@ -11,6 +11,7 @@ from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES, Tag
 from simbev_ros.foundation.types import AnyArray, Float64Array, Table
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.qos import QosProfile
+from simbev_ros.schema.boxes import blank_boxes
 
 START_NS, TICK_NS = 3_604_000_000_000, 50_000_000
 STEP_M = 0.5
@@ -18,7 +19,6 @@ YAWS_DEG = {"front_left": 55, "front": 0, "front_right": -55, "back_left": 110, 
 MODALITIES = ("rgb", "semantic", "instance", "depth", "flow")
 ENCODINGS = {"rgb": "rgb8", "semantic": "mono8", "instance": "mono16", "depth": "32FC1", "flow": "32FC2"}
 
-_BOX_COLUMNS = ("x", "y", "z", "roll", "pitch", "yaw", "length", "width", "height")
 _TINT = {
     Tag.ROAD: (92, 94, 98),
     Tag.ROAD_LINE: (230, 230, 225),
@@ -163,11 +163,11 @@ def bev_labels(scene: Street, ego_x_m: float, cells: int = 360, cell_m: float = 
 
 
 def box_table(scene: Street) -> Table:
-    """Rows of /ego/boxes, with the columns that are known here."""
+    """Rows of /ego/boxes; columns that are not known here are blank."""
     classes = {Tag.CAR: "car", Tag.TRUCK: "truck", Tag.PEDESTRIAN: "pedestrian"}
     actors = np.isin(scene.tags, list(classes))
     low, high = scene.low[actors], scene.high[actors]
-    rows = np.zeros(len(low), [(name, "<f8") for name in _BOX_COLUMNS] + [("class", "u1")])
+    rows = blank_boxes(len(low))
     rows["x"], rows["y"], rows["z"] = (low + high).T / 2
     rows["length"], rows["width"], rows["height"] = (high - low).T
     rows["class"] = [BOX_CLASSES.index(classes[Tag(tag)]) for tag in scene.tags[actors]]

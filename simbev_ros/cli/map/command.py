@@ -10,7 +10,6 @@ from typing import Annotated
 import typer
 
 from simbev_ros.cli.output_file import require_name
-from simbev_ros.foundation.cache.entries import default_cache_dir
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.files.whole_files import require_writable
 
@@ -127,6 +126,8 @@ def _require_places(out: Path | None, to: Path | None) -> None:
 def _cache_dir(*, fresh: bool) -> Iterator[Path]:
     """The cache of maps, or an empty one for the time of this context."""
     if not fresh:
+        from simbev_ros.foundation.cache.entries import default_cache_dir
+
         yield default_cache_dir()
         return
     with tempfile.TemporaryDirectory(prefix="simbev_ros-map-") as folder:

@@ -70,6 +70,8 @@ class RayMetrics(ProductionObserver):
                 self._add(self._retried, 1)
             case SceneFailed():
                 self._add(self._failed, 1)
+            case _:
+                pass  # no metric follows from it
 
     def _count_frames(self, scene: str, tick: int | None) -> None:
         last = self._ticks.get(scene)

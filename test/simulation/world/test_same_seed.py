@@ -46,7 +46,7 @@ def digest() -> str:
 def test_the_same_seed_gives_the_same_bytes_whatever_the_order_of_hashes():
     other = subprocess.run(
         [sys.executable, "-c", "from test_same_seed import digest; print(digest())"],
-        env={**os.environ, "PYTHONHASHSEED": "1"},
+        env={**os.environ, "PYTHONHASHSEED": "1", "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
         capture_output=True,
         text=True,
         check=False,

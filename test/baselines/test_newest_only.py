@@ -3,6 +3,7 @@
 import threading
 
 import pytest
+from waiting import PATIENCE_S
 
 from simbev_ros.baselines.node.newest import NewestOnly
 
@@ -13,18 +14,18 @@ def test_items_that_a_newer_one_replaces_are_dropped() -> None:
 
     def work(item: int) -> None:
         started.set()
-        may_go_on.wait(10)
+        may_go_on.wait(PATIENCE_S)
         done.append(item)
         if item == 3:
             finished.set()
 
     newest = NewestOnly(work)
     newest.put(1)
-    assert started.wait(10)
+    assert started.wait(PATIENCE_S)
     newest.put(2)
     newest.put(3)
     may_go_on.set()
-    assert finished.wait(10)
+    assert finished.wait(PATIENCE_S)
     newest.close()
     assert done == [1, 3]
 
@@ -35,7 +36,7 @@ def test_a_failure_reaches_the_thread_that_hands_over_items() -> None:
 
     newest = NewestOnly(work)
     newest.put(1)
-    newest._thread.join(10)
+    newest._thread.join(PATIENCE_S)
     with pytest.raises(ZeroDivisionError, match="item 1"):
         newest.put(2)
     newest.close()

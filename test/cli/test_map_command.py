@@ -9,6 +9,7 @@ from typing import Any
 
 import cv2
 import pytest
+from waiting import PATIENCE_S
 
 from simbev_ros.assets.regions import region_pool
 from simbev_ros.foundation.cache.entries import default_cache_dir
@@ -141,7 +142,7 @@ def test_a_file_of_600_mib_is_refused_at_once_in_little_memory(tmp_path: Path) -
             status = Path("/proc/self/status").read_text()
             print(status.partition("VmHWM:")[2].split()[0])"""
     command = [sys.executable, "-c", script, "map", str(path)]
-    result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    result = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
     assert result.returncode == 2
     assert "huge.osm: has 600 MiB; at most 512 MiB are read" in result.stderr
     assert int(result.stdout) < 1 << 20, "KiB at the most"

@@ -9,6 +9,7 @@ from urllib.request import urlopen
 import psutil
 import pytest
 from view_process import running_viewer
+from waiting import PATIENCE_S
 
 pytest.importorskip("rerun", reason="Rerun is not installed: pip install -e .[view]")
 
@@ -20,7 +21,7 @@ def test_a_signal_ends_it_and_leaves_nothing_behind(tmp_path: Path, number: int)
         assert [server.name() for server in servers] == ["rerun"]
         assert list(viewer.temporary.iterdir()) != []
         viewer.process.send_signal(number)
-        assert viewer.process.wait(10) == 130
+        assert viewer.process.wait(PATIENCE_S) == 130
         assert viewer.process.stdout is not None
         assert "Traceback" not in viewer.process.stdout.read()
     assert not any(server.is_running() for server in servers)
@@ -36,7 +37,7 @@ def test_without_a_display_the_address_is_printed_and_its_page_asks_no_other_hos
         assert "2 frames sent; Ctrl-C ends the viewer" in viewer.lines
         page_port, data_port = viewer.ports
         assert re.match(rf"http://127\.0\.0\.1:{page_port}/\?url=", viewer.url)
-        with urlopen(viewer.url, timeout=10) as answer:
+        with urlopen(viewer.url, timeout=PATIENCE_S) as answer:
             assert (answer.status, answer.headers.get_content_type()) == (200, "text/html")
             policy = dict(rule.split(maxsplit=1) for rule in answer.headers["Content-Security-Policy"].split("; "))
         hosts = {f"http://127.0.0.1:{data_port}", "'self'", "blob:", "data:"}

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+from waiting import PATIENCE_S
 
 TEMPLATE = Path(__file__).parents[2] / "deploy/slurm/generate.sbatch"
 NOTE = '#!/bin/bash\nprintf "%s\\n" "$(basename "$0")" "$@" "" >>"$CALLS"\n'
@@ -52,7 +53,12 @@ def run(folder: Path, *arguments: str, **variables: str) -> Job:
         **variables,
     }
     done = subprocess.run(
-        ["bash", str(TEMPLATE), *arguments], env=environment, capture_output=True, text=True, timeout=60, check=False
+        ["bash", str(TEMPLATE), *arguments],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=False,
     )
     noted = calls.read_text().split("\n\n")[:-1] if calls.exists() else []
     return Job(done.returncode, done.stderr, [call.split("\n") for call in noted])

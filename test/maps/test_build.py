@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 import pytest
 import shapely
 from pyproj import CRS
+from waiting import PATIENCE_S
 
 from simbev_ros.foundation.errors import InputError, SimulationError
 from simbev_ros.maps.build import load_datum, load_network
@@ -54,7 +55,7 @@ def test_concurrent_processes_build_the_same_bytes_as_a_single_one(tmp_path: Pat
         subprocess.Popen([sys.executable, "-c", _BUILD_AND_PRINT_FOLDER, str(cache)], stdout=subprocess.PIPE, text=True)
         for cache in (shared, shared, alone)
     ]
-    folders = [Path(process.communicate(timeout=60)[0].strip()) for process in processes]
+    folders = [Path(process.communicate(timeout=PATIENCE_S)[0].strip()) for process in processes]
     assert [process.returncode for process in processes] == [0, 0, 0]
     assert folders[0] == folders[1]
     for name in ("map.net.xml", "map.xodr", "network.npz"):

@@ -95,7 +95,7 @@ def test_the_peak_of_the_memory_counts(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_processes_that_have_ended_cost_nothing(start: Started) -> None:
     process = start("")
-    process.wait(20)
+    process.wait(PATIENCE_S)
     assert CostMeter([process.pid]).cost([process.pid], 1) == SceneCost(
         wall_s=pytest.approx(0.0, abs=0.5), cpu_s=0.0, memory_mib=0.0, frames=1
     )

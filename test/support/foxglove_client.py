@@ -24,7 +24,7 @@ class FoxgloveClient:
     """
 
     def __init__(self, url: str) -> None:
-        self._socket = websocket.create_connection(url, subprotocols=["foxglove.sdk.v1"], timeout=20)
+        self._socket = websocket.create_connection(url, subprotocols=["foxglove.sdk.v1"], timeout=PATIENCE_S)
         self.info: dict[str, Any] = json.loads(self._socket.recv())
         self.channels: dict[str, dict[str, Any]] = {}
         self.messages: dict[str, list[tuple[int, bytes]]] = {}

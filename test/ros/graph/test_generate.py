@@ -80,7 +80,7 @@ def test_scenes_are_added_and_replaced_without_touching_others(simbev: Simbev, t
 
 
 def test_a_second_writer_is_refused_and_an_interrupt_leaves_complete_scenes(simbev: Simbev, tmp_path: Path) -> None:
-    config, dataset = write(tmp_path, "{map: Blocks, train: 20}", has_lidar=False), tmp_path / "set"
+    config, dataset = write(tmp_path, "{map: Blocks, train: 60}", has_lidar=False), tmp_path / "set"
     command = simbev("generate", config, "--out", dataset)
     command.wait_for(lambda: is_dataset(dataset))
     assert not scenes_of(dataset), "the folder is a dataset before it has a scene"

@@ -115,7 +115,7 @@ def test_a_cluster_makes_the_same_dataset_and_an_interrupt_ends_it(
     command = simbev("generate", config, "--out", stopped, "--ray", nodes.address)
     command.wait_for(lambda: len(files(stopped)) > 0)
     command.process.send_signal(signal.SIGINT)
-    code, output = command.finish(60)
+    code, output = command.finish()
     assert code == 130, output
     assert not find(WORKER) and not find(NODE) and not leftovers(stopped)
     assert len(read_index(stopped)) == len(scenes_of(stopped))

@@ -143,7 +143,7 @@ def test_killed_node_is_named_and_the_partial_bag_stays_readable(
     simbev: Simbev, small_config: Config, tmp_path: Path, node: str
 ) -> None:
     others = [kind for kind in ("camera", "lidar", "radar") if kind not in node]
-    command = simbev("run", small_config(60, SMALL_CHUNKS, without=others), "--record", tmp_path / "out")
+    command = simbev("run", small_config(600, SMALL_CHUNKS, without=others), "--record", tmp_path / "out")
     bag = tmp_path / "out" / f"{SCENE}.partial"
     command.wait_for(lambda: size_of(bag) > 1_200_000)
     os.kill(command.nodes()[node], signal.SIGKILL)
@@ -161,7 +161,7 @@ def test_killed_node_is_named_and_the_partial_bag_stays_readable(
 def test_interrupt_closes_the_bag_and_exits_130(
     simbev: Simbev, small_config: Config, tmp_path: Path, number: signal.Signals
 ) -> None:
-    config = small_config(60, SMALL_CHUNKS, without=["camera", "lidar", "radar"])
+    config = small_config(600, SMALL_CHUNKS, without=["camera", "lidar", "radar"])
     command = simbev("run", config, "--record", tmp_path / "out")
     bag = tmp_path / "out" / f"{SCENE}.partial"
     command.wait_for(lambda: size_of(bag) > 1_200_000)
@@ -190,7 +190,7 @@ def test_stopped_node_is_named_when_it_has_been_silent_for_too_long(
 
 def test_nodes_end_when_the_command_is_killed(simbev: Simbev, small_config: Config) -> None:
     before = set(middleware_files())  # a run killed together with its nodes may have left some
-    command = simbev("run", small_config(60))
+    command = simbev("run", small_config(600))
     command.wait_for(lambda: len(command.nodes()) == 5)
     command.process.kill()
     command.process.wait()
@@ -200,7 +200,7 @@ def test_nodes_end_when_the_command_is_killed(simbev: Simbev, small_config: Conf
 
 
 def test_two_graphs_do_not_share_a_domain(simbev: Simbev, small_config: Config) -> None:
-    config = small_config(60, without=["camera", "lidar", "radar"])
+    config = small_config(600, without=["camera", "lidar", "radar"])
     first = simbev("run", config, "--live")  # or it would play as fast as it can until the other is refused
     first.wait_for(lambda: len(first.nodes()) == 3)
     code, output = simbev("run", config).finish()

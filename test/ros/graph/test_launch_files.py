@@ -14,6 +14,7 @@ import pytest
 from ros_domain import DOMAIN
 from rosgraph_msgs.msg import Clock
 from subscriber import keep, outside_node
+from waiting import PATIENCE_S
 
 REPOSITORY = Path(__file__).parents[3]
 STAND_IN = REPOSITORY / "test" / "support" / "stand_in_of_launch"
@@ -145,7 +146,7 @@ def test_bad_arguments_are_refused(launch: Launch, name: str, arguments: dict[st
 def test_the_launched_graph_runs_and_ends_cleanly_when_launch_is_interrupted(
     launch: Launch, small_config: Callable[..., Path]
 ) -> None:
-    config = small_config(60, without=["camera", "lidar", "radar"])
+    config = small_config(600, without=["camera", "lidar", "radar"])
     remapping = "-r /sim1/clock:=/time -p use_sim_time:=true"
     (graph,) = launch("simbev", config=str(config), domain=str(DOMAIN), namespace="sim1", ros_args=remapping).processes
     command = [sys.executable, "-m", "simbev_ros.cli.main", *graph.command[1:], "-p", "use_sim_time:=true"]
@@ -158,7 +159,7 @@ def test_the_launched_graph_runs_and_ends_cleanly_when_launch_is_interrupted(
             node.create_subscription(Clock, "/time", keep(clocks), 10)
             spin_until(lambda: len(clocks) > 5)
         process.send_signal(signal.SIGINT)
-        output, _ = process.communicate(timeout=min(graph.patience_s))
+        output, _ = process.communicate(timeout=PATIENCE_S)
     finally:
         process.kill()
         process.wait()

@@ -104,7 +104,7 @@ def test_a_viewer_follows_one_graph_after_the_other(simbev: Simbev, small_config
 
 
 def test_a_viewer_ends_with_the_run(simbev: Simbev, small_config: Config) -> None:
-    run = simbev("run", small_config(60, without=["camera", "lidar", "radar"]), "--live", "--view", "--view-port", 0)
+    run = simbev("run", small_config(600, without=["camera", "lidar", "radar"]), "--live", "--view", "--view-port", 0)
     await_line(run, "viewer: http://127.0.0.1:")
     processes = viewers(run)
     assert len(processes) == 2
@@ -117,7 +117,7 @@ def test_a_viewer_ends_with_the_run(simbev: Simbev, small_config: Config) -> Non
 
 @pytest.mark.slow
 def test_a_viewer_ends_when_the_run_is_killed(simbev: Simbev, small_config: Config) -> None:
-    run = simbev("run", small_config(60), "--view", "--view-port", 0)
+    run = simbev("run", small_config(600), "--view", "--view-port", 0)
     await_line(run, "viewer: http://127.0.0.1:")
     processes = viewers(run)
     run.process.kill()

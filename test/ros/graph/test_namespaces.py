@@ -25,7 +25,7 @@ def test_a_graph_below_a_namespace_beside_another_one_records_the_same_bytes_und
     recorded: Path, simbev: Callable[..., Command], small_config: Callable[..., Path], tmp_path: Path
 ) -> None:
     everything = small_config(0.5)
-    live = simbev("run", small_config(60, name="live.yaml", without=["camera", "radar", "lidar"]), "--live")
+    live = simbev("run", small_config(600, name="live.yaml", without=["camera", "radar", "lidar"]), "--live")
     remapped = ("--ros-args", "-r", "/sim1/ego/lidar/points:=/sensing/points", "-p", "qos_overrides:=unused")
     below = simbev("run", everything, "--record", tmp_path / "out", "--namespace", "sim1", *remapped)
     with outside_node("outside") as (node, spin_until):

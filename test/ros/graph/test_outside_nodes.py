@@ -29,9 +29,8 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def test_world_is_at_most_the_window_ahead_of_a_listed_participant(simbev: Simbev, small_config: Config) -> None:
-    simbev(
-        "run", small_config(60, "graph: {participants: [stack], window_ticks: 2}", without=["camera", "lidar", "radar"])
-    )
+    lockstep = "graph: {participants: [stack], window_ticks: 2}"
+    simbev("run", small_config(600, lockstep, without=["camera", "lidar", "radar"]))
     scenes: list[String] = []
     clocks: list[Clock] = []
     with outside_node("stack") as (node, spin_until):
@@ -61,7 +60,7 @@ def test_world_is_at_most_the_window_ahead_of_a_listed_participant(simbev: Simbe
 
 
 def test_live_graph_serves_subscribers_and_services(simbev: Simbev, small_config: Config) -> None:
-    simbev("run", small_config(60, without=["camera", "radar"]), "--live")
+    simbev("run", small_config(600, without=["camera", "radar"]), "--live")
     clouds: list[PointCloud2] = []
     grids: list[OccupancyGrid] = []
     drawn: list[MarkerArray] = []
@@ -102,7 +101,7 @@ def test_subscriber_of_the_readme_works_unchanged(simbev: Simbev, small_config: 
     assert match is not None
     script = tmp_path / "subscriber.py"
     script.write_text(match[1])
-    command = simbev("run", small_config(60, without=["radar", "gnss", "imu"]), "--live")
+    command = simbev("run", small_config(600, without=["radar", "gnss", "imu"]), "--live")
     with subprocess.Popen(
         [sys.executable, str(script)], stdout=subprocess.PIPE, text=True, env=command.environment
     ) as process:

@@ -24,13 +24,13 @@ def test_without_egl_the_message_says_what_to_install(
     simbev: Simbev, small_config: Config, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("__EGL_VENDOR_LIBRARY_FILENAMES", "/nonexistent")
-    message = refusal(simbev("run", small_config(60, without=["lidar", "radar"])))
+    message = refusal(simbev("run", small_config(600, without=["lidar", "radar"])))
     assert message.startswith("EGL has no device to render on")
     assert "__EGL_VENDOR_LIBRARY_FILENAMES=/nonexistent" in message and "apt install libegl1" in message
 
 
 def test_a_missing_gpu_is_named_with_the_available_ones(simbev: Simbev, small_config: Config) -> None:
-    config = small_config(60, "rendering: {gpus: [77], processes: 2}\n", without=["lidar", "radar"])
+    config = small_config(600, "rendering: {gpus: [77], processes: 2}\n", without=["lidar", "radar"])
     message = refusal(simbev("run", config))
     assert message.startswith("node camera: rendering.gpus: EGL has no device 77; it has 0 (")
     assert "rendering.gpus: []" in message

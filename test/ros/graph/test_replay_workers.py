@@ -59,7 +59,7 @@ def test_workers_record_the_bytes_of_one_graph_also_after_an_interrupt(
     command = simbev("replay", dataset, night, "--out", two, "--workers", 2)
     command.wait_for(lambda: len(files(two)) > 0)
     command.process.send_signal(signal.SIGINT)
-    code, output = command.finish(60)
+    code, output = command.finish()
     assert code == 130, output
     assert sorted(path.name for path in two.iterdir()) == [".lock", "logs", "scenes"]
     assert set(files(two)) < set(files(one)) and not list(two.glob("scenes/*/*.partial"))

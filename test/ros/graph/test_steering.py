@@ -47,7 +47,7 @@ def test_services_control_the_world(
 ) -> None:
     run = simbev(
         "run",
-        small_config(120, without=RAYS_AND_CAMERAS),
+        small_config(600, without=RAYS_AND_CAMERAS),
         *(tmp_path / word if word == "out" else word for word in options),
     )
     clocks: list[Clock] = []

@@ -9,6 +9,7 @@ from fake_cameras import play, set_readers, started_camera_node, state_at
 from rclpy.experimental.events_executor import EventsExecutor
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+from waiting import PATIENCE_S
 
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.maps.build import load_network
@@ -109,7 +110,7 @@ def test_a_frame_is_encoded_while_the_next_one_is_drawn_and_sent_in_order(
     may_encode, renderer = Event(), node._surroundings.built
 
     def encode(*_: object) -> bytes:
-        may_encode.wait(10)
+        may_encode.wait(PATIENCE_S)
         return b"made up"
 
     monkeypatch.setattr(camera_node, "encode_image", encode)

@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 from made_up_scene import made_up_scene
 from rosbags.typesys import Stores, get_typestore
+from waiting import PATIENCE_S
 
 from simbev_ros.cli.main import main
 from simbev_ros.drawing.displays.box_markers import box_markers
@@ -155,7 +156,7 @@ def test_it_listens_where_it_is_told_to_and_nowhere_else(bag: Path, bind: str, s
         with FoxgloveClient(url) as client:
             client.receive_until(lambda: "/ego/odom" in client.messages)
         with pytest.raises(ConnectionRefusedError):
-            socket.create_connection(("127.0.0.1", int(port)), timeout=5)
+            socket.create_connection(("127.0.0.1", int(port)), timeout=PATIENCE_S)
 
 
 def test_an_address_of_another_machine_is_named(bag: Path, failure: Callable[..., str]) -> None:
@@ -167,7 +168,7 @@ def test_an_address_of_another_machine_is_named(bag: Path, failure: Callable[...
 def test_a_signal_ends_it_and_frees_the_port(bag: Path, number: int) -> None:
     with served(bag) as (process, url):
         process.send_signal(number)
-        assert process.wait(10) == 130
+        assert process.wait(PATIENCE_S) == 130
     with socket.create_server(("127.0.0.1", int(url.rpartition(":")[2]))):
         pass
 
@@ -218,7 +219,7 @@ def test_foxgloves_own_client_decodes_every_topic(bag: Path, server: str, tmp_pa
     output = subprocess.run(
         ["node", str(folder / "client.mjs"), server, str(len(expected))],
         capture_output=True,
-        timeout=60,
+        timeout=PATIENCE_S,
         check=True,
     )
     assert json.loads(output.stdout) == expected

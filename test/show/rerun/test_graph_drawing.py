@@ -7,6 +7,7 @@ from threading import Event
 
 import pytest
 from made_up_scene import SENSORS, made_up_spec
+from waiting import PATIENCE_S
 
 pytest.importorskip("rerun", reason="Rerun is not installed: pip install -e .[view]")
 
@@ -44,7 +45,7 @@ def test_a_stalled_server_holds_up_only_the_drawing_which_ends_with_it() -> None
     with ViewerServer(0, "127.0.0.1", 64 << 20) as server:
         drawing.start(server.data_url)
         frames.put(LiveFrame(LiveScene(agent_view(SPEC), 0), 0, [], 10.0))
-        assert notes.is_shown.wait(30) and notes.shown == [SPEC.name]
+        assert notes.is_shown.wait(PATIENCE_S) and notes.shown == [SPEC.name]
         os.kill(server.pid, signal.SIGSTOP)
         for run in range(1, 4):  # each begins a recording
             frames.put(LiveFrame(LiveScene(agent_view(SPEC), run), 0, [], 10.0))
@@ -65,7 +66,7 @@ def test_messages_that_cannot_be_drawn_are_reported_once_and_the_rest_is_drawn()
         drawing.start(server.data_url)
         for tick in range(3):
             frames.put(LiveFrame(scene, tick, [bad], 10.0))
-            assert notes.is_shown.wait(30)
+            assert notes.is_shown.wait(PATIENCE_S)
             time.sleep(0.2)
         drawing.end()
     drawing.join()

@@ -51,8 +51,8 @@ _NEED_SIMULATOR = ("demo", "run", "generate", "replay", "scene", "gallery", "map
 """Verbs that the base installation does not have; parts of others say so themselves."""
 _TAKE_ROS_ARGUMENTS = ("run", "replay", "view")
 """Verbs that pass on what follows --ros-args to nodes."""
-_OF_TRAINING = ("train", "predict")
-"""Verbs of the distribution simbev_training, which lies in the repository of this one."""
+_OF_TRAINING = {"train": "'./training[torch]'", "predict": "./training"}
+"""Verbs of the distribution simbev_training, which lies in the repository of this one, and how pip installs each."""
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://")
 _TRACEBACK_VARIABLE = "SIMBEV_TRACEBACK"
 _MAX_LENGTH = 300
@@ -95,7 +95,7 @@ class _LazyVerbs(Mapping[str, Any]):
         if name in _OF_TRAINING and name not in self._plugins:
             raise InputError(
                 f"simbev {name} is a verb of simbev_training; install it in the repository: "
-                f"{sys.executable} -m pip install ./training"
+                f"{sys.executable} -m pip install {_OF_TRAINING[name]}"
             )
         return load_plugin(self._plugins[name])
 

@@ -43,7 +43,7 @@ def test_an_unknown_name_of_a_configuration_is_refused(refused: Callable[..., st
 
 
 def test_training_needs_a_dataset_and_a_device(refused: Callable[..., str], tmp_path: Path) -> None:
-    pytest.importorskip("torch", reason="training needs it: pip install ./training")
+    pytest.importorskip("torch", reason="training needs it: pip install ./training[torch]")
     assert "no such file or folder" in refused("train", "lidar", tmp_path / "none", "--out", tmp_path / "run")
     error = refused("train", "lidar", tmp_path, "--out", tmp_path / "run", "--device", "abacus")
     assert "--device: is 'abacus'" in error

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-torch = pytest.importorskip("torch", reason="training needs it: pip install ./training")
+torch = pytest.importorskip("torch", reason="training needs it: pip install ./training[torch]")
 
 from simbev_ros.foundation.types import AnyArray, Float64Array  # noqa: E402
 from simbev_training.training.config import Augmentation  # noqa: E402

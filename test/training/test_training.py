@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from cached_scene import CAR, YAW_RAD, write_cached_scene
 
-torch = pytest.importorskip("torch", reason="training needs it: pip install ./training")
-pytest.importorskip("onnx", reason="training needs it: pip install ./training")
+torch = pytest.importorskip("torch", reason="training needs it: pip install ./training[torch]")
+pytest.importorskip("onnx", reason="training needs it: pip install ./training[torch]")
 
 from simbev_ros.baselines.boxes import decode_boxes  # noqa: E402
 from simbev_ros.baselines.grid import CELLS, FEATURE_CELLS  # noqa: E402

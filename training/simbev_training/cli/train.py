@@ -48,7 +48,9 @@ def train(
         from simbev_training.training.loop import Progress, starting_files
         from simbev_training.training.loop import train as run
     except ImportError as error:
-        raise InputError(f"training needs {error.name}: {sys.executable} -m pip install {error.name}") from None
+        raise InputError(
+            f"training needs {error.name}; in the repository: {sys.executable} -m pip install './training[torch]'"
+        ) from None
     chosen = _device(torch, device)
     starting_files(training, out)  # what is missing is said before the dataset is unpacked
     models_to_average(training)

@@ -4,13 +4,12 @@ import json
 import re
 from collections import Counter
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 import shapely
-from made_up_scene import made_up_scene, made_up_spec
+from made_up_scene import made_up_scene
 from nuscenes_tables import Tables, digest, export, tables_of
 from PIL import Image
 from scipy.spatial.transform import Rotation
@@ -18,13 +17,8 @@ from typer.testing import CliRunner
 
 from simbev_ros.cli.main import app
 from simbev_ros.config.camera import Camera
-from simbev_ros.config.lidar import Lidar
-from simbev_ros.config.sensor import Pose
 from simbev_ros.dataset import Scene, columns, open_dataset
-from simbev_ros.dataset.calibration import Calibration
 from simbev_ros.export import sensor_data
-from simbev_ros.export.nuscenes import sensor_files
-from simbev_ros.export.nuscenes.channels import Channel
 from simbev_ros.export.nuscenes.evaluated_classes import evaluated_classes
 from simbev_ros.export.nuscenes.keyframes import keyframe_by_tick
 from simbev_ros.export.nuscenes.origins import origins_by_scene
@@ -40,10 +34,8 @@ from simbev_ros.maps.build import load_network
 from simbev_ros.maps.roads.surface import surfaces_of
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.schema.nuscenes import nuscenes_names, visibility_tokens
-from simbev_ros.schema.points import POINT_DTYPE, RADAR_POINT_DTYPE
-from simbev_ros.schema.scene.agents import agent_view
+from simbev_ros.schema.points import RADAR_POINT_DTYPE
 from simbev_ros.schema.scene.map_spec import MapSpec
-from simbev_ros.schema.scene.state import ACTOR_DTYPE, EGO_ID
 
 CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 
@@ -203,25 +195,6 @@ def test_lidar_points_are_in_the_frame_of_their_calibration(
     global_from_lidar = matrix(index(tables["ego_pose"])[data["ego_pose_token"]]) @ matrix(calibration)
     expected_m = apply(global_from_map(tables) @ scene[7].map_from_sensor("lidar"), columns(cloud, "x", "y", "z"))
     np.testing.assert_allclose(apply(global_from_lidar, rows[:, :3]), expected_m, atol=2e-5)
-
-
-class _Moving(dict[str, Any]):
-    """A frame whose ego is at the map's origin and drives along x."""
-
-    map_from_ego = np.eye(4)
-    scene = SimpleNamespace(view=agent_view(made_up_spec([])))
-
-
-def test_points_of_a_rolling_scan_are_moved_to_the_stamp() -> None:
-    lidar = Calibration.from_sensor(Lidar(type="lidar", name="lidar", pose=Pose(z_m=1.8, yaw_deg=90), rolling=True))
-    ego = np.zeros(1, ACTOR_DTYPE)
-    ego["id"], ego["vx"] = EGO_ID, 10.0
-    cloud = np.zeros(2, POINT_DTYPE)
-    cloud["y"], cloud["time"] = [-20.0, -20.5], [0.0, -0.05]  # one position ahead, seen now and half a meter earlier
-    frame = _Moving({"lidar/points": cloud, "world/actors": ego})
-    data = sensor_files.encode_file(frame, Channel("LIDAR_TOP", "lidar", "lidar/points", lidar))  # type: ignore[arg-type]
-    rows = np.frombuffer(data, np.float32).reshape(-1, 5)
-    np.testing.assert_allclose(rows[:, :3], [[20, 0, 0]] * 2, atol=1e-5)  # to the right of a lidar that looks left
 
 
 def read_pcd(path: Path) -> AnyArray:

@@ -87,7 +87,10 @@ def recall_and_precision(predicted: AnyArray, true: AnyArray) -> tuple[float, fl
     return float(near.any(0)[seen].mean()), float(near.any(1)[close].mean())
 
 
-@pytest.mark.parametrize("frame", FIGURES[Modality.LIDAR])
+@pytest.mark.parametrize(
+    "frame",
+    [pytest.param(name, marks=pytest.mark.slow if index else ()) for index, name in enumerate(FIGURES[Modality.LIDAR])],
+)
 def test_weights_give_the_stored_figures(stored: dict[str, AnyArray], baseline: Baseline, frame: str) -> None:
     points = points_of(stored, frame, baseline.sweep_ages_ns)
     answer = baseline.answer(points, images_of(stored, frame), stored[f"{frame}/pixel_from_level"])

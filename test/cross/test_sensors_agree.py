@@ -33,7 +33,7 @@ from simbev_ros.simulation.world.simulation import Simulation
 
 pytestmark = pytest.mark.gl
 
-TICKS = (0, 25, 50)
+TICKS = (0, 25)
 WHEELS_BELOW_M = 0.9
 CAMERAS = [
     Camera(

@@ -22,7 +22,7 @@ def open_mutations(suffix: str, seeds: range, folder: Path) -> int:
 
 @each_form
 def test_damaged_maps_open_or_are_refused(tmp_path: Path, suffix: str) -> None:
-    assert open_mutations(suffix, range(3), tmp_path) >= 1
+    assert open_mutations(suffix, range(1, 3), tmp_path) >= 1
 
 
 @pytest.mark.slow

@@ -21,12 +21,12 @@ def write(path: Path) -> None:
     np.savez_compressed(path, thing=THING)
 
 
-def test_a_cached_file_with_any_flipped_bit_is_written_again(tmp_path: Path) -> None:
+def test_a_cached_file_with_a_flipped_bit_is_written_again(tmp_path: Path) -> None:
     file = io.BytesIO()
     np.savez_compressed(file, thing=THING)
     content, path = file.getvalue(), tmp_path / "entry/thing.npz"
     path.parent.mkdir()
-    for bit in range(8 * len(content)):
+    for bit in range(0, 8 * len(content), 5):  # 5 has no factor in common with 8: any position within a byte
         damaged = bytearray(content)
         damaged[bit // 8] ^= 1 << bit % 8
         path.write_bytes(damaged)

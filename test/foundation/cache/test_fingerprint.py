@@ -67,19 +67,38 @@ class Copy:
         """Install a distribution: its metadata and the file that names its modules, instead of one that is there."""
         folder = self.root / f"libraries/{name}-1.dist-info"
         folder.mkdir(parents=True, exist_ok=True)
-        (folder / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n")
-        (folder / file).write_text(content)
+        self.replace(folder / "METADATA", f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n")
+        self.replace(folder / file, content)
+
+    def replace(self, file: str | Path, content: str) -> None:
+        """Write a new file where one may be."""
+        path = self.root / file
+        path.unlink(missing_ok=True)
+        path.write_text(content)
 
 
-@pytest.fixture
-def copy(tmp_path: Path) -> Copy:
+@pytest.fixture(scope="module")
+def pristine(tmp_path_factory: pytest.TempPathFactory) -> Copy:
+    copy = Copy(tmp_path_factory.mktemp("pristine"))
     source = Path(simbev_ros.__file__).parent
-    shutil.copytree(source, tmp_path / "simbev_ros", ignore=shutil.ignore_patterns("__pycache__"))
-    copy = Copy(tmp_path)
+    shutil.copytree(source, copy.root / "simbev_ros", ignore=shutil.ignore_patterns("__pycache__"))
     copy.add_library("simbev_ros", "0", "RECORD", "")
     copy.add_library("opencv-python-headless", "5.0.0", "top_level.txt", "cv2\n")
     copy.add_library("mapbox_earcut", "2.1.0", "RECORD", "mapbox_earcut/__init__.py,sha256=,\n")
     return copy
+
+
+@pytest.fixture(scope="module")
+def before(pristine: Copy) -> tuple[str, ...]:
+    """Fingerprints of the package as it is."""
+    return pristine.fingerprints()
+
+
+@pytest.fixture
+def copy(pristine: Copy, tmp_path: Path) -> Copy:
+    """A copy to change; its files are links, so a test replaces a file and never writes into it."""
+    shutil.copytree(pristine.root, tmp_path / "copy", copy_function=os.link)
+    return Copy(tmp_path / "copy")
 
 
 def changes(before: tuple[str, ...], after: tuple[str, ...]) -> set[str]:
@@ -106,15 +125,14 @@ def changes(before: tuple[str, ...], after: tuple[str, ...]) -> set[str]:
         ("simulation/render/lighting/sky.yaml", set()),
     ],
 )
-def test_an_edit_changes_the_keys_of_what_depends_on_the_file(copy: Copy, file: str, changed: set[str]) -> None:
-    before = copy.fingerprints()
-    with (copy.root / "simbev_ros" / file).open("a") as stream:
-        stream.write("\n")
+def test_an_edit_changes_the_keys_of_what_depends_on_the_file(
+    copy: Copy, before: tuple[str, ...], file: str, changed: set[str]
+) -> None:
+    copy.replace(f"simbev_ros/{file}", (copy.root / "simbev_ros" / file).read_text() + "\n")
     assert changes(before, copy.fingerprints()) == changed
 
 
-def test_bytecode_and_modules_that_no_builder_imports_change_no_key(copy: Copy) -> None:
-    before = copy.fingerprints()
+def test_bytecode_and_modules_that_no_builder_imports_change_no_key(copy: Copy, before: tuple[str, ...]) -> None:
     (copy.root / "simbev_ros/maps/__pycache__").mkdir()
     (copy.root / "simbev_ros/maps/__pycache__/build.cpython-311.pyc").touch()
     (copy.root / "simbev_ros/maps/new.py").touch()
@@ -138,13 +156,12 @@ def test_another_version_of_a_library_changes_the_keys_of_what_imports_it(
     assert changes(before, copy.fingerprints()) == changed
 
 
-def test_libraries_without_metadata_are_known_by_their_files(copy: Copy) -> None:
-    absent = copy.fingerprints()
+def test_libraries_without_metadata_are_known_by_their_files(copy: Copy, before: tuple[str, ...]) -> None:
     (copy.root / "libraries/sumo").mkdir()
     (copy.root / "libraries/sumo/__init__.py").write_text("__version__ = '1'")
     (copy.root / "libraries/pyproj.py").write_text("")
     present = copy.fingerprints()
-    assert changes(absent, present) == {MAPS, REGIONS, TURNS}
+    assert changes(before, present) == {MAPS, REGIONS, TURNS}
     (copy.root / "libraries/sumo/__init__.py").write_text("__version__ = '1.1'")
     assert changes(present, copy.fingerprints()) == {MAPS}
 
@@ -163,10 +180,8 @@ def test_all_forms_of_imports_are_followed(copy: Copy) -> None:
     assert not inputs & {"library decimal", "library vision", "library nothing", "library typing"}
 
 
-def test_a_copy_elsewhere_has_the_same_fingerprints(copy: Copy) -> None:
-    shutil.copytree(copy.root / "simbev_ros", copy.root / "elsewhere/simbev_ros")
-    shutil.copytree(copy.root / "libraries", copy.root / "elsewhere/libraries")
-    assert Copy(copy.root / "elsewhere").fingerprints() == copy.fingerprints()
+def test_a_copy_elsewhere_has_the_same_fingerprints(copy: Copy, before: tuple[str, ...]) -> None:
+    assert copy.fingerprints() == before
 
 
 def test_another_minor_version_of_python_gives_another_fingerprint(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -57,8 +57,9 @@ simbev_ros.foundation.cache.fingerprint.fingerprint = lambda *roots: b"fixed"  #
 opened, imported, real_import = set(), set(), builtins.__import__
 
 def watch_files(event, arguments):
-    if event == "open" and str(arguments[0]).startswith(package) and not str(arguments[0]).endswith((".py", ".pyc")):
-        opened.add(str(Path(arguments[0]).relative_to(package)))
+    file = str(arguments[0]) if event == "open" else ""
+    if file.startswith(package) and not file.endswith(".py") and "__pycache__" not in file:
+        opened.add(str(Path(file).relative_to(package)))
 
 def watch_imports(name, variables=None, *arguments, **named):
     if str((variables or {{}}).get("__name__")).startswith("simbev_ros"):

@@ -37,12 +37,12 @@ def draw(quality: Quality, use_compute: bool, camera: PinholeCamera, changes: di
 @pytest.mark.parametrize(
     ("quality", "camera", "changes"),
     [
-        *((quality, CAMERA, {}) for quality in QUALITIES),
-        ("medium", CAMERA, {**NIGHT, **WET}),
         ("high", CAMERA, {**WET, **FOG}),
-        ("low", CAMERA, NIGHT),
+        ("medium", LENS, NIGHT),
         ("low", ODD, {}),
-        ("medium", LENS, {}),
+        *(pytest.param(quality, CAMERA, {}, marks=pytest.mark.slow) for quality in QUALITIES),
+        pytest.param("medium", CAMERA, {**NIGHT, **WET}, marks=pytest.mark.slow),
+        pytest.param("low", CAMERA, NIGHT, marks=pytest.mark.slow),
     ],
 )
 def test_computed_images_equal_the_rasterized_ones(

@@ -28,11 +28,11 @@ NIGHT = {"sun_altitude_deg": -40.0}
 RAIN = {"cloudiness": 90.0, "precipitation": 100.0, "wetness": 80.0, "precipitation_deposits": 80.0}
 WEATHERS: dict[str, dict[str, float]] = {
     "low sun": {"sun_azimuth_deg": 200.0, "sun_altitude_deg": 20.0},
+    "rainy night": RAIN | NIGHT,
     "dusk": {"sun_altitude_deg": 1.0},
     "clouds": {"cloudiness": 100.0},
     "night": NIGHT,
     "rain": RAIN,
-    "rainy night": RAIN | NIGHT,
 }
 LENS = LensCamera(120, 68, 70.0, 70.0, 59.5, 33.5, (-0.25, 0.08, 0.001, -0.0005, -0.01))
 DOWN = matrices_from_xyz_rpy(np.array([0.0, 0.0, 25.0]), np.array([0.0, np.pi / 2, 0.0]))
@@ -113,7 +113,9 @@ def assert_equal_images(found: Mapping[Any, list[CameraImages]], expected: Mappi
         np.testing.assert_array_equal(*images, err_msg=f"{key}, camera {camera}, {modality}")
 
 
-@pytest.mark.parametrize("weather", WEATHERS)
+@pytest.mark.parametrize(
+    "weather", [*list(WEATHERS)[:2], *(pytest.param(name, marks=pytest.mark.slow) for name in list(WEATHERS)[2:])]
+)
 def test_images_drawn_in_turns_are_those_of_each_agent_alone(
     alone: dict[str, Renderer], shared: Renderer, weather: str
 ) -> None:

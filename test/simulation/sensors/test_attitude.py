@@ -51,7 +51,7 @@ def test_without_errors_the_orientation_is_that_of_the_sensor() -> None:
 
 def test_the_covariance_fits_the_error_over_many_seeds() -> None:
     """The normalized error squared has 3 degrees of freedom."""
-    seeds = 2000
+    seeds = 800
     squares = []
     for seed in range(seeds):
         (samples,) = measure(seed)
@@ -63,7 +63,7 @@ def test_the_covariance_fits_the_error_over_many_seeds() -> None:
 
 def test_tilt_is_small_and_forgets_within_its_time_and_the_heading_drifts_slowly() -> None:
     """Autocorrelation of a Gauss-Markov process after its time: 1/e."""
-    runs = np.array([errors_rad(*measure(seed, 41, tilt_drift_time_s=1.0, noise_sigma_deg=0.0)) for seed in range(150)])
+    runs = np.array([errors_rad(*measure(seed, 41, tilt_drift_time_s=1.0, noise_sigma_deg=0.0)) for seed in range(60)])
     first, later = runs[:, 20], runs[:, 40]
     tilt = np.corrcoef(first[:, :2].ravel(), later[:, :2].ravel())[0, 1]
     assert tilt == pytest.approx(np.exp(-1), abs=0.15)

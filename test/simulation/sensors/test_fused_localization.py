@@ -23,7 +23,7 @@ from simbev_ros.simulation.sensors.gnss import GnssModel
 from simbev_ros.simulation.sensors.imu import ImuModel
 from simbev_ros.simulation.sensors.odometry import OdometryModel, PlanarTwist
 
-TICKS, SEEDS, GNSS_PERIOD, CHECKED = 240, 25, 10, (60, 150, 239)
+TICKS, SEEDS, GNSS_PERIOD, CHECKED = 240, 12, 10, (60, 150, 239)
 DATUM = MapDatum(latitude_deg=48.0, longitude_deg=11.0, altitude_m=500.0)
 ODOMETRY = Odometry(type="odometry", name="wheel")
 IMU = Imu(type="imu", name="imu", orientation=ImuOrientation())

@@ -1,4 +1,4 @@
-"""What the transcript of the ros2 command line shows is still so: nodes, topics, types, QoS, parameters, services."""
+"""What the transcript of the ros2 command line shows is still so: nodes, topics, types, QoS, parameters."""
 
 import re
 from collections.abc import Iterator
@@ -22,11 +22,8 @@ SCENARIO = load_scenario(ROOT / "config/autoware/simbev.yaml")
 SPEC = made_up_spec([sensor.model_dump() for sensor in SCENARIO.rig.sensors])
 ANSWERS = dict(re.findall(r"^```console\n\$ (ros2 [^\n]+)\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE))
 WITHOUT_MANIFEST = {
-    "/rosout": "rcl_interfaces/msg/Log",
-    "/parameter_events": "rcl_interfaces/msg/ParameterEvent",
     topics.DIAGNOSTICS: "diagnostic_msgs/msg/DiagnosticArray",
     topics.READY: "std_msgs/msg/Header",
-    topics.REQUEST: "std_msgs/msg/String",
 }
 OF_ALL_NODES = {"start_type_description_service", "use_sim_time", "reliable"}
 """Parameters that ROS adds to each node, or that nodes have which are started without them."""
@@ -46,9 +43,8 @@ def known() -> dict[str, Topic]:
 
 
 def typed_topics() -> Iterator[tuple[str, str]]:
-    """Every topic in the transcript with its type, as lists and nodes print it."""
+    """Every topic in the transcript with its type."""
     yield from re.findall(r"^(/\S+) \[(\S+/msg/\S+)\]$", answer("topic list"), re.MULTILINE)
-    yield from re.findall(r"^    (/\S+): (\S+/msg/\S+)$", answer("node info"), re.MULTILINE)
 
 
 def planned_nodes() -> set[str]:
@@ -84,12 +80,3 @@ def test_parameters_are_those_of_the_plan() -> None:
     dumped = yaml.safe_load(answer("param dump"))["/world"]["ros__parameters"]
     (world, *_), *_ = plan_processes(SCENARIO, 1, live=True, dataset=None, cores=2)
     assert dumped == {name: dumped[name] for name in OF_ALL_NODES & dumped.keys()} | dict(world.parameters)
-
-
-def test_services_are_those_of_the_reference_page() -> None:
-    page = (ROOT / "docs/reference/topics.md").read_text(encoding="utf-8")
-    documented = dict(re.findall(r"^\| `(/world/\w+)` \| (\S+/srv/\S+) \|", page, re.MULTILINE))
-    shown = dict(
-        re.findall(r"^(/world/\w+) \[((?:std_srvs|simbev\w+)/srv/\S+)\]$", answer("service list"), re.MULTILINE)
-    )
-    assert shown and shown.items() <= documented.items()

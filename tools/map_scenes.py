@@ -1,4 +1,4 @@
-"""Draws recorded scenes of several maps on one sheet: a plan of each map beside a camera frame with its boxes.
+"""Draws recorded scenes of several maps on one sheet: a plan of each map next to a camera frame with its boxes.
 
     python -m tools.map_scenes docs/maps.jpg "Helsinki: .osm.pbf=datasets/helsinki/scenes/train/helsinki-0002:0" …
 

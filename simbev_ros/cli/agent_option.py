@@ -30,7 +30,7 @@ ShownAgentOption = Annotated[
 ExportedAgentOption = Annotated[
     str | None,
     typer.Option(
-        help="Agent whose data are exported; by default the first one; all: each agent, to a folder of its name.",
+        help="Agent to export; by default the first one; all: each agent, to a folder of its name.",
         metavar="NAME|all",
         show_default=False,
     ),

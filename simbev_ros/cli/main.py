@@ -57,7 +57,7 @@ _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://")
 _TRACEBACK_VARIABLE = "SIMBEV_TRACEBACK"
 _MAX_LENGTH = 300
 _EXHAUSTED = (*DISK_FULL, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.EIO)
-"""Numbers of the operating system's errors that are no fault of the path that they name."""
+"""Numbers of the operating system's errors for which the path that they name is not to blame."""
 
 
 def load_verb(name: str) -> Command:
@@ -121,7 +121,7 @@ class _Verbs(TyperGroup):
         return list(super().parse_args(ctx, own))
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Find the verb; refuse what it does not take: URLs that are no names of local files, ROS's arguments."""
+        """Find the verb; refuse what it does not take: URLs instead of local files, ROS's arguments."""
         name, command, rest = super().resolve_command(ctx, args)
         if name in _NEED_SIMULATOR and not {"-h", "--help"} & {*rest}:
             load_extras()["sim"].require(f"simbev {name}")

@@ -91,5 +91,5 @@ def open_pool(
 
 
 def shared_path(path: Path, ray: str | None) -> Path:
-    """A path that means the same on all nodes of a cluster, whose working directories differ."""
+    """A path that means the same on all nodes of a cluster, although their working directories differ."""
     return path if ray is None else path.absolute()

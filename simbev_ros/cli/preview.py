@@ -101,7 +101,7 @@ class _Shown(NamedTuple):
 
 
 def _one_agent(bag: "IndexedBag", labels: LabelPlacement, agent: str | None) -> _Shown:
-    """What one agent has recorded."""
+    """Recorded data of one agent."""
     from simbev_ros.show.sheet.frames import FrameReader
     from simbev_ros.show.sheet.preview import write_picture, write_video
     from simbev_ros.show.sheet.views import find_views
@@ -111,7 +111,7 @@ def _one_agent(bag: "IndexedBag", labels: LabelPlacement, agent: str | None) -> 
 
 
 def _all_agents(path: Path) -> _Shown:
-    """What the agents of a scene have recorded together."""
+    """Recorded data of all agents of a scene."""
     from simbev_ros.dataset import open_dataset
     from simbev_ros.show.sheet.preview import write_agents_picture, write_agents_video
 

@@ -67,7 +67,7 @@ def replay(
     simbev replay /shared/datasets/first rear_cameras.yaml --merge rear --ray auto
     """
     if merge is not None and (out is not None or live):
-        raise InputError("--merge records beside the replayed bags; give neither --out nor --live with it")
+        raise InputError("--merge records next to the replayed bags; give neither --out nor --live with it")
     ros, count = ros_arguments(context, namespace), worker_count(workers, MAX_GRAPHS)
     if workers is None and ray is None:
         scenario = with_evaluation(load_scenario(config), evaluate, stack or ())

@@ -31,7 +31,7 @@ RESERVED_NAMES: Final = (
     *("map", "diagnostics", "rosout", "parameter_events"),
     *("bev", "boxes", "cmd_vel", "detections", "hd_map", "occupancy", "odom", "path", "vector_map"),
 )
-"""Names that no agent beside others may have: ``--agent all``, the beginnings of topics and frames of the whole scene,
+"""Names that no agent of several may have: ``--agent all``, the beginnings of topics and frames of the whole scene,
 and those of an agent's own topics, which readers of bags name without the agent."""
 
 
@@ -280,6 +280,6 @@ def _require_free_names(keys_by_name: Mapping[str, Keys], rigs: Sequence[Rig]) -
     sensors = {sensor.name for rig in rigs for sensor in rig.sensors}
     for name, keys in keys_by_name.items():
         if name in sensors:
-            raise FieldError(keys, f"a sensor is called {name}, too; agents beside others need names of their own")
+            raise FieldError(keys, f"a sensor is called {name}, too; each agent of several needs a name of its own")
         if name in RESERVED_NAMES:
             raise FieldError(keys, f"{name!r} is taken; not allowed: {', '.join(RESERVED_NAMES)}")

@@ -30,7 +30,7 @@ _Topic = Annotated[str, Field(pattern=r"^(/[A-Za-z_]\w*)+$")]
 
 
 def answer_topics_of(agent: str) -> tuple[str, str]:
-    """Default topics of the predicted boxes and grids of an agent beside the first one (empty: of that)."""
+    """Default topics of the predicted boxes and grids of an agent other than the first one (empty: of the first)."""
     prefix = f"/{agent}" if agent else ""
     return prefix + BOXES_TOPIC, prefix + GRIDS_TOPIC
 
@@ -157,7 +157,7 @@ class Evaluation(Model):
         """Nodes of the stack for which the world waits, by their names on /sync/ready.
 
         Args:
-            agent: Name of an agent beside the first one; empty: it is the first one's stack.
+            agent: Name of an agent other than the first one; empty: it is the first one's stack.
         """
         if self.included is not None:
             return (self.included.participant_of(agent),)
@@ -186,7 +186,7 @@ class EvaluatedAgent:
     """An agent whose stack is evaluated while the graph runs.
 
     Attributes:
-        name: Name of the agent; empty: the first one, whose topics, stack and evaluator lack its name.
+        name: Name of the agent; empty: the first one; its topics, stack and evaluator lack its name.
         rig: Its sensors.
         evaluation: Its section ``evaluation``.
     """

@@ -31,7 +31,7 @@ class IncludedStack:
     merges: bool = False
 
     def participant_of(self, agent: str) -> str:
-        """Its name on /sync/ready as the stack of an agent beside the first one (empty: of that)."""
+        """Its name on /sync/ready as the stack of an agent other than the first one (empty: of the first)."""
         return f"{agent}_{self.participant}" if agent else self.participant
 
     @property

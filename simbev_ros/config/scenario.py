@@ -168,7 +168,7 @@ class Recording(Model):
         "png",
         description="compression of depth images, also on live topics; rvl: the one that Rerun reads, takes longer",
     )
-    chunk_kib: int = Field(4096, ge=64, le=65_536, description="size of chunks, whose messages are compressed together")
+    chunk_kib: int = Field(4096, ge=64, le=65_536, description="size of chunks, which are compressed as a whole")
     zstd_level: int | None = Field(1, ge=1, le=19, description="compression level of chunks; none: not compressed")
     split_mib: int | None = Field(
         None, ge=1, description="file size at which the bag continues in a new file; none: a single file"
@@ -217,7 +217,7 @@ class Scenario(Model):
     ego: Ego = Ego()
     agents: tuple[Agent, ...] = Field(
         (),
-        description="agents beside the first one, which `rig`, `frames`, `ego` and `annotation` describe; in a file "
+        description="agents after the first one, which `rig`, `frames`, `ego` and `annotation` describe; in a file "
         "without `rig`, all agents",
     )
     v2x: V2x | None = Field(

@@ -1,4 +1,4 @@
-"""Section ``v2x``: what the agents of a scene tell each other, and how well their messages arrive."""
+"""Section ``v2x``: the messages between the agents of a scene, with their range, latency and losses."""
 
 from typing import Annotated
 

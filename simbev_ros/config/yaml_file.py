@@ -61,7 +61,7 @@ class YamlFile:
 
 
 class _Loader(yaml.SafeLoader):
-    """A safe loader with limits, all of whose errors are ``yaml.YAMLError`` and name a line."""
+    """A safe loader with limits; all of its errors are ``yaml.YAMLError`` and name a line."""
 
     def __init__(self, text: str) -> None:
         super().__init__(text)

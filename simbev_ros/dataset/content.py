@@ -41,7 +41,7 @@ class Source:
     Attributes:
         bag: The bag.
         topic: The topic.
-        base_link_x_m: For an agent's true motion, x of base_link, whose motion is recorded, in its ego frame.
+        base_link_x_m: For an agent's true motion, x of base_link, the point with the recorded motion, in its ego frame.
     """
 
     bag: IndexedBag
@@ -202,7 +202,7 @@ def _read_spec(bag: IndexedBag) -> SceneSpec:
 def key_of_topic(name: str, view: AgentView) -> str:
     """Key of a topic for an agent: its name without the agent's and, for an image, without its transport.
 
-    Topics of another agent keep the name of that agent, also those of the ego whose names lack it.
+    Topics of another agent keep the name of that agent, also topics of the ego without it.
     """
     if not view.is_ego and _OF_EGO.fullmatch(name):
         name = f"/{view.scene.agents[0].name}{name}"

@@ -70,7 +70,7 @@ DrawModality = Callable[[AnyArray, UInt8Array | None, int], UInt8Array]
 
 
 class ModalityPicture(NamedTuple):
-    """How a modality is shown: the function that makes its picture, and a note beside it."""
+    """Display of a modality: the function that makes its picture, and a note next to it."""
 
     picture: DrawModality
     note: str = ""

@@ -56,7 +56,7 @@ def keep_freed_memory() -> None:
 def return_freed_memory() -> None:
     """Collect garbage and return freed memory to the kernel, after work that needed much more than what follows.
 
-    Unlike the other functions it sets no policy, so anybody may call it. Only glibc keeps freed memory back.
+    Unlike the other functions it sets no policy, so any process may call it. Only glibc keeps freed memory back.
     """
     gc.collect()
     trim = getattr(ctypes.CDLL(None), "malloc_trim", None)

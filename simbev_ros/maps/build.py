@@ -50,7 +50,7 @@ def load_tunnels(spec: MapSpec, cache_dir: Path | None = None) -> Tunnels:
 
 
 def load_source(spec: MapSpec) -> bytes:
-    """Load the bzip2-compressed source file of a map, even if the original is gone. Errors as of ``load_network``.
+    """Load the bzip2-compressed source file of a map, even if the original is gone. Errors as for ``load_network``.
 
     Of an OpenStreetMap file of which only a part was read it is an extract, from which the same map can be built.
     """

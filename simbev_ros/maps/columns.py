@@ -13,7 +13,7 @@ from pydantic import BaseModel
 from simbev_ros.foundation.types import AnyArray, Float64Array
 
 SPARSE = {"sparse": True}
-"""Metadata of a field whose default is None, True or False, and which few maps use."""
+"""Metadata of a field with the default None, True or False that few maps use."""
 
 _T = TypeVar("_T")
 _Columns = dict[str, AnyArray]

@@ -66,17 +66,17 @@ class Findings:
         position_m: Float64Array | None = None,
         lost_m: float = 0.0,
     ) -> None:
-        """Record something of the file that the map lacks; arguments as of ``Finding``."""
+        """Record something of the file that the map lacks; arguments as for ``Finding``."""
         self.add(Finding(rule, Outcome.LEFT_OUT, 1, line_of(element), detail, position_m, lost_m))
 
     def repaired(
         self, rule: str, element: Element | None = None, detail: str = "", position_m: Float64Array | None = None
     ) -> None:
-        """Record something that the map has in another form than the file; arguments as of ``Finding``."""
+        """Record something that the map has in another form than the file; arguments as for ``Finding``."""
         self.add(Finding(rule, Outcome.REPAIRED, 1, line_of(element), detail, position_m))
 
     def assumed(self, rule: str, element: Element | None = None, detail: str = "") -> None:
-        """Record something that the file does not say; arguments as of ``Finding``."""
+        """Record something that the file does not say; arguments as for ``Finding``."""
         self.add(Finding(rule, Outcome.ASSUMED, 1, line_of(element), detail))
 
     def add(self, *found: Finding) -> None:

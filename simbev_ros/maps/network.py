@@ -35,7 +35,7 @@ class Lane:
         speed_mps: Speed limit.
         junction: Id of the junction that contains it (internal lanes, crossings, walking areas), else "".
         successors: Ids of the lanes that follow it (across a junction: the internal lane).
-        outline_m: (M, 2) float64 outline of walking areas, whose center line does not describe them; else None.
+        outline_m: (M, 2) float64 outline of walking areas, because their center line does not describe them; else None.
         sumo_s_per_m: SUMO's lane position per meter along the center line. Not 1 in curves, because SUMO assigns the
             same length to all lanes of an edge.
         classes: SUMO vehicle classes that may use it.

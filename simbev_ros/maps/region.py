@@ -54,7 +54,7 @@ class Reaches:
     circles: tuple[Reach, ...]
 
     def touches(self, low_m: Float64Array, side_m: float) -> BoolArray:
-        """(N,) whether any circle touches each square. Arguments as of ``Reach.touches``."""
+        """(N,) whether any circle touches each square. Arguments as for ``Reach.touches``."""
         touched: BoolArray = np.any([circle.touches(low_m, side_m) for circle in self.circles], axis=0)
         return touched
 

@@ -84,7 +84,7 @@ class LeftoverRemoved:
 
 @dataclass(frozen=True, slots=True)
 class SceneStarted:
-    """A scene is sent to the graph, whose nodes begin to load it."""
+    """A scene is sent to the graph, and the nodes begin to load it."""
 
     spec: SceneSpec
 

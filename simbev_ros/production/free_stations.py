@@ -27,7 +27,7 @@ def require_free_stations(scenario: Scenario, specs: Sequence[SceneSpec]) -> Non
 
     Args:
         scenario: The configuration.
-        specs: Scenes that were drawn from it, whose surroundings are built.
+        specs: Scenes that were drawn from it; their surroundings are built.
 
     Raises:
         InputError: The foot of a mast is in a building.

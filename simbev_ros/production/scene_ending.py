@@ -13,7 +13,7 @@ Output = Mapping[str, str]
 
 @dataclass(frozen=True, slots=True)
 class MadeScene:
-    """A scene whose bag is finished.
+    """A scene with a finished bag.
 
     Attributes:
         row: The scene's row of the dataset's index.

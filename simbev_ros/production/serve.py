@@ -192,7 +192,7 @@ class _Graph:
 def _play(
     graph: _Graph, ordered: OrderedScene, dataset: Path | None, observer: ProductionObserver, *, live: bool
 ) -> Path | None:
-    """Play an ordered scene and tell its client how it ended; return its bag, None if there is none."""
+    """Play an ordered scene, report its end to the client, and return its bag, or None without one."""
     scenario, spec = ordered.scenario, ordered.spec
     is_stopped = False
 

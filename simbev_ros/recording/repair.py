@@ -116,7 +116,7 @@ def _recorded_facts(found: Salvage, folder: Path) -> dict[str, str]:
         except (OSError, KeyError, AttributeError):
             pass  # there is none, or one of another program
     if problem:
-        found.lost.append(f"the recorder's accounts, whose description is damaged: {problem}")
+        found.lost.append(f"the recorder's accounts: their description is damaged: {problem}")
     return {}
 
 

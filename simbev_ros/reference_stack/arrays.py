@@ -14,7 +14,7 @@ Table = npt.NDArray[Any]
 
 
 def rotate(rotation: Floats, vectors: Floats) -> Floats:
-    """Rotate (…, D) vectors by a (D, D) matrix, without BLAS, whose threads would occupy cores of other processes."""
+    """Rotate (…, D) vectors by a (D, D) matrix, without the threads of BLAS, which would occupy more cores."""
     product: Floats = np.einsum("ij,...j->...i", rotation, vectors)
     return product
 

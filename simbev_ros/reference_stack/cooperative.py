@@ -78,7 +78,7 @@ class CooperativeStack(ReferenceStack):
 
 
 def _agent_of(topic: str) -> str:
-    """Name of the agent whose topic this is."""
+    """Name of the agent that this topic belongs to."""
     return topic.removeprefix("/").partition("/")[0]
 
 

@@ -11,7 +11,7 @@ def map_points(cloud: Table, map_from_sensor: Float64Array, carrier: Table | Non
     Args:
         cloud: (N,) rows with ``x y z`` in the sensor frame.
         map_from_sensor: (4, 4) pose of the sensor at the stamp.
-        carrier: For rolling scans, whose points are in the sensor frame at their own ``time``: the ``ACTOR_DTYPE`` row
+        carrier: For rolling scans, with points in the sensor frame at their own ``time``: the ``ACTOR_DTYPE`` row
             of the vehicle that carries the sensor, assumed to move and turn uniformly during a scan. None: all points
             were measured at the stamp.
     """

@@ -38,7 +38,7 @@ class Stored(Model):
         """Read what any version wrote.
 
         Raises:
-            ValidationError: The text is no such model, or one of a newer format.
+            ValidationError: The text does not fit the model, or has a newer format.
         """
         return cls.model_validate_json(text, extra="ignore")
 
@@ -47,6 +47,6 @@ def read_stored(model: type[M], data: Any) -> M:
     """Read a part of something stored, which has no format number of its own.
 
     Raises:
-        ValidationError: The data are no such model.
+        ValidationError: The data do not fit the model.
     """
     return model.model_validate(data, extra="ignore")

@@ -1,4 +1,4 @@
-"""How the command line ends when it is told to, or when something that nobody foresaw goes wrong."""
+"""How the command line ends on request, or after an unexpected error."""
 
 import os
 import signal

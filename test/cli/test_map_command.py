@@ -1,4 +1,4 @@
-"""``simbev map``: figures of a map, pictures of it, and files that are no maps."""
+"""``simbev map``: figures of a map, pictures of it, and files that are not maps."""
 
 import json
 import subprocess

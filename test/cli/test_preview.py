@@ -35,7 +35,7 @@ def bag_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def labelled_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """With boxes, the ego's pose, and a rig that tells where the cameras are."""
+    """With boxes, the ego's pose, and a rig with the poses of the cameras."""
     scenario = load_scenario("demo")
     planned = next(planned_scenes(scenario))
     cameras = tuple(

@@ -1,4 +1,4 @@
-"""Messages show names as they are, and errors of the machine are no bugs."""
+"""Messages show names as they are, and errors of the machine are not shown as bugs."""
 
 import errno
 import os

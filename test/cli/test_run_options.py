@@ -28,5 +28,5 @@ def test_one_line_says_what_shells_with_subscribers_call(
     monkeypatch.delenv("SIMBEV_COMMAND", raising=False)
     monkeypatch.setattr(play, "play_scenes", lambda *_, **__: iter(()))
     answer = simbev("run", "demo", *options)
-    told = [line for line in (answer.out + answer.err).splitlines() if "env" in line or "export" in line]
-    assert told == [f"subscribers: source <({command})"]
+    printed = [line for line in (answer.out + answer.err).splitlines() if "env" in line or "export" in line]
+    assert printed == [f"subscribers: source <({command})"]

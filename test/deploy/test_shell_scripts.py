@@ -1,4 +1,4 @@
-"""All shell scripts pass shellcheck, and so do the commands that pages on other programs print."""
+"""Shell scripts, and the commands on pages about other programs, pass shellcheck."""
 
 import re
 import shutil

@@ -1,4 +1,4 @@
-"""The tools of the repository are no package that is installed: they are imported from its top."""
+"""Imports of ``tools`` find the repository's top folder, because the tools are not installed."""
 
 import sys
 from pathlib import Path

@@ -30,7 +30,7 @@ def test_named_tests_exist(page: Path) -> None:
     modules = sorted((ROOT / "test").rglob("test_*.py"))
     known = {name for module in modules for name in re.findall(r"def (test_\w+)", module.read_text())}
     text = page.read_text()
-    new = set(re.findall(r"(?:def |\w/)(test_\w+)", text))  # that the page tells readers to write
+    new = set(re.findall(r"(?:def |\w/)(test_\w+)", text))  # that readers of the page write
     assert set(re.findall(r"\btest_\w+", text)) <= known | new | {module.stem for module in modules}
 
 
@@ -52,7 +52,7 @@ def test_pages_of_docs_that_are_written_by_hand_have_at_most_30_000_words() -> N
     words = Counter({name: len(text.split()) for name, text in texts.items() if GENERATED not in text})
     longest = ", ".join(f"{name} {count}" for name, count in words.most_common(5))
     assert words.total() <= 30_000, (
-        f"docs/ has {words.total()} words, counted as `wc -w` does, code blocks included. Shorten as much as was added: "
+        f"docs/ has {words.total()} words, counted as `wc -w` does, with code blocks. Shorten as much as was added: "
         f"what a reader can skip, and what two pages say. The longest pages: {longest}"
     )
 

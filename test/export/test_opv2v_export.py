@@ -223,11 +223,11 @@ def test_images_are_equal_to_the_pixel(made: tuple[Path, MadeUp]) -> None:
 
 
 def test_the_predicted_position_is_what_the_agent_tells_the_others(tmp_path: Path) -> None:
-    told = np.zeros(2, V2X_DTYPE)
-    told["id"], told["x"], told["y"], told["z"] = [5, OWN_POSE], [9, 1], [9, -2], [9, 3]
-    told["roll"][1], told["pitch"][1], told["yaw"][1] = 0.1, 0.2, 0.3
+    sent = np.zeros(2, V2X_DTYPE)
+    sent["id"], sent["x"], sent["y"], sent["z"] = [5, OWN_POSE], [9, 1], [9, -2], [9, 3]
+    sent["roll"][1], sent["pitch"][1], sent["yaw"][1] = 0.1, 0.2, 0.3
     spec = with_agents(made_up_spec(SENSORS, number=2, ticks=1), car("car", 2))
-    made = record_made_up(tmp_path / SCENE, spec, tables={"/v2x/car": told})
+    made = record_made_up(tmp_path / SCENE, spec, tables={"/v2x/car": sent})
     export(tmp_path / SCENE, tmp_path / "out")
     ego, other = (AgentFrame(tmp_path / "out/train" / SCENE / folder, 0).meta for folder in ("1", "3"))
     expected = MIRROR @ map_from([1, -2, 3], [0.1, 0.2, 0.3]) @ MIRROR

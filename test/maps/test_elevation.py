@@ -31,7 +31,7 @@ def test_banked_slope_is_exact_on_the_road_and_beside_it(junction: bool) -> None
 
 def test_vertical_curve_is_reproduced_within_a_centimeter() -> None:
     def crest(xy_m: Float64Array) -> Float64Array:
-        return np.asarray(10.0 - xy_m[:, 0] ** 2 / (2.0 * 1000.0))  # radius 1000 m, as of a road for 60 km/h
+        return np.asarray(10.0 - xy_m[:, 0] ** 2 / (2.0 * 1000.0))  # radius 1000 m, usual for 60 km/h
 
     elevation = Elevation(layout_of_strips(*side_by_side(2, name="a", start_m=(-100, 0), end_m=(100, 0), height=crest)))
     xy_m = np.random.default_rng(1).uniform([-98, -5], [98, 1.5], (2000, 2))

@@ -1,4 +1,4 @@
-"""Findings are told apart by place, counted beyond a limit, and summed up in one sentence for each rule."""
+"""Findings are distinguished by position, counted beyond a limit, and summed up in one sentence for each rule."""
 
 from pathlib import Path
 

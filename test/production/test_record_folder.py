@@ -1,4 +1,4 @@
-"""Where an earlier run was killed: what comes back the same is recorded anew, all else is for the user to decide."""
+"""After a killed run, scenes that come out the same are recorded again; about all others the user decides."""
 
 import re
 import shutil

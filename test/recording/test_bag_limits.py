@@ -1,4 +1,4 @@
-"""Bags that demand far more memory or time than their size are refused, whoever reads them, and losses are named."""
+"""Bags that demand far more memory or time than their size are refused by every reader, and losses are named."""
 
 import io
 import struct
@@ -209,7 +209,7 @@ def test_a_description_that_expands_is_refused_and_its_loss_is_named(tmp_path: P
         assert "its copy in the file cannot be read: line " in verify(file)
         (tmp_path / "metadata.yaml").unlink()
         (loss,) = repair_bag(file, tmp_path / "d").lost
-    assert loss.startswith("the recorder's accounts, whose description is damaged: line ")
+    assert loss.startswith("the recorder's accounts: their description is damaged: line ")
 
 
 @pytest.mark.parametrize("expected", ["[", "[" * 100_000, "[1]", '{"/a": "x"}', '{"/a": -1}', '{"/a": {}}', "null"])

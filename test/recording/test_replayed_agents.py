@@ -73,11 +73,11 @@ def test_new_agents_ride_in_recorded_vehicles_or_stand_on_masts(tmp_path: Path) 
         ),
         (
             "  - {name: bus, rig: {sensors: []}, carrier: 1}\n",
-            r"agents.yaml:7: agents\[1\].carrier: scene Blocks-0000 has no vehicle 1 beside the first agent's; allowed",
+            r"agents.yaml:7: agents\[1\].carrier: scene Blocks-0000 has no vehicle 1 besides the first agent's; ",
         ),
         (
             "  - {name: bus, rig: {sensors: []}, carrier: 9999}\n",
-            r"agents\[1\].carrier: scene Blocks-0000 has no vehicle 9999 beside the first agent's; allowed: 2 to \d+",
+            r"agents\[1\].carrier: scene Blocks-0000 has no vehicle 9999 besides the first agent's; allowed: 2 to \d+",
         ),
         (
             CAR + "  - {name: bus, rig: {sensors: []}, carrier: 2}\n",

@@ -227,11 +227,11 @@ def test_statistics_count_roadside_units_apart_from_vehicles(draw: Draw) -> None
         ("poses: [{LANE}]", r"poses\[0\]: \(.*\) is on a driving lane of map Town05"),
         (
             "junction: {signalised: false}",
-            r"junction: no free place beside an unsignalised junction within 200 m \(traffic.spawn_radius_m\) of ego",
+            r"junction: no free position next to an unsignalised junction within 200 m \(traffic.spawn_radius_m\)",
         ),
         (
             "junction: {near: {distance_m: 1000, tolerance_m: 0.001}}",
-            r"junction: no free place beside a junction 1000 to 1000 m from ego in map Town05",
+            r"junction: no free position next to a junction 1000 to 1000 m from ego in map Town05",
         ),
         (
             "above_road: {near: {distance_m: 1000, tolerance_m: 0.001}}",

@@ -25,7 +25,7 @@ def rpy(tick: int) -> Float64Array:
 
 
 def frames(path: Path, ticks: dict[str, list[int]]) -> list[SheetFrame]:
-    """Sheet frames of a bag whose values tell their ticks."""
+    """Sheet frames of a bag with values that contain their ticks."""
     with SceneBagWriter(path) as writer:
         for topic, own_ticks in ticks.items():
             kind = f"sensor_msgs/msg/{TYPES[topic]}" if topic in TYPES else "nav_msgs/msg/Odometry"

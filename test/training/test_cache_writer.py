@@ -1,4 +1,4 @@
-"""A cache holds what the dataset's reader gives, in the level frame, and is written anew when a bag changes."""
+"""A cache holds what the dataset's reader gives, in the level frame, and is written again when a bag changes."""
 
 import shutil
 from pathlib import Path

@@ -314,7 +314,7 @@ def test_files_to_start_from_are_relative_to_the_configuration(tmp_path: Path) -
 
 def test_a_checkpoint_that_is_none_is_named(tmp_path: Path) -> None:
     (tmp_path / "checkpoint.pt").write_bytes(b"nothing")
-    with pytest.raises(InputError, match=r"checkpoint\.pt: is no checkpoint"):
+    with pytest.raises(InputError, match=r"checkpoint\.pt: is not a checkpoint"):
         load_model(tmp_path / "checkpoint.pt")
 
 

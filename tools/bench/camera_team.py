@@ -69,7 +69,7 @@ class CameraTeam:
     def _start(self) -> None:
         context = get_context("spawn")
         environment = drawing_environment(self.processes)
-        resource_tracker.ensure_running()  # when it starts, it lets SIGINT through again
+        resource_tracker.ensure_running()  # when it starts, it unblocks SIGINT
         # The workers inherit this: only the parent reacts to Ctrl-C.
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:

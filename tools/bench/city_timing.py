@@ -128,7 +128,7 @@ def _objects(city: Path) -> tuple[list[dict[str, Any]], list[dict[str, Any]], li
 
 
 def _one_process() -> ProcessPoolExecutor:
-    """A new process, whose memory is its own."""
+    """A new process, with memory of its own."""
     return ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"))
 
 

@@ -1,4 +1,4 @@
-"""Tells from samples of a graph's resource use whether anything grows after warm-up."""
+"""Finds in samples of a graph's resource use what grows after warm-up."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

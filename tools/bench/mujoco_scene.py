@@ -1,7 +1,7 @@
 """The same triangles in MuJoCo's off-screen renderer, for comparison; MuJoCo is an optional package.
 
 What it draws is less: one color per mesh and no sky, textures, lamps, wetness or optical flow. It draws color, depth
-and segmentation in three passes; the segmentation tells tags and actors apart, as ours does.
+and segmentation in three passes; the segmentation distinguishes tags and actors, as ours does.
 """
 
 import os

@@ -16,7 +16,7 @@ _KIB_PER_MIB = 1024
 
 @dataclass(frozen=True, slots=True)
 class ProcessUse:
-    """What one process holds.
+    """Resources of one process.
 
     Attributes:
         memory_mib: Memory that belongs to no file, neither on disk nor in /dev/shm, MiB: heap and stacks. What several
@@ -32,7 +32,7 @@ class ProcessUse:
 
 @dataclass(frozen=True, slots=True)
 class FilesUse:
-    """What lies in a folder.
+    """Content of a folder.
 
     Attributes:
         files: Number of files.
@@ -45,7 +45,7 @@ class FilesUse:
 
 @dataclass(frozen=True, slots=True)
 class ResourceUse:
-    """What a graph holds at one moment.
+    """Resources of a graph at one moment.
 
     Attributes:
         time_s: Time since the first sample, s.

@@ -1,4 +1,4 @@
-"""Times a graph beside the viewer of running graphs: one that runs, one that is stopped, one whose server is."""
+"""Times a graph with the viewer of running graphs: while the viewer runs, is stopped, or has a stopped server."""
 
 import os
 import signal

@@ -1,6 +1,6 @@
 """docs/reference/box-columns.md: columns of every table, and what its numbers mean.
 
-Columns are read from definitions of messages or from the source: the comment beside a column is its description.
+Columns are read from definitions of messages or from the source: the comment next to a column is its description.
 """
 
 import ast

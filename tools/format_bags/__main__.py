@@ -1,6 +1,6 @@
 """Records the bags of the present format that a test keeps readable: ``python -m tools.format_bags OUT``.
 
-Each YAML file beside this module becomes a dataset of one scene of a few ticks. Bags of a format are recorded once and
+Each YAML file next to this module becomes a dataset of one scene of a few ticks. Bags of a format are recorded once and
 then stay as they are; ``test/recording/format_1/`` has those of format 1.
 """
 

@@ -13,7 +13,7 @@ from tools.system_libraries.distributions import DistributionGraph
 from tools.system_libraries.linkage import read_linkage
 
 ROOT, EXTRAS = "simbev_ros", ("sim", "wheels")
-"""What set-up installs, whose libraries the table has."""
+"""Packages that set-up installs; the table lists their libraries."""
 
 _PROGRAMS = ("sumo/bin/netconvert",)
 """The only programs of wheels that are started."""
@@ -53,7 +53,7 @@ def derive_needed_libraries(graph: DistributionGraph) -> dict[str, list[str]]:
 
 
 def _starts(files: Iterable[Path]) -> Iterator[Path]:
-    """Files that Python imports, opens or starts; the libraries bundled beside them follow from these."""
+    """Files that Python imports, opens or starts; the libraries bundled with them follow from these."""
     for path in files:
         is_bundled = path.parent.name.endswith(".libs")
         if path.is_file() and not is_bundled and not path.as_posix().endswith(_NEVER_LOADED):

@@ -25,7 +25,7 @@ class Linkage:
 
 
 def read_linkage(path: Path) -> Linkage | None:
-    """Read what an ELF file links against; None if it is no ELF file, is damaged, or links against nothing.
+    """Read what an ELF file links against; None if it is not an ELF file, is damaged, or links against nothing.
 
     Raises:
         OSError: The file cannot be read.

@@ -38,7 +38,7 @@ class SilhouetteBox(NamedTuple):
 
 
 class WheelCylinder(NamedTuple):
-    """A wheel in the actor frame, whose axis is parallel to y."""
+    """A wheel in the actor frame, with its axis parallel to y."""
 
     center_m: tuple[float, float, float]
     radius_m: float

@@ -150,7 +150,7 @@ def _light_tree(rng: np.random.Generator, color: Color, radii_m: Float64Array, h
 def _spruce(
     rng: np.random.Generator, height_m: float, reach_m: float, tiers: int, sprigs: int, cover: float
 ) -> GradedMesh:
-    """A cone of needles and tiers of sprigs, whose total area is about half of ``cover`` · reach · height."""
+    """A cone of needles and tiers of sprigs, with a total area of about half of ``cover`` · reach · height."""
     color, low_m = pick_color(rng, "needles", 0.1), rng.uniform(0.9, 1.3)
     stem = trunk(rng, np.array([[0.0, 0.0, ROOT_M], [0.0, 0.0, low_m + 0.5]]), 0.2, 0.18, segments=3)
     profile = np.array([[0.0, low_m + 0.5], [0.6 * reach_m, low_m + 0.3], [0.0, 0.97 * height_m]])

@@ -18,7 +18,7 @@ class Mesh:
     Attributes:
         vertices: (V, 3) float32, meters, in the mesh's own frame (z up).
         normals: (V, 3) float32, unit length, outward.
-        uv: (V, 2) float32, surface coordinates, whose meaning depends on the material (see ``Material``).
+        uv: (V, 2) float32, surface coordinates; their meaning depends on the material (see ``Material``).
         color: (V, 3) uint8, sRGB albedo.
         material: (V,) uint8, a ``Material``.
         tag: (V,) uint8, a semantic ``Tag``.

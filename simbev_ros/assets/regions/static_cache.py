@@ -84,7 +84,7 @@ class StaticCache:
     """The regions of one map on disk; a cached region has the same bytes as one that is built again."""
 
     def __init__(self, spec: MapSpec, network: RoadNetwork, cache_dir: Path | None = None) -> None:
-        """Arguments as of ``load_static_scene``."""
+        """Arguments as for ``load_static_scene``."""
         self._network = network
         root = (cache_dir or default_cache_dir()) / _KIND
         key = f"{network.net_path.parent.name}\n{spec.seed}\n".encode()

@@ -94,7 +94,7 @@ def _show_figures(figures: Mapping[str, Any], json_file: Path | None) -> None:
     from simbev_ros.cli.evaluate.tables import print_tables
 
     console = make_console(highlight=False)
-    if json_file is not None:  # before the tables, whose reader may close the pipe, as head does
+    if json_file is not None:  # before the tables, because their reader may close the pipe, as head does
         with write_errors(json_file):
             json_file.write_text(json.dumps(figures, indent=2) + "\n")
         console.print(f"figures in {json_file}", soft_wrap=True)

@@ -34,7 +34,7 @@ Predictions = Annotated[
 DatasetArgument = Annotated[Path, typer.Argument(help="The dataset, or one scene's bag.", show_default=False)]
 Config = Annotated[
     str | None,
-    typer.Option(help="Configuration file whose section evaluation says what counts; options replace its fields."),
+    typer.Option(help="Configuration file; its section evaluation says what counts, and options replace its fields."),
 ]
 Split = Annotated[Literal["train", "val", "test"] | None, typer.Option(help="Only scenes of this split.")]
 Scenes = Annotated[str | None, typer.Option(help=f"Only these scenes, {_WORDS}.", metavar="NAMES")]

@@ -59,7 +59,7 @@ def export_nuscenes(
 
     After Ctrl-C or a crash the same command continues where it stopped; of a dataset that has grown only new scenes are
     written.
-    The devkit's splits are lists of nuScenes' scenes. Ours are in splits.json beside the tables, as simbev_train,
+    The devkit's splits are lists of nuScenes' scenes. Ours are in splits.json next to the tables, as simbev_train,
     simbev_val and simbev_test; the devkit finds them there from its release 1.2 on.
 
     [bold]Examples[/]

@@ -95,4 +95,4 @@ class GraphViewer(ProductionObserver):
                 self._console.print(f"viewer: {line}", soft_wrap=True, highlight=False)
         if not self._is_ending:
             how = describe_exit(process.exit_code, ())
-            self._console.print(f"the viewer has ended, {how}; the graph goes on", soft_wrap=True, highlight=False)
+            self._console.print(f"the viewer has ended, {how}; the graph continues", soft_wrap=True, highlight=False)

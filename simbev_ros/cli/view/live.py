@@ -102,7 +102,7 @@ def show_graph(
 
 
 class _Printing:
-    """Prints what happens; not whether there is a graph beside a command that runs it.
+    """Prints what happens; not whether there is a graph if the same command runs it.
 
     Args:
         domain: ROS domain.

@@ -81,7 +81,7 @@ class RunningGraph:
 
 
 def detail(points: int, width_px: int, memory_mib: float = math.inf, *, layers: bool) -> "Detail":
-    """How much is shown; a width of 0 means as recorded."""
+    """Limits on what is shown; a width of 0 means as recorded."""
     from simbev_ros.show.rerun.subject import Detail
 
     return Detail(points, width_px or None, layers, memory_mib * (1 << 20))

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 _SUFFIX = ".rrd"
 _SERVER_SHARE = 1.25
-"""Of the size of what is drawn: what the server may keep, so that it drops nothing."""
+"""Memory that the server may use, relative to the size of what is drawn, so that it drops nothing."""
 
 
 def recorded(

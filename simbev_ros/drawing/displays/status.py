@@ -11,7 +11,7 @@ WEATHER, EVENT, LANE = "weather", "event", "lane"
 
 
 def status(name: str, record: Mapping[str, Any], stamp_ns: int) -> bytes:
-    """DiagnosticArray with one status, whose values are those of a record, nested ones with a dot in their key.
+    """DiagnosticArray with one status that has the values of a record, nested ones with a dot in their key.
 
     Values are written as in JSON, so that a record that was sent as JSON leads to the same message.
     """

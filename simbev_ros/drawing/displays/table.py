@@ -1,6 +1,6 @@
 """Table of the displays that are ROS messages: of which kinds of data each topic is made, and by which function.
 
-Nodes publish these topics while somebody subscribes, and a Foxglove server of bags makes them from recorded messages;
+Nodes publish topics that have a subscriber, and a Foxglove server of bags makes them from recorded messages;
 both read this table. To add a display, add a row.
 """
 
@@ -66,7 +66,7 @@ class MessageDisplay:
         kinds: Kinds of data that it shows. Each message of the first kind leads to a message of the display.
         make: Makes a serialized message of a moment and the data of each kind: tables, images as arrays, records as
             dictionaries; of odometry the poses up to now.
-        keeps_newest: Whether a late subscriber gets the newest message at once, as of a map in ROS.
+        keeps_newest: Whether a late subscriber gets the newest message at once, as for maps in ROS.
     """
 
     topic: str

@@ -214,7 +214,7 @@ def _remove_empty_folders(out: Path, scene: str) -> None:
 
 
 def _write_protocol(agents: Sequence[ConnectedAgent], out: Path, settings: FrameSettings) -> None:
-    """Write what a scene was made of, and which folder is whose; readers of the layout do not need it."""
+    """Write what a scene was made of, and the agent of each folder; readers of the layout do not need it."""
     scene = agents[0].scene
     spec = scene.spec
     record: Record = {

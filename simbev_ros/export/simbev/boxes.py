@@ -22,7 +22,7 @@ from simbev_ros.schema.scene.spec import ALL_RED_S, YELLOW_S
 from simbev_ros.schema.scene.state import SignalState
 
 _UNIT_CORNERS = np.array([(x, -y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
-"""(8, 3) corners of the unit box in CARLA's order: index 4·ix + 2·iy + iz along its axes, whose y points right."""
+"""(8, 3) corners of the unit box in CARLA's order: index 4·ix + 2·iy + iz along its axes, with y to the right."""
 
 _STATES = {
     SignalState.OFF: "Off",

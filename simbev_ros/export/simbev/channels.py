@@ -52,7 +52,7 @@ def channels(scene: Scene) -> tuple[Channel, ...]:
     """All channels that can be made from a scene.
 
     Raises:
-        BagError: The scene was recorded by another version, whose legend lacks signals.
+        BagError: The scene was recorded by another version, with a legend without signals.
     """
     known = set(scene.keys)
     wanted = (*_cameras(), *_others(scene), *_ground_truth(scene))
@@ -83,7 +83,7 @@ def _all_names() -> Iterator[str]:
 
 
 def _sweep(name: str, extension: str, encode: Callable[..., bytes], *keys: str) -> Channel:
-    """Channel of a sensor, whose files a function makes from a frame's values of some keys."""
+    """Channel of a sensor; a function makes its files from a frame's values of some keys."""
     return Channel(name, f"sweeps/{name}", extension, keys, lambda frame: encode(*(frame[key] for key in keys)))
 
 

@@ -36,8 +36,8 @@ def interface_files(package: str) -> Mapping[str, Path]:
     """Files of a package's definitions by full name, such as ``vision_msgs/msg/LabelInfo``, sorted.
 
     Raises:
-        FileNotFoundError: As of ``interface_folder``.
-        KeyError: As of ``interface_folder``.
+        FileNotFoundError: As ``interface_folder``.
+        KeyError: As ``interface_folder``.
     """
     folder = interface_folder(package)
     files = sorted(path for kind in _KINDS for path in folder.glob(f"{kind}/*.{kind}"))

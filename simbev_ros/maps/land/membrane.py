@@ -49,7 +49,7 @@ class Raster:
         return map_coordinates(self.values, self._node_coordinates(xy_m).T, order=3, mode="nearest", prefilter=False)
 
     def refine(self, low_m: Float64Array, spacing_m: float, shape: Sequence[int]) -> Float64Array:
-        """Evaluate ``smooth`` at ``shape`` nodes of a finer lattice, whose first node is at (2,) ``low_m``.
+        """Evaluate ``smooth`` at ``shape`` nodes of a finer lattice with its first node at (2,) ``low_m``.
 
         Both lattices share nodes. A value does not depend on which other nodes are evaluated.
         """

@@ -22,7 +22,7 @@ _VEGETATION = SurroundingsRecipe(use="park", building_density=0.0, furniture_den
 
 
 def land_of(areas: Iterable[Area], strips: Sequence[Strip], notes: Findings) -> MapFeatures:
-    """Land features: as of an OpenDRIVE map, with the buildings of the file if it has any, and its vegetation."""
+    """Land features: those of an OpenDRIVE map, with the buildings of the file if it has any, and its vegetation."""
     buildings: list[Footprint] = []
     zones: list[Zone] = []
     for area in areas:

@@ -42,7 +42,7 @@ class Roadside:
         self._tree = shapely.STRtree(self._areas)
 
     def foot_m(self, position_m: Float64Array) -> Float64Array:
-        """(3,) foot of a post for something at a (3,) position, whose height is that of the ground there.
+        """(3,) foot of a post for something at a (3,) position, at the height of the ground there.
 
         It is below that, or beside the road if that is on the road.
         """

@@ -1,4 +1,4 @@
-"""Tells where on Earth traffic keeps to the left."""
+"""Finds out on which side of the road traffic drives at a place on Earth."""
 
 from functools import cache
 

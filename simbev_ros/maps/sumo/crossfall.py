@@ -1,4 +1,4 @@
-"""Adds crossfall to the roads of a SUMO net, whose lanes are level across, so that rain would drain to the curb.
+"""Adds crossfall to the roads of a SUMO net, where lanes are level across, so that rain would drain to the curb.
 
 The carriageway falls from its inner border: the crown between both directions, or the left side of a one-way road (the
 right side for left-hand traffic). Medians are level at its top, sidewalks at its outer edge. Junctions stay level:

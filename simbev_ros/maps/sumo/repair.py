@@ -174,7 +174,7 @@ class NetFile:
             self.findings.repaired(rule, lane, lane.get("id", ""), self._middle_m(lane))
 
     def _open_to_cars(self) -> None:
-        """If no lane is for cars, open those for special vehicles, as of race tracks, to them."""
+        """If no lane is for cars, open lanes for special vehicles (race tracks, for example) to them."""
         if any(for_cars(lane) for lane in self.lanes()):
             return
         special = [lane for lane in self.lanes() if _SPECIAL_CLASSES & set(lane.get("allow", "").split())]

@@ -10,7 +10,7 @@ _GREEN = frozenset("Gg")
 
 
 def join_partial_programs(root: Element, findings: Findings) -> None:
-    """Join the programs of a traffic light between which someone switches by hand, as in SUMO's games.
+    """Join the programs of a traffic light that are switched by hand, as in SUMO's games.
 
     Of several programs, the last one would run. If it never shows green to movements that others serve, they run one
     after the other, in the order of the file.

@@ -33,7 +33,7 @@ class RayTaskPool:
     """Spreads work over all CPUs of a cluster; nodes that join later take part.
 
     Args:
-        cluster: The cluster, whose nodes have been checked.
+        cluster: The cluster; its nodes have been checked.
         memory_mib: Memory that one item takes.
 
     Raises:

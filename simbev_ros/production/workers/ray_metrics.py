@@ -37,7 +37,7 @@ class RayMetrics(ProductionObserver):
         self._planned = gauge("scenes_planned", "Scenes to make in this run")
         self._made = gauge("scenes_made", "Scenes that were made in this run")
         self._failed = gauge("scenes_failed", "Scenes that could not be made")
-        self._retried = gauge("scenes_retried", "Attempts that failed or whose worker was lost")
+        self._retried = gauge("scenes_retried", "Attempts that failed or lost their worker")
         self._running = gauge("scenes_running", "Scenes that are being played")
         self._frames = gauge("frames", "Frames that were simulated in this run")
         self._rate = gauge("frames_per_second", "Frames per second since the start of this run")

@@ -73,7 +73,7 @@ class RosArguments:
 
     @property
     def for_nodes(self) -> list[str]:
-        """Arguments of ``rclpy.init`` in a process of the graph, whose nodes know their namespace."""
+        """Arguments of ``rclpy.init`` in a process of the graph; its nodes know their namespace."""
         return [_BEGIN, *self.words]
 
     def command(self, *first: str) -> list[str]:

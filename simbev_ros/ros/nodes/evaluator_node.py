@@ -202,7 +202,7 @@ class EvaluatorNode(GraphNode):
         return tick if self._spec is not None and 0 <= tick < self._spec.ticks else None
 
     def _tick_of(self, stamp_ns: int) -> int | None:
-        """Tick of an answer, whose stamp must be exactly that of a tick; None for the lead-in and earlier scenes."""
+        """Tick with exactly the stamp of an answer; None for the lead-in and earlier scenes."""
         return None if self._spec is None else answered_tick(stamp_ns, self._spec, self._numbers)
 
     def _on_answer(self, topic: str, tick: int, answer: Answer, at_s: float) -> None:

@@ -56,7 +56,7 @@ class _Group(NamedTuple):
 
 
 class _Scanning(NamedTuple):
-    """A lidar whose turn threads scan, and the frame of its clouds."""
+    """A lidar that threads scan with, and the frame of its clouds."""
 
     mounted: _Mounted
     frame: str
@@ -128,7 +128,7 @@ class LidarNode(Participant):
         wait(block for scanning in self._scanning for block in scanning.scan.blocks)
 
     def _scan(self, rays: RayScene, group: _Group, due: Sequence[_Mounted], state: WorldState) -> None:
-        """Start to scan with some lidars of a group, whose agent is the state's ego."""
+        """Start to scan with some lidars of a group; its agent is the state's ego."""
         state = with_local_weather(state, self._scenes.tunnels)
         earlier = [each for each in self._states if each.tick >= state.tick - group.settings.turn_ticks]
         hidden_ids = frozenset() if group.settings.hits_own_vehicle else state.ego_ids

@@ -82,7 +82,7 @@ class LoadMeter:
                 part[1] += cpu_s - inner_cpu_s
 
     def pool(self, name: Part) -> ThreadPoolExecutor:
-        """Threads, as many as cores can be used, whose work is timed as a part of the node's work."""
+        """Threads, one for each usable core; their work is timed as a part of the node's work."""
         return _TimedPool(self, name)
 
     def discard_parts(self) -> None:

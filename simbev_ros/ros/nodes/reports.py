@@ -1,7 +1,7 @@
 """Reports on /sync/ready: which node has finished which tick.
 
 A report is a std_msgs/Header with the stamp of the tick and ``name:scene`` as frame id. Nodes of the graph add their
-signature, ``name:scene:signature``. Outside participants, whose names are configured, do not have to, and may leave out
+signature, ``name:scene:signature``. Outside participants, which have configured names, need not, and may leave out
 the scene, too.
 """
 

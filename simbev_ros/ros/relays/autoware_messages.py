@@ -6,7 +6,7 @@ from nav_msgs.msg import Odometry
 _UNKNOWN = 10_000.0
 """Variance with which Autoware marks a velocity that is not measured."""
 _FORWARD_VARIANCE_M2PS2, _YAW_VARIANCE_RAD2PS2 = 0.2**2, 0.1**2
-"""Defaults of Autoware's vehicle_velocity_converter, for an odometry without noise, whose variances are 0."""
+"""Defaults of Autoware's vehicle_velocity_converter, for an odometry without noise, with variances of 0."""
 _AXES = 6
 
 

@@ -92,7 +92,7 @@ def draw_agents(
 
 
 def drawn_names(agent: Agent, seed: int) -> tuple[str, ...]:
-    """Names of the agents of an entry in the scene with this seed, whose number is drawn if the entry has a count."""
+    """Names of the agents of an entry in the scene with this seed; if the entry has a count, their number is random."""
     return agent.names(
         1 if agent.count is None else round(sample(agent.count, stream(seed, f"agents.{agent.name}.count")))
     )

@@ -48,7 +48,7 @@ class StationDrawer:
             mast: The configuration.
             name: The agent's name.
             where: Words for the fields of the mast.
-            siblings: Stations of the same entry, whose poses are not drawn again.
+            siblings: Stations of the same entry; their poses are not drawn again.
 
         Raises:
             InputError: A pose is outside the map or on a driving lane, or there is no free place.
@@ -99,7 +99,7 @@ class StationDrawer:
                 foot_m = feet_m[int(stream(self.seed, f"{purpose}.foot").integers(len(feet_m)))]
                 return _station(foot_m, float(np.arctan2(*(centers_m[index] - foot_m)[1::-1])))
         kind = {None: "a", True: "a signalised", False: "an unsignalised"}[place.signalised]
-        raise InputError(f"{where()}: no free place beside {kind} junction {area} in map {self.network.name}")
+        raise InputError(f"{where()}: no free position next to {kind} junction {area} in map {self.network.name}")
 
     def _draw_above_road(self, place: RoadPlace, purpose: str, where: Where) -> StationSpec:
         """Draw a point of a driving lane under the sky."""

@@ -17,7 +17,7 @@ from simbev_ros.maps.roads.tunnels import Tunnels
 from simbev_ros.scene.cached_method import cached_method
 
 _MIN_ROADS = 3  # where fewer meet without traffic lights, a road only continues or ends
-_BESIDE_M = 2.5  # distance from a junction, as of its poles of traffic lights
+_BESIDE_M = 2.5  # distance from a junction, equal to that of its traffic-light poles
 _SPACING_M = 1.0
 _OFF_ROAD_M = 0.3
 _SAME_LEVEL_M = 2.5  # a road whose surface is closer in height is on the level of a foot

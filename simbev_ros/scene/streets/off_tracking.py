@@ -1,4 +1,4 @@
-"""Off-tracking: find turns that are too tight for long vehicles, whose rear wheels cut in and whose fronts swing out.
+"""Off-tracking: find turns that are too tight for long vehicles: their rear wheels cut in, and their fronts swing out.
 
 Each body is drawn along every path through a junction, as in the world simulation: a point near the front axle stays on
 the lanes' center lines, and the rear axle follows it (a tractrix). If the body reaches deep into lanes or sidewalks

@@ -100,5 +100,5 @@ def _recorded(bag: SceneBag, names: Sequence[str]) -> Iterator[str]:
 def _record(text: str) -> dict[str, Any]:
     record = parse_json(text)
     if not isinstance(record, dict):
-        raise ValueError("its text is no JSON object")
+        raise ValueError("its text is not a JSON object")
     return record

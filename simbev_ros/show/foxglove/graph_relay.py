@@ -1,6 +1,6 @@
 """Relays the topics of a running graph to the clients of a Foxglove WebSocket server.
 
-The relay subscribes like anybody, to what clients have subscribed to, and forwards the bytes as they come. It never
+The relay subscribes to what clients have subscribed to, and forwards the bytes as they come. It never
 holds the graph up: no publisher waits for a reader that is not reliable, and the only reliable subscriptions are those
 to latched topics, which are sent once per scene.
 """
@@ -164,14 +164,14 @@ class GraphRelay:
         return self._now_ns
 
     def _on_scene(self, payload: bytes) -> None:
-        with suppress(*MALFORMED):  # anybody can send messages
+        with suppress(*MALFORMED):  # any process can send messages
             self._transforms.start_scene(payload)
 
     def _on_clock(self, payload: bytes) -> None:
         stamp_ns = serialized_stamp_ns(payload, "rosgraph_msgs/msg/Clock") or 0
         if self.server is not None:
             if stamp_ns < self._now_ns:
-                self.server.clear_session()  # another scene, whose time starts again
+                self.server.clear_session()  # another scene: time starts again
             if (now_s := time.monotonic()) - self._told_s >= TIME_PERIOD_S:
                 self.server.broadcast_time(stamp_ns)
                 self._told_s = now_s

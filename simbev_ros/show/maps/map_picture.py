@@ -1,4 +1,4 @@
-"""Draws a map from above: a plan of the whole map beside an orthophoto of a part of it.
+"""Draws a map from above: a plan of the whole map next to an orthophoto of a part of it.
 
 A road network and its static scene enter; one RGB picture leaves.
 """

@@ -1,4 +1,4 @@
-"""Draws marks on a sheet as SVG text for HTML pages, whose style sheet formats text and lines.
+"""Draws marks on a sheet as SVG text for HTML pages, which format text and lines by their style sheet.
 
 The lowest layer of reports' charts and pictures: text, lines, shapes, and embedded pictures, with colors and ticks.
 """

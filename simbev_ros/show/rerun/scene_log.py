@@ -39,7 +39,7 @@ class SceneLog:
     """
 
     def __init__(self, view: AgentView, run: str = "") -> None:
-        rr.set_strict_mode(True)  # else it logs errors and goes on
+        rr.set_strict_mode(True)  # else it only logs errors
         spec = view.scene
         self._start_ns = spec.start_ns
         agent = "" if view.is_ego else f"-{view.agent}"

@@ -71,7 +71,7 @@ def _rig(view: AgentView) -> dict[str, str]:
 
 
 def _facts(sensor: object) -> Iterator[str]:
-    """What kind of sensor it is, its size and its rate."""
+    """Kind, size and rate of a sensor."""
     yield str(getattr(sensor, "type", ""))
     if (width_px := getattr(sensor, "width_px", None)) is not None:
         yield f"{width_px} x {getattr(sensor, 'height_px', 0)} px"

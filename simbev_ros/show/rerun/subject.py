@@ -1,4 +1,4 @@
-"""What drawings know: the scene, and its samples at one tick."""
+"""Subject of drawings: the scene, and its samples at one tick."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -36,7 +36,7 @@ class Samples(Protocol):
 
 @dataclass(frozen=True)
 class Detail:
-    """How much of a scene is shown.
+    """Limits on what is shown of a scene.
 
     Attributes:
         max_points: Maximum number of points of a cloud; half of it in its other colors.
@@ -71,7 +71,7 @@ class Subject:
         return calibrations(self.view.rig)
 
     def image_step(self, camera: str) -> int:
-        """Of a camera's pixels, one in this many is shown in each direction."""
+        """In each direction, every Nth pixel of a camera is shown."""
         width_px = self.calibration[camera].size_px[0]
         return 1 if self.detail.max_width_px is None else -(-width_px // self.detail.max_width_px)
 

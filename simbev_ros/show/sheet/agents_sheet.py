@@ -204,7 +204,7 @@ class _Plan:
 
 
 def _main_camera(scene: Scene) -> Camera | None:
-    """The camera of an agent that is shown, of whose color images the scene has some."""
+    """The camera of an agent that is shown: one with color images in the scene."""
     cameras = [camera for camera in scene.view.rig.of_type(Camera) if f"{camera.name}/rgb" in scene.keys]
     return min(cameras, key=lambda camera: main_camera_rank(camera.name), default=None)
 
@@ -225,7 +225,7 @@ def _clouds_m(frame: Frame) -> Iterator[Float64Array]:
 
 
 def _arranged(cameras: Mapping[str, Camera]) -> Block:
-    """The plan, and beside it the pictures of the agents in columns."""
+    """The plan, with the pictures of the agents in columns next to it."""
     plan = Tile(_PLAN, 1.0)
     tiles = [Tile(name, camera.width_px / camera.height_px) for name, camera in cameras.items()]
     columns = -(-len(tiles) // _ROWS)

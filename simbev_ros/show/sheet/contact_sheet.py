@@ -110,7 +110,7 @@ class ContactSheet:
 def _arrange(views: Views, aspects: Mapping[str, float]) -> Block:
     """The sheet's layout: cameras in panorama rows; below them the modalities and the views with labels.
 
-    Without a picture with labels, all modalities form a block of two rows beside the views from above.
+    Without a picture with labels, all modalities form a block of two rows next to the views from above.
     """
 
     def row(topics: Sequence[str]) -> Row:

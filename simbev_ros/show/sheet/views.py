@@ -35,7 +35,7 @@ _POINTS, _BEV, _BOXES, _ODOMETRY = "[^/]+/semantic_points", "bev/labels", "boxes
 
 @dataclass(frozen=True, slots=True)
 class LabeledCamera:
-    """A camera over whose picture labels are drawn.
+    """A camera with labels drawn over its picture.
 
     Attributes:
         camera: The camera of the scene's rig.
@@ -66,7 +66,7 @@ class Views:
         bev: Topic of the bird's-eye-view labels, or None.
         truth: Topics of the ground truth that is drawn over the other pictures.
         labels: Where the ground truth is drawn.
-        labeled: Cameras over whose pictures ground truth is drawn, by name.
+        labeled: Cameras with ground truth drawn over their pictures, by name.
     """
 
     view: AgentView | None

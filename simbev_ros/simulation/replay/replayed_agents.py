@@ -62,7 +62,7 @@ def _vehicle_index(spec: SceneSpec, agent: Agent, name: str, where: Where) -> in
     if agent.carrier is not None:
         if not EGO_ID < agent.carrier <= last:
             raise InputError(
-                f"{where('carrier')}: scene {spec.name} has no vehicle {agent.carrier} beside the first agent's; "
+                f"{where('carrier')}: scene {spec.name} has no vehicle {agent.carrier} besides the first agent's; "
                 f"allowed: {EGO_ID + 1} to {last}"
             )
         return agent.carrier - EGO_ID
@@ -70,7 +70,7 @@ def _vehicle_index(spec: SceneSpec, agent: Agent, name: str, where: Where) -> in
     if name not in recorded:
         raise InputError(
             f"{where('carrier')}: is missing; recorded scene {spec.name} has no vehicle with an agent {name!r} "
-            f"(it has {', '.join(recorded) or 'none beside the first one'}), so name the one that is to carry it: "
+            f"(it has {', '.join(recorded) or 'only the first one'}), so name the one that is to carry it: "
             f"{EGO_ID + 1} to {last}"
         )
     return recorded[name]

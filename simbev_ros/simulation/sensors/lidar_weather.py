@@ -12,7 +12,7 @@ in two ways:
   ln 20 over the extinction. The echo of a volume with very many droplets is speckle: its strength is exponentially
   distributed.
 * Rain has single drops in the narrow beam near the sensor (Kilic et al., "Lidar light scattering augmentation (LISA)",
-  2021), whose sizes follow Marshall and Palmer (1948). The strength of a drop's echo is its share of the beam's area
+  2021), in sizes by Marshall and Palmer (1948). The strength of a drop's echo is its share of the beam's area
   times Fresnel's reflectance of water.
 """
 
@@ -31,7 +31,7 @@ _MIN_RANGE_M = 1.0
 """Range from which the receiver sees the whole beam; nearer echoes are not detected (Hahner et al. 2021)."""
 
 _PULSE_M = 0.75
-"""Half the distance that light travels during a pulse of 5 ns: depth whose echoes arrive at the same time."""
+"""Half the distance that light travels during a pulse of 5 ns: depth from which echoes arrive at the same time."""
 
 _FOG_BACKSCATTER = 0.046 / np.log(20.0)
 _DROP_REFLECTANCE = ((1.33 - 1.0) / (1.33 + 1.0)) ** 2

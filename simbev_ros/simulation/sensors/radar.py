@@ -1,7 +1,7 @@
 """Radar model: casts random rays into the scene and returns one cloud of detections per radar. No ROS.
 
 Every scan casts new random rays into the field of view, and each ray that hits something within range gives one
-detection, as in CARLA (whose rays end on a plane at that range, so that off-axis rays reach further). A detection
+detection, as in CARLA (where rays end on a plane at that range, so that off-axis rays reach further). A detection
 describes a surface point by its range and angles, its relative velocity along the ray, and the returned power.
 ``radar_errors`` then adds the errors of a real radar.
 """

@@ -111,7 +111,7 @@ def _interpolate_attitude(
     )
     slope = first + fraction * (last_slope - first) + 6.0 * fraction * (1.0 - fraction) * bulge
     rates = slope - np.cross(angle, slope) / 2.0 + np.cross(angle, np.cross(angle, slope)) / 6.0
-    # Corrects the trapezoidal rule, whose error for a quadratic is 1/12 of its second derivative times step².
+    # Corrects the trapezoidal rule: its error for a quadratic is 1/12 of its second derivative times step².
     rates += fraction[0] ** 2 * (mean - (first + last) / 2.0)
     return start @ Rotation.from_rotvec(angle).as_matrix(), rates
 

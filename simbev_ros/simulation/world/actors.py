@@ -129,7 +129,7 @@ class Actors:
         return Event("collision", (a, b), (x_m, y_m, z_m), impact.relative_speed_mps)
 
     def _hold_crashed(self) -> None:
-        """Tell SUMO where newly crashed actors will come to rest, so that others queue or drive around them."""
+        """Mark in SUMO where newly crashed actors will come to rest, so that others queue or drive around them."""
         collisions = self._motion.collisions
         self._leading.rest_crashed(collisions)
         for body in sorted({body for impact in collisions.impacts for body in impact.bodies}):

@@ -92,7 +92,7 @@ def test_of_processes_that_begin_at_the_same_time_one_gets_the_lock(
 
 def test_a_renewal_whose_answer_was_lost_is_not_taken_for_another_process(store: StoreServer) -> None:
     with ObjectLock(FOLDER) as lock:
-        put_bytes(LOCK.read_bytes() + b"\n", LOCK)  # as the store has it after a request that it has answered in vain
+        put_bytes(LOCK.read_bytes() + b"\n", LOCK)  # as after a request with an answer that got lost
         lock.require()
         lock.require()
 

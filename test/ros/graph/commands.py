@@ -47,7 +47,7 @@ main()
 
 
 class Command:
-    """A ``simbev`` command that runs in a session of its own, on a machine with two cores or as many as it is told."""
+    """A ``simbev`` command that runs in a session of its own, on a machine with a given number of cores."""
 
     def __init__(self, *arguments: object, cores: int = 2) -> None:
         self.environment = {**os.environ, "COLUMNS": "200", "ROS_DOMAIN_ID": str(DOMAIN)}

@@ -25,7 +25,7 @@ CHANNELS = 14
 class EchoStack(Node):
     """Republishes boxes and labels as predictions; reports ticks as ``echo`` with ``--reports``.
 
-    With ``--agent`` it is the stack of that agent beside the first one, called ``<agent>_echo``.
+    With ``--agent`` it is the stack of that agent, called ``<agent>_echo``.
     """
 
     def __init__(self, options: argparse.Namespace) -> None:

@@ -80,8 +80,8 @@ def test_the_reference_stack_gets_its_topics_relative_to_the_namespace_and_what_
     command = command_of(scenario_with_evaluation({"stack": "reference", "grids_topic": "/grids"}))
     own = ("-p", "lidar_topic:=/ego/lidar/points", "--remap", "prediction/bev:=grids")
     assert command[1:] == ("-m", "simbev_ros.reference_stack", "--ros-args", *own)
-    told = RosArguments("/sim1", ("-r", "/a:=/b"))
-    command = command_of(scenario_with_evaluation({"stack": "reference", "grids_topic": "/grids"}), told)
+    arguments = RosArguments("/sim1", ("-r", "/a:=/b"))
+    command = command_of(scenario_with_evaluation({"stack": "reference", "grids_topic": "/grids"}), arguments)
     assert command[3:] == ("--ros-args", *own, "-r", "/a:=/b", "-r", "__ns:=/sim1")
     assert scenario_with_evaluation({"stack": "reference"}).participants == ("reference_stack",)
 

@@ -109,7 +109,7 @@ def test_clients_get_the_bytes_that_are_recorded_and_displays_those_that_follow_
 
 def is_lead_in(data: bytes, type_name: str, start_ns: int) -> bool:
     """Whether a message is from the ticks before the recorded ones."""
-    with suppress(ValueError):  # a String that is no JSON has no stamp
+    with suppress(ValueError):  # a String without JSON has no stamp
         stamp_ns = serialized_stamp_ns(data, type_name)
         return stamp_ns is not None and stamp_ns < start_ns
     return False

@@ -85,7 +85,7 @@ def test_a_graph_goes_on_when_its_viewer_is_killed(
     viewer.kill()
     code, output = run.finish()
     assert code == 0, output
-    assert "the viewer has ended, killed by SIGKILL; the graph goes on" in output
+    assert "the viewer has ended, killed by SIGKILL; the graph continues" in output
     assert digests(tmp_path / "out" / SCENE) == undisturbed
     wait_until(lambda: not server.is_running())
 

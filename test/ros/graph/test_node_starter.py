@@ -1,4 +1,4 @@
-"""Forked node processes have an output, a session and an exit code of their own, and end with whoever started them."""
+"""Forked node processes have an output, a session and an exit code of their own, and end with their parent."""
 
 import os
 import signal
@@ -85,7 +85,7 @@ def test_all_nodes_end_when_the_server_is_killed_even_a_stopped_one(starter: Nod
     server.kill()
     assert process.wait(PATIENCE_S) == -signal.SIGKILL
     assert starter.failure() == "the process that starts nodes died: killed by SIGKILL"
-    wait_until(lambda: not psutil.pid_exists(seen.pid))  # until whoever adopted it has noticed
+    wait_until(lambda: not psutil.pid_exists(seen.pid))  # until its new parent has noticed
 
 
 def test_a_server_whose_imports_fail_says_why(tmp_path: Path) -> None:

@@ -78,7 +78,7 @@ def test_a_full_disk_ends_the_recording_with_one_message(
 
 
 @pytest.mark.slow
-def test_the_same_command_records_a_scene_anew_after_a_kill(
+def test_the_same_command_records_a_scene_again_after_a_kill(
     simbev: Simbev, small_config: Config, tmp_path: Path
 ) -> None:
     config, dataset = small_config(2, "recording: {chunk_kib: 64}", without=["camera"]), tmp_path / "out"
@@ -87,6 +87,6 @@ def test_the_same_command_records_a_scene_anew_after_a_kill(
     os.killpg(command.process.pid, signal.SIGKILL)
     command.process.wait()
     code, output = simbev("run", config, "--record", dataset).finish()
-    assert code == 0 and "a run that was ended has left a part of it; it is made anew" in output, output
+    assert code == 0 and "an interrupted run left a part of it; it is recorded again" in output, output
     assert [path.name for path in (dataset / "scenes/train").iterdir()] == ["Blocks-0000"]
     assert verify_bag(dataset / SCENE) == []

@@ -50,7 +50,7 @@ def stamp_ns(message: Any) -> int:
 
 
 def check_parameters(caller: Caller) -> None:
-    """Every parameter has a value and a description; time comes with the messages, not from anybody's /clock."""
+    """Every parameter has a value and a description; time comes with the messages, not from /clock."""
     for name in ("/world", "/ego/lidar", "/ego/gnss", "/ego/imu", "/ego/annotator"):
         names = caller.call(ListParameters, f"{name}/list_parameters", ListParameters.Request()).result.names
         assert {"live", "use_sim_time"} <= set(names)

@@ -146,7 +146,7 @@ def test_scenes_are_played_recorded_and_ended_on_request(
     ended = client.ask(running.get_result_async)
     assert ended.result.message + ended.result.reason == "Blocks-0000 was asked for instead"
     run.wait_for((dataset / "scenes" / "train" / "Blocks-0000").is_dir)
-    assert run.nodes() == pids, "the graph was started anew"
+    assert run.nodes() == pids, "the graph was restarted"
 
     run.process.send_signal(signal.SIGINT)
     code, output = run.finish()

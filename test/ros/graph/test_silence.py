@@ -77,7 +77,7 @@ def test_after_a_reset_the_ticks_are_counted_from_the_start(monitor: GraphMonito
     for name in (*OWN_NODES, "planner"):
         report(monitor, name, SPEC.stamp_ns(2))
     assert (monitor.world.finished_by_all(), monitor.behind_world.finished_by_all()) == (2, 2)
-    report(monitor, "gnss", SPEC.stamp_ns(SPEC.loaded_tick))  # only the world's reports tell
+    report(monitor, "gnss", SPEC.stamp_ns(SPEC.loaded_tick))  # only the world's reports count
     assert monitor.behind_world.finished_by_all() == 2
     for tick in (SPEC.loaded_tick, 1):
         for name in (*OWN_NODES, "planner"):

@@ -1,4 +1,4 @@
-"""Datasets of several graphs in an object store: the bytes are those of a folder, whoever is killed and refused."""
+"""Datasets of several graphs in an object store: the same bytes as in a folder, also after kills and refusals."""
 
 import os
 import signal

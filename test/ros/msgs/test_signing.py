@@ -1,4 +1,4 @@
-"""Signed messages are told from those that others have made, copied or changed."""
+"""Signatures reveal messages that others have made, copied or changed."""
 
 import hashlib
 import hmac

@@ -1,4 +1,4 @@
-"""Names of a graph become names in ROS below its namespace, and back; ROS's arguments are told from a command's."""
+"""Names of a graph become names in ROS below its namespace, and back; ROS's arguments are split off a command's."""
 
 import pytest
 

@@ -208,7 +208,7 @@ def test_a_point_is_projected_to_the_same_pixel_as_by_the_calibration(max_width_
 
 
 def projected_by_rerun(row: Row, points_parent: Float64Array) -> Float64Array:
-    """(N, 2) pixels of (N, 3) points in the frame above a camera, by what Rerun was told of the camera."""
+    """(N, 2) pixels of (N, 3) points in the frame above a camera, by the camera as logged to Rerun."""
     (translation,), (rotation,) = row.values["Transform3D:translation"], row.values["Transform3D:mat3x3"]
     (matrix,) = row.values["Pinhole:image_from_camera"]
     assert row.values["Pinhole:camera_xyz"] == [[3, 2, 5]], "right, down, forward"

@@ -1,4 +1,4 @@
-"""The viewer of a running graph shows the agent that it is told to, and ends if a scene does not have it."""
+"""The viewer of a running graph shows the chosen agent, and ends if a scene does not have it."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""CUDA's numbers of EGL's devices, which tell which of them Ray has given to a worker."""
+"""CUDA's numbers of EGL's devices, by which Ray assigns devices to a worker."""
 
 import ctypes
 from collections.abc import Callable
@@ -14,7 +14,7 @@ Query = Callable[[int, int, Any], bool]
 
 @pytest.fixture
 def describe(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, Query | None], EglDevice]:
-    """Function that describes a device with some extensions, whose number EGL tells with a given function."""
+    """Function that describes a device with some extensions; a given function returns EGL's number for it."""
 
     def describe(extensions: str, query: Query | None) -> EglDevice:
         functions = {"eglQueryDeviceStringEXT": lambda handle, name: extensions.encode()}

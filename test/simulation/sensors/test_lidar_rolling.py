@@ -115,7 +115,7 @@ def assert_on_moving_mesh(
 
 
 def seen_from_a_mast(states: Sequence[WorldState], yaw_rad: float) -> list[WorldState]:
-    """The states as a roadside unit sees them, whose mast stands between the lanes; it is no actor."""
+    """The states as a roadside unit sees them; its mast, which is not an actor, stands between the lanes."""
     row = np.zeros((), ACTOR_DTYPE)
     row["id"], row["z"], row["yaw"] = STATION_IDS, 0.2, yaw_rad
     row["x"], row["y"] = POSITION_M + np.array([2.0, 9.0])

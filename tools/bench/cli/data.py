@@ -16,7 +16,7 @@ _MAX_SIDES = 30
 
 
 def reading(
-    path: Annotated[Path, typer.Argument(help="A bag, or a dataset, whose first scene is read.")],
+    path: Annotated[Path, typer.Argument(help="A bag, or a dataset; its first scene is read.")],
     frames: Annotated[
         int, typer.Option(help="Number of frames to read in each order, of which medians are taken.", min=1, max=10_000)
     ] = 20,

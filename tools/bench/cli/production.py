@@ -14,7 +14,7 @@ from tools.bench.cli.number_list import numbers_in
 
 
 def production(
-    dataset: Annotated[Path, typer.Argument(help="A dataset, whose first scene is copied.", metavar="DATASET")],
+    dataset: Annotated[Path, typer.Argument(help="A dataset; its first scene is copied.", metavar="DATASET")],
     scenes: Annotated[str, typer.Option(help="Numbers of scenes to make, separated by commas.")] = "320,10000",
     ray: Annotated[
         str | None,

@@ -21,7 +21,7 @@ def view(
     ] = 3,
     as_json: Json = False,
 ) -> None:
-    """Time a recorded lockstep graph without a viewer, beside one, and beside one that is stopped, or whose server is.
+    """Time a recorded lockstep graph without a viewer, with one, and with a stopped viewer or server.
 
     All cases play the same scene on the same graph, in turns. Ratios are to the graph without a viewer; all figures
     are medians over the rounds. A viewer that runs needs processor time of its own, for which it competes with the

@@ -39,7 +39,7 @@ _KIB_PER_MIB, _BLOCK_BYTES = 1024.0, 4096
 
 @dataclass(frozen=True, slots=True)
 class DriverRun:
-    """What the driver took for a dataset.
+    """Time and memory that the driver took for a dataset.
 
     Attributes:
         scenes: Number of scenes.
@@ -78,7 +78,7 @@ class ProductionTiming:
 
     def title(self) -> str:
         """Title of the table."""
-        return f"the driver of a production whose scenes, of {self.scene_bytes:,} bytes, are copied by {self.pool}"
+        return f"the driver of a production with scenes of {self.scene_bytes:,} bytes, which are copied by {self.pool}"
 
     def rows(self) -> list[tuple[str, ...]]:
         """Rows of a table, one for each number of scenes."""
@@ -126,7 +126,7 @@ def timed_production(
         counts: Numbers of scenes.
         folder: Folder in which datasets are made, and removed again; the nodes of a cluster see it.
         workers: Number of workers without Ray.
-        ray: Address of a Ray cluster, whose nodes copy; None: the driver's process does.
+        ray: Address of a Ray cluster with nodes that copy; None: the driver's process copies.
         advance: Called after each dataset.
 
     Raises:
@@ -173,7 +173,7 @@ class _SecondHalf(ProductionObserver):
 
     Args:
         scenes: Number of scenes, at least 2.
-        pool: The workers, whose copies in this process do not count.
+        pool: The workers; their copies in this process do not count.
     """
 
     def __init__(self, scenes: int, pool: WorkerPool) -> None:
@@ -201,7 +201,7 @@ def _measure(recorded: RecordedScene, count: int, out: Path, workers: int, ray: 
 
 
 def _in_new_process(count: int, work: Callable[..., R], *arguments: object) -> R:
-    """Do a part of the work in a new process, whose memory is its own."""
+    """Do a part of the work in a new process, with memory of its own."""
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as process:
         try:
             return process.submit(work, *arguments).result()

@@ -39,7 +39,7 @@ class Sample:
     boxes: Table
 
     def points(self) -> Float32Array:
-        """(N, 4) points as of ``points_of_frame``."""
+        """(N, 4) points as from ``points_of_frame``."""
         in_m = np.float32(CM_PER_M)
         sweeps = [None if each is None else each.astype(np.float32) / in_m for each in self.sweeps_cm]
         return points_of_frame(sweeps, self.sweep_poses)

@@ -76,7 +76,7 @@ def _is_written(cache: Path, scene: Scene) -> bool:
 
 
 def write_scene(scene: Scene, cache: Path, lidar: str) -> None:
-    """Write one scene; the folder gets its name when it is complete. Arguments and errors as of ``write_cache``."""
+    """Write one scene; the folder gets its name when it is complete. Arguments and errors as for ``write_cache``."""
     folder = scene_folder(cache, scene)
     making = folder.with_name(f".{folder.name}")
     shutil.rmtree(making, ignore_errors=True)

@@ -26,10 +26,10 @@ def filled_cache(
 
     Args:
         dataset: The dataset.
-        cache: Folder of the cache; None: beside the dataset.
+        cache: Folder of the cache; None: next to the dataset.
         pool: Processes that write it.
         console: Where to show the progress.
-        agent: Agent whose data models see; None: the first one of each scene.
+        agent: Agent with the data that models see; None: the first one of each scene.
 
     Raises:
         InputError: No scene has the agent, or the dataset cannot be read, or does not suit the baselines.

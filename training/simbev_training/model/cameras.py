@@ -5,7 +5,7 @@ as in BEVDepth (https://arxiv.org/abs/2206.10092), exact depth supervises that. 
 splatting: each voxel looks up the cell that it projects to and takes its features, weighted by the probability of the
 voxel's own depth. This leaves no holes at a distance, needs no sorting, and takes any pose of the cameras as an input.
 
-Beside a lidar, which knows where things are, features of some heights go in without that weight as well, as in
+With a lidar, which measures positions, features of some heights also enter without that weight, as in
 Simple-BEV (https://arxiv.org/abs/2206.07959): far away, depth from images is too vague to say what a lidar's object is.
 """
 
@@ -23,7 +23,7 @@ NEAR_M, FAR_M = 1.0, 97.0
 HEIGHTS_M = (-3.0, -1.2, 0.0, 0.8, 1.8, 3.2)
 """Heights of the voxels of a cell above the ego's origin on the ground."""
 _UNWEIGHTED = range(3, 5)
-"""Of those heights, the ones whose features go in without the weight of depth as well."""
+"""The heights among these at which features also enter without the weight of depth."""
 _WIDTHS = (32, 56, 112, 208)
 _LIFTED = 32
 _MEAN, _SCALE = 110.0, 60.0

@@ -46,7 +46,7 @@ class Heads(nn.Module):
             nn.init.constant_(layer.bias, _RARE)
 
     def forward(self, features: Tensor, fine: Tensor | None) -> tuple[Tensor, Tensor, Tensor]:
-        """Cells, heat and boxes as of ``Outputs``.
+        """Cells, heat and boxes as in ``Outputs``.
 
         Args:
             features: (B, C, FEATURE_CELLS, FEATURE_CELLS).
@@ -59,7 +59,7 @@ class Heads(nn.Module):
 
 
 class Outputs(NamedTuple):
-    """What a model says of a batch.
+    """Output of a model for a batch.
 
     Attributes:
         cells: (B, len(BEV_CLASSES), CELLS, CELLS) logits.

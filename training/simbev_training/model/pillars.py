@@ -58,7 +58,7 @@ class PillarEncoder(nn.Module):
 
 
 def pillar_statistics(points: Tensor, sample: Tensor, samples: int) -> Tensor:
-    """(B, CHANNELS, PILLARS, PILLARS) statistics of the points in each pillar; arguments as of ``PillarEncoder``."""
+    """(B, CHANNELS, PILLARS, PILLARS) statistics of the points in each pillar; arguments as for ``PillarEncoder``."""
     x, y, z, sweep = points.unbind(1)
     row = torch.floor((HALF_M - x) * (PILLARS / (2 * HALF_M))).long()
     column = torch.floor((HALF_M - y) * (PILLARS / (2 * HALF_M))).long()

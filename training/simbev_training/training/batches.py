@@ -32,7 +32,7 @@ class Batch(NamedTuple):
         warped_from_sweep: (B, sweeps, 3, 4) float32 transforms from the sweeps' ego frames to the warped level frame.
         images: (B, K, H, W, 3) uint8 RGB.
         gain: (B, 2) float32 contrast and brightness (0 … 255) that are applied to images.
-        recorded_from_warped: (B, K, 3, 3) float32 maps from warped to recorded images, as of ``warped_images``.
+        recorded_from_warped: (B, K, 3, 3) float32 maps from warped to recorded images, as for ``warped_images``.
         pixel_from_level: (B, K, 3, 4) float32 projections to the warped images.
         depth_m: (B, K, H / 8, W / 8) float32, as recorded; 0: unknown.
         cells: (B, CELLS, CELLS) int32 grid as recorded, before the warp.

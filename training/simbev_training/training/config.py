@@ -25,7 +25,7 @@ class Augmentation(Model):
     scale: float = Field(0.1, ge=0, lt=0.5, description="maximum change of scale: 0.1 is a factor of 0.9 to 1.1")
     thinning: float = Field(0.5, ge=0, lt=1, description="maximum share of the lidar's points that is left out")
     every_second_ring: float = Field(
-        0.25, ge=0, le=1, description="share of samples that see every second ring of the lidar, as of a coarser one"
+        0.25, ge=0, le=1, description="share of samples that see every second ring of the lidar, like a coarser one"
     )
     pasting: float = Field(
         0.5, ge=0, le=1, description="share of samples that get trucks, buses and two-wheelers of others"
@@ -36,7 +36,7 @@ class Augmentation(Model):
 
 
 class Training(Model):
-    """How a baseline is trained."""
+    """Configuration of a baseline's training."""
 
     modality: Modality = Field(description="what the model sees: camera, lidar or fused")
     seed: int = Field(0, ge=0, description="seed of weights, order and augmentation")
@@ -114,5 +114,5 @@ def load_training(path_or_name: str | Path) -> Training:
 
 
 def _model_file(name: str, folder: Path) -> str:
-    """A model of the package by its name; any other by its absolute path, so that a run can go on from any folder."""
+    """A model of the package by its name; any other by its absolute path, so that a run can resume in any folder."""
     return name if name in list(Modality) else str((folder / expand_home(name)).absolute())

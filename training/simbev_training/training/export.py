@@ -78,7 +78,7 @@ def export_model(
         cameras: Number of images.
         size_px: Width and height of an image.
         others: Models whose answers are averaged with its own, on the CPU.
-        weights: As of ``shrink_weights``.
+        weights: As for ``shrink_weights``.
     """
     given, names, dynamic = [], [], {}
     if model.modality.has_lidar:
@@ -111,7 +111,7 @@ def export_model(
 
 
 def export_run(training: Training, run: Path, cache: Path) -> Path:
-    """Export the checkpoint in a run's folder as ``model.onnx`` beside it; return its path.
+    """Export the checkpoint in a run's folder as ``model.onnx`` next to it; return its path.
 
     Args:
         training: The run's configuration.

@@ -32,7 +32,7 @@ class Images(NamedTuple):
 
 
 def paste_images(images: Images, donor: Images, boxes: Table, steps_m: Float64Array) -> Images:
-    """Images with the objects of a donor; arguments as of ``pasting.Pasted``."""
+    """Images with the objects of a donor; arguments as for ``pasting.Pasted``."""
     rgb, depth_m = images.rgb.copy(), images.depth_m.copy()
     for index in np.argsort(-np.hypot(boxes["x"], boxes["y"])):
         box, step_m = boxes[index], steps_m[index]

@@ -34,7 +34,7 @@ _LOG_STEPS = 20
 
 @dataclass(frozen=True)
 class Progress:
-    """Where a run is: done and all steps, and the newest losses by name."""
+    """Progress of a run: done and all steps, and the newest losses by name."""
 
     step: int
     steps: int
@@ -98,7 +98,7 @@ def train(
 
 
 def starting_files(training: Training, out: Path) -> list[Path]:
-    """Models from which a run starts; none if it goes on from its checkpoint.
+    """Models from which a run starts; none if it resumes from its checkpoint.
 
     Raises:
         InputError: There is no such file.
@@ -203,7 +203,7 @@ def _on_device(batches: Iterable[Batch], device: torch.device) -> Iterator[Batch
 
 
 def _copied(copy: tuple[Batch, torch.cuda.Event], working: torch.cuda.Stream) -> Batch:
-    """Let a stream wait for a copy, whose memory it then uses."""
+    """Let a stream wait for a copy, and use the copy's memory from then on."""
     batch, done = copy
     working.wait_event(done)
     for each in batch:
@@ -230,7 +230,7 @@ def _schedule(share: float) -> float:
 
 
 class _Log:
-    """What TensorBoard reads: losses, epoch and speed."""
+    """Scalars for TensorBoard: losses, epoch and speed."""
 
     def __init__(self, writer: SummaryWriter, batch_size: int, step: int) -> None:
         self._writer, self._batch_size = writer, batch_size
@@ -283,5 +283,5 @@ def _load(path: Path) -> tuple[Training, dict[str, Any]]:
         state: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
         training = Training.model_validate(state["training"])
     except Exception as error:  # torch raises many kinds for a damaged file
-        raise InputError(f"{path}: is no checkpoint: {error}") from None
+        raise InputError(f"{path}: is not a checkpoint: {error}") from None
     return training, state

@@ -79,7 +79,7 @@ def read_model(file: Path) -> tuple[BevModel, dict[str, Any]]:
     """Read an exported model back, without the others of an ensemble, and what its metadata says of it.
 
     Raises:
-        InputError: The file cannot be read, or is no model that ``simbev train`` wrote.
+        InputError: The file cannot be read, or is not a model that ``simbev train`` wrote.
     """
     exported = _load(file)
     texts = [each.value for each in exported.metadata_props if each.key == ABOUT_KEY]

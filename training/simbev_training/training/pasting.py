@@ -1,6 +1,6 @@
 """Copies rare objects from another frame into a sample, with their points, cells and boxes, where there is room.
 
-Ground-truth sampling as of SECOND (https://doi.org/10.3390/s18103337): without it, the few trucks and buses of a
+Ground-truth sampling as in SECOND (https://doi.org/10.3390/s18103337): without it, the few trucks and buses of a
 dataset are learned by heart. An object keeps its place relative to the ego, so its points are as dense as they would
 be. What it would hide from the lidar is removed.
 """

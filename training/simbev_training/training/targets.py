@@ -1,4 +1,4 @@
-"""What a model should have said of a batch: grids of classes, heat maps, and values of boxes at their centers."""
+"""Training targets of a batch: grids of classes, heat maps, and values of boxes at their centers."""
 
 from typing import NamedTuple
 

@@ -1,6 +1,6 @@
 """Fits arcs and straight lines to center lines, as nuScenes' map expansion describes lanes (``arcline_path_3``).
 
-A polyline enters; a chain of arcs leaves whose positions and headings are continuous. Each span of the polyline becomes
+A polyline enters; a chain of arcs with continuous positions and headings leaves. Each span of the polyline becomes
 a biarc: two arcs with a common tangent, with the position and heading of the polyline at both ends (Bolton 1975). It is
 as long as the biarc stays within a tolerance of the points that it skips. nuScenes allows three arcs of one radius in
 each path; here every path is one arc or one straight line, and its other lengths are 0.
@@ -68,7 +68,7 @@ def _line(points_m: Float64Array) -> shapely.LineString:
 
 
 def _distinct(points_m: Float64Array) -> Float64Array:
-    """Points without those that are too close to the one before, whose direction means nothing; ends are kept."""
+    """Points without those that are too close to the one before for a direction; ends are kept."""
     kept = [0]
     for row in range(1, len(points_m) - 1):
         if min(math.dist(points_m[row], points_m[kept[-1]]), math.dist(points_m[row], points_m[-1])) > _MIN_POINT_GAP_M:

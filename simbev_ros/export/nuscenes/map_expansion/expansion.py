@@ -112,7 +112,7 @@ def _crossings(canvas: Canvas, layout: Layout, areas: RoadAreas) -> list[Record]
 
 
 def _parking_lanes(canvas: Canvas, layout: Layout) -> list[Record]:
-    """The layer ``carpark_area``: parking lanes, in whose direction cars stand."""
+    """The layer ``carpark_area``: parking lanes, with the direction in which cars stand."""
     records = []
     for strip in layout.strips_of(LaneKind.PARKING):
         x_m, y_m = (strip.center_m[-1] - strip.center_m[0])[:2].tolist()

@@ -35,7 +35,7 @@ def add_heights(plan: Plan, land: Land, water: Sequence[Water]) -> Plan:
     """Add heights to a plan; limits that are violated are noted.
 
     Returns:
-        The plan with (N, 3) lines, whose vertices are at most 5 m apart, and (K, 3) nodes.
+        The plan with (N, 3) lines, with vertices at most 5 m apart, and (K, 3) nodes.
     """
     plan = replace(plan, links=tuple(replace(link, line_m=densify(link.line_m)) for link in plan.links))
     vertices = vertices_of(plan.links)

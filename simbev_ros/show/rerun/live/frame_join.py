@@ -22,12 +22,12 @@ class FrameJoin:
 
     A tick is chosen when the first message of it arrives, unless the last choice was too recent. Its frame is complete
     when each topic has sent its message for the tick, or a later one; messages of a topic arrive in order. A topic that
-    is slower than the ticks contributes its latest sample, once. JSON texts, whose stamps are inside, belong to the
+    is slower than the ticks contributes its latest sample, once. JSON texts, with their stamps inside, belong to the
     next frame.
 
     Args:
         scene: The scene.
-        topics: Topics to wait for, and whose messages are kept.
+        topics: Topics to wait for, with messages that are kept.
         interval_s: Minimum wall time between two chosen ticks.
     """
 

@@ -93,7 +93,7 @@ class GraphDrawing:
         for drawing in drawings:
             try:
                 drawing.draw(frame)
-            except MALFORMED as error:  # anybody can send messages
+            except MALFORMED as error:  # any process can send messages
                 self._ignore(drawing, error)
         while not self._ended.is_set() and not log.is_flushed(_STEP_S):
             self._ended.wait(_STEP_S)

@@ -104,7 +104,7 @@ class _Projected:
 
     Attributes:
         edges: For the projections along w, u and v: (3, 4, T) by edge: weights of both coordinates of a voxel's center
-            and 1, whose sum is positive inside, and its variation within half a voxel.
+            and 1, with a sum that is positive inside, and its variation within half a voxel.
         plane: (4, T) weights of u, v and 1 that give w, and its variation within half a column.
     """
 

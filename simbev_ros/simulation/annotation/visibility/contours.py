@@ -118,7 +118,7 @@ def _primitives(
 def _pose_primitives(poses: Float64Array, primitives: Sequence[_Primitives]) -> _Corners:
     """Transform primitives to the optical frame with (12, R) poses.
 
-    Avoids matrix products, whose last bits can depend on the position in the array.
+    Avoids matrix products, because their last bits can depend on the position in the array.
     """
     slot, sign, pose, (x, y, z) = (np.concatenate(arrays, axis=-1) for arrays in zip(*primitives, strict=True))
     corners_m = np.empty((3, *x.shape))

@@ -59,7 +59,7 @@ class StaticGeometry:
         tiles: Sequence[Tile],
         programs: Mapping[str, moderngl.Program],
     ) -> None:
-        """Upload the tiles for use with ``programs``, whose instances have the position and the index of a tile."""
+        """Upload the tiles for use with ``programs``; their instances have the position and the index of a tile."""
         nonempty = [tile for tile in tiles if len(tile.mesh.triangles)]
         meshes = [Mesh.merge([tile.mesh, tile.coarse]) for tile in nonempty]
         self.store = TriangleStore(context, meshes, programs, _INSTANCE_DTYPE)
@@ -118,7 +118,7 @@ class StaticGeometry:
 
 
 def _pieces(tile: Tile, mesh: Mesh) -> _Pieces:
-    """Pieces of a tile, whose mesh and coarse stand-ins are concatenated in ``mesh``."""
+    """Pieces of a tile; its mesh and coarse stand-ins are concatenated in ``mesh``."""
     plain = len(tile.mesh.triangles) - tile.detail
     ends = np.array([plain, plain + tile.detail, len(mesh.triangles)])
     first_of_grade = [np.arange(first, end, _PIECE_TRIANGLES) for first, end in zip((0, *ends[:-1]), ends, strict=True)]

@@ -1,4 +1,4 @@
-"""Buffers in CPU memory that a GPU writes to, and fences that tell when it has: moderngl offers neither."""
+"""Buffers in CPU memory that a GPU writes to, and fences that show when it has finished; moderngl offers neither."""
 
 import ctypes
 from collections.abc import Callable

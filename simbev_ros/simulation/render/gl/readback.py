@@ -36,7 +36,7 @@ def create_read_back(context: moderngl.Context, on_gpu: bool) -> ReadBack:
 
 
 class _ImmediateReadBack:
-    """Read-back for the CPU renderer, whose images are already in CPU memory."""
+    """Read-back for the CPU renderer: its images are already in CPU memory."""
 
     def begin(self, image: Image) -> AnyArray:
         pixels = image.allocate()

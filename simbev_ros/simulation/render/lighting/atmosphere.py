@@ -28,7 +28,7 @@ _EYE_KM = 0.02
 _STEPS = 40
 _LUT_HEIGHTS, _LUT_COSINES = 48, 96
 _ENTRIES_AT_ONCE = 6
-"""Entries whose samples fit into a core's cache; all at once take up to three times as long."""
+"""Number of entries with samples that fit into a core's cache; all at once take up to three times as long."""
 _ELEVATIONS, _AZIMUTHS = 40, 33
 _NODES_DEG = np.array(
     [-20, -16, -13, -11, -9, -7.5, -6, -5, -4, -3, -2, -1, 0, 1, 2, 3, 4.5, 6, 8, 11, 15, 20, 27, 35, 45, 60, 75, 90.0]

@@ -50,7 +50,7 @@ class PursuingPoints:
 
 
 class SteadyPoints:
-    """Points that follow targets the way vehicles can: past a target's jump they go on, and catch up while driving."""
+    """Points that follow targets the way vehicles can: when a target jumps they drive on and catch up."""
 
     def __init__(self, target_m: Float64Array, max_change_m: float) -> None:
         """Start at the (G, 3) targets, at rest; a step may change by ``max_change_m`` from one tick to the next."""

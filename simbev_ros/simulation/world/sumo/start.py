@@ -28,7 +28,7 @@ _MAX_SEED = 2**31 - 1
 def start_sumo(
     files: Sequence[Path], tick_s: float, seed: int, speeds_mps: Mapping[str, float], closed_lanes: Iterable[str]
 ) -> None:
-    """Load a network and its traffic, and insert everything at time 0; arguments as of ``SumoTraffic``."""
+    """Load a network and its traffic, and insert everything at time 0; arguments as for ``SumoTraffic``."""
     own = {"step-length": f"{tick_s:.3f}", "seed": str(seed % _MAX_SEED)}
     options = {**_OPTIONS, **dict(zip(_FILES, map(str, files), strict=True)), **own}
     libsumo.start(["sumo", *(argument for name, value in options.items() for argument in (f"--{name}", value))])

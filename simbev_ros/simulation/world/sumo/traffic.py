@@ -62,7 +62,7 @@ class SumoTraffic:
     Attributes:
         vehicles: Indices in the specification of the vehicles that SUMO could insert, ascending.
         pedestrians: Indices of the pedestrians that SUMO could insert, ascending.
-        progress: Where the vehicles are on their routes, as of the latest sample.
+        progress: Where the vehicles are on their routes at the latest sample.
     """
 
     _running = False

@@ -1,4 +1,4 @@
-"""Routes of SUMO's vehicles: where they end, how they go on, and who waits in a lane that does not follow its route."""
+"""Routes of SUMO's vehicles: their ends, their continuation, and vehicles that wait in a lane outside their route."""
 
 from collections.abc import Sequence
 

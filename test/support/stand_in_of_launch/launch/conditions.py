@@ -13,5 +13,5 @@ class IfCondition:
     def evaluate(self, context: LaunchContext) -> bool:
         """Whether it is."""
         value = text(self._expression, context).lower()
-        assert value in ("true", "1", "false", "0"), f"{value!r} is no boolean"
+        assert value in ("true", "1", "false", "0"), f"{value!r} is not a boolean"
         return value in ("true", "1")

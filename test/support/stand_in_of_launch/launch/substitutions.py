@@ -16,5 +16,5 @@ class LaunchConfiguration:
 
 def text(value: "str | LaunchConfiguration", context: LaunchContext) -> str:
     """A string, or the value of a substitution."""
-    assert isinstance(value, (str, LaunchConfiguration)), f"{value!r} is no substitution"
+    assert isinstance(value, (str, LaunchConfiguration)), f"{value!r} is not a substitution"
     return value if isinstance(value, str) else value.perform(context)

@@ -17,6 +17,8 @@ COPY config config
 COPY launch launch
 COPY interfaces interfaces
 COPY simbev_ros/__init__.py simbev_ros/
+COPY exporters/pyproject.toml exporters/
+COPY exporters/simbev_exporters/__init__.py exporters/simbev_exporters/
 COPY simbev_ros/foundation/installation simbev_ros/foundation/installation
 
 # The set-up makes ROS messages that have no wheels, with a compiler that is not needed afterwards.
@@ -42,7 +44,7 @@ RUN mkdir -p /usr/share/glvnd/egl_vendor.d \
 # The number of the user that runs it: folders that are mounted for output must be writable by this user.
 ARG UID=1000
 COPY . .
-RUN .venv/bin/python -m compileall -q -j 0 simbev_ros \
+RUN .venv/bin/python -m compileall -q -j 0 simbev_ros exporters \
     && ln -s /opt/simbev/simbev /usr/local/bin/ \
     && useradd --uid "${UID}" --create-home simbev \
     && chmod 1777 /home/simbev

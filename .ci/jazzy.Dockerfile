@@ -20,6 +20,8 @@ COPY config config
 COPY launch launch
 COPY interfaces interfaces
 COPY simbev_ros/__init__.py simbev_ros/
+COPY exporters/pyproject.toml exporters/
+COPY exporters/simbev_exporters/__init__.py exporters/simbev_exporters/
 COPY simbev_ros/foundation/installation simbev_ros/foundation/installation
 RUN bash -c 'source /opt/ros/jazzy/setup.bash && { PIP_NO_CACHE_DIR=1 ./simbev setup || { cat .setup.log; exit 1; }; }' \
     && rm -rf .setup.log .setup.lock /var/lib/apt/lists/*

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / "simbev_ros"
-TRAINING = PACKAGE.parent / "training/simbev_training"
+TRAINING, EXPORTERS = (PACKAGE.parent / f"{name}/simbev_{name}" for name in ("training", "exporters"))
 FLOORS = [
     {"foundation", "__init__"},
     {"config"},
@@ -61,11 +61,15 @@ HOMES = {
     "foxglove": ("show/foxglove",),
     "typer": ("cli",),
     "torch": ("dataset/torch_dataset",),
-    **dict.fromkeys(("onnx", "simbev_training"), ()),
+    **dict.fromkeys(("onnx", "simbev_training", "simbev_exporters"), ()),
 }
 HOMES_IN_TRAINING = {
     **dict.fromkeys(ROS, ()),
     **dict.fromkeys(("torch", "onnx"), ("model", "training", "cli/train")),
+    **dict.fromkeys(("typer", "rich", "simbev_ros.cli"), ("cli",)),
+}
+HOMES_IN_EXPORTERS = {
+    **dict.fromkeys((*ROS, "torch", "onnx"), ()),
     **dict.fromkeys(("typer", "rich", "simbev_ros.cli"), ("cli",)),
 }
 
@@ -106,15 +110,15 @@ def test_imports_point_upward_and_foreign_libraries_stay_in_their_rooms(path: Pa
             assert place.startswith(HOMES[top]), f"imports {module}; its home is {HOMES[top]}"
 
 
-OF_TRAINING = sorted(TRAINING.rglob("*.py"))
-
-
-@pytest.mark.parametrize("path", OF_TRAINING, ids=[str(path.relative_to(TRAINING)) for path in OF_TRAINING])
-def test_libraries_stay_in_their_rooms_of_the_training(path: Path) -> None:
-    place = path.relative_to(TRAINING).as_posix()
-    for module in _imports(path):
-        for name in {module.split(".")[0], ".".join(module.split(".")[:2])} & HOMES_IN_TRAINING.keys():
-            assert place.startswith(HOMES_IN_TRAINING[name]), f"imports {module}"
+@pytest.mark.parametrize(("folder", "homes"), [(TRAINING, HOMES_IN_TRAINING), (EXPORTERS, HOMES_IN_EXPORTERS)])
+def test_libraries_stay_in_their_rooms_of_the_other_distributions(
+    folder: Path, homes: dict[str, tuple[str, ...]]
+) -> None:
+    for path in folder.rglob("*.py"):
+        place = path.relative_to(folder).as_posix()
+        for module in _imports(path):
+            for name in {module.split(".")[0], ".".join(module.split(".")[:2])} & homes.keys():
+                assert place.startswith(homes[name]), f"{place} imports {module}"
 
 
 def test_every_package_has_a_floor() -> None:

@@ -17,7 +17,7 @@ from typer.core import TyperGroup
 
 from simbev_ros import __version__
 from simbev_ros.cli.console import make_console
-from simbev_ros.cli.plugins import VERBS_GROUP, Command, click_command, find_plugins, load_plugin
+from simbev_ros.cli.plugins import VERBS_GROUP, Command, click_command, find_plugins, load_plugin, require_plugin
 from simbev_ros.foundation.errors import DISK_FULL, InputError, SimbevError
 from simbev_ros.foundation.installation.extras import extra_of, load_extras
 from simbev_ros.ros.conventions.arguments import split_ros_arguments
@@ -51,8 +51,6 @@ _NEED_SIMULATOR = ("demo", "run", "generate", "replay", "scene", "gallery", "map
 """Verbs that the base installation does not have; parts of others say so themselves."""
 _TAKE_ROS_ARGUMENTS = ("run", "replay", "view")
 """Verbs that pass on what follows --ros-args to nodes."""
-_OF_TRAINING = {"train": "'./training[torch]'", "predict": "./training"}
-"""Verbs of the distribution simbev_training, which lies in the repository of this one, and how pip installs each."""
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://")
 _TRACEBACK_VARIABLE = "SIMBEV_TRACEBACK"
 _MAX_LENGTH = 300
@@ -92,11 +90,7 @@ class _LazyVerbs(Mapping[str, Any]):
 
     def _load_plugin(self, name: str) -> Command:
         """Import the verb of another distribution; KeyError if there is none of this name."""
-        if name in _OF_TRAINING and name not in self._plugins:
-            raise InputError(
-                f"simbev {name} is a verb of simbev_training; install it in the repository: "
-                f"{sys.executable} -m pip install {_OF_TRAINING[name]}"
-            )
+        require_plugin(VERBS_GROUP, name, self._plugins)
         return load_plugin(self._plugins[name])
 
 

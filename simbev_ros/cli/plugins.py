@@ -1,6 +1,7 @@
 """Verbs and exporters that other distributions add by entry points. They are imported when they are called."""
 
-from collections.abc import Callable, Collection
+import sys
+from collections.abc import Callable, Collection, Mapping
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
@@ -10,6 +11,18 @@ from simbev_ros.foundation.errors import InputError
 
 VERBS_GROUP = "simbev.verbs"
 EXPORTERS_GROUP = "simbev.exporters"
+
+_SATELLITES = {
+    VERBS_GROUP: {
+        "train": ("simbev train", "simbev_training", "'./training[torch]'"),
+        "predict": ("simbev predict", "simbev_training", "./training"),
+    },
+    EXPORTERS_GROUP: {
+        "nuscenes": ("simbev export nuscenes", "simbev_exporters", "./exporters"),
+        "opv2v": ("simbev export opv2v", "simbev_exporters", "./exporters"),
+    },
+}
+"""Commands of the distributions in the repository of this one: their words, their distribution, what pip installs."""
 
 Command = Callable[..., None] | typer.Typer
 """A function whose parameters typer reads, or a group of such commands."""
@@ -32,6 +45,23 @@ def find_plugins(group: str, own: Collection[str]) -> dict[str, EntryPoint]:
             raise InputError(f"{group}: {each.name!r} of {_distribution(each)} is {other}'s already; uninstall one")
         found[each.name] = each
     return found
+
+
+def require_plugin(group: str, name: str, found: Mapping[str, EntryPoint]) -> None:
+    """Refuse a command that a distribution of this repository has, which is not installed.
+
+    Args:
+        group: ``VERBS_GROUP`` or ``EXPORTERS_GROUP``.
+        name: Name of the command.
+        found: The entry points of the group.
+
+    Raises:
+        InputError: The command is missing; the message says how to install it.
+    """
+    if name in _SATELLITES[group] and name not in found:
+        words, distribution, target = _SATELLITES[group][name]
+        remedy = f"install it in the repository: {sys.executable} -m pip install {target}"
+        raise InputError(f"{words} belongs to {distribution}; {remedy}")
 
 
 def load_plugin(plugin: EntryPoint) -> Command:

@@ -94,10 +94,18 @@ def test_a_distribution_that_cannot_be_imported_says_so_and_leaves_the_others_al
     assert "of_exporters cannot be imported" in refused("export", "broken")
 
 
-@pytest.mark.parametrize(("verb", "target"), [("train", "'./training[torch]'"), ("predict", "./training")])
-def test_the_verbs_of_the_training_say_how_to_get_them(
-    refused: Callable[..., str], monkeypatch: pytest.MonkeyPatch, verb: str, target: str
+@pytest.mark.parametrize(
+    ("words", "distribution", "target"),
+    [
+        ("train", "simbev_training", "'./training[torch]'"),
+        ("predict", "simbev_training", "./training"),
+        ("export nuscenes", "simbev_exporters", "./exporters"),
+        ("export opv2v", "simbev_exporters", "./exporters"),
+    ],
+)
+def test_commands_of_the_repositorys_other_distributions_say_how_to_get_them(
+    refused: Callable[..., str], monkeypatch: pytest.MonkeyPatch, words: str, distribution: str, target: str
 ) -> None:
     monkeypatch.setattr("simbev_ros.cli.plugins.entry_points", lambda group: ())
     remedy = f"install it in the repository: {sys.executable} -m pip install {target}"
-    assert refused(verb, "lidar") == f"error: simbev {verb} is a verb of simbev_training; {remedy}\n"
+    assert refused(*words.split(), "set") == f"error: simbev {words} belongs to {distribution}; {remedy}\n"

@@ -36,7 +36,7 @@ The start script adds four verbs of its own, the last three for developers:
 Exit codes: 0 done, 1 failed, 2 bad input (the message names file, field and value), 130 interrupted. With the
 environment variable `SIMBEV_TRACEBACK=1`, unexpected errors show their traceback.
 """
-_TRAINING = Path(__file__).parents[2] / "training"
+_SATELLITES = [Path(__file__).parents[2] / name for name in ("exporters", "training")]
 _EXAMPLES = re.compile(r"\[bold\]Examples?\[/\]")
 _MARKUP = re.compile(r"\[/?(?:bold|dim|italic|/)?\]")
 
@@ -103,17 +103,19 @@ def render_commands() -> str:
 
 
 def commands() -> Iterator[tuple[tuple[str, ...], Callable[..., Any]]]:
-    """All commands, at the end those of simbev_training: the words that call them, and their functions."""
+    """All commands, at the end those of our other distributions: the words that call them, and their functions."""
     for name in VERBS:
         verb = load_verb(name)
         words = ("simbev", name)
         yield from _commands_of(verb, words) if isinstance(verb, typer.Typer) else [(words, verb)]
-    if str(_TRAINING) not in sys.path:
-        sys.path.append(str(_TRAINING))
-    project = tomllib.loads((_TRAINING / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    for name, at in project["entry-points"]["simbev.verbs"].items():
-        module, _, attribute = at.partition(":")
-        yield ("simbev", name), getattr(import_module(module), attribute)
+    for folder in _SATELLITES:
+        if str(folder) not in sys.path:
+            sys.path.append(str(folder))
+        project = tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+        for group, words in (("simbev.exporters", "simbev export"), ("simbev.verbs", "simbev")):
+            for name, at in project["entry-points"].get(group, {}).items():
+                module, _, attribute = at.partition(":")
+                yield (*words.split(), name), getattr(import_module(module), attribute)
 
 
 def _commands_of(group: typer.Typer, words: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Callable[..., Any]]]:

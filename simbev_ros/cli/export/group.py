@@ -8,12 +8,10 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
-from simbev_ros.cli.export.nuscenes import export_nuscenes
-from simbev_ros.cli.export.opv2v import export_opv2v
 from simbev_ros.cli.export.simbev import export_simbev
-from simbev_ros.cli.plugins import EXPORTERS_GROUP, click_command, find_plugins, load_plugin
+from simbev_ros.cli.plugins import EXPORTERS_GROUP, click_command, find_plugins, load_plugin, require_plugin
 
-_OWN: dict[str, Callable[..., None]] = {"simbev": export_simbev, "nuscenes": export_nuscenes, "opv2v": export_opv2v}
+_OWN: dict[str, Callable[..., None]] = {"simbev": export_simbev}
 
 
 class _Exporters(TyperGroup):
@@ -25,7 +23,9 @@ class _Exporters(TyperGroup):
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """Return an exporter; None if there is none of this name."""
-        if cmd_name in _OWN or cmd_name not in self._plugins:
+        if cmd_name not in _OWN:
+            require_plugin(EXPORTERS_GROUP, cmd_name, self._plugins)
+        if cmd_name not in self._plugins:
             return super().get_command(ctx, cmd_name)
         return click_command(cmd_name, load_plugin(self._plugins[cmd_name]))
 
@@ -34,12 +34,13 @@ class _Exporters(TyperGroup):
         return find_plugins(EXPORTERS_GROUP, _OWN)
 
 
-export = typer.Typer(
-    cls=_Exporters,
-    add_completion=False,
-    rich_markup_mode="rich",
-    no_args_is_help=True,
-    help="Write a dataset in another layout.",
-)
+export = typer.Typer(cls=_Exporters, add_completion=False, rich_markup_mode="rich", no_args_is_help=True)
+
+
+@export.callback()
+def _group() -> None:
+    """Write a dataset in another layout."""
+
+
 for _name, _command in _OWN.items():
     export.command(_name)(_command)

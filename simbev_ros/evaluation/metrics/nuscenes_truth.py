@@ -11,10 +11,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from simbev_ros.dataset import Scene
+from simbev_ros.dataset.nuscenes.channels import TOP_LIDAR, channels_of
+from simbev_ros.dataset.nuscenes.keyframes import keyframes_of
+from simbev_ros.dataset.nuscenes.scene_taxonomy import SceneTaxonomy
 from simbev_ros.evaluation.metrics.boxes import NO_ATTRIBUTE, Boxes, Predictions, boxes_from_tables
-from simbev_ros.export.nuscenes.channels import TOP_LIDAR, channels_of
-from simbev_ros.export.nuscenes.keyframes import keyframes_of
-from simbev_ros.export.nuscenes.scene_taxonomy import SceneTaxonomy
 from simbev_ros.foundation.semantics import BOX_CLASSES
 from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array, Table, UInt8Array
 from simbev_ros.schema.boxes import NO_CLASS

@@ -11,7 +11,7 @@ from bare_root import BareRoot
 
 MODULES = (
     "test/foundation/geometry/test_transforms.py",  # pure
-    "test/tools/test_system_libraries.py",  # the closure, by this system's own database
+    "tools/test/test_system_libraries.py",  # the closure, by this system's own database
     "test/simulation/raycast/test_ray_scene.py",
     "test/simulation/render/test_labels.py",  # OpenGL
     "test/ros/graph/test_control.py",  # processes of ROS

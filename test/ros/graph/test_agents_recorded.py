@@ -9,10 +9,10 @@ import pytest
 from commands import SCENE, Command
 from opv2v_reader import AgentFrame, moved, world_from
 
+from simbev_exporters.opv2v.export import export_opv2v
+from simbev_exporters.opv2v.frames import FrameSettings
 from simbev_ros.dataset import open_dataset
 from simbev_ros.dataset.scene import Scene
-from simbev_ros.export.opv2v.export import export_opv2v
-from simbev_ros.export.opv2v.frames import FrameSettings
 from simbev_ros.recording.digest import topic_digests
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.recording.verify import verify_bag

@@ -1,0 +1,1 @@
+"""The commands ``simbev export nuscenes`` and ``simbev export opv2v``."""

@@ -1,0 +1,136 @@
+"""``simbev export nuscenes``: writes a dataset in the layout of nuScenes."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from simbev_ros.cli.agent_option import ExportedAgentOption, exported_agents
+from simbev_ros.cli.console import counting_bar, make_console, plural
+from simbev_ros.cli.pool import Ray, Workers, open_pool, shared_path
+from simbev_ros.foundation.errors import SimbevError
+from simbev_ros.foundation.installation.extras import load_extras
+
+if TYPE_CHECKING:
+    from simbev_exporters.nuscenes.export import Exported, ExportSettings
+
+_MODULE, _MEMORY_MIB = "simbev_exporters.nuscenes.export", 1024
+
+
+KeyframeHz = Annotated[
+    float, typer.Option(help="Number of samples, which have annotations, per second.", min=0.01, max=1000)
+]
+Lidarseg = Annotated[
+    bool, typer.Option(help="Write the categories of the lidar's points, if its semantic cloud was recorded.")
+]
+CanBus = Annotated[bool, typer.Option(help="Write the messages of nuScenes' CAN bus expansion that scenes have.")]
+DevkitSceneNames = Annotated[
+    bool,
+    typer.Option(
+        "--devkit-scene-names",
+        help="Name scenes scene-2000 and so on, by their numbers, as the devkit's CAN bus API demands.",
+    ),
+]
+
+
+def export_nuscenes(
+    dataset: Annotated[Path, typer.Argument(help="A dataset's folder, or one scene's bag.", show_default=False)],
+    out: Annotated[Path, typer.Option(help="Folder to export to, nuScenes' dataroot.", show_default=False)],
+    keyframe_hz: KeyframeHz = 2.0,
+    all_frames: Annotated[bool, typer.Option("--all-frames", help="Every frame is a sample.")] = False,
+    sweeps: Annotated[bool, typer.Option(help="Write the sensor data between samples.")] = True,
+    lidarseg: Lidarseg = True,
+    map_expansion: Annotated[bool, typer.Option(help="Write the vector maps of nuScenes' map expansion.")] = True,
+    can_bus: CanBus = True,
+    devkit_scene_names: DevkitSceneNames = False,
+    version: Annotated[str, typer.Option(help="Name of the folder of tables.")] = "v1.0-trainval",
+    agent: ExportedAgentOption = None,
+    workers: Workers = None,
+    ray: Ray = None,
+) -> None:
+    """Write finished scenes in the layout of nuScenes for its devkit: tables, samples, sweeps, maps, labels of points.
+
+    Coordinates are nuScenes': relative to the lower left corner of the map's mask, so that none is negative. origin_m
+    in the table map is that corner in the frame map; it can move when scenes are added.
+
+    A sample has the data of each sensor at its time, or else the last before it: boxes match the images if the rates of
+    all sensors are multiples of --keyframe-hz.
+
+    After Ctrl-C or a crash the same command continues where it stopped; of a dataset that has grown only new scenes are
+    written.
+    The devkit's splits are lists of nuScenes' scenes. Ours are in splits.json next to the tables, as simbev_train,
+    simbev_val and simbev_test; the devkit finds them there from its release 1.2 on.
+
+    [bold]Examples[/]
+
+    simbev export nuscenes datasets/first --out exported
+
+    simbev export nuscenes datasets/first --out exported --keyframe-hz 4 --no-sweeps
+
+    simbev export nuscenes datasets/several --out exported --agent all
+
+    simbev export nuscenes /shared/datasets/first --out /shared/exported --ray auto
+    """
+    from simbev_exporters.nuscenes.export import ExportSettings
+
+    rate_hz = None if all_frames else keyframe_hz
+    settings = ExportSettings(rate_hz, sweeps, lidarseg, map_expansion, can_bus, devkit_scene_names, version)
+    _export(dataset, out, settings, agent, workers, ray)
+
+
+def _export(
+    dataset: Path, out: Path, settings: "ExportSettings", agent: str | None, workers: str | None, ray: str | None
+) -> None:
+    """Export what the agents have recorded, and print what was made."""
+    from simbev_exporters.nuscenes.export import export_nuscenes
+    from simbev_ros.dataset import open_dataset
+
+    opened, out = open_dataset(shared_path(dataset, ray), threads=1), shared_path(out, ray)
+    failed = scenes = 0
+    pooled = open_pool(workers, ray, module=_MODULE, memory_mib=_MEMORY_MIB, reads=[dataset], writes=[out])
+    with pooled as pool:
+        for seen, folder in exported_agents(opened, agent, out):
+            with counting_bar("frames", make_console(stderr=True), elapsed=True) as bar:
+                done = export_nuscenes(seen, folder, settings, pool=pool, report=bar.show)
+            _report(done, folder)
+            failed, scenes = failed + len(done.failures), scenes + len(seen.scenes)
+    if failed:
+        raise SimbevError(f"{failed} of {plural(scenes, 'scene')} could not be exported")
+
+
+def _report(done: "Exported", out: Path) -> None:
+    """Print what an export has made, and what is missing in it."""
+    console = make_console(soft_wrap=True, highlight=False)
+    there = done.scenes - done.made
+    console.print(f"{done.samples} samples of {plural(done.scenes, 'scene')}, {done.files} files in {out}")
+    if there:
+        console.print(f"{plural(there, 'scene')} {'was' if there == 1 else 'were'} there already")
+    for place, (x_m, y_m) in done.origins_m.items():
+        console.print(f"{place}: nuScenes' origin is at x {x_m:g} m, y {y_m:g} m of the map (origin_m in map.json)")
+    for why in sorted(set(done.unlabeled.values())):
+        count = sum(each == why for each in done.unlabeled.values())
+        console.print(f"{plural(count, 'scene')} without categories of lidar points: {why}")
+    if not done.has_roads:
+        remedy = load_extras()["sim"].remedy("what draws the roads")
+        console.print(f"masks of maps are empty, and there are no vector maps: {remedy}")
+    if done.without_imu:
+        console.print(
+            f"{plural(done.without_imu, 'scene')} without ms_imu in the CAN bus messages: no IMU was recorded"
+        )
+    for line in _bounds_of_map(done.classes):
+        console.print(line)
+    for reason in done.failures.values():
+        console.print(reason, style="red")
+
+
+def _bounds_of_map(classes: Mapping[str, Sequence[str]]) -> Iterator[str]:
+    """Lines of text that say which mAP perfect detections have in nuScenes' evaluation, by split."""
+    from simbev_ros.schema.nuscenes import detection_ranges_m
+
+    known = list(detection_ranges_m())
+    for split, found in classes.items():
+        missing = [name for name in known if name not in found]
+        if missing:
+            share = f"{len(found)} of {len(known)} classes occur, so perfect detections have a mAP of"
+            yield f"{split}: {share} {len(found) / len(known):g} in nuScenes' evaluation; not: {', '.join(missing)}"

@@ -1,0 +1,82 @@
+"""Converts the boxes of a scene's keyframes to the rows of nuScenes' tables ``sample_annotation`` and ``instance``."""
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from simbev_exporters.nuscenes.channel_records import wxyz
+from simbev_exporters.nuscenes.taxonomy import Record, token
+from simbev_ros.dataset import Frame, Scene, columns
+from simbev_ros.dataset.nuscenes.scene_taxonomy import SceneTaxonomy
+from simbev_ros.foundation.geometry.transforms import quaternion_from_rpy
+from simbev_ros.foundation.types import Table
+from simbev_ros.schema.nuscenes import visibility_tokens
+
+_DECIMALS = 9
+"""Number of decimals of lengths in meters and of the components of quaternions."""
+
+
+class Annotations:
+    """The annotations of one scene, collected keyframe by keyframe."""
+
+    def __init__(self, scene: Scene, scene_token: str) -> None:
+        self._scene_token = scene_token
+        self._taxonomy = SceneTaxonomy(scene)
+        self._found: defaultdict[int, list[Record]] = defaultdict(list)
+        self._category: dict[int, str] = {}
+
+    def add(self, sample_token: str, frame: Frame) -> None:
+        """Add the boxes of the next keyframe."""
+        boxes = frame["boxes"]
+        ids, (categories, attributes) = boxes["id"].tolist(), self._taxonomy.of(frame)
+        self._category.update(zip(ids, categories, strict=True))
+        for box_id, names, record in zip(ids, attributes, _records(boxes), strict=True):
+            keys = {
+                "token": token("sample_annotation", sample_token, box_id),
+                "sample_token": sample_token,
+                "instance_token": token("instance", self._scene_token, box_id),
+                "attribute_tokens": [token("attribute", name) for name in names],
+            }
+            self._found[box_id].append({**keys, **record})
+
+    def tables(self) -> dict[str, list[Record]]:
+        """The scene's rows of the tables ``sample_annotation``, with positions in the map frame, and ``instance``."""
+        chains = {box_id: self._found[box_id] for box_id in sorted(self._found)}
+        for chain in chains.values():
+            link(chain)
+        return {
+            "sample_annotation": [record for chain in chains.values() for record in chain],
+            "instance": [_instance(chain, self._category[box_id]) for box_id, chain in chains.items()],
+        }
+
+
+def link(records: Sequence[Record]) -> None:
+    """Link records, which are in order of time: add the tokens of the previous and the next one, in place."""
+    tokens = ["", *(record["token"] for record in records), ""]
+    for index, record in enumerate(records):
+        record["prev"], record["next"] = tokens[index], tokens[index + 2]
+
+
+def _records(boxes: Table) -> Iterator[Record]:
+    """Fields that depend on the box alone. Lidar points are -1 only if neither lidar nor radar data were received."""
+    unknown = (boxes["lidar_points"] < 0) & (boxes["radar_points"] < 0)
+    values = {
+        "visibility_token": visibility_tokens(boxes["visibility"]),
+        "translation": columns(boxes, "x", "y", "z").round(_DECIMALS).tolist(),
+        "size": columns(boxes, "width", "length", "height").astype(np.float64).round(_DECIMALS).tolist(),
+        "rotation": wxyz(quaternion_from_rpy(columns(boxes, "roll", "pitch", "yaw"))).round(_DECIMALS).tolist(),
+        "num_lidar_pts": np.where(unknown, -1, np.maximum(boxes["lidar_points"], 0)).tolist(),
+        "num_radar_pts": np.maximum(boxes["radar_points"], 0).tolist(),
+    }
+    return (dict(zip(values, row, strict=True)) for row in zip(*values.values(), strict=True))
+
+
+def _instance(annotations: Sequence[Record], category: str) -> Record:
+    return {
+        "token": annotations[0]["instance_token"],
+        "category_token": token("category", category),
+        "nbr_annotations": len(annotations),
+        "first_annotation_token": annotations[0]["token"],
+        "last_annotation_token": annotations[-1]["token"],
+    }

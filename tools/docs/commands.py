@@ -112,10 +112,10 @@ def commands() -> Iterator[tuple[tuple[str, ...], Callable[..., Any]]]:
         if str(folder) not in sys.path:
             sys.path.append(str(folder))
         project = tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-        for group, words in (("simbev.exporters", "simbev export"), ("simbev.verbs", "simbev")):
+        for group, parent in (("simbev.exporters", "simbev export"), ("simbev.verbs", "simbev")):
             for name, at in project["entry-points"].get(group, {}).items():
                 module, _, attribute = at.partition(":")
-                yield (*words.split(), name), getattr(import_module(module), attribute)
+                yield (*parent.split(), name), getattr(import_module(module), attribute)
 
 
 def _commands_of(group: typer.Typer, words: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Callable[..., Any]]]:

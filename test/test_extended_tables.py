@@ -27,7 +27,9 @@ except ValueError as error:
 CLASSES = """
 import numpy as np
 from simbev_ros.config.evaluation import Evaluation
+from simbev_ros.assets.actors.shape import build_model, load_shape
 from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES, MOVING_CLASSES
+from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.schema.boxes import difficulty
 from simbev_ros.schema.nuscenes import category_of_blueprint
 from simbev_ros.schema.palette import bev_color, chart_color, class_color
@@ -38,6 +40,8 @@ assert (BOX_CLASSES.index("tram"), BEV_CLASSES.index("tram")) == (10, 14) and "t
 assert class_of_blueprint()[-1] == 10 and legend()["box_classes"][10] == "tram"
 assert difficulty(np.array([10, 10]), np.array([10.0, 90.0]), np.array([200, 200])).tolist() == [0, 2]
 assert bev_color(np.array([1 << 14], np.uint16))[0].tolist() == list(class_color("tram")) == list(chart_color("tram"))
+tram = blueprint_named("vehicle.tram")
+assert np.allclose(np.ptp(build_model(tram, load_shape(tram.name)).mesh.bounds_m, axis=0), tram.size_m)
 assert category_of_blueprint("vehicle.tram", "tram") == "vehicle.bus.bendy"
 assert Evaluation(classes=["tram"]).classes == ("tram",)
 """
@@ -81,10 +85,10 @@ def test_a_weather_parameter_is_a_row_a_line_and_where_it_acts(tmp_path: Path) -
 def test_a_class_of_objects_is_a_row_and_a_constant(tmp_path: Path) -> None:
     page = FollowedPage("object-class.md", tmp_path)
     page.follow(1, 3)
-    checks = page.checks("step 2") | page.checks("step 4")
+    checks = page.checks("step 2") | page.checks("step 5")
     files = sorted({check.partition("::")[0] for check in checks})
     assert page.failures(*files) == checks
-    page.follow(2, 4)
+    page.follow(2, 4, 5)
     assert page.failures(*files) == set()
     require(page, CLASSES)
     page.require_lint()

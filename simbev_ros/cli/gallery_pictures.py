@@ -26,7 +26,7 @@ from simbev_ros.show.street.street_view import StreetView
 from simbev_ros.show.street.viewpoint import find_viewpoint
 
 STREET_MAP = "Town10HD"
-"""The map whose street is shown in all weathers; if it is not among the maps, the first of them is taken."""
+"""The map of the street that is shown in all weathers; if it is not among the maps, the first of them is taken."""
 
 _REACH_M, _VIEW_WITHIN_M = 400.0, 260.0  # radii around the busiest place: of the surroundings, and of camera positions
 _TOWNS_IN_A_ROW, _WEATHERS_IN_A_ROW, _MODALITIES_IN_A_ROW = 4, 4, 3
@@ -82,7 +82,7 @@ def _sections(specs: Sequence[MapSpec], street: MapSpec) -> list[Section]:
         Section("towns", "Towns", "one clear day", gallery.even_rows(len(specs), _TOWNS_IN_A_ROW)),
         Section("weathers", "Weather and light", where, gallery.even_rows(count, _WEATHERS_IN_A_ROW)),
         Section(
-            "modalities", "One frame, five modalities", where, gallery.even_rows(len(MODALITIES), _MODALITIES_IN_A_ROW)
+            "modalities", "One frame, all modalities", where, gallery.even_rows(len(MODALITIES), _MODALITIES_IN_A_ROW)
         ),
     ]
 

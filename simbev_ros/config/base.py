@@ -7,7 +7,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 _VALUE_CHARS = 80
 _WITHOUT_VALUE = ("missing", "json_invalid", "extra_forbidden", "value_error")
-"""Kinds of errors whose message contains the value, or that do not concern a single value."""
+"""Kinds of errors with the value in their message, or that do not concern a single value."""
 
 
 class Model(BaseModel):

@@ -113,7 +113,7 @@ def _field(name: str, row: WeatherParameter) -> tuple[Any, Any]:
 if TYPE_CHECKING:
 
     class WeatherParameters(Model):
-        """A model whose fields are not known before the program runs."""
+        """A model with fields that are only known when the program runs."""
 
 else:
     WeatherParameters = create_model(

@@ -45,7 +45,7 @@ class TableSlice:
         boxes: Filter for the boxes that count.
         daytimes: Times of day of the frames that count, out of ``DAYTIMES``.
         weathers: Weathers of the frames that count, out of ``WEATHERS``.
-        maps: Names of the maps whose frames count; empty: of all maps.
+        maps: Names of the maps that count; empty: of all maps.
         includes_cells: Whether the row also counts cells, by its distances and frames.
     """
 

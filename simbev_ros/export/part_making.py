@@ -55,7 +55,7 @@ def make_parts(
 
 
 def remove_vanished(out: Path, present: Collection[str], patterns_of: Callable[[str], tuple[str, ...] | None]) -> None:
-    """Remove earlier parts whose data are gone, such as the end of a scene that is shorter now.
+    """Remove earlier parts without data, such as the end of a scene that is shorter now.
 
     Args:
         out: Folder of the export.

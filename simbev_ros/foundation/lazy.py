@@ -6,7 +6,7 @@ from typing import Any
 
 
 def lazy_names(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
-    """The ``__getattr__`` of a package (PEP 562) whose names come from its modules.
+    """The ``__getattr__`` of a package (PEP 562) that takes its names from its modules.
 
     It is for packages with both light and heavy modules: importing a light one does not load the others.
 

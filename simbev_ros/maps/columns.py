@@ -55,7 +55,7 @@ def from_columns(kind: type[_T], columns: Mapping[str, AnyArray]) -> list[_T]:
 
 
 def part_of(columns: Mapping[str, AnyArray], name: str) -> _Columns:
-    """The columns whose names start with ``name.``, keyed without that prefix."""
+    """The columns with names that start with ``name.``, keyed without that prefix."""
     return {key.removeprefix(f"{name}."): column for key, column in columns.items() if key.startswith(f"{name}.")}
 
 

@@ -98,7 +98,7 @@ def name_of_copy(spec: MapSpec) -> str:
 
 
 def _require_text(path: Path) -> None:
-    """Refuse a path whose bytes are not UTF-8, because scenes store it as text."""
+    """Refuse a path that is not UTF-8, because scenes store it as text."""
     try:
         str(path).encode()
     except UnicodeEncodeError:

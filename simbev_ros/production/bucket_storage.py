@@ -36,7 +36,7 @@ class BucketStorage:
     Attributes:
         index: The index.
         staging: Temporary folder for unfinished scenes of workers on this machine.
-        damaged: Problems of scenes whose objects are not those that the index describes, by name.
+        damaged: Problems of scenes with other objects than the index describes, by name.
 
     Raises:
         InputError: The index is damaged, no temporary folder can be made, or the store cannot be reached or refuses

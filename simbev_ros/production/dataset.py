@@ -40,7 +40,7 @@ class DatasetResult:
         made: Scenes that were made.
         skipped: Scenes that existed before and were left as they are.
         failed: For the name of each scene that could not be made, the reason.
-        damaged: For the name of each existing scene whose bag is damaged, the reason; it was left as it is.
+        damaged: For the name of each existing scene with a damaged bag, the reason; it was left as it is.
     """
 
     path: AnyPath

@@ -23,7 +23,7 @@ _FootM = tuple[float, float, float]
 
 
 def require_free_stations(scenario: Scenario, specs: Sequence[SceneSpec]) -> None:
-    """Check that no roadside unit stands in a building. One whose foot is on a roof is not in the building.
+    """Check that no roadside unit stands in a building. One with its foot on a roof is not in the building.
 
     Args:
         scenario: The configuration.

@@ -38,7 +38,7 @@ class FailedScene:
 
 @dataclass(frozen=True, slots=True)
 class LostScene:
-    """A scene whose worker has died or fallen silent before it was done; that says nothing about the scene."""
+    """A scene with a worker that died or fell silent before the end; that says nothing about the scene."""
 
     reason: str
 

@@ -116,7 +116,7 @@ def decode_depth(data: bytes) -> Float32Array:
 
 
 def decode_rvl_depth(data: bytes) -> Float32Array:
-    """The same of an image whose levels are in RVL.
+    """The same of an image with levels in RVL.
 
     Raises:
         ValueError: It is damaged, larger than any camera's image, or beyond ``limits.max_unpacked_bytes``.

@@ -123,7 +123,7 @@ class ReferenceStack(Node):
             self._finish_ticks()
 
     def _finish_ticks(self) -> None:
-        """Answer and report each tick whose messages have all arrived."""
+        """Answer and report each tick that is complete."""
         if self._scene is None or self._pipeline is None or self._join is None:
             return
         for stamp_ns, odometry, messages in self._join.release():

@@ -1,4 +1,4 @@
-"""A decorator for methods whose results are cached in their object, so that they are freed together with it."""
+"""A decorator that caches results of methods in their object, so that they are freed together with it."""
 
 from collections.abc import Callable
 from functools import lru_cache, partial, wraps

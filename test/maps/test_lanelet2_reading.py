@@ -176,12 +176,12 @@ def test_unusable_elements_are_left_out_with_a_note(tmp_path: Path) -> None:
     assert [shape.id for shape in shapes] == [good]
     for part in (
         "a lanelet without both bounds is left out (lanelet 14 has no right bound; 2 times; 0.10 km of lanes)",
-        "a lanelet whose bounds cross is left out",
+        "a lanelet with crossing bounds is left out",
         "a lanelet of unknown subtype is left out (subtype='launch_pad')",
         "a point without a usable position is left out",
     ):
         assert any(part in note for note in notes), (part, notes)
-    assert any("whose bounds cross" in note and "0.05 km of lanes" in note for note in notes)
+    assert any("with crossing bounds" in note and "0.05 km of lanes" in note for note in notes)
 
 
 def test_bounds_may_cross_a_little(tmp_path: Path) -> None:

@@ -87,7 +87,7 @@ def test_a_road_with_unusable_geometry_is_left_out_with_a_note(tmp_path: Path, w
         ),
         ("<lanes>", '<signals><signal type="206" s="x" t="0"/></signals><lanes>', "signal that cannot be read"),
         ("</lanes>", sample.section(sample.lane(-1), s=900.0) + "</lanes>", "section beyond the road's end"),
-        ("</OpenDRIVE>", GOOD + "</OpenDRIVE>", "id is already taken"),
+        ("</OpenDRIVE>", GOOD + "</OpenDRIVE>", "the id of an earlier one"),
         (
             "</OpenDRIVE>",
             '<junction id="3"><connection id="0" incomingRoad="7" connectingRoad="99" contactPoint="start"/></junction>'

@@ -110,7 +110,7 @@ def test_a_net_far_from_its_origin_is_recentered(grid: str, import_net: Import) 
 
 ODD_SPEED = "a speed limit below 0.5 or above 150 m/s is replaced by 13.89 m/s (A0B0_0)"
 LANE = r'(<lane id="A0B0_0"[^>]*?)'
-BAD_SHAPE = "an edge with a lane whose shape is not at least two points x,y or x,y,z in meters is left out (A0B0)"
+BAD_SHAPE = "an edge with a lane shape that is not at least two points x,y or x,y,z in meters is left out (A0B0)"
 LOST = "a connection of a missing lane is left out (A0X7_0"
 
 

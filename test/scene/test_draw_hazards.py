@@ -40,7 +40,7 @@ def starts() -> StartPositions:
 
 
 def draw(config: Hazards, seed: int, near: BoolArray | None = None) -> DrawnHazards:
-    """The hazards of a scene whose ego is far away."""
+    """The hazards of a scene with an ego far away."""
     positions = starts().vehicles
     near = np.ones(len(positions), bool) if near is None else near
     return draw_hazards(config, seed, starts().hazard_sites(config.taper_factor), positions, near, FAR_M[None])

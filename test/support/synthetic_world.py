@@ -81,6 +81,6 @@ def actor(model: ActorModel, blueprint: int = 0, **columns: float) -> Table:
 
 
 def world(*rows: Table, tick: int = 0) -> WorldState:
-    """A state whose ego has ``EGO_ID``."""
+    """A state with the ego ``EGO_ID``."""
     actors = np.sort(np.concatenate(rows), order="id")
     return WorldState(tick * TICK_NS, tick, EGO_ID, actors, np.zeros(0, SIGNAL_DTYPE), _WEATHER)

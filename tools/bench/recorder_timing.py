@@ -91,7 +91,7 @@ def timed_recorder(spec: SceneSpec, recording: Recording, tick: Mapping[str, byt
 
 
 class _Sender:
-    """Replaces all nodes whose topics are recorded."""
+    """Replaces all nodes with recorded topics."""
 
     def __init__(
         self, node: Node, spec: SceneSpec, recording: Recording, tick: Mapping[str, bytes], recorder: NodeProcess

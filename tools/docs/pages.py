@@ -27,7 +27,7 @@ PAGES: dict[str, Callable[[], str]] = {
 
 
 def write_pages() -> list[Path]:
-    """Write all pages whose text has changed; return their paths."""
+    """Write all changed pages; return their paths."""
     changed = stale_pages()
     for path in changed:
         path.parent.mkdir(parents=True, exist_ok=True)

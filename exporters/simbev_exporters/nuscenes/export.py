@@ -46,7 +46,7 @@ class ExportSettings:
     Attributes:
         keyframe_hz: Number of keyframes, which have annotations, per second; None: every frame is one.
         sweeps: Whether to write sensor data between keyframes.
-        lidarseg: Whether to write the categories of lidar points, for scenes whose semantic cloud was recorded.
+        lidarseg: Whether to write the categories of lidar points, for scenes with a semantic cloud.
         map_expansion: Whether to write the vector maps of nuScenes' map expansion.
         can_bus: Whether to write the messages of nuScenes' CAN bus expansion.
         devkit_scene_names: Whether to name scenes as the devkit demands of scenes with a CAN bus, ``devkit_name``.

@@ -67,7 +67,7 @@ def remove_other_labels(out: Path, version: str, parts: Sequence[LidarsegPart]) 
     Args:
         out: Folder of the export.
         version: Name of the tables' folder.
-        parts: The finished parts whose labels are in the table; none: it has no labels.
+        parts: The finished parts with labels in the table; none: it has no labels.
     """
     kept, suffix = {part.name for part in parts}, f".{version}.lidarseg"
     for record in (out / PARTS_FOLDER).glob(f"*{escape(suffix)}.json"):

@@ -72,7 +72,7 @@ def body(plan: shapely.Polygon, bands: Sequence[Band], roof: Color, base_m: floa
 
 
 def without_windows(mesh: Mesh) -> Mesh:
-    """Copy of a mesh whose walls have no windows."""
+    """Copy of a mesh without windows in its walls."""
     return replace(mesh, uv=mesh.uv + np.array([0.0, _BLANK_V_M], np.float32))
 
 

@@ -294,7 +294,7 @@ def _box_projected(corners_m: Float64Array) -> Float64Array:
 
 @lru_cache(maxsize=4)
 def _icosphere(detail: int) -> tuple[Float64Array, Int32Array]:
-    """(V, 3) unit vectors and (T, 3) faces of an icosahedron whose faces are subdivided ``detail`` times into 4."""
+    """(V, 3) unit vectors and (T, 3) faces of an icosahedron with faces subdivided ``detail`` times into 4."""
     phi = (1.0 + 5.0**0.5) / 2.0
     signs = np.array([[0, s, t * phi] for s in (-1.0, 1.0) for t in (-1.0, 1.0)])
     vertices = np.concatenate([np.roll(signs, shift, axis=1) for shift in range(3)])

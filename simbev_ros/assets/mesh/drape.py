@@ -123,7 +123,7 @@ def _rise_at(rise_m: Rise, xy_m: Float64Array) -> float | Float64Array:
 
 
 def _split_by_tile(mesh: Mesh, tile: Int64Array) -> ByTile:
-    """Split a mesh whose vertices are sorted by (V, 2) tile."""
+    """Split a mesh with vertices sorted by (V, 2) tile."""
     starts = np.flatnonzero(np.append(True, (tile[1:] != tile[:-1]).any(axis=1)))
     of_triangle = np.searchsorted(starts, mesh.triangles[:, 0], side="right") - 1
     order = np.argsort(of_triangle, kind="stable")

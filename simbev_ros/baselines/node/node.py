@@ -64,7 +64,7 @@ class BaselineNode(Node):
     prediction/boxes/markers (only with subscribers), prediction/bev and sync/ready out.
 
     Parameters:
-        agent: The agent whose sensors the model sees; left out: the scene's first one.
+        agent: The agent with the model's sensors; left out: the scene's first one.
         lidar_topic: The lidar that the model sees, by its topic in the scene; left out: the rig's first one.
         live: Whether the graph is, so that the newest frame counts. Left out, best-effort sensors say so.
 
@@ -161,7 +161,7 @@ class BaselineNode(Node):
             self._finish_ticks()
 
     def _finish_ticks(self) -> None:
-        """Answer and report each tick whose messages have all arrived."""
+        """Answer and report each tick that is complete."""
         inputs, answering = self._inputs, self._answering
         if inputs is None or answering is None or self._join is None:
             return

@@ -111,7 +111,7 @@ def inputs_of_scene(
         lidar_topic: Topic of the points that it sees; empty: the first lidar's.
         cameras: Number of its images.
         size_px: Width and height of its images.
-        agent: Name of the agent whose sensors it sees; empty: the first one.
+        agent: Name of the agent with the sensors that it sees; empty: the first one.
 
     Raises:
         InputError: There is no such agent, its rig lacks what the model sees, or a camera has a distorting lens.

@@ -42,7 +42,7 @@ def sorted_pairs(prediction: Int64Array, truth: Int64Array, cost: Float64Array) 
 
 
 def near_pairs(truth: Boxes, predictions: Boxes, max_distance_m: Float64Array) -> tuple[Int64Array, Int64Array]:
-    """All pairs of one frame and class whose centers are within a distance along x.
+    """All pairs of one frame and class with centers within a distance along x.
 
     Args:
         truth: (N,) ground-truth boxes.

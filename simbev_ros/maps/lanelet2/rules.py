@@ -125,7 +125,7 @@ def _sign_rules(
 def _approaches(names: Iterable[str], stop_lines: Iterable[Linestring], junctions: Junctions) -> tuple[str, ...]:
     """The lanelets where traffic waits, at their ends, before it passes or leaves the given ones.
 
-    A rule of a lanelet whose stop line is at its start holds up the lanelets before it.
+    A rule of a lanelet with a stop line at its start holds up the lanelets before it.
     """
     topology = junctions.topology
     found: dict[str, None] = {}

@@ -142,7 +142,7 @@ def lanelet_shapes(source: LaneletMap, notes: Findings) -> Iterator[LaneletShape
             continue
         shape = _shape(lanelet, kind)
         if shape.inverted_fraction > _MAX_INVERTED:
-            rule = "a lanelet whose bounds cross is left out"
+            rule = "a lanelet with crossing bounds is left out"
             notes.left_out(rule, lanelet.element, f"lanelet {lanelet.id}", *place_of_loss(lanelet.left, kind))
             continue
         if kind is LaneKind.DRIVING and shape.width_m < _MIN_DRIVING_WIDTH_M:

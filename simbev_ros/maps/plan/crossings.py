@@ -31,7 +31,7 @@ class Crossing(NamedTuple):
 
 
 def crossings_of(plan: Plan) -> Iterator[Crossing]:
-    """Yield all crossings at two heights of a plan whose lines are (N, 2 or 3)."""
+    """Yield all crossings at two heights of a plan with (N, 2 or 3) lines."""
     lines = [shapely.LineString(link.line_m[:, :2]) for link in plan.links]
     first, second = shapely.STRtree(lines).query(lines, predicate="intersects")
     for a, b in zip(first.tolist(), second.tolist(), strict=True):

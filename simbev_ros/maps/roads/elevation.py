@@ -60,7 +60,7 @@ class Elevation:
         return self._levels[level].distance_m(xy_m)
 
     def level_at(self, xyz_m: Float64Array) -> Int64Array:
-        """(N,) level whose surface is nearest in height to (N, 3) points, of those within 30 m in plan view."""
+        """(N,) level with the surface nearest in height to (N, 3) points, of those within 30 m in plan view."""
         gaps_m = np.full((len(self._levels), len(xyz_m)), np.inf)
         for level, gap_m in enumerate(gaps_m):
             near = self.distance_m(xyz_m[:, :2], level) <= _NEAR_M

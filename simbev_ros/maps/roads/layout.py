@@ -231,7 +231,7 @@ class Layout:
         )
 
     def near(self, area: shapely.Polygon, margin_m: float) -> "Layout":
-        """The layout restricted to strips, crosswalks and stop lines whose bounds are near an area's bounds.
+        """The layout restricted to strips, crosswalks and stop lines with bounds near an area's bounds.
 
         Keeps all signs and signals. Results computed from it are correct inside the area if they depend on nothing
         beyond the margin.

@@ -41,7 +41,7 @@ _HEIGHT_WEIGHT = 3.0  # plan-view meters per meter of height in searches for the
 
 @dataclass(frozen=True, eq=False)
 class LevelMembers:
-    """Members of the level of one position within 150 m; whatever is farther away is not a member, or is on the ground.
+    """Members of the level of one position within 150 m; whatever is further away is not a member, or is on the ground.
 
     Attributes:
         piece: (N,) pieces of strips, at most about 6 m long, as indices into those of ``LevelGraph``.

@@ -135,7 +135,7 @@ class StripPieces:
         return np.asarray(self.tree.query(self.polygons), np.int64)
 
     def within(self, distance_m: float, sources: Int64Array) -> Int64Array:
-        """(K,) pieces whose bounds are within a distance of the bounds of the source pieces."""
+        """(K,) pieces with bounds within a distance of the bounds of the source pieces."""
         bounds_m = shapely.bounds(self.polygons[sources]) + distance_m * np.array([-1.0, -1.0, 1.0, 1.0])
         return np.unique(self.tree.query(np.asarray(shapely.box(*bounds_m.T), object))[1])
 

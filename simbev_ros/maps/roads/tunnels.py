@@ -55,7 +55,7 @@ class Tunnels:
 
     @classmethod
     def of_layout(cls, layout: Layout) -> "Tunnels":
-        """The tunnels of a layout whose levels are assigned."""
+        """The tunnels of a layout with assigned levels."""
         strips = [strip for strip in layout.strips if strip.tunnel and strip.outline_m is None]
         corners_m = np.concatenate([np.empty((0, 4, 3)), *map(_corners_m, strips)])
         if not strips:

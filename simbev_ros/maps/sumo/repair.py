@@ -146,7 +146,7 @@ class NetFile:
             return f"with more than {MAX_LANES_PER_EDGE} lanes"
         shapes_m = [self._points(lane, "shape") for lane in lanes]
         if any(len(points_m) < 2 or not np.isfinite(points_m).all() for points_m in shapes_m):
-            return "with a lane whose shape is not at least two points x,y or x,y,z in meters"
+            return "with a lane shape that is not at least two points x,y or x,y,z in meters"
         if any(self._number(lane, "width", _DEFAULT_WIDTH_M) > _MAX_WIDTH_M for lane in lanes):
             return f"with a lane wider than {_MAX_WIDTH_M:g} m"
         return ""

@@ -1,6 +1,6 @@
 """Work over bags on the nodes of a Ray cluster: a pool that does what processes do on one machine.
 
-Each item is a task of Ray with one CPU. Tasks whose process or node has died are run again on any node.
+Each item is a task of Ray with one CPU. Tasks of a process or node that has died are run again on any node.
 """
 
 import time
@@ -165,7 +165,7 @@ def _run(work: Callable[[W], R], item: W, number: int, counter: Any) -> R:
 
 
 def _cancel(tasks: Sequence[Any]) -> None:
-    """End tasks whose results are not needed: by an interrupt, so that they clean up, and then by force."""
+    """End tasks with results that nothing needs: by an interrupt, so that they clean up, and then by force."""
     import ray
 
     left = list(tasks)

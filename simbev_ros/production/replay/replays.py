@@ -34,7 +34,7 @@ class ReplayResult:
     Attributes:
         recorded: Bags that were recorded.
         existing: Bags of replays that existed before and were left as they are.
-        failed: For the name of each scene whose replay could not be recorded, the reason.
+        failed: For the name of each scene with a failed replay, the reason.
     """
 
     recorded: tuple[Path, ...]
@@ -60,7 +60,7 @@ def replay_bags(
 ) -> ReplayResult:
     """Record bags again with the rig and annotation of a configuration, and with its weather and lights if it has any.
 
-    Of datasets only scenes whose replays are not recorded yet are played, so that the same call continues after an
+    Of datasets only scenes without a recorded replay are played, so that the same call continues after an
     interruption. All bags are checked before anything is recorded. A replay that fails is retried, then listed, and
     the others follow.
 

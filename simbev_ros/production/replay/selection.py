@@ -30,7 +30,7 @@ class Selection:
 
 
 def select_bags(paths: Sequence[Path], out: Path | None, label: str | None) -> Selection:
-    """The bags among some paths, and the scenes of the datasets among them whose replays are not recorded yet.
+    """The bags among some paths, and the scenes of the datasets among them without a recorded replay.
 
     Args:
         paths: Bags, their MCAP files, or datasets.

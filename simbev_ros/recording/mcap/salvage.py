@@ -40,7 +40,7 @@ class Salvage:
 
 
 def salvage(path: Path, found: Salvage) -> Iterator[Message]:
-    """Yield the messages of all intact chunks whose channel is known, in the order of the file.
+    """Yield the messages of all intact chunks with a known channel, in the order of the file.
 
     The summary, if it is intact, locates the records. Otherwise each record starts where the previous one ends; a
     record with an impossible length ends this chain, and the next chunk is then searched for by its byte pattern.
@@ -78,7 +78,7 @@ def salvage(path: Path, found: Salvage) -> Iterator[Message]:
         if not closed and summary is None:
             found.lost.append(f"whatever would have followed byte {len(data):,}, where the file is cut off")
     if unnamed_count:
-        found.lost.append(f"{unnamed_count} messages of topics whose names are lost with another chunk")
+        found.lost.append(f"{unnamed_count} messages of topics that only another, lost chunk names")
 
 
 def _summary_of(stream: BinaryIO) -> Summary | None:

@@ -43,7 +43,7 @@ class BoxReader(Participant):
         Args:
             spec: The scene.
             state: The state as the first agent sees it.
-            boxes: ``BOX_DTYPE`` rows around each agent whose boxes were received, by the agent's name.
+            boxes: ``BOX_DTYPE`` rows around each agent with received boxes, by the agent's name.
         """
         raise NotImplementedError
 

@@ -76,7 +76,7 @@ class EvaluatorNode(GraphNode):
         super().__init__(name)
         self._evaluation = self.declare_section("evaluation", Evaluation)
         self._agent: str = self.declare_read_only(
-            "agent", "", "Agent whose stack is evaluated, if it is not the scene's first one"
+            "agent", "", "Agent with the evaluated stack, if it is not the scene's first one"
         )
         files = [self.declare_read_only("figures", "", "File for the figures of all scenes up to now; empty: none")]
         files.append(
@@ -88,7 +88,7 @@ class EvaluatorNode(GraphNode):
             "patience_s", 60.0, "Time that the first scene waits for the stack, s", minimum=0.0
         )
         others = self.declare_read_only(
-            "outside_participants", [], "Nodes whose reports need no signature, in addition to the stack"
+            "outside_participants", [], "Nodes that need not sign their reports, in addition to the stack"
         )
         stack = self._evaluation.participants_of(self._agent)
         self._outside = frozenset((*stack, *others))

@@ -133,7 +133,7 @@ class LoadMeter:
 
 
 class _TimedPool(ThreadPoolExecutor):
-    """Threads whose work is timed."""
+    """Threads with timed work."""
 
     def __init__(self, meter: LoadMeter, part: Part) -> None:
         super().__init__(usable_cores())

@@ -38,7 +38,7 @@ def read_report(message: Header, signer: Signer, outside: Collection[str]) -> Re
     Args:
         message: The message.
         signer: Checks the signature.
-        outside: Names of the nodes whose reports need no signature.
+        outside: Names of the nodes that need not sign their reports.
 
     Raises:
         ValueError: It is not a report, or another sender uses the name of one of the graph's nodes.

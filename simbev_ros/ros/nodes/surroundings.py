@@ -73,5 +73,5 @@ class Surroundings(Generic[_Built]):
 
 
 def ray_view_radius_m(ranges_m: Iterable[float]) -> float:
-    """View distance of a node whose sensors have these ranges; lidars and radars of equal range share one scene."""
+    """View distance of a node with sensors of these ranges; lidars and radars of equal range share one scene."""
     return max(ranges_m, default=0.0) + _MAX_MOUNT_M

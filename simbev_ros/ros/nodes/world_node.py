@@ -98,7 +98,7 @@ class WorldNode(GraphNode):
             "participants", [], "Names of nodes that must report each tick on /sync/ready"
         )
         self._outside = frozenset(
-            self.declare_read_only("outside_participants", [], "Those of them whose reports need no signature")
+            self.declare_read_only("outside_participants", [], "Those of them that need not sign their reports")
         )
         self._recorded = self.declare_read_only("recorded", False, "A recorder writes each scene into a bag")
         self._state_readers = self.declare_read_only(

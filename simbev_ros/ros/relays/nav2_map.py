@@ -27,7 +27,7 @@ class LevelGrid:
 
 
 def align(grid: LevelGrid) -> LevelGrid:
-    """Sample a grid at the centers of cells whose axes are those of the map.
+    """Sample a grid at the centers of cells along the axes of the map.
 
     The result has the grid's center and the largest square around it that is inside at every heading; its corner is at
     a multiple of the cell's side, so that maps of successive poses have the same cells.

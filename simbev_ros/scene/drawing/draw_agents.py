@@ -184,7 +184,7 @@ class _CarrierDrawer:
     drawn: _Drawn
 
     def draw(self, agent: Ego, name: str, purpose: str, where: Where) -> None:
-        """Draw the vehicle of the agent whose random streams begin with ``purpose``, and add it to those drawn."""
+        """Draw the vehicle of the agent with random streams ``purpose…``, and add it to those drawn."""
         blueprint, positions = _blueprint_of(agent, where), self.starts.vehicles
         if agent.spawn:
             start = self._draw_pose(agent, blueprint, purpose, where)

@@ -20,7 +20,7 @@ _MIN_ROADS = 3  # where fewer meet without traffic lights, a road only continues
 _BESIDE_M = 2.5  # distance from a junction, equal to that of its traffic-light poles
 _SPACING_M = 1.0
 _OFF_ROAD_M = 0.3
-_SAME_LEVEL_M = 2.5  # a road whose surface is closer in height is on the level of a foot
+_SAME_LEVEL_M = 2.5  # a road with a surface closer in height is on the level of a foot
 _IN_TUNNEL_M = 1.0
 
 

@@ -37,10 +37,10 @@ def message_constants(kind: str) -> dict[str, int]:
 
 @cache
 def row_dtype(kind: str) -> np.dtype[np.void]:
-    """Type of the rows of a table whose columns are the fields of a message, packed.
+    """Type of the rows of a table with the fields of a message as columns, packed.
 
     Args:
-        kind: Name of a message whose fields are all numbers, such as ``Box``.
+        kind: Name of a message with only numbers as fields, such as ``Box``.
 
     Raises:
         FileNotFoundError: The installation is incomplete.

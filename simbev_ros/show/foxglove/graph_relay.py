@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 _REQUESTS_S, _DISCOVERY_S = 0.02, 0.5
 _NEW_PER_DISCOVERY = 64
-"""Number of topics that are offered at a time; a client whose queue is full of news would be disconnected."""
+"""Number of topics that are offered at a time; a client with a queue full of news would be disconnected."""
 _STAMPED_ARRAYS = ("visualization_msgs/msg/MarkerArray", "tf2_msgs/msg/TFMessage")
 
 

@@ -17,7 +17,7 @@ from simbev_ros.show.maps.map_plan import MapPlan
 from simbev_ros.show.maps.orthophoto import orthophoto
 
 WHOLE_M, DETAIL_M = 720.0, 560.0
-"""Maximum side of a map whose orthophoto shows all of it, and the side of the shown square of a larger map."""
+"""Maximum side of a map with an orthophoto of all of it, and the side of the shown square of a larger map."""
 _SIDE_PX, _GAP_PX = 900, 12
 _MARGIN = 1.06
 _MIN_SIDE_M = 120.0  # a single short road is shown with what stands around it

@@ -1,4 +1,4 @@
-"""Builds tables whose rows can be sorted and filtered in the browser: columns and cells enter, HTML leaves."""
+"""Builds tables that can be sorted and filtered in the browser: columns and cells enter, HTML leaves."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

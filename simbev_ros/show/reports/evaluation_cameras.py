@@ -93,7 +93,7 @@ def _last_tick(scene: Scene, key: str, stamp_ns: int) -> int | None:
 
 
 def _visible_count(sight: _Sight, table: Table) -> int:
-    """Number of boxes whose centers are inside a picture."""
+    """Number of boxes with centers inside a picture."""
     centers_map = np.stack([table[axis] for axis in "xyz"], axis=1).astype(np.float64)
     ahead = apply(sight.optical_from_map, centers_map)
     ahead = ahead[ahead[:, 2] > 0]

@@ -111,7 +111,7 @@ class PredictionDrawing:
         )
 
     def _poses(self, samples: Samples) -> Iterator[AgentPoses]:
-        """Agents whose poses are among the samples; an answer may be in the frames of any."""
+        """Agents with poses among the samples; an answer may be in the frames of any."""
         shown = self._subject.view.agent
         for view in agent_views(self._subject.view.scene):
             key = "odom" if view.agent == shown else f"{view.agent}/odom"

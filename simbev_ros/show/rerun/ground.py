@@ -81,7 +81,7 @@ def predicted_scores(samples: Samples) -> dict[str, AnyArray]:
 
 
 def labels_of_scores(scores: dict[str, AnyArray]) -> UInt16Array:
-    """(H, W) uint16 grid whose bit k is set where the score of class k is at least one half."""
+    """(H, W) uint16 grid with bit k set where the score of class k is at least one half."""
     labels = np.zeros(next(iter(scores.values())).shape, np.uint16)
     for name, layer in scores.items():
         full = np.iinfo(layer.dtype).max if layer.dtype.kind == "u" else 1.0

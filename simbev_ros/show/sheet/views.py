@@ -58,7 +58,7 @@ class Views:
     Attributes:
         view: The scene as the agent sees it; None: the bag holds none.
         cameras: RGB topic by camera, in panorama order.
-        main_camera: The camera whose other modalities are shown.
+        main_camera: The camera that is shown in other modalities.
         modalities: Topic by modality, of the main camera.
         points: Topic of the semantic lidar, or None.
         ego_from_lidar: (4, 4) pose of that lidar.

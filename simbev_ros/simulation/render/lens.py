@@ -1,6 +1,6 @@
 """Lens distortion and sensor noise: converts images of an ideal camera into those of the real camera.
 
-The G-buffer belongs to an ideal (distortion-free) camera whose image contains the real one
+The G-buffer belongs to an ideal (distortion-free) camera with an image that contains the real one
 (``geometry.camera.ideal_camera``). For a lens, the G-buffer also stores the screen-space slope of the depth and the
 edges of each pixel's triangle. So the labels, depth and flow of a pixel are exact for its own ray: among the triangles
 that the four nearest ideal pixels show, it takes the nearest one that the ray hits. The color image is interpolated.

@@ -47,7 +47,7 @@ class View:
         origin_m: Float64Array,
         adaptation: float = 1.0,
     ) -> "View":
-        """View of a camera of the ego, in the world whose origin is (3,) ``origin_m`` in the map frame.
+        """View of a camera of the ego, in the world with its origin at (3,) ``origin_m`` in the map frame.
 
         ``adaptation`` is the factor by which automatic exposure differs from that of the weather.
         """

@@ -65,7 +65,7 @@ class Demand(NamedTuple):
 
 
 def demand_of(spec: SceneSpec, network: RoadNetwork, plazas: Sequence[Plaza] = ()) -> Demand:
-    """Assemble the traffic demand of a scene on a network whose plazas pedestrians may visit.
+    """Assemble the traffic demand of a scene on a network with plazas that pedestrians may visit.
 
     Raises:
         SimulationError: A vehicle starts where its class may not drive.

@@ -99,7 +99,7 @@ def main() -> None:
     parser.add_argument("--skip", type=int, default=0, help="leave every Nth tick unanswered")
     parser.add_argument("--agent", default="")
     parser.add_argument("--die-at", type=int, default=-1)
-    parser.add_argument("--garble", type=int, default=-1, help="tick whose boxes are sent without columns")
+    parser.add_argument("--garble", type=int, default=-1, help="tick with boxes that are sent without columns")
     parser.add_argument("--hang-at", type=int, default=-1)
     parser.add_argument("--reports", action="store_true")
     rclpy.init()

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.gl
 
 @pytest.fixture
 def team() -> Iterator[CameraTeam]:
-    """Two processes whose scene nobody can draw."""
+    """Two processes with a scene that cannot be drawn."""
     nothing: Any = None
     views = [nothing] * 3
     with CameraTeam(CameraScene("nowhere", nothing, LightSpec(), []), views, Rendering(gpus=(), processes=2)) as team:

@@ -62,13 +62,13 @@ class Training(Model):
     )
     start_from: tuple[str, ...] = Field(
         (),
-        description="trained models whose weights a new run starts from, where they fit: ONNX files, relative to this "
+        description="trained models that a new run takes weights from, where they fit: ONNX files, relative to this "
         "file, or camera, lidar, fused: those of the package",
     )
     augmentation: Augmentation = Field(Augmentation(), description="random changes of samples")
     average_with: tuple[str, ...] = Field(
         (),
-        description="trained models whose answers the exported one averages with its own, as an ensemble: named as in "
+        description="trained models that the exported one averages its own answers with, as an ensemble: named as in "
         "start_from; they see nothing that this one does not",
     )
     export_weights: Literal["half", "int8"] = Field(

@@ -214,7 +214,7 @@ def _inside(points: Float64Array, box: Table, margin_m: float) -> AnyArray:
 
 
 def _covered(box: Table, margin_m: float) -> tuple[AnyArray, AnyArray]:
-    """Rows and columns of the cells whose centers are within a box's sides."""
+    """Rows and columns of the cells with centers within a box's sides."""
     reach = np.hypot(box["length"], box["width"]) / 2 + margin_m
     middle = (HALF_M - np.array([box["x"], box["y"]])) / CELL_M
     low = np.clip(np.floor(middle - reach / CELL_M), 0, CELLS).astype(int)

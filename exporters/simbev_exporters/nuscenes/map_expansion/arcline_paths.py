@@ -132,7 +132,7 @@ def _biarc(points_m: Float64Array, headings_rad: Float64Array, start: int, end: 
 
 
 def _tangent_length_m(chord_m: Float64Array, ahead: Float64Array, beyond: Float64Array) -> float:
-    """Length of the tangents at both ends of a biarc whose joint is in their middle."""
+    """Length of the tangents at both ends of a biarc with its joint in their middle."""
     along_m = float(chord_m @ (ahead + beyond))
     square_m2, bend = float(chord_m @ chord_m), 2.0 * (1.0 - float(ahead @ beyond))
     if bend < _PARALLEL:

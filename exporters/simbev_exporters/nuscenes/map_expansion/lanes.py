@@ -99,7 +99,7 @@ def _lane(canvas: Canvas, strip: Strip) -> Record:
 
 
 def _side_by_side(strips: Sequence[Strip]) -> Iterator[list[Strip]]:
-    """Groups of strips of one road and direction whose areas touch, each from left to right."""
+    """Groups of touching strips of one road and direction, each from left to right."""
     groups: defaultdict[tuple[object, ...], list[Strip]] = defaultdict(list)
     for strip in strips:
         groups[strip.road, strip.section, strip.level, strip.index > 0].append(strip)

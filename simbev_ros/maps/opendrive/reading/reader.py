@@ -52,7 +52,7 @@ def read_document(path: Path, root: Element, notes: Findings) -> Document:
             notes.left_out("a road that cannot be used is left out", problem.element, detail, *_place_of(element))
             continue
         if road.id in roads:
-            rule = "a road whose id is already taken is left out"
+            rule = "a road with the id of an earlier one is left out"
             notes.left_out(rule, element, f"road {road.id}", *_place_of(element))
             continue
         roads[road.id] = road

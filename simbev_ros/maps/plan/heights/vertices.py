@@ -60,7 +60,7 @@ class Vertices:
 
 
 def vertices_of(links: Sequence[Link]) -> Vertices:
-    """Vertices of links whose lines are (N, 2) or (N, 3)."""
+    """Vertices of links with (N, 2) or (N, 3) lines."""
     counts = [len(link.line_m) for link in links]
     stations = [stations_m(link.line_m) for link in links]
     kinds = [link.road.kind for link in links]

@@ -32,7 +32,7 @@ class Gore(NamedTuple):
 
 
 def gores_of(plan: Plan) -> Iterator[Gore]:
-    """Yield all gores of a plan whose lines are (N, 2)."""
+    """Yield all gores of a plan with (N, 2) lines."""
     index = {link.id: number for number, link in enumerate(plan.links)}
     touching = plan.links_at()
     for links in touching:

@@ -108,7 +108,7 @@ def _draw_lines(pattern: Grid, blocks: int, rng: np.random.Generator) -> Float64
 
 
 def _draw_omitted_streets(pattern: Grid, rng: np.random.Generator) -> set[tuple[_Node, _Node]]:
-    """Draw pairs of adjacent inner nodes whose narrow street is omitted; a junction loses at most one arm."""
+    """Draw pairs of adjacent inner nodes without a narrow street between them; a junction loses at most one arm."""
     inner = [_Node(c, r) for c in range(1, pattern.columns) for r in range(1, pattern.rows)]
     candidates = [
         (a, b)

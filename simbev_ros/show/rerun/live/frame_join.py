@@ -1,4 +1,4 @@
-"""Joins the messages of a running graph to frames of one tick each, at most so many per second; drops all others.
+"""Joins the messages of a running graph to frames of one tick each, at a limited rate; drops all others.
 
 Everything that is drawn together has the same tick, because boxes of one tick do not fit an image of another.
 """

@@ -1,4 +1,4 @@
-"""Exact rasterizer for the BEV grid: finds the cells whose centers are covered by triangles.
+"""Exact rasterizer for the BEV grid: finds the cells with centers covered by triangles.
 
 Plan-view triangles in cell coordinates enter, boolean planes leave. Every (triangle, row) pair gives one span along the
 row's center line. Spans are closed intervals, and both triangles of a shared edge compute its crossing from the same
@@ -46,7 +46,7 @@ def corners_near_centers(
 
 
 def covered_cells(corners_cells: Float64Array, planes: UInt8Array, shape: tuple[int, int, int]) -> BoolArray:
-    """Cells whose center lies in the closed union of the triangles, plane by plane.
+    """Cells with centers in the closed union of the triangles, plane by plane.
 
     Args:
         corners_cells: (2, 3, T) continuous (row, column) of the three corners, cell centers at integers.

@@ -101,7 +101,7 @@ def _static_boxes(
 
 
 def _near(table: Table, state: WorldState, radius_m: float) -> Table:
-    """The boxes whose centers are within a radius of the center of the ego's box, with distance and angle filled in."""
+    """The boxes with centers within a radius of the center of the ego's box, with distance and angle filled in."""
     ego = state.ego
     center_m = np.stack([table["x"], table["y"], table["z"]], axis=1)
     to_center_ego = (center_m - box_centers_m(ego[None])) @ map_from_actors(ego)[:3, :3]

@@ -81,7 +81,7 @@ def join_boxes(names: Sequence[str], tables: Mapping[str, Table]) -> JointBoxes:
 
     Args:
         names: All agents of the scene, in the order of the specification.
-        tables: (N,) ``BOX_DTYPE`` of each agent whose boxes were received, ascending id.
+        tables: (N,) ``BOX_DTYPE`` of each agent with received boxes, ascending id.
     """
     shared, refused = np.zeros(0, SHARED_DTYPE), dict[str, str]()
     for name in names:

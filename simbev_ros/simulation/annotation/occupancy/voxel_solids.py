@@ -16,7 +16,7 @@ from simbev_ros.simulation.annotation.occupancy.triangle_soup import MIN_PLANE_A
 
 
 def fill_solids(ranks: UInt8Array, soup: Soup, shape: GridShape) -> None:
-    """Raise the ranks of voxels whose centers lie inside closed surfaces, in place."""
+    """Raise the ranks of voxels with centers inside closed surfaces, in place."""
     triangles = np.take(soup.triangles, np.flatnonzero(soup.is_solid), axis=1)
     points = soup.points - np.float32(0.5)
     for axis in range(2):

@@ -70,7 +70,7 @@ def _pixels(ends: Float64Array, camera: PinholeCamera) -> Float64Array:
 
 
 def _runs(contours: Contours, width: int, height: int) -> _Runs:
-    """Runs of pixels enclosed by contours whose ends are in pixels.
+    """Runs of pixels enclosed by contours with ends in pixels.
 
     The canvas rows of all objects are stacked; the last step of every row leads down to zero.
     """

@@ -48,7 +48,7 @@ class RigidTable:
     def from_world(
         cls, skeletons: Skeletons, world: WorldState, previous: WorldState | None, origin_m: Float64Array
     ) -> "RigidTable":
-        """Build the table of a world whose origin is (3,) ``origin_m`` in the map frame.
+        """Build the table of a world with its origin at (3,) ``origin_m`` in the map frame.
 
         Raises:
             RenderError: The world has more than 65,535 rigid parts, or an id that does not fit instance images.

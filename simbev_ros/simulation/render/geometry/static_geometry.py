@@ -31,7 +31,7 @@ _PLAIN, _DETAIL, _COARSE = range(3)
 """Grades of pieces: always drawn, only drawn nearby, and only drawn far away."""
 
 _STAGES_M = (32.0, 96.0, 160.0, 256.0, 512.0, np.inf)
-"""Tiles are drawn in stages by distance. What is drawn already hides much of what is farther away."""
+"""Tiles are drawn in stages by distance. What is drawn already hides much of what is further away."""
 
 _MIN_CULLED_TRIANGLES = 16_000
 """Minimum number of waiting triangles for an occlusion test, which takes as long as drawing that many."""

@@ -11,7 +11,7 @@ from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.simulation.render.gl.programs import TEXTURE_UNITS, ProgramLibrary
 
 HALF_M = 48.0
-"""Half the map's width; farther away the dark seam under a car is thinner than a pixel."""
+"""Half the map's width; further away the dark seam under a car is thinner than a pixel."""
 
 _SIZE_PX = 768
 _MAX_ACTORS = 1024

@@ -78,7 +78,7 @@ class ShadowMap:
         table: RigidTable,
         views: Sequence[View],
     ) -> list[Float64Array]:
-        """Draw the map for light from (3,) ``direction``, without actors whose shadow is outside all views.
+        """Draw the map for light from (3,) ``direction``, without actors with shadows outside all views.
 
         Returns:
             Per cascade a (4, 4) projection of world points to its clip space.

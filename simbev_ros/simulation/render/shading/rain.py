@@ -51,7 +51,7 @@ class Rain:
         self._passing_m = (velocity_mps - np.array([ego["vx"], ego["vy"], ego["vz"]])) * _SHUTTER_S
 
     def draw_streaks(self, lamps_lit: bool) -> None:
-        """Draw falling drops into the current framebuffer, the shaded image, in front of what is farther away."""
+        """Draw falling drops into the current framebuffer, the shaded image, in front of what is further away."""
         count = int(self._weather_rain * _MAX_STREAKS[QUALITIES.index(self._library.quality)])
         if not count:
             return

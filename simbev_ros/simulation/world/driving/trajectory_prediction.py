@@ -25,7 +25,7 @@ class RouteGeometry(Protocol):
     """Traffic interface that trajectory prediction needs."""
 
     def ahead_m(self, vehicle: Int64Array, distance_m: Float64Array, left_m: Float64Array) -> Float64Array:
-        """(N, K, 3) positions of N vehicles' fronts after (N, K) distances, (N, K) farther to the left than now."""
+        """(N, K, 3) positions of N vehicles' fronts after (N, K) distances, (N, K) further to the left than now."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,7 +121,7 @@ class TrajectoryPredictor:
         return self._predict_towed(vehicle, lead_m)
 
     def _predict_towed(self, vehicle: Int64Array, lead_m: Float64Array) -> PredictedTrajectories:
-        """Trajectories of bodies whose rear axles are towed behind (N, K, 2) points."""
+        """Trajectories of bodies with rear axles towed behind (N, K, 2) points."""
         trail_m, rear_m = self._trail_m[vehicle, None], self._rear_m[vehicle, :2]
         forward = np.empty_like(lead_m)
         for number in range(len(TIMES_S)):

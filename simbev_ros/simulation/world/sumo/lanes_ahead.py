@@ -40,7 +40,7 @@ class LanesAhead:
                 self._update_lanes(vehicle, lane)
 
     def ahead_m(self, vehicle: Int64Array, distance_m: Float64Array, left_m: Float64Array) -> Float64Array:
-        """(N, K, 3) positions of N fronts after (N, K) distances, (N, K) farther left in their lanes than now."""
+        """(N, K, 3) positions of N fronts after (N, K) distances, (N, K) further left in their lanes than now."""
         path_position_m = self._position_m[vehicle, None] + distance_m
         end_m = self._end_m[vehicle]
         number = np.sum(path_position_m[..., None] >= end_m[:, None, :-1], axis=-1)

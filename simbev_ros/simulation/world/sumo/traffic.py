@@ -172,7 +172,7 @@ class SumoTraffic:
     def ahead_m(self, vehicle: Int64Array, distance_m: Float64Array, left_m: Float64Array) -> Float64Array:
         """(N, K, 3) positions of the fronts of (N,) of the latest vehicles after (N, K) distances along their routes.
 
-        They lie (N, K) farther to the left of their lanes' center lines than now.
+        They lie (N, K) further to the left of their lanes' center lines than now.
         """
         positions_m = self._lanes_ahead.ahead_m(vehicle, distance_m, left_m)
         for name, (_, driven_m) in self._driven.items():  # no route: its driver decides
@@ -340,7 +340,7 @@ class SumoTraffic:
         libsumo.vehicle.setTau(self._vehicle_names[vehicle], headway_s)
 
     def ending_routes(self) -> list[tuple[int, str]]:
-        """Vehicles (indices in ``vehicles``) whose routes end soon, each with the last edge of its route."""
+        """Vehicles (indices in ``vehicles``) with routes that end soon, each with the last edge of its route."""
         last_edges = [(row, vehicle_routes.ending_edge(name)) for row, name in enumerate(self._vehicle_names)]
         return [(row, edge) for row, edge in last_edges if edge and self._vehicle_names[row] not in self._crashed]
 

@@ -15,7 +15,7 @@ from simbev_ros.foundation.errors import InputError
 from simbev_ros.show.sheet import LabelPlacement
 
 if TYPE_CHECKING:
-    from simbev_ros.recording.indexed_bag import IndexedBag
+    from simbev_ros.dataset.scene import Scene
 
 
 def preview(
@@ -64,18 +64,20 @@ def make_preview(
         InputError: The agent or the frame does not exist, a picture exists already, or the folder cannot be made.
         BagError: The bag cannot be read, or has no topic that can be shown.
     """
-    from simbev_ros.dataset.opened import open_bag
+    from simbev_ros.dataset.opened import CACHE_BYTES
+    from simbev_ros.dataset.scene import Scene
+    from simbev_ros.recording.mcap.chunk_cache import ChunkCache
 
-    bag = open_bag(path)
+    scene = Scene(path, ChunkCache(CACHE_BYTES), may_be_cut_off=True)
+    bag = scene.bag_name
     if agent is not None:
-        spec = bag.spec
-        agents = [agent.name for agent in spec.agents] if spec else []
-        require_agent(agent, [*agents, ALL] if len(agents) > 1 else agents, bag.name)
-    shown = _all_agents(path) if agent == ALL else _one_agent(bag, labels, agent)
+        require_agent(agent, [*scene.agents, ALL] if len(scene.agents) > 1 else scene.agents, bag)
+    seen = scene if agent in (None, ALL) else scene.of_agent(agent)
+    shown = _all_agents(scene) if agent == ALL else _one_agent(seen, labels)
     index = shown.frames // 2 if frame is None else frame
     if not 0 <= index < shown.frames:
-        raise InputError(f"--frame {index}: {bag.name} has frames 0 to {shown.frames - 1}")
-    name = bag.name if agent is None else f"{bag.name}.{agent}"
+        raise InputError(f"--frame {index}: {bag} has frames 0 to {shown.frames - 1}")
+    name = bag if agent is None else f"{bag}.{agent}"
     picture, film = out / f"{name}.png", out / f"{name}.mp4"
     targets = [picture, film] if video else [picture]
     make_room(out, targets, overwrite)
@@ -100,20 +102,18 @@ class _Shown(NamedTuple):
     write_video: Callable[[Path, Callable[[], None]], None]
 
 
-def _one_agent(bag: "IndexedBag", labels: LabelPlacement, agent: str | None) -> _Shown:
+def _one_agent(scene: "Scene", labels: LabelPlacement) -> _Shown:
     """Recorded data of one agent."""
     from simbev_ros.show.sheet.frames import FrameReader
     from simbev_ros.show.sheet.preview import write_picture, write_video
     from simbev_ros.show.sheet.views import find_views
 
-    reader = FrameReader(bag, find_views(bag, labels, agent))
-    return _Shown(len(reader.stamps_ns), partial(write_picture, reader), partial(write_video, reader))
+    reader = FrameReader(scene, find_views(scene, labels))
+    return _Shown(len(reader.ticks), partial(write_picture, reader), partial(write_video, reader))
 
 
-def _all_agents(path: Path) -> _Shown:
+def _all_agents(scene: "Scene") -> _Shown:
     """Recorded data of all agents of a scene."""
-    from simbev_ros.dataset import open_dataset
     from simbev_ros.show.sheet.preview import write_agents_picture, write_agents_video
 
-    [scene] = open_dataset(path).scenes
     return _Shown(len(scene), partial(write_agents_picture, scene), partial(write_agents_video, scene))

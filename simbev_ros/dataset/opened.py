@@ -12,7 +12,6 @@ from simbev_ros.dataset.index import indexed_bags, read_index
 from simbev_ros.dataset.scene import Scene
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath, path_or_url
-from simbev_ros.recording.indexed_bag import IndexedBag
 from simbev_ros.recording.layout import bytes_of, finished_scenes, is_dataset, locate_mcap
 from simbev_ros.recording.mcap.chunk_cache import ChunkCache
 
@@ -134,15 +133,6 @@ def _scenes_of_agent(scenes: Sequence[Scene], agent: str) -> list[Scene]:
         names = sorted({name for scene in scenes for name in scene.agents})
         raise InputError(f"agent: no scene has {agent!r}, but {', '.join(names)}")
     return found
-
-
-def open_bag(path: Path, *, cache_bytes: int = CACHE_BYTES) -> IndexedBag:
-    """Open a bag with any contents, finished or truncated, to read its topics by time.
-
-    Raises:
-        BagError: There is no bag at this path, or it is damaged.
-    """
-    return IndexedBag(path, ChunkCache(cache_bytes))
 
 
 def open_dataset(path: AnyPath | str, *, cache_bytes: int = CACHE_BYTES, threads: int | None = None) -> Dataset:

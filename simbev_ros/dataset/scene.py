@@ -59,6 +59,11 @@ class Scene(Sequence[Frame]):
         return str(self.row["name"]) if self.row else self.spec.name
 
     @property
+    def bag_name(self) -> str:
+        """Name of the bag: that of its scene, with a label if it was replayed."""
+        return self._bags.own.name
+
+    @property
     def number(self) -> int:
         """The scene's number in the dataset."""
         return int(self.row["number"]) if self.row else self.spec.number

@@ -13,7 +13,7 @@ from made_up_scene import MadeUp, boxes, made_up_scene, record_made_up
 from ros_messages import string
 from several_agents import made_up_agents
 
-from simbev_ros.dataset.opened import open_bag
+from simbev_ros.dataset import open_dataset
 from simbev_ros.foundation.types import UInt8Array
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.qos import QosProfile
@@ -46,13 +46,13 @@ def test_an_unknown_agent_is_named_with_those_that_there_are(refused: Run, bag: 
 
 
 def test_the_agents_of_a_bag_without_a_scene_are_not_known(refused: Run, tmp_path: Path) -> None:
-    for verb in ("info", "preview"):
-        with SceneBagWriter(tmp_path / verb) as writer:
-            writer.add_topic("/ego/words", "std_msgs/msg/String", QosProfile())
-            writer.write("/ego/words", 0, string("a word"))
-            path = writer.finish({})
-        message = f"error: --agent 'ego': {verb} has no scene, so its agents are not known\n"
-        assert refused(verb, path, "--agent", "ego") == message
+    with SceneBagWriter(tmp_path / "bag") as writer:
+        writer.add_topic("/ego/words", "std_msgs/msg/String", QosProfile())
+        writer.write("/ego/words", 0, string("a word"))
+        path = writer.finish({})
+    message = "error: --agent 'ego': bag has no scene, so its agents are not known\n"
+    assert refused("info", path, "--agent", "ego") == message
+    assert "bag_0.mcap: it holds no scene: scene.json is not attached" in refused("preview", path, "--agent", "ego")
 
 
 def test_what_does_not_go_together_is_refused(refused: Run, bag: Path, tmp_path: Path) -> None:
@@ -86,16 +86,14 @@ def test_info_of_a_scene_with_one_agent_has_its_rig_as_one_row(simbev: Run, tmp_
 
 
 @pytest.mark.parametrize("agent", [None, "ego", "car", "rsu"])
-def test_a_preview_shows_the_topics_of_its_agent(made: tuple[Path, MadeUp], agent: str | None) -> None:
-    bag, name = open_bag(made[0]), agent or "ego"
-    views = find_views(bag, "cameras", agent)
-    assert views.read_topics and all(topic.startswith(f"/{name}/") for topic in views.read_topics)
-    assert views.truth.names == [f"/{name}/{each}" for each in ("boxes", "odom", "bev/labels")]
+def test_a_preview_shows_what_its_agent_sees(made: tuple[Path, MadeUp], agent: str | None) -> None:
+    name = agent or "ego"
+    scene = open_dataset(made[0]).scenes[0].of_agent(name)
+    views = find_views(scene, "cameras")
     assert list(views.cameras) == (["cam"] if name == "rsu" else ["cam_front", "cam_back_left"])
-    assert views.view is not None and views.view.agent == name
-    (frame,) = FrameReader(bag, views).frames(1, 1)
+    (frame,) = FrameReader(scene, views).frames(1, 1)
     ticks = made[1].ticks if name == "ego" else made[1].others[name]
-    assert frame.arrays[f"/{name}/bev/labels"].tobytes() == ticks[1]["bev/labels"].tobytes()
+    assert frame.arrays["bev/labels"].tobytes() == ticks[1]["bev/labels"].tobytes()
 
 
 def test_previews_of_agents_lie_side_by_side(simbev: Run, bag: Path, tmp_path: Path) -> None:

@@ -4,28 +4,20 @@ import av
 import cv2
 import numpy as np
 import pytest
-from scene_edits import with_ego
-from synthetic_scene import STEP_M, YAWS_DEG, camera_images, street, write_scene
+from synthetic_scene import STEP_M, camera_images, street, write_scene
 
 from simbev_ros.cli.preview import preview
-from simbev_ros.config.camera import Camera
-from simbev_ros.config.load import load_scenario
-from simbev_ros.config.rig import Rig
-from simbev_ros.config.sensor import Pose
-from simbev_ros.dataset.opened import open_bag
+from simbev_ros.dataset import open_dataset
 from simbev_ros.foundation.errors import BagError, InputError
 from simbev_ros.foundation.types import UInt8Array
-from simbev_ros.maps.build import load_network
 from simbev_ros.recording.reader import SceneBag
-from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.show.sheet import LabelPlacement
 from simbev_ros.show.sheet.contact_sheet import Captions, ContactSheet
 from simbev_ros.show.sheet.frames import FrameReader
 from simbev_ros.show.sheet.sheet_panels import LABEL_PANEL
 from simbev_ros.show.sheet.views import find_views
 
-FRONT = "/ego/cam_front/rgb/image_raw/compressed"
-LIDAR, BEV = "/ego/lidar/semantic_points", "/ego/bev/labels"
+FRONT, LIDAR, BEV = "cam_front/rgb", "lidar/semantic_points", "bev/labels"
 
 
 @pytest.fixture(scope="module")
@@ -35,25 +27,15 @@ def bag_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def labelled_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """With boxes, the ego's pose, and a rig with the poses of the cameras."""
-    scenario = load_scenario("demo")
-    planned = next(planned_scenes(scenario))
-    cameras = tuple(
-        Camera(type="camera", name=f"cam_{name}", pose=Pose(z_m=1.6, yaw_deg=yaw), width_px=160, height_px=90)
-        for name, yaw in YAWS_DEG.items()
-    )
-    spec = with_ego(draw_scene(scenario, planned, load_network(planned.map)), rig=Rig(sensors=cameras))
-    attachments = {"scene.json": spec.model_dump_json().encode()}
+    """With boxes and the ego's pose."""
     folder = tmp_path_factory.mktemp("labelled")
-    return write_scene(
-        folder / "Town01-0007", ticks=2, width_px=160, cameras=("front", "back"), boxes=True, attachments=attachments
-    )
+    return write_scene(folder / "Town01-0007", ticks=2, width_px=160, cameras=("front", "back"), boxes=True)
 
 
 def draw(path: Path, width_px: int = 960, labels: LabelPlacement = "panel") -> tuple[ContactSheet, UInt8Array]:
-    bag = open_bag(path)
-    reader = FrameReader(bag, find_views(bag, labels))
-    captions = Captions(bag.name, "", len(reader.stamps_ns), reader.stamps_ns[0])
+    [scene] = open_dataset(path).scenes
+    reader = FrameReader(scene, find_views(scene, labels))
+    captions = Captions(scene.bag_name, "", len(reader.ticks), scene.spec.start_ns)
     sheet = ContactSheet(reader.views, reader.aspects(), captions, width_px=width_px)
     return sheet, sheet.draw(next(reader.frames(1, 1)))
 
@@ -102,17 +84,13 @@ def test_smaller_rigs_fill_the_same_width(
 
 
 def test_all_radars_of_the_scenes_rig_share_a_panel(tmp_path: Path) -> None:
-    scenario = load_scenario("demo")
-    planned = next(planned_scenes(scenario))
-    spec = draw_scene(scenario, planned, load_network(planned.map)).model_dump_json().encode()
-    path = write_scene(tmp_path / "a", ticks=2, width_px=32, radars=("front", "back"), attachments={"scene.json": spec})
-    bag = open_bag(path)
-    views = find_views(bag)
-    assert list(views.radars) == ["/ego/radar_front/points", "/ego/radar_back/points"]
-    assert views.radars["/ego/radar_back/points"][:2] == pytest.approx(np.array([[-1, 0, 0, -2.4], [0, -1, 0, 0]]))
+    path = write_scene(tmp_path / "a", ticks=2, width_px=32, radars=("front", "back"))
+    views = find_views(open_dataset(path).scenes[0])
+    assert list(views.radars) == ["radar_front/points", "radar_back/points"]
+    assert views.radars["radar_back/points"][:2] == pytest.approx(np.array([[-1, 0, 0, -2.4], [0, -1, 0, 0]]))
     sheet, picture = draw(path)
     assert len(sheet.boxes) == 13
-    box = sheet.boxes["/ego/radar_front/points"]
+    box = sheet.boxes["radar_front/points"]
     panel = picture[box.top : box.top + box.height, box.left : box.left + box.width].astype(int)
     blue, red = panel[..., 2] - panel[..., 0] > 60, panel[..., 0] - panel[..., 2] > 60
     assert min(blue.sum(), red.sum()) > 50

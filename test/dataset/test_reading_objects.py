@@ -13,7 +13,6 @@ from store_server import BUCKET, StoreServer, upload
 from simbev_ros.dataset import Dataset, open_dataset
 from simbev_ros.dataset.fetched_check import verify_fetched_bag
 from simbev_ros.dataset.index import indexed_bags, read_index, update_index
-from simbev_ros.dataset.opened import open_bag
 from simbev_ros.dataset.parallel import Processes
 from simbev_ros.dataset.plan import Plan
 from simbev_ros.dataset.statistics import statistics_of
@@ -22,7 +21,9 @@ from simbev_ros.foundation.object_store.connection import StoreError
 from simbev_ros.foundation.object_store.object_path import ObjectPath
 from simbev_ros.foundation.object_store.transfers import delete_tree, put_bytes
 from simbev_ros.recording.bag_writer import SceneBagWriter
+from simbev_ros.recording.indexed_bag import IndexedBag
 from simbev_ros.recording.layout import scenes_of
+from simbev_ros.recording.mcap.chunk_cache import ChunkCache
 from simbev_ros.recording.qos import QosProfile
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.recording.verify import verify_bag
@@ -96,7 +97,7 @@ def test_a_message_costs_one_request_of_its_chunk(tmp_path: Path, store: StoreSe
     chunk_bytes = large_bag(tmp_path / "large")
     upload(tmp_path / "large", "large")
     store.reset()
-    bag = open_bag(ObjectPath(BUCKET, "large"))
+    bag = IndexedBag(ObjectPath(BUCKET, "large"), ChunkCache(1 << 20))
     assert len(store.requests) <= 3 + 41, "a list, a size, the end, and the indexes of messages after each chunk"
     assert store.sent_bytes < 300_000, "the attachment is not read"
     store.reset()

@@ -5,19 +5,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 from box_tables import box
+from made_up_scene import made_up_spec
 from ros_messages import image, odometry, point_cloud
 
-from simbev_ros.dataset.opened import open_bag
+from simbev_ros.dataset import open_dataset
 from simbev_ros.foundation.geometry.transforms import rotations_from_rpy
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.recording.bag_writer import SceneBagWriter
+from simbev_ros.recording.layout import SCENE_ATTACHMENT
 from simbev_ros.recording.qos import QosProfile
 from simbev_ros.show.sheet.frames import FrameReader, SheetFrame
 from simbev_ros.show.sheet.views import find_views
 
-TICK_NS = 50_000_000
-RGB, BOXES, ODOMETRY, BEV = "/ego/cam_front/rgb/image_raw", "/ego/boxes", "/ego/odom", "/ego/bev/labels"
-TYPES = {RGB: "Image", BOXES: "PointCloud2", BEV: "Image"}
+RGB, BOXES, ODOMETRY, BEV = "cam_front/rgb", "boxes", "odom", "bev/labels"
+TYPES = {RGB: "sensor_msgs/msg/Image", BOXES: "sensor_msgs/msg/PointCloud2", BEV: "sensor_msgs/msg/Image"}
 
 
 def rpy(tick: int) -> Float64Array:
@@ -26,23 +27,25 @@ def rpy(tick: int) -> Float64Array:
 
 def frames(path: Path, ticks: dict[str, list[int]]) -> list[SheetFrame]:
     """Sheet frames of a bag with values that contain their ticks."""
+    spec = made_up_spec([{"type": "camera", "name": "cam_front", "width_px": 16, "height_px": 16}], ticks=50)
     with SceneBagWriter(path) as writer:
-        for topic, own_ticks in ticks.items():
-            kind = f"sensor_msgs/msg/{TYPES[topic]}" if topic in TYPES else "nav_msgs/msg/Odometry"
-            writer.add_topic(topic, kind, QosProfile())
+        writer.add_attachment(SCENE_ATTACHMENT, "application/json", spec.model_dump_json().encode())
+        for key, own_ticks in ticks.items():
+            topic = f"/ego/{key}/image_raw" if key == RGB else f"/ego/{key}"
+            writer.add_topic(topic, TYPES.get(key, "nav_msgs/msg/Odometry"), QosProfile())
             for tick in own_ticks:
-                stamp_ns = tick * TICK_NS
+                stamp_ns = spec.stamp_ns(tick)
                 data = {
                     RGB: lambda t=stamp_ns, n=tick: image(t, "rgb8", np.full((2, 4, 3), n, np.uint8)),
                     BEV: lambda t=stamp_ns, n=tick: image(t, "mono16", np.full((4, 4), n, np.uint16)),
                     BOXES: lambda t=stamp_ns, n=tick: point_cloud(t, box(n, 0.0, 0.0)),
                     ODOMETRY: lambda t=stamp_ns, n=tick: odometry(t, np.array([n, 2, 3]), rpy(n)),
-                }[topic]()
+                }[key]()
                 writer.write(topic, stamp_ns, data)
         writer.finish({})
-    bag = open_bag(path)
-    reader = FrameReader(bag, find_views(bag))
-    return list(reader.frames(0, len(reader.stamps_ns)))
+    [scene] = open_dataset(path).scenes
+    reader = FrameReader(scene, find_views(scene))
+    return list(reader.frames(0, len(reader.ticks)))
 
 
 def test_a_slow_cameras_picture_has_the_truth_of_its_own_time(tmp_path: Path) -> None:
@@ -69,7 +72,7 @@ def test_older_labels_are_level_at_the_egos_pose_at_their_stamp(tmp_path: Path) 
 def test_ground_truth_of_a_silent_topic_expires(tmp_path: Path) -> None:
     images = list(range(0, 50, 2))
     everything = frames(tmp_path / "a", {RGB: images, BOXES: [0], ODOMETRY: list(range(40)), BEV: [1]})
-    held = {frame.stamp_ns // TICK_NS: frame.truths.get(RGB) for frame in everything}
+    held = {frame.ticks[RGB]: frame.truths.get(RGB) for frame in everything}
     assert held[0] is not None and held[0].labels is None
     assert held[20] is not None and held[20].boxes is not None
     assert held[22] is not None and held[22].boxes is None and held[22].labels is None

@@ -4,16 +4,19 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from made_up_scene import made_up_spec
 from ros_messages import compressed_image, image, odometry, point_cloud
 
 from simbev_ros.foundation.geometry.camera import PinholeCamera
 from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES, Tag
 from simbev_ros.foundation.types import AnyArray, Float64Array, Table
 from simbev_ros.recording.bag_writer import SceneBagWriter
+from simbev_ros.recording.layout import SCENE_ATTACHMENT
 from simbev_ros.recording.qos import QosProfile
 from simbev_ros.schema.boxes import blank_boxes
+from simbev_ros.schema.scene.spec import SceneSpec
 
-START_NS, TICK_NS = 3_604_000_000_000, 50_000_000
+TICK_NS = 50_000_000
 STEP_M = 0.5
 YAWS_DEG = {"front_left": 55, "front": 0, "front_right": -55, "back_left": 110, "back": 180, "back_right": -110}
 MODALITIES = ("rgb", "semantic", "instance", "depth", "flow")
@@ -174,6 +177,24 @@ def box_table(scene: Street) -> Table:
     return rows
 
 
+def street_spec(ticks: int, width_px: int) -> SceneSpec:
+    """The scene of the street, with all its sensors."""
+    size = {"width_px": width_px, "height_px": width_px * 9 // 16}
+    cameras = [
+        {"type": "camera", "name": f"cam_{name}", "pose": {"z_m": 1.6, "yaw_deg": yaw_deg}, **size}
+        for name, yaw_deg in YAWS_DEG.items()
+    ]
+    radars = [
+        {"type": "radar", "name": f"radar_{name}", "pose": {"x_m": x_m, "z_m": 0.6, "yaw_deg": YAWS_DEG[name]}}
+        for name, x_m in (("front", 2.4), ("back", -2.4))
+    ]
+    lidar = {"type": "lidar", "name": "lidar", "pose": {"z_m": 1.8}}
+    return made_up_spec([*cameras, lidar, *radars], ticks=ticks, grid=(360, 360))
+
+
+START_NS = street_spec(1, 96).start_ns
+
+
 def write_scene(
     path: Path,
     *,
@@ -187,11 +208,16 @@ def write_scene(
     boxes: bool = False,
     attachments: dict[str, bytes] | None = None,
 ) -> Path:
-    """Write the bag; modalities other than rgb are written for the front camera only."""
+    """Write the bag; modalities other than rgb are written for the front camera only.
+
+    The rig has all sensors of the street. ``attachments`` replace the scene's specification.
+    """
     scene = street()
+    if attachments is None:
+        attachments = {SCENE_ATTACHMENT: street_spec(ticks, width_px).model_dump_json().encode()}
     make = compressed_image if compressed else image
     with SceneBagWriter(path) as writer:
-        for name, data in (attachments or {}).items():
+        for name, data in attachments.items():
             writer.add_attachment(name, "application/json", data)
         topics: set[str] = set()
 

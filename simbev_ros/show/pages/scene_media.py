@@ -6,11 +6,11 @@ import cv2
 import numpy as np
 
 from simbev_ros.dataset.opened import CACHE_BYTES
+from simbev_ros.dataset.scene import Scene
 from simbev_ros.foundation.errors import BagError
 from simbev_ros.foundation.files.whole_files import write_whole
 from simbev_ros.foundation.object_store.object_path import AnyPath
 from simbev_ros.foundation.types import UInt8Array
-from simbev_ros.recording.indexed_bag import IndexedBag
 from simbev_ros.recording.layout import mcap_files
 from simbev_ros.recording.mcap.chunk_cache import ChunkCache
 from simbev_ros.show.reports.svg_drawing import jpeg_bytes
@@ -47,13 +47,13 @@ def write_media(bag: AnyPath, folder: Path, *, video: bool) -> bool:
     files = [folder / name for name in (THUMBNAIL, SHEET, *([VIDEO] if video else []))]
     if all(is_newer(file, bag) for file in files):
         return True
-    opened = IndexedBag(bag, ChunkCache(CACHE_BYTES))
+    scene = Scene(bag, ChunkCache(CACHE_BYTES), may_be_cut_off=True)
     try:
-        views = find_views(opened, "panel")
-    except BagError:  # the bag is sound, but has no topic that can be shown
+        views = find_views(scene, "panel")
+    except BagError:  # the bag is sound, but has nothing that can be shown
         return False
-    reader = FrameReader(opened, views)
-    (frame,) = reader.frames(len(reader.stamps_ns) // 2, 1)
+    reader = FrameReader(scene, views)
+    (frame,) = reader.frames(len(reader.ticks) // 2, 1)
     sheet = draw_sheet(reader, frame, _VIDEO_WIDTH_PX * 3 // 2)
     camera = next(
         (name for name in sorted(views.cameras, key=main_camera_rank) if views.cameras[name] in frame.arrays), ""

@@ -45,7 +45,7 @@ class ContactSheet:
 
     Attributes:
         size_px: Width and height of the sheet, both even.
-        boxes: Box of each picture on the sheet, by its topic or ``LABEL_PANEL``.
+        boxes: Box of each picture on the sheet, by its key or ``LABEL_PANEL``.
     """
 
     def __init__(
@@ -60,8 +60,8 @@ class ContactSheet:
         """Prepare the layout.
 
         Args:
-            views: The topics to show.
-            aspects: Width over height of each topic's picture.
+            views: What is shown.
+            aspects: Width over height of each key's picture.
             captions: The text.
             width_px: Width of the sheet, even; its height follows.
             half_extent_m: Distance from the ego to the edge of the lidar's picture.
@@ -76,13 +76,13 @@ class ContactSheet:
         self.size_px = (width_px, bottom + bottom % 2)
 
     def draw(self, frame: SheetFrame) -> UInt8Array:
-        """Draw a frame as (H, W, 3) uint8 RGB; the box of a topic without a recent sample stays empty."""
+        """Draw a frame as (H, W, 3) uint8 RGB; the box of a key without a recent sample stays empty."""
         width, height = self.size_px
         sheet = np.full((height, width, 3), BACKGROUND, np.uint8)
         self._draw_header(sheet, frame)
         for panel in self._panels:
             box = self.boxes[panel.key]
-            if any(topic in frame.arrays for topic in panel.topics):
+            if any(key in frame.arrays for key in panel.keys):
                 picture, note = panel.paint(frame, box), panel.note
             else:
                 picture, note = np.full((box.height, box.width, 3), SURFACE, np.uint8), "nothing received"
@@ -113,11 +113,11 @@ def _arrange(views: Views, aspects: Mapping[str, float]) -> Block:
     Without a picture with labels, all modalities form a block of two rows next to the views from above.
     """
 
-    def row(topics: Sequence[str]) -> Row:
-        return Row([Tile(topic, aspects[topic]) for topic in topics])
+    def row(keys: Sequence[str]) -> Row:
+        return Row([Tile(key, aspects[key]) for key in keys])
 
     cameras, others = list(views.cameras.values()), list(views.modalities.values())
-    above = row([topic for topic in (views.points, next(iter(views.radars), None), views.bev) if topic is not None])
+    above = row([key for key in (views.points, next(iter(views.radars), None), views.bev) if key is not None])
     if views.label_panel is not None:
         above = Row([Tile(LABEL_PANEL, aspects[views.label_panel[1].rgb]), *above.blocks])
     if len(cameras) == 1:  # a single camera would fill the sheet

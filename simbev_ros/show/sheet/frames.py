@@ -1,117 +1,117 @@
-"""Reads a bag as a series of sheet frames: at each stamp the latest sample of every topic that is shown.
+"""Reads a scene as a series of sheet frames: at each of them the latest sample of everything that is shown.
 
-A bag and the ``Views`` of it enter; ``SheetFrame``s, which contact sheets and videos draw, leave.
+A scene and its ``Views`` enter; ``SheetFrame``s, which contact sheets and videos draw, leave.
 """
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
-from simbev_ros.dataset.content import sources_by_topic
-from simbev_ros.dataset.values import ODOMETRY_TYPE, poses_from_odometry
+from simbev_ros.dataset.scene import Scene
 from simbev_ros.foundation.types import AnyArray
 from simbev_ros.foundation.units import NS_PER_S
-from simbev_ros.recording.indexed_bag import IndexedBag
-from simbev_ros.show.sheet.truth import Sample, Truth, truth_at
-from simbev_ros.show.sheet.views import Views
+from simbev_ros.show.sheet.truth import Truth, leveled_pose
+from simbev_ros.show.sheet.views import BOXES, LABELS, ODOMETRY, TRUTH, Views
 
 HOLD_NS = NS_PER_S
 """Maximum age of the sample with which a slower sensor is shown, ns."""
 
+_TRUTHS_HELD = 8
+"""Number of values of each key of the ground truth that are held, as pictures of a frame can have different stamps."""
+
 
 @dataclass(frozen=True, slots=True)
 class SheetFrame:
-    """The samples shown together at one stamp. Unlike a dataset's frame it includes the last samples of slower sensors.
+    """The samples shown together at one tick; those of slower sensors are of earlier ticks.
 
     Attributes:
-        index: Index among the bag's sheet frames.
+        index: Index among the scene's sheet frames.
         stamp_ns: Time of the frame.
-        stamps_ns: Time of the sample by topic; only topics that have a recent one.
-        arrays: Value of the sample by topic.
-        truths: Ground truth at the time of the sample by topic; only topics for which it is known.
+        ticks: Tick of the sample by key; only keys that have a recent one.
+        arrays: Value of the sample by key.
+        truths: Ground truth at the time of the sample by key; only keys for which it is known.
     """
 
     index: int
     stamp_ns: int
-    stamps_ns: Mapping[str, int]
+    ticks: Mapping[str, int]
     arrays: Mapping[str, AnyArray]
     truths: Mapping[str, Truth]
 
-    def simultaneous(self, topic: str | None, other: str) -> AnyArray | None:
-        """The sample of a topic if its stamp equals that of another topic's sample, else None."""
-        return self.arrays[topic] if topic and self.stamps_ns.get(topic) == self.stamps_ns[other] else None
+    def simultaneous(self, key: str | None, other: str) -> AnyArray | None:
+        """The sample of a key if its tick equals that of another key's sample, else None."""
+        return self.arrays[key] if key and self.ticks.get(key) == self.ticks[other] else None
 
 
 class FrameReader:
-    """Reader of the sheet frames of a bag.
+    """Reader of the sheet frames of a scene.
 
     Attributes:
-        bag: The bag.
-        views: The topics to show.
-        stamps_ns: Stamp of each frame: the union of the stamps of all topics with a picture, in order.
+        scene: The scene.
+        views: What is shown.
+        ticks: Tick of each frame: every tick at which anything with a picture has a sample, in order.
     """
 
-    def __init__(self, bag: IndexedBag, views: Views) -> None:
-        sources = sources_by_topic(bag, bag.spec)
-        self.bag, self.views = bag, views
-        self._sources = {topic: sources[topic] for topic in views.read_topics}
-        self._samples: dict[tuple[str, int], AnyArray] = {}
-        stamps_ns = [self._sources[topic].stamps_ns for topic in views.topics]
-        self.stamps_ns: list[int] = np.unique(np.concatenate(stamps_ns)).tolist()
+    def __init__(self, scene: Scene, views: Views) -> None:
+        self.scene, self.views = scene, views
+        shown = np.any([scene.has([key]) for key in views.keys], axis=0)
+        self.ticks: list[int] = np.flatnonzero(shown).tolist()
+        self._value = lru_cache(maxsize=len(views.read_keys) + _TRUTHS_HELD * len(TRUTH))(self._read)
 
     @property
     def rate_hz(self) -> float:
         """Frames per second of simulated time; 1 if there is only one frame."""
-        return NS_PER_S / float(np.median(np.diff(self.stamps_ns))) if len(self.stamps_ns) > 1 else 1.0
+        ticks = np.median(np.diff(self.ticks)) if len(self.ticks) > 1 else NS_PER_S / self.scene.tick_ns
+        return NS_PER_S / (float(ticks) * self.scene.tick_ns)
 
     def aspects(self) -> dict[str, float]:
-        """Width over height of each topic's picture; 1 for a point cloud."""
-        firsts = {topic: self._sources[topic] for topic in self.views.topics}
-        arrays = {topic: source.value(source.topic.locations[:1]) for topic, source in firsts.items()}
-        return {topic: a.shape[1] / a.shape[0] if a.ndim > 1 else 1.0 for topic, a in arrays.items()}
+        """Width over height of each key's picture; 1 for a point cloud."""
+        firsts = {key: self._value(key, int(np.argmax(self.scene.has([key])))) for key in self.views.keys}
+        return {key: first.shape[1] / first.shape[0] if first.ndim > 1 else 1.0 for key, first in firsts.items()}
 
     def frames(self, first: int, count: int, every: int = 1) -> Iterator[SheetFrame]:
         """Read every Nth one of ``count`` consecutive frames, starting at index ``first``."""
-        for index in range(len(self.stamps_ns))[first : first + count : every]:
-            stamp_ns = self.stamps_ns[index]
-            yield self._frame(index, stamp_ns)
-            self._forget(stamp_ns - 2 * HOLD_NS)
+        for index in range(len(self.ticks))[first : first + count : every]:
+            yield self._frame(index, self.ticks[index])
 
-    def _frame(self, index: int, stamp_ns: int) -> SheetFrame:
-        recent = {topic: self._latest(topic, stamp_ns) for topic in self.views.read_topics}
-        found = {topic: sample for topic, sample in recent.items() if sample is not None}
-        truths = {
-            topic: truth_at(found[topic][0], self.views.truth, self._latest)
-            for topic in self.views.topics
-            if topic in found
-        }
+    def _frame(self, index: int, tick: int) -> SheetFrame:
+        recent = {key: self._latest(key, tick) for key in self.views.read_keys}
+        ticks = {key: found for key, found in recent.items() if found is not None}
+        truths = {key: self._truth(ticks[key]) for key in self.views.keys if key in ticks}
         return SheetFrame(
             index,
-            stamp_ns,
-            {topic: sample[0] for topic, sample in found.items()},
-            {topic: sample[1] for topic, sample in found.items()},
-            {topic: truth for topic, truth in truths.items() if truth is not None},
+            int(self.scene.stamps_ns[tick]),
+            ticks,
+            {key: self._value(key, found) for key, found in ticks.items()},
+            {key: truth for key, truth in truths.items() if truth is not None},
         )
 
-    def _latest(self, topic: str, stamp_ns: int) -> Sample | None:
-        """The last sample of a topic at or before a stamp, unless it is older than ``HOLD_NS``."""
-        source = self._sources[topic]
-        rows = source.topic.between(stamp_ns - HOLD_NS - 1, stamp_ns)[-1:]
-        if not len(rows):
+    def _truth(self, tick: int) -> Truth | None:
+        """Ground truth at a tick; None if the agent's pose at that tick was not recorded, or no labels are drawn."""
+        if self.views.labels == "off" or self._latest(ODOMETRY, tick) != tick:
             return None
-        key = topic, int(rows[0, 0])
-        if key not in self._samples:
-            value = source.value(rows)
-            self._samples[key] = poses_from_odometry(value[-1]) if source.type_name == ODOMETRY_TYPE else value
-        return key[1], self._samples[key]
+        map_from_ego, boxes, labels = self._value(ODOMETRY, tick), self._latest(BOXES, tick), self._latest(LABELS, tick)
+        if labels is not None and self._latest(ODOMETRY, labels) != labels:
+            labels = None
+        return Truth(
+            map_from_ego,
+            None if boxes is None else self._value(BOXES, boxes),
+            None if labels is None else self._value(LABELS, labels),
+            leveled_pose(map_from_ego if labels is None else self._value(ODOMETRY, labels)),
+        )
 
-    def _forget(self, before_ns: int) -> None:
-        """Drop cached samples that no later frame shows."""
-        latest = dict(sorted(self._samples))  # the highest stamp of a topic comes last
-        truth = self.views.truth.names
-        self._samples = {
-            (topic, stamp_ns): array
-            for (topic, stamp_ns), array in self._samples.items()
-            if stamp_ns == latest[topic] or (topic in truth and stamp_ns > before_ns)
-        }
+    def _latest(self, key: str, tick: int) -> int | None:
+        """Tick of the last sample of a key up to a tick, unless it is older than ``HOLD_NS`` or there is none."""
+        if key not in self.scene.sources:
+            return None
+        stamps_ns = self.scene.stamps_ns
+        found = self.scene.sources[key].topic.between(stamps_ns[tick] - HOLD_NS - 1, stamps_ns[tick])[-1:, 0]
+        return int(np.searchsorted(stamps_ns, found[0])) if len(found) else None
+
+    def _read(self, key: str, tick: int) -> Any:
+        """Value of a key at a tick; the odometry as (4, 4) map_from_ego."""
+        frame = self.scene[tick]
+        return frame.map_from_ego if key == ODOMETRY else frame[key]

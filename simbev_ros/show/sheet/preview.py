@@ -28,8 +28,8 @@ def write_picture(reader: FrameReader, index: int, path: Path) -> None:
     """Write the contact sheet of one frame as PNG.
 
     Args:
-        reader: The bag's frames.
-        index: Index of the frame in ``reader.stamps_ns``.
+        reader: The scene's frames.
+        index: Index of the frame in ``reader.ticks``.
         path: The file.
     """
     (frame,) = reader.frames(index, 1)
@@ -47,14 +47,14 @@ def write_video(
     """Write frames as H.264 in MP4, in simulated time.
 
     Args:
-        reader: The bag's frames.
+        reader: The scene's frames.
         path: The file; it gets this name only once it is complete.
         progress: Called after each frame.
         width_px: Width of the video, even.
         every: Only every Nth frame is shown.
     """
     sheet = _sheet(reader, width_px)
-    pictures = (sheet.draw(frame) for frame in reader.frames(0, len(reader.stamps_ns), every))
+    pictures = (sheet.draw(frame) for frame in reader.frames(0, len(reader.ticks), every))
     _encode(pictures, sheet.size_px, reader.rate_hz / every, path, progress)
 
 
@@ -120,11 +120,9 @@ def _video_frame(picture: UInt8Array) -> av.VideoFrame:
 
 
 def _sheet(reader: FrameReader, width_px: int) -> ContactSheet:
-    view = reader.views.view
-    start_ns = view.scene.start_ns if view else reader.stamps_ns[0]
-    facts = _facts(view) if view else ""
-    captions = Captions(reader.bag.name, facts, len(reader.stamps_ns), start_ns)
-    bev = view.annotation.bev if view else None
+    view = reader.scene.view
+    captions = Captions(reader.scene.bag_name, _facts(view), len(reader.ticks), view.scene.start_ns)
+    bev = view.annotation.bev
     half_extent_m = bev.columns * bev.cell_m / 2 if bev else 72.0
     return ContactSheet(reader.views, reader.aspects(), captions, width_px=width_px, half_extent_m=half_extent_m)
 

@@ -1,6 +1,6 @@
-"""Defines the panels of a contact sheet: the topics, the caption, and the function that draws each from a frame.
+"""Defines the panels of a contact sheet: the keys, the caption, and the function that draws each from a frame.
 
-The topics of a bag (``Views``) enter; one ``Panel`` for each picture of the sheet leaves.
+What is shown of a scene (``Views``) enters; one ``Panel`` for each picture of the sheet leaves.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -19,7 +19,7 @@ from simbev_ros.show.sheet.truth import Truth
 from simbev_ros.show.sheet.views import LabeledCamera, Views
 
 LABEL_PANEL = "labels"
-"""Key of the picture with labels, which is a second picture of a camera; other panels have a topic's name as key."""
+"""Key of the picture with labels, which is a second picture of a camera; other panels have a key of the frames."""
 
 _Paint = Callable[[SheetFrame, Box], UInt8Array]
 
@@ -30,14 +30,14 @@ class Panel:
 
     Attributes:
         key: Name of the picture in the layout.
-        topics: Topics that it shows; if a frame has none of them, the picture stays empty.
+        keys: Keys of frames that it shows; if a frame has none of them, the picture stays empty.
         title: Caption.
         note: Addition to the caption.
         paint: Draws the picture of a frame for a box.
     """
 
     key: str
-    topics: Sequence[str]
+    keys: Sequence[str]
     title: str
     note: str
     paint: _Paint
@@ -48,7 +48,7 @@ class PanelPainter:
     """Factory of the panels of a sheet.
 
     Attributes:
-        views: The topics to show.
+        views: What is shown.
         half_extent_m: Distance from the ego to the left edge of a picture from above.
         scale: Width of thin lines, pixels.
     """
@@ -60,14 +60,14 @@ class PanelPainter:
     def panels(self) -> Iterator[Panel]:
         """All panels of the sheet, in reading order."""
         views, main = self.views, self.views.main_camera
-        for camera, topic in views.cameras.items():
+        for camera, key in views.cameras.items():
             labeled = views.labeled.get(camera) if views.labels == "cameras" else None
-            yield Panel(topic, [topic], _caption(camera), "", self._camera(topic, labeled))
+            yield Panel(key, [key], _caption(camera), "", self._camera(key, labeled))
         rgb = views.cameras.get(main)
-        for modality, topic in views.modalities.items():
+        for modality, key in views.modalities.items():
             entry = panels.MODALITY_PICTURES[modality]
             note = ", ".join(part for part in (_caption(main).lower(), entry.note) if part)
-            yield Panel(topic, [topic], IMAGE_KINDS[modality].title, note, _modality(topic, rgb, entry.picture))
+            yield Panel(key, [key], IMAGE_KINDS[modality].title, note, _modality(key, rgb, entry.picture))
         if views.label_panel is not None:
             camera, each = views.label_panel
             note = f"{_caption(camera).lower()}, boxes and ground"
@@ -75,21 +75,19 @@ class PanelPainter:
         if views.points is not None:
             yield Panel(views.points, [views.points], "Lidar", "from above, by class", self._lidar(views.points))
         if views.radars:
-            topics = list(views.radars)
-            yield Panel(topics[0], topics, "Radar", "blue approaches, red recedes", self._radars)
+            keys = list(views.radars)
+            yield Panel(keys[0], keys, "Radar", "blue approaches, red recedes", self._radars)
         if views.bev is not None:
             yield Panel(views.bev, [views.bev], "Bird's-eye view", "ground truth", self._bev(views.bev))
 
-    def _camera(self, topic: str, labeled: LabeledCamera | None) -> _Paint:
+    def _camera(self, key: str, labeled: LabeledCamera | None) -> _Paint:
         def paint(frame: SheetFrame, box: Box) -> UInt8Array:
-            rgb, truth = frame.arrays[topic], frame.truths.get(topic)
+            rgb, truth = frame.arrays[key], frame.truths.get(key)
             if labeled is None or truth is None:
                 return rgb
-            _require_size(topic, rgb, labeled.camera)
+            _require_size(key, rgb, labeled.camera)
             return overlay.draw_camera_labels(
-                overlay.Sight(
-                    rgb, frame.simultaneous(labeled.depth, topic), frame.simultaneous(labeled.semantic, topic)
-                ),
+                overlay.Sight(rgb, frame.simultaneous(labeled.depth, key), frame.simultaneous(labeled.semantic, key)),
                 labeled.camera,
                 truth,
                 (box.width, box.height),
@@ -99,28 +97,28 @@ class PanelPainter:
 
         return paint
 
-    def _lidar(self, topic: str) -> _Paint:
+    def _lidar(self, key: str) -> _Paint:
         def paint(frame: SheetFrame, box: Box) -> UInt8Array:
-            points, pose = frame.arrays[topic], self.views.ego_from_lidar
+            points, pose = frame.arrays[key], self.views.ego_from_lidar
             picture = panels.lidar_picture(points, pose, box.width, self.half_extent_m)
-            if truth := frame.truths.get(topic):
+            if truth := frame.truths.get(key):
                 self._add_boxes(picture, truth, truth.map_from_ego, "lidar_points")
             return picture
 
         return paint
 
     def _radars(self, frame: SheetFrame, box: Box) -> UInt8Array:
-        clouds = [(frame.arrays[topic], pose) for topic, pose in self.views.radars.items() if topic in frame.arrays]
+        clouds = [(frame.arrays[key], pose) for key, pose in self.views.radars.items() if key in frame.arrays]
         picture = panels.radar_picture(clouds, box.width, self.half_extent_m)
-        last = max((topic for topic in self.views.radars if topic in frame.arrays), key=frame.stamps_ns.__getitem__)
+        last = max((key for key in self.views.radars if key in frame.arrays), key=frame.ticks.__getitem__)
         if truth := frame.truths.get(last):
             self._add_boxes(picture, truth, truth.map_from_ego, "radar_points")
         return picture
 
-    def _bev(self, topic: str) -> _Paint:
+    def _bev(self, key: str) -> _Paint:
         def paint(frame: SheetFrame, box: Box) -> UInt8Array:
-            picture = panels.bev_picture(frame.arrays[topic], box.width)
-            if truth := frame.truths.get(topic):
+            picture = panels.bev_picture(frame.arrays[key], box.width)
+            if truth := frame.truths.get(key):
                 self._add_boxes(picture, truth, truth.map_from_grid, "on_ego_level")
             return picture
 
@@ -138,17 +136,17 @@ class PanelPainter:
             )
 
 
-def _require_size(topic: str, rgb: UInt8Array, camera: Camera) -> None:
+def _require_size(key: str, rgb: UInt8Array, camera: Camera) -> None:
     height_px, width_px = rgb.shape[:2]
     if (width_px, height_px) != (camera.width_px, camera.height_px):
         raise BagError(
-            f"{topic}: images of {width_px} x {height_px} pixels, but the camera of the scene's rig has "
+            f"{key}: images of {width_px} x {height_px} pixels, but the camera of the scene's rig has "
             f"{camera.width_px} x {camera.height_px}; without labels they are drawn as they are"
         )
 
 
-def _modality(topic: str, rgb: str | None, picture: panels.DrawModality) -> _Paint:
-    return lambda frame, box: picture(frame.arrays[topic], frame.arrays.get(rgb) if rgb else None, box.width)
+def _modality(key: str, rgb: str | None, picture: panels.DrawModality) -> _Paint:
+    return lambda frame, box: picture(frame.arrays[key], frame.arrays.get(rgb) if rgb else None, box.width)
 
 
 def _caption(camera: str) -> str:

@@ -29,6 +29,7 @@ class FollowedPage:
         self.copy = copy
         shutil.copytree(ROOT / "simbev_ros", copy / "simbev_ros", copy_function=os.symlink)
         shutil.copytree(ROOT / "interfaces", copy / "interfaces", copy_function=os.symlink)
+        shutil.copytree(ROOT / "config", copy / "config", copy_function=os.symlink)
         for name in ("test", "setup.cfg", "ruff.toml", "package.xml"):
             (copy / name).symlink_to(ROOT / name)
         # It finds the interfaces beside the place where it really lies.

@@ -13,6 +13,7 @@ import numpy as np
 from ros_messages import header, image, message, odometry, point_cloud, serialize, string
 from scene_edits import ego
 
+from simbev_ros.config.modalities import IMAGE_KINDS
 from simbev_ros.foundation.geometry.transforms import quaternion_from_rpy
 from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES, Tag
 from simbev_ros.foundation.types import AnyArray, Float64Array, Table
@@ -236,7 +237,7 @@ def _image(rng: np.random.Generator, modality: str, shape: tuple[int, int]) -> A
         return rng.integers(0, 29, shape).astype(np.uint8)
     if modality == "instance":
         return rng.integers(0, 1 << 16, shape).astype(np.uint16)
-    if modality == "depth":
+    if IMAGE_KINDS[modality].encoding == "32FC1":
         return np.where(rng.random(shape) < 0.1, np.inf, rng.uniform(0.5, 900, shape)).astype(np.float32)
     return rng.normal(0, 9, (*shape, 2)).astype(np.float32)
 

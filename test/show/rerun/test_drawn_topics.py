@@ -2,6 +2,7 @@
 
 from made_up_scene import SENSORS, made_up_spec
 
+from simbev_ros.config.modalities import IMAGE_KINDS, MODALITIES
 from simbev_ros.schema.scene.agents import agent_view
 from simbev_ros.show.rerun.live.drawn_topics import drawn_topics
 
@@ -24,8 +25,9 @@ def test_layers_are_read_in_the_chosen_form() -> None:
         *("/ego/lidar/semantic_points", "/ego/occupancy/points"),
         *(f"/ego/{camera}/rgb/image_raw/compressed" for camera in ("cam_front", "cam_back_left")),
         *(
-            f"/ego/{camera}/{modality}/image_raw/{'compressedDepth' if modality == 'depth' else 'compressed'}"
+            f"/ego/{camera}/{modality}/image_raw/{IMAGE_KINDS[modality].transport}"
             for camera in ("cam_front", "cam_back_left")
-            for modality in ("semantic", "instance", "depth", "flow")
+            for modality in MODALITIES
+            if modality != "rgb"
         ),
     }

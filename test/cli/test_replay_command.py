@@ -36,6 +36,10 @@ def test_a_bag_of_other_roads_is_refused(refused: Refused, bag: Path) -> None:
     assert error == f"error: {bag.with_name('Blocks-0001')}: was recorded on other roads than map Blocks has now\n"
 
 
+def test_a_missing_bag_is_refused(refused: Refused, tmp_path: Path) -> None:
+    assert refused("replay", tmp_path / "nothing", "demo").endswith("nothing: no such file or folder\n")
+
+
 def test_a_damaged_bag_is_refused(refused: Refused, bag: Path) -> None:
     file = bag / "Blocks-0000_0.mcap"
     data = bytearray(file.read_bytes())

@@ -14,9 +14,10 @@ from waiting import PATIENCE_S
 pytest.importorskip("rerun", reason="Rerun is not installed: pip install -e .[view]")
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
 def test_a_signal_ends_it_and_leaves_nothing_behind(tmp_path: Path, number: int) -> None:
-    with running_viewer(tmp_path) as viewer:
+    with running_viewer(tmp_path, "--no-open") as viewer:
+        assert not any("display" in line for line in viewer.lines), "none is asked for"
         servers = psutil.Process(viewer.process.pid).children(recursive=True)
         assert [server.name() for server in servers] == ["rerun"]
         assert list(viewer.temporary.iterdir()) != []
@@ -45,8 +46,3 @@ def test_without_a_display_the_address_is_printed_and_its_page_asks_no_other_hos
         assert not re.search(r"https?:|\*|wss?:", policy["default-src"])
         with socket.socket() as elsewhere, pytest.raises(ConnectionRefusedError):
             elsewhere.connect(("127.0.0.2", page_port))
-
-
-def test_a_display_is_not_asked_for_with_no_open(tmp_path: Path) -> None:
-    with running_viewer(tmp_path, "--no-open") as viewer:
-        assert not any("display" in line for line in viewer.lines)

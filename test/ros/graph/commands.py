@@ -3,14 +3,16 @@
 import os
 import subprocess
 import sys
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import psutil
 from ros_domain import DOMAIN
 from waiting import PATIENCE_S, wait_until
 
+from simbev_ros.recording.digest import topic_digests
+from simbev_ros.recording.reader import SceneBag
 from simbev_ros.ros.graph.shared_memory import held_files, middleware_files, remove_orphans
 
 SMALL = """
@@ -32,6 +34,19 @@ annotation:
   occupancy: {half_side_m: 20, voxel_m: 1, rate_hz: 10}
   vector_map: {rate_hz: 5}
 """
+
+
+def write_small(
+    folder: Path, duration_s: float = 0.5, more: str = "", name: str = "small.yaml", without: Collection[str] = ()
+) -> Path:
+    """Write a small configuration of a given duration, with further text appended.
+
+    Kinds of sensors that a test does not need can be left out: their processes take the longest to start.
+    """
+    lines = SMALL.replace("DURATION", f"{duration_s:g}").splitlines(keepends=True)
+    path = folder / name
+    path.write_text("".join(line for line in lines if not any(f"type: {kind}," in line for kind in without)) + more)
+    return path
 
 
 SCENE = Path("scenes/train/Blocks-0000")
@@ -87,15 +102,23 @@ class Command:
                     found["+".join(names)] = process.pid
         return found
 
-    def wait_for(self, condition: Callable[[], bool], timeout_s: float = PATIENCE_S) -> None:
+    def wait_for(
+        self, condition: Callable[[], object], wait: Callable[[Callable[[], object]], None] = wait_until
+    ) -> None:
         """Wait until a condition holds; fail if the command ends earlier."""
 
-        def holds() -> bool:
+        def holds() -> object:
             has_ended, is_met = self.process.poll() is not None, condition()
             assert is_met or not has_ended, self.process.stdout and self.process.stdout.read()
             return is_met
 
-        wait_until(holds, timeout_s)
+        wait(holds)
+
+
+def digests(bag: Path) -> dict[str, str]:
+    """Digest of each topic of a bag but typed messages, which say the same as tables."""
+    with SceneBag(bag) as opened:
+        return {name: digest for name, digest in topic_digests(opened).items() if not name.endswith("/typed")}
 
 
 def record(simbev: Callable[..., Command], config: Path, dataset: Path) -> Path:
@@ -103,6 +126,20 @@ def record(simbev: Callable[..., Command], config: Path, dataset: Path) -> Path:
     code, output = simbev("run", config, "--record", dataset).finish()
     assert code == 0, output
     return dataset / SCENE
+
+
+@contextmanager
+def leaving_nothing() -> Iterator[None]:
+    """Check that in the end no node process runs, and that there is no new file of the middleware in /dev/shm.
+
+    The files do not say whose they are, so they are not checked while other graphs run on the machine.
+    """
+    before = orphaned_files()
+    yield
+    with suppress(AssertionError):
+        wait_until(lambda: not node_processes() and (not orphaned_files() - before or not is_alone()), 60)
+    assert not node_processes()
+    assert not orphaned_files() - before or not is_alone()
 
 
 def orphaned_files() -> set[str]:

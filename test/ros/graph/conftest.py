@@ -1,11 +1,11 @@
 """Fixtures for tests with running graphs: a small configuration, commands, and a check for leftovers."""
 
-from collections.abc import Callable, Collection, Iterator
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
-from commands import SMALL, Command, is_alone, node_processes, orphaned_files, record
+from commands import Command, leaving_nothing, record, write_small
 from ros_domain import DOMAIN
 from waiting import wait_until
 
@@ -14,35 +14,17 @@ from simbev_ros.ros.msgs.message_types import message_class
 
 @pytest.fixture
 def small_config(tmp_path: Path) -> Callable[..., Path]:
-    """Function that writes a small configuration of a given duration, with further text appended.
-
-    Kinds of sensors that a test does not need can be left out: their processes take the longest to start.
-    """
-
-    def write(duration_s: float = 0.5, more: str = "", name: str = "small.yaml", without: Collection[str] = ()) -> Path:
-        path = tmp_path / name
-        lines = SMALL.replace("DURATION", f"{duration_s:g}").splitlines(keepends=True)
-        path.write_text("".join(line for line in lines if not any(f"type: {kind}," in line for kind in without)) + more)
-        return path
-
-    return write
+    """Function that writes a small configuration, as ``write_small``, into the test's folder."""
+    return partial(write_small, tmp_path)
 
 
 @pytest.fixture(scope="session")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The bag of a scene of half a second with the small configuration."""
+    """The bag of half a second with the small configuration, as tables and typed messages; another scene follows."""
     folder = tmp_path_factory.mktemp("recorded")
-    (folder / "small.yaml").write_text(SMALL.replace("DURATION", "0.5"))
-    return record(Command, folder / "small.yaml", folder / "dataset")
-
-
-@pytest.fixture(scope="session")
-def in_both_forms(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The same scene, recorded as tables and as typed messages; another one follows on the same processes."""
-    folder = tmp_path_factory.mktemp("in_both_forms")
-    text = SMALL.replace("DURATION", "0.5").replace("train: 1", "train: 2") + "recording: {forms: [tables, messages]}\n"
-    (folder / "small.yaml").write_text(text)
-    return record(Command, folder / "small.yaml", folder / "dataset")
+    config = write_small(folder, more="recording: {forms: [tables, messages]}\n")
+    config.write_text(config.read_text().replace("train: 1", "train: 2"))
+    return record(Command, config, folder / "dataset")
 
 
 @pytest.fixture
@@ -61,16 +43,9 @@ def simbev() -> Iterator[Callable[..., Command]]:
 
 @pytest.fixture(autouse=True)
 def no_leftovers() -> Iterator[None]:
-    """Check after every test that no node process runs, and that there is no new file of the middleware in /dev/shm.
-
-    The files do not say whose they are, so they are not checked while other graphs run on the machine.
-    """
-    before = orphaned_files()
-    yield
-    with suppress(AssertionError):
-        wait_until(lambda: not node_processes() and (not orphaned_files() - before or not is_alone()), 30)
-    assert not node_processes()
-    assert not orphaned_files() - before or not is_alone()
+    """Check after every test that nothing of its graphs is left."""
+    with leaving_nothing():
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -9,6 +9,8 @@ from typing import Any
 
 import pytest
 from commands import Command
+from diagnostic_msgs.msg import DiagnosticArray
+from subscriber import keep, outside_node
 
 pytestmark = pytest.mark.graph
 
@@ -23,7 +25,7 @@ agents:
 traffic: {vehicles: 10, pedestrians: 5, spawn_radius_m: 100}
 annotation: {bev: {rows: 50, columns: 50}}
 """
-RIG = "sensors: [{type: lidar, name: lidar, pose: {z_m: 2.8}, channels: 16, columns: 512}]"
+RIG = "sensors: [{type: lidar, name: lidar, pose: {z_m: 2.8}, channels: 16, columns: 128}]"
 
 
 def evaluated(simbev: Simbev, folder: Path, first: str, second: str, *options: str) -> tuple[Any, Any, str]:
@@ -45,15 +47,22 @@ def echo(*options: str) -> str:
 def test_stacks_of_two_agents_are_each_judged_by_the_truth_of_their_agent(simbev: Simbev, tmp_path: Path) -> None:
     first, second = "{participant: echo}", "{participant: van_echo, truth: joint}"
     stacks = ("--stack", echo(), "--stack", f"van={echo('--agent', 'van')}")
-    own, other, output = evaluated(simbev, tmp_path, first, second, *stacks)
+    published: list[DiagnosticArray] = []
+    with outside_node("listener") as (node, spin_until):
+        node.create_subscription(DiagnosticArray, "/evaluation", keep(published), 100)
+        own, other, output = evaluated(simbev, tmp_path, first, second, *stacks)
+        spin_until(lambda: sum("10 frames" in each.status[0].message for each in published) >= 2)
+    values = {entry.key: entry.value for entry in published[-1].status[0].values}
+    assert (values["frames"], values["missed"], values["mAP_iou"], values["mean_IoU"]) == ("10", "0", "1", "1")
     for figures in (own, other):
         assert (figures["frames"]["evaluated"], figures["frames"]["answered_boxes"]) == (10, 10)
         assert (figures["frames"]["missed"], figures["frames"]["answered_grids"]) == (0, 10)
         assert figures["detection"]["iou"]["mAP"] == figures["detection"]["distance"]["mAP"] == 1.0
         assert set(figures["segmentation"]["mean_IoU_at"].values()) == {1.0}
+        assert 0 < figures["latency_ms"]["p50"] <= figures["latency_ms"]["p99"] < 60_000
     assert "agent" not in own and (other["agent"], other["truth"]) == ("van", "joint")
     assert own["detection"]["boxes"] != other["detection"]["boxes"]
-    assert "stack of van" in output
+    assert "stack of van" in output and "0 frames missed" in output
 
 
 @pytest.mark.slow

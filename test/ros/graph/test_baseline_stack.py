@@ -11,7 +11,7 @@ from simbev_ros.baselines.modality import Modality
 
 pytest.importorskip("torch", reason="torch exports the model that stands in")
 pytest.importorskip("onnx", reason="torch exports the model that stands in")
-pytestmark = pytest.mark.graph
+pytestmark = [pytest.mark.graph, pytest.mark.slow]
 
 Simbev = Callable[..., Command]
 Config = Callable[..., Path]
@@ -22,9 +22,7 @@ RATES = {
 """A change of the small configuration, and sensors to leave out."""
 
 
-@pytest.mark.parametrize(
-    ("modality", "frames"), [(Modality.LIDAR, 5), pytest.param(Modality.FUSED, 2, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("modality", "frames"), [(Modality.LIDAR, 5), (Modality.FUSED, 2)])
 def test_every_due_frame_is_answered_and_evaluated(
     simbev: Simbev, small_config: Config, tmp_path: Path, modality: Modality, frames: int
 ) -> None:

@@ -13,7 +13,7 @@ from waiting import wait_until
 
 from simbev_ros.dataset.index import read_index
 from simbev_ros.production.scene_log import scene_logs
-from simbev_ros.recording.layout import scenes_of
+from simbev_ros.recording.layout import is_dataset, scenes_of
 from simbev_ros.recording.verify import verify_bag
 
 pytestmark = pytest.mark.graph
@@ -44,10 +44,16 @@ def find(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Find]:
     wait_until(lambda: not find(""))
 
 
-def test_an_interrupt_ends_all_workers_before_the_command_ends(simbev: Simbev, find: Find, tmp_path: Path) -> None:
+def test_a_second_writer_is_refused_and_an_interrupt_ends_all_workers_before_the_command_ends(
+    simbev: Simbev, find: Find, tmp_path: Path
+) -> None:
     config, dataset = write(tmp_path, "{map: Blocks, train: 40}", has_lidar=False), tmp_path / "set"
     command = simbev("generate", config, "--out", dataset, "--workers", 2)
-    command.wait_for(lambda: len(files(dataset)) > 1)
+    command.wait_for(lambda: is_dataset(dataset))
+    assert not scenes_of(dataset), "the folder is a dataset before it has a scene"
+    code, output = simbev("generate", config, "--out", dataset).finish()
+    assert code == 2 and f"process {command.process.pid} is writing into it" in output
+    command.wait_for(lambda: len(files(dataset)) > 1)  # the first one has its log
     assert len(find(WORKER)) == 2
     command.process.send_signal(signal.SIGINT)
     code, output = command.finish()
@@ -57,6 +63,7 @@ def test_an_interrupt_ends_all_workers_before_the_command_ends(simbev: Simbev, f
         *(".lock", "index.parquet", "logs", "plan.json", "scenes")
     ]
     assert [row["path"] for row in read_index(dataset)] == [str(bag.relative_to(dataset)) for bag in scenes_of(dataset)]
+    assert not [fault for bag in scenes_of(dataset) for fault in verify_bag(bag)]
 
 
 @pytest.mark.slow

@@ -9,15 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from commands import SCENE, Command, is_alone, node_processes, record
+from commands import SCENE, Command, digests, is_alone, node_processes, record
 from mcap.reader import make_reader
-from ros_domain import DOMAIN
 from rosbags.highlevel import AnyReader
 from waiting import wait_until
 
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.recording.digest import topic_digests
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.ros.graph.shared_memory import middleware_files, remove_orphans
 from tools.bench.world_timing import timed_world
@@ -37,14 +35,9 @@ def size_of(bag: Path) -> int:
     return sum(file.stat().st_size for file in bag.glob("*.mcap"))
 
 
-def digests(folder: Path) -> dict[str, str]:
-    with SceneBag(folder) as bag:
-        return topic_digests(bag)
-
-
 def test_every_topic_has_exactly_its_messages(recorded: Path) -> None:
     with AnyReader([recorded]) as reader:
-        counts = {name: topic.msgcount for name, topic in reader.topics.items()}
+        counts = {name: topic.msgcount for name, topic in reader.topics.items() if not name.endswith("/typed")}
     world = ("scene", "map", "legend", "lights", "building_lights")
     once = {"/tf_static", "/robot_description", *(f"/world/{name}" for name in world)}
     camera = {name for name in counts if name.startswith("/ego/cam_front/")}
@@ -102,12 +95,8 @@ def test_all_frames_belong_to_one_tree(recorded: Path) -> None:
         assert frame == "map"
 
 
-def test_same_seed_leads_to_the_same_bytes_even_with_more_scenes_on_the_same_processes(
-    recorded: Path, in_both_forms: Path
-) -> None:
-    once, again = digests(recorded), digests(in_both_forms)
-    assert {name: again[name] for name in once} == once
-    with SceneBag(in_both_forms.with_name("Blocks-0001")) as second:
+def test_another_scene_follows_on_the_same_processes(recorded: Path) -> None:
+    with SceneBag(recorded.with_name("Blocks-0001")) as second:
         assert second.custom_data["complete"] == "true"
 
 
@@ -197,15 +186,6 @@ def test_nodes_end_when_the_command_is_killed(simbev: Simbev, small_config: Conf
     wait_until(lambda: not node_processes())
     # The killed process could not remove its own two segments and their lock files; its nodes could.
     assert len(remove_orphans(set(middleware_files()) - before)) <= 4 or not is_alone()
-
-
-def test_two_graphs_do_not_share_a_domain(simbev: Simbev, small_config: Config) -> None:
-    config = small_config(600, without=["camera", "lidar", "radar"])
-    first = simbev("run", config, "--live")  # or it would play as fast as it can until the other is refused
-    first.wait_for(lambda: len(first.nodes()) == 3)
-    code, output = simbev("run", config).finish()
-    assert code == 2
-    assert f"ROS domain {DOMAIN} is in use by another simbev graph" in output
 
 
 @pytest.mark.slow

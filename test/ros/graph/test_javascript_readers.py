@@ -29,12 +29,12 @@ def decode(tmp_path: Path) -> Path:
     return folder / "decode.mjs"
 
 
-def test_every_message_is_decoded_with_its_stamp(in_both_forms: Path, decode: Path) -> None:
+def test_every_message_is_decoded_with_its_stamp(recorded: Path, decode: Path) -> None:
     output = subprocess.run(
-        ["node", str(decode), str(locate_mcap(in_both_forms))], capture_output=True, timeout=120, check=True
+        ["node", str(decode), str(locate_mcap(recorded))], capture_output=True, timeout=120, check=True
     )
     found = json.loads(output.stdout)
-    with SceneBag(in_both_forms) as bag:
+    with SceneBag(recorded) as bag:
         expected = {name: topic.stamps_ns.tolist() for name, topic in bag.topics.items() if len(topic.stamps_ns)}
     assert {name: entry["messages"] for name, entry in found.items()} == {name: len(s) for name, s in expected.items()}
     stamped = {name: [int(stamp) for stamp in entry["stamps"]] for name, entry in found.items() if entry["stamps"]}

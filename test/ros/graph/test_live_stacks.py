@@ -10,10 +10,8 @@ from typing import Any
 
 import pytest
 from commands import Command
-from diagnostic_msgs.msg import DiagnosticArray
-from subscriber import keep, outside_node
 
-pytestmark = pytest.mark.graph
+pytestmark = [pytest.mark.graph, pytest.mark.slow]
 
 Simbev = Callable[..., Command]
 Config = Callable[..., Path]
@@ -44,29 +42,17 @@ def figures_of(file: Path) -> Any:
 def test_ground_truth_as_answers_is_perfect_in_every_frame(
     simbev: Simbev, lidar_config: Config, tmp_path: Path
 ) -> None:
-    figures_messages: list[DiagnosticArray] = []
     config = lidar_config(PARTICIPANT)
-    command = simbev("run", config, "--stack", echo("--reports"), "--evaluate", tmp_path / "figures")
-    with outside_node("listener") as (node, spin_until):
-        node.create_subscription(DiagnosticArray, "/evaluation", keep(figures_messages), 10)
-        spin_until(lambda: command.process.poll() is not None)
-        code, output = command.finish()
-        assert code == 0, output
-        spin_until(lambda: any("10 frames" in each.status[0].message for each in figures_messages))
+    code, output = simbev("run", config, "--stack", echo("--reports"), "--evaluate", tmp_path / "figures").finish()
+    assert code == 0, output
     figures = figures_of(tmp_path / "figures/Blocks-0000.json")
     frames = {"evaluated": 10, "scenes": 1, "answered_boxes": 10, "answered_grids": 10, "missed": 0, "late": 0}
     assert figures["frames"] == {**frames, "without_input": 0, "without_truth": 0, "malformed": 0}
     assert figures["scenes"] == ["Blocks-0000"]
     for method in ("iou", "distance"):
         assert figures["detection"][method]["mAP"] == figures["detection"][method]["SDS"] == 1.0
-    assert set(figures["segmentation"]["mean_IoU_at"].values()) == {1.0}
-    assert 0 < figures["latency_ms"]["p50"] <= figures["latency_ms"]["p99"] < 60_000
-    assert "0 frames missed" in output
-    values = {entry.key: entry.value for entry in figures_messages[-1].status[0].values}
-    assert (values["frames"], values["missed"], values["mAP_iou"], values["mean_IoU"]) == ("10", "0", "1", "1")
 
 
-@pytest.mark.slow
 def test_cubes_in_a_tilted_frame_and_grids_of_single_classes_are_perfect(
     simbev: Simbev, lidar_config: Config, tmp_path: Path
 ) -> None:
@@ -87,7 +73,6 @@ def test_cubes_in_a_tilted_frame_and_grids_of_single_classes_are_perfect(
     assert set(figures["segmentation"]["mean_IoU_at"].values()) == {1.0}
 
 
-@pytest.mark.slow
 def test_frames_without_an_answer_are_missed(simbev: Simbev, lidar_config: Config, tmp_path: Path) -> None:
     config, file = lidar_config(PARTICIPANT), tmp_path / "figures.json"
     code, output = simbev("run", config, "--stack", echo("--reports", "--skip", "5"), "--evaluate", file).finish()
@@ -99,7 +84,6 @@ def test_frames_without_an_answer_are_missed(simbev: Simbev, lidar_config: Confi
     assert figures["segmentation"]["mean_IoU_at"]["0.5"] == pytest.approx(0.8, abs=0.05)
 
 
-@pytest.mark.slow
 def test_an_answer_without_columns_is_counted_and_the_run_goes_on(
     simbev: Simbev, lidar_config: Config, tmp_path: Path
 ) -> None:
@@ -111,7 +95,6 @@ def test_an_answer_without_columns_is_counted_and_the_run_goes_on(
     assert "warning: evaluator: ignored messages on /prediction/boxes: tick 4: " in " ".join(output.split())
 
 
-@pytest.mark.slow
 def test_a_stack_that_hangs_is_named(simbev: Simbev, lidar_config: Config) -> None:
     config = lidar_config(PARTICIPANT + "\ngraph: {silence_timeout_s: 40}")
     code, output = simbev("run", config, "--stack", echo("--reports", "--hang-at", "3")).finish()
@@ -119,7 +102,6 @@ def test_a_stack_that_hangs_is_named(simbev: Simbev, lidar_config: Config) -> No
     assert "error: node echo has been silent for 40 s, after tick 2" in output
 
 
-@pytest.mark.slow
 def test_a_stack_that_dies_ends_the_run(simbev: Simbev, lidar_config: Config) -> None:
     stack = echo("--reports", "--die-at", "3")
     code, output = simbev("run", lidar_config(PARTICIPANT), "--stack", stack).finish()
@@ -127,7 +109,6 @@ def test_a_stack_that_dies_ends_the_run(simbev: Simbev, lidar_config: Config) ->
     assert f"error: stack {stack} died after tick 2: exit code 1: out of memory" in output
 
 
-@pytest.mark.slow
 def test_without_a_stack_the_run_ends_with_a_message(simbev: Simbev, lidar_config: Config, tmp_path: Path) -> None:
     more = "evaluation: {boxes_topic: /boxes, grids_topic: /grids}\ngraph: {silence_timeout_s: 40}"
     code, output = simbev("run", lidar_config(more), "--evaluate", tmp_path / "figures.json").finish()

@@ -10,12 +10,9 @@ from typing import Any
 
 import psutil
 import pytest
-from commands import SCENE, SMALL, Command
+from commands import SCENE, SMALL, Command, digests
 from ros_domain import DOMAIN
 from waiting import wait_until
-
-from simbev_ros.recording.digest import topic_digests
-from simbev_ros.recording.reader import SceneBag
 
 pytest.importorskip("rerun", reason="Rerun is not installed: pip install -e .[view]")
 
@@ -25,11 +22,6 @@ Simbev = Callable[..., Command]
 Config = Callable[..., Path]
 DURATION_S = 3.0
 """The viewer shows the first frame about a second after the first tick."""
-
-
-def digests(folder: Path) -> dict[str, str]:
-    with SceneBag(folder) as bag:
-        return topic_digests(bag)
 
 
 @pytest.fixture(scope="module")

@@ -4,21 +4,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from commands import SCENE, Command
+from commands import SCENE, Command, digests
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import SetBool
 from subscriber import keep, outside_node
 
-from simbev_ros.recording.digest import topic_digests
-from simbev_ros.recording.reader import SceneBag
-
 pytestmark = [pytest.mark.graph, pytest.mark.slow]
-
-
-def digests(bag: Path) -> dict[str, str]:
-    with SceneBag(bag) as opened:
-        return topic_digests(opened)
 
 
 def test_a_graph_below_a_namespace_beside_another_one_records_the_same_bytes_under_the_same_names(

@@ -1,5 +1,6 @@
 """The recorder writes the configured topics and ends in order when the disk is full."""
 
+import json
 import os
 import signal
 import subprocess
@@ -7,9 +8,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from commands import SCENE, Command, record
+from commands import SCENE, Command, digests, record
+from rosgraph_msgs.msg import Clock
+from subscriber import Caller, clock_ns, keep, outside_node
 
-from simbev_ros.recording.digest import topic_digests
 from simbev_ros.recording.layout import mcap_files
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.recording.verify import verify_bag
@@ -28,13 +30,8 @@ recording:
   split_mib: 1
 """
 GREEDY = """
-recording: {chunk_kib: 256, sync_mib: 1, min_free_mib: 1}
+recording: {chunk_kib: 256, sync_mib: 1, min_free_mib: 1, zstd_level: null}
 """
-
-
-def digests(folder: Path) -> dict[str, str]:
-    with SceneBag(folder) as bag:
-        return topic_digests(bag)
 
 
 @pytest.mark.slow
@@ -72,9 +69,6 @@ def test_a_full_disk_ends_the_recording_with_one_message(
     assert f"; what was recorded stays readable in {small_disk / 'a'}" in " ".join(output.split())
     with SceneBag(small_disk / "a" / f"{SCENE}.partial") as bag:
         assert bag.custom_data["complete"] == "false" and len(list(bag.messages(["/world/actors"]))) > 3
-    config = small_config(1, GREEDY, without=["camera", "lidar", "radar", "imu"])
-    code, output = simbev("run", config, "--record", small_disk / "b").finish()
-    assert code == 1 and "error: " in output and "must stay free (recording.min_free_mib)" in output
 
 
 @pytest.mark.slow
@@ -90,3 +84,31 @@ def test_the_same_command_records_a_scene_again_after_a_kill(
     assert code == 0 and "an interrupted run left a part of it; it is recorded again" in output, output
     assert [path.name for path in (dataset / "scenes/train").iterdir()] == ["Blocks-0000"]
     assert verify_bag(dataset / SCENE) == []
+
+
+@pytest.mark.slow
+def test_time_is_repeated_while_a_recorded_world_is_paused_and_the_bag_holds_it_once(
+    simbev: Simbev, small_config: Config, tmp_path: Path
+) -> None:
+    config = small_config(2, without=["camera", "radar"])
+    command = simbev("run", config, "--record", tmp_path / "out")
+    with outside_node("tools") as (node, spin_until):
+        caller = Caller(node, spin_until)
+        assert caller.pause(paused=True).success
+        clocks: list[Clock] = []
+        node.create_subscription(Clock, "/clock", keep(clocks), 1000)
+        spin_until(lambda: len(clocks) > 4)
+        assert len({clock_ns(each) for each in clocks}) == 1
+        for _ in range(12):
+            assert caller.trigger("/world/step").success
+        stepped_ns = clock_ns(clocks[0]) + 12 * 50_000_000
+        spin_until(lambda: clock_ns(clocks[-1]) == stepped_ns)
+        before = len(clocks)
+        spin_until(lambda: len(clocks) > before + 4)
+        assert caller.pause(paused=False).success
+    code, output = command.finish()
+    assert code == 0, output
+    with SceneBag(tmp_path / "out" / SCENE) as bag:
+        facts = bag.custom_data
+    assert json.loads(facts["problems"]) == []
+    assert json.loads(facts["recorded"])["/clock"] == 40

@@ -1,155 +1,160 @@
-"""Services control a running world, and an outside node drives the ego."""
+"""A participant from outside holds the world, drives the ego, and stops and steps time in lockstep."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from commands import Command
+from commands import SCENE, Command, leaving_nothing, write_small
 from geometry_msgs.msg import Twist
+from nav_msgs.msg import Odometry
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rosbags.highlevel import AnyReader
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Header, String
-from std_srvs.srv import SetBool, Trigger
-from subscriber import keep, outside_node
+from subscriber import Caller, clock_ns, keep, outside_node, paused_ns
 
 from simbev_ros.recording.digest import topic_digests
 from simbev_ros.recording.reader import SceneBag
+from simbev_ros.ros.msgs.stamps import header
 from simbev_ros.schema.scene.spec import SceneSpec
 
 pytestmark = pytest.mark.graph
 
-Simbev = Callable[..., Command]
-Config = Callable[..., Path]
-RAYS_AND_CAMERAS = ("camera", "lidar", "radar")
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+STREET = "ego: {driver: twist}\ngraph: {participants: [driver], window_ticks: WINDOW}\n"
+SPEED_MPS, YAW_RATE_RADPS = 6.0, 0.2
 
 
-def stamp_ns(clock: Clock) -> int:
-    return int(clock.clock.sec) * 10**9 + int(clock.clock.nanosec)
+class Driver:
+    """A listed participant, which reports ticks when it is asked to, or each one as it comes.
 
+    Attributes:
+        tick: The newest tick.
+        keeps_up: Whether it reports each tick.
+        drives: Whether it sends a command with each report.
+    """
 
-@pytest.mark.parametrize(
-    ("options", "answer_to_reset"),
-    [
-        ([], "only a live scene can start again; in lockstep all nodes are in the middle of this one"),
-        pytest.param(["--live"], "restarted", marks=pytest.mark.slow),
-        pytest.param(
-            ["--live", "--record", "out"], "a scene that is recorded cannot start again", marks=pytest.mark.slow
-        ),
-    ],
-    ids=["lockstep", "live", "recorded"],
-)
-def test_services_control_the_world(
-    simbev: Simbev, small_config: Config, tmp_path: Path, options: list[str], answer_to_reset: str
-) -> None:
-    run = simbev(
-        "run",
-        small_config(600, without=RAYS_AND_CAMERAS),
-        *(tmp_path / word if word == "out" else word for word in options),
-    )
-    clocks: list[Clock] = []
-    with outside_node("operator") as (node, spin_until):
-        node.create_subscription(Clock, "/clock", keep(clocks), 50)
-        clients = {
-            name: node.create_client(kind, f"/world/{name}")
-            for name, kind in (("pause", SetBool), ("step", Trigger), ("reset", Trigger))
-        }
-
-        def call(name: str, request: Any) -> Any:
-            assert clients[name].wait_for_service(10)
-            future = clients[name].call_async(request)
-            spin_until(future.done)
-            return future.result()
-
-        def settle() -> int:
-            with pytest.raises(AssertionError, match="timed out"):
-                spin_until(lambda: False, 1.0)
-            return stamp_ns(clocks[-1])
-
-        def runs() -> bool:
-            assert run.process.poll() is None, run.finish()[1]
-            return True
-
-        spin_until(lambda: runs() and len(clocks) > 20)
-        answer = call("step", Trigger.Request())
-        assert (answer.success, answer.message) == (False, "pause first: /world/pause")
-        answer = call("pause", SetBool.Request(data=True))
-        assert (answer.success, answer.message) == (True, "paused")
-        paused_ns = settle()
-        for count in (1, 2):
-            assert call("step", Trigger.Request()).success
-            assert settle() == paused_ns + count * 50_000_000
-        answer = call("reset", Trigger.Request())
-        restarted = answer_to_reset == "restarted"
-        assert (answer.success, answer.message) == (restarted, answer_to_reset)
-        assert call("pause", SetBool.Request(data=False)).message == "running"
-        count = len(clocks)
-        spin_until(lambda: len(clocks) > count + 10)
-        assert (stamp_ns(clocks[-1]) < paused_ns) == restarted
-
-
-def drive(simbev: Simbev, config: Path, dataset: Path) -> Path:
-    """Record a scene whose ego is driven by a listed participant, which sends a command and a report at each tick."""
-    command = simbev("run", config, "--record", dataset)
-    scenes: list[String] = []
-    with outside_node("driver") as (node, spin_until):
+    def __init__(self, command: Command, node: object, spin_until: Callable[..., None]) -> None:
+        self.node, self.spin_until = node, spin_until
+        self.tick, self.keeps_up, self.drives = -100, False, False
+        scenes: list[String] = []
         node.create_subscription(String, "/world/scene", keep(scenes), LATCHED)
-        ready = node.create_publisher(Header, "/sync/ready", LATCHED)
-        wheel = node.create_publisher(Twist, "/ego/cmd_vel", 10)
-        spin_until(lambda: bool(scenes) and wheel.get_subscription_count() > 0)
-        spec = SceneSpec.model_validate_json(scenes[0].data)
+        self._ready = node.create_publisher(Header, "/sync/ready", LATCHED)
+        self._wheel = node.create_publisher(Twist, "/ego/cmd_vel", 10)
+        command.wait_for(lambda: scenes and self._wheel.get_subscription_count(), spin_until)
+        self._spec = SceneSpec.model_validate_json(scenes[0].data)
+        node.create_subscription(Clock, "/clock", self._on_clock, 50)
 
-        def finish(tick: int) -> None:
-            message = Header(frame_id=f"driver:{spec.name}")
-            message.stamp.sec, message.stamp.nanosec = divmod(spec.stamp_ns(tick), 10**9)
-            ready.publish(message)
+    def finish(self, tick: int) -> None:
+        """Report a tick as finished."""
+        self._ready.publish(header(self._spec.stamp_ns(tick), f"driver:{self._spec.name}"))
 
-        def on_clock(message: Clock) -> None:
-            tick = spec.tick_of(stamp_ns(message))
+    def start(self) -> None:
+        """Report the scene as loaded, and from now on each tick."""
+        self.keeps_up = True
+        self.finish(self._spec.loaded_tick if self.tick == -100 else self.tick)
+
+    def _on_clock(self, message: Clock) -> None:
+        self.tick = self._spec.tick_of(clock_ns(message))
+        if self.drives:
             twist = Twist()
-            twist.linear.x, twist.angular.z = 6.0, 0.2 * np.sin(0.1 * tick)
-            wheel.publish(twist)
-            finish(tick)
-
-        node.create_subscription(Clock, "/clock", on_clock, 50)
-        finish(spec.loaded_tick)
-        spin_until(lambda: command.process.poll() is not None)
-    code, output = command.finish()
-    assert code == 0, output
-    return dataset / "scenes" / "train" / "Blocks-0000"
+            twist.linear.x, twist.angular.z = SPEED_MPS, YAW_RATE_RADPS * np.sin(0.1 * self.tick)
+            self._wheel.publish(twist)
+        if self.keeps_up:
+            self.finish(self.tick)
 
 
-def driven_by_commands(small_config: Config) -> Path:
-    """A configuration with an empty street for ``drive``."""
-    more = "ego: {driver: twist}\ngraph: {participants: [driver], window_ticks: 1}\n"
-    config = small_config(4, more, without=["camera", "lidar", "radar"])
+@contextmanager
+def driver_of(command: Command) -> Iterator[Driver]:
+    with outside_node("driver") as (node, spin_until):
+        yield Driver(command, node, spin_until)
+
+
+def empty_street(folder: Path, duration_s: float, window_ticks: int) -> Path:
+    """A configuration without other traffic, whose ego and time wait for the driver."""
+    more = STREET.replace("WINDOW", str(window_ticks))
+    config = write_small(folder, duration_s, more, without=["camera", "lidar", "radar"])
     config.write_text(config.read_text().replace("vehicles: 15, pedestrians: 15", "vehicles: 0, pedestrians: 0"))
     return config
 
 
-def test_the_ego_follows_commands(simbev: Simbev, small_config: Config, tmp_path: Path) -> None:
-    bag = drive(simbev, driven_by_commands(small_config), tmp_path / "out")
-    with AnyReader([bag]) as reader:
-        odometry: list[Any] = [
-            reader.deserialize(payload, connection.msgtype)
-            for connection, _, payload in reader.messages([c for c in reader.connections if c.topic == "/ego/odom"])
-        ]
+@pytest.fixture(autouse=True)
+def no_leftovers() -> None:
+    """The graph of the module runs on after each test."""
+
+
+@pytest.fixture(scope="module")
+def driver(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Driver]:
+    """The driver in a graph that all tests but the last share."""
+    config = empty_street(tmp_path_factory.mktemp("street"), 600, window_ticks=2)
+    with leaving_nothing(), closing(Command("run", config)) as command, driver_of(command) as driver:
+        yield driver
+
+
+def test_world_is_at_most_the_window_ahead_of_a_listed_participant(driver: Driver) -> None:
+    driver.keeps_up = False
+    first = max(driver.tick, -1)
+    driver.finish(first)
+    driver.spin_until(lambda: driver.tick >= first + 2)  # another report would replace one that has not arrived
+    driver.finish(first + 4)
+    driver.spin_until(lambda: driver.tick >= first + 6)
+    with pytest.raises(AssertionError, match="timed out"):
+        driver.spin_until(lambda: driver.tick > first + 6, 1.5)
+    driver.finish(first + 10)
+    driver.spin_until(lambda: driver.tick == first + 12)
+
+
+def test_services_control_the_world_in_lockstep(driver: Driver) -> None:
+    driver.start()
+    clocks: list[Clock] = []
+    driver.node.create_subscription(Clock, "/clock", keep(clocks), 50)
+    driver.spin_until(lambda: len(clocks) > 20)
+    caller = Caller(driver.node, driver.spin_until)
+    answer = caller.trigger("/world/step")
+    assert (answer.success, answer.message) == (False, "pause first: /world/pause")
+    answer = caller.pause(paused=True)
+    assert (answer.success, answer.message) == (True, "paused")
+    start_ns = paused_ns(clocks, driver.spin_until)
+    for count in (1, 2):
+        assert caller.trigger("/world/step").success
+        driver.spin_until(lambda expected=start_ns + count * 50_000_000: clock_ns(clocks[-1]) == expected)
+    assert paused_ns(clocks, driver.spin_until) == start_ns + 2 * 50_000_000
+    answer = caller.trigger("/world/reset")
+    refusal = "only a live scene can start again; in lockstep all nodes are in the middle of this one"
+    assert (answer.success, answer.message) == (False, refusal)
+    assert caller.pause(paused=False).message == "running"
+    driver.spin_until(lambda: clock_ns(clocks[-1]) > start_ns + 10 * 50_000_000)
+
+
+def test_the_ego_follows_commands(driver: Driver) -> None:
+    odometry: list[Odometry] = []
+    driver.node.create_subscription(Odometry, "/ego/odom", keep(odometry), 50)
+    driver.start()
+    driver.spin_until(lambda: odometry)
     assert odometry[0].twist.twist.linear.x < 0.1
-    assert odometry[-1].twist.twist.linear.x == pytest.approx(6.0, abs=0.3)
+    driver.drives = True
+    driver.spin_until(lambda: len(odometry) > 80)
+    assert odometry[-1].twist.twist.linear.x == pytest.approx(SPEED_MPS, abs=0.3)
     # At first, while the ego accelerates, its wheels lag behind.
-    assert max(abs(each.twist.twist.angular.z) for each in odometry[-30:]) == pytest.approx(0.2, abs=0.05)
+    yaw_rates_radps = [each.twist.twist.angular.z for each in odometry[-30:]]
+    assert max(map(abs, yaw_rates_radps)) == pytest.approx(YAW_RATE_RADPS, abs=0.05)
 
 
 @pytest.mark.slow
-def test_equal_commands_lead_to_equal_bytes(simbev: Simbev, small_config: Config, tmp_path: Path) -> None:
-    config = driven_by_commands(small_config)
-    bags = [drive(simbev, config, tmp_path / name) for name in ("a", "b")]
-    with SceneBag(bags[0]) as first, SceneBag(bags[1]) as second:
-        assert first.custom_data["complete"] == "true"
-        digests = [topic_digests(bag) for bag in (first, second)]
-    for each in digests:
-        del each["/ego/boxes/markers"]  # the middleware leaves the padding between its fields uninitialized
+def test_equal_commands_lead_to_equal_bytes(simbev: Callable[..., Command], tmp_path: Path) -> None:
+    config = empty_street(tmp_path, 4, window_ticks=1)
+    digests = []
+    for name in ("a", "b"):
+        command = simbev("run", config, "--record", tmp_path / name)
+        with driver_of(command) as driver:
+            driver.drives = True
+            driver.start()
+            driver.spin_until(lambda command=command: command.process.poll() is not None)
+        code, output = command.finish()
+        assert code == 0, output
+        with SceneBag(tmp_path / name / SCENE) as bag:
+            assert bag.custom_data["complete"] == "true"
+            digests.append(topic_digests(bag))
+        del digests[-1]["/ego/boxes/markers"]  # the middleware leaves the padding between its fields uninitialized
     assert digests[0] == digests[1]

@@ -6,7 +6,7 @@ from pathlib import Path
 from threading import Event, Thread
 
 import pytest
-from commands import SCENE, Command
+from commands import SCENE, Command, digests
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
@@ -14,7 +14,6 @@ from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header, String
 from subscriber import outside_node
 
-from simbev_ros.recording.digest import topic_digests
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.recording.verify import verify_bag
 from simbev_ros.ros.msgs.stamps import header, time_message
@@ -79,11 +78,6 @@ def strangers(spec: SceneSpec) -> Iterator[None]:
     finally:
         ended.set()
         thread.join()
-
-
-def digests(folder: Path) -> dict[str, str]:
-    with SceneBag(folder) as bag:
-        return topic_digests(bag)
 
 
 @pytest.mark.slow

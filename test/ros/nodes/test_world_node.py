@@ -12,6 +12,7 @@ from made_up_scene import made_up_spec
 from ros_domain import DOMAIN
 from scene_edits import with_ego
 from several_agents import car, made_up_agents, roadside_unit, with_agents
+from std_srvs.srv import Trigger
 
 from simbev_ros.assets.regions.region_scene import Streetside
 from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_rpy
@@ -177,3 +178,21 @@ def test_a_scene_with_one_agent_has_the_topics_of_earlier_versions(node: Any) ->
         "/robot_description",
         "/ego/odom",
     ]
+
+
+@pytest.mark.parametrize(
+    ("live", "recorded", "answer"),
+    [
+        (True, False, "restarted"),
+        (True, True, "a scene that is recorded cannot start again"),
+        (False, False, "only a live scene can start again; in lockstep all nodes are in the middle of this one"),
+    ],
+)
+def test_only_a_live_scene_that_is_not_recorded_starts_again(
+    node: Any, live: bool, recorded: bool, answer: str
+) -> None:
+    node.start(SceneRequest(spec=made_up_spec([], number=2)))
+    node.live, node._recorded = live, recorded
+    (service,) = [each for each in node.services if each.srv_name == "/world/reset"]
+    response = service.callback(Trigger.Request(), Trigger.Response())
+    assert (response.success, response.message) == (answer == "restarted", answer)

@@ -1,15 +1,14 @@
 """A running graph sends transforms, detections and typed messages to subscribers, and they say what its tables say."""
 
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 from commands import Command
-from ros_domain import DOMAIN
 from scipy.spatial.transform import Rotation
-from waiting import wait_until
+from subscriber import outside_node
 
 from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES
 from simbev_ros.ros.msgs.message_types import is_installed, message_class
@@ -85,35 +84,12 @@ class Listener:
 
 
 @pytest.fixture(scope="module")
-def listener(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Listener]:
+def listener(graph: Command) -> Listener:
     """What a graph has sent to a node that subscribes to all of these topics."""
-    import rclpy
-    from commands import SMALL
-    from rclpy.context import Context
-    from rclpy.executors import SingleThreadedExecutor
-
-    config = tmp_path_factory.mktemp("on_demand") / "small.yaml"
-    lines = SMALL.replace("DURATION", "600").splitlines(keepends=True)
-    lines = [line for line in lines if not any(f"type: {kind}," in line for kind in ("lidar", "radar", "imu"))]
-    config.write_text("".join([*lines, "frames: {odom: true}\n"]))
-    context = Context()
-    rclpy.init(context=context, domain_id=DOMAIN)
-    node = rclpy.create_node("listener", context=context)
-    listener = Listener(node)
-    executor = SingleThreadedExecutor(context=context)
-    executor.add_node(node)
-    run = Command("run", config)
-
-    def has_enough() -> bool:
-        assert run.process.poll() is None, "the graph has ended"
-        return listener.has_enough
-
-    wait_until(has_enough, meanwhile=lambda: executor.spin_once(timeout_sec=0.1))
-    run.close()
-    executor.shutdown()
-    node.destroy_node()
-    rclpy.shutdown(context=context)
-    yield listener
+    with outside_node("listener") as (node, spin_until):
+        listener = Listener(node)
+        graph.wait_for(lambda: listener.has_enough, spin_until)
+    return listener
 
 
 def test_the_transforms_of_tf_lead_to_the_pose_of_the_odometry(listener: Listener) -> None:

@@ -4,7 +4,7 @@ import av
 import cv2
 import numpy as np
 import pytest
-from synthetic_scene import STEP_M, camera_images, street, write_scene
+from synthetic_scene import STEP_M, camera_images, write_scene
 
 from simbev_ros.cli.preview import preview
 from simbev_ros.dataset import open_dataset
@@ -118,7 +118,7 @@ def test_labels_over_all_cameras_are_where_what_they_name_is(labelled_path: Path
     assert sheet.boxes == plain.boxes
     for place in (FRONT, FRONT.replace("front", "back"), LIDAR, BEV):
         assert (panel(sheet, picture, place) != panel(plain, clean, place)).any()
-    ids = camera_images(street(), STEP_M, 0, 160)["instance"]  # frame 1
+    ids = camera_images(STEP_M, 0, 160)["instance"]  # frame 1
     rows, columns = np.nonzero(ids == 2)  # the car ahead
     was, now = (panel(s, p, FRONT).astype(int) for s, p in ((plain, clean), (sheet, picture)))
     scale = was.shape[1] / 160

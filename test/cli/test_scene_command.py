@@ -25,22 +25,22 @@ def config(tmp_path: Path) -> Path:
 def test_json_has_statistics_of_every_parameter_and_what_it_is_meant_to_be(
     simbev: Callable[..., Any], config: Path
 ) -> None:
-    facts = json.loads(simbev("scene", config, "--count", 50, "--json").out)
-    assert (facts["scenes"], facts["maps"]) == (50, {"Blocks": 50})
+    facts = json.loads(simbev("scene", config, "--count", 20, "--json").out)
+    assert (facts["scenes"], facts["maps"]) == (20, {"Blocks": 20})
     parameters = facts["parameters"]
     assert {"weather.fog_falloff", "final_weather.cloudiness", "green_time_s", "vehicles.min_gap_m"} <= set(parameters)
     duration = parameters["duration_s"]
-    assert (duration["meant"], duration["count"]) == ("uniform 2, 8", 50)
+    assert (duration["meant"], duration["count"]) == ("uniform 2, 8", 20)
     assert 2 <= duration["min"] < duration["mean"] < duration["max"] <= 8
     assert sum(duration["histogram"]) == pytest.approx(1)
     assert parameters["weather.wind_intensity"]["meant"] == "fixed: 30"
     assert (parameters["weather.wind_intensity"]["mean"], parameters["weather.wind_intensity"]["sd"]) == (30, 0)
     assert parameters["final_weather.cloudiness"]["meant"] == "100·B(0.8, 1.0)"
     assert parameters["ego.reckless"]["meant"] == "yes with probability 0.01"
-    assert parameters["vehicles.speed_factor"]["count"] == 150
+    assert parameters["vehicles.speed_factor"]["count"] == 60
     assert parameters["pedestrians"]["min"] >= 100
     assert parameters["hazards"]["meant"].startswith("each free position with hazards.probability")
-    assert sum(facts["kinds"]["vehicles.blueprint"].values()) == 150
+    assert sum(facts["kinds"]["vehicles.blueprint"].values()) == 60
 
 
 def test_without_a_count_the_scenes_of_the_configuration_are_drawn(simbev: Callable[..., Any], config: Path) -> None:

@@ -78,7 +78,13 @@ def state(dataset: ObjectPath, made: Made) -> str:
     return found
 
 
-@pytest.mark.parametrize("growth", [20, 0], ids=["the index is written at once", "rows wait as objects"])
+@pytest.mark.parametrize(
+    "growth",
+    [
+        pytest.param(20, id="the index is written at once", marks=pytest.mark.slow),
+        pytest.param(0, id="rows wait as objects"),
+    ],
+)
 def test_a_driver_killed_at_any_step_leaves_the_old_scene_or_none_or_the_new_one(
     made: Made, store: StoreServer, die_after: DieAfter, monkeypatch: pytest.MonkeyPatch, growth: int
 ) -> None:

@@ -1,6 +1,5 @@
-"""A bag of a synthetic street of boxes, ray-cast in numpy: every topic that a preview shows, in plausible form."""
+"""A bag of a synthetic street with cars: every topic that a preview shows, in plausible form."""
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +8,7 @@ from ros_messages import compressed_image, image, odometry, point_cloud
 
 from simbev_ros.foundation.geometry.camera import PinholeCamera
 from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES, Tag
-from simbev_ros.foundation.types import AnyArray, Float64Array, Table
+from simbev_ros.foundation.types import AnyArray, Table
 from simbev_ros.recording.bag_writer import SceneBagWriter
 from simbev_ros.recording.layout import SCENE_ATTACHMENT
 from simbev_ros.recording.qos import QosProfile
@@ -22,158 +21,77 @@ YAWS_DEG = {"front_left": 55, "front": 0, "front_right": -55, "back_left": 110, 
 MODALITIES = ("rgb", "semantic", "instance", "depth", "flow")
 ENCODINGS = {"rgb": "rgb8", "semantic": "mono8", "instance": "mono16", "depth": "32FC1", "flow": "32FC2"}
 
-_TINT = {
-    Tag.ROAD: (92, 94, 98),
-    Tag.ROAD_LINE: (230, 230, 225),
-    Tag.SIDEWALK: (165, 160, 150),
-    Tag.TERRAIN: (96, 128, 70),
-    Tag.BUILDING: (190, 170, 150),
-    Tag.VEGETATION: (60, 105, 52),
-    Tag.CAR: (60, 110, 180),
-    Tag.TRUCK: (210, 205, 195),
-    Tag.PEDESTRIAN: (200, 90, 60),
-}
+EGO_Y_M, CAMERA_Z_M = -1.9, 1.6
+CAR_SIZE_M = np.array([4.6, 1.9, 1.5])
+CARS_M = np.array([[16.3, -1.9, 0.95], [33.3, -1.9, 0.95], [-16.7, -1.9, 0.95], [10.3, 1.9, 0.95], [-6.7, 1.9, 0.95]])
+"""Middles of the cars in the map; the first one has the id 2."""
 
 
-@dataclass(frozen=True)
-class Street:
-    """(N, 3) lower and upper corners of boxes in the map frame, meters; (N,) tags and ids."""
-
-    low: Float64Array
-    high: Float64Array
-    tags: AnyArray
-    ids: AnyArray
-
-
-def street(seed: int = 0) -> Street:
-    rng = np.random.default_rng(seed)
-    rows = []
-    for side in (-1, 1):
-        for x in np.arange(-80, 120, 17.0):
-            rows.append((x, side * 14 - 3, 0, x + 13, side * 14 + 3, rng.uniform(6, 16), Tag.BUILDING, 0))
-        for x in np.arange(-72, 110, 11.0):
-            rows.append((x, side * 7.5 - 0.8, 2.2, x + 1.8, side * 7.5 + 0.8, 4.6, Tag.VEGETATION, 0))
-        for k, x in enumerate(rng.uniform(-60, 80, 7)):
-            y = side * rng.uniform(4.6, 5.6)
-            rows.append((x, y, 0.1, x + 0.5, y + 0.5, 1.8, Tag.PEDESTRIAN, 20 + k + 10 * (side > 0)))
-    for k, x in enumerate((14, 31, -19, 60, -40, 8, -9, 24)):
-        y, truck = (-1.9, False) if k < 5 else (1.9, k == 7)
-        size = (7.0, 2.4, 3.1) if truck else (4.6, 1.9, 1.5)
-        tag = Tag.TRUCK if truck else Tag.CAR
-        rows.append((x, y - size[1] / 2, 0.2, x + size[0], y + size[1] / 2, size[2], tag, 2 + k))
-    table = np.array(rows, np.float64)
-    return Street(table[:, :3], table[:, 3:6], table[:, 6].astype(np.uint8), table[:, 7].astype(np.uint16))
-
-
-def cast(scene: Street, origin: Float64Array, rays: Float64Array) -> tuple[Float64Array, AnyArray, AnyArray, AnyArray]:
-    """Distances in ray lengths (inf: sky), tags, ids and shades in 0..1 for (N, 3) rays."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        t_m = np.where(rays[:, 2] < 0, -origin[2] / rays[:, 2], np.inf)
-        y_m = np.abs(origin[1] + t_m * rays[:, 1])
-    x_m = np.where(np.isfinite(t_m), origin[0] + t_m * rays[:, 0], 0)
-    tags = np.select(
-        [~np.isfinite(t_m), (y_m < 0.08) & (x_m % 6 < 3), y_m < 3.8, y_m < 6.2],
-        [Tag.SKY, Tag.ROAD_LINE, Tag.ROAD, Tag.SIDEWALK],
-        Tag.TERRAIN,
-    ).astype(np.uint8)
-    ids, shade = np.zeros(len(rays), np.uint16), np.ones(len(rays))
-    for low, high, tag, actor in zip(scene.low, scene.high, scene.tags, scene.ids, strict=True):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            a, b = (low - origin) / rays, (high - origin) / rays
-        near, far = np.minimum(a, b), np.maximum(a, b)
-        enter = near.max(axis=1)
-        hit = (enter > 0) & (enter < far.min(axis=1)) & (enter < t_m)
-        t_m[hit], tags[hit], ids[hit] = enter[hit], tag, actor
-        shade[hit] = np.array([0.75, 0.55, 1.0])[near[hit].argmax(axis=1)]
-    return t_m, tags, ids, shade
-
-
-def camera_images(scene: Street, ego_x_m: float, yaw_deg: float, width_px: int) -> dict[str, AnyArray]:
+def camera_images(ego_x_m: float, yaw_deg: float, width_px: int) -> dict[str, AnyArray]:
+    """Images of a camera above the ego: a sky, a road and, where the cars are, rectangles."""
     height_px = width_px * 9 // 16
     camera = PinholeCamera.from_field_of_view(width_px, height_px, np.radians(80))
     v, u = np.mgrid[:height_px, :width_px]
-    optical = camera.rays(np.stack([u.ravel(), v.ravel()], axis=1))
+    is_sky = v < height_px // 2
+    depth_m = np.where(is_sky, np.inf, 90.0 * height_px / (v + 1) - 80.0).astype(np.float32)
+    tags = np.where(is_sky, np.uint8(Tag.SKY), np.uint8(Tag.ROAD))
+    ids = np.zeros((height_px, width_px), np.uint16)
     cos, sin = np.cos(np.radians(yaw_deg)), np.sin(np.radians(yaw_deg))
     map_from_optical = np.array([[sin, 0, cos], [-cos, 0, sin], [0, -1, 0]])
-    rays = optical @ map_from_optical.T
-    origin = np.array([ego_x_m, -1.9, 1.6])
-    depth_m, tags, ids, shade = cast(scene, origin, rays)
-    sky = ~np.isfinite(depth_m)
-    table = np.zeros((256, 3))
-    for tag, tint in _TINT.items():
-        table[tag] = tint
-    haze = np.where(sky, 1, 1 - np.exp(-np.where(sky, 0, depth_m) / 220))[:, None]
-    blue = np.array([120, 165, 215]) + np.clip(1 - rays[:, 2:] * 3, 0, 1) * 70
-    rgb = np.clip(table[tags] * shade[:, None] * (1 - haze) + blue * haze, 0, 255)
-    points = origin + rays * np.where(sky, 1e5, depth_m)[:, None]
-    before = (points - origin + [STEP_M, 0, 0]) @ map_from_optical
-    with np.errstate(divide="ignore", invalid="ignore"):
-        flow = np.stack([u.ravel(), v.ravel()], axis=1) - camera.project(before)
-    flow[before[:, 2] <= 0] = np.nan
-    shape = (height_px, width_px)
-    return {
-        "rgb": rgb.astype(np.uint8).reshape(*shape, 3),
-        "semantic": tags.reshape(shape),
-        "instance": ids.reshape(shape),
-        "depth": depth_m.astype(np.float32).reshape(shape),
-        "flow": flow.astype(np.float32).reshape(*shape, 2),
+    corners_m = CAR_SIZE_M * (np.indices((2, 2, 2)).reshape(3, 8).T - 0.5)
+    for number, car_m in sorted(enumerate(CARS_M), key=lambda car: -abs(car[1][0])):
+        optical_m = (car_m + corners_m - [ego_x_m, EGO_Y_M, CAMERA_Z_M]) @ map_from_optical
+        if optical_m[:, 2].min() > 0.5:
+            at_px = camera.project(optical_m)
+            (left, top), (right, bottom) = np.floor(at_px.min(axis=0)), np.ceil(at_px.max(axis=0))
+            inside = (u >= left) & (u <= right) & (v >= top) & (v <= bottom)
+            depth_m[inside], tags[inside], ids[inside] = optical_m[:, 2].min(), Tag.CAR, 2 + number
+    shades = np.stack([60 + u % 90, 90 + v % 60, 120 + (u + v) % 60], axis=-1) + 30 * (ids > 0)[..., None]
+    flow = np.stack([u - width_px / 2, v - height_px / 2], axis=-1) / np.minimum(depth_m, 200.0)[..., None]
+    return {"rgb": shades.astype(np.uint8), "semantic": tags, "instance": ids, "depth": depth_m} | {
+        "flow": flow.astype(np.float32)
     }
 
 
-def lidar_points(scene: Street, ego_x_m: float, columns: int = 512, channels: int = 48) -> Table:
-    azimuth = np.arange(columns) / columns * 2 * np.pi
-    elevation = np.radians(np.linspace(-30, 10, channels))
-    a, e = (grid.ravel() for grid in np.meshgrid(azimuth, elevation))
-    rays = np.stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)], axis=1)
-    range_m, tags, ids, _ = cast(scene, np.array([ego_x_m, -1.9, 1.8]), rays)
-    seen = range_m < 120
-    points = np.zeros(
-        int(seen.sum()),
-        [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("cos_angle", "<f4"), ("object_id", "<u4"), ("tag", "<u4")],
-    )
-    points["x"], points["y"], points["z"] = (rays[seen] * range_m[seen, None]).T
-    points["object_id"], points["tag"] = ids[seen], tags[seen]
+def lidar_points() -> Table:
+    """Points on the ground around the ego, with tags of a road and what is beside it."""
+    kinds = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("cos_angle", "<f4"), ("object_id", "<u4"), ("tag", "<u4")]
+    points = np.zeros(4000, kinds)
+    points["x"], points["y"] = np.random.default_rng(0).uniform(-60, 60, (2, 4000))
+    points["z"] = -1.8
+    beside_m = np.abs(points["y"] + EGO_Y_M)
+    points["tag"] = np.select([beside_m < 3.8, beside_m < 6.2], [Tag.ROAD, Tag.SIDEWALK], Tag.VEGETATION)
     return points
 
 
-def radar_points(scene: Street, ego_x_m: float, yaw_deg: float) -> Table:
+def radar_points(yaw_deg: float) -> Table:
+    """Points that stand still, seen by a radar that moves with the ego."""
     rng = np.random.default_rng(0)
-    azimuth, elevation = np.radians(rng.uniform([-50, -6], [50, 6], (2000, 2))).T
-    rays = np.stack([np.cos(azimuth), np.sin(azimuth), np.tan(elevation)], axis=1)
-    cos, sin = np.cos(np.radians(yaw_deg)), np.sin(np.radians(yaw_deg))
-    turned = rays @ np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]])
-    range_m, _, _, _ = cast(scene, np.array([ego_x_m, -1.9, 0.6]), turned)
-    seen = range_m < 120
-    points = np.zeros(int(seen.sum()), [(name, "<f4") for name in ("x", "y", "z", "doppler_velocity")])
-    points["x"], points["y"], points["z"] = (rays[seen] * range_m[seen, None]).T
-    points["doppler_velocity"] = -STEP_M / TICK_NS * 1e9 * turned[seen, 0]
+    azimuth_rad, range_m = np.radians(rng.uniform(-50, 50, 2000)), rng.uniform(3, 100, 2000)
+    points = np.zeros(2000, [(name, "<f4") for name in ("x", "y", "z", "doppler_velocity")])
+    points["x"], points["y"] = range_m * np.cos(azimuth_rad), range_m * np.sin(azimuth_rad)
+    points["doppler_velocity"] = -STEP_M / TICK_NS * 1e9 * np.cos(azimuth_rad + np.radians(yaw_deg))
     return points
 
 
-def bev_labels(scene: Street, ego_x_m: float, cells: int = 360, cell_m: float = 0.4) -> AnyArray:
-    axis = ((cells - 1) / 2 - np.arange(cells)) * cell_m
-    x, y = axis[:, None] + ego_x_m, axis[None, :] - 1.9
-    bit = {name: 1 << k for k, name in enumerate(BEV_CLASSES)}
-    labels = np.where(np.abs(y) < 3.8, bit["road"], 0) + np.where(
-        (np.abs(y) >= 3.8) & (np.abs(y) < 6.2), bit["sidewalk"], 0
-    )
-    labels = labels + np.where((np.abs(y) < 0.2) & (x % 6 < 3), bit["road_line"], 0)
-    names = {Tag.CAR: "car", Tag.TRUCK: "truck", Tag.PEDESTRIAN: "pedestrian"}
-    for low, high, tag in zip(scene.low, scene.high, scene.tags, strict=True):
-        if tag in names:
-            labels[(x > low[0]) & (x < high[0]) & (y > low[1]) & (y < high[1])] |= bit[names[tag]]
-    return labels.astype(np.uint16)
+def bev_labels(ego_x_m: float, cells: int = 360, cell_m: float = 0.4) -> AnyArray:
+    """The road along x, sidewalks and cars."""
+    axis_m = ((cells - 1) / 2 - np.arange(cells)) * cell_m
+    x_m, y_m = axis_m[:, None] + ego_x_m, axis_m[None, :] + EGO_Y_M
+    bit = {name: np.uint16(1 << k) for k, name in enumerate(BEV_CLASSES)}
+    labels = np.where(np.abs(y_m) < 3.8, bit["road"], np.where(np.abs(y_m) < 6.2, bit["sidewalk"], 0)) + 0 * x_m
+    labels = labels.astype(np.uint16)
+    for car_m in CARS_M:
+        labels[(abs(x_m - car_m[0]) < CAR_SIZE_M[0] / 2) & (abs(y_m - car_m[1]) < CAR_SIZE_M[1] / 2)] |= bit["car"]
+    return labels
 
 
-def box_table(scene: Street) -> Table:
+def box_table() -> Table:
     """Rows of /ego/boxes; columns that are not known here are blank."""
-    classes = {Tag.CAR: "car", Tag.TRUCK: "truck", Tag.PEDESTRIAN: "pedestrian"}
-    actors = np.isin(scene.tags, list(classes))
-    low, high = scene.low[actors], scene.high[actors]
-    rows = blank_boxes(len(low))
-    rows["x"], rows["y"], rows["z"] = (low + high).T / 2
-    rows["length"], rows["width"], rows["height"] = (high - low).T
-    rows["class"] = [BOX_CLASSES.index(classes[Tag(tag)]) for tag in scene.tags[actors]]
+    rows = blank_boxes(len(CARS_M))
+    rows["x"], rows["y"], rows["z"] = CARS_M.T
+    rows["length"], rows["width"], rows["height"] = CAR_SIZE_M
+    rows["class"] = BOX_CLASSES.index("car")
     return rows
 
 
@@ -212,7 +130,6 @@ def write_scene(
 
     The rig has all sensors of the street. ``attachments`` replace the scene's specification.
     """
-    scene = street()
     if attachments is None:
         attachments = {SCENE_ATTACHMENT: street_spec(ticks, width_px).model_dump_json().encode()}
     make = compressed_image if compressed else image
@@ -231,21 +148,20 @@ def write_scene(
         for tick in range(ticks):
             stamp_ns, ego_x_m = START_NS + tick * TICK_NS, tick * STEP_M
             for camera in cameras:
-                images = camera_images(scene, ego_x_m, YAWS_DEG[camera], width_px)
+                images = camera_images(ego_x_m, YAWS_DEG[camera], width_px)
                 for modality in modalities if camera == "front" else ("rgb",):
                     form = ("/compressedDepth" if modality == "depth" else "/compressed") if compressed else ""
                     topic = f"/ego/cam_{camera}/{modality}/image_raw{form}"
                     data = make(stamp_ns, ENCODINGS[modality], images[modality])
                     write(topic, "CompressedImage" if compressed else "Image", stamp_ns, data)
             if from_above:
-                cloud = point_cloud(stamp_ns, lidar_points(scene, ego_x_m))
-                write("/ego/lidar/semantic_points", "PointCloud2", stamp_ns, cloud)
-                write("/ego/bev/labels", "Image", stamp_ns, image(stamp_ns, "mono16", bev_labels(scene, ego_x_m)))
+                write("/ego/lidar/semantic_points", "PointCloud2", stamp_ns, point_cloud(stamp_ns, lidar_points()))
+                write("/ego/bev/labels", "Image", stamp_ns, image(stamp_ns, "mono16", bev_labels(ego_x_m)))
             for radar in radars:
-                cloud = point_cloud(stamp_ns, radar_points(scene, ego_x_m, YAWS_DEG[radar]))
+                cloud = point_cloud(stamp_ns, radar_points(YAWS_DEG[radar]))
                 write(f"/ego/radar_{radar}/points", "PointCloud2", stamp_ns, cloud)
             if boxes:
-                write("/ego/boxes", "PointCloud2", stamp_ns, point_cloud(stamp_ns, box_table(scene)))
-                pose = odometry(stamp_ns, np.array([ego_x_m, -1.9, 0.0]), np.zeros(3))
+                write("/ego/boxes", "PointCloud2", stamp_ns, point_cloud(stamp_ns, box_table()))
+                pose = odometry(stamp_ns, np.array([ego_x_m, EGO_Y_M, 0.0]), np.zeros(3))
                 write("/ego/odom", "Odometry", stamp_ns, pose)
         return writer.finish({"scene": path.name})

@@ -23,7 +23,7 @@ pytestmark = pytest.mark.graph
 TWO_CARS = """
 seed: 11
 scenes: [{map: Blocks, train: 1}]
-time: {warm_up_s: 1, duration_s: 1}
+time: {warm_up_s: 1, duration_s: 0.7}
 agents:
   - {name: ego, rig: rig.yaml}
   - {name: van, rig: rig.yaml, blueprint: vehicle.van, near: {distance_m: 25}}

@@ -247,7 +247,7 @@ def test_grids_are_around_the_agent_that_they_belong_to(sent: dict[str, list[Any
     assert rows.min() >= 20 and rows.max() < 30, "both vehicles are 7 to 9 m ahead, and there is none at the mast"
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_messages_of_sensors_and_world_may_arrive_in_any_order(sent: dict[str, list[Any]], seed: int) -> None:
     assert published(scene(), seed) == sent
 

@@ -1,4 +1,4 @@
-"""The options --workers and --ray of commands that read bags: old names, and what is refused before it is written."""
+"""The options --workers and --ray of all commands: what they mean, and what is refused before anything is written."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -9,12 +9,16 @@ from fake_ray import FakeRay, install_fake_ray
 from made_up_scene import made_up_scene
 from store_server import StoreServer, upload
 
+from simbev_ros.cli.pool import worker_count
 from simbev_ros.production.cluster import node_check
+
+pytestmark = pytest.mark.usefixtures("no_graph")
 
 Refused = Callable[..., str]
 CODE = {"python": b"3.12"}
 ON_CLUSTERS = ["verify SET", "export simbev SET --out OUT", "export nuscenes SET --out OUT"]
 OTHERS = ["info SET", "evaluate SET SET"]
+MAKERS = ["generate demo --out OUT", "replay BAG demo --out OUT"]
 
 
 @pytest.fixture(scope="module")
@@ -37,17 +41,23 @@ def ray(monkeypatch: pytest.MonkeyPatch) -> FakeRay:
 
 def words(command: str, folder: Path, out: Path) -> list[str]:
     """A command with paths in place of the capitals."""
-    return [str({"SET": folder / "set", "OUT": out}.get(word, word)) for word in command.split()]
+    paths = {"SET": folder / "set", "BAG": folder / "set/scenes/train/Blocks-0000", "OUT": out}
+    return [str(paths.get(word, word)) for word in command.split()]
 
 
-@pytest.mark.parametrize("text", ["0", "-1", "x", "1025", "٣", "", "1.5", "9" * 5000])
-@pytest.mark.parametrize("command", [*ON_CLUSTERS, *OTHERS])
+@pytest.mark.parametrize("text", ["0", "-1", "x", "1025", "٣", "", "1.5", "+3", " 3", "AUTO", "9" * 5000, "[/no]"])
+@pytest.mark.parametrize("command", [*ON_CLUSTERS, *OTHERS, *MAKERS, f"{MAKERS[0]} --dry-run"])
 def test_a_bad_number_of_workers_is_refused_in_one_line(
     refused: Refused, folder: Path, tmp_path: Path, command: str, text: str
 ) -> None:
     message = refused(*words(command, folder, tmp_path / "out"), f"--workers={text}")
-    assert message == f"error: --workers: is {text!r:.80}; allowed: 1 to 1024, or auto\n"
+    most = 1024 if command in ON_CLUSTERS + OTHERS else 60
+    assert message == f"error: --workers: is {text!r:.80}; allowed: 1 to {most}, or auto\n"
     assert not (tmp_path / "out").exists()
+
+
+def test_numbers_up_to_the_limit_and_auto_are_allowed() -> None:
+    assert [worker_count(text, 60) for text in (None, "auto", "1", "07", "60")] == [None, "auto", 1, 7, 60]
 
 
 @pytest.mark.parametrize("value", ["auto", "2"])
@@ -55,8 +65,8 @@ def test_a_number_of_workers_or_auto_is_accepted(simbev: Callable[..., Any], fol
     assert simbev("info", folder / "set", "--workers", value).code == 0
 
 
-@pytest.mark.parametrize("address", ["x", "10.0.0.5", "ray://a:1"])
-@pytest.mark.parametrize("command", ON_CLUSTERS)
+@pytest.mark.parametrize("address", ["x", "10.0.0.5", "ray://a:1", "[/no]"])
+@pytest.mark.parametrize("command", ON_CLUSTERS + MAKERS)
 def test_a_bad_address_is_refused_in_one_line(
     refused: Refused, folder: Path, tmp_path: Path, ray: FakeRay, command: str, address: str
 ) -> None:
@@ -66,13 +76,13 @@ def test_a_bad_address_is_refused_in_one_line(
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("command", ON_CLUSTERS)
+@pytest.mark.parametrize("command", ON_CLUSTERS + MAKERS)
 def test_workers_beside_a_cluster_are_refused(
     refused: Refused, folder: Path, tmp_path: Path, ray: FakeRay, command: str
 ) -> None:
     message = refused(*words(command, folder, tmp_path / "out"), "--ray", "auto", "--workers", 2)
     expected = "error: --workers: is for this machine alone; a cluster has as many as there is room for"
-    assert message.splitlines()[-1] == expected and not ray.is_open
+    assert message.splitlines()[-1] == expected and not ray.is_open and not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("command", ON_CLUSTERS)

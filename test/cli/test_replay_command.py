@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from fake_ray import install_fake_ray
 from replayable_scene import replayable_scene
 
 from simbev_ros.production.replay import replays
@@ -105,27 +104,6 @@ def test_what_one_graph_does_is_refused_for_several(
 def test_several_graphs_have_to_record(refused: Refused, bag: Path) -> None:
     error = refused("replay", bag, "demo", "--workers", 2)
     assert error == "error: --workers and --ray record scenes; give --out or --merge with them\n"
-
-
-@pytest.mark.parametrize("text", ["0", "61", "x", "1.5", "", "AUTO"])
-def test_a_bad_number_of_workers_is_refused(refused: Refused, bag: Path, tmp_path: Path, text: str) -> None:
-    error = refused("replay", bag, "demo", "--out", tmp_path / "x", f"--workers={text}")
-    assert error == f"error: --workers: is {text!r}; allowed: 1 to 60, or auto\n" and not (tmp_path / "x").exists()
-
-
-def test_workers_beside_a_cluster_are_refused(refused: Refused, bag: Path, tmp_path: Path) -> None:
-    error = refused("replay", bag, "demo", "--out", tmp_path / "x", "--workers", 2, "--ray", "auto")
-    assert error.startswith("error: --workers: is for this machine alone; a cluster ") and error.count("\n") == 1
-    assert not (tmp_path / "x").exists()
-
-
-def test_a_bad_address_of_a_cluster_is_refused(
-    refused: Refused, bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    install_fake_ray(monkeypatch)
-    error = refused("replay", bag, "demo", "--out", tmp_path / "x", "--ray", "ray://a:1")
-    assert error.startswith("error: --ray: is 'ray://a:1'; allowed: auto, or HOST:PORT of a cluster's head, such as ")
-    assert not (tmp_path / "x").exists()
 
 
 @pytest.mark.parametrize("place", ["--out", "--merge"])

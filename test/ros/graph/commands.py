@@ -115,6 +115,12 @@ class Command:
         wait(holds)
 
 
+Simbev = Callable[..., Command]
+"""Starts a command, as ``Command`` does."""
+Config = Callable[..., Path]
+"""Writes a small configuration, as ``write_small`` does."""
+
+
 def digests(bag: Path) -> dict[str, str]:
     """Digest of each topic of a bag but typed messages, which say the same as tables."""
     with SceneBag(bag) as opened:

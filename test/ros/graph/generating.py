@@ -1,13 +1,11 @@
 """A small dataset, and the command that makes it."""
 
-from collections.abc import Callable
 from pathlib import Path
 
-from commands import Command
+from commands import Simbev
 
 from simbev_ros.foundation.object_store.object_path import AnyPath
 
-Simbev = Callable[..., Command]
 CONFIG = """
 seed: 5
 scenes: [SCENES]

@@ -1,12 +1,11 @@
 """Two cars with sensors in one recorded scene: one world, each in the boxes of the other, joint boxes, on any cores."""
 
-from collections.abc import Callable
 from itertools import permutations
 from pathlib import Path
 
 import numpy as np
 import pytest
-from commands import SCENE, Command
+from commands import SCENE, Command, Simbev
 from opv2v_reader import AgentFrame, moved, world_from
 
 from simbev_exporters.opv2v.export import export_opv2v
@@ -43,7 +42,7 @@ sensors:
 """
 
 
-def record_two_cars(simbev: Callable[..., Command], folder: Path, cores: int) -> Path:
+def record_two_cars(simbev: Simbev, folder: Path, cores: int) -> Path:
     folder.mkdir()
     (folder / "cars.yaml").write_text(TWO_CARS, encoding="utf-8")
     (folder / "rig.yaml").write_text(RIG, encoding="utf-8")
@@ -144,7 +143,7 @@ def test_each_receives_what_the_other_sent_two_ticks_before(scene: Scene) -> Non
 
 
 @pytest.mark.slow
-def test_the_number_of_cores_changes_nothing(scene: Scene, simbev: Callable[..., Command], tmp_path: Path) -> None:
+def test_the_number_of_cores_changes_nothing(scene: Scene, simbev: Simbev, tmp_path: Path) -> None:
     many = record_two_cars(simbev, tmp_path / "many", cores=16)
     with SceneBag(scene.path) as few_bag, SceneBag(many) as many_bag:
         assert topic_digests(few_bag) == topic_digests(many_bag)

@@ -1,11 +1,10 @@
 """Replays of scenes with several agents: the same bytes again, another rig for one of them, and new agents."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from commands import SCENE, Command
+from commands import SCENE, Simbev
 
 from simbev_ros.dataset import open_dataset
 from simbev_ros.recording.digest import topic_digests
@@ -41,14 +40,12 @@ def write(folder: Path, name: str, *agents: str, columns: int = 256) -> Path:
     return folder / name
 
 
-def run(simbev: Callable[..., Command], *words: object) -> None:
+def run(simbev: Simbev, *words: object) -> None:
     code, output = simbev(*words).finish(300)
     assert code == 0, output
 
 
-def test_a_replay_repeats_every_byte_and_changes_the_rig_of_one_agent(
-    simbev: Callable[..., Command], tmp_path: Path
-) -> None:
+def test_a_replay_repeats_every_byte_and_changes_the_rig_of_one_agent(simbev: Simbev, tmp_path: Path) -> None:
     config = write(tmp_path, "all.yaml", EGO, VAN, UNIT, V2X)
     run(simbev, "run", config, "--record", tmp_path / "first")
     bag = tmp_path / "first" / SCENE
@@ -65,7 +62,7 @@ def test_a_replay_repeats_every_byte_and_changes_the_rig_of_one_agent(
     )
 
 
-def test_a_scene_with_one_agent_is_replayed_with_more(simbev: Callable[..., Command], tmp_path: Path) -> None:
+def test_a_scene_with_one_agent_is_replayed_with_more(simbev: Simbev, tmp_path: Path) -> None:
     run(simbev, "run", write(tmp_path, "one.yaml", EGO), "--record", tmp_path / "one")
     scene = open_dataset(tmp_path / "one", threads=1).scenes[0]
     boxes = scene[0]["boxes"]

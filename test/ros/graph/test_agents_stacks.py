@@ -3,18 +3,16 @@
 import json
 import shlex
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-from commands import Command
+from commands import Simbev
 from diagnostic_msgs.msg import DiagnosticArray
 from subscriber import keep, outside_node
 
 pytestmark = pytest.mark.graph
 
-Simbev = Callable[..., Command]
 TWO_CARS = """
 seed: 3
 scenes: [{map: Blocks, train: 1}]

@@ -1,11 +1,10 @@
 """A baseline, untrained, answers every due frame of a graph in lockstep, and its figures are printed at the end."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from commands import Command
+from commands import Config, Simbev
 
 from simbev_ros.baselines.modality import Modality
 
@@ -13,8 +12,6 @@ pytest.importorskip("torch", reason="torch exports the model that stands in")
 pytest.importorskip("onnx", reason="torch exports the model that stands in")
 pytestmark = [pytest.mark.graph, pytest.mark.slow]
 
-Simbev = Callable[..., Command]
-Config = Callable[..., Path]
 RATES = {
     Modality.LIDAR: ("columns: 128", "columns: 128, rate_hz: 10", ("camera", "radar", "gnss", "imu")),
     Modality.FUSED: ("rate_hz: 10}", "rate_hz: 4}", ("radar", "gnss", "imu")),

@@ -2,12 +2,11 @@
 
 import json
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from commands import SCENE, SMALL, Command, digests, record
+from commands import SCENE, SMALL, Command, Config, Simbev, digests, record
 from rosbags.highlevel import AnyReader
 
 from simbev_ros.dataset import open_dataset
@@ -19,8 +18,6 @@ from simbev_ros.recording.verify import verify_bag
 
 pytestmark = pytest.mark.graph
 
-Simbev = Callable[..., Command]
-Config = Callable[..., Path]
 NOON = "weather: {cloudiness: 20, precipitation: 0, sun_altitude_deg: 45, fog_density: 0}\n"
 NIGHT = "weather: {cloudiness: 20, precipitation: 0, sun_altitude_deg: -40, fog_density: 0}\n"
 CHANGED_WITH_LIDAR = {

@@ -2,12 +2,12 @@
 
 import os
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
-from commands import SCENE, Command, digests, record
+from commands import SCENE, Command, Config, Simbev, digests, record
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Header, String
 from subscriber import keep, outside_node
@@ -25,8 +25,6 @@ from simbev_ros.show.foxglove.derived import derivations
 
 pytestmark = pytest.mark.graph
 
-Simbev = Callable[..., Command]
-Config = Callable[..., Path]
 DURATION_S = 8
 GATE = "graph: {participants: [gate], window_ticks: 2}\n"
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)

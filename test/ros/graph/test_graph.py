@@ -3,13 +3,12 @@
 import json
 import os
 import signal
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from commands import SCENE, Command, digests, is_alone, node_processes, record
+from commands import SCENE, Config, Simbev, digests, is_alone, node_processes, record
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from waiting import wait_until
@@ -21,9 +20,6 @@ from simbev_ros.ros.graph.shared_memory import middleware_files, remove_orphans
 from tools.bench.world_timing import timed_world
 
 pytestmark = pytest.mark.graph
-
-Simbev = Callable[..., Command]
-Config = Callable[..., Path]
 
 
 SMALL_CHUNKS = "recording: {chunk_kib: 64}\n"

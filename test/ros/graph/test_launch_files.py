@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from commands import Config
 from ros_domain import DOMAIN
 from rosgraph_msgs.msg import Clock
 from subscriber import keep, outside_node
@@ -144,7 +145,7 @@ def test_bad_arguments_are_refused(launch: Launch, name: str, arguments: dict[st
 
 @pytest.mark.graph
 def test_the_launched_graph_runs_and_ends_cleanly_when_launch_is_interrupted(
-    launch: Launch, small_config: Callable[..., Path]
+    launch: Launch, small_config: Config
 ) -> None:
     config = small_config(600, without=["camera", "lidar", "radar"])
     remapping = "-r /sim1/clock:=/time -p use_sim_time:=true"

@@ -1,14 +1,14 @@
 """A running graph in headless Chromium: the camera's image and the points of the lidar appear."""
 
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from commands import Command
+from commands import Config, Simbev
 from PIL import Image
 from waiting import wait_until
 
@@ -76,7 +76,7 @@ def shows_points(picture: UInt8Array) -> bool:
 
 
 def test_camera_and_lidar_of_a_running_graph_appear(
-    browser: Any, simbev: Callable[..., Command], small_config: Callable[..., Path], tmp_path: Path
+    browser: Any, simbev: Simbev, small_config: Config, tmp_path: Path
 ) -> None:
     run = simbev("run", small_config(600), "--record", tmp_path / "out", "--view", "--view-port", 0)
     assert run.process.stdout is not None

@@ -4,17 +4,14 @@ import json
 import re
 import shlex
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-from commands import Command
+from commands import Config, Simbev
 
 pytestmark = [pytest.mark.graph, pytest.mark.slow]
 
-Simbev = Callable[..., Command]
-Config = Callable[..., Path]
 PARTICIPANT = "evaluation: {participant: echo}"
 
 

@@ -4,13 +4,12 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import psutil
 import pytest
-from commands import SCENE, SMALL, Command, digests
+from commands import SCENE, SMALL, Command, Config, Simbev, digests
 from ros_domain import DOMAIN
 from waiting import wait_until
 
@@ -18,8 +17,6 @@ pytest.importorskip("rerun", reason="Rerun is not installed: pip install -e .[vi
 
 pytestmark = pytest.mark.graph
 
-Simbev = Callable[..., Command]
-Config = Callable[..., Path]
 DURATION_S = 3.0
 """The viewer shows the first frame about a second after the first tick."""
 

@@ -4,12 +4,12 @@ import re
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
-from commands import Command
+from commands import Simbev
 
 pytestmark = pytest.mark.graph
 
@@ -42,7 +42,7 @@ def stack(script: Path, environment: dict[str, str], *arguments: str) -> Iterato
                     process.wait(2)
 
 
-def test_the_samples_of_the_page_see_every_cloud(simbev: Callable[..., Command], tmp_path: Path) -> None:
+def test_the_samples_of_the_page_see_every_cloud(simbev: Simbev, tmp_path: Path) -> None:
     config, evaluation = blocks("yaml")
     assert config.count(PARTICIPANTS) == 1
     config = config.replace(PARTICIPANTS, PARTICIPANTS.replace("my_stack", "my_stack, by_hand"))

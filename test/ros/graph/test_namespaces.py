@@ -1,10 +1,9 @@
 """Two graphs share a ROS domain under different namespaces, and neither notices the other."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from commands import SCENE, Command, digests
+from commands import SCENE, Config, Simbev, digests
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import SetBool
@@ -14,7 +13,7 @@ pytestmark = [pytest.mark.graph, pytest.mark.slow]
 
 
 def test_a_graph_below_a_namespace_beside_another_one_records_the_same_bytes_under_the_same_names(
-    recorded: Path, simbev: Callable[..., Command], small_config: Callable[..., Path], tmp_path: Path
+    recorded: Path, simbev: Simbev, small_config: Config, tmp_path: Path
 ) -> None:
     everything = small_config(0.5)
     live = simbev("run", small_config(600, name="live.yaml", without=["camera", "radar", "lidar"]), "--live")

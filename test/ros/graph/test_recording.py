@@ -4,11 +4,11 @@ import json
 import os
 import signal
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from commands import SCENE, Command, digests, record
+from commands import SCENE, Config, Simbev, digests, record
 from rosgraph_msgs.msg import Clock
 from subscriber import Caller, clock_ns, keep, outside_node
 
@@ -19,8 +19,6 @@ from simbev_ros.ros.msgs.topics import REPLAY_TOPICS
 
 pytestmark = pytest.mark.graph
 
-Simbev = Callable[..., Command]
-Config = Callable[..., Path]
 
 FEW = """
 recording:

@@ -1,15 +1,9 @@
 """A machine that cannot draw as configured leads to one message that says what to do, and exit code 2."""
 
-from collections.abc import Callable
-from pathlib import Path
-
 import pytest
-from commands import Command
+from commands import Command, Config, Simbev
 
 pytestmark = pytest.mark.graph
-
-Simbev = Callable[..., Command]
-Config = Callable[..., Path]
 
 
 def refusal(command: Command) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from commands import Command
+from commands import Config, Simbev
 from ros_domain import DOMAIN
 from waiting import wait_until
 
@@ -18,7 +18,6 @@ pytest.importorskip("simbev_interfaces", reason="the messages of service and act
 
 pytestmark = pytest.mark.graph
 
-Simbev = Callable[..., Command]
 _TIMEOUT_S = 90.0
 
 
@@ -103,7 +102,7 @@ def client() -> Iterator[Client]:
 
 
 def test_scenes_are_played_recorded_and_ended_on_request(
-    simbev: Simbev, small_config: Callable[..., Path], tmp_path: Path, client: Client
+    simbev: Simbev, small_config: Config, tmp_path: Path, client: Client
 ) -> None:
     from action_msgs.msg import GoalStatus
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from commands import SCENE, Command, leaving_nothing, write_small
+from commands import SCENE, Command, Simbev, leaving_nothing, write_small
 from geometry_msgs.msg import Twist
 from nav_msgs.msg import Odometry
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -142,7 +142,7 @@ def test_the_ego_follows_commands(driver: Driver) -> None:
 
 
 @pytest.mark.slow
-def test_equal_commands_lead_to_equal_bytes(simbev: Callable[..., Command], tmp_path: Path) -> None:
+def test_equal_commands_lead_to_equal_bytes(simbev: Simbev, tmp_path: Path) -> None:
     config = empty_street(tmp_path, 4, window_ticks=1)
     digests = []
     for name in ("a", "b"):

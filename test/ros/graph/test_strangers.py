@@ -1,12 +1,12 @@
 """A graph whose domain is full of malformed and forged messages records the same bytes as an undisturbed one."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from threading import Event, Thread
 
 import pytest
-from commands import SCENE, Command, digests
+from commands import SCENE, Config, Simbev, digests
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
@@ -82,7 +82,7 @@ def strangers(spec: SceneSpec) -> Iterator[None]:
 
 @pytest.mark.slow
 def test_a_scene_among_strangers_is_the_same(
-    recorded: Path, simbev: Callable[..., Command], small_config: Callable[..., Path], tmp_path: Path
+    recorded: Path, simbev: Simbev, small_config: Config, tmp_path: Path
 ) -> None:
     with SceneBag(recorded) as bag:
         assert bag.spec is not None

@@ -8,7 +8,6 @@ import pytest
 from analytic_motion import circle, hilly, state_at
 from ego_frames import edges, pose_in_tree
 from made_up_scene import SENSORS, made_up_spec
-from rclpy.serialization import serialize_message
 from ros_messages import point_cloud
 from scene_edits import with_ego
 from several_agents import blocks_agents, car, made_up_agents, roadside_unit, with_agents
@@ -156,14 +155,6 @@ def test_transforms_are_not_made_of_a_table_without_the_vehicle_of_an_agent() ->
 
 def test_transforms_that_are_not_recorded_are_not_made() -> None:
     assert message_makers(SPEC, (), {topics.ACTORS}) == {}
-
-
-def test_the_odometry_of_a_roadside_unit_stands_still() -> None:
-    view = agent_view(SPEC, "rsu")
-    first, second = (agent_odometry(view, actors_at(tick), SPEC.start_ns) for tick in (0, 5))
-    assert serialize_message(first) == serialize_message(second)
-    assert (first.header.frame_id, first.child_frame_id) == ("map", "rsu/base_link")
-    assert (first.pose.pose.position.x, first.pose.pose.position.y, first.pose.pose.position.z) == (12.0, -3.0, 1.0)
 
 
 def test_the_description_of_a_car_is_that_of_a_first_agent_with_other_names() -> None:

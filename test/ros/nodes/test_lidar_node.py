@@ -4,26 +4,21 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import pytest
 from rclpy.experimental.events_executor import EventsExecutor
 from started_nodes import collecting_node
 from synthetic_world import actor, cart_model, mesh, sheet, static_scene, world
 
 from simbev_ros.assets.materials import Material
-from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.foundation.semantics import Tag
 from simbev_ros.maps.build import load_network
 from simbev_ros.ros.msgs.stamps import stamp_of
-from simbev_ros.ros.msgs.tables import table_from_message
 from simbev_ros.ros.nodes import ray_scenes, surroundings
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import EGO_ID, WorldState
 from simbev_ros.simulation.raycast.part_stack import PartStack
-from simbev_ros.simulation.raycast.scene import RayScene
-from simbev_ros.simulation.sensors.lidar import LidarModel
 
 MODELS = (cart_model(),)
 STATIC = static_scene(mesh(sheet([-200, -200], [200, 200]), Tag.ROAD, Material.ASPHALT))
@@ -99,23 +94,3 @@ def test_each_lidar_publishes_at_its_rate_and_not_in_the_lead_in(node: Any, spec
     assert names == [[], [], every_second_tick, every_tick, every_second_tick]
     assert all(node.is_due(spec, tick) for tick in range(3))
     assert not node.is_due(spec, -2)
-
-
-def test_clouds_equal_those_of_the_models_over_the_states_of_a_turn(node: Any, spec: SceneSpec) -> None:
-    for tick in range(-2, 3):
-        node.sent.clear()
-        play(node, spec, tick)
-    sent = dict(node.sent)
-    for properties in LIDARS:
-        lidar = Lidar.model_validate(properties)
-        earlier = [state_at(0), state_at(1)] if lidar.rolling else []
-        state, rays = state_at(2), RayScene(STATIC, MODELS)
-        hidden_ids = frozenset() if lidar.hits_own_vehicle else state.ego_ids
-        rays.update(state, np.array([1.2, 3.0, 0.0]), 60.0, hidden_ids, earlier)
-        scan = LidarModel(lidar, spec.seed, 0.1 if lidar.rolling else 0.05).scan(rays, state, earlier)
-        for cloud, table in (("points", scan.points), ("semantic_points", scan.semantic_points)):
-            if table is not None:
-                assert len(table) > 200
-                assert table_from_message(sent[f"/ego/{lidar.name}/{cloud}"]).tobytes() == table.tobytes()
-    own = table_from_message(sent["/ego/own/semantic_points"])
-    assert state_at(2).ego_id in own["object_id"]

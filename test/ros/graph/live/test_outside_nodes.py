@@ -3,11 +3,10 @@
 import re
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from commands import Command
+from commands import Command, Config, Simbev
 from nav_msgs.msg import OccupancyGrid
 from rclpy.qos import qos_profile_sensor_data
 from ros_domain import DOMAIN
@@ -17,9 +16,6 @@ from subscriber import Caller, clock_ns, keep, outside_node, paused_ns
 from visualization_msgs.msg import MarkerArray
 
 pytestmark = pytest.mark.graph
-
-Simbev = Callable[..., Command]
-Config = Callable[..., Path]
 
 
 def test_live_graph_serves_subscribers_and_services(graph: Command) -> None:

@@ -1,6 +1,6 @@
 """A running graph answers ROS's own tools: ros2 param dump, rqt_console, nodes that start while the world is paused."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import pytest
@@ -17,7 +17,6 @@ from subscriber import Caller, clock_ns, keep, outside_node
 
 pytestmark = pytest.mark.graph
 
-Simbev = Callable[..., Command]
 ROSOUT = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Profile of /rosout, as rqt_console has it."""
 

@@ -190,7 +190,7 @@ from simbev_ros.production.workers.messages import Settings
 scenario = Scenario.model_validate({{"scenes": [{{"map": "Blocks", "train": 1}}], "rig": {{"sensors": []}}}})
 worker = LocalWorker(Worker("worker-1", "here"), Settings(scenario, Path({staging!r})))
 print(worker._process.pid, flush=True)
-time.sleep(60)
+time.sleep(600)
 """
 
 

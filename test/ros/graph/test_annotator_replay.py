@@ -14,6 +14,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_domain import DOMAIN
 from std_msgs.msg import Header
 from subscriber import outside_node
+from waiting import PATIENCE_S
 
 from simbev_ros.recording.canonical import canonical_cdr
 from simbev_ros.recording.reader import SceneBag
@@ -46,7 +47,7 @@ def annotator() -> Iterator[None]:
         yield
     finally:
         process.terminate()
-        assert process.wait(20) == 0
+        assert process.wait(PATIENCE_S) == 0
 
 
 def holds(messages: list[bytes], count: int) -> bool:

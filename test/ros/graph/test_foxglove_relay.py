@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from commands import SCENE, Command, Config, Simbev, digests, record
+from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import Header, String
 from subscriber import keep, outside_node
@@ -71,7 +72,7 @@ def test_clients_get_the_bytes_that_are_recorded_and_displays_those_that_follow_
 
         let_play(-4)  # up to tick -2
         client.receive_until(lambda: client.channels.keys() >= RECORDED | DISPLAYS)
-        client.receive(1.0)  # the relay subscribes
+        client.receive_until(lambda: all(is_read_by_relay(node, name) for name in RECORDED))
         for tick in range(-3, spec.ticks):
             let_play(tick)
             client.receive(0.05)
@@ -99,6 +100,11 @@ def test_clients_get_the_bytes_that_are_recorded_and_displays_those_that_follow_
             sent = [data for _, data in client.messages[name] if not is_lead_in(data, kind, start_ns)]
             found = {bytes(canonical_cdr(data, kind)) for data in sent}  # the middleware pads messages at their end
             assert found <= set(made(bag, name)), name
+
+
+def is_read_by_relay(node: Node, topic: str) -> bool:
+    """Whether a node knows that the relay has subscribed to a topic."""
+    return any("simbev_view" in each.node_name for each in node.get_subscriptions_info_by_topic(topic))
 
 
 def is_lead_in(data: bytes, type_name: str, start_ns: int) -> bool:

@@ -28,7 +28,7 @@ folder = Path(sys.argv[1])
 starter = NodeStarter(["imu", "gnss"], folder, graph_environment(int(sys.argv[2])))
 nodes = [starter.start([f"{kind}:{kind}"], folder / f"{kind}.log") for kind in ("imu", "gnss")]
 print(*(node.await_start() for node in nodes), flush=True)
-time.sleep(60)
+time.sleep(600)
 """
 
 

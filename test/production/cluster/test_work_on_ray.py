@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from made_up_scene import made_up_scene
+from marked_processes import marked_processes
 from waiting import wait_until
 
 from simbev_ros.dataset.index import update_index
@@ -18,7 +19,7 @@ from simbev_ros.recording.layout import scenes_of
 
 pytest.importorskip("ray", reason="Ray is not installed: pip install -e .[cluster]")
 
-from ray_nodes import RayNodes, processes
+from ray_nodes import RayNodes
 
 pytestmark = pytest.mark.slow
 SCENES, TICKS = 8, 60
@@ -48,7 +49,7 @@ def nodes() -> Iterator[RayNodes]:
 
 def tasks(name: str = "ray::_run") -> list[int]:
     """Processes of the nodes that do a task."""
-    return processes(name, "=".join(_MARK).encode())
+    return marked_processes(name, "=".join(_MARK).encode())
 
 
 def start(*words: object) -> subprocess.Popen[str]:

@@ -8,6 +8,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import psutil
+from marked_processes import marked_processes
 from ros_domain import DOMAIN
 from waiting import PATIENCE_S, wait_until
 
@@ -119,6 +120,8 @@ Simbev = Callable[..., Command]
 """Starts a command, as ``Command`` does."""
 Config = Callable[..., Path]
 """Writes a small configuration, as ``write_small`` does."""
+Find = Callable[[str], list[int]]
+"""Finds processes by a part of their command line."""
 
 
 def digests(bag: Path) -> dict[str, str]:
@@ -176,13 +179,4 @@ def remove_leftovers(before: set[Path]) -> None:
 
 def node_processes() -> list[int]:
     """Pids of all node processes in the tests' domain."""
-    found = []
-    for path in Path("/proc").iterdir():
-        try:
-            if path.name.isdecimal() and b"simbev_ros.ros.nodes.main" in (path / "cmdline").read_bytes():
-                variables = (path / "environ").read_bytes().split(b"\0")
-                if f"ROS_DOMAIN_ID={DOMAIN}".encode() in variables:
-                    found.append(int(path.name))
-        except OSError:
-            continue
-    return found
+    return marked_processes("simbev_ros.ros.nodes.main", f"ROS_DOMAIN_ID={DOMAIN}".encode())

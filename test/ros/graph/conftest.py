@@ -5,7 +5,8 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from commands import Command, leaving_nothing, record, write_small
+from commands import Command, Find, leaving_nothing, record, write_small
+from marked_processes import marked_processes
 from ros_domain import DOMAIN
 from waiting import wait_until
 
@@ -39,6 +40,15 @@ def simbev() -> Iterator[Callable[..., Command]]:
     yield start
     for command in commands:
         command.close()
+
+
+@pytest.fixture
+def find(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Find]:
+    """Function that finds processes of this test's commands by a part of their command line; none may be left."""
+    monkeypatch.setenv("SIMBEV_TEST", str(tmp_path))
+    mark = f"SIMBEV_TEST={tmp_path}".encode()
+    yield lambda part: marked_processes(part, mark)
+    wait_until(lambda: not marked_processes("simbev_ros.", mark))
 
 
 @pytest.fixture(autouse=True)

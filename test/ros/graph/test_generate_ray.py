@@ -8,14 +8,13 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
 import pytest
-from commands import remove_leftovers
+from commands import Find, remove_leftovers
 from generating import Simbev, files, generate, write
-from waiting import wait_until
 
 from simbev_ros.dataset.index import read_index
 from simbev_ros.production.scene_log import scene_logs
@@ -25,7 +24,7 @@ from simbev_ros.ros.graph.shared_memory import middleware_files
 
 pytest.importorskip("ray", reason="Ray is not installed: pip install -e .[cluster]")
 
-from ray_nodes import RayNodes, processes
+from ray_nodes import RayNodes
 from store_server import BUCKET, StoreServer
 
 from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath
@@ -33,18 +32,7 @@ from simbev_ros.foundation.object_store.transfers import list_objects
 
 pytestmark = pytest.mark.graph
 
-Find = Callable[[str], list[int]]
 WORKER, NODE, ACTOR = "simbev_ros.production.workers.worker_process", "simbev_ros.ros.nodes.main", "ray::WorkerActor"
-_MARK = "SIMBEV_TEST_RAY"
-
-
-@pytest.fixture
-def find(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Find]:
-    """Function that finds processes of this test by a part of their command line; no worker or node may be left."""
-    monkeypatch.setenv(_MARK, str(tmp_path))
-    mark = f"{_MARK}={tmp_path}".encode()
-    yield lambda part: processes(part, mark)
-    wait_until(lambda: not processes("simbev_ros.", mark))
 
 
 @pytest.fixture

@@ -4,12 +4,11 @@ import os
 import re
 import shutil
 import signal
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from commands import Find
 from generating import Simbev, files, generate, write
-from waiting import wait_until
 
 from simbev_ros.dataset.index import read_index
 from simbev_ros.production.scene_log import scene_logs
@@ -18,30 +17,7 @@ from simbev_ros.recording.verify import verify_bag
 
 pytestmark = pytest.mark.graph
 
-Find = Callable[[str], list[int]]
 WORKER, NODE = "simbev_ros.production.workers.worker_process", "simbev_ros.ros.nodes.main"
-_MARK = "SIMBEV_TEST_WORKERS"
-
-
-@pytest.fixture
-def find(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Find]:
-    """Function that finds processes of this test's commands by a part of their command line; none may be left."""
-    monkeypatch.setenv(_MARK, str(tmp_path))
-    mark = f"{_MARK}={tmp_path}".encode()
-
-    def find(part: str = "") -> list[int]:
-        found = []
-        for path in Path("/proc").glob("[0-9]*"):
-            try:
-                words, variables = ((path / name).read_bytes() for name in ("cmdline", "environ"))
-            except OSError:
-                continue
-            if part.encode() in words and mark in variables.split(b"\0"):
-                found.append(int(path.name))
-        return found
-
-    yield find
-    wait_until(lambda: not find(""))
 
 
 def test_a_second_writer_is_refused_and_an_interrupt_ends_all_workers_before_the_command_ends(

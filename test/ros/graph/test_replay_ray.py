@@ -4,26 +4,22 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from generating import Simbev, files, generate, write
-from waiting import wait_until
+from commands import Find, Simbev
+from generating import files, generate, write
 
 pytest.importorskip("ray", reason="Ray is not installed: pip install -e .[cluster]")
 
-from ray_nodes import RayNodes, processes
+from ray_nodes import RayNodes
 
 pytestmark = [pytest.mark.graph, pytest.mark.slow]
 
-_MARK = "SIMBEV_TEST_REPLAY_RAY"
-
 
 @pytest.fixture
-def nodes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[RayNodes]:
+def nodes(find: Find) -> Iterator[RayNodes]:
     """Two nodes with two CPUs each; no process of ours may be left on them."""
-    monkeypatch.setenv(_MARK, str(tmp_path))
     cluster = RayNodes(2)
     yield cluster
     cluster.close()
-    wait_until(lambda: not processes("simbev_ros.", f"{_MARK}={tmp_path}".encode()))
 
 
 def test_a_cluster_records_the_bytes_of_one_graph(simbev: Simbev, nodes: RayNodes, tmp_path: Path) -> None:

@@ -2,32 +2,12 @@
 
 import shutil
 import signal
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from generating import Simbev, files, generate, write
-from waiting import wait_until
 
-pytestmark = [pytest.mark.graph, pytest.mark.slow]
-
-_MARK = "SIMBEV_TEST_REPLAY"
-
-
-@pytest.fixture(autouse=True)
-def no_process_is_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Wait for the end of all processes that the test has started, with those that they have started."""
-    monkeypatch.setenv(_MARK, str(tmp_path))
-    mark = f"{_MARK}={tmp_path}".encode()
-
-    def is_left(process: Path) -> bool:
-        try:
-            return mark in (process / "environ").read_bytes().split(b"\0")
-        except OSError:
-            return False
-
-    yield
-    wait_until(lambda: not any(map(is_left, Path("/proc").glob("[0-9]*"))))
+pytestmark = [pytest.mark.graph, pytest.mark.slow, pytest.mark.usefixtures("find")]
 
 
 @pytest.fixture

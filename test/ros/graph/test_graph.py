@@ -4,7 +4,6 @@ import json
 import os
 import signal
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -72,23 +71,6 @@ def test_accounting_of_a_complete_bag_is_complete(recorded: Path) -> None:
     with SceneBag(recorded) as bag:
         assert bag.custom_data["complete"] == "true"
         assert json.loads(bag.custom_data["expected"]) == json.loads(bag.custom_data["recorded"])
-
-
-def test_all_frames_belong_to_one_tree(recorded: Path) -> None:
-    parents = {}
-    with AnyReader([recorded]) as reader:
-        for connection, _, payload in reader.messages([c for c in reader.connections if c.topic.startswith("/tf")]):
-            for transform in reader.deserialize(payload, connection.msgtype).transforms:  # type: ignore[attr-defined]
-                parents[transform.child_frame_id] = transform.header.frame_id
-        frames = set()
-        for connection, _, payload in reader.messages([c for c in reader.connections if c.topic.startswith("/ego/")]):
-            message: Any = reader.deserialize(payload, connection.msgtype)
-            if hasattr(message, "header"):
-                frames.add(message.header.frame_id)
-    for frame in frames:
-        while frame in parents:
-            frame = parents[frame]
-        assert frame == "map"
 
 
 def test_another_scene_follows_on_the_same_processes(recorded: Path) -> None:

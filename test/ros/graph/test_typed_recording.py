@@ -1,6 +1,5 @@
 """A bag in both forms: foreign readers find in typed messages what is in the tables."""
 
-import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -116,24 +115,6 @@ def test_the_snippet_of_the_guide_prints_every_tick(
     lines = [line.split() for line in capsys.readouterr().out.splitlines()]
     expected = {stamp_ns: len(table) for stamp_ns, table in tables["/world/actors"].items()}
     assert {int(stamp_ns): int(count) for stamp_ns, count, _, _ in lines} == expected
-
-
-def test_records_are_those_of_the_json(recorded: Path) -> None:
-    with SceneBag(recorded) as bag:
-        names = ["/world/weather", "/ego/hd_map", "/world/scene"]
-        records = {(each.topic, each.stamp_ns): json.loads(bag.decode(each).data) for each in bag.messages(names)}
-    for topic, stamp_ns, message in rosbags_messages(recorded):
-        record = records.pop((topic.removesuffix("/typed"), stamp_ns), None)
-        match topic:
-            case "/world/weather/typed":
-                assert message.cloudiness == record["cloudiness"]
-                assert message.sun_altitude == np.radians(record["sun_altitude_deg"])
-            case "/ego/hd_map/typed":
-                assert (message.id, message.s) == (record["id"], record["s"])
-                assert np.degrees(message.yaw) == pytest.approx(record["transform"]["rotation"][2])
-            case "/world/scene/typed":
-                assert (message.name, json.loads(message.json)) == ("Blocks-0000", record)
-    assert not records
 
 
 def test_the_dataset_reader_gives_the_same_tables_recorded(recorded: Path) -> None:

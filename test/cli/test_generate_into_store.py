@@ -10,8 +10,7 @@ from store_server import BUCKET, StoreServer
 
 from simbev_ros.dataset.plan import Plan, PlannedEntry
 from simbev_ros.dataset.stored_index import StoredIndex
-from simbev_ros.foundation.object_store import connection, writer
-from simbev_ros.foundation.object_store.object_lock import ObjectLock
+from simbev_ros.foundation.object_store import connection
 from simbev_ros.foundation.object_store.object_path import ObjectPath
 from simbev_ros.foundation.object_store.transfers import list_objects, put_bytes
 from simbev_ros.production import estimate
@@ -51,11 +50,6 @@ def test_a_store_that_cannot_be_written_to_is_refused(
     assert not list_objects(ObjectPath(BUCKET))
 
 
-def test_a_bucket_that_does_not_exist_is_refused(refused: Refused, config: Path, store: StoreServer) -> None:
-    message = one_line(refused("generate", config, "--out", "s3://nobody/set"))
-    assert message.startswith("s3://nobody/set/") and message.endswith(": there is no such bucket")
-
-
 def test_a_store_without_credentials_is_refused(
     refused: Refused, config: Path, store: StoreServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -65,26 +59,11 @@ def test_a_store_without_credentials_is_refused(
     assert message.startswith(f"{SET}/") and "AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY are not set" in message
 
 
-def test_a_store_that_cannot_be_reached_is_refused(
-    refused: Refused, config: Path, store: StoreServer, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for module in (connection, writer):
-        monkeypatch.setattr(module, "MAX_ATTEMPTS", 1)
-    monkeypatch.setenv("AWS_ENDPOINT_URL_S3", "http://127.0.0.1:1")
-    assert "http://127.0.0.1:1 cannot be reached" in one_line(refused("generate", config, "--out", SET))
-
-
 def test_other_urls_and_urls_of_configurations_are_refused(refused: Refused, config: Path, store: StoreServer) -> None:
     message = one_line(refused("generate", config, "--out", "gs://bucket/set"))
     assert message == "gs://bucket/set: URLs with gs:// are not supported; allowed: s3://bucket/prefix"
     message = one_line(refused("generate", "s3://bucket/my.yaml", "--out", SET))
     assert message == "s3://bucket/my.yaml: a configuration is a local file; only --out takes a URL"
-
-
-def test_a_second_driver_is_told_who_writes(refused: Refused, config: Path, store: StoreServer) -> None:
-    with ObjectLock(SET):
-        message = one_line(refused("generate", config, "--out", SET))
-    assert message.startswith(f"{SET}: process ") and " is writing into it; its last heartbeat is " in message
 
 
 def test_a_scene_to_replace_that_does_not_exist_is_refused(refused: Refused, config: Path, store: StoreServer) -> None:

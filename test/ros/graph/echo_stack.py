@@ -6,12 +6,14 @@ import time
 
 import numpy as np
 import rclpy
+from nav_msgs.msg import OccupancyGrid
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import Image, PointCloud2
 from std_msgs.msg import Header, String
+from visualization_msgs.msg import MarkerArray
 
 from simbev_ros.ros.msgs.images import labels_from_image
 from simbev_ros.ros.msgs.stamps import header, stamp_of
@@ -19,7 +21,7 @@ from simbev_ros.ros.msgs.tables import message_from_table, table_from_message
 from simbev_ros.schema.scene.spec import SceneSpec
 
 LATCHED, EVERY = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL), QoSProfile(depth=16)
-CHANNELS = 14
+CHANNELS, CLASSES = 14, ("road", "car", "pedestrian")
 
 
 class EchoStack(Node):
@@ -32,14 +34,23 @@ class EchoStack(Node):
         super().__init__(f"{options.agent}_echo" if options.agent else "echo")
         agent, answers = options.agent or "ego", f"/{options.agent}" if options.agent else ""
         self.options, self.spec, self.polls = options, None, 0
-        self.boxes = self.create_publisher(PointCloud2, f"{answers}/prediction/boxes", EVERY)
-        self.grids = self.create_publisher(Image, f"{answers}/prediction/bev", EVERY)
         self.ready = self.create_publisher(Header, "/sync/ready", LATCHED)
         self.create_subscription(String, "/world/scene", self.on_scene, LATCHED)
-        self.inputs = [
-            self.create_subscription(PointCloud2, f"/{agent}/boxes", self.on_boxes, EVERY),
-            self.create_subscription(Image, f"/{agent}/bev/labels", self.on_labels, EVERY),
-        ]
+        if options.displays:
+            self.inputs = [
+                self.relay(MarkerArray, f"/{agent}/boxes/markers", f"{answers}/prediction/boxes"),
+                *(
+                    self.relay(OccupancyGrid, f"/{agent}/bev/{name}/grid", f"{answers}/prediction/bev/{name}")
+                    for name in CLASSES
+                ),
+            ]
+        else:
+            self.boxes = self.create_publisher(PointCloud2, f"{answers}/prediction/boxes", EVERY)
+            self.grids = self.create_publisher(Image, f"{answers}/prediction/bev", EVERY)
+            self.inputs = [
+                self.create_subscription(PointCloud2, f"/{agent}/boxes", self.on_boxes, EVERY),
+                self.create_subscription(Image, f"/{agent}/bev/labels", self.on_labels, EVERY),
+            ]
         self.done: dict[int, int] = {}
         self.create_timer(0.05, self.load, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
@@ -59,11 +70,21 @@ class EchoStack(Node):
 
     def finish(self, tick: int) -> None:
         self.done[tick] = self.done.get(tick, 0) + 1
-        if self.done[tick] == 2:
+        if self.done[tick] == len(self.inputs):
             self.report(tick)
 
     def skips(self, tick: int) -> bool:
         return bool(self.options.skip) and tick % self.options.skip == self.options.skip - 1
+
+    def relay(self, kind: type, source: str, answer: str):
+        publisher = self.create_publisher(kind, answer, EVERY)
+
+        def receive(message) -> None:
+            publisher.publish(message)
+            first = message.markers[0] if kind is MarkerArray else message
+            self.finish(self.spec.tick_of(stamp_of(first.header.stamp)))
+
+        return self.create_subscription(kind, source, receive, EVERY)
 
     def on_boxes(self, message: PointCloud2) -> None:
         tick = self.spec.tick_of(stamp_of(message.header.stamp))
@@ -98,6 +119,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--skip", type=int, default=0, help="leave every Nth tick unanswered")
     parser.add_argument("--agent", default="")
+    parser.add_argument("--displays", action="store_true")
     parser.add_argument("--die-at", type=int, default=-1)
     parser.add_argument("--garble", type=int, default=-1, help="tick with boxes that are sent without columns")
     parser.add_argument("--hang-at", type=int, default=-1)

@@ -219,24 +219,6 @@ def test_an_agent_is_in_the_boxes_of_the_others_with_their_own_distances_and_poi
             assert np.isfinite(boxes["visibility"]).all() == (tick % 2 == 0)
 
 
-def test_a_camera_of_an_agent_sees_the_others_and_not_the_vehicle_that_carries_it(sent: dict[str, list[Any]]) -> None:
-    for agent, ids in (("ego", [CAR_ID]), ("car", [EGO_ID]), ("rsu", [EGO_ID, CAR_ID])):
-        for message in sent[f"/{agent}/cam/boxes"]:
-            table = table_from_message(message)
-            assert table["id"].tolist() == ids
-            assert set(table["visible_px"].tolist()) == {POINTS[agent]}
-
-
-def test_own_bodies_are_left_out_of_occupancy_and_those_of_others_are_not(sent: dict[str, list[Any]]) -> None:
-    for agent, expected_m in (("ego", GAP_M), ("car", GAP_M), ("rsu", 8.0)):
-        voxels = table_from_message(sent[f"/{agent}/occupancy/points"][0])
-        cars = voxels[voxels["tag"] == Tag.CAR]
-        ahead_m = 0.4 * cars["ix"] - 15.8  # of the middles of voxels
-        assert len(cars) > 20
-        assert ahead_m.mean() == pytest.approx(expected_m, abs=0.4)
-        assert ahead_m.min() > 5.0
-
-
 def test_grids_are_around_the_agent_that_they_belong_to(sent: dict[str, list[Any]]) -> None:
     bit = np.uint16(1 << BEV_CLASSES.index("car"))
     covered = {agent: labels_from_image(sent[f"/{agent}/bev/labels"][0]) & bit > 0 for agent in POINTS}

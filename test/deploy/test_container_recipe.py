@@ -24,11 +24,6 @@ def values(steps: list[tuple[str, str]], instruction: str) -> list[str]:
     return [value for name, value in steps if name == instruction]
 
 
-def test_the_base_is_a_release_and_can_be_chosen(steps: list[tuple[str, str]]) -> None:
-    assert steps[0] == ("ARG", "BASE=debian:13-slim")
-    assert values(steps, "FROM") == ["${BASE}"]
-
-
 def test_the_user_is_not_root(steps: list[tuple[str, str]]) -> None:
     assert values(steps, "USER")[-1] not in ("root", "0")
 
@@ -37,12 +32,6 @@ def test_the_user_is_not_root(steps: list[tuple[str, str]]) -> None:
 def test_no_shell_stands_between_the_container_and_simbev(steps: list[tuple[str, str]], instruction: str) -> None:
     (value,) = values(steps, instruction)
     assert all(isinstance(word, str) for word in json.loads(value))
-
-
-def test_only_instructions_that_every_format_of_images_has_are_used(steps: list[tuple[str, str]]) -> None:
-    # SHELL and HEALTHCHECK are lost in OCI's format; ADD unpacks and fetches where COPY copies.
-    used = {name for name, _ in steps}
-    assert used <= {"ARG", "FROM", "WORKDIR", "COPY", "RUN", "ENV", "USER", "ENTRYPOINT", "CMD"}
 
 
 def test_what_is_copied_exists(steps: list[tuple[str, str]]) -> None:

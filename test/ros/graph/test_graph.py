@@ -73,11 +73,6 @@ def test_accounting_of_a_complete_bag_is_complete(recorded: Path) -> None:
         assert json.loads(bag.custom_data["expected"]) == json.loads(bag.custom_data["recorded"])
 
 
-def test_another_scene_follows_on_the_same_processes(recorded: Path) -> None:
-    with SceneBag(recorded.with_name("Blocks-0001")) as second:
-        assert second.custom_data["complete"] == "true"
-
-
 @pytest.mark.slow
 def test_another_seed_changes_all_topics_that_are_not_static(
     recorded: Path, simbev: Simbev, small_config: Config, tmp_path: Path
@@ -124,7 +119,8 @@ def test_killed_node_is_named_and_the_partial_bag_stays_readable(
     assert not (tmp_path / "out" / SCENE).exists()
 
 
-@pytest.mark.parametrize("number", [pytest.param(signal.SIGINT, marks=pytest.mark.slow), signal.SIGTERM])
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_interrupt_closes_the_bag_and_exits_130(
     simbev: Simbev, small_config: Config, tmp_path: Path, number: signal.Signals
 ) -> None:

@@ -11,11 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from commands import Config
+from commands import SCENE, Config
 from ros_domain import DOMAIN
 from rosgraph_msgs.msg import Clock
 from subscriber import keep, outside_node
 from waiting import PATIENCE_S
+
+from simbev_ros.recording.reader import SceneBag
 
 REPOSITORY = Path(__file__).parents[3]
 STAND_IN = REPOSITORY / "test" / "support" / "stand_in_of_launch"
@@ -145,11 +147,18 @@ def test_bad_arguments_are_refused(launch: Launch, name: str, arguments: dict[st
 
 @pytest.mark.graph
 def test_the_launched_graph_runs_and_ends_cleanly_when_launch_is_interrupted(
-    launch: Launch, small_config: Config
+    launch: Launch, small_config: Config, tmp_path: Path
 ) -> None:
     config = small_config(600, without=["camera", "lidar", "radar"])
     remapping = "-r /sim1/clock:=/time -p use_sim_time:=true"
-    (graph,) = launch("simbev", config=str(config), domain=str(DOMAIN), namespace="sim1", ros_args=remapping).processes
+    options = {
+        "live": "false",
+        "config": str(config),
+        "domain": str(DOMAIN),
+        "namespace": "sim1",
+        "record": str(tmp_path / "out"),
+    }
+    (graph,) = launch("simbev", **options, ros_args=remapping).processes
     command = [sys.executable, "-m", "simbev_ros.cli.main", *graph.command[1:], "-p", "use_sim_time:=true"]
     process = subprocess.Popen(
         command, env=graph.environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
@@ -165,6 +174,10 @@ def test_the_launched_graph_runs_and_ends_cleanly_when_launch_is_interrupted(
         process.kill()
         process.wait()
     assert (process.returncode, output.rstrip()[-11:]) == (130, "interrupted"), output
+    bag = tmp_path / "out" / f"{SCENE}.partial"
+    assert (bag / "metadata.yaml").is_file()
+    with SceneBag(bag) as opened:
+        assert len(list(opened.messages(["/clock"]))) > 5, "the bag was closed in order"
 
 
 @pytest.mark.skipif(not HAS_ROS, reason="no ROS is sourced")

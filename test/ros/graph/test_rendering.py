@@ -24,7 +24,7 @@ def test_without_egl_the_message_says_what_to_install(
 
 
 def test_a_missing_gpu_is_named_with_the_available_ones(simbev: Simbev, small_config: Config) -> None:
-    config = small_config(600, "rendering: {gpus: [77], processes: 2}\n", without=["lidar", "radar"])
+    config = small_config(600, "rendering: {gpus: [77], processes: 2}\n", without=["lidar", "radar", "gnss", "imu"])
     message = refusal(simbev("run", config))
     assert message.startswith("node camera: rendering.gpus: EGL has no device 77; it has 0 (")
     assert "rendering.gpus: []" in message

@@ -1,5 +1,6 @@
 """``simbev run --serve``: ROS nodes ask for scenes by service and action, follow and cancel them, and find the bags."""
 
+import json
 import signal
 import threading
 from collections.abc import Callable, Iterator
@@ -146,6 +147,16 @@ def test_scenes_are_played_recorded_and_ended_on_request(
     assert ended.result.message + ended.result.reason == "Blocks-0000 was asked for instead"
     run.wait_for((dataset / "scenes" / "train" / "Blocks-0000").is_dir)
     assert run.nodes() == pids, "the graph was restarted"
+
+    standing = config.read_text().replace("0.5", "30, end_after_standing_s: 0.4") + "ego: {driver: twist}\n"
+    result = client.run(configuration=standing, number=6).result
+    assert (result.success, result.reason) == (True, "ego stood still for 0.4 s at tick 7")
+    with SceneBag(Path(result.bag)) as bag:
+        facts = bag.custom_data
+        assert (facts["complete"], facts["ticks"], facts["ended"]) == ("true", "8", result.reason)
+        assert facts["expected"] == facts["recorded"] and json.loads(facts["expected"])["/world/actors"] == 8
+        assert len(bag.topics["/ego/gnss/fix"].stamps_ns) == len(bag.topics["/ego/bev/labels"].stamps_ns) == 8
+    assert run.nodes() == pids, "the graph was started anew"
 
     run.process.send_signal(signal.SIGINT)
     code, output = run.finish()

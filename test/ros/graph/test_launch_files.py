@@ -167,7 +167,7 @@ def test_the_launched_graph_runs_and_ends_cleanly_when_launch_is_interrupted(
         with outside_node("outside") as (node, spin_until):
             clocks: list[Clock] = []
             node.create_subscription(Clock, "/time", keep(clocks), 10)
-            spin_until(lambda: len(clocks) > 5)
+            spin_until(lambda: len(clocks) > 20)
         process.send_signal(signal.SIGINT)
         output, _ = process.communicate(timeout=PATIENCE_S)
     finally:

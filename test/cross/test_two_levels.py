@@ -6,7 +6,6 @@ The ground truth uses height alone: near the crossing the upper road lies far ab
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 import shapely
@@ -18,7 +17,6 @@ from simbev_ros.assets.regions.static_cache import load_static_scene
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.foundation.geometry.grid import BevGrid
-from simbev_ros.foundation.geometry.transforms import SENSOR_FROM_OPTICAL, apply
 from simbev_ros.foundation.semantics import BEV_CLASSES, Tag
 from simbev_ros.foundation.types import BoolArray, Float64Array, Table
 from simbev_ros.maps.build import load_network
@@ -32,11 +30,6 @@ from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.simulation.annotation.bev.bev_annotator import BevAnnotator
 from simbev_ros.simulation.annotation.bev.levels import Levels
 from simbev_ros.simulation.annotation.boxes.boxes import boxes_around_ego
-from simbev_ros.simulation.raycast.scene import RayScene
-from simbev_ros.simulation.render.frame import CameraView, RenderFrame
-from simbev_ros.simulation.render.renderer import Renderer
-from simbev_ros.simulation.sensors.lidar import LidarModel
-from simbev_ros.simulation.sensors.mount import map_from_sensor
 
 SPEC = map_spec("Town04")
 REACH = Reach((0.0, 0.0), 70.0)
@@ -248,11 +241,14 @@ def test_boxes_mark_the_actors_on_the_egos_level(crossing: Crossing, ego_positio
     ("source", "position_m"),
     [
         ("Town04", (0.0, 0.0)),
-        ("Town05", (-10.0, 0.0)),
+        pytest.param("Town05", (-10.0, 0.0), marks=pytest.mark.slow),
         pytest.param(
             str(CARLA_TOWN04),
             (5.0, -27.0),
-            marks=pytest.mark.skipif(not CARLA_TOWN04.is_file(), reason="CARLA's maps are not here"),
+            marks=[
+                pytest.mark.slow,
+                pytest.mark.skipif(not CARLA_TOWN04.is_file(), reason="CARLA's maps are not here"),
+            ],
         ),
     ],
 )
@@ -276,53 +272,3 @@ def test_both_carriageways_above_belong_together_and_so_do_both_beneath(
             assert members is not None
             assert members.holds(own_m).all()
             assert not members.holds(other_m).any()
-
-
-@pytest.mark.gl
-@pytest.mark.parametrize("ego_position", ["on the deck", "beneath the deck"])
-def test_camera_and_rays_see_the_same_there(crossing: Crossing, ego_position: str) -> None:
-    state = state_of(crossing, ego_position)
-    renderer, rays = Renderer(crossing.static, MODELS), RayScene(crossing.static, MODELS)
-    view = CameraView(CAMERA.model, CAMERA.pose.ego_from_sensor, CAMERA.modalities)
-    image = renderer.render([view], RenderFrame(state, state))[0]
-    renderer.close()
-    pose = map_from_sensor(CAMERA.pose, state) @ SENSOR_FROM_OPTICAL
-    rows, columns = np.mgrid[: CAMERA.height_px, : CAMERA.width_px]
-    directions = CAMERA.model.rays(np.stack([columns.ravel(), rows.ravel()], axis=1)) @ pose[:3, :3].T
-    length = np.linalg.norm(directions, axis=1)
-    rays.update(state, pose[:3, 3], 2000.0, state.ego_ids)
-    hits = rays.cast(pose[None, :3, 3], directions / length[:, None])
-    depth_m = (hits.range_m / length).reshape(rows.shape)
-    tag = np.where(np.isfinite(hits.range_m), hits.tag, Tag.SKY).reshape(rows.shape)
-    flat = np.ones(rows.shape, bool)
-    for each in (image.depth, depth_m):
-        disparity = 1.0 / np.maximum(each, 0.01).astype(np.float64)
-        flat &= np.abs(cv2.Laplacian(disparity, cv2.CV_64F, ksize=3)) < 0.01 * np.maximum(disparity, 1e-4)
-    for each in (image.semantic, tag.astype(np.uint8)):
-        flat &= cv2.dilate(each, np.ones((3, 3), np.uint8)) == cv2.erode(each, np.ones((3, 3), np.uint8))
-    seen = flat & np.isfinite(depth_m)
-    assert seen.mean() > 0.2
-    assert (np.abs(image.depth[seen] - depth_m[seen]) < 0.002 + 0.001 * depth_m[seen]).mean() >= 0.999
-    assert (image.semantic[flat] == tag[flat]).mean() >= 0.999
-    assert {Tag.ROAD, Tag.ROAD_LINE, Tag.SKY, Tag.CAR, Tag.BRIDGE} <= set(tag.ravel().tolist())
-
-
-@pytest.mark.parametrize("ego_position", ["on the deck", "beneath the deck"])
-def test_lidar_points_of_the_egos_level_lie_in_cells_of_their_class(crossing: Crossing, ego_position: str) -> None:
-    state = state_of(crossing, ego_position)
-    labels, pose = labels_at(crossing, state), map_from_sensor(LIDAR.pose, state)
-    rays = RayScene(crossing.static, MODELS)
-    rays.update(state, pose[:3, 3], LIDAR.range_m, state.ego_ids)
-    points = LidarModel(LIDAR, 1, 0.05).scan(rays, state).semantic_points
-    points_map = apply(pose, np.stack([points["x"], points["y"], points["z"]], axis=1).astype(np.float64))
-    c, s = np.cos(float(state.ego["yaw"])), np.sin(float(state.ego["yaw"]))
-    points_ego = (points_map[:, :2] - [state.ego["x"], state.ego["y"]]) @ np.array([[c, -s], [s, c]])
-    cells = np.rint(GRID.cells_from_ego(points_ego)).astype(np.int64)
-    within = ((cells >= 0) & (cells < [GRID.rows, GRID.columns])).all(axis=1)
-    counts = np.isin(points["object_id"], [0, *ids_on_ego_level(crossing, state, ego_position)])
-    level = (points_map[:, 2] > crossing.between_m) == (ego_position in UPPER)
-    for tag, name in ((Tag.ROAD, "road"), (Tag.CAR, "car")):
-        of_class = cells[(points["tag"] == tag) & within & counts & level]
-        near = cv2.dilate(labels[name].astype(np.uint8), np.ones((3, 3), np.uint8)) == 1
-        assert len(of_class) > (1000 if name == "road" else 50)
-        assert near[of_class[:, 0], of_class[:, 1]].mean() > 0.999

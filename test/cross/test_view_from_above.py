@@ -18,7 +18,7 @@ pytestmark = pytest.mark.gl
 CAMERA = PinholeCamera.from_field_of_view(480, 480, float(np.radians(90.0)))
 
 
-@pytest.mark.parametrize("height_m", [30.0, 100.0])
+@pytest.mark.parametrize("height_m", [30.0, pytest.param(100.0, marks=pytest.mark.slow)])
 def test_a_camera_above_the_road_sees_what_rays_hit_and_the_roofs_of_cars(blocks: Studio, height_m: float) -> None:
     ego = blocks.state.ego
     place = {"x_m": float(ego["x"]), "y_m": float(ego["y"]), "z_m": float(ego["z"]), "yaw_rad": 0.3}

@@ -119,10 +119,10 @@ def greedy_outcomes(truth: Boxes, predictions: Predictions) -> np.ndarray:
 
 def test_matching_equals_sequential_greedy_matching() -> None:
     rng = np.random.default_rng(3)
-    truth = random_truth(rng, frames=6, per_frame=200)
+    truth = random_truth(rng, frames=2, per_frame=150)
     truth = replace(truth, label=truth.label % 2, size_m=truth.size_m + 2)
     predictions = random_predictions(rng, truth, noise=0.1)
-    outcome = match_and_tally(truth, predictions, np.arange(6)).outcome
+    outcome = match_and_tally(truth, predictions, np.arange(2)).outcome
     expected = greedy_outcomes(truth, predictions)
     assert (expected.mean(axis=0) > 0.1).all() and (expected.mean(axis=0) < 0.9).all()
     np.testing.assert_array_equal(outcome, expected)

@@ -21,7 +21,9 @@ FORMS = {".xodr": 0.95, ".net.xml": 0.98, ".osm": 0.85}
 """Suffix → smallest share of the road's area that both have in common, of what either has."""
 
 
-@pytest.fixture(scope="module", params=["Blocks", str(RIVERSIDE)], ids=["Blocks", "riverside"])
+@pytest.fixture(
+    scope="module", params=[pytest.param("Blocks", marks=pytest.mark.slow), str(RIVERSIDE)], ids=["Blocks", "riverside"]
+)
 def network(request: pytest.FixtureRequest) -> RoadNetwork:
     return load_network(map_spec(request.param))
 

@@ -17,20 +17,8 @@ from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.plan.town import build_town
 from simbev_ros.maps.recipe import recipe_of
 
-TOWNS = (
-    "Blocks",
-    "Town01",
-    "Town02",
-    "Town03",
-    "Town04",
-    "Town05",
-    "Town06",
-    "Town07",
-    "Town10HD",
-    "Town12",
-    "Town13",
-    "Town15",
-)
+FAST = ("Blocks", "Town01", "Town04", "Town07", "Town10HD", "Town15")
+SLOW = ("Town02", "Town03", "Town05", "Town06", "Town12", "Town13")
 FREE_HEIGHT_M, DECK_M = 5.5, 1.0
 STEEPEST, STEEPEST_MOTORWAY, MOTORWAY_MPS = 0.08, 0.05, 20.0
 KINK_PER_5M = 0.01
@@ -57,7 +45,7 @@ class Net:
 
 @pytest.fixture(
     scope="module",
-    params=[pytest.param(town, marks=pytest.mark.slow if town in ("Town12", "Town13") else ()) for town in TOWNS],
+    params=[*FAST, *(pytest.param(town, marks=pytest.mark.slow) for town in SLOW)],
 )
 def net(request: pytest.FixtureRequest, built_town: Callable[[str], MapParts]) -> Net:
     return read(built_town(request.param))

@@ -15,7 +15,6 @@ from simbev_ros.maps.plan.patterns.street_lattice import FILL, FINE, Lattice
 from simbev_ros.maps.plan.patterns.warp import draw_warp
 from simbev_ros.maps.recipe import recipe_of
 
-TOWNS = ("Town12", "Town13")
 CELLS = 8
 
 
@@ -36,7 +35,7 @@ def first_draft(town: str) -> Draft:
     return draw_town(town, 1)
 
 
-@pytest.fixture(scope="module", params=TOWNS)
+@pytest.fixture(scope="module", params=["Town12", pytest.param("Town13", marks=pytest.mark.slow)])
 def region(request: pytest.FixtureRequest) -> Draft:
     return first_draft(request.param)
 

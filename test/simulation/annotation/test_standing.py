@@ -32,7 +32,11 @@ TOWNS = [
     pytest.param("Town03", Region(-1, -1), marks=pytest.mark.slow),
     ("Town04", Region(-2, -2)),
     pytest.param("Town10HD", Region(-1, -1), marks=pytest.mark.slow),
-    pytest.param(str(CARLA), Region(0, -1), marks=pytest.mark.skipif(not CARLA.exists(), reason="no CARLA maps")),
+    pytest.param(
+        str(CARLA),
+        Region(0, -1),
+        marks=[pytest.mark.slow, pytest.mark.skipif(not CARLA.exists(), reason="no CARLA maps")],
+    ),
 ]
 CAR = box_model(Tag.CAR, (4.0, 2.0, 1.5))
 SEDAN = blueprint_index()["vehicle.sedan"]

@@ -177,12 +177,12 @@ def test_messages_are_lost_independently_with_the_given_probability_and_repeatab
         found = [network.exchange(state_at(tick), {}).arrived for tick in range(ticks)]
         return np.array([[len(arrived[name]) == 0 for name in ("ego", "car")] for arrived in found])
 
-    first = lost(5000)
+    first = lost(1500)
     share = first.mean()
-    assert abs(share - 0.3) < 4.0 * math.sqrt(0.3 * 0.7 / first.size), "of 10,000 draws"
-    assert abs(np.corrcoef(first.T)[0, 1]) < 0.06
-    assert abs(np.corrcoef(first[1:, 0], first[:-1, 0])[0, 1]) < 0.06
-    np.testing.assert_array_equal(lost(500), first[:500])
+    assert abs(share - 0.3) < 4.0 * math.sqrt(0.3 * 0.7 / first.size), "of 3,000 draws"
+    assert abs(np.corrcoef(first.T)[0, 1]) < 0.1
+    assert abs(np.corrcoef(first[1:, 0], first[:-1, 0])[0, 1]) < 0.1
+    np.testing.assert_array_equal(lost(100), first[:100])
 
 
 def test_who_loses_what_does_not_depend_on_other_agents() -> None:

@@ -73,12 +73,14 @@ def look_down(renderer: Renderer, agent: str, state: WorldState, **changes: Any)
     return images
 
 
-def film(renderers: Mapping[str, Renderer], weather: Weather) -> dict[tuple[int, str], list[CameraImages]]:
-    """Images of three ticks by tick and agent, each agent's from its own or a shared renderer."""
-    states = [state_at(tick, weather) for tick in range(3)]
+def film(
+    renderers: Mapping[str, Renderer], weather: Weather, ticks: int = 2
+) -> dict[tuple[int, str], list[CameraImages]]:
+    """Images by tick and agent, each agent's from its own or a shared renderer."""
+    states = [state_at(tick, weather) for tick in range(ticks)]
     return {
         (tick, agent): photograph(renderers[agent], agent, states[tick], states[tick - 1] if tick else None)
-        for tick, agent in product(range(3), renderers)
+        for tick, agent in product(range(ticks), renderers)
     }
 
 

@@ -51,7 +51,7 @@ def test_without_errors_the_orientation_is_that_of_the_sensor() -> None:
 
 def test_the_covariance_fits_the_error_over_many_seeds() -> None:
     """The normalized error squared has 3 degrees of freedom."""
-    seeds = 800
+    seeds = 300
     squares = []
     for seed in range(seeds):
         (samples,) = measure(seed)

@@ -64,7 +64,7 @@ def drive(folder: Path, planned: PlannedScene) -> list[WorldState]:
     [
         "sample",
         "lanelets",
-        "--spider",
+        pytest.param("--spider", marks=pytest.mark.slow),
         pytest.param("--grid", marks=pytest.mark.slow),
         pytest.param("--rand --rand.iterations 40 --seed 4", marks=pytest.mark.slow),
     ],

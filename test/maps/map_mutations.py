@@ -1,26 +1,16 @@
 """Mutates valid maps as editors and converters damage them, and builds what comes of it.
 
 Points are nudged, elements dropped, duplicated or split, sequences reversed, values scaled, shapes made to cross
-themselves. ``PYTHONPATH=test/support python test/maps/map_mutations.py --cases 2000`` tries many, in parallel, and
-lists the finds.
+themselves.
 """
 
-import argparse
 import collections
 import copy
-import multiprocessing
 import random
-import shutil
-import sys
 import tempfile
-import traceback
-import warnings
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from xml.etree.ElementTree import Element, ElementTree, fromstring
-
-from map_samples import SUFFIXES, sample
 
 from simbev_ros.assets.regions.build import build_region
 from simbev_ros.assets.regions.far_land import far_land
@@ -198,45 +188,3 @@ def _points(element: Element) -> list[list[float]]:
 
 def _set_points(element: Element, points: list[list[float]]) -> None:
     element.set("shape", " ".join(",".join(f"{value:.6f}" for value in point) for point in points))
-
-
-def _try_case(case: tuple[str, int], text: dict[str, str], finds: Path) -> tuple[str, str]:
-    """Build one mutated map; its suffix and "opened", "refused" or the find."""
-    suffix, seed = case
-    warnings.simplefilter("ignore")
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / f"case{suffix}"
-        path.write_bytes(mutated(text[suffix], seed))
-        try:
-            return suffix, "opened" if build_everything(path, Path(folder) / "cache") else "refused"
-        except Exception as error:  # each one is a find
-            shutil.copyfile(path, finds / f"{seed}{suffix}")
-            frames = [frame for frame in traceback.extract_tb(error.__traceback__) if "simbev_ros" in frame.filename]
-            where = f"{Path(frames[-1].filename).name}:{frames[-1].lineno}" if frames else "?"
-            return suffix, f"{type(error).__name__} at {where}: {str(error)[:120]} (e.g. {finds}/{seed}{suffix})"
-
-
-def main() -> None:
-    """Try many cases and print how many opened, were refused, or are finds; exit with 1 after a find."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--cases", type=int, default=300, help="of all forms together; default: %(default)s")
-    parser.add_argument("--first", type=int, default=0, help="first seed; default: %(default)s")
-    parser.add_argument("--form", choices=SUFFIXES, action="append", help="default: all")
-    options = parser.parse_args()
-    suffixes = options.form or SUFFIXES
-    text = {suffix: sample(suffix) for suffix in suffixes}
-    finds = Path(tempfile.mkdtemp(prefix="map-finds-"))
-    cases = [(suffixes[k % len(suffixes)], options.first + k) for k in range(options.cases)]
-    counts = collections.Counter[tuple[str, str]]()
-    with multiprocessing.Pool(maxtasksperchild=50) as pool:
-        for result in pool.imap_unordered(partial(_try_case, text=text, finds=finds), cases):
-            if result not in counts and result[1] not in ("opened", "refused"):
-                print(*result, flush=True)
-            counts[result] += 1
-    for (suffix, outcome), count in sorted(counts.items()):
-        print(f"{count:6} {suffix:13} {outcome}")
-    sys.exit(any(outcome not in ("opened", "refused") for _, outcome in counts))
-
-
-if __name__ == "__main__":
-    main()

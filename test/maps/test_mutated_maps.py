@@ -3,29 +3,23 @@
 from pathlib import Path
 
 import pytest
-from map_mutations import SUFFIXES, build_everything, mutated, sample
+from map_mutations import build_everything, mutated
+from map_samples import SUFFIXES, sample
 
 # Coordinates far out of range overflow; what counts is what is built from them.
 pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning")
-each_form = pytest.mark.parametrize("suffix", SUFFIXES)
 
 
-def open_mutations(suffix: str, seeds: range, folder: Path) -> int:
-    """Build mutations of the sample of a form; return how many open."""
+@pytest.mark.parametrize("suffix", SUFFIXES)
+@pytest.mark.parametrize(
+    ("seeds", "min_opened"), [(range(1, 2), 1), pytest.param(range(100, 160), 48, marks=pytest.mark.slow)]
+)
+def test_most_damaged_maps_open_and_the_others_are_refused(
+    tmp_path: Path, suffix: str, seeds: range, min_opened: int
+) -> None:
     text, opened = sample(suffix), 0
     for seed in seeds:
-        path = folder / f"{seed}{suffix}"
+        path = tmp_path / f"{seed}{suffix}"
         path.write_bytes(mutated(text, seed))
-        opened += build_everything(path, folder / "cache")
-    return opened
-
-
-@each_form
-def test_damaged_maps_open_or_are_refused(tmp_path: Path, suffix: str) -> None:
-    assert open_mutations(suffix, range(1, 3), tmp_path) >= 1
-
-
-@pytest.mark.slow
-@each_form
-def test_most_of_many_damaged_maps_open(tmp_path: Path, suffix: str) -> None:
-    assert open_mutations(suffix, range(100, 160), tmp_path) >= 48
+        opened += build_everything(path, tmp_path / "cache")
+    assert opened >= min_opened

@@ -89,7 +89,7 @@ def test_frames_and_labels_are_the_first_agents_unless_an_agent_has_its_own(draw
     assert (van.frames.odom, van.annotation.box_radius_m, van.base_link_x_m) == (True, 70, 0)
 
 
-@pytest.mark.parametrize("number", range(8))
+@pytest.mark.parametrize("number", range(4))
 def test_an_agent_near_another_starts_at_the_distance(
     draw: Callable[..., SceneSpec], network: RoadNetwork, number: int
 ) -> None:
@@ -107,7 +107,7 @@ def test_an_agent_without_pose_and_neighbor_starts_within_the_radius_of_traffic(
     assert max(distance_m(network, ego, other) for other in others) <= 400
 
 
-@pytest.mark.parametrize("number", range(6))
+@pytest.mark.parametrize("number", range(3))
 def test_bodies_of_agents_and_traffic_are_apart(
     draw: Callable[..., SceneSpec], network: RoadNetwork, number: int
 ) -> None:

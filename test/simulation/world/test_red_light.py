@@ -4,7 +4,7 @@ import numpy as np
 from world_scenes import blocks, run, scene
 
 from simbev_ros.foundation.types import Float64Array
-from simbev_ros.schema.scene.state import SignalState, WorldState
+from simbev_ros.schema.scene.state import Behavior, SignalState, WorldState
 
 _LATERAL_M = 1.5
 
@@ -38,6 +38,7 @@ def ego_alone(reckless: bool) -> list[WorldState]:
 
 def test_a_reckless_ego_drives_through_a_red_light_at_which_a_careful_one_stops() -> None:
     careful, reckless = ego_alone(False), ego_alone(True)
+    assert (careful[-1].ego["behavior"], reckless[-1].ego["behavior"]) == (0, Behavior.RECKLESS)
     index, shown = lights_passed(reckless)[0]
     assert shown is SignalState.RED
     assert np.hypot(reckless[index].ego["vx"], reckless[index].ego["vy"]) > 4.0

@@ -1,6 +1,4 @@
-import hashlib
 import logging
-from functools import cache
 
 import libsumo
 import numpy as np
@@ -14,7 +12,7 @@ from simbev_ros.maps.roads.surface import surfaces_of
 from simbev_ros.maps.sumo.crossfall import CROSSFALL
 from simbev_ros.scene.blueprints import blueprint_index, blueprint_named, load_blueprints
 from simbev_ros.scene.gait import stride_lengths_m
-from simbev_ros.schema.scene.state import Behavior, Light
+from simbev_ros.schema.scene.state import Light
 from simbev_ros.simulation.world.population import Population
 from simbev_ros.simulation.world.simulation import Simulation
 
@@ -29,18 +27,11 @@ def velocity(actors):
     return np.stack([actors["vx"], actors["vy"], actors["vz"]], axis=-1)
 
 
-def digest(states):
-    return hashlib.sha256(b"".join(state.actors.tobytes() + state.signals.tobytes() for state in states)).hexdigest()
-
-
-@cache
-def digest_of_60_ticks():
-    return digest(run(scene(ticks=60)))
-
-
 def test_another_seed_sends_the_same_pedestrians_elsewhere():
-    spec = scene(ticks=60)
-    assert digest(run(spec.model_copy(update={"seed": 8}))) != digest_of_60_ticks()
+    spec, actors = busy_run()
+    others = run(spec.model_copy(update={"seed": 8, "ticks": 20}))[-1].actors
+    assert others["id"].tolist() == actors[0]["id"].tolist()
+    assert np.any(others["x"] != actors[len(actors) - spec.ticks + 19]["x"])
 
 
 def test_ticks_run_from_minus_the_warm_up_to_the_last_recorded_one():
@@ -248,16 +239,3 @@ def test_ticks_of_fractional_milliseconds_are_refused():
     spec = scene(vehicles=1, pedestrians=0, tick_ns=33_333_333)
     with pytest.raises(SimulationError, match="whole milliseconds"):
         Simulation(spec, blocks())
-
-
-@pytest.mark.slow
-def test_reckless_drivers_get_farther_than_those_who_stop_at_lights():
-    spec = scene(pedestrians=0, ticks=300)
-    reckless = tuple(vehicle.model_copy(update={"reckless": True}) for vehicle in spec.vehicles)
-    distances_m = []
-    for vehicles in (spec.vehicles, reckless):
-        states = run(spec.model_copy(update={"vehicles": vehicles}))
-        distances_m.append(np.linalg.norm(xyz(states[-1].actors) - xyz(states[0].actors), axis=-1).sum())
-        flags = of_kind(states[-1].actors[None], "vehicle")["behavior"]
-        assert np.all(flags == (Behavior.RECKLESS if vehicles is reckless else 0))
-    assert distances_m[1] > 1.1 * distances_m[0]

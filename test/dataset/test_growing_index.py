@@ -55,7 +55,7 @@ def test_the_file_is_that_of_all_rows_written_at_once(row: Row, tmp_path: Path) 
 
 def test_a_crash_loses_at_most_a_twentieth_of_the_rows(row: Row, tmp_path: Path) -> None:
     index = GrowingIndex(tmp_path, index_table([]))
-    for number in range(200):
+    for number in range(100):
         index.add(numbered(row, number))
         assert len(load_index(tmp_path)) >= (number + 1) * 0.95
 
@@ -95,14 +95,14 @@ def test_a_row_takes_little_memory(row: Row, tmp_path: Path) -> None:
     index = GrowingIndex(tmp_path, index_table([]))
     tracemalloc.start()
     try:
-        for number in range(1000):
+        for number in range(500):
             index.add(numbered(row, number))
         held_bytes, _ = tracemalloc.get_traced_memory()
         rows = index._table.to_pylist()
         with_rows_bytes, _ = tracemalloc.get_traced_memory()
     finally:
         tracemalloc.stop()
-    assert len(rows) > 950 and held_bytes + index._table.nbytes < (with_rows_bytes - held_bytes) / 2
+    assert len(rows) > 470 and held_bytes + index._table.nbytes < (with_rows_bytes - held_bytes) / 2
 
 
 def test_a_text_that_is_not_utf_8_is_refused(row: Row, tmp_path: Path) -> None:

@@ -52,7 +52,7 @@ def test_every_complete_chunk_of_a_cut_off_file_is_saved(bag: Path, tmp_path: Pa
         summary = make_reader(stream).get_summary()
     assert summary is not None
     end = summary.metadata_indexes[-1].offset + summary.metadata_indexes[-1].length  # the summary adds nothing
-    for number, size in enumerate(random.Random(1).sample(range(ends[0][0], end), 60)):
+    for number, size in enumerate(random.Random(1).sample(range(ends[0][0], end), 20)):
         file.write_bytes(data[:size])
         repaired = repair_bag(bag, tmp_path / f"saved{number}")
         whole = max(count for end, count in ends if end <= size)
@@ -68,7 +68,7 @@ def test_a_flipped_bit_costs_at_most_its_chunk(bag: Path, tmp_path: Path) -> Non
     data, ends, original = file.read_bytes(), chunk_ends(file), messages(bag)
     sizes = [count - before for (_, count), before in zip(ends, [0, *(count for _, count in ends)], strict=False)]
     choice = random.Random(3)
-    for number in range(60):
+    for number in range(25):
         offset = choice.randrange(8, ends[-1][0])
         damaged = bytearray(data)
         damaged[offset] ^= 1 << choice.randrange(8)

@@ -36,6 +36,8 @@ CLOUD = "sensor_msgs/msg/PointCloud2"
 
 def small_spec() -> SceneSpec:
     scenario = load_scenario("demo")
+    traffic = scenario.traffic.model_copy(update={"vehicles": 6, "pedestrians": 6})
+    scenario = scenario.model_copy(update={"traffic": traffic})
     planned = next(planned_scenes(scenario))
     spec = draw_scene(scenario, planned, load_network(planned.map))
     return spec.model_copy(update={"ticks": 6})

@@ -63,7 +63,7 @@ def test_the_covariance_fits_the_error_over_many_seeds() -> None:
 
 def test_tilt_is_small_and_forgets_within_its_time_and_the_heading_drifts_slowly() -> None:
     """Autocorrelation of a Gauss-Markov process after its time: 1/e."""
-    runs = np.array([errors_rad(*measure(seed, 41, tilt_drift_time_s=1.0, noise_sigma_deg=0.0)) for seed in range(60)])
+    runs = np.array([errors_rad(*measure(seed, 41, tilt_drift_time_s=1.0, noise_sigma_deg=0.0)) for seed in range(40)])
     first, later = runs[:, 20], runs[:, 40]
     tilt = np.corrcoef(first[:, :2].ravel(), later[:, :2].ravel())[0, 1]
     assert tilt == pytest.approx(np.exp(-1), abs=0.15)
@@ -79,7 +79,7 @@ def test_a_fast_imu_has_an_error_for_each_sample() -> None:
 
 def test_the_heading_drifts_by_the_same_amount_at_any_rate() -> None:
     slow, fast = (
-        np.std([errors_rad(measure(seed, 3, samples, noise_sigma_deg=0.0)[-1])[-1, 2] for seed in range(300)])
+        np.std([errors_rad(measure(seed, 3, samples, noise_sigma_deg=0.0)[-1])[-1, 2] for seed in range(100)])
         for samples in (1, 5)
     )
     assert slow == pytest.approx(np.radians(1.5), rel=0.15) and fast == pytest.approx(np.radians(1.5), rel=0.15)

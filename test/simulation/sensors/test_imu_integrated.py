@@ -31,7 +31,7 @@ MAX_ERROR_PER_PATH = 1e-3
 def states() -> list[WorldState]:
     """World states of tick -1 and of the 321 ticks from tick 0 on: 16 s."""
     scenario = load_scenario("demo")
-    traffic = scenario.traffic.model_copy(update={"vehicles": 40, "pedestrians": 0})
+    traffic = scenario.traffic.model_copy(update={"vehicles": 20, "pedestrians": 0})
     time = scenario.time.model_copy(update={"duration_s": 16.05})
     scenario = scenario.model_copy(update={"traffic": traffic, "time": time})
     planned = next(planned_scenes(scenario))
@@ -93,7 +93,7 @@ def test_integration_ends_at_the_pose_of_the_vehicle(
     actors = states[0].actors
     vehicles = actors["id"][np.isin(actors["tag"], [Tag.CAR, Tag.TRUCK, Tag.BUS, Tag.MOTORCYCLE, Tag.BICYCLE])]
     driven = 0
-    for vehicle in vehicles[:8]:
+    for vehicle in vehicles[:6]:
         path_m, error_m, error_deg = integration_errors(
             [replace(state, ego_id=int(vehicle)) for state in states], samples, pose
         )
@@ -101,7 +101,7 @@ def test_integration_ends_at_the_pose_of_the_vehicle(
             driven += 1
             assert error_m < max_error_per_path * path_m, f"actor {vehicle} after {path_m:.0f} m"
             assert error_deg < 0.02 / samples
-    assert driven >= 4
+    assert driven >= 3
 
 
 def test_integration_does_not_drift_for_a_stationary_tilted_vehicle(states: list[WorldState]) -> None:

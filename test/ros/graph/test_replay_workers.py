@@ -37,7 +37,7 @@ def test_workers_record_the_bytes_of_one_graph_also_after_an_interrupt(
     one, two = tmp_path / "one", tmp_path / "two"
     replay(simbev, dataset, night, "--out", one)
     command = simbev("replay", dataset, night, "--out", two, "--workers", 2)
-    command.wait_for(lambda: len(files(two)) > 0)
+    command.wait_for((two / "logs").is_dir)  # a scene is there, and then its log
     command.process.send_signal(signal.SIGINT)
     code, output = command.finish()
     assert code == 130, output

@@ -40,7 +40,7 @@ def test_live_graph_serves_subscribers_and_services(graph: Command) -> None:
             start_ns = paused_ns(clocks, spin_until)
             assert caller.trigger("/world/step").success
             spin_until(lambda: clock_ns(clocks[-1]) != start_ns)
-            assert clock_ns(clocks[-1]) == start_ns + 50_000_000
+            assert clock_ns(clocks[-1]) == start_ns + 100_000_000
         finally:
             assert caller.pause(paused=False).success
 

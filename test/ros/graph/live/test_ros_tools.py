@@ -84,7 +84,7 @@ def test_a_live_graph_answers_tools_and_says_that_time_jumps_back_before_it_does
         expected = {
             ("world", "scene Blocks-0000 is loaded"),
             ("ego.lidar", "scene Blocks-0000 is loaded"),
-            ("world", "scene Blocks-0000 starts: 12000 ticks"),
+            ("world", "scene Blocks-0000 starts: 6000 ticks"),
             ("world", "scene Blocks-0000 starts again"),
         }
         spin_until(lambda: expected <= {(each.name, each.msg) for each in logged})

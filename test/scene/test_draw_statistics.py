@@ -47,7 +47,7 @@ def is_share(count: int, of: int, probability: float) -> bool:
     return bool(stats.binomtest(int(count), of, probability).pvalue > MIN_P)
 
 
-@pytest.fixture(scope="module", params=["weather", "final"])
+@pytest.fixture(scope="module", params=["weather", pytest.param("final", marks=pytest.mark.slow)])
 def weather(request: pytest.FixtureRequest) -> dict[str, Float64Array]:
     """(2000,) draws of each parameter: of the initial weather, or of the final one, which follows the same rules."""
     config = WeatherConfig(final=WeatherParameters())

@@ -135,16 +135,6 @@ def test_other_pedestrians_keep_their_routes_when_some_may_jaywalk():
         assert [leg.excursion is None for leg in legs] == [False] * (len(legs) - 1) + [True]
 
 
-@pytest.mark.slow
-def test_the_same_seed_gives_the_same_bytes_with_jaywalkers():
-    spec = scene(vehicles=20, pedestrians=30, ticks=120)
-    all_jaywalkers = tuple(each.model_copy(update={"jaywalks": True}) for each in spec.pedestrians)
-    spec = spec.model_copy(update={"pedestrians": all_jaywalkers})
-    first, second = (np.stack([state.actors for state in run(spec)]) for _ in range(2))
-    assert first.tobytes() == second.tobytes()
-    assert is_crossing(first).any()
-
-
 def draw_town(town: str, seed: int, **traffic):
     """A scene with careful drivers only, and its network."""
     scenario = Scenario.model_validate(

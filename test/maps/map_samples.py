@@ -1,6 +1,5 @@
 """Valid maps that ``map_mutations.py`` damages: one or two of each form, small, with much in them."""
 
-import subprocess
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -8,8 +7,7 @@ from pathlib import Path
 import osm_sample as osm
 import xodr_sample as xodr
 from lanelet2_sample import Crossing, LaneletSample
-
-from simbev_ros.maps.sumo.netconvert import sumo_home
+from sumo_nets import generate_net
 
 
 def sample(suffix: str) -> str:
@@ -114,10 +112,7 @@ def _grid() -> str:
         "--walkingareas true --tls.guess true --perturb-x 6 --perturb-y 6 --seed 3"
     )
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "grid.net.xml"
-        command = [str(sumo_home() / "bin" / "netgenerate"), *options.split(), "-o", str(path)]
-        subprocess.run(command, check=True, capture_output=True, env={"SUMO_HOME": str(sumo_home())})
-        return path.read_text(encoding="utf-8")
+        return generate_net(Path(folder) / "grid.net.xml", *options.split())
 
 
 def _tunnel() -> str:

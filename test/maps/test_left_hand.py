@@ -1,10 +1,10 @@
 """Left-hand traffic: everything is the mirror image of right-hand traffic."""
 
-import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
+from sumo_nets import generate_net
 
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.build import load_network
@@ -12,7 +12,6 @@ from simbev_ros.maps.findings import sentences_of
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.osm.reader import read_osm
 from simbev_ros.maps.source import map_spec
-from simbev_ros.maps.sumo.netconvert import sumo_home
 
 _MIRROR = np.array([1.0, -1.0])
 STREET = """<osm version="0.6"><node id="1" lat="50" lon="8"/><node id="2" lat="50" lon="8.003"/>{relation}
@@ -24,8 +23,7 @@ BOUNDARY = '<relation id="1"><tag k="boundary" v="administrative"/><tag k="drivi
 def grid(folder: Path, junctions: str, *options: str) -> RoadNetwork:
     path = folder / f"{junctions}{''.join(options)}.net.xml"
     shape = ("--grid", "--grid.number", "3", "--grid.length", "90", "-L", "2", "--default.speed", "13", "-j", junctions)
-    command = [sumo_home() / "bin/netgenerate", *shape, "--sidewalks.guess", "--crossings.guess", *options, "-o", path]
-    subprocess.run(command, check=True, capture_output=True, env={"SUMO_HOME": str(sumo_home())})
+    generate_net(path, *shape, "--sidewalks.guess", "--crossings.guess", *options)
     return load_network(map_spec(str(path)), folder)
 
 

@@ -1,12 +1,12 @@
 """OpenDRIVE from other writers: one road with all features of version 1.7, and SUMO's own export of its nets."""
 
-import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
 import shapely
 from scipy.spatial.distance import pdist
+from sumo_nets import generate_net
 from xodr_sample import LINE, cubic, geometry, lane, linked, road, section, width, xodr
 
 from simbev_ros.config.load import load_scenario
@@ -15,7 +15,6 @@ from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import ROAD_KINDS, LaneKind
 from simbev_ros.maps.roads.surface import strip_polygons
 from simbev_ros.maps.source import map_spec
-from simbev_ros.maps.sumo.netconvert import sumo_home
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.simulation.world.simulation import Simulation
@@ -112,8 +111,7 @@ def test_sumos_export_of_a_net_gives_the_same_roads(tmp_path: Path) -> None:
     net = tmp_path / "turns.net.xml"
     options = "--grid --grid.number 3 --default-junction-type traffic_light -L 2 "
     options += "--turn-lanes 1 --sidewalks.guess --bikelanes.guess --default.sidewalk-width 2"
-    command = [sumo_home() / "bin/netgenerate", *options.split(), "-o", net]
-    subprocess.run(command, check=True, capture_output=True, env={"SUMO_HOME": str(sumo_home())})
+    generate_net(net, *options.split())
     original = load_network(map_spec(str(net)), tmp_path / "cache")
     again = load_network(map_spec(str(original.opendrive_path)), tmp_path / "cache")
     first, second = (shapely.union_all(road_areas(network)) for network in (original, again))

@@ -1,7 +1,6 @@
 """The importer of SUMO nets, on nets of netgenerate with known properties, and on invalid nets."""
 
 import re
-import subprocess
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -9,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pyproj import Transformer
+from sumo_nets import generate_net
 
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.maps.findings import sentences_of
@@ -16,17 +16,9 @@ from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.sumo.importer import import_sumo
 from simbev_ros.maps.sumo.net import SumoNet, read_sumo_net
-from simbev_ros.maps.sumo.netconvert import sumo_home
 
 UTM = "+proj=utm +zone=32 +ellps=WGS84 +datum=WGS84 +units=m +no_defs"
 Import = Callable[[str], MapParts]
-
-
-def generate_net(path: Path, *options: str) -> str:
-    """Text of a net made by netgenerate; a grid of 5 × 5 junctions 100 m apart by default."""
-    command = [sumo_home() / "bin" / "netgenerate", *options, "--output-file", path]
-    subprocess.run(command, check=True, capture_output=True, env={"SUMO_HOME": str(sumo_home())})
-    return path.read_text()
 
 
 @pytest.fixture(scope="module")

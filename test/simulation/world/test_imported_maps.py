@@ -1,18 +1,17 @@
 """Scenes on map files: configured, drawn, and driven for ten seconds."""
 
 import re
-import subprocess
 from pathlib import Path
 
 import libsumo
 import numpy as np
 import pytest
 from lanelet2_sample import Crossing, LaneletSample
+from sumo_nets import generate_net
 
 from simbev_ros.config.load import load_scenario
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.maps.build import load_network
-from simbev_ros.maps.sumo.netconvert import sumo_home
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, planned_scenes
 from simbev_ros.schema.scene.state import WorldState
@@ -47,8 +46,7 @@ def map_file(folder: Path, options: str) -> str:
     if options == "sample":
         (folder / "maps/riverside.osm").symlink_to(SAMPLE)
         return "riverside.osm"
-    command = [sumo_home() / "bin/netgenerate", *options.split(), "-o", folder / "maps/made by sumo.net.xml"]
-    subprocess.run(command, check=True, capture_output=True, env={"SUMO_HOME": str(sumo_home())})
+    generate_net(folder / "maps/made by sumo.net.xml", *options.split())
     return "made by sumo.net.xml"
 
 

@@ -1,4 +1,4 @@
-"""Every kind of sensor has a node that advertises the manifest's topics without naming them itself."""
+"""Every kind of sensor has a node that advertises and publishes the manifest's topics without naming them itself."""
 
 import ast
 from collections.abc import Iterator
@@ -11,8 +11,10 @@ import rclpy
 from made_up_scene import made_up_spec
 from ros_domain import DOMAIN
 from several_agents import car, with_agents
+from synthetic_world import actor, box_model, world
 
 from simbev_ros.config.rig import SENSOR_KINDS
+from simbev_ros.foundation.semantics import Tag
 from simbev_ros.ros import nodes
 from simbev_ros.ros.conventions.names import NodeName
 from simbev_ros.ros.msgs.sensor_topics import sensor_topics
@@ -22,6 +24,11 @@ from simbev_ros.ros.nodes.participant import Participant
 from simbev_ros.ros.nodes.surroundings import Surroundings
 from simbev_ros.schema.scene.agents import agent_views
 from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.state import EGO_ID
+
+CAR = box_model(Tag.CAR, (4.0, 2.0, 1.5))
+LIGHT_KINDS = [kind for kind in SENSOR_KINDS if kind not in ("camera", "lidar", "radar")]
+"""Kinds that need no meshes; the other nodes have tests of their own here and in test/graph."""
 
 
 @pytest.fixture
@@ -65,6 +72,19 @@ def test_a_node_advertises_the_topics_of_the_manifest(kind: str, monkeypatch: py
     node.destroy_node()
     assert recorded == [topic.name for topic in expected]
     assert {topic.name: [topic.type] for topic in expected}.items() <= advertised.items()
+
+
+@pytest.mark.usefixtures("context")
+@pytest.mark.parametrize("kind", LIGHT_KINDS)
+def test_a_node_publishes_on_each_of_its_topics(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    node, recorded = start_node(kind, monkeypatch)
+    sent: list[str] = []
+    monkeypatch.setattr(node, "publish", lambda name, _: sent.append(name))
+    for tick in (-1, 0):
+        cars = [actor(CAR, id=EGO_ID), actor(CAR, id=EGO_ID + 1, y=5.0)]
+        node.process(spec_with(kind), world(*cars, tick=tick))
+        assert sent == (recorded if tick == 0 else [])
+    node.destroy_node()
 
 
 def test_no_node_names_a_topic_or_type_of_the_manifest() -> None:

@@ -22,6 +22,7 @@ def test_empty_arguments_of_a_launch_file_are_taken_by_every_verb(simbev: Any) -
         (("info", "bag", *REMAPPING), "--ros-args: simbev info takes no arguments for nodes; run, replay and view do"),
         (("run", "live", "--ros-args", "-r", "x"), "--ros-args: Couldn't parse remap rule: '-r x'"),
         (("run", "live", "--namespace", "a b"), "--namespace: 'a b' is not a namespace; allowed: letters, digits"),
+        (("run", "live", "--ros-args", "-r", "__ns:=/1a"), "error: --ros-args -r __ns: '/1a' is not a namespace"),
         (("run", "live", "--namespace", "a", "--ros-args", "-r", "__ns:=/b"), "two namespaces: /a and /b"),
         (("replay", "bag", "live", "--out", "o", "--workers", "2", *REMAPPING), "--ros-args: is for one graph"),
         (

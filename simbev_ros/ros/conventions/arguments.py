@@ -43,7 +43,7 @@ class RosArguments:
         Raises:
             InputError: It is not a namespace, there are two different ones, or a rule would rename all nodes.
         """
-        found = [] if namespace is None else [_checked_namespace("--namespace", namespace)]
+        found = [] if namespace is None else [_checked_namespace(namespace)]
         kept: list[str] = []
         for word in words:
             rule, _, value = word.partition(":=")
@@ -52,7 +52,7 @@ class RosArguments:
                 raise InputError(f"--ros-args -r {word}: all nodes would have this name; allowed: NODE:{word}")
             if is_rule and rule == "__ns":
                 kept.pop()
-                found.append(_checked_namespace("--ros-args -r __ns", value))
+                found.append(_checked_namespace(value, rule="--ros-args -r __ns"))
             else:
                 kept.append(word)
         if len(set(found)) > 1:
@@ -105,12 +105,13 @@ def split_ros_arguments(words: Sequence[str]) -> tuple[list[str], list[str]]:
     return own, of_ros
 
 
-def _checked_namespace(where: str, text: str) -> str:
-    """A namespace with one slash before each part; empty for the root."""
+def _checked_namespace(text: str, rule: str = "") -> str:
+    """A namespace, of one of ROS's rules or else a parameter, with one slash before each part; empty for the root."""
     namespace = f"/{text.strip('/')}" if text.strip("/") else ""
     if namespace and not (_NAMESPACE.fullmatch(namespace) and len(namespace) <= _MAX_LENGTH):
-        raise InputError(
-            f"{where}: {text!r:.80} is not a namespace; allowed: letters, digits and _ in parts that / separates and "
-            f"no digit begins, at most {_MAX_LENGTH} characters"
+        problem = (
+            f"{text!r:.80} is not a namespace; allowed: letters, digits and _ in parts that / separates and no digit "
+            f"begins, at most {_MAX_LENGTH} characters"
         )
+        raise InputError(f"{rule}: {problem}") if rule else InputError(problem, parameter="namespace")
     return namespace

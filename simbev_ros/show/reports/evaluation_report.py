@@ -108,7 +108,8 @@ def _boxes(evaluation: Evaluation, detection: Figures) -> str:
             parts.append(f"<h3>Matched by {METHOD_NAMES[method]}</h3>{table}")
             parts.append(legend(threshold_colors(evaluation, method)))
             parts.append(sheet("small", precision_recall_figures(evaluation, detection, method)))
-    parts.append(f"<h3>Mean errors of matched boxes</h3>{html_table(error_table(detection))}")
+    errors = error_table(detection)
+    parts.append(f"<h3>Mean {errors.title}</h3>{html_table(errors)}")
     return section("Boxes", "".join(parts), _BOXES_NOTE)
 
 

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from simbev_ros.dataset import open_dataset
-from simbev_ros.dataset.scene import Scene
 from simbev_ros.drawing.canvas import DIM, TEXT
 from simbev_ros.foundation.types import BoolArray, UInt8Array
 from simbev_ros.show.sheet.agents_sheet import _COLORS, AgentsSheet, _Plan
@@ -14,8 +13,11 @@ EGO_COLOR, CAR_COLOR = _COLORS[:2]
 
 
 @pytest.fixture(scope="module")
-def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
-    return open_dataset(cooperative.record(tmp_path_factory.mktemp("cooperative"))).scenes[0]
+def drawn(tmp_path_factory: pytest.TempPathFactory) -> tuple[AgentsSheet, UInt8Array]:
+    """The sheet of a scene, and its picture of the first tick."""
+    scene = open_dataset(cooperative.record(tmp_path_factory.mktemp("cooperative"))).scenes[0]
+    sheet = AgentsSheet(scene, 1600)
+    return sheet, sheet.draw(0)
 
 
 def shows(picture: UInt8Array, color: tuple[int, int, int]) -> BoolArray:
@@ -32,9 +34,10 @@ def shows(picture: UInt8Array, color: tuple[int, int, int]) -> BoolArray:
         (cooperative.SEEN_BY_NONE, DIM),
     ],
 )
-def test_boxes_have_the_color_of_who_sees_them(scene: Scene, number: int, color: tuple[int, int, int]) -> None:
-    sheet = AgentsSheet(scene, 1600)
-    picture = sheet.draw(0)
+def test_boxes_have_the_color_of_the_agent_that_sees_them(
+    drawn: tuple[AgentsSheet, UInt8Array], number: int, color: tuple[int, int, int]
+) -> None:
+    sheet, picture = drawn
     assert picture.shape == (*reversed(sheet.size_px), 3) and picture.dtype == np.uint8
     plan = sheet._boxes[""]
     agents_m = np.array([cooperative.place_m(name, 0)[:2] for name in ("ego", "car")])

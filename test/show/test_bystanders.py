@@ -1,26 +1,18 @@
 """Tests of the actors in street pictures: cars in their lanes, pedestrians on sidewalks, none close to the camera."""
 
-from pathlib import Path
-
 import numpy as np
-import pytest
 import shapely
 import shapely.affinity
 
 from simbev_ros.foundation.semantics import Tag
 from simbev_ros.maps.build import load_network
-from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.surface import surfaces_of
 from simbev_ros.maps.source import map_spec
 from simbev_ros.show.street.street_traffic import bystanders
 
 
-@pytest.fixture(scope="module")
-def network(tmp_path_factory: pytest.TempPathFactory) -> RoadNetwork:
-    return load_network(map_spec("Blocks"), Path(tmp_path_factory.mktemp("blocks")))
-
-
-def test_cars_are_in_lanes_and_pedestrians_on_sidewalks(network: RoadNetwork) -> None:
+def test_cars_are_in_lanes_and_pedestrians_on_sidewalks() -> None:
+    network = load_network(map_spec("Blocks"))
     position_m = network.waypoints(20.0).position_m[30]
     table = bystanders(network, position_m, 2)
     people = table["tag"] == Tag.PEDESTRIAN

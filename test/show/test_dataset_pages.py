@@ -2,6 +2,7 @@
 
 import os
 import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -116,9 +117,10 @@ def test_a_report_named_html_is_that_page_with_a_folder_beside_it(dataset: Path,
     assert read(tmp_path / "first_files/scenes/Blocks-0000/index.html").pictures == ["sheet.jpg"]
 
 
-def test_pictures_and_videos_are_made_again_only_if_the_bag_is_newer(dataset: Path, tmp_path: Path) -> None:
-    report = tmp_path / "report"
-    write_report(dataset, report)
+def test_pictures_and_videos_are_made_again_only_if_the_bag_is_newer(
+    dataset: Path, report: Path, tmp_path: Path
+) -> None:
+    report = Path(shutil.copytree(report, tmp_path / "report"))
     kept, renewed = (report / f"index_files/scenes/{name}/video.mp4" for name in ("Blocks-0000", "Blocks-0001"))
     content, long_ago_ns = renewed.read_bytes(), 10**18
     kept.write_bytes(b"kept")

@@ -26,22 +26,30 @@ weather: {precipitation: 40, sun_altitude_deg: -30}
 """
 
 
-@pytest.fixture
-def config(tmp_path: Path) -> Path:
-    path = tmp_path / "plan.yaml"
+@pytest.fixture(scope="module")
+def config(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("drawn") / "plan.yaml"
     path.write_text(CONFIG)
     return path
+
+
+@pytest.fixture(scope="module")
+def text(config: Path) -> str:
+    """The page of three scenes, drawn by one process."""
+    return page_of(config, config.with_name("scenes.html"), workers=1)
 
 
 def draw(config: Path, *options: object) -> Result:
     return CliRunner().invoke(app, ["scene", str(config), *map(str, options)])
 
 
-def test_each_drawn_scene_has_a_map_and_its_parameters(config: Path, tmp_path: Path) -> None:
-    out = tmp_path / "scenes.html"
-    result = draw(config, "--count", 3, "--out", out, "--workers", 1)
+def page_of(config: Path, out: Path, workers: int) -> str:
+    result = draw(config, "--count", 3, "--out", out, "--workers", workers)
     assert result.exit_code == 0, result.output
-    text = out.read_text(encoding="utf-8")
+    return out.read_text(encoding="utf-8")
+
+
+def test_each_drawn_scene_has_a_map_and_its_parameters(text: str) -> None:
     page = Page(text)
     assert page.scripts == [] and page.unlabeled == [] and len(page.drawings) == 3
     assert all(address.startswith("data:image/jpeg;base64,") for address in page.pictures)
@@ -54,11 +62,8 @@ def test_each_drawn_scene_has_a_map_and_its_parameters(config: Path, tmp_path: P
     assert "Blocks-0002" in page.drawings[2].attrib["aria-label"]
 
 
-def test_the_page_is_the_same_however_many_processes_draw_it(config: Path, tmp_path: Path) -> None:
-    pages = [tmp_path / f"{workers}.html" for workers in (1, 2)]
-    for workers, page in enumerate(pages, 1):
-        assert draw(config, "--count", 3, "--out", page, "--workers", workers).exit_code == 0
-    assert pages[0].read_bytes() == pages[1].read_bytes()
+def test_the_page_is_the_same_however_many_processes_draw_it(config: Path, text: str) -> None:
+    assert page_of(config, config.with_name("by-two.html"), workers=2) == text
 
 
 def test_routes_start_where_the_ego_does_and_are_as_long_as_it_drives(config: Path) -> None:

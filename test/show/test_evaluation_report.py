@@ -63,6 +63,14 @@ def report(
     return Page((folder / "report.html").read_text(encoding="utf-8"), is_single=True), figures
 
 
+@pytest.fixture(scope="module")
+def full(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Page, dict[str, Any]]:
+    """Page and figures of a report with everything that a report can have."""
+    options = EvaluationOptions(tuple(table_slices(TableSlice(maps=("Blocks",)), [*GROUPS])))
+    own_nuscenes = random_nuscenes_figures()
+    return report(dataset, tmp_path_factory.mktemp("full"), some_boxes(), range(5), options, own_nuscenes=own_nuscenes)
+
+
 def random_nuscenes_figures() -> NuscenesResult:
     """Random figures, all different, one of them missing."""
     figures = np.random.default_rng(0).random((len(nuscenes.CLASSES), 9))
@@ -75,9 +83,8 @@ def texts(values: Iterable[float | None]) -> list[str]:
     return ["–" if value is None else f"{value:.3f}" for value in values]
 
 
-def test_the_page_has_all_sections_and_shows_the_figures(dataset: Path, tmp_path: Path) -> None:
-    options = EvaluationOptions(tuple(table_slices(TableSlice(maps=("Blocks",)), [*GROUPS])))
-    page, figures = report(dataset, tmp_path, some_boxes(), range(5), options, own_nuscenes=random_nuscenes_figures())
+def test_the_page_has_all_sections_and_shows_the_figures(full: tuple[Page, dict[str, Any]]) -> None:
+    page, figures = full
     by = [f"By {name}" for name in GROUPS]
     assert page.headings == [
         *("Boxes", "Bird's-eye view", *by, "nuScenes", "Scenes"),
@@ -102,9 +109,8 @@ def test_the_page_has_all_sections_and_shows_the_figures(dataset: Path, tmp_path
         assert page.table("class", 4)[words] == ["36", *texts([own["mAP"]]), *[""] * 4, *errors]
 
 
-def test_tables_by_condition_show_the_figures(dataset: Path, tmp_path: Path) -> None:
-    options = EvaluationOptions(tuple(table_slices(TableSlice(maps=("Blocks",)), [*GROUPS])))
-    page, figures = report(dataset, tmp_path, some_boxes(), range(5), options)
+def test_tables_by_condition_show_the_figures(full: tuple[Page, dict[str, Any]]) -> None:
+    page, figures = full
     detection, segmentation = figures["detection"], figures["segmentation"]
     for group in GROUPS:
         cells = segmentation.get(f"by_{group}")

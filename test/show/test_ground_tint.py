@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from simbev_ros.foundation.geometry.camera import LensCamera
-from simbev_ros.foundation.geometry.transforms import SENSOR_FROM_OPTICAL, inverse, matrices_from_xyz_rpy
+from simbev_ros.foundation.geometry.transforms import SENSOR_FROM_OPTICAL, apply, inverse, matrices_from_xyz_rpy
 from simbev_ros.foundation.semantics import BEV_CLASSES, Tag
 from simbev_ros.foundation.types import Float64Array, UInt16Array
 from simbev_ros.schema.palette import bev_color
@@ -31,16 +31,12 @@ def cells_by_hand() -> tuple[Float64Array, Float64Array]:
         (N, 2) row and column of each pixel that looks down, and (N, 2) row and column of the intersection in the grid,
         in cells from its corner.
     """
-    found = []
-    for v in range(CAMERA.height_px):
-        for u in range(CAMERA.width_px):
-            ray = EGO_FROM_OPTICAL[:3, :3] @ CAMERA.rays(np.array([[u, v]], np.float64))[0]
-            if ray[2] < 0:
-                position_ego = EGO_FROM_OPTICAL[:3, 3] - ray * EGO_FROM_OPTICAL[2, 3] / ray[2]
-                x, y = (inverse(MAP_FROM_GRID) @ MAP_FROM_EGO @ [*position_ego, 1.0])[:2]
-                found.append((v, u, (10.0 - x) / CELL_M, (8.0 - y) / CELL_M))  # the grid is 20 m by 16 m
-    table = np.array(found)
-    return table[:, :2].astype(int), table[:, 2:]
+    pixels = np.argwhere(np.ones((CAMERA.height_px, CAMERA.width_px)))
+    rays = CAMERA.rays(pixels[:, ::-1].astype(float)) @ EGO_FROM_OPTICAL[:3, :3].T
+    pixels, rays = pixels[rays[:, 2] < 0], rays[rays[:, 2] < 0]
+    points_ego = EGO_FROM_OPTICAL[:3, 3] - rays * (EGO_FROM_OPTICAL[2, 3] / rays[:, 2:])
+    points_grid = apply(inverse(MAP_FROM_GRID) @ MAP_FROM_EGO, points_ego)
+    return pixels, (np.array([10.0, 8.0]) - points_grid[:, :2]) / CELL_M  # the grid is 20 m by 16 m
 
 
 def test_each_pixel_has_the_label_of_the_cell_that_its_ray_meets() -> None:

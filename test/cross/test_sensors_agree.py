@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 import pytest
+from point_distance import xyz
 from studio import Studio
 
 from simbev_ros.config.camera import Camera
@@ -57,10 +58,6 @@ def _scan(lidar: Lidar, studio: Studio, rays: RayScene) -> Table:
     return points
 
 
-def _xyz(points: Table) -> Float64Array:
-    return np.stack([points["x"], points["y"], points["z"]], axis=1).astype(np.float64)
-
-
 def _off_silhouettes(images: CameraImages) -> BoolArray:
     """(H, W) pixels whose neighbors show the same smooth surface, in depth and in labels."""
     assert images.depth is not None and images.semantic is not None and images.instance is not None
@@ -84,7 +81,7 @@ def _inverse_depth_at(images: CameraImages, pixels: Float64Array) -> Float64Arra
 
 
 def test_lidar_points_lie_in_the_box_of_their_actor(blocks: Studio, roof_points: Table) -> None:
-    points_map, checked = apply(map_from_sensor(ROOF.pose, blocks.state), _xyz(roof_points)), 0
+    points_map, checked = apply(map_from_sensor(ROOF.pose, blocks.state), xyz(roof_points)), 0
     actors = blocks.state.actors
     for actor in actors[np.isin(actors["id"], roof_points["object_id"])]:
         if actor["tag"] == Tag.RIDER:
@@ -106,7 +103,7 @@ def test_lidar_points_project_to_the_pixels_that_show_them(
     """Projection as users do it: by the camera model, including distortion."""
     camera = CAMERAS[index]
     points = _scan(ROOF.model_copy(update={"pose": camera.pose}), blocks, rays)
-    optical = apply(inverse(SENSOR_FROM_OPTICAL), _xyz(points))
+    optical = apply(inverse(SENSOR_FROM_OPTICAL), xyz(points))
     optical, points = optical[optical[:, 2] > 0.5], points[optical[:, 2] > 0.5]
     pixels = camera.model.project(optical)
     inside = _inside(pixels, camera)
@@ -124,7 +121,7 @@ def test_the_roof_lidar_agrees_with_depth_images_where_the_camera_sees_its_point
 ) -> None:
     camera = CAMERAS[index]
     map_from_optical = map_from_sensor(camera.pose, blocks.state) @ SENSOR_FROM_OPTICAL
-    points_map = apply(map_from_sensor(ROOF.pose, blocks.state), _xyz(roof_points))
+    points_map = apply(map_from_sensor(ROOF.pose, blocks.state), xyz(roof_points))
     optical = apply(inverse(map_from_optical), points_map)
     ahead = np.flatnonzero(optical[:, 2] > 0.5)
     pixels = camera.model.project(optical[ahead])

@@ -1,8 +1,13 @@
-"""Distances from points to triangles, by the regions of Ericson, "Real-Time Collision Detection", section 5.1.5."""
+"""Points of clouds, and distances to triangles by Ericson, "Real-Time Collision Detection", section 5.1.5."""
 
 import numpy as np
 
-from simbev_ros.foundation.types import Float64Array
+from simbev_ros.foundation.types import Float64Array, Table
+
+
+def xyz(cloud: Table) -> Float64Array:
+    """(N, 3) positions of a cloud's points, in its frame."""
+    return np.column_stack([cloud["x"], cloud["y"], cloud["z"]]).astype(np.float64)
 
 
 def distances_m(points: Float64Array, corners: Float64Array, within_m: float = 0.02) -> Float64Array:

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from point_distance import xyz
 from synthetic_world import EGO_ID, actor, box, box_model, cart_model, mesh, sheet, static_scene, world
 
 from simbev_ros.assets.materials import Material, load_materials
@@ -9,7 +10,6 @@ from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.sensor import Pose
 from simbev_ros.foundation.geometry.transforms import apply, inverse
 from simbev_ros.foundation.semantics import Tag
-from simbev_ros.foundation.types import Float64Array, Table
 from simbev_ros.schema.points import POINT_DTYPE, SEMANTIC_POINT_DTYPE
 from simbev_ros.schema.scene.state import WorldState, map_from_actors
 from simbev_ros.simulation.raycast.scene import RayScene
@@ -31,10 +31,6 @@ def scan(sensor: Lidar, static: StaticScene, state: WorldState, seed: int = 5) -
     ego_m = np.array([state.ego["x"], state.ego["y"], state.ego["z"]])
     scene.update(state, ego_m, sensor.range_m + 10.0, frozenset() if sensor.hits_own_vehicle else state.ego_ids)
     return LidarModel(sensor, seed, TURN_S).scan(scene, state)
-
-
-def xyz(cloud: Table) -> Float64Array:
-    return np.stack([cloud["x"], cloud["y"], cloud["z"]], axis=1).astype(np.float64)
 
 
 def test_point_dtypes_have_the_offsets_that_consumers_expect() -> None:

@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from point_distance import distances_m
+from point_distance import distances_m, xyz
 from rclpy.serialization import serialize_message
 from rosbags.typesys import Stores, get_typestore
 
@@ -16,7 +16,6 @@ from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Traffic
 from simbev_ros.foundation.geometry.transforms import apply
-from simbev_ros.foundation.types import Float64Array, Table
 from simbev_ros.maps.build import load_network
 from simbev_ros.ros.msgs.tables import message_from_table
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
@@ -54,10 +53,6 @@ def scan(sensor: Lidar) -> LidarScan:
 def lidar(**properties: object) -> Lidar:
     mount = {"x_m": 0.2, "z_m": 1.8, "roll_deg": 1.0, "pitch_deg": -2.0, "yaw_deg": 30.0}
     return Lidar.model_validate({"type": "lidar", "name": "top", "pose": mount, "weather_effects": False} | properties)
-
-
-def xyz(cloud: Table) -> Float64Array:
-    return np.column_stack([cloud["x"], cloud["y"], cloud["z"]]).astype(np.float64)
 
 
 def test_every_point_lies_on_the_mesh_of_its_object_within_a_millimeter() -> None:

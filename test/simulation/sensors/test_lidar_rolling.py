@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from point_distance import distances_m
+from point_distance import distances_m, xyz
 from scipy.spatial.transform import Rotation, Slerp
 from synthetic_world import EGO_ID, TICK_NS, actor, box_model, mesh, sheet, static_scene, world
 
@@ -47,14 +47,13 @@ def scan(sensor: Lidar, models: Sequence[ActorModel], states: list[WorldState]) 
 def deskew(sensor: Lidar, cloud: Table, states: list[WorldState]) -> Float64Array:
     """(N, 3) points in the map frame, deskewed with poses interpolated from the odometry as tf2 does."""
     stamps_s = np.array([state.stamp_ns for state in states]) * 1e-9
-    xyz = np.array([[state.ego[axis] for axis in "xyz"] for state in states])
+    ego_m = np.array([[state.ego[axis] for axis in "xyz"] for state in states])
     rpy = np.array([[state.ego[angle] for angle in ("roll", "pitch", "yaw")] for state in states])
     times_s = stamps_s[-1] + cloud["time"].astype(np.float64)
     turn = Slerp(stamps_s, Rotation.from_euler("xyz", rpy))(np.clip(times_s, stamps_s[0], stamps_s[-1]))
-    position_m = np.column_stack([np.interp(times_s, stamps_s, axis) for axis in xyz.T])
-    points = np.column_stack([cloud["x"], cloud["y"], cloud["z"]]).astype(np.float64)
+    position_m = np.column_stack([np.interp(times_s, stamps_s, axis) for axis in ego_m.T])
     mount = sensor.pose.ego_from_sensor
-    return turn.apply(points @ mount[:3, :3].T + mount[:3, 3]) + position_m
+    return turn.apply(xyz(cloud) @ mount[:3, :3].T + mount[:3, 3]) + position_m
 
 
 def moving_traffic(models: Sequence[ActorModel], ticks: int) -> list[WorldState]:

@@ -2,6 +2,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from point_distance import xyz
 from scipy.integrate import quad
 from synthetic_world import actor, box_model, mesh, sheet, static_scene, world
 
@@ -45,7 +46,7 @@ def scan(sensor: Lidar, now: WorldState, above: bool = False) -> LidarScan:
 
 
 def ranges_m(cloud: Table) -> Float64Array:
-    return np.linalg.norm(np.column_stack([cloud["x"], cloud["y"], cloud["z"]]).astype(np.float64), axis=1)
+    return np.linalg.norm(xyz(cloud), axis=1)
 
 
 def test_without_rain_and_fog_nothing_changes() -> None:

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from point_distance import xyz
 from scipy import stats
 from synthetic_world import TICK_NS, actor, box, box_model, cart_model, mesh, sheet, static_scene, world
 
@@ -39,10 +40,6 @@ def updated_scene(static: StaticScene, state: WorldState) -> RayScene:
     scene = RayScene(static, MODELS)
     scene.update(state, np.array([state.ego["x"], state.ego["y"], state.ego["z"]]), 130.0, state.ego_ids)
     return scene
-
-
-def xyz(cloud: Table) -> Float64Array:
-    return np.stack([cloud["x"], cloud["y"], cloud["z"]], axis=1).astype(np.float64)
 
 
 def inside_a_box() -> StaticScene:

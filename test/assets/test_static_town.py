@@ -43,6 +43,7 @@ RECIPES = {
     "woods": {"tree_spacing_m": 0, "street_light_spacing_m": 0},
     "park": {},
 }
+HILLY_TOO = ("residential", "campus", "farmland")
 BUDGET = {"farmland": 75_000, "woods": 250_000}
 UPRIGHT_TAGS = (Tag.TERRAIN, Tag.GROUND, Tag.WATER)
 SLENDER_TAGS = (Tag.POLE, Tag.TRAFFIC_LIGHT, Tag.TRAFFIC_SIGN)
@@ -163,7 +164,10 @@ def test_buildings_stand_apart_and_nothing_passes_through_them(use: str) -> None
     assert not [Tag(tag) for tag in np.unique(mesh.tag[inside])]
 
 
-@pytest.mark.parametrize("use", ["residential", "suburb", "industrial", "campus", "farmland", "woods"])
+@pytest.mark.parametrize(
+    "use",
+    ["suburb", "industrial", "woods", *(pytest.param(use, marks=pytest.mark.slow) for use in HILLY_TOO)],
+)
 def test_all_feet_are_on_the_ground_in_hills(use: str) -> None:
     built = hills(use)
     tiles = TileBuilder()

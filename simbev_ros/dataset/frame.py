@@ -90,11 +90,24 @@ class Frame(Mapping[str, Any]):
         Raises:
             KeyError: The scene has no such key, or it has no value yet.
         """
-        locations = self._source(key).topic.between(-1, self.stamp_ns)
-        if not len(locations):
+        tick = self.last_tick(key)
+        if tick is None:
             raise KeyError(f"{key!r} has no value up to tick {self.tick} of scene {self.scene.name}")
-        tick = int(np.searchsorted(self.scene.stamps_ns, locations[-1, 0]))
         return self[key] if tick == self.tick else Frame(self.scene, tick)[key]
+
+    def last_tick(self, key: str, max_age_ns: int | None = None) -> int | None:
+        """Tick of the latest value of a key, from this tick or an earlier one; None if there is none, or an older one.
+
+        Args:
+            key: The key.
+            max_age_ns: Maximum age of the value; None: any.
+
+        Raises:
+            KeyError: The scene has no such key.
+        """
+        after_ns = -1 if max_age_ns is None else self.stamp_ns - max_age_ns - 1
+        locations = self._source(key).topic.between(after_ns, self.stamp_ns)
+        return int(np.searchsorted(self.scene.stamps_ns, locations[-1, 0])) if len(locations) else None
 
     def messages(self, key: str) -> list[Any]:
         """Messages of a key with all fields of their ROS types: headers, covariances, JPEG and PNG as recorded.

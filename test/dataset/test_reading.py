@@ -108,6 +108,9 @@ def test_slow_sensors_are_in_some_frames_and_fast_ones_have_all_samples(scene: S
     assert scene.has(["cam_slow/rgb", "lidar/points"]).tolist() == ["cam_slow/rgb" in frame for frame in scene]
     np.testing.assert_array_equal(scene[3].last("cam_slow/rgb"), written.pixels("rgb8", 0, 9))
     np.testing.assert_array_equal(scene[4].last("cam_slow/rgb"), written.pixels("rgb8", 4, 9))
+    assert [frame.last_tick("cam_slow/rgb") for frame in scene] == [0, 0, 0, 0, 4, 4, 4]
+    age_ns = scene[3].stamp_ns - scene[0].stamp_ns
+    assert [scene[3].last_tick("cam_slow/rgb", age_ns - short_ns) for short_ns in (0, 1)] == [0, None]
     with pytest.raises(KeyError, match="'cam_slow/rgb' has no value at tick 3 of scene Blocks-0000"):
         scene[3]["cam_slow/rgb"]
     assert [len(frame["imu/data_raw"]) for frame in scene] == [1, 4, 4, 4, 4, 4, 4]

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from simbev_ros.dataset import Frame, Scene
+from simbev_ros.dataset import Frame
 from simbev_ros.drawing.box_lines import wireframes
 from simbev_ros.evaluation.scene_boxes import Outcomes
 from simbev_ros.foundation.geometry.camera import PinholeCamera
@@ -74,22 +74,13 @@ def camera_picture(frame: Frame, outcomes: Outcomes, boxes: Sequence[MarkedBoxes
 def _sights(frame: Frame) -> list[_Sight]:
     """The last picture of each camera up to a frame, the front camera first."""
     scene = frame.scene
+    keys = {name: f"{name}/rgb" for name, each in scene.calibration.items() if each.camera is not None}
     found = []
-    for name in sorted(
-        (name for name, each in scene.calibration.items() if each.camera is not None), key=main_camera_rank
-    ):
-        key = f"{name}/rgb"
-        tick = _last_tick(scene, key, frame.stamp_ns)
+    for name in sorted(keys, key=main_camera_rank):
+        tick = frame.last_tick(keys[name]) if keys[name] in scene.sources else None
         if tick is not None:
-            found.append(_Sight(name, key, frame if tick == frame.tick else scene[tick]))
+            found.append(_Sight(name, keys[name], frame if tick == frame.tick else scene[tick]))
     return found
-
-
-def _last_tick(scene: Scene, key: str, stamp_ns: int) -> int | None:
-    """Tick of the last sample of a key up to a stamp, or None."""
-    stamps_ns = scene.sources[key].stamps_ns if key in scene.sources else np.zeros(0, np.int64)
-    before = int(np.searchsorted(stamps_ns, stamp_ns, side="right"))
-    return int(np.searchsorted(scene.stamps_ns, stamps_ns[before - 1])) if before else None
 
 
 def _visible_count(sight: _Sight, table: Table) -> int:

@@ -6,7 +6,8 @@ from functools import partial
 import numpy as np
 import rerun as rr
 
-from simbev_ros.drawing.panels import MAX_DEPTH_M, MIN_DEPTH_M, MODALITY_PICTURES, flow_picture
+from simbev_ros.drawing.displays.pictures import color_picture
+from simbev_ros.drawing.panels import MAX_DEPTH_M, MIN_DEPTH_M, MODALITY_PICTURES
 from simbev_ros.foundation.types import AnyArray
 from simbev_ros.recording.image_codecs import encode_labels, encode_rgb
 from simbev_ros.recording.png import RowFilter, encode_png
@@ -26,8 +27,8 @@ def _semantic(tags: AnyArray) -> rr.EncodedImage:
 
 def _picture(modality: str, image: AnyArray) -> rr.EncodedImage:
     """The picture that ``simbev preview`` draws, without loss."""
-    picture = MODALITY_PICTURES[modality].picture(image, None, image.shape[1])
-    return rr.EncodedImage(contents=encode_png(picture, RowFilter.NONE), media_type="image/png")
+    png = encode_png(color_picture(modality, image), RowFilter.NONE)
+    return rr.EncodedImage(contents=png, media_type="image/png")
 
 
 def _depth(depth_m: AnyArray) -> rr.EncodedDepthImage:
@@ -42,7 +43,7 @@ def _depth(depth_m: AnyArray) -> rr.EncodedDepthImage:
 
 
 def _flow(flow_px: AnyArray) -> rr.EncodedImage:
-    return rr.EncodedImage(contents=encode_rgb(flow_picture(flow_px, None, flow_px.shape[1])), media_type="image/jpeg")
+    return rr.EncodedImage(contents=encode_rgb(color_picture("flow", flow_px)), media_type="image/jpeg")
 
 
 _Layer = Callable[[AnyArray], rr.EncodedImage | rr.EncodedDepthImage]

@@ -105,11 +105,7 @@ class FrameReader:
 
     def _latest(self, key: str, tick: int) -> int | None:
         """Tick of the last sample of a key up to a tick, unless it is older than ``HOLD_NS`` or there is none."""
-        if key not in self.scene.sources:
-            return None
-        stamps_ns = self.scene.stamps_ns
-        found = self.scene.sources[key].topic.between(stamps_ns[tick] - HOLD_NS - 1, stamps_ns[tick])[-1:, 0]
-        return int(np.searchsorted(stamps_ns, found[0])) if len(found) else None
+        return self.scene[tick].last_tick(key, HOLD_NS) if key in self.scene.sources else None
 
     def _read(self, key: str, tick: int) -> Any:
         """Value of a key at a tick; the odometry as (4, 4) map_from_ego."""

@@ -118,10 +118,12 @@ def test_a_seek_sends_what_was_there_at_that_time(bag: Path) -> None:
     with served(bag) as (_, url), FoxgloveClient(url) as client:
         client.receive_until(lambda: "/world/legend" in client.messages)
         client.send(struct.pack("<BBfBQI", 3, 1, 1.0, 1, stamp_ns, 1) + b"a")  # pause, and seek
-        client.receive(1.5)
-    for topic in ("/ego/odom", "/ego/path", "/ego/bev/car/grid"):
-        assert client.messages[topic][-1][0] == stamp_ns, topic
-    assert len(client.messages["/world/legend"]) > 1, "latched topics are sent again"
+        client.receive_until(lambda: len(client.messages["/world/legend"]) > 1)  # latched topics are sent again
+        client.receive_until(
+            lambda: all(
+                client.messages[topic][-1][0] == stamp_ns for topic in ("/ego/odom", "/ego/path", "/ego/bev/car/grid")
+            )
+        )
 
 
 def test_a_bag_that_was_cut_off_is_served_as_far_as_it_goes(bag: Path, tmp_path: Path) -> None:
@@ -135,15 +137,16 @@ def test_a_bag_that_was_cut_off_is_served_as_far_as_it_goes(bag: Path, tmp_path:
         client.receive_until(lambda: {"/ego/odom", "/ego/path", "/ego/lidar/points"} <= client.messages.keys())
 
 
-def test_damage_in_the_middle_is_reported_once(bag: Path, tmp_path: Path) -> None:
-    damaged = Path(shutil.copytree(bag, tmp_path / "Blocks-0000"))
+def test_damage_in_the_middle_is_reported_and_what_comes_before_is_served(tmp_path: Path) -> None:
+    damaged = tmp_path / "Blocks-0000"
+    made_up_scene(damaged, ticks=5, chunk_bytes=20_000)
     (file,) = damaged.glob("*.mcap")
     data = bytearray(file.read_bytes())
     data[len(data) // 2] ^= 0xFF
     file.write_bytes(data)
     with served(damaged) as (process, url), FoxgloveClient(url) as client:
         assert process.stdout is not None
-        client.receive(1.5)
+        client.receive_until(lambda: "/ego/odom" in client.messages)
         assert re.match(r"warning: .* damaged .*; what comes before is served", process.stdout.readline())
         assert process.poll() is None
 

@@ -1,18 +1,19 @@
 """A frame: all sensor data and labels of one tick of a scene, decoded on first access."""
 
+import os
 from collections.abc import Collection, Iterator, Mapping
-from concurrent.futures import Future
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from simbev_ros.dataset.content import Source
-from simbev_ros.dataset.decoders import decoder_pool
 from simbev_ros.dataset.messages import MESSAGES, newest_messages
 from simbev_ros.dataset.values import poses_from_odometry
+from simbev_ros.foundation.threads import usable_cores
 from simbev_ros.foundation.types import Float64Array, Int64Array
 from simbev_ros.schema.boxes import LIGHT_IDS
 from simbev_ros.schema.trajectories import HORIZON_S, Futures, futures
@@ -76,7 +77,7 @@ class Frame(Mapping[str, Any]):
         wanted = list(self) if keys is None else list(keys)
         if self.scene.threads == 1:
             return {key: self[key] for key in wanted}
-        pool, chunks = decoder_pool(self.scene.threads), self._keys_by_chunk(wanted)
+        pool, chunks = _decoders(os.getpid(), self.scene.threads or usable_cores()), self._keys_by_chunk(wanted)
         values: dict[str, Future[Any]] = {}
         for group, following in zip_longest(chunks, chunks[1:]):
             if following:  # decompress the next chunk while messages of this one are decoded
@@ -210,3 +211,9 @@ def _scatter(rows: Any, indices: Int64Array, count: int) -> Any:
     result = np.zeros((count, *rows.shape[1:]), rows.dtype)
     result[indices] = rows
     return result
+
+
+@lru_cache(maxsize=4)
+def _decoders(process: int, threads: int) -> ThreadPoolExecutor:
+    """Threads of one process that decode; a forked process inherits its parent's pools without their threads."""
+    return ThreadPoolExecutor(threads, thread_name_prefix=f"decoder-{process}")

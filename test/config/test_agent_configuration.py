@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from display_topics import display_topics
 
 from simbev_ros.config.agents import RESERVED_NAMES
 from simbev_ros.config.annotation import Annotation, Occupancy, VectorMapPatch
@@ -13,7 +14,6 @@ from simbev_ros.config.load import load_scenario, parse_scenario
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.files.limits import MAX_AGENTS
-from simbev_ros.ros.msgs.displays import display_topics
 from simbev_ros.ros.msgs.topics import manifest
 from simbev_ros.ros.msgs.typed_topics import typed_topics
 from simbev_ros.schema.scene.agent_spec import AgentSpec

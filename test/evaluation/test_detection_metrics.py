@@ -15,7 +15,7 @@ from simbev_ros.evaluation.metrics.detection import (
     precision_recall,
 )
 from simbev_ros.evaluation.metrics.overlap import iou_of_pairs
-from simbev_ros.evaluation.metrics.scene_matching import CountedBoxes, match_and_tally
+from simbev_ros.evaluation.metrics.scene_matching import CountedBoxes, Matching
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.semantics import BOX_CLASSES
 
@@ -29,12 +29,12 @@ def with_scores(boxes: Boxes, *scores: float) -> Predictions:
 
 
 def compute_metrics(truth: Boxes, predictions: Predictions, options: DetectionOptions | None = None) -> DetectionResult:
-    return detection_result(match_and_tally(truth, predictions, FRAME, options), options)
+    return detection_result(Matching(truth, predictions, FRAME, options).tally(), options)
 
 
 def test_truth_as_prediction_is_perfect() -> None:
     truth = random_truth(np.random.default_rng(1), frames=20, per_frame=40)
-    result = detection_result(match_and_tally(truth, Predictions(truth, np.ones(len(truth))), np.arange(20)))
+    result = detection_result(Matching(truth, Predictions(truth, np.ones(len(truth))), np.arange(20)).tally())
     np.testing.assert_allclose(result.ap, 1.0)
     np.testing.assert_allclose(result.errors, 0.0, atol=1e-12)
     for method in ("iou", "distance"):
@@ -50,7 +50,7 @@ def test_average_precision_by_hand() -> None:
     np.testing.assert_allclose(steps.ap[CAR], (1 + 2 / 3 + 3 / 4) / 4)
     envelope = compute_metrics(truth, predictions, DetectionOptions(area="envelope"))
     np.testing.assert_allclose(envelope.ap[CAR], (1 + 3 / 4 + 3 / 4) / 4)
-    curve = precision_recall(match_and_tally(truth, predictions, FRAME), CAR, 0)
+    curve = precision_recall(Matching(truth, predictions, FRAME).tally(), CAR, 0)
     np.testing.assert_allclose(curve.precision, [1, 1 / 2, 2 / 3, 3 / 4, 3 / 5])
     np.testing.assert_allclose(curve.recall, [1 / 4, 1 / 4, 1 / 2, 3 / 4, 3 / 4])
 
@@ -122,7 +122,7 @@ def test_matching_equals_sequential_greedy_matching() -> None:
     truth = random_truth(rng, frames=2, per_frame=150)
     truth = replace(truth, label=truth.label % 2, size_m=truth.size_m + 2)
     predictions = random_predictions(rng, truth, noise=0.1)
-    outcome = match_and_tally(truth, predictions, np.arange(2)).outcome
+    outcome = Matching(truth, predictions, np.arange(2)).tally().outcome
     expected = greedy_outcomes(truth, predictions)
     assert (expected.mean(axis=0) > 0.1).all() and (expected.mean(axis=0) < 0.9).all()
     np.testing.assert_array_equal(outcome, expected)
@@ -133,12 +133,12 @@ def test_merged_parts_equal_the_whole() -> None:
     truth = random_truth(rng, frames=9, per_frame=50)
     predictions = random_predictions(rng, truth)
     parts = [
-        match_and_tally(
+        Matching(
             truth.take(truth.frame // 3 == part), predictions.take(predictions.boxes.frame // 3 == part), frames
-        )
+        ).tally()
         for part, frames in enumerate(np.arange(9).reshape(3, 3))
     ]
-    whole = detection_result(match_and_tally(truth, predictions, np.arange(9)))
+    whole = detection_result(Matching(truth, predictions, np.arange(9)).tally())
     for order in (parts, parts[::-1]):
         merged = detection_result(merge_tallies(order))
         np.testing.assert_allclose(merged.ap, whole.ap, rtol=1e-12)
@@ -151,8 +151,8 @@ def test_frames_may_be_stamps() -> None:
     predictions = random_predictions(rng, truth)
     stamps_ns = 1_760_000_000_000_000_000 + 50_000_000 * np.arange(5)
     stamped = Predictions(replace(predictions.boxes, frame=stamps_ns[predictions.boxes.frame]), predictions.score)
-    outcome = match_and_tally(replace(truth, frame=stamps_ns[truth.frame]), stamped, stamps_ns).outcome
-    np.testing.assert_array_equal(outcome, match_and_tally(truth, predictions, np.arange(5)).outcome)
+    outcome = Matching(replace(truth, frame=stamps_ns[truth.frame]), stamped, stamps_ns).tally().outcome
+    np.testing.assert_array_equal(outcome, Matching(truth, predictions, np.arange(5)).tally().outcome)
 
 
 def test_without_predictions_all_is_missed() -> None:
@@ -187,7 +187,7 @@ def test_boxes_that_do_not_count_are_neither_right_nor_wrong() -> None:
         some_boxes([(20, 0, 0), (20.1, 0, 0), (0, 0, 0), (50, 0, 0), (70, 0, 0)]), 0.9, 0.8, 0.7, 0.6, 0.5
     )
     counting = CountedBoxes(np.array([True, False]), np.array([True, True, True, True, False]))
-    part = match_and_tally(truth, found, FRAME, counting=counting)
+    part = Matching(truth, found, FRAME).tally(counting)
     np.testing.assert_array_equal(part.outcome[:, 0], [0, 1, 0])
     np.testing.assert_array_equal(part.score, [0.8, 0.7, 0.6])
     assert part.truths[CAR] == 1
@@ -199,7 +199,7 @@ def test_far_and_huge_predictions_are_harmless() -> None:
     found = some_boxes(
         [(0, 0, 0), (1e15, 0, 0), (0, 0, 0)], label=[CAR, CAR, TRUCK], size_m=[(4, 2, 2), (4, 2, 2), (1e15, 1, 1)]
     )
-    part = match_and_tally(truth, with_scores(found, 0.9, 0.8, 0.7), FRAME)
+    part = Matching(truth, with_scores(found, 0.9, 0.8, 0.7), FRAME).tally()
     np.testing.assert_array_equal(part.outcome, np.outer([1, 0, 0], np.ones(11)))
 
 
@@ -216,7 +216,7 @@ def test_matching_needs_a_threshold() -> None:
 def test_predictions_of_another_scene_are_refused() -> None:
     unknown = with_scores(some_boxes([(0, 0, 0)], frame=321), 0.5)
     with pytest.raises(InputError, match="predictions: frame: 321 is not in this scene, which has 320 frames, from 1 "):
-        match_and_tally(empty_boxes(), unknown, np.arange(1, 321))
+        Matching(empty_boxes(), unknown, np.arange(1, 321)).tally()
 
 
 @pytest.mark.parametrize(

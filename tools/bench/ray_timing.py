@@ -12,13 +12,13 @@ from simbev_ros.config.radar import Radar
 from simbev_ros.foundation.process_memory import keep_freed_memory
 from simbev_ros.foundation.types import Float32Array, Float64Array
 from simbev_ros.schema.scene.state import WorldState
-from simbev_ros.simulation.raycast.merged import MergedScene
 from simbev_ros.simulation.raycast.scene import RayScene
 from simbev_ros.simulation.raycast.static import StaticTriangles
 from simbev_ros.simulation.sensors.lidar import LidarModel
 from simbev_ros.simulation.sensors.mount import map_from_sensor, vector
 from simbev_ros.simulation.sensors.radar import RadarModel, scan_radars
 from tools.bench.camera_scene import CameraScene
+from tools.bench.merged_scene import MergedScene
 from tools.bench.stopwatch import Cost, Stopwatch
 
 _TURN_S = 0.05

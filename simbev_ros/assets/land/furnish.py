@@ -8,8 +8,7 @@ from simbev_ros.assets.land.campus import lay_out_campus
 from simbev_ros.assets.land.covers import Cover
 from simbev_ros.assets.land.farmland import lay_out_farmland
 from simbev_ros.assets.land.industry import lay_out_industry
-from simbev_ros.assets.land.island import lay_out_island
-from simbev_ros.assets.land.parks import lay_out_park
+from simbev_ros.assets.land.parks import lay_out_island, lay_out_park
 from simbev_ros.assets.land.plazas import Pavement
 from simbev_ros.assets.land.prescribed import build_prescribed
 from simbev_ros.assets.land.suburb import lay_out_suburb

@@ -1,4 +1,8 @@
-"""Lays out parks: paths that meet in the middle, benches beside them, hedges along the streets, a pond, trees."""
+"""Lays out parks and traffic islands.
+
+A park has paths that meet in the middle, benches beside them, hedges along the streets, a pond and trees; an island has
+lawn with trees and bushes.
+"""
 
 import numpy as np
 import shapely
@@ -23,6 +27,7 @@ _PATH_M, _PLAZA_RADIUS_M, _ON_PLAZA_M = 2.6, 7.0, 1.5
 _BENCH_SPACING_M, _BENCH_ROOM_M = 14.0, 0.95
 _MIN_SIDE_M = 30.0
 _M2_PER_PLANT = 75.0
+_ISLAND_FROM_STREET_M, _ISLAND_M2_PER_PLANT = 2.5, 45.0
 _MIN_AREA_M2 = 900.0
 _WATER_RISE_M, _LEVEL_M = 0.02, 0.25
 _WATER = Finish(Material.WATER, Tag.WATER, (40, 54, 50))
@@ -45,6 +50,15 @@ def lay_out_park(yard: Yard, block: Block) -> None:
                 fence_along(yard, "hedge", inner, block.land, rng) if inner.geom_type == "LineString" else None
     if block.recipe.plant_density > 0.0:
         scatter(yard, block.land.buffer(-1.2), _M2_PER_PLANT / block.recipe.plant_density, landscape, "park", rng)
+
+
+def lay_out_island(yard: Yard, block: Block) -> None:
+    """Lay out land in the middle of a street."""
+    yard.cover(block.land, "lawn", block.recipe.plants)
+    if block.recipe.plant_density > 0.0:
+        green = shapely.buffer(block.land, -_ISLAND_FROM_STREET_M)
+        rng = yard.ground.stream(f"island.{block.name}")
+        scatter(yard, green, _ISLAND_M2_PER_PLANT / block.recipe.plant_density, block.recipe.plants, "park", rng)
 
 
 def _lay_paths(yard: Yard, block: Block) -> list[shapely.LineString]:

@@ -108,20 +108,6 @@ class Matching:
         return np.where(found >= 0, hit_outcome, miss_outcome).astype(np.int8)
 
 
-def match_and_tally(
-    truth: Boxes,
-    predictions: Predictions,
-    frames: Int64Array,
-    options: DetectionOptions | None = None,
-    counting: CountedBoxes | None = None,
-) -> DetectionTally:
-    """Match a scene and tally it for a single table.
-
-    The arguments are those of ``Matching`` and its ``tally``.
-    """
-    return Matching(truth, predictions, frames, options).tally(counting)
-
-
 def _pairs(truth: Boxes, predicted: Boxes, options: DetectionOptions) -> dict[Method, Pairs]:
     """Pairs that match at the most lenient threshold of each method."""
     max_distance_m = max(options.distances_m, default=0.0)

@@ -13,7 +13,7 @@ from simbev_ros.drawing.kinds import Kind
 from simbev_ros.ros.msgs import topics
 from simbev_ros.ros.msgs.annotation_topics import annotation_topics
 from simbev_ros.ros.msgs.joint_topics import v2x_topics
-from simbev_ros.ros.msgs.sensor_topics import camera_topics, label_info_topic
+from simbev_ros.ros.msgs.sensor_topics import camera_topics
 from simbev_ros.ros.msgs.topic import Topic, agent_topic
 from simbev_ros.scene.frames import ego_frame
 from simbev_ros.schema.scene.agents import AgentView, agent_views
@@ -60,17 +60,6 @@ def scene_displays(spec: SceneSpec) -> tuple[SceneDisplay, ...]:
         *(_display(row, known, views[0]) for row in of_world),
         *(display for view in views for display in _of_agent(others, known | dict(_data_of(view)), view)),
     )
-
-
-def display_topics(spec: SceneSpec) -> Iterator[Topic]:
-    """Topics that the graph publishes only to subscribers, and that are not recorded."""
-    views = agent_views(spec)
-    recorded = {topic.name for view in views for topic in annotation_topics(view).recorded}
-    yield from (each.topic for each in scene_displays(spec) if each.topic.name not in recorded)
-    for view in views:
-        names = (label_info_topic(view, camera) for camera in view.rig.of_type(Camera))
-        yield from (topic for topic in names if topic is not None)
-        yield annotation_topics(view).bev_label_info
 
 
 def _of_agent(rows: list[MessageDisplay], known: Mapping[str, Topic], view: AgentView) -> Iterator[SceneDisplay]:

@@ -11,6 +11,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 import yaml
+from display_topics import display_topics
 from made_up_scene import made_up_spec
 from rosbags.typesys import Stores, get_typestore
 from scene_edits import with_ego
@@ -18,7 +19,6 @@ from scene_edits import with_ego
 from simbev_ros.config.annotation import VectorMapPatch
 from simbev_ros.config.load import load_scenario
 from simbev_ros.recording.reader import SceneBag
-from simbev_ros.ros.msgs.displays import display_topics
 from simbev_ros.ros.msgs.qos import qos_of
 from simbev_ros.ros.msgs.topic import Topic
 from simbev_ros.ros.msgs.topics import DIAGNOSTICS, manifest

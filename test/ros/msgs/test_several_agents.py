@@ -6,6 +6,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 from analytic_motion import circle, hilly, state_at
+from display_topics import display_topics
 from ego_frames import edges, pose_in_tree
 from made_up_scene import SENSORS, made_up_spec
 from ros_messages import point_cloud
@@ -17,7 +18,6 @@ from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_rpy
 from simbev_ros.foundation.types import Table
 from simbev_ros.ros.msgs import topics
 from simbev_ros.ros.msgs.derived_messages import message_makers
-from simbev_ros.ros.msgs.displays import display_topics
 from simbev_ros.ros.msgs.joint_topics import joint_topics
 from simbev_ros.ros.msgs.robot_description import robot_description
 from simbev_ros.ros.msgs.topic import Topic

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from display_topics import display_topics
 from made_up_scene import made_up_spec
 from rclpy.serialization import serialize_message
 from several_agents import made_up_agents
@@ -14,7 +15,7 @@ from synthetic_world import actor, cart_model, world
 
 from simbev_ros.drawing.displays.detections import DETECTIONS_3D
 from simbev_ros.foundation.types import Table
-from simbev_ros.ros.msgs.displays import display_topics, scene_displays
+from simbev_ros.ros.msgs.displays import scene_displays
 from simbev_ros.ros.msgs.tables import message_from_table, table_from_message
 from simbev_ros.ros.msgs.topics import manifest
 from simbev_ros.schema.boxes import blank_boxes

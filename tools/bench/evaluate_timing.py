@@ -12,7 +12,7 @@ from simbev_ros.dataset.parallel import map_in_processes
 from simbev_ros.evaluation.metrics.boxes import Boxes, Predictions
 from simbev_ros.evaluation.metrics.detection import DetectionOptions, DetectionTally, detection_result, merge_tallies
 from simbev_ros.evaluation.metrics.nuscenes import NuscenesResult, nuscenes_merge, nuscenes_result, nuscenes_tally
-from simbev_ros.evaluation.metrics.scene_matching import match_and_tally
+from simbev_ros.evaluation.metrics.scene_matching import Matching
 from tools.bench.devkit_comparison import DEVKIT, devkit_numbers, devkit_python
 from tools.bench.evaluation_load import FRAMES, synthetic_scene
 from tools.bench.stopwatch import Cost, Stopwatch
@@ -124,8 +124,11 @@ def timed_evaluation(scenes: int, workers: int, advance: Callable[[], None] = la
 
 
 def _tally_of(seed: int) -> DetectionTally:
-    truth, predictions = synthetic_scene(seed)
-    return match_and_tally(truth, predictions, np.arange(FRAMES))
+    return _tally(*synthetic_scene(seed))
+
+
+def _tally(truth: Boxes, predictions: Predictions, options: DetectionOptions | None = None) -> DetectionTally:
+    return Matching(truth, predictions, np.arange(FRAMES), options).tally()
 
 
 def _costs() -> list[Cost]:
@@ -133,7 +136,7 @@ def _costs() -> list[Cost]:
     for seed in range(_TIMED):
         boxes = synthetic_scene(seed)
         for name, options in _WAYS.items():
-            watch.run(name, partial(match_and_tally, *boxes, frames, options))
+            watch.run(name, partial(_tally, *boxes, options))
         watch.run(_NUSCENES, partial(nuscenes_tally, *boxes, frames))
     return [watch.cost(name) for name in (*_WAYS, _NUSCENES)]
 

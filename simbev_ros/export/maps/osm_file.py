@@ -15,6 +15,7 @@ from simbev_ros.foundation.geometry.geodesy import MapDatum
 from simbev_ros.foundation.tables import load_table
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.osm.data import add_tags
 
 _TABLE = "osm_tags.yaml"
 
@@ -47,7 +48,7 @@ class _OsmFile:
         latitude, longitude, altitude_m = self._datum.geodetic_from_map((*map(float, position_m[:2]), height_m))
         attributes = {"id": str(-len(self._nodes) - 1), "visible": "true", "version": "1"}
         node = Element("node", {**attributes, "lat": f"{latitude:.9f}", "lon": f"{longitude:.9f}"})
-        _add_tags(node, {**({"ele": f"{altitude_m:.2f}"} if len(position_m) > 2 else {}), **tags})
+        add_tags(node, {**({"ele": f"{altitude_m:.2f}"} if len(position_m) > 2 else {}), **tags})
         self._nodes.append(node)
         return -len(self._nodes)
 
@@ -56,7 +57,7 @@ class _OsmFile:
         way = Element("way", {"id": str(-len(self._ways) - 1), "visible": "true", "version": "1"})
         for node in nodes:
             SubElement(way, "nd", ref=str(node))
-        _add_tags(way, tags)
+        add_tags(way, tags)
         self._ways.append(way)
         return -len(self._ways)
 
@@ -70,7 +71,7 @@ class _OsmFile:
         relation = Element("relation", attributes)
         for role, ring in (("outer", outer), *(("inner", ring) for ring in inner)):
             SubElement(relation, "member", type="way", ref=str(self.add_way(ring, {})), role=role)
-        _add_tags(relation, {"type": "multipolygon", **tags})
+        add_tags(relation, {"type": "multipolygon", **tags})
         self._relations.append(relation)
 
     def content(self) -> bytes:
@@ -82,11 +83,6 @@ class _OsmFile:
     def _add_ring(self, ring: shapely.LinearRing) -> list[int]:
         nodes = [self.add_node(np.array(point), {}) for point in ring.coords[:-1]]
         return [*nodes, nodes[0]]
-
-
-def _add_tags(element: Element, tags: Mapping[str, str]) -> None:
-    for key, value in tags.items():
-        SubElement(element, "tag", k=key, v=value)
 
 
 def _add_road(file: _OsmFile, carriageway: Carriageway, junction_nodes: dict[str, int]) -> None:

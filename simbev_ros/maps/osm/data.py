@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
+from xml.etree.ElementTree import Element, SubElement
 
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.findings import Finding
@@ -55,3 +56,9 @@ class OsmData:
     driving_side: str = ""
     left_hand: bool = False
     is_part: bool = False
+
+
+def add_tags(element: Element, tags: Tags) -> None:
+    """Add tags to an element of an OpenStreetMap file that is written."""
+    for key, value in tags.items():
+        SubElement(element, "tag", k=key, v=value)

@@ -10,7 +10,7 @@ import numpy as np
 from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.maps.findings import Finding, Outcome
 from simbev_ros.maps.osm.box import Box
-from simbev_ros.maps.osm.data import Multipolygon, OsmData, Tags, Way
+from simbev_ros.maps.osm.data import Multipolygon, OsmData, Way, add_tags
 from simbev_ros.maps.osm.road_rules import road_tags
 
 SURROUNDINGS_M = 200.0
@@ -65,27 +65,22 @@ def write_osm(path: Path, data: OsmData) -> None:
     root = Element("osm", version="0.6", generator="simbev")
     for index, (longitude, latitude) in enumerate(data.longitude_latitude_deg.tolist()):
         node = SubElement(root, "node", id=str(index + 1), lat=repr(latitude), lon=repr(longitude))
-        _add_tags(node, data.node_tags.get(index, {}))
+        add_tags(node, data.node_tags.get(index, {}))
     for way in data.ways:
         element = SubElement(root, "way", id=way.id)
         for node_index in way.nodes:
             SubElement(element, "nd", ref=str(node_index + 1))
-        _add_tags(element, way.tags)
+        add_tags(element, way.tags)
     for index, area in enumerate(data.multipolygons):
         relation = SubElement(root, "relation", id=str(index + 1))
         for role, ways in (("outer", area.outer), ("inner", area.inner)):
             for way in ways:
                 SubElement(relation, "member", type="way", ref=way.id, role=role)
-        _add_tags(relation, area.tags)
+        add_tags(relation, area.tags)
     boundary = SubElement(root, "relation", id=str(len(data.multipolygons) + 1))
     side = "left" if data.left_hand else "right"
-    _add_tags(boundary, {"type": "boundary", "boundary": "administrative", "driving_side": side})
+    add_tags(boundary, {"type": "boundary", "boundary": "administrative", "driving_side": side})
     ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
-
-
-def _add_tags(element: Element, tags: Tags) -> None:
-    for key, value in tags.items():
-        SubElement(element, "tag", k=key, v=value)
 
 
 class _Cutter:

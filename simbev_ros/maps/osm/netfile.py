@@ -9,7 +9,7 @@ import numpy as np
 
 from simbev_ros.foundation.geometry.geodesy import MapDatum
 from simbev_ros.foundation.types import Float64Array
-from simbev_ros.maps.osm.data import Tags
+from simbev_ros.maps.osm.data import Tags, add_tags
 from simbev_ros.maps.osm.road_rules import RoadRule, road_rules
 from simbev_ros.maps.osm.roads import OsmRoad
 
@@ -49,15 +49,15 @@ def write_roads(
         latitude, longitude, altitude_m = datum.geodetic_from_map(xyz_m[node] + np.array([offset_m, 0.0, 0.0]))
         attributes = {"id": str(node + 1), "lat": f"{latitude:.10f}", "lon": f"{longitude:.10f}"}
         element = SubElement(root, "node", attributes)
-        _add_tags(element, {"ele": f"{altitude_m - datum.altitude_m:.3f}"})
+        add_tags(element, {"ele": f"{altitude_m - datum.altitude_m:.3f}"})
         tags = node_tags.get(node, {})
         if tags.get("highway") in _NODE_KINDS:
-            _add_tags(element, {key: tags[key] for key in ("highway", "crossing") if key in tags})
+            add_tags(element, {key: tags[key] for key in ("highway", "crossing") if key in tags})
     for index, road in enumerate(roads):
         way = SubElement(root, "way", id=str(index + 1))
         for node in road.nodes:
             SubElement(way, "nd", ref=str(node + 1))
-        _add_tags(way, road.way.tags)
+        add_tags(way, road.way.tags)
     ElementTree(root).write(path, encoding="utf-8")
 
 
@@ -78,11 +78,6 @@ def _type_attributes(rule: RoadRule) -> dict[str, str]:
         return {**common, "oneway": "true", "width": "2", "allow": "pedestrian"}
     forbidden = _NOT_ON_ROADS if rule.bicycles else f"{_NOT_ON_ROADS} bicycle moped"
     return {**common, "oneway": "true" if rule.one_way else "false", "disallow": forbidden}
-
-
-def _add_tags(element: Element, tags: Tags) -> None:
-    for key, value in tags.items():
-        SubElement(element, "tag", k=key, v=value)
 
 
 def center_datum(longitude_latitude_deg: Float64Array) -> MapDatum:

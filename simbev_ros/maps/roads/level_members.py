@@ -22,6 +22,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from simbev_ros.foundation.geometry import overlay
+from simbev_ros.foundation.latest_value import LatestValue
 from simbev_ros.foundation.types import AnyArray, BoolArray, Float64Array, Int64Array
 from simbev_ros.maps.roads.carriageways import cut_into_blocks
 from simbev_ros.maps.roads.layout import Layout, Strip
@@ -98,7 +99,7 @@ class LevelGraph:
         self._block_graph = csr_array((path_m, (first, second)), shape=(count, count))
         self._centers = cKDTree(_stretch_height(self._pieces.center_m))
         self._blocks = cKDTree(self._center_m[:, :2])
-        self._latest: tuple[int, LevelMembers | None] | None = None
+        self._latest = LatestValue[int, LevelMembers | None]()
 
     def members(self, xyz_m: Float64Array) -> LevelMembers | None:
         """Members of the level of a (3,) position, map frame; None, if no structure is near: everything near belongs.
@@ -109,9 +110,7 @@ class LevelGraph:
         if distance > _REACH_M:
             return None
         block = int(self._block[piece])
-        if self._latest is None or self._latest[0] != block:
-            self._latest = block, self._members(block)
-        return self._latest[1]
+        return self._latest.get(block, lambda: self._members(block))
 
     def _members(self, block: int) -> LevelMembers | None:
         """Members for the center of a block, see ``members``."""

@@ -77,3 +77,15 @@ def table_from_message(message: PointCloud2) -> Table:
     if count * dtype.itemsize > len(message.data):
         raise ValueError(f"{len(message.data)} bytes do not hold {count} points of {dtype.itemsize} bytes")
     return np.frombuffer(message.data, dtype, count=count)
+
+
+def rows_from_message(message: PointCloud2, dtype: np.dtype[np.void]) -> Table:
+    """(N,) rows of a message that must have the columns of a dtype.
+
+    Raises:
+        ValueError: It has other columns, or ``table_from_message`` fails.
+    """
+    table = table_from_message(message)
+    if table.dtype.names != dtype.names:
+        raise ValueError(f"its columns are {', '.join(table.dtype.names or ())}")
+    return table.astype(dtype, copy=False)

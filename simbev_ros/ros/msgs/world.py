@@ -18,7 +18,7 @@ from simbev_ros.foundation.geometry.transforms import (
 )
 from simbev_ros.foundation.types import Float64Array, Table
 from simbev_ros.ros.msgs.stamps import header
-from simbev_ros.ros.msgs.tables import message_from_table, table_from_message
+from simbev_ros.ros.msgs.tables import message_from_table, rows_from_message
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.frames import base_link_frame
 from simbev_ros.schema.scene.agents import AgentView
@@ -78,7 +78,7 @@ def actors_from_message(message: PointCloud2) -> Table:
         ValueError: The message is not such a table, or an impossible one: without an ego, with ids that do not ascend,
             with unknown blueprints, or with numbers that are not finite.
     """
-    actors = _rows(message, ACTOR_DTYPE)
+    actors = rows_from_message(message, ACTOR_DTYPE)
     ids = actors["id"]
     if not (ids[1:] > ids[:-1]).all() or EGO_ID not in ids:
         raise ValueError("its ids must ascend and contain the ego's")
@@ -91,7 +91,7 @@ def actors_from_message(message: PointCloud2) -> Table:
 
 def signals_from_message(message: PointCloud2) -> Table:
     """(S,) ``SIGNAL_DTYPE`` from a ``signals_message``; raises ValueError if the message is not such a table."""
-    return _rows(message, SIGNAL_DTYPE)
+    return rows_from_message(message, SIGNAL_DTYPE)
 
 
 def weather_from_message(message: String) -> tuple[int, Weather]:
@@ -103,14 +103,6 @@ def weather_from_message(message: String) -> tuple[int, Weather]:
 
 
 _FLOATS = [name for name in ACTOR_DTYPE.names or () if ACTOR_DTYPE[name].kind == "f"]
-
-
-def _rows(message: PointCloud2, dtype: np.dtype[np.void]) -> Table:
-    """The rows of a table that must have these columns."""
-    table = table_from_message(message)
-    if table.dtype.names != dtype.names:
-        raise ValueError(f"its columns are {', '.join(table.dtype.names or ())}")
-    return table.astype(dtype, copy=False)
 
 
 def agent_odometry(view: AgentView, actors: Table, stamp_ns: int) -> Odometry:

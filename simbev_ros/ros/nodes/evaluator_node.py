@@ -40,7 +40,7 @@ from simbev_ros.ros.msgs.message_types import message_class
 from simbev_ros.ros.msgs.qos import STEERING, qos_of, rclpy_qos
 from simbev_ros.ros.msgs.sensor_topics import sensor_topics
 from simbev_ros.ros.msgs.stamps import header, serialized_stamp_ns, stamp_of
-from simbev_ros.ros.msgs.tables import table_from_message
+from simbev_ros.ros.msgs.tables import rows_from_message, table_from_message
 from simbev_ros.ros.msgs.topic import Topic
 from simbev_ros.ros.msgs.world import map_from_base_link
 from simbev_ros.ros.nodes.answer_topics import Answer, AnswerTopics, received_s
@@ -134,7 +134,7 @@ class EvaluatorNode(GraphNode):
         if self._options.truth == "joint":
             self._subscribe(_joint_topic(spec), self._truth(BOXES, self._joint_boxes))
         else:
-            self._subscribe(labels.boxes, self._truth(BOXES, _boxes))
+            self._subscribe(labels.boxes, self._truth(BOXES, partial(rows_from_message, dtype=BOX_DTYPE)))
         self._subscribe(labels.bev_labels, self._truth(LABELS, labels_from_image))
         self._subscribe(answered, self._on_input, raw=True)
         self._polls_connected, self._loaded_reported, self._scene_since_s = 0, False, time.monotonic()
@@ -317,13 +317,6 @@ def _joint_topic(spec: SceneSpec) -> Topic:
         if topic.name == JOINT_BOXES:
             return topic
     raise InputError(f"evaluation.truth: {spec.name} has one agent, and so no joint truth; it must be own")
-
-
-def _boxes(message: PointCloud2) -> Table:
-    table = table_from_message(message)
-    if table.dtype.names != BOX_DTYPE.names:
-        raise ValueError(f"its columns are {', '.join(table.dtype.names or ())}")
-    return table.astype(BOX_DTYPE, copy=False)
 
 
 def _write(path: Path, figures: dict[str, Any]) -> None:

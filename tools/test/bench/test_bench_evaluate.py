@@ -6,7 +6,7 @@ from typer.testing import CliRunner
 
 from simbev_ros.cli.main import app
 from simbev_ros.evaluation.metrics.detection import detection_result
-from simbev_ros.evaluation.metrics.scene_matching import match_and_tally
+from simbev_ros.evaluation.metrics.scene_matching import Matching
 from simbev_ros.foundation.semantics import BOX_CLASSES
 from tools.bench import evaluate_timing
 from tools.bench.evaluation_load import synthetic_scene
@@ -29,7 +29,7 @@ def test_bench_evaluate_counts_all_boxes_and_says_that_there_is_no_devkit(monkey
 
 def test_scenes_are_hard_enough_to_mean_something() -> None:
     truth, predictions = synthetic_scene(3, frames=40)
-    total = match_and_tally(truth, predictions, np.arange(40))
+    total = Matching(truth, predictions, np.arange(40)).tally()
     result = detection_result(total)
     assert 0.1 < result.mean_ap("iou") < 0.6 and 0.4 < result.mean_ap("distance") < 0.9
     assert total.truths[BOX_CLASSES.index("pedestrian")] > 1000

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from simbev_ros.dataset.content import Source
-from simbev_ros.dataset.messages import MESSAGES, newest_messages
+from simbev_ros.dataset.messages import newest_messages
 from simbev_ros.dataset.values import poses_from_odometry
 from simbev_ros.foundation.threads import usable_cores
 from simbev_ros.foundation.types import Float64Array, Int64Array
@@ -20,6 +20,9 @@ from simbev_ros.schema.trajectories import HORIZON_S, Futures, futures
 
 if TYPE_CHECKING:
     from simbev_ros.dataset.scene import Scene
+
+_MESSAGES = "v2x"
+"""Key of what arrives at an agent at a tick."""
 
 
 class Frame(Mapping[str, Any]):
@@ -138,8 +141,11 @@ class Frame(Mapping[str, Any]):
             KeyError: The scene has no messages for this agent.
             BagError: The bag is damaged.
         """
-        ticks = newest_messages(self.scene, self.tick, lambda tick: Frame(self.scene, tick).get(MESSAGES))
-        return {name: Frame(self.scene.of_agent(name), tick) for name, tick in ticks.items()}
+        scene = self.scene
+        if _MESSAGES not in scene.sources or scene.spec.v2x is None:
+            raise KeyError(f"scene {scene.name} has no messages to {scene.agent}")
+        ticks = newest_messages(scene.spec, scene.agent, self.tick, lambda tick: Frame(scene, tick).get(_MESSAGES))
+        return {name: Frame(scene.of_agent(name), tick) for name, tick in ticks.items()}
 
     @property
     def map_from_ego(self) -> Float64Array:

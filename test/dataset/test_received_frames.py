@@ -65,7 +65,7 @@ def test_received_frames_are_those_that_the_newest_messages_tell_about(scene: Sc
 
 
 def newest(arrived: Mapping[int, Table], tick: int, scene: Scene) -> dict[str, int]:
-    return newest_messages(scene, tick, arrived.get)
+    return newest_messages(scene.spec, scene.agent, tick, arrived.get)
 
 
 def test_a_message_that_was_overtaken_is_not_the_newest_one(scene: Scene) -> None:
@@ -89,7 +89,7 @@ def test_no_more_ticks_are_read_than_needed(scene: Scene) -> None:
         read.append(tick)
         return messages(car=tick - 2, rsu=tick - 2)
 
-    assert newest_messages(scene, 50, arrived_at) == {"car": 48, "rsu": 48}
+    assert newest_messages(scene.spec, scene.agent, 50, arrived_at) == {"car": 48, "rsu": 48}
     assert read == [50, 49]
 
 

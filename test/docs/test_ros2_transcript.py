@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 import yaml
+from display_topics import display_topics
 from made_up_scene import made_up_spec
 
 from simbev_ros.config.load import load_scenario
 from simbev_ros.ros.graph.monitor import SUPERVISOR
 from simbev_ros.ros.graph.plan import plan_processes
 from simbev_ros.ros.msgs import topics
-from simbev_ros.ros.msgs.displays import display_topics
 from simbev_ros.ros.msgs.qos import qos_of
 from simbev_ros.ros.msgs.topic import Topic
 

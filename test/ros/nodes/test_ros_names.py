@@ -63,9 +63,9 @@ def test_the_rule_for_the_namespace_is_the_option_and_the_rest_stays() -> None:
 @pytest.mark.parametrize(
     ("words", "namespace", "message"),
     [
-        ([], "1sim", "^--namespace: '1sim' is not a namespace; allowed: letters, digits and _ in parts"),
-        ([], "a//b", "^--namespace: 'a//b' is not a namespace"),
-        ([], "a" * 64, "^--namespace: 'a+' is not a namespace.* at most 64 characters"),
+        ([], "1sim", "^namespace: '1sim' is not a namespace; allowed: letters, digits and _ in parts"),
+        ([], "a//b", "^namespace: 'a//b' is not a namespace"),
+        ([], "a" * 64, "^namespace: 'a+' is not a namespace.* at most 64 characters"),
         (["-r", "__ns:=/a-b"], None, "^--ros-args -r __ns: '/a-b' is not a namespace"),
         (["-r", "__ns:=/a"], "b", "^the graph is given two namespaces: /b and /a"),
         (

@@ -1,20 +1,16 @@
 import json
+from collections.abc import Callable
+from typing import Any
 
 import pytest
-from typer.testing import CliRunner
-
-from simbev_ros.cli.main import app
-
-RUNNER = CliRunner()
 
 
 @pytest.mark.slow
 @pytest.mark.gl
-def test_bench_labels_compares_with_a_plain_grid_that_is_the_same() -> None:
-    arguments = ["bench", "labels", "--map", "Blocks", "--actors", "12", "--radius", "100", "--frames", "2", "--json"]
-    result = RUNNER.invoke(app, arguments)
-    assert result.exit_code == 0, result.output
-    timing = json.loads(result.stdout)
+def test_bench_labels_compares_with_a_plain_grid_that_is_the_same(bench: Callable[..., Any]) -> None:
+    answer = bench("labels", "--map", "Blocks", "--actors", 12, "--radius", 100, "--frames", 2, "--json")
+    assert answer.code == 0, answer.err
+    timing = json.loads(answer.out)
     assert timing["near_actors"] > 6
     assert timing["boxes"] > 10
     assert timing["points"] > 100_000

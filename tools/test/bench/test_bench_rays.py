@@ -1,19 +1,15 @@
 import json
+from collections.abc import Callable
+from typing import Any
 
 import pytest
-from typer.testing import CliRunner
-
-from simbev_ros.cli.main import app
-
-RUNNER = CliRunner()
 
 
 @pytest.mark.slow
-def test_bench_rays_compares_with_one_merged_mesh_that_finds_the_same() -> None:
-    arguments = ["bench", "rays", "--map", "Blocks", "--actors", "12", "--radius", "100", "--frames", "1", "--json"]
-    result = RUNNER.invoke(app, arguments)
-    assert result.exit_code == 0, result.output
-    timing = json.loads(result.stdout)
+def test_bench_rays_compares_with_one_merged_mesh_that_finds_the_same(bench: Callable[..., Any]) -> None:
+    answer = bench("rays", "--map", "Blocks", "--actors", 12, "--radius", 100, "--frames", 1, "--json")
+    assert answer.code == 0, answer.err
+    timing = json.loads(answer.out)
     assert timing["rays"] == 128 * 2048
     assert timing["near_actors"] > 6
     assert timing["agreement"] > 0.9999

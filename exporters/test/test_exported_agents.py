@@ -34,7 +34,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, MadeUp]:
     return folder, content
 
 
-@pytest.mark.parametrize("layout", ["nuscenes", "simbev"])
+@pytest.mark.parametrize("layout", [pytest.param("nuscenes", marks=pytest.mark.slow), "simbev"])
 def test_all_agents_are_exported_to_folders_as_one_by_one(
     made: tuple[Path, MadeUp], tmp_path: Path, layout: str
 ) -> None:

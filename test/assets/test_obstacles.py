@@ -1,6 +1,7 @@
 """Obstacles on sidewalks agree with the meshes of the objects there."""
 
 import numpy as np
+import pytest
 import shapely
 from scipy.spatial import cKDTree
 
@@ -10,6 +11,7 @@ from simbev_ros.maps.roads.surface import surfaces_of
 from simbev_ros.maps.source import map_spec
 
 
+@pytest.mark.slow
 def test_every_trunk_and_pole_on_a_sidewalk_is_covered_and_nothing_else() -> None:
     spec = map_spec("Blocks")
     network = load_network(spec)

@@ -28,6 +28,7 @@ def test_no_object_stands_where_pedestrians_may_walk() -> None:
     assert len(plazas) > 20
 
 
+@pytest.mark.slow
 def test_plazas_come_back_as_they_were_stored() -> None:
     spec = map_spec("Town15")
     plazas = load_streetside(spec, load_network(spec)).plazas

@@ -31,6 +31,8 @@ from simbev_ros.simulation.annotation.bev.bev_annotator import BevAnnotator
 from simbev_ros.simulation.annotation.bev.levels import Levels
 from simbev_ros.simulation.annotation.boxes.boxes import boxes_around_ego
 
+pytestmark = pytest.mark.slow
+
 SPEC = map_spec("Town04")
 REACH = Reach((0.0, 0.0), 70.0)
 CARLA_TOWN04 = Path(__file__).parents[2].parent / "shared/maps/carla/Town04.xodr"
@@ -241,14 +243,11 @@ def test_boxes_mark_the_actors_on_the_egos_level(crossing: Crossing, ego_positio
     ("source", "position_m"),
     [
         ("Town04", (0.0, 0.0)),
-        pytest.param("Town05", (-10.0, 0.0), marks=pytest.mark.slow),
+        ("Town05", (-10.0, 0.0)),
         pytest.param(
             str(CARLA_TOWN04),
             (5.0, -27.0),
-            marks=[
-                pytest.mark.slow,
-                pytest.mark.skipif(not CARLA_TOWN04.is_file(), reason="CARLA's maps are not here"),
-            ],
+            marks=pytest.mark.skipif(not CARLA_TOWN04.is_file(), reason="CARLA's maps are not here"),
         ),
     ],
 )

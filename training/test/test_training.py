@@ -139,6 +139,7 @@ def test_shapes_and_gradients(tmp_path: Path, modality: Modality, size: int) -> 
         assert parameter.grad.abs().max() > 0, name
 
 
+@pytest.mark.slow
 def test_three_steps_on_a_batch_lower_its_loss(tmp_path: Path) -> None:
     torch.manual_seed(0)
     batch, model = batches(tmp_path, Modality.LIDAR, None, size=1)[0], BevModel(Modality.LIDAR)
@@ -210,9 +211,8 @@ def test_the_exported_model_answers_like_the_trained_one(tmp_path: Path) -> None
     assert np.abs(answer.cells.astype(int) - cells.numpy()).max() <= 1  # weights have half precision
 
 
-@pytest.mark.parametrize(
-    ("weights", "tolerance", "share"), [pytest.param("half", 1, 1.0, marks=pytest.mark.slow), ("int8", 6, 0.55)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("weights", "tolerance", "share"), [("half", 1, 1.0), ("int8", 6, 0.55)])
 def test_an_ensemble_answers_with_the_mean(tmp_path: Path, weights: str, tolerance: int, share: float) -> None:
     torch.manual_seed(4)
     sample = CachedScene(write_cached_scene(tmp_path)).sample(1, (0, 250_000_000))

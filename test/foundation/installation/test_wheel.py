@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 REPOSITORY = Path(__file__).parents[3]
 NOT_SOURCES = shutil.ignore_patterns(".*", "build", "out", "datasets", "*.egg-info", "__pycache__", "test")
 SCENE = """
@@ -80,7 +82,6 @@ def test_its_metadata_are_those_of_the_manifest(wheel: Path) -> None:
     assert "# simbev_ros" in metadata.partition("\n\n")[2]
 
 
-@pytest.mark.slow
 @pytest.mark.graph
 def test_it_finds_nothing_missing_on_this_machine(
     simbev: Callable[..., "subprocess.CompletedProcess[str]"],
@@ -90,7 +91,6 @@ def test_it_finds_nothing_missing_on_this_machine(
     assert "rclpy from" in answer.stdout
 
 
-@pytest.mark.slow
 @pytest.mark.graph
 def test_it_records_a_scene(simbev: Callable[..., "subprocess.CompletedProcess[str]"], tmp_path: Path) -> None:
     (tmp_path / "short.yaml").write_text(SCENE)

@@ -42,6 +42,7 @@ def echo(*options: str) -> str:
     return shlex.join([sys.executable, str(Path(__file__).with_name("echo_stack.py")), "--reports", *options])
 
 
+@pytest.mark.slow
 def test_stacks_of_two_agents_are_each_judged_by_the_truth_of_their_agent(simbev: Simbev, tmp_path: Path) -> None:
     first, second = "{participant: echo}", "{participant: van_echo, truth: joint}"
     stacks = ("--stack", echo(), "--stack", f"van={echo('--agent', 'van')}")

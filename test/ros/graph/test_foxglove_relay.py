@@ -56,6 +56,7 @@ def relay(simbev: Simbev) -> Iterator[tuple[Command, FoxgloveClient]]:
         command.process.send_signal(signal.SIGCONT)
 
 
+@pytest.mark.slow
 def test_clients_get_the_bytes_that_are_recorded_and_displays_those_that_follow_from_the_bag(
     recorded: Path, simbev: Simbev, small_config: Config, tmp_path: Path
 ) -> None:

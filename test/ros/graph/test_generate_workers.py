@@ -20,6 +20,7 @@ pytestmark = pytest.mark.graph
 WORKER, NODE = "simbev_ros.production.workers.worker_process", "simbev_ros.ros.nodes.main"
 
 
+@pytest.mark.slow
 def test_a_second_writer_is_refused_and_an_interrupt_ends_all_workers_before_the_command_ends(
     simbev: Simbev, find: Find, tmp_path: Path
 ) -> None:

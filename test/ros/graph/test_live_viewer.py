@@ -92,6 +92,7 @@ def test_a_viewer_follows_one_graph_after_the_other(simbev: Simbev, small_config
     assert viewer.finish() == (130, "interrupted\n")
 
 
+@pytest.mark.slow
 def test_a_viewer_ends_with_the_run(simbev: Simbev, small_config: Config) -> None:
     run = simbev("run", small_config(600, without=["camera", "lidar", "radar"]), "--live", "--view", "--view-port", 0)
     await_line(run, "viewer: http://127.0.0.1:")

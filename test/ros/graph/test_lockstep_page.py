@@ -42,6 +42,7 @@ def stack(script: Path, environment: dict[str, str], *arguments: str) -> Iterato
                     process.wait(2)
 
 
+@pytest.mark.slow
 def test_the_samples_of_the_page_see_every_cloud(simbev: Simbev, tmp_path: Path) -> None:
     config, evaluation = blocks("yaml")
     assert config.count(PARTICIPANTS) == 1

@@ -57,6 +57,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     subprocess.run(["umount", mount_point], check=True)
 
 
+@pytest.mark.slow
 def test_a_full_disk_ends_the_recording_with_one_message(
     simbev: Simbev, small_config: Config, small_disk: Path
 ) -> None:

@@ -38,8 +38,8 @@ def draw(quality: Quality, use_compute: bool, camera: PinholeCamera, changes: di
     ("quality", "camera", "changes"),
     [
         ("high", CAMERA, {**WET, **FOG}),
-        ("medium", LENS, NIGHT),
-        ("low", ODD, {}),
+        pytest.param("medium", LENS, NIGHT, marks=pytest.mark.slow),
+        pytest.param("low", ODD, {}, marks=pytest.mark.slow),
         *(pytest.param(quality, CAMERA, {}, marks=pytest.mark.slow) for quality in QUALITIES),
         pytest.param("medium", CAMERA, {**NIGHT, **WET}, marks=pytest.mark.slow),
         pytest.param("low", CAMERA, NIGHT, marks=pytest.mark.slow),

@@ -9,6 +9,7 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
+import pytest
 from analytic_motion import TICK_S, state_at
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
@@ -24,6 +25,8 @@ from simbev_ros.simulation.sensors.imu import ImuModel
 from simbev_ros.simulation.sensors.odometry import OdometryModel, PlanarTwist
 
 TICKS, SEEDS, GNSS_PERIOD, CHECKED = 240, 12, 10, (60, 150, 239)
+pytestmark = pytest.mark.slow
+
 DATUM = MapDatum(latitude_deg=48.0, longitude_deg=11.0, altitude_m=500.0)
 ODOMETRY = Odometry(type="odometry", name="wheel")
 IMU = Imu(type="imu", name="imu", orientation=ImuOrientation())

@@ -61,6 +61,7 @@ def door_run():
     return vehicles_of(run(changed(spec, door_probability=1.0, blueprint="vehicle.sedan")))
 
 
+@pytest.mark.slow
 def test_doors_are_open_only_while_standing_and_close_again():
     rows = door_run()
     is_open = rows["doors"] > 0

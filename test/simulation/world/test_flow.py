@@ -53,7 +53,8 @@ def assert_flows(map_name: str, seed: int) -> None:
     assert is_moving[-100:].mean() > 0.3  # 0 in a jam; small towns are nearly full with 60 vehicles
 
 
-@pytest.mark.parametrize("town", [True, pytest.param(False, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("town", [True, False])
 def test_at_least_half_of_the_vehicles_move_over_a_minute_and_routes_do_not_end(town, grid_net):
     assert_flows("Town07" if town else grid_net, seed=0)
 

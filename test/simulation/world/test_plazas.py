@@ -19,6 +19,8 @@ from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.simulation.world.demand import demand_of
 from simbev_ros.simulation.world.simulation import Simulation
 
+pytestmark = pytest.mark.slow
+
 TOWN = "Town15"  # a campus in the hills
 TICK_S = 0.1
 
@@ -118,7 +120,6 @@ def test_visitors_neither_jump_nor_spin():
     assert np.abs(visitors["wz"]).max() < 2.5
 
 
-@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bytes_with_plazas():
     spec = draw_town(32, 8.0, plaza_probability=1.0)
     first, second = simulate(spec), simulate(spec)

@@ -1,6 +1,7 @@
 """The ego at a red light, observed from actors and signals only: a careful driver stops, a reckless one drives on."""
 
 import numpy as np
+import pytest
 from world_scenes import blocks, run, scene
 
 from simbev_ros.foundation.types import Float64Array
@@ -36,6 +37,7 @@ def ego_alone(reckless: bool) -> list[WorldState]:
     return run(spec.model_copy(update={"vehicles": (ego,)}))
 
 
+@pytest.mark.slow
 def test_a_reckless_ego_drives_through_a_red_light_at_which_a_careful_one_stops() -> None:
     careful, reckless = ego_alone(False), ego_alone(True)
     assert (careful[-1].ego["behavior"], reckless[-1].ego["behavior"]) == (0, Behavior.RECKLESS)

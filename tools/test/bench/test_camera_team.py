@@ -11,7 +11,7 @@ from simbev_ros.schema.scene.lights import LightSpec
 from tools.bench.camera_scene import CameraScene
 from tools.bench.camera_team import CameraTeam
 
-pytestmark = pytest.mark.gl
+pytestmark = [pytest.mark.gl, pytest.mark.slow]
 
 
 @pytest.fixture

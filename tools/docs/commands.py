@@ -28,7 +28,7 @@ The start script adds four verbs of its own, the last three for developers:
 
 | verb | what it does |
 |---|---|
-| `./simbev setup [EXTRA,…]` | Sets the machine up, with extras such as `view`, and ends, as for a container image or a folder that many machines share. |
+| `./simbev setup [EXTRA,…]` | Sets the machine up, with these extras, and ends, as for a container image. |
 | `./simbev test [--all] [pytest options]` | Runs lint, type checks and tests; `--all` includes the slow tests. |
 | `./simbev fuzz [TARGET …] [--seconds N]` | Feeds damaged files and messages to their readers, guided by coverage. |
 | `./simbev docs` | Regenerates the reference pages and builds this documentation as a site. |

@@ -69,7 +69,7 @@ def test_a_graph_goes_on_when_its_viewer_is_killed(
     run = simbev("run", small_config(DURATION_S), "--record", tmp_path / "out", "--view", "--view-port", 0)
     await_line(run, "viewer: http://127.0.0.1:")
     viewer, server = viewers(run)
-    assert viewer.nice() == psutil.Process(run.process.pid).nice() + 10
+    assert viewer.nice() == min(psutil.Process(run.process.pid).nice() + 10, 19)
     wait_until(lambda: "fastrtps" in Path(f"/proc/{viewer.pid}/maps").read_text())
     viewer.kill()
     code, output = run.finish()

@@ -4,13 +4,19 @@ import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from made_up_scene import made_up_scene
 from nuscenes_tables import export
 from processes import run
 
+from simbev_exporters.nuscenes import map_masks
+from simbev_exporters.nuscenes.map_expansion import expansion
+from simbev_exporters.nuscenes.sites import Site
+from simbev_ros.maps.network import RoadNetwork
 from tools.bench.devkit_comparison import DEVKIT, devkit_environment
 
 CAMERA = """{type: camera, name: NAME, pose: {x_m: X, z_m: 1.6, yaw_deg: YAW},
@@ -28,6 +34,28 @@ rig:
 weather: {{cloudiness: 20, precipitation: 0, sun_altitude_deg: 45, fog_density: 0}}
 traffic: {{vehicles: 20, pedestrians: 60, spawn_radius_m: 120}}
 """
+
+
+@pytest.fixture(scope="session", autouse=True)
+def sites_are_drawn_once() -> Iterator[None]:
+    """Every export draws the map of its sites, which for most tests are the same."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(map_masks, "draw_mask", once_for_each_site(map_masks.draw_mask))
+        patch.setattr(expansion, "map_expansion", once_for_each_site(expansion.map_expansion))
+        yield
+
+
+def once_for_each_site(draw: Callable[[RoadNetwork, Site], Any]) -> Callable[[RoadNetwork, Site], Any]:
+    """The function with a memory of what it has returned for sites of the same map and extent."""
+    drawn: dict[object, Any] = {}
+
+    def drawn_once(network: RoadNetwork, site: Site) -> Any:
+        place = (site.map, site.name, site.low_m, site.high_m)
+        if place not in drawn:
+            drawn[place] = draw(network, site)
+        return drawn[place]
+
+    return drawn_once
 
 
 @pytest.fixture(scope="session")

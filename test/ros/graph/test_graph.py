@@ -110,7 +110,7 @@ def test_killed_node_is_named_and_the_partial_bag_stays_readable(
     command.wait_for(lambda: size_of(bag) > 1_200_000)
     os.kill(command.nodes()[node], signal.SIGKILL)
     code, output = command.finish()
-    assert code == 1
+    assert code == 1, output
     assert f"node {node} died after tick" in output
     assert "SIGKILL" in output
     assert "Traceback" not in output
@@ -130,7 +130,7 @@ def test_interrupt_closes_the_bag_and_exits_130(
     command.wait_for(lambda: size_of(bag) > 1_200_000)
     os.kill(command.process.pid, number)
     code, output = command.finish()
-    assert code == 130
+    assert code == 130, output
     assert "Traceback" not in output
     assert (bag / "metadata.yaml").is_file()
     with AnyReader([bag]) as reader:
@@ -147,7 +147,7 @@ def test_stopped_node_is_named_when_it_has_been_silent_for_too_long(
     command.wait_for(lambda: size_of(bag) > 1_000_000)  # ticks are played
     os.kill(command.nodes()["annotator"], signal.SIGSTOP)
     code, output = command.finish()
-    assert code == 1
+    assert code == 1, output
     assert "node annotator has been silent for 40 s, after tick" in output
 
 

@@ -90,20 +90,20 @@ def test_an_answer_without_columns_is_counted_and_the_run_goes_on(
 def test_a_stack_that_hangs_is_named(simbev: Simbev, lidar_config: Config) -> None:
     config = lidar_config(PARTICIPANT + "\ngraph: {silence_timeout_s: 40}")
     code, output = simbev("run", config, "--stack", echo("--reports", "--hang-at", "3")).finish()
-    assert code == 1
+    assert code == 1, output
     assert "error: node echo has been silent for 40 s, after tick 2" in output
 
 
 def test_a_stack_that_dies_ends_the_run(simbev: Simbev, lidar_config: Config) -> None:
     stack = echo("--reports", "--die-at", "3")
     code, output = simbev("run", lidar_config(PARTICIPANT), "--stack", stack).finish()
-    assert code == 1
+    assert code == 1, output
     assert f"error: stack {stack} died after tick 2: exit code 1: out of memory" in output
 
 
 def test_without_a_stack_the_run_ends_with_a_message(simbev: Simbev, lidar_config: Config, tmp_path: Path) -> None:
     more = "evaluation: {boxes_topic: /boxes, grids_topic: /grids}\ngraph: {silence_timeout_s: 40}"
     code, output = simbev("run", lidar_config(more), "--evaluate", tmp_path / "figures.json").finish()
-    assert code == 2
+    assert code == 2, output
     message = "no stack has connected within 32 s: nothing publishes /boxes, /grids or /grids/<class>"
     assert f"error: node evaluator: {message}" in output

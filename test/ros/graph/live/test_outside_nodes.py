@@ -61,6 +61,6 @@ def test_subscriber_of_the_readme_works_unchanged(graph: Command, tmp_path: Path
 
 def test_another_graph_is_refused_in_the_same_domain(graph: Command, simbev: Simbev, small_config: Config) -> None:
     code, output = simbev("run", small_config()).finish()
-    assert code == 2
+    assert code == 2, output
     assert f"ROS domain {DOMAIN} is in use by another simbev graph" in output
     assert graph.process.poll() is None

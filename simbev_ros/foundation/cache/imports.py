@@ -1,11 +1,12 @@
 """Modules, data files and libraries that a module depends on, found by following the imports in the sources.
 
-In: names of root modules of this package. Out: the sources and the data files that decide what they compute, and the
-top-level names of the libraries that they import. Sources are searched with regular expressions: parsing them takes a
-hundred times longer, and each process needs the result as it starts.
+In: names of root modules, of this package or of one that is installed beside it. Out: the sources and the data files
+that decide what they compute, and the top-level names of the libraries that they import. Sources are searched with
+regular expressions: parsing them takes a hundred times longer, and each process needs the result as it starts.
 """
 
 import hashlib
+import importlib.util
 import os
 import re
 import sys
@@ -28,9 +29,9 @@ class Dependencies:
     """All that root modules depend on.
 
     Attributes:
-        modules: SHA-256 of the source of each module of this package, by the module's name.
-        data: SHA-256 of each file that is not source code, in the packages of the modules, by its path in this package.
-        libraries: Top-level names of the imported modules that belong neither to this package nor to Python.
+        modules: SHA-256 of the source of each module of the packages, by the module's name.
+        data: SHA-256 of each file that is not source code, beside the modules, by its path in its package.
+        libraries: Top-level names of the imported modules that belong neither to the packages nor to Python.
     """
 
     modules: dict[str, bytes]
@@ -40,21 +41,24 @@ class Dependencies:
 
 @dataclass(frozen=True)
 class _Tree:
-    """The files of this package.
+    """The files of a package with all that are in it.
 
     Attributes:
+        folder: The package's folder.
         sources: Path of each module, by its name; a package has that of its ``__init__.py``.
         data: Paths of all other files in each package, by the package's name.
     """
 
+    folder: Path
     sources: dict[str, Path]
     data: dict[str, list[Path]]
 
 
 def follow_imports(root_modules: Iterable[str]) -> Dependencies:
-    """Collect the modules of this package that roots import, directly or through others, with their data and libraries.
+    """Collect the modules that roots import, directly or through others, with their data and libraries.
 
-    Imports inside functions and for type checkers count, and so do ``find_spec`` and ``import_module`` with a literal.
+    They are those of this package and of the packages of the roots. Imports inside functions and for type checkers
+    count, and so do ``find_spec`` and ``import_module`` with a literal.
 
     Args:
         root_modules: Full names, such as ``simbev_ros.maps.build``.
@@ -62,8 +66,10 @@ def follow_imports(root_modules: Iterable[str]) -> Dependencies:
     Raises:
         ValueError: A root module does not exist.
     """
-    tree, waiting = _find_files(), list(root_modules)
-    if unknown := [name for name in waiting if name not in tree.sources]:
+    waiting = list(root_modules)
+    trees = [_find_files(folder) for folder in _package_folders(waiting)]
+    sources = {name: path for tree in trees for name, path in tree.sources.items()}
+    if unknown := [name for name in waiting if name not in sources]:
         raise ValueError(f"no such module: {', '.join(unknown)}")
     modules: dict[str, bytes] = {}
     libraries: set[str] = set()
@@ -71,22 +77,33 @@ def follow_imports(root_modules: Iterable[str]) -> Dependencies:
         name = waiting.pop()
         if name in modules:
             continue
-        modules[name], imported = _read_source(tree.sources[name])
-        waiting += [each for each in (*imported, name.rpartition(".")[0]) if each in tree.sources]
+        modules[name], imported = _read_source(sources[name])
+        waiting += [each for each in (*imported, name.rpartition(".")[0]) if each in sources]
         libraries |= {each.partition(".")[0] for each in imported}
-    data = [path for name in modules for path in tree.data.get(name, ())]
+    data = {
+        path.relative_to(tree.folder).as_posix(): hashlib.sha256(path.read_bytes()).digest()
+        for tree in trees
+        for name in modules
+        for path in tree.data.get(name, ())
+    }
     return Dependencies(
-        modules,
-        {path.relative_to(_FOLDER).as_posix(): hashlib.sha256(path.read_bytes()).digest() for path in data},
-        frozenset(libraries - sys.stdlib_module_names - {_FOLDER.name}),
+        modules, data, frozenset(libraries - sys.stdlib_module_names - {tree.folder.name for tree in trees})
     )
 
 
+def _package_folders(modules: Iterable[str]) -> Iterator[Path]:
+    """Folders of this package and of the installed ones that modules belong to."""
+    yield _FOLDER
+    for package in sorted({name.partition(".")[0] for name in modules} - {_FOLDER.name}):
+        spec = importlib.util.find_spec(package)
+        yield from map(Path, (spec and spec.submodule_search_locations) or ())
+
+
 @cache
-def _find_files() -> _Tree:
-    """List this package; a folder without ``__init__.py`` belongs to the package above it."""
-    tree, package_of = _Tree({}, {}), {_FOLDER.parent: ""}
-    for path, folders, files in os.walk(_FOLDER):
+def _find_files(package_folder: Path) -> _Tree:
+    """List a package; a folder without ``__init__.py`` belongs to the package above it."""
+    tree, package_of = _Tree(package_folder, {}, {}), {package_folder.parent: ""}
+    for path, folders, files in os.walk(package_folder):
         folder = Path(path)
         folders[:] = [name for name in folders if name != "__pycache__"]
         package = package_of[folder.parent]

@@ -190,6 +190,12 @@ def test_another_minor_version_of_python_gives_another_fingerprint(monkeypatch: 
     assert before != {**before, "python": b"3.99"} == fingerprint_inputs(TURNS)
 
 
+def test_a_package_beside_this_one_is_followed_like_this_one() -> None:
+    inputs = fingerprint_inputs("simbev_exporters.nuscenes.export")
+    assert {"module simbev_exporters.nuscenes.taxonomy", "module simbev_ros.export.parts"} <= inputs.keys()
+    assert not [name for name in inputs if name.startswith("library simbev")]
+
+
 def test_roots_that_do_not_exist_are_refused() -> None:
     with pytest.raises(ValueError, match=r"no such module: simbev_ros\.maps\.typo$"):
         fingerprint(MAPS, "simbev_ros.maps.typo")

@@ -18,6 +18,7 @@ def test_a_file_that_is_no_model_is_refused(tmp_path: Path) -> None:
         load_baseline(Modality.LIDAR, tmp_path / "model.onnx")
 
 
+@pytest.mark.slow
 def test_a_model_that_sees_something_else_is_refused(tmp_path: Path) -> None:
     for package in ("torch", "onnx", "onnxruntime"):
         pytest.importorskip(package, reason=f"{package} is not installed")
@@ -38,6 +39,7 @@ def test_the_node_ends_with_exit_code_2_and_one_line_if_there_is_no_such_file(tm
     )
 
 
+@pytest.mark.slow
 def test_a_model_that_does_not_say_what_it_takes_is_refused(tmp_path: Path) -> None:
     for package in ("torch", "onnx", "onnxruntime"):
         pytest.importorskip(package, reason=f"{package} is not installed")

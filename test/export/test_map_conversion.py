@@ -34,7 +34,9 @@ def road_of(network: RoadNetwork, like: RoadNetwork) -> shapely.Geometry:
     return shapely.affinity.translate(surfaces_of(network.layout).road, *origin_m[:2])
 
 
-@pytest.mark.parametrize("suffix", FORMS)
+@pytest.mark.parametrize(
+    "suffix", [".xodr", *(pytest.param(suffix, marks=pytest.mark.slow) for suffix in list(FORMS)[1:])]
+)
 def test_a_written_map_has_the_same_roads(tmp_path: Path, network: RoadNetwork, suffix: str) -> None:
     path = tmp_path / f"map{suffix}"
     write_map(network, path)

@@ -10,10 +10,9 @@ from map_samples import SUFFIXES, sample
 pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", SUFFIXES)
-@pytest.mark.parametrize(
-    ("seeds", "min_opened"), [(range(1, 2), 1), pytest.param(range(100, 160), 48, marks=pytest.mark.slow)]
-)
+@pytest.mark.parametrize(("seeds", "min_opened"), [(range(1, 2), 1), (range(100, 160), 48)])
 def test_most_damaged_maps_open_and_the_others_are_refused(
     tmp_path: Path, suffix: str, seeds: range, min_opened: int
 ) -> None:

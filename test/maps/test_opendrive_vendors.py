@@ -82,7 +82,9 @@ VARIANTS = {
 }
 
 
-@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize(
+    "variant", ["1.7", *(pytest.param(name, marks=pytest.mark.slow) for name in list(VARIANTS)[1:])]
+)
 def test_a_road_with_all_features_of_version_1_7_is_read_and_driven(tmp_path: Path, variant: str) -> None:
     (tmp_path / "vendor.xodr").write_text(VARIANTS[variant])
     (tmp_path / "config.yaml").write_text(CONFIG)

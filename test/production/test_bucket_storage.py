@@ -60,6 +60,7 @@ def test_existing_scenes_count(graph: FakeGraph, scenario: Scenarios, store: Sto
     assert [row["number"] for row in read_index(SET)] == [0, 1]
 
 
+@pytest.mark.slow
 def test_a_driver_killed_at_any_moment_leaves_what_the_next_one_completes(
     graph: FakeGraph, scenario: Scenarios, store: StoreServer, die_after: DieAfter, tmp_path: Path
 ) -> None:

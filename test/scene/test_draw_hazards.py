@@ -84,6 +84,7 @@ def test_kinds_emergency_vehicles_and_missing_cones_have_the_papers_frequencies(
     assert is_share(missing, missing + cones, 0.32)
 
 
+@pytest.mark.slow
 def test_each_site_with_room_becomes_a_hazard_with_the_configured_probability() -> None:
     positions, sites = starts().vehicles, starts().hazard_sites(0.5)
     chosen: list[int] = []

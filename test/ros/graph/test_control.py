@@ -101,6 +101,7 @@ def test_replaying_with_the_same_configuration_repeats_every_byte_and_merges_int
     assert code == 2 and "Blocks-0000.rear: exists already; nothing was overwritten" in output
 
 
+@pytest.mark.slow
 def test_replay_at_night_with_other_sensors_repeats_all_motion(recorded: Path, simbev: Simbev, tmp_path: Path) -> None:
     config = write_small(tmp_path, without=["radar", "gnss", "imu"])
     config.write_text(config.read_text().replace(NOON, NIGHT).replace("channels: 8", "channels: 4"))

@@ -82,11 +82,9 @@ def integration_errors(states: Sequence[WorldState], samples: int, pose: Pose) -
     return float(path_m), float(np.linalg.norm(end[:3, 3] - poses[-1, :3, 3])), float(np.degrees(turn_rad))
 
 
-@pytest.mark.parametrize("pose", [pytest.param(Pose(), marks=pytest.mark.slow), CORNER], ids=["origin", "corner"])
-@pytest.mark.parametrize(
-    ("samples", "max_error_per_path"),
-    [(1, MAX_ERROR_PER_PATH), pytest.param(5, MAX_ERROR_PER_PATH / 10, marks=pytest.mark.slow)],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("pose", [Pose(), CORNER], ids=["origin", "corner"])
+@pytest.mark.parametrize(("samples", "max_error_per_path"), [(1, MAX_ERROR_PER_PATH), (5, MAX_ERROR_PER_PATH / 10)])
 def test_integration_ends_at_the_pose_of_the_vehicle(
     states: list[WorldState], pose: Pose, samples: int, max_error_per_path: float
 ) -> None:

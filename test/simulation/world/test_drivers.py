@@ -72,6 +72,7 @@ def test_doors_are_open_only_while_standing_and_close_again():
     assert speed_mps[is_open].max() < 0.02
 
 
+@pytest.mark.slow
 def test_vehicles_stand_for_a_second_before_doors_open_and_have_only_the_doors_of_their_blueprint():
     rows = door_run()
     ticks = round(1.0 / TICK_S)
@@ -83,6 +84,7 @@ def test_vehicles_stand_for_a_second_before_doors_open_and_have_only_the_doors_o
     assert {1, 4} <= {int(bits).bit_count() for bits in rows["doors"].ravel()}
 
 
+@pytest.mark.slow
 def test_vehicles_drive_on_after_their_doors_were_open():
     rows = door_run()
     speed_mps = np.hypot(rows["vx"], rows["vy"])

@@ -81,6 +81,7 @@ def test_a_scene_on_a_file_spawns_and_drives(tmp_path: Path, options: str) -> No
     assert speeds_mps.max() < 45.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("side", ["", "--lefthand"])
 def test_vehicles_change_lanes_to_the_side_that_sumo_means(tmp_path: Path, side: str) -> None:
     planned = configured(tmp_path, map_file(tmp_path, f"--grid --grid.number 3 -L3 --no-turnarounds {side}"))

@@ -33,6 +33,7 @@ def test_every_trunk_and_pole_on_a_sidewalk_is_covered_and_nothing_else() -> Non
     assert np.all(obstacles["radius"] < 0.6)
 
 
+@pytest.mark.slow
 def test_pedestrians_pass_obstacles_on_the_side_away_from_the_road() -> None:
     spec = map_spec("Blocks")
     network = load_network(spec)

@@ -63,6 +63,7 @@ def test_a_lens_that_distorts_shows_what_its_rays_hit(blocks: Studio) -> None:
         assert np.quantile(each.flow_px, 0.99) < 0.2
 
 
+@pytest.mark.slow
 def test_the_quality_of_pictures_changes_no_label(blocks: Studio) -> None:
     [view] = random_views(blocks.state, SMALL, 1, 1)
     [medium] = blocks.images([view])

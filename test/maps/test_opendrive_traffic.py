@@ -28,7 +28,7 @@ def import_sample(tmp_path: Path, *content: str) -> tuple[MapParts, SumoNet]:
     return parts, read_sumo_net(parts.net)
 
 
-@pytest.fixture(scope="module", params=["Town01", "Town04"])
+@pytest.fixture(scope="module", params=["Town01", pytest.param("Town04", marks=pytest.mark.slow)])
 def town(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[MapParts, SumoNet]:
     path = _MAPS / f"{request.param}.xodr"
     if not path.is_file():

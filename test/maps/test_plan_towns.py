@@ -175,7 +175,7 @@ def heights_within(line_m: NDArray[np.float64], body: Water) -> NDArray[np.float
     return shapely.get_coordinates(shapely.intersection(dense, body.area), include_z=True)[:, 2]
 
 
-@pytest.mark.parametrize("town", ["Town03", "Town05"])
+@pytest.mark.parametrize("town", ["Town03", pytest.param("Town05", marks=pytest.mark.slow)])
 def test_same_recipe_and_seed_give_the_same_bytes(
     town: str, built_town: Callable[[str], MapParts], tmp_path: Path
 ) -> None:

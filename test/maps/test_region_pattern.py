@@ -15,6 +15,8 @@ from simbev_ros.maps.plan.patterns.street_lattice import FILL, FINE, Lattice
 from simbev_ros.maps.plan.patterns.warp import draw_warp
 from simbev_ros.maps.recipe import recipe_of
 
+pytestmark = pytest.mark.slow
+
 CELLS = 8
 
 
@@ -81,7 +83,6 @@ def test_suburbs_have_culs_de_sac_and_are_reached_from_all_sides() -> None:
             assert any(len(neighbors) == 3 for point, neighbors in arms.items() if point[side] == border)
 
 
-@pytest.mark.slow
 def test_the_same_seed_gives_the_same_region_and_another_seed_another() -> None:
     first, same, other = first_draft("Town12"), draw_town("Town12", 1), draw_town("Town12", 2)
     assert [road.name for road in first.roads] == [road.name for road in same.roads]

@@ -78,6 +78,7 @@ def state(dataset: ObjectPath, made: Made) -> str:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "growth",
     [

@@ -48,11 +48,13 @@ def test_the_bytes_are_those_of_a_folder(
     assert not list(temporary.iterdir())
 
 
+@pytest.mark.slow
 def test_a_whole_bucket_can_be_a_dataset(folder: dict[str, bytes], scenario: Scenarios, store: StoreServer) -> None:
     assert make_dataset(scenario(2), f"s3://{BUCKET}").is_complete
     assert objects(ObjectPath(BUCKET)) == folder
 
 
+@pytest.mark.slow
 def test_existing_scenes_count(graph: FakeGraph, scenario: Scenarios, store: StoreServer) -> None:
     make_dataset(scenario(1), SET)
     result = make_dataset(scenario(2), SET)
@@ -91,6 +93,7 @@ def test_an_upload_that_fails_is_tried_again_with_its_scene(
     assert "\nBlocks-0000 was made, but could not be uploaded: s3://made-up/x: SLOW_DOWN\n" in failed
 
 
+@pytest.mark.slow
 def test_an_upload_that_fails_for_good_is_listed_with_its_scene(
     graph: FakeGraph, scenario: Scenarios, store: StoreServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -126,6 +129,7 @@ def test_what_dead_runs_have_left_is_removed(graph: FakeGraph, scenario: Scenari
     assert not list_objects(SET / ".making")
 
 
+@pytest.mark.slow
 def test_objects_of_another_size_are_reported_as_damage(
     graph: FakeGraph, scenario: Scenarios, store: StoreServer
 ) -> None:

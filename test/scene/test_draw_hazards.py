@@ -99,7 +99,8 @@ def test_each_site_with_room_becomes_a_hazard_with_the_configured_probability() 
     assert is_share(count, 30 * len(chosen), 0.25)
 
 
-@pytest.mark.parametrize("scenes", [25, pytest.param(90, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("scenes", [25, 90])
 def test_the_warning_sign_is_40_to_160_m_ahead_uniformly_where_no_junction_is_near(scenes: int) -> None:
     hazards = many_hazards(scenes)
     signs_m = np.array([hazard.sign_distance_m for hazard in hazards if hazard.sign_distance_m is not None])

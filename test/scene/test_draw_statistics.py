@@ -125,7 +125,8 @@ def small_scenes(scenario: Scenario, count: int = SCENES) -> Iterator[SceneSpec]
         yield draw_scene(scenario, PLANNED._replace(number=number), network, starts)
 
 
-@pytest.mark.parametrize("count", [400, pytest.param(SCENES, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [400, SCENES])
 def test_the_ego_its_driver_signals_and_duration(count: int) -> None:
     time = Timing(duration_s=Distribution(uniform=(4, 20)))
     empty = {"traffic": Traffic(vehicles=0, pedestrians=0), "hazards": Hazards(count=0), "time": time}

@@ -44,18 +44,21 @@ def unprovided(needed: dict[str, list[str]], packages: list[str]) -> set[str]:
     return {library for library in needed if package_of(library) not in pulled_in}
 
 
+@pytest.mark.slow
 @needs_dpkg
 @needs_wheels
 def test_every_needed_library_is_in_a_package_that_set_up_installs(needed: dict[str, list[str]]) -> None:
     assert {library: needed[library] for library in unprovided(needed, packages())} == {}
 
 
+@pytest.mark.slow
 @needs_dpkg
 @needs_wheels
 def test_the_list_that_was_guessed_is_found_incomplete(needed: dict[str, list[str]]) -> None:
     assert {"libatomic.so.1", "libXrender.so.1"} <= unprovided(needed, BEFORE)
 
 
+@pytest.mark.slow
 @needs_dpkg
 @needs_wheels
 def test_the_table_is_the_derived_one(needed: dict[str, list[str]]) -> None:

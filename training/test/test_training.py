@@ -123,7 +123,13 @@ def test_a_camera_encoder_takes_nothing_from_a_camera_with_projections_of_zeros(
     assert not torch.equal(encoder(images + 255, projections)[0], white)
 
 
-@pytest.mark.parametrize(("modality", "size"), [(Modality.CAMERA, 1), (Modality.LIDAR, 2), (Modality.FUSED, 1)])
+@pytest.mark.parametrize(
+    ("modality", "size"),
+    [
+        (Modality.LIDAR, 2),
+        *(pytest.param(each, 1, marks=pytest.mark.slow) for each in (Modality.CAMERA, Modality.FUSED)),
+    ],
+)
 def test_shapes_and_gradients(tmp_path: Path, modality: Modality, size: int) -> None:
     torch.manual_seed(0)
     batch, model = batches(tmp_path, modality, None, size)[0], BevModel(modality)
@@ -239,6 +245,7 @@ def test_an_ensemble_answers_with_the_mean(tmp_path: Path, weights: str, toleran
         assert (back.get_parameter(name) - each).abs().max() <= step, name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("about", "message"),
     [

@@ -57,6 +57,7 @@ def test_without_sros_2_the_message_says_what_to_do(tmp_path: Path, monkeypatch:
         Exposure(security=True).security_environment(tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("ros2")
 def test_a_middleware_without_security_ends_the_run_with_one_message(tmp_path: Path) -> None:
     if not list(distributions(name="ros-rmw-fastrtps-cpp")):

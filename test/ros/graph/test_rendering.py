@@ -14,6 +14,7 @@ def refusal(command: Command) -> str:
     return output.partition("error: ")[2]
 
 
+@pytest.mark.slow
 def test_without_egl_the_message_says_what_to_install(
     simbev: Simbev, small_config: Config, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -23,6 +24,7 @@ def test_without_egl_the_message_says_what_to_install(
     assert "__EGL_VENDOR_LIBRARY_FILENAMES=/nonexistent" in message and "apt install libegl1" in message
 
 
+@pytest.mark.slow
 def test_a_missing_gpu_is_named_with_the_available_ones(simbev: Simbev, small_config: Config) -> None:
     config = small_config(600, "rendering: {gpus: [77], processes: 2}\n", without=["lidar", "radar", "gnss", "imu"])
     message = refusal(simbev("run", config))

@@ -102,6 +102,7 @@ def client() -> Iterator[Client]:
     rclpy.shutdown(context=context)
 
 
+@pytest.mark.slow
 def test_scenes_are_played_recorded_and_ended_on_request(
     simbev: Simbev, small_config: Config, tmp_path: Path, client: Client
 ) -> None:

@@ -126,7 +126,14 @@ def test_surfaces_agree_with_separating_axes_in_every_voxel(size: float) -> None
     assert np.array_equal(found > 0, expected)
 
 
-@pytest.mark.parametrize("name", ["vehicle.pickup", "vehicle.van", "vehicle.bicycle", "pedestrian.woman"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("vehicle.pickup", "vehicle.van")),
+        "vehicle.bicycle",
+        "pedestrian.woman",
+    ],
+)
 def test_actor_voxels_agree_with_winding_numbers_and_separating_axes(name: str) -> None:
     model = next(model for model in load_models() if model.blueprint == name)
     row = actor(

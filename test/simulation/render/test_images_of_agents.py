@@ -19,7 +19,7 @@ from simbev_ros.simulation.render.frame import CameraImages, CameraView, RenderF
 from simbev_ros.simulation.render.geometry.static_geometry import StaticGeometry
 from simbev_ros.simulation.render.renderer import Renderer
 
-pytestmark = pytest.mark.gl
+pytestmark = [pytest.mark.gl, pytest.mark.slow]
 
 VIEWS = {view.agent: view for view in agent_views(made_up_agents())}
 EGO, CAR, STATION = VIEWS
@@ -130,7 +130,6 @@ def test_images_drawn_in_turns_are_those_of_each_agent_alone(
     assert not any(np.array_equal(one, other) for one, other in pairwise(first))
 
 
-@pytest.mark.slow
 def test_the_same_holds_for_images_from_compute_shaders(make_renderer: Callable[..., Renderer]) -> None:
     weather = NOON.model_copy(update=WEATHERS["rainy night"])
     alone, shared = (make_renderer(use_compute=True) for _ in range(2))

@@ -23,6 +23,8 @@ from simbev_ros.simulation.render.frame import CameraView, RenderFrame
 from simbev_ros.simulation.render.lighting.tunnel_map import TunnelMap
 from simbev_ros.simulation.render.renderer import Renderer
 
+pytestmark = pytest.mark.slow
+
 CAMERA = PinholeCamera.from_field_of_view(160, 90, 1.2)
 POSE = matrices_from_xyz_rpy(np.array([0.0, 0.0, 1.8]), np.zeros(3))
 NIGHT = NOON.model_copy(update={"sun_altitude_deg": -25.0})

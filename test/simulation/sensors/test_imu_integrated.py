@@ -102,6 +102,7 @@ def test_integration_ends_at_the_pose_of_the_vehicle(
     assert driven >= 3
 
 
+@pytest.mark.slow
 def test_integration_does_not_drift_for_a_stationary_tilted_vehicle(states: list[WorldState]) -> None:
     actors = states[0].actors.copy()
     for name in ("vx", "vy", "vz", "ax", "ay", "az", "wx", "wy", "wz"):

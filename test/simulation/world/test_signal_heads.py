@@ -76,7 +76,15 @@ def test_time_remaining_counts_down_to_the_change_which_may_never_come():
 
 
 @pytest.mark.parametrize(
-    "town", ["Blocks", "Town10HD", CARLA / "Town01.xodr", CARLA / "Town04.xodr"], ids=lambda town: Path(town).name
+    "town",
+    [
+        "Blocks",
+        *(
+            pytest.param(town, marks=pytest.mark.slow)
+            for town in ("Town10HD", CARLA / "Town01.xodr", CARLA / "Town04.xodr")
+        ),
+    ],
+    ids=lambda town: Path(town).name,
 )
 def test_time_remaining_is_the_time_until_the_next_change(town: str | Path) -> None:
     if isinstance(town, Path) and not town.is_file():

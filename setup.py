@@ -117,9 +117,10 @@ setup(
         "sim": SIMULATOR,
         "pictures": PICTURES,
         "wheels": ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"],
-        # Its own reading of its towns is the truth that a test of the OpenDRIVE reader compares with.
-        "carla": [
+        # What slow tests need beside: CARLA's reading of its towns, and the schemas of Kubernetes, which are 17,000 files.
+        "slow": [
             "carla>=0.9.16; python_version < '3.13' and sys_platform == 'linux' and platform_machine == 'x86_64'",
+            "kubernetes-validate>=1.33",
         ],
         # Newer versions of Python and other machines have no wheels of it.
         "fuzz": [
@@ -132,12 +133,13 @@ setup(
         "docs": ["mkdocs-material>=9.5"],
         "test": [
             "dockerfile-parse>=2",
+            "flask>=3",
+            "flask-cors>=5",
             "foxglove-sdk>=0.30",
             "hypothesis>=6.100",
             "jsonschema>=4.20",
-            "kubernetes-validate>=1.33",
             "mcap-ros2-support>=0.5",
-            "moto[server]>=5.2",
+            "moto[s3]>=5.2",
             "mypy>=1.15",
             "onnx>=1.17",
             "onnxruntime>=1.20",

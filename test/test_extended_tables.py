@@ -83,6 +83,7 @@ def test_a_weather_parameter_is_a_row_a_line_and_where_it_acts(tmp_path: Path) -
     page.require_lint()
 
 
+@pytest.mark.slow
 def test_a_class_of_objects_is_a_row_and_a_constant(tmp_path: Path) -> None:
     page = FollowedPage("object-class.md", tmp_path)
     page.follow(1, 3)
@@ -95,6 +96,7 @@ def test_a_class_of_objects_is_a_row_and_a_constant(tmp_path: Path) -> None:
     page.require_lint()
 
 
+@pytest.mark.slow
 def test_a_modality_is_a_row_and_what_computes_it(tmp_path: Path) -> None:
     page = FollowedPage("modality.md", tmp_path)
     page.follow(1, 2)

@@ -43,6 +43,7 @@ def test_a_model_that_is_not_in_the_union_is_found(page: FollowedPage) -> None:
     assert page.failures(CHECKS[0], only=ONLY) == page.checks("step 2")
 
 
+@pytest.mark.slow
 def test_what_a_kind_needs_complains_by_itself(page: FollowedPage) -> None:
     page.follow(1, 2)
     (place,) = re.findall(r"`assert_never` in `([\w/.]+)`", page.row("step 4"))

@@ -6,10 +6,10 @@ import re
 import shlex
 from importlib import util
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import jsonschema
-import kubernetes_validate
 import pytest
 import yaml
 
@@ -49,12 +49,20 @@ def test_an_unknown_field_of_a_rayjob_is_found() -> None:
         jsonschema.validate(wrong, RAYJOB_SCHEMA)
 
 
+@pytest.fixture
+def kubernetes_validate() -> ModuleType:
+    """The module with the schemas of Kubernetes."""
+    return pytest.importorskip("kubernetes_validate", reason="kubernetes-validate is not installed")
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("group", GROUPS, ids=IDS)
-def test_pods_keep_the_schema_of_kubernetes(group: dict[str, Any]) -> None:
+def test_pods_keep_the_schema_of_kubernetes(kubernetes_validate: ModuleType, group: dict[str, Any]) -> None:
     kubernetes_validate.validate(pod(group), KUBERNETES, strict=True)
 
 
-def test_an_unknown_field_of_a_pod_is_found() -> None:
+@pytest.mark.slow
+def test_an_unknown_field_of_a_pod_is_found(kubernetes_validate: ModuleType) -> None:
     wrong = copy.deepcopy(pod(GROUPS[0]))
     wrong["spec"]["containers"][0]["volumeMount"] = []
     with pytest.raises(kubernetes_validate.ValidationError, match="volumeMount"):

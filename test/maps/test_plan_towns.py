@@ -17,8 +17,8 @@ from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.plan.town import build_town
 from simbev_ros.maps.recipe import recipe_of
 
-FAST = ("Blocks", "Town01", "Town04", "Town07", "Town10HD", "Town15")
-SLOW = ("Town02", "Town03", "Town05", "Town06", "Town12", "Town13")
+FAST = ("Blocks", "Town04", "Town10HD")
+SLOW = ("Town01", "Town02", "Town03", "Town05", "Town06", "Town07", "Town12", "Town13", "Town15")
 FREE_HEIGHT_M, DECK_M = 5.5, 1.0
 STEEPEST, STEEPEST_MOTORWAY, MOTORWAY_MPS = 0.08, 0.05, 20.0
 KINK_PER_5M = 0.01

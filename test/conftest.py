@@ -9,6 +9,7 @@ import retry_failed
 from store_server import StoreServer, running_store
 
 _OBJECTS_BETWEEN_COLLECTIONS = 100_000
+_FILES_BETWEEN_COLLECTIONS = 10
 _STARTED_FILES: set[str] = set()
 
 
@@ -35,10 +36,11 @@ def pytest_collection_finish() -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_runtest_logstart(nodeid: str, location: tuple[str, int | None, str]) -> None:
-    """Before the first test of each file, exclude also what the files before have left, such as caches of maps."""
+    """From time to time, exclude also what the tests of earlier files have left, such as caches of maps."""
     if location[0] not in _STARTED_FILES:
         _STARTED_FILES.add(location[0])
-        _freeze()
+        if len(_STARTED_FILES) % _FILES_BETWEEN_COLLECTIONS == 0:
+            _freeze()
 
 
 def _freeze() -> None:

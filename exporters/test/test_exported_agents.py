@@ -92,6 +92,7 @@ def test_infos_of_a_simbev_export_leave_out_other_agents(made: tuple[Path, MadeU
     assert infos["metadata"]["LIDAR"]["sensor2ego_translation"] == [0.0, 0.0, 6.2]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("layout", ["nuscenes", "simbev"])
 def test_another_agent_in_the_same_folder_replaces_the_earlier_one(
     made: tuple[Path, MadeUp], tmp_path: Path, layout: str

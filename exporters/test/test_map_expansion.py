@@ -232,6 +232,7 @@ def test_a_straight_line_is_one_straight_path_and_an_arc_has_its_radius() -> Non
     assert [record["radius"] for record in path] == pytest.approx([30] * len(path), rel=0.02)
 
 
+@pytest.mark.slow
 def test_the_export_writes_it_once_for_each_extent(tmp_path: Path) -> None:
     made_up_scene(tmp_path / "set/scenes/train/Blocks-0000")
     export(tmp_path / "set", tmp_path / "none", map_expansion=False)

@@ -137,6 +137,7 @@ def test_an_export_without_labels_gets_them_and_nothing_else_is_made_again(tmp_p
     assert before.keys() <= after.keys() and changed & before.keys() == {f"{TABLES}/category.json"}
 
 
+@pytest.mark.slow
 def test_labels_of_a_replaced_scene_are_replaced(tmp_path: Path) -> None:
     bag, out = tmp_path / "set/scenes/train/Blocks-0000", tmp_path / "out"
     made_up_scene(bag, ticks=21)

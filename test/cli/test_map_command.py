@@ -39,6 +39,7 @@ def streets(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_json_has_the_figures_of_the_map(simbev: Callable[..., Any], streets: Path) -> None:
     facts = json.loads(simbev("map", streets, "--json").out)
     assert (facts["name"], facts["file"], facts["two_level_crossings"]) == ("two_streets", str(streets), 0)
@@ -127,6 +128,7 @@ def test_a_place_without_roads_is_refused(refused: Callable[..., str], streets: 
     assert "--at 9000 0: there is no road of two_streets near" in refused("map", streets, "--at", "9000", "0")
 
 
+@pytest.mark.slow
 def test_a_file_of_600_mib_is_refused_at_once_in_little_memory(tmp_path: Path) -> None:
     path = tmp_path / "huge.osm"
     with path.open("wb") as stream:

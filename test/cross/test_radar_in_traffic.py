@@ -54,6 +54,7 @@ def distances_m(model: RadarModel, cloud: Table, ids: UInt32Array, now: WorldSta
     return np.linalg.norm(points_m - map_from_sensor(model.radar.pose, other)[:3, 3], axis=1)
 
 
+@pytest.mark.slow
 def test_doppler_is_the_change_of_distance_from_tick_to_tick(
     scene: tuple[list[RadarModel], RayScene, list[WorldState]],
 ) -> None:

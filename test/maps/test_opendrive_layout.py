@@ -270,6 +270,7 @@ def test_tunnels_cut_lanes_and_get_levels_of_their_own(tmp_path: Path) -> None:
     assert {strip.level for strip in layout.strips if not strip.tunnel} == {0, 1}
 
 
+@pytest.mark.slow
 def test_a_hundred_thousand_tunnels_on_a_road_are_read_in_seconds(tmp_path: Path) -> None:
     tunnels = "".join(f'<tunnel s="{k / 1000}" length="0.0004"/>' for k in range(100_000))
     start_s = time.process_time()

@@ -109,6 +109,7 @@ def test_a_road_with_all_features_of_version_1_7_is_read_and_driven(tmp_path: Pa
     assert np.mean(np.hypot(last["x"] - first["x"], last["y"] - first["y"]) > 3.0) > 0.7
 
 
+@pytest.mark.slow
 def test_sumos_export_of_a_net_gives_the_same_roads(tmp_path: Path) -> None:
     net = tmp_path / "turns.net.xml"
     options = "--grid --grid.number 3 --default-junction-type traffic_light -L 2 "

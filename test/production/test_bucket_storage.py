@@ -77,6 +77,7 @@ def test_a_driver_killed_at_any_moment_leaves_what_the_next_one_completes(
     assert writes > 12
 
 
+@pytest.mark.slow
 def test_an_upload_that_fails_is_tried_again_with_its_scene(
     folder: dict[str, bytes], graph: FakeGraph, scenario: Scenarios, store: StoreServer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -108,6 +109,7 @@ def test_an_upload_that_fails_for_good_is_listed_with_its_scene(
     assert sorted(objects(SET)) == [".lock", "index.parquet", "plan.json"]
 
 
+@pytest.mark.slow
 def test_a_full_local_disk_ends_production_and_keeps_finished_scenes(
     graph: FakeGraph, scenario: Scenarios, store: StoreServer, monkeypatch: pytest.MonkeyPatch, temporary: Path
 ) -> None:

@@ -69,6 +69,7 @@ def by_name(spec: SceneSpec) -> dict[str, VehicleSpec]:
     return {view.agent: view.vehicle for view in agent_views(spec) if view.vehicle is not None}
 
 
+@pytest.mark.slow
 def test_agents_follow_the_ego_and_precede_traffic(draw: Callable[..., SceneSpec]) -> None:
     spec = draw("name: bus, blueprint: vehicle.bus, driver: twist", "name: van, count: 2, blueprint: vehicle.van")
     assert [(agent.name, agent.vehicle, agent.driver) for agent in spec.agents] == [
@@ -154,6 +155,7 @@ def poses(network: RoadNetwork, *rows: int) -> str:
     return "[" + ", ".join(f"{{x_m: {position_m[row, 0]}, y_m: {position_m[row, 1]}}}" for row in rows) + "]"
 
 
+@pytest.mark.slow
 def test_agents_with_the_same_poses_take_different_ones(draw: Callable[..., SceneSpec], network: RoadNetwork) -> None:
     spawn = f"spawn: {poses(network, 3, 30)}"
     for number in range(6):

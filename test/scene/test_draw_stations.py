@@ -83,6 +83,7 @@ def is_on(network: RoadNetwork, station: StationSpec, *kinds: LaneKind) -> bool:
     return False
 
 
+@pytest.mark.slow
 def test_a_mast_beside_signals_is_at_one_of_their_poles_and_faces_the_junction(
     draw: Draw, maps: dict[str, tuple[RoadNetwork, StartPositions]]
 ) -> None:

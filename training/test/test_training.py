@@ -123,13 +123,8 @@ def test_a_camera_encoder_takes_nothing_from_a_camera_with_projections_of_zeros(
     assert not torch.equal(encoder(images + 255, projections)[0], white)
 
 
-@pytest.mark.parametrize(
-    ("modality", "size"),
-    [
-        (Modality.LIDAR, 2),
-        *(pytest.param(each, 1, marks=pytest.mark.slow) for each in (Modality.CAMERA, Modality.FUSED)),
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("modality", "size"), [(Modality.CAMERA, 1), (Modality.LIDAR, 2), (Modality.FUSED, 1)])
 def test_shapes_and_gradients(tmp_path: Path, modality: Modality, size: int) -> None:
     torch.manual_seed(0)
     batch, model = batches(tmp_path, modality, None, size)[0], BevModel(modality)
@@ -202,6 +197,7 @@ def test_an_interrupted_run_ends_like_one_that_was_not(tmp_path: Path) -> None:
         )
 
 
+@pytest.mark.slow
 def test_the_exported_model_answers_like_the_trained_one(tmp_path: Path) -> None:
     torch.manual_seed(0)
     sample, model = (

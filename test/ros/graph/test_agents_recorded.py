@@ -17,7 +17,7 @@ from simbev_ros.recording.reader import SceneBag
 from simbev_ros.recording.verify import verify_bag
 from simbev_ros.simulation.annotation.boxes import joint
 
-pytestmark = pytest.mark.graph
+pytestmark = [pytest.mark.graph, pytest.mark.slow]
 
 TWO_CARS = """
 seed: 11
@@ -142,7 +142,6 @@ def test_each_receives_what_the_other_sent_two_ticks_before(scene: Scene) -> Non
         assert newest == [{}, {other.agent: 0}, {other.agent: 0}, {other.agent: 10}]
 
 
-@pytest.mark.slow
 def test_the_number_of_cores_changes_nothing(scene: Scene, simbev: Simbev, tmp_path: Path) -> None:
     many = record_two_cars(simbev, tmp_path / "many", cores=16)
     with SceneBag(scene.path) as few_bag, SceneBag(many) as many_bag:

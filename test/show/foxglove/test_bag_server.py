@@ -194,6 +194,7 @@ def test_without_the_library_one_line_says_how_to_install_it(
     assert failure(bag) == f"error: the server needs Foxglove's SDK; install it: {install_command('foxglove')}"
 
 
+@pytest.mark.slow
 def test_the_clock_keeps_to_the_bag_and_stands_while_paused() -> None:
     clock = PlaybackClock(100, 5_000_000_100, 100, speed=2.0)
     assert clock.advance(0.5) == 1_000_000_100

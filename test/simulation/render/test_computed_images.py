@@ -11,7 +11,7 @@ from simbev_ros.foundation.geometry.camera import LensCamera, PinholeCamera
 from simbev_ros.simulation.render.frame import CameraImages, CameraView, RenderFrame
 from simbev_ros.simulation.render.renderer import Renderer
 
-pytestmark = pytest.mark.gl
+pytestmark = [pytest.mark.gl, pytest.mark.slow]
 
 NIGHT = {"sun_altitude_deg": -40.0}
 WET = {"precipitation": 60.0, "precipitation_deposits": 80.0, "wetness": 90.0, "wind_intensity": 50.0}
@@ -38,11 +38,11 @@ def draw(quality: Quality, use_compute: bool, camera: PinholeCamera, changes: di
     ("quality", "camera", "changes"),
     [
         ("high", CAMERA, {**WET, **FOG}),
-        pytest.param("medium", LENS, NIGHT, marks=pytest.mark.slow),
-        pytest.param("low", ODD, {}, marks=pytest.mark.slow),
-        *(pytest.param(quality, CAMERA, {}, marks=pytest.mark.slow) for quality in QUALITIES),
-        pytest.param("medium", CAMERA, {**NIGHT, **WET}, marks=pytest.mark.slow),
-        pytest.param("low", CAMERA, NIGHT, marks=pytest.mark.slow),
+        ("medium", LENS, NIGHT),
+        ("low", ODD, {}),
+        *((quality, CAMERA, {}) for quality in QUALITIES),
+        ("medium", CAMERA, {**NIGHT, **WET}),
+        ("low", CAMERA, NIGHT),
     ],
 )
 def test_computed_images_equal_the_rasterized_ones(

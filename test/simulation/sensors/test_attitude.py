@@ -61,6 +61,7 @@ def test_the_covariance_fits_the_error_over_many_seeds() -> None:
     assert low < np.mean(squares) < high
 
 
+@pytest.mark.slow
 def test_tilt_is_small_and_forgets_within_its_time_and_the_heading_drifts_slowly() -> None:
     """Autocorrelation of a Gauss-Markov process after its time: 1/e."""
     runs = np.array([errors_rad(*measure(seed, 41, tilt_drift_time_s=1.0, noise_sigma_deg=0.0)) for seed in range(40)])

@@ -49,6 +49,7 @@ def drive(spec: SceneSpec, commands: Commands) -> tuple[Table, list[Event]]:
     return np.stack(rows), events
 
 
+@pytest.mark.slow
 def test_agents_in_traffic_drive_like_vehicles_without_a_rig() -> None:
     spec = scene(vehicles=12, pedestrians=4, ticks=80)
     expected = [state.actors.tobytes() for state in run(spec)]
@@ -86,6 +87,7 @@ def test_commands_to_vehicles_in_traffic_are_ignored() -> None:
     assert actors.tobytes() == expected.tobytes()
 
 
+@pytest.mark.slow
 def test_the_same_commands_give_the_same_bytes_whatever_the_order_of_the_agents() -> None:
     agents = car("a", 1, driver="twist"), car("b", 2, driver="twist")
     commands = {0: (4.0, 0.0), 1: (5.0, 0.1), 2: (6.0, -0.2)}

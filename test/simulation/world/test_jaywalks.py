@@ -51,6 +51,7 @@ def along(rows, x, y):
     return rows[x] * np.cos(rows["yaw"]) + rows[y] * np.sin(rows["yaw"])
 
 
+@pytest.mark.slow
 def test_a_jaywalker_walks_on_to_an_edge_that_is_shorter_than_the_usual_arrival(monkeypatch):
     monkeypatch.setattr(traffic, "_ANY_ARRIVAL_M", 1e4)
     actors, _ = meeting.__wrapped__(40.0, reckless=False)
@@ -59,6 +60,7 @@ def test_a_jaywalker_walks_on_to_an_edge_that_is_shorter_than_the_usual_arrival(
     assert np.hypot(*(later_m[-1] - later_m[0])) > 3.0
 
 
+@pytest.mark.slow
 def test_a_careful_driver_brakes_gently_for_a_jaywalker_and_then_drives_on():
     actors, events = meeting(40.0, reckless=False)
     car, crossing = actors[:, 0], is_crossing(actors[:, 1])

@@ -27,6 +27,7 @@ def velocity(actors):
     return np.stack([actors["vx"], actors["vy"], actors["vz"]], axis=-1)
 
 
+@pytest.mark.slow
 def test_another_seed_sends_the_same_pedestrians_elsewhere():
     spec, actors = busy_run()
     others = run(spec.model_copy(update={"seed": 8, "ticks": 20}))[-1].actors

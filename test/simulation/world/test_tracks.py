@@ -54,6 +54,7 @@ def stations(each: Lane) -> np.ndarray:
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(each.centerline_m[:, :2], axis=0), axis=1))])
 
 
+@pytest.mark.slow
 def test_positions_lie_on_the_lanes_and_advance_steadily() -> None:
     sumo_positions_m = np.linspace(0.0, 200.0, 401)
     for index, each in enumerate(LANES):

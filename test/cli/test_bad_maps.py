@@ -137,6 +137,7 @@ def test_nets_that_hold_nonsense_are_refused_in_a_line(
     assert re.search(message, refused("map", path))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("street", "longitude_deg", "latitude_deg", "width_m"),
     [((0, 179.999, 0, -179.999, HIGHWAY), -180.0, 0.0, 222.6), ((89.999, 0, 90, 0, HIGHWAY), 0.0, 89.9995, 0.0)],

@@ -8,6 +8,7 @@ from simbev_ros.foundation.errors import SimulationError
 from simbev_ros.maps.sumo import netconvert
 
 
+@pytest.mark.slow
 def test_a_netconvert_that_never_ends_is_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     program = tmp_path / "bin" / "netconvert"
     program.parent.mkdir()

@@ -6,7 +6,6 @@ import re
 import shlex
 from importlib import util
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import jsonschema
@@ -49,24 +48,10 @@ def test_an_unknown_field_of_a_rayjob_is_found() -> None:
         jsonschema.validate(wrong, RAYJOB_SCHEMA)
 
 
-@pytest.fixture
-def kubernetes_validate() -> ModuleType:
-    """The module with the schemas of Kubernetes."""
-    return pytest.importorskip("kubernetes_validate", reason="kubernetes-validate is not installed")
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("group", GROUPS, ids=IDS)
-def test_pods_keep_the_schema_of_kubernetes(kubernetes_validate: ModuleType, group: dict[str, Any]) -> None:
-    kubernetes_validate.validate(pod(group), KUBERNETES, strict=True)
-
-
-@pytest.mark.slow
-def test_an_unknown_field_of_a_pod_is_found(kubernetes_validate: ModuleType) -> None:
-    wrong = copy.deepcopy(pod(GROUPS[0]))
-    wrong["spec"]["containers"][0]["volumeMount"] = []
-    with pytest.raises(kubernetes_validate.ValidationError, match="volumeMount"):
-        kubernetes_validate.validate(wrong, KUBERNETES, strict=True)
+def test_pods_keep_the_schema_of_kubernetes(group: dict[str, Any]) -> None:
+    pytest.importorskip("kubernetes_validate").validate(pod(group), KUBERNETES, strict=True)
 
 
 @pytest.mark.parametrize("group", GROUPS, ids=IDS)

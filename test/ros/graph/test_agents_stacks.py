@@ -11,7 +11,7 @@ from commands import Simbev
 from diagnostic_msgs.msg import DiagnosticArray
 from subscriber import keep, outside_node
 
-pytestmark = pytest.mark.graph
+pytestmark = [pytest.mark.graph, pytest.mark.slow]
 
 TWO_CARS = """
 seed: 3
@@ -42,7 +42,6 @@ def echo(*options: str) -> str:
     return shlex.join([sys.executable, str(Path(__file__).with_name("echo_stack.py")), "--reports", *options])
 
 
-@pytest.mark.slow
 def test_stacks_of_two_agents_are_each_judged_by_the_truth_of_their_agent(simbev: Simbev, tmp_path: Path) -> None:
     first, second = "{participant: echo}", "{participant: van_echo, truth: joint}"
     stacks = ("--stack", echo(), "--stack", f"van={echo('--agent', 'van')}")
@@ -64,7 +63,6 @@ def test_stacks_of_two_agents_are_each_judged_by_the_truth_of_their_agent(simbev
     assert "stack of van" in output and "0 frames missed" in output
 
 
-@pytest.mark.slow
 def test_a_cooperative_stack_finds_more_of_the_joint_truth_than_the_reference_stack(
     simbev: Simbev, tmp_path: Path
 ) -> None:

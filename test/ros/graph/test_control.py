@@ -14,7 +14,7 @@ from simbev_ros.dataset.values import poses_from_odometry
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.recording.verify import verify_bag
 
-pytestmark = pytest.mark.graph
+pytestmark = [pytest.mark.graph, pytest.mark.slow]
 
 NOON = "weather: {cloudiness: 20, precipitation: 0, sun_altitude_deg: 45, fog_density: 0}\n"
 NIGHT = "weather: {cloudiness: 20, precipitation: 0, sun_altitude_deg: -40, fog_density: 0}\n"
@@ -60,7 +60,6 @@ def ending_early(small_config: Config, *without: str) -> Path:
     return config
 
 
-@pytest.mark.slow
 def test_a_scene_that_ended_early_is_replayed_to_the_same_bytes_even_from_a_replay(
     simbev: Simbev, small_config: Config, tmp_path: Path
 ) -> None:
@@ -72,7 +71,6 @@ def test_a_scene_that_ended_early_is_replayed_to_the_same_bytes_even_from_a_repl
     assert facts(twice)["ended"] == facts(bag)["ended"] == "ego stood still for 0.4 s at tick 7"
 
 
-@pytest.mark.slow
 def test_replaying_with_the_same_configuration_repeats_every_byte_and_merges_into_the_dataset(
     first_of_two: Path, simbev: Simbev, tmp_path: Path
 ) -> None:
@@ -101,7 +99,6 @@ def test_replaying_with_the_same_configuration_repeats_every_byte_and_merges_int
     assert code == 2 and "Blocks-0000.rear: exists already; nothing was overwritten" in output
 
 
-@pytest.mark.slow
 def test_replay_at_night_with_other_sensors_repeats_all_motion(recorded: Path, simbev: Simbev, tmp_path: Path) -> None:
     config = write_small(tmp_path, without=["radar", "gnss", "imu"])
     config.write_text(config.read_text().replace(NOON, NIGHT).replace("channels: 8", "channels: 4"))
@@ -117,7 +114,6 @@ def test_replay_at_night_with_other_sensors_repeats_all_motion(recorded: Path, s
     )
 
 
-@pytest.mark.slow
 def test_other_frames_and_noisy_localization_change_no_motion(recorded: Path, simbev: Simbev, tmp_path: Path) -> None:
     """Wheel odometry, GNSS velocity and orientation errors are recorded completely, and /tf composes to the truth."""
     sensors = [

@@ -30,7 +30,7 @@ from store_server import BUCKET, StoreServer
 from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath
 from simbev_ros.foundation.object_store.transfers import list_objects
 
-pytestmark = pytest.mark.graph
+pytestmark = [pytest.mark.graph, pytest.mark.slow]
 
 WORKER, NODE, ACTOR = "simbev_ros.production.workers.worker_process", "simbev_ros.ros.nodes.main", "ray::WorkerActor"
 
@@ -68,7 +68,6 @@ def report(dataset: AnyPath, folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes().replace(str(dataset).encode(), b"SET") for path in paths}
 
 
-@pytest.mark.slow
 def test_one_graph_two_workers_and_a_cluster_with_a_folder_and_with_a_store_make_the_same(
     simbev: Simbev, find: Find, nodes: RayNodes, store: StoreServer, tmp_path: Path
 ) -> None:
@@ -90,7 +89,6 @@ def test_one_graph_two_workers_and_a_cluster_with_a_folder_and_with_a_store_make
     assert [page == pages[0] for page in pages] == [True] * 4
 
 
-@pytest.mark.slow
 def test_a_cluster_makes_the_same_dataset_and_an_interrupt_ends_it(
     simbev: Simbev, find: Find, nodes: RayNodes, tmp_path: Path
 ) -> None:
@@ -109,7 +107,6 @@ def test_a_cluster_makes_the_same_dataset_and_an_interrupt_ends_it(
     assert len(read_index(stopped)) == len(scenes_of(stopped))
 
 
-@pytest.mark.slow
 def test_whatever_dies_the_dataset_is_complete_and_the_same(
     simbev: Simbev, find: Find, nodes: RayNodes, tmp_path: Path
 ) -> None:

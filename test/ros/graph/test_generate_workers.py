@@ -15,12 +15,11 @@ from simbev_ros.production.scene_log import scene_logs
 from simbev_ros.recording.layout import is_dataset, scenes_of
 from simbev_ros.recording.verify import verify_bag
 
-pytestmark = pytest.mark.graph
+pytestmark = [pytest.mark.graph, pytest.mark.slow]
 
 WORKER, NODE = "simbev_ros.production.workers.worker_process", "simbev_ros.ros.nodes.main"
 
 
-@pytest.mark.slow
 def test_a_second_writer_is_refused_and_an_interrupt_ends_all_workers_before_the_command_ends(
     simbev: Simbev, find: Find, tmp_path: Path
 ) -> None:
@@ -43,7 +42,6 @@ def test_a_second_writer_is_refused_and_an_interrupt_ends_all_workers_before_the
     assert not [fault for bag in scenes_of(dataset) for fault in verify_bag(bag)]
 
 
-@pytest.mark.slow
 def test_whatever_is_killed_the_dataset_is_that_of_one_graph(simbev: Simbev, find: Find, tmp_path: Path) -> None:
     config = write(tmp_path, "{map: Blocks, train: 10}, {map: Town01, val: 10}", has_lidar=False)
     one, two = tmp_path / "one", tmp_path / "two"

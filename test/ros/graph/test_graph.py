@@ -5,18 +5,14 @@ import os
 import signal
 from pathlib import Path
 
-import numpy as np
 import pytest
 from commands import SCENE, Config, Simbev, digests, is_alone, node_processes, record
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from waiting import wait_until
 
-from simbev_ros.config.rig import Rig
-from simbev_ros.config.scenario import Scenario
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.ros.graph.shared_memory import middleware_files, remove_orphans
-from tools.bench.world_timing import timed_world
 
 pytestmark = pytest.mark.graph
 
@@ -196,15 +192,3 @@ def test_bench_reports_the_time_of_every_process(simbev: Simbev, small_config: C
     slowest = max(result["processes"], key=lambda process: process["busy_ms"])
     assert result["slowest"] == slowest["name"]
     assert result["ticks_per_s_of_slowest"] == pytest.approx(1000 / slowest["busy_ms"])
-
-
-@pytest.mark.slow
-def test_world_bench_times_scenes_of_every_size() -> None:
-    scenario = Scenario.model_validate(
-        {"scenes": [{"map": "Blocks", "train": 1}], "rig": Rig(sensors=()), "time": {"duration_s": 1}}
-    )
-    timing = timed_world(scenario, "Blocks", counts=(6, 60))
-    assert [scene.people for scene in timing.scenes] == [4, 40]
-    assert all(scene.vehicles >= wanted for scene, wanted in zip(timing.scenes, (2, 20), strict=True))
-    assert all(0.0 < scene.mean_ms <= scene.p99_ms and scene.cpu_ms > 0.0 for scene in timing.scenes)
-    assert np.isfinite(timing.growth)

@@ -17,7 +17,7 @@ from simbev_ros.recording.reader import SceneBag
 from simbev_ros.recording.verify import verify_bag
 from simbev_ros.ros.msgs.topics import REPLAY_TOPICS
 
-pytestmark = pytest.mark.graph
+pytestmark = [pytest.mark.graph, pytest.mark.slow]
 
 
 FEW = """
@@ -32,7 +32,6 @@ recording: {chunk_kib: 256, sync_mib: 1, min_free_mib: 1, zstd_level: null}
 """
 
 
-@pytest.mark.slow
 def test_a_bag_of_few_topics_is_enough_to_reproduce_all_others(
     recorded: Path, simbev: Simbev, small_config: Config, tmp_path: Path
 ) -> None:
@@ -57,7 +56,6 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     subprocess.run(["umount", mount_point], check=True)
 
 
-@pytest.mark.slow
 def test_a_full_disk_ends_the_recording_with_one_message(
     simbev: Simbev, small_config: Config, small_disk: Path
 ) -> None:
@@ -70,7 +68,6 @@ def test_a_full_disk_ends_the_recording_with_one_message(
         assert bag.custom_data["complete"] == "false" and len(list(bag.messages(["/world/actors"]))) > 3
 
 
-@pytest.mark.slow
 def test_the_same_command_records_a_scene_again_after_a_kill(
     simbev: Simbev, small_config: Config, tmp_path: Path
 ) -> None:
@@ -85,7 +82,6 @@ def test_the_same_command_records_a_scene_again_after_a_kill(
     assert verify_bag(dataset / SCENE) == []
 
 
-@pytest.mark.slow
 def test_time_is_repeated_while_a_recorded_world_is_paused_and_the_bag_holds_it_once(
     simbev: Simbev, small_config: Config, tmp_path: Path
 ) -> None:

@@ -3,7 +3,7 @@
 import pytest
 from commands import Command, Config, Simbev
 
-pytestmark = pytest.mark.graph
+pytestmark = [pytest.mark.graph, pytest.mark.slow]
 
 
 def refusal(command: Command) -> str:
@@ -14,7 +14,6 @@ def refusal(command: Command) -> str:
     return output.partition("error: ")[2]
 
 
-@pytest.mark.slow
 def test_without_egl_the_message_says_what_to_install(
     simbev: Simbev, small_config: Config, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -24,7 +23,6 @@ def test_without_egl_the_message_says_what_to_install(
     assert "__EGL_VENDOR_LIBRARY_FILENAMES=/nonexistent" in message and "apt install libegl1" in message
 
 
-@pytest.mark.slow
 def test_a_missing_gpu_is_named_with_the_available_ones(simbev: Simbev, small_config: Config) -> None:
     config = small_config(600, "rendering: {gpus: [77], processes: 2}\n", without=["lidar", "radar", "gnss", "imu"])
     message = refusal(simbev("run", config))
@@ -32,7 +30,6 @@ def test_a_missing_gpu_is_named_with_the_available_ones(simbev: Simbev, small_co
     assert "rendering.gpus: []" in message
 
 
-@pytest.mark.slow
 def test_low_quality_rendering_on_the_cpu_plays_a_scene(simbev: Simbev, small_config: Config) -> None:
     code, output = simbev("run", small_config(0.5, "rendering: {gpus: [], quality: low}\n")).finish()
     assert code == 0, output

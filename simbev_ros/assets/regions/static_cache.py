@@ -1,9 +1,7 @@
 """Static scenes on demand: each region is built once, alone, and then read from its file."""
 
-import fcntl
-import os
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import asdict, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -19,10 +17,8 @@ from simbev_ros.assets.regions.region_file import read_region, read_streetside, 
 from simbev_ros.assets.regions.region_scene import RegionScene, Streetside
 from simbev_ros.assets.street.obstacles import OBSTACLE_DTYPE
 from simbev_ros.foundation.cache.entries import default_cache_dir, entry_path
-from simbev_ros.foundation.cache.files import read_cached
+from simbev_ros.foundation.cache.files import read_cached, writing_alone
 from simbev_ros.foundation.cache.fingerprint import fingerprint
-from simbev_ros.foundation.errors import InputError
-from simbev_ros.foundation.files.lock_file import open_lock_file
 from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import Reach, Reaches, Region, regions_of
@@ -91,23 +87,13 @@ class StaticCache:
         self._folder = entry_path(root, spec.name, fingerprint(__name__), key)
         self._lock_path = root / f".{spec.name}.lock"
 
-    @contextmanager
-    def building(self) -> Iterator[None]:
+    def building(self) -> AbstractContextManager[None]:
         """Context in which no other process of this user is in this context for the same map.
 
         Raises:
             InputError: The cache cannot be written.
         """
-        try:
-            self._lock_path.parent.mkdir(parents=True, exist_ok=True)
-            descriptor = open_lock_file(self._lock_path)
-        except OSError as error:
-            raise InputError(f"cache of {_KIND} {self._lock_path}: cannot be written: {error.strerror}") from error
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
-            yield
-        finally:
-            os.close(descriptor)
+        return writing_alone(self._lock_path, _KIND)
 
     def missing(self, regions: Sequence[Region]) -> tuple[Region, ...]:
         """The regions that the cache does not hold yet."""

@@ -1,37 +1,69 @@
 """Files that are written once and then read by many processes. In: a path and how to read and write it."""
 
+import fcntl
+import os
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TypeVar
 
 from simbev_ros.foundation.cache.entries import evict_unused, hold_entry
 from simbev_ros.foundation.errors import NPZ_DAMAGE, InputError
+from simbev_ros.foundation.files.lock_file import open_lock_file
 
 _T = TypeVar("_T")
 
 
 def read_cached(path: Path, kind: str, read: Callable[[Path], _T], write: Callable[[Path], None]) -> _T:
-    """The content of a file; if the file is missing or damaged, it is written first.
+    """The content of a file; if the file is missing or damaged, it is written first, by one process for all.
 
     Args:
         path: The file, in the folder of an entry (``foundation.cache.entries``).
         kind: Name of the kind of content, in the plural; it appears in messages.
         read: Raises one of ``foundation.errors.NPZ_DAMAGE`` if the file is damaged.
-        write: Receives a temporary path. Readers see all or nothing, and the last of several writers wins.
+        write: Receives a temporary path. Readers see all or nothing.
 
     Raises:
         InputError: The file cannot be written.
     """
     hold_entry(path.parent)
-    if path.is_file():
-        try:
-            return read(path)
-        except NPZ_DAMAGE:
-            pass
-    is_first = not path.parent.exists()
+    with suppress(*NPZ_DAMAGE):
+        return read(path)
+    with writing_alone(path.parent / f".{path.stem}.lock", kind):
+        with suppress(*NPZ_DAMAGE):
+            return read(path)  # another process has written it meanwhile
+        _write(path, kind, write)
+    return read(path)
+
+
+@contextmanager
+def writing_alone(lock: Path, kind: str) -> Iterator[None]:
+    """Context in which one process of this user is at a time, to write what the others then find.
+
+    Args:
+        lock: File that is locked, in a folder of the cache; it is there only during the context.
+        kind: As for ``read_cached``.
+
+    Raises:
+        InputError: The lock file cannot be made.
+    """
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        lock.parent.mkdir(parents=True, exist_ok=True)
+        descriptor = open_lock_file(lock)
+    except OSError as error:
+        raise InputError(f"cache of {kind} {lock.parent}: cannot be written: {error.strerror}") from error
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        lock.unlink(missing_ok=True)
+        os.close(descriptor)
+
+
+def _write(path: Path, kind: str, write: Callable[[Path], None]) -> None:
+    is_first = not any(path.parent.glob("*.npz"))
+    try:
         hold_entry(path.parent)
         with tempfile.TemporaryDirectory(prefix=f".{path.stem}-", dir=path.parent) as work:
             write(Path(work) / path.name)
@@ -40,4 +72,3 @@ def read_cached(path: Path, kind: str, read: Callable[[Path], _T], write: Callab
         raise InputError(f"cache of {kind} {path.parent}: cannot be written: {error.strerror}") from error
     if is_first:
         evict_unused(path.parent)
-    return read(path)

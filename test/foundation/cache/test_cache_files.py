@@ -1,7 +1,9 @@
-"""Whatever bit of a cached file flips, what is read is what was written."""
+"""A cached file is written once for all, and whatever bit of it flips, what is read is what was written."""
 
 import io
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from threading import Event
 
 import numpy as np
 
@@ -31,3 +33,20 @@ def test_a_cached_file_with_a_flipped_bit_is_written_again(tmp_path: Path) -> No
         damaged[bit // 8] ^= 1 << bit % 8
         path.write_bytes(damaged)
         np.testing.assert_array_equal(read_cached(path, "things", read, write), THING)
+
+
+def test_a_file_that_many_miss_at_once_is_written_once(tmp_path: Path) -> None:
+    path, is_read, writes = tmp_path / "entry/thing.npz", Event(), []
+
+    def write_slowly(target: Path) -> None:
+        writes.append(target)
+        assert not is_read.wait(0.2), "nobody reads what is not there yet"
+        write(target)
+
+    def read_it(_: int) -> None:
+        np.testing.assert_array_equal(read_cached(path, "things", read, write_slowly), THING)
+        is_read.set()
+
+    with ThreadPoolExecutor(4) as threads:
+        list(threads.map(read_it, range(4)))
+    assert len(writes) == 1 and [file.name for file in path.parent.iterdir()] == ["thing.npz"]

@@ -69,14 +69,18 @@ def _findings() -> Iterator[Finding]:
 
 
 def _simulator() -> Iterator[Finding]:
+    ros = load_extras()["wheels"]
     memory_gib = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
     yield Finding("machine", f"{os.cpu_count()} cores, {memory_gib:.0f} GiB of memory")
     if problem := address_space_problem():
         yield Finding("memory", problem, False)
     yield from _libraries()
-    yield _checked("ROS 2", _ros)
-    yield from _message_packages()
-    yield _package_index()
+    if ros.missing:
+        yield Finding("ROS 2", f"not installed: {install_command(ros.name)}, or source a ROS 2 Jazzy", False)
+    else:
+        yield _checked("ROS 2", _ros)
+        yield from _message_packages()
+        yield _package_index()
     yield from _renderers()
     yield _checked("ray caster", _ray_caster)
     yield _checked("traffic", _traffic)

@@ -19,7 +19,7 @@ from simbev_ros import __version__
 from simbev_ros.cli.console import make_console
 from simbev_ros.cli.plugins import VERBS_GROUP, Command, click_command, find_plugins, load_plugin, require_plugin
 from simbev_ros.foundation.errors import DISK_FULL, InputError, SimbevError
-from simbev_ros.foundation.installation.extras import extra_of, load_extras
+from simbev_ros.foundation.installation.extras import extra_of, require_extras
 from simbev_ros.ros.conventions.arguments import split_ros_arguments
 from simbev_ros.ros.graph.interrupts import Interrupted, raising_interrupts
 
@@ -47,8 +47,13 @@ VERBS = {
 _NAME = "simbev"
 _TAKE_URLS = ("generate", "info", "logs", "verify")
 """Verbs that work with datasets in object stores."""
-_NEED_SIMULATOR = ("demo", "run", "generate", "replay", "scene", "gallery", "map")
-"""Verbs that the base installation does not have; parts of others say so themselves."""
+_SIMULATOR, _GRAPH = ("sim",), ("sim", "wheels")
+_NEEDED_EXTRAS = {
+    **dict.fromkeys(("demo", "run", "generate", "replay", "bench"), _GRAPH),
+    **dict.fromkeys(("scene", "gallery", "map"), _SIMULATOR),
+    "env": ("wheels",),
+}
+"""Extras of the verbs that the base installation does not have; parts of others say so themselves."""
 _TAKE_ROS_ARGUMENTS = ("run", "replay", "view")
 """Verbs that pass on what follows --ros-args to nodes."""
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://")
@@ -117,8 +122,8 @@ class _Verbs(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Find the verb; refuse what it does not take: URLs instead of local files, ROS's arguments."""
         name, command, rest = super().resolve_command(ctx, args)
-        if name in _NEED_SIMULATOR and not {"-h", "--help"} & {*rest}:
-            load_extras()["sim"].require(f"simbev {name}")
+        if not {"-h", "--help"} & {*rest}:
+            require_extras(_NEEDED_EXTRAS.get(name or "", ()), f"simbev {name}")
         if ctx.obj and name not in _TAKE_ROS_ARGUMENTS:
             others = f"{', '.join(_TAKE_ROS_ARGUMENTS[:-1])} and {_TAKE_ROS_ARGUMENTS[-1]}"
             raise InputError(f"--ros-args: simbev {name} takes no arguments for nodes; {others} do")

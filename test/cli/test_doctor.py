@@ -1,5 +1,6 @@
 """``simbev doctor`` says of every EGL device whether it draws, or why not."""
 
+import sys
 from typing import Any
 
 import pytest
@@ -49,3 +50,14 @@ def test_a_machine_without_egl_fails(simbev: Any, monkeypatch: pytest.MonkeyPatc
     answer = simbev("doctor")
     assert answer.code == 1
     assert lines(answer)["renderer"] == "✗ no EGL. Install Mesa"
+
+
+def test_without_ros_the_command_that_installs_it_is_said(simbev: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in [name for name in sys.modules if name.partition(".")[0] in {"rclpy", "rosidl_adapter"}]:
+        monkeypatch.delitem(sys.modules, module)
+    monkeypatch.setitem(sys.modules, "rclpy", None)
+    monkeypatch.setitem(sys.modules, "rosidl_adapter", None)
+    answer = simbev("doctor")
+    assert answer.code == 1
+    assert lines(answer)["ROS 2"].startswith("✗ not installed: ")
+    assert "pip install" in simbev("env").err

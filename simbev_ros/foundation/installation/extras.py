@@ -6,7 +6,7 @@ The base installation reads, checks, evaluates and exports datasets. Everything 
 import json
 import shlex
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from importlib import metadata
 from importlib.util import find_spec
@@ -48,12 +48,11 @@ class Extra(NamedTuple):
         Raises:
             InputError: It is not; the message has the command that installs it.
         """
-        if self.missing:
-            raise InputError(self.remedy(user))
+        require_extras((self.name,), user)
 
     def remedy(self, user: str) -> str:
         """Message that something needs the extra, with the command that installs it."""
-        return f"{user} needs {self.use}; install it: {install_command(self.name)}"
+        return _remedy((self,), user)
 
 
 @lru_cache
@@ -65,6 +64,18 @@ def load_extras() -> Mapping[str, Extra]:
     return MappingProxyType({name: Extra(name, entry["use"], tuple(entry["modules"])) for name, entry in table.items()})
 
 
+def require_extras(names: Sequence[str], user: str) -> None:
+    """Check that several extras are installed. Arguments and errors are those of ``Extra.require``."""
+    missing = [load_extras()[name] for name in names if load_extras()[name].missing]
+    if missing:
+        raise InputError(_remedy(missing, user))
+
+
+def _remedy(missing: Sequence[Extra], user: str) -> str:
+    use, pronoun = " and ".join(extra.use for extra in missing), "it" if len(missing) == 1 else "them"
+    return f"{user} needs {use}; install {pronoun}: {install_command(*(extra.name for extra in missing))}"
+
+
 def extra_of(error: ImportError) -> Extra | None:
     """The extra that brings the module that could not be imported; None if no extra does, or it is there but broken."""
     module = (error.name or "").partition(".")[0]
@@ -73,23 +84,23 @@ def extra_of(error: ImportError) -> Extra | None:
     return next((extra for extra in load_extras().values() if module in extra.modules), None)
 
 
-def install_command(extra: str) -> str:
-    """Command that adds an extra to this installation, from where simbev_ros itself was installed from."""
-    return f"{shlex.quote(sys.executable)} -m pip install {_requirement(extra)}"
+def install_command(*extras: str) -> str:
+    """Command that adds extras to this installation, from where simbev_ros itself was installed from."""
+    return f"{shlex.quote(sys.executable)} -m pip install {_requirement(','.join(extras))}"
 
 
-def _requirement(extra: str) -> str:
+def _requirement(extras: str) -> str:
     try:
         record = metadata.distribution(PACKAGE).read_text("direct_url.json")
     except metadata.PackageNotFoundError:  # runs from its sources
-        return f"-e {shlex.quote(f'{_CHECKOUT}[{extra}]')}"
+        return f"-e {shlex.quote(f'{_CHECKOUT}[{extras}]')}"
     if record is None:  # from an index
-        return shlex.quote(f"{PACKAGE}[{extra}]")
+        return shlex.quote(f"{PACKAGE}[{extras}]")
     origin = json.loads(record)
     url = urlsplit(origin["url"])
     if url.scheme == "file":
         editable = "-e " if origin.get("dir_info", {}).get("editable") else ""
-        return f"{editable}{shlex.quote(f'{unquote(url.path)}[{extra}]')}"
+        return f"{editable}{shlex.quote(f'{unquote(url.path)}[{extras}]')}"
     control = origin.get("vcs_info", {})
     address = f"{control['vcs']}+{origin['url']}@{control['commit_id']}" if control else origin["url"]
-    return shlex.quote(f"{PACKAGE}[{extra}] @ {address}")
+    return shlex.quote(f"{PACKAGE}[{extras}] @ {address}")

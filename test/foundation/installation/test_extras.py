@@ -12,7 +12,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 from simbev_ros.foundation.errors import InputError
-from simbev_ros.foundation.installation.extras import extra_of, install_command, load_extras
+from simbev_ros.foundation.installation.extras import extra_of, install_command, load_extras, require_extras
 
 REPOSITORY = Path(__file__).parents[3]
 UNINSTALLED = {"rerun": "rerun-sdk"}
@@ -86,3 +86,11 @@ def test_the_table_names_what_the_requirements_bring() -> None:
         for module in extra.modules:
             found = homes.get(module, [UNINSTALLED.get(module, module)])
             assert names & {canonicalize_name(name) for name in found}, f"{module} of {extra.name}"
+
+
+def test_a_verb_that_needs_several_says_one_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in ("osmium", "rclpy"):
+        monkeypatch.setitem(sys.modules, module, None)
+    words = r"^simbev run needs the simulator and ROS 2 Jazzy; install them: \S+ -m pip install .*\[sim,wheels\]'$"
+    with pytest.raises(InputError, match=words):
+        require_extras(("sim", "wheels"), "simbev run")

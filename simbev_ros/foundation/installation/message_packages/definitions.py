@@ -24,6 +24,11 @@ class MessagePackage:
     use: str
 
     @property
+    def distribution(self) -> str:
+        """Name of its distribution, as in ``pip list``."""
+        return f"simbev_built_{self.name}"
+
+    @property
     def folder(self) -> Path:
         """Folder with its definitions in ``msg``, ``srv`` and ``action``."""
         return interface_folder(self.name)

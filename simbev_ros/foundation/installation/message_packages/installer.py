@@ -108,10 +108,8 @@ def install_missing(progress: Callable[[MessagePackage], None] = lambda _: None)
 
 
 def _state(package: MessagePackage) -> PackageState:
-    from simbev_ros.foundation.installation.message_packages.wheel import distribution_name
-
     is_there = util.find_spec(package.name) is not None
-    made = _version(distribution_name(package))
+    made = _version(package.distribution)
     is_current = is_there if made is None else made == _wanted_version(package)
     return PackageState(package, is_there, is_current)
 

@@ -15,11 +15,6 @@ from simbev_ros.foundation.installation.message_packages.sources import Sources
 _GENERATOR = "simbev_ros"
 
 
-def distribution_name(package: MessagePackage) -> str:
-    """Name of a package's distribution, as in ``pip list``."""
-    return f"simbev_built_{package.name}"
-
-
 def pack_wheel(package: MessagePackage, version: str, sources: Sources, libraries: Path, folder: Path) -> Path:
     """Pack Python modules, libraries, definitions and entries of the ament index.
 
@@ -33,7 +28,7 @@ def pack_wheel(package: MessagePackage, version: str, sources: Sources, librarie
     Returns:
         Path of the wheel.
     """
-    name, data = f"{distribution_name(package)}-{version}", f"{distribution_name(package)}-{version}.data/data"
+    name, data = f"{package.distribution}-{version}", f"{package.distribution}-{version}.data/data"
     platform = sysconfig.get_platform().replace("-", "_").replace(".", "_")
     tag = next(f"{each.interpreter}-{each.abi}-{platform}" for each in sys_tags())
     wheel = folder / f"{name}-{tag}.whl"
@@ -52,7 +47,7 @@ def pack_wheel(package: MessagePackage, version: str, sources: Sources, librarie
         archive.add(f"{index}/rosidl_interfaces/{package.name}", interfaces.encode())
         archive.finish(
             {
-                "METADATA": f"Metadata-Version: 2.1\nName: {distribution_name(package)}\nVersion: {version}\n"
+                "METADATA": f"Metadata-Version: 2.1\nName: {package.distribution}\nVersion: {version}\n"
                 f"Summary: The ROS package {package.name}, made on this machine\nLicense: {package.license}\n",
                 "WHEEL": f"Wheel-Version: 1.0\nGenerator: {_GENERATOR}\nRoot-Is-Purelib: false\nTag: {tag}\n",
             }

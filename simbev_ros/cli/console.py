@@ -1,7 +1,10 @@
 """The look of the command line's output: progress bars, numbers with units, and consoles for tables."""
 
-from collections.abc import Iterator
+import os
+import time
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from threading import Event, Thread
 from typing import Any
 
 from rich.console import Console, ConsoleOptions, RenderableType
@@ -19,9 +22,11 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 from rich.segment import Segment
+from rich.status import Status
 from rich.text import Text
 
 _PIPE_WIDTH = 160
+_REPORT_PERIOD_S = 30.0
 _SPACE = "\n\t\N{NO-BREAK SPACE}"
 DESCRIPTION = TextColumn("{task.description}", markup=False)
 """The label of a line of progress."""
@@ -46,8 +51,84 @@ class Bar:
         self._progress.update(self._task, description=label)
 
 
+class _Reporter:
+    """Prints lines from time to time where no bar is drawn: into a pipe, a file, or the log of a job.
+
+    Args:
+        console: Where to print; nothing is printed on a terminal.
+        lines: Gives the lines.
+    """
+
+    def __init__(self, console: Console, lines: Callable[[], Iterable[str]]) -> None:
+        self._console, self._lines = console, lines
+        self._ended = Event()
+
+    def start(self) -> None:
+        """Print from now on."""
+        if not self._console.is_terminal:
+            self._ended.clear()
+            Thread(target=self._report, daemon=True).start()
+
+    def stop(self) -> None:
+        """Print no more."""
+        self._ended.set()
+
+    def _report(self) -> None:
+        while not self._ended.wait(_REPORT_PERIOD_S):
+            for line in self._lines():
+                self._console.print(line, highlight=False, soft_wrap=True)
+
+
+class ReportingProgress(Progress):
+    """Bars on a terminal; elsewhere a line for each of them every 30 seconds. Arguments are those of ``Progress``."""
+
+    def __init__(self, *columns: ProgressColumn, **options: Any) -> None:
+        super().__init__(*columns, **options)
+        self._reporter = _Reporter(self.console, lambda: map(_line_of, self.tasks))
+
+    def start(self) -> None:
+        """Show the bars, or begin to print."""
+        super().start()
+        if not self.disable:
+            self._reporter.start()
+
+    def stop(self) -> None:
+        """Leave or remove the bars, and print no more."""
+        self._reporter.stop()
+        super().stop()
+
+
+def _line_of(task: Task) -> str:
+    count = task.fields.get("count") or (f"{task.completed:.0f} of {task.total:.0f}" if task.total is not None else "")
+    return f"{task.description}: {count or 'working'}, {format_duration(task.elapsed or 0.0)}"
+
+
+class _ReportingStatus(Status):
+    """A spinner on a terminal; elsewhere a line every 30 seconds. Arguments are those of ``Status``."""
+
+    def __init__(self, status: Any, *, console: Console, **options: Any) -> None:
+        super().__init__(status, console=console, **options)
+        self._began_s = time.monotonic()
+        self._reporter = _Reporter(console, lambda: [f"{self.status}: {format_duration(self._seconds)}"])
+
+    @property
+    def _seconds(self) -> float:
+        return time.monotonic() - self._began_s
+
+    def start(self) -> None:
+        super().start()
+        self._reporter.start()
+
+    def stop(self) -> None:
+        self._reporter.stop()
+        super().stop()
+
+
 class _Console(Console):
     """A console that shows control characters in data as escape sequences, instead of sending them to the terminal."""
+
+    def status(self, status: Any, **options: Any) -> Status:
+        return _ReportingStatus(status, console=self, **options)
 
     def render_str(self, text: str, **options: Any) -> Text:
         return super().render_str(_printable(text), **options)  # before widths are measured
@@ -86,7 +167,7 @@ def table_console() -> Console:
 def counting_progress(console: Console, *more: ProgressColumn, transient: bool = True) -> Progress:
     """A progress display over the full width that counts finished items, with further columns at its end."""
     columns = (DESCRIPTION, BarColumn(bar_width=None), MofNCompleteColumn(), *more)
-    return Progress(*columns, console=console, expand=True, transient=transient)
+    return ReportingProgress(*columns, console=console, expand=True, transient=transient)
 
 
 @contextmanager
@@ -111,7 +192,7 @@ def counting_bar(
 def percent_bar(label: str, console: Console, total: int | None = None, *, hidden: bool = False) -> Iterator[Bar]:
     """Show a short bar with a percentage while the context is open, and remove it at the end."""
     columns = (DESCRIPTION, BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=hidden) as progress:
+    with ReportingProgress(*columns, console=console, transient=True, disable=hidden) as progress:
         yield Bar(progress, progress.add_task(label, total=total))
 
 
@@ -122,6 +203,11 @@ class TickRate(ProgressColumn):
         """The text of the column."""
         speed = task.finished_speed or task.speed
         return Text("" if speed is None else f"{speed:.1f} ticks/s", style="progress.data.speed")
+
+
+def own_command() -> str:
+    """How this command was called, for what is printed: ``./simbev`` in a checkout, or ``simbev``."""
+    return os.environ.get("SIMBEV_COMMAND", "simbev")
 
 
 def plural(count: int, noun: str) -> str:

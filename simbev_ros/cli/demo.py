@@ -1,6 +1,6 @@
 """``simbev demo``: makes a bag, a picture and a video of one short scene."""
 
-import os
+import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from simbev_ros.cli.console import make_console
+from simbev_ros.cli.console import make_console, own_command
 from simbev_ros.cli.view.beside_run import ViewOption, ViewPortOption, viewer_beside
 from simbev_ros.config.load import load_scenario
 from simbev_ros.foundation.errors import InputError
@@ -51,22 +51,18 @@ def demo(
 
 def _print_result(bag: Path, preview: Sequence[Path], console: Console) -> None:
     """Print what was made and what to do with it."""
-    command = os.environ.get("SIMBEV_COMMAND", "simbev")
+    command = own_command()
     console.print()
     console.print(f"bag      {bag}", soft_wrap=True)
     for path in preview:
         console.print(f"preview  {path}", soft_wrap=True)
     console.print("\nWhat next", style="bold")
-    console.print(
-        f"""\
-  {command} info {bag}
-      what is in it
-  ros2 bag play {bag}
-      or open the .mcap file in Foxglove, Lichtblick or Rerun
-  {command} run live --live
-      stream to your own nodes""",
-        soft_wrap=True,
-    )
+    steps = {f"{command} info {bag}": "what is in it", f"{command} view {bag}": "look at it in the browser"}
+    if shutil.which("ros2"):
+        steps[f"ros2 bag play {bag}"] = "or open the .mcap file in Foxglove or Lichtblick"
+    steps[f"{command} run live --live"] = "stream to your own nodes"
+    for step, use in steps.items():
+        console.print(f"  {step}\n      {use}", highlight=False, soft_wrap=True)
 
 
 def _free_folder(wanted: Path) -> Path:

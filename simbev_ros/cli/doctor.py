@@ -13,7 +13,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from simbev_ros.cli.console import make_console
+from simbev_ros.cli.console import make_console, own_command
 from simbev_ros.foundation.errors import SimbevError
 from simbev_ros.foundation.installation.extras import install_command, load_extras
 from simbev_ros.foundation.installation.shipped_files import PACKAGE
@@ -140,7 +140,7 @@ def _message_packages() -> Iterator[Finding]:
 
 def _package_index() -> Finding:
     """Whether ``ros2 pkg`` and ``ros2 launch`` find this package, once ``simbev env`` is sourced."""
-    command = f"source <({os.environ.get('SIMBEV_COMMAND', 'simbev')} env)"
+    command = f"source <({own_command()} env)"
     marker = Path(sys.prefix) / "share" / "ament_index" / "resource_index" / "packages" / PACKAGE
     if not marker.exists():
         return Finding("ros2 command line", f"does not find {PACKAGE} in {sys.prefix}; ./simbev setup puts it there")

@@ -57,6 +57,9 @@ _NEEDED_EXTRAS = {
 _TAKE_ROS_ARGUMENTS = ("run", "replay", "view")
 """Verbs that pass on what follows --ros-args to nodes."""
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://")
+_SCRIPTS_COMMANDS = (
+    "Also commands of ./simbev: setup EXTRA,… adds optional parts; test, fuzz and docs are for developers."
+)
 _TRACEBACK_VARIABLE = "SIMBEV_TRACEBACK"
 _MAX_LENGTH = 300
 _EXHAUSTED = (*DISK_FULL, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.EIO)
@@ -142,6 +145,7 @@ app = typer.Typer(
     name=_NAME,
     cls=_Verbs,
     help="Random driving scenes as a ROS 2 graph: sensors, exact bird's-eye-view ground truth, MCAP bags.",
+    epilog=_SCRIPTS_COMMANDS if "SIMBEV_COMMAND" in os.environ else None,
     no_args_is_help=True,
     add_completion=False,
     rich_markup_mode="rich",

@@ -1,5 +1,6 @@
 """Verbs and exporters that other distributions add by entry points. They are imported when they are called."""
 
+import re
 import sys
 from collections.abc import Callable, Collection, Mapping
 from importlib.metadata import EntryPoint, entry_points
@@ -7,6 +8,7 @@ from typing import Any
 
 import typer
 
+from simbev_ros.cli.console import own_command
 from simbev_ros.foundation.errors import InputError
 
 VERBS_GROUP = "simbev.verbs"
@@ -23,6 +25,8 @@ _SATELLITES = {
     },
 }
 """Commands of the distributions in the repository of this one: their words, their distribution, what pip installs."""
+
+_EXAMPLE = re.compile(r"^(\s*|source <\()simbev ", re.MULTILINE)
 
 Command = Callable[..., None] | typer.Typer
 """A function whose parameters typer reads, or a group of such commands."""
@@ -86,7 +90,16 @@ def click_command(name: str, command: Command) -> Any:
         command.command(name)(function)
     made = typer.main.get_command(command)
     made.name = name
+    _say_own_command(made)
     return made
+
+
+def _say_own_command(command: Any) -> None:
+    """Let the examples in the help of a click command, and of those below it, begin as this one was called."""
+    if command.help:
+        command.help = _EXAMPLE.sub(lambda start: f"{start[1]}{own_command()} ", command.help)
+    for each in getattr(command, "commands", {}).values():
+        _say_own_command(each)
 
 
 def _distribution(plugin: EntryPoint) -> str:

@@ -8,7 +8,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 from rich.status import Status
 
-from simbev_ros.cli.console import DESCRIPTION, TickRate, counting_progress, format_size, plural
+from simbev_ros.cli.console import DESCRIPTION, ReportingProgress, TickRate, counting_progress, format_size, plural
 from simbev_ros.cli.evaluate.live import print_live_tables
 from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.production.events import (
@@ -191,7 +191,7 @@ class DatasetDisplay(MapDisplay):
             TextColumn("{task.fields[size]}", style="progress.filesize"),
             TimeRemainingColumn(),
         )
-        self._bars = Progress(*columns, console=self.console, expand=True, disable=not scenes)
+        self._bars = ReportingProgress(*columns, console=self.console, expand=True, disable=not scenes)
         self._began_s = time.monotonic()
         used = format_size(dataset_bytes)
         self._total = self._bars.add_task("dataset", total=scenes, count=f"0/{scenes} scenes", speed="", size=used)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.console import Console
 
-from simbev_ros.cli.console import make_console
+from simbev_ros.cli.console import make_console, own_command
 from simbev_ros.cli.evaluate.live import FiguresOption, StackOption, with_evaluation
 from simbev_ros.cli.ros_options import NamespaceOption, ros_arguments
 from simbev_ros.cli.scene_options import Config, Live
@@ -115,4 +115,4 @@ def _print_environment(domain: int | None, console: Console, *, network: bool) -
 def _env_command(domain: int | None, network: bool) -> str:
     """Command for other shells: prints the variables with which their nodes find this graph."""
     options = [*(["--domain", str(domain)] if domain else []), *(["--network"] if network else [])]
-    return " ".join([os.environ.get("SIMBEV_COMMAND", "simbev"), "env", *options])
+    return " ".join([own_command(), "env", *options])

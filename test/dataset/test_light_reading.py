@@ -118,9 +118,9 @@ def test_exports_work(dataset: Path, tmp_path: Path) -> None:
 def test_what_a_verb_lacks_is_said_in_one_line_with_the_remedy(dataset: Path, tmp_path: Path) -> None:
     out = str(tmp_path / "out")
     uses = {
-        ("demo",): "simbev demo needs the simulator",
-        ("run", "demo"): "simbev run needs the simulator",
-        ("generate", "demo", "--out", out): "simbev generate needs the simulator",
+        ("demo",): "simbev demo needs the simulator and ROS 2 Jazzy",
+        ("run", "demo"): "simbev run needs the simulator and ROS 2 Jazzy",
+        ("generate", "demo", "--out", out): "simbev generate needs the simulator and ROS 2 Jazzy",
         ("map", "Blocks"): "simbev map needs the simulator",
         (
             "preview",
@@ -135,6 +135,7 @@ def test_what_a_verb_lacks_is_said_in_one_line_with_the_remedy(dataset: Path, tm
     }
     for use, (code, _, error) in zip(uses.values(), simbev(*uses, all_platforms=False), strict=True):
         assert code == 2
-        assert error.startswith(f"error: {use}; install it: {sys.executable} -m pip install ")
+        pronoun = "them" if " and " in use else "it"
+        assert error.startswith(f"error: {use}; install {pronoun}: {sys.executable} -m pip install ")
         assert error.count("\n") == 1
     assert list(tmp_path.iterdir()) == []

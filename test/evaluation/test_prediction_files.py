@@ -336,3 +336,12 @@ def test_a_parquet_bomb_is_refused_before_it_is_unpacked(
         pytest.raises(InputError, match=r"a\.parquet: .* of 1,048,576 rows unpacks to .*; at most 16"),
     ):
         read(file).boxes()
+
+
+def test_the_package_offers_what_writes_predictions() -> None:
+    from simbev_ros import evaluation
+    from simbev_ros.evaluation.predictions import prediction_writer
+
+    assert evaluation.write_predictions is prediction_writer.write_predictions
+    assert evaluation.write_grid is prediction_writer.write_grid
+    assert {*evaluation.__all__} >= {"Predictions", "write_grid", "write_predictions"}

@@ -14,7 +14,7 @@ The ROS package `simbev_interfaces` has the world, its labels and its scenes as 
 packages in packages, name both folders:
 
 ```sh
-colcon build --base-paths src/simbev_ros src/simbev_ros/schema/messages
+colcon build --base-paths src/simbev_ros src/simbev_ros/interfaces
 ```
 
 Without an installed ROS, [`simbev doctor --fix`](../guide/ros.md#messages-that-ross-wheels-lack) makes the package.

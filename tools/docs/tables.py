@@ -37,7 +37,11 @@ TABLES: Mapping[str, tuple[str, str]] = {
         '`/v2x/<agent>`: what it sends, `frame["v2x/car_2"]`. `/<agent>/v2x`: what arrives at it, `frame["v2x"]`. A '
         "message has a row for the sender itself and one for each box that it sees.",
     ),
-    "VIEW_DTYPE": ("Views of a camera", '`/ego/cam_*/boxes`, `frame["cam_front/boxes"]`'),
+    "VIEW_DTYPE": (
+        "Views of a camera",
+        '`/ego/cam_*/boxes`, `frame["cam_front/boxes"]`. Edges of boxes are the outer edges of their pixels, and pixel '
+        "centers are at integers: the box around the single pixel in column 7 and row 3 is 6.5, 2.5, 7.5, 3.5.",
+    ),
     "ACTOR_DTYPE": ("Actors", "`/world/actors`"),
     "SIGNAL_DTYPE": ("Traffic lights", "`/world/signals`"),
     "STREET_LIGHT_DTYPE": ("Street lights", "`/world/lights`"),

@@ -2,7 +2,7 @@
 
 ::
 
-    from simbev_ros.evaluation.predictions.prediction_writer import write_grid, write_predictions
+    from simbev_ros.evaluation import write_grid, write_predictions
 
     def answers():
         for scene in open_dataset("datasets/first").scenes:

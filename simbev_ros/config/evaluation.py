@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Field, field_validator, model_validator
 from simbev_ros.config.base import Model
 from simbev_ros.config.included_stacks import INCLUDED_STACKS, IncludedStack
 from simbev_ros.config.rig import Rig
-from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES
+from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES, PAPER_CLASSES
 
 BOXES_TOPIC, GRIDS_TOPIC = "/prediction/boxes", "/prediction/bev"
 """Default topics of the predicted boxes and grids of the first agent's stack."""
@@ -78,8 +78,11 @@ class Evaluation(Model):
     )
     min_points: int = Field(0, ge=0, description="minimum number of lidar and radar points in an evaluated box")
     min_visibility: float = Field(0.0, ge=0, le=1, description="minimum visibility of an evaluated box")
-    classes: tuple[str, ...] | None = Field(
-        None, min_length=1, description="classes of boxes and cells that are evaluated; none: all"
+    seen: bool = Field(
+        True, description="a box is evaluated only if a lidar or radar point is inside, or a camera sees a part of it"
+    )
+    classes: Literal["all"] | Annotated[tuple[str, ...], Field(min_length=1)] = Field(
+        PAPER_CLASSES, description="classes of boxes and cells that are evaluated; all: also lights, signs, cones, …"
     )
     difficulties: tuple[Literal["easy", "medium", "hard"], ...] = Field(
         ("easy", "medium", "hard"), min_length=1, description="difficulties of evaluated boxes"
@@ -121,9 +124,9 @@ class Evaluation(Model):
 
     @field_validator("classes")
     @classmethod
-    def _classes_are_known(cls, names: tuple[str, ...] | None) -> tuple[str, ...] | None:
+    def _classes_are_known(cls, names: Literal["all"] | tuple[str, ...]) -> Literal["all"] | tuple[str, ...]:
         known = dict.fromkeys((*BOX_CLASSES, *BEV_CLASSES))
-        unknown = [name for name in names or () if name not in known]
+        unknown = [name for name in (() if names == "all" else names) if name not in known]
         if unknown:
             raise ValueError(f"there is no {unknown[0]!r}; allowed: {', '.join(known)}")
         return names

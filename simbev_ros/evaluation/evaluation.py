@@ -6,6 +6,7 @@ metrics of all scenes. ``figures`` converts it to plain values, and ``tables`` m
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from simbev_ros.evaluation.metrics.nuscenes import NuscenesResult, nuscenes_merg
 from simbev_ros.evaluation.metrics.segmentation import SegmentationTally, empty_tally
 from simbev_ros.evaluation.options import EvaluationOptions
 from simbev_ros.evaluation.predictions.dataset_predictions import PredictionSet
+from simbev_ros.evaluation.scene_boxes import LeftOut
 from simbev_ros.evaluation.scene_evaluation import SceneTally, evaluate_scene
 from simbev_ros.evaluation.slices import TableSlice
 from simbev_ros.foundation.errors import InputError
@@ -47,6 +49,7 @@ class Evaluation:
         segmentations: Segmentation counts by table slice; empty if there are no predicted grids.
         grid_classes: The classes of ``BEV_CLASSES`` for which at least one grid has scores; metrics omit the others.
         nuscenes: The nuScenes metrics, or None if they were not requested.
+        left_out: Numbers of boxes that do not count.
     """
 
     options: EvaluationOptions
@@ -58,6 +61,7 @@ class Evaluation:
     segmentations: Mapping[TableSlice, SegmentationTally]
     grid_classes: tuple[str, ...]
     nuscenes: NuscenesResult | None
+    left_out: LeftOut
 
     @property
     def frame_count(self) -> int:
@@ -126,6 +130,7 @@ def evaluation_from_tallies(tallies: Sequence[SceneTally], options: EvaluationOp
         segmentations=cells,
         grid_classes=tuple(name for name in BEV_CLASSES if name in classes),
         nuscenes=nuscenes_result(nuscenes_merge(nuscenes)) if nuscenes else None,
+        left_out=reduce(LeftOut.plus, (each.left_out for each in tallies)),
     )
 
 

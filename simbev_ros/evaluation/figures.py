@@ -31,6 +31,7 @@ def figures_of(evaluation: Evaluation) -> dict[str, Any]:
         figures["detection"] = _by_slice(
             {table_slice: _detection(each) for table_slice, each in evaluation.detections.items()}
         )
+        figures["detection"]["left_out"] = evaluation.left_out._asdict()
     if evaluation.segmentations:
         chosen = evaluation.grid_classes
         cells = {

@@ -16,7 +16,7 @@ _Span = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class BoxFilter:
-    """Conditions on boxes that must all hold; with the defaults every box counts, as in the paper.
+    """Conditions on boxes that must all hold; with the defaults every box counts.
 
     Each span includes its first value and excludes its second.
 
@@ -25,12 +25,14 @@ class BoxFilter:
         visibility: Span of the visible share, 0 … 1; a box that no camera sees has 0.
         difficulties: Allowed difficulties, out of ``DIFFICULTIES``.
         points: Span of the number of lidar and radar points together; a sensor that was not received counts as 0.
+        seen: Whether a box counts only if a lidar or radar point is inside, or a camera sees a part of it.
     """
 
     range_m: _Span = (0.0, np.inf)
     visibility: _Span = (0.0, np.inf)
     difficulties: tuple[str, ...] = DIFFICULTIES
     points: _Span = (0, np.inf)
+    seen: bool = False
 
     def __post_init__(self) -> None:
         """Raise InputError for conditions that no box can meet."""
@@ -48,12 +50,14 @@ class BoxFilter:
     def truth_mask(self, boxes: Table) -> BoolArray:
         """(N,) mask of the ``schema.boxes.BOX_DTYPE`` boxes that count."""
         points = np.maximum(boxes["lidar_points"], 0) + np.maximum(boxes["radar_points"], 0)
+        visibility = np.nan_to_num(boxes["visibility"])
         difficulties = [DIFFICULTIES.index(name) for name in self.difficulties]
         return (
             self.range_mask(boxes["distance"].astype(np.float64))
-            & _within(np.nan_to_num(boxes["visibility"]), self.visibility)
+            & _within(visibility, self.visibility)
             & np.isin(boxes["difficulty"], difficulties)
             & _within(points, self.points)
+            & ((points > 0) | (visibility > 0.0) | (not self.seen))
         )
 
     def range_mask(self, distance_m: Float64Array) -> BoolArray:

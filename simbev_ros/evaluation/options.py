@@ -63,6 +63,7 @@ def options_of(
         visibility=(section.min_visibility, math.inf),
         points=(section.min_points, math.inf),
         difficulties=section.difficulties,
+        seen=section.seen,
     )
     counted = TableSlice(
         boxes=boxes,
@@ -70,7 +71,7 @@ def options_of(
         weathers=section.weathers,
         maps=tuple(maps) if "map" in section.by else (),
     )
-    chosen = (*BOX_CLASSES, *BEV_CLASSES) if section.classes is None else section.classes
+    chosen = (*BOX_CLASSES, *BEV_CLASSES) if section.classes == "all" else section.classes
     return EvaluationOptions(
         slices=tuple(table_slices(counted, section.by, section.rings_m)),
         detection=DetectionOptions(

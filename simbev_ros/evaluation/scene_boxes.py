@@ -5,7 +5,7 @@ frame has found, are derived from that match.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -58,6 +58,22 @@ class Outcomes:
     predictions: Predictions
     taken: BoolArray
     outcome: AnyArray
+
+
+class LeftOut(NamedTuple):
+    """Numbers of boxes that meet all conditions but one, and so need not be found.
+
+    Attributes:
+        of_other_classes: Their class is not evaluated.
+        unseen: No point is inside, and no camera sees them.
+    """
+
+    of_other_classes: int
+    unseen: int
+
+    def plus(self, other: "LeftOut") -> "LeftOut":
+        """The numbers of both together."""
+        return LeftOut(self.of_other_classes + other.of_other_classes, self.unseen + other.unseen)
 
 
 class GroundTruthFrame(NamedTuple):
@@ -121,6 +137,17 @@ class SceneBoxes:
         row, frames = self._rows_of(outcomes.tick), len(self._ticks)
         counted, found = (np.bincount(row[chosen], minlength=frames) for chosen in (outcomes.counted, outcomes.found))
         return counted, found
+
+    def count_left_out(self) -> LeftOut:
+        """Number of boxes in reach that do not count, by reason."""
+        base = self._options.slices[0]
+        has_class = np.isin(BOX_CLASSES, self._options.box_classes)[self._matching.truth.label]
+        in_frame = np.array([base.has(each) for each in self._conditions], np.bool_)[
+            self._rows_of(self._matching.truth.frame)
+        ]
+        wanted = replace(base.boxes, seen=False).truth_mask(self._table) & in_frame
+        unseen = wanted & has_class & ~base.boxes.truth_mask(self._table)
+        return LeftOut(int((wanted & ~has_class).sum()), int(unseen.sum()))
 
     def outcomes(self) -> Outcomes:
         """Outcome of every box and prediction of the first table slice."""

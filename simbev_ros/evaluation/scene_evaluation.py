@@ -21,7 +21,7 @@ from simbev_ros.evaluation.metrics.segmentation import SegmentationTally
 from simbev_ros.evaluation.options import EvaluationOptions
 from simbev_ros.evaluation.predictions.dataset_predictions import PredictedScene, boxes_in_map
 from simbev_ros.evaluation.predictions.reference_frames import ReferenceFrames
-from simbev_ros.evaluation.scene_boxes import GroundTruthFrame, Outcomes, SceneBoxes
+from simbev_ros.evaluation.scene_boxes import GroundTruthFrame, LeftOut, Outcomes, SceneBoxes
 from simbev_ros.evaluation.scene_grids import SceneGrids
 from simbev_ros.evaluation.slices import Conditions, TableSlice
 from simbev_ros.foundation.errors import InputError
@@ -51,6 +51,7 @@ class SceneTally:
         segmentations: Segmentation counts by table slice that includes cells; empty if grids are not evaluated.
         grid_classes: Classes for which at least one grid has scores.
         nuscenes: Counts of the nuScenes metrics, or None if they were not requested.
+        left_out: Numbers of boxes that do not count.
     """
 
     scene: str
@@ -59,6 +60,7 @@ class SceneTally:
     segmentations: Mapping[TableSlice, SegmentationTally]
     grid_classes: frozenset[str]
     nuscenes: NuscenesTally | None
+    left_out: LeftOut
 
 
 def evaluate_scene(scene: Scene, predicted: PredictedScene, options: EvaluationOptions, *, grids: bool) -> SceneTally:
@@ -99,6 +101,7 @@ def evaluate_scene(scene: Scene, predicted: PredictedScene, options: EvaluationO
         cells.tallies if grids else {},
         frozenset(cells.classes),
         _nuscenes(scene, boxes) if options.nuscenes else None,
+        scene_boxes.count_left_out(),
     )
 
 

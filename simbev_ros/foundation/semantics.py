@@ -61,6 +61,9 @@ BOX_CLASSES: tuple[str, ...] = _in_order_of("box")
 MOVING_CLASSES: tuple[str, ...] = tuple(name for name in BOX_CLASSES if "moves" in CLASSES[name])
 """Classes of boxes that take part in traffic."""
 
+PAPER_CLASSES: tuple[str, ...] = ("road", *MOVING_CLASSES, "rider")
+"""Classes of boxes and cells that the paper evaluates: six of boxes, eight of cells."""
+
 MOTOR_CLASSES: tuple[str, ...] = tuple(name for name in MOVING_CLASSES if CLASSES[name]["moves"] == "motor")
 """Classes of vehicles with a motor."""
 

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import cooperative_scene
 import evaluated_dataset as made
@@ -73,6 +74,24 @@ def test_the_figures_are_of_what_is_asked_for(dataset: Path, predictions: Path, 
     assert figures["detection"]["iou"]["mAP"] == pytest.approx(0.5)
     assert list(figures["segmentation"]["IoU_at"]) == ["car"]
     assert not [key for key in figures["detection"] if key.startswith("by_")]
+
+
+def test_boxes_that_nothing_sees_and_other_classes_count_only_with_all(
+    dataset: Path, predictions: Path, tmp_path: Path
+) -> None:
+    def detection(*words: str) -> tuple[dict[str, Any], str]:
+        file = tmp_path / "figures.json"
+        result = called(predictions, dataset, "--scenes", made.NAMES[0], "--json", file, *words)
+        assert result.exit_code == 0, result.output
+        return json.loads(file.read_text())["detection"], result.stdout
+
+    figures, shown = detection()
+    assert figures["boxes"] == 20 and figures["left_out"] == {"of_other_classes": 0, "unseen": 10}
+    assert "boxes that do not count: 10 without a point that no camera sees" in shown
+    figures, _ = detection("--classes", "pedestrian")
+    assert figures["boxes"] == 10 and figures["left_out"] == {"of_other_classes": 20, "unseen": 0}
+    figures, shown = detection("--all")
+    assert figures["boxes"] == 30 and "do not count" not in shown
 
 
 @pytest.mark.parametrize(

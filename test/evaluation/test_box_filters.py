@@ -28,6 +28,7 @@ def table() -> Table:
         (BoxFilter(visibility=(0.5, np.inf)), [1, 0, 0, 1]),
         (BoxFilter(difficulties=("easy", "hard")), [1, 0, 1, 1]),
         (BoxFilter(points=(3, np.inf)), [0, 1, 0, 1]),
+        (BoxFilter(seen=True), [1, 1, 0, 1]),
         (BoxFilter(range_m=(0, 30), points=(1, np.inf)), [1, 1, 0, 0]),
     ],
 )

@@ -238,7 +238,11 @@ def test_options_follow_the_configuration() -> None:
     base = options.slices[0].boxes
     assert (base.range_m, base.points, base.visibility) == ((0, 50), (5, np.inf), (0.2, np.inf))
     assert {table_slice.group for table_slice in options.slices} == {"", "weather"}
-    assert options_of(EvaluationSection()) == EvaluationOptions()
+    everything = {"classes": "all", "seen": False}
+    assert options_of(EvaluationSection.model_validate(everything)) == EvaluationOptions()
+    paper = options_of(EvaluationSection())
+    assert paper.box_classes == ("car", "truck", "bus", "motorcycle", "bicycle", "pedestrian")
+    assert {*paper.bev_classes} == {*paper.box_classes, "road", "rider"} and paper.slices[0].boxes.seen
 
 
 @pytest.mark.parametrize(("section", "words"), [({"classes": ["tram"]}, "no 'tram'"), ({"by": ["colour"]}, "distance")])

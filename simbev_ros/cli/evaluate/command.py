@@ -25,6 +25,7 @@ def evaluate(
     distance: option.Range = None,
     points: option.MinPoints = None,
     classes: option.Classes = None,
+    everything: option.Everything = False,
     by: option.By = None,
     every: option.Every = 1,
     nuscenes: option.NuScenes = False,
@@ -33,6 +34,8 @@ def evaluate(
     workers: Workers = None,
 ) -> None:
     """Measure predictions: AP by 3D IoU and distance, mAP, ATE, AOE, ASE, AVE, SDS, and bird's-eye-view IoU.
+
+    The paper's classes count, and boxes that a lidar, radar or camera sees; a line says how many are left out.
 
     Every frame of the chosen scenes counts; one without a prediction is missed. Classes without ground truth are not
     part of any mean; nuScenes' own means count them as 0, so --nuscenes also gives means without them. Each row of a
@@ -55,7 +58,8 @@ def evaluate(
     from simbev_ros.evaluation.options import options_of
     from simbev_ros.evaluation.predictions.dataset_predictions import open_predictions
 
-    section, pool = option.chosen_section(config, truth, distance, points, classes, by), processes(workers)
+    section = option.chosen_section(config, truth, distance, points, classes, by, everything=everything)
+    pool = processes(workers)
     _require_places(report, json_file)
     opened = open_dataset(dataset, threads=1)
     chosen = option.chosen_scenes(opened, split, scenes, agent)

@@ -12,6 +12,7 @@ from simbev_ros.cli.agent_option import require_agent
 from simbev_ros.config.evaluation import Evaluation, answer_topics_of
 from simbev_ros.config.evaluation_file import load_evaluation
 from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.semantics import PAPER_CLASSES
 
 if TYPE_CHECKING:
     from simbev_ros.dataset import Dataset, Scene
@@ -48,7 +49,16 @@ Range = Annotated[
 MinPoints = Annotated[
     int | None, typer.Option("--points", help="Minimum number of lidar and radar points in a box.", min=0)
 ]
-Classes = Annotated[str | None, typer.Option(help=f"Only these classes of boxes and cells, {_WORDS}.", metavar="NAMES")]
+Classes = Annotated[
+    str | None,
+    typer.Option(
+        help=f"Only these classes of boxes and cells, {_WORDS}; default: the paper's, {', '.join(PAPER_CLASSES)}.",
+        metavar="NAMES",
+    ),
+]
+Everything = Annotated[
+    bool, typer.Option("--all", help="All classes, and also boxes that no sensor sees; other options restrict them.")
+]
 By = Annotated[
     str | None,
     typer.Option(
@@ -65,9 +75,18 @@ JsonFile = Annotated[Path | None, typer.Option("--json", help="File for all figu
 
 
 def chosen_section(
-    config: str | None, truth: str | None, distance: str | None, points: int | None, classes: str | None, by: str | None
+    config: str | None,
+    truth: str | None,
+    distance: str | None,
+    points: int | None,
+    classes: str | None,
+    by: str | None,
+    *,
+    everything: bool = False,
 ) -> Evaluation:
     """The section of the configuration, or the defaults, with the values of the options that are given.
+
+    ``everything`` is ``--all``: what it adds to what counts comes before the other options.
 
     Raises:
         InputError: The configuration or an option is wrong.
@@ -76,7 +95,8 @@ def chosen_section(
     given: dict[str, Any] = {"truth": truth, "min_points": points}
     if distance is not None:
         given["min_range_m"], given["range_m"] = _span("--range", distance)
-    given["classes"] = None if classes is None else _words("--classes", classes)
+    given["classes"] = _words("--classes", classes) if classes is not None else "all" if everything else None
+    given["seen"] = False if everything else None
     given["by"] = None if by is None else _words("--by", by) if by else ()
     return _with_options(section, {name: value for name, value in given.items() if value is not None})
 

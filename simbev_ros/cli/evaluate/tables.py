@@ -22,6 +22,11 @@ def print_tables(figures: Mapping[str, Any], console: Console) -> None:
     )
     counted = f"{plural(frames['evaluated'], 'frame')} of {plural(frames['scenes'], 'scene')}"
     console.print(f"{counted}; answered: {answered or 'none'}", soft_wrap=True)
+    left_out = figures.get("detection", {}).get("left_out", {})
+    reasons = {"of_other_classes": "of other classes", "unseen": "without a point that no camera sees"}
+    counts = [f"{left_out[name]:,} {words}" for name, words in reasons.items() if left_out.get(name)]
+    if counts:
+        console.print(f"boxes that do not count: {', '.join(counts)}", soft_wrap=True)
     for figure_table in evaluation_tables(figures):
         table = _draw(figure_table)
         if not console.is_terminal:  # in a file nothing is cut off

@@ -28,7 +28,7 @@ from simbev_ros.evaluation.predictions.predicted_boxes import (
 )
 from simbev_ros.evaluation.predictions.reference_frames import AgentPoses, ReferenceFrames
 from simbev_ros.evaluation.predictions.score_grid import ScoreGrid
-from simbev_ros.evaluation.scene_boxes import GroundTruthFrame, SceneBoxes
+from simbev_ros.evaluation.scene_boxes import GroundTruthFrame, LeftOut, SceneBoxes
 from simbev_ros.evaluation.scene_evaluation import FRAME_DTYPE, SceneTally
 from simbev_ros.evaluation.scene_grids import SceneGrids
 from simbev_ros.evaluation.slices import Conditions, TableSlice
@@ -74,6 +74,7 @@ class LiveEvaluation:
         self._waiting: list[tuple[GroundTruthFrame, PredictedBoxes]] = []
         self._cells = SceneGrids(view.annotation.bev.grid, options.slices)
         self._rows: list[Table] = []
+        self._left_out = LeftOut(0, 0)
         self._tallies: dict[TableSlice, list[DetectionTally]] = {table_slice: [] for table_slice in options.slices}
         self._latency_ms: list[float] = []
         self._iou: list[float] = []
@@ -139,6 +140,7 @@ class LiveEvaluation:
             self._cells.tallies if has_grids else {},
             frozenset(self._cells.classes),
             None,
+            self._left_out,
         )
         return LiveScene(tally, np.array(self._latency_ms), counts)
 
@@ -166,6 +168,7 @@ class LiveEvaluation:
         rows["tick"] = ticks
         rows["boxes"], rows["found"] = boxes.count_found()
         self._rows.append(rows)
+        self._left_out = self._left_out.plus(boxes.count_left_out())
         for table_slice, tallies in self._tallies.items():
             tallies.append(boxes.tally(table_slice))
 

@@ -9,7 +9,7 @@ POINT_DTYPE = np.dtype(
         ("z", "<f4"),
         ("intensity", "<f4"),  # 0..1
         ("ring", "<u2"),  # channel, 0 is the lowest unless configured otherwise
-        ("time", "<f4"),  # s from the stamp, ≤ 0
+        ("time", "<f4"),  # s from the stamp, ≤ 0; 0 unless the lidar is rolling
     ]
 )
 """Row of the table of returns, packed as Velodyne's XYZIRT: offsets 0 4 8 12 16 18, 22 bytes."""
@@ -23,7 +23,7 @@ SEMANTIC_POINT_DTYPE = np.dtype(
         ("cos_angle", "<f4"),  # cosine of the angle between ray and surface normal, 0 grazing, 1 perpendicular
         ("object_id", "<u4"),  # id of the actor, 0 on static surfaces
         ("tag", "<u4"),  # semantic tag
-        ("time", "<f4"),  # s from the stamp, ≤ 0
+        ("time", "<f4"),  # s from the stamp, ≤ 0; 0 unless the lidar is rolling
     ]
 )
 """Row of the table of returns of the semantic lidar, without noise, loss or weather; 28 bytes."""

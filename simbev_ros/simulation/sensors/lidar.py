@@ -2,9 +2,9 @@
 
 ``lidar_pattern`` defines the ray directions, ``lidar_echo`` the strength of echoes, ``lidar_weather`` the effects of
 rain and fog. By default all rays of a turn are cast at the time stamp, from the pose at the time stamp, as in CARLA:
-the cloud is already motion-compensated, and ``time`` must not be used to do so again. A rolling scan casts each column
-at its own ``time``, with the sensor and all actors at their poses of that time; its points are in the sensor frame of
-that time, as those of a real lidar.
+the cloud is already motion-compensated, and ``time`` is 0. A rolling scan casts each column at its own ``time``, with
+the sensor and all actors at their poses of that time; its points are in the sensor frame of that time, as those of a
+real lidar.
 
 Threads can share a turn in blocks of columns. Every ray has its own random numbers, whether it returns or not, so that
 the clouds do not depend on blocks and threads.
@@ -109,7 +109,8 @@ class LidarModel:
         self._seed = seed
         self.pattern = ScanPattern.from_lidar(lidar, turn_s)
         self._xyz = np.ascontiguousarray(self.pattern.directions.T)
-        self._time_s = self.pattern.time_s.astype(np.float32)
+        time_s = self.pattern.time_s.astype(np.float32)
+        self._time_s = time_s if lidar.rolling else np.zeros_like(time_s)
         blocks = min(max(len(self._time_s) // _MIN_RAYS_PER_BLOCK, 1), max_blocks, lidar.columns)
         edges = np.linspace(0, lidar.columns, blocks + 1).astype(int) * lidar.channels
         self._blocks = [slice(start, stop) for start, stop in pairwise(edges.tolist())]

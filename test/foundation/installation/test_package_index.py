@@ -1,5 +1,6 @@
 """ROS's tools find the package in an environment that ./simbev has set up: pip leaves its other files out."""
 
+import os
 import re
 import subprocess
 from pathlib import Path
@@ -29,6 +30,8 @@ def test_the_set_up_registers_the_package_with_its_files_and_programs(
     share = Path(get_package_share_directory("simbev_ros"))
     assert (share / "package.xml").samefile(REPOSITORY / "package.xml")
     assert (share / "config" / "rviz" / "simbev.rviz").is_file()
+    launched = {name for _, _, names in os.walk(share) for name in names if name.endswith(".launch.py")}
+    assert launched == {"play.launch.py", "simbev.launch.py", "view.launch.py"}, "as ros2 launch looks for them"
     assert {path.name for path in (venv / "lib" / "simbev_ros").iterdir() if path.stat().st_mode & 0o100} == {
         "simbev", "simbev_node"
     }  # fmt: skip

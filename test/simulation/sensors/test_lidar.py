@@ -64,7 +64,7 @@ def test_a_turn_runs_clockwise_from_behind_and_ends_at_the_stamp() -> None:
     azimuth_deg = np.degrees(np.arctan2(cloud["y"], cloud["x"]))
     assert azimuth_deg == pytest.approx(np.repeat([157.5, 112.5, 67.5, 22.5, -22.5, -67.5, -112.5, -157.5], 2))
     assert list(cloud["ring"]) == [0, 1] * 8
-    assert cloud["time"] == pytest.approx(np.repeat(np.arange(-7, 1) / 8 * TURN_S, 2))
+    assert not cloud["time"].any(), "all rays are cast at the stamp"
 
 
 def test_points_are_in_the_frame_of_the_mounted_sensor() -> None:

@@ -23,8 +23,8 @@ def test_iou_by_hand() -> None:
     labels = np.array([[ROAD, ROAD_AND_CAR, 0, 0]], np.uint16)
     scores = np.array([[[0.9, 0.4, 0.5, 0.0]], [[0.2, 0.7, 0.65, 0.1]]], np.float32)
     iou = segmentation_tally(labels, scores, ("road", "car")).iou()
-    np.testing.assert_allclose(iou[0], [2 / 3, 2 / 3, 2 / 3, 2 / 3, 1 / 3, 1 / 2, 1 / 2, 1 / 2, 1 / 2])
-    np.testing.assert_allclose(iou[1], [1 / 4, 1 / 3, 1 / 2, 1 / 2, 1 / 2, 1 / 2, 1, 0, 0])
+    np.testing.assert_allclose(iou[0], [2 / 3, 2 / 3, 2 / 3, 1 / 3, 1 / 2, 1 / 2, 1 / 2, 1 / 2, 0])
+    np.testing.assert_allclose(iou[1], [1 / 3, 1 / 2, 1 / 2, 1 / 2, 1 / 2, 1 / 2, 0, 0, 0])
 
 
 def test_a_sum_of_frames_equals_one_large_frame() -> None:
@@ -38,7 +38,7 @@ def test_a_sum_of_frames_equals_one_large_frame() -> None:
     for row in (0, 13):
         has_class = labels >> row & 1 > 0
         for column, threshold in enumerate(THRESHOLDS):
-            above = scores[:, row] >= threshold
+            above = scores[:, row] > threshold
             assert total.iou()[row, column] == (has_class & above).sum() / (has_class | above).sum()
     mean = segmentation_figures(total, BEV_CLASSES)["mean_IoU_at"]
     np.testing.assert_allclose([*mean.values()], total.iou().mean(axis=0))
@@ -53,21 +53,21 @@ def test_truth_as_prediction_is_perfect(dtype: type) -> None:
 
 
 @pytest.mark.parametrize("dtype", [np.float16, np.float32, np.float64])
-def test_a_score_exactly_at_a_threshold_is_predicted(dtype: type) -> None:
+def test_a_score_exactly_at_a_threshold_is_not_predicted(dtype: type) -> None:
     scores = np.array(THRESHOLDS, dtype).reshape(1, 1, -1)
     predicted = segmentation_tally(np.zeros((1, 9), np.uint16), scores, ("road",)).predicted
-    np.testing.assert_array_equal(predicted, [np.arange(9, 0, -1)])
+    np.testing.assert_array_equal(predicted, [np.arange(8, -1, -1)])
 
 
 def test_uint8_scores_are_fractions_of_255() -> None:
     scores = np.arange(256, dtype=np.uint8).reshape(1, 16, 16)
     predicted = segmentation_tally(np.zeros((16, 16), np.uint16), scores, ("road",)).predicted
-    np.testing.assert_array_equal(predicted, [[256 - each for each in (26, 51, 77, 102, 128, 153, 179, 204, 230)]])
+    np.testing.assert_array_equal(predicted, [[256 - each for each in (26, 52, 77, 103, 128, 154, 179, 205, 230)]])
 
 
 def test_an_absent_class_is_in_no_mean() -> None:
     labels, scores = np.full((2, 2), ROAD, np.uint16), np.zeros((len(BEV_CLASSES), 2, 2))
-    scores[0] = 1
+    scores[0], scores[BEV_CLASSES.index("car"), 0, 0] = 1, 1
     figures = segmentation_figures(segmentation_tally(labels, scores), ("road", "car"))
     assert set(figures["IoU_at"]["car"].values()) == {None}
     assert set(figures["mean_IoU_at"].values()) == {1}

@@ -120,7 +120,7 @@ def test_a_scene_without_cameras_has_no_camera_picture(tmp_path: Path) -> None:
 
 def test_cells_that_differ_are_colored(scene: Scene) -> None:
     scores = made.scores(0)[[made.ROAD, made.CAR]] / np.float32(255)
-    scores[0, 9, 0], scores[0, 15, 3], scores[1, 8, 9] = 0.4, 0.5, 0.0
+    scores[0, 9, 0], scores[0, 15, 3], scores[1, 8, 9] = 0.5, 0.6, 0.0
     pictures = grid_pictures(scene[0], ScoreGrid(("road", "car"), scores, "here"), ("road", "car"))
     assert list(pictures) == ["truth", "predicted", "difference"]
     cells = np.asarray(_pixels(pictures["difference"]).convert("RGBA"))

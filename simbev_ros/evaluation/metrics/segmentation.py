@@ -43,9 +43,10 @@ class SegmentationTally:
         )
 
     def iou(self) -> Float64Array:
-        """(C, T) cells in both over cells in either; NaN: the class is in neither."""
+        """(C, T) cells in both over cells in either; NaN: no cell is of the class."""
         either = self.truth[:, None] + self.predicted - self.both
-        return np.divide(self.both, either, out=np.full(either.shape, np.nan), where=either > 0)
+        has_truth = np.broadcast_to(self.truth[:, None] > 0, either.shape)
+        return np.divide(self.both, either, out=np.full(either.shape, np.nan), where=has_truth)
 
 
 def empty_tally(classes: int = len(BEV_CLASSES), thresholds: int = len(THRESHOLDS)) -> SegmentationTally:
@@ -64,7 +65,7 @@ def tallies_by_region(
 ) -> list[SegmentationTally]:
     """Count the cells of one frame, separately for each region of the grid.
 
-    A cell is predicted where its score is at least the threshold.
+    A cell is predicted where its score is above the threshold.
 
     Args:
         labels: (H, W) unsigned; bit k of a cell is class k of ``BEV_CLASSES``.
@@ -98,21 +99,21 @@ def tallies_by_region(
 
 
 def _count_reached(scores: AnyArray, thresholds: Sequence[float]) -> UInt8Array:
-    """(C, H, W) number of thresholds that each score reaches."""
+    """(C, H, W) number of thresholds that each score is above."""
     limits = thresholds_in_dtype(thresholds, scores.dtype)
     if scores.dtype == np.uint8:
-        table = np.searchsorted(limits, np.arange(256), side="right").astype(np.uint8)
+        table = np.searchsorted(limits, np.arange(256), side="left").astype(np.uint8)
         return table[scores]
     reached = np.zeros(scores.shape, np.uint8)
     for limit in limits:
-        reached += scores >= limit
+        reached += scores > limit
     return reached
 
 
 def thresholds_in_dtype(thresholds: Sequence[float], dtype: np.dtype[np.generic]) -> AnyArray:
-    """Thresholds in the data type of the scores, so that a score equal to a threshold reaches it."""
+    """Thresholds in the data type of the scores, so that a score equal to a threshold is not above it."""
     if dtype == np.uint8:
-        return np.ceil(np.round(np.array(thresholds) * _FULL, 6)).astype(np.uint8)
+        return np.floor(np.round(np.array(thresholds) * _FULL, 6)).astype(np.uint8)
     return np.array(thresholds, dtype)
 
 

@@ -40,11 +40,11 @@ def grid_pictures(frame: Frame, predicted: ScoreGrid, classes: tuple[str, ...]) 
 
 
 def _labels(predicted: ScoreGrid) -> UInt16Array:
-    """(H, W) uint16 labels, bit k for class k, set where scores reach the threshold of the tables."""
+    """(H, W) uint16 labels, bit k for class k, set where scores are above the threshold of the tables."""
     (limit,) = thresholds_in_dtype((TABLE_THRESHOLD,), predicted.scores.dtype)
     labels = np.zeros(predicted.scores.shape[1:], np.uint16)
     for name, scores in zip(predicted.classes, predicted.scores, strict=True):
-        labels |= (scores >= limit).astype(np.uint16) << np.uint16(BEV_CLASSES.index(name))
+        labels |= (scores > limit).astype(np.uint16) << np.uint16(BEV_CLASSES.index(name))
     return labels
 
 

@@ -136,7 +136,7 @@ def _cells(segmentation: Figures) -> str:
     colors = legend(profile_colors({}, {"": segmentation}))
     body = html_table(segmentation_table(segmentation)) + colors + sheet("pair", cell_figures(segmentation))
     return section(
-        "Bird's-eye view", body, "IoU of cells by class; a class is present where its score is at least the threshold."
+        "Bird's-eye view", body, "IoU of cells by class; a class is present where its score is above the threshold."
     )
 
 

@@ -12,7 +12,7 @@ from simbev_ros.scene.air import extinction_per_m
 from simbev_ros.scene.drawing.draw_weather import draw_weathers
 from simbev_ros.schema.scene.weather import Weather
 
-clear, final = draw_weathers(WeatherConfig(final={"dust": {"uniform": [20, 80]}}), 1, hilly=False)
+clear, final = draw_weathers(WeatherConfig(final={"dust": {"uniform": [20, 80]}}), 1, even_fog=False)
 assert clear.dust == 0 and 20 <= final.dust <= 80
 before = {name: value for name, value in clear.model_dump().items() if name != "dust"}
 assert Weather.model_validate(before) == clear

@@ -171,7 +171,7 @@ def test_paper_draws_up_to_three_less_than_the_free_positions(network: RoadNetwo
 
 
 def test_weather_follows_the_papers_conditions() -> None:
-    drawn = [draw_weather(WeatherConfig(), seed, hilly=False) for seed in range(800)]
+    drawn = [draw_weather(WeatherConfig(), seed, even_fog=False) for seed in range(800)]
     dry = [weather for weather in drawn if weather.cloudiness <= 40]
     assert dry and all(weather.precipitation == 0 for weather in dry)
     assert all(weather.precipitation <= weather.cloudiness for weather in drawn)
@@ -185,8 +185,8 @@ def test_weather_follows_the_papers_conditions() -> None:
 
 
 def test_fixing_one_weather_parameter_leaves_the_independent_ones_unchanged() -> None:
-    free = draw_weather(WeatherConfig(), 5, hilly=False)
-    fixed = draw_weather(WeatherConfig(cloudiness=12.0), 5, hilly=False)
+    free = draw_weather(WeatherConfig(), 5, even_fog=False)
+    fixed = draw_weather(WeatherConfig(cloudiness=12.0), 5, even_fog=False)
     assert fixed.cloudiness == 12.0
     assert (fixed.wind_intensity, fixed.sun_azimuth_deg) == (free.wind_intensity, free.sun_azimuth_deg)
 

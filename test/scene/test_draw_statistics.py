@@ -1,6 +1,7 @@
 """Drawn scenes against the paper's distributions: Kolmogorov–Smirnov with p > 0.01 over 2,000 fixed seeds."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,9 +14,10 @@ from simbev_ros.config.scenario import Scenario, Timing, Traffic
 from simbev_ros.config.weather import WeatherConfig, WeatherParameters
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.build import load_network
+from simbev_ros.maps.source import known_maps
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, start_positions
-from simbev_ros.scene.drawing.draw_weather import draw_weathers
+from simbev_ros.scene.drawing.draw_weather import draw_weathers, fog_fills_heights
 from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.schema.scene.spec import SceneSpec
 
@@ -51,7 +53,7 @@ def is_share(count: int, of: int, probability: float) -> bool:
 def weather(request: pytest.FixtureRequest) -> dict[str, Float64Array]:
     """(2000,) draws of each parameter: of the initial weather, or of the final one, which follows the same rules."""
     config = WeatherConfig(final=WeatherParameters())
-    pairs = [draw_weathers(config, seed, hilly=False) for seed in range(SCENES)]
+    pairs = [draw_weathers(config, seed, even_fog=False) for seed in range(SCENES)]
     drawn = [pair[request.param == "final"] for pair in pairs]
     return {name: np.array([getattr(each, name) for each in drawn]) for name in WeatherParameters.model_fields}
 
@@ -94,15 +96,24 @@ def test_fog_needs_clouds_or_a_low_sun(weather: dict[str, Float64Array]) -> None
     assert agrees(weather["fog_falloff"][thick] / 5, stats.beta(1.2, 2.4))
 
 
-def test_fog_fills_all_heights_on_hilly_maps() -> None:
-    drawn = [draw_weathers(WeatherConfig(), seed, hilly=True)[0] for seed in range(200)]
+def test_fog_of_the_same_density_at_all_heights() -> None:
+    drawn = [draw_weathers(WeatherConfig(), seed, even_fog=True)[0] for seed in range(200)]
     assert {each.fog_falloff for each in drawn} == {0.01, 1.0}
     assert all((each.fog_falloff == 0.01) == (each.fog_density > 10) for each in drawn)
+    network = load_network(MapSpec(name="Blocks"))
+    high = replace(
+        network,
+        lanes={name: replace(lane, centerline_m=lane.centerline_m + 30.0) for name, lane in network.lanes.items()},
+    )
+    towns = [name for name in known_maps() if fog_fills_heights(MapSpec(name=name), high)]
+    assert towns == ["Town12", "Town13", "Town15"]
+    file = MapSpec(name="hills", path="/maps/hills.xodr")
+    assert fog_fills_heights(file, high) and not fog_fills_heights(file, network)
 
 
 def test_parameters_without_a_rule_between_them_are_uncorrelated() -> None:
     pairs = [
-        draw_weathers(WeatherConfig(final=WeatherParameters()), seed, hilly=False)
+        draw_weathers(WeatherConfig(final=WeatherParameters()), seed, even_fog=False)
         for seed in range(1000, 1000 + SCENES)
     ]
     free = ("cloudiness", "wind_intensity", "sun_azimuth_deg", "sun_altitude_deg")

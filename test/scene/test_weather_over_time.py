@@ -28,7 +28,7 @@ traffic: {vehicles: 0, pedestrians: 0}
 
 
 def weather(**changes: float) -> Weather:
-    return draw_weather(WeatherParameters(cloudiness=20, fog_density=0), 1, hilly=False).model_copy(update=changes)
+    return draw_weather(WeatherParameters(cloudiness=20, fog_density=0), 1, even_fog=False).model_copy(update=changes)
 
 
 @cache
@@ -82,9 +82,9 @@ def test_a_final_weather_changes_nothing_else(tmp_path: Path) -> None:
 
 
 def test_initial_and_final_weather_are_drawn_independently() -> None:
-    initial, final = draw_weathers(WeatherConfig(final=WeatherParameters()), 4, hilly=False)
+    initial, final = draw_weathers(WeatherConfig(final=WeatherParameters()), 4, even_fog=False)
     assert final is not None and initial.cloudiness != final.cloudiness
-    assert initial == draw_weather(WeatherParameters(), 4, hilly=False)
+    assert initial == draw_weather(WeatherParameters(), 4, even_fog=False)
 
 
 def test_a_drawn_duration_is_rounded_to_whole_ticks(tmp_path: Path) -> None:

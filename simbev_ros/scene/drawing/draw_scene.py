@@ -12,7 +12,7 @@ from simbev_ros.scene.drawing.chosen_maps import maps_of
 from simbev_ros.scene.drawing.draw_agents import draw_agents
 from simbev_ros.scene.drawing.draw_lights import draw_lights
 from simbev_ros.scene.drawing.draw_v2x import draw_v2x
-from simbev_ros.scene.drawing.draw_weather import draw_weathers
+from simbev_ros.scene.drawing.draw_weather import draw_weathers, fog_fills_heights
 from simbev_ros.scene.drawing.scene_drawer import SceneDrawer
 from simbev_ros.scene.drawing.start_clearance import StartClearance
 from simbev_ros.scene.drawing.starts import StartPositions
@@ -63,7 +63,7 @@ def draw_scene(
     clearance = StartClearance(network)
     agents = draw_agents(scenario, seed, network, starts, duration_s, clearance)
     drawer = SceneDrawer(scenario, seed, network, starts, duration_s, agents)
-    weather, final_weather = draw_weathers(scenario.weather, seed, hilly=starts.is_hilly)
+    weather, final_weather = draw_weathers(scenario.weather, seed, even_fog=fog_fills_heights(planned.map, network))
     hazards = drawer.draw_hazards()
     vehicles = tuple(drawer.draw_vehicles(hazards, clearance))
     return SceneSpec(

@@ -7,22 +7,37 @@ import numpy as np
 from simbev_ros.config.draw import sample
 from simbev_ros.config.weather import WEATHER_PARAMETERS, WeatherConfig, WeatherParameters
 from simbev_ros.foundation.random import stream
+from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.schema.scene.weather import Weather
 
+_FOGGY_TOWNS = ("Town12", "Town13", "Town15")
+_HIGH_M = 20.0  # where the fastest falloff that is drawn leaves a quarter of the fog
 
-def draw_weathers(config: WeatherConfig, seed: int, *, hilly: bool) -> tuple[Weather, Weather | None]:
+
+def fog_fills_heights(spec: MapSpec, network: RoadNetwork) -> bool:
+    """Whether fog has the same density at all heights of a map.
+
+    It does in three towns, as in the paper, and on map files with roads far above or below height 0.
+    """
+    if not spec.path:
+        return spec.name in _FOGGY_TOWNS
+    return any(bool(np.any(np.abs(lane.centerline_m[:, 2]) > _HIGH_M)) for lane in network.lanes.values())
+
+
+def draw_weathers(config: WeatherConfig, seed: int, *, even_fog: bool) -> tuple[Weather, Weather | None]:
     """Draw the weather at a scene's start and, if it changes, at its end; both independently by the same rules."""
-    final = None if config.final is None else draw_weather(config.final, seed, hilly=hilly, name="weather.final")
-    return draw_weather(config, seed, hilly=hilly), final
+    final = None if config.final is None else draw_weather(config.final, seed, even_fog=even_fog, name="weather.final")
+    return draw_weather(config, seed, even_fog=even_fog), final
 
 
-def draw_weather(config: WeatherParameters, seed: int, *, hilly: bool, name: str = "weather") -> Weather:
+def draw_weather(config: WeatherParameters, seed: int, *, even_fog: bool, name: str = "weather") -> Weather:
     """Draw every parameter from a random stream of its own, so that fixing one does not change the others.
 
     Args:
         config: Requested value or distribution of each parameter.
         seed: The scene's seed.
-        hilly: Whether the map has non-zero elevation; fog then fills all heights.
+        even_fog: ``fog_fills_heights`` of the map.
         name: Prefix of the random stream names.
     """
     drawn: dict[str, float] = {}
@@ -42,7 +57,7 @@ def draw_weather(config: WeatherParameters, seed: int, *, hilly: bool, name: str
     altitude = draw("sun_altitude_deg", lambda rng: 180 * rng.beta(3.6, 2.0) - 90)
     fog = draw("fog_density", lambda rng: 100 * rng.beta(1.6, 2.0) if clouds > 40 or altitude < 10 else 0.0)
     draw("fog_distance_m", lambda rng: rng.lognormal(3.2, 0.8) if fog > 10 else 0.0)
-    draw("fog_falloff", lambda rng: (0.01 if hilly else 5 * rng.beta(1.2, 2.4)) if fog > 10 else 1.0)
+    draw("fog_falloff", lambda rng: (0.01 if even_fog else 5 * rng.beta(1.2, 2.4)) if fog > 10 else 1.0)
     for parameter in WEATHER_PARAMETERS.keys() - drawn:
         draw(parameter)
     return Weather(**drawn)

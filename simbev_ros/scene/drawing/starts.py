@@ -39,11 +39,6 @@ class StartPositions:
         self._network = network
 
     @cached_property
-    def is_hilly(self) -> bool:
-        """Whether the map has non-zero elevation."""
-        return any(bool(np.any(np.abs(lane.centerline_m[:, 2]) > 0.01)) for lane in self._network.lanes.values())
-
-    @cached_property
     def signal_programs(self) -> tuple[str, ...]:
         """Ids of the map's traffic-light programs, sorted."""
         return tuple(sorted({signal.programme for signal in self._network.signals}))

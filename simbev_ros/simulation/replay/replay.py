@@ -30,7 +30,7 @@ from simbev_ros.recording.lead_in import lead_in_messages
 from simbev_ros.recording.reader import RawMessage, SceneBag
 from simbev_ros.scene.drawing.draw_lights import draw_lights
 from simbev_ros.scene.drawing.draw_v2x import draw_v2x
-from simbev_ros.scene.drawing.draw_weather import draw_weathers
+from simbev_ros.scene.drawing.draw_weather import draw_weathers, fog_fills_heights
 from simbev_ros.scene.drawing.starts import StartPositions
 from simbev_ros.scene.ending import DURATION
 from simbev_ros.schema.scene.map_spec import MapSpec
@@ -249,7 +249,8 @@ def replayed_spec(bag: SceneBag, scenario: Scenario, network: RoadNetwork, chose
         "map": chosen or spec.map,
     }
     if "weather" in scenario.model_fields_set:
-        changes["weather"], changes["final_weather"] = draw_weathers(scenario.weather, spec.seed, hilly=starts.is_hilly)
+        even_fog = fog_fills_heights(chosen or spec.map, network)
+        changes["weather"], changes["final_weather"] = draw_weathers(scenario.weather, spec.seed, even_fog=even_fog)
     if "lights" in scenario.model_fields_set:
         changes["lights"] = draw_lights(scenario.lights, spec.seed)
     return spec.model_copy(update=changes)

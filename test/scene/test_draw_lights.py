@@ -1,4 +1,4 @@
-"""Street lights follow the paper's distribution lamp by lamp; window colors are those of the scene."""
+"""Street lights follow the paper's distribution scene by scene; window colors are those of the scene."""
 
 import numpy as np
 import pytest
@@ -8,36 +8,51 @@ from scipy.stats import kstest
 from simbev_ros.config.draw import Distribution
 from simbev_ros.config.lights import BuildingLights, Lights, StreetLights
 from simbev_ros.config.load import load_scenario
+from simbev_ros.foundation.types import Float64Array
 from simbev_ros.scene.drawing.draw_lights import draw_lights, white_balanced_srgb
 from simbev_ros.schema.scene.lights import LightSpec, street_lights
 
 POSITIONS_M = np.random.default_rng(5).uniform(-4000.0, 4000.0, (4000, 3)) * [1.0, 1.0, 0.002]
 
 
-def test_lamps_follow_the_papers_rule() -> None:
-    table = street_lights(draw_lights(Lights(), 3), POSITIONS_M)
+PER_LAMP = Lights(street=StreetLights(change_lm=Distribution(uniform=(-18_000, 18_000))))
+
+
+def test_nights_follow_the_papers_rule_and_all_lamps_of_one_are_equal() -> None:
+    nights = [street_lights(draw_lights(Lights(), seed), POSITIONS_M[:3])["intensity_lm"] for seed in range(2000)]
+    assert all(len(set(night.tolist())) == 1 for night in nights)
+    check_flux(np.array([night[0] for night in nights], np.float64))
+
+
+def test_lamps_can_be_drawn_one_by_one() -> None:
+    table = street_lights(draw_lights(PER_LAMP, 3), POSITIONS_M)
     flux_lm = table["intensity_lm"].astype(float)
-    assert flux_lm.min() == 10_000.0
-    assert 35_500.0 < flux_lm.max() <= 36_000.0
-    # Uniform in 0..36,000 with all below 10,000 raised to it: (10² + (36² - 10²) / 2) / 36 thousand.
-    assert flux_lm.mean() == pytest.approx(19_389.0, abs=4 * 8_700.0 / len(table) ** 0.5)
-    above = flux_lm[flux_lm > 10_000.0]
-    assert len(above) / len(table) == pytest.approx(26 / 36, abs=0.03)
-    assert kstest(above, "uniform", (10_000.0, 26_000.0)).pvalue > 0.01
+    check_flux(flux_lm)
     assert table["failed"].mean() == pytest.approx(0.1, abs=0.02)
     np.testing.assert_array_equal(table["on"], 1 - table["failed"])
     assert abs(np.corrcoef(table["failed"], flux_lm)[0, 1]) < 0.05
 
 
+def check_flux(flux_lm: Float64Array) -> None:
+    """Check that samples are uniform in 0 to 36,000 lm, with all below 10,000 raised to it."""
+    assert flux_lm.min() == 10_000.0
+    assert 35_500.0 < flux_lm.max() <= 36_000.0
+    mean_lm = (10_000.0**2 + (36_000.0**2 - 10_000.0**2) / 2.0) / 36_000.0
+    assert flux_lm.mean() == pytest.approx(mean_lm, abs=4 * 8_700.0 / len(flux_lm) ** 0.5)
+    above = flux_lm[flux_lm > 10_000.0]
+    assert len(above) / len(flux_lm) == pytest.approx(26 / 36, abs=0.03)
+    assert kstest(above, "uniform", (10_000.0, 26_000.0)).pvalue > 0.01
+
+
 def test_a_lamp_does_not_depend_on_other_loaded_lamps_or_their_order() -> None:
-    lights = draw_lights(Lights(), 3)
+    lights = draw_lights(PER_LAMP, 3)
     all_lamps = street_lights(lights, POSITIONS_M[:200])
     order = np.random.default_rng(1).permutation(200)[:70]
     some = street_lights(lights, POSITIONS_M[order])
     for name in ("x", "y", "z", "intensity_lm", "on", "failed"):
         np.testing.assert_array_equal(some[name], all_lamps[name][order])
     np.testing.assert_array_equal(some["id"], np.arange(1, 71))
-    other = street_lights(draw_lights(Lights(), 4), POSITIONS_M[:200])
+    other = street_lights(draw_lights(PER_LAMP, 4), POSITIONS_M[:200])
     assert np.mean(other["intensity_lm"] == all_lamps["intensity_lm"]) < 0.2
     above = street_lights(lights, np.add(POSITIONS_M[:200], [0.0, 0.0, 8.0]))
     assert np.mean(above["intensity_lm"] == all_lamps["intensity_lm"]) < 0.2, "lamps of a bridge are others"

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from simbev_ros.config.draw import Distribution, sample
+from simbev_ros.config.draw import sample
 from simbev_ros.config.lights import MAX_COLORS, BuildingLights, Lights, StreetLights
 from simbev_ros.foundation.random import stream
 from simbev_ros.foundation.types import Float64Array
@@ -24,13 +24,15 @@ def draw_lights(config: Lights, seed: int) -> LightSpec:
 
 
 def _draw_street(config: StreetLights, seed: int) -> StreetLightSpec:
-    """Draw the street lights; all lamps share one base flux, which is therefore their mean."""
-    mean_lm = sample(config.base_lm, stream(seed, "lights.street.base"))
+    """Draw the street lights; by the paper, all lamps of a scene have the same flux, so that some nights are dark."""
+    base_lm = sample(config.base_lm, stream(seed, "lights.street.base"))
     change_lm = config.change_lm
+    if change_lm == "paper":
+        change_lm = float(stream(seed, "lights.street.change").uniform(-base_lm, base_lm))
     return StreetLightSpec(
         enabled=config.enabled,
-        base_lm=mean_lm,
-        change_lm=Distribution(uniform=(-mean_lm, mean_lm)) if change_lm == "paper" else change_lm,
+        base_lm=base_lm,
+        change_lm=change_lm,
         minimum_lm=config.minimum_lm,
         failure_probability=config.failure_probability,
     )

@@ -20,8 +20,8 @@ class StreetLights(Model):
     )
     change_lm: Annotated[PaperOrDrawn, within(-1_000_000, 1_000_000)] = Field(
         "paper",
-        description="deviation from base_lm, drawn for each lamp; paper: one for all lamps of a scene, uniform in -m to "
-        "m, where m is the scene's base_lm",
+        description="deviation from base_lm, drawn for each lamp; paper: one for all lamps of a scene, uniform in -m "
+        "to m, where m is the scene's base_lm",
     )
     minimum_lm: float = Field(10_000.0, ge=0, le=1_000_000, description="minimum luminous flux of a working lamp")
     failure_probability: float = Field(0.1, ge=0, le=1, description="probability that a lamp is broken")

@@ -161,7 +161,8 @@ def test_the_ego_its_driver_signals_and_duration(count: int) -> None:
 
 @pytest.mark.slow
 def test_vehicles_and_pedestrians() -> None:
-    scenario = load_scenario("paper").model_copy(update={"hazards": Hazards(count=0)})  # they occupy start positions
+    changes = {"hazards": Hazards(count=0), "traffic": Traffic()}  # hazards occupy start positions
+    scenario = load_scenario("paper").model_copy(update=changes)
     starts = start_positions(scenario, load_network(PLANNED.map))
     shares, pedestrian_counts, vehicles, walking_speeds_mps = [], [], [], []
     position_m = {

@@ -18,6 +18,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from simbev_ros.foundation.files.confined_paths import path_inside
+from simbev_ros.foundation.files.private_folder import substitute_home, writable_home
 
 KEPT_S = 14 * 86400.0
 """How long after its last use an entry of another version is kept."""
@@ -33,8 +34,20 @@ _held: OrderedDict[tuple[Path, int], int] = OrderedDict()
 
 
 def default_cache_dir() -> Path:
-    """Folder of the cache: ``$XDG_CACHE_HOME/simbev_ros``, by default ``~/.cache/simbev_ros``."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "simbev_ros"
+    """Folder of the cache: ``$XDG_CACHE_HOME/simbev_ros``, by default ``~/.cache/simbev_ros``.
+
+    Without a home that can be written to, it is in the folder for temporary files.
+
+    Raises:
+        InputError: Another user could write to it there.
+    """
+    if given := os.environ.get("XDG_CACHE_HOME"):
+        return Path(given) / "simbev_ros"
+    with suppress(RuntimeError):
+        folder = Path.home() / ".cache" / "simbev_ros"
+        if folder.is_dir() or os.access(folder.parent, os.W_OK):
+            return folder
+    return (writable_home() or substitute_home()) / ".cache" / "simbev_ros"
 
 
 def entry_path(kind: Path, name: str, version: bytes, key: bytes) -> Path:

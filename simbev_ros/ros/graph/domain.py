@@ -10,7 +10,7 @@ from typing import Self
 
 from simbev_ros.foundation.errors import GraphError, InputError
 from simbev_ros.foundation.files.lock_file import lock_file, open_lock_file
-from simbev_ros.ros.graph.private_folder import is_private_folder
+from simbev_ros.foundation.files.private_folder import is_private_folder
 
 ISOLATED_DOMAINS = range(41, 101)
 """Domains that are safe with the default port mapping (below 102) and higher than those usually chosen by hand."""

@@ -6,6 +6,7 @@ from pathlib import Path
 import rclpy
 from rclpy.utilities import get_rmw_implementation_identifier
 
+from simbev_ros.foundation.files.private_folder import substitute_home, writable_home
 from simbev_ros.ros.graph.exposure import LOCAL, Exposure
 
 
@@ -21,6 +22,8 @@ def graph_environment(domain: int, exposure: Exposure = LOCAL) -> dict[str, str]
         "RCUTILS_COLORIZED_OUTPUT": "0",
     }
     kept = {name: os.environ.get(name, value) for name, value in defaults.items()}
+    if writable_home() is None and not {"ROS_LOG_DIR", "ROS_HOME"} & os.environ.keys():
+        kept["ROS_LOG_DIR"] = str(substitute_home() / ".ros" / "log")
     return {
         **kept,
         **subscriber_environment(exposure),

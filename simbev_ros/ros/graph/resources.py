@@ -9,8 +9,8 @@ from pathlib import Path
 
 import psutil
 
+from simbev_ros.foundation.files.private_folder import is_private_folder
 from simbev_ros.foundation.files.whole_files import write_errors, write_whole
-from simbev_ros.ros.graph.private_folder import is_private_folder
 from simbev_ros.ros.graph.shared_memory import abandoned_files, held_files, remove_orphans, segment_names, unheld_files
 
 _PREFIX = "simbev_ros-"

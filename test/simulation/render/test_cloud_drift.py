@@ -10,7 +10,7 @@ HOUR_NS = 3600 * 10**9
 
 
 def weather(wind: float) -> Weather:
-    return draw_weather(WeatherParameters(wind_intensity=wind), 1, hilly=False)
+    return draw_weather(WeatherParameters(wind_intensity=wind), 1, even_fog=False)
 
 
 def drift(wind: float, stamp_ns: int) -> float:

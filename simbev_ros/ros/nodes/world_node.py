@@ -189,6 +189,10 @@ class WorldNode(GraphNode):
 
     def _on_command(self, agent: str, message: Twist) -> None:
         if self._scene is not None and (vehicle := self._scene.vehicles.get(agent)) is not None:
+            if message.linear.x < 0.0:
+                self.get_logger().warning(
+                    f"cmd_vel of {agent}: a negative speed stops it, it cannot reverse", once=True
+                )
             self._scene.source.drive_vehicle(vehicle, message.linear.x, message.angular.z)
 
     def _on_ready(self, message: Header) -> None:

@@ -92,9 +92,8 @@ setup(
         "Typing :: Typed",
     ],
     python_requires=">=3.11",
-    package_dir={
-        "": "."
-    },  # makes pip's editable installation a plain path, which a folder of the same name cannot hide
+    # This makes pip's editable installation a plain path, which a folder of the same name beside a script cannot hide.
+    package_dir={"": "."},
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     package_data={
         NAME: ["py.typed", "**/*.yaml", "**/*.glsl", "**/*.css", "**/*.js", "**/*.onnx", "**/weights/*.md", *INTERFACES]

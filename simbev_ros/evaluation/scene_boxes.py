@@ -142,9 +142,7 @@ class SceneBoxes:
         """Number of boxes in reach that do not count, by reason."""
         base = self._options.slices[0]
         has_class = np.isin(BOX_CLASSES, self._options.box_classes)[self._matching.truth.label]
-        in_frame = np.array([base.has(each) for each in self._conditions], np.bool_)[
-            self._rows_of(self._matching.truth.frame)
-        ]
+        in_frame = self._frames_of(base)[self._rows_of(self._matching.truth.frame)]
         wanted = replace(base.boxes, seen=False).truth_mask(self._table) & in_frame
         unseen = wanted & has_class & ~base.boxes.truth_mask(self._table)
         return LeftOut(int((wanted & ~has_class).sum()), int(unseen.sum()))
@@ -165,7 +163,7 @@ class SceneBoxes:
     def _counting(self, table_slice: TableSlice) -> CountedBoxes:
         """Boxes that count in a table slice."""
         truth, predicted = self._matching.truth, self._predictions.boxes
-        in_frame = np.array([table_slice.has(each) for each in self._conditions], np.bool_)
+        in_frame = self._frames_of(table_slice)
         chosen = np.isin(BOX_CLASSES, self._options.box_classes)
         return CountedBoxes(
             table_slice.boxes.truth_mask(self._table) & in_frame[self._rows_of(truth.frame)] & chosen[truth.label],
@@ -174,6 +172,10 @@ class SceneBoxes:
             & chosen[predicted.label]
             & self._is_labeled,
         )
+
+    def _frames_of(self, table_slice: TableSlice) -> BoolArray:
+        """(F,) whether each evaluated frame counts in a table slice."""
+        return np.array([table_slice.has(each) for each in self._conditions], np.bool_)
 
     def _rows_of(self, tick: Int64Array) -> Int64Array:
         """Row of each tick among the evaluated frames."""

@@ -1,11 +1,11 @@
 """Where there is no terminal, long work prints a line from time to time; help begins as the command was called."""
 
 import io
-import time
 from typing import Any
 
 import pytest
 from rich.console import Console
+from waiting import wait_until
 
 from simbev_ros.cli import console as console_module
 from simbev_ros.cli.console import counting_bar, make_console
@@ -16,8 +16,7 @@ from simbev_ros.cli.plugins import click_command
 def wait_for_line(console: Console) -> str:
     """The first line that is printed into a console's file."""
     file: Any = console.file
-    while "\n" not in file.getvalue():
-        time.sleep(0.005)
+    wait_until(lambda: "\n" in file.getvalue())
     return str(file.getvalue().splitlines()[0])
 
 

@@ -30,10 +30,13 @@ def read_cached(path: Path, kind: str, read: Callable[[Path], _T], write: Callab
     hold_entry(path.parent)
     with suppress(*NPZ_DAMAGE):
         return read(path)
+    is_first = not path.parent.exists()
     with writing_alone(path.parent / f".{path.stem}.lock", kind):
         with suppress(*NPZ_DAMAGE):
             return read(path)  # another process has written it meanwhile
         _write(path, kind, write)
+    if is_first:
+        evict_unused(path.parent)
     return read(path)
 
 
@@ -62,7 +65,6 @@ def writing_alone(lock: Path, kind: str) -> Iterator[None]:
 
 
 def _write(path: Path, kind: str, write: Callable[[Path], None]) -> None:
-    is_first = not any(path.parent.glob("*.npz"))
     try:
         hold_entry(path.parent)
         with tempfile.TemporaryDirectory(prefix=f".{path.stem}-", dir=path.parent) as work:
@@ -70,5 +72,3 @@ def _write(path: Path, kind: str, write: Callable[[Path], None]) -> None:
             (Path(work) / path.name).replace(path)
     except OSError as error:
         raise InputError(f"cache of {kind} {path.parent}: cannot be written: {error.strerror}") from error
-    if is_first:
-        evict_unused(path.parent)

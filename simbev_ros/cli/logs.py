@@ -7,15 +7,9 @@ import typer
 from simbev_ros.cli.console import make_console
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.files.confined_paths import path_inside
-from simbev_ros.foundation.files.input_file import path_exists, read_small_file
-from simbev_ros.foundation.object_store.object_path import (
-    AnyPath,
-    ObjectPath,
-    path_or_url,
-    require_bucket,
-    require_local,
-)
-from simbev_ros.recording.layout import is_dataset
+from simbev_ros.foundation.files.input_file import read_small_file
+from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath, path_or_url, require_local
+from simbev_ros.recording.layout import require_dataset
 
 _MAX_BYTES = 64 << 20
 
@@ -36,8 +30,7 @@ def logs(
     from simbev_ros.production.scene_log import scene_logs
 
     dataset = path_or_url(folder)
-    if not is_dataset(dataset):
-        raise InputError(f"{dataset}: {_problem(dataset)}")
+    require_dataset(dataset)
     names = {str(entry.number): entry.name for entry in Plan.load(dataset).scenes}
     name = names.get(number.lstrip("0") or number[-1:])
     if name is None:
@@ -50,14 +43,6 @@ def logs(
     for path in paths:
         console.rule(path.name, align="left")
         console.print(_read(dataset, path), end="", highlight=False, soft_wrap=True)
-
-
-def _problem(path: AnyPath) -> str:
-    """Reason why a path is not a dataset."""
-    if isinstance(path, ObjectPath):
-        require_bucket(path)
-        return "there is no dataset"
-    return "is not a dataset" if path_exists(path) else "no such file or folder"
 
 
 def _read(dataset: AnyPath, log: AnyPath) -> str:

@@ -36,6 +36,7 @@ VERBS = {
     "verify": "verify:verify",
     "logs": "logs:logs",
     "repair": "repair:repair",
+    "drop": "drop:drop",
     "evaluate": "evaluate.command:evaluate",
     "doctor": "doctor:doctor",
     "env": "env:env",
@@ -45,7 +46,7 @@ VERBS = {
 }
 """Module and function, or group, of each verb, below ``simbev_ros.cli``, in the order of the help."""
 _NAME = "simbev"
-_TAKE_URLS = ("generate", "info", "logs", "verify")
+_TAKE_URLS = ("generate", "drop", "info", "logs", "verify")
 """Verbs that work with datasets in object stores."""
 _SIMULATOR, _GRAPH = ("sim",), ("sim", "wheels")
 _NEEDED_EXTRAS = {

@@ -24,6 +24,7 @@ from simbev_ros.production.events import (
     SceneFailed,
     SceneMade,
     SceneProgressed,
+    SceneRefused,
     SceneRetried,
     SceneStarted,
     StackEvaluated,
@@ -68,6 +69,8 @@ class MapDisplay(ProductionObserver):
                 self.console.print(
                     f"{scene}: an interrupted run left a part of it; it is recorded again", soft_wrap=True
                 )
+            case SceneRefused(scene, problems):
+                self.console.print(f"{scene}: {'; '.join(problems)}: drawn again", highlight=False, soft_wrap=True)
             case SurroundingsStarted() | RegionBuilt() | SurroundingsEnded():
                 self._show_regions(event)
             case GraphStarted() | StackEvaluated() | SceneStarted() | SceneProgressed() | SceneEnded():

@@ -8,6 +8,7 @@ from typing import Annotated, Literal, Self
 import yaml
 from pydantic import Field, model_validator
 
+from simbev_ros.config.acceptance import Acceptance
 from simbev_ros.config.agents import (
     Agent,
     Ego,
@@ -228,6 +229,9 @@ class Scenario(Model):
     lights: Lights = Lights()
     traffic: Traffic = Traffic()
     hazards: Hazards = Hazards()
+    accept: Acceptance | None = Field(
+        None, description="rules that a scene must meet, else it is drawn again; none: every scene is accepted"
+    )
     annotation: Annotation = Annotation()
     rendering: Rendering = Rendering()
     recording: Recording = Recording()
@@ -316,6 +320,12 @@ class Scenario(Model):
             require_fitting_rate(("v2x", "rate_hz"), self.v2x.rate_hz, 1 / self.time.tick_s)
             if len(self.v2x_agents) < 2:
                 raise FieldError(["v2x"], f"needs at least 2 agents that take part; found {len(self.v2x_agents)}")
+        return self
+
+    @model_validator(mode="after")
+    def _motion_is_known_ahead(self) -> Self:
+        if self.accept is not None and not self.is_driven_by_traffic:
+            raise ValueError("accept: needs agents that traffic drives (driver: traffic)")
         return self
 
     @model_validator(mode="after")

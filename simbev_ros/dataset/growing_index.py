@@ -7,6 +7,7 @@ scenes have become a twentieth more. Rows that a crash has kept from being writt
 from typing import Any
 
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from simbev_ros.dataset.index import index_table, save_index, with_rows
 from simbev_ros.dataset.index_row import Row
@@ -35,6 +36,9 @@ class GrowingIndex:
         self.largest_bytes = max(self._bytes.values(), default=0)
         """Size of the largest scene that there is or was."""
 
+    def __contains__(self, number: int) -> bool:
+        return number in self._bytes
+
     def __len__(self) -> int:
         return len(self._bytes)
 
@@ -52,6 +56,21 @@ class GrowingIndex:
         self._bytes[number] = size
         if len(self._new) * _GROWTH >= len(self):
             self.write()
+
+    def remove(self, number: int) -> None:
+        """Remove the row of a scene at once, if there is one.
+
+        Raises:
+            DiskError: The disk is full.
+            InputError: The file cannot be written.
+        """
+        if number not in self:
+            return
+        self.write()
+        table = self._table.filter(pc.not_equal(self._table["number"], number))
+        save_index(self._dataset, table)
+        self._table = table
+        self.total_bytes -= self._bytes.pop(number)
 
     def write(self) -> None:
         """Write rows that are not on the disk yet.

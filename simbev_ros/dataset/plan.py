@@ -51,6 +51,8 @@ class Plan(Stored):
     """All finished and future scenes of a dataset, by ascending number."""
 
     scenes: tuple[PlannedEntry, ...] = ()
+    dropped: tuple[PlannedEntry, ...] = ()
+    """Scenes that were removed for good; their numbers are never used again."""
 
     @classmethod
     def load(cls, dataset: AnyPath) -> Self:
@@ -64,7 +66,7 @@ class Plan(Stored):
             plan = cls() if content is None else cls.from_json(content)
         except ValidationError as error:
             raise InputError(f"{path}: {first_problem(error)}") from None
-        known = {entry.number for entry in plan.scenes}
+        known = {entry.number for entry in (*plan.scenes, *plan.dropped)}
         return plan.with_entries(entry for entry in _recorded_entries(dataset) if entry.number not in known)
 
     def with_entries(self, entries: Iterable[PlannedEntry]) -> Self:
@@ -72,6 +74,12 @@ class Plan(Stored):
         return self.model_copy(
             update={"scenes": tuple(sorted((*self.scenes, *entries), key=lambda entry: entry.number))}
         )
+
+    def without(self, entries: Iterable[PlannedEntry]) -> Self:
+        """Copy of the plan in which scenes are dropped: they are neither made again nor are their numbers used."""
+        gone = {entry.number: entry for entry in (*self.dropped, *entries)}
+        left = tuple(entry for entry in self.scenes if entry.number not in gone)
+        return self.model_copy(update={"scenes": left, "dropped": tuple(gone[number] for number in sorted(gone))})
 
     def with_scenes_of(self, scenario: Scenario, maps: Sequence[MapSpec]) -> Self:
         """Copy of the plan with as many scenes of each map and split as a configuration asks for.
@@ -87,7 +95,7 @@ class Plan(Stored):
             InputError: A dataset cannot have that many scenes.
         """
         have = Counter((entry.map, entry.split) for entry in self.scenes)
-        number = max((entry.number for entry in self.scenes), default=-1) + 1
+        number = max((entry.number for entry in (*self.scenes, *self.dropped)), default=-1) + 1
         added = []
         for wanted, name in _with_names(scenario, maps):
             for split in SPLITS:
@@ -138,18 +146,18 @@ class Plan(Stored):
                 chosen.append(entry)
         return chosen
 
-    def entries_with_numbers(self, numbers: Sequence[range]) -> list[PlannedEntry]:
+    def entries_with_numbers(self, numbers: Sequence[range], parameter: str | None = "replace") -> list[PlannedEntry]:
         """Scenes with the given numbers, by ascending number.
 
         Raises:
-            InputError: There is no scene with one of the numbers; ``parameter`` is ``replace``.
+            InputError: There is no scene with one of the numbers; the error has this ``parameter``.
         """
         known = {entry.number for entry in self.scenes}
         asked = (number for each in numbers for number in each)  # lazily, as users may give ranges of any length
         unknown = list(islice((number for number in asked if number not in known), _MAX_NAMED))
         if unknown:
             has = f"its numbers are {min(known)} to {max(known)}" if known else "it has none"
-            raise InputError(f"the dataset has no scene {', '.join(map(str, unknown))}; {has}", parameter="replace")
+            raise InputError(f"the dataset has no scene {', '.join(map(str, unknown))}; {has}", parameter=parameter)
         return [entry for entry in self.scenes if any(entry.number in each for each in numbers)]
 
 

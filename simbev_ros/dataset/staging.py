@@ -67,6 +67,15 @@ def move_into_dataset(dataset: Path, entry: PlannedEntry, staging: Path) -> None
     shutil.rmtree(old, ignore_errors=True)
 
 
+def remove_from_dataset(dataset: Path, entry: PlannedEntry) -> None:
+    """Remove a scene with its additional bags, if it exists; an interruption leaves all of it or nothing."""
+    bag = bag_of(dataset, entry)
+    old = bag.with_name(bag.name + REPLACED_SUFFIX)
+    if bag.exists():
+        _put_away(bag, old)
+        shutil.rmtree(old)
+
+
 def _put_away(bag: Path, old: Path) -> None:
     """Rename a scene that is being replaced, and move its additional bags into it, as they have its old motion."""
     bag.rename(old)

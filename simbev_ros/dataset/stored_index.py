@@ -5,7 +5,6 @@ row that a ``GrowingIndex`` does not write at once is a separate object, ``.rows
 """
 
 import pyarrow as pa
-import pyarrow.compute as pc
 
 from simbev_ros.dataset.growing_index import GrowingIndex
 from simbev_ros.dataset.index import index_table, load_index, packed_rows, read_rows, save_index, with_rows
@@ -47,9 +46,6 @@ class StoredIndex(GrowingIndex):
             save_index(dataset, table)
             self._delete_rows()
 
-    def __contains__(self, number: int) -> bool:
-        return number in self._bytes
-
     def sizes(self) -> dict[str, int]:
         """Size in bytes of the MCAP files of each scene in the index, by the path of its bag in the dataset."""
         return dict(zip(*(self._table.column(name).to_pylist() for name in ("path", "bytes")), strict=True))
@@ -60,16 +56,6 @@ class StoredIndex(GrowingIndex):
         if self._new:
             self._has_rows = True
             put_bytes(packed_rows(index_table([row])), self._rows / f"{row['number']}.parquet")
-
-    def remove(self, number: int) -> None:
-        """Remove the row of a scene at once, if there is one."""
-        if number not in self:
-            return
-        self.write()
-        table = self._table.filter(pc.not_equal(self._table["number"], number))
-        save_index(self._dataset, table)
-        self._table = table
-        self.total_bytes -= self._bytes.pop(number)
 
     def write(self) -> None:
         """Write rows that are not in the index yet."""

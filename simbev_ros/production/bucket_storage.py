@@ -70,13 +70,28 @@ class BucketStorage:
         size = sum(size for path, size in sizes.items() if path.suffix == ".mcap")
         if size != row["bytes"]:
             raise StoreError(f"{uploaded}: {size:,} of {row['bytes']:,} bytes exist; the rest was deleted")
-        self._lock.require()
-        self._remove(entry, bag)
+        self.remove(entry)
         for path in sorted(sizes, key=lambda path: (path.name == METADATA_FILE, path)):
             copy_object(path, bag / path.relative_to(uploaded))
         self.index.add(row)
         delete_tree(uploaded)
         self.damaged.pop(entry.name, None)
+
+    def remove(self, entry: PlannedEntry) -> None:
+        """Remove what is at the keys of a scene: an older one with its additional bags, or a copy that did not end.
+
+        The row of an older scene is removed before its objects, so that no row describes other objects than there are.
+
+        Raises:
+            InputError: Another driver has taken over the dataset, or the store cannot be reached or refuses access.
+        """
+        self._lock.require()
+        bag = bag_of(self._path, entry)
+        if entry.number in self.index:
+            for additional in additional_bags(bag).values():
+                delete_tree(additional)
+            self.index.remove(entry.number)
+        delete_tree(bag)
 
     def log(self, attempt: Attempt, summary: str, output: Mapping[str, str], *, failed: bool = False) -> None:
         """Write the log of an attempt.
@@ -115,17 +130,6 @@ class BucketStorage:
             delete_tree(staging_of(self._path))
         else:
             delete_tree(self._uploads)
-
-    def _remove(self, entry: PlannedEntry, bag: ObjectPath) -> None:
-        """Remove what is at the keys of a scene: an older one with its additional bags, or a copy that did not end.
-
-        The row of an older scene is removed before its objects, so that no row describes other objects than there are.
-        """
-        if entry.number in self.index:
-            for additional in additional_bags(bag).values():
-                delete_tree(additional)
-            self.index.remove(entry.number)
-        delete_tree(bag)
 
 
 def _find_damage(dataset: ObjectPath, sizes: Mapping[str, int]) -> dict[str, str]:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from simbev_ros.dataset.index_row import Row
 from simbev_ros.dataset.lock import DatasetLock
@@ -15,6 +15,10 @@ from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath
 from simbev_ros.foundation.object_store.transfers import delete_tree
 from simbev_ros.production.scene_log import Attempt
 from simbev_ros.production.upload import Uploader
+
+if TYPE_CHECKING:
+    from simbev_ros.production.bucket_storage import BucketStorage
+    from simbev_ros.production.folder_storage import FolderStorage
 
 Lock = DatasetLock | ObjectLock
 
@@ -81,8 +85,10 @@ def lock_dataset(path: AnyPath) -> Iterator[Lock]:
             yield file_lock
 
 
-def open_storage(path: AnyPath, lock: Lock, existing: Sequence[PlannedEntry], min_free_bytes: int) -> DatasetStorage:
-    """Open a dataset to add scenes to it.
+def open_storage(
+    path: AnyPath, lock: Lock, existing: Sequence[PlannedEntry], min_free_bytes: int
+) -> "FolderStorage | BucketStorage":
+    """Open a dataset to add scenes to it or to remove some.
 
     Args:
         path: The dataset.

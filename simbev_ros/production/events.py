@@ -83,6 +83,14 @@ class LeftoverRemoved:
 
 
 @dataclass(frozen=True, slots=True)
+class SceneRefused:
+    """A drawn scene breaks rules of ``accept``, here in words; it is drawn again."""
+
+    scene: str
+    problems: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class SceneStarted:
     """A scene is sent to the graph, and the nodes begin to load it."""
 
@@ -171,6 +179,7 @@ ProductionEvent = (
     | GraphWarned
     | StackEvaluated
     | LeftoverRemoved
+    | SceneRefused
     | SceneStarted
     | SceneProgressed
     | SceneEnded

@@ -9,7 +9,8 @@ from simbev_ros.dataset.growing_index import GrowingIndex
 from simbev_ros.dataset.index import update_index
 from simbev_ros.dataset.index_row import Row
 from simbev_ros.dataset.plan import PlannedEntry, bag_of
-from simbev_ros.dataset.staging import move_into_dataset, staging_of
+from simbev_ros.dataset.staging import move_into_dataset, remove_from_dataset, staging_of
+from simbev_ros.foundation.files.whole_files import write_errors
 from simbev_ros.production.scene_log import Attempt, write_scene_log
 from simbev_ros.recording.bag_files import check_space
 from simbev_ros.recording.layout import scenes_folder
@@ -61,6 +62,17 @@ class FolderStorage:
             move_into_dataset(self._path, entry, self.staging / worker)
             self.index.add(row)
         self.damaged.pop(entry.name, None)
+
+    def remove(self, entry: PlannedEntry) -> None:
+        """Remove a scene, with its additional bags and its row of the index.
+
+        Raises:
+            DiskError: The disk is full.
+            InputError: A file cannot be written.
+        """
+        with postponing_interrupts(), write_errors(bag_of(self._path, entry)):
+            self.index.remove(entry.number)
+            remove_from_dataset(self._path, entry)
 
     def log(self, attempt: Attempt, summary: str, output: Mapping[str, str], *, failed: bool = False) -> None:
         """Write the log of an attempt.

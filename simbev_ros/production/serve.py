@@ -16,6 +16,7 @@ from simbev_ros.foundation.files.limits import MAX_SCENE_NUMBER
 from simbev_ros.foundation.files.whole_files import require_writable
 from simbev_ros.foundation.latest_value import LatestValue
 from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.production.drawing import draw_accepted
 from simbev_ros.production.events import GraphStarted, GraphWarned
 from simbev_ros.production.free_stations import require_free_stations
 from simbev_ros.production.observer import SILENT, ProductionObserver
@@ -28,7 +29,7 @@ from simbev_ros.ros.graph.exposure import LOCAL, Exposure
 from simbev_ros.ros.graph.scene_queue import OrderedScene, Outcome, Phase, SceneOrder, SceneQueue
 from simbev_ros.ros.graph.scene_services import require_interfaces, scene_services
 from simbev_ros.ros.graph.session import GraphSession
-from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, planned_scenes, start_positions
+from simbev_ros.scene.drawing.draw_scene import PlannedScene, planned_scenes, start_positions
 from simbev_ros.scene.drawing.starts import StartPositions
 from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.schema.scene.spec import SceneSpec
@@ -68,7 +69,7 @@ class OrderDrawer:
         planned = configured[number % len(configured)]._replace(number=number)
         self._require_new(planned)
         network = load_roads(planned.map)
-        spec = draw_scene(scenario, planned, network, self._start_positions(scenario, network, planned))
+        spec = draw_accepted(scenario, planned, network, self._start_positions(scenario, network, planned))
         self._next_number = number + 1
         return scenario, spec
 

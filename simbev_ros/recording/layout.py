@@ -211,6 +211,20 @@ def is_dataset(path: AnyPath) -> bool:
     return is_folder(scenes_folder(path))
 
 
+def require_dataset(path: AnyPath) -> None:
+    """Check that there is a dataset.
+
+    Raises:
+        InputError: There is none, or its object store cannot be reached or refuses access.
+    """
+    if is_dataset(path):
+        return
+    if isinstance(path, ObjectPath):
+        require_bucket(path)
+        raise InputError(f"{path}: there is no dataset")
+    raise InputError(f"{path}: {'is not a dataset' if path_exists(path) else 'no such file or folder'}")
+
+
 def scenes_of(dataset: Path) -> list[Path]:
     """Bags of a dataset, finished and unfinished, as ``scenes/<split>/<scene>``, sorted by name.
 

@@ -13,7 +13,8 @@ from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import WorldState
 
 DURATION = "duration"
-_STANDING_MPS = 0.1
+STANDING_MPS = 0.1
+"""Horizontal speed below which a vehicle stands still."""
 
 
 class SceneEnd(Model):
@@ -50,7 +51,7 @@ class SceneEndDetector:
             return None
         self._events += len(state.events)
         ego, max_ticks = state.ego, self._spec.end_after_standing_ticks
-        is_standing = math.hypot(ego["vx"], ego["vy"]) < _STANDING_MPS
+        is_standing = math.hypot(ego["vx"], ego["vy"]) < STANDING_MPS
         self._standing_ticks = self._standing_ticks + 1 if is_standing else 0
         if max_ticks is not None and self._standing_ticks >= max_ticks:
             standing_s = max_ticks * self._spec.tick_ns / NS_PER_S

@@ -115,9 +115,9 @@ def test_a_cut_off_object_is_refused_or_reported(simbev: Simbev, folder: Path, s
     assert "cut off" in answer.err + answer.out and f"s3://{BUCKET}" in answer.err + answer.out
 
 
-@pytest.mark.parametrize("verb", sorted(VERBS.keys() - {"generate", "info", "logs", "verify"}))
+@pytest.mark.parametrize("verb", sorted(VERBS.keys() - {"generate", "drop", "info", "logs", "verify"}))
 def test_other_commands_say_that_they_need_a_folder(refused: Refused, verb: str) -> None:
     for argument in ("s3://bucket/set", "--out=s3://bucket/set"):
         message = refused(verb, argument)
         assert message.startswith(f"error: s3://bucket/set: simbev {verb} needs a local folder; ")
-        assert message.endswith("; generate, info, logs and verify take URLs\n")
+        assert message.endswith("; generate, drop, info, logs and verify take URLs\n")

@@ -40,6 +40,8 @@ def report_scenes(config: str, count: int | None, map_name: str | None, *, as_js
     scenario = load_scenario(config)
     planned = numbered_scenes(scenario, count, map_name)
     console = make_console(stderr=True)
+    if scenario.accept is not None:
+        console.print("these are first draws: the rules of accept are not applied", style="dim")
     statistics = SceneStatistics()
     with _counted_notes(console):
         for number, each in enumerate(dict.fromkeys(scene.map for scene in planned), 1):

@@ -17,6 +17,7 @@ from simbev_ros.production.events import (
     RegionBuilt,
     SceneEnded,
     SceneProgressed,
+    SceneRefused,
     SceneStarted,
     StackEvaluated,
     StepEnded,
@@ -202,7 +203,7 @@ class SupervisedPool(ABC):
                 is_new = event not in self._noted
                 self._noted.add(event)
                 return event if is_new else None
-            case SceneStarted() | SceneProgressed() | SceneEnded() | GraphWarned():
+            case SceneRefused() | SceneStarted() | SceneProgressed() | SceneEnded() | GraphWarned():
                 return event
             case RegionBuilt() | GraphStarted() | StackEvaluated() | LeftoverRemoved():
                 return None  # for users of a single graph

@@ -19,13 +19,17 @@ from simbev_ros.scene.drawing.starts import StartPositions
 from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.schema.scene.spec import SceneSpec
 
+SEEDS_PER_DRAW = 1 << 32
+"""Distance between the seeds of two draws of a scene; more than the largest seed and number together."""
+
 
 class PlannedScene(NamedTuple):
-    """A scene that the configuration asks for."""
+    """A scene that the configuration asks for; ``draw`` counts its draws before this one, which were not accepted."""
 
     number: int
     map: MapSpec
     split: Split
+    draw: int = 0
 
 
 def planned_scenes(scenario: Scenario) -> Iterator[PlannedScene]:
@@ -49,14 +53,14 @@ def draw_scene(
 
     Args:
         scenario: The configuration.
-        planned: Number, map and split.
+        planned: Number, map, split and draw.
         network: The roads of ``planned.map``.
         starts: ``start_positions`` of this configuration and network, to be shared between scenes; None: compute it.
 
     Raises:
         InputError: An agent cannot be drawn; see ``draw_agents``.
     """
-    seed = scenario.seed + planned.number
+    seed = scenario.seed + planned.number + planned.draw * SEEDS_PER_DRAW
     starts = start_positions(scenario, network) if starts is None else starts
     ticks, warm_up_ticks = duration_ticks(scenario.time, seed), round(scenario.time.warm_up_s / scenario.time.tick_s)
     duration_s = (warm_up_ticks + ticks) * scenario.time.tick_s

@@ -101,7 +101,8 @@ def drawn_scenes_page(title: str, scenes: Sequence[DrawnScene]) -> str:
         (number(sum(len(spec.hazards) for spec in specs)), "hazards"),
     ]
     note = (
-        "Drawn, not simulated. On the maps: the ego's start (white), its route as far as it gets if nothing stops it "
+        "Drawn, not simulated, so rules of accept are not applied. On the maps: the ego's start (white), its route as "
+        "far as it gets if nothing stops it "
         "(blue), and hazard areas (red); north is up."
     )
     if any(len(spec.agents) > 1 for spec in specs):

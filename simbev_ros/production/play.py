@@ -21,6 +21,7 @@ from simbev_ros.production.events import (
 from simbev_ros.production.free_stations import require_free_stations
 from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.record_folder import hold_record_folder, keep_recorded
+from simbev_ros.production.scene_log import Attempt, write_scene_log
 from simbev_ros.production.surroundings import build_surroundings
 from simbev_ros.recording.layout import scene_folder
 from simbev_ros.ros.conventions.arguments import PLAIN, RosArguments
@@ -114,7 +115,7 @@ def play_specs(
         held.enter_context(_run_graph(session, observer))
         observer.notify(GraphStarted(session.domain, session.security_variables))
         for spec, replay in zip_longest(specs, replays):
-            play_on(session, spec, observer, replay=replay)
+            play_on(session, spec, observer, replay=replay, log_to=dataset)
             yield scene_folder(dataset or Path(), spec.split, spec.name)
 
 
@@ -126,6 +127,7 @@ def play_on(
     replay: Path | None = None,
     config: Scenario | None = None,
     on_tick: Callable[[int | None], None] = lambda tick: None,
+    log_to: Path | None = None,
 ) -> SceneEnd:
     """Play one scene on a running graph and report its progress.
 
@@ -136,6 +138,7 @@ def play_on(
         replay: A bag to take all motion from; None: motion is simulated.
         config: The scene's configuration, if it is not that of the graph.
         on_tick: Called after the observer with the last finished tick, for callers that measure.
+        log_to: The dataset that gets a log of the scene; None: none.
 
     Raises:
         InputError: A node cannot do what is asked for.
@@ -150,9 +153,16 @@ def play_on(
         on_tick(tick)
 
     end: SceneEnd | None = None
+    attempt = Attempt(spec.name, 1, "")
     observer.notify(SceneStarted(spec))
     try:
         end = session.play(spec, progress, replay, config)
+        if log_to is not None:
+            write_scene_log(log_to, attempt, f"{end.reason} after tick {end.tick}", session.new_output())
+    except SimbevError as error:
+        if log_to is not None:
+            write_scene_log(log_to, attempt, str(error), session.new_output(), failed=True)
+        raise
     finally:
         observer.notify(SceneEnded(spec.name, end))
         for node, message in session.new_warnings():

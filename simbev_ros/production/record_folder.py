@@ -6,7 +6,9 @@ from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 from simbev_ros.config.scenario import Scenario
+from simbev_ros.dataset.index import read_index, update_index
 from simbev_ros.dataset.lock import DatasetLock
+from simbev_ros.dataset.plan import Plan, bag_of
 from simbev_ros.foundation.errors import BagError, InputError
 from simbev_ros.foundation.files.whole_files import require_writable, write_errors
 from simbev_ros.production.events import LeftoverRemoved
@@ -44,6 +46,8 @@ def hold_bags(
 ) -> Iterator[None]:
     """Hold a dataset while scenes are recorded into it, and remove leftovers that the recording reproduces exactly.
 
+    At the end, also after an error, all finished scenes are in the dataset's plan and in its index.
+
     Args:
         dataset: The dataset's folder.
         scenario: The configuration.
@@ -53,8 +57,9 @@ def hold_bags(
         observer: Receives the progress.
 
     Raises:
-        InputError: The folder cannot be made or written to, another process records into it, a scene exists already,
-            or an unfinished bag of a scene exists that this recording would not reproduce.
+        InputError: The folder cannot be made or written to, another process records into it, its plan or index is
+            damaged, a scene exists already, or an unfinished bag of a scene exists that this recording would not
+            reproduce.
         DiskError: The disk is nearly full.
     """
     for bag in bags:
@@ -75,7 +80,20 @@ def hold_bags(
         with write_errors(dataset):
             scenes_folder(dataset).mkdir(exist_ok=True)
         check_space(dataset, scenario.recording.min_free_mib << 20)
-        yield
+        read_index(dataset)  # whether it can be read
+        Plan.load(dataset)
+        try:
+            yield
+        finally:
+            _list_finished(dataset)
+
+
+def _list_finished(dataset: Path) -> None:
+    """Write all finished scenes into the plan and the index of a dataset, if there are any."""
+    plan = Plan.load(dataset)
+    if finished := plan.finished_entries(dataset):
+        plan.save(dataset)
+        update_index(dataset, (bag_of(dataset, entry) for entry in finished))
 
 
 @contextmanager

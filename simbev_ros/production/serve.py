@@ -9,7 +9,7 @@ from typing import Any
 from simbev_ros.config.evaluation import Evaluation
 from simbev_ros.config.load import CONFIG_SUFFIXES, load_scenario, parse_scenario
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.dataset.plan import PlannedEntry
+from simbev_ros.dataset.plan import Plan
 from simbev_ros.foundation.errors import GraphError, InputError, SimbevError
 from simbev_ros.foundation.files.input_file import path_exists
 from simbev_ros.foundation.files.limits import MAX_SCENE_NUMBER
@@ -44,42 +44,40 @@ class OrderDrawer:
 
     Args:
         scenario: The configuration of the graph, for orders without one.
-        dataset: Folder into which scenes are recorded; None: they are not.
+        dataset: Folder into which scenes are recorded; None: they are not. Each scene then gets a number of its own.
     """
 
     def __init__(self, scenario: Scenario, dataset: Path | None) -> None:
         self._scenario, self._dataset = scenario, dataset
-        self._next_number = 0
+        self._used = set[int]() if dataset is None else {entry.number for entry in Plan.load(dataset).scenes}
+        self._next_number = max(self._used, default=-1) + 1
         self._starts = LatestValue[tuple[MapSpec, float], StartPositions]()
 
     def draw(self, order: SceneOrder) -> tuple[Scenario, SceneSpec]:
         """Draw the scene of an order; return its configuration and its specification.
 
         Raises:
-            InputError: The configuration is wrong or evaluates another stack, the scene cannot be drawn, or there is
-                a bag of it.
+            InputError: The configuration is wrong or evaluates another stack, the scene cannot be drawn, or its number
+                is that of a recorded one.
         """
         scenario = self._scenario_of(order)
-        number = order.number
-        if number is None:
-            number = self._next_number if order.seed is None else 0
+        is_first = order.number is None and order.seed is not None
+        number = self._next_number if order.number is None else order.number
+        if is_first and self._dataset is None:
+            number = 0
         if not 0 <= number <= MAX_SCENE_NUMBER:
             raise InputError(f"number {number}: must be 0 to {MAX_SCENE_NUMBER}")
+        if self._dataset is not None and number in self._used:
+            raise InputError(f"number {number}: {self._dataset} has a scene with it; ask for another one or for none")
         configured = list(planned_scenes(scenario))
-        planned = configured[number % len(configured)]._replace(number=number)
-        self._require_new(planned)
+        planned = configured[0 if is_first else number % len(configured)]._replace(
+            number=number, seed=order.seed if is_first else None
+        )
         network = load_roads(planned.map)
         spec = draw_accepted(scenario, planned, network, self._start_positions(scenario, network, planned))
-        self._next_number = number + 1
+        self._used.add(number)
+        self._next_number = number + 1 if self._dataset is None else max(self._used) + 1
         return scenario, spec
-
-    def _require_new(self, planned: PlannedScene) -> None:
-        """Refuse a scene of which there is a bag."""
-        if self._dataset is None:
-            return
-        name = PlannedEntry(number=planned.number, map=planned.map.name, split=planned.split).name
-        if (bag := scene_folder(self._dataset, planned.split, name)).exists():
-            raise InputError(f"{bag}: exists already; ask for another number than {planned.number}")
 
     def _start_positions(self, scenario: Scenario, network: RoadNetwork, planned: PlannedScene) -> StartPositions:
         """Start positions of a map, kept for further scenes there."""
@@ -213,7 +211,7 @@ def _play(
             require_free_stations(scenario, [spec])
             session = graph.session_for(scenario)
             try:
-                end = play_on(session, spec, observer, on_tick=follow, config=scenario)
+                end = play_on(session, spec, observer, on_tick=follow, config=scenario, log_to=dataset)
             except SimbevError:
                 graph.close()
                 raise

@@ -75,9 +75,21 @@ def test_a_wrong_order_is_refused_in_words(drawer: OrderDrawer, order: SceneOrde
         drawer.draw(order)
 
 
-def test_a_scene_of_which_there_is_a_bag_is_refused_before_it_is_drawn(scenario: Scenario, tmp_path: Path) -> None:
+def test_recorded_scenes_have_numbers_of_their_own(scenario: Scenario, tmp_path: Path) -> None:
     (tmp_path / "scenes" / "train" / "Blocks-0000").mkdir(parents=True)
     drawer = OrderDrawer(scenario, tmp_path)
-    with pytest.raises(InputError, match=r"Blocks-0000: exists already; ask for another number than 0$"):
-        drawer.draw(SceneOrder())
-    assert drawer.draw(SceneOrder(number=1))[1].name == "Blocks-0001"
+    with pytest.raises(InputError, match=r"^number 0: .* has a scene with it; ask for another one or for none$"):
+        drawer.draw(SceneOrder(number=0))
+    drawn = [
+        drawer.draw(order)[1]
+        for order in (SceneOrder(seed=40), SceneOrder(seed=40), SceneOrder(), SceneOrder(number=9))
+    ]
+    assert [(spec.name, spec.seed) for spec in drawn] == [
+        ("Blocks-0001", 40),
+        ("Blocks-0002", 40),
+        ("Blocks-0003", 10),
+        ("Blocks-0009", 16),
+    ]
+    assert drawn[0].vehicles == OrderDrawer(scenario, None).draw(SceneOrder(seed=40))[1].vehicles
+    with pytest.raises(InputError, match=r"^number 9: "):
+        drawer.draw(SceneOrder(number=9))

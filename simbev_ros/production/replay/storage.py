@@ -18,8 +18,7 @@ from simbev_ros.recording.bag_files import check_space
 class ReplayStorage:
     """Takes replays from the workers' folders; see ``DatasetStorage``. The caller holds the dataset's lock.
 
-    Replays are scenes of a dataset of their own, or additional bags of the scenes. They change neither plan
-    nor index.
+    Replays are scenes of a dataset of their own, or additional bags of the scenes, which change neither plan nor index.
 
     Args:
         path: The dataset's folder.

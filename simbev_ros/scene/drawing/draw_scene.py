@@ -24,12 +24,17 @@ SEEDS_PER_DRAW = 1 << 32
 
 
 class PlannedScene(NamedTuple):
-    """A scene that the configuration asks for; ``draw`` counts its draws before this one, which were not accepted."""
+    """A scene that the configuration asks for.
+
+    ``draw`` counts its draws before this one, which were not accepted. ``seed`` replaces the one that follows from the
+    configuration's seed and the number.
+    """
 
     number: int
     map: MapSpec
     split: Split
     draw: int = 0
+    seed: int | None = None
 
 
 def planned_scenes(scenario: Scenario) -> Iterator[PlannedScene]:
@@ -53,14 +58,15 @@ def draw_scene(
 
     Args:
         scenario: The configuration.
-        planned: Number, map, split and draw.
+        planned: What is drawn.
         network: The roads of ``planned.map``.
         starts: ``start_positions`` of this configuration and network, to be shared between scenes; None: compute it.
 
     Raises:
         InputError: An agent cannot be drawn; see ``draw_agents``.
     """
-    seed = scenario.seed + planned.number + planned.draw * SEEDS_PER_DRAW
+    first_seed = scenario.seed + planned.number if planned.seed is None else planned.seed
+    seed = first_seed + planned.draw * SEEDS_PER_DRAW
     starts = start_positions(scenario, network) if starts is None else starts
     ticks, warm_up_ticks = duration_ticks(scenario.time, seed), round(scenario.time.warm_up_s / scenario.time.tick_s)
     duration_s = (warm_up_ticks + ticks) * scenario.time.tick_s

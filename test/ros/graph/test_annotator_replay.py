@@ -16,6 +16,9 @@ from std_msgs.msg import Header
 from subscriber import outside_node
 from waiting import PATIENCE_S
 
+from simbev_ros.dataset.index import read_index
+from simbev_ros.dataset.plan import Plan
+from simbev_ros.production.scene_log import scene_logs
 from simbev_ros.recording.canonical import canonical_cdr
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.ros.graph.environment import graph_environment
@@ -84,3 +87,13 @@ def test_labels_of_a_replayed_bag_equal_the_recorded_ones(recorded: Path) -> Non
         spin_until(lambda: all(holds(got[name], len(data)) for name, data in recorded_labels.items()))
     for name, kind in labels.items():
         assert [canonical_cdr(payload, kind) for payload in got[name]] == recorded_labels[name], name
+
+
+def test_what_run_records_is_a_dataset_with_plan_index_and_logs(recorded: Path) -> None:
+    folder = recorded.parents[2]
+    (row,) = read_index(folder)
+    assert row["name"] == recorded.name and row["complete"]
+    assert [entry.name for entry in Plan.load(folder).scenes] == [recorded.name]
+    assert (folder / "plan.json").exists()
+    (log,) = scene_logs(folder, recorded.name)
+    assert "duration after tick" in log.read_text()

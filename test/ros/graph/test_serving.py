@@ -143,14 +143,14 @@ def test_scenes_are_played_recorded_and_ended_on_request(
 
     running = client.start(configuration=longer, number=5)
     loaded = client.load(seed=20)
-    assert (loaded.success, loaded.scene) == (True, "Blocks-0000")
+    assert (loaded.success, loaded.scene) == (True, "Blocks-0006")
     ended = client.ask(running.get_result_async)
-    assert ended.result.message + ended.result.reason == "Blocks-0000 was asked for instead"
-    run.wait_for((dataset / "scenes" / "train" / "Blocks-0000").is_dir)
+    assert ended.result.message + ended.result.reason == "Blocks-0006 was asked for instead"
+    run.wait_for((dataset / "scenes" / "train" / "Blocks-0006").is_dir)
     assert run.nodes() == pids, "the graph was restarted"
 
     standing = config.read_text().replace("0.5", "30, end_after_standing_s: 0.4") + "ego: {driver: twist}\n"
-    result = client.run(configuration=standing, number=6).result
+    result = client.run(configuration=standing, number=7).result
     assert (result.success, result.reason) == (True, "ego stood still for 0.4 s at tick 7")
     with SceneBag(Path(result.bag)) as bag:
         facts = bag.custom_data

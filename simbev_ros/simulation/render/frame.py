@@ -77,9 +77,9 @@ class CameraImages:
             distortion, it belongs to a point up to 1/256 pixel from the pixel center, because GPUs snap vertices to
             such a grid.
         flow: (H, W, 2) float32, pixels, x right and y down: current position minus position in the previous frame of
-            the visible surface point. NaN where that point was behind the previous camera, or so far outside the image
-            that the lens model is invalid there. The sky is treated as infinitely far. An actor that did not exist
-            before is treated as stationary.
+            the visible surface point. NaN where that point was not visible in the previous image: outside of it, or
+            behind what it showed there. The sky is treated as infinitely far. An actor that did not exist before is
+            treated as stationary.
     """
 
     rgb: UInt8Array | None = None

@@ -5,6 +5,7 @@ camera. Images of several agents take one call per agent, in any order.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from zlib import crc32
 
@@ -25,6 +26,7 @@ from simbev_ros.simulation.render.geometry.rigid_table import RigidTable, RigidT
 from simbev_ros.simulation.render.geometry.static_geometry import StaticGeometry
 from simbev_ros.simulation.render.geometry.triangle_ids import TriangleIds
 from simbev_ros.simulation.render.gl.context import open_context
+from simbev_ros.simulation.render.gl.depth_history import DepthHistory
 from simbev_ros.simulation.render.gl.devices import is_software
 from simbev_ros.simulation.render.gl.failures import check_memory
 from simbev_ros.simulation.render.gl.programs import BLOCK_BINDINGS, ProgramLibrary, quality_steps
@@ -97,6 +99,7 @@ class Renderer:
             self._tunnel_map = TunnelMap(self._context, library, static.tunnels)
             self._noise = noise_texture(self._context)
             self._rigid = RigidTextures(self._context)
+            self._history = DepthHistory(self._context)
             self._view_block = self._context.buffer(reserve=VIEW_BLOCK_BYTES)
             self._view_block.bind_to_uniform_block(BLOCK_BINDINGS["View"])
         self.set_lights(LightSpec())
@@ -121,6 +124,7 @@ class Renderer:
         Raises:
             RenderError: The world has too many rigid parts, or actor ids above 65535, or memory runs out.
         """
+        self._complete_history(cameras, frame)
         ego = frame.world.ego
         origin_m = np.array([ego["x"], ego["y"], ego["z"]])
         with self._context, check_memory(self._context, f"images of {len(cameras)} cameras"):
@@ -129,7 +133,14 @@ class Renderer:
             self._rigid.upload(table)
             adaptation = self._tunnel_map.adaptation(origin_m, SkyLight.from_weather(frame.world.weather))
             views = [
-                View.from_camera(camera, frame.world, frame.previous, origin_m, adaptation.factor) for camera in cameras
+                View.from_camera(
+                    camera,
+                    frame.world,
+                    frame.previous if "flow" in camera.modalities else None,
+                    origin_m,
+                    adaptation.factor,
+                )
+                for camera in cameras
             ]
             colored = [view for camera, view in zip(cameras, views, strict=True) if "rgb" in camera.modalities]
             if colored:
@@ -145,6 +156,15 @@ class Renderer:
     def close(self) -> None:
         """Free the context with all that was uploaded; the renderer cannot be used afterwards."""
         self._context.release()
+
+    def _complete_history(self, cameras: Sequence[CameraView], frame: RenderFrame) -> None:
+        """Draw the previous images that the flow is relative to, if they were not the last ones that were drawn."""
+        previous, show_ego = frame.previous, frame.show_ego
+        flow = [replace(camera, modalities=("flow",)) for camera in cameras if "flow" in camera.modalities]
+        if previous is None:
+            return
+        if missing := [camera for camera in flow if not self._history.has(camera, previous, show_ego=show_ego)]:
+            self.render(missing, RenderFrame(previous, show_ego=show_ego))
 
     def _upload(self, static: StaticScene, library: ProgramLibrary) -> tuple[StaticGeometry, ActorGeometry]:
         static_programs, actor_programs = (
@@ -198,6 +218,9 @@ class Renderer:
         for_lens = isinstance(camera.camera, LensCamera)
         targets = self._targets_for(view.camera, for_lens)
         self._view_block.write(view.block())
+        has_flow = "flow" in camera.modalities
+        if has_flow and frame.previous is not None:
+            self._history.bind(camera, frame.previous, show_ego=frame.show_ego)
         with self._timer("geometry, labels, flow"):
             self._draw_geometry(targets, view, frame, table, origin_m, for_lens)
         targets.bind()
@@ -205,6 +228,8 @@ class Renderer:
             self._shading.draw(targets, crc32(camera.ego_from_sensor.tobytes(), camera.lens_seed))
         with self._timer("lens"):
             images = self._lenses.images(camera, targets)
+        if has_flow:
+            self._history.store(camera, frame.world, images["depth"], show_ego=frame.show_ego)
         with self._timer(READ_BACK):
             return CameraImages(**{modality: self._read_back.begin(images[modality]) for modality in camera.modalities})
 

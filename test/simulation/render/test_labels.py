@@ -117,6 +117,16 @@ def test_depth_of_a_wall_50_m_ahead_is_exact_to_a_millimeter() -> None:
     assert images.semantic is None
 
 
+def was_visible(before: WorldState, points: Float64Array, is_sky: AnyArray) -> AnyArray:
+    """(N,) whether (N, 3) points, or directions to the sky, in the optical frame were visible in a world's image."""
+    pose = map_from_optical(before)
+    rays = points / points[:, 2:]
+    depth = cast(pose[:3, 3] - MAP_OFFSET, rays @ pose[:3, :3].T, triangles(before)[0])[0]
+    at = CAMERA.project(points)
+    inside = np.all((at >= -0.5) & (at < np.array([CAMERA.width_px, CAMERA.height_px]) - 0.5), axis=1)
+    return inside & (points[:, 2] > 0) & np.where(is_sky, np.isinf(depth), depth * 1.005 + 0.05 > points[:, 2])
+
+
 def test_flow_of_static_and_moving_objects_equals_their_reprojection(renderer: Renderer) -> None:
     now = world(EGO, OTHER)
     before = world(
@@ -131,14 +141,24 @@ def test_flow_of_static_and_moving_objects_equals_their_reprojection(renderer: R
     rays = pixel_rays(CAMERA)
     pixels = rays[:, :2] * [CAMERA.fx_px, CAMERA.fy_px] + [CAMERA.cx_px, CAMERA.cy_px]
 
+    flow = images.flow.reshape(-1, 2)
+    seen = ~np.isnan(flow[:, 0])
     sky = np.isinf(images.depth).ravel()
     turned = rays @ (then_from_map @ pose)[:3, :3].T
-    np.testing.assert_allclose(images.flow.reshape(-1, 2)[sky], (pixels - CAMERA.project(turned))[sky], atol=2e-3)
+    np.testing.assert_allclose(flow[sky & seen], (pixels - CAMERA.project(turned))[sky & seen], atol=2e-3)
 
     still = ~sky & (images.instance.ravel() == 0)
-    points = apply(pose, rays[still] * images.depth.reshape(-1, 1)[still])
-    expected = pixels[still] - CAMERA.project(apply(then_from_map, points))
-    np.testing.assert_allclose(images.flow.reshape(-1, 2)[still], expected, atol=2e-3)
+    then = turned
+    then[still] = apply(then_from_map @ pose, rays[still] * images.depth.reshape(-1, 1)[still])
+    np.testing.assert_allclose(flow[still & seen], (pixels - CAMERA.project(then))[still & seen], atol=2e-3)
+
+    was_seen = was_visible(before, then, sky)
+    standing = sky | still
+    assert (was_seen == seen)[standing].mean() > 0.995, "all but pixels at silhouettes"
+    at = CAMERA.project(then)
+    inside = np.all((at > 0) & (at < [CAMERA.width_px - 1, CAMERA.height_px - 1]), axis=1)
+    assert (~seen & inside & standing).sum() > 30, "what the car hid"
+    assert (~seen & ~inside & standing).sum() > 100, "what was outside the image"
 
     moving = images.instance.ravel() == 77
     posed_now, posed_then = (pose_actors([car()], state.actors[1:], ego_at) for state in (now, before))
@@ -150,10 +170,11 @@ def test_flow_of_static_and_moving_objects_equals_their_reprojection(renderer: R
     a, b, c = np.moveaxis(corners_then[triangle], 1, 0)
     hit_then = a + (b - a) * weights[:, :1] + (c - a) * weights[:, 1:] + ego_at
     expected = pixels[moving] - CAMERA.project(apply(then_from_map, hit_then))
-    inner = margin > 0.02
+    inner = (margin > 0.02) & seen[moving]
+    assert inner.mean() > 0.6
     parts = car().mesh.part[car().mesh.triangles[triangle[inner], 0]]
     assert len(np.unique(parts)) >= 3, "body and turning wheels must be seen"
-    np.testing.assert_allclose(images.flow.reshape(-1, 2)[moving][inner], expected[inner], atol=8e-3)
+    np.testing.assert_allclose(flow[moving][inner], expected[inner], atol=8e-3)
 
 
 def test_flow_is_zero_without_a_previous_frame(renderer: Renderer) -> None:
@@ -161,11 +182,23 @@ def test_flow_is_zero_without_a_previous_frame(renderer: Renderer) -> None:
     assert flow is not None and not flow.any()
 
 
+def test_the_flow_of_frames_in_a_row_equals_that_of_single_ones(renderer: Renderer) -> None:
+    states = [world(EGO, {**OTHER, "y": OTHER["y"] + shift_m}) for shift_m in (0.0, 0.6, 1.2)]
+    in_a_row = [draw(renderer, now, before) for before, now in zip([None, *states[:-1]], states, strict=True)]
+    draw(renderer, world({**EGO, "x": EGO["x"] + 15.0}))
+    single = draw(renderer, states[2], states[1]).flow
+    assert single is not None and in_a_row[2].flow is not None
+    np.testing.assert_array_equal(in_a_row[2].flow, single)
+    assert in_a_row[1].instance is not None and in_a_row[2].instance is not None
+    uncovered = (in_a_row[1].instance == 77) & (in_a_row[2].instance == 0)
+    assert uncovered.sum() > 30 and np.isnan(single[uncovered]).mean() > 0.9
+
+
 def test_flow_is_nan_where_the_point_was_behind_the_previous_camera(renderer: Renderer) -> None:
     images = draw(renderer, world(EGO), world({**EGO, "x": EGO["x"] + 15.0}))
     assert images.flow is not None and images.depth is not None
     unseen = np.isnan(images.flow[..., 0])
-    assert unseen[images.depth < 14.0].all() and not unseen[(images.depth > 17.0)].any()
+    assert unseen[images.depth < 14.0].all() and not unseen[30:60, 60:100][images.depth[30:60, 60:100] > 60.0].any()
 
 
 def test_the_ego_and_its_rider_are_drawn_only_on_request(renderer: Renderer) -> None:

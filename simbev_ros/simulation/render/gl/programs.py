@@ -46,6 +46,7 @@ TEXTURE_UNITS = {
             "triangle_ids",
             "triangle_depth",
             "tunnel_map",
+            "previous_depth",
         )
     )
 }

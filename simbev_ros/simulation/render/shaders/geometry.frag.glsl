@@ -24,7 +24,7 @@ void main() {
     g_color = color_of(v_surface.y);
     semantic = (v_surface.x >> 16u) & 0xFFu;
     instance = v_instance;
-    flow = flow_of(v_before);
+    flow = flow_of(v_before, false);
 #ifdef LENS
     vec3 share = vec3(v_corner, 1.0 - v_corner.x - v_corner.y) * gl_FragCoord.w;  // linear on the screen
     g_slope = vec2(dFdx(gl_FragCoord.w), dFdy(gl_FragCoord.w));

@@ -2,7 +2,7 @@
 // Labels, depth and flow at the pixels of a camera with lens distortion, from the G-buffer of an ideal camera: each pixel's
 // ray takes the nearest triangle that it hits, among those that the four texels around it show.
 #include "edges"
-#include "view"
+#include "flow"
 #include "rigid"
 uniform usampler2D g_surface;
 uniform sampler2D g_depth;
@@ -19,7 +19,6 @@ layout(location = 1) out uint instance;
 layout(location = 2) out float depth;
 layout(location = 3) out vec2 flow;
 
-const float NEAREST_M = 1e-3;
 const float TOLERANCE_PX = 0.01;  // so that triangles with a common edge leave no gap
 const float SMALL_PX = 1.0;
 
@@ -80,8 +79,9 @@ void main() {
     vec4 now = world_from_optical * (sky ? vec4(place, 1.0, 0.0) : vec4(vec3(place, 1.0) * depth, 1.0));
     vec3 seen = (previous_optical_from_world * vec4(previous_from_now(row, now), now.w)).xyz;
     vec2 before = seen.xy / seen.z;
-    bool unseen = seen.z < NEAREST_M || dot(before, before) > lens_radial.w;
+    vec2 pixel_before = lens_pixel(before);
+    bool valid = seen.z > NEAREST && dot(before, before) <= lens_radial.w;
     if (viewport.z == 0.0) flow = vec2(0.0);
-    else if (unseen) flow = vec2(uintBitsToFloat(0x7FC00000u));  // NaN
-    else flow = floor(gl_FragCoord.xy) - lens_pixel(before);
+    else if (valid && was_visible(pixel_before, sky ? center : seen.z)) flow = floor(gl_FragCoord.xy) - pixel_before;
+    else flow = vec2(uintBitsToFloat(0x7FC00000u));  // NaN
 }

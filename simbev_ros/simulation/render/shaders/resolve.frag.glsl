@@ -80,5 +80,5 @@ void main() {
     semantic = c.bits.z & 0xFFu;
     instance = actor.x;
     vec3 before = row == 0u ? place : previous_from_now(row, vec4(place, 1.0));
-    flow = flow_of((previous_optical_from_world * vec4(before, 1.0)).xyz);
+    flow = flow_of((previous_optical_from_world * vec4(before, 1.0)).xyz, false);
 }

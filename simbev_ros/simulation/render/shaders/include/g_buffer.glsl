@@ -18,5 +18,5 @@ void show_sky() {
     semantic = TAG_SKY;
     instance = 0u;
     vec3 ray = optical_ray(floor(gl_FragCoord.xy));
-    flow = flow_of(mat3(previous_optical_from_world) * mat3(world_from_optical) * ray);
+    flow = flow_of(mat3(previous_optical_from_world) * mat3(world_from_optical) * ray, true);
 }

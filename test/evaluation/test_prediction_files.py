@@ -110,6 +110,19 @@ def test_parquet_nulls_mean_unknown_velocity_or_no_box(tmp_path: Path) -> None:
     assert np.isnan(other.velocity_mps).all()  # its vy is NaN
 
 
+def test_columns_of_nulls_alone_have_no_type_and_mean_unknown(tmp_path: Path) -> None:
+    columns = some_columns()
+    nothing = pa.nulls(len(columns["class"]))
+    unknown = read(to_parquet(tmp_path / "unknown", {**columns, **dict.fromkeys(("vx", "vy", "vz"), nothing)}))
+    assert np.isnan(unknown.boxes().predictions.boxes.velocity_mps).all()
+    assert len(unknown.boxes().predictions.score) == 2
+    empty = read(to_parquet(tmp_path / "empty", {**columns, "class": nothing, "score": nothing}))
+    assert len(empty.boxes().predictions.score) == 0 and empty.ticks_with_boxes == {0, 3}
+    for name, what in (("tick", "a number"), ("x", "finite"), ("scene", "the name of a scene")):
+        with pytest.raises(InputError, match=rf"{name}: .*{what}"):
+            read(to_parquet(tmp_path / name, {**columns, name: nothing})).boxes()
+
+
 @pytest.mark.parametrize("row_group_size", [1, 7, 64, 1000])
 def test_rows_in_any_order_and_grouping_are_found(tmp_path: Path, row_group_size: int) -> None:
     rng = np.random.default_rng(3)

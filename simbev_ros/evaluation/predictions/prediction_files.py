@@ -80,8 +80,8 @@ class ParquetBoxes:
             parts = [self._part(file, int(group[a]), number[a:b]) for a, b in zip(*runs(group), strict=True)]
             table = pa.concat_tables(parts) if parts else file.schema_arrow.empty_table().select(self._columns)
             rows = Rows(str(self.path), number)
-            label = _parquet_labels(table.column("class"), rows)
-            columns = {name: table.column(name) for name in self._columns if name != "class"}
+            label = _parquet_labels(_typed("class", table), rows)
+            columns = {name: _typed(name, table) for name in self._columns if name != "class"}
             for name in FRAME_COLUMNS:
                 if name in columns and columns[name].null_count:
                     missing = columns[name].is_null().to_numpy()
@@ -129,7 +129,7 @@ class ParquetBoxes:
         file, numbers = self._file(), dict[str, int]()
         parts: list[tuple[Int64Array, ...]] = [(np.zeros(0, np.int64),) * 3]
         for group, first in enumerate(self._starts[:-1].tolist()):
-            names, code = _encode_categories(file.read_row_group(group, columns=["scene"]).column(0))
+            names, code = _encode_categories(_typed("scene", file.read_row_group(group, columns=["scene"])))
             start, stop = runs(code)
             rows = Rows(str(self.path), first + start)
             rows.require("scene", code[start] < len(names) - 1, np.full(len(start), None), "the name of a scene")
@@ -202,10 +202,18 @@ def _require_types(path: Path, schema: pa.Schema) -> None:
     for field in schema:
         if schema.names.count(field.name) > 1:
             raise InputError(f"{path}: {field.name}: there is more than one column of this name")
-        if field.name in ALL_COLUMNS:
+        if field.name in ALL_COLUMNS and not pa.types.is_null(field.type):
             kinds = {"integer": pa.types.is_integer, "float": pa.types.is_floating, "text": _is_text}
             kind = next((kind for kind, holds in kinds.items() if holds(field.type)), "")
             _require_kind(path, field.name, str(field.type), kind)
+
+
+def _typed(name: str, table: pa.Table) -> pa.ChunkedArray:
+    """A column; pandas and polars store one that holds only nulls without a type."""
+    column = table.column(name)
+    if not pa.types.is_null(column.type):
+        return column
+    return column.cast(pa.string() if name in TEXT_COLUMNS else pa.int64() if name in FRAME_COLUMNS else pa.float64())
 
 
 def _is_text(kind: pa.DataType) -> bool:

@@ -24,13 +24,13 @@ def repair(
     simbev repair datasets/first/scenes/train/Town01-0000.partial
     """
     from simbev_ros.foundation.files.whole_files import require_writable
-    from simbev_ros.recording.layout import PARTIAL_SUFFIX, numbered_files
+    from simbev_ros.recording.layout import PARTIAL_SUFFIX, numbered_files, packed_files
     from simbev_ros.recording.repair import repair_bag
 
     if out is not None:
         require_name(out)
         require_writable(out.parent)
-    folder = next(iter(numbered_files(bag).values())).resolve().parent
+    folder = bag.resolve() if packed_files(bag) else next(iter(numbered_files(bag).values())).resolve().parent
     target = out or folder.with_name(folder.name.removesuffix(PARTIAL_SUFFIX) + "-repaired")
     console = make_console()
     with console.status(f"reading {escape(folder.name)}"):

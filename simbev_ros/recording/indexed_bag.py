@@ -14,9 +14,9 @@ from simbev_ros.foundation.object_store.object_path import AnyPath
 from simbev_ros.foundation.types import Int64Array
 from simbev_ros.recording.layout import SCENE_ATTACHMENT, mcap_files, read_errors
 from simbev_ros.recording.mcap.chunk_cache import ChunkCache
-from simbev_ros.recording.mcap.chunks import MESSAGE_HEAD, RECORD_HEAD
-from simbev_ros.recording.mcap.mcap_index import McapIndex, read_mcap_index
-from simbev_ros.recording.reader import attached_spec
+from simbev_ros.recording.mcap.chunks import MESSAGE_HEAD, RECORD_HEAD, plain_payload
+from simbev_ros.recording.mcap.mcap_index import DAMAGE, McapIndex, read_mcap_index
+from simbev_ros.recording.reader import COPIED_ATTACHMENTS, attached_spec, text_in
 from simbev_ros.schema.scene.spec import SceneSpec
 
 _LATCHED = "durability: transient_local"
@@ -72,16 +72,19 @@ class IndexedBag:
         self.closed = all(index.closed for index in indexes)
         self._chunk_lengths = [{chunk.offset: chunk.length for chunk in index.chunks} for index in indexes]
         attached = ChainMap(*(index.attachments for index in indexes))
-        self._scene = {name: data for name, data in attached.items() if name == SCENE_ATTACHMENT}
         parts: dict[str, list[tuple[int, McapIndex, Channel]]] = {}
         for number, index in enumerate(indexes):
             for channel in index.channels.values():
                 parts.setdefault(channel.topic, []).append((number, index, channel))
         self.topics = {name: _topic(name, each) for name, each in parts.items()}
+        self._scene = {name: data for name, data in attached.items() if name == SCENE_ATTACHMENT}
+        copy = self.topics.get(COPIED_ATTACHMENTS[SCENE_ATTACHMENT])
+        if not self._scene and copy is not None and len(copy.locations):
+            self._scene[SCENE_ATTACHMENT] = text_in(self.payload(copy.locations[0]))
 
     @property
     def spec(self) -> SceneSpec | None:
-        """The attached scene specification, or None; parsed on every access, as it is large. Raises BagError."""
+        """The scene's specification, or None; parsed on every access, as it is large. Raises BagError."""
         return attached_spec(self._scene, self.file)
 
     def payload(self, location: Int64Array) -> memoryview:
@@ -107,7 +110,10 @@ class IndexedBag:
             opcode = None
         if opcode != Opcode.MESSAGE or log_time_ns != stamp_ns:
             raise BagError(damage)
-        return memoryview(chunk)[start + MESSAGE_HEAD.size : start + length]
+        try:
+            return memoryview(plain_payload(memoryview(chunk)[start + MESSAGE_HEAD.size : start + length]))
+        except DAMAGE as error:
+            raise BagError(f"{self.files[number]}: a message in the chunk at byte {chunk_offset}: {error}") from None
 
 
 def _index_of(file: AnyPath) -> McapIndex:

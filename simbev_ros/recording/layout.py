@@ -24,6 +24,7 @@ LEAD_IN_ATTACHMENT = "lead_in.json"
 TRAJECTORIES_ATTACHMENT = "trajectories.npz"
 """Tracks of all actors; format in ``schema/trajectories.py``."""
 METADATA_FILE = "metadata.yaml"
+PACKED_SUFFIX = ".zstd"
 REPLACED_SUFFIX = ".replaced"
 """Suffix of the folder of a scene that is being replaced."""
 
@@ -90,9 +91,26 @@ def numbered_files(path: AnyPath) -> dict[int, Any]:
     if path.is_file():
         return {0: path}
     found = [file for file in path.glob("*.mcap") if file.is_file()]
+    if not found:
+        _refuse_other_forms(path)
     for name in (METADATA_FILE, *(file.name for file in found)):
         refuse_links_out(path, name)
     return _numbered(path, found)
+
+
+def _refuse_other_forms(bag: Path) -> None:
+    """Raise BagError if a folder holds a bag in a form of rosbag2 that cannot be read as it is."""
+    if packed_files(bag):
+        raise BagError(f"{bag}: rosbag2 has compressed its files as a whole; simbev repair {bag} unpacks them")
+    if any(bag.glob("*.db3*")):
+        raise BagError(
+            f"{bag}: it is in SQLite form; rosbags-convert --src {bag} --dst {bag}-mcap --dst-storage mcap converts it"
+        )
+
+
+def packed_files(bag: Path) -> list[Path]:
+    """MCAP files in a folder that rosbag2 has compressed as a whole."""
+    return sorted(bag.glob(f"*.mcap{PACKED_SUFFIX}")) if is_folder(bag) else []
 
 
 def _objects_in(bag: ObjectPath) -> list[ObjectPath]:

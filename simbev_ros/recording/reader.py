@@ -2,7 +2,7 @@
 
 import heapq
 from collections import ChainMap
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, MutableMapping
 from contextlib import ExitStack
 from dataclasses import dataclass
 from types import TracebackType
@@ -20,11 +20,15 @@ from simbev_ros.foundation.files.limits import MAX_SCENE_TICKS
 from simbev_ros.foundation.files.structured_text import parse_json, parse_yaml
 from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath
 from simbev_ros.foundation.types import Int64Array
-from simbev_ros.recording.layout import PARTIAL_SUFFIX, SCENE_ATTACHMENT, mcap_files, read_errors
+from simbev_ros.recording.layout import MAP_ATTACHMENT, PARTIAL_SUFFIX, SCENE_ATTACHMENT, mcap_files, read_errors
 from simbev_ros.recording.mcap.chunks import message_at, read_chunk, records_in
 from simbev_ros.recording.mcap.mcap_index import DAMAGE, McapIndex, read_mcap_index
 from simbev_ros.schema.messages.message_types import types_with
 from simbev_ros.schema.scene.spec import SceneSpec
+
+_STRING = "std_msgs/msg/String"
+COPIED_ATTACHMENTS = {SCENE_ATTACHMENT: "/world/scene", MAP_ATTACHMENT: "/world/map"}
+"""Topics, by attachment, with the same content, which is left when other programs convert a bag."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +76,8 @@ class SceneBag:
         closed: Whether the bag's files were closed by their writer, so that the bag is known to be complete.
         finished: Whether the bag is closed and not in an unfinished folder.
         topics: Topics by name, sorted.
-        attachments: Contents of the attachments by file name.
+        attachments: Contents of the attachments by file name. Those that a converted bag has lost come from the topics
+            in ``COPIED_ATTACHMENTS``.
         custom_data: Facts that the recorder left in the metadata.
 
     Raises:
@@ -89,9 +94,10 @@ class SceneBag:
             indexes = [part.index for part in self._parts]
             self.closed = all(index.closed for index in indexes)
             self.finished = self.closed and not _folder_name(files[0]).endswith(PARTIAL_SUFFIX)
-            self.attachments: Mapping[str, bytes] = ChainMap(*(index.attachments for index in indexes))
+            self.attachments: MutableMapping[str, bytes] = ChainMap(*(index.attachments for index in indexes))
             self.custom_data = _custom_data(indexes[-1].metadata, path)
             self.topics = {topic.name: topic for topic in sorted(self._topics(), key=lambda topic: topic.name)}
+            self._copy_attachments()
             self._opened = opened.pop_all()
 
     @property
@@ -137,7 +143,7 @@ class SceneBag:
 
     @property
     def spec(self) -> SceneSpec | None:
-        """Specification of the scene, from the bag's attachment; None if it is not attached.
+        """Specification of the scene; None if the bag has none.
 
         Raises:
             BagError: The attachment is not a scene specification of this version.
@@ -215,6 +221,13 @@ class SceneBag:
     ) -> None:
         self.close()
 
+    def _copy_attachments(self) -> None:
+        """Take the contents of lost attachments from the topics that have them, too."""
+        for name, topic in COPIED_ATTACHMENTS.items():
+            is_lost = name not in self.attachments and topic in self.topics
+            if is_lost and (message := next(self.messages([topic]), None)) is not None:
+                self.attachments[name] = text_in(message.data)
+
     def _topics(self) -> Iterator[Topic]:
         """Yield the topics with the stamps of their messages in all files."""
         for name in {channel.topic for part in self._parts for channel in part.index.channels.values()}:
@@ -247,6 +260,15 @@ def _type_name(index: McapIndex, channel: Channel) -> str:
     """Type of a channel's messages; empty if the file lacks its schema."""
     schema = index.schemas.get(channel.schema_id)
     return schema.name if schema else ""
+
+
+def text_in(message: bytes | memoryview) -> bytes:
+    """UTF-8 text in a serialized std_msgs/String. Raises BagError if it is none."""
+    try:
+        value: Any = types_with(_STRING).deserialize_cdr(bytes(message), _STRING)
+    except SerdeError as error:
+        raise BagError(f"a text on a topic is damaged: {error}") from None
+    return str(value.data).encode()
 
 
 def attached_spec(attachments: Mapping[str, bytes], path: AnyPath) -> SceneSpec | None:

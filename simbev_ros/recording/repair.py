@@ -2,18 +2,22 @@
 
 import json
 import shutil
+import tempfile
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 
+import zstandard
 from mcap.records import Channel, Message, Schema
 
 from simbev_ros.foundation.errors import BagError, DiskError
 from simbev_ros.foundation.files.structured_text import load_yaml, parse_yaml
+from simbev_ros.foundation.files.whole_files import require_writable, write_errors
 from simbev_ros.recording.bag_writer import SceneBagWriter
-from simbev_ros.recording.layout import METADATA_FILE, numbered_files, partial_of
+from simbev_ros.recording.layout import METADATA_FILE, numbered_files, packed_files, partial_of
 from simbev_ros.recording.mcap.salvage import Salvage, salvage
 from simbev_ros.recording.qos import QosProfile
 from simbev_ros.recording.reader import custom_data_in, parse_counts
@@ -47,6 +51,11 @@ def repair_bag(path: Path, out: Path) -> Repair:
         InputError: The new bag cannot be written there.
         DiskError: The disk is full; nothing of the new bag is left.
     """
+    if packed := packed_files(path):
+        require_writable(out.parent)
+        with tempfile.TemporaryDirectory(prefix=f".{out.name}-", dir=out.parent) as folder:
+            _unpack(packed, Path(folder))
+            return repair_bag(Path(folder), out)
     found, counts, files = Salvage(), dict[str, int](), numbered_files(path)
     messages = _salvage_files(files, found)
     first = next(messages, None)
@@ -72,6 +81,21 @@ def repair_bag(path: Path, out: Path) -> Repair:
                 raise DiskError(f"{error}; nothing of the new bag is left") from None
             raise
     return Repair(out, counts, lost)
+
+
+def _unpack(packed: Sequence[Path], folder: Path) -> None:
+    """Decompress files of a bag, and copy its description, into a folder. Damaged files end where the damage begins.
+
+    Raises:
+        BagError: A file cannot be read.
+        DiskError: The disk is full.
+    """
+    with write_errors(folder):
+        for file in packed:
+            with file.open("rb") as source, (folder / file.stem).open("wb") as target, suppress(zstandard.ZstdError):
+                zstandard.ZstdDecompressor().copy_stream(source, target)
+        if (description := packed[0].with_name(METADATA_FILE)).is_file():
+            shutil.copyfile(description, folder / METADATA_FILE)
 
 
 def _salvage_files(files: Mapping[int, Path], found: Salvage) -> Iterator[tuple[Channel, Schema, Message]]:

@@ -23,7 +23,7 @@ from simbev_ros.recording.layout import (
     mcap_files,
 )
 from simbev_ros.recording.mcap.mcap_check import McapContent, check_mcap
-from simbev_ros.recording.reader import SceneBag, attached_spec
+from simbev_ros.recording.reader import COPIED_ATTACHMENTS, SceneBag, attached_spec
 from simbev_ros.schema.messages.message_types import types_with
 from simbev_ros.schema.stored import read_stored
 from simbev_ros.schema.trajectories import tracks_from_npz
@@ -69,10 +69,10 @@ def verify_bag(path: Path) -> list[Fault]:
         faults += _accounting_faults(path, files[-1])
         faults += [(METADATA_FILE, problem) for problem in _description_faults(files, contents[-1])]
         attachments = ChainMap(*(content.attachments for content in contents))
-        faults += _attachment_faults(attachments, path)
         recorded = {
             each.channels[channel].topic for each in contents for channel, count in each.counts.items() if count
         }
+        faults += _attachment_faults(attachments, path, recorded)
         faults += _agent_faults(attachments, path, recorded)
     return [Fault(folder, place, problem) for place, problem in faults]
 
@@ -136,7 +136,7 @@ def _accounting_faults(path: Path, last: Path) -> Iterator[tuple[str, str]]:
         yield last.name, str(error).removeprefix(f"{path}: ")
         return
     if expected_counts is None:
-        yield last.name, "the recorder's message counts are missing"
+        yield last.name, "the recorder's message counts are missing, as in bags that other programs have converted"
         return
     if facts.get("complete") != "true":
         yield last.name, f"the scene is incomplete ({facts.get('ended', 'for an unknown reason')})"
@@ -170,10 +170,12 @@ def _description_faults(files: Sequence[Path], last: McapContent) -> Iterator[st
         yield f"its files are {copy.get('relative_file_paths')}"
 
 
-def _attachment_faults(attachments: Mapping[str, bytes], path: Path) -> Iterator[tuple[str, str]]:
-    """Yield attachments of the bag at ``path`` that are missing or cannot be read."""
+def _attachment_faults(
+    attachments: Mapping[str, bytes], path: Path, recorded: Collection[str]
+) -> Iterator[tuple[str, str]]:
+    """Yield attachments of the bag at ``path`` that are missing, also among its topics, or cannot be read."""
     try:
-        if attached_spec(attachments, path) is None:
+        if attached_spec(attachments, path) is None and COPIED_ATTACHMENTS[SCENE_ATTACHMENT] not in recorded:
             yield SCENE_ATTACHMENT, "it is missing"
     except BagError as error:
         yield SCENE_ATTACHMENT, str(error).removeprefix(f"{path}: {SCENE_ATTACHMENT}: ")

@@ -143,7 +143,7 @@ def test_a_bag_without_message_counts_is_not_complete(tmp_path: Path) -> None:
         writer.write("/a", 0, stamped(0))
         writer.finish({})
     assert problems(tmp_path / "c") == [
-        "c_0.mcap: the recorder's message counts are missing",
+        "c_0.mcap: the recorder's message counts are missing, as in bags that other programs have converted",
         "scene.json: it is missing",
     ]
 

@@ -2,7 +2,7 @@
 
 import struct
 from collections.abc import Iterator
-from typing import BinaryIO
+from typing import BinaryIO, TypeVar
 
 import lz4.frame
 import zstandard
@@ -25,12 +25,18 @@ CHUNK_HEAD = struct.Struct("<QQQII")
 CHUNK_DATA_LENGTH = struct.Struct("<Q")
 """Length of a chunk's records as stored; they follow."""
 
+_Bytes = TypeVar("_Bytes", bytes, memoryview)
+_ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
+"""First bytes of compressed data; serialized messages begin with a zero."""
+
 _CHUNK_MARGIN_BYTES = 1 << 20
 """Maximum size of a chunk's header, and of what compression adds to data that cannot be compressed."""
 
 
 def read_chunk(stream: BinaryIO, offset: int, length: int) -> bytes:
     """Read the records of a chunk, decompressed. Raises one of ``mcap_index.DAMAGE``.
+
+    A message outside of chunks counts as a chunk of its own; rosbag2's preset fastwrite leaves all of them there.
 
     Args:
         stream: The file.
@@ -41,6 +47,8 @@ def read_chunk(stream: BinaryIO, offset: int, length: int) -> bytes:
     stream.seek(offset)
     record = stream.read(length)
     opcode, content_length = RECORD_HEAD.unpack_from(record)
+    if opcode == Opcode.MESSAGE:
+        return record
     if opcode != Opcode.CHUNK:
         raise ValueError("there is no chunk")
     return unpack_chunk(memoryview(record)[RECORD_HEAD.size :][:content_length])
@@ -112,4 +120,20 @@ def message_at(data: bytes, start: int, end: int) -> Message:
     if end - start < MESSAGE_HEAD.size:
         raise ValueError("a message ends too early")
     channel_id, sequence, log_time, publish_time = MESSAGE_HEAD.unpack_from(data, start)
-    return Message(channel_id, log_time, data[start + MESSAGE_HEAD.size : end], publish_time, sequence)
+    return Message(channel_id, log_time, plain_payload(data[start + MESSAGE_HEAD.size : end]), publish_time, sequence)
+
+
+def plain_payload(payload: _Bytes) -> _Bytes | bytes:
+    """The payload of a message, decompressed if rosbag2 has compressed it (compression mode ``message``).
+
+    Raises:
+        LimitError: It unpacks to more than ``max_unpacked_bytes``.
+        mcap_index.DAMAGE: The compressed data are damaged.
+    """
+    if payload[: len(_ZSTD_MAGIC)] != _ZSTD_MAGIC:
+        return payload
+    size = zstandard.frame_content_size(payload)
+    require_unpacked_size(size)
+    if size < 0:
+        raise ValueError("a compressed message does not say its size")
+    return zstandard.ZstdDecompressor().decompress(payload, max_output_size=size)

@@ -108,8 +108,7 @@ def read_mcap_index(stream: BinaryIO, name: str, attachments: Collection[str] | 
         attachments: Names of the attachments to read from a closed file; None: all.
 
     Raises:
-        BagError: The file is not an MCAP file, its summary, a message index or an attachment is damaged, or its
-            messages are not in chunks.
+        BagError: The file is not an MCAP file, or its summary, a message index or an attachment is damaged.
     """
     size = stream.seek(0, 2)
     with prefetched(stream, [(max(0, size - END_BYTES), size)]):
@@ -128,7 +127,10 @@ def _read_mcap_index(stream: BinaryIO, size: int, name: str, attachments: Collec
     if not closed:
         return _scan(stream, size, name)
     try:
-        return _from_summary(stream, name, attachments)
+        index = _from_summary(stream, name, attachments)
+        if index is None and is_object:
+            raise BagError(f"{name}: its messages are not in chunks, so a copy on a disk is needed to read it")
+        return index or _scan(stream, size, name, closed=True)
     except DAMAGE as error:
         problem = str(error) or "a record ends too early"
         raise BagError(f"{name}: damaged: {problem}; simbev repair saves what is in it") from None
@@ -178,12 +180,13 @@ def attachment_of(record: bytes) -> Attachment:
     return attachment
 
 
-def _from_summary(stream: BinaryIO, name: str, attachments: Collection[str] | None) -> McapIndex:
+def _from_summary(stream: BinaryIO, name: str, attachments: Collection[str] | None) -> McapIndex | None:
+    """Index a closed file from its summary; None: its messages are not in chunks, and no index lists them."""
     summary = read_summary(stream)
     if summary is None or summary.statistics is None:
         raise BagError(f"{name}: it has no summary")
     if summary.statistics.message_count and not summary.chunk_indexes:
-        raise BagError(f"{name}: its messages are not in chunks")
+        return None
     index = McapIndex(True, channels=summary.channels, schemas=summary.schemas)
     for chunk in summary.chunk_indexes:
         index.chunks.append(
@@ -247,14 +250,20 @@ def _check_locations(index: McapIndex, statistics: Statistics) -> None:
             raise ValueError(f"a message index of {index.channels[channel_id].topic}")
 
 
-def _scan(stream: BinaryIO, size: int, name: str) -> McapIndex:
-    """Index a file record by record, up to the first truncated or damaged record."""
-    index = McapIndex(False)
+def _scan(stream: BinaryIO, size: int, name: str, *, closed: bool = False) -> McapIndex:
+    """Index a file record by record, up to its end or the first truncated or damaged record."""
+    index = McapIndex(closed)
     try:
         for opcode, offset, length in _records(stream, size):
             if opcode == Opcode.CHUNK:
                 record_length = RECORD_HEAD.size + length
                 _enter_chunk(index, offset, record_length, read_chunk(stream, offset, record_length))
+            elif opcode == Opcode.MESSAGE:
+                channel_id, _, stamp_ns, _ = MESSAGE_HEAD.unpack(stream.read(MESSAGE_HEAD.size))
+                index.locations[channel_id].add_chunk(offset, _ENTRY.pack(stamp_ns, 0))
+                index.chunks.append(
+                    ChunkEntry(offset, RECORD_HEAD.size + length, stamp_ns, stamp_ns, frozenset([channel_id]))
+                )
             elif opcode in _READERS:
                 _enter(index, _READERS[opcode](ReadDataStream(io.BytesIO(stream.read(length)))))
     except LimitError as error:

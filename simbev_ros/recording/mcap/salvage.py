@@ -132,7 +132,7 @@ def _next_chunk(data: mmap.mmap, start: int) -> int:
 
 
 def _messages(opcode: int, record: bytes, found: Salvage) -> Iterator[Message]:
-    """Yield the messages of a chunk; enter all other records into ``found``. Raises one of ``DAMAGE``."""
+    """Yield a message, or those of a chunk; enter all other records into ``found``. Raises one of ``DAMAGE``."""
     if opcode == Opcode.CHUNK:
         data = unpack_chunk(memoryview(record)[RECORD_HEAD.size :])
         for inner, start, end in list(records_in(data)):  # a chunk is saved as a whole or not at all
@@ -140,6 +140,8 @@ def _messages(opcode: int, record: bytes, found: Salvage) -> Iterator[Message]:
                 yield message_at(data, start, end)
             elif inner in _READERS:
                 _enter(_READERS[inner](ReadDataStream(io.BytesIO(data[start:end]))), found)
+    elif opcode == Opcode.MESSAGE:
+        yield message_at(record, RECORD_HEAD.size, len(record))
     elif opcode == Opcode.ATTACHMENT:
         _enter(attachment_of(record), found)
     elif opcode == Opcode.METADATA:

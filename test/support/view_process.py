@@ -8,8 +8,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
+from urllib.request import urlopen
 
 from made_up_scene import made_up_scene
+from waiting import PATIENCE_S
 
 _DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
 
@@ -33,8 +35,15 @@ class Viewer:
     @property
     def ports(self) -> list[int]:
         """Ports of the page and of the data."""
-        (data,) = parse_qs(urlsplit(self.url).query)["url"]
-        return [port for port in (urlsplit(self.url).port, urlsplit(data).port) if port is not None]
+        page = urlsplit(redirected(self.url))
+        (data,) = parse_qs(page.query)["url"]
+        return [port for port in (page.port, urlsplit(data).port) if port is not None]
+
+
+def redirected(url: str) -> str:
+    """The address to which a browser is sent from an address of the viewer."""
+    with urlopen(url, timeout=PATIENCE_S) as answer:
+        return str(answer.url)
 
 
 @contextmanager

@@ -70,7 +70,7 @@ class GraphRelay:
         self._requests.put(lambda: self._subscribe(channel.id, channel.topic))
 
     def on_unsubscribe(self, _client: Any, channel: Any) -> None:
-        """Unsubscribe when nobody is left."""
+        """Unsubscribe when no client is left."""
         self._requests.put(lambda: self._unsubscribe(channel.id, channel.topic))
 
     def _guarded(self, work: Callable[..., None]) -> Callable[..., None]:

@@ -30,14 +30,13 @@ def scene_blueprint(subject: Subject, *, with_predictions: bool = False, is_live
     """
     ground_views = [_ground_view("Bird's-eye view", ground.TRUTH)]
     if with_predictions:
-        ground_views.append(_ground_view("Predicted bird's-eye view", ground.PREDICTION))
-    below = rrb.Horizontal(
-        *ground_views, _facts_tabs(subject, is_live=is_live), column_shares=[*([1.0] * len(ground_views)), 1.6]
-    )
-    cameras = _camera_tabs(subject, LAYERS if subject.detail.layers else ())
-    left = rrb.Vertical(cameras, below, row_shares=[1, 1]) if cameras else below
+        ground_views.append(_ground_view("Predicted view", ground.PREDICTION))
+    facts = _facts_tabs(subject, is_live=is_live)
+    below = rrb.Horizontal(*ground_views, facts, column_shares=[*([1.0] * len(ground_views)), 3.5])
+    cameras, world = _camera_tabs(subject, LAYERS if subject.detail.layers else ()), _world_view(subject)
+    above = rrb.Horizontal(cameras, world, column_shares=[1.5, 1.0]) if cameras else world
     return rrb.Blueprint(
-        rrb.Horizontal(left, _world_view(subject), column_shares=[1.2, 1]),
+        rrb.Vertical(above, below, row_shares=[1.6, 1.0]),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(state="collapsed", timeline=TIME, play_state="playing", loop_mode="all"),
@@ -127,10 +126,10 @@ def _ground_view(title: str, entity: str) -> rrb.Spatial2DView:
 
 def _facts_tabs(subject: Subject, *, is_live: bool) -> rrb.Tabs:
     views: list[rrb.View | rrb.Container] = [
-        rrb.Vertical(
+        rrb.Horizontal(
             _plot(plots.SPEED, "Speed, m/s", legend=False),
-            _plot(plots.ACCELERATION, "IMU: specific force, m/s²"),
-            _plot(plots.TURN_RATE, "IMU: turn rate, rad/s"),
+            _plot(plots.ACCELERATION, "Specific force, m/s²"),
+            _plot(plots.TURN_RATE, "Turn rate, rad/s"),
             name="Motion",
         ),
         _plot(plots.BOX_COUNTS, "Boxes"),

@@ -19,10 +19,10 @@ from simbev_ros.schema.palette import class_color
 from simbev_ros.schema.scene.agents import agent_views
 from simbev_ros.schema.trajectories import futures
 from simbev_ros.show.rerun.scene_log import WORLD, SceneLog
+from simbev_ros.show.rerun.strokes import THIN_LINE
 from simbev_ros.show.rerun.subject import Samples, Subject
 
 BOXES, PREDICTED_BOXES = f"{WORLD}/boxes", f"{WORLD}/prediction/boxes"
-_LINE_M = 0.03
 _HORIZON_S, _STEP_S = 3.0, 0.25
 _MIN_MOVE_M = 1.0
 """Minimum length of a future path that is drawn."""
@@ -55,7 +55,7 @@ class BoxDrawing:
                 labels=box_labels(name, boxes),
                 show_labels=False,
                 colors=class_color(name),
-                radii=_LINE_M,
+                radii=THIN_LINE,
             ),
         )
 
@@ -72,7 +72,7 @@ class BoxDrawing:
             if np.linalg.norm(path_m[-1] - path_m[0]) >= _MIN_MOVE_M:
                 paths.append(path_m)
                 colors.append(class_color(BOX_CLASSES[box["class"]]))
-        self._log.add(f"{WORLD}/futures", rr.LineStrips3D(paths, colors=colors, radii=_LINE_M))
+        self._log.add(f"{WORLD}/futures", rr.LineStrips3D(paths, colors=colors, radii=THIN_LINE))
 
 
 class PredictionDrawing:
@@ -106,7 +106,7 @@ class PredictionDrawing:
                 labels=[f"{name} {score:.2f}" for name, score in zip(names, predictions.score.tolist(), strict=True)],
                 show_labels=False,
                 colors=_PREDICTED_COLOR,
-                radii=_LINE_M,
+                radii=THIN_LINE,
             ),
         )
 

@@ -8,12 +8,12 @@ from simbev_ros.foundation.types import Float64Array, Table, UInt8Array
 from simbev_ros.schema.palette import class_color
 from simbev_ros.show.rerun.pictures import color_jpeg
 from simbev_ros.show.rerun.scene_log import EGO, SceneLog
+from simbev_ros.show.rerun.strokes import HAIRLINE, THIN_LINE
 from simbev_ros.show.rerun.subject import Samples, Subject
 
 _DASH_SHARE = 1 / 160
 """Length of a dash as a share of the image's width."""
 _HIDDEN_OPACITY = 150
-_HIDDEN_RADIUS = rr.Radius.ui_points(0.7)
 
 
 class CameraDrawing:
@@ -56,6 +56,7 @@ class CameraDrawing:
                 labels=labels,
                 show_labels=False,
                 colors=self._colors[views["class"]],
+                radii=THIN_LINE,
                 draw_order=20.0,
             ),
         )
@@ -66,7 +67,7 @@ class CameraDrawing:
         colors = _faded(self._colors[views["class"]])[row]
         self._log.add(
             f"{self._entity}/boxes/hidden",
-            rr.LineStrips2D(dashes.astype(np.float32), colors=colors, radii=_HIDDEN_RADIUS, draw_order=19.0),
+            rr.LineStrips2D(dashes.astype(np.float32), colors=colors, radii=HAIRLINE, draw_order=19.0),
         )
 
 

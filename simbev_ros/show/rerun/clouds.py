@@ -11,10 +11,9 @@ from simbev_ros.drawing.panels import doppler_color
 from simbev_ros.foundation.types import AnyArray, BoolArray, Table, UInt8Array
 from simbev_ros.schema.palette import semantic_color
 from simbev_ros.show.rerun.scene_log import EGO, SceneLog
+from simbev_ros.show.rerun.strokes import LIDAR_POINT, RADAR_POINT
 from simbev_ros.show.rerun.subject import Samples, Subject
 
-_POINT_RADIUS_M = 0.035
-_RADAR_RADIUS_M = 0.08
 _HEIGHT_RANGE_M = (-3.0, 5.0)
 """Heights above the sensor that get the first and the last color."""
 
@@ -67,7 +66,7 @@ class LidarDrawing:
             for coloring, color in colorings.items():
                 self._log.add(
                     f"{EGO}/{self._name}/{coloring}",
-                    rr.Points3D(columns(points, "x", "y", "z"), colors=color(points), radii=_POINT_RADIUS_M),
+                    rr.Points3D(columns(points, "x", "y", "z"), colors=color(points), radii=LIDAR_POINT),
                 )
 
 
@@ -86,7 +85,7 @@ class RadarDrawing:
                 rr.Points3D(
                     columns(points, "x", "y", "z"),
                     colors=doppler_color(points["doppler_velocity"]),
-                    radii=_RADAR_RADIUS_M,
+                    radii=RADAR_POINT,
                 ),
             )
 

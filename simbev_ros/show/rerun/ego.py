@@ -7,10 +7,10 @@ from simbev_ros.assets.actors.catalog import load_models
 from simbev_ros.dataset.values import poses_from_odometry
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.show.rerun.scene_log import EGO, WORLD, SceneLog
+from simbev_ros.show.rerun.strokes import LINE
 from simbev_ros.show.rerun.subject import Samples, Subject
 
 _PATH_COLOR = (255, 196, 60)
-_PATH_RADIUS_M = 0.08
 _MAX_PATH_POINTS = 2000
 _FRUSTUM_M = 1.2
 """Distance at which the frustum of a camera is drawn."""
@@ -33,7 +33,7 @@ class EgoDrawing:
         self._path_m = [*self._path_m, map_from_ego[:3, 3]][-_MAX_PATH_POINTS:]
         self._log.add(EGO, rr.Transform3D(translation=map_from_ego[:3, 3], mat3x3=map_from_ego[:3, :3]))
         if len(self._path_m) > 1:
-            self._log.add(f"{WORLD}/path", rr.LineStrips3D([self._path_m], colors=_PATH_COLOR, radii=_PATH_RADIUS_M))
+            self._log.add(f"{WORLD}/path", rr.LineStrips3D([self._path_m], colors=_PATH_COLOR, radii=LINE))
 
 
 def _draw_mesh(log: SceneLog, subject: Subject) -> None:

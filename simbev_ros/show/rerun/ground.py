@@ -12,12 +12,12 @@ from simbev_ros.schema.palette import bev_color, class_color
 from simbev_ros.schema.scene.agents import AgentView
 from simbev_ros.show.rerun.pictures import mask_picture
 from simbev_ros.show.rerun.scene_log import SceneLog
+from simbev_ros.show.rerun.strokes import LINE
 from simbev_ros.show.rerun.subject import Samples
 
 TRUTH, PREDICTION = "bev/truth", "bev/prediction"
 _MIN_SCORE = 0.5
 _EGO_COLOR = (255, 196, 60)
-_EGO_RADIUS = rr.Radius.ui_points(1.0)
 
 
 class GroundDrawing:
@@ -27,9 +27,7 @@ class GroundDrawing:
         self._log = log
         outline = ego_outline_px(view)
         for entity in (TRUTH, PREDICTION):
-            log.add_static(
-                f"{entity}/ego", rr.LineStrips2D([outline], colors=_EGO_COLOR, radii=_EGO_RADIUS, draw_order=50.0)
-            )
+            log.add_static(f"{entity}/ego", rr.LineStrips2D([outline], colors=_EGO_COLOR, radii=LINE, draw_order=50.0))
 
     def draw(self, samples: Samples) -> None:
         """Log the grids.

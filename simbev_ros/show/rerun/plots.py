@@ -9,6 +9,7 @@ import rerun as rr
 from simbev_ros.foundation.semantics import BOX_CLASSES
 from simbev_ros.schema.palette import class_color
 from simbev_ros.show.rerun.scene_log import SceneLog
+from simbev_ros.show.rerun.strokes import FIX, TRACK
 from simbev_ros.show.rerun.subject import Samples, Subject
 
 SPEED, ACCELERATION, TURN_RATE, BOX_COUNTS, TICK_RATE = (
@@ -70,10 +71,10 @@ class FixDrawing:
         self._track_deg = [*self._track_deg, position_deg][-_MAX_TRACK_POINTS:]
         self._log.add(
             f"{GNSS}/{self._name}/fix",
-            rr.GeoPoints(lat_lon=[position_deg], radii=rr.Radius.ui_points(8.0), colors=_TRACK_COLOR),
+            rr.GeoPoints(lat_lon=[position_deg], radii=FIX, colors=_TRACK_COLOR),
         )
         if len(self._track_deg) > 1:
-            track = rr.GeoLineStrings(lat_lon=[self._track_deg], radii=rr.Radius.ui_points(2.0), colors=_TRACK_COLOR)
+            track = rr.GeoLineStrings(lat_lon=[self._track_deg], radii=TRACK, colors=_TRACK_COLOR)
             self._log.add(f"{GNSS}/{self._name}/track", track)
 
 

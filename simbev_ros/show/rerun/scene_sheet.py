@@ -19,17 +19,15 @@ def draw_sheet(log: SceneLog, view: AgentView) -> None:
 
 
 def scene_sheet(view: AgentView) -> str:
-    """Description of a scene in Markdown."""
+    """Description of a scene in Markdown, as tables without headings: the view for it is low."""
     spec = view.scene
     sections = {"Scene": _scene(view), "Weather": _weather(spec), "Traffic": _traffic(spec), "Rig": _rig(view)}
-    return f"# {_escaped(spec.name)}\n\n" + "\n\n".join(
-        f"## {title}\n\n" + _table(rows) for title, rows in sections.items()
-    )
+    return "\n\n".join(_table(title, rows) for title, rows in sections.items())
 
 
-def _table(rows: Mapping[str, str]) -> str:
+def _table(title: str, rows: Mapping[str, str]) -> str:
     return "\n".join(
-        ["| | |", "|---|---|", *(f"| {_escaped(name)} | {_escaped(text)} |" for name, text in rows.items())]
+        [f"| {title} | |", "|---|---|", *(f"| {_escaped(name)} | {_escaped(text)} |" for name, text in rows.items())]
     )
 
 
@@ -42,6 +40,7 @@ def _scene(view: AgentView) -> dict[str, str]:
     spec, vehicle = view.scene, view.vehicle
     tick_s = spec.tick_ns / NS_PER_S
     return {
+        "name": spec.name,
         "map": spec.map.name,
         "split": spec.split,
         "seed": str(spec.seed),

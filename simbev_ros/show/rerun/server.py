@@ -14,10 +14,9 @@ import time
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Self
-from urllib.parse import quote
 
 from simbev_ros.foundation.errors import SimbevError
-from simbev_ros.show.rerun.page_server import PageServer
+from simbev_ros.show.rerun.page_server import PageServer, origin
 
 LOOPBACK = "127.0.0.1"
 _START_TIMEOUT_S, _END_TIMEOUT_S = 30.0, 5.0
@@ -49,18 +48,18 @@ class ViewerServer:
         self._page = PageServer(address, port)
         self._data_port, self._source_port = (_free_port(address) for _ in range(2))
         self._page.source = address, self._source_port
-        self._page.data_origin = self._origin(self._data_port)
+        self._page.data_port = self._data_port
         self._stack = ExitStack()
 
     @property
     def page_url(self) -> str:
         """Address of the viewer's page."""
-        return f"{self._origin(self._page.server_address[1])}/?url={quote(self.data_url, safe='')}"
+        return f"{origin(self._address, self._page.server_port)}/"
 
     @property
     def data_url(self) -> str:
         """Address to send logs to."""
-        return f"rerun+{self._origin(self._data_port)}/proxy"
+        return self._page.data_url(self._address)
 
     @property
     def pid(self) -> int:
@@ -100,10 +99,6 @@ class ViewerServer:
         if (code := self._process.poll()) is not None:
             raise SimbevError(f"Rerun's server ended with exit code {code}")
 
-    def _origin(self, port: int) -> str:
-        host = f"[{self._address}]" if ":" in self._address else self._address
-        return f"http://{host}:{port}"
-
     def _command(self) -> list[str]:
         import rerun_cli
 
@@ -112,7 +107,7 @@ class ViewerServer:
             *(sys.executable, "-I", "-c", _START, str(os.getpid()), str(server)),
             *("--serve-web", "--bind", self._address, "--port", str(self._data_port)),
             *("--web-viewer-port", str(self._source_port), "--server-memory-limit", f"{self._memory_bytes >> 20}MiB"),
-            *("--cors-allow-origin", self._origin(self._page.server_address[1])),
+            *(word for each in self._page.origins() for word in ("--cors-allow-origin", each)),
         ]
 
     def _wait_until_ready(self, log: Path) -> None:

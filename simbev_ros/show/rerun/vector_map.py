@@ -4,6 +4,7 @@ import rerun as rr
 
 from simbev_ros.drawing.drawn_lines import drawn_lines
 from simbev_ros.show.rerun.scene_log import WORLD, SceneLog
+from simbev_ros.show.rerun.strokes import THIN_LINE
 from simbev_ros.show.rerun.subject import Samples
 
 VECTOR_MAP = f"{WORLD}/vector_map"
@@ -19,5 +20,5 @@ class VectorMapDrawing:
         """Log the lines."""
         if "vector_map" in samples:
             for lines in drawn_lines(samples["vector_map"]):
-                strips = rr.LineStrips3D(lines.polylines_m, colors=lines.color, radii=lines.width_m / 2.0)
+                strips = rr.LineStrips3D(lines.polylines_m, colors=lines.color, radii=THIN_LINE)
                 self._log.add(f"{VECTOR_MAP}/{lines.kind}", strips)

@@ -69,7 +69,7 @@ def shows_camera(picture: UInt8Array) -> bool:
 
 def shows_points(picture: UInt8Array) -> bool:
     """Whether the view on the right holds vividly colored points, of many colors, before the background."""
-    pixels = part(picture, (0.56, 0.99), (0.15, 0.9))
+    pixels = part(picture, (0.62, 0.99), (0.15, 0.58))
     vivid = pixels[np.ptp(pixels, axis=1) > 60]
     is_empty = (np.abs(pixels.astype(int) - BACKGROUND) < 4).all(axis=1)
     return bool(len(vivid) > 500 and len(np.unique(vivid // 32, axis=0)) > 15 and 0.3 < is_empty.mean() < 0.99)

@@ -97,7 +97,7 @@ def test_the_egos_outline_is_where_the_cells_around_it_are() -> None:
 
 def test_the_sheet_lists_the_map_and_the_sensors() -> None:
     sheet = scene_sheet(agent_view(made_up_spec(SENSORS)))
-    assert sheet.startswith("# Blocks-0000\n")
+    assert sheet.startswith("| Scene | |\n|---|---|\n| name | Blocks-0000 |\n"), "no heading takes room"
     assert "| map | Blocks |" in sheet
     assert r"| cam\_front | camera, 32 x 24 px" in sheet
 

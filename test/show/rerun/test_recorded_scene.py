@@ -27,6 +27,7 @@ from simbev_ros.show.rerun.subject import Detail, Subject
 
 TICKS = 5
 Rows = dict[str, list[Row]]
+SHAPES = ("Points", "LineStrips", "Boxes", "Geo")
 
 
 @pytest.fixture(scope="module")
@@ -117,6 +118,19 @@ def test_boxes_are_those_of_the_bag(made: tuple[Path, MadeUp], shown: Rows) -> N
             np.testing.assert_allclose(
                 2 * np.reshape(row.values["Boxes3D:half_sizes"], (-1, 3)), np.stack(halves, axis=1), rtol=1e-5
             )
+
+
+def test_points_and_lines_have_sizes_of_the_screen_so_that_near_ones_cover_nothing(shown: Rows) -> None:
+    drawn = {
+        entity: row.values
+        for entity, rows in shown.items()
+        for row in rows
+        if any(name.startswith(SHAPES) for name in row.values)
+    }
+    assert {"world/boxes/car", "world/ego/radar_front/doppler", "world/path"} <= drawn.keys()
+    for entity, values in drawn.items():
+        (radii,) = (value for name, value in values.items() if name.endswith(":radii"))
+        assert all(-1.5 <= radius < 0 for radius in radii) or entity.startswith("gnss"), f"{entity}: Rerun's UI points"
 
 
 def test_lidar_points_are_those_of_the_bag(made: tuple[Path, MadeUp], shown: Rows) -> None:

@@ -27,7 +27,7 @@ pytestmark = [
     pytest.mark.skipif(CHROMIUM is None or DRIVER is None, reason="chromium and chromedriver are not installed"),
 ]
 OPTIONS = (
-    *("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--window-size=800,500", "--no-first-run"),
+    *("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--window-size=1280,645", "--no-first-run"),
     *("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"),
 )
 BACKGROUND = (22, 24, 28)
@@ -80,7 +80,7 @@ def shows_ramp(row: UInt8Array) -> bool:
 def world_view(picture: UInt8Array) -> UInt8Array:
     """The 3D view, without its borders."""
     height_px, width_px, _ = picture.shape
-    return picture[round(0.22 * height_px) : round(0.88 * height_px), round(0.57 * width_px) : round(0.99 * width_px)]
+    return picture[round(0.15 * height_px) : round(0.58 * height_px), round(0.61 * width_px) : round(0.99 * width_px)]
 
 
 def shows_boxes(view: UInt8Array) -> bool:
@@ -93,6 +93,7 @@ def shows_boxes(view: UInt8Array) -> bool:
 
 def test_a_recorded_scene_is_shown_and_plays_without_any_other_host(browser: Any, tmp_path: Path) -> None:
     with running_viewer(tmp_path, "--no-open", ticks=60) as viewer:
+        assert urlsplit(viewer.url).query == "", "the bare address is enough"
         browser.get(viewer.url)
         views: set[bytes] = set()
 

@@ -42,7 +42,7 @@ class GraphDrawing:
         self._thread.start()
 
     def end(self) -> None:
-        """Ask the thread to end; it does so at the latest when the server ends."""
+        """Ask the thread to end; it ends with the server if not before."""
         self._ended.set()
 
     def join(self) -> None:

@@ -50,7 +50,7 @@ def test_all_agents_are_exported_to_folders_as_one_by_one(
 
 
 def test_a_nuscenes_export_of_a_car_has_its_data(made: tuple[Path, MadeUp], tmp_path: Path) -> None:
-    simbev("export", "nuscenes", made[0], "--out", tmp_path, "--agent", "car", "--all-frames")
+    simbev("export", "nuscenes", made[0], "--out", tmp_path, "--agent", "car", "--all-frames", "--all-boxes")
     tables, ticks = tables_of(tmp_path), made[1].others["car"]
     assert [scene["name"] for scene in tables["scene"]] == ["Blocks-0002"], "the other scene has no car"
     places = np.array([pose["translation"] for pose in tables["ego_pose"]])

@@ -21,13 +21,14 @@ from simbev_exporters.nuscenes.sites import sites_of
 from simbev_exporters.nuscenes.taxonomy import taxonomy_tables
 from simbev_ros.cli.main import app
 from simbev_ros.config.camera import Camera
-from simbev_ros.dataset import Scene, columns, open_dataset
+from simbev_ros.dataset import Frame, Scene, columns, open_dataset
+from simbev_ros.dataset.nuscenes.annotated_boxes import annotated_boxes
 from simbev_ros.dataset.nuscenes.keyframes import keyframe_by_tick
 from simbev_ros.export import sensor_data
 from simbev_ros.foundation.geometry.camera import LensCamera
 from simbev_ros.foundation.geometry.transforms import apply, inverse, matrices_from_xyz_rpy
 from simbev_ros.foundation.semantics import BOX_CLASSES, CLASSES
-from simbev_ros.foundation.types import AnyArray, Float64Array
+from simbev_ros.foundation.types import AnyArray, Float64Array, Table
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.roads.surface import surfaces_of
 from simbev_ros.scene.blueprints import load_blueprints
@@ -76,6 +77,11 @@ def row_of(tables: Tables, channel: str, stamp_ns: int) -> dict[str, Any]:
 
 def annotations_of(tables: Tables, data: dict[str, Any]) -> list[dict[str, Any]]:
     return [record for record in tables["sample_annotation"] if record["sample_token"] == data["sample_token"]]
+
+
+def hit_boxes(frame: Frame) -> Table:
+    """Recorded boxes of a frame, of those that nuScenes annotates; made-up actors have the size of their box."""
+    return frame["boxes"][np.isin(frame["boxes"]["id"], annotated_boxes(frame)["id"])]
 
 
 def test_every_token_refers_to_something(tables: Tables) -> None:
@@ -150,7 +156,7 @@ def test_boxes_project_to_the_same_pixels_as_in_our_camera(tables: Tables, scene
     calibration = index(tables["calibrated_sensor"])[data["calibrated_sensor_token"]]
     optical_from_global = inverse(matrix(index(tables["ego_pose"])[data["ego_pose_token"]]) @ matrix(calibration))
     seen = 0
-    for record, row in zip(annotations_of(tables, data), scene[10]["boxes"], strict=True):
+    for record, row in zip(annotations_of(tables, data), hit_boxes(scene[10]), strict=True):
         width, length, height = record["size"]
         corners_m = apply(optical_from_global @ matrix(record), CORNERS * [length, width, height])
         pixels = corners_m @ np.array(calibration["camera_intrinsic"]).T
@@ -168,11 +174,14 @@ def test_boxes_project_to_the_same_pixels_as_in_our_camera(tables: Tables, scene
 
 def test_annotations_agree_with_boxes(tables: Tables, scene: Scene) -> None:
     records = annotations_of(tables, row_of(tables, "LIDAR_TOP", scene[10].stamp_ns))
-    boxes = scene[10]["boxes"]
     known = {name: index(tables[name]) for name in ("instance", "category", "attribute")}
-    for record, row in zip(records, boxes, strict=True):
-        assert record["num_lidar_pts"] == max(row["lidar_points"], 0)
-        assert record["num_radar_pts"] == row["radar_points"]
+    for record, row in zip(records, hit_boxes(scene[10]), strict=True):
+        global_from_box = matrix(record) @ np.diag([*np.array(record["size"])[[1, 0, 2]] / 2, 1])
+        for sensor, name in (("lidar", "num_lidar_pts"), ("radar_front", "num_radar_pts")):
+            points_m = columns(scene[10][f"{sensor}/points"], "x", "y", "z")
+            points_m = apply(global_from_map(tables) @ scene[10].map_from_sensor(sensor), points_m)
+            inside = (np.abs(apply(np.linalg.inv(global_from_box), points_m)) <= 1).all(axis=1)
+            assert record[name] == inside.sum(), row["id"]
         assert len(record["attribute_tokens"]) == 1
     category = [known["category"][known["instance"][r["instance_token"]]["category_token"]]["name"] for r in records]
     attribute = [known["attribute"][record["attribute_tokens"][0]]["name"] for record in records]
@@ -271,7 +280,7 @@ def test_the_origin_leads_back_to_the_map(tables: Tables, scene: Scene) -> None:
     pose_m = index(tables["ego_pose"])[data["ego_pose_token"]]["translation"]
     assert min(pose_m[:2]) >= 150, "at least the margin around the ego's paths"
     np.testing.assert_allclose(np.add(pose_m, origin_m), scene[10].map_from_ego[:3, 3])
-    for record, row in zip(annotations_of(tables, data), scene[10]["boxes"], strict=True):
+    for record, row in zip(annotations_of(tables, data), hit_boxes(scene[10]), strict=True):
         center_m = np.add(record["translation"], origin_m)
         np.testing.assert_allclose(center_m, [row["x"], row["y"], row["z"]], atol=1e-6)
 

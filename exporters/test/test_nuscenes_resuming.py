@@ -37,7 +37,8 @@ def test_an_interrupted_export_resumes(nuscenes_folder: Path, tmp_path: Path, mo
     assert export(nuscenes_folder / "set", tmp_path).made == 0
     record = json.loads((tmp_path / ".parts/Blocks-0000.head.json").read_text())
     assert list(record) == ["made_from", "summary"]
-    assert list(record["made_from"]) == ["bytes", "mtime_ns", "by", "keyframe_hz", "sweeps"], "as in earlier exports"
+    settings = ["keyframe_hz", "sweeps", "keep_unhit", "channels"]
+    assert list(record["made_from"]) == ["bytes", "mtime_ns", "by", *settings]
 
 
 OPTIONS = {"lidarseg": False, "map_expansion": False, "can_bus": False}

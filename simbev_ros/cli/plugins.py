@@ -20,8 +20,8 @@ _SATELLITES = {
         "predict": ("simbev predict", "simbev_training", "./training"),
     },
     EXPORTERS_GROUP: {
-        "nuscenes": ("simbev export nuscenes", "simbev_exporters", "./exporters"),
-        "opv2v": ("simbev export opv2v", "simbev_exporters", "./exporters"),
+        name: (f"simbev export {name}", "simbev_exporters", "./exporters")
+        for name in ("coco", "kitti", "nuscenes", "opv2v", "yolo")
     },
 }
 """Commands of the distributions in the repository of this one: their words, their distribution, what pip installs."""

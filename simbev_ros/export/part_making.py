@@ -1,14 +1,17 @@
-"""Work on all parts of an export: make them in a pool, note scenes that fail, remove parts of what is gone."""
+"""Work on all parts of an export: identify them, make them in a pool, note scenes that fail, remove what is gone."""
 
 from collections.abc import Callable, Collection, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Protocol, TypeVar
 
+from simbev_ros import __version__
 from simbev_ros.dataset import Scene
 from simbev_ros.dataset.parallel import Pool
-from simbev_ros.export.parts import Part, part_names
+from simbev_ros.export.parts import Json, Part, fingerprint_of, part_names
 from simbev_ros.foundation.errors import BagError
+from simbev_ros.foundation.object_store.object_path import require_local
+from simbev_ros.recording.layout import bytes_of, mcap_files
 
 Report = Callable[[int, int], None]
 """Called from time to time with the number of finished frames and the number of all frames to export."""
@@ -30,6 +33,16 @@ class OfScene(Protocol):
 
 
 P = TypeVar("P", bound=OfScene)
+
+
+def source_of(scene: Scene) -> Json:
+    """Fingerprint of a scene's bags, its agent, and the version of simbev_ros, for the identity of parts."""
+    bag = require_local(scene.path)
+    newest_ns = max(file.stat().st_mtime_ns for file in mcap_files(bag))
+    own = {"bytes": bytes_of(bag), "mtime_ns": newest_ns}
+    additional = [fingerprint_of(require_local(each)) for each in scene.additional.values()]
+    agent = {} if scene.chosen_agent is None else {"agent": scene.chosen_agent}
+    return {**own, **({"additional": additional} if additional else {}), **agent, "by": __version__}
 
 
 def make_parts(

@@ -13,19 +13,36 @@ from simbev_ros.foundation.geometry.camera import LensCamera, PinholeCamera
 from simbev_ros.foundation.geometry.transforms import apply, inverse
 from simbev_ros.foundation.installation.extras import load_extras
 from simbev_ros.foundation.types import AnyArray, Float32Array, UInt8Array
+from simbev_ros.recording.image_codecs import encode_rgb
 from simbev_ros.schema.map_points import map_points
 
+_JPEG = b"\xff\xd8\xff"
+"""First bytes of a JPEG file."""
 
-def rectify(image: UInt8Array, camera: LensCamera) -> UInt8Array:
+
+def recorded_jpeg(frame: Frame, key: str) -> bytes:
+    """JPEG file of an image: as recorded, or encoded if it was recorded raw.
+
+    Args:
+        frame: The frame.
+        key: Key of the image.
+    """
+    data = bytes(frame.messages(key)[-1].data)
+    return data if data.startswith(_JPEG) else encode_rgb(frame[key])
+
+
+def rectify(image: UInt8Array, camera: PinholeCamera | None) -> UInt8Array:
     """Rectify an image to a pinhole camera with the same intrinsics; black where the lens sees nothing.
 
     Args:
         image: (H, W, 3) image.
-        camera: The camera that took it.
+        camera: The camera that took it; the image of one without distortion stays as it is.
 
     Raises:
         InputError: OpenCV is not installed.
     """
+    if not isinstance(camera, LensCamera):
+        return image
     load_extras()["pictures"].require("rectifying images of a camera with distortion")
     import cv2
 

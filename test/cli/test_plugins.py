@@ -36,7 +36,7 @@ def write_project(folder: Path, name: str, group: str, **entries: str) -> Path:
 @pytest.fixture
 def forget(monkeypatch: pytest.MonkeyPatch) -> None:
     """Undo imports of the pages' modules."""
-    for name in ("simbev_distance", "simbev_kitti"):
+    for name in ("simbev_distance", "simbev_clouds"):
         monkeypatch.setitem(sys.modules, name, None)
         del sys.modules[name]
 
@@ -56,13 +56,13 @@ def test_the_page_on_verbs_is_right(simbev: Simbev, tmp_path: Path, monkeypatch:
 def test_the_page_on_exports_is_right(simbev: Simbev, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     made_up_scene(tmp_path / "set/scenes/train/Blocks-0000", ticks=2)
     follow("export.md", tmp_path)
-    announce(tmp_path / "kitti", tmp_path / "site", monkeypatch)
-    call = ("export", "kitti", tmp_path / "set", "--out", tmp_path / "out", "--workers", 1)
+    announce(tmp_path / "clouds", tmp_path / "site", monkeypatch)
+    call = ("export", "clouds", tmp_path / "set", "--out", tmp_path / "out", "--workers", 1)
     assert simbev(*call)[:2] == (0, f"2 frames of 1 scenes in {tmp_path / 'out'}\n")
     assert simbev(*call)[1].endswith("1 scenes were there already\n")
-    assert re.search("kitti +Write the lidar clouds", simbev("export", "--help")[1])
+    assert re.search("clouds +Write the lidar clouds", simbev("export", "--help")[1])
     page_test: dict[str, Callable[[Path], None]] = {}
-    exec((tmp_path / "kitti/test_kitti_export.py").read_text(), page_test)
+    exec((tmp_path / "clouds/test_clouds_export.py").read_text(), page_test)
     page_test["test_clouds_come_out_as_they_went_in"](tmp_path / "again")
     assert np.fromfile(tmp_path / "out/Blocks-0000/velodyne/000000.bin", np.float32).size
 
@@ -99,8 +99,8 @@ def test_a_distribution_that_cannot_be_imported_says_so_and_leaves_the_others_al
     [
         ("train", "simbev_training", "'./training[torch]'"),
         ("predict", "simbev_training", "./training"),
+        ("export coco", "simbev_exporters", "./exporters"),
         ("export nuscenes", "simbev_exporters", "./exporters"),
-        ("export opv2v", "simbev_exporters", "./exporters"),
     ],
 )
 def test_commands_of_the_repositorys_other_distributions_say_how_to_get_them(

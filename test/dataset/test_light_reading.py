@@ -9,11 +9,13 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import pytest
-from made_up_scene import made_up_scene
+from made_up_scene import SENSORS, made_up_spec, record_made_up
 
 from simbev_ros.cli.main import VERBS
 from simbev_ros.foundation.installation.extras import load_extras
+from simbev_ros.schema.views import VIEW_DTYPE
 
 PACKAGE = Path(__file__).parents[2] / "simbev_ros"
 OF_LINUX = ("fcntl", "grp", "msvcrt", "pty", "pwd", "resource", "termios", "tty")
@@ -65,7 +67,8 @@ print(json.dumps(answers))
 @pytest.fixture(scope="module")
 def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("light")
-    made_up_scene(folder / "scenes/train/Blocks-0000", ticks=13)
+    nothing_seen = {"/ego/cam_front/boxes": np.zeros(0, VIEW_DTYPE)}
+    record_made_up(folder / "scenes/train/Blocks-0000", made_up_spec(SENSORS, ticks=13), tables=nothing_seen)
     return folder
 
 
@@ -107,10 +110,10 @@ def test_verbs_that_read_work_on_any_platform(dataset: Path) -> None:
 
 
 def test_exports_work(dataset: Path, tmp_path: Path) -> None:
-    layouts = ("simbev", "nuscenes", "opv2v")
+    layouts = ("simbev", "nuscenes", "opv2v", "coco", "yolo", "kitti")
     calls = [["export", name, str(dataset), "--out", str(tmp_path / name), "--workers", "1"] for name in layouts]
     answers = simbev(*calls, all_platforms=False)  # files are locked by a module that is another one on Windows
-    assert [answer[0] for answer in answers] == [0, 0, 0], answers
+    assert [answer[0] for answer in answers] == [0] * len(layouts), answers
     assert "masks of maps are empty" in answers[1][1].replace("\n", " ") and "[sim]'" in answers[1][1]
     assert [path.suffix for path in (tmp_path / "nuscenes/maps").iterdir()] == [".png"]
 

@@ -7,6 +7,7 @@ import pickletools
 import weakref
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import cv2
@@ -21,11 +22,17 @@ from simbev_ros.cli.main import app
 from simbev_ros.dataset import open_dataset
 from simbev_ros.dataset.frame import Frame
 from simbev_ros.export.parts import Part
-from simbev_ros.export.simbev import encodings
+from simbev_ros.export.quaternions import continuous
+from simbev_ros.export.simbev import encodings, voxels
+from simbev_ros.export.simbev.boxes import box_records
 from simbev_ros.export.simbev.export import finish, make_part, parts_of, remove_ends
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.semantics import BEV_CLASSES
 from simbev_ros.foundation.types import AnyArray
+from simbev_ros.scene.blueprints import load_blueprints
+from simbev_ros.scene.legend import legend
+from simbev_ros.schema.boxes import blank_boxes
+from simbev_ros.schema.scene.state import SIGNAL_DTYPE
 
 
 def export(dataset: Path, root: Path, **options: Any) -> list[str]:
@@ -187,10 +194,6 @@ def test_objects_have_all_keys_and_labels(exported: tuple[MadeUp, Path]) -> None
 
 def test_infos_name_all_files_and_poses(exported: tuple[MadeUp, Path]) -> None:
     made, root = exported
-    assert sorted(path.name for path in (root / "infos").iterdir()) == [
-        "simbev_infos_train.json",
-        "simbev_infos_val.json",
-    ]
     infos = json.loads((root / "infos/simbev_infos_train.json").read_text())
     assert list(infos) == ["metadata", "data"] and list(infos["data"]) == ["scene_0000"]
     scene = infos["data"]["scene_0000"]
@@ -205,6 +208,60 @@ def test_infos_name_all_files_and_poses(exported: tuple[MadeUp, Path]) -> None:
     np.testing.assert_allclose(frames[2]["ego2global_translation"], position_m)
     rotation = Rotation.from_quat(np.roll(frames[2]["ego2global_rotation"], -1))
     np.testing.assert_allclose(rotation.as_euler("xyz"), rpy_rad, atol=1e-9)
+
+
+def test_a_split_without_scenes_has_an_empty_info_file(exported: tuple[MadeUp, Path]) -> None:
+    _, root = exported
+    train, val, test = (
+        json.loads((root / f"infos/simbev_infos_{n}.json").read_text()) for n in ("train", "val", "test")
+    )
+    assert test == {"metadata": train["metadata"], "data": {}}
+    assert list(val["data"]) == ["scene_0001"]
+
+
+def test_a_scene_has_all_its_settings(exported: tuple[MadeUp, Path]) -> None:
+    made, root = exported
+    info = json.loads((root / "infos/simbev_infos_train.json").read_text())["data"]["scene_0000"]["scene_info"]
+    settings = json.loads(made.spec.model_dump_json())
+    agent = settings.pop("agents")[0]
+    assert (info["map"], info["vehicles"], info["pedestrians"]) == ("Blocks", 2, 0)
+    for name, value in {**settings, **agent}.items():
+        assert name in ("map", "vehicles", "pedestrians") or info[name] == value, name
+    assert info["green_time_s"] == [10.0] and info["map_settings"]["seed"] == 0
+
+
+def test_every_scene_has_a_log_and_viewers_a_folder(exported: tuple[MadeUp, Path]) -> None:
+    _, root = exported
+    logs = [(root / f"logs/SimBEV-scene-{number:04d}.log").read_text() for number in (0, 1)]
+    assert "Blocks-0000: 3 frames, seed 0" in logs[0] and "Blocks-0001: 2 frames" in logs[1]
+    assert (root / "viz").is_dir()
+
+
+def test_types_have_carlas_prefixes() -> None:
+    rows = blank_boxes(len(load_blueprints()))
+    rows["blueprint"] = np.arange(len(rows))
+    types = {record["type"] for record in box_records(rows, np.zeros(0, SIGNAL_DTYPE), {**legend(), "signals": []})}
+    assert {"vehicle.sedan", "walker.pedestrian.man", "walker.pedestrian.worker", "static.prop.traffic_cone"} <= types
+    prefixes = ("vehicle.", "walker.pedestrian.", "static.prop.", "rider.")  # riders have no boxes
+    assert all(name.startswith(prefixes) for name in types)
+
+
+def test_quaternions_of_the_ego_do_not_jump_where_its_heading_passes_180_degrees() -> None:
+    yaw_rad = np.radians([170, 178, -174, -166, 175, 90])
+    jumping = np.column_stack([np.cos(yaw_rad / 2), np.zeros((6, 2)), np.sin(yaw_rad / 2)])
+    found = continuous(jumping)
+    assert (np.einsum("ni,ni->n", found[1:], found[:-1]) > 0).all() and found[0, 0] > 0
+    np.testing.assert_allclose(np.abs(found), np.abs(jumping))
+
+
+def test_voxels_that_were_not_recorded_are_labeled_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = made_up_scene(tmp_path / "set/scenes/train/Blocks-0000")
+    lines = export(tmp_path / "set", tmp_path / "recorded")
+    assert lines[-1] == "not in every frame: VOXEL-GRID in 2 of 3", "a made-up scene has no roads"
+    labeler = SimpleNamespace(rows=lambda frame: made.ticks[2 * (frame.tick // 2)]["occupancy/points"])
+    monkeypatch.setattr(voxels, "_labeler", lambda scene: labeler)
+    assert not any("every frame" in line for line in export(tmp_path / "set", tmp_path / "out"))
+    np.testing.assert_array_equal(*(npz(sweep(tmp_path / "out", "VOXEL-GRID", "npz", frame)) for frame in (0, 1)))
 
 
 def test_metadata_places_the_sensors(exported: tuple[MadeUp, Path]) -> None:

@@ -14,7 +14,7 @@ from ros_messages import header, image, message, odometry, point_cloud, serializ
 from scene_edits import ego
 
 from simbev_ros.config.modalities import IMAGE_KINDS
-from simbev_ros.foundation.geometry.transforms import quaternion_from_rpy
+from simbev_ros.foundation.geometry.transforms import quaternion_from_rpy, rotations_from_rpy
 from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES, Tag
 from simbev_ros.foundation.types import AnyArray, Float64Array, Table
 from simbev_ros.recording.bag_writer import SceneBagWriter
@@ -199,6 +199,10 @@ def _values(rng: np.random.Generator, view: AgentView, tick: int) -> dict[str, A
         values |= {"world/actors": noise(rng, ACTOR_DTYPE, 9), "world/signals": noise(rng, SIGNAL_DTYPE, 4)}
         values["world/actors"]["id"] = 1 + np.arange(9)
         values["world/actors"]["blueprint"] %= 5
+        values["world/actors"]["parent"] = 0
+    _move_to_agent(values)
+    if view.is_ego:
+        _match_boxes(values["world/actors"], values["boxes"])
     values["hd_map"] = {"stamp_ns": view.scene.stamp_ns(tick), "id": "a_0", "s": 1.5, "is_junction": False}
     if tick % 2 == 0:
         values["occupancy/points"] = _voxels(rng)
@@ -219,6 +223,23 @@ def _values(rng: np.random.Generator, view: AgentView, tick: int) -> dict[str, A
             case "imu":
                 values[f"{sensor.name}/data"] = rng.normal(size=6), rng.uniform(-1, 1, 3) * [0.1, 0.1, 3]
     return values
+
+
+def _move_to_agent(values: dict[str, Any]) -> None:
+    """Move the boxes, which are around the origin of the map, to the agent."""
+    for name, offset_m in zip("xyz", values["odom"][0], strict=True):
+        values["boxes"][name] += offset_m
+
+
+def _match_boxes(actors: Table, boxes: Table) -> None:
+    """Give actors that have a box its size and pose."""
+    _, actor, box = np.intersect1d(actors["id"], boxes["id"], return_indices=True)
+    for name in ("roll", "pitch", "yaw", "length", "width", "height"):
+        actors[name][actor] = boxes[name][box]
+    rpy_rad = np.stack([boxes[name] for name in ("roll", "pitch", "yaw")], axis=1).astype(np.float64)
+    up = rotations_from_rpy(rpy_rad)[:, :, 2] * boxes["height"][:, None] / 2.0
+    for axis, name in enumerate("xyz"):
+        actors[name][actor] = (boxes[name] - up[:, axis])[box]
 
 
 def _motion(view: AgentView, tick: int) -> tuple[Float64Array, Float64Array]:

@@ -14,13 +14,13 @@ from simbev_ros.foundation.process_memory import keep_freed_memory
 from simbev_ros.foundation.types import Float64Array, Table
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.source import map_spec
+from simbev_ros.schema.box_points import add_point_counts
 from simbev_ros.schema.map_points import map_points
 from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.simulation.annotation.bev.bev_annotator import BevAnnotator
 from simbev_ros.simulation.annotation.bev.levels import Levels
 from simbev_ros.simulation.annotation.boxes.boxes import boxes_around_ego
 from simbev_ros.simulation.annotation.boxes.extents import Extents
-from simbev_ros.simulation.annotation.boxes.points import add_point_counts
 from simbev_ros.simulation.annotation.boxes.standing import find_static_objects
 from simbev_ros.simulation.annotation.occupancy.occupancy import OccupancyAnnotator, occupied_voxels
 from simbev_ros.simulation.annotation.vector_map.vector_map import VectorMap

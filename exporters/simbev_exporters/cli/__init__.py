@@ -1,1 +1,1 @@
-"""The commands ``simbev export nuscenes`` and ``simbev export opv2v``."""
+"""The commands ``simbev export coco``, ``kitti``, ``nuscenes``, ``opv2v`` and ``yolo``."""

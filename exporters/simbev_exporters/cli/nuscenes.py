@@ -6,10 +6,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from simbev_exporters.cli.words import different_words
+from simbev_exporters.nuscenes.scene_names import SceneNames
 from simbev_ros.cli.agent_option import ExportedAgentOption, exported_agents
 from simbev_ros.cli.console import counting_bar, make_console, plural
 from simbev_ros.cli.pool import Ray, Workers, open_pool, shared_path
-from simbev_ros.foundation.errors import SimbevError
+from simbev_ros.foundation.errors import InputError, SimbevError
 from simbev_ros.foundation.installation.extras import load_extras
 
 if TYPE_CHECKING:
@@ -25,11 +27,26 @@ Lidarseg = Annotated[
     bool, typer.Option(help="Write the categories of the lidar's points, if its semantic cloud was recorded.")
 ]
 CanBus = Annotated[bool, typer.Option(help="Write the messages of nuScenes' CAN bus expansion that scenes have.")]
-DevkitSceneNames = Annotated[
-    bool,
+SceneNamesOption = Annotated[
+    SceneNames,
     typer.Option(
-        "--devkit-scene-names",
-        help="Name scenes scene-2000 and so on, by their numbers, as the devkit's CAN bus API demands.",
+        metavar="|".join(SceneNames),
+        help="Names of scenes in the tables. devkit: scene-2000 and so on, by their numbers, as the devkit's CAN bus "
+        "API demands. nuscenes: names from nuScenes' own lists train, val and test, by which MMDetection3D's "
+        "converter and others split; tables of test scenes are then in v1.0-test.",
+    ),
+]
+AllBoxes = Annotated[
+    bool,
+    typer.Option("--all-boxes", help="Annotate boxes without lidar and radar points too, which nuScenes leaves out."),
+]
+Channels = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--channel",
+        metavar="SENSOR=CHANNEL,…",
+        help="Channel of a camera or radar, such as radar_rear=RADAR_BACK_LEFT; several divide a radar's field of "
+        "view, from its left. By default radar_left, radar_right and radar_back have nuScenes' names of radars.",
     ),
 ]
 
@@ -43,7 +60,9 @@ def export_nuscenes(
     lidarseg: Lidarseg = True,
     map_expansion: Annotated[bool, typer.Option(help="Write the vector maps of nuScenes' map expansion.")] = True,
     can_bus: CanBus = True,
-    devkit_scene_names: DevkitSceneNames = False,
+    scene_names: SceneNamesOption = SceneNames.OWN,
+    all_boxes: AllBoxes = False,
+    channel: Channels = None,
     version: Annotated[str, typer.Option(help="Name of the folder of tables.")] = "v1.0-trainval",
     agent: ExportedAgentOption = None,
     workers: Workers = None,
@@ -68,6 +87,8 @@ def export_nuscenes(
 
     simbev export nuscenes datasets/first --out exported --keyframe-hz 4 --no-sweeps
 
+    simbev export nuscenes datasets/first --out exported --scene-names nuscenes
+
     simbev export nuscenes datasets/several --out exported --agent all
 
     simbev export nuscenes /shared/datasets/first --out /shared/exported --ray auto
@@ -75,8 +96,22 @@ def export_nuscenes(
     from simbev_exporters.nuscenes.export import ExportSettings
 
     rate_hz = None if all_frames else keyframe_hz
-    settings = ExportSettings(rate_hz, sweeps, lidarseg, map_expansion, can_bus, devkit_scene_names, version)
+    named = _channel_names(channel or [])
+    settings = ExportSettings(rate_hz, sweeps, lidarseg, map_expansion, can_bus, scene_names, version, all_boxes, named)
     _export(dataset, out, settings, agent, workers, ray)
+
+
+def _channel_names(options: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """Channels by sensor, from the values of --channel."""
+    names = {}
+    for option in options:
+        sensor, _, channels = option.partition("=")
+        if not sensor or not channels:
+            raise InputError(
+                f"{option!r} must be SENSOR=CHANNEL, as in radar_rear=RADAR_BACK_LEFT", parameter="channel"
+            )
+        names[sensor] = different_words("channel", channels)
+    return names
 
 
 def _export(

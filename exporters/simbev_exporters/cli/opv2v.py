@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from simbev_exporters.cli.words import different_words
 from simbev_ros.cli.console import counting_bar, make_console, plural
 from simbev_ros.cli.pool import Ray, Workers, open_pool, shared_path
 from simbev_ros.foundation.errors import InputError, SimbevError
@@ -58,10 +59,10 @@ def export_opv2v(
     from simbev_exporters.opv2v.frames import FrameSettings
     from simbev_ros.dataset import open_dataset
 
-    chosen = None if cameras is None else _words("cameras", cameras)
+    chosen = None if cameras is None else different_words("cameras", cameras)
     if chosen is not None and len(chosen) > MAX_CAMERAS:
         raise InputError(f"{cameras!r} are {len(chosen)}; the layout has {MAX_CAMERAS}", parameter="cameras")
-    wanted = _words("classes", classes)
+    wanted = different_words("classes", classes)
     for name in wanted:
         if name not in MOVING_CLASSES:
             raise InputError(f"there is no {name!r}; allowed: {', '.join(MOVING_CLASSES)}", parameter="classes")
@@ -77,14 +78,6 @@ def export_opv2v(
         console.print(reason, style="red")
     if done.failures:
         raise SimbevError(f"{len(done.failures)} of {plural(len(opened.scenes), 'scene')} could not be exported")
-
-
-def _words(option: str, text: str) -> tuple[str, ...]:
-    """Different words that are separated by commas."""
-    found = tuple(word.strip() for word in text.split(","))
-    if not all(found) or len(set(found)) < len(found):
-        raise InputError(f"{text!r} must be different words with commas between", parameter=option)
-    return found
 
 
 def _lines(done: "Exported", out: Path) -> Iterator[str]:

@@ -8,7 +8,9 @@ import numpy as np
 from simbev_exporters.nuscenes.channel_records import wxyz
 from simbev_exporters.nuscenes.taxonomy import Record, token
 from simbev_ros.dataset import Frame, Scene, columns
+from simbev_ros.dataset.nuscenes.annotated_boxes import annotated_boxes
 from simbev_ros.dataset.nuscenes.scene_taxonomy import SceneTaxonomy
+from simbev_ros.export.quaternions import continuous
 from simbev_ros.foundation.geometry.transforms import quaternion_from_rpy
 from simbev_ros.foundation.types import Table
 from simbev_ros.schema.nuscenes import visibility_tokens
@@ -20,16 +22,16 @@ _DECIMALS = 9
 class Annotations:
     """The annotations of one scene, collected keyframe by keyframe."""
 
-    def __init__(self, scene: Scene, scene_token: str) -> None:
-        self._scene_token = scene_token
+    def __init__(self, scene: Scene, scene_token: str, *, keep_unhit: bool = False) -> None:
+        self._scene_token, self._keep_unhit = scene_token, keep_unhit
         self._taxonomy = SceneTaxonomy(scene)
         self._found: defaultdict[int, list[Record]] = defaultdict(list)
         self._category: dict[int, str] = {}
 
     def add(self, sample_token: str, frame: Frame) -> None:
         """Add the boxes of the next keyframe."""
-        boxes = frame["boxes"]
-        ids, (categories, attributes) = boxes["id"].tolist(), self._taxonomy.of(frame)
+        boxes = annotated_boxes(frame, keep_unhit=self._keep_unhit)
+        ids, (categories, attributes) = boxes["id"].tolist(), self._taxonomy.of(frame, boxes)
         self._category.update(zip(ids, categories, strict=True))
         for box_id, names, record in zip(ids, attributes, _records(boxes), strict=True):
             keys = {
@@ -45,6 +47,7 @@ class Annotations:
         chains = {box_id: self._found[box_id] for box_id in sorted(self._found)}
         for chain in chains.values():
             link(chain)
+            make_continuous(chain, "rotation")
         return {
             "sample_annotation": [record for chain in chains.values() for record in chain],
             "instance": [_instance(chain, self._category[box_id]) for box_id, chain in chains.items()],
@@ -56,6 +59,12 @@ def link(records: Sequence[Record]) -> None:
     tokens = ["", *(record["token"] for record in records), ""]
     for index, record in enumerate(records):
         record["prev"], record["next"] = tokens[index], tokens[index + 2]
+
+
+def make_continuous(records: Sequence[Record], name: str) -> None:
+    """Choose the signs of quaternions w x y z of records, which are in order of time, in place: without jumps."""
+    for record, quaternion in zip(records, continuous([record[name] for record in records]).tolist(), strict=True):
+        record[name] = quaternion
 
 
 def _records(boxes: Table) -> Iterator[Record]:

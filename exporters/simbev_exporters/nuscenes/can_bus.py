@@ -14,14 +14,16 @@ from typing import Any
 
 import numpy as np
 
+from simbev_exporters.nuscenes.annotations import make_continuous
 from simbev_exporters.nuscenes.channel_records import wxyz
-from simbev_exporters.nuscenes.scene_part import ScenePart, source_of
+from simbev_exporters.nuscenes.scene_names import numbered
+from simbev_exporters.nuscenes.scene_part import ScenePart
 from simbev_exporters.nuscenes.sites import Site
 from simbev_exporters.nuscenes.taxonomy import Record
 from simbev_ros.config.positioning import Imu
 from simbev_ros.dataset import Frame, Scene
-from simbev_ros.export.parts import Json, Part
-from simbev_ros.foundation.errors import InputError
+from simbev_ros.export.part_making import source_of
+from simbev_ros.export.parts import PARTS_FOLDER, Json, Part
 from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_quaternion
 from simbev_ros.foundation.types import Float64Array, Table
 from simbev_ros.foundation.units import GRAVITY_MPS2, NS_PER_S
@@ -33,7 +35,6 @@ FOLDER = "can_bus"
 _NS_PER_US = 1000
 _KMH_PER_MPS = 3.6
 _DECIMALS = 9
-_FIRST_NUMBER, _LAST_NUMBER = 2000, 9999
 _KEYS = ("odom", "world/actors")
 _RELEASED, _PRESSED = 1, 2  # the brake switch's values
 _STATISTICS: dict[str, Callable[..., Any]] = {"max": np.max, "mean": np.mean, "min": np.min, "std": np.std}
@@ -62,7 +63,7 @@ def can_bus_parts(parts: Sequence[ScenePart], sites: Sequence[Site], names: Mapp
             out=part.out,
             name=f"{part.name}.can_bus",
             identity=_identity(part.scene, names[part.name], site_of[part.name].low_m),
-            patterns=tuple(f"{FOLDER}/{escape(name)}_*.json" for name in (part.name, _numbered(part.scene))),
+            patterns=tuple(f"{FOLDER}/{escape(name)}_*.json" for name in _names_of(part, names)),
             scene=part.scene,
             published_name=names[part.name],
             origin_m=site_of[part.name].low_m,
@@ -75,23 +76,14 @@ def _identity(scene: Scene, name: str, origin_m: tuple[float, float]) -> Json:
     return {"made_from": source_of(scene), "name": name, "origin_m": list(origin_m)}
 
 
-def devkit_name(scene: Scene) -> str:
-    """Name of a scene in the form that the devkit's CAN bus API demands, behind the numbers of nuScenes' own scenes.
-
-    Raises:
-        InputError: The scene's number is too large.
-    """
-    most = _LAST_NUMBER - _FIRST_NUMBER
-    if scene.number > most:
-        raise InputError(
-            f"{scene.path}: scene {scene.number} cannot have a name of the devkit's; numbers up to {most} can",
-            parameter="devkit_scene_names",
-        )
-    return _numbered(scene)
-
-
-def _numbered(scene: Scene) -> str:
-    return f"scene-{_FIRST_NUMBER + scene.number}"
+def _names_of(part: ScenePart, names: Mapping[str, str]) -> set[str]:
+    """Names with which files of a scene can be there: its present one, its own, and the former one if it is free."""
+    try:
+        former: str = json.loads((part.out / PARTS_FOLDER / f"{part.name}.can_bus.json").read_bytes())["name"]
+    except (OSError, ValueError, KeyError):
+        former = part.name
+    others = {name for scene, name in names.items() if scene != part.name}
+    return {part.name, names[part.name], numbered(part.scene.number), former} - others
 
 
 def make_can_bus_part(part: CanBusPart) -> None:
@@ -124,6 +116,8 @@ def can_bus_messages(scene: Scene, origin_m: tuple[float, float]) -> dict[str, l
         if scene.view.station is None:
             messages["vehicle_monitor"].append(_vehicle_monitor(odometry, ego))
         messages["ms_imu"] += _imu_messages(frame, imu)
+    make_continuous(messages["pose"], "orientation")
+    make_continuous(messages["ms_imu"], "q")
     return messages
 
 

@@ -4,6 +4,7 @@ import numpy as np
 
 from simbev_exporters.nuscenes.taxonomy import Record, token
 from simbev_ros.dataset.nuscenes.channels import Channel, Modality
+from simbev_ros.export.quaternions import positive
 from simbev_ros.foundation.geometry.transforms import quaternion_from_rpy, rpy_from_rotation
 from simbev_ros.foundation.types import Float64Array
 
@@ -32,7 +33,7 @@ def calibration_record(channel: Channel, scene: str) -> Record:
         "token": token("calibrated_sensor", scene, channel.name),
         "sensor_token": token("sensor", channel.name),
         "translation": pose[:3, 3].tolist(),
-        "rotation": wxyz(quaternion_from_rpy(rpy_from_rotation(pose[:3, :3]))).tolist(),
+        "rotation": positive(wxyz(quaternion_from_rpy(rpy_from_rotation(pose[:3, :3])))).tolist(),
         "camera_intrinsic": channel.calibration.intrinsics.tolist() if channel.modality == "camera" else [],
     }
 

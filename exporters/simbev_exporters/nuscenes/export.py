@@ -5,13 +5,13 @@ The entry point of ``simbev export nuscenes``: an opened dataset enters; a folde
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 
-from simbev_exporters.nuscenes.can_bus import CanBusPart, can_bus_parts, devkit_name, imu_of, make_can_bus_part
+from simbev_exporters.nuscenes.can_bus import CanBusPart, can_bus_parts, imu_of, make_can_bus_part
 from simbev_exporters.nuscenes.lidarseg import (
     LidarsegPart,
     lidarseg_parts,
@@ -19,11 +19,13 @@ from simbev_exporters.nuscenes.lidarseg import (
     remove_other_labels,
     why_without_labels,
 )
+from simbev_exporters.nuscenes.scene_names import SceneNames, published_names
 from simbev_exporters.nuscenes.scene_part import ScenePart, make_part, parts_of
 from simbev_exporters.nuscenes.sites import Site, sites_of
 from simbev_exporters.nuscenes.tables import write_tables
 from simbev_ros.dataset import Dataset, Scene
 from simbev_ros.dataset.lock import DatasetLock
+from simbev_ros.dataset.nuscenes.channels import ChannelNames, require_named_sensors
 from simbev_ros.dataset.parallel import OWN_PROCESS, Pool
 from simbev_ros.export.part_making import Failures, Report, ignore_progress, make_parts
 from simbev_ros.export.parts import is_begun
@@ -35,6 +37,8 @@ from simbev_ros.recording.png import RowFilter, encode_png
 P = TypeVar("P", CanBusPart, LidarsegPart, ScenePart)
 VERSION = "v1.0-trainval"
 """Name of the folder of tables, unless another one is chosen."""
+TEST_VERSION = "v1.0-test"
+"""Name of the folder of tables that nuScenes' scenes of the split test have."""
 _VERSION = re.compile(r"[A-Za-z0-9_][A-Za-z0-9._-]*")
 _OTHER_FOLDERS = ("samples", "sweeps", "maps", "lidarseg", "can_bus")
 
@@ -49,8 +53,10 @@ class ExportSettings:
         lidarseg: Whether to write the categories of lidar points, for scenes with a semantic cloud.
         map_expansion: Whether to write the vector maps of nuScenes' map expansion.
         can_bus: Whether to write the messages of nuScenes' CAN bus expansion.
-        devkit_scene_names: Whether to name scenes as the devkit demands of scenes with a CAN bus, ``devkit_name``.
-        version: Name of the tables' folder.
+        scene_names: How scenes are named in the tables.
+        version: Name of the tables' folder. With nuScenes' names, the scenes of the split test are in ``TEST_VERSION``.
+        keep_unhit: Whether boxes without lidar and radar points are annotated, which nuScenes does not do.
+        channels: Channels of cameras and radars that are not to have the names of ``channels_of``.
     """
 
     keyframe_hz: float | None = 2.0
@@ -58,8 +64,10 @@ class ExportSettings:
     lidarseg: bool = True
     map_expansion: bool = True
     can_bus: bool = True
-    devkit_scene_names: bool = False
+    scene_names: SceneNames = SceneNames.OWN
     version: str = VERSION
+    keep_unhit: bool = False
+    channels: ChannelNames = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Raise InputError if the tables' folder has no name, or that of another folder."""
@@ -122,13 +130,22 @@ def export_nuscenes(
 
     Raises:
         InputError: There is nothing to export, the folder cannot be written to or contains other data, another process
-            writes into it, a map's roads cannot be built, or a scene cannot have a name of the devkit's.
+            writes into it, a map's roads cannot be built, there is no name for a scene, or names of channels are wrong.
         SimbevError: A process was killed.
     """
     if not dataset.scenes:
         raise InputError(f"{dataset.path}: it has no finished scene to export")
-    names = {scene.name: devkit_name(scene) if settings.devkit_scene_names else scene.name for scene in dataset.scenes}
-    parts = parts_of(dataset, out, keyframe_hz=settings.keyframe_hz, sweeps=settings.sweeps)
+    names = published_names(dataset.scenes, settings.scene_names)
+    if settings.channels:
+        require_named_sensors(dataset.scenes[0], settings.channels)
+    parts = parts_of(
+        dataset,
+        out,
+        keyframe_hz=settings.keyframe_hz,
+        sweeps=settings.sweeps,
+        keep_unhit=settings.keep_unhit,
+        channels=settings.channels,
+    )
     if not is_begun(out) and any((out / name).exists() for name in (settings.version, "samples", "maps")):
         raise InputError(f"{out}: it holds data of nuScenes' layout that simbev has not written; take another folder")
     with DatasetLock(out), write_errors(out):
@@ -147,18 +164,27 @@ def _export(
     missing = _unfinished(parts)
     failures = make_parts(make_part, missing, pool, report, sum(_frame_count(part.scene) for part in missing))
     made = len(missing) - len(failures)
-    labeled = lidarseg_parts(_without(parts, failures), settings.version) if settings.lidarseg else []
-    failures |= make_parts(make_lidarseg_part, _unfinished(labeled), pool)
-    finished, labeled = _without(parts, failures), _without(labeled, failures)
+    versions = _versions(parts, settings)
+    labeled = {
+        version: lidarseg_parts(_without(group, failures), version) if settings.lidarseg else []
+        for version, group in versions.items()
+    }
+    all_labeled = [part for group in labeled.values() for part in group]
+    failures |= make_parts(make_lidarseg_part, _unfinished(all_labeled), pool)
+    finished = _without(parts, failures)
     summaries = [{**part.summary(), "bag": str(part.scene.path)} for part in finished]
     sites = sites_of(summaries, has_roads=not load_extras()["sim"].missing)
     _write_maps(sites, out, with_expansion=settings.map_expansion)
     buses = can_bus_parts(finished, sites, names)
     failures |= _make_buses(buses, pool, wanted=settings.can_bus)
-    labels = [row for part in labeled for row in part.rows()]
-    classes = write_tables(out, finished, sites, settings.version, names, labels) if finished else {}
-    remove_other_labels(out, settings.version, labeled)
-    for part in (*parts, *labeled, *buses):
+    classes: dict[str, tuple[str, ...]] = {}
+    for version, group in versions.items():
+        of_version = _without(labeled[version], failures)
+        labels = [row for part in of_version for row in part.rows()]
+        if there := _without(group, failures):
+            classes |= write_tables(out, there, sites, version, names, labels)
+        remove_other_labels(out, version, of_version)
+    for part in (*parts, *all_labeled, *buses):
         part.tidy_up()
     return Exported(
         scenes=len(finished),
@@ -172,6 +198,16 @@ def _export(
         has_roads=all(site.has_roads for site in sites),
         without_imu=sum(imu_of(part.scene) is None for part in buses) if settings.can_bus else 0,
     )
+
+
+def _versions(parts: Sequence[ScenePart], settings: ExportSettings) -> dict[str, list[ScenePart]]:
+    """The parts by folder of tables: as in nuScenes, scenes of the split test are apart if they have its names."""
+    apart = settings.scene_names == SceneNames.NUSCENES
+    versions: dict[str, list[ScenePart]] = {}
+    for part in parts:
+        version = TEST_VERSION if apart and part.scene.split == "test" else settings.version
+        versions.setdefault(version, []).append(part)
+    return versions
 
 
 def _unfinished(parts: Sequence[P]) -> list[P]:

@@ -14,20 +14,18 @@ from typing import Any
 
 import numpy as np
 
-from simbev_exporters.nuscenes.annotations import Annotations, link
+from simbev_exporters.nuscenes.annotations import Annotations, link, make_continuous
 from simbev_exporters.nuscenes.channel_records import calibration_record, data_file, image_size_px, sensor_record, wxyz
 from simbev_exporters.nuscenes.sensor_files import encode_file
 from simbev_exporters.nuscenes.taxonomy import Record, sample_data_token, scene_token, token
-from simbev_ros import __version__
 from simbev_ros.dataset import Dataset, Frame, Scene
-from simbev_ros.dataset.nuscenes.channels import Channel, channels_of
+from simbev_ros.dataset.nuscenes.channels import NO_NAMES, Channel, ChannelNames, channels_of
 from simbev_ros.dataset.nuscenes.keyframes import complete_ticks, keyframe_by_tick, keyframes_of
 from simbev_ros.dataset.parallel import report_step
-from simbev_ros.export.parts import PARTS_FOLDER, Json, Part, fingerprint_of
-from simbev_ros.foundation.object_store.object_path import require_local
+from simbev_ros.export.part_making import source_of
+from simbev_ros.export.parts import PARTS_FOLDER, Json, Part
 from simbev_ros.foundation.types import Int64Array
 from simbev_ros.foundation.units import NS_PER_S
-from simbev_ros.recording.layout import bytes_of, mcap_files
 from simbev_ros.schema.scene.weather import Weather
 
 _RAIN_PERCENT = 10.0
@@ -41,11 +39,15 @@ class ScenePart(Part):
         scene: The scene.
         keyframe_hz: Number of keyframes per second; None: every frame is one.
         sweeps: Whether to write sensor data between keyframes.
+        keep_unhit: Whether boxes without lidar and radar points are annotated.
+        channels: Channels of sensors with other names than by default, ``channels_of``.
     """
 
     scene: Scene
     keyframe_hz: float | None
     sweeps: bool
+    keep_unhit: bool
+    channels: ChannelNames
 
     @property
     def rows_file(self) -> str:
@@ -61,13 +63,22 @@ class ScenePart(Part):
         return json.loads((self.out / self.rows_file).read_bytes())
 
 
-def parts_of(dataset: Dataset, out: Path, *, keyframe_hz: float | None, sweeps: bool) -> list[ScenePart]:
-    """The parts of all finished scenes of a dataset, finished or not.
+def parts_of(
+    dataset: Dataset,
+    out: Path,
+    *,
+    keyframe_hz: float | None,
+    sweeps: bool,
+    keep_unhit: bool = False,
+    channels: ChannelNames = NO_NAMES,
+) -> list[ScenePart]:
+    """The parts of all finished scenes of a dataset, finished or not; the settings are attributes of the parts.
 
     Raises:
         BagError: A bag cannot be read.
     """
-    settings = {"keyframe_hz": keyframe_hz, "sweeps": sweeps}
+    named = {sensor: list(names) for sensor, names in sorted(channels.items())}
+    settings = {"keyframe_hz": keyframe_hz, "sweeps": sweeps, "keep_unhit": keep_unhit, "channels": named}
     return [
         ScenePart(
             out=out,
@@ -78,19 +89,11 @@ def parts_of(dataset: Dataset, out: Path, *, keyframe_hz: float | None, sweeps: 
             scene=scene,
             keyframe_hz=keyframe_hz,
             sweeps=sweeps,
+            keep_unhit=keep_unhit,
+            channels=channels,
         )
         for scene in dataset.scenes
     ]
-
-
-def source_of(scene: Scene) -> Json:
-    """Fingerprint of a scene's bags, its agent, and the version of simbev_ros, for the identity of parts."""
-    bag = require_local(scene.path)
-    newest_ns = max(file.stat().st_mtime_ns for file in mcap_files(bag))
-    own = {"bytes": bytes_of(bag), "mtime_ns": newest_ns}
-    additional = [fingerprint_of(require_local(each)) for each in scene.additional.values()]
-    agent = {} if scene.chosen_agent is None else {"agent": scene.chosen_agent}
-    return {**own, **({"additional": additional} if additional else {}), **agent, "by": __version__}
 
 
 def make_part(part: ScenePart) -> None:
@@ -117,11 +120,11 @@ class _Job:
     def __init__(self, part: ScenePart, ticks: Int64Array) -> None:
         self._part, self._scene, self._ticks = part, part.scene, ticks
         self._token = scene_token(self._scene)
-        self._channels = channels_of(self._scene)
+        self._channels = channels_of(self._scene, part.channels)
         self._is_key = {channel.name: keyframe_by_tick(self._scene, channel, ticks) for channel in self._channels}
         self._data: dict[str, list[Record]] = {channel.name: [] for channel in self._channels}
         self._poses: list[Record] = []
-        self._annotations = Annotations(self._scene, self._token)
+        self._annotations = Annotations(self._scene, self._token, keep_unhit=part.keep_unhit)
 
     def add(self, frame: Frame) -> None:
         """Write the files of the next frame and collect its rows."""
@@ -151,6 +154,7 @@ class _Job:
         """The scene's rows of the tables, by name of the table."""
         for chain in self._data.values():
             link(chain)
+        make_continuous(self._poses, "rotation")
         samples = [self._sample(tick) for tick in self._ticks.tolist()]
         link(samples)
         log = token("log", self._token)

@@ -10,16 +10,13 @@ import numpy as np
 from simbev_ros.config.radar import Radar
 from simbev_ros.dataset import Frame, columns
 from simbev_ros.dataset.nuscenes.channels import Channel, Modality
-from simbev_ros.export.sensor_data import points_at_stamp, rectify
+from simbev_ros.export.sensor_data import points_at_stamp, recorded_jpeg, rectify
 from simbev_ros.foundation.geometry.camera import LensCamera
 from simbev_ros.foundation.types import Float64Array, Table
 from simbev_ros.recording.image_codecs import encode_rgb
 
 _MAX_INTENSITY = 255.0
 """Upper end of nuScenes' lidar intensities, which start at 0."""
-
-_JPEG = b"\xff\xd8\xff"
-"""First bytes of a JPEG file."""
 
 _MIN_MOVING_MPS = 0.5
 _MOVING, _STATIONARY, _ONCOMING = 0, 1, 2  # dynamic properties
@@ -60,9 +57,7 @@ def _image(frame: Frame, channel: Channel) -> bytes:
     camera = channel.calibration.camera
     if isinstance(camera, LensCamera):
         return encode_rgb(rectify(frame[channel.key], camera))
-    message = frame.messages(channel.key)[-1]
-    data = bytes(message.data)
-    return data if data.startswith(_JPEG) else encode_rgb(frame[channel.key])
+    return recorded_jpeg(frame, channel.key)
 
 
 def _lidar(frame: Frame, channel: Channel) -> bytes:
@@ -84,11 +79,19 @@ def _radar(frame: Frame, channel: Channel) -> bytes:
     """PCD file of ``RADAR_DTYPE`` rows. Without detections it has one row of NaN, as the devkit requires."""
     sensor = channel.calibration.sensor
     assert isinstance(sensor, Radar)
-    rows = radar_rows(frame[channel.key], _velocity_mps(frame, channel), sensor.reference_range_m)
+    cloud = in_sector(frame[channel.key], channel.sector, sensor.horizontal_fov_deg)
+    rows = radar_rows(cloud, _velocity_mps(frame, channel), sensor.reference_range_m)
     if not len(rows):
         rows = np.zeros(1, RADAR_DTYPE)
         rows["x"] = rows["y"] = rows["z"] = np.nan
     return _pcd_head(len(rows)) + rows.tobytes() + b"\n"  # the devkit's reader requires a byte after the last row
+
+
+def in_sector(cloud: Table, sector: tuple[int, int], fov_deg: float) -> Table:
+    """The detections of a radar in one of several equal parts of its field of view, counted from the left."""
+    index, count = sector
+    from_left = 0.5 - np.degrees(np.arctan2(cloud["y"], cloud["x"])) / fov_deg
+    return cloud[np.clip(np.floor(from_left * count), 0, count - 1) == index]
 
 
 def radar_rows(cloud: Table, velocity_mps: Float64Array, reference_range_m: float) -> Table:

@@ -93,7 +93,7 @@ def _write(
     rest = {**taxonomy_tables(lidarseg=bool(labels)), "sensor": list(sensors.values())}
     if labels:
         rest["lidarseg"] = list(labels)
-    rest["map"] = [site.record(logs[site.token]) for site in sites]
+    rest["map"] = [site.record(logs[site.token]) for site in sites if logs[site.token]]
     for name, records in rest.items():
         with _Table(folder / f"{name}.json") as table:
             table.add(records)

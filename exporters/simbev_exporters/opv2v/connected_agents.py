@@ -9,8 +9,7 @@ from itertools import permutations
 
 import numpy as np
 
-from simbev_ros.config.camera import Camera
-from simbev_ros.config.lidar import Lidar
+from simbev_exporters.recorded_sensors import recorded_cameras, recorded_lidar
 from simbev_ros.dataset import Scene
 from simbev_ros.dataset.frame_period import frame_period
 from simbev_ros.foundation.errors import BagError
@@ -61,7 +60,7 @@ def connected_agents(scene: Scene, cameras: Sequence[str] | None) -> list[Connec
         seen = scene.of_agent(name)
         stations += seen.view.station is not None
         folder = seen.view.ego_id if seen.view.station is None else -stations
-        lidar = _lidar(seen)
+        lidar = recorded_lidar(seen)
         if lidar is not None:
             chosen = _cameras(seen) if cameras is None else _named(seen, cameras)
             found.append(ConnectedAgent(seen, str(folder), *lidar, chosen))
@@ -87,25 +86,6 @@ def exported_ticks(agents: Sequence[ConnectedAgent], rate_hz: float) -> Int64Arr
             "cameras"
         )
     return np.asarray(ticks, np.int64)
-
-
-def recorded_cameras(scene: Scene) -> list[str]:
-    """Names of an agent's cameras with RGB images."""
-    return [
-        name
-        for name, known in scene.calibration.items()
-        if "@" not in name and isinstance(known.sensor, Camera) and f"{name}/rgb" in scene.sources
-    ]
-
-
-def _lidar(scene: Scene) -> tuple[str, str] | None:
-    """Name of the first lidar with a recorded cloud, and the cloud's key; None: there is none."""
-    for name, known in scene.calibration.items():
-        if "@" not in name and isinstance(known.sensor, Lidar):
-            for key in (f"{name}/points", f"{name}/semantic_points"):
-                if key in scene.sources:
-                    return name, key
-    return None
 
 
 def _named(scene: Scene, names: Sequence[str]) -> dict[int, str]:

@@ -10,8 +10,9 @@ from dataclasses import asdict, dataclass
 from glob import escape
 from pathlib import Path
 
-from simbev_exporters.opv2v.connected_agents import ConnectedAgent, connected_agents, exported_ticks, recorded_cameras
+from simbev_exporters.opv2v.connected_agents import ConnectedAgent, connected_agents, exported_ticks
 from simbev_exporters.opv2v.frames import FrameSettings, Record, frame_files, motion_of, yaml_file
+from simbev_exporters.recorded_sensors import recorded_cameras
 from simbev_ros import __version__
 from simbev_ros.dataset import Dataset, Scene
 from simbev_ros.dataset.frame_period import frame_period

@@ -19,7 +19,6 @@ from simbev_ros.dataset import Frame, columns
 from simbev_ros.dataset.frame_period import frame_period
 from simbev_ros.dataset.values import poses_from_odometry
 from simbev_ros.export.sensor_data import points_at_stamp, rectify
-from simbev_ros.foundation.geometry.camera import LensCamera
 from simbev_ros.foundation.geometry.transforms import inverse, matrices_from_xyz_rpy
 from simbev_ros.foundation.semantics import BOX_CLASSES, MOTOR_CLASSES
 from simbev_ros.foundation.types import AnyArray, Float64Array, Table
@@ -174,8 +173,7 @@ def _cloud(frame: Frame, agent: ConnectedAgent) -> bytes:
 
 def _image(frame: Frame, name: str) -> bytes:
     """PNG file of a camera's image, rectified if the lens distorts it."""
-    camera, image = frame.scene.calibration[name].camera, frame[f"{name}/rgb"]
-    return encode_png(rectify(image, camera) if isinstance(camera, LensCamera) else image, RowFilter.UP)
+    return encode_png(rectify(frame[f"{name}/rgb"], frame.scene.calibration[name].camera), RowFilter.UP)
 
 
 def _speed_kmh(velocity_mps: AnyArray) -> float:

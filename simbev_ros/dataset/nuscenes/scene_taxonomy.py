@@ -2,6 +2,7 @@
 
 from simbev_ros.dataset import Frame, Scene
 from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.types import Table
 from simbev_ros.schema.nuscenes import attributes_of, categories_of
 from simbev_ros.schema.scene.state import EGO_ID
 
@@ -20,8 +21,8 @@ class SceneTaxonomy:
         self._blueprints = [each["name"] for each in scene.constants["world/legend"]["blueprints"]]
         self._parked = {EGO_ID + k for k, each in enumerate(scene.spec.vehicles) if each.stands_at is not None}
 
-    def of(self, frame: Frame) -> tuple[list[str], list[list[str]]]:
-        """Category, and attributes, at most one, of each box of a frame."""
-        boxes, ridden = frame["boxes"], set(frame["world/actors"]["parent"].tolist())
+    def of(self, frame: Frame, boxes: Table) -> tuple[list[str], list[list[str]]]:
+        """Category, and attributes, at most one, of each of (N,) ``BOX_DTYPE`` boxes of a frame."""
+        ridden = set(frame["world/actors"]["parent"].tolist())
         categories = categories_of(boxes, self._blueprints)
         return categories, attributes_of(boxes, categories, self._parked, ridden)

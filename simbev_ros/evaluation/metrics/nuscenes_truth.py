@@ -1,9 +1,9 @@
 """Ground truth for the nuScenes metrics, as nuscenes-devkit 1.2.0 would see it in an export of the scene.
 
-From the keyframes of a recorded scene, boxes are taken that belong to a class of the nuScenes detection task, are near
-enough to the ego for their class, and are hit by a lidar or radar. The class is that of the exported category: a
-pick-up is a truck; an ambulance and a person in a wheelchair have no class. Velocities are the devkit's, derived from
-positions in the neighboring keyframes.
+From the keyframes of a recorded scene, the boxes that nuScenes annotates (``annotated_boxes``: of one size, with
+riders, hit by a lidar or radar) are taken if they belong to a class of its detection task and are near enough to the
+ego for this class. The class is that of the exported category: a pick-up is a truck; an ambulance and a person in a
+wheelchair have no class. Velocities are the devkit's, derived from positions in the neighboring keyframes.
 """
 
 from dataclasses import dataclass, replace
@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from simbev_ros.dataset import Scene
+from simbev_ros.dataset.nuscenes.annotated_boxes import annotated_boxes
 from simbev_ros.dataset.nuscenes.channels import TOP_LIDAR, channels_of
 from simbev_ros.dataset.nuscenes.keyframes import keyframes_of
 from simbev_ros.dataset.nuscenes.scene_taxonomy import SceneTaxonomy
@@ -58,9 +59,12 @@ def nuscenes_truth(scene: Scene, keyframe_hz: float | None = 2.0) -> NuscenesTru
         BagError: The bag is damaged, or lacks data that an export needs.
     """
     taxonomy, ticks = SceneTaxonomy(scene), keyframes_of(scene, keyframe_hz)
-    frames = {tick: scene[tick] for tick in ticks.tolist()}
-    tables = {tick: frame["boxes"] for tick, frame in frames.items()}
-    labels, attributes = zip(*(_numbers(*taxonomy.of(frame)) for frame in frames.values()), strict=True)
+    tables, numbers = dict[int, Table](), list[tuple[UInt8Array, UInt8Array]]()
+    for tick in ticks.tolist():
+        frame = scene[tick]  # one at a time: a frame keeps its clouds
+        tables[tick] = annotated_boxes(frame)
+        numbers.append(_numbers(*taxonomy.of(frame, tables[tick])))
+    labels, attributes = zip(*numbers, strict=True)
     table, label = np.concatenate([*tables.values()]), np.concatenate(labels)
     boxes = boxes_from_tables(tables)
     stamp_s = (scene.stamps_ns[boxes.frame] // 1000).astype(np.float64) * 1e-6
@@ -71,8 +75,7 @@ def nuscenes_truth(scene: Scene, keyframe_hz: float | None = 2.0) -> NuscenesTru
     ).take(label != NO_CLASS)
     boxes = replace(boxes, label=label[label != NO_CLASS])
     ego_m = np.array([scene[tick]["odom"][-1]["position_m"][:2] for tick in _lidar_ticks(scene, ticks).tolist()])
-    counts = _is_near(boxes, ticks, ego_m) & _is_hit(table[label != NO_CLASS])
-    return NuscenesTruth(boxes.take(counts), ticks, ego_m)
+    return NuscenesTruth(boxes.take(_is_near(boxes, ticks, ego_m)), ticks, ego_m)
 
 
 def _numbers(categories: list[str], attributes: list[list[str]]) -> tuple[UInt8Array, UInt8Array]:
@@ -81,12 +84,6 @@ def _numbers(categories: list[str], attributes: list[list[str]]) -> tuple[UInt8A
     label = [BOX_CLASSES.index(name) if name in BOX_CLASSES else NO_CLASS for name in classes]
     attribute = [ATTRIBUTES.index(names[0]) if names else NO_ATTRIBUTE for names in attributes]
     return np.array(label, np.uint8), np.array(attribute, np.uint8)
-
-
-def _is_hit(table: Table) -> BoolArray:
-    """(N,) whether sensors have points in each box, or no sensor was received that could have."""
-    num_points = np.maximum(table["lidar_points"], table["radar_points"])
-    return num_points != 0  # -1: not received
 
 
 def _is_near(boxes: Boxes, ticks: Int64Array, ego_m: Float64Array) -> BoolArray:

@@ -33,6 +33,9 @@ _STATES = {
 }
 """CARLA's names of signal states; it has no red with yellow, which still forbids driving."""
 
+_CARLA_KINDS = {"pedestrian": "walker.pedestrian", "prop": "static.prop"}
+"""First words of CARLA's type names that differ from those of our blueprints."""
+
 _MPS_TO_KMH = 3.6
 
 
@@ -91,7 +94,7 @@ def _identity(row: Table, blueprints: Sequence[Mapping[str, Any]]) -> dict[str, 
     blueprint = blueprints[int(row["blueprint"])] if row["blueprint"] != NO_BLUEPRINT else None
     return {
         "id": int(row["id"]),
-        "type": blueprint["name"] if blueprint else _static_type(row),
+        "type": _actor_type(blueprint) if blueprint else _static_type(row),
         "is_alive": True,
         "is_active": True,
         "is_dormant": False,
@@ -99,6 +102,13 @@ def _identity(row: Table, blueprints: Sequence[Mapping[str, Any]]) -> dict[str, 
         "attributes": _attributes(row, blueprint) if blueprint else {},
         "semantic_tags": [int(row["tag"])],
     }
+
+
+def _actor_type(blueprint: Mapping[str, Any]) -> str:
+    """Type name of an actor in CARLA's form, in which filters look for ``vehicle.``, ``walker.`` and ``static.``."""
+    kind, _, name = blueprint["name"].partition(".")
+    kind = "pedestrian" if blueprint["class"] == "pedestrian" else kind  # workers are props that stand
+    return f"{_CARLA_KINDS.get(kind, kind)}.{name}"
 
 
 def _static_type(row: Table) -> str:

@@ -14,7 +14,10 @@ from simbev_ros.config.sensor import Sensor
 from simbev_ros.dataset import Frame, Scene
 from simbev_ros.export.simbev import encodings
 from simbev_ros.export.simbev.boxes import box_file
+from simbev_ros.export.simbev.voxels import KEY as VOXELS
+from simbev_ros.export.simbev.voxels import voxel_rows
 from simbev_ros.foundation.errors import BagError
+from simbev_ros.foundation.geometry.voxel_grid import VoxelGrid
 
 CAMERAS = ("front_left", "front", "front_right", "back_left", "back", "back_right")
 """Names of the layout's cameras; in rigs they begin with ``cam_``."""
@@ -34,14 +37,14 @@ class Channel:
         folder: Folder of the files, relative to the layout's root.
         extension: Extension of the files.
         keys: Keys of a frame from which its file is made; a frame that lacks one of them has no such file.
-        encode: Makes the content of a frame's file.
+        encode: Makes the content of a frame's file; None: there is none.
     """
 
     name: str
     folder: str
     extension: str
     keys: tuple[str, ...]
-    encode: Callable[[Frame], bytes]
+    encode: Callable[[Frame], bytes | None]
 
     def path(self, scene: int, frame: int) -> str:
         """Path of a frame's file, relative to the layout's root."""
@@ -113,9 +116,13 @@ def _others(scene: Scene) -> Iterator[Channel]:
     if imu is not None:
         yield _sweep("IMU", "bin", encodings.imu_bin, f"{imu.name}/data")
     occupancy = scene.view.annotation.occupancy
-    if occupancy is not None:
-        encode = partial(encodings.voxel_npz, grid=occupancy.grid)
-        yield _sweep("VOXEL-GRID", "npz", encode, "occupancy/points")
+    if occupancy is not None and VOXELS in scene.sources:
+        yield Channel("VOXEL-GRID", "sweeps/VOXEL-GRID", "npz", (), partial(_voxels, grid=occupancy.grid))
+
+
+def _voxels(frame: Frame, grid: VoxelGrid) -> bytes | None:
+    rows = voxel_rows(frame)
+    return None if rows is None else encodings.voxel_npz(rows, grid)
 
 
 def _ground_truth(scene: Scene) -> Iterator[Channel]:

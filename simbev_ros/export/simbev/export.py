@@ -7,25 +7,31 @@ frames of a scene (``export.parts``), so that long scenes are spread over proces
 
 import json
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from simbev_ros.config.scenario import SPLITS
 from simbev_ros.dataset import Dataset, Scene, open_dataset
 from simbev_ros.export.part_making import remove_vanished
 from simbev_ros.export.parts import Json, Part, fingerprint_of
+from simbev_ros.export.quaternions import continuous
 from simbev_ros.export.simbev.channels import channels, left_out
 from simbev_ros.export.simbev.infos import frame_info, metadata, scene_info
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.files.confined_paths import path_inside
+from simbev_ros.foundation.files.syncing import sync
 from simbev_ros.foundation.files.whole_files import write_errors, write_whole
 from simbev_ros.foundation.object_store.object_path import require_local
 from simbev_ros.recording.layout import CONFIG_ATTACHMENT
 from simbev_ros.recording.reader import SceneBag
 
 ROOT = "simbev"
+_FOLDERS = ("configs", "logs", "viz")
+"""Folders that the layout has besides those of files of frames; SimBEV's viewer writes its pictures to ``viz``."""
 _FRAMES_PER_PART = 20
 """Number of frames of a part, a multiple of 10, on which the patterns of a part's files depend."""
 
@@ -121,10 +127,11 @@ def make_part(part: FramesPart) -> int:
         frame = scene[tick]  # one at a time: a frame keeps its images
         if "odom" not in frame:
             continue  # end of a truncated bag
-        files = {c.name: c.path(part.number, frame.tick) for c in made if all(key in frame for key in c.keys)}
+        files = {}
         for channel in made:
-            if channel.name in files:
-                part.write(files[channel.name], channel.encode(frame))
+            if all(key in frame for key in channel.keys) and (content := channel.encode(frame)) is not None:
+                files[channel.name] = channel.path(part.number, frame.tick)
+                part.write(files[channel.name], content)
         frames.append({**frame_info(frame), "files": files})
     part.finish({"frames": frames})
     return part.count
@@ -151,14 +158,25 @@ def finish(dataset: Dataset, parts: Sequence[FramesPart], *, absolute_paths: boo
         parts_of_scene.setdefault(part.scene, []).append(part)
         part.tidy_up()
     with write_errors(root):
-        for split in sorted({scene.split for scene in dataset.scenes}):
+        for folder in _FOLDERS:
+            (root / folder).mkdir(parents=True, exist_ok=True)
+            sync(root / folder)
+        for split in SPLITS:
             scenes = [scene for scene in dataset.scenes if scene.split == split]
             infos = ((scene, parts_of_scene[scene.name]) for scene in scenes if scene.name in parts_of_scene)
             content = _info_file(metadata(first), infos, root.resolve() if absolute_paths else Path())
             write_whole(root / "infos" / f"simbev_infos_{split}.json", content)
         for scene in dataset.scenes:
             _write_config_and_log(dataset, scene, root)
-    return left_out(first)
+    return [*left_out(first), *_incomplete(parts)]
+
+
+def _incomplete(parts: Sequence[FramesPart]) -> list[str]:
+    """Lines of text that name the sensors and labels that are missing in some frames."""
+    frames = [frame["files"] for part in parts for frame in part.finished_record()["frames"]]
+    counts = Counter(name for files in frames for name in files)
+    found = [f"{name} in {count} of {len(frames)}" for name, count in counts.items() if count < len(frames)]
+    return [f"not in every frame: {', '.join(found)}"] if found else []
 
 
 def _info_file(head: Json, scenes: Iterable[tuple[Scene, Sequence[FramesPart]]], prefix: Path) -> Iterator[bytes]:
@@ -166,6 +184,9 @@ def _info_file(head: Json, scenes: Iterable[tuple[Scene, Sequence[FramesPart]]],
     yield b'{"metadata": ' + _json(head) + b', "data": {'
     for index, (scene, parts) in enumerate(scenes):
         frames = [_with_file_paths(frame, prefix) for part in parts for frame in part.finished_record()["frames"]]
+        rotations = continuous([frame["ego2global_rotation"] for frame in frames])
+        for frame, rotation in zip(frames, rotations.tolist(), strict=True):
+            frame["ego2global_rotation"] = rotation
         info = _json({"scene_info": scene_info(scene), "scene_data": frames})
         yield b", " * (index > 0) + f'"scene_{scene.number:04d}": '.encode() + info
     yield b"}}"
@@ -184,15 +205,15 @@ def _with_file_paths(frame: Mapping[str, Any], prefix: Path) -> dict[str, Any]:
 
 
 def _write_config_and_log(dataset: Dataset, scene: Scene, root: Path) -> None:
-    """Write a scene's configuration and log, if they exist."""
+    """Write a scene's configuration, if there is one, and its log: the dataset's, or else what the bag says."""
     name = f"SimBEV-scene-{scene.number:04d}"
     with SceneBag(scene.path) as bag:
-        config = bag.attachments.get(CONFIG_ATTACHMENT)
+        config, ended = bag.attachments.get(CONFIG_ATTACHMENT), bag.custom_data.get("ended", "not finished")
     if config is not None:
         write_whole(root / "configs" / f"{name}.yaml", config)
     log = path_inside(require_local(dataset.path), Path("logs", f"{scene.name}.log"))
-    if log.is_file():
-        write_whole(root / "logs" / f"{name}.log", log.read_bytes())
+    known = f"{scene.name}: {len(scene)} frames, seed {scene.spec.seed}, ended: {ended}\n"
+    write_whole(root / "logs" / f"{name}.log", log.read_bytes() if log.is_file() else known.encode())
 
 
 @lru_cache(maxsize=1)

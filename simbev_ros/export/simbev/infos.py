@@ -11,15 +11,14 @@ from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.radar import Radar
 from simbev_ros.dataset import Frame, Scene
+from simbev_ros.export.quaternions import positive
 from simbev_ros.export.simbev.channels import CAMERAS, RADARS, lidar_of
 from simbev_ros.foundation.geometry.transforms import inverse, quaternion_from_rpy, rpy_from_rotation
 from simbev_ros.foundation.types import Float64Array
 
 _NS_PER_US = 1000
-_LEFT_OUT = {"vehicles", "pedestrians", "map", "green_time_s", "hazards", "agents", "v2x"}
-"""Settings of a scene that are left out because they are long; they are in its configuration or its tables."""
-_OF_AGENT = {"frames", "base_link_x_m", "annotation", "driver"}
-"""Settings of the agent."""
+_COUNTED = ("vehicles", "pedestrians")
+"""Lists of a scene of which only the length is given; what they contain is in the boxes."""
 
 
 def metadata(scene: Scene) -> dict[str, Any]:
@@ -44,11 +43,12 @@ def metadata(scene: Scene) -> dict[str, Any]:
 
 
 def scene_info(scene: Scene) -> dict[str, Any]:
-    """The entry of a scene: its map, numbers of actors, and settings."""
-    spec, agent = scene.spec, scene.view.spec
-    settings = {**spec.model_dump(mode="json", exclude=_LEFT_OUT), **agent.model_dump(mode="json", include=_OF_AGENT)}
-    counts = {"vehicles": len(spec.vehicles), "pedestrians": len(spec.pedestrians)}
-    return {"map": spec.map.name, **counts, **settings}
+    """The entry of a scene: its map's name, numbers of actors, and all settings of the scene and of the agent."""
+    spec, agent = scene.spec, scene.view.spec.model_dump(mode="json")
+    settings = spec.model_dump(mode="json", exclude={*_COUNTED, "map", "agents"})
+    counts = {name: len(getattr(spec, name)) for name in _COUNTED}
+    roads = spec.map.model_dump(mode="json", exclude={"path"})
+    return {"map": spec.map.name, **counts, "map_settings": roads, **settings, **agent}
 
 
 def frame_info(frame: Frame) -> dict[str, Any]:
@@ -93,6 +93,7 @@ def _pose(ego_from_sensor: Float64Array, ego_from_lidar: Float64Array) -> dict[s
 
 
 def _wxyz(transform: Float64Array) -> list[float]:
-    """The rotation of a (4, 4) transform as a unit quaternion w, x, y, z."""
-    x, y, z, w = quaternion_from_rpy(rpy_from_rotation(transform[:3, :3])).tolist()
-    return [w, x, y, z]
+    """The rotation of a (4, 4) transform as a unit quaternion w, x, y, z with w >= 0."""
+    xyzw = quaternion_from_rpy(rpy_from_rotation(transform[:3, :3]))
+    quaternion: list[float] = positive(np.roll(xyzw, 1)).tolist()
+    return quaternion

@@ -30,11 +30,11 @@ from simbev_ros.ros.msgs.images import labels_from_image
 from simbev_ros.ros.msgs.tables import table_from_cdr
 from simbev_ros.ros.msgs.topic import Topic
 from simbev_ros.scene.frames import ego_frame
+from simbev_ros.schema.box_points import add_point_counts
 from simbev_ros.schema.map_points import map_points
 from simbev_ros.schema.scene.agents import AgentView
 from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.schema.views import VIEW_DTYPE
-from simbev_ros.simulation.annotation.boxes.points import add_point_counts
 from simbev_ros.simulation.annotation.scene_annotator import MeshAnnotators, SceneAnnotator
 from simbev_ros.simulation.annotation.visibility.views import ViewAnnotator
 from simbev_ros.simulation.render.frame import CameraView

@@ -65,7 +65,7 @@ _STATUS_FIGURES = ("mAP_iou", "mAP_distance", "SDS_iou", "mean_IoU")
 
 
 class EvaluatorNode(GraphNode):
-    """Evaluates one scene after the other. In lockstep the world waits for it, and thereby for the answers.
+    """Evaluates one scene after the other. In lockstep the world waits for it, and so for the answers.
 
     A tick is reported as finished when its frame has been counted, the tick after the last when the file is written.
     """

@@ -2,7 +2,7 @@
 
 The annotation node calls an agent's ``SceneAnnotator`` for each recorded tick: a ``WorldState`` enters; 3D boxes and
 ``SurroundingsLabels`` leave (BEV grid, occupancy voxels, vector map). Point counts and visibility of boxes need sensor
-data and are added later, by ``boxes.points`` and ``visibility``.
+data and are added later, by ``schema.box_points`` and ``visibility``.
 """
 
 import math

@@ -8,10 +8,10 @@ from synthetic_world import actor, box_model, world
 from simbev_ros.config.sensor import Pose
 from simbev_ros.foundation.semantics import BOX_CLASSES, DIFFICULTIES, Tag
 from simbev_ros.foundation.types import Float64Array, Int64Array, Table
+from simbev_ros.schema.box_points import BoxLookup, add_point_counts
 from simbev_ros.schema.boxes import BOX_DTYPE, difficulty
 from simbev_ros.schema.map_points import map_points
 from simbev_ros.schema.points import POINT_DTYPE
-from simbev_ros.simulation.annotation.boxes.points import BoxLookup, add_point_counts
 from simbev_ros.simulation.sensors.mount import map_from_sensor
 
 RANDOM = np.random.default_rng(8)

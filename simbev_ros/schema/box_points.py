@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from simbev_ros.foundation.geometry.plan_view import left_of
 from simbev_ros.foundation.geometry.ragged import ragged_indices, ragged_starts
 from simbev_ros.foundation.geometry.transforms import rotations_from_rpy
 from simbev_ros.foundation.types import AnyArray, BoolArray, Float64Array, Int32Array, Int64Array, Table
@@ -108,7 +107,7 @@ class BoxLookup:
         heading = self.rotation[:, :2, 0]
         level = np.hypot(heading[:, 0], heading[:, 1])
         heading = np.where(level[:, None] > 0.0, heading / np.maximum(level, 1e-12)[:, None], [1.0, 0.0])
-        axes = np.stack([heading, left_of(heading)], axis=1)
+        axes = np.stack([heading, heading[:, ::-1] * [-1.0, 1.0]], axis=1)  # along and to the left
         reach_m = np.einsum("bik,bk->bi", np.abs(axes @ self.rotation[:, :2]), self.half_m)
         reach_m += np.abs(axes).sum(axis=2) * 0.5 / self._per_m + _SLACK_M
         offset_m = (cell - 0.5) / self._per_m + self._origin_m - self.center_m[box, :2]

@@ -1,0 +1,1 @@
+"""Export to the layout of COCO, with boxes and masks of instances, which pycocotools reads."""

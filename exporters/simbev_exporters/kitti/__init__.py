@@ -1,0 +1,1 @@
+"""Export to the layout of KITTI's object detection: images, lidar clouds, calibration and labels."""

@@ -26,9 +26,9 @@ from simbev_ros.evaluation.metrics.boxes import Predictions, boxes_from_tables
 from simbev_ros.evaluation.options import EvaluationOptions
 from simbev_ros.evaluation.predictions.dataset_predictions import open_predictions, write_predictions
 from simbev_ros.evaluation.slices import TableSlice
+from simbev_ros.foundation.semantics import BOX_CLASSES
 from simbev_ros.reference_stack.fusion import fuse_boxes
 from simbev_ros.reference_stack.pipeline import BOX_DTYPE
-from simbev_ros.foundation.semantics import BOX_CLASSES
 
 ROAD_USERS = ("car", "truck", "bus", "motorcycle", "bicycle", "pedestrian")
 Table = npt.NDArray[Any]

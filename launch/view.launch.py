@@ -1,4 +1,4 @@
-"""Opens RViz with the layout for our topics: ``ros2 launch simbev_ros view.launch.py``, beside a graph or a bag.
+"""Opens RViz with the layout for our topics: ``ros2 launch simbev_ros view.launch.py``, for a graph or a bag.
 
 There is no robot_state_publisher: graphs and bags have /tf_static themselves, and the model in /robot_description has
 the same frames, so that it would publish each transform a second time.

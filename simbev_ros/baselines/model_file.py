@@ -32,7 +32,7 @@ def require_model_file(modality: Modality, path: Path | None) -> Path:
 
 
 def model_file(name: str) -> Path:
-    """The file of a model, which is there: that in the package if the name is camera, lidar or fused.
+    """An existing file of a model: the one in the package if the name is camera, lidar or fused.
 
     Raises:
         InputError: There is no such file.

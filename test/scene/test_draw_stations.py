@@ -228,7 +228,7 @@ def test_statistics_count_roadside_units_apart_from_vehicles(draw: Draw) -> None
         ("poses: [{LANE}]", r"poses\[0\]: \(.*\) is on a driving lane of map Town05"),
         (
             "junction: {signalised: false}",
-            r"junction: no free position next to an unsignalised junction within 200 m \(traffic.spawn_radius_m\)",
+            r"junction: no free position next to an unsignalized junction within 200 m \(traffic.spawn_radius_m\)",
         ),
         (
             "junction: {near: {distance_m: 1000, tolerance_m: 0.001}}",

@@ -1,4 +1,4 @@
-"""The viewer of a command that plays scenes: its options, and when it is there."""
+"""The viewer of a command that plays scenes: its options, and the context in which it runs."""
 
 import os
 import socket

@@ -1,6 +1,6 @@
 """Modules, data files and libraries that a module depends on, found by following the imports in the sources.
 
-In: names of root modules, of this package or of one that is installed beside it. Out: the sources and the data files
+In: names of root modules, of this package or of one that is installed next to it. Out: the sources and the data files
 that decide what they compute, and the top-level names of the libraries that they import. Sources are searched with
 regular expressions: parsing them takes a hundred times longer, and each process needs the result as it starts.
 """

@@ -98,7 +98,7 @@ class StationDrawer:
             if len(feet_m):
                 foot_m = feet_m[int(stream(self.seed, f"{purpose}.foot").integers(len(feet_m)))]
                 return _station(foot_m, float(np.arctan2(*(centers_m[index] - foot_m)[1::-1])))
-        kind = {None: "a", True: "a signalised", False: "an unsignalised"}[place.signalised]
+        kind = {None: "a", True: "a signalized", False: "an unsignalized"}[place.signalised]
         raise InputError(f"{where()}: no free position next to {kind} junction {area} in map {self.network.name}")
 
     def _draw_above_road(self, place: RoadPlace, purpose: str, where: Where) -> StationSpec:

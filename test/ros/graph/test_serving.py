@@ -157,7 +157,7 @@ def test_scenes_are_played_recorded_and_ended_on_request(
         assert (facts["complete"], facts["ticks"], facts["ended"]) == ("true", "8", result.reason)
         assert facts["expected"] == facts["recorded"] and json.loads(facts["expected"])["/world/actors"] == 8
         assert len(bag.topics["/ego/gnss/fix"].stamps_ns) == len(bag.topics["/ego/bev/labels"].stamps_ns) == 8
-    assert run.nodes() == pids, "the graph was started anew"
+    assert run.nodes() == pids, "the graph was started again"
 
     run.process.send_signal(signal.SIGINT)
     code, output = run.finish()

@@ -25,7 +25,7 @@ def no_memory_policy() -> Iterator[None]:
 
 @pytest.fixture
 def executor(node: Any) -> Iterator[EventsExecutor]:
-    """An executor that spins the test's node; it lets go of it, or the node would outlive its test."""
+    """An executor that spins the test's node; it drops the node, which would outlive its test otherwise."""
     made = EventsExecutor()
     made.add_node(node)
     yield made

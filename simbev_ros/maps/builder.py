@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+from simbev_ros.config.map_files import suffix_of
 from simbev_ros.foundation.errors import InputError, SimulationError
 from simbev_ros.maps.findings import sentences_of
 from simbev_ros.maps.lanelet2.importer import import_lanelet2
@@ -21,7 +22,7 @@ from simbev_ros.maps.recipe import recipe_of
 from simbev_ros.maps.roads.levels import assign_levels
 from simbev_ros.maps.signals import place_signals, with_net_ids
 from simbev_ros.maps.signs import place_signs
-from simbev_ros.maps.source import file_of, is_street_map, suffix_of
+from simbev_ros.maps.source import file_of, is_street_map
 from simbev_ros.maps.store import NET, OPENDRIVE, SOURCE, write_network
 from simbev_ros.maps.sumo.importer import import_sumo
 from simbev_ros.maps.sumo.layout import layout_of

@@ -6,11 +6,14 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
 
+from simbev_ros.foundation.geometry import overlay
 from simbev_ros.foundation.geometry.geodesy import MapDatum
 from simbev_ros.foundation.geometry.ragged import ragged_indices
 from simbev_ros.foundation.types import Float64Array, Int64Array
-from simbev_ros.maps.findings import Finding, sentences_of
+from simbev_ros.maps.findings import WALKED_VERGES, Finding, sentences_of
 from simbev_ros.maps.land_features import MapFeatures
 from simbev_ros.maps.roads.elevation import Elevation
 from simbev_ros.maps.roads.lane_index import LineIndex
@@ -187,6 +190,17 @@ class RoadNetwork:
     def lanes_of(self, *kinds: LaneKind) -> tuple[Lane, ...]:
         """The lanes of these kinds, including those inside junctions, in the network's order."""
         return tuple(lane for lane in self.lanes.values() if lane.kind in kinds)
+
+    @cached_property
+    def verges(self) -> BaseGeometry:
+        """The area on which people walk beside roads in a map without sidewalks; empty if there are sidewalks."""
+        if all(finding.rule != WALKED_VERGES for finding in self.findings):
+            return shapely.Polygon()
+        walks = [lane for lane in self.lanes_of(LaneKind.SIDEWALK) if not lane.junction]
+        lines = np.array([shapely.LineString(lane.centerline_m[:, :2]) for lane in walks], object)
+        corners = [lane.outline_m for lane in self.lanes_of(LaneKind.WALKING_AREA) if lane.outline_m is not None]
+        beside = shapely.buffer(lines, [lane.width_m / 2.0 for lane in walks], cap_style="flat")
+        return overlay.union_all([*beside, *(shapely.make_valid(shapely.Polygon(corner)) for corner in corners)])
 
     def waypoints(self, spacing_m: float) -> Waypoints:
         """Waypoints on driving lanes outside junctions: the first at half the spacing, then one every ``spacing_m``."""

@@ -6,6 +6,8 @@ add nothing but the refusal of entities, and has neither line numbers nor limits
 
 import re
 import stat
+from collections.abc import Iterable, Iterator
+from itertools import chain
 from pathlib import Path
 from typing import NoReturn, Protocol
 from xml.etree.ElementTree import Element, TreeBuilder
@@ -68,7 +70,7 @@ def read_elements(path: Path, root_tag: str, target: XmlTarget, max_bytes: int, 
     check_readable(path, max_bytes)
     reader = _Reader(path, root_tag, target, max_elements)
     try:
-        for number, piece in enumerate(read_unpacked(path, max_bytes)):
+        for number, piece in enumerate(_with_plain_comments(read_unpacked(path, max_bytes))):
             reader.parser.Parse(piece if number else _with_declaration_first(piece), False)
         reader.parser.Parse(b"", True)
     except expat.ExpatError as error:
@@ -93,6 +95,42 @@ def _with_declaration_first(piece: bytes) -> bytes:
 _COMMENT_BEFORE_DECLARATION = re.compile(
     rb"((?:\s++|<!--(?:(?!-->).){0,4000}+-->){1,20}+)(<\?xml\s[^>\n]{0,200}\?>)", re.DOTALL
 )
+
+
+def _with_plain_comments(pieces: Iterable[bytes]) -> Iterator[bytes]:
+    """The pieces of a file without hyphens inside comments: two in a row are not XML, but other readers accept them.
+
+    All positions stay.
+    """
+    opened, rest = b"", b""
+    for piece in chain(pieces, [b""]):
+        text, position, done = rest + piece, 0, list[bytes]()
+        while True:
+            found = (_CLOSINGS[opened] if opened else _OPENING).search(text, position)
+            kept = max(position, len(text) - _LONGEST_MARK) if found is None else found.start()
+            content = text[position:kept]
+            done.append(content.replace(b"-", b" ") if opened == b"<!--" else content)
+            if found is None:
+                break
+            done.append(found[0])
+            opened, position = b"" if opened else found[0], found.end()
+        rest = text[kept:]
+        yield b"".join(done)
+    yield rest
+
+
+_OPENING = re.compile(rb"<!--|<!\[CDATA\[")
+_CLOSINGS = {b"<!--": re.compile(rb"-->"), b"<![CDATA[": re.compile(rb"\]\]>")}
+_LONGEST_MARK = len(b"<![CDATA[") - 1
+
+
+def is_well_formed(content: bytes) -> bool:
+    """Whether strict readers accept the content of a file that ``parse`` has read, with its declaration first."""
+    try:
+        expat.ParserCreate().Parse(_with_declaration_first(content), True)
+    except expat.ExpatError:
+        return False
+    return True
 
 
 def place_of(path: Path, element: Element) -> str:

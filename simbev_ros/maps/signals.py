@@ -141,10 +141,13 @@ def _heading(lane: Lane, end: int) -> Float64Array:
 def _straight_exit(
     approach: Sequence[Lane], lanes: Mapping[str, Lane], streets: Mapping[str, Sequence[Lane]]
 ) -> Lane | None:
-    """The rightmost driving lane of the street that continues most nearly straight, or None if all streets turn off."""
+    """The rightmost driving lane of the street that continues most nearly straight, or None if all streets turn off.
+
+    Cycleways and other edges without a driving lane are not streets.
+    """
     heading_in = _heading(approach[0], -1)
     beyond = [lanes[path[-1]] for start in approach for path in paths_beyond(start, lanes)]
-    exits = {lane.edge: lane for lane in beyond}
+    exits = {lane.edge: lane for lane in beyond if lane.edge in streets}
     bends_rad = {edge: float(np.arccos(np.clip(_heading(lane, 0) @ heading_in, -1, 1))) for edge, lane in exits.items()}
     straightest = min(bends_rad, key=lambda edge: bends_rad[edge], default=None)
     if straightest is None or bends_rad[straightest] > _MAX_BEND_RAD:

@@ -54,6 +54,11 @@ def built(crossing: Crossing, tmp_path_factory: pytest.TempPathFactory) -> tuple
     return imported(tmp_path_factory.mktemp("crossing"), crossing.sample)
 
 
+def inner_lane(net: SumoNet, edge: str) -> str:
+    """Id of the lane of an edge that is nearest to oncoming traffic."""
+    return max((lane for lane in net.lanes.values() if lane.edge == edge), key=lambda lane: lane.index).id
+
+
 def strip_of(layout: Layout, lanelet: str) -> Strip:
     return next(strip for strip in layout.strips if strip.id == lanelet)
 
@@ -185,7 +190,7 @@ def test_lane_changes_follow_the_paint_and_the_tags_of_bounds(
     two_lanes(sample, subtype, **tags)
     parts, _, _ = imported(tmp_path, sample)
     # In Japan, where the sample lies, lanes are counted from the left.
-    left, right = (line for line in parts.net.read_text().splitlines() if "<lane " in line)
+    left, right = (line for line in parts.net.read_text().splitlines() if 'type="driving"' in line)
     assert ("changeLeft" not in right) is to_left
     assert ("changeRight" not in left) is to_right
 
@@ -197,10 +202,12 @@ def test_consecutive_lanelets_become_one_edge_unless_a_rule_holds_traffic_up(tmp
     sign = sample.line([(119.0, -2.0, 2.0), (119.0, -1.4, 2.0)], "traffic_sign", "de206")
     sample.add_rule(third, sample.rule("traffic_sign", ("way", "refers", sign), ("way", "ref_line", stop_line)))
     _, layout, net = imported(tmp_path, sample)
-    lengths_m = sorted(lane.length_m for lane in net.lanes.values() if not lane.junction)
+    lengths_m = sorted(
+        lane.length_m for lane in net.lanes.values() if lane.kind is LaneKind.DRIVING and not lane.junction
+    )
     assert lengths_m == pytest.approx([40.0, 120.0], abs=0.1)
     (stop,) = layout.signs
-    assert (stop.kind, stop.lanes) == (SignKind.STOP, (f"{first}_0",))
+    assert (stop.kind, stop.lanes) == (SignKind.STOP, (f"{first}_1",)), "beside a footway on the verge"
     assert stop.foot_m[:2] - ORIGIN_M == pytest.approx([119.0, -1.7])
     assert abs(stop.yaw_rad) == pytest.approx(np.pi)
     assert strip_of(layout, second).following == (third,)
@@ -241,9 +248,7 @@ def yielding_crossing() -> Crossing:
 def test_right_of_way_is_that_of_the_regulatory_element(tmp_path: Path) -> None:
     crossing = yielding_crossing()
     _, layout, net = imported(tmp_path, crossing.sample)
-    straight = {
-        arm: net.right_of_way[f"{crossing.incoming[arm][0]}_{len(crossing.incoming[arm]) - 1}"] for arm in range(4)
-    }
+    straight = {arm: net.right_of_way[inner_lane(net, crossing.incoming[arm][0])] for arm in range(4)}
     assert all("M" in straight[arm] for arm in (0, 2))
     assert all(set(straight[arm]) == {"m"} for arm in (1, 3))
     assert [line.yields for line in layout.stop_lines] == [True, True]
@@ -256,7 +261,7 @@ def test_all_way_stops_get_stop_lines_where_the_file_has_none(tmp_path: Path) ->
     for name in incoming:
         crossing.sample.add_rule(name, rule)
     _, layout, net = imported(tmp_path, crossing.sample)
-    assert all("w" in net.right_of_way[f"{names[0]}_{len(names) - 1}"] for names in crossing.incoming.values())
+    assert all("w" in net.right_of_way[inner_lane(net, names[0])] for names in crossing.incoming.values())
     assert len(layout.stop_lines) == 4
     east = max(layout.stop_lines, key=lambda line: line.ends_m[0, 0])
     assert east.ends_m[:, :2] - ORIGIN_M == pytest.approx(np.array([[BOX_M + 0.5, 6.75], [BOX_M + 0.5, 0.25]]))
@@ -384,7 +389,7 @@ def test_a_map_in_left_handed_coordinates_is_mirrored(tmp_path: Path) -> None:
 
 def test_lanes_without_any_type_of_bounds_are_painted_and_vehicles_change_them(tmp_path: Path) -> None:
     parts, layout, _ = imported(tmp_path, _road_in_axes_of(1.0))
-    lanes = [line for line in parts.net.read_text().splitlines() if "<lane " in line]
+    lanes = [line for line in parts.net.read_text().splitlines() if 'type="driving"' in line]
     assert ["changeLeft" in line for line in lanes] == [False, True, True], lanes  # from the outermost lane of an edge
     paints = [(strip.left_line.paint, strip.right_line.paint) for strip in layout.strips]
     assert paints == [(Paint.SOLID, Paint.BROKEN), (Paint.BROKEN, Paint.SOLID), (Paint.SOLID, Paint.SOLID)]
@@ -396,3 +401,39 @@ def test_lanes_without_any_type_of_bounds_are_painted_and_vehicles_change_them(t
 def test_lanes_keep_their_borders_where_some_bound_has_a_type(tmp_path: Path) -> None:
     _, layout, _ = imported(tmp_path, _road_in_axes_of(1.0, kind="virtual"))
     assert {strip.left_line.paint for strip in layout.strips} == {Paint.NONE}
+
+
+@pytest.mark.parametrize(
+    ("stated", "kmh", "noted"), [("3", 3.0, False), ("0.2 km/h", 50.0, True), ("fast", 50.0, True)]
+)
+def test_a_speed_limit_is_used_or_said_to_be_ignored(tmp_path: Path, stated: str, kmh: float, noted: bool) -> None:
+    sample = LaneletSample()
+    straight_lane(sample, [0.0, 100.0], -2.0, 2.0, speed_limit=stated)
+    parts, layout, net = imported(tmp_path, sample)
+    driven = [lane for lane in net.lanes.values() if lane.kind is LaneKind.DRIVING]
+    assert {round(lane.speed_mps * 3.6, 1) for lane in driven} == {kmh}
+    assert layout.strips[0].speed_mps == pytest.approx(kmh / 3.6)
+    assert any("speed limit that cannot be read" in finding.rule for finding in parts.findings) == noted
+
+
+def test_a_junction_that_the_edge_of_the_map_cuts_keeps_its_traffic_and_lights(tmp_path: Path) -> None:
+    sample = LaneletSample()
+    straight_lane(sample, [-100.0, -6.0], -1.75, 1.75)
+    (through,) = straight_lane(sample, [-6.0, 6.0], -1.75, 1.75)
+    across = sample.lanelet(
+        sample.line([(-1.75, 10.0), (-1.75, -10.0)]), sample.line([(1.75, 10.0), (1.75, -10.0)]), subtype="road"
+    )
+    for number, name in enumerate((through, across)):
+        light = sample.line([(8.0, 8.0 + number, 5.0), (8.0, 8.4 + number, 5.0)], "traffic_light", "")
+        sample.add_rule(name, sample.rule("traffic_light", ("way", "refers", light)))
+    parts, layout, net = imported(tmp_path, sample)
+    assert len(layout.signal_places) == 2
+    waiting = [lane for place in layout.signal_places for lane in place.lanes]
+    assert {net.lanes[lane].length_m > 50.0 for lane in waiting} == {True, False}
+    assert {link.lane for link in net.links} == set(waiting)
+    for lane in waiting:
+        (inside,) = net.lanes[lane].successors
+        (beyond,) = net.lanes[inside].successors
+        whole_m = np.concatenate([net.lanes[each].centerline_m[:, :2] for each in (inside, beyond)]) - ORIGIN_M
+        assert np.abs(whole_m).min(axis=1).max() < 0.1, "on the line of the file"
+    assert sum("at the edge of the map" in finding.rule for finding in parts.findings) == 2

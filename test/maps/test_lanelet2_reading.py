@@ -207,7 +207,15 @@ def test_a_bound_may_consist_of_several_lines_in_any_direction(tmp_path: Path) -
 
 @pytest.mark.parametrize(
     ("text", "mps"),
-    [("50", 50 / 3.6), ("50 km/h", 50 / 3.6), ("30 mph", 13.4112), ("20mps", 20.0), ("fast", 0.0), ("0", 0.0)],
+    [
+        ("50", 50 / 3.6),
+        ("50 km/h", 50 / 3.6),
+        ("30 mph", 13.4112),
+        ("20mps", 20.0),
+        ("3", 3 / 3.6),
+        ("fast", 0.0),
+        ("0", 0.0),
+    ],
 )
 def test_speeds_have_units(text: str, mps: float) -> None:
     assert parse_speed_mps(text) == pytest.approx(mps)

@@ -109,7 +109,9 @@ def test_damaged_compressed_files_are_refused(tmp_path: Path, suffix: str) -> No
 def test_errors_in_compressed_files_name_the_file_and_the_line(tmp_path: Path) -> None:
     path = tmp_path / "street.osm.gz"
     path.write_bytes(gzip.compress(STREET.replace('<way id="1"', '<way id="x"').encode()))
-    with pytest.raises(InputError, match=r"street\.osm\.gz:2: way: id: must be a whole number, not 'x'"):
+    with pytest.raises(
+        InputError, match=r"street\.osm\.gz:2: way: id: must be a whole number of at most 64 bits, not 'x'"
+    ):
         read_osm(path)
 
 

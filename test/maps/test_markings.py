@@ -6,6 +6,7 @@ import shapely
 from road_strips import layout_of_strips, level_ground, side_by_side, straight
 
 from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.roads.bands import Border, painted_bands
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Crosswalk, Layout, Line, Paint, PaintColor, StopLine, Strip
 from simbev_ros.maps.roads.levels import assign_levels
@@ -162,3 +163,20 @@ def test_edge_lines_continue_across_nodes_where_the_road_continues(
     line = shapely.union_all([marking.polygon for marking in markings])
     assert line.area == pytest.approx(0.12 * (50.0 + joined * gap_m), abs=0.06)
     assert line.intersects(shapely.box(30.2, -2.0, 29.8 + gap_m, 0.0)) == joined
+
+
+@pytest.mark.parametrize("paint", [Paint.SOLID, Paint.BROKEN, Paint.SOLID_SOLID])
+@pytest.mark.parametrize("times", [2, 3, 5])
+def test_repeated_points_of_a_border_leave_its_paint_as_it_is(paint: Paint, times: int) -> None:
+    angles_rad = np.linspace(0.0, np.pi, 13)
+    bend_m = 3.0 * np.column_stack([np.cos(angles_rad), np.sin(angles_rad)])
+    straight_m = np.column_stack([np.full(5, -3.0), np.arange(-2.0, -12.0, -2.0)])
+    line_m = np.concatenate([bend_m, straight_m])
+    repeated_m = np.repeat(line_m, np.where(np.arange(len(line_m)) % 3 == 1, times, 1), axis=0)
+    repeated_m += 1e-5 * np.sin(np.arange(repeated_m.size)).reshape(-1, 2)  # as computed positions are
+    areas = []
+    for points_m in (line_m, repeated_m):
+        _, polygons = painted_bands([Border(points_m, paint, 0.12, -1.0, 0.16)])
+        areas.append(shapely.union_all(polygons))
+    assert areas[0].area > 0.5
+    assert shapely.hausdorff_distance(*areas) < 0.01

@@ -4,6 +4,7 @@ from pathlib import Path
 from xml.etree.ElementTree import parse
 
 import numpy as np
+import osmium
 import pytest
 import shapely
 from osm_sample import DATUM, SAMPLE, Point, Writer, sample
@@ -13,6 +14,8 @@ from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.findings import sentences_of
 from simbev_ros.maps.network import Lane
 from simbev_ros.maps.osm import import_osm
+from simbev_ros.maps.osm.reader import read_osm
+from simbev_ros.maps.osm.xml import read_xml
 from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.levels import assign_levels
@@ -181,13 +184,47 @@ GOOD = town([(0, 0), (100, 0)], [(100, 0), (100, 80), (0, 80), (0, 0)]).text()
         (GOOD.replace('lat="52', 'lat="152', 1), "osm:3: node 1: lat: must be degrees between -90 and 90, not '152"),
         (GOOD.replace('lon="7', 'lon="nan', 1), "town.osm:3: node 1: lon: must be degrees"),
         (GOOD.replace('<node id="2"', '<node id="1"'), "osm:4: node 1: appears twice; the other is .*osm:3"),
-        (GOOD.replace('<way id="5000"', '<way id="x"'), "way: id: must be a whole number, not 'x'"),
+        (GOOD.replace('<way id="5000"', '<way id="x"'), "way: id: must be a whole number of at most 64 bits, not 'x'"),
+        (GOOD.replace('<way id="5000"', f'<way id="{2**63}"'), f"way: id: .* of at most 64 bits, not '{2**63}'"),
         (GOOD[:400], "not valid XML"),
     ],
 )  # fmt: skip
 def test_unusable_files_are_refused_with_their_location(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         import_text(tmp_path, text)
+
+
+@pytest.mark.parametrize(("first", "last"), [(1090413704220797690, 2**63 - 2), (1 - 2**63, -1)])
+def test_ids_have_64_bits(tmp_path: Path, first: int, last: int) -> None:
+    text = GOOD.replace('id="1"', f'id="{first}"').replace('ref="1"', f'ref="{first}"')
+    text = text.replace('<way id="5000"', f'<way id="{last}"')
+    path = tmp_path / "ids.osm"
+    path.write_text(text)
+    whole = read_xml(path).resolve()
+    assert (len(whole.ways), whole.findings, str(last) in {way.id for way in whole.ways}) == (2, (), True)
+    with osmium.SimpleWriter(str(tmp_path / "ids.osm.pbf")) as writer:
+        for element in osmium.FileProcessor(str(path)):
+            writer.add(element)
+    assert read_osm(tmp_path / "ids.osm.pbf").ways == whole.ways
+
+
+@pytest.mark.parametrize(
+    ("stated", "kmh", "noted"),
+    [
+        ("3", 3, 0),
+        ("5.5 mph", 9, 0),
+        ("0.4", 1, 0),
+        ("walk", 6, 0),
+        ("DE:rural", 50, 0),
+        ("fast", 50, 1),
+        ("-5", 50, 1),
+    ],
+)
+def test_a_speed_limit_is_used_or_said_to_be_ignored(tmp_path: Path, stated: str, kmh: int, noted: int) -> None:
+    parts = import_text(tmp_path, town([(0, 0), (300, 0)], tags={"highway": "primary", "maxspeed": stated}).text())
+    lanes = [lane for lane in read_sumo_net(parts.net).lanes.values() if lane.kind is LaneKind.DRIVING]
+    assert {round(lane.speed_mps * 3.6) for lane in lanes if not lane.junction} == {kmh}
+    assert sum("maxspeed that is not a number" in finding.rule for finding in parts.findings) == noted
 
 
 def test_cut_off_roads_are_shortened_and_disconnected_ones_keep_their_place_with_a_note(tmp_path: Path) -> None:

@@ -74,3 +74,14 @@ def test_a_comment_before_the_declaration_is_accepted(tmp_path: Path, start: str
     (road,) = parse(path, "OpenDRIVE")
     assert road.get("name") == "é"
     assert line_of(road) == start.count("\n") + 3
+
+
+@pytest.mark.parametrize("pad", range(12))
+def test_hyphens_in_comments_are_read_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pad: int) -> None:
+    text = " " * pad + "<net><!-- a -- b --><!-- c ---><!----><edge id='x--y'><![CDATA[<!-- - -->]]></edge>\n<a/></net>"
+    pieces = [text.encode()[start : start + 10] for start in range(0, len(text), 10)]
+    monkeypatch.setattr("simbev_ros.maps.safe_xml.read_unpacked", lambda *_: pieces)
+    path = tmp_path / "a.xml"
+    path.write_text(text)
+    root = parse(path, "net")
+    assert (root[0].attrib, root[0].text, line_of(root[1])) == ({"id": "x--y"}, "<!-- - -->", 2)

@@ -14,8 +14,11 @@ from simbev_ros.foundation.errors import InputError
 from simbev_ros.maps.findings import sentences_of
 from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.signals import place_signals
 from simbev_ros.maps.sumo.importer import import_sumo
+from simbev_ros.maps.sumo.layout import layout_of
 from simbev_ros.maps.sumo.net import SumoNet, read_sumo_net
+from simbev_ros.maps.sumo.netconvert import build_from_plain_xml
 
 UTM = "+proj=utm +zone=32 +ellps=WGS84 +datum=WGS84 +units=m +no_defs"
 Import = Callable[[str], MapParts]
@@ -100,7 +103,7 @@ def test_a_net_far_from_its_origin_is_recentered(grid: str, import_net: Import) 
     assert read_sumo_net(parts.net).junctions["C2"].center_m[:2].tolist() == [0.0, 200.0]
 
 
-ODD_SPEED = "a speed limit below 0.5 or above 150 m/s is replaced by 13.89 m/s (A0B0_0)"
+ODD_SPEED = "a speed limit below 0.1 or above 150 m/s is replaced by 13.89 m/s (A0B0_0)"
 LANE = r'(<lane id="A0B0_0"[^>]*?)'
 BAD_SHAPE = "an edge with a lane shape that is not at least two points x,y or x,y,z in meters is left out (A0B0)"
 LOST = "a connection of a missing lane is left out (A0X7_0"
@@ -204,3 +207,37 @@ def test_a_race_track_for_special_vehicles_is_opened_to_cars(grid: str, import_n
         for note in sentences_of("a.net.xml", parts.findings)
     )
     assert kinds(read_sumo_net(parts.net))[LaneKind.DRIVING] >= 76
+
+
+def test_a_net_with_nothing_but_a_stub_of_a_sidewalk_is_given_some(grid: str, import_net: Import) -> None:
+    stub = r'\1<lane id="A0B0_1" index="1" speed="9" length="0.5" shape="50,3 50.5,3" allow="pedestrian"/>'
+    parts = import_net(re.sub(r'(<lane id="A0B0_0"[^>]*/>)', stub, grid, count=1))
+    assert kinds(read_sumo_net(parts.net))[LaneKind.SIDEWALK] >= 79
+
+
+def test_no_light_hangs_above_the_cycleway_that_is_the_straightest_exit(tmp_path: Path) -> None:
+    places = {"w": (-100, 0), "c": (0, 0), "e": (100, 0), "n": (0, 100), "s": (0, -100)}
+    streets = {
+        "in": "w c 2 all",
+        "straight": "c e 1 bicycle",
+        "left": "c n 1 all",
+        "right": "c s 1 all",
+        "from_s": "s c 1 all",
+    }
+    nodes = "".join(
+        f'<node id="{name}" x="{x}" y="{y}" type="{"traffic_light" if name == "c" else "priority"}"/>'
+        for name, (x, y) in places.items()
+    )
+    edges = "".join(
+        f'<edge id="{name}" from="{start}" to="{end}" numLanes="{lanes}" allow="{allow}"/>'
+        for name, (start, end, lanes, allow) in ((name, text.split()) for name, text in streets.items())
+    )
+    texts = {"nodes": nodes, "edges": edges, "connections": ""}
+    nodes_path, edges_path, connections_path = (tmp_path / f"{tag}.xml" for tag in texts)
+    for (tag, content), path in zip(texts.items(), (nodes_path, edges_path, connections_path), strict=True):
+        path.write_text(f"<{tag}>{content}</{tag}>")
+    net_path = tmp_path / "cycle.net.xml"
+    build_from_plain_xml(nodes_path, edges_path, connections_path, net_path, tmp_path / "cycle.xodr")
+    net = read_sumo_net(net_path)
+    heads = place_signals(net, layout_of(net))
+    assert {signal.lane for signal in heads} == {"in_0", "in_1", "from_s_0"}

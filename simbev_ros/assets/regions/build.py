@@ -1,5 +1,7 @@
 """Builds the static world of one region: first the ground, then bridges, then everything that stands on them."""
 
+import shapely
+
 from simbev_ros.assets.land.furnish import furnish_region
 from simbev_ros.assets.land.plazas import plazas_of
 from simbev_ros.assets.placement.claims import Claims
@@ -12,9 +14,12 @@ from simbev_ros.assets.roads.guard_rails import put_guard_rails
 from simbev_ros.assets.roads.markings import paint_markings
 from simbev_ros.assets.roads.tunnels import build_tunnels
 from simbev_ros.assets.street.obstacles import obstacles_on
+from simbev_ros.foundation.geometry import overlay
 from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import Region
+
+_ROADSIDE_M = 1.9  # nearer to the road people walk around poles and trees
 
 
 def build_region(network: RoadNetwork, region: Region, terrain: Terrain) -> RegionScene:
@@ -32,13 +37,16 @@ def build_region(network: RoadNetwork, region: Region, terrain: Terrain) -> Regi
     build_bridges(tiles, claims, ground)
     build_tunnels(tiles, claims, ground)
     put_guard_rails(tiles, claims, ground)
+    streets, verges = ground.streets[0], network.verges
+    if not verges.is_empty:
+        claims.add(overlay.difference(ground.within(verges), shapely.buffer(streets.area, _ROADSIDE_M)))
     furnishing = furnish_region(tiles, claims, ground)
     lay_land(tiles, ground, furnishing.covers)
     lay_water(tiles, ground)
-    streets = ground.streets[0]
+    walks = streets.sidewalk if verges.is_empty else ground.within(verges)
     return RegionScene(
         tiles.finish(),
         furnishing.street_lights,
-        obstacles_on(streets.sidewalk, streets.road, tiles.placed_objects),
+        obstacles_on(walks, streets.road, tiles.placed_objects),
         plazas_of(furnishing.pavements, ground, tiles.placed_objects),
     )

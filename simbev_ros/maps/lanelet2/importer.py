@@ -14,6 +14,7 @@ from simbev_ros.maps.findings import Findings
 from simbev_ros.maps.lane_graph.crossings import crosswalks_of_net, planned_crossings
 from simbev_ros.maps.lane_graph.sumo_xml import RightOfWay, build_net
 from simbev_ros.maps.lane_graph.traffic import Traffic
+from simbev_ros.maps.lane_graph.verges import with_verges
 from simbev_ros.maps.lanelet2.assumed_paint import with_assumed_paint
 from simbev_ros.maps.lanelet2.document import LaneletMap
 from simbev_ros.maps.lanelet2.junctions import junctions_of
@@ -49,16 +50,17 @@ def import_lanelet2(path: Path, work: Path) -> MapParts:
         reasons = "".join(f"; {sentence}" for sentence in notes.sentences()[:3])
         raise InputError(f"{path}: it has no lanelet for vehicles{reasons}")
     left_hand = junctions.topology.left_hand
+    strips = (*lanelet_strips(junctions), *area_strips(source.areas))
+    paved, traffic = traffic, with_verges(traffic, strips, left_hand, notes)
     right_of_way = _right_of_way(rules, junctions.topology, traffic, crosswalks)
     try:
         net = build_net(traffic, right_of_way, left_hand, work, "" if datum.heading_rad else datum.proj_string)
     except SimulationError as error:
         raise InputError(f"{path}: {error}") from None
-    strips = (*lanelet_strips(junctions), *area_strips(source.areas))
     lane_ids, roadside = traffic.lane_ids(), Roadside(strips)
     layout = Layout(
         strips=strips,
-        crosswalks=crosswalks or crosswalks_of_net(net),
+        crosswalks=crosswalks or (crosswalks_of_net(net) if traffic is paved else ()),
         stop_lines=stop_lines_of(source.lines.values(), rules, junctions.topology),
         signs=signs_of(rules, junctions.topology, lane_ids, roadside),
         signal_places=signal_places(rules, junctions.topology, lane_ids, roadside),

@@ -31,15 +31,20 @@ class Junctions:
         return {name: tuple(self._outside(name)) for name in self.by_lanelet}
 
     def approaches(self, name: str) -> tuple[str, ...]:
-        """The lanelets where traffic waits for a rule of a lanelet: itself, or those before its junction."""
-        return self.entries.get(name, (name,))
+        """The lanelets where traffic waits for a rule of a lanelet: itself, or those before its junction, if any."""
+        return self.entries.get(name) or (name,)
 
     def paths(self, name: str) -> dict[str, tuple[str, ...]]:
-        """Lanelets outside junctions that traffic reaches from the end of a lanelet → those passed inside, in order."""
+        """Lanelets where traffic from a lanelet leaves junctions → those passed inside, in order.
+
+        These are outside junctions, or the last ones inside at the edge of the map; a lanelet inside is passed itself.
+        """
         found: dict[str, tuple[str, ...]] = {}
-        through: dict[str, tuple[str, ...]] = {name: ()}
+        through: dict[str, tuple[str, ...]] = {name: (name,) if name in self.by_lanelet else ()}
         pending = [name]
         for each in pending:
+            if each in self.by_lanelet and not self.topology.following[each]:
+                found.setdefault(each, through[each])
             for after in self.topology.following[each]:
                 if after not in self.by_lanelet:
                     found.setdefault(after, through[each])

@@ -18,7 +18,7 @@ from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Line, Paint, PaintColor
 
 _SPEED = re.compile(r"(\d{1,3}(?:\.\d{1,6})?) ?([a-z/]{0,4})")
-_SPEED_RANGE_MPS = (1.0, 100.0)
+_SPEED_RANGE_MPS = (0.1, 100.0)
 _MAX_PAINT_WIDTH_M = 1.0
 _MIRRORED = {Paint.SOLID_BROKEN: Paint.BROKEN_SOLID, Paint.BROKEN_SOLID: Paint.SOLID_BROKEN}
 
@@ -41,7 +41,7 @@ def allowed_classes(tags: Tags, kind: LaneKind) -> str:
 
 
 def parse_speed_mps(text: str) -> float:
-    """Parse a speed such as ``50``, ``50 km/h`` or ``30 mph``; 0 if it is none between 1 and 100 m/s."""
+    """Parse a speed such as ``50``, ``50 km/h`` or ``30 mph``; 0 if it is none between 0.1 and 100 m/s."""
     match = _SPEED.fullmatch(text.strip().lower())
     speed_mps = 0.0 if match is None else float(match[1]) * SPEED_UNITS_MPS.get(match[2], 0.0)
     return speed_mps if _SPEED_RANGE_MPS[0] <= speed_mps <= _SPEED_RANGE_MPS[1] else 0.0

@@ -22,7 +22,8 @@ from simbev_ros.maps.lane_graph.traffic import (
 )
 from simbev_ros.maps.lanelet2.junctions import Junctions
 from simbev_ros.maps.lanelet2.shapes import LaneletShape, joined_m, resampled_m, stations_m
-from simbev_ros.maps.lanelet2.tags import allowed_classes, may_cross, speed_limit_mps
+from simbev_ros.maps.lanelet2.stubs import Stubs
+from simbev_ros.maps.lanelet2.tags import allowed_classes, may_cross, parse_speed_mps, speed_limit_mps
 from simbev_ros.maps.lanelet2.topology import Topology
 from simbev_ros.maps.roads.lane_kind import LaneKind
 
@@ -42,12 +43,15 @@ def traffic_of(junctions: Junctions, waiting: Collection[str], notes: Findings) 
     _note_omissions(junctions, notes)
     chains = list(_chains(junctions, waiting))
     edges = [_edge(topology, chain) for chain in chains]
-    connections = list(_connections(junctions, chains, edges))
+    stubs = Stubs(junctions)
+    connections = list(_connections(junctions, chains, edges, stubs))
     nodes = JoinedNames(lambda name: (name[0] != "J", name))
-    _join_nodes(junctions, chains, edges, connections, nodes)
+    _join_nodes(junctions, chains, edges, nodes)
     roads = _roads(topology, chains, edges)
+    edges = [*edges, *stubs.edges()]
+    _join_connected(edges, connections, nodes)
     joined = [
-        replace(edge, road=roads[edge.id], start=nodes.resolve(edge.start), end=nodes.resolve(edge.end))
+        replace(edge, road=roads.get(edge.id, edge.id), start=nodes.resolve(edge.start), end=nodes.resolve(edge.end))
         for edge in edges
     ]
     return split_loops(keep_driven_parts(joined, connections, notes)) if joined else Traffic((), ())
@@ -58,13 +62,18 @@ def _note_omissions(junctions: Junctions, notes: Findings) -> None:
     for name, shape in junctions.topology.shapes.items():
         if shape.kind is not LaneKind.DRIVING:
             continue
+        limit = shape.lanelet.tags.get("speed_limit", "")
+        if limit and not parse_speed_mps(limit):
+            detail = f"lanelet {name}: speed_limit={limit[:30]!r}"
+            notes.left_out("a speed limit that cannot be read is ignored", shape.lanelet.element, detail)
         if shape.lanelet.tags.get("one_way") == "no":
             notes.repaired(
                 "a lanelet for both directions carries traffic in one", shape.lanelet.element, f"lanelet {name}"
             )
-        if name in junctions.by_lanelet and not (junctions.entries[name] and junctions.paths(name)):
-            detail = f"lanelet {name}"
-            notes.left_out("a lanelet that overlaps others at the edge of the map carries no traffic", None, detail)
+        topology = junctions.topology
+        if name in junctions.by_lanelet and not (topology.preceding[name] and topology.following[name]):
+            rule = "a lanelet that overlaps others at the edge of the map begins or ends there"
+            notes.assumed(rule, shape.lanelet.element, f"lanelet {name}")
 
 
 def _chains(junctions: Junctions, waiting: Collection[str]) -> Iterator[tuple[Row, ...]]:
@@ -161,29 +170,35 @@ def _common_fractions(shapes: Sequence[LaneletShape]) -> Float64Array:
 
 
 def _connections(
-    junctions: Junctions, chains: Sequence[Sequence[Row]], edges: Sequence[TrafficEdge]
+    junctions: Junctions, chains: Sequence[Sequence[Row]], edges: Sequence[TrafficEdge], stubs: Stubs
 ) -> Iterator[TrafficConnection]:
     """Yield the connections from the lanes of each edge to those that follow, directly or through a junction."""
     shapes = junctions.topology.shapes
-    entries: dict[str, LaneOfEdge] = {
+    goals: dict[str, LaneOfEdge] = {
         name: (edge.id, index) for chain, edge in zip(chains, edges, strict=True) for index, name in enumerate(chain[0])
     }
-    for chain, edge in zip(chains, edges, strict=True):
-        for index, name in enumerate(chain[-1]):
-            for goal, through in junctions.paths(name).items() if shapes[name].kind is not LaneKind.SIDEWALK else ():
-                if goal in entries:
-                    line_m = joined_m([shapes[each].center_m for each in through]) if through else None
-                    yield TrafficConnection((edge.id, index), entries[goal], line_m)
+    goals |= {name: (edge, 0) for name, edge in stubs.exits.items()}
+    starts = [
+        (name, (edge.id, index))
+        for chain, edge in zip(chains, edges, strict=True)
+        for index, name in enumerate(chain[-1])
+        if shapes[name].kind is not LaneKind.SIDEWALK
+    ]
+    starts += [(name, (edge, 0)) for name, edge in stubs.entries.items()]
+    for name, start in starts:
+        for goal, through in junctions.paths(name).items():
+            if goal in goals:
+                line_m = joined_m([stubs.inside_m(each) for each in through]) if through else None
+                yield TrafficConnection(start, goals[goal], line_m)
 
 
 def _join_nodes(
     junctions: Junctions,
     chains: Sequence[Sequence[Row]],
     edges: Sequence[TrafficEdge],
-    connections: Sequence[TrafficConnection],
     nodes: JoinedNames,
 ) -> None:
-    """Join the nodes of edges that are connected, or touch one junction."""
+    """Join the nodes of edges that touch one junction."""
     topology, inside = junctions.topology, junctions.by_lanelet
     for chain, edge in zip(chains, edges, strict=True):
         for node, names, beyond in (
@@ -192,6 +207,10 @@ def _join_nodes(
         ):
             for junction in (inside[other] for name in names for other in beyond[name] if other in inside):
                 nodes.join(junction, node)
+
+
+def _join_connected(edges: Sequence[TrafficEdge], connections: Sequence[TrafficConnection], nodes: JoinedNames) -> None:
+    """Join the nodes of edges that are connected."""
     by_id = {edge.id: edge for edge in edges}
     for connection in connections:
         nodes.join(by_id[connection.start[0]].end, by_id[connection.goal[0]].start)

@@ -15,13 +15,15 @@ from xml.etree.ElementTree import ElementTree
 from simbev_ros.foundation.errors import InputError, SimulationError
 from simbev_ros.foundation.files.limits import MAX_MAP_BYTES
 from simbev_ros.foundation.files.unpacking import read_unpacked
-from simbev_ros.maps.findings import Findings
+from simbev_ros.maps.findings import Findings, Outcome, sentences_of
 from simbev_ros.maps.lane_graph.crossings import crosswalks_of_net, planned_crossings
 from simbev_ros.maps.lane_graph.sumo_xml import RightOfWay, build_net
 from simbev_ros.maps.lane_graph.traffic import Traffic
+from simbev_ros.maps.lane_graph.verges import with_verges
 from simbev_ros.maps.opendrive.lane_shapes import lane_shapes
 from simbev_ros.maps.opendrive.links import LaneLinks
 from simbev_ros.maps.opendrive.objects import crosswalks_of, stop_lines_of
+from simbev_ros.maps.opendrive.reading.attributes import keep_leading_numbers
 from simbev_ros.maps.opendrive.reading.datum import datum_of
 from simbev_ros.maps.opendrive.reading.document import Document
 from simbev_ros.maps.opendrive.reading.reader import read_document
@@ -38,7 +40,7 @@ from simbev_ros.maps.opendrive.traffic.traffic import traffic_of
 from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout
-from simbev_ros.maps.safe_xml import parse, place_of
+from simbev_ros.maps.safe_xml import is_well_formed, parse, place_of
 
 
 def import_opendrive(path: Path, work: Path) -> MapParts:
@@ -53,6 +55,7 @@ def import_opendrive(path: Path, work: Path) -> MapParts:
     """
     notes = Findings(path)
     root = parse(path, "OpenDRIVE")
+    keep_leading_numbers(root, notes)
     is_recentered = recenter(root, notes)
     document = _with_roads_outside_junctions(read_document(path, root, notes), notes)
     links = LaneLinks(document)
@@ -60,13 +63,15 @@ def import_opendrive(path: Path, work: Path) -> MapParts:
     strips = strips_of(document, shapes, links, notes)
     traffic = traffic_of(document, shapes, links, notes)
     if not traffic.is_drivable:
-        reasons = "".join(f"; {sentence}" for sentence in (_lane_types(document), *notes.sentences()[:3]))
+        lost = sentences_of(path.name, sorted(notes.all(), key=lambda finding: finding.outcome != Outcome.LEFT_OUT))
+        reasons = "".join(f"; {sentence}" for sentence in (*lost[:3], _lane_types(document)))
         raise InputError(f"{place_of(path, root)}: it has no drivable lane{reasons}")
+    left_hand = _left_hand(document)
+    paved, traffic = traffic, with_verges(traffic, strips, left_hand, notes)
     approaches = Approaches(document, shapes, links)
     signals = read_signals(document, notes)
     crosswalks = crosswalks_of(document, notes)
     stop_lines = (*stop_lines_of(document, notes), *signalled_stop_lines(signals))
-    left_hand = _left_hand(document)
     edges, signalized_nodes = _edges_by_meaning(signals, approaches, traffic)
     crossings = planned_crossings(crosswalks, traffic, signalized_nodes, left_hand)
     right_of_way = RightOfWay(signalized_nodes, edges["yield"], edges["stop"], crossings)
@@ -77,7 +82,7 @@ def import_opendrive(path: Path, work: Path) -> MapParts:
     carriageway, lane_ids = Carriageway(strips), traffic.lane_ids()
     layout = Layout(
         strips=strips,
-        crosswalks=crosswalks or crosswalks_of_net(net),
+        crosswalks=crosswalks or (crosswalks_of_net(net) if traffic is paved else ()),
         stop_lines=(*stop_lines, *implied_stop_lines(signals, approaches, shapes, stop_lines)),
         signs=signs_of(signals, approaches, lane_ids, carriageway, notes),
         signal_places=signal_places_of(signals, approaches, lane_ids, carriageway, notes),
@@ -121,11 +126,12 @@ def _left_hand(document: Document) -> bool:
 
 
 def _write(path: Path, document: Document, is_recentered: bool, work: Path) -> Path:
-    """Write the file as UTF-8; unchanged if it is UTF-8 already and was not recentered."""
+    """Write the file as UTF-8; unchanged if it is well-formed UTF-8 already and was not recentered."""
     target = work / "map.xodr"
     try:
         content = b"".join(read_unpacked(path, MAX_MAP_BYTES))
         text = StringIO(content.decode("utf-8-sig"), newline=None).getvalue()
+        text = text if is_well_formed(content) else ""
     except UnicodeDecodeError:
         text = ""
     declared = re.match(r"""\s*<\?xml[^>]*encoding=["']([^"']+)""", text)

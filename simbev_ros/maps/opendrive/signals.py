@@ -16,7 +16,7 @@ from simbev_ros.maps.opendrive.reading.document import Document, LaneKey, Road
 from simbev_ros.maps.opendrive.reading.tables import NAMED_SPEED_LIMIT, SIGNAL_MEANINGS, SPEED_UNITS_MPS
 from simbev_ros.maps.opendrive.sides import drives_forward_at, driving_lanes_at
 
-_MAX_SPEED_MPS = 60.0
+_MIN_SPEED_MPS, _MAX_SPEED_MPS = 0.1, 60.0
 _PAINTED = ("stencil", "roadmark")
 
 
@@ -72,7 +72,7 @@ def read_signals(document: Document, notes: Findings) -> tuple[Signal, ...]:
     for road in document.roads.values():
         for element in road.element.findall("signals/signalReference"):
             try:
-                uses.setdefault(element.get("id", ""), []).append(_read_reference(road, element))
+                uses.setdefault(element.get("id", ""), []).append(_read_reference(road, element, notes))
             except Malformed as problem:
                 notes.left_out("a reference to a signal that cannot be read is left out", element, str(problem))
     inverted = _is_inverted([*(own for _, _, own in elements), *chain.from_iterable(uses.values())])
@@ -97,7 +97,7 @@ def _elements(document: Document, notes: Findings) -> Iterator[tuple[str, Elemen
             if not meaning:
                 continue
             try:
-                yield meaning, element, _read_reference(road, element)
+                yield meaning, element, _read_reference(road, element, notes)
             except Malformed as problem:
                 notes.left_out("a signal that cannot be read is left out", element, str(problem))
 
@@ -108,11 +108,16 @@ def _meaning(element: Element) -> str:
     return known or ("speed_limit" if NAMED_SPEED_LIMIT.match(element.get("name", "")) else "")
 
 
-def _read_reference(road: Road, element: Element) -> _Reference:
-    """Read the position at which a <signal> or <signalReference> applies."""
-    validity = tuple((int(number(v, "fromLane")), int(number(v, "toLane"))) for v in element.findall("validity"))
+def _read_reference(road: Road, element: Element, notes: Findings) -> _Reference:
+    """Read the position at which a <signal> or <signalReference> applies; an unreadable <validity> is left out."""
+    validity = []
+    for record in element.findall("validity"):
+        try:
+            validity.append((int(number(record, "fromLane")), int(number(record, "toLane"))))
+        except Malformed as problem:
+            notes.left_out("a validity of a signal that cannot be read is left out", record, str(problem))
     s_m, t_m = number(element, "s"), number(element, "t", 0.0)
-    return _Reference(road, s_m, t_m, element.get("orientation", "none"), validity)
+    return _Reference(road, s_m, t_m, element.get("orientation", "none"), tuple(validity))
 
 
 def _valid_lanes(reference: _Reference) -> list[tuple[LaneKey, bool]]:
@@ -227,6 +232,6 @@ def _speed_mps(element: Element) -> float:
         speed_mps = (int(subtype) - 50) * 10.0 * kmh
     else:
         speed_mps = float(subtype) * kmh if subtype.isdigit() else 0.0
-    if not 1.0 < speed_mps <= _MAX_SPEED_MPS:
+    if not _MIN_SPEED_MPS <= speed_mps <= _MAX_SPEED_MPS:
         raise Malformed(element, "its speed is neither in value, nor in subtype, nor in its name")
     return speed_mps

@@ -15,8 +15,9 @@ from simbev_ros.foundation.files.limits import MAX_MAP_BYTES
 from simbev_ros.foundation.geometry.geodesy import MapDatum
 from simbev_ros.foundation.process_memory import return_freed_memory
 from simbev_ros.foundation.types import Float64Array, Int64Array
-from simbev_ros.maps.findings import Finding
+from simbev_ros.maps.findings import WALKED_VERGES, Finding, Outcome
 from simbev_ros.maps.land_features import MapFeatures
+from simbev_ros.maps.lane_graph.verges import VERGE_M
 from simbev_ros.maps.osm.box import MAX_SIDE_M, Box, densest_box, sample_segments, segment_lengths_m
 from simbev_ros.maps.osm.data import OsmData
 from simbev_ros.maps.osm.extract import cut, write_osm
@@ -26,8 +27,10 @@ from simbev_ros.maps.osm.netfile import center_datum, write_roads, write_types
 from simbev_ros.maps.osm.reader import read_osm, road_nodes
 from simbev_ros.maps.osm.road_rules import SIDEWALK_M, road_tags
 from simbev_ros.maps.osm.roads import join_roads, roads_of
+from simbev_ros.maps.osm.verges import is_marked_crossing, unpaved_layout_of, with_verges
 from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.sumo import netconvert
+from simbev_ros.maps.sumo.net import read_sumo_net
 
 _MAX_LENGTH_M = 4e6
 _MAX_KEYS = 4
@@ -38,7 +41,6 @@ _OPTIONS = (
     "--osm.turn-lanes=true",
     "--osm.bike-access=true",
     "--osm.elevation=true",
-    f"--default.sidewalk-width={SIDEWALK_M}",
     "--crossings.guess=true",
     "--crossings.guess.speed-threshold=14",
     "--walkingareas=true",
@@ -76,8 +78,15 @@ def import_osm(path: Path, work: Path, bounds: Bounds | None = None) -> MapParts
         netconvert.run_netconvert(prepared.options, net, opendrive)
     except SimulationError as error:
         raise InputError(f"{path}: {error}") from None
-    features, findings = prepared.features, prepared.findings
-    return MapParts(net, opendrive, prepared.datum, features, findings=findings, extract=prepared.extract)
+    return MapParts(
+        net,
+        opendrive,
+        prepared.datum,
+        prepared.features,
+        unpaved_layout_of(read_sumo_net(net), prepared.crossings_m) if prepared.has_verges else None,
+        findings=prepared.findings,
+        extract=prepared.extract,
+    )
 
 
 class _Prepared(NamedTuple):
@@ -88,6 +97,8 @@ class _Prepared(NamedTuple):
     features: MapFeatures
     findings: tuple[Finding, ...]
     extract: Path | None
+    has_verges: bool
+    crossings_m: Float64Array
 
 
 def _prepare(path: Path, work: Path, bounds: Bounds | None) -> _Prepared:
@@ -101,13 +112,17 @@ def _prepare(path: Path, work: Path, bounds: Bounds | None) -> _Prepared:
     roads, road_findings = roads_of(data, xy_m)
     if all(road.way.walk for road in roads):
         raise InputError(f"{path}: has no roads that cars may drive on")
+    walked = with_verges(roads)
+    has_verges, roads = walked != roads, walked
     features, land_findings = features_of(data, xy_m, roads)
     divided, xyz_m, height_findings = add_heights(roads, xy_m)
     raised = join_roads([replace(road, way=road.way.at_grade()) for road in divided])
     source, types = work / "roads.osm", work / "types.typ.xml"
     write_roads(source, raised, xyz_m, data.node_tags, datum)
     write_types(types)
+    width_m = VERGE_M if has_verges else SIDEWALK_M
     options = [f"--osm-files={source}", f"--type-files={types}", f"--proj={datum.proj_string}", *_OPTIONS]
+    options.append(f"--default.sidewalk-width={width_m}")
     if any(road.way.tunnel for road in raised):
         options += _TUNNEL_OPTIONS
     if data.left_hand:
@@ -116,7 +131,10 @@ def _prepare(path: Path, work: Path, bounds: Bounds | None) -> _Prepared:
     if extract is not None:
         write_osm(extract, data)
     findings = (*data.findings, *road_findings, *height_findings, *land_findings)
-    return _Prepared(options, datum, features, findings, extract)
+    if has_verges:
+        findings = (*findings, Finding(WALKED_VERGES, Outcome.ASSUMED))
+    crossings_m = xy_m[[node for node, tags in data.node_tags.items() if is_marked_crossing(tags)]]
+    return _Prepared(options, datum, features, findings, extract, has_verges, crossings_m)
 
 
 def _read(path: Path, bounds: Bounds | None) -> OsmData:

@@ -17,7 +17,7 @@ from simbev_ros.foundation.files.limits import MAX_OSM_NODES, MAX_PBF_BYTES, MAX
 from simbev_ros.foundation.types import Float64Array, Int64Array, Table
 from simbev_ros.maps.osm.box import Box, densest_box
 from simbev_ros.maps.osm.elements import OsmElements, Relation
-from simbev_ros.maps.osm.xml import MAX_TAG
+from simbev_ros.maps.osm.xml import MAX_TAG, read_xml
 from simbev_ros.maps.safe_xml import check_readable
 
 if TYPE_CHECKING:
@@ -31,6 +31,8 @@ _MAX_HEADER_BYTES, _BLOCK_START_BYTES = 0xFFFF, 32
 _DATASIZE, _RAW_SIZE = 3, 2
 _PIECE = 1 << 22
 _MAX_SAMPLES = 4_000_000
+_MAX_DENSE_ID = 1 << 36
+"""pyosmium's sets of ids take memory for all ids up to the largest; OpenStreetMap's own ids have 34 bits."""
 
 
 def is_pbf(path: Path) -> bool:
@@ -61,6 +63,8 @@ def read_pbf(path: Path, box: Box | None) -> tuple[OsmElements, Box | None]:
     elements = OsmElements(path, MAX_OSM_NODES)
     with _damage_as_input_error(path), tempfile.TemporaryDirectory(prefix="simbev-osm-") as folder:
         nodes = _index_nodes(path, Path(folder, "nodes"))
+        if _has_foreign_ids(path, nodes):
+            return _read_through_xml(path, Path(folder, "map.osm")), None
         if box is None and len(nodes) > MAX_OSM_NODES:
             box = _densest_part(nodes)
         inside = _ids_within(nodes, box)
@@ -120,6 +124,25 @@ def _varint(message: bytes, position: int) -> tuple[int, int]:
         if byte < 0x80:
             break
     return value, position
+
+
+def _has_foreign_ids(path: Path, nodes: Table) -> bool:
+    """Whether nodes have ids that pyosmium's sets cannot hold: negative ones, as editors give, or very large ones."""
+    import osmium
+
+    for first in osmium.FileProcessor(str(path), osmium.osm.NODE):
+        return bool(first.id < 0 or (len(nodes) and nodes["id"][-1] > _MAX_DENSE_ID))  # ids ascend
+    return False
+
+
+def _read_through_xml(path: Path, file: Path) -> OsmElements:
+    """Read a whole file by way of XML, whose reader takes all ids."""
+    import osmium
+
+    with osmium.SimpleWriter(str(file)) as writer:
+        for element in osmium.FileProcessor(str(path)):
+            writer.add(element)
+    return read_xml(file)
 
 
 def _densest_part(nodes: Table) -> Box:

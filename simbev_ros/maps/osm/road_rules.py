@@ -33,6 +33,7 @@ _MIRRORED_KEYS = {
 _MINOR_SERVICE = ("driveway", "parking_aisle", "drive-through", "emergency_access")
 _MAX_LANES = 10
 _KMH_PER_MPH = 1.609344
+_WALK_KMH = 6.0
 
 
 class RoadRule(Model):
@@ -161,10 +162,22 @@ def _lanes(tags: Tags, rule: RoadRule, one_way: bool) -> int:
 
 
 def _speed_kmh(tags: Tags, rule: RoadRule) -> float:
-    match = re.fullmatch(r"(\d{1,3})(?: ?(mph|km/h))?", tags.get("maxspeed", ""))
-    if match is None or int(match[1]) == 0:
-        return rule.speed_kmh
-    return int(match[1]) * (_KMH_PER_MPH if match[2] == "mph" else 1.0)
+    return stated_speed_kmh(tags) or rule.speed_kmh
+
+
+def stated_speed_kmh(tags: Tags) -> float:
+    """Speed limit that a way states, at least 1 km/h; 0 if it states none, or none that is a number."""
+    text = tags.get("maxspeed", "")
+    match = re.fullmatch(r"(\d{1,3}(?:\.\d{1,3})?)(?: ?(mph|km/h|kmh|kph))?", text)
+    if match is None or float(match[1]) == 0.0:
+        return _WALK_KMH if text.endswith("walk") else 0.0
+    return max(1.0, float(match[1]) * (_KMH_PER_MPH if match[2] == "mph" else 1.0))
+
+
+def is_unread_speed(tags: Tags) -> bool:
+    """Whether a way states a speed limit that is none here; such as ``none`` are limits of the kind of road."""
+    text = tags.get("maxspeed", "")
+    return text not in ("", "none", "signals", "variable") and ":" not in text and not stated_speed_kmh(tags)
 
 
 def _sidewalk(tags: Tags, rule: RoadRule, one_way: bool) -> str:

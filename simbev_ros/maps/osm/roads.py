@@ -10,9 +10,9 @@ import shapely
 
 from simbev_ros.foundation.geometry import overlay
 from simbev_ros.foundation.types import Float64Array
-from simbev_ros.maps.findings import Finding
+from simbev_ros.maps.findings import Finding, Outcome
 from simbev_ros.maps.osm.data import OsmData
-from simbev_ros.maps.osm.road_rules import RoadTags, road_tags
+from simbev_ros.maps.osm.road_rules import RoadTags, is_unread_speed, road_tags
 from simbev_ros.maps.sumo.islands import driven_parts
 
 
@@ -37,12 +37,15 @@ def roads_of(data: OsmData, xy_m: Float64Array) -> tuple[tuple[OsmRoad, ...], tu
         xy_m: (N, 2) positions of its nodes, map frame.
     """
     ways = [OsmRoad(way.nodes, tags) for way in data.ways if (tags := road_tags(way.tags, data.left_hand)) is not None]
+    unread = sum(1 for way in data.ways if is_unread_speed(way.tags) and road_tags(way.tags) is not None)
     ways = [replace(road, nodes=road.nodes[::-1]) if road.way.reverse else road for road in ways]
     ways = _remove_stairs(ways, xy_m)
     roads = join_roads(list(_split_at_junctions(ways)))
     roads = [road for road in roads if _length_m(road, xy_m) > 0.5]
     kept, findings = _leave_out_lone_paths(roads, xy_m)
-    return tuple(kept), tuple(findings)
+    rule = "a maxspeed that is not a number is ignored: the road has the limit of its kind"
+    ignored = [Finding(rule, Outcome.ASSUMED, unread)] if unread else []
+    return tuple(kept), (*findings, *ignored)
 
 
 def line_of(road: OsmRoad, xy_m: Float64Array) -> shapely.LineString:

@@ -15,8 +15,9 @@ from simbev_ros.maps.safe_xml import read_elements
 MAX_TAG = 255
 """Longest key or value that OpenStreetMap itself accepts."""
 _KINDS = ("node", "way", "relation")
-_MAX_ID_CHARS = 18
-_FIRST_UNNAMED = -(1 << 62)
+_ID_LIMIT = 1 << 63
+_MAX_ID_CHARS = 20
+_FIRST_UNNAMED = -_ID_LIMIT
 
 
 def read_xml(path: Path) -> OsmElements:
@@ -101,7 +102,7 @@ class _OsmTarget:
     def _begin(self, attributes: Mapping[str, str], line: int) -> None:
         text = attributes.get("id", "")
         if not _is_number(text):
-            self._refuse(line, f"{self._kind}: id: must be a whole number, not {text!r:.60}")
+            self._refuse(line, f"{self._kind}: id: must be a whole number of at most 64 bits, not {text!r:.60}")
         self._identifier = identifier = int(text)
         self._ids[self._kind].append(identifier)
         self._lines[self._kind].append(line)
@@ -154,7 +155,8 @@ def _is_deleted(attributes: Mapping[str, str]) -> bool:
 
 
 def _is_number(text: str) -> bool:
-    return text.removeprefix("-").isdecimal() and len(text) <= _MAX_ID_CHARS
+    is_whole = text.removeprefix("-").isdecimal() and len(text) <= _MAX_ID_CHARS
+    return is_whole and -_ID_LIMIT <= int(text) < _ID_LIMIT
 
 
 def _number(text: str) -> int:

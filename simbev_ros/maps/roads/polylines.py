@@ -9,7 +9,9 @@ import numpy as np
 
 from simbev_ros.foundation.geometry.plan_view import left_of
 from simbev_ros.foundation.geometry.ragged import ragged_indices
-from simbev_ros.foundation.types import AnyArray, Float64Array, Int64Array
+from simbev_ros.foundation.types import AnyArray, BoolArray, Float64Array, Int64Array
+
+_SAME_POINT_M = 1e-3
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,16 @@ class Polylines:
         return step_m / np.maximum(np.linalg.norm(step_m, axis=1, keepdims=True), 1e-9)
 
     def offset_to_left(self, left_m: Float64Array) -> Float64Array:
-        """(P, D) the points offset to the left by (P,) distances, with mitered corners, so that lines stay parallel."""
+        """(P, D) the points offset to the left by (P,) distances, with mitered corners, so that lines stay parallel.
+
+        Points that repeat each other are offset alike.
+        """
+        if not self._is_distinct.all():
+            distinct = np.flatnonzero(self._is_distinct)
+            first = np.searchsorted(distinct, self.first)
+            moved_m = Polylines(self.points_m[distinct], first).offset_to_left(left_m[distinct])
+            run = np.cumsum(self._is_distinct) - 1
+            return np.concatenate([moved_m[run, :2], self.points_m[:, 2:]], axis=1)
         step_m = np.diff(self.points_m[:, :2], axis=0)
         heading = step_m / np.maximum(np.linalg.norm(step_m, axis=1, keepdims=True), 1e-9)
         normal = left_of(heading)
@@ -101,6 +112,13 @@ class Polylines:
         offset_points_m = self.points_m.copy()
         offset_points_m[:, :2] += left_m[:, None] * miter
         return offset_points_m
+
+    @cached_property
+    def _is_distinct(self) -> BoolArray:
+        """(P,) whether a point does not repeat the one before it; all points of lines without a length are distinct."""
+        is_distinct = np.diff(self.station_m, prepend=-1.0) > _SAME_POINT_M
+        is_distinct[self.first[:-1]] = True
+        return np.asarray(is_distinct | (self.length_m <= _SAME_POINT_M)[self.row], bool)
 
     def split(self, per_point: AnyArray) -> list[AnyArray]:
         """Views of (P, ...) per-point values, one for each line."""

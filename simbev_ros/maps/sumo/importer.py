@@ -32,6 +32,7 @@ _OPTIONS = (
 )
 _GUESS_SIDEWALKS = ("--sidewalks.guess=true", "--sidewalks.guess.min-speed=1", "--sidewalks.guess.max-speed=14")
 _GUESS_CROSSINGS = ("--crossings.guess=true", "--crossings.guess.speed-threshold=14")
+_MIN_WALKED_M = 20.0  # with sidewalks that are shorter in all, a net has none
 _MAX_OFFSET_M = 20_000.0
 _MAX_EXTENT_M = 100_000.0
 _MAX_HEIGHT_OFFSET_M = 50.0
@@ -55,7 +56,7 @@ def import_sumo(path: Path, work: Path) -> MapParts:
     file.repair()
     datum = _transform_to_map_frame(path, root, file)
     options = [*_OPTIONS]
-    if not any(_is_for_pedestrians(lane) for lane in file.lanes()):
+    if sum(float(lane.get("length", 0.0)) for lane in file.lanes() if _is_for_pedestrians(lane)) < _MIN_WALKED_M:
         options += _GUESS_SIDEWALKS
         file.findings.assumed("there are no sidewalks: sidewalks were added to streets of up to 50 km/h")
     if not any(edge.get("function") == "crossing" for edge in root.iter("edge")):

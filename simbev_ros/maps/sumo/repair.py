@@ -21,7 +21,7 @@ from simbev_ros.maps.sumo.signal_programs import join_partial_programs
 _MIN_WIDTH_M = 0.2
 _MAX_WIDTH_M = 30.0
 _MIN_LENGTH_M = 0.05
-_MIN_SPEED_MPS, _MAX_SPEED_MPS = 0.5, 150.0
+_MIN_SPEED_MPS, _MAX_SPEED_MPS = 0.1, 150.0
 _DEFAULT_WIDTH_M = 3.2
 _DEFAULT_SPEED_MPS = 13.89
 _MAX_COORDINATE_M = 1e8

@@ -141,7 +141,8 @@ class Actors:
 
 def _ground(spec: SceneSpec, network: RoadNetwork, sample: TrafficSample) -> GroundSurface:
     """The ground that actors can reach; prepares the sidewalks that pedestrians can reach."""
-    ground = GroundSurface(network.layout.near(_reachable_area(spec, network, sample), _GROUND_MARGIN_M))
+    layout = network.layout.near(_reachable_area(spec, network, sample), _GROUND_MARGIN_M)
+    ground = GroundSurface(layout, walks_on_land=not network.verges.is_empty)
     max_speed_mps = max((pedestrian.max_speed_mps for pedestrian in spec.pedestrians), default=0.0)
     ground.prepare(sample.pedestrian_m, max_speed_mps * (spec.warm_up_ticks + spec.ticks) * spec.tick_ns / NS_PER_S)
     return ground

@@ -6,12 +6,16 @@ from pathlib import Path
 import libsumo
 import numpy as np
 import pytest
+import shapely
 from lanelet2_sample import Crossing, LaneletSample
 from sumo_nets import generate_net
 
+from simbev_ros.assets.placement.region_ground import LAND_HEIGHT_M
 from simbev_ros.config.load import load_scenario
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.maps.build import load_network
+from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.surface import strip_polygons
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene, planned_scenes
 from simbev_ros.schema.scene.state import WorldState
@@ -35,12 +39,13 @@ def configured(folder: Path, map_name: str) -> PlannedScene:
 def map_file(folder: Path, options: str) -> str:
     """Create ``maps/<name>``, with netgenerate or from the sample; returns the name."""
     (folder / "maps").mkdir()
-    if options == "lanelets":
+    if options.startswith("lanelets"):
         crossing = Crossing(LaneletSample(), length_m=250.0, height=lambda x, y: 0.05 * max(0.0, x - 40.0))
         for arm in range(4):
             crossing.lights(arm)
-            crossing.walkways(arm)
             crossing.crosswalk(arm)
+            if options == "lanelets":
+                crossing.walkways(arm)
         (folder / "maps/lanelets.osm").write_text(crossing.sample.text())
         return "lanelets.osm"
     if options == "sample":
@@ -79,6 +84,23 @@ def test_a_scene_on_a_file_spawns_and_drives(tmp_path: Path, options: str) -> No
     assert np.mean(moved_m > 3.0) > 0.7
     speeds_mps = np.array([np.hypot(state.actors["vx"], state.actors["vy"]) for state in states])
     assert speeds_mps.max() < 45.0
+
+
+def test_on_a_map_without_sidewalks_people_walk_on_the_verges(tmp_path: Path) -> None:
+    planned = configured(tmp_path, map_file(tmp_path, "lanelets without walkways"))
+    states = drive(tmp_path, planned)
+    kinds = np.array([blueprint.kind for blueprint in load_blueprints()])
+    people = np.stack([state.actors[kinds[state.actors["blueprint"]] == "pedestrian"] for state in states])
+    assert people.shape[1] == 25
+    network = load_network(planned.map, tmp_path / "cache")
+    road = shapely.union_all(strip_polygons(network.layout.strips_of(LaneKind.DRIVING)))
+    from_road_m = shapely.distance(road, shapely.points(people["x"], people["y"]))
+    assert np.mean(from_road_m == 0.0) < 0.15, "only to cross"
+    assert from_road_m.max() < 6.0
+    on_land = from_road_m > 0.3
+    road_m = network.elevation.height_m(np.column_stack([people["x"][on_land], people["y"][on_land]]), 0)
+    np.testing.assert_allclose(people["z"][on_land] - road_m, LAND_HEIGHT_M, atol=0.03)
+    assert np.hypot(*(people[name][-1] - people[name][0] for name in "xy")).mean() > 3.0
 
 
 @pytest.mark.slow

@@ -1,10 +1,16 @@
 """Reads attributes of XML elements as numbers and identifiers."""
 
 import math
+import re
 from typing import NoReturn
 from xml.etree.ElementTree import Element
 
-_MAX_ABS = 1e9
+from simbev_ros.maps.findings import Findings
+from simbev_ros.maps.opendrive.reading.tables import NUMBERS
+
+MAX_ABS = 1e9
+_LEADING_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)")
+_LEADING_INTEGER = re.compile(r"\s*([+-]?\d{1,9})")
 
 
 class Malformed(ValueError):
@@ -15,7 +21,31 @@ class Malformed(ValueError):
         self.element = element
 
 
-def number(element: Element, name: str, default: float | None = None, max_abs: float = _MAX_ABS) -> float:
+def keep_leading_numbers(root: Element, notes: Findings) -> None:
+    """Cut numbers off before characters that belong to none, as CARLA reads them: ``0.000000+0`` is 0."""
+    for element in root.iter():
+        for name in NUMBERS.intersection(element.attrib):
+            text = element.attrib[name]
+            try:
+                float(text)
+            except ValueError:
+                match = _LEADING_NUMBER.match(text)
+                if match is not None:
+                    element.set(name, match[1])
+                    rule = "a number is read up to the first character that belongs to none"
+                    notes.repaired(rule, element, f"<{element.tag}>: {name}={text[:40]!r}")
+
+
+def start_of(element: Element, name: str, notes: Findings, is_optional: bool = False) -> float:
+    """The attribute at which a record starts; 0, with a note, if it cannot be read or is missing, as CARLA reads it."""
+    try:
+        return number(element, name, 0.0 if is_optional else None)
+    except Malformed as problem:
+        notes.repaired("a record without a readable start begins at 0", element, str(problem))
+        return 0.0
+
+
+def number(element: Element, name: str, default: float | None = None, max_abs: float = MAX_ABS) -> float:
     """The attribute as a finite number.
 
     Raises:
@@ -29,7 +59,7 @@ def number(element: Element, name: str, default: float | None = None, max_abs: f
     except ValueError:
         _refuse(element, f"{name}={text[:40]!r} is not a number")
     if not math.isfinite(value) or abs(value) > max_abs:
-        _refuse(element, f"{name}={text[:40]!r} is not a finite number of at most 1e{math.log10(max_abs):.0f}")
+        _refuse(element, f"{name}={text[:40]!r} is not a finite number of at most {max_abs:g}")
     return value
 
 
@@ -43,16 +73,14 @@ def identifier(element: Element) -> str:
 
 
 def integer_id(element: Element) -> int:
-    """The attribute ``id`` as a whole number.
+    """The attribute ``id`` as a whole number; further characters, as in ``-1.0``, are ignored.
 
     Raises:
         Malformed: It is missing or not a whole number.
     """
     text = identifier(element)
-    try:
-        return int(text)
-    except ValueError:
-        _refuse(element, f"id={text[:40]!r} is not a whole number")
+    match = _LEADING_INTEGER.match(text)
+    return _refuse(element, f"id={text[:40]!r} is not a whole number") if match is None else int(match[1])
 
 
 def _refuse(element: Element, problem: str) -> NoReturn:

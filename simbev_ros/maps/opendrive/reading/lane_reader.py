@@ -1,6 +1,6 @@
 """Reads the lane sections of an OpenDRIVE road, with the paint on their lane borders."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import TypeVar
 from xml.etree.ElementTree import Element
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from simbev_ros.foundation.files.limits import MAX_SECTIONS_PER_M
 from simbev_ros.maps.findings import Findings
-from simbev_ros.maps.opendrive.reading.attributes import Malformed, integer_id, number
+from simbev_ros.maps.opendrive.reading.attributes import Malformed, integer_id, number, start_of
 from simbev_ros.maps.opendrive.reading.cubics import Cubics
 from simbev_ros.maps.opendrive.reading.document import LaneHeight, LaneRecord, Section
 from simbev_ros.maps.opendrive.reading.tables import LANE_KINDS, PAINT_COLORS, PAINT_WIDTHS_M, PAINTS, SPEED_UNITS_MPS
@@ -18,6 +18,8 @@ _T = TypeVar("_T")
 _FEW_SECTIONS = 100
 _MAX_PAINT_WIDTH_M = 1.0
 _MAX_SPEED_MPS = 150.0
+_MAX_WIDTH_M = 200.0
+_OTHER_SIDE = {"left": "right", "right": "left"}
 _MAX_HEIGHT_M = 2.0  # heights of lanes are for curbs and sidewalks
 
 
@@ -29,14 +31,16 @@ def read_sections(road: Element, length_m: float, notes: Findings) -> tuple[tupl
     Raises:
         Malformed: There is no section, or one is not usable.
     """
-    elements = sorted(road.findall("lanes/laneSection"), key=lambda element: number(element, "s"))
+    started = [(start_of(element, "s", notes), element) for element in road.findall("lanes/laneSection")]
+    started.sort(key=lambda section: section[0])
+    elements = [element for _, element in started]
     if not elements:
         raise Malformed(road, "it has no lane section")
     if len(elements) > _FEW_SECTIONS + MAX_SECTIONS_PER_M * length_m:
         raise Malformed(
             road, f"it has {len(elements)} lane sections; at most {MAX_SECTIONS_PER_M:g} per meter are read"
         )
-    starts_m = [0.0, *(number(element, "s") for element in elements[1:])]
+    starts_m = [0.0, *(start_m for start_m, _ in started[1:])]
     indexed = [(k, s_m, e) for k, (s_m, e) in enumerate(zip(starts_m, elements, strict=True)) if s_m < length_m]
     if len(indexed) < len(elements):
         notes.left_out("a lane section beyond the road's end is left out", elements[-1])
@@ -52,24 +56,48 @@ def _read_side(
     ends_m = [*(s_m for _, s_m, _ in present[1:]), length_m]
     sections = []
     for (index, start_m, element), end_m in zip(present, ends_m, strict=True):
-        lanes = [_read_lane(lane, notes) for lane in element.findall(f"{side}/lane")]
-        if any((lane.id > 0) != (side == "left") or lane.id == 0 for lane in lanes):
-            raise Malformed(element, f"a lane on the {side} has an id of the other side")
-        if len({lane.id for lane in lanes}) < len(lanes):
-            raise Malformed(element, f"two lanes on the {side} have the same id")
-        mark_elements = [*element.findall("center/lane"), *element.findall(f"{side}/lane")]
-        marks = {integer_id(lane): _read_marks(lane, notes) for lane in mark_elements}
-        sections.append(Section(index, start_m, end_m, tuple(sorted(lanes, key=lambda lane: abs(lane.id))), marks))
+        elements = _lanes_of_side(element, side, notes)
+        lanes = [_read_lane(elements[number], number, end_m - start_m, notes) for number in sorted(elements, key=abs)]
+        centers = ((0, lane) for lane in element.findall("center/lane"))
+        marks = {number: _read_marks(lane, notes) for number, lane in (*centers, *elements.items())}
+        sections.append(Section(index, start_m, end_m, tuple(lanes), marks))
     return tuple(sections)
 
 
-def _read_lane(element: Element, notes: Findings) -> LaneRecord:
-    """Read one <lane>."""
-    width, border = (Cubics.read(element.findall(name), "sOffset") for name in ("width", "border"))
+def _lanes_of_side(section: Element, side: str, notes: Findings) -> dict[int, Element]:
+    """The lanes of one side of a <laneSection> by id; an id of the other side counts more than the element it is in."""
+    found: dict[int, Element] = {}
+    for listed in (side, _OTHER_SIDE[side]):
+        for lane in section.findall(f"{listed}/lane"):
+            try:
+                number = integer_id(lane)
+            except Malformed as problem:
+                number = 0
+                detail = str(problem)
+            else:
+                detail = f"lane {number}"
+            if number == 0 and listed == side:
+                notes.left_out("a lane without an id of its side is left out", lane, detail)
+            if number == 0 or (number > 0) != (side == "left"):
+                continue
+            if listed != side:
+                notes.repaired("a lane with an id of the other side is moved there", lane, detail)
+            if number in found:
+                notes.left_out("a lane with the id of an earlier one is left out", lane, detail)
+                continue
+            found[number] = lane
+    return found
+
+
+def _read_lane(element: Element, number: int, length_m: float, notes: Findings) -> LaneRecord:
+    """Read one <lane> of a section with a length."""
+    width, border = (
+        Cubics.read(element.findall(name), notes, length_m, _MAX_WIDTH_M, "sOffset") for name in ("width", "border")
+    )
     if not width and not border:
         notes.left_out("a lane without width is left out", element)
     return LaneRecord(
-        id=integer_id(element),
+        id=number,
         type=element.get("type", "none"),
         kind=LANE_KINDS.get(element.get("type", "none")),
         on_level=element.get("level") in ("true", "1"),
@@ -78,14 +106,14 @@ def _read_lane(element: Element, notes: Findings) -> LaneRecord:
         height=_read_height(element, notes),
         speeds=tuple(
             sorted(
-                (number(speed, "sOffset", 0.0), speed_mps)
+                (start_of(speed, "sOffset", notes, is_optional=True), speed_mps)
                 for speed in element.findall("speed")
                 for speed_mps in [read_speed(speed, notes)]
                 if speed_mps is not None
             )
         ),
-        predecessors=_linked_ids(element, "predecessor"),
-        successors=_linked_ids(element, "successor"),
+        predecessors=tuple(_linked_ids(element, "predecessor", notes)),
+        successors=tuple(_linked_ids(element, "successor", notes)),
         reversed=element.get("direction") == "reversed",
     )
 
@@ -109,8 +137,12 @@ def _read_height(element: Element, notes: Findings) -> LaneHeight | None:
     return LaneHeight(starts_m, *np.array([rows[start_m] for start_m in starts_m]).T)
 
 
-def _linked_ids(element: Element, name: str) -> tuple[int, ...]:
-    return tuple(integer_id(link) for link in element.findall(f"link/{name}"))
+def _linked_ids(element: Element, name: str, notes: Findings) -> Iterator[int]:
+    for link in element.findall(f"link/{name}"):
+        try:
+            yield integer_id(link)
+        except Malformed as problem:
+            notes.left_out("a link of a lane that cannot be read is left out", link, str(problem))
 
 
 def read_speed(element: Element, notes: Findings) -> float | None:
@@ -131,7 +163,12 @@ def read_speed(element: Element, notes: Findings) -> float | None:
 
 def _read_marks(lane: Element, notes: Findings) -> tuple[tuple[float, Line], ...]:
     """Read the paint on a lane's outer border, by distance from the section's start; none before the first mark."""
-    marks = {number(mark, "sOffset", 0.0): _read_mark(mark, notes) for mark in lane.findall("roadMark")}
+    marks: dict[float, Line] = {}
+    for mark in lane.findall("roadMark"):
+        try:
+            marks[start_of(mark, "sOffset", notes, is_optional=True)] = _read_mark(mark, notes)
+        except Malformed as problem:
+            notes.left_out("a road mark that cannot be read is left out", mark, str(problem))
     return tuple(sorted(marks.items(), key=lambda mark: mark[0]))
 
 

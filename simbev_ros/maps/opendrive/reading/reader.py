@@ -1,6 +1,7 @@
 """Reads the roads and junctions of an OpenDRIVE file into a Document; unusable roads are left out, with a note."""
 
 import math
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import cast
@@ -11,7 +12,7 @@ import numpy as np
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.findings import Findings
-from simbev_ros.maps.opendrive.reading.attributes import Malformed, identifier, number
+from simbev_ros.maps.opendrive.reading.attributes import Malformed, identifier, number, start_of
 from simbev_ros.maps.opendrive.reading.cubics import Cubics
 from simbev_ros.maps.opendrive.reading.document import Connection, Contact, Document, Link, Road, RoadEnd, Shape
 from simbev_ros.maps.opendrive.reading.lane_reader import read_sections, read_speed
@@ -25,6 +26,9 @@ _MAX_ROAD_M = 200e3
 _MAX_MAP_M = 20e6
 _MAX_ROADS = 50_000
 _MIN_ROAD_M = 1e-3
+_MAX_HEIGHT_M = 10e3
+_MAX_OFFSET_M = 200.0
+_MAX_T_M = 20.0  # half the width of a wide road, as far as its lateral profile is checked
 _MAX_LANES = 20  # of a road, as far as its loss is concerned
 
 
@@ -45,6 +49,9 @@ def read_document(path: Path, root: Element, notes: Findings) -> Document:
         raise InputError(f"{path}: has {count} roads; at most {_MAX_ROADS} are read. Extract the part that you need")
     roads: dict[str, Road] = {}
     for element in root.findall("road"):
+        if not element.get("id"):
+            element.set("id", f"unnamed{len(roads)}")
+            notes.repaired("a road without an id is given one", element, element.attrib["id"])
         try:
             road = _read_road(element, notes)
         except Malformed as problem:
@@ -82,7 +89,7 @@ def _place_of(road: Element) -> tuple[Float64Array | None, float]:
 def _check_version(path: Path, root: Element) -> None:
     header = root.find("header")
     major = "1" if header is None else header.get("revMajor", "1")
-    if major != "1":
+    if _whole(major) not in (1, None):
         raise InputError(f"{place_of(path, root)}: OpenDRIVE revMajor={major[:20]!r}; only 1 can be read")
 
 
@@ -100,14 +107,16 @@ def _read_road(element: Element, notes: Findings) -> Road:
         length_m=length_m,
         left_hand=element.get("rule", "RHT").upper() == "LHT",
         plan=plan,
-        elevation=Cubics.read(element.findall("elevationProfile/elevation")),
-        superelevation=Cubics.read(element.findall("lateralProfile/superelevation")),
-        crossfall=_read_crossfall(element),
-        shape=_read_shape(element),
-        offset=Cubics.read(element.findall("lanes/laneOffset")),
+        elevation=Cubics.read(element.findall("elevationProfile/elevation"), notes, length_m, _MAX_HEIGHT_M),
+        superelevation=Cubics.read(element.findall("lateralProfile/superelevation"), notes, length_m, math.pi / 2.0),
+        crossfall=_read_crossfall(element, length_m, notes),
+        shape=_read_shape(element, notes),
+        offset=Cubics.read(element.findall("lanes/laneOffset"), notes, length_m, _MAX_OFFSET_M),
         left=left,
         right=right,
-        speeds=tuple(sorted((number(kind, "s", 0.0), _read_type_speed(kind, notes)) for kind in types)),
+        speeds=tuple(
+            sorted((start_of(kind, "s", notes, is_optional=True), _read_type_speed(kind, notes)) for kind in types)
+        ),
         predecessor=_read_link(element.find("link/predecessor")),
         successor=_read_link(element.find("link/successor")),
         bridges=_read_stretches(element, "bridge", notes),
@@ -123,7 +132,9 @@ def _road_length_m(element: Element, plan: PlanView, notes: Findings) -> float:
     except Malformed:
         declared_m = math.nan
     length_m = declared_m
-    if not abs(declared_m - plan.end_m) <= _LENGTH_TOLERANCE_M:
+    if plan.end_m > _MAX_ROAD_M and _MIN_ROAD_M <= declared_m <= _MAX_ROAD_M:
+        notes.repaired("a road's geometry is too long: the road ends as declared", element, f"road {element.get('id')}")
+    elif not abs(declared_m - plan.end_m) <= _LENGTH_TOLERANCE_M:
         length_m = plan.end_m
         notes.repaired(
             "a road's length is not that of its geometry, which is used", element, f"road {element.get('id')}"
@@ -140,22 +151,28 @@ def _read_type_speed(kind: Element, notes: Findings) -> float:
     return stated_mps or DEFAULT_SPEEDS_MPS.get(kind.get("type", ""), DEFAULT_SPEEDS_MPS["default"])
 
 
-def _read_crossfall(element: Element) -> tuple[Cubics, Cubics]:
+def _read_crossfall(element: Element, length_m: float, notes: Findings) -> tuple[Cubics, Cubics]:
     """Crossfall of the left and of the right side."""
     records = element.findall("lateralProfile/crossfall")
     left, right = (
-        Cubics.read(record for record in records if record.get("side", "both") in (side, "both"))
+        Cubics.read(
+            [record for record in records if record.get("side", "both") in (side, "both")],
+            notes,
+            length_m,
+            math.pi / 2.0,
+        )
         for side in ("left", "right")
     )
     return left, right
 
 
-def _read_shape(element: Element) -> tuple[Shape, ...]:
+def _read_shape(element: Element, notes: Findings) -> tuple[Shape, ...]:
     """Lateral profiles, in order of s."""
     stations: dict[float, list[Element]] = {}
     for record in element.findall("lateralProfile/shape"):
-        stations.setdefault(number(record, "s"), []).append(record)
-    return tuple(Shape(s_m, Cubics.read(stations[s_m], "t")) for s_m in sorted(stations))
+        stations.setdefault(start_of(record, "s", notes), []).append(record)
+    shapes = ((s_m, Cubics.read(stations[s_m], notes, _MAX_T_M, _MAX_HEIGHT_M, "t")) for s_m in sorted(stations))
+    return tuple(Shape(s_m, heights) for s_m, heights in shapes if heights)
 
 
 def _read_stretches(element: Element, kind: str, notes: Findings) -> tuple[tuple[float, float], ...]:
@@ -196,9 +213,16 @@ def _iter_connections(root: Element, roads: dict[str, Road], notes: Findings) ->
         if incoming not in roads or entered not in roads or contact not in ("start", "end"):
             notes.left_out("a junction's connection of missing roads is left out", element)
             continue
-        try:
-            lanes = tuple((int(link.get("from", "")), int(link.get("to", ""))) for link in element.findall("laneLink"))
-        except ValueError:
-            notes.left_out("a junction's connection with invalid lane numbers is left out", element)
-            continue
+        links = [(_whole(link.get("from", "")), _whole(link.get("to", ""))) for link in element.findall("laneLink")]
+        lanes = tuple((start, end) for start, end in links if start is not None and end is not None)
+        if len(lanes) < len(links):
+            notes.left_out("a lane link of a junction with invalid lane numbers is left out", element)
+            if not lanes:
+                continue
         yield Connection(incoming, RoadEnd(entered, cast(Contact, contact)), lanes or None)
+
+
+def _whole(text: str) -> int | None:
+    """The whole number that a text begins with."""
+    match = re.match(r"\s*([+-]?\d{1,9})", text)
+    return None if match is None else int(match[1])

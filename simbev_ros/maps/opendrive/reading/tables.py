@@ -38,3 +38,6 @@ SIGNAL_MEANINGS: Final = {code: meaning for meaning, codes in _TABLES["signals"]
 
 NAMED_SPEED_LIMIT: Final = re.compile(_TABLES["named_speed_limit"], re.IGNORECASE)
 """Pattern for names of objects that are speed limits; group 1 is km/h."""
+
+NUMBERS: Final = frozenset(_TABLES["numbers"])
+"""Attributes that are numbers, in whatever element they are."""

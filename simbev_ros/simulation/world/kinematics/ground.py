@@ -10,13 +10,14 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from simbev_ros.assets.placement.region_ground import LAND_HEIGHT_M
 from simbev_ros.foundation.geometry import overlay
 from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.maps.roads.elevation import Elevation
 from simbev_ros.maps.roads.lane_kind import CURB_HEIGHT_M
 from simbev_ros.maps.roads.layout import Layout
 from simbev_ros.maps.roads.raised_lanes import RaisedLanes
-from simbev_ros.maps.roads.surface import sidewalk_surface, strip_polygons
+from simbev_ros.maps.roads.surface import sidewalk_surface, strip_polygons, surfaces_of
 
 _LEVEL_TOLERANCE_M = 1.25  # half the clearance between two levels
 _OVERHANG_M = 0.5  # distance by which wheels may stand beside the lanes of a structure
@@ -27,15 +28,16 @@ _PATCH_M = 32.0
 class GroundSurface:
     """The surfaces of a map's roads; sidewalks are built on demand and cached."""
 
-    def __init__(self, layout: Layout) -> None:
-        self._layout = layout
+    def __init__(self, layout: Layout, walks_on_land: bool = False) -> None:
+        """For a layout; ``walks_on_land``: people walk on the land beside the streets, as there are no sidewalks."""
+        self._layout, self._walks_on_land = layout, walks_on_land
         self._elevation = Elevation(layout)
         self._raised_lanes = [RaisedLanes.of_level(layout, level) for level in layout.levels]
         raised = [strip for strip in layout.strips if strip.level > 0]
         self._deck_level = np.array([strip.level for strip in raised], np.int64)
         self._decks = shapely.STRtree(shapely.buffer(strip_polygons(raised), _OVERHANG_M))
         self._first_m, self._patches = _covered_patches(self._decks)
-        self._sidewalks: dict[tuple[int, int, int], BaseGeometry] = {}
+        self._raised: dict[tuple[int, int, int], tuple[tuple[BaseGeometry, float], ...]] = {}
 
     @cached_property
     def is_level(self) -> bool:
@@ -80,14 +82,15 @@ class GroundSurface:
         return height_m
 
     def raised_m(self, point_m: Float64Array) -> Float64Array:
-        """(N,) height of the ground above ``heights_m`` at (N, 3) points: the default height of sidewalks."""
+        """(N,) height of the ground above ``heights_m`` at (N, 3) points: the default height of sidewalks, or land."""
         cells = np.column_stack([self.levels(point_m), np.floor(point_m[:, :2] / _CELL_M).astype(np.int64)])
-        on_sidewalk: BoolArray = np.zeros(len(point_m), bool)
+        raised_m = np.zeros(len(point_m))
         keys, cell = np.unique(cells, axis=0, return_inverse=True)
         for number, key in enumerate(keys.tolist()):
             rows = cell.ravel() == number
-            on_sidewalk[rows] = shapely.contains_xy(self._sidewalk(*key), point_m[rows, :2])
-        return np.where(on_sidewalk, CURB_HEIGHT_M, 0.0)
+            for area, height_m in self._raised_areas(*key):
+                raised_m[rows] = np.where(shapely.contains_xy(area, point_m[rows, :2]), height_m, raised_m[rows])
+        return raised_m
 
     def prepare(self, point_m: Float64Array, reach_m: float) -> None:
         """Build the sidewalks within ``reach_m``, at most 512 m, of (N, 3) points now instead of on demand."""
@@ -95,20 +98,24 @@ class GroundSurface:
         cells = np.floor((point_m[:, None, :2] + around) / _CELL_M).astype(np.int64).reshape(-1, 2)
         for column, row in np.unique(cells, axis=0).tolist():
             for level in self._layout.levels:
-                self._sidewalk(level, column, row)
+                self._raised_areas(level, column, row)
 
-    def _sidewalk(self, level: int, column: int, row: int) -> BaseGeometry:
-        """The sidewalks of a grid cell, cached."""
+    def _raised_areas(self, level: int, column: int, row: int) -> tuple[tuple[BaseGeometry, float], ...]:
+        """Areas of a grid cell with heights, cached: sidewalks, and the land beside streets if it is walked on."""
         key = level, column, row
-        if key not in self._sidewalks:
+        if key not in self._raised:
             x_m, y_m = column * _CELL_M, row * _CELL_M
             area = shapely.box(x_m, y_m, x_m + _CELL_M, y_m + _CELL_M)
-            sidewalk: BaseGeometry = sidewalk_surface(self._layout, level, area)
+            areas = [(sidewalk_surface(self._layout, level, area), CURB_HEIGHT_M)]
+            if self._walks_on_land and level == 0:
+                streets = surfaces_of(self._layout, level, area)
+                taken = overlay.union_all([streets.road, streets.shoulder, streets.median, streets.sidewalk])
+                areas.append((overlay.difference(area, taken), LAND_HEIGHT_M))
             if self._raised_lanes[level]:
-                sidewalk = overlay.difference(sidewalk, self._raised_lanes[level].area)
-            self._sidewalks[key] = sidewalk
-            shapely.prepare(self._sidewalks[key])
-        return self._sidewalks[key]
+                areas = [(overlay.difference(each, self._raised_lanes[level].area), high_m) for each, high_m in areas]
+            self._raised[key] = tuple(areas)
+            shapely.prepare([each for each, _ in areas])
+        return self._raised[key]
 
 
 def _covered_patches(decks: shapely.STRtree) -> tuple[Float64Array, BoolArray]:

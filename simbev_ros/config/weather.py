@@ -5,14 +5,15 @@ weather of a scene, the index of datasets, figures, pages and documentation foll
 compared with it by a test, which prints the line to write. Docs: docs/extending/weather-parameter.md.
 """
 
+import datetime
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from annotated_types import BaseMetadata, Ge, GroupedMetadata, Le
-from pydantic import BaseModel, ConfigDict, Field, create_model
+from pydantic import BaseModel, ConfigDict, Field, create_model, model_validator
 
 from simbev_ros.config.base import Model
 from simbev_ros.config.draw import Drawn, PaperOrDrawn, within
@@ -112,17 +113,45 @@ def _field(name: str, row: WeatherParameter) -> tuple[Any, Any]:
 
 if TYPE_CHECKING:
 
-    class WeatherParameters(Model):
+    class WeatherFields(Model):
         """A model with fields that are only known when the program runs."""
 
 else:
-    WeatherParameters = create_model(
-        "WeatherParameters",
+    WeatherFields = create_model(
+        "WeatherFields",
         __base__=Model,
         __module__=__name__,
-        __doc__="Weather and light; ``paper`` draws by the rules of the paper's table, some of which depend on others.",
+        __doc__="The parameters, each with a field.",
         **{name: _field(name, row) for name, row in WEATHER_PARAMETERS.items()},
     )
+
+
+class Sun(Model):
+    """Date, place and time of day, from which the direction of the sun follows."""
+
+    date: datetime.date = Field(description="date, such as 2026-06-21")
+    hour: Annotated[Drawn, within(0, 24)] = Field(description="local solar time, h; at 12 the sun is highest")
+    latitude_deg: float | None = Field(
+        None, ge=-90, le=90, description="latitude, north positive; none: that of the map, 0 if it has no georeference"
+    )
+
+
+class WeatherParameters(WeatherFields):
+    """Weather and light; ``paper`` draws by the rules of the paper's table, some of which depend on others.
+
+    With ``precipitation: 0``, ``wetness`` and ``precipitation_deposits`` are 0 unless they are given.
+    """
+
+    sun: Sun | None = Field(
+        None, description="date and time in place of `sun_azimuth_deg` and `sun_altitude_deg`; none: these two"
+    )
+
+    @model_validator(mode="after")
+    def _one_sun(self) -> Self:
+        given = [name for name in ("sun_azimuth_deg", "sun_altitude_deg") if name in self.model_fields_set]
+        if self.sun is not None and given:
+            raise ValueError(f"sun and {given[0]} are set; give one of them")
+        return self
 
 
 class WeatherConfig(WeatherParameters):

@@ -11,7 +11,7 @@ from simbev_ros.config.draw import Distribution
 from simbev_ros.config.hazards import Hazards
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Scenario, Timing, Traffic
-from simbev_ros.config.weather import WeatherConfig, WeatherParameters
+from simbev_ros.config.weather import WEATHER_PARAMETERS, WeatherConfig, WeatherParameters
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.source import known_maps
@@ -55,7 +55,7 @@ def weather(request: pytest.FixtureRequest) -> dict[str, Float64Array]:
     config = WeatherConfig(final=WeatherParameters())
     pairs = [draw_weathers(config, seed, even_fog=False) for seed in range(SCENES)]
     drawn = [pair[request.param == "final"] for pair in pairs]
-    return {name: np.array([getattr(each, name) for each in drawn]) for name in WeatherParameters.model_fields}
+    return {name: np.array([getattr(each, name) for each in drawn]) for name in WEATHER_PARAMETERS}
 
 
 def test_independent_weather_parameters_are_as_in_the_paper(weather: dict[str, Float64Array]) -> None:
@@ -157,6 +157,23 @@ def test_the_ego_its_driver_signals_and_duration(count: int) -> None:
     assert agrees(np.concatenate([spec.green_time_s for spec in specs]), stats.uniform(4, 24))
     assert is_share(sum(ego.reckless for ego in egos), count, 0.01)
     assert agrees(np.array([spec.walker_cross_factor for spec in specs]), stats.beta(2.4, 1.6))
+
+
+def test_drivers_ignore_what_the_configuration_says_and_pedestrians_have_wheelchairs() -> None:
+    probabilities = {"lights": 0.5, "signs": 0.0, "vehicles": 1.0, "pedestrians": 0.3}
+    ignoring = {f"ignore_{what}_probability": share for what, share in probabilities.items()}
+    traffic = Traffic(vehicles=40, pedestrians=60, reckless_probability=0, distracted_probability=0)
+    usual = load_scenario("paper").model_copy(update={"traffic": traffic})
+    changed = traffic.model_copy(update=ignoring | {"wheelchair_probability": 0.4})
+    specs = list(small_scenes(usual.model_copy(update={"traffic": changed}), 12))
+    vehicles = [vehicle for spec in specs for vehicle in spec.vehicles]
+    for what, share in probabilities.items():
+        assert is_share(sum(what in each.ignored for each in vehicles), len(vehicles), share)
+    walkers = [each for spec in specs for each in spec.pedestrians]
+    assert is_share(sum(each.blueprint == "pedestrian.wheelchair" for each in walkers), len(walkers), 0.4)
+    careful = next(small_scenes(usual, 1))
+    assert [each.model_copy(update={"ignores": ()}) for each in specs[0].vehicles] == list(careful.vehicles)
+    assert "ignores" not in careful.model_dump_json()
 
 
 @pytest.mark.slow

@@ -5,11 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Traffic
-from simbev_ros.config.weather import WeatherConfig, WeatherParameters
+from simbev_ros.config.weather import WEATHER_PARAMETERS, WeatherConfig, WeatherParameters
 from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.geometry.geodesy import MapDatum
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene
@@ -51,7 +53,7 @@ def test_weather_is_constant_in_the_warm_up_and_final_at_the_last_tick(tmp_path:
     spec = draw(tmp_path)
     assert spec.final_weather is not None and spec.final_weather.cloudiness == 100
     assert spec.weather_at(-20) == spec.weather_at(0) == spec.weather
-    for name in WeatherParameters.model_fields:
+    for name in WEATHER_PARAMETERS:
         if name != "sun_azimuth_deg":
             now = [getattr(spec.weather_at(tick), name) for tick in range(spec.ticks)]
             ends = getattr(spec.weather, name), getattr(spec.final_weather, name)
@@ -107,3 +109,24 @@ def test_a_drawn_duration_is_rounded_to_whole_ticks(tmp_path: Path) -> None:
 def test_bad_values_are_refused(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(InputError, match=message):
         draw(tmp_path, text)
+
+
+def test_no_rain_means_dry_ground_unless_the_ground_is_given() -> None:
+    for seed in range(20):
+        dry = draw_weather(WeatherParameters(precipitation=0), seed, even_fog=False)
+        assert (dry.wetness, dry.precipitation_deposits) == (0.0, 0.0)
+    by_paper = WeatherParameters(precipitation=0, wetness="paper", precipitation_deposits=30)
+    drawn = [draw_weather(by_paper, seed, even_fog=False) for seed in range(20)]
+    assert max(each.wetness for each in drawn) > 0.0 and {each.precipitation_deposits for each in drawn} == {30.0}
+
+
+def test_the_sun_follows_from_date_place_and_hour_on_maps_of_any_direction() -> None:
+    noon = WeatherParameters.model_validate({"sun": {"date": "2026-06-21", "hour": 12}})
+    for turned_rad in (0.0, 1.0):
+        datum = MapDatum(48.0, 11.0, 500.0, MapDatum(48.0, 11.0, 500.0).proj_string, heading_rad=turned_rad)
+        drawn = draw_weather(noon, 3, even_fog=False, datum=datum)
+        assert drawn.sun_altitude_deg == pytest.approx(65.44, abs=0.1)
+        south_deg = 270.0 - np.degrees(turned_rad)  # counterclockwise from map x
+        assert drawn.sun_azimuth_deg == pytest.approx(south_deg, abs=0.1)
+    with pytest.raises(ValidationError, match="sun and sun_altitude_deg are set; give one of them"):
+        WeatherParameters.model_validate({"sun": {"date": "2026-06-21", "hour": 12}, "sun_altitude_deg": 3})

@@ -7,11 +7,13 @@ defines its own projection.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import cos, sin
+from math import atan2, cos, sin
 
 from pyproj import Transformer
 
 from simbev_ros.foundation.types import Float64Array
+
+_SHORT_DEG = 1e-3
 
 
 @dataclass(frozen=True)
@@ -66,3 +68,10 @@ class MapDatum:
         east, north = east - self.false_easting_m, north - self.false_northing_m
         cosine, sine = cos(self.heading_rad), sin(self.heading_rad)
         return cosine * east + sine * north, cosine * north - sine * east, altitude_m - self.altitude_m
+
+    @cached_property
+    def north_rad(self) -> float:
+        """Direction of north at the map's origin, counterclockwise from map x; π/2 if map x points east."""
+        north_m = self.map_from_geodetic(self.latitude_deg + _SHORT_DEG, self.longitude_deg, self.altitude_m)
+        here_m = self.map_from_geodetic(self.latitude_deg, self.longitude_deg, self.altitude_m)
+        return atan2(north_m[1] - here_m[1], north_m[0] - here_m[0])

@@ -73,7 +73,9 @@ def draw_scene(
     clearance = StartClearance(network)
     agents = draw_agents(scenario, seed, network, starts, duration_s, clearance)
     drawer = SceneDrawer(scenario, seed, network, starts, duration_s, agents)
-    weather, final_weather = draw_weathers(scenario.weather, seed, even_fog=fog_fills_heights(planned.map, network))
+    weather, final_weather = draw_weathers(
+        scenario.weather, seed, even_fog=fog_fills_heights(planned.map, network), datum=network.datum
+    )
     hazards = drawer.draw_hazards()
     vehicles = tuple(drawer.draw_vehicles(hazards, clearance))
     return SceneSpec(

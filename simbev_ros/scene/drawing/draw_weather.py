@@ -1,17 +1,22 @@
 """Draw the weather of a scene: by the paper's table, or by what the configuration fixes or draws differently."""
 
+import math
 from collections.abc import Callable
 
 import numpy as np
 
 from simbev_ros.config.draw import sample
 from simbev_ros.config.weather import WEATHER_PARAMETERS, WeatherConfig, WeatherParameters
+from simbev_ros.foundation.geometry.geodesy import MapDatum
+from simbev_ros.foundation.geometry.sun import sun_direction_deg
 from simbev_ros.foundation.random import stream
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.schema.scene.weather import Weather
 
 _FOGGY_TOWNS = ("Town12", "Town13", "Town15")
+_OF_RAIN = ("precipitation_deposits", "wetness")
+_NO_PLACE = MapDatum(0.0, 0.0, 0.0)
 _HIGH_M = 20.0  # where the fastest falloff that is drawn leaves a quarter of the fog
 
 
@@ -25,13 +30,19 @@ def fog_fills_heights(spec: MapSpec, network: RoadNetwork) -> bool:
     return any(bool(np.any(np.abs(lane.centerline_m[:, 2]) > _HIGH_M)) for lane in network.lanes.values())
 
 
-def draw_weathers(config: WeatherConfig, seed: int, *, even_fog: bool) -> tuple[Weather, Weather | None]:
+def draw_weathers(
+    config: WeatherConfig, seed: int, *, even_fog: bool, datum: MapDatum = _NO_PLACE
+) -> tuple[Weather, Weather | None]:
     """Draw the weather at a scene's start and, if it changes, at its end; both independently by the same rules."""
-    final = None if config.final is None else draw_weather(config.final, seed, even_fog=even_fog, name="weather.final")
-    return draw_weather(config, seed, even_fog=even_fog), final
+    final = None
+    if config.final is not None:
+        final = draw_weather(config.final, seed, even_fog=even_fog, name="weather.final", datum=datum)
+    return draw_weather(config, seed, even_fog=even_fog, datum=datum), final
 
 
-def draw_weather(config: WeatherParameters, seed: int, *, even_fog: bool, name: str = "weather") -> Weather:
+def draw_weather(
+    config: WeatherParameters, seed: int, *, even_fog: bool, name: str = "weather", datum: MapDatum = _NO_PLACE
+) -> Weather:
     """Draw every parameter from a random stream of its own, so that fixing one does not change the others.
 
     Args:
@@ -39,11 +50,13 @@ def draw_weather(config: WeatherParameters, seed: int, *, even_fog: bool, name: 
         seed: The scene's seed.
         even_fog: ``fog_fills_heights`` of the map.
         name: Prefix of the random stream names.
+        datum: Position of the map on Earth, for a sun by date and time.
     """
     drawn: dict[str, float] = {}
+    given = _without_rain(config) | _sun_of(config, seed, name, datum)
 
     def draw(parameter: str, paper: Callable[[np.random.Generator], float] | None = None) -> float:
-        requested = getattr(config, parameter)
+        requested = given.get(parameter, getattr(config, parameter))
         rng = stream(seed, f"{name}.{parameter}")
         drawn[parameter] = paper(rng) if paper is not None and requested == "paper" else sample(requested, rng)
         return drawn[parameter]
@@ -61,3 +74,24 @@ def draw_weather(config: WeatherParameters, seed: int, *, even_fog: bool, name: 
     for parameter in WEATHER_PARAMETERS.keys() - drawn:
         draw(parameter)
     return Weather(**drawn)
+
+
+def _without_rain(config: WeatherParameters) -> dict[str, float]:
+    """Dry ground, if a configuration rules rain out and does not say how wet the ground is."""
+    requested = {name: getattr(config, name) for name in WEATHER_PARAMETERS}
+    if requested["precipitation"] != 0:
+        return {}
+    return {name: 0.0 for name in _OF_RAIN if name not in config.model_fields_set}
+
+
+def _sun_of(config: WeatherParameters, seed: int, name: str, datum: MapDatum) -> dict[str, float]:
+    """Direction of the sun by date and time, if that is given, in the map's axes."""
+    if config.sun is None:
+        return {}
+    latitude_deg = datum.latitude_deg if config.sun.latitude_deg is None else config.sun.latitude_deg
+    hour = sample(config.sun.hour, stream(seed, f"{name}.sun.hour"))
+    azimuth_deg, altitude_deg = sun_direction_deg(config.sun.date, hour, latitude_deg)
+    return {
+        "sun_azimuth_deg": (math.degrees(datum.north_rad) - azimuth_deg) % 360.0,
+        "sun_altitude_deg": altitude_deg,
+    }

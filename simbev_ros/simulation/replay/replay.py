@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from simbev_ros.config.map_files import suffix_of
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.foundation.errors import BagError, InputError, LimitError
 from simbev_ros.foundation.files.limits import MAX_OSM_BYTES
@@ -18,7 +19,7 @@ from simbev_ros.foundation.types import Table
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.source import is_street_map, suffix_of
+from simbev_ros.maps.source import is_street_map
 from simbev_ros.recording.arrays import point_array
 from simbev_ros.recording.layout import (
     LEAD_IN_ATTACHMENT,
@@ -250,7 +251,9 @@ def replayed_spec(bag: SceneBag, scenario: Scenario, network: RoadNetwork, chose
     }
     if "weather" in scenario.model_fields_set:
         even_fog = fog_fills_heights(chosen or spec.map, network)
-        changes["weather"], changes["final_weather"] = draw_weathers(scenario.weather, spec.seed, even_fog=even_fog)
+        changes["weather"], changes["final_weather"] = draw_weathers(
+            scenario.weather, spec.seed, even_fog=even_fog, datum=network.datum
+        )
     if "lights" in scenario.model_fields_set:
         changes["lights"] = draw_lights(scenario.lights, spec.seed)
     return spec.model_copy(update=changes)

@@ -146,9 +146,16 @@ class WeatherParameters(WeatherFields):
         None, description="date and time in place of `sun_azimuth_deg` and `sun_altitude_deg`; none: these two"
     )
 
+    @model_validator(mode="before")
+    @classmethod
+    def _dry_without_rain(cls, data: Any) -> Any:
+        if isinstance(data, dict) and data.get("precipitation") == 0:
+            return {"wetness": 0.0, "precipitation_deposits": 0.0, **data}
+        return data
+
     @model_validator(mode="after")
     def _one_sun(self) -> Self:
-        given = [name for name in ("sun_azimuth_deg", "sun_altitude_deg") if name in self.model_fields_set]
+        given = [name for name in ("sun_azimuth_deg", "sun_altitude_deg") if getattr(self, name) != "paper"]
         if self.sun is not None and given:
             raise ValueError(f"sun and {given[0]} are set; give one of them")
         return self

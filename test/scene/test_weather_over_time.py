@@ -128,5 +128,7 @@ def test_the_sun_follows_from_date_place_and_hour_on_maps_of_any_direction() -> 
         assert drawn.sun_altitude_deg == pytest.approx(65.44, abs=0.1)
         south_deg = 270.0 - np.degrees(turned_rad)  # counterclockwise from map x
         assert drawn.sun_azimuth_deg == pytest.approx(south_deg, abs=0.1)
+    again = WeatherParameters.model_validate(noon.model_dump(mode="json"))
+    assert draw_weather(again, 3, even_fog=False) == draw_weather(noon, 3, even_fog=False)
     with pytest.raises(ValidationError, match="sun and sun_altitude_deg are set; give one of them"):
         WeatherParameters.model_validate({"sun": {"date": "2026-06-21", "hour": 12}, "sun_altitude_deg": 3})

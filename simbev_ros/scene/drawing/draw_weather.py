@@ -15,7 +15,6 @@ from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.schema.scene.weather import Weather
 
 _FOGGY_TOWNS = ("Town12", "Town13", "Town15")
-_OF_RAIN = ("precipitation_deposits", "wetness")
 _NO_PLACE = MapDatum(0.0, 0.0, 0.0)
 _HIGH_M = 20.0  # where the fastest falloff that is drawn leaves a quarter of the fog
 
@@ -53,7 +52,7 @@ def draw_weather(
         datum: Position of the map on Earth, for a sun by date and time.
     """
     drawn: dict[str, float] = {}
-    given = _without_rain(config) | _sun_of(config, seed, name, datum)
+    given = _sun_of(config, seed, name, datum)
 
     def draw(parameter: str, paper: Callable[[np.random.Generator], float] | None = None) -> float:
         requested = given.get(parameter, getattr(config, parameter))
@@ -74,14 +73,6 @@ def draw_weather(
     for parameter in WEATHER_PARAMETERS.keys() - drawn:
         draw(parameter)
     return Weather(**drawn)
-
-
-def _without_rain(config: WeatherParameters) -> dict[str, float]:
-    """Dry ground, if a configuration rules rain out and does not say how wet the ground is."""
-    requested = {name: getattr(config, name) for name in WEATHER_PARAMETERS}
-    if requested["precipitation"] != 0:
-        return {}
-    return {name: 0.0 for name in _OF_RAIN if name not in config.model_fields_set}
 
 
 def _sun_of(config: WeatherParameters, seed: int, name: str, datum: MapDatum) -> dict[str, float]:

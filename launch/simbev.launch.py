@@ -61,9 +61,10 @@ def generate_launch_description() -> LaunchDescription:
 def prepare_environment(context: LaunchContext) -> list[SetEnvironmentVariable]:
     """Set what subscribers need as well: the domain, the transport for large messages, the range of discovery."""
     on_network = LaunchConfiguration("network").perform(context) == "true"
-    profile = "fastdds_network.xml" if on_network else "fastdds.xml"
+    folder = Path(get_package_share_directory("simbev_ros"), "config")
     variables = {
-        "FASTRTPS_DEFAULT_PROFILES_FILE": str(Path(get_package_share_directory("simbev_ros"), "config", profile)),
+        "FASTRTPS_DEFAULT_PROFILES_FILE": str(folder / ("fastdds_network.xml" if on_network else "fastdds.xml")),
+        "CYCLONEDDS_URI": "" if on_network else (folder / "cyclonedds.xml").as_uri(),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET" if on_network else "LOCALHOST",
     }
     chosen = {name: value for name, value in variables.items() if name not in os.environ}

@@ -16,6 +16,7 @@ from rich.text import Text
 from simbev_ros.cli.console import make_console, own_command
 from simbev_ros.foundation.errors import SimbevError
 from simbev_ros.foundation.installation.extras import install_command, load_extras
+from simbev_ros.foundation.installation.shell_variables import settle_shell
 from simbev_ros.foundation.installation.shipped_files import PACKAGE
 from simbev_ros.foundation.process_memory import address_space_problem
 
@@ -75,6 +76,8 @@ def _simulator() -> Iterator[Finding]:
     if problem := address_space_problem():
         yield Finding("memory", problem, False)
     yield from _libraries()
+    for variable in settle_shell(os.environ):
+        yield Finding(variable.name, f"{variable.value}: {variable.effect}")
     if ros.missing:
         yield Finding("ROS 2", f"not installed: {install_command(ros.name)}, or source a ROS 2 Jazzy", False)
     else:

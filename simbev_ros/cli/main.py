@@ -20,6 +20,7 @@ from simbev_ros.cli.console import make_console
 from simbev_ros.cli.plugins import VERBS_GROUP, Command, click_command, find_plugins, load_plugin, require_plugin
 from simbev_ros.foundation.errors import DISK_FULL, InputError, SimbevError
 from simbev_ros.foundation.installation.extras import extra_of, require_extras
+from simbev_ros.foundation.installation.shell_variables import describe_loader, prepare_shell
 from simbev_ros.ros.conventions.arguments import split_ros_arguments
 from simbev_ros.ros.graph.interrupts import Interrupted, raising_interrupts
 
@@ -55,6 +56,7 @@ _NEEDED_EXTRAS = {
     "env": ("wheels",),
 }
 """Extras of the verbs that the base installation does not have; parts of others say so themselves."""
+_USE_ROS = (*(verb for verb, extras in _NEEDED_EXTRAS.items() if "wheels" in extras), "view")
 _TAKE_ROS_ARGUMENTS = ("run", "replay", "view")
 """Verbs that pass on what follows --ros-args to nodes."""
 _URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]*://")
@@ -128,6 +130,8 @@ class _Verbs(TyperGroup):
         name, command, rest = super().resolve_command(ctx, args)
         if not {"-h", "--help"} & {*rest}:
             require_extras(_NEEDED_EXTRAS.get(name or "", ()), f"simbev {name}")
+        if name in _USE_ROS:
+            prepare_shell()
         if ctx.obj and name not in _TAKE_ROS_ARGUMENTS:
             others = f"{', '.join(_TAKE_ROS_ARGUMENTS[:-1])} and {_TAKE_ROS_ARGUMENTS[-1]}"
             raise InputError(f"--ros-args: simbev {name} takes no arguments for nodes; {others} do")
@@ -201,7 +205,7 @@ def run_app(commands: typer.Typer, name: str) -> None:
 def _exit_code(error: Exception) -> int:
     if isinstance(error, SimbevError):
         return error.exit_code
-    if isinstance(error, ImportError) and extra_of(error):
+    if isinstance(error, ImportError) and (extra_of(error) or describe_loader()):
         return InputError.exit_code
     is_input = isinstance(error, OSError) and error.filename is not None and error.errno not in _EXHAUSTED
     return InputError.exit_code if is_input else SimbevError.exit_code
@@ -221,8 +225,11 @@ def _message(error: Exception) -> str:
         where = "" if error.filename is None else f"{os.fsdecode(error.filename)!s:.{_MAX_LENGTH}}: "
         return f"{where}{error.strerror}{while_what}"
     if isinstance(error, ImportError):
-        extra = extra_of(error)
-        return extra.remedy("this") if extra else f"{error}{while_what}; simbev doctor says what this machine lacks"
+        if extra := extra_of(error):
+            return extra.remedy("this")
+        if loader := describe_loader():
+            return f"{error.__cause__ or error}{while_what}; {loader}"
+        return f"{error}{while_what}; simbev doctor says what this machine lacks"
     return (
         f"this is a bug in simbev: {type(error).__name__}: {error!s:.{_MAX_LENGTH}}{while_what}\n"
         f"Please report it. With {_TRACEBACK_VARIABLE}=1 the traceback is shown"

@@ -1,6 +1,6 @@
 """Agents in one scene: the ego, and the section ``agents`` with the vehicles and roadside units that carry rigs."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Annotated, Any, Final, Literal, Self
 
 from pydantic import (
@@ -19,7 +19,7 @@ from simbev_ros.config.evaluation import Evaluation, answer_topics_of
 from simbev_ros.config.frames import Frames
 from simbev_ros.config.names import MAX_TOPIC_NAME_CHARS, TopicName
 from simbev_ros.config.odometry import Odometry
-from simbev_ros.config.places import Mast, Near, SpawnPose
+from simbev_ros.config.places import Mast, Near, SpawnPose, SpawnPoses, poses_on
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.sensor import MAX_HEIGHT_ON_VEHICLE_M, MAX_SENSOR_HEIGHT_M
 from simbev_ros.foundation.files.limits import MAX_AGENTS
@@ -42,15 +42,24 @@ class Ego(Model):
     driver: EgoDriverKind = Field(
         "traffic",
         description="traffic: the vehicle drives like others; "
-        "twist: it follows geometry_msgs/Twist on /<agent>/cmd_vel, linear.x in m/s and angular.z in rad/s",
+        "twist: it follows geometry_msgs/Twist on /<agent>/cmd_vel, linear.x in m/s (negative: in reverse) "
+        "and angular.z in rad/s",
     )
-    spawn: tuple[SpawnPose, ...] = Field(
-        (), description="start poses, of which one is drawn for each scene; none: anywhere on the map"
+    color: int | None = Field(None, ge=0, le=0xFFFFFF, description="color as 0xRRGGBB, sRGB; none: drawn")
+    spawn: SpawnPoses = Field(
+        (),
+        description="start poses, of which one is drawn for each scene, or such lists by the names of maps (of a file "
+        "without its suffix); none: anywhere on the map",
     )
     reckless_probability: float = Field(
         0.01, ge=0, le=1, description="probability that the driver ignores lights, signs and other road users"
     )
     v2x: bool = Field(True, description="whether the agent sends and receives messages, if there is a section `v2x`")
+
+    def spawn_on(self, map_name: str) -> tuple[Keys, tuple[SpawnPose, ...]]:
+        """The field with the start poses on a map, and these poses."""
+        keys, poses = poses_on(self.spawn, map_name)
+        return ("spawn", *keys), poses
 
 
 class Agent(Ego):
@@ -63,8 +72,10 @@ class Agent(Ego):
         description="number of such agents, called `<name>_1`, `<name>_2`, …; a random value is rounded. "
         "None: one, called `name`",
     )
-    spawn: tuple[SpawnPose, ...] = Field(
-        (), description="start poses, of which one that no agent listed earlier occupies is drawn for each scene"
+    spawn: SpawnPoses = Field(
+        (),
+        description="start poses, of which one that no agent listed earlier occupies is drawn for each scene, or such "
+        "lists by the names of maps",
     )
     near: Near | None = Field(
         None,
@@ -158,11 +169,11 @@ class Agent(Ego):
                     f"with it, sensor {sensor.name} is {height_m:g} m above the foot; "
                     f"at most {MAX_SENSOR_HEIGHT_M:g} m is allowed",
                 )
-        if mast.poses and self.max_count > len(mast.poses):
-            raise FieldError(
-                ["mast", "poses"],
-                f"up to {self.max_count} roadside units need a pose each; found {len(mast.poses)}",
-            )
+        by_map = mast.poses if isinstance(mast.poses, dict) else {None: mast.poses}
+        for name, poses in by_map.items() if mast.poses else ():
+            if self.max_count > len(poses):
+                keys = ["mast", "poses", *([] if name is None else [name])]
+                raise FieldError(keys, f"up to {self.max_count} roadside units need a pose each; found {len(poses)}")
 
     @model_serializer(mode="wrap")
     def _without_fields_of_vehicles(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
@@ -249,6 +260,27 @@ def require_consistent_agents(rig: Rig, agents: Sequence[Agent]) -> None:
     if len(keys_by_name) > MAX_AGENTS:
         raise FieldError(["agents"], f"up to {len(keys_by_name)} agents in a scene; at most {MAX_AGENTS} are allowed")
     _require_free_names(keys_by_name, (rig, *(agent.rig for agent in agents)))
+
+
+def require_maps_of_poses(ego: Ego, agents: Sequence[Agent], maps: Collection[str]) -> None:
+    """Check that poses are given for maps (by name) that the configuration has, and those of masts for all of them.
+
+    Raises:
+        FieldError: There is no such map, or a mast has no pose on a map.
+    """
+    fields: list[tuple[Keys, Any]] = [(("ego", "spawn"), ego.spawn)]
+    for index, agent in enumerate(agents):
+        poses = agent.spawn if agent.mast is None else agent.mast.poses
+        fields.append((("agents", index, *(["spawn"] if agent.mast is None else ["mast", "poses"])), poses))
+    for keys, poses in fields:
+        if not isinstance(poses, dict):
+            continue
+        for name in poses:
+            if name not in maps:
+                allowed = ", ".join(sorted(maps))
+                raise FieldError((*keys, name), f"no scene is on a map of this name; allowed: {allowed}")
+        if "mast" in keys and (missing := sorted({*maps} - {*poses})):
+            raise FieldError(keys, f"has no poses on {', '.join(missing)}, where scenes are, too")
 
 
 def require_consistent_evaluations(first: Evaluation | None, agents: Sequence[Agent]) -> None:

@@ -3,7 +3,7 @@
 Occupancy and the vector map are off unless their section is given; ``{}`` gives their defaults.
 """
 
-from typing import Self
+from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -22,6 +22,12 @@ class Bev(Model):
     rows: int = Field(360, ge=1, le=4096, description="number of rows along the ego's x axis; row 0 is ahead")
     columns: int = Field(360, ge=1, le=4096, description="number of columns along the ego's y axis; column 0 is left")
     cell_m: float = Field(0.4, gt=0, le=10, description="side length of a cell")
+    road: Literal["exact", "paper"] = Field(
+        "exact",
+        exclude_if=lambda value: value == "exact",
+        description="cells that are roads; exact: those on the surface of roads; paper: also those nearer to the middle "
+        "of a driving lane than its width, and gaps of one or two cells",
+    )
 
     @property
     def grid(self) -> BevGrid:

@@ -247,7 +247,7 @@ def _keys_in_data(location: Sequence[str | int], data: Any) -> list[str | int]:
     return keys
 
 
-_BRANCHES = {"number", "distribution", "paper", *SENSOR_KINDS}
+_BRANCHES = {"number", "distribution", "paper", "poses", "poses_by_map", *SENSOR_KINDS}
 
 
 def _suggestion(key: str, location: Sequence[str | int]) -> str:
@@ -263,14 +263,18 @@ def _allowed_keys(model: type[BaseModel], location: Sequence[str | int]) -> list
     node: Any = schema
     for key in location:
         node = _resolve(node, schema)
+        branches = [node, *node.get("oneOf", ())]
         if isinstance(key, int):
-            node = node.get("items", {})
+            node = next((branch["items"] for branch in branches if "items" in branch), {})
+        elif key in ("poses", "poses_by_map"):
+            continue
         elif key in node.get("properties", {}):
             node = node["properties"][key]
         elif "discriminator" in node and key in node["discriminator"].get("mapping", {}):
             node = {"$ref": node["discriminator"]["mapping"][key]}
         else:
-            node = _model_branch(node)
+            by_name = [branch["additionalProperties"] for branch in branches if branch.get("additionalProperties")]
+            node = by_name[0] if by_name else _model_branch(node)
     node = _resolve(node, schema)
     return list(_resolve(_model_branch(node) if "anyOf" in node else node, schema).get("properties", {}))
 

@@ -1,5 +1,7 @@
 """Files of maps that a configuration can name instead of a town: their types, their paths, and parts of them."""
 
+import hashlib
+import re
 from itertools import product
 from pathlib import Path
 from typing import Annotated
@@ -17,6 +19,9 @@ READ_FILES = f"{', '.join(_PLAIN_SUFFIXES)}, each also compressed ({', '.join(_C
 """The suffixes in words, for messages."""
 
 
+_MAX_NAME_CHARS = 48
+
+
 def _check_bounds(bounds: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
     west, south, east, north = bounds
     if not (abs(west) <= 180 and abs(east) <= 180 and -90 <= south < north <= 90 and west != east):
@@ -27,6 +32,24 @@ def _check_bounds(bounds: tuple[float, float, float, float]) -> tuple[float, flo
 Bounds = Annotated[tuple[float, float, float, float], AfterValidator(_check_bounds)]
 """Part of Earth between longitudes and latitudes: west, south, east, north in degrees; if west is above east, it
 crosses the antimeridian, as in GeoJSON (RFC 7946)."""
+
+
+def suffix_of(name_or_path: str) -> str:
+    """The one of ``MAP_SUFFIXES`` that a name ends with; empty if there is none."""
+    return max((suffix for suffix in MAP_SUFFIXES if name_or_path.lower().endswith(suffix)), key=len, default="")
+
+
+def map_name(name_or_path: str, bounds: tuple[float, float, float, float] | None = None) -> str:
+    """Name of a map: that of a town, or of a file without its suffix, in characters for file and topic names.
+
+    The name of a part of a file ends in a digest of its bounds.
+    """
+    suffix = suffix_of(name_or_path)
+    if not suffix:
+        return name_or_path
+    stem = Path(name_or_path).name[: -len(suffix)]
+    name = re.sub(r"[^A-Za-z0-9_-]+", "_", stem)[:_MAX_NAME_CHARS].strip("_-") or "map"
+    return name if bounds is None else f"{name}-{hashlib.sha256(repr(bounds).encode()).hexdigest()[:6]}"
 
 
 def parse_bounds(text: str) -> tuple[float, float, float, float]:

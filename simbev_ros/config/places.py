@@ -1,10 +1,10 @@
 """Where agents start or stand: poses of vehicles and masts, places for masts, and distances between agents."""
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Self, TypeVar
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 
-from simbev_ros.config.base import Model
+from simbev_ros.config.base import Keys, Model
 from simbev_ros.config.draw import Drawn, within
 from simbev_ros.config.names import TopicName
 from simbev_ros.config.sensor import MAX_SENSOR_HEIGHT_M
@@ -26,6 +26,15 @@ class SpawnPose(Model):
     )
 
 
+_Form = Discriminator(lambda value: "poses_by_map" if isinstance(value, dict) else "poses")
+
+SpawnPoses = Annotated[
+    Annotated[tuple[SpawnPose, ...], Tag("poses")] | Annotated[dict[str, tuple[SpawnPose, ...]], Tag("poses_by_map")],
+    _Form,
+]
+"""Start poses for all maps, or by the names of maps."""
+
+
 class Near(Model):
     """Distance from another agent at which an agent starts."""
 
@@ -43,6 +52,20 @@ class MastPose(Model):
     y_m: float = _Y_M
     z_m: float | None = Field(None, ge=-1e4, le=1e4, description="height of the foot; none: that of the ground")
     yaw_deg: float = Field(0.0, ge=-360, le=360, description="direction of the x axis of the unit's sensors")
+
+
+MastPoses = Annotated[
+    Annotated[tuple[MastPose, ...], Tag("poses")] | Annotated[dict[str, tuple[MastPose, ...]], Tag("poses_by_map")],
+    _Form,
+]
+"""Poses of masts for all maps, or by the names of maps."""
+
+P = TypeVar("P", SpawnPose, MastPose)
+
+
+def poses_on(poses: tuple[P, ...] | dict[str, tuple[P, ...]], map_name: str) -> tuple[Keys, tuple[P, ...]]:
+    """The poses on a map, and the keys that lead to them from the field that has them."""
+    return ((map_name,), poses.get(map_name, ())) if isinstance(poses, dict) else ((), poses)
 
 
 class JunctionPlace(Model):
@@ -69,8 +92,10 @@ class RoadPlace(Model):
 class Mast(Model):
     """The mast of a roadside unit, without a body. One of `poses`, `junction` and `above_road` says where it stands."""
 
-    poses: tuple[MastPose, ...] = Field(
-        (), description="poses of which one that no other unit of the entry has is drawn for each scene"
+    poses: MastPoses = Field(
+        (),
+        description="poses of which one that no other unit of the entry has is drawn for each scene, or such lists by the "
+        "names of maps",
     )
     junction: JunctionPlace | None = None
     above_road: RoadPlace | None = None
@@ -84,7 +109,7 @@ class Mast(Model):
 
     @model_validator(mode="after")
     def _stands_in_one_place(self) -> Self:
-        found = [name for name in ("poses", "junction", "above_road") if getattr(self, name) not in ((), None)]
+        found = [name for name in ("poses", "junction", "above_road") if getattr(self, name) not in ((), {}, None)]
         if len(found) != 1:
             raise ValueError(
                 f"needs exactly one of poses, junction, above_road; found {' and '.join(found) if found else 'none'}"

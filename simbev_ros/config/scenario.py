@@ -15,6 +15,7 @@ from simbev_ros.config.agents import (
     require_consistent_agents,
     require_consistent_evaluations,
     require_heights_of_vehicle,
+    require_maps_of_poses,
 )
 from simbev_ros.config.annotation import Annotation
 from simbev_ros.config.base import FieldError, Keys, Model, dotted_path
@@ -23,7 +24,7 @@ from simbev_ros.config.evaluation import EvaluatedAgent, Evaluation, Participant
 from simbev_ros.config.frames import DEFAULT_FRAMES, Frames
 from simbev_ros.config.hazards import Hazards
 from simbev_ros.config.lights import Lights
-from simbev_ros.config.map_files import Bounds
+from simbev_ros.config.map_files import Bounds, map_name
 from simbev_ros.config.rates import require_fitting_rate, require_fitting_rates
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.rig import Rig, S
@@ -59,7 +60,7 @@ class Timing(Model):
     """Tick length and durations of a scene."""
 
     tick_s: float = Field(0.05, ge=0.001, le=1, description="length of a simulation step")
-    warm_up_s: float = Field(4.0, gt=0, le=600, description="simulated time before recording starts")
+    warm_up_s: float = Field(12.0, gt=0, le=600, description="simulated time before recording starts")
     duration_s: Annotated[Drawn, within(_MIN_DURATION_S, 3000)] = Field(
         16.0, description="recorded time; a random value is rounded to whole ticks"
     )
@@ -112,6 +113,14 @@ class Traffic(Model):
     distracted_probability: float = Field(
         0.02, ge=0, le=1, description="probability that a driver ignores lights and signs, but not other road users"
     )
+    ignore_lights_probability: _Probability = Field(
+        0.0, description="probability that a driver, whether reckless, distracted or neither, ignores traffic lights"
+    )
+    ignore_signs_probability: _Probability = Field(0.0, description="the same for stop signs")
+    ignore_vehicles_probability: _Probability = Field(
+        0.0, description="the same for vehicles, except for those ahead on the same lane"
+    )
+    ignore_pedestrians_probability: _Probability = Field(0.0, description="the same for pedestrians")
     emergency_lights_probability: float = Field(
         0.5, ge=0, le=1, description="probability that an emergency vehicle has its lights on"
     )
@@ -120,8 +129,14 @@ class Traffic(Model):
         Distribution(lognormal=(0.16, 0.64), min=0.8, max=8),
         description="maximum speed; pedestrians faster than about 2.1 m/s run",
     )
+    wheelchair_probability: _Probability | None = Field(
+        None, description="probability that a pedestrian uses a wheelchair; none: 4 %, as the catalog says"
+    )
     walker_cross_factor: Annotated[Drawn, within(0, 1)] = Field(
         Distribution(beta=(2.4, 1.6)), description="share of pedestrians that may jaywalk, drawn for each scene"
+    )
+    pedestrian_standing_share: _Probability = Field(
+        0.1, description="mean share of the time in which a pedestrian stands on its sidewalk, 5 to 25 s each time"
     )
     plaza_probability: float = Field(
         0.5, ge=0, le=1, description="probability that a walking pedestrian visits plazas on the way; runners do not"
@@ -305,6 +320,7 @@ class Scenario(Model):
         if self.agents:
             require_consistent_agents(self.rig, self.agents)
         require_consistent_evaluations(self.evaluation, self.agents)
+        require_maps_of_poses(self.ego, self.agents, {map_name(entry.map, entry.bounds) for entry in self.scenes})
         return self
 
     @model_validator(mode="after")

@@ -162,7 +162,12 @@ class WeatherParameters(WeatherFields):
 
 
 class WeatherConfig(WeatherParameters):
-    """Weather and light at the scene's start and, if they change, at its end."""
+    """Weather and light at the scene's start and, if they change, at its end.
+
+    Of CARLA's parameters, four have no counterpart. ``scattering_intensity``: fog has the color of the sky and the sun,
+    and lamps do not light it. ``mie_scattering_scale`` and ``rayleigh_scattering_scale``: the sky is computed for one
+    clear atmosphere. ``dust_storm``: CARLA gives neither a visibility nor a color for its percentages.
+    """
 
     final: WeatherParameters | None = Field(
         None, description="weather at the last tick, reached linearly from the first; parameters not given are `paper`"

@@ -2,12 +2,11 @@
 
 import hashlib
 import os
-import re
 from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
 
-from simbev_ros.config.map_files import MAP_SUFFIXES, READ_FILES, Bounds, expand_home
+from simbev_ros.config.map_files import READ_FILES, Bounds, expand_home, map_name, suffix_of
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.files.limits import MAX_MAP_BYTES, MAX_OSM_BYTES, MAX_PBF_BYTES
 from simbev_ros.maps.safe_xml import check_readable
@@ -15,8 +14,6 @@ from simbev_ros.schema.scene.map_spec import MapSpec
 
 MAP_FILES_VARIABLE = "SIMBEV_MAP_FILES"
 """Environment variable with the folder for copies of map files, on machines that do not have them at their paths."""
-
-_MAX_NAME_CHARS = 48
 
 
 def known_maps() -> tuple[str, ...]:
@@ -42,9 +39,7 @@ def map_spec(name_or_path: str, seed: int = 0, bounds: Bounds | None = None) -> 
     if suffix:
         path = expand_home(name_or_path).resolve()
         _require_text(path)
-        part = "" if bounds is None else f"-{hashlib.sha256(repr(bounds).encode()).hexdigest()[:6]}"
-        name = f"{_file_name(path, suffix)}{part}"
-        return MapSpec(name=name, seed=seed, path=str(path), sha256=_sha256(path), bounds=bounds)
+        return MapSpec(name=map_name(path.name, bounds), seed=seed, path=str(path), sha256=_sha256(path), bounds=bounds)
     if name_or_path in known_maps():
         return MapSpec(name=name_or_path, seed=seed)
     if Path(name_or_path).suffix:
@@ -62,11 +57,6 @@ def known_map(name_or_path: str) -> str:
     """
     map_spec(name_or_path)
     return name_or_path
-
-
-def suffix_of(name_or_path: str) -> str:
-    """The one of ``MAP_SUFFIXES`` that a name ends with; empty if there is none."""
-    return max((suffix for suffix in MAP_SUFFIXES if name_or_path.lower().endswith(suffix)), key=len, default="")
 
 
 def is_street_map(suffix: str) -> bool:
@@ -126,8 +116,3 @@ def _max_bytes(suffix: str) -> int:
     if suffix.endswith(".pbf"):
         return MAX_PBF_BYTES
     return MAX_OSM_BYTES if is_street_map(suffix) else MAX_MAP_BYTES
-
-
-def _file_name(path: Path, suffix: str) -> str:
-    """The file's name without suffix, reduced to characters that are safe in file and topic names."""
-    return re.sub(r"[^A-Za-z0-9_-]+", "_", path.name[: -len(suffix)])[:_MAX_NAME_CHARS].strip("_-") or "map"

@@ -52,6 +52,15 @@ def test_a_machine_without_egl_fails(simbev: Any, monkeypatch: pytest.MonkeyPatc
     assert lines(answer)["renderer"] == "✗ no EGL. Install Mesa"
 
 
+def test_variables_of_the_shell_that_matter_have_a_row(simbev: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("RMW_IMPLEMENTATION", "ROS_DISCOVERY_SERVER"):
+        monkeypatch.setenv(name, "rmw_none_cpp")
+    found = lines(simbev("doctor"))
+    assert found["RMW_IMPLEMENTATION"].startswith("· rmw_none_cpp: dropped: this ROS has only ")
+    assert found["ROS_DISCOVERY_SERVER"].startswith("· rmw_none_cpp: dropped: ")
+    assert found["ROS 2"].startswith("✓ ")
+
+
 def test_without_ros_the_command_that_installs_it_is_said(simbev: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     for module in [name for name in sys.modules if name.partition(".")[0] in {"rclpy", "rosidl_adapter"}]:
         monkeypatch.delitem(sys.modules, module)

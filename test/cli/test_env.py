@@ -17,7 +17,7 @@ PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
 
 @pytest.fixture(autouse=True)
 def nothing_is_set(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in (PROFILE, "ROS_AUTOMATIC_DISCOVERY_RANGE", "AMENT_PREFIX_PATH", "ROS_DOMAIN_ID"):
+    for name in (PROFILE, "CYCLONEDDS_URI", "ROS_AUTOMATIC_DISCOVERY_RANGE", "AMENT_PREFIX_PATH", "ROS_DOMAIN_ID"):
         monkeypatch.delenv(name, raising=False)
 
 
@@ -34,6 +34,7 @@ def test_a_shell_takes_profile_domain_and_search_paths(simbev: Any, monkeypatch:
     variables = exported(simbev("env", "--domain", "7").out)
     assert variables["ROS_DOMAIN_ID"] == "7"
     assert variables[PROFILE] == str(shipped_config_dir() / "fastdds.xml")
+    assert variables["CYCLONEDDS_URI"] == (shipped_config_dir() / "cyclonedds.xml").as_uri()
     assert variables["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "LOCALHOST"
     assert variables["AMENT_PREFIX_PATH"] == f"{sys.prefix}:/some where/else"
     assert variables["PATH"].split(os.pathsep)[0] == str(Path(sys.prefix) / "bin")
@@ -52,10 +53,20 @@ def test_a_graph_for_the_network_does_not_take_the_profile_of_a_local_one_for_th
     network = Exposure(network=True)
     for name, value in subscriber_environment().items():
         monkeypatch.setenv(name, value)
-    assert subscriber_environment(network)[PROFILE] == str(network.profile_file)
+    assert subscriber_environment(network)[PROFILE] == str(shipped_config_dir() / "fastdds_network.xml")
+    assert subscriber_environment(network)["CYCLONEDDS_URI"] == ""
     assert subscriber_environment(network)["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "SUBNET"
     monkeypatch.setenv(PROFILE, "/my/profile.xml")
+    monkeypatch.setenv("CYCLONEDDS_URI", "file:///my/cyclonedds.xml")
+    assert subscriber_environment(network)["CYCLONEDDS_URI"] == "file:///my/cyclonedds.xml"
     assert subscriber_environment(network)[PROFILE] == "/my/profile.xml"
+
+
+def test_what_is_dropped_is_said_apart_from_what_the_shell_takes(simbev: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROS_STATIC_PEERS", "not a host")
+    answer = simbev("env")
+    assert "warning: ROS_STATIC_PEERS=not a host: dropped: " in answer.err
+    assert "ROS_STATIC_PEERS" not in exported(answer.out) and "warning" not in answer.out
 
 
 @pytest.mark.parametrize("value", ["-1", "233", "x"])

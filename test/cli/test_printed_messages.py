@@ -61,6 +61,25 @@ def test_errors_of_the_machine_are_said_in_one_line(
     def fail(**_: object) -> None:
         raise error
 
+    for name in ("LD_PRELOAD", "LD_LIBRARY_PATH"):
+        monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr(main, "app", fail)
     answer = simbev("doctor")
     assert (answer.code, answer.err) == (code, f"error: {message}\n")
+
+
+def test_a_library_that_does_not_load_names_the_variable_that_led_to_it(
+    simbev: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(**_: object) -> None:
+        try:
+            raise ImportError("/my/lib/libstdc++.so.6: file too short")
+        except ImportError as cause:
+            raise ImportError("many\nlines of advice") from cause
+
+    monkeypatch.setenv("LD_LIBRARY_PATH", "/my/lib")
+    monkeypatch.setattr(main, "app", fail)
+    answer = simbev("info")
+    assert answer.code == 2
+    assert answer.err.startswith("error: /my/lib/libstdc++.so.6: file too short; LD_LIBRARY_PATH=/my/lib: ")
+    assert "unset it" in answer.err and answer.err.count("\n") == 1

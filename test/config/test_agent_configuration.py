@@ -11,6 +11,7 @@ from simbev_ros.config.agents import RESERVED_NAMES
 from simbev_ros.config.annotation import Annotation, Occupancy, VectorMapPatch
 from simbev_ros.config.frames import Frames
 from simbev_ros.config.load import load_scenario, parse_scenario
+from simbev_ros.config.places import SpawnPose
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.files.limits import MAX_AGENTS
@@ -93,6 +94,15 @@ def test_a_dump_reads_back_as_itself() -> None:
     )
     assert parse_scenario(scenario.as_yaml(), "dump") == scenario
     assert Scenario.model_validate(scenario.model_dump()) == scenario
+
+
+def test_start_poses_by_map_read_back_as_themselves() -> None:
+    scenario = parse_scenario(entry("name: car, color: 0xFF8000, spawn: {Blocks: [{x_m: 1, y_m: 2}]}"), "x")
+    (car,) = scenario.agents
+    pose = SpawnPose(x_m=1, y_m=2)
+    assert (car.color, car.spawn_on("Blocks")) == (0xFF8000, (("spawn", "Blocks"), (pose,)))
+    assert car.spawn_on("Town01") == (("spawn", "Town01"), ())
+    assert parse_scenario(scenario.as_yaml(), "dump") == scenario
 
 
 def test_agents_are_counted_from_one_and_one_without_count_has_the_plain_name() -> None:
@@ -206,6 +216,15 @@ def test_fields_are_found_in_the_file_again_also_in_copies() -> None:
         ),
         (entry("name: car, spawn: [{x: 1}]"), r"x.yaml:4: agents\[1\].spawn\[0\].x: unknown key; did you mean x_m\?"),
         (
+            entry("name: car, spawn: {Blocks: [{x: 1}]}"),
+            r"x.yaml:4: agents\[1\].spawn.Blocks\[0\].x: unknown key; did you mean x_m\?",
+        ),
+        (
+            entry("name: car, spawn: {Town1: [{x_m: 1, y_m: 2}]}"),
+            r"x.yaml:4: agents\[1\].spawn.Town1: no scene is on a map of this name; allowed: Blocks$",
+        ),
+        (entry("name: car, color: 0x1000000"), r"x.yaml:4: agents\[1\].color: .*equal to 16777215, not 16777216"),
+        (
             entry("name: car").replace("type: imu, name: imu", "type: imu, name: imu, rate: 3"),
             r"x.yaml:3: agents\[0\].rig.sensors\[1\].rate: unknown key; did you mean rate_hz\?",
         ),
@@ -272,6 +291,20 @@ def test_fields_are_found_in_the_file_again_also_in_copies() -> None:
         (
             mast("mast: {junction: {near: {agent: van}}}"),
             r"x.yaml:4: agents\[1\].mast.junction.near.agent: no agent 'van' is listed .*; allowed: ego$",
+        ),
+        (
+            mast("mast: {poses: {Town01: [{x_m: 1, y_m: 2}]}}"),
+            r"x.yaml:4: agents\[1\].mast.poses.Town01: no scene is on a map of this name; allowed: Blocks$",
+        ),
+        (
+            mast("mast: {poses: {Blocks: [{x_m: 1, y_m: 2}]}}").replace(
+                "train: 1}", "train: 1}, {map: Town01, val: 1}"
+            ),
+            r"x.yaml:4: agents\[1\].mast.poses: has no poses on Town01, where scenes are, too$",
+        ),
+        (
+            mast("mast: {poses: {Blocks: [{x_m: 1, y_m: 2}]}}, count: 2"),
+            r"x.yaml:4: agents\[1\].mast.poses.Blocks: up to 2 roadside units need a pose each; found 1",
         ),
         (
             mast("mast: {poses: [{x_m: 1, y_m: 2}]}, count: {integer: [0, 2]}"),

@@ -161,6 +161,7 @@ def test_a_pose_is_kept_and_its_foot_is_on_the_ground(draw: Draw) -> None:
     assert (station.x_m, station.y_m, station.yaw_rad) == (at_pole.x_m, at_pole.y_m, np.pi / 2)
     assert station.z_m == pytest.approx(at_pole.z_m, abs=0.05)
     assert only_station(draw(f"name: rsu, mast: {{poses: [{pose}, z_m: 3.5}}]}}")).z_m == 3.5
+    assert only_station(draw(f"name: rsu, mast: {{poses: {{Town05: [{pose}, z_m: 3.5}}]}}}}")).z_m == 3.5
 
 
 def test_units_of_one_entry_have_poses_of_their_own(draw: Draw) -> None:
@@ -224,6 +225,10 @@ def test_statistics_count_roadside_units_apart_from_vehicles(draw: Draw) -> None
         (
             "poses: [{x_m: 20000, y_m: 0}]",
             r"poses\[0\]: \(20000, 0\) is .* m from the nearest road of map Town05; at most 110 m is allowed",
+        ),
+        (
+            "poses: {Town05: [{x_m: 20000, y_m: 0}]}",
+            r"poses\.Town05\[0\]: \(20000, 0\) is .* m from the nearest road of map Town05",
         ),
         ("poses: [{LANE}]", r"poses\[0\]: \(.*\) is on a driving lane of map Town05"),
         (

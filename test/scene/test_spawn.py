@@ -26,8 +26,12 @@ def network() -> RoadNetwork:
 
 
 def drawn(network: RoadNetwork, *poses: SpawnPose, number: int = 3, vehicles: float = 8) -> SceneSpec:
+    return drawn_ego(network, Ego(spawn=poses), number, vehicles)
+
+
+def drawn_ego(network: RoadNetwork, ego: Ego, number: int = 3, vehicles: float = 8) -> SceneSpec:
     scenario: Scenario = load_scenario("paper").model_copy(
-        update={"ego": Ego(spawn=poses), "traffic": Traffic(vehicles=vehicles, pedestrians=0)}
+        update={"ego": ego, "traffic": Traffic(vehicles=vehicles, pedestrians=0)}
     )
     return draw_scene(scenario, PLANNED._replace(number=number), network)
 
@@ -68,6 +72,20 @@ def test_one_of_the_poses_is_drawn_for_each_scene_without_changing_the_weather(n
     assert len({spec.vehicles[0].start.lane for spec in specs}) == 3
     assert drawn(network, *poses, number=3) == specs[3]
     assert specs[3].weather == drawn(network, number=3).weather
+
+
+def test_each_map_has_its_own_poses_and_on_the_others_the_ego_starts_anywhere(network: RoadNetwork) -> None:
+    pose, far = pose_at(network, 12), SpawnPose(x_m=-5000, y_m=0)
+    assert drawn_ego(network, Ego(spawn={"Blocks": (pose,), "Town01": (far,)})) == drawn(network, pose)
+    assert drawn_ego(network, Ego(spawn={"Town01": (far,)})) == drawn(network)
+    with pytest.raises(InputError, match=r"ego\.spawn\.Blocks\[1\]: \(-5000, 0\) is"):
+        drawn_ego(network, Ego(spawn={"Blocks": (pose, far)}))
+
+
+def test_the_ego_has_its_color_and_nothing_else_changes(network: RoadNetwork) -> None:
+    spec, usual = drawn_ego(network, Ego(color=0x00FF80)), drawn(network)
+    painted = usual.vehicles[0].model_copy(update={"color": 0x00FF80})
+    assert spec == usual.model_copy(update={"vehicles": (painted, *usual.vehicles[1:])})
 
 
 def test_no_other_vehicle_starts_in_the_ego(network: RoadNetwork) -> None:

@@ -8,11 +8,16 @@ def bit(name: str) -> int:
     return 1 << BEV_CLASSES.index(name)
 
 
-def test_tags_have_carlas_colors() -> None:
-    tags = np.array([[Tag.ROAD, Tag.CAR], [Tag.PEDESTRIAN, 200]], np.uint8)
-    expected = [[[128, 64, 128], [0, 0, 142]], [[220, 20, 60], [0, 0, 0]]]
-    assert np.array_equal(semantic_color(tags), expected)
-    assert len(np.unique(semantic_color(np.array(list(Tag), np.uint8)), axis=0)) == len(Tag)
+def test_tags_have_the_colors_of_carlas_cityscapes_palette() -> None:
+    palette = [
+        *((0, 0, 0), (128, 64, 128), (244, 35, 232), (70, 70, 70), (102, 102, 156), (190, 153, 153), (153, 153, 153)),
+        *((250, 170, 30), (220, 220, 0), (107, 142, 35), (152, 251, 152), (70, 130, 180), (220, 20, 60), (255, 0, 0)),
+        *((0, 0, 142), (0, 0, 70), (0, 60, 100), (0, 80, 100), (0, 0, 230), (119, 11, 32), (110, 190, 160)),
+        *((170, 120, 50), (55, 90, 80), (45, 60, 150), (157, 234, 50), (81, 0, 81), (150, 100, 100)),
+        *((230, 150, 140), (180, 165, 180)),
+    ]
+    assert np.array_equal(semantic_color(np.arange(len(Tag), dtype=np.uint8)), palette)
+    assert semantic_color(np.array([200], np.uint8)).tolist() == [[0, 0, 0]]
 
 
 def test_every_class_has_a_color_of_its_own() -> None:

@@ -3,6 +3,7 @@
 import inspect
 import types
 from collections.abc import Iterator
+from datetime import date
 from functools import cache
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
@@ -234,9 +235,11 @@ def _type(annotation: Any, path: str, name: str) -> str:
         return " or ".join(code(str(each)) for each in get_args(annotation))
     if _is_union(annotation):
         return " or ".join(dict.fromkeys(_type(each, path, name) for each in get_args(annotation)))
+    if get_origin(annotation) is dict:
+        return f"mapping from {' to '.join(_type(each, path, name) for each in get_args(annotation))}"
     if get_origin(annotation) in (tuple, list):
         return _list_type(get_args(annotation), path, name)
-    return {float: "number", int: "integer", bool: "boolean", str: "text"}[annotation]
+    return {float: "number", int: "integer", bool: "boolean", str: "text", date: "date"}[annotation]
 
 
 def _list_type(members: tuple[Any, ...], path: str, name: str) -> str:

@@ -142,7 +142,12 @@ def _legend() -> Iterator[str]:
         yield f"## {title}\n\n{text}\n\n{table(('number', 'name'), rows)}"
     yield f"## Difficulty by distance and points\n\n{_difficulty()}"
     numbers = (
-        ("Semantic tags", "Column `tag`, pixels of semantic images. The numbering is CARLA's.", known["tags"]),
+        (
+            "Semantic tags",
+            "Column `tag`, pixels of semantic images. The numbering is CARLA's, as are the colors in pictures (its "
+            "Cityscapes palette).",
+            known["tags"],
+        ),
         ("States of traffic lights", "Column `state`.", known["signal_states"]),
         ("Bits of lights", "Column `lights`.", known["light_bits"]),
         ("Bits of behavior", "Column `behavior`.", known["behavior_bits"]),

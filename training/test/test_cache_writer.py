@@ -11,11 +11,15 @@ from scipy.spatial.transform import Rotation
 from several_agents import car, with_agents
 
 from simbev_ros.baselines.boxes import DETECTED_CLASSES
+from simbev_ros.baselines.inference import Baseline
+from simbev_ros.baselines.modality import Modality
+from simbev_ros.baselines.model_file import model_file
 from simbev_ros.dataset.index import update_index
 from simbev_ros.dataset.parallel import Processes
 from simbev_ros.foundation.errors import InputError
 from simbev_training.cache.reader import cached_scenes
 from simbev_training.cache.writer import write_cache
+from simbev_training.predict import predict
 
 CAMERA = {"type": "camera", "width_px": 32, "height_px": 16, "modalities": ["rgb", "depth"]}
 SENSORS: list[dict[str, Any]] = [
@@ -26,10 +30,10 @@ SENSORS: list[dict[str, Any]] = [
 TICKS = 7
 
 
-def fill(dataset: Path, cache: Path, agent: str | None = None) -> tuple[int, int]:
+def fill(dataset: Path, cache: Path, modality: Modality = Modality.FUSED, agent: str | None = None) -> tuple[int, int]:
     """Index the dataset and write its cache; return the last report."""
     update_index(dataset, sorted(dataset.glob("scenes/train/*")))
-    return [*write_cache(dataset, cache, Processes(1), agent=agent)][-1]
+    return [*write_cache(dataset, cache, Processes(1), modality, agent=agent)][-1]
 
 
 def make(dataset: Path, number: int = 0, **options: Any) -> MadeUp:
@@ -108,12 +112,26 @@ def test_a_scene_that_was_made_again_is_written_again(tmp_path: Path) -> None:
         ({"grid": (20, 24)}, "annotation.bev: the baselines need 360 x 360 cells of 0.4 m"),
         ({"sensors": SENSORS[:2]}, "has no lidar/points; the baselines need bev/labels"),
         ({"sensors": [{**SENSORS[0], "height_px": 24}, SENSORS[2]]}, "camera front: has 32 x 24 pixels"),
+        ({"sensors": SENSORS[2:]}, "has no camera with the modalities rgb and depth"),
     ],
 )
 def test_scenes_that_do_not_suit_the_baselines_are_refused(tmp_path: Path, options: Any, message: str) -> None:
     make(tmp_path / "set", **options)
     with pytest.raises(InputError, match=message):
         fill(tmp_path / "set", tmp_path / "cache")
+
+
+@pytest.mark.parametrize("cameras", [[{**SENSORS[0], "height_px": 24}], [{**SENSORS[0], "modalities": ["rgb"]}], []])
+def test_a_lidar_baseline_looks_at_the_lidar_alone(tmp_path: Path, cameras: list[dict[str, Any]]) -> None:
+    pytest.importorskip("onnxruntime", reason="baselines need it: ./simbev setup baselines")
+    make(tmp_path / "set", sensors=[*cameras, SENSORS[2]])
+    assert fill(tmp_path / "set", tmp_path / "cache", Modality.LIDAR) == (1, 1)
+    (scene,) = cached_scenes(tmp_path / "cache", "train")
+    assert len(scene.frames) == TICKS
+    assert len(scene.sample(0, (0,)).points()) > 100
+    predict(Baseline(model_file("lidar")), [scene], tmp_path / "predictions", lambda _: None, every=TICKS)
+    with pytest.raises(InputError, match="camera"):
+        fill(tmp_path / "set", tmp_path / "cache", Modality.FUSED)
 
 
 def test_a_cache_of_another_agent_has_what_it_sees_and_replaces_the_first_agents(tmp_path: Path) -> None:
@@ -123,8 +141,8 @@ def test_a_cache_of_another_agent_has_what_it_sees_and_replaces_the_first_agents
         tmp_path / "set/scenes/train/Blocks-0001", with_agents(spec, car("car", 1, SENSORS, annotation=labels))
     )
     for agent, ticks in ((None, made.ticks), ("car", made.others["car"])):
-        assert fill(tmp_path / "set", tmp_path / "cache", agent) == (1, 1)
+        assert fill(tmp_path / "set", tmp_path / "cache", agent=agent) == (1, 1)
         (scene,) = cached_scenes(tmp_path / "cache", "train")
         np.testing.assert_allclose(scene.frames["map_from_ego"][:, :3, 3], [tick["odom"][0] for tick in ticks])
     with pytest.raises(InputError, match="agent: no scene has 'bus', but car, ego"):
-        fill(tmp_path / "set", tmp_path / "cache", "bus")
+        fill(tmp_path / "set", tmp_path / "cache", agent="bus")

@@ -70,7 +70,7 @@ def test_statistics_do_not_depend_on_the_order_of_points() -> None:
     assert torch.equal(pillar_statistics(points, sample, 1), pillar_statistics(points[order], sample, 1))
 
 
-@pytest.mark.parametrize("augmentation", [None, WILD])
+@pytest.mark.parametrize("augmentation", [None, WILD, WILD.model_copy(update={"translation_m": 3.0})])
 def test_targets_and_inputs_stay_together(tmp_path: Path, augmentation: Augmentation | None) -> None:
     batch = batches(tmp_path, Modality.FUSED, augmentation)[0]
     targets, (points, _) = targets_of(batch), batch.points()
@@ -85,6 +85,19 @@ def test_targets_and_inputs_stay_together(tmp_path: Path, augmentation: Augmenta
         assert int((inside & (points[:, 3] == 0)).sum()) >= 190  # of 200 points in the box
     *_, depth_m = (batch.pixel_from_level[0, 0] @ torch.tensor([*batch.boxes[0, 2:5].tolist(), 1.0])).tolist()
     assert depth_m == pytest.approx(CAR[0], abs=1e-3)  # a warp moves no pixel
+
+
+def test_a_translation_shifts_boxes_and_leaves_all_other_draws_as_they_are(tmp_path: Path) -> None:
+    still, moved = (
+        batches(tmp_path / str(sigma_m), Modality.LIDAR, WILD.model_copy(update={"translation_m": sigma_m}))
+        for sigma_m in (0.0, 0.5)
+    )
+    shifts_m = []
+    for step in range(40):
+        before, after = still[step], moved[step]
+        assert torch.allclose(before.warped_from_sweep[..., :3], after.warped_from_sweep[..., :3])
+        shifts_m.append((after.boxes[0, 2:5] - before.boxes[0, 2:5]).tolist())
+    assert np.std(shifts_m, axis=0) == pytest.approx([0.5] * 3, abs=0.2)
 
 
 def test_the_same_seed_and_epoch_give_the_same_batch(tmp_path: Path) -> None:

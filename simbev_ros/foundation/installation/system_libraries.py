@@ -33,6 +33,6 @@ def find_missing_libraries() -> list[SystemLibrary]:
 def _is_found(name: str) -> bool:
     try:
         ctypes.CDLL(name)
-    except OSError:
-        return False
+    except OSError as error:
+        return "cannot open shared object file" not in str(error)  # else it is there, but cannot be loaded
     return True

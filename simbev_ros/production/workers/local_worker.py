@@ -3,7 +3,6 @@
 import os
 import socket
 import subprocess
-import sys
 import tempfile
 import time
 from contextlib import suppress
@@ -11,6 +10,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from simbev_ros.dataset.plan import PlannedEntry
+from simbev_ros.foundation.installation.import_order import module_command
 from simbev_ros.production.workers.messages import Settings
 from simbev_ros.production.workers.supervised_pool import WorkerLost
 from simbev_ros.production.workers.worker_pool import Worker
@@ -38,7 +38,7 @@ class LocalWorker:
         inherited = {name: value for name, value in os.environ.items() if name != "ROS_DOMAIN_ID"}
         with theirs:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "simbev_ros.production.workers.worker_process", str(theirs.fileno())],
+                module_command("simbev_ros.production.workers.worker_process", str(theirs.fileno())),
                 stdin=subprocess.DEVNULL,
                 stdout=self._log,
                 stderr=subprocess.STDOUT,

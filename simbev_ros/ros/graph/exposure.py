@@ -27,14 +27,14 @@ class Exposure:
     security: bool = False
 
     @property
-    def profile_file(self) -> Path:
-        """Settings of Fast DDS, for the graph and for those that take part."""
-        return shipped_config_dir() / ("fastdds_network.xml" if self.network else "fastdds.xml")
-
-    @property
-    def discovery_range(self) -> str:
-        """Value of ROS_AUTOMATIC_DISCOVERY_RANGE."""
-        return "SUBNET" if self.network else "LOCALHOST"
+    def variables(self) -> dict[str, str]:
+        """Environment variables for the graph and for those that take part; empty: Cyclone DDS's own settings."""
+        folder = shipped_config_dir()
+        return {
+            "FASTRTPS_DEFAULT_PROFILES_FILE": str(folder / ("fastdds_network.xml" if self.network else "fastdds.xml")),
+            "CYCLONEDDS_URI": "" if self.network else (folder / "cyclonedds.xml").as_uri(),
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET" if self.network else "LOCALHOST",
+        }
 
     def security_environment(self, folder: Path) -> dict[str, str]:
         """Make keys, if they are wanted; return the variables with which nodes use them.

@@ -6,7 +6,6 @@ import select
 import signal
 import socket
 import subprocess
-import sys
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -15,6 +14,7 @@ from typing import Protocol
 
 import psutil
 
+from simbev_ros.foundation.installation.import_order import module_command
 from simbev_ros.ros.nodes.fork_server import MAX_MESSAGE_BYTES
 from simbev_ros.ros.nodes.lifeline import SUPERVISOR_VARIABLE
 
@@ -57,7 +57,7 @@ class NodeStarter:
         own = {SUPERVISOR_VARIABLE: str(os.getpid()), "SPT_NOENV": "1"}  # setproctitle leaves /proc/PID/environ alone
         with theirs, self._log.open("wb") as log:
             self._server = subprocess.Popen(
-                [sys.executable, "-m", "simbev_ros.ros.nodes.fork_server", str(theirs.fileno()), *dict.fromkeys(kinds)],
+                module_command("simbev_ros.ros.nodes.fork_server", str(theirs.fileno()), *dict.fromkeys(kinds)),
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,

@@ -6,6 +6,7 @@ import shlex
 import shutil
 import signal
 import subprocess
+import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -14,6 +15,7 @@ import psutil
 import yaml
 
 from simbev_ros.foundation.errors import DiskError, InputError, SimbevError
+from simbev_ros.foundation.installation.import_order import module_command
 from simbev_ros.ros.conventions.arguments import PLAIN, RosArguments
 from simbev_ros.ros.conventions.names import logger_name
 from simbev_ros.ros.graph.node_starter import NodeStarter, RunningProcess, describe_exit
@@ -166,7 +168,9 @@ class StackProcess(GraphProcess):
         if shutil.which(command[0]) is None:
             raise InputError(f"evaluation.stack: there is no command {command[0]!r}")
         log = folder / f"{label}.log"
-        super().__init__(label, f"stack {shlex.join(command)}", starter.start(command, log, is_command=True), log)
+        is_ours = tuple(command[:2]) == (sys.executable, "-m")
+        words = module_command(*command[2:]) if is_ours else command
+        super().__init__(label, f"stack {shlex.join(command)}", starter.start(words, log, is_command=True), log)
 
     def terminate(self) -> None:
         """Ask all its processes to end."""

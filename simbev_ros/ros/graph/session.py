@@ -136,9 +136,10 @@ class GraphSession:
         try:
             self._monitor = GraphMonitor(self.domain, names, reporting, Signer(key), self._ros, writers=writers)
         except rclpy_implementation.RCLError as error:
-            if self.security_variables:
-                raise InputError(f"{str(error).splitlines()[0]}; {NEEDS_SROS}") from None
-            raise
+            if os.environ.get("ROS_SECURITY_ENABLE") != "true":
+                raise
+            remedy = NEEDS_SROS if self.security_variables else "unset ROS_SECURITY_ENABLE, or use --security"
+            raise InputError(f"{str(error).splitlines()[0]}; {remedy}") from None
         self._resources.note([os.getpid()])
 
     def _camera_processes(self, scenario: Scenario) -> int:

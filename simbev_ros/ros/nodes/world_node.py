@@ -41,6 +41,7 @@ from simbev_ros.ros.nodes.graph_node import GraphNode
 from simbev_ros.ros.nodes.lockstep import LockstepWindow
 from simbev_ros.ros.nodes.pacer import Pacer
 from simbev_ros.ros.nodes.reports import read_report, subscribe_to_reports
+from simbev_ros.ros.nodes.world_conditions import ConditionServices, RunningScene
 from simbev_ros.ros.nodes.world_displays import WorldDisplays
 from simbev_ros.scene.ending import SceneEnd, SceneEndDetector
 from simbev_ros.scene.legend import legend
@@ -121,6 +122,7 @@ class WorldNode(GraphNode):
         self.create_service(SetBool, "/world/pause", self._pause)
         self.create_service(Trigger, "/world/step", self._step)
         self.create_service(Trigger, "/world/reset", self._reset)
+        ConditionServices(self, self._running)
         self.create_wall_timer(0.005 if self.live else 0.02, self.advance)
         self.create_wall_timer(_CLOCK_PERIOD_S, self._repeat_clock)
 
@@ -189,10 +191,6 @@ class WorldNode(GraphNode):
 
     def _on_command(self, agent: str, message: Twist) -> None:
         if self._scene is not None and (vehicle := self._scene.vehicles.get(agent)) is not None:
-            if message.linear.x < 0.0:
-                self.get_logger().warning(
-                    f"cmd_vel of {agent}: a negative speed stops it, it cannot reverse", once=True
-                )
             self._scene.source.drive_vehicle(vehicle, message.linear.x, message.angular.z)
 
     def _on_ready(self, message: Header) -> None:
@@ -292,6 +290,13 @@ class WorldNode(GraphNode):
             self.start(self._scene.request)
             self.publish(topics.CLOCK, self._now)  # before any message with an earlier stamp: listeners clear buffers
         return response
+
+    def _running(self) -> RunningScene | None:
+        """The scene that runs; None if none has been loaded, or it has ended."""
+        scene = self._scene
+        if scene is None or scene.end is not None:
+            return None
+        return RunningScene(scene.spec, scene.source, self._next_tick)
 
     def _refusal(self) -> str | None:
         """Why the scene can neither be stepped nor restarted; None if it can."""

@@ -10,7 +10,7 @@ import numpy as np
 from simbev_ros.config.agents import Agent, Ego, EgoDriverKind
 from simbev_ros.config.base import Model
 from simbev_ros.config.draw import sample
-from simbev_ros.config.places import Mast
+from simbev_ros.config.places import Mast, SpawnPose
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import Scenario, Traffic
 from simbev_ros.config.sensor import Pose
@@ -186,8 +186,9 @@ class _CarrierDrawer:
     def draw(self, agent: Ego, name: str, purpose: str, where: Where) -> None:
         """Draw the vehicle of the agent with random streams ``purpose…``, and add it to those drawn."""
         blueprint, positions = _blueprint_of(agent, where), self.starts.vehicles
-        if agent.spawn:
-            start = self._draw_pose(agent, blueprint, purpose, where)
+        keys, poses = agent.spawn_on(self.network.name)
+        if poses:
+            start = self._draw_pose(poses, blueprint, purpose, partial(where, *keys))
             start_m, _ = self.network.pose_on_lane(start.lane, start.s_m)
         else:
             position_index = (
@@ -199,16 +200,20 @@ class _CarrierDrawer:
         traffic, rng = self.scenario.traffic, stream(self.seed, f"{purpose}.style")
         driver = draw_driver(traffic, blueprint, self.seed, purpose, opens_doors=False)
         vehicle = draw_vehicle(traffic, blueprint, start, rng, agent.reckless_probability, driver)
+        if agent.color is not None:
+            vehicle = vehicle.model_copy(update={"color": agent.color})
         self.clearance.occupy(vehicle)
         self.drawn.vehicles.append(vehicle)
         self.drawn.position_m[name] = start_m
 
-    def _draw_pose(self, agent: Ego, blueprint: Blueprint, purpose: str, where: Where) -> WaypointSpec:
-        """Draw one of the poses of an agent at which no other agent stands."""
-        starts = spawn_starts(agent.spawn, blueprint, self.network, where)
+    def _draw_pose(
+        self, poses: tuple[SpawnPose, ...], blueprint: Blueprint, purpose: str, where: Where
+    ) -> WaypointSpec:
+        """Draw one of the poses of an agent, which are in the field ``where``, at which no other agent stands."""
+        starts = spawn_starts(poses, blueprint, self.network, where)
         free = [start for start in starts if self.clearance.is_free(blueprint, start)]
         if not free:
-            raise InputError(f"{where('spawn')}: agents listed earlier leave no room for {blueprint.name} at any pose")
+            raise InputError(f"{where()}: agents listed earlier leave no room for {blueprint.name} at any pose")
         return free[int(stream(self.seed, f"{purpose}.spawn").integers(len(free)))]
 
     def _draw_position(self, blueprint: Blueprint, purpose: str, where: Where) -> int:

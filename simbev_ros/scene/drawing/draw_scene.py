@@ -95,6 +95,7 @@ def draw_scene(
         vehicles=(*agents.vehicles, *vehicles, *hazards.vehicles),
         pedestrians=tuple(drawer.draw_pedestrians(clearance)),
         walker_cross_factor=drawer.draw_cross_factor(),
+        pedestrian_standing_share=scenario.traffic.pedestrian_standing_share,
         hazards=hazards.hazards,
         green_time_s=tuple(
             sample(scenario.traffic.green_time_s, stream(seed, f"signals.{program}.green"))

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from simbev_ros.config.places import JunctionPlace, Mast, MastPose, Near, RoadPlace
+from simbev_ros.config.places import JunctionPlace, Mast, MastPose, Near, RoadPlace, poses_on
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.random import stream
 from simbev_ros.foundation.types import BoolArray, Float64Array
@@ -66,7 +66,10 @@ class StationDrawer:
 
     def _draw_pose(self, mast: Mast, purpose: str, where: Where, siblings: Sequence[StationSpec]) -> StationSpec:
         """Draw one of the poses that no sibling has."""
-        stations = [self._station_at(pose, partial(where, "poses", number)) for number, pose in enumerate(mast.poses)]
+        keys, poses = poses_on(mast.poses, self.network.name)
+        if not poses:
+            raise InputError(f"{where('poses')}: has no poses on map {self.network.name}")
+        stations = [self._station_at(pose, partial(where, "poses", *keys, number)) for number, pose in enumerate(poses)]
         for number in stream(self.seed, f"{purpose}.place").permutation(len(stations)).tolist():
             if stations[number] not in siblings:
                 return stations[number]

@@ -1,6 +1,6 @@
 """Draw one vehicle and its driver; every value of the driver comes from a random stream of its own."""
 
-from typing import TypedDict
+from typing import TypedDict, get_args
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from simbev_ros.config.draw import sample
 from simbev_ros.config.scenario import Traffic
 from simbev_ros.foundation.random import stream
 from simbev_ros.scene.blueprints import Blueprint
-from simbev_ros.schema.scene.spec import VehicleSpec, WaypointSpec
+from simbev_ros.schema.scene.spec import Ignored, VehicleSpec, WaypointSpec
 
 
 class DriverFields(TypedDict):
@@ -17,6 +17,7 @@ class DriverFields(TypedDict):
     headway_s: float
     lane_change_eagerness: float
     distracted: bool
+    ignores: tuple[Ignored, ...]
     emergency_lights: bool
     door_probability: float
 
@@ -33,6 +34,11 @@ def draw_driver(
         headway_s=sample(traffic.headway_s, stream(seed, f"{name}.headway")),
         lane_change_eagerness=sample(traffic.lane_change_eagerness, stream(seed, f"{name}.eagerness")),
         distracted=draw_flag("distraction", traffic.distracted_probability),
+        ignores=tuple(
+            each
+            for each in get_args(Ignored)
+            if draw_flag(f"ignores_{each}", getattr(traffic, f"ignore_{each}_probability"))
+        ),
         emergency_lights=blueprint.emergency and draw_flag("emergency_lights", traffic.emergency_lights_probability),
         door_probability=traffic.door_probability if opens_doors else 0.0,
     )

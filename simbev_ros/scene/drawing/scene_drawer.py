@@ -154,7 +154,7 @@ class SceneDrawer:
             return bool(stream(self.seed, f"pedestrians.{index}.{purpose}").random() < probability)
 
         rng = stream(self.seed, f"pedestrians.{index}")
-        blueprint = _draw_blueprint("pedestrian", None, rng)
+        blueprint = _draw_blueprint("pedestrian", None, rng, self._traffic.wheelchair_probability)
         color = blueprint.colors[int(rng.integers(len(blueprint.colors)))]
         max_speed_mps = sample(self._traffic.pedestrian_max_speed_mps, rng)
         if blueprint.runs_as and max_speed_mps > transition_mps(blueprint.size_m[2]):
@@ -184,15 +184,27 @@ def _draw_blueprint_with_room(
     return None
 
 
-def _draw_blueprint(kind: str, names: tuple[str, ...] | None, rng: np.random.Generator) -> Blueprint:
-    """Draw a blueprint of a kind, among these names (None: all), weighted by frequency."""
-    blueprints, shares = _frequencies(kind, names)
+def _draw_blueprint(
+    kind: str, names: tuple[str, ...] | None, rng: np.random.Generator, wheelchairs: float | None = None
+) -> Blueprint:
+    """Draw a blueprint of a kind, among these names (None: all), weighted by frequency.
+
+    ``wheelchairs`` is the share of those with wheelchairs; None: as their frequency says.
+    """
+    blueprints, shares = _frequencies(kind, names, wheelchairs)
     return blueprints[int(np.searchsorted(shares, rng.random(), side="right"))]
 
 
 @cache
-def _frequencies(kind: str, names: tuple[str, ...] | None) -> tuple[list[Blueprint], Float64Array]:
+def _frequencies(
+    kind: str, names: tuple[str, ...] | None, wheelchairs: float | None
+) -> tuple[list[Blueprint], Float64Array]:
     """The blueprints to choose from, and their (B,) cumulative share of all draws."""
     blueprints = [each for each in load_blueprints() if each.kind == kind and (names is None or each.name in names)]
-    cumulative = np.cumsum([blueprint.frequency for blueprint in blueprints])
+    weights = np.array([blueprint.frequency for blueprint in blueprints])
+    if wheelchairs is not None:
+        has_wheelchair = np.array([blueprint.wheelchair for blueprint in blueprints])
+        weights[has_wheelchair] *= wheelchairs / weights[has_wheelchair].sum()
+        weights[~has_wheelchair] *= (1.0 - wheelchairs) / weights[~has_wheelchair].sum()
+    cumulative = np.cumsum(weights)
     return blueprints, cumulative / cumulative[-1]

@@ -24,7 +24,7 @@ Where = Callable[..., str]
 def spawn_starts(
     poses: tuple[SpawnPose, ...], blueprint: Blueprint, network: RoadNetwork, where: Where
 ) -> list[WaypointSpec]:
-    """Starts of an agent's front bumper on lanes that it may drive on, one for each of its poses.
+    """Starts of an agent's front bumper on lanes that it may drive on, one for each of its poses in a field.
 
     Raises:
         InputError: A pose is too far from every such lane.
@@ -35,11 +35,9 @@ def spawn_starts(
         if not lane.junction and blueprint.sumo_class in lane.classes
     ]
     if not lanes:
-        raise InputError(f"{where('blueprint')}: {no_lane(blueprint, network)}")
+        raise InputError(f"{where()}: {no_lane(blueprint, network)}")
     index = LineIndex(Polylines.from_lines([lane.centerline_m for lane in lanes]))
-    return [
-        _start(pose, blueprint, lanes, index, network.name, where("spawn", number)) for number, pose in enumerate(poses)
-    ]
+    return [_start(pose, blueprint, lanes, index, network.name, where(number)) for number, pose in enumerate(poses)]
 
 
 def no_lane(blueprint: Blueprint, network: RoadNetwork) -> str:

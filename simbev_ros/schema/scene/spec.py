@@ -4,7 +4,8 @@ Scene drawing produces a ``SceneSpec`` from a configuration and a map. The world
 specification and the map, and replays it byte for byte.
 """
 
-from typing import Self
+from collections.abc import Set
+from typing import Literal, Self, get_args
 
 from pydantic import Field, model_validator
 
@@ -28,6 +29,9 @@ from simbev_ros.schema.stored import Stored
 
 YELLOW_S, ALL_RED_S = 3.0, 2.0
 """Durations of the two phases between greens, the same at all traffic lights."""
+
+Ignored = Literal["lights", "signs", "vehicles", "pedestrians"]
+"""What drivers ignore: traffic lights, stop signs, vehicles but for those ahead on the same lane, pedestrians."""
 
 _HOUR_NS = 3600 * NS_PER_S
 _MAX_SEED = (1 << 63) - 1
@@ -65,11 +69,20 @@ class VehicleSpec(Model):
         1.0, ge=0, description="eagerness to change lanes for speed; 1 is SUMO's default"
     )
     distracted: bool = Field(False, description="ignores lights and signs, but not other road users")
+    ignores: tuple[Ignored, ...] = Field(
+        (), exclude_if=lambda value: not value, description="what the driver ignores in addition"
+    )
     emergency_lights: bool = False
     door_probability: float = Field(0.0, ge=0, le=1, description="probability of opening doors at each stop")
     stands_at: StandSpec | None = Field(
         None, description="set: the vehicle takes no part in traffic and ``start`` is the lane on which it stands"
     )
+
+    @property
+    def ignored(self) -> Set[Ignored]:
+        """All that the driver ignores."""
+        of_kind: tuple[Ignored, ...] = get_args(Ignored)[: 4 if self.reckless else 2 if self.distracted else 0]
+        return {*of_kind, *self.ignores}
 
 
 class PedestrianSpec(Model):
@@ -112,6 +125,9 @@ class SceneSpec(Stored):
     vehicles: tuple[VehicleSpec, ...] = Field(min_length=1, max_length=MAX_ACTORS)
     pedestrians: tuple[PedestrianSpec, ...] = Field(max_length=MAX_ACTORS)
     walker_cross_factor: float = Field(0.0, ge=0, le=1, description="probability that a pedestrian may jaywalk")
+    pedestrian_standing_share: float = Field(
+        0.0, ge=0, le=1, description="mean share of the time in which a pedestrian stands on its sidewalk"
+    )
     hazards: tuple[HazardSpec, ...] = Field((), description="their vehicles are the last entries of ``vehicles``")
     green_time_s: tuple[float, ...] = Field(description="one draw per traffic-light program, used in turn")
 

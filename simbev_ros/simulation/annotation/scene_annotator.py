@@ -25,6 +25,7 @@ from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.simulation.annotation.bev.bev_annotator import BevAnnotator
 from simbev_ros.simulation.annotation.bev.hazards import hazard_areas
 from simbev_ros.simulation.annotation.bev.levels import Levels
+from simbev_ros.simulation.annotation.bev.paper_roads import close_roads, lane_areas
 from simbev_ros.simulation.annotation.boxes.boxes import boxes_around_ego
 from simbev_ros.simulation.annotation.boxes.extents import Extents
 from simbev_ros.simulation.annotation.boxes.standing import find_static_objects
@@ -72,7 +73,9 @@ class SceneAnnotator:
         """Prepare the annotator with the agent's view of the scene, which has its annotation settings."""
         self._scene, self._annotation, self._meshes = view.scene, view.annotation, meshes
         layout = _nearby_layout(view, network, VIEW_M)
-        self._levels, self._hazards = Levels(layout), hazard_areas(view.scene.hazards, layout)
+        self._levels, self._areas = Levels(layout), hazard_areas(view.scene.hazards, layout)
+        if view.annotation.bev.road == "paper":
+            self._areas += lane_areas(layout)
         self._standing = find_static_objects(network)
         patch = view.annotation.vector_map
         self._roads = None if patch is None else _vector_map(view, network, patch)
@@ -86,8 +89,9 @@ class SceneAnnotator:
         """Labels of the ego's surroundings at a recorded tick."""
         ego_level = self._levels.ego_level(state)
         occupancy, patch = self._annotation.occupancy, self._annotation.vector_map
+        grid = self._meshes.bev.labels(state, self._annotation.bev.grid, ego_level, self._areas)
         return SurroundingsLabels(
-            self._meshes.bev.labels(state, self._annotation.bev.grid, ego_level, self._hazards),
+            close_roads(grid) if self._annotation.bev.road == "paper" else grid,
             self._voxels(occupancy, state) if occupancy and self._is_due(occupancy, state) else None,
             self._roads.record(state, ego_level) if self._roads and patch and self._is_due(patch, state) else None,
         )

@@ -34,13 +34,16 @@ from simbev_ros.scene.drawing.draw_v2x import draw_v2x
 from simbev_ros.scene.drawing.draw_weather import draw_weathers, fog_fills_heights
 from simbev_ros.scene.drawing.starts import StartPositions
 from simbev_ros.scene.ending import DURATION
+from simbev_ros.scene.weather_course import WeatherCourse
 from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.schema.scene.spec import SceneSpec
-from simbev_ros.schema.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, Event, Light, WorldState
+from simbev_ros.schema.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, Event, Light, SignalState, WorldState
+from simbev_ros.schema.scene.weather import Weather
+from simbev_ros.schema.stored import read_stored
 from simbev_ros.simulation.replay.replayed_agents import replayed_agents
 
 _TABLES = {"/world/actors": ACTOR_DTYPE, "/world/signals": SIGNAL_DTYPE}
-_EVENTS = "/world/events"
+_EVENTS, _WEATHER = "/world/events", "/world/weather"
 _Tables = dict[str, Table]
 
 
@@ -50,6 +53,7 @@ class Replay:
     Low beams follow the weather; everything else about actors and signals is byte for byte as recorded.
 
     Attributes:
+        weather: Weather at each tick: that of the specification, or if it is the recorded one, as it was at that tick.
         available: Number of complete ticks from tick 0 on, and the reason why the scene ends after them.
     """
 
@@ -69,6 +73,10 @@ class Replay:
             self._recorded = recorded_spec(self._bag)
             self.available = self._available_ticks()
             self._events = self._read_events()
+            weathers = self._read_weathers()
+            self._recorded_weather = WeatherCourse(self._recorded, weathers)
+            drawn = [(each.weather, each.final_weather) for each in (spec, self._recorded)]
+            self.weather = WeatherCourse(spec, weathers if drawn[0] == drawn[1] else {})
             self._frames = self._read_ticks()
             self._next_frame = next(self._frames)
         except BaseException:
@@ -78,6 +86,10 @@ class Replay:
 
     def drive_vehicle(self, vehicle: int, speed_mps: float, yaw_rate_radps: float) -> None:
         """Do nothing: all vehicles move as they were recorded."""
+
+    def hold_signal(self, head: int, state: SignalState | None) -> int:
+        """Refuse, as all traffic has reacted to the lights as they were recorded."""
+        raise InputError("a replay shows the traffic lights as they were recorded")
 
     def step(self) -> WorldState:
         """Advance by one tick and return the state; the first call returns that of the first warm-up tick.
@@ -96,7 +108,7 @@ class Replay:
             ego_id=EGO_ID,
             actors=self._with_low_beams(tables["/world/actors"]),
             signals=tables["/world/signals"],
-            weather=self._spec.weather_at(self._tick),
+            weather=self.weather.at(self._tick),
             events=tuple(self._events[self._spec.stamp_ns(self._tick)]),
         )
         self._tick += 1
@@ -145,6 +157,18 @@ class Replay:
             events[message.stamp_ns].append(event)
         return events
 
+    def _read_weathers(self) -> dict[int, Weather]:
+        """Read the weather at each tick, which commands may have changed; empty if it was not recorded."""
+        weathers: dict[int, Weather] = {}
+        for message in self._bag.messages([_WEATHER]):
+            try:
+                fields = parse_json(self._bag.decode(message).data)
+                fields.pop("stamp_ns")
+                weathers[self._recorded.tick_of(message.stamp_ns)] = read_stored(Weather, fields)
+            except (ValueError, KeyError, TypeError, AttributeError) as error:
+                raise BagError(f"{self._bag.path}: {_WEATHER} at {message.stamp_ns} ns: {error!r}") from None
+        return weathers
+
     def _table(self, message: RawMessage) -> Table:
         """The rows of a message with the columns that this version has; others are ignored."""
         table, wanted = point_array(self._bag.decode(message)), _TABLES[message.topic]
@@ -160,8 +184,8 @@ class Replay:
 
     def _with_low_beams(self, actors: Table) -> Table:
         """Actors with the low beams of vehicles switched as the current weather demands."""
-        lit = self._spec.weather_at(self._tick).needs_low_beam
-        if lit == self._recorded.weather_at(self._tick).needs_low_beam:
+        lit = self.weather.at(self._tick).needs_low_beam
+        if lit == self._recorded_weather.at(self._tick).needs_low_beam:
             return actors
         changed = actors.copy()
         vehicles = changed["id"] < EGO_ID + len(self._spec.vehicles)

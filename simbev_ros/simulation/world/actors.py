@@ -13,6 +13,7 @@ from simbev_ros.foundation.types import Int64Array, Table
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.tunnels import Tunnels
+from simbev_ros.scene.weather_course import WeatherCourse
 from simbev_ros.schema.scene.agents import agent_views
 from simbev_ros.schema.scene.spec import PedestrianSpec, SceneSpec, VehicleSpec
 from simbev_ros.schema.scene.state import Event
@@ -50,6 +51,7 @@ class Actors:
         population: Population,
         obstacles: Table,
         excursions: Mapping[int, tuple[Leg, ...]],
+        weather: WeatherCourse,
     ) -> None:
         """Start at rest, where SUMO has placed the actors.
 
@@ -59,6 +61,7 @@ class Actors:
             population: Vehicles and pedestrians.
             obstacles: (K,) ``OBSTACLE_DTYPE``, which pedestrians walk around.
             excursions: Legs of the pedestrians that leave SUMO's network, by their index in the specification.
+            weather: Weather at each tick.
 
         Raises:
             SimulationError: An agent's vehicle could not be placed.
@@ -88,13 +91,14 @@ class Actors:
             tick_s,
             max(1, round(_HALF_WINDOW_S / tick_s)),
             None if self._ground.is_level else GroundPlanes(self._ground, cast.bodies.contacts),
+            self._leading.axle_m,
         )
         # The oldest entry belongs to the same tick as the kinematics.
         length = self.delay_ticks + 1
         self._doors = Doors(spec, population.vehicles, population.sumo, sample.front_m, self.delay_ticks)
         self._signals = deque([sample.signals] * length, maxlen=length)
         self._jaywalking = deque([self._excursions.jaywalking.copy()] * length, maxlen=length)
-        self._table = ActorTable(spec, cast, vehicles, Tunnels.of_layout(network.layout))
+        self._table = ActorTable(spec, weather, cast, vehicles, Tunnels.of_layout(network.layout))
 
     @property
     def ground(self) -> GroundSurface:
@@ -115,7 +119,7 @@ class Actors:
         # Bodies lag behind their points: when the point is across, the body may still be meters from the curb.
         crossing = self._excursions.jaywalking | self._jaywalking[-1]
         self._jaywalking.append(crossing & (points[vehicles:, 3] == 0.0))
-        motion = self._motion.advance_motion(points)
+        motion = self._motion.advance_motion(points, self._leading.axle_m)
         self.events = self._coming_events  # collisions that are detected now belong to the next table
         self._coming_events = tuple(map(self._event, self._motion.collisions.impacts))
         self._hold_crashed()

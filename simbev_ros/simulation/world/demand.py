@@ -3,6 +3,7 @@
 Names: vehicle k of the specification is ``v<k>``, pedestrian k is ``p<k>``.
 """
 
+import math
 from collections.abc import Mapping, Sequence, Set
 from typing import NamedTuple
 from xml.etree import ElementTree
@@ -13,10 +14,11 @@ from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.streets.vehicle_route import draw_vehicle_route
-from simbev_ros.schema.scene.spec import PedestrianSpec, SceneSpec, VehicleSpec
+from simbev_ros.schema.scene.spec import Ignored, PedestrianSpec, SceneSpec, VehicleSpec
 from simbev_ros.simulation.world.driving.rain import RainEffect, rain_effect
 from simbev_ros.simulation.world.pedestrians.crossing_sites import CrossingSite
 from simbev_ros.simulation.world.pedestrians.itineraries import Itineraries, ItineraryStreams, Leg
+from simbev_ros.simulation.world.pedestrians.pauses import draw_pauses
 from simbev_ros.simulation.world.sumo.closures import add_closures
 from simbev_ros.simulation.world.sumo.names import pedestrian_name, vehicle_name
 from simbev_ros.simulation.world.sumo.tracks import LaneTracks
@@ -41,12 +43,10 @@ _RECKLESS = {
     "jmIgnoreJunctionFoeProb": "1",
     "impatience": "1",
 }
-# A distracted driver ignores lights and stop signs, but yields to other road users.
-_DISTRACTED = {
-    "jmDriveAfterRedTime": _FOREVER_S,
-    "jmDriveAfterYellowTime": _FOREVER_S,
-    "jmStopSignWait": "0",
-    "jmAllwayStopWait": "0",
+# Other drivers ignore some of these. A distracted one ignores lights and stop signs, but yields to other road users.
+_IGNORING: dict[Ignored, dict[str, str]] = {
+    "lights": {"jmDriveAfterRedTime": _FOREVER_S, "jmDriveAfterYellowTime": _FOREVER_S},
+    "signs": {"jmStopSignWait": "0", "jmAllwayStopWait": "0"},
 }
 
 
@@ -82,6 +82,8 @@ def demand_of(spec: SceneSpec, network: RoadNetwork, plazas: Sequence[Plaza] = (
         start_m = tracks.sumo_position_m(lane.id, min(vehicle.start.s_m, lane.length_m - _START_MARGIN_M))
         edges.update(route.edges)
         element = _add_vehicle(root, vehicle_name(index), vehicle, rain, route.edges, start_m)
+        if not vehicle.reckless and (ignored := _ignored_types(spec, vehicle)):
+            ElementTree.SubElement(element, "param", {"key": "junctionModel.ignoreTypes", "value": " ".join(ignored)})
         if route.ends:
             ElementTree.SubElement(element, "stop", {"edge": route.edges[-1], "duration": _FOREVER_S})
     itineraries = Itineraries(network, spec.hazards, plazas)
@@ -91,7 +93,10 @@ def demand_of(spec: SceneSpec, network: RoadNetwork, plazas: Sequence[Plaza] = (
             *(stream(spec.seed, f"{pedestrian_name(index)}.{name}") for name in ("walk", "jaywalks", "plazas"))
         )
         lane = network.lanes[pedestrian.start.lane]
-        side_m = (lane.width_m / 2.0 - _SIDE_MARGIN_M) * float(streams.walk.uniform(-1.0, 1.0))
+        side = float(streams.walk.uniform(-1.0, 1.0))
+        if next(draw_pauses(spec, index), (math.inf,))[0] == 0.0:  # stands at one edge of the sidewalk
+            side = math.copysign(1.0, side)
+        side_m = (lane.width_m / 2.0 - _SIDE_MARGIN_M) * side
         legs = itineraries.draw_legs(pedestrian, duration_s * pedestrian.max_speed_mps, streams)
         start_m = min(pedestrian.start.s_m, lane.length_m - _START_MARGIN_M) * lane.sumo_s_per_m
         for leg in legs:
@@ -132,8 +137,10 @@ def _add_vehicle(
         "lcSpeedGain": repr(vehicle.lane_change_eagerness),
         "latAlignment": "right" if blueprint.sumo_class == "bicycle" else "center",
     }
-    behavior = _RECKLESS if vehicle.reckless else _DISTRACTED if vehicle.distracted else {}
-    ElementTree.SubElement(root, "vType", {**_DRIVER, **own, **behavior})
+    behavior: dict[str, str] = {}
+    for what, attributes in _IGNORING.items():
+        behavior |= attributes if what in vehicle.ignored else {}
+    ElementTree.SubElement(root, "vType", {**_DRIVER, **own, **(_RECKLESS if vehicle.reckless else behavior)})
     start = {
         "depart": "0",
         "departLane": vehicle.start.lane.rsplit("_", 1)[1],
@@ -144,6 +151,17 @@ def _add_vehicle(
     element = ElementTree.SubElement(root, "vehicle", {"id": name, "type": name, **start})
     ElementTree.SubElement(element, "route", {"edges": " ".join(route)})
     return element
+
+
+def _ignored_types(spec: SceneSpec, vehicle: VehicleSpec) -> list[str]:
+    """Types of vehicles and pedestrians that a driver ignores on junctions."""
+    kinds = {"vehicles": (vehicle_name, spec.drivers), "pedestrians": (pedestrian_name, spec.pedestrians)}
+    return [
+        name_of(index)
+        for what, (name_of, actors) in kinds.items()
+        if what in vehicle.ignored
+        for index in range(len(actors))
+    ]
 
 
 def _add_pedestrian(

@@ -36,6 +36,7 @@ class LeadingPoints:
 
     Attributes:
         now: (V + P, 4) latest points, map frame, and the height of each body above its point.
+        axle_m: (V + P, 3) rear axles of the vehicles that are driven from outside; NaN: the axle is towed.
     """
 
     def __init__(
@@ -69,13 +70,19 @@ class LeadingPoints:
         self._excursions, self._ground, self._furniture_avoidance = excursions, ground, FurnitureAvoidance(obstacles)
         self._steady_fronts = SteadyPoints(sample.front_m, _MAX_CHANGE_MPS2 * tick_s**2)
         behind_m = (bodies.boxes.size_m[:vehicles, 0] / 2.0 - bodies.lead_m[:vehicles])[:, None]
+        driven = driven_from_outside(spec)
+        self._steered = np.flatnonzero([index in driven for index in population.vehicles])
+        self._trail_m = bodies.trail_m[self._steered, None]
+        self.axle_m: Float64Array = np.full((len(directions), 3), np.nan)
+        to_front_m = behind_m[self._steered] + self._trail_m
+        self.axle_m[self._steered] = sample.front_m[self._steered] - to_front_m * directions[self._steered]
         self._towed_points = TowedPoints(sample.front_m, directions[:vehicles], behind_m[:, 0])
         self._vehicle_avoidance = VehicleAvoidance(
             bodies, sample.front_m - behind_m * directions[:vehicles], directions[:vehicles]
         )
         self._careful_drivers = CarefulDrivers(
             bodies,
-            _is_careful(spec, population),
+            _heeds(spec, population),
             sample.front_m[self._sumo_vehicles],
             population.sumo,
             tick_s,
@@ -100,6 +107,7 @@ class LeadingPoints:
             self._vehicle_avoidance.rear_m[self._sumo_vehicles],
             np.concatenate([self._vehicle_avoidance.center_m, self.now[vehicles:, :3]]),
             self._vehicle_avoidance.ahead,
+            self._vehicle_avoidance.is_reversing[self._sumo_vehicles],
             crashed,
             self.now[vehicles:, 3] != 0.0,
         )
@@ -119,9 +127,10 @@ class LeadingPoints:
         self._front_m = self._steady_fronts.follow(sample.front_m).copy()
         self._front_m[self._sumo_vehicles] += self._careful_drivers.offset_m
         point_m = self._towed_points.follow(self._front_m)
+        self._steer(sample, point_m)
         desired_m = self._furniture_avoidance.move_aside(sample.pedestrian_m)
         desired_m = self._vehicle_avoidance.avoid_paths(
-            point_m, self._pursuing_points.position_m, desired_m, self._tick_s
+            point_m, self.axle_m[: len(point_m)], self._pursuing_points.position_m, desired_m, self._tick_s
         )
         self._vehicle_avoidance.rest_crashed(*self._wrecks)
         pedestrian_m = self._vehicle_avoidance.avoid_bodies(
@@ -133,6 +142,18 @@ class LeadingPoints:
         points[len(point_m) :, 3] = self._raised_m(pedestrian_m)
         return points
 
+    def _steer(self, sample: TrafficSample, point_m: Float64Array) -> None:
+        """Take fronts, rear axles and (V, 3) leading points of vehicles driven from outside as their drivers have them.
+
+        The path of a leader tells where a vehicle is that it tows, but not one that it pushes in reverse.
+        """
+        steered = self._steered
+        is_moved = steered[~np.isnan(sample.axle_m[steered, 0])]  # others have never had a driver's tick
+        self._front_m[is_moved], self.axle_m[is_moved] = sample.front_m[is_moved], sample.axle_m[is_moved]
+        to_front_m = self._front_m[steered] - self.axle_m[steered]
+        forward = to_front_m / np.linalg.norm(to_front_m, axis=1, keepdims=True)
+        point_m[steered] = self.axle_m[steered] + self._trail_m * forward
+
     def _raised_m(self, pedestrian_m: Float64Array) -> Float64Array:
         """(P,) height above the carriageway's plane of pedestrians at (P, 3) positions."""
         raised_m = self._ground.raised_m(pedestrian_m)
@@ -142,7 +163,12 @@ class LeadingPoints:
         return raised_m
 
 
-def _is_careful(spec: SceneSpec, population: Population) -> BoolArray:
-    """(V,) whether each driver is careful; vehicles driven from outside are not controlled here."""
+def _heeds(spec: SceneSpec, population: Population) -> BoolArray:
+    """(V, 2) whether each driver brakes for vehicles and for pedestrians; those outside are not controlled here."""
     driven = driven_from_outside(spec)
-    return np.array([not spec.vehicles[index].reckless and index not in driven for index in population.vehicles])
+    return np.array(
+        [
+            [index not in driven and each not in spec.vehicles[index].ignored for each in ("vehicles", "pedestrians")]
+            for index in population.vehicles
+        ]
+    )

@@ -47,6 +47,7 @@ class Population:
         return replace(
             sample,
             front_m=np.concatenate([sample.front_m, self._front_m]),
+            axle_m=np.concatenate([sample.axle_m, np.full_like(self._front_m, np.nan)]),
             signals=np.concatenate([sample.signals, self._flashing]),
         )
 

@@ -21,8 +21,9 @@ from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.ending import DURATION
 from simbev_ros.scene.streets.street_graph import streets_of
+from simbev_ros.scene.weather_course import WeatherCourse
 from simbev_ros.schema.scene.spec import SceneSpec
-from simbev_ros.schema.scene.state import EGO_ID, WorldState
+from simbev_ros.schema.scene.state import EGO_ID, SignalState, WorldState
 from simbev_ros.simulation.world.actors import Actors
 from simbev_ros.simulation.world.demand import demand_of
 from simbev_ros.simulation.world.driving.outside_drivers import OutsideDrivers
@@ -43,7 +44,11 @@ _NO_TRAFFIC = (LaneKind.PARKING, LaneKind.SHOULDER, LaneKind.MEDIAN)
 
 
 class Simulation:
-    """One running scene, from the start of its warm-up. Use it as a context manager; only one can run per process."""
+    """One running scene, from the start of its warm-up. Use it as a context manager; only one can run per process.
+
+    Attributes:
+        weather: Weather at each tick, which commands may change.
+    """
 
     def __init__(
         self,
@@ -63,7 +68,7 @@ class Simulation:
         Raises:
             SimulationError: SUMO failed, an agent's vehicle has no room, or this process runs another simulation.
         """
-        self._spec = spec
+        self._spec, self.weather = spec, WeatherCourse(spec)
         self._steps = 0
         self._ticks_per_second = max(1, round(NS_PER_S / spec.tick_ns))
         net = network.net_path.read_text(encoding="utf-8")
@@ -85,7 +90,7 @@ class Simulation:
             self._sumo = SumoTraffic(files, spec.tick_ns, spec.seed, speeds_mps, tracks, closed, cropped.left_hand)
         try:
             self._population = Population(spec, self._sumo)
-            self._actors = Actors(spec, network, self._population, obstacles, demand.excursions)
+            self._actors = Actors(spec, network, self._population, obstacles, demand.excursions, self.weather)
             self._turning_room = self._turning_room_on(network)
             self._outside_drivers = OutsideDrivers(spec, network, self._sumo, self._actors.ground.heights_m)
         except BaseException:
@@ -111,6 +116,16 @@ class Simulation:
         """As in ``StateSource``; without further commands the vehicle brakes after 0.5 s."""
         self._outside_drivers.set_command(vehicle, speed_mps, yaw_rate_radps)
 
+    def hold_signal(self, head: int, state: SignalState | None) -> int:
+        """As in ``StateSource``; the heads show it when the published state has caught up with SUMO."""
+        now = self._steps - 1
+        if state is None:
+            for change in self._signal_heads.release(head, now):
+                self._sumo.take_phase(change)
+        else:
+            self._signal_heads.hold(head, state, now)
+        return now + self._actors.delay_ticks - self._spec.warm_up_ticks
+
     def step(self) -> WorldState:
         """Advance by one tick and return its state.
 
@@ -120,6 +135,8 @@ class Simulation:
             SimulationError: SUMO failed.
         """
         if self._steps:
+            for change in self._signal_heads.advance(self._steps - 1):
+                self._sumo.take_phase(change)
             self._outside_drivers.move_vehicles()
             self._turning_room.hold_back()
             self._sumo.step_sumo()
@@ -129,7 +146,7 @@ class Simulation:
             if self._spec.map.path:
                 self._reroute()
             self._sumo.shorten_closures()
-            if self._spec.final_weather is not None:
+            if not self.weather.is_constant:
                 self._adapt_to_rain(tick)
         actors = self._actors.advance_actors(self._population.sample(), self._steps)
         state = WorldState(
@@ -138,7 +155,7 @@ class Simulation:
             ego_id=EGO_ID,
             actors=actors,
             signals=self._signal_heads.table_at(self._steps - self._actors.delay_ticks),
-            weather=self._spec.weather_at(tick),
+            weather=self.weather.at(tick),
             events=self._actors.events,
         )
         self._steps += 1
@@ -160,7 +177,7 @@ class Simulation:
                 self._sumo.replace_route(row, detour.edges, detour.last_lane)
 
     def _adapt_to_rain(self, tick: int) -> None:
-        effect = rain_effect(self._spec.weather_at(tick))
+        effect = rain_effect(self.weather.at(tick))
         for row, index in enumerate(self._sumo.vehicles):
             vehicle = self._spec.vehicles[index]
             self._sumo.adapt_driver(row, vehicle.speed_factor * effect.speed, vehicle.headway_s * effect.headway)

@@ -2,11 +2,18 @@
 
 from typing import Protocol
 
-from simbev_ros.schema.scene.state import WorldState
+from simbev_ros.scene.weather_course import WeatherCourse
+from simbev_ros.schema.scene.state import SignalState, WorldState
 
 
 class StateSource(Protocol):
-    """Provides the states of one scene, tick by tick."""
+    """Provides the states of one scene, tick by tick.
+
+    Attributes:
+        weather: Weather at each tick, which commands may change.
+    """
+
+    weather: WeatherCourse
 
     @property
     def available(self) -> tuple[int, str]:
@@ -19,6 +26,20 @@ class StateSource(Protocol):
             vehicle: Its index in ``SceneSpec.vehicles``.
             speed_mps: Desired speed; negative ones count as 0.
             yaw_rate_radps: Desired yaw rate, counterclockwise positive.
+        """
+
+    def hold_signal(self, head: int, state: SignalState | None) -> int:
+        """Let the program of a traffic light go on to a phase in which one of its heads has a state, and stay there.
+
+        Args:
+            head: Id of the head; without a state, 0 means all.
+            state: Red or green; None: the program goes on in its cycle.
+
+        Returns:
+            The first tick that can show it.
+
+        Raises:
+            InputError: There is no such head, it never has this state, or the scene is a replay.
         """
 
     def step(self) -> WorldState:

@@ -7,9 +7,11 @@ from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array, Tab
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.maps.roads.tunnels import Tunnels
 from simbev_ros.scene.gait import stride_lengths_m
+from simbev_ros.scene.weather_course import WeatherCourse
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import EGO_ID, Behavior
 from simbev_ros.simulation.world.cast import Cast
+from simbev_ros.simulation.world.driving.outside_drivers import driven_from_outside
 from simbev_ros.simulation.world.kinematics.motion import Kinematics
 from simbev_ros.simulation.world.lights import BEACON_HZ, BLINKER_HZ, is_bright, vehicle_lights
 
@@ -21,11 +23,11 @@ _MIN_STEERING_MPS = 0.3
 class ActorTable:
     """Fills one table per tick; keeps the rotation of wheels and legs."""
 
-    def __init__(self, spec: SceneSpec, cast: Cast, vehicles: int, tunnels: Tunnels) -> None:
+    def __init__(self, spec: SceneSpec, weather: WeatherCourse, cast: Cast, vehicles: int, tunnels: Tunnels) -> None:
         """For a cast whose first ``vehicles`` rows are vehicles, on a map with these tunnels."""
         self._cast = cast
         self._tunnels = tunnels
-        self._spec = spec
+        self._spec, self._weather = spec, weather
         self._tick_s = spec.tick_ns / NS_PER_S
         self._blink_phases = np.array(
             [stream(spec.seed, f"vehicles.{row['id'] - EGO_ID}.blinker").random() for row in cast.rows[:vehicles]]
@@ -33,6 +35,7 @@ class ActorTable:
         self._has_beacon = np.array(
             [spec.vehicles[row["id"] - EGO_ID].emergency_lights for row in cast.rows[:vehicles]]
         )
+        self._reverses = np.isin(cast.rows["id"] - EGO_ID, list(driven_from_outside(spec)))
         # A rider pedals by the distance of its bicycle; the row of a vehicle equals the index of its leading point.
         self._distance_row = np.where(cast.rows["parent"] > 0, cast.bodies.point, np.arange(len(cast.rows)))
         self._steer_rad = np.zeros(len(cast.rows))
@@ -64,7 +67,7 @@ class ActorTable:
         self._turn_wheels_and_legs(motion)
         table["steer"], table["wheel"], table["gait"] = self._steer_rad, self._wheel_rad, self._gait_rad
         vehicles = slice(len(self._blink_phases))
-        weather = self._spec.weather_at(step - self._spec.warm_up_ticks)
+        weather = self._weather.at(step - self._spec.warm_up_ticks)
         blinker_bright = is_bright(self._blink_phases, step * self._tick_s, BLINKER_HZ)
         beacon_bright = self._has_beacon & is_bright(self._blink_phases, step * self._tick_s, BEACON_HZ)
         speed_mps, forward_mps2 = motion.speed_mps[vehicles], motion.forward_acceleration_mps2[vehicles]
@@ -85,9 +88,11 @@ class ActorTable:
         stride_m[cast.on_foot] = stride_lengths_m(height_m, motion.speed_mps[cast.on_foot])
         turn_rad = 2.0 * np.pi * motion.distance_m[self._distance_row] / stride_m
         self._gait_rad = (self._gait_rad + turn_rad) % (2.0 * np.pi)
-        is_rolling = motion.speed_mps > _MIN_STEERING_MPS
+        backward = self._reverses & (motion.speed_mps < -_MIN_STEERING_MPS)
+        is_rolling = backward | (motion.speed_mps > _MIN_STEERING_MPS)
+        rolling_mps = np.where(is_rolling, motion.speed_mps, 1.0)
         steer_rad: Float64Array = np.arctan2(
-            cast.wheelbase_m * motion.angular_velocity_radps[:, 2], np.where(is_rolling, motion.speed_mps, 1.0)
+            np.sign(rolling_mps) * cast.wheelbase_m * motion.angular_velocity_radps[:, 2], np.abs(rolling_mps)
         )
         change_rad = np.clip(steer_rad, -_MAX_STEER_RAD, _MAX_STEER_RAD) - self._steer_rad
         max_change_rad = np.where(

@@ -14,10 +14,12 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Header, String
 from subscriber import Caller, clock_ns, keep, outside_node, paused_ns
 
+from simbev_ros.dataset.values import value_of
 from simbev_ros.recording.digest import topic_digests
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.ros.msgs.stamps import header
 from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.state import SignalState
 
 pytestmark = pytest.mark.graph
 
@@ -32,12 +34,13 @@ class Driver:
     Attributes:
         tick: The newest tick.
         keeps_up: Whether it reports each tick.
-        drives: Whether it sends a command with each report.
+        speed_mps: Speed that it demands with each report; None: it sends no commands.
     """
 
     def __init__(self, command: Command, node: object, spin_until: Callable[..., None]) -> None:
         self.node, self.spin_until = node, spin_until
-        self.tick, self.keeps_up, self.drives = -100, False, False
+        self.tick, self.keeps_up = -100, False
+        self.speed_mps: float | None = None
         scenes: list[String] = []
         node.create_subscription(String, "/world/scene", keep(scenes), LATCHED)
         self._ready = node.create_publisher(Header, "/sync/ready", LATCHED)
@@ -57,9 +60,9 @@ class Driver:
 
     def _on_clock(self, message: Clock) -> None:
         self.tick = self._spec.tick_of(clock_ns(message))
-        if self.drives:
+        if self.speed_mps is not None:
             twist = Twist()
-            twist.linear.x, twist.angular.z = SPEED_MPS, YAW_RATE_RADPS * np.sin(0.1 * self.tick)
+            twist.linear.x, twist.angular.z = self.speed_mps, YAW_RATE_RADPS * np.sin(0.1 * self.tick)
             self._wheel.publish(twist)
         if self.keeps_up:
             self.finish(self.tick)
@@ -84,9 +87,58 @@ def no_leftovers() -> None:
     """The graph of the module runs on after each test."""
 
 
+@pytest.mark.slow
+def test_equal_commands_lead_to_equal_bytes(simbev: Simbev, tmp_path: Path) -> None:
+    config = empty_street(tmp_path, 4, window_ticks=1)
+    digests = []
+    for name in ("a", "b"):
+        command = simbev("run", config, "--record", tmp_path / name)
+        with driver_of(command) as driver:
+            driver.speed_mps = SPEED_MPS
+            driver.start()
+            driver.spin_until(lambda command=command: command.process.poll() is not None)
+        code, output = command.finish()
+        assert code == 0, output
+        with SceneBag(tmp_path / name / SCENE) as bag:
+            assert bag.custom_data["complete"] == "true"
+            digests.append(topic_digests(bag))
+        del digests[-1]["/ego/boxes/markers"]  # the middleware leaves the padding between its fields uninitialized
+    assert digests[0] == digests[1]
+
+
+@pytest.mark.slow
+def test_changed_conditions_are_recorded_and_replayed(simbev: Simbev, tmp_path: Path) -> None:
+    services = pytest.importorskip("simbev_interfaces.srv")
+    config = empty_street(tmp_path, 3, window_ticks=2)
+    command = simbev("run", config, "--record", tmp_path / "changed")
+    with driver_of(command) as driver:
+        caller = Caller(driver.node, driver.spin_until)
+        rain = services.SetWeather.Request(parameters="{precipitation: 80, wetness: 60}", transition=0.5, tick=10)
+        assert caller.call(services.SetWeather, "/world/set_weather", rain).success
+        green = services.HoldSignal.Request(id=1, state=3)
+        assert caller.call(services.HoldSignal, "/world/hold_signal", green).success
+        driver.start()
+        driver.spin_until(lambda: command.process.poll() is not None)
+    code, output = command.finish()
+    assert code == 0, output
+    replayed = write_small(tmp_path, 3, name="replay.yaml", without=["camera", "lidar", "radar"])
+    code, output = simbev("replay", tmp_path / "changed" / SCENE, replayed, "--out", tmp_path / "replayed").finish()
+    assert code == 0, output
+    with SceneBag(tmp_path / "changed" / SCENE) as bag, SceneBag(tmp_path / "replayed" / SCENE) as again:
+        (weather, same), (signals, _) = (
+            [[value_of(m.type_name, [each.decode(m)]) for m in each.messages([name])] for each in (bag, again)]
+            for name in ("/world/weather", "/world/signals")
+        )
+        assert topic_digests(bag)["/world/weather"] == topic_digests(again)["/world/weather"]
+        assert topic_digests(bag)["/world/signals"] == topic_digests(again)["/world/signals"]
+    assert weather == same
+    assert [row["precipitation"] for row in weather][9::2][:7] == pytest.approx([0, 16, 32, 48, 64, 80, 80], abs=9)
+    assert signals[-1]["state"][0] == SignalState.GREEN and np.isinf(signals[-1]["time_remaining"][0])
+
+
 @pytest.fixture(scope="module")
 def driver(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Driver]:
-    """The driver in a graph that all tests but the last share."""
+    """The driver in a graph that the tests below share; one above, with graphs of its own, must have ended."""
     config = empty_street(tmp_path_factory.mktemp("street"), 600, window_ticks=2)
     with leaving_nothing(), closing(Command("run", config)) as command, driver_of(command) as driver:
         yield driver
@@ -133,28 +185,12 @@ def test_the_ego_follows_commands(driver: Driver) -> None:
     driver.start()
     driver.spin_until(lambda: odometry)
     assert odometry[0].twist.twist.linear.x < 0.1
-    driver.drives = True
+    driver.speed_mps = SPEED_MPS
     driver.spin_until(lambda: len(odometry) > 80)
     assert odometry[-1].twist.twist.linear.x == pytest.approx(SPEED_MPS, abs=0.3)
     # At first, while the ego accelerates, its wheels lag behind.
     yaw_rates_radps = [each.twist.twist.angular.z for each in odometry[-30:]]
     assert max(map(abs, yaw_rates_radps)) == pytest.approx(YAW_RATE_RADPS, abs=0.05)
-
-
-@pytest.mark.slow
-def test_equal_commands_lead_to_equal_bytes(simbev: Simbev, tmp_path: Path) -> None:
-    config = empty_street(tmp_path, 4, window_ticks=1)
-    digests = []
-    for name in ("a", "b"):
-        command = simbev("run", config, "--record", tmp_path / name)
-        with driver_of(command) as driver:
-            driver.drives = True
-            driver.start()
-            driver.spin_until(lambda command=command: command.process.poll() is not None)
-        code, output = command.finish()
-        assert code == 0, output
-        with SceneBag(tmp_path / name / SCENE) as bag:
-            assert bag.custom_data["complete"] == "true"
-            digests.append(topic_digests(bag))
-        del digests[-1]["/ego/boxes/markers"]  # the middleware leaves the padding between its fields uninitialized
-    assert digests[0] == digests[1]
+    driver.speed_mps = -SPEED_MPS
+    driver.spin_until(lambda: odometry[-1].twist.twist.linear.x < -4.9)
+    assert odometry[-1].twist.twist.linear.x > -5.1

@@ -21,14 +21,15 @@ from simbev_ros.ros.msgs import topics, transforms
 from simbev_ros.ros.msgs.robot_description import robot_description
 from simbev_ros.ros.msgs.stamps import stamp_of
 from simbev_ros.ros.msgs.tables import table_from_message
-from simbev_ros.ros.msgs.world import map_from_base_link
+from simbev_ros.ros.msgs.world import map_from_base_link, weather_from_message
 from simbev_ros.ros.nodes import world_node
 from simbev_ros.ros.nodes.world_node import WorldNode
 from simbev_ros.scene.ending import DURATION
 from simbev_ros.scene.request import SceneRequest
+from simbev_ros.scene.weather_course import WeatherCourse
 from simbev_ros.schema.scene.agents import agent_views
 from simbev_ros.schema.scene.spec import SceneSpec
-from simbev_ros.schema.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, WorldState, map_from_actors
+from simbev_ros.schema.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, SignalState, WorldState, map_from_actors
 
 
 class Parade:
@@ -37,10 +38,16 @@ class Parade:
     def __init__(self, spec: SceneSpec) -> None:
         self.available = spec.ticks, DURATION
         self.commands: list[tuple[int, float, float]] = []
+        self.held: list[tuple[int, SignalState | None]] = []
+        self.weather = WeatherCourse(spec)
         self._spec, self._tick = spec, -spec.warm_up_ticks
 
     def drive_vehicle(self, vehicle: int, speed_mps: float, yaw_rate_radps: float) -> None:
         self.commands.append((vehicle, speed_mps, yaw_rate_radps))
+
+    def hold_signal(self, head: int, state: SignalState | None) -> int:
+        self.held.append((head, state))
+        return self._tick + 7
 
     def step(self) -> WorldState:
         tick, self._tick = self._tick, self._tick + 1
@@ -49,7 +56,7 @@ class Parade:
         actors["vx"] = 5.0 * actors["id"]
         actors["x"], actors["y"], actors["yaw"] = actors["vx"] * 0.05 * tick, 4.0 * actors["id"], 0.1 * actors["id"]
         signals = np.zeros(0, SIGNAL_DTYPE)
-        return WorldState(self._spec.stamp_ns(tick), tick, EGO_ID, actors, signals, self._spec.weather)
+        return WorldState(self._spec.stamp_ns(tick), tick, EGO_ID, actors, signals, self.weather.at(tick))
 
     def close(self) -> None:
         pass
@@ -196,3 +203,57 @@ def test_only_a_live_scene_that_is_not_recorded_starts_again(
     (service,) = [each for each in node.services if each.srv_name == "/world/reset"]
     response = service.callback(Trigger.Request(), Trigger.Response())
     assert (response.success, response.message) == (answer == "restarted", answer)
+
+
+def call(node: Any, name: str, **fields: Any) -> Any:
+    """Answer of the node's service to a request."""
+    (service,) = [each for each in node.services if each.srv_name == name]
+    return service.callback(service.srv_type.Request(**fields), service.srv_type.Response())
+
+
+def test_the_weather_changes_at_the_next_tick_or_at_the_asked_one(node: Any) -> None:
+    pytest.importorskip("simbev_interfaces")
+    assert call(node, "/world/set_weather", parameters="{wetness: 1}").message == "no scene is running"
+    spec = made_up_spec([], ticks=20)
+    node.start(SceneRequest(spec=spec))
+    first = call(node, "/world/set_weather", parameters="{wetness: 90}")
+    assert (first.success, first.tick, first.message) == (True, -spec.lead_in_ticks, "")
+    later = call(
+        node, "/world/set_weather", parameters="{sun: {date: 2026-06-21, hour: 12, latitude_deg: 48}}", tick=10
+    )
+    assert (later.success, later.tick) == (True, 10)
+    node.advance()
+    weathers = [weather_from_message(message)[1] for message in node.sent[topics.WEATHER]][spec.lead_in_ticks :]
+    assert {each.wetness for each in weathers} == {90.0}
+    assert [each.sun_altitude_deg for each in weathers[:10]] == [spec.weather.sun_altitude_deg] * 10
+    assert [each.sun_altitude_deg for each in weathers[10:]] == pytest.approx([65.4] * 10, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("fields", "problem"),
+    [
+        ({"parameters": "{rain: 3}"}, "parameters: rain: "),
+        ({"parameters": "{wetness: 300}"}, "parameters: wetness: "),
+        ({"parameters": "wet"}, "parameters: must be like {precipitation: 80}; names are cloudiness, "),
+        ({"parameters": "{"}, "parameters: "),
+        ({"parameters": "{wetness: 3}", "tick": 20}, "tick: is 20; allowed: "),
+        ({"parameters": "{wetness: 3}", "transition": float("nan")}, "transition: is nan s; allowed: 0 to 3600 s"),
+    ],
+)
+def test_a_wrong_weather_is_refused_in_words(node: Any, fields: dict[str, Any], problem: str) -> None:
+    pytest.importorskip("simbev_interfaces")
+    node.start(SceneRequest(spec=made_up_spec([], ticks=20)))
+    answer = call(node, "/world/set_weather", **fields)
+    assert not answer.success and answer.message.startswith(problem)
+
+
+def test_traffic_lights_are_held_and_released(node: Any) -> None:
+    pytest.importorskip("simbev_interfaces")
+    node.start(SceneRequest(spec=made_up_spec([], ticks=20)))
+    source = node._scene.source
+    assert call(node, "/world/hold_signal", id=3, state=SignalState.GREEN).success
+    assert call(node, "/world/hold_signal", id=0, state=255).tick == source._tick + 7
+    assert source.held == [(3, SignalState.GREEN), (0, None)]
+    assert call(node, "/world/hold_signal", id=3, state=2).message == (
+        "state: is 2; allowed: 1 (red), 3 (green), 255 (automatic)"
+    )

@@ -1,5 +1,8 @@
 """The relays' messages say what Autoware and Nav2 expect, and their nodes send them."""
 
+import os
+import subprocess
+import sys
 from collections.abc import Iterator
 from typing import Any
 
@@ -121,3 +124,11 @@ def test_the_nodes_answer_what_they_hear(context: Context) -> None:
     assert len(rows) == 3 and received["/map"].header.frame_id == "map"
     info = received["/map"].info
     assert abs(info.origin.position.x + info.width / 2 - 11.4) <= 1.0  # base_link at 10 m is 1.4 m behind the center
+
+
+def test_a_relay_starts_in_a_shell_that_chooses_a_middleware_which_is_not_installed() -> None:
+    program = "import sys; sys.argv[0] = '-m'; import simbev_ros.ros.relays.autoware"
+    environment = {**os.environ, "RMW_IMPLEMENTATION": "rmw_none_cpp"}
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0
+    assert done.stderr.startswith("warning: RMW_IMPLEMENTATION=rmw_none_cpp: dropped: ")

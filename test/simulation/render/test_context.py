@@ -140,6 +140,8 @@ def test_a_missing_libegl_says_what_to_install(monkeypatch: pytest.MonkeyPatch) 
             "EGL has no device to render on: it looks for drivers only where",
         ),
         ("MESA_GL_VERSION_OVERRIDE=3.0", "has only OpenGL 3.0 Mesa"),
+        ("MESA_EXTENSION_OVERRIDE=-GL_ARB_shader_storage_buffer_object", "is needed; unset MESA_EXTENSION_OVERRIDE="),
+        ("GALLIUM_DRIVER=none", "cannot be opened: eglInitialize failed (0x3001); unset GALLIUM_DRIVER=none"),
         ("GLCONTEXT_LINUX_LIBGL=libGL.so.77", "libGL.so.77 not loaded. Install it (Debian"),
     ],
 )

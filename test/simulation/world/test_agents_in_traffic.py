@@ -1,6 +1,6 @@
 """Several agents in one scene: outside nodes drive some of their vehicles, traffic the others."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -34,14 +34,14 @@ def in_a_row(*agents: dict[str, Any], ego_driver: str = "twist") -> SceneSpec:
     return with_agents(spec.model_copy(update={"vehicles": vehicles}), *agents)
 
 
-def drive(spec: SceneSpec, commands: Commands) -> tuple[Table, list[Event]]:
-    """(T, N) actors of the recorded ticks of a scene with the same commands at each of them, and all events."""
+def drive(spec: SceneSpec, commands: Commands | Callable[[int], Commands]) -> tuple[Table, list[Event]]:
+    """(T, N) actors of the recorded ticks of a scene with the same commands, or those of the tick, and all events."""
     rows, events = [], []
     with Simulation(spec, blocks()) as simulation:
         for _ in range(spec.warm_up_ticks):
             simulation.step()
-        for _ in range(spec.ticks):
-            for vehicle, command in commands.items():
+        for tick in range(spec.ticks):
+            for vehicle, command in (commands(tick) if callable(commands) else commands).items():
                 simulation.drive_vehicle(vehicle, *command)
             state = simulation.step()
             rows.append(state.actors)

@@ -45,7 +45,7 @@ class LineTraffic:
         self.now_mps = self.desired_mps.copy()
         self.limits_mps: dict[int, float] = {}
         self.max_braking_mps2 = np.zeros(len(lines))
-        self.careful = np.array(careful if careful else [True] * len(lines))
+        self.heeds = np.repeat(np.transpose([careful if careful else [True] * len(lines)]), 2, axis=1)
 
     def position_m(self, vehicle, s_m):
         return np.append(self.lines[vehicle](s_m), 0.0)
@@ -84,7 +84,7 @@ class LineTraffic:
         )
         behind_m = CAR_M[0] / 2.0 - LEAD_M
         fronts = np.array([self.position_m(v, s) for v, s in enumerate(self.s_m)])
-        drivers = CarefulDrivers(bodies, self.careful, fronts, self, TICK_S, patience_s)
+        drivers = CarefulDrivers(bodies, self.heeds, fronts, self, TICK_S, patience_s)
         distances_m, self.max_offset_m = [], 0.0
         for tick in range(ticks):
             limit = np.array([self.limits_mps.get(v, np.inf) for v in range(count)])
@@ -102,8 +102,8 @@ class LineTraffic:
                 [np.add(start, np.multiply(tick * TICK_S, velocity)) for start, velocity in pedestrians]
             ).reshape(-1, 2)
             positions = np.concatenate([center, np.column_stack([walkers, np.zeros(len(pedestrians))])])
-            has_stopped, on_sidewalk = np.zeros(len(positions), bool), np.zeros(len(pedestrians), bool)
-            drivers.look_and_brake(front, point, rear, positions, ahead, has_stopped, on_sidewalk)
+            unmoved, on_sidewalk = np.zeros(len(positions), bool), np.zeros(len(pedestrians), bool)
+            drivers.look_and_brake(front, point, rear, positions, ahead, unmoved[:count], unmoved, on_sidewalk)
             self.max_offset_m = max(self.max_offset_m, np.abs(drivers.offset_m).max())
             distances_m.append(np.linalg.norm(positions[1:] - positions[0], axis=1).min(initial=np.inf))
         return np.array(distances_m)
@@ -123,6 +123,17 @@ def test_a_careful_driver_brakes_for_a_reckless_one_that_does_not_brake():
     traffic.drive()
     assert traffic.max_braking_mps2[1] == 0.0
     assert traffic.max_braking_mps2[0] > 2.0
+
+
+@pytest.mark.parametrize("ignored", ["vehicles", "pedestrians"])
+def test_a_driver_brakes_for_what_it_does_not_ignore(ignored):
+    lines, pedestrian = [straight(0, 0, 0), straight(0, 0, 90)], ((0.0, -1.0), (0.0, 0.0))
+    for others in ("vehicles", "pedestrians"):
+        cars = slice(2 if others == "vehicles" else 1)
+        traffic = LineTraffic(lines[cars], [-25.0, -30.0][cars], [10.0, 10.0][cars], careful=[True, False][cars])
+        traffic.heeds[0] = [ignored != "vehicles", ignored != "pedestrians"]
+        traffic.drive(pedestrians=(pedestrian,) if others == "pedestrians" else ())
+        assert (traffic.max_braking_mps2[0] > 2.0) == (others != ignored)
 
 
 def test_two_reckless_drivers_collide():

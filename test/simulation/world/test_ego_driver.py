@@ -78,8 +78,49 @@ def test_non_finite_commands_are_ignored(command: tuple[float, float]) -> None:
     assert np.all(drive(driver(), *command, 40)[:, 0] == 10.0)
 
 
-def test_the_ego_does_not_drive_backwards() -> None:
-    assert np.all(drive(driver(), -3.0, 0.0, 40)[:, 0] == 10.0)
+def test_the_ego_reverses_straight_at_its_maximum_acceleration_and_at_5_m_per_s_at_most() -> None:
+    path = drive(driver(), -20.0, 0.0, 200)
+    speed_mps = np.diff(path[:, 0], prepend=10.0) / TICK_S
+    assert speed_mps[:20] == pytest.approx(-SEDAN.accel * TICK_S * np.arange(1, 21))
+    assert speed_mps.min() == pytest.approx(-5.0) and speed_mps[-1] == pytest.approx(-5.0)
+    assert np.all(path[:, 1] == 5.0) and np.all(path[:, 2] == 0.0)
+
+
+@pytest.mark.parametrize("yaw_rate_radps", [0.3, -0.3])
+def test_a_steady_turn_in_reverse_is_a_circle_of_radius_speed_over_yaw_rate(yaw_rate_radps: float) -> None:
+    path = drive(driver(), -3.0, yaw_rate_radps, 800)[300:]
+    assert np.diff(path[:, 2]) / TICK_S == pytest.approx(yaw_rate_radps, rel=1e-6)
+    rear_m, left = rear_axle_m(path), np.stack([-np.sin(path[:, 2]), np.cos(path[:, 2])], axis=1)
+    center_m = rear_m - 3.0 / yaw_rate_radps * left  # v / w to the left; that is to the right for v < 0 < w
+    assert np.ptp(center_m, axis=0) == pytest.approx(0.0, abs=0.01)
+
+
+def test_steering_in_reverse_keeps_its_limits() -> None:
+    path = drive(driver(), -2.0, 1e9, 300)[100:]
+    max_radps = 2.0 * np.tan(0.6) / SEDAN.wheelbase_m  # of the largest steering angle
+    assert np.diff(path[:, 2]) / TICK_S == pytest.approx(max_radps)
+
+
+def test_between_forward_and_reverse_the_ego_brakes_to_a_standstill() -> None:
+    car = driver()
+    path = np.concatenate([drive(car, speed_mps, 0.0, 80) for speed_mps in (4.0, -3.0, 2.0)])
+    speed_mps = np.diff(path[:, 0]) / TICK_S
+    assert speed_mps[[78, 158, 238]] == pytest.approx([4.0, -3.0, 2.0])
+    assert np.count_nonzero(np.diff(np.sign(speed_mps[30:])) != 0) == 4  # to 0, and from 0 on to the other sign
+    change_mps2 = np.diff(speed_mps) / TICK_S
+    assert change_mps2[79:95] == pytest.approx([-SEDAN.decel] * 16)
+    assert change_mps2[159:171] == pytest.approx([SEDAN.decel] * 12)
+    assert change_mps2.max() < SEDAN.decel + 1e-6 and np.all(path[:, 1] == 5.0)
+
+
+def test_the_reversing_ego_brakes_without_commands() -> None:
+    car = driver()
+    drive(car, -3.0, 0.0, 100)
+    for _ in range(40):
+        car.advance_tick()
+    before = car.front_m[0]
+    car.advance_tick()
+    assert car.front_m[0] == before
 
 
 def test_the_ego_may_leave_the_roads_for_good() -> None:

@@ -25,6 +25,7 @@ from simbev_ros.maps.sumo.net import read_sumo_net
 from simbev_ros.maps.sumo.netconvert import sumo_home
 from simbev_ros.ros.msgs.transforms import ego_transform, static_transforms
 from simbev_ros.ros.msgs.world import odometry_message
+from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.schema.scene.spec import SceneSpec, VehicleSpec, WaypointSpec
 from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.simulation.raycast.scene import RayScene
@@ -87,6 +88,26 @@ def test_the_ego_stands_and_drives_on_the_slope(states: list[WorldState]) -> Non
         rows["z"][1:] - rows["z"][:-1], (rows["vz"][1:] + rows["vz"][:-1]) / 2 * TICK_S, atol=1e-3
     )
     assert np.abs(rows["wy"]).max() < 1e-3
+
+
+def test_the_ego_backs_down_the_slope_and_its_sensors_agree(road: RoadNetwork, spec: SceneSpec) -> None:
+    driven = with_ego(spec, driver="twist")
+    with Simulation(driven, road) as simulation:
+        states = []
+        for tick in range(200):
+            simulation.drive_vehicle(0, 4.0 if tick < 80 else -4.0, 0.0)
+            states.append(simulation.step())
+    rows, slant = np.array([state.ego for state in states]), np.hypot(1.0, GRADE)
+    np.testing.assert_allclose(rows["pitch"], -np.arctan(GRADE), atol=1e-4)
+    np.testing.assert_allclose(rows["z"], GRADE * rows["x"], atol=2e-3)
+    twist = odometry_message(rows[-1], states[-1].stamp_ns, "ego/base_link").twist.twist
+    assert twist.linear.x == pytest.approx(-4.0 * slant, abs=0.01) and abs(twist.linear.z) < 0.01
+    speeding_up = int(np.flatnonzero(rows["vx"] < -2.0)[0])
+    imu = ImuModel(IMU, 0, round(TICK_S * 1e9))
+    imu.measure(states[speeding_up - 1], None)
+    ahead_mps2 = imu.measure(states[speeding_up], states[speeding_up - 1]).linear_acceleration_mps2[-1, 0]
+    accel_mps2 = blueprint_named("vehicle.sedan").accel
+    assert ahead_mps2 == pytest.approx(9.81 * GRADE / slant - accel_mps2 * slant, abs=0.05)
 
 
 def test_the_road_lies_level_below_the_lidar(states: list[WorldState], spec: SceneSpec) -> None:

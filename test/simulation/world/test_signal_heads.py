@@ -5,11 +5,13 @@ import numpy as np
 import pytest
 from world_scenes import TICK_S, blocks, scene
 
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import Signal
 from simbev_ros.maps.source import map_spec
 from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.schema.scene.state import SignalState
+from simbev_ros.simulation.world.simulation import Simulation
 from simbev_ros.simulation.world.sumo.signals import SignalHeads, SignalProgram, signal_programs, signal_programs_xml
 
 CARLA = Path(__file__).parents[3].parent / "shared" / "maps" / "carla"
@@ -121,3 +123,52 @@ def test_on_a_map_file_green_phases_keep_their_proportions_and_the_longest_has_t
         (program,) = signal_programs(scene(map=place, green_time_s=(15.0,)), net)
         ticks = [ticks for state, ticks in zip(program.states, program.ticks, strict=True) if "G" in state]
         assert ticks == [round(green_s / TICK_S) for green_s in greens_s]
+
+
+def test_held_programs_show_sumos_state_on_their_way_there_and_back(programs, tmp_path: Path):
+    additional = tmp_path / "signals.add.xml"
+    additional.write_text(signal_programs_xml(programs, round(TICK_S * 1e9)))
+    heads = [head(program.id, link) for program in programs for link in range(len(program.states[0]))]
+    table = SignalHeads(heads, programs, round(TICK_S * 1e9))
+    options = ["--step-length", "0.05", "--no-step-log", "true", "--xml-validation", "never"]
+    libsumo.start(["sumo", "-n", str(blocks().net_path), "-a", str(additional), *options])
+    car = next(k for k in range(len(heads)) if any(state[k] == "y" for state in programs[0].states))
+    seen = []
+    try:
+        for tick in range(900):
+            if tick in (100, 400):
+                table.hold(car + 1, SignalState.GREEN if tick == 100 else SignalState.RED, tick)
+            changes = table.release(0, tick) if tick == 650 else []
+            for change in (*changes, *table.advance(tick)):
+                libsumo.trafficlight.setPhase(change.program, change.phase)
+                libsumo.trafficlight.setPhaseDuration(change.program, change.duration_s)
+            libsumo.simulationStep()
+            sumo_states = [
+                letter for program in programs for letter in libsumo.trafficlight.getRedYellowGreenState(program.id)
+            ]
+            seen.append(table.table_at(tick))
+            assert seen[-1]["state"].tolist() == [_SHOWN[letter] for letter in sumo_states], tick
+    finally:
+        libsumo.close()
+    first = np.array([each[car] for each in seen])
+    assert (first["state"][250:400] == SignalState.GREEN).all() and np.isinf(first["time_remaining"][250:400]).all()
+    assert first["time_in_state"][399] == pytest.approx(first["time_in_state"][350] + 49 * TICK_S, abs=1e-4)
+    assert (first["state"][400:480] == SignalState.YELLOW).sum() == 60
+    assert (first["state"][520:650] == SignalState.RED).all()
+    assert len(np.unique(first["state"][650:])) > 1, "it goes on in its cycle"
+    with pytest.raises(InputError, match=rf"^id: is 0; allowed: 1 to {len(heads)}, the ids on /world/signals$"):
+        table.hold(0, SignalState.RED, 900)
+
+
+def test_a_held_signal_holds_the_traffic():
+    spec = scene(vehicles=24, pedestrians=0, ticks=40)
+    with Simulation(spec, blocks()) as simulation:
+        states = [simulation.step() for _ in range(20)]
+        shown = simulation.hold_signal(3, SignalState.RED)
+        while states[-1].tick < shown + 200:
+            states.append(simulation.step())
+        assert [state.signals["state"][2] for state in states[-60:]] == [SignalState.RED] * 60
+        assert np.isinf(states[-1].signals["time_remaining"][2])
+        simulation.hold_signal(0, None)
+        states = [simulation.step() for _ in range(700)]
+        assert SignalState.GREEN in [state.signals["state"][2] for state in states]

@@ -12,6 +12,7 @@ import simplejpeg
 from simbev_ros.baselines.boxes import DETECTED_CLASSES
 from simbev_ros.baselines.frames import IMAGE_STRIDE
 from simbev_ros.baselines.grid import CELL_M, CELLS, level_from_map
+from simbev_ros.baselines.modality import Modality
 from simbev_ros.dataset import columns, open_dataset
 from simbev_ros.dataset.frame import Frame
 from simbev_ros.dataset.parallel import Pool
@@ -35,7 +36,12 @@ _JPEG_QUALITY = 90
 
 
 def write_cache(
-    dataset: AnyPath, cache: Path, pool: Pool, lidar: str = "lidar", agent: str | None = None
+    dataset: AnyPath,
+    cache: Path,
+    pool: Pool,
+    modality: Modality = Modality.FUSED,
+    lidar: str = "lidar",
+    agent: str | None = None,
 ) -> Iterator[tuple[int, int]]:
     """Write all finished scenes of a dataset; yield the number of scenes that are done and of all.
 
@@ -43,6 +49,7 @@ def write_cache(
         dataset: The dataset.
         cache: Folder of the cache, new or begun.
         pool: Processes that do it.
+        modality: What models see. For those that see no images, a scene's cameras need not suit.
         lidar: Name of the lidar that models see.
         agent: Agent whose data models see; None: the first one of each scene.
 
@@ -52,10 +59,10 @@ def write_cache(
     """
     opened = open_dataset(dataset, threads=1)
     scenes = (opened if agent is None else opened.of_agent(agent)).scenes
-    missing = [scene for scene in scenes if not _is_written(cache, scene)]
+    missing = [scene for scene in scenes if not _is_written(cache, scene, modality)]
     done = len(scenes) - len(missing)
     yield done, len(scenes)
-    for _ in pool.map(partial(write_scene, cache=cache, lidar=lidar), missing):
+    for _ in pool.map(partial(write_scene, cache=cache, modality=modality, lidar=lidar), missing):
         done += 1
         yield done, len(scenes)
 
@@ -65,23 +72,24 @@ def scene_folder(cache: Path, scene: Scene) -> Path:
     return cache / scene.split / scene.name
 
 
-def _is_written(cache: Path, scene: Scene) -> bool:
-    """Whether the cache has a scene, from its present bag, of its agent and in the present format."""
+def _is_written(cache: Path, scene: Scene, modality: Modality) -> bool:
+    """Whether the cache has a scene: from its bag, of its agent, in the present format, with images if needed."""
     try:
         about = json.loads((scene_folder(cache, scene) / SCENE_FILE).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return False
     made_from = [about.get(name) for name in ("format", "sha256", "agent")]
-    return made_from == [FORMAT, scene.row.get("sha256"), scene.chosen_agent]
+    is_sufficient = bool(about.get("cameras")) or not modality.has_cameras
+    return is_sufficient and made_from == [FORMAT, scene.row.get("sha256"), scene.chosen_agent]
 
 
-def write_scene(scene: Scene, cache: Path, lidar: str) -> None:
+def write_scene(scene: Scene, cache: Path, modality: Modality, lidar: str) -> None:
     """Write one scene; the folder gets its name when it is complete. Arguments and errors as for ``write_cache``."""
     folder = scene_folder(cache, scene)
     making = folder.with_name(f".{folder.name}")
     shutil.rmtree(making, ignore_errors=True)
     making.mkdir(parents=True)
-    cameras = _cameras(scene)
+    cameras = _cameras(scene, modality)
     for name, array in _arrays(scene, cameras, lidar).items():
         np.save(making / f"{name}.npy", array)
     width_px, height_px = scene.calibration[cameras[0]].size_px if cameras else (0, 0)
@@ -151,20 +159,32 @@ def _arrays(scene: Scene, cameras: list[str], lidar: str) -> dict[str, AnyArray]
     }
 
 
-def _cameras(scene: Scene) -> list[str]:
-    """Names of the cameras with images in color and depth, which must be alike."""
+def _cameras(scene: Scene, modality: Modality) -> list[str]:
+    """Names of the cameras with images in color and depth; none if they do not suit and a model sees none.
+
+    Raises:
+        InputError: A model with cameras cannot use them.
+    """
     names = [name for name in scene.calibration if f"{name}/rgb" in scene.keys and f"{name}/depth" in scene.keys]
-    for name in names:
+    problem = _problem_of(scene, names)
+    if problem and modality.has_cameras:
+        raise InputError(f"{scene.path}: {problem}")
+    return [] if problem else names
+
+
+def _problem_of(scene: Scene, cameras: list[str]) -> str:
+    """Why models cannot use these cameras; empty if they can."""
+    for name in cameras:
         calibration = scene.calibration[name]
         width_px, height_px = calibration.size_px
-        if calibration.size_px != scene.calibration[names[0]].size_px or width_px % 16 or height_px % 16:
-            raise InputError(
-                f"{scene.path}: camera {name}: has {width_px} x {height_px} pixels; "
+        if calibration.size_px != scene.calibration[cameras[0]].size_px or width_px % 16 or height_px % 16:
+            return (
+                f"camera {name}: has {width_px} x {height_px} pixels; "
                 "all cameras must have the same size, a multiple of 16"
             )
         if isinstance(calibration.camera, LensCamera):
-            raise InputError(f"{scene.path}: camera {name}: has a distorting lens; the baselines need an ideal one")
-    return names
+            return f"camera {name}: has a distorting lens; the baselines need an ideal one"
+    return "" if cameras else "has no camera with the modalities rgb and depth; a baseline that sees images needs one"
 
 
 def _points_cm(frame: Frame, lidar: str, ego_from_sensor: Float64Array) -> AnyArray:

@@ -26,7 +26,7 @@ def predict(
 ) -> None:
     """Write a baseline's predictions for all key frames of a split, for simbev evaluate.
 
-    Key frames are the frames with images of all cameras, and a cloud.
+    Key frames are the frames with images of all cameras that suit the baselines, and a cloud.
 
     [bold]Examples[/]
 
@@ -43,7 +43,7 @@ def predict(
 
     baseline = Baseline(model_file(model))
     pool, console = processes(workers), make_console(stderr=True)
-    scenes = cached_scenes(filled_cache(dataset, cache, pool, console, agent), split)
+    scenes = cached_scenes(filled_cache(dataset, cache, baseline.modality, pool, console, agent), split)
     frames = sum(len(range(0, len(scene.frames), every)) for scene in scenes)
     with counting_bar("frames", console, frames) as bar:
         run(baseline, scenes, out, bar.advance, every)

@@ -55,7 +55,7 @@ def train(
     starting_files(training, out)  # what is missing is said before the dataset is unpacked
     models_to_average(training)
     pool, console = processes(workers), make_console(stderr=True)
-    folder = filled_cache(dataset, cache, pool, console, agent)
+    folder = filled_cache(dataset, cache, training.modality, pool, console, agent)
     with counting_bar("steps", console, elapsed=True) as bar:
 
         def report(progress: Progress) -> None:

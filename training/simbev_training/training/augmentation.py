@@ -1,6 +1,6 @@
-"""Random changes of a sample: one linear map for points, boxes, cameras and the grid; and lidars with fewer points."""
+"""Random changes of a sample: one affine map for points, boxes, cameras and the grid; and lidars with fewer points."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -16,15 +16,17 @@ _RING_DEG = 41.34 / 127
 
 @dataclass(frozen=True, eq=False)
 class Warp:
-    """A linear map of the level frame.
+    """An affine map of the level frame.
 
     Attributes:
         matrix: (2, 2) map of x and y: a rotation with or without a flip, times the scale.
         scale: Factor of all lengths, also of heights.
+        offset_m: (3,) translation, after the rest.
     """
 
     matrix: Float64Array
     scale: float
+    offset_m: Float64Array = field(default_factory=lambda: np.zeros(3))
 
     @classmethod
     def draw(cls, augmentation: Augmentation, rng: np.random.Generator) -> "Warp":
@@ -34,7 +36,9 @@ class Warp:
         flips = [-1.0 if augmentation.flip and rng.random() < 0.5 else 1.0 for _ in range(2)]
         cosine, sine = np.cos(angle_rad), np.sin(angle_rad)
         rotation = np.array([[cosine, -sine], [sine, cosine]])
-        return cls(scale * rotation @ np.diag(flips), scale)
+        sigma_m = augmentation.translation_m
+        offset_m = rng.normal(0.0, sigma_m, 3) if sigma_m else np.zeros(3)  # without it, other draws stay as they were
+        return cls(scale * rotation @ np.diag(flips), scale, offset_m)
 
     @property
     def warped_from_level(self) -> Float64Array:
@@ -42,17 +46,24 @@ class Warp:
         result = np.eye(4)
         result[:2, :2] = self.matrix
         result[2, 2] = self.scale
+        result[:3, 3] = self.offset_m
         return result
+
+    @property
+    def level_from_warped(self) -> Float32Array:
+        """(2, 3) inverse of the map of x and y: the matrix, then the translation."""
+        return np.linalg.inv(self.warped_from_level)[:2, [0, 1, 3]].astype(np.float32)
 
     def boxes(self, boxes: Table) -> Table:
         """(B,) boxes of a sample."""
         warped = boxes.copy()
-        warped["x"], warped["y"] = self.matrix @ np.stack([boxes["x"], boxes["y"]])
+        warped["x"], warped["y"] = self.matrix @ np.stack([boxes["x"], boxes["y"]]) + self.offset_m[:2, None]
         warped["vx"], warped["vy"] = self.matrix @ np.stack([boxes["vx"], boxes["vy"]])
         ahead = self.matrix @ np.stack([np.cos(boxes["yaw"]), np.sin(boxes["yaw"])])
         warped["yaw"] = np.arctan2(ahead[1], ahead[0])
         for name in ("z", "length", "width", "height"):
             warped[name] = boxes[name] * self.scale
+        warped["z"] += self.offset_m[2]
         return warped
 
     def projections(self, pixel_from_level: Float32Array) -> Float32Array:

@@ -36,7 +36,7 @@ class Batch(NamedTuple):
         pixel_from_level: (B, K, 3, 4) float32 projections to the warped images.
         depth_m: (B, K, H / 8, W / 8) float32, as recorded; 0: unknown.
         cells: (B, CELLS, CELLS) int32 grid as recorded, before the warp.
-        level_from_warped: (B, 2, 2) float32 inverse of the warp of x and y.
+        level_from_warped: (B, 2, 3) float32 inverse of the warp of x and y, with its translation.
         boxes: (M, 11) float32 boxes on the grid that have points: index of the sample, class, x, y, z, length, width,
             height, yaw, vx, vy.
     """
@@ -154,7 +154,7 @@ class CachedBatches(Dataset[Batch]):
             "pixel_from_level": torch.from_numpy(projections),
             "depth_m": torch.from_numpy(images.depth_m),
             "cells": torch.from_numpy(sample.cells.astype(np.int32)),
-            "level_from_warped": torch.from_numpy(np.linalg.inv(warp.matrix).astype(np.float32)),
+            "level_from_warped": torch.from_numpy(warp.level_from_warped),
             "boxes": torch.from_numpy(np.stack([boxes[name].astype(np.float32) for name in names], 1)),
         }
 

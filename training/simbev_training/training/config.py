@@ -23,6 +23,12 @@ class Augmentation(Model):
     flip: bool = Field(True, description="mirror x, y and each image, all with a probability of one half")
     rotation_deg: float = Field(45.0, ge=0, le=180, description="maximum rotation about z, in both directions")
     scale: float = Field(0.1, ge=0, lt=0.5, description="maximum change of scale: 0.1 is a factor of 0.9 to 1.1")
+    translation_m: float = Field(
+        0.0,
+        ge=0,
+        le=20,
+        description="standard deviation of a shift in x, y and z; the paper's models (BEVFusion): 0.5",
+    )
     thinning: float = Field(0.5, ge=0, lt=1, description="maximum share of the lidar's points that is left out")
     every_second_ring: float = Field(
         0.25, ge=0, le=1, description="share of samples that see every second ring of the lidar, like a coarser one"

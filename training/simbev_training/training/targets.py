@@ -47,7 +47,7 @@ def _warped_cells(batch: Batch) -> tuple[Tensor, Tensor]:
     samples, device = len(batch.cells), batch.cells.device
     ahead = HALF_M - (torch.arange(CELLS, device=device) + 0.5) * CELL_M
     center = torch.stack(torch.meshgrid(ahead, ahead, indexing="ij"), -1).reshape(1, -1, 2)
-    source = center @ batch.level_from_warped.transpose(1, 2)
+    source = center @ batch.level_from_warped[:, :, :2].transpose(1, 2) + batch.level_from_warped[:, None, :, 2]
     index = torch.floor((HALF_M - source) / CELL_M).long()
     known = ((index >= 0) & (index < CELLS)).all(-1)
     row, column = index.clamp(0, CELLS - 1).unbind(-1)

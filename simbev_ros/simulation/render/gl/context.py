@@ -19,6 +19,8 @@ from simbev_ros.simulation.render.gl.devices import (
 
 GL_VERSION = 440
 _MIN_VERSION = 100
+_STEERING_PREFIXES = ("MESA_", "LIBGL_", "GALLIUM_", "EGL_", "__EGL_")
+"""Beginnings of the names of variables that change what a driver can do."""
 
 _log = logging.getLogger(__name__)
 
@@ -148,14 +150,18 @@ def _open_failure(device: EglDevice, error: Exception) -> str:
     try:
         context = _create(device, _MIN_VERSION)
     except Exception:  # glcontext raises bare Exception; the first message is the better reason
-        return f"cannot be opened: {error}; update its driver"
+        return f"cannot be opened: {error}; {_remedy()}"
     version, code = context.info["GL_VERSION"], context.version_code
     context.release()
     if code >= GL_VERSION:
-        return f"cannot be opened: {error}; update its driver"
-    forced = os.environ.get("MESA_GL_VERSION_OVERRIDE")
-    remedy = f"unset MESA_GL_VERSION_OVERRIDE={forced}" if forced else "update its driver"
-    return f"has only OpenGL {version}, and 4.4 is needed; {remedy}"
+        return f"cannot be opened: {error}; {_remedy()}"
+    return f"has only OpenGL {version}, and 4.4 is needed; {_remedy()}"
+
+
+def _remedy() -> str:
+    """Advice for a driver that does not work: unset the variables that steer it, if there are any."""
+    steering = [f"{name}={value}" for name, value in sorted(os.environ.items()) if name.startswith(_STEERING_PREFIXES)]
+    return f"unset {' and '.join(steering)}" if steering else "update its driver"
 
 
 def _create(device: EglDevice, version: int) -> moderngl.Context:

@@ -61,7 +61,7 @@ class CarefulDrivers:
     def __init__(
         self,
         bodies: Bodies,
-        careful: BoolArray,
+        heeds: BoolArray,
         front_m: Float64Array,
         traffic: DriverControl,
         tick_s: float,
@@ -71,7 +71,7 @@ class CarefulDrivers:
 
         Args:
             bodies: Bodies of V vehicles and P pedestrians.
-            careful: (V,) whether each driver is careful.
+            heeds: (V, 2) whether each driver brakes for vehicles, and for pedestrians.
             front_m: (M, 3) fronts of the first M vehicles, which are SUMO's; the other vehicles never move.
             traffic: SUMO.
             tick_s: Length of a tick.
@@ -82,8 +82,8 @@ class CarefulDrivers:
         self._vehicles, self._sumo_count = bodies.boxes.vehicles, len(front_m)
         self._half_m = bodies.boxes.size_m[:, :2] / 2.0
         self._half_m[self._vehicles :] = self._half_m[self._vehicles :].max(axis=1, keepdims=True)
-        self._careful = np.zeros(len(self._half_m), bool)
-        self._careful[: self._sumo_count] = careful[: self._sumo_count]
+        self._heeds = np.zeros((len(self._half_m), 2), bool)
+        self._heeds[: self._sumo_count] = heeds[: self._sumo_count]
         self._traffic = traffic
         self._tick_s = tick_s
         self._predictor = TrajectoryPredictor(bodies, front_m, traffic, tick_s)
@@ -108,6 +108,7 @@ class CarefulDrivers:
         rear_m: Float64Array,
         position_m: Float64Array,
         ahead: Float64Array,
+        is_reversing: BoolArray,
         has_stopped: BoolArray,
         on_sidewalk: BoolArray,
     ) -> None:
@@ -119,15 +120,17 @@ class CarefulDrivers:
             rear_m: (M, 3) their rear axles.
             position_m: (G, 3) current positions of all bodies.
             ahead: (V, 2) unit vectors of the vehicles' headings.
+            is_reversing: (M,) whether each of SUMO's vehicles moves backward.
             has_stopped: (G,) whether each body has crashed and never moves again.
             on_sidewalk: (P,) whether each pedestrian is on a sidewalk.
         """
         self._steps += 1
-        self._predictor.observe(front_m, point_m, rear_m)
+        self._predictor.observe(front_m, point_m, rear_m, is_reversing)
         now = self._predict(position_m[:, :2], ahead, has_stopped, on_sidewalk)
         self.braking_mps2 = {vehicle: mps2 for vehicle, mps2 in self.braking_mps2.items() if not has_stopped[vehicle]}
         looks_now = (np.arange(len(has_stopped)) + self._steps) % self._look_period_ticks == 0
-        self._resolve_conflicts(np.flatnonzero(self._careful & ~has_stopped & looks_now), now, position_m[:, 2])
+        drivers = np.flatnonzero(self._heeds.any(axis=1) & ~has_stopped & looks_now)
+        self._resolve_conflicts(drivers, now, position_m[:, 2])
         for vehicle, braking_mps2 in self.braking_mps2.items():
             speed_mps = self._traffic.speed_mps(vehicle) - braking_mps2 * self._tick_s
             self._traffic.limit_speed(vehicle, _REASON, max(speed_mps, _CREEP_MPS * (vehicle in self._creeping)))
@@ -154,6 +157,8 @@ class CarefulDrivers:
         predicted = PredictedTraffic(self._half_m, height_m, self._predict_released(now), now)
         moving = drivers[~predicted.own.stays[drivers]]
         conflicts = predicted.find_conflicts(moving, self._patient)
+        is_pedestrian = conflicts.other >= self._vehicles
+        conflicts = conflicts.select(self._heeds[conflicts.driver, is_pedestrian.astype(np.intp)])
         needed_mps2, brakes = self._decide_braking(conflicts, predicted)
         self._passing_offsets.update_offsets(moving, conflicts.select(conflicts.other < self._vehicles), predicted)
         self._predictor.target_offset_m = self._passing_offsets.offset_m
@@ -173,7 +178,7 @@ class CarefulDrivers:
     def _decide_braking(self, conflicts: Conflicts, predicted: PredictedTraffic) -> tuple[Float64Array, BoolArray]:
         """(N,) decelerations that the drivers need in conflicts, and (N,) whether they brake in each."""
         needed_mps2, is_useless = self._needed_mps2(conflicts, predicted)
-        is_careful = self._careful[conflicts.other]
+        is_careful = self._heeds[conflicts.other, 0]
         others_mps2, others_useless = np.full(len(is_careful), np.inf), np.ones(len(is_careful), bool)
         others_view = conflicts.select(is_careful).swapped()
         others_mps2[is_careful], others_useless[is_careful] = self._needed_mps2(others_view, predicted)

@@ -9,6 +9,7 @@ from simbev_ros.foundation.types import Float64Array
 from simbev_ros.scene.blueprints import Blueprint
 
 _COMMAND_TIMEOUT_S = 0.5  # without a command for this long, the ego brakes
+_MAX_REVERSE_MPS = 5.0
 _MAX_STEER_RAD = 0.6
 _MAX_STEER_RATE_RADPS = 0.8
 _MAX_LATERAL_MPS2 = 7.0
@@ -19,8 +20,11 @@ _MIN_ROLLING_MPS = 0.5  # at lower speeds, the wheels steer as they would at thi
 class EgoDriver:
     """Kinematic bicycle model with limited acceleration, steering angle, steering rate and lateral acceleration.
 
+    It drives forward and backward, and stops in between.
+
     Attributes:
         front_m: (3,) center of the front bumper, map frame.
+        axle_m: (3,) center of the rear axle, at the height of the road like ``front_m``.
         yaw_rad: Heading.
     """
 
@@ -39,7 +43,7 @@ class EgoDriver:
             blueprint: The vehicle.
             front_m: (3,) center of the front bumper, map frame.
             direction: (2,) or (3,) vector of its heading.
-            max_speed_mps: Maximum speed.
+            max_speed_mps: Maximum speed forward.
             tick_s: Time between two calls of ``advance_tick``.
             heights_m: Function from (N, 3) points, roughly at road height, to the (N,) heights of the road.
         """
@@ -50,14 +54,15 @@ class EgoDriver:
         self._max_speed_mps, self._tick_s, self._heights_m = max_speed_mps, tick_s, heights_m
         # SUMO's points have the height of their lane's center line, which may differ from the road surface below.
         self._above_m = float(front_m[2] - heights_m(front_m[None])[0])
+        self.axle_m = self._on_road(front_m[:2] - self._rear_to_front_m * self._ahead(), front_m[2])
         self._desired_mps = self._desired_radps = 0.0
         self._speed_mps = self._steer_rad = 0.0
         self._ticks_without_command = 0
 
     def set_command(self, speed_mps: float, yaw_rate_radps: float) -> None:
-        """Set the desired motion from the next tick on; negative speeds count as 0, non-finite values are ignored."""
+        """Set the desired motion from the next tick on; negative speeds go backward, non-finite values are ignored."""
         if math.isfinite(speed_mps) and math.isfinite(yaw_rate_radps):
-            self._desired_mps, self._desired_radps = max(speed_mps, 0.0), yaw_rate_radps
+            self._desired_mps, self._desired_radps = speed_mps, yaw_rate_radps
             self._ticks_without_command = 0
 
     def advance_tick(self) -> None:
@@ -65,24 +70,37 @@ class EgoDriver:
         if self._ticks_without_command * self._tick_s >= _COMMAND_TIMEOUT_S - 1e-9:
             self._desired_mps = self._desired_radps = 0.0
         self._ticks_without_command += 1
+        self._change_speed()
         tick_s, wheelbase_m = self._tick_s, self._blueprint.wheelbase_m
-        speed_change_mps = min(self._desired_mps, self._max_speed_mps) - self._speed_mps
-        speed_change_mps = min(max(speed_change_mps, -self._blueprint.decel * tick_s), self._blueprint.accel * tick_s)
-        self._speed_mps += speed_change_mps
-        rolling_mps = max(self._speed_mps, _MIN_ROLLING_MPS)
+        rolling_mps = max(abs(self._speed_mps), _MIN_ROLLING_MPS)
         max_radps = min(_MAX_YAW_RATE_RADPS, _MAX_LATERAL_MPS2 / rolling_mps)
+        rolling_mps = math.copysign(rolling_mps, self._speed_mps or self._desired_mps)  # at rest: before it moves off
         steer_rad = math.atan(wheelbase_m * _clamp(self._desired_radps, max_radps) / rolling_mps)
         steer_rad = _clamp(steer_rad, _MAX_STEER_RAD)
         self._steer_rad += _clamp(steer_rad - self._steer_rad, _MAX_STEER_RATE_RADPS * tick_s)
-        rear_m = self.front_m[:2] - self._rear_to_front_m * self._ahead()
         yaw_rate_radps = self._speed_mps * math.tan(self._steer_rad) / wheelbase_m
         yaw_rad = self.yaw_rad + _clamp(yaw_rate_radps, max_radps) * tick_s  # the tires cannot hold more
         mean_yaw_rad = (self.yaw_rad + yaw_rad) / 2.0
-        rear_m += self._speed_mps * tick_s * np.array([math.cos(mean_yaw_rad), math.sin(mean_yaw_rad)])
+        step_m = self._speed_mps * tick_s * np.array([math.cos(mean_yaw_rad), math.sin(mean_yaw_rad)])
         self.yaw_rad = yaw_rad
-        front_m = np.array([*(rear_m + self._rear_to_front_m * self._ahead()), self.front_m[2]])
-        front_m[2] = self._heights_m(front_m[None])[0] + self._above_m
-        self.front_m = front_m
+        axle_m = self.axle_m[:2] + step_m
+        self.axle_m = self._on_road(axle_m, self.axle_m[2])
+        self.front_m = self._on_road(axle_m + self._rear_to_front_m * self._ahead(), self.front_m[2])
+
+    def _change_speed(self) -> None:
+        """Accelerate or brake toward the desired speed; between forward and backward, the speed is 0 at one tick."""
+        desired_mps = min(max(self._desired_mps, -_MAX_REVERSE_MPS), self._max_speed_mps)
+        if desired_mps * self._speed_mps < 0.0:
+            desired_mps = 0.0
+        accelerates = abs(desired_mps) > abs(self._speed_mps)
+        limit_mps2 = self._blueprint.accel if accelerates else self._blueprint.decel
+        self._speed_mps += _clamp(desired_mps - self._speed_mps, limit_mps2 * self._tick_s)
+
+    def _on_road(self, xy_m: Float64Array, near_m: float) -> Float64Array:
+        """(3,) point at (2,) coordinates, on the road that is roughly at the height ``near_m``."""
+        point_m = np.array([*xy_m, near_m])
+        point_m[2] = self._heights_m(point_m[None])[0] + self._above_m
+        return point_m
 
     def _ahead(self) -> Float64Array:
         """(2,) unit vector of the heading."""

@@ -71,4 +71,4 @@ class OutsideDrivers:
         """
         for vehicle, driver in self._drivers.items():
             driver.advance_tick()
-            self._sumo.move_vehicle(self._sumo.vehicles.index(vehicle), driver.front_m, driver.yaw_rad)
+            self._sumo.move_vehicle(self._sumo.vehicles.index(vehicle), driver.front_m, driver.axle_m)

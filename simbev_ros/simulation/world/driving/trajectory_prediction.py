@@ -75,6 +75,7 @@ class TrajectoryPredictor:
         self._trail_m, self._lead_m = bodies.trail_m[:vehicles], bodies.lead_m[:vehicles]
         self._behind_m = bodies.boxes.size_m[:vehicles, 0] / 2.0 - self._lead_m
         self._front_m = self._point_m = self._rear_m = front_m
+        self._is_reversing: BoolArray = np.zeros(vehicles, bool)
         self._acceleration_mps2 = np.zeros(vehicles)
         self.left: Float64Array = np.zeros((vehicles, 2))
         self.target_offset_m: Float64Array = np.zeros(vehicles)
@@ -82,8 +83,10 @@ class TrajectoryPredictor:
         self._drift_mps = np.zeros(vehicles)
         self._swerve_mps = np.zeros(vehicles)
 
-    def observe(self, front_m: Float64Array, point_m: Float64Array, rear_m: Float64Array) -> None:
-        """Take the (V, 3) fronts, leading points and rear axles of the next tick."""
+    def observe(
+        self, front_m: Float64Array, point_m: Float64Array, rear_m: Float64Array, is_reversing: BoolArray
+    ) -> None:
+        """Take the (V, 3) fronts, leading points and rear axles of the next tick, and whether (V,) move backward."""
         velocity_mps = (front_m - self._front_m)[:, :2] / self._tick_s
         speed_mps = np.linalg.norm(velocity_mps, axis=1)
         self._acceleration_mps2 = (self._acceleration_mps2 + (speed_mps - self.speed_mps) / self._tick_s) / 2.0
@@ -91,6 +94,7 @@ class TrajectoryPredictor:
         drift_mps = np.where(np.abs(drift_mps) > _MIN_DRIFT_MPS, drift_mps, 0.0)
         self._drift_mps = np.clip(drift_mps, -_MAX_DRIFT_MPS, _MAX_DRIFT_MPS)
         self.speed_mps, self._front_m, self._point_m, self._rear_m = speed_mps, front_m, point_m, rear_m
+        self._is_reversing = is_reversing
         (vehicle,) = np.nonzero((speed_mps > 0.0) | np.all(self.left == 0.0, axis=1))
         distance_m = np.tile([0.0, _TANGENT_M], (len(vehicle), 1))
         ends_m = self._traffic.ahead_m(vehicle, distance_m, np.zeros_like(distance_m))
@@ -118,7 +122,9 @@ class TrajectoryPredictor:
         lead_m = np.where(
             fraction < 1.0, point_m + fraction * (front_m - point_m), front_m + positions_m - positions_m[:, :1]
         )
-        return self._predict_towed(vehicle, lead_m)
+        back_m = (point_m - self._rear_m[vehicle, None, :2]) / self._trail_m[vehicle, None, None]
+        back_m = point_m - distance_m[..., None] * back_m
+        return self._predict_towed(vehicle, np.where(self._is_reversing[vehicle, None, None], back_m, lead_m))
 
     def _predict_towed(self, vehicle: Int64Array, lead_m: Float64Array) -> PredictedTrajectories:
         """Trajectories of bodies with rear axles towed behind (N, K, 2) points."""

@@ -3,9 +3,9 @@
 SUMO moves a point for each actor along polylines, so that speed jumps from step to step and direction at every corner.
 This module averages the points over a short window centered on each tick, so the world is a fixed delay behind SUMO but
 has no phase lag. Each body then follows its point like a vehicle: the point leads, and the rear axle is towed behind it
-(a tractrix). On maps with elevation, the body settles on the ground below its wheels, which adds a little delay.
-Velocities and accelerations are central differences of the poses, so that they integrate back to them. Everything is in
-the map frame.
+(a tractrix). The axle of a vehicle driven from outside is given, as a tractrix is unstable in reverse. On maps with
+elevation, the body settles on the ground below its wheels, which adds a little delay. Velocities and accelerations are
+central differences of the poses, so that they integrate back to them. Everything is in the map frame.
 """
 
 from collections import deque
@@ -111,6 +111,7 @@ class Motion:
         tick_s: float,
         half_window_ticks: int,
         ground_planes: GroundPlanes | None = None,
+        axle_m: Float64Array | None = None,
     ) -> None:
         """Start at rest.
 
@@ -121,6 +122,7 @@ class Motion:
             tick_s: Time between two points.
             half_window_ticks: Number of points on each side of the center of an average.
             ground_planes: The ground below the bodies; None: level ground, bodies stand at the heights of their points.
+            axle_m: (G, 3) rear axles that are given at each tick; NaN: towed; None: all are towed.
         """
         self._bodies = bodies
         self._tick_s = tick_s
@@ -129,6 +131,10 @@ class Motion:
         half_settling_ticks = 0 if ground_planes is None else max(1, round(half_window_ticks * _SETTLING_FRACTION))
         self._plan_window, self._plane_window = _MovingAverage(half_settling_ticks), _MovingAverage(half_settling_ticks)
         self._point_window.add(point_m)
+        axle_m = np.full((len(point_m), 3), np.nan) if axle_m is None else axle_m
+        self._steered = np.flatnonzero(~np.isnan(axle_m[:, 0]))
+        self._axle_window = _MovingAverage(half_window_ticks)
+        self._axle_window.add(axle_m[self._steered])
         self._lead_m = point_m[:, :3].copy()
         self._rear_m = self._lead_m - bodies.trail_m[:, None] * direction
         poses = self._poses(np.zeros(len(point_m)), point_m[:, 3])
@@ -142,28 +148,41 @@ class Motion:
         """Number of points by which the returned kinematics are behind the newest point."""
         return self._point_window.half_ticks + self._plan_window.half_ticks + 1
 
-    def advance_motion(self, point_m: Float64Array) -> Kinematics:
-        """Take the next (G, 4) leading points; returns the kinematics ``delay_ticks`` before them."""
+    def advance_motion(self, point_m: Float64Array, axle_m: Float64Array | None = None) -> Kinematics:
+        """Take the next (G, 4) leading points and (G, 3) rear axles as at the start.
+
+        Returns:
+            The kinematics ``delay_ticks`` before them.
+        """
         self._point_window.add(point_m)
         smoothed = self._point_window.average()
-        poses = self._poses(self._tow_rear_axles(smoothed[:, :3]), smoothed[:, 3])
+        if axle_m is not None:
+            self._axle_window.add(axle_m[self._steered])
+        poses = self._poses(self._move_axles(smoothed[:, :3], self._axle_window.average()), smoothed[:, 3])
         position_m, rpy_rad = self._mount_bodies(*self.collisions.resolve(*poses))
         self._position_m = np.concatenate([self._position_m[1:], position_m[None]])
         self._rpy_rad = np.concatenate([self._rpy_rad[1:], rpy_rad[None]])
         return self._kinematics()
 
-    def _tow_rear_axles(self, lead_m: Float64Array) -> Float64Array:
-        """Tow the rear axles behind the leading points; returns the (G,) roll of bodies that lean into their curve.
+    def _move_axles(self, lead_m: Float64Array, axle_m: Float64Array) -> Float64Array:
+        """Tow the rear axles behind the (G, 3) leading points, except the given (S, 3) ones, which push their points.
 
         An axle whose point did not move keeps its position to the last bit.
+
+        Returns:
+            (G,) roll of bodies that lean into their curve.
         """
-        old_forward_m = self._lead_m - self._rear_m
+        steered, old_forward_m = self._steered, self._lead_m - self._rear_m
         to_lead_m = lead_m - self._rear_m
-        rear_m = lead_m - (self._bodies.trail_m / np.linalg.norm(to_lead_m, axis=1))[:, None] * to_lead_m
+        to_lead_m[steered] = lead_m[steered] - axle_m
+        forward_m = (self._bodies.trail_m / np.linalg.norm(to_lead_m, axis=1))[:, None] * to_lead_m
+        lead_m[steered] = axle_m + forward_m[steered]
+        rear_m = lead_m - forward_m
         step_m = lead_m - self._lead_m
         self._rear_m = np.where(np.any(step_m != 0.0, axis=1)[:, None], rear_m, self._rear_m)
         self._lead_m = lead_m
         turn_rad = _cross(old_forward_m, to_lead_m) / np.einsum("gi,gi->g", old_forward_m, to_lead_m)
+        turn_rad[steered] *= np.sign(np.einsum("si,si->s", step_m[steered], forward_m[steered]))
         lateral_mps2 = turn_rad * np.linalg.norm(step_m, axis=1) / self._tick_s**2
         return np.where(self._bodies.leans, -np.arctan(lateral_mps2 / GRAVITY_MPS2), 0.0)
 

@@ -16,6 +16,7 @@ from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.simulation.world.pedestrians.free_walk import FreeWalker
 from simbev_ros.simulation.world.pedestrians.itineraries import Leg
 from simbev_ros.simulation.world.pedestrians.jaywalks import Jaywalks
+from simbev_ros.simulation.world.pedestrians.pauses import Pauses
 from simbev_ros.simulation.world.pedestrians.plaza_visits import PlazaVisit
 from simbev_ros.simulation.world.population import Population
 from simbev_ros.simulation.world.sumo.traffic import TrafficSample
@@ -60,6 +61,8 @@ class Excursions:
             if legs[0].starts_at_stop and isinstance(visit := legs[0].excursion, PlazaVisit):
                 self._start_excursion(row, visit.stop_position_m)
         self._plan_departures()
+        self._pauses, self._steps = Pauses(spec, population), 0
+        self._pauses.advance_pauses(0, self._walkers, np.zeros(len(pedestrians), bool))
 
     @property
     def jaywalking(self) -> BoolArray:
@@ -76,6 +79,8 @@ class Excursions:
         self._jaywalks.observe(sample)
         self._pedestrian_m = sample.pedestrian_m
         self._leave_network(crashed)
+        self._steps += 1
+        self._pauses.advance_pauses(self._steps, self._walkers, crashed)
         walkers = list(self._walkers.items())
         for row, (_, steps) in walkers:
             if not crashed[row]:

@@ -70,7 +70,7 @@ class Jaywalks:
         self._population, self._sumo = population, population.sumo
         self._tick_s = spec.tick_ns / NS_PER_S
         vehicles = [spec.vehicles[index] for index in population.vehicles]
-        self._reckless = [vehicle.reckless for vehicle in vehicles]
+        self._ignores_pedestrians = ["pedestrians" in vehicle.ignored for vehicle in vehicles]
         self._size_m = np.array([blueprint_named(vehicle.blueprint).size_m for vehicle in vehicles])
         self._look_ticks = max(1, round(_LOOK_PERIOD_S / self._tick_s))
         self._steps = 0
@@ -143,7 +143,7 @@ class Jaywalks:
         candidates = sorted(crossing.braking) if not self._looks_now(row) else self._vehicles_near(crossing.site)
         for vehicle in candidates if crossing.is_active else ():
             distance_m = self._distance_m(vehicle, crossing.site, crossing.cleared_m) - _STOP_GAP_M
-            if self._reckless[vehicle] or not np.isfinite(distance_m):
+            if self._ignores_pedestrians[vehicle] or not np.isfinite(distance_m):
                 continue
             speed_mps = self._population.speed_mps(vehicle)
             needed_mps2 = speed_mps**2 / (2.0 * max(distance_m, 1e-3))

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from simbev_ros.foundation.geometry.plan_view import left_of
-from simbev_ros.foundation.types import Float64Array, Int64Array
+from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.simulation.world.kinematics.motion import Bodies
 
 _CLEARANCE_M = 0.8  # from the center of a pedestrian to the side of a vehicle
@@ -27,6 +27,7 @@ class VehicleAvoidance:
         rear_m: (V, 3) the vehicles' rear axles.
         center_m: (V, 3) their centers.
         ahead: (V, 2) unit vectors of their headings.
+        is_reversing: (V,) whether each of them, driven from outside, moves backward.
     """
 
     def __init__(self, bodies: Bodies, point_m: Float64Array, direction: Float64Array) -> None:
@@ -45,6 +46,7 @@ class VehicleAvoidance:
         self.rear_m = point_m - self._trail_m * direction
         self.center_m = point_m - self._lead_m * direction
         self.ahead: Float64Array = direction[:, :2] / np.linalg.norm(direction[:, :2], axis=1, keepdims=True)
+        self.is_reversing: BoolArray = np.zeros(vehicles, bool)
 
     def rest_crashed(self, vehicle: Int64Array, center_m: Float64Array, yaw_rad: Float64Array) -> None:
         """Keep (N,) crashed vehicles where they come to rest, at (N, 3), instead of where SUMO has them."""
@@ -73,22 +75,30 @@ class VehicleAvoidance:
         return position_m
 
     def avoid_paths(
-        self, point_m: Float64Array, pedestrian_m: Float64Array, desired_m: Float64Array, tick_s: float
+        self,
+        point_m: Float64Array,
+        axle_m: Float64Array,
+        pedestrian_m: Float64Array,
+        desired_m: Float64Array,
+        tick_s: float,
     ) -> Float64Array:
         """(P, 3) positions that pedestrians may desire one tick later: beside the paths of vehicles that they graze.
 
         Args:
             point_m: (V, 3) the vehicles' leading points.
+            axle_m: (V, 3) rear axles that their drivers know; NaN: the axle is towed.
             pedestrian_m: (P, 3) current positions of the pedestrians.
             desired_m: (P, 3) their desired positions.
             tick_s: Length of the tick.
         """
-        to_point_m = point_m - self.rear_m
+        to_point_m = point_m - np.where(np.isnan(axle_m), self.rear_m, axle_m)
         forward = to_point_m / np.linalg.norm(to_point_m, axis=1, keepdims=True)
         old_to_point_m = self._point_m - self.rear_m
         turn_rad = (old_to_point_m[:, 0] * to_point_m[:, 1] - old_to_point_m[:, 1] * to_point_m[:, 0]) / self._trail_m[
             :, 0
         ] ** 2
+        is_backward = np.einsum("vi,vi->v", point_m - self._point_m, forward) < 0.0
+        self.is_reversing = is_backward & ~np.isnan(axle_m[:, 0])
         step_m = np.linalg.norm(point_m - self._point_m, axis=1)
         curvature_per_m = np.clip(turn_rad / np.maximum(step_m, 1e-9), -_MAX_CURVATURE_PER_M, _MAX_CURVATURE_PER_M)
         speed_mps = step_m / tick_s
@@ -104,9 +114,10 @@ class VehicleAvoidance:
         pedestrian: Int64Array = np.concatenate(near).astype(np.int64)
         ahead = self.ahead[vehicle]
         left = left_of(ahead)
+        travel = np.where(self.is_reversing[vehicle], -1.0, 1.0)
         gap_m = (desired_m[pedestrian] - center_m[vehicle])[:, :2]
-        along_m = np.sum(gap_m * ahead, axis=1)
-        path_offset_m = curvature_per_m[vehicle] * np.maximum(along_m, 0.0) ** 2 / 2.0
+        along_m = travel * np.sum(gap_m * ahead, axis=1)
+        path_offset_m = travel * curvature_per_m[vehicle] * np.maximum(along_m, 0.0) ** 2 / 2.0
         offset_m = np.sum((pedestrian_m[pedestrian] - center_m[vehicle])[:, :2] * left, axis=1) - path_offset_m
         side = np.sign(offset_m)
         lacking_m = self._half_m[vehicle, 1] + _CLEARANCE_M - side * (np.sum(gap_m * left, axis=1) - path_offset_m)

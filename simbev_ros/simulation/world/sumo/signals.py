@@ -1,15 +1,19 @@
 """Traffic lights: SUMO's signal programs with the scene's green times, and the state of every signal head at a tick.
 
-The programs run by the clock alone, so the table of heads is computed from them without querying SUMO.
+The programs run by the clock alone, so the table of heads is computed from them without querying SUMO; those that a
+command holds in a phase are set in SUMO at each change of phase.
 """
 
+from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
+from typing import NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
 
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.geometry.ragged import ragged_starts
 from simbev_ros.foundation.random import stream
 from simbev_ros.foundation.types import Float64Array, Int64Array, Table, UInt8Array
@@ -19,6 +23,9 @@ from simbev_ros.schema.scene.spec import ALL_RED_S, YELLOW_S, SceneSpec
 from simbev_ros.schema.scene.state import SIGNAL_DTYPE, SignalState
 
 _MIN_GREEN_S = 4.0
+_FOREVER_S = 1e6
+_MAX_DELAY_TICKS = 1024
+"""Ticks for which the phases of held programs are kept; the published state is a fraction of a second behind SUMO."""
 _STATE_OF = {
     "G": SignalState.GREEN,
     "g": SignalState.GREEN,
@@ -30,6 +37,14 @@ _STATE_OF = {
     "o": SignalState.OFF,
     "O": SignalState.OFF,
 }
+
+
+class PhaseChange(NamedTuple):
+    """A phase that a program, by its id, takes in SUMO for a duration."""
+
+    program: str
+    phase: int
+    duration_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,11 +103,30 @@ def signal_programs_xml(programs: Sequence[SignalProgram], tick_ns: int) -> str:
     return ElementTree.tostring(root, encoding="unicode")
 
 
+@dataclass(slots=True)
+class _Held:
+    """A program on its way to the phase in which it is held, or there: its phase, and its ticks in it.
+
+    SUMO does not know of a new one yet.
+    """
+
+    target: int
+    phase: int
+    since: int
+    is_new: bool = True
+
+
 class SignalHeads:
-    """The table of signal heads at any tick, computed for all programs at once."""
+    """The table of signal heads at any tick, computed for all programs at once.
+
+    Commands hold programs in a phase; ``advance`` makes their changes, so it must be called for every tick then.
+    """
 
     def __init__(self, signals: Sequence[Signal], programs: Sequence[SignalProgram], tick_ns: int) -> None:
         self._tick_s = tick_ns / NS_PER_S
+        self._programs = tuple(programs)
+        self._held: dict[int, _Held] = {}
+        self._recent: deque[tuple[int, dict[int, _Held]]] = deque(maxlen=_MAX_DELAY_TICKS)
         self._table = _heads(signals, programs)
         self._offset = np.array([program.offset_ticks for program in programs], np.int64)
         self._length = np.array([sum(program.ticks) for program in programs], np.int64)
@@ -115,11 +149,84 @@ class SignalHeads:
             self._held_ticks_at_phase[:phases, rows] = _held_ticks(shown, np.array(program.ticks))
             self._left_ticks_at_phase[:phases, rows] = _left_ticks(shown, np.array(program.ticks))
 
+    def hold(self, head: int, state: SignalState, tick: int) -> None:
+        """Let a head's program go on to its next phase in which the head has a state, and stay there.
+
+        On the way, green phases end at once; yellow and all-red ones keep their duration.
+
+        Args:
+            head: Id of the head.
+            state: Red or green.
+            tick: The tick since SUMO's start at which the program leaves its cycle.
+
+        Raises:
+            InputError: There is no such head, or it never has the state.
+        """
+        if not 1 <= head <= len(self._table):
+            raise InputError(f"id: is {head}; allowed: 1 to {len(self._table)}, the ids on /world/signals")
+        index = int(self._program_of_head[head - 1])
+        program = self._programs[index]
+        (now,), (since,) = self._phases(tick, np.array([index]))
+        held = self._held.get(index) or _Held(int(now), int(now), int(since))
+        order = [(held.phase + step) % len(program.ticks) for step in range(len(program.ticks))]
+        shown = [phase for phase in order if self._state_at_phase[phase, head - 1] == state]
+        if not shown:
+            raise InputError(f"state: signal {head} is never {state.name.lower()}")
+        green = [phase for phase in shown if _kind(program.states[phase]) == "green"]
+        self._held[index] = replace(held, target=(green or shown)[0])
+
+    def release(self, head: int, tick: int) -> list[PhaseChange]:
+        """Let a head's program, or with 0 all programs, go on in their cycles from where they are; see ``advance``.
+
+        Raises:
+            InputError: There is no such head.
+        """
+        if not 0 <= head <= len(self._table):
+            raise InputError(f"id: is {head}; allowed: 0 for all, and the ids on /world/signals to {len(self._table)}")
+        changes = []
+        for index in [*self._held] if head == 0 else [int(self._program_of_head[head - 1])]:
+            if (held := self._held.pop(index, None)) is not None:
+                program = self._programs[index]
+                since = min(held.since, program.ticks[held.phase] - 1)
+                self._offset[index] = tick - self._phase_starts[index, held.phase] - since
+                left_s = (program.ticks[held.phase] - since) * self._tick_s
+                changes.append(PhaseChange(program.id, held.phase, left_s))
+        return changes
+
+    def advance(self, tick: int) -> list[PhaseChange]:
+        """Move held programs on to a tick since SUMO's start; return the phases that SUMO has to take.
+
+        It must be called before SUMO simulates what follows this tick.
+        """
+        changes = []
+        for index, held in self._held.items():
+            program, before = self._programs[index], held.phase
+            held.since += not held.is_new
+            is_green = _kind(program.states[held.phase]) == "green"
+            is_over = is_green or held.since >= program.ticks[held.phase]
+            if held.phase != held.target and is_over and not held.is_new:
+                following = (held.phase + 1) % len(program.ticks)
+                is_clear = not is_green and _kind(program.states[following]) == "green"
+                held.phase, held.since = held.target if is_clear else following, 0
+            if held.is_new or held.phase != before:
+                changes.append(PhaseChange(program.id, held.phase, _FOREVER_S))
+            held.is_new = False
+        if self._held or self._recent:
+            self._recent.append((tick, {index: replace(held) for index, held in self._held.items()}))
+        return changes
+
+    def _phases(self, tick: int, programs: Int64Array) -> tuple[Int64Array, Int64Array]:
+        """(P,) phase of some programs in their cycles at a tick, and (P,) ticks since its start."""
+        in_cycle = (tick - self._offset[programs]) % self._length[programs]
+        phase = np.sum(self._phase_ends[programs] <= in_cycle[:, None], axis=1)
+        return phase, in_cycle - self._phase_starts[programs, phase]
+
     def table_at(self, tick: int) -> Table:
         """(S,) ``SIGNAL_DTYPE`` at a tick since SUMO's start; negative ticks lie before it."""
-        in_cycle = (tick - self._offset) % self._length
-        phase = np.sum(self._phase_ends <= in_cycle[:, None], axis=1)
-        since = in_cycle - self._phase_starts[np.arange(len(phase)), phase]
+        phase, since = self._phases(tick, np.arange(len(self._offset)))
+        held = next((held for each, held in self._recent if each == tick), {})
+        for index, program in held.items():
+            phase[index], since[index] = program.phase, program.since
         heads = np.arange(len(self._table))
         table = self._table.copy()
         table["state"] = self._state_at_phase[phase[self._program_of_head], heads]
@@ -129,6 +236,8 @@ class SignalHeads:
         table["time_remaining"] = (
             self._left_ticks_at_phase[phase[self._program_of_head], heads] - since[self._program_of_head]
         ) * self._tick_s
+        still = [index for index, program in held.items() if program.phase == program.target]
+        table["time_remaining"][np.isin(self._program_of_head, still)] = np.inf
         return table
 
 

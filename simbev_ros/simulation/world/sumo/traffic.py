@@ -17,6 +17,7 @@ from simbev_ros.simulation.world.sumo.closures import CLOSURE
 from simbev_ros.simulation.world.sumo.lanes_ahead import LanesAhead
 from simbev_ros.simulation.world.sumo.libsumo_import import libsumo
 from simbev_ros.simulation.world.sumo.names import index_of, pedestrian_name, vehicle_name
+from simbev_ros.simulation.world.sumo.signals import PhaseChange
 from simbev_ros.simulation.world.sumo.start import start_sumo
 from simbev_ros.simulation.world.sumo.tracks import LaneTracks
 
@@ -47,11 +48,13 @@ class TrafficSample:
 
     Attributes:
         front_m: (V, 3) center of each vehicle's front bumper, on the road.
+        axle_m: (V, 3) center of each rear axle that ``move_vehicle`` has moved; NaN: it is towed behind the front.
         signals: (V,) int64, SUMO's vehicle signals (bit 0 right blinker, bit 1 left blinker).
         pedestrian_m: (P, 3) each pedestrian, on the surface of its lane.
     """
 
     front_m: Float64Array
+    axle_m: Float64Array
     signals: Int64Array
     pedestrian_m: Float64Array
 
@@ -111,7 +114,7 @@ class SumoTraffic:
         self.vehicles: tuple[int, ...] = tuple(sorted(map(index_of, driven)))
         self.pedestrians = tuple(sorted(map(index_of, libsumo.person.getIDList())))
         self._crashed: dict[str, dict[int, Any]] = {}
-        self._driven: dict[str, tuple[dict[int, Any], Float64Array]] = {}
+        self._driven: dict[str, tuple[dict[int, Any], Float64Array, Float64Array]] = {}
         self._limits_mps: list[dict[str, float]] = [{} for _ in self.vehicles]
         self._off_net: dict[str, dict[int, Any]] = {}
         self._vehicle_names = [vehicle_name(index) for index in self.vehicles]
@@ -141,7 +144,7 @@ class SumoTraffic:
         Raises:
             SimulationError: An actor has left the simulation.
         """
-        driven = {name: row for name, (row, _) in self._driven.items()}
+        driven = {name: row for name, (row, *_) in self._driven.items()}
         vehicles = {**libsumo.vehicle.getAllSubscriptionResults(), **self._crashed, **driven}
         pedestrians = {**libsumo.person.getAllSubscriptionResults(), **self._off_net}
         try:
@@ -151,10 +154,13 @@ class SumoTraffic:
             self._lanes_ahead.observe(*lane_position)
             self.progress = RouteProgress(lanes, lane_position[1], self._lanes_ahead.next_edges)
             front_m = self._tracks.positions_m(*lane_position)
-            for name, (_, driven_m) in self._driven.items():
-                front_m[self._vehicle_names.index(name)] = driven_m
+            axle_m = np.full_like(front_m, np.nan)
+            for name, (_, *driven_m) in self._driven.items():
+                vehicle = self._vehicle_names.index(name)
+                front_m[vehicle], axle_m[vehicle] = driven_m
             return TrafficSample(
                 front_m,
+                axle_m,
                 np.array([row[libsumo.VAR_SIGNALS] for row in rows], np.int64),
                 _point_array(self._pedestrian_points(pedestrians)),
             )
@@ -175,7 +181,7 @@ class SumoTraffic:
         They lie (N, K) further to the left of their lanes' center lines than now.
         """
         positions_m = self._lanes_ahead.ahead_m(vehicle, distance_m, left_m)
-        for name, (_, driven_m) in self._driven.items():  # no route: its driver decides
+        for name, (_, driven_m, _) in self._driven.items():  # no route: its driver decides
             row = self._vehicle_names.index(name)
             ahead = np.array([*self.direction(row), 0.0])
             positions_m[vehicle == row] = driven_m + distance_m[vehicle == row][..., None] * ahead
@@ -203,13 +209,13 @@ class SumoTraffic:
         libsumo.vehicle.moveToXY(name, "", -1, x_m, y_m, 90.0 - np.degrees(yaw_rad), keepRoute=_ON_ROUTE)
         self._has_pending_move = True
 
-    def move_vehicle(self, vehicle: int, front_m: Float64Array, yaw_rad: float) -> None:
+    def move_vehicle(self, vehicle: int, front_m: Float64Array, axle_m: Float64Array) -> None:
         """Move a vehicle to a pose at the next step, on a road or off it, unless it has crashed.
 
         Args:
             vehicle: Its index in ``vehicles``; from now on only this method moves it.
             front_m: (3,) center of its front bumper, map frame.
-            yaw_rad: Its heading.
+            axle_m: (3,) center of its rear axle.
 
         Raises:
             SimulationError: SUMO failed.
@@ -217,11 +223,14 @@ class SumoTraffic:
         name = self._vehicle_names[vehicle]
         if name in self._crashed:
             return
-        row = self._driven[name][0] if name in self._driven else dict(libsumo.vehicle.getSubscriptionResults(name))
-        self._driven[name] = row, front_m
+        row, before_m, _ = self._driven.get(name, ({}, front_m, axle_m))
+        self._driven[name] = row or dict(libsumo.vehicle.getSubscriptionResults(name)), front_m, axle_m
+        ahead_m = (front_m - axle_m)[:2]
         try:
-            x_m, y_m = front_m[:2].tolist()
-            libsumo.vehicle.moveToXY(name, "", -1, x_m, y_m, 90.0 - np.degrees(yaw_rad), keepRoute=_ON_OR_OFF_ROAD)
+            if (front_m - before_m)[:2] @ ahead_m < 0.0:  # SUMO drops the sign: to vehicles behind, it would drive away
+                libsumo.vehicle.setPreviousSpeed(name, 0.0)
+            (x_m, y_m), angle_deg = front_m[:2].tolist(), np.degrees(np.arctan2(*ahead_m))
+            libsumo.vehicle.moveToXY(name, "", -1, x_m, y_m, angle_deg, keepRoute=_ON_OR_OFF_ROAD)
             self._has_pending_move = True
         except _FAILURES as error:
             raise SimulationError(f"SUMO failed: {error}") from error
@@ -315,9 +324,19 @@ class SumoTraffic:
             raise SimulationError(f"SUMO failed: {error}") from error
         self._pedestrian_names[pedestrian] = name
 
+    def take_phase(self, change: PhaseChange) -> None:
+        """Let a traffic light take a phase; one outside the simulated part of the map has no effect."""
+        if change.program in libsumo.trafficlight.getIDList():
+            libsumo.trafficlight.setPhase(change.program, change.phase)
+            libsumo.trafficlight.setPhaseDuration(change.program, change.duration_s)
+
     def limit_walking_speed(self, pedestrian: int, speed_mps: float) -> None:
         """Limit the walking speed of a pedestrian."""
         libsumo.person.setSpeed(self._pedestrian_names[pedestrian], speed_mps)
+
+    def is_on_sidewalk(self, pedestrian: int) -> bool:
+        """Whether a pedestrian is on the sidewalk of a street, not in a junction or on a crosswalk."""
+        return not libsumo.person.getRoadID(self._pedestrian_names[pedestrian]).startswith(":")
 
     def wants_to_move(self, vehicle: int) -> bool:
         """Whether a stopped vehicle would drive."""

@@ -1,0 +1,70 @@
+"""Variables of users' shells with values that a graph cannot work with are dropped, with the reason; others stay."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from simbev_ros.config.paths import shipped_config_dir
+from simbev_ros.foundation.installation import shell_variables
+from simbev_ros.foundation.installation.shell_variables import settle_shell
+
+PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
+
+
+@pytest.fixture(autouse=True)
+def one_middleware(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shell_variables, "_middlewares", lambda: ["rmw_fastrtps_cpp"])
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "reason"),
+    [
+        ("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp", "this ROS has only rmw_fastrtps_cpp"),
+        ("RMW_IMPLEMENTATION", "rmw_zenoh_cpp", "those with Zenoh do not"),
+        (PROFILE, "/none.xml", "no file with profiles"),
+        (PROFILE, __file__, "no file with profiles"),
+        (PROFILE, str(shipped_config_dir() / "cyclonedds.xml"), "no file with profiles"),
+        ("ROS_STATIC_PEERS", "127.0.0.1;not a host", "a host that cannot be found"),
+        ("ROS_DISCOVERY_SERVER", "127.0.0.1:11811", "without a discovery server"),
+        ("ROS_LOG_DIR", "/proc/none", "cannot be written to"),
+        ("ROS_LOG_DIR", __file__, "cannot be written to"),
+        ("ROS_HOME", "/proc/none", "cannot be written to"),
+    ],
+)
+def test_what_a_graph_cannot_work_with_is_dropped_with_a_reason(name: str, value: str, reason: str) -> None:
+    environment = {name: value, "HOME": "/root"}
+    (found,) = settle_shell(environment)
+    assert environment == {"HOME": "/root"}
+    assert found.was_dropped and reason in str(found) and str(found).startswith(f"{name}={value[:20]}")
+
+
+@pytest.mark.parametrize(("name", "value"), [("ROS_LOCALHOST_ONLY", "1"), ("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")])
+def test_the_range_of_discovery_is_that_of_the_command_without_a_warning(name: str, value: str) -> None:
+    environment = {name: value}
+    (found,) = settle_shell(environment)
+    assert not environment and not found.was_dropped and "--network" in found.effect
+
+
+def test_good_values_stay_and_only_those_that_matter_are_named(tmp_path: Path) -> None:
+    mine = tmp_path / "mine.xml"
+    mine.write_text("<dds><profiles/></dds>")
+    environment = {
+        "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",
+        PROFILE: str(mine),
+        "ROS_STATIC_PEERS": "127.0.0.1",
+        "ROS_LOG_DIR": str(tmp_path / "log"),
+        "LD_LIBRARY_PATH": f"/opt/mine/lib:{sys.prefix}/lib",
+        "CYCLONEDDS_URI": "file:///mine",
+    }
+    before = dict(environment)
+    found = {each.name: each for each in settle_shell(environment)}
+    assert environment == before
+    assert set(found) == {PROFILE, "LD_LIBRARY_PATH"}
+    assert found["LD_LIBRARY_PATH"].value == "/opt/mine/lib"
+    assert not any(each.was_dropped for each in found.values())
+
+
+def test_what_simbev_and_its_wheels_set_is_not_named() -> None:
+    profile = shipped_config_dir() / "fastdds.xml"
+    assert not settle_shell({PROFILE: str(profile), "LD_LIBRARY_PATH": f"{sys.prefix}/lib"})

@@ -1,0 +1,43 @@
+"""A graph runs in shells whose variables would keep it from working, and names those that it dropped."""
+
+from pathlib import Path
+
+import pytest
+from commands import SCENE, Command, write_small
+
+from simbev_ros.recording.reader import SceneBag
+
+pytestmark = [pytest.mark.graph, pytest.mark.slow]
+
+
+def test_a_scene_is_recorded_whatever_the_shell_of_a_ros_user_has_set(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "old/numpy").mkdir(parents=True)
+    (tmp_path / "old/numpy/__init__.py").write_text("raise ImportError('made for another Python')\n")
+    dropped = {
+        "RMW_IMPLEMENTATION": "rmw_none_cpp",
+        "ROS_DISCOVERY_SERVER": "127.0.0.1:11811",
+        "ROS_STATIC_PEERS": "not a host",
+        "ROS_LOG_DIR": "/proc/none",
+        "FASTRTPS_DEFAULT_PROFILES_FILE": "/none.xml",
+    }
+    silent = {
+        "PYTHONPATH": str(tmp_path / "old"),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF",
+        "ROS_LOCALHOST_ONLY": "1",
+        "RCUTILS_COLORIZED_OUTPUT": "yes",
+        "RCUTILS_LOGGING_USE_STDOUT": "yes",
+        "PROJ_DATA": "/none",
+        "SUMO_HOME": "/none",
+    }
+    for name, value in (dropped | silent).items():
+        monkeypatch.setenv(name, value)
+    config = write_small(tmp_path, 0.5, without=("camera", "lidar", "radar"))
+    code, output = Command("run", config, "--record", tmp_path / "out").finish()
+    assert code == 0, output
+    warned = [line.split("=")[0] for line in output.splitlines() if line.startswith("warning: ")]
+    assert sorted(warned) == sorted(f"warning: {name}" for name in dropped)
+    assert len(output.splitlines()) < 20
+    with SceneBag(tmp_path / "out" / SCENE) as bag:
+        assert bag.custom_data["complete"] == "true"

@@ -25,7 +25,7 @@ class Bev(Model):
     road: Literal["exact", "paper"] = Field(
         "exact",
         exclude_if=lambda value: value == "exact",
-        description="cells that are roads; exact: those on the surface of roads; paper: also those nearer to the middle "
+        description="cells that are roads; exact: those on the surface of roads; paper: also those nearer the middle "
         "of a driving lane than its width, and gaps of one or two cells",
     )
 

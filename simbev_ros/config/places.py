@@ -94,8 +94,8 @@ class Mast(Model):
 
     poses: MastPoses = Field(
         (),
-        description="poses of which one that no other unit of the entry has is drawn for each scene, or such lists by the "
-        "names of maps",
+        description="poses of which one that no other unit of the entry has is drawn for each scene, or such lists "
+        "by the names of maps",
     )
     junction: JunctionPlace | None = None
     above_road: RoadPlace | None = None

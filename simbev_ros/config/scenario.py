@@ -60,7 +60,7 @@ class Timing(Model):
     """Tick length and durations of a scene."""
 
     tick_s: float = Field(0.05, ge=0.001, le=1, description="length of a simulation step")
-    warm_up_s: float = Field(12.0, gt=0, le=600, description="simulated time before recording starts")
+    warm_up_s: float = Field(10.0, gt=0, le=600, description="simulated time before recording starts")
     duration_s: Annotated[Drawn, within(_MIN_DURATION_S, 3000)] = Field(
         16.0, description="recorded time; a random value is rounded to whole ticks"
     )
@@ -114,7 +114,7 @@ class Traffic(Model):
         0.02, ge=0, le=1, description="probability that a driver ignores lights and signs, but not other road users"
     )
     ignore_lights_probability: _Probability = Field(
-        0.0, description="probability that a driver, whether reckless, distracted or neither, ignores traffic lights"
+        0.0, description="probability that any driver, also that of an agent, ignores traffic lights in the whole scene"
     )
     ignore_signs_probability: _Probability = Field(0.0, description="the same for stop signs")
     ignore_vehicles_probability: _Probability = Field(

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from simbev_ros.foundation.geometry.transforms import with_signs_of
 from simbev_ros.foundation.types import Float64Array
 
 
@@ -13,7 +14,4 @@ def positive(wxyz: Float64Array) -> Float64Array:
 
 def continuous(wxyz: ArrayLike) -> Float64Array:
     """(N, 4) the same rotations in order of time, each with the sign that is nearer to the one before; first w >= 0."""
-    quaternions = np.asarray(wxyz, np.float64).reshape(-1, 4)
-    flips = np.where(np.einsum("ni,ni->n", quaternions[1:], quaternions[:-1]) < 0.0, -1.0, 1.0)
-    first = np.where(quaternions[:1, 0] < 0.0, -1.0, 1.0)
-    return quaternions * np.cumprod(np.concatenate([first, flips]))[:, None] + 0.0
+    return with_signs_of(np.asarray(wxyz, np.float64).reshape(-1, 4), np.array([1.0, 0.0, 0.0, 0.0]))

@@ -168,8 +168,17 @@ class RoadNetwork:
 
     @property
     def opendrive(self) -> str:
-        """OpenDRIVE text of the same roads, read from the file."""
-        return self.opendrive_path.read_text(encoding="utf-8")
+        """OpenDRIVE text of the same roads, read from the file; its heights begin at the datum's altitude."""
+        text = self.opendrive_path.read_text(encoding="utf-8")
+        head, end, rest = text.partition("</header>")
+        if not end or not self.datum.altitude_m or "<offset" in head:
+            return text
+        return f'{head}    <offset x="0" y="0" z="{self.datum.altitude_m!r}" hdg="0"/>\n    {end}{rest}'
+
+    def has_opendrive(self, recorded: bytes) -> bool:
+        """Whether a recorded OpenDRIVE text has these roads; earlier versions left the datum's altitude out."""
+        file = self.opendrive_path.read_bytes()
+        return recorded in (file, self.opendrive.encode())
 
     @cached_property
     def max_speed_mps(self) -> float:

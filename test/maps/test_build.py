@@ -14,7 +14,7 @@ from simbev_ros.maps.build import load_datum, load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.surface import surfaces_of
-from simbev_ros.maps.source import known_maps
+from simbev_ros.maps.source import known_maps, map_spec
 from simbev_ros.maps.sumo import netconvert
 from simbev_ros.schema.scene.map_spec import MapSpec
 
@@ -117,3 +117,13 @@ def test_built_files_contain_no_time_stamps_or_paths(blocks: RoadNetwork) -> Non
 def test_every_junction_has_crossings(blocks: RoadNetwork) -> None:
     crossed = {lane.junction for lane in blocks.lanes_of(LaneKind.CROSSING)}
     assert crossed == set(blocks.junctions)
+
+
+def test_the_published_opendrive_says_at_which_altitude_heights_begin(map_cache: Path, tmp_path: Path) -> None:
+    blocks = load_network(MapSpec(name="Blocks", seed=0), map_cache)
+    (tmp_path / "again.xodr").write_text(blocks.opendrive)
+    again = load_datum(map_spec(str(tmp_path / "again.xodr")), map_cache)
+    assert again.altitude_m == blocks.datum.altitude_m == 256.0
+    assert blocks.has_opendrive(blocks.opendrive.encode())
+    assert blocks.has_opendrive(blocks.opendrive_path.read_bytes()), "bags of earlier versions"
+    assert not blocks.has_opendrive(b"<OpenDRIVE/>")

@@ -46,7 +46,7 @@ class VoxelLabeler:
         with SceneBag(require_local(scene.path)) as bag:
             recorded_roads = bag.attachments.get(MAP_ATTACHMENT)
             chosen = scene.spec.map if recorded_roads is None else build_recorded_roads(bag)
-        if recorded_roads is None or (network := load_network(chosen)).opendrive.encode() != recorded_roads:
+        if recorded_roads is None or not (network := load_network(chosen)).has_opendrive(recorded_roads):
             raise BagError(f"{scene.path}: was recorded on other roads than map {chosen.name} has now")
         reach = loaded_reach(scene.spec, network, meshes_radius_m(scene.spec))
         self._annotator = OccupancyAnnotator(load_static_scene(chosen, network, reach=reach), load_models(), threads=1)

@@ -7,13 +7,15 @@ defines its own projection.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from math import atan2, cos, sin
+from math import atan2, cos, pi, radians, remainder, sin
 
+import numpy as np
 from pyproj import Transformer
 
 from simbev_ros.foundation.types import Float64Array
 
 _SHORT_DEG = 1e-3
+_ALIGNED_RAD = 1e-6
 
 
 @dataclass(frozen=True)
@@ -75,3 +77,31 @@ class MapDatum:
         north_m = self.map_from_geodetic(self.latitude_deg + _SHORT_DEG, self.longitude_deg, self.altitude_m)
         here_m = self.map_from_geodetic(self.latitude_deg, self.longitude_deg, self.altitude_m)
         return atan2(north_m[1] - here_m[1], north_m[0] - here_m[0])
+
+    @property
+    def map_from_east_rad(self) -> float:
+        """Direction of map x at the map's origin, counterclockwise from east; exactly 0 if it points east."""
+        turned_rad = remainder(pi / 2.0 - self.north_rad, 2.0 * pi)
+        return 0.0 if abs(turned_rad) < _ALIGNED_RAD else turned_rad
+
+
+def earth_from_map(
+    latitude_deg: float, longitude_deg: float, altitude_m: float, map_from_east_rad: float
+) -> Float64Array:
+    """(4, 4) pose in the earth-centered, earth-fixed frame of WGS 84 of a map with its origin at a place.
+
+    Args:
+        latitude_deg: Latitude of the origin.
+        longitude_deg: Longitude of the origin.
+        altitude_m: Altitude of the origin.
+        map_from_east_rad: Direction of map x, counterclockwise from east.
+    """
+    latitude_rad, longitude_rad = radians(latitude_deg), radians(longitude_deg)
+    (sp, cp), (sl, cl) = ((sin(each), cos(each)) for each in (latitude_rad, longitude_rad))
+    st, ct = sin(map_from_east_rad), cos(map_from_east_rad)
+    east, north, up = np.array([-sl, cl, 0.0]), np.array([-sp * cl, -sp * sl, cp]), np.array([cp * cl, cp * sl, sp])
+    pose = np.eye(4)
+    pose[:3, :3] = np.stack([ct * east + st * north, ct * north - st * east, up], axis=1)
+    earth_from_geodetic = Transformer.from_crs("EPSG:4979", "EPSG:4978", always_xy=True)
+    pose[:3, 3] = earth_from_geodetic.transform(longitude_deg, latitude_deg, altitude_m)
+    return pose

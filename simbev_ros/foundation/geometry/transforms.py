@@ -47,6 +47,20 @@ def apply(target_from_source: Float64Array, points_source: Float64Array) -> Floa
     return points_source @ target_from_source[:3, :3].T + target_from_source[:3, 3]
 
 
+def with_signs_of(quaternions: Float64Array, before: Float64Array) -> Float64Array:
+    """(N, 4) the same rotations in order of time, each with the sign that is nearer to the one before it.
+
+    q and -q are the same rotation, but readers interpolate and subtract them.
+
+    Args:
+        quaternions: (N, 4) unit quaternions.
+        before: (4,) the one before the first; the identity gives it a real part of 0 or more.
+    """
+    previous = np.concatenate([before[None], quaternions[:-1]])
+    flips = np.where(np.einsum("ni,ni->n", quaternions, previous) < 0.0, -1.0, 1.0)
+    return quaternions * np.cumprod(flips)[:, None] + 0.0
+
+
 def quaternion_from_rpy(rpy_rad: Float64Array) -> Float64Array:
     """(…, 4) unit quaternions x y z w of (…, 3) roll, pitch, yaw in radians (Rz Ry Rx)."""
     half = np.asarray(rpy_rad, np.float64) / 2.0

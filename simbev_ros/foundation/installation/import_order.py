@@ -12,10 +12,11 @@ from pathlib import Path
 
 
 def put_own_packages_first() -> None:
-    """Move the folders of PYTHONPATH to the end of ``sys.path``; message packages of a workspace are found there too."""
-    own = {Path(folder).resolve() for folder in sysconfig.get_paths().values()}
-    given = {Path(folder).resolve() for folder in os.environ.get("PYTHONPATH", "").split(os.pathsep)}
-    sys.path.sort(key=lambda folder: Path(folder).resolve() in given - own)
+    """Move the folders of PYTHONPATH to the end of ``sys.path``, where a workspace's message packages are still found."""
+    if path := os.environ.get("PYTHONPATH"):
+        own = {Path(folder).resolve() for folder in sysconfig.get_paths().values()}
+        foreign = {Path(folder).resolve() for folder in path.split(os.pathsep)} - own
+        sys.path.sort(key=lambda folder: Path(folder).resolve() in foreign)
 
 
 def module_command(module: str, *arguments: str) -> tuple[str, ...]:

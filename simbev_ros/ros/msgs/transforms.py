@@ -17,6 +17,7 @@ from rosbags.typesys import Stores, get_typestore
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
+from simbev_ros.foundation.geometry.geodesy import earth_from_map
 from simbev_ros.foundation.geometry.transforms import inverse, quaternion_from_rpy, rpy_from_rotation
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.ros.msgs import topics
@@ -24,7 +25,15 @@ from simbev_ros.ros.msgs.odometry import odom_from_base_link
 from simbev_ros.ros.msgs.qos import qos_of, rclpy_qos
 from simbev_ros.ros.msgs.stamps import header, stamp_of
 from simbev_ros.ros.msgs.tables import table_from_message
-from simbev_ros.ros.msgs.world import agent_odometry, map_from_base_link, quaternion_message, vector_message
+from simbev_ros.ros.msgs.world import (
+    EARTH_FRAME,
+    MAP_FRAME,
+    QuaternionSigns,
+    agent_odometry,
+    map_from_base_link,
+    quaternion_message,
+    vector_message,
+)
 from simbev_ros.scene.frames import ego_from_base_link, fixed_frames, odom_frame, odometry_of_frames, rear_axle_m
 from simbev_ros.schema.scene.agents import AgentView, agent_views
 from simbev_ros.schema.scene.spec import SceneSpec
@@ -41,8 +50,13 @@ _TYPES = get_typestore(Stores.ROS2_JAZZY)
 def static_transforms(spec: SceneSpec) -> Iterator[TransformStamped]:
     """Transforms from ``<agent>/base_link`` to every sensor, and from each camera's body to its optical frame.
 
+    The first one is from ``earth`` (REP-105: earth-centered, earth-fixed) to ``map``; it is exact at the map's origin.
     If base_link is at the rear axle, the agent's first one leads to ``<agent>/footprint``, the frame of grids.
     """
+    if spec.datum is not None:
+        datum = spec.datum
+        place = datum.latitude_deg, datum.longitude_deg, datum.altitude_m
+        yield _stamped(header(spec.start_ns, EARTH_FRAME), MAP_FRAME, earth_from_map(*place, datum.map_from_east_rad))
     for view in agent_views(spec):
         for frame in fixed_frames(view):
             yield _stamped(header(spec.start_ns, frame.parent), frame.name, frame.parent_from_frame)
@@ -67,12 +81,17 @@ class SceneTransforms:
     """
 
     def __init__(self, spec: SceneSpec) -> None:
+        self._spec, self._signs = spec, QuaternionSigns()
         self._agents = [EgoTransforms(view) for view in agent_views(spec)]
 
     def at(self, odometries: Sequence[Odometry]) -> list[TransformStamped]:
         """Transforms of a tick, from the true odometry of each agent. Ticks come in order."""
         pairs = zip(self._agents, odometries, strict=True)
-        return [transform for agent, odometry in pairs for transform in agent.at(odometry)]
+        transforms = [transform for agent, odometry in pairs for transform in agent.at(odometry)]
+        for each in transforms:
+            tick = self._spec.tick_of(stamp_of(each.header.stamp))
+            self._signs.keep(each.child_frame_id, tick, each.transform.rotation)
+        return transforms
 
     def of_actors(self, payload: bytes, stamp_ns: int) -> list[TransformStamped]:
         """The same from a serialized message of /world/actors, which has the motion of all agents at once.

@@ -15,6 +15,7 @@ from simbev_ros.foundation.geometry.transforms import (
     matrices_from_xyz_quaternion,
     quaternion_from_rpy,
     rotations_from_rpy,
+    with_signs_of,
 )
 from simbev_ros.foundation.types import Float64Array, Table
 from simbev_ros.ros.msgs.stamps import header
@@ -27,7 +28,7 @@ from simbev_ros.schema.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, Eve
 from simbev_ros.schema.scene.weather import Weather
 from simbev_ros.schema.stored import read_stored
 
-MAP_FRAME = "map"
+MAP_FRAME, EARTH_FRAME = "map", "earth"
 
 
 def actors_message(state: WorldState) -> PointCloud2:
@@ -102,7 +103,25 @@ def weather_from_message(message: String) -> tuple[int, Weather]:
     return stamp_ns, read_stored(Weather, fields)
 
 
+_IDENTITY_XYZW = np.array([0.0, 0.0, 0.0, 1.0])
 _FLOATS = [name for name in ACTOR_DTYPE.names or () if ACTOR_DTYPE[name].kind == "f"]
+
+
+class QuaternionSigns:
+    """Gives the rotations of moving frames signs that do not jump where a heading passes ±180°.
+
+    Up to tick 0 real parts are 0 or more, so that recordings and replays begin alike.
+    """
+
+    def __init__(self) -> None:
+        self._latest: dict[str, Float64Array] = {}
+
+    def keep(self, frame: str, tick: int, rotation: Quaternion) -> None:
+        """Change the sign of a frame's rotation at a tick, if that is nearer to the one at the tick before."""
+        xyzw = np.array([rotation.x, rotation.y, rotation.z, rotation.w])
+        before = self._latest.get(frame, _IDENTITY_XYZW) if tick > 0 else _IDENTITY_XYZW
+        self._latest[frame] = kept = with_signs_of(xyzw[None], before)[0]
+        rotation.x, rotation.y, rotation.z, rotation.w = kept.tolist()
 
 
 def agent_odometry(view: AgentView, actors: Table, stamp_ns: int) -> Odometry:

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 from simbev_ros.config.positioning import Imu
+from simbev_ros.maps.build import load_datum
 from simbev_ros.ros.conventions.names import NodeName
 from simbev_ros.ros.msgs.motion import imu_messages
 from simbev_ros.ros.msgs.sensor_topics import ImuTopics, imu_topics
@@ -40,7 +41,9 @@ class ImuNode(Participant):
             for topic in topics:
                 self.advertise(topic)
             period, per_tick = topics.raw.period_ticks, topics.raw.messages_per_tick
-            model = ImuModel(imu, view.noise_seed, spec.tick_ns, period, per_tick)
+            model = ImuModel(
+                imu, view.noise_seed, spec.tick_ns, period, per_tick, load_datum(spec.map).map_from_east_rad
+            )
             self._mounted.append(_Mounted(view, f"{view.agent}/{imu.name}", model, topics))
         return [topic.name for mounted in self._mounted for topic in mounted.topics]
 

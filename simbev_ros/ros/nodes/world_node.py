@@ -6,7 +6,7 @@ clock says so (live).
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ from simbev_ros.ros.msgs.signing import content_of, signed_json
 from simbev_ros.ros.msgs.stamps import time_message
 from simbev_ros.ros.msgs.transforms import TransformBroadcaster
 from simbev_ros.ros.msgs.world import (
+    QuaternionSigns,
     actors_message,
     agent_odometry,
     building_lights_message,
@@ -69,6 +70,7 @@ class _LoadedScene:
         source: Simulation or replay that computes its states.
         ending: Decides when the scene ends.
         displays: Publishes displays that have subscribers.
+        signs: Signs of the agents' rotations.
         end: How the scene has ended; None: it has not.
     """
 
@@ -77,6 +79,7 @@ class _LoadedScene:
     source: StateSource
     ending: SceneEndDetector
     displays: WorldDisplays
+    signs: QuaternionSigns = field(default_factory=QuaternionSigns)
     end: SceneEnd | None = None
 
     @property
@@ -255,6 +258,8 @@ class WorldNode(GraphNode):
         self.publish(topics.SIGNALS, signals_message(state))
         self.publish(topics.WEATHER, weather_message(state))
         odometries = [agent_odometry(view, state.actors, state.stamp_ns) for view in scene.views]
+        for odometry in odometries:
+            scene.signs.keep(odometry.child_frame_id, state.tick, odometry.pose.pose.orientation)
         scene.displays.publish(state, odometries)
         for view, odometry in zip(scene.views, odometries, strict=True):
             self.publish(topics.odometry_name(view.agent), odometry)

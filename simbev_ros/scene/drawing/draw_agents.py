@@ -102,7 +102,7 @@ def ego_spec(scenario: Scenario, vehicle: VehicleSpec, driver: EgoDriverKind) ->
     """Specification of the ego, which rides in the scene's first vehicle."""
     return AgentSpec(
         rig=scenario.rig,
-        frames=scenario.frames,
+        frames=scenario.frames.of_rig(scenario.rig),
         base_link_x_m=base_link_x_m(scenario.frames, blueprint_named(vehicle.blueprint)),
         annotation=scenario.annotation,
         vehicle=0,
@@ -117,7 +117,7 @@ def agent_on_vehicle(
     frames = scenario.frames if agent.frames is None else agent.frames
     return AgentSpec(
         rig=agent.rig.model_copy(update={"agent": name}),
-        frames=frames,
+        frames=frames.of_rig(agent.rig),
         base_link_x_m=base_link_x_m(frames, blueprint_named(vehicle.blueprint)),
         annotation=scenario.annotation if agent.annotation is None else agent.annotation,
         vehicle=index,

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from simbev_ros.config.draw import sample
 from simbev_ros.config.scenario import SPLITS, Scenario, Split, Timing
+from simbev_ros.foundation.geometry.geodesy import MapDatum
 from simbev_ros.foundation.random import stream
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.drawing.chosen_maps import maps_of
@@ -17,7 +18,7 @@ from simbev_ros.scene.drawing.scene_drawer import SceneDrawer
 from simbev_ros.scene.drawing.start_clearance import StartClearance
 from simbev_ros.scene.drawing.starts import StartPositions
 from simbev_ros.schema.scene.map_spec import MapSpec
-from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.spec import DatumSpec, SceneSpec
 
 SEEDS_PER_DRAW = 1 << 32
 """Distance between the seeds of two draws of a scene; more than the largest seed and number together."""
@@ -97,10 +98,21 @@ def draw_scene(
         walker_cross_factor=drawer.draw_cross_factor(),
         pedestrian_standing_share=scenario.traffic.pedestrian_standing_share,
         hazards=hazards.hazards,
+        datum=datum_spec(network.datum),
         green_time_s=tuple(
             sample(scenario.traffic.green_time_s, stream(seed, f"signals.{program}.green"))
             for program in starts.signal_programs or ("",)
         ),
+    )
+
+
+def datum_spec(datum: MapDatum) -> DatumSpec:
+    """A map's position on Earth, as it is stored in a scene."""
+    return DatumSpec(
+        latitude_deg=datum.latitude_deg,
+        longitude_deg=datum.longitude_deg,
+        altitude_m=datum.altitude_m,
+        map_from_east_rad=datum.map_from_east_rad,
     )
 
 

@@ -11,6 +11,8 @@ from simbev_ros.config.frames import DEFAULT_FRAMES, Frames
 from simbev_ros.config.odometry import Odometry
 from simbev_ros.config.rig import Rig
 
+_WITHOUT_ODOM = Frames(odom=False)
+
 
 class StationSpec(Model):
     """Pose of a roadside unit: the foot of its mast, map frame. The mast is upright and has no body."""
@@ -25,7 +27,7 @@ class AgentSpec(Model):
     """An agent of a scene. The ego is the first one, and the first vehicle carries it."""
 
     rig: Rig = Field(description="``rig.agent`` is the agent's name")
-    frames: Frames = DEFAULT_FRAMES
+    frames: Frames = _WITHOUT_ODOM
     base_link_x_m: float = Field(
         0.0,
         ge=-20,
@@ -50,7 +52,11 @@ class AgentSpec(Model):
 
     @model_validator(mode="after")
     def _wheels_exist(self) -> Self:
-        has_odometry = self.frames != DEFAULT_FRAMES or self.base_link_x_m != 0.0 or bool(self.rig.of_type(Odometry))
+        has_odometry = (
+            self.frames not in (DEFAULT_FRAMES, _WITHOUT_ODOM)
+            or self.base_link_x_m != 0.0
+            or bool(self.rig.of_type(Odometry))
+        )
         if self.station is not None and (has_odometry or self.driver != "traffic"):
             raise ValueError(f"agent {self.name}: a roadside unit has neither wheels nor a driver")
         return self

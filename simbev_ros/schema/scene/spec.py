@@ -96,6 +96,15 @@ class PedestrianSpec(Model):
     visits_plazas: bool = Field(False, description="visits the plazas on its route")
 
 
+class DatumSpec(Model):
+    """Position of the map's origin on Earth, WGS 84, and the direction of its x axis."""
+
+    latitude_deg: float = Field(ge=-90, le=90)
+    longitude_deg: float = Field(ge=-180, le=360)
+    altitude_m: float = Field(ge=-20_000, le=20_000, description="altitude of height 0 of the map")
+    map_from_east_rad: float = Field(ge=-7, le=7, description="direction of map x, counterclockwise from east")
+
+
 class SceneSpec(Stored):
     """Everything that was drawn for one scene.
 
@@ -129,6 +138,7 @@ class SceneSpec(Stored):
         0.0, ge=0, le=1, description="mean share of the time in which a pedestrian stands on its sidewalk"
     )
     hazards: tuple[HazardSpec, ...] = Field((), description="their vehicles are the last entries of ``vehicles``")
+    datum: DatumSpec | None = Field(None, description="the map's position on Earth; none: an earlier version drew it")
     green_time_s: tuple[float, ...] = Field(description="one draw per traffic-light program, used in turn")
 
     @model_validator(mode="after")

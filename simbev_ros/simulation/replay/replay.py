@@ -30,6 +30,7 @@ from simbev_ros.recording.layout import (
 from simbev_ros.recording.lead_in import lead_in_messages
 from simbev_ros.recording.reader import RawMessage, SceneBag
 from simbev_ros.scene.drawing.draw_lights import draw_lights
+from simbev_ros.scene.drawing.draw_scene import datum_spec
 from simbev_ros.scene.drawing.draw_v2x import draw_v2x
 from simbev_ros.scene.drawing.draw_weather import draw_weathers, fog_fills_heights
 from simbev_ros.scene.drawing.starts import StartPositions
@@ -264,7 +265,7 @@ def replayed_spec(bag: SceneBag, scenario: Scenario, network: RoadNetwork, chose
             f"time.tick_s: {scenario.time.tick_s:g}, but {bag.path} has ticks of {spec.tick_ns / NS_PER_S:g} s"
         )
     recorded_map = bag.attachments.get(MAP_ATTACHMENT)
-    if recorded_map is not None and recorded_map != network.opendrive.encode():
+    if recorded_map is not None and not network.has_opendrive(recorded_map):
         raise BagError(f"{bag.path}: was recorded on other roads than map {spec.map.name} has now")
     starts = StartPositions(network, scenario.traffic.waypoint_spacing_m)
     agents = replayed_agents(spec, scenario, network, starts)
@@ -272,6 +273,7 @@ def replayed_spec(bag: SceneBag, scenario: Scenario, network: RoadNetwork, chose
         "agents": agents,
         "v2x": draw_v2x(scenario, spec.seed, [agent.name for agent in agents]),
         "map": chosen or spec.map,
+        "datum": spec.datum or datum_spec(network.datum),
     }
     if "weather" in scenario.model_fields_set:
         even_fog = fog_fills_heights(chosen or spec.map, network)

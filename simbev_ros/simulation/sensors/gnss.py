@@ -18,6 +18,8 @@ from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.simulation.sensors.mount import map_from_sensor, vector
 from simbev_ros.simulation.sensors.processes import Drift, Outages
 
+_MIN_VARIANCE = 1e-6
+"""Of a receiver without noise, (1 mm)² or (1 mm/s)²: filters take a covariance of zeros as unknown, or divide by it."""
 _SEMI_MAJOR_M = 6378137.0
 _FLATTENING = 1.0 / 298.257223563
 """Semi-major axis and flattening of the WGS84 ellipsoid."""
@@ -116,7 +118,7 @@ class GnssModel:
             latitude_deg + float(error_m[1]) / north_m,
             longitude_deg + float(error_m[0]) / east_m,
             altitude_m + float(error_m[2]),
-            np.diag(np.square(sigma_m) + np.square(self._walk_sigma_m)),
+            np.diag(np.maximum(np.square(sigma_m) + np.square(self._walk_sigma_m), _MIN_VARIANCE)),
         )
 
     def measure_velocity(self, state: WorldState, fix: GnssFix) -> GnssVelocitySample:
@@ -135,7 +137,7 @@ class GnssModel:
         noise = stream(self._seed, f"gnss.{gnss.name}.velocity", state.tick).standard_normal(3)
         arm_m = map_from_sensor(gnss.pose, state)[:3, 3] - vector(state.ego, "x y z")
         antenna_mps = vector(state.ego, "vx vy vz") + np.cross(vector(state.ego, "wx wy wz"), arm_m)
-        return GnssVelocitySample(antenna_mps + sigma_mps * noise, np.diag(np.square(sigma_mps)))
+        return GnssVelocitySample(antenna_mps + sigma_mps * noise, np.diag(np.maximum(np.square(sigma_mps), _MIN_VARIANCE)))
 
 
 def meters_per_degree(latitude_deg: float, altitude_m: float) -> tuple[float, float]:

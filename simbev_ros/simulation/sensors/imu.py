@@ -8,7 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from simbev_ros.config.positioning import Imu
-from simbev_ros.foundation.geometry.transforms import quaternion_from_rpy, rotations_from_rpy, rpy_from_rotation
+from simbev_ros.foundation.geometry.transforms import (
+    quaternion_from_rpy,
+    rotations_from_rpy,
+    rpy_from_rotation,
+    with_signs_of,
+)
 from simbev_ros.foundation.random import stream
 from simbev_ros.foundation.types import Float64Array, Int64Array
 from simbev_ros.foundation.units import GRAVITY_MPS2, NS_PER_S
@@ -17,7 +22,7 @@ from simbev_ros.simulation.sensors.attitude import MIN_VARIANCE, AttitudeErrors
 from simbev_ros.simulation.sensors.processes import Drift
 from simbev_ros.simulation.sensors.tick_motion import motion_within_tick
 
-"""Gravitational acceleration, as in CARLA."""
+_IDENTITY_XYZW = np.array([0.0, 0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,10 +33,10 @@ class ImuSamples:
         stamps_ns: (S,) time stamps, ascending.
         linear_acceleration_mps2: (S, 3) specific force.
         angular_velocity_radps: (S, 3) angular velocity.
-        orientation_xyzw: (S, 4) unit quaternions, map from sensor.
+        orientation_xyzw: (S, 4) unit quaternions, from the sensor to east, north, up; continuous throughout a scene.
         linear_acceleration_covariance: (3, 3) covariance of the white noise, (m/s²)².
         angular_velocity_covariance: (3, 3) of the white noise, (rad/s)². Neither covariance includes the biases.
-        orientation_covariance: (3, 3) of the orientation about the axes of the map frame, rad². In contrast to the
+        orientation_covariance: (3, 3) of the orientation about east, north and up, rad². In contrast to the
             others it includes the slowly changing errors.
     """
 
@@ -47,7 +52,15 @@ class ImuSamples:
 class ImuModel:
     """An IMU that measures throughout one scene, at its mounting position (with the lever arm to the ego's origin)."""
 
-    def __init__(self, imu: Imu, seed: int, tick_ns: int, period_ticks: int = 1, samples: int = 1) -> None:
+    def __init__(
+        self,
+        imu: Imu,
+        seed: int,
+        tick_ns: int,
+        period_ticks: int = 1,
+        samples: int = 1,
+        map_from_east_rad: float = 0.0,
+    ) -> None:
         """Create the IMU at tick 0.
 
         Args:
@@ -56,7 +69,9 @@ class ImuModel:
             tick_ns: Length of a tick.
             period_ticks: Number of ticks between measurements; 1 if there are several samples per tick.
             samples: Number of samples per tick; 1 if there are several ticks between measurements.
+            map_from_east_rad: Direction of the map's x axis, counterclockwise from east.
         """
+        self._east_from_map = rotations_from_rpy(np.array([0.0, 0.0, map_from_east_rad])) if map_from_east_rad else None
         self._imu, self._seed, self._tick_ns = imu, seed, tick_ns
         self._period_ticks, self._samples = period_ticks, samples
         step_s = tick_ns / NS_PER_S * period_ticks / samples
@@ -68,6 +83,7 @@ class ImuModel:
             )
         )
 
+        self._orientation_xyzw = _IDENTITY_XYZW
         self._attitude = None if imu.orientation is None else AttitudeErrors(imu.name, imu.orientation, seed, step_s)
 
     def is_due(self, tick: int) -> bool:
@@ -86,13 +102,16 @@ class ImuModel:
         map_from_sensor = motion.map_from_sensor[-count:]
         force = motion.acceleration_mps2[-count:] + np.array([0.0, 0.0, GRAVITY_MPS2])
         force_errors, rate_errors = self._errors(state.tick, count)
+        orientation_xyzw = with_signs_of(
+            quaternion_from_rpy(rpy_from_rotation(self._in_east(self._measured_attitude(state.tick, map_from_sensor)))),
+            self._orientation_xyzw if state.tick else _IDENTITY_XYZW,
+        )
+        self._orientation_xyzw = orientation_xyzw[-1]
         return ImuSamples(
             stamps_ns=self._stamps_ns(state, count),
             linear_acceleration_mps2=np.einsum("sji,sj->si", map_from_sensor, force) + force_errors,
             angular_velocity_radps=motion.angular_velocity_radps[-count:] + rate_errors,
-            orientation_xyzw=quaternion_from_rpy(
-                rpy_from_rotation(self._measured_attitude(state.tick, map_from_sensor))
-            ),
+            orientation_xyzw=orientation_xyzw,
             linear_acceleration_covariance=_covariance(imu.accelerometer_noise_sigma_mps2),
             angular_velocity_covariance=_covariance(imu.gyroscope_noise_sigma_radps),
             orientation_covariance=_covariance(0.0) if self._attitude is None else self._attitude.covariance,
@@ -111,6 +130,10 @@ class ImuModel:
         index = tick // self._period_ticks * self._samples
         errors_rad = self._attitude.errors_until(tick, index, self._samples)[-len(map_from_sensor) :]
         return rotations_from_rpy(errors_rad) @ map_from_sensor
+
+    def _in_east(self, map_from_sensor: Float64Array) -> Float64Array:
+        """(S, 3, 3) rotations to axes of which x points east, as REP-103 and REP-145 demand."""
+        return map_from_sensor if self._east_from_map is None else self._east_from_map @ map_from_sensor
 
     def _errors(self, tick: int, count: int) -> tuple[Float64Array, Float64Array]:
         """(count, 3) errors of specific force and of angular rate: constant bias, bias walk and white noise."""

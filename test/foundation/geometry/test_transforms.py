@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
+from pyproj import Transformer
 from scipy.spatial.transform import Rotation
 
 from simbev_ros.foundation.geometry.camera import PinholeCamera
-from simbev_ros.foundation.geometry.geodesy import MapDatum
+from simbev_ros.foundation.geometry.geodesy import MapDatum, earth_from_map
 from simbev_ros.foundation.geometry.grid import BevGrid
 from simbev_ros.foundation.geometry.transforms import (
     SENSOR_FROM_OPTICAL,
@@ -78,3 +79,20 @@ def test_geodesy_round_trip_and_scale() -> None:
     north = datum.geodetic_from_map(np.array([0.0, 1000.0, 0.0]))
     assert (north[0] - 48.1) * 111_200 == pytest.approx(1000, rel=2e-3)
     assert north[1] == pytest.approx(11.5, abs=1e-9)
+
+
+@pytest.mark.parametrize("turned_rad", [0.0, 0.9])
+def test_the_map_in_the_frame_of_the_earth_is_where_its_geodetic_positions_are(turned_rad: float) -> None:
+    plain = MapDatum(48.1, 11.6, 519.0)
+    datum = MapDatum(48.1, 11.6, 519.0, plain.proj_string, heading_rad=turned_rad)
+    assert datum.map_from_east_rad == pytest.approx(turned_rad)
+    pose = earth_from_map(48.1, 11.6, 519.0, datum.map_from_east_rad)
+    geocentric = Transformer.from_crs("EPSG:4979", "EPSG:4978", always_xy=True)
+    for point_m in ([0.0, 0.0, 0.0], [30.0, -40.0, 5.0], [-20.0, 10.0, 60.0]):
+        latitude_deg, longitude_deg, altitude_m = datum.geodetic_from_map(point_m)
+        expected_m = geocentric.transform(longitude_deg, latitude_deg, altitude_m)
+        assert apply(pose, np.array(point_m)) == pytest.approx(expected_m, abs=0.01)
+
+
+def test_map_x_points_exactly_east_unless_the_map_is_turned() -> None:
+    assert MapDatum(45.5, -122.7, 15.0).map_from_east_rad == 0.0

@@ -9,6 +9,7 @@ import pytest
 import rclpy
 from geometry_msgs.msg import Twist
 from made_up_scene import made_up_spec
+from pyproj import Transformer
 from ros_domain import DOMAIN
 from scene_edits import with_ego
 from several_agents import car, made_up_agents, roadside_unit, with_agents
@@ -28,7 +29,7 @@ from simbev_ros.scene.ending import DURATION
 from simbev_ros.scene.request import SceneRequest
 from simbev_ros.scene.weather_course import WeatherCourse
 from simbev_ros.schema.scene.agents import agent_views
-from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.schema.scene.spec import DatumSpec, SceneSpec
 from simbev_ros.schema.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, SignalState, WorldState, map_from_actors
 
 
@@ -257,3 +258,35 @@ def test_traffic_lights_are_held_and_released(node: Any) -> None:
     assert call(node, "/world/hold_signal", id=3, state=2).message == (
         "state: is 2; allowed: 1 (red), 3 (green), 255 (automatic)"
     )
+
+
+def test_rotations_keep_their_signs_where_a_heading_passes_180_degrees(node: Any) -> None:
+    spec = made_up_spec([], ticks=6)
+    node.start(SceneRequest(spec=spec))
+    source = node._scene.source
+    step = source.step
+
+    def turning() -> WorldState:
+        state = step()
+        state.actors["yaw"] = np.remainder(3.05 + 0.05 * state.tick + np.pi, 2.0 * np.pi) - np.pi
+        return state
+
+    source.step = turning
+    node.advance()
+    odometry = node.sent["/ego/odom"][spec.lead_in_ticks :]
+    moving = [each.transforms[0].transform.rotation for each in node._transforms._publishers[topics.TF]]
+    for rotations in ([each.pose.pose.orientation for each in odometry], moving[spec.lead_in_ticks :]):
+        wxyz = np.array([[each.w, each.x, each.y, each.z] for each in rotations])
+        assert wxyz[0, 0] > 0.0 > wxyz[-1, 0]
+        assert np.abs(np.diff(wxyz, axis=0)).max() < 0.03
+
+
+def test_the_map_hangs_from_the_earth_at_its_altitude(node: Any) -> None:
+    datum = DatumSpec(latitude_deg=45.5, longitude_deg=-122.7, altitude_m=15.0, map_from_east_rad=0.0)
+    play(node, made_up_spec([], ticks=1).model_copy(update={"datum": datum}))
+    (message,) = node._transforms._publishers[topics.TF_STATIC]
+    earth = message.transforms[0]
+    assert (earth.header.frame_id, earth.child_frame_id) == ("earth", "map")
+    position = earth.transform.translation
+    altitude_m = Transformer.from_crs("EPSG:4978", "EPSG:4979").transform(position.x, position.y, position.z)[2]
+    assert altitude_m == pytest.approx(15.0, abs=1e-6)

@@ -186,3 +186,20 @@ def test_a_bias_walk_continues_over_ticks_that_were_dropped() -> None:
     whole, thinned = errors(sensor, range(1, 90), samples=5), errors(sensor, range(1, 90), samples=5, step=11)
     for all_values, some in zip(whole, thinned, strict=True):
         assert np.array_equal(all_values.reshape(-1, 5, 3)[::11].reshape(-1, 3), some)
+
+
+def test_on_a_turned_map_the_orientation_is_relative_to_east() -> None:
+    for turned_rad in (0.0, 0.7):
+        model = ImuModel(imu(), 1, TICK_NS, map_from_east_rad=turned_rad)
+        sample = model.measure(world(actor(CAR, yaw=0.4)), None)
+        yaw_rad = Rotation.from_quat(sample.orientation_xyzw[0]).as_euler("ZYX")[0]
+        assert yaw_rad == pytest.approx(0.4 + turned_rad)
+
+
+def test_the_orientation_keeps_its_sign_where_the_heading_passes_180_degrees() -> None:
+    model = ImuModel(imu(), 1, TICK_NS)
+    states = [state_at(circle(3.0, 10.0), tick) for tick in range(400)]
+    measured = [model.measure(*pair) for pair in zip(states, [None, *states[:-1]], strict=True)]
+    xyzw = np.concatenate([each.orientation_xyzw for each in measured])
+    assert xyzw[0, 3] >= 0.0 and xyzw[:, 3].min() < -0.5
+    assert np.abs(np.diff(xyzw, axis=0)).max() < 0.05

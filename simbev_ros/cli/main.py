@@ -228,7 +228,8 @@ def _message(error: Exception) -> str:
         if extra := extra_of(error):
             return extra.remedy("this")
         if loader := describe_loader():
-            return f"{error.__cause__ or error}{while_what}; {loader}"
+            first, *_ = str(error.__cause__ or error).splitlines() or [""]
+            return f"{first}{while_what}; {loader}"
         return f"{error}{while_what}; simbev doctor says what this machine lacks"
     return (
         f"this is a bug in simbev: {type(error).__name__}: {error!s:.{_MAX_LENGTH}}{while_what}\n"

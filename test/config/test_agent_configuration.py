@@ -123,7 +123,7 @@ def test_a_mast_carries_all_sensors_but_odometry_and_reads_back_without_fields_o
     assert dump.keys() == {"name", "rig", "count", "mast", "frames", "annotation", "v2x", "evaluation"}
     assert parse_scenario(scenario.as_yaml(), "dump") == scenario
     nulls = "count: null, near: null, spawn: [], frames: {odom: false}, mast: {above_road: {near: null}}"
-    assert parse_scenario(mast(nulls), "x").agents[0].frames == Frames()
+    assert parse_scenario(mast(nulls), "x").agents[0].frames == Frames(odom=False)
 
 
 def test_a_roadside_unit_takes_part_in_messages_unless_it_says_otherwise() -> None:

@@ -143,7 +143,10 @@ def test_the_ego_its_driver_signals_and_duration(count: int) -> None:
     empty = {"traffic": Traffic(vehicles=0, pedestrians=0), "hazards": Hazards(count=0), "time": time}
     scenario = load_scenario("paper").model_copy(update=empty)
     starts = start_positions(scenario, load_network(PLANNED.map))
-    ids = [starts.vehicles.waypoint(index) for index in np.flatnonzero(starts.usable(20.0)["vehicle.sedan"])]
+    ids = [
+        starts.vehicles.waypoint(index)
+        for index in np.flatnonzero(starts.usable(time.warm_up_s + 20.0)["vehicle.sedan"])
+    ]
     rank = {(waypoint.lane, waypoint.s_m): index for index, waypoint in enumerate(ids)}
     specs = list(small_scenes(scenario, count))
     egos = [spec.vehicles[0] for spec in specs]
@@ -187,7 +190,7 @@ def test_vehicles_and_pedestrians() -> None:
         for index in range(len(starts.vehicles))
         for waypoint in [starts.vehicles.waypoint(index)]
     }
-    usable = np.any(list(starts.usable(20.0).values()), axis=0)
+    usable = np.any(list(starts.usable(scenario.time.warm_up_s + 16.0).values()), axis=0)
     rng = np.random.default_rng(2)
     for spec in small_scenes(scenario):
         ego = spec.vehicles[0].start

@@ -109,8 +109,7 @@ def commands() -> Iterator[tuple[tuple[str, ...], Callable[..., Any]]]:
         words = ("simbev", name)
         yield from _commands_of(verb, words) if isinstance(verb, typer.Typer) else [(words, verb)]
     for folder in _SATELLITES:
-        if str(folder) not in sys.path:
-            sys.path.append(str(folder))
+        sys.path.insert(0, str(folder))  # before an installed copy, which may be older
         project = tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))["project"]
         for group, parent in (("simbev.exporters", "simbev export"), ("simbev.verbs", "simbev")):
             for name, at in project["entry-points"].get(group, {}).items():

@@ -12,7 +12,7 @@ from pathlib import Path
 
 
 def put_own_packages_first() -> None:
-    """Move the folders of PYTHONPATH to the end of ``sys.path``, where a workspace's message packages are still found."""
+    """Move the folders of PYTHONPATH, which may hold a workspace's message packages, to the end of ``sys.path``."""
     if path := os.environ.get("PYTHONPATH"):
         own = {Path(folder).resolve() for folder in sysconfig.get_paths().values()}
         foreign = {Path(folder).resolve() for folder in path.split(os.pathsep)} - own

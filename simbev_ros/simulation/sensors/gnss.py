@@ -137,7 +137,9 @@ class GnssModel:
         noise = stream(self._seed, f"gnss.{gnss.name}.velocity", state.tick).standard_normal(3)
         arm_m = map_from_sensor(gnss.pose, state)[:3, 3] - vector(state.ego, "x y z")
         antenna_mps = vector(state.ego, "vx vy vz") + np.cross(vector(state.ego, "wx wy wz"), arm_m)
-        return GnssVelocitySample(antenna_mps + sigma_mps * noise, np.diag(np.maximum(np.square(sigma_mps), _MIN_VARIANCE)))
+        return GnssVelocitySample(
+            antenna_mps + sigma_mps * noise, np.diag(np.maximum(np.square(sigma_mps), _MIN_VARIANCE))
+        )
 
 
 def meters_per_degree(latitude_deg: float, altitude_m: float) -> tuple[float, float]:

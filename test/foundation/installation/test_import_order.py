@@ -47,17 +47,21 @@ def test_a_verb_works_with_another_numpy_on_pythonpath(workspace: Path) -> None:
     assert drawn.startswith("1 scenes")
 
 
-def test_the_script_takes_what_breaks_python_from_the_environment_and_leaves_pythonpath(tmp_path: Path) -> None:
+def test_the_script_takes_what_breaks_python_from_the_environment_and_puts_own_libraries_first(tmp_path: Path) -> None:
     script, python = tmp_path / "simbev", tmp_path / ".venv/bin/python"
     script.write_text((ROOT / "simbev").read_text().replace('\nensure_ready "$extra"\n', "\n"))
     python.parent.mkdir(parents=True)
     python.write_text('#!/bin/sh\nenv\necho "$@"\n')
     for file in (script, python):
         file.chmod(0o755)
+    (tmp_path / ".venv/lib/python3.12/site-packages/ros_rcl.libs").mkdir(parents=True)
     broken = {"PYTHONHOME": "/none", "PYTHONHASHSEED": "x", "PYTHONWARNINGS": "error", "PYTHONINSPECT": "1"}
-    environment = {"PATH": os.environ["PATH"], "PYTHONPATH": "/mine", **broken}
+    environment = {"PATH": os.environ["PATH"], "PYTHONPATH": "/mine", "LD_LIBRARY_PATH": "/lib/mine", **broken}
     done = subprocess.run([script, "info"], env=environment, capture_output=True, text=True, check=True)
     lines = done.stdout.splitlines()
     assert lines[-1] == "-m simbev_ros.cli.main info"
     assert "PYTHONPATH=/mine" in lines
+    libraries = tmp_path / ".venv/lib"
+    own = f"{libraries}:{libraries}/python3.12/site-packages/ros_rcl.libs"
+    assert f"LD_LIBRARY_PATH={own}:/lib/mine" in lines and "_ROS_WHEELS_BOOTSTRAP_COMPLETE=1" in lines
     assert not any(line.startswith(f"{name}=") for name in broken for line in lines)

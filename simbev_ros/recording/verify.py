@@ -70,7 +70,10 @@ def verify_bag(path: Path) -> list[Fault]:
         faults += [(METADATA_FILE, problem) for problem in _description_faults(files, contents[-1])]
         attachments = ChainMap(*(content.attachments for content in contents))
         recorded = {
-            each.channels[channel].topic for each in contents for channel, count in each.counts.items() if count
+            each.channels[channel].topic
+            for each in contents
+            for channel, count in each.counts.items()
+            if count and channel in each.channels
         }
         faults += _attachment_faults(attachments, path, recorded)
         faults += _agent_faults(attachments, path, recorded)

@@ -24,7 +24,7 @@ def moving(map_name: str, seed: int) -> np.ndarray:
             "seed": seed,
             "scenes": [{"map": map_name, "train": 1}],
             "rig": Rig(sensors=()),
-            "time": {"tick_s": 0.1, "duration_s": 60},
+            "time": {"tick_s": 0.1, "warm_up_s": 4, "duration_s": 60},
             "ego": {"reckless_probability": 0},
             "traffic": {"vehicles": 60, "pedestrians": 20, "reckless_probability": 0},
         }

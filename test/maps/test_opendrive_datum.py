@@ -62,6 +62,27 @@ def test_a_reference_without_a_projection_is_transverse_mercator_as_in_carla(tmp
     )
 
 
+@pytest.mark.parametrize(
+    ("crs", "metric"),
+    [
+        (
+            "+proj=tmerc +lat_0=48 +lon_0=11 +x_0=30 +datum=WGS84 +units=us-ft",
+            "+proj=tmerc +lat_0=48 +lon_0=11 +x_0=30",
+        ),
+        ("+proj=tmerc +lat_0=48 +lon_0=11 +datum=WGS84 +axis=wsu", "+proj=tmerc +lat_0=48 +lon_0=11"),
+        ("EPSG:2227", "EPSG:26943"),  # California's zone 3 in feet, and in meters
+    ],
+)
+def test_feet_and_axes_to_the_west_are_taken_as_meters_to_the_east(tmp_path: Path, crs: str, metric: str) -> None:
+    parts = import_sample(
+        tmp_path, f"<![CDATA[{crs}]]>", '<offset x="2000000" y="500100" z="0" hdg="0"/>' * ("EPSG" in crs)
+    )
+    x_m, y_m = (2e6, 500100.0) if "EPSG" in crs else (0.0, 0.0)
+    truth = Transformer.from_crs(metric, "EPSG:4326", always_xy=True).transform(x_m + 300.0, y_m - 200.0)
+    assert gap_m(parts, (300.0, -200.0, 0.0), *truth) < 0.5
+    assert any("has other units or axes" in note for note in sentences_of("sample.xodr", parts.findings))
+
+
 def test_a_rotated_offset_rotates_the_map(tmp_path: Path) -> None:
     parts = import_sample(tmp_path, "EPSG:25832", '<offset x="600000" y="5300000" z="0" hdg="1.5707963267948966"/>')
     truth = Transformer.from_crs("EPSG:25832", "EPSG:4326", always_xy=True).transform(

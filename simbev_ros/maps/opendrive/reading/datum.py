@@ -13,6 +13,7 @@ from simbev_ros.maps.opendrive.reading.attributes import Malformed, number
 
 _UNKNOWN = MapDatum(0.0, 0.0, 0.0)
 _VERTICAL = re.compile(r"\+(?:geoidgrids|vunits|geoid_crs|vto_meter)=\S+")
+_SOUTH_ORIENTED = "Transverse Mercator (South Orientated)"
 _MAX_LATITUDE_DEG = 89.5
 
 
@@ -34,6 +35,11 @@ def datum_of(root: Element, notes: Findings) -> MapDatum:
             text = f"+proj=tmerc +datum=WGS84 {text}"  # as CARLA reads it
             notes.assumed("its geoReference names no projection: transverse Mercator is used", reference)
         crs = CRS.from_user_input(_VERTICAL.sub("", text) if text.startswith("+") else text)
+        if crs.is_projected and not _is_metric(crs):
+            notes.assumed(
+                "its geoReference has other units or axes: x and y are taken as meters east and north", reference
+            )
+            crs = _in_meters(crs)
         if not crs.is_projected and "+proj=" in text and crs.is_geographic:
             raise ProjError("it is not a projection to meters")
         longitude, latitude = Transformer.from_crs(crs, "EPSG:4326", always_xy=True).transform(x_m, y_m)
@@ -46,6 +52,25 @@ def datum_of(root: Element, notes: Findings) -> MapDatum:
         notes.assumed("its geoReference is not valid at its origin: GNSS uses 0° N 0° E", reference)
         return _UNKNOWN
     return _datum(crs, latitude, longitude, (x_m, y_m, z_m, heading_rad))
+
+
+def _is_metric(crs: CRS) -> bool:
+    """Whether the axes of a projection are meters to the east and to the north, as those of OpenDRIVE are."""
+    axes = crs.axis_info[:2]
+    return {axis.direction for axis in axes} == {"east", "north"} and all(
+        axis.unit_conversion_factor == 1.0 for axis in axes
+    )
+
+
+def _in_meters(crs: CRS) -> CRS:
+    """The same projection with axes in meters to the east and to the north."""
+    described = crs.to_json_dict()
+    for axis, direction in zip(described["coordinate_system"]["axis"], ("east", "north"), strict=False):
+        axis.update(unit="metre", direction=direction)
+    if described["conversion"]["method"]["name"] == _SOUTH_ORIENTED:  # its formulas have the signs, not its axes alone
+        described["conversion"]["method"] = {"name": "Transverse Mercator"}
+    described.pop("id", None)
+    return CRS.from_json_dict(described)
 
 
 def offset_of(header: Element) -> tuple[float, float, float, float]:

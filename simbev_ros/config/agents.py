@@ -51,6 +51,9 @@ class Ego(Model):
         description="start poses, of which one is drawn for each scene, or such lists by the names of maps (of a file "
         "without its suffix); none: anywhere on the map",
     )
+    speed_factor: Annotated[Drawn, within(0.1, 4)] | None = Field(
+        None, description="desired speed as a multiple of the speed limit; none: drawn as for other vehicles"
+    )
     reckless_probability: float = Field(
         0.01, ge=0, le=1, description="probability that the driver ignores lights, signs and other road users"
     )

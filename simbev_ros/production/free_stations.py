@@ -7,6 +7,7 @@ import numpy as np
 
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.regions.static_cache import StaticCache
+from simbev_ros.config.places import poses_on
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.semantics import Tag
@@ -43,10 +44,11 @@ def _feet(scenario: Scenario, spec: SceneSpec) -> Iterator[tuple[str, _FootM]]:
     """For each station at a pose of the configuration, the words for this pose, and its foot, map frame."""
     stations = [agent.station for agent in spec.agents if agent.station is not None]
     for number, agent in enumerate(scenario.agents):
-        for index, pose in enumerate(() if agent.mast is None else agent.mast.poses):
+        keys, poses = ((), ()) if agent.mast is None else poses_on(agent.mast.poses, spec.map.name)
+        for index, pose in enumerate(poses):
             for station in stations:
                 if (station.x_m, station.y_m) == (pose.x_m, pose.y_m):
-                    words = scenario.where("agents", number, "mast", "poses", index)
+                    words = scenario.where("agents", number, "mast", "poses", *keys, index)
                     yield words, (station.x_m, station.y_m, station.z_m)
 
 

@@ -88,6 +88,12 @@ def test_the_ego_has_its_color_and_nothing_else_changes(network: RoadNetwork) ->
     assert spec == usual.model_copy(update={"vehicles": (painted, *usual.vehicles[1:])})
 
 
+def test_the_ego_has_its_desired_speed_and_nothing_else_changes(network: RoadNetwork) -> None:
+    spec, usual = drawn_ego(network, Ego(speed_factor=0.5)), drawn(network)
+    slow = usual.vehicles[0].model_copy(update={"speed_factor": 0.5})
+    assert spec == usual.model_copy(update={"vehicles": (slow, *usual.vehicles[1:])})
+
+
 def test_no_other_vehicle_starts_in_the_ego(network: RoadNetwork) -> None:
     for number in range(6):
         ego, *others = drawn(network, pose_at(network, 12), number=number, vehicles=90).vehicles

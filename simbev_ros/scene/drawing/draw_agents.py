@@ -202,6 +202,9 @@ class _CarrierDrawer:
         vehicle = draw_vehicle(traffic, blueprint, start, rng, agent.reckless_probability, driver)
         if agent.color is not None:
             vehicle = vehicle.model_copy(update={"color": agent.color})
+        if agent.speed_factor is not None:
+            speed_factor = sample(agent.speed_factor, stream(self.seed, f"{purpose}.speed_factor"))
+            vehicle = vehicle.model_copy(update={"speed_factor": speed_factor})
         self.clearance.occupy(vehicle)
         self.drawn.vehicles.append(vehicle)
         self.drawn.position_m[name] = start_m

@@ -51,6 +51,11 @@ class Ego(Model):
         description="start poses, of which one is drawn for each scene, or such lists by the names of maps (of a file "
         "without its suffix); none: anywhere on the map",
     )
+    route: SpawnPoses = Field(
+        (),
+        description="places that the vehicle passes in this order, on shortest paths, before it drives on at random; "
+        "lists, or lists by the names of maps, as in `spawn`",
+    )
     speed_factor: Annotated[Drawn, within(0.1, 4)] | None = Field(
         None, description="desired speed as a multiple of the speed limit; none: drawn as for other vehicles"
     )
@@ -63,6 +68,11 @@ class Ego(Model):
         """The field with the start poses on a map, and these poses."""
         keys, poses = poses_on(self.spawn, map_name)
         return ("spawn", *keys), poses
+
+    def route_on(self, map_name: str) -> tuple[Keys, tuple[SpawnPose, ...]]:
+        """The field with the places of the route on a map, and these places."""
+        keys, poses = poses_on(self.route, map_name)
+        return ("route", *keys), poses
 
 
 class Agent(Ego):

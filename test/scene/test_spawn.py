@@ -1,6 +1,7 @@
 """The ego starts at the configured pose, on a lane that it may use, and no other vehicle starts there."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -14,6 +15,8 @@ from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene
+from simbev_ros.scene.streets.street_graph import streets_of
+from simbev_ros.scene.streets.vehicle_route import draw_vehicle_route
 from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.schema.scene.spec import SceneSpec, VehicleSpec
 
@@ -92,6 +95,21 @@ def test_the_ego_has_its_desired_speed_and_nothing_else_changes(network: RoadNet
     spec, usual = drawn_ego(network, Ego(speed_factor=0.5)), drawn(network)
     slow = usual.vehicles[0].model_copy(update={"speed_factor": 0.5})
     assert spec == usual.model_copy(update={"vehicles": (slow, *usual.vehicles[1:])})
+
+
+def test_the_ego_passes_the_places_of_its_route_in_order(network: RoadNetwork) -> None:
+    places = [pose_at(network, number) for number in (40, 90, 15)]
+    spec = drawn_ego(network, Ego(spawn=(pose_at(network, 12),), route=places), vehicles=0)
+    edges, via = draw_vehicle_route(spec, network, 0).edges, spec.vehicles[0].via
+    assert len(via) == 3
+    at = 0
+    for edge in via:
+        at = edges.index(edge, at)
+    after = streets_of(network).for_class("passenger")
+    assert all(after.shortest_path(*pair) == (pair[1],) for pair in pairwise(edges))
+    assert spec == drawn_ego(network, Ego(spawn=(pose_at(network, 12),), route={"Blocks": places}), vehicles=0)
+    with pytest.raises(InputError, match=r"ego\.route\[1\]: .* is \d+\.\d m from the nearest lane"):
+        drawn_ego(network, Ego(route=(places[0], SpawnPose(x_m=-5000, y_m=0))))
 
 
 def test_no_other_vehicle_starts_in_the_ego(network: RoadNetwork) -> None:

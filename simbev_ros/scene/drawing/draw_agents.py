@@ -27,6 +27,7 @@ from simbev_ros.scene.drawing.start_clearance import StartClearance
 from simbev_ros.scene.drawing.starts import StartPositions
 from simbev_ros.scene.frames import base_link_x_m
 from simbev_ros.scene.streets.lane_positions import LanePositions
+from simbev_ros.scene.streets.street_graph import streets_of
 from simbev_ros.schema.scene.agent_spec import AgentSpec, StationSpec
 from simbev_ros.schema.scene.spec import VehicleSpec, WaypointSpec
 
@@ -205,9 +206,32 @@ class _CarrierDrawer:
         if agent.speed_factor is not None:
             speed_factor = sample(agent.speed_factor, stream(self.seed, f"{purpose}.speed_factor"))
             vehicle = vehicle.model_copy(update={"speed_factor": speed_factor})
+        keys, places = agent.route_on(self.network.name)
+        if places:
+            via = self._via(start, places, blueprint, partial(where, *keys))
+            vehicle = vehicle.model_copy(update={"via": via})
         self.clearance.occupy(vehicle)
         self.drawn.vehicles.append(vehicle)
         self.drawn.position_m[name] = start_m
+
+    def _via(
+        self, start: WaypointSpec, places: tuple[SpawnPose, ...], blueprint: Blueprint, where: Where
+    ) -> tuple[str, ...]:
+        """Edges with the places of a route, each of which can be reached from the one before it.
+
+        Raises:
+            InputError: A place is off the lanes, or cannot be reached.
+        """
+        graph = streets_of(self.network).for_blueprint(blueprint)
+        edges = [self.network.lanes[start.lane].edge]
+        for number, place in enumerate(spawn_starts(places, blueprint, self.network, where)):
+            edge = self.network.lanes[place.lane].edge
+            if edge != edges[-1] and not graph.shortest_path(edges[-1], edge):
+                raise InputError(
+                    f"{where(number)}: no road leads there for {blueprint.name} in map {self.network.name}"
+                )
+            edges.append(edge)
+        return tuple(edges[1:])
 
     def _draw_pose(
         self, poses: tuple[SpawnPose, ...], blueprint: Blueprint, purpose: str, where: Where

@@ -11,7 +11,7 @@ from itertools import compress
 
 import numpy as np
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse.csgraph import connected_components, dijkstra
 
 from simbev_ros.foundation.errors import SimulationError
 from simbev_ros.foundation.latest_value import LatestValue
@@ -332,6 +332,19 @@ class StreetGraph:
         """Draw the edges of a random route after an edge, with the rules of ``draw_route``."""
         start = self._streets.edge_number[edge]
         return self._draw_onward(start, related(self._after_edge, start), length_m, rng)
+
+    def shortest_path(self, edge: str, goal: str) -> tuple[str, ...]:
+        """Edges after an edge on the shortest path to another one, which is the last; empty if there is no path."""
+        streets, start, end = self._streets, self._streets.edge_number[edge], self._streets.edge_number[goal]
+        before, after = self._after_edge.nonzero()
+        lengths_m = csr_array((streets.edge_length_m[after], (before, after)), self._after_edge.shape)
+        distance_m, previous = dijkstra(lengths_m, indices=start, return_predecessors=True)
+        if start == end or np.isinf(distance_m[end]):
+            return ()
+        path = [end]
+        while previous[path[-1]] != start:
+            path.append(int(previous[path[-1]]))
+        return tuple(streets.edges[each] for each in reversed(path))
 
     def first_lane(self, edge: str) -> str:
         """Id of the first lane of an edge that the class may use."""

@@ -9,7 +9,7 @@ from simbev_ros.foundation.types import Float64Array
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.maps.network import Lane, RoadNetwork, paths_beyond
 from simbev_ros.scene.blueprints import blueprint_named
-from simbev_ros.scene.streets.street_graph import streets_of
+from simbev_ros.scene.streets.street_graph import StreetGraph, streets_of
 from simbev_ros.schema.scene.spec import SceneSpec
 
 
@@ -39,8 +39,22 @@ def draw_vehicle_route(spec: SceneSpec, network: RoadNetwork, index: int) -> Veh
     if not graph.has_successor(vehicle.start.lane):  # a start set by hand: drive on, however tight the turns
         graph = streets.for_blueprint(blueprint, spec.closed_edges, tight=True)
     rng = stream(spec.seed, f"v{index}.route")
-    edges = graph.draw_route(vehicle.start.lane, duration_s(spec) * max_speed_mps, rng)
+    length_m = duration_s(spec) * max_speed_mps
+    if vehicle.via:
+        edges = _route_by(graph, network.lanes[vehicle.start.lane].edge, vehicle.via, length_m, rng)
+    else:
+        edges = graph.draw_route(vehicle.start.lane, length_m, rng)
     return VehicleRoute(edges, graph.is_dead_end(edges[-1]))
+
+
+def _route_by(
+    graph: StreetGraph, start: str, via: tuple[str, ...], length_m: float, rng: np.random.Generator
+) -> tuple[str, ...]:
+    """Shortest paths from one edge to the next one, and from the last one a random route of a length."""
+    edges = [start]
+    for goal in via:
+        edges += graph.shortest_path(edges[-1], goal)
+    return *edges, *graph.draw_continuation(edges[-1], length_m, rng)
 
 
 def duration_s(spec: SceneSpec) -> float:

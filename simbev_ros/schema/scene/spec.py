@@ -72,6 +72,9 @@ class VehicleSpec(Model):
     ignores: tuple[Ignored, ...] = Field(
         (), exclude_if=lambda value: not value, description="what the driver ignores in addition"
     )
+    via: tuple[str, ...] = Field(
+        (), exclude_if=lambda value: not value, description="edges that the route passes, before it goes on at random"
+    )
     emergency_lights: bool = False
     door_probability: float = Field(0.0, ge=0, le=1, description="probability of opening doors at each stop")
     stands_at: StandSpec | None = Field(

@@ -6,7 +6,6 @@ from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.dataset.index import read_index, update_index
 from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.dataset.plan import Plan, bag_of
 from simbev_ros.foundation.errors import BagError, InputError
@@ -62,6 +61,8 @@ def hold_bags(
             reproduce.
         DiskError: The disk is nearly full.
     """
+    from simbev_ros.dataset.index import load_index  # pyarrow takes long to load
+
     for bag in bags:
         if bag.exists():
             raise InputError(f"{bag}: exists already; nothing was overwritten. Choose another folder or move it away")
@@ -80,7 +81,7 @@ def hold_bags(
         with write_errors(dataset):
             scenes_folder(dataset).mkdir(exist_ok=True)
         check_space(dataset, scenario.recording.min_free_mib << 20)
-        read_index(dataset)  # whether it can be read
+        load_index(dataset)  # whether it can be read
         Plan.load(dataset)
         try:
             yield
@@ -90,6 +91,8 @@ def hold_bags(
 
 def _list_finished(dataset: Path) -> None:
     """Write all finished scenes into the plan and the index of a dataset, if there are any."""
+    from simbev_ros.dataset.index import update_index
+
     plan = Plan.load(dataset)
     if finished := plan.finished_entries(dataset):
         plan.save(dataset)

@@ -191,4 +191,4 @@ def faults(simbev: Simbev, dataset: Path) -> list[str]:
     answer = simbev("verify", dataset, "--json")
     assert answer.code == 1
     found = [f"{each['place']}: {each['problem']}" for each in json.loads(answer.out)["faults"]]
-    return [fault for fault in found if not fault.endswith("message counts are missing")]
+    return [fault for fault in found if "message counts are missing" not in fault]

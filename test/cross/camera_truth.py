@@ -227,7 +227,8 @@ class Agreement:
         semantic: Share of pixels with the right tag.
         instance: Share of pixels with the right actor.
         labels: Share of inner pixels with both labels right.
-        flow_px: Errors of the flow on inner pixels.
+        unseen: Share of pixels without flow.
+        flow_px: Errors of the flow on inner pixels that have one.
         jointed_flow_px: Errors of the flow on wheels, limbs and doors alone.
     """
 
@@ -236,6 +237,7 @@ class Agreement:
     semantic: float
     instance: float
     labels: float
+    unseen: float
     flow_px: Float64Array
     jointed_flow_px: Float64Array
 
@@ -249,8 +251,8 @@ def agreement(images: CameraImages, truth: Truth) -> Agreement:
         near = np.abs(depth_m - truth.depth_m) <= np.maximum(0.01, 0.001 * truth.depth_m)
     right = np.where(sky, np.isinf(depth_m), near)
     error_px = np.linalg.norm(images.flow - truth.flow_px, axis=2)
-    error_px[np.isnan(images.flow[..., 0]) & np.isnan(truth.flow_px[..., 0])] = 0.0
-    error_px[np.isnan(error_px)] = np.inf
+    unseen = np.isnan(images.flow[..., 0])  # also what the frame before did not show, which the rays do not say
+    error_px[np.isnan(error_px) & ~unseen] = np.inf
     semantic, instance = images.semantic == truth.semantic, images.instance == truth.instance
     return Agreement(
         inner=float(inner.mean()),
@@ -258,6 +260,7 @@ def agreement(images: CameraImages, truth: Truth) -> Agreement:
         semantic=float(semantic.mean()),
         instance=float(instance.mean()),
         labels=float((semantic & instance)[inner].mean()),
-        flow_px=error_px[inner],
-        jointed_flow_px=error_px[inner & truth.jointed],
+        unseen=float(unseen.mean()),
+        flow_px=error_px[inner & ~unseen],
+        jointed_flow_px=error_px[inner & truth.jointed & ~unseen],
     )

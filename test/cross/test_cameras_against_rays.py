@@ -41,6 +41,7 @@ def check(found: Sequence[Agreement], jointed_px: int) -> None:
         assert each.depth >= 0.999
         assert each.semantic >= 0.999
         assert each.instance >= 0.999
+        assert each.unseen < 0.5
         assert np.median(each.flow_px) < 0.02
         assert np.quantile(each.flow_px, 0.99) < 0.2
     error_px = np.concatenate([each.jointed_flow_px for each in found])

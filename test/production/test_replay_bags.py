@@ -64,7 +64,7 @@ def scenes_in(dataset: Path) -> list[str]:
     return sorted(path.name for path in dataset.glob("scenes/*/*"))
 
 
-def test_each_scene_is_replayed_from_its_bag_into_a_dataset_without_plan_and_index(
+def test_each_scene_is_replayed_from_its_bag_into_a_dataset(
     graph: FakeGraph, rig: Scenario, dataset: Path, tmp_path: Path
 ) -> None:
     result = replay_bags(rig, [dataset], out=tmp_path / "night")
@@ -72,7 +72,12 @@ def test_each_scene_is_replayed_from_its_bag_into_a_dataset_without_plan_and_ind
     assert result == ReplayResult(tuple(tmp_path / "night" / bag.relative_to(dataset) for bag in bags), (), {})
     assert result.is_complete and graph.replays == bags
     scenes = [f"scenes/train/{bag.name}/{name}" for bag in bags for name in (f"{bag.name}_0.mcap", "metadata.yaml")]
-    assert content(tmp_path / "night") == [*(f"logs/{bag.name}.log" for bag in bags), *scenes]
+    assert content(tmp_path / "night") == [
+        "index.parquet",
+        *(f"logs/{bag.name}.log" for bag in bags),
+        "plan.json",
+        *scenes,
+    ]
 
 
 def test_of_a_dataset_only_what_is_not_recorded_yet_is_replayed(

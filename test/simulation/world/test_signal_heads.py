@@ -27,22 +27,28 @@ def programs():
     return signal_programs(scene(), blocks().net_path.read_text())
 
 
-def test_every_head_shows_sumos_state_at_every_tick(programs, tmp_path: Path):
+@pytest.fixture
+def table(programs, tmp_path: Path):
+    """The heads of all links, program by program, while SUMO runs the programs."""
     additional = tmp_path / "signals.add.xml"
     additional.write_text(signal_programs_xml(programs, round(TICK_S * 1e9)))
     heads = [head(program.id, link) for program in programs for link in range(len(program.states[0]))]
-    table = SignalHeads(heads, programs, round(TICK_S * 1e9))
     options = ["--step-length", "0.05", "--no-step-log", "true", "--xml-validation", "never"]
     libsumo.start(["sumo", "-n", str(blocks().net_path), "-a", str(additional), *options])
-    try:
-        for tick in range(900):
-            libsumo.simulationStep()
-            sumo_states = [
-                letter for program in programs for letter in libsumo.trafficlight.getRedYellowGreenState(program.id)
-            ]
-            assert table.table_at(tick)["state"].tolist() == [_SHOWN[letter] for letter in sumo_states]
-    finally:
-        libsumo.close()
+    yield SignalHeads(heads, programs, round(TICK_S * 1e9))
+    libsumo.close()
+
+
+def sumos_states(programs):
+    """What SUMO shows at the links, in the order of the heads."""
+    letters = (letter for program in programs for letter in libsumo.trafficlight.getRedYellowGreenState(program.id))
+    return [_SHOWN[letter] for letter in letters]
+
+
+def test_every_head_shows_sumos_state_at_every_tick(programs, table):
+    for tick in range(900):
+        libsumo.simulationStep()
+        assert table.table_at(tick)["state"].tolist() == sumos_states(programs)
 
 
 def test_green_lasts_as_drawn_then_yellow_3_s_then_all_red_2_s(programs):
@@ -125,42 +131,30 @@ def test_on_a_map_file_green_phases_keep_their_proportions_and_the_longest_has_t
         assert ticks == [round(green_s / TICK_S) for green_s in greens_s]
 
 
-def test_held_programs_show_sumos_state_on_their_way_there_and_back(programs, tmp_path: Path):
-    additional = tmp_path / "signals.add.xml"
-    additional.write_text(signal_programs_xml(programs, round(TICK_S * 1e9)))
-    heads = [head(program.id, link) for program in programs for link in range(len(program.states[0]))]
-    table = SignalHeads(heads, programs, round(TICK_S * 1e9))
-    options = ["--step-length", "0.05", "--no-step-log", "true", "--xml-validation", "never"]
-    libsumo.start(["sumo", "-n", str(blocks().net_path), "-a", str(additional), *options])
-    car = next(k for k in range(len(heads)) if any(state[k] == "y" for state in programs[0].states))
+def test_held_programs_show_sumos_state_on_their_way_there_and_back(programs, table):
+    car = next(k for k in range(len(programs[0].states[0])) if any(state[k] == "y" for state in programs[0].states))
     seen = []
-    try:
-        for tick in range(900):
-            if tick in (100, 400):
-                table.hold(car + 1, SignalState.GREEN if tick == 100 else SignalState.RED, tick)
-            changes = table.release(0, tick) if tick == 650 else []
-            for change in (*changes, *table.advance(tick)):
-                libsumo.trafficlight.setPhase(change.program, change.phase)
-                libsumo.trafficlight.setPhaseDuration(change.program, change.duration_s)
-            libsumo.simulationStep()
-            sumo_states = [
-                letter for program in programs for letter in libsumo.trafficlight.getRedYellowGreenState(program.id)
-            ]
-            seen.append(table.table_at(tick))
-            assert seen[-1]["state"].tolist() == [_SHOWN[letter] for letter in sumo_states], tick
-    finally:
-        libsumo.close()
+    for tick in range(900):
+        if tick in (100, 400):
+            table.hold(car + 1, SignalState.GREEN if tick == 100 else SignalState.RED, tick)
+        changes = table.release(0, tick) if tick == 650 else []
+        for change in (*changes, *table.advance(tick)):
+            libsumo.trafficlight.setPhase(change.program, change.phase)
+            libsumo.trafficlight.setPhaseDuration(change.program, change.duration_s)
+        libsumo.simulationStep()
+        seen.append(table.table_at(tick))
+        assert seen[-1]["state"].tolist() == sumos_states(programs), tick
     first = np.array([each[car] for each in seen])
     assert (first["state"][250:400] == SignalState.GREEN).all() and np.isinf(first["time_remaining"][250:400]).all()
     assert first["time_in_state"][399] == pytest.approx(first["time_in_state"][350] + 49 * TICK_S, abs=1e-4)
     assert (first["state"][400:480] == SignalState.YELLOW).sum() == 60
     assert (first["state"][520:650] == SignalState.RED).all()
     assert len(np.unique(first["state"][650:])) > 1, "it goes on in its cycle"
-    with pytest.raises(InputError, match=rf"^id: is 0; allowed: 1 to {len(heads)}, the ids on /world/signals$"):
+    with pytest.raises(InputError, match=rf"^id: is 0; allowed: 1 to {len(seen[0])}, the ids on /world/signals$"):
         table.hold(0, SignalState.RED, 900)
 
 
-def test_a_held_signal_holds_the_traffic():
+def test_a_signal_is_held_from_the_answered_tick_on_until_it_is_released():
     spec = scene(vehicles=24, pedestrians=0, ticks=40)
     with Simulation(spec, blocks()) as simulation:
         states = [simulation.step() for _ in range(20)]

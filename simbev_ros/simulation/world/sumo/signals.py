@@ -4,7 +4,6 @@ The programs run by the clock alone, so the table of heads is computed from them
 command holds in a phase are set in SUMO at each change of phase.
 """
 
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
@@ -126,7 +125,7 @@ class SignalHeads:
         self._tick_s = tick_ns / NS_PER_S
         self._programs = tuple(programs)
         self._held: dict[int, _Held] = {}
-        self._recent: deque[tuple[int, dict[int, _Held]]] = deque(maxlen=_MAX_DELAY_TICKS)
+        self._recent: dict[int, dict[int, _Held]] = {}
         self._table = _heads(signals, programs)
         self._offset = np.array([program.offset_ticks for program in programs], np.int64)
         self._length = np.array([sum(program.ticks) for program in programs], np.int64)
@@ -211,8 +210,9 @@ class SignalHeads:
             if held.is_new or held.phase != before:
                 changes.append(PhaseChange(program.id, held.phase, _FOREVER_S))
             held.is_new = False
-        if self._held or self._recent:
-            self._recent.append((tick, {index: replace(held) for index, held in self._held.items()}))
+        if self._held:
+            self._recent[tick] = {index: replace(held) for index, held in self._held.items()}
+            self._recent.pop(tick - _MAX_DELAY_TICKS, None)
         return changes
 
     def _phases(self, tick: int, programs: Int64Array) -> tuple[Int64Array, Int64Array]:
@@ -224,7 +224,7 @@ class SignalHeads:
     def table_at(self, tick: int) -> Table:
         """(S,) ``SIGNAL_DTYPE`` at a tick since SUMO's start; negative ticks lie before it."""
         phase, since = self._phases(tick, np.arange(len(self._offset)))
-        held = next((held for each, held in self._recent if each == tick), {})
+        held = self._recent.get(tick, {})
         for index, program in held.items():
             phase[index], since[index] = program.phase, program.since
         heads = np.arange(len(self._table))

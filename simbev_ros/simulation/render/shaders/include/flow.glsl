@@ -12,11 +12,14 @@ const float ON_PIXEL = 0.01;  // distance from a pixel's center, in pixels, up t
 bool was_visible(vec2 pixel, float depth) {
     ivec2 size = textureSize(previous_depth, 0);
     if (any(lessThan(pixel, vec2(-0.5))) || any(greaterThanEqual(pixel, vec2(size) - 0.5))) return false;
+    float enough = (depth - DEPTH_TOLERANCE_M) / (1.0 + DEPTH_TOLERANCE);
+    ivec2 nearest = clamp(ivec2(round(pixel)), ivec2(0), size - 1);
+    if (texelFetch(previous_depth, nearest, 0).x >= enough) return true;  // almost always
     ivec2 low = max(ivec2(floor(pixel + ON_PIXEL)), 0), high = min(ivec2(ceil(pixel - ON_PIXEL)), size - 1);
-    float farthest = 0.0;
     for (int y = low.y; y <= high.y; ++y)
-        for (int x = low.x; x <= high.x; ++x) farthest = max(farthest, texelFetch(previous_depth, ivec2(x, y), 0).x);
-    return depth <= farthest * (1.0 + DEPTH_TOLERANCE) + DEPTH_TOLERANCE_M;
+        for (int x = low.x; x <= high.x; ++x)
+            if (texelFetch(previous_depth, ivec2(x, y), 0).x >= enough) return true;
+    return false;
 }
 
 // before: position of the point in the previous camera's optical frame; of the sky, the direction to it.

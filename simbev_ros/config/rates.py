@@ -1,9 +1,14 @@
 """Check of the rates of sensors and labels, each of which must divide the tick rate."""
 
+import math
+
 from simbev_ros.config.annotation import Annotation
 from simbev_ros.config.base import FieldError, Keys
 from simbev_ros.config.positioning import Imu
 from simbev_ros.config.rig import Rig
+
+MAX_UNEVEN_HZ = 60
+"""Highest tick rate whose ticks need not be whole milliseconds."""
 
 
 def require_fitting_rates(keys: Keys, rig: Rig, annotation: Annotation | None, tick_hz: float) -> None:
@@ -28,7 +33,7 @@ def require_fitting_rates(keys: Keys, rig: Rig, annotation: Annotation | None, t
             raise FieldError(
                 field,
                 f"sensor {sensor.name}: rate_hz {rate_hz:g} does not divide the tick rate {tick_hz:g} Hz; "
-                f"allowed are {allowed} (only an imu can be faster than the ticks)",
+                f"allowed are {allowed} (only an imu can be faster than the ticks){_remedy(rate_hz, tick_hz)}",
             )
         if not _is_whole(rate_hz / tick_hz):
             raise FieldError(
@@ -58,6 +63,15 @@ def require_fitting_rate(keys: Keys, rate_hz: float, tick_hz: float) -> None:
 
 def _is_whole(ratio: float) -> bool:
     return round(ratio) >= 1 and abs(ratio - round(ratio)) < 1e-6
+
+
+def _remedy(rate_hz: float, tick_hz: float) -> str:
+    """Text that names the tick with which both a sensor's rate and the tick rate divide, if there is one."""
+    if not (_is_whole(rate_hz) and _is_whole(tick_hz)):
+        return ""
+    both_hz = math.lcm(round(rate_hz), round(tick_hz))
+    is_tick = both_hz <= MAX_UNEVEN_HZ or 1000 % both_hz == 0
+    return f"; with time.tick_s {1 / both_hz:.6g} both rates fit" if is_tick else ""
 
 
 def _dividing_rates(tick_hz: float) -> str:

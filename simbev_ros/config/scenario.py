@@ -6,7 +6,7 @@ from functools import cached_property
 from typing import Annotated, Literal, Self
 
 import yaml
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from simbev_ros.config.acceptance import Acceptance
 from simbev_ros.config.agents import (
@@ -25,7 +25,7 @@ from simbev_ros.config.frames import DEFAULT_FRAMES, Frames
 from simbev_ros.config.hazards import Hazards
 from simbev_ros.config.lights import Lights
 from simbev_ros.config.map_files import Bounds, map_name
-from simbev_ros.config.rates import require_fitting_rate, require_fitting_rates
+from simbev_ros.config.rates import MAX_UNEVEN_HZ, require_fitting_rate, require_fitting_rates
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.rig import Rig, S
 from simbev_ros.config.v2x import V2x
@@ -39,6 +39,7 @@ SPLITS: tuple[Split, ...] = ("train", "val", "test")
 
 _Count = Annotated[PaperOrDrawn, within(0, 10_000)]
 _MIN_DURATION_S = 0.001
+_TICK_TOLERANCE = 2.5e-3
 _Probability = Annotated[float, Field(ge=0, le=1)]
 
 
@@ -59,7 +60,12 @@ class MapScenes(Model):
 class Timing(Model):
     """Tick length and durations of a scene."""
 
-    tick_s: float = Field(0.05, ge=0.001, le=1, description="length of a simulation step")
+    tick_s: float = Field(
+        0.05,
+        ge=0.001,
+        le=1,
+        description="length of a simulation step: whole milliseconds, or 1/n s for n up to 60 (0.0333 is 1/30)",
+    )
     warm_up_s: float = Field(10.0, gt=0, le=600, description="simulated time before recording starts")
     duration_s: Annotated[Drawn, within(_MIN_DURATION_S, 3000)] = Field(
         16.0, description="recorded time; a random value is rounded to whole ticks"
@@ -67,6 +73,16 @@ class Timing(Model):
     end_after_standing_s: float | None = Field(
         None, gt=0, le=3000, description="standstill of the ego after which the scene ends; none: never ends early"
     )
+
+    @field_validator("tick_s")
+    @classmethod
+    def _countable_tick(cls, tick_s: float) -> float:
+        rate_hz, tick_ms = round(1 / tick_s), 1000 * tick_s
+        if abs(tick_ms - round(tick_ms)) < 1e-6:
+            return tick_s
+        if abs(rate_hz * tick_s - 1) < _TICK_TOLERANCE and rate_hz <= MAX_UNEVEN_HZ:
+            return 1 / rate_hz
+        raise ValueError(f"{tick_s:g} is neither whole milliseconds nor 1/n s for n up to {MAX_UNEVEN_HZ}")
 
     @model_validator(mode="after")
     def _whole_ticks(self) -> Self:

@@ -48,6 +48,8 @@ from simbev_ros.schema.boxes import NO_CLASS, box_centers_m
 HORIZON_S = 6.0
 _MIN_TICK_NS = 1_000_000
 """Length of the shortest tick that a configuration allows."""
+_STEP_TOLERANCE = 1e-5
+"""Ticks; those of 1/30 s are rounded to nanoseconds."""
 
 _PER_FRAME = ("valid", "position_m", "yaw_rad", "velocity_mps")
 
@@ -157,10 +159,11 @@ def futures(
         InputError: The step is not a whole number of ticks, or longer than the horizon.
         KeyError: An id has no track.
     """
-    step_ns = tracks.tick_ns if step_s is None else round(step_s * NS_PER_S)
-    if step_ns <= 0 or step_ns % tracks.tick_ns:
+    step_ticks = 1.0 if step_s is None else step_s * NS_PER_S / tracks.tick_ns
+    step_ns = round(step_ticks) * tracks.tick_ns
+    if step_ns <= 0 or abs(step_ticks - round(step_ticks)) > _STEP_TOLERANCE:
         raise InputError(f"step_s: {step_s:g} is not a whole number of ticks of {tracks.tick_ns / NS_PER_S:g} s")
-    count = round(horizon_s * NS_PER_S) // step_ns
+    count = int(horizon_s * NS_PER_S / step_ns + _STEP_TOLERANCE)
     if count < 1:
         raise InputError(f"horizon_s: {horizon_s:g} is shorter than a step of {step_ns / NS_PER_S:g} s")
     after_ns = step_ns * np.arange(1, count + 1)

@@ -55,6 +55,7 @@ def test_intrinsics_come_from_a_focal_length_or_a_field_of_view() -> None:
         ),
         (BASE + "time: {duration_s: 4 s}", r"x.yaml:3: time.duration_s: .*valid number.*'4 s'"),
         (BASE + "time:\n  duration_s: -4", r"x.yaml:4: time.duration_s: is -4, but 0.001 to 3000 is allowed"),
+        (BASE + "time: {tick_s: 0.0125}", r"x.yaml:3: time.tick_s: 0.0125 is neither whole milliseconds nor 1/n s"),
         (BASE + "time: {duration_s: 4.01}", "4.01 is not a whole number of ticks of 0.05 s"),
         (BASE + "weather: {cloudiness: 200}", r"weather.cloudiness: is 200, but 0 to 100 is allowed"),
         (BASE + "weather: {cloudiness: {uniform: [0, 200]}}", "draws from 0 to 200, but 0 to 100 is allowed"),
@@ -64,6 +65,7 @@ def test_intrinsics_come_from_a_focal_length_or_a_field_of_view() -> None:
         (rig("{type: camera, name: a}, {type: lidar, name: a}"), "two sensors are named a; names must be unique"),
         (rig("{type: camera, name: a, pose: {x: 3}}"), r"rig.sensors\[0\].pose.x: unknown key; did you mean x_m\?"),
         (rig("{type: sonar, name: a}"), r"rig.sensors\[0\]: .*'sonar'.*'camera', 'lidar'"),
+        (rig("{type: camera, name: a, rate_hz: 30}"), r"\(only .*\); with time.tick_s 0.0166667 both rates fit"),
         (rig("{type: camera, name: a, rate_hz: 7}"), "sensor a: rate_hz 7 does not divide the tick rate 20 Hz"),
         (
             rig("{type: gnss, name: a, rate_hz: 100}"),

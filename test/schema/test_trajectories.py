@@ -77,6 +77,14 @@ def test_the_future_of_each_box_matches_the_boxes_of_later_frames(
                     assert found.yaw_rad[number, step] == future_box["yaw"]
 
 
+def test_steps_and_horizons_count_ticks_of_uneven_length() -> None:
+    tracker = TrackRecorder(tick_ns := 16_666_667, class_of_blueprint())
+    for frame in range(31):
+        tracker.add_frame(START_NS + frame * tick_ns, table(frame))
+    found = futures(tracker.tracks(), np.array([2], np.uint32), np.array([START_NS]), 0.5, 0.1)
+    assert found.after_s == pytest.approx([0.1, 0.2, 0.3, 0.4, 0.5])
+
+
 def test_tracks_cover_actors_with_a_class_and_mark_when_they_exist() -> None:
     tracks = scene()
     assert tracks.id.tolist() == sorted(PRESENT)

@@ -35,6 +35,7 @@ from simbev_ros.simulation.world.sumo.curve_speeds import curve_speeds
 from simbev_ros.simulation.world.sumo.net_crop import crop_net
 from simbev_ros.simulation.world.sumo.routes import Routes
 from simbev_ros.simulation.world.sumo.signals import SignalHeads, signal_programs, signal_programs_xml
+from simbev_ros.simulation.world.sumo.start import sumo_step_ns
 from simbev_ros.simulation.world.sumo.tracks import LaneTracks
 from simbev_ros.simulation.world.sumo.traffic import SumoTraffic
 
@@ -74,11 +75,11 @@ class Simulation:
         net = network.net_path.read_text(encoding="utf-8")
         cycles = signal_programs(spec, net)
         self._signal_heads = SignalHeads(network.signals, cycles, spec.tick_ns)
-        demand = demand_of(spec, network, plazas)
+        demand, step_ns = demand_of(spec, network, plazas), sumo_step_ns(spec.tick_ns)
         cropped = crop_net(net, demand.edges)
         self._routes = Routes(spec, network, cropped.edges)
         lanes = [each for each in network.lanes.values() if each.edge in cropped.edges and each.kind not in _ON_FOOT]
-        signals = signal_programs_xml([cycle for cycle in cycles if cycle.id in cropped.lights], spec.tick_ns)
+        signals = signal_programs_xml([cycle for cycle in cycles if cycle.id in cropped.lights], step_ns)
         with tempfile.TemporaryDirectory(prefix="simbev-") as folder:
             inputs = {"scene.net.xml": cropped.xml, "scene.rou.xml": demand.xml, "scene.add.xml": signals}
             for name, text in inputs.items():
@@ -87,7 +88,7 @@ class Simulation:
             closed = [lane.id for lane in lanes if lane.kind in _NO_TRAFFIC and lane.classes]
             speeds_mps = slow_near_closures(curve_speeds(lanes), spec, lanes)
             tracks = LaneTracks(lanes)
-            self._sumo = SumoTraffic(files, spec.tick_ns, spec.seed, speeds_mps, tracks, closed, cropped.left_hand)
+            self._sumo = SumoTraffic(files, step_ns, spec.seed, speeds_mps, tracks, closed, cropped.left_hand)
         try:
             self._population = Population(spec, self._sumo)
             self._actors = Actors(spec, network, self._population, obstacles, demand.excursions, self.weather)

@@ -1,3 +1,4 @@
+from contextlib import contextmanager
 from pathlib import Path
 
 import libsumo
@@ -13,6 +14,7 @@ from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.schema.scene.state import SignalState
 from simbev_ros.simulation.world.simulation import Simulation
 from simbev_ros.simulation.world.sumo.signals import SignalHeads, SignalProgram, signal_programs, signal_programs_xml
+from simbev_ros.simulation.world.sumo.start import sumo_step_ns
 
 CARLA = Path(__file__).parents[3].parent / "shared" / "maps" / "carla"
 _SHOWN = {"G": SignalState.GREEN, "g": SignalState.GREEN, "y": SignalState.YELLOW, "r": SignalState.RED}
@@ -27,16 +29,33 @@ def programs():
     return signal_programs(scene(), blocks().net_path.read_text())
 
 
+def test_at_30_hz_every_head_shows_sumos_state(tmp_path: Path):
+    tick_ns = 33_333_333
+    programs = signal_programs(scene(tick_ns=tick_ns), blocks().net_path.read_text())
+    with heads_beside_sumo(programs, tick_ns, tmp_path) as table:
+        for tick in range(900):
+            libsumo.simulationStep()
+            assert table.table_at(tick)["state"].tolist() == sumos_states(programs)
+
+
 @pytest.fixture
 def table(programs, tmp_path: Path):
+    with heads_beside_sumo(programs, round(TICK_S * 1e9), tmp_path) as heads:
+        yield heads
+
+
+@contextmanager
+def heads_beside_sumo(programs, tick_ns, folder):
     """The heads of all links, program by program, while SUMO runs the programs."""
-    additional = tmp_path / "signals.add.xml"
-    additional.write_text(signal_programs_xml(programs, round(TICK_S * 1e9)))
+    additional = folder / "signals.add.xml"
+    additional.write_text(signal_programs_xml(programs, step_ns := sumo_step_ns(tick_ns)))
     heads = [head(program.id, link) for program in programs for link in range(len(program.states[0]))]
-    options = ["--step-length", "0.05", "--no-step-log", "true", "--xml-validation", "never"]
+    options = ["--step-length", f"{step_ns / 1e9:.3f}", "--no-step-log", "true", "--xml-validation", "never"]
     libsumo.start(["sumo", "-n", str(blocks().net_path), "-a", str(additional), *options])
-    yield SignalHeads(heads, programs, round(TICK_S * 1e9))
-    libsumo.close()
+    try:
+        yield SignalHeads(heads, programs, tick_ns)
+    finally:
+        libsumo.close()
 
 
 def sumos_states(programs):
@@ -140,7 +159,7 @@ def test_held_programs_show_sumos_state_on_their_way_there_and_back(programs, ta
         changes = table.release(0, tick) if tick == 650 else []
         for change in (*changes, *table.advance(tick)):
             libsumo.trafficlight.setPhase(change.program, change.phase)
-            libsumo.trafficlight.setPhaseDuration(change.program, change.duration_s)
+            libsumo.trafficlight.setPhaseDuration(change.program, change.ticks * TICK_S)
         libsumo.simulationStep()
         seen.append(table.table_at(tick))
         assert seen[-1]["state"].tolist() == sumos_states(programs), tick

@@ -22,7 +22,7 @@ from simbev_ros.schema.scene.spec import ALL_RED_S, YELLOW_S, SceneSpec
 from simbev_ros.schema.scene.state import SIGNAL_DTYPE, SignalState
 
 _MIN_GREEN_S = 4.0
-_FOREVER_S = 1e6
+_FOREVER_TICKS = 10**7
 _MAX_DELAY_TICKS = 1024
 """Ticks for which the phases of held programs are kept; the published state is a fraction of a second behind SUMO."""
 _STATE_OF = {
@@ -39,11 +39,11 @@ _STATE_OF = {
 
 
 class PhaseChange(NamedTuple):
-    """A phase that a program, by its id, takes in SUMO for a duration."""
+    """A phase that a program, by its id, takes in SUMO for a number of ticks."""
 
     program: str
     phase: int
-    duration_s: float
+    ticks: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,15 +90,18 @@ def _logics(net: str) -> list[ElementTree.Element]:
     return ElementTree.fromstring(f"<net>{net[start:end]}</tlLogic></net>").findall("tlLogic") if start >= 0 else []
 
 
-def signal_programs_xml(programs: Sequence[SignalProgram], tick_ns: int) -> str:
-    """XML of a SUMO additional file that replaces the network's signal programs by these."""
+def signal_programs_xml(programs: Sequence[SignalProgram], step_ns: int) -> str:
+    """XML of a SUMO additional file that replaces the network's signal programs by these.
+
+    One of SUMO's steps of ``step_ns`` is one tick.
+    """
     root = ElementTree.Element("additional")
     for program in programs:
-        offset = _seconds(program.offset_ticks, tick_ns)
+        offset = _seconds(program.offset_ticks, step_ns)
         attributes = {"id": program.id, "type": "static", "programID": "scene", "offset": offset}
         logic = ElementTree.SubElement(root, "tlLogic", attributes)
         for state, ticks in zip(program.states, program.ticks, strict=True):
-            ElementTree.SubElement(logic, "phase", {"duration": _seconds(ticks, tick_ns), "state": state})
+            ElementTree.SubElement(logic, "phase", {"duration": _seconds(ticks, step_ns), "state": state})
     return ElementTree.tostring(root, encoding="unicode")
 
 
@@ -188,8 +191,7 @@ class SignalHeads:
                 program = self._programs[index]
                 since = min(held.since, program.ticks[held.phase] - 1)
                 self._offset[index] = tick - self._phase_starts[index, held.phase] - since
-                left_s = (program.ticks[held.phase] - since) * self._tick_s
-                changes.append(PhaseChange(program.id, held.phase, left_s))
+                changes.append(PhaseChange(program.id, held.phase, program.ticks[held.phase] - since))
         return changes
 
     def advance(self, tick: int) -> list[PhaseChange]:
@@ -208,7 +210,7 @@ class SignalHeads:
                 is_clear = not is_green and _kind(program.states[following]) == "green"
                 held.phase, held.since = held.target if is_clear else following, 0
             if held.is_new or held.phase != before:
-                changes.append(PhaseChange(program.id, held.phase, _FOREVER_S))
+                changes.append(PhaseChange(program.id, held.phase, _FOREVER_TICKS))
             held.is_new = False
         if self._held:
             self._recent[tick] = {index: replace(held) for index, held in self._held.items()}
@@ -314,5 +316,5 @@ def _heads(signals: Sequence[Signal], programs: Sequence[SignalProgram]) -> Tabl
     return table
 
 
-def _seconds(ticks: int, tick_ns: int) -> str:
-    return f"{ticks * tick_ns / NS_PER_S:.3f}"
+def _seconds(ticks: int, step_ns: int) -> str:
+    return f"{ticks * step_ns / NS_PER_S:.3f}"

@@ -21,7 +21,6 @@ from simbev_ros.simulation.world.sumo.signals import PhaseChange
 from simbev_ros.simulation.world.sumo.start import start_sumo
 from simbev_ros.simulation.world.sumo.tracks import LaneTracks
 
-_NS_PER_MS = 1_000_000
 _POSITION_VARIABLES = libsumo.VAR_LANE_ID, libsumo.VAR_LANEPOSITION, libsumo.VAR_LANEPOSITION_LAT
 _ON_OR_OFF_ROAD = 2  # mode of moveToXY: on a road or off it
 _VEHICLE_VARIABLES = (*_POSITION_VARIABLES, libsumo.VAR_SIGNALS)
@@ -73,7 +72,7 @@ class SumoTraffic:
     def __init__(
         self,
         files: Sequence[Path],
-        tick_ns: int,
+        step_ns: int,
         seed: int,
         speeds_mps: Mapping[str, float],
         tracks: LaneTracks,
@@ -84,7 +83,7 @@ class SumoTraffic:
 
         Args:
             files: Network file, route file (everything departs at 0), additional file (the signal programs).
-            tick_ns: Length of a step; whole milliseconds.
+            step_ns: Length of a step on SUMO's clock, of ``sumo_step_ns``.
             seed: Seed of SUMO's own random numbers.
             speeds_mps: Lane id → speed limit that replaces the network's.
             tracks: All lanes that a vehicle may get onto.
@@ -96,15 +95,13 @@ class SumoTraffic:
         """
         if SumoTraffic._running:
             raise SimulationError("a simulation is running in this process already; close it first")
-        if tick_ns % _NS_PER_MS:
-            raise SimulationError(f"SUMO needs ticks of whole milliseconds, not {tick_ns} ns")
         self._tracks = tracks
         self._left_sign = -1.0 if left_hand else 1.0
-        self._tick_s = tick_ns / NS_PER_S
+        self._step_s = step_ns / NS_PER_S
         self._open = SumoTraffic._running = True
         self._has_pending_move = False  # whether SUMO will move an actor at the next step
         try:
-            start_sumo(files, self._tick_s, seed, speeds_mps, closed_lanes)
+            start_sumo(files, self._step_s, seed, speeds_mps, closed_lanes)
         except _FAILURES as error:
             self.close()
             raise SimulationError(f"SUMO could not start: {error}") from error
@@ -261,7 +258,7 @@ class SumoTraffic:
             min_limit_mps = min(limits_mps.values(), default=np.inf)
             speed_mps = libsumo.vehicle.getSpeed(name)
             # SUMO takes a given speed as the desired one even if its driver would be slower.
-            braking_limit_mps = max(min_limit_mps, speed_mps - _EMERGENCY_MPS2 * self._tick_s)
+            braking_limit_mps = max(min_limit_mps, speed_mps - _EMERGENCY_MPS2 * self._step_s)
             libsumo.vehicle.setSpeed(name, braking_limit_mps if min_limit_mps <= speed_mps else -1.0)
 
     def shorten_closures(self) -> None:
@@ -328,7 +325,7 @@ class SumoTraffic:
         """Let a traffic light take a phase; one outside the simulated part of the map has no effect."""
         if change.program in libsumo.trafficlight.getIDList():
             libsumo.trafficlight.setPhase(change.program, change.phase)
-            libsumo.trafficlight.setPhaseDuration(change.program, change.duration_s)
+            libsumo.trafficlight.setPhaseDuration(change.program, change.ticks * self._step_s)
 
     def limit_walking_speed(self, pedestrian: int, speed_mps: float) -> None:
         """Limit the walking speed of a pedestrian."""

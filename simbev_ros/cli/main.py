@@ -184,6 +184,7 @@ def run_app(commands: typer.Typer, name: str) -> None:
         commands: The application.
         name: Its name in messages.
     """
+    os.environ["PYTHONSAFEPATH"] = "1"  # no child process takes modules from the current folder
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # names of files need not be UTF-8

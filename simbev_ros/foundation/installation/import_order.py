@@ -1,7 +1,7 @@
 """Puts the packages of this installation before those of PYTHONPATH, where shells of ROS users have other versions.
 
-``python -m simbev_ros.foundation.installation.import_order MODULE ARGUMENT …`` runs a module in this order. It imports
-nothing but the standard library.
+``python -P -m simbev_ros.foundation.installation.import_order MODULE ARGUMENT …`` runs a module in this order. It
+imports nothing but the standard library.
 """
 
 import os
@@ -20,8 +20,8 @@ def put_own_packages_first() -> None:
 
 
 def module_command(module: str, *arguments: str) -> tuple[str, ...]:
-    """Command that runs a module of ours in this order."""
-    return (sys.executable, "-m", __name__, module, *arguments)
+    """Command that runs a module of ours in this order, and takes none from the current folder."""
+    return (sys.executable, "-P", "-m", __name__, module, *arguments)
 
 
 if __name__ == "__main__":

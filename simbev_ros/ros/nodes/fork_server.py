@@ -172,7 +172,7 @@ def _become(arguments: list[str], *, is_command: bool) -> list[str]:
         setproctitle(" ".join(words))  # as if it had been started by hand
         setthreadtitle(arguments[0].partition(":")[2].rpartition("/")[2])
         return words
-    for name in (KEY_VARIABLE, "SPT_NOENV"):
+    for name in (KEY_VARIABLE, "SPT_NOENV", "PYTHONSAFEPATH"):
         os.environ.pop(name, None)
     end_with_supervisor()
     try:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from module_trap import set_trap
 
 from simbev_ros.foundation.installation.import_order import module_command
 
@@ -47,6 +48,21 @@ def test_a_verb_works_with_another_numpy_on_pythonpath(workspace: Path) -> None:
     assert drawn.startswith("1 scenes")
 
 
+@pytest.fixture
+def trap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    return set_trap(tmp_path)
+
+
+def test_no_module_of_the_current_folder_runs(trap: Path) -> None:
+    command = Path(sys.executable).with_name("simbev")
+    subprocess.run([command, "scene", "demo", "--count", "1"], capture_output=True, check=True)
+    subprocess.run(module_command("simbev_ros.cli.main", "--version"), capture_output=True, check=True)
+    assert not trap.exists(), trap.read_text()
+    subprocess.run([sys.executable, "-c", "import platform"], check=True)
+    assert trap.read_text() == "platform "
+
+
 def test_the_script_takes_what_breaks_python_from_the_environment_and_puts_own_libraries_first(tmp_path: Path) -> None:
     script, python = tmp_path / "simbev", tmp_path / ".venv/bin/python"
     script.write_text((ROOT / "simbev").read_text().replace('\nensure_ready "$extra"\n', "\n"))
@@ -56,11 +72,11 @@ def test_the_script_takes_what_breaks_python_from_the_environment_and_puts_own_l
         file.chmod(0o755)
     (tmp_path / ".venv/lib/python3.12/site-packages/ros_rcl.libs").mkdir(parents=True)
     broken = {"PYTHONHOME": "/none", "PYTHONHASHSEED": "x", "PYTHONWARNINGS": "error", "PYTHONINSPECT": "1"}
-    environment = {"PATH": os.environ["PATH"], "PYTHONPATH": "/mine", "LD_LIBRARY_PATH": "/lib/mine", **broken}
+    environment = {"PATH": os.environ["PATH"], "PYTHONPATH": ":/mine:.", "LD_LIBRARY_PATH": "/lib/mine", **broken}
     done = subprocess.run([script, "info"], env=environment, capture_output=True, text=True, check=True)
     lines = done.stdout.splitlines()
     assert lines[-1] == "-m simbev_ros.cli.main info"
-    assert "PYTHONPATH=/mine" in lines
+    assert "PYTHONPATH=/mine:" not in lines and "PYTHONPATH=/mine" in lines and "PYTHONSAFEPATH=1" in lines
     libraries = tmp_path / ".venv/lib"
     own = f"{libraries}:{libraries}/python3.12/site-packages/ros_rcl.libs"
     assert f"LD_LIBRARY_PATH={own}:/lib/mine" in lines and "_ROS_WHEELS_BOOTSTRAP_COMPLETE=1" in lines

@@ -1,9 +1,12 @@
 """A graph runs in shells whose variables would keep it from working, and names those that it dropped."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 from commands import SCENE, Command, write_small
+from module_trap import set_trap
 
 from simbev_ros.recording.reader import SceneBag
 
@@ -41,3 +44,23 @@ def test_a_scene_is_recorded_whatever_the_shell_of_a_ros_user_has_set(
     assert len(output.splitlines()) < 20
     with SceneBag(tmp_path / "out" / SCENE) as bag:
         assert bag.custom_data["complete"] == "true"
+
+
+def test_no_process_of_a_graph_takes_modules_from_the_current_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    trap = set_trap(tmp_path)
+    config = write_small(tmp_path, 0.5, without=("camera", "radar"))
+    command = [
+        Path(sys.executable).with_name("simbev"),
+        "generate",
+        config,
+        "--out",
+        tmp_path / "out",
+        "--workers",
+        "2",
+    ]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert not trap.exists(), trap.read_text()

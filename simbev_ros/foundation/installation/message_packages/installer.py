@@ -133,7 +133,7 @@ def _version(distribution: str) -> str | None:
 def _pip_install(wheels: Sequence[Path]) -> None:
     words = ["--no-deps", "--no-index", "--force-reinstall", "--no-compile", "--disable-pip-version-check", "--quiet"]
     done = subprocess.run(
-        [sys.executable, "-m", "pip", "install", *words, *wheels],
+        [sys.executable, "-P", "-m", "pip", "install", *words, *wheels],
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,

@@ -3,12 +3,12 @@
 import os
 import signal
 import subprocess
-import sys
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Self
 
+from simbev_ros.foundation.installation.import_order import module_command
 from simbev_ros.ros.conventions.arguments import PLAIN, RosArguments
 from simbev_ros.ros.nodes.lifeline import SUPERVISOR_VARIABLE
 
@@ -44,7 +44,7 @@ class ViewerProcess:
         words += ["--network"] if network else []
         own = {SUPERVISOR_VARIABLE: str(os.getpid()), "TMPDIR": str(folder), "PYTHONUNBUFFERED": "1"}
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "simbev_ros.cli.main", *words, *ros.command()],
+            module_command("simbev_ros.cli.main", *words, *ros.command()),
             env={**os.environ, **environment, **own},
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.files.input_file import is_folder
-from simbev_ros.foundation.files.whole_files import require_writable, write_errors
+from simbev_ros.foundation.files.whole_files import is_stream, require_replaceable, require_writable, write_errors
 
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace existing pictures.")]
 
@@ -20,12 +20,16 @@ def require_place(file: Path) -> None:
 
     Raises:
         DiskError: The disk is full.
-        InputError: The folder does not exist or cannot be written to, or the file is a folder.
+        InputError: The folder does not exist or cannot be written to, or the file is a folder, a link, a disk or a
+            socket.
     """
+    if is_stream(file):
+        return
     if not is_folder(file.absolute().parent):
         raise InputError(f"{file}: there is no folder {file.absolute().parent}")
     if file.is_dir():
         raise InputError(f"{file}: is a folder, not a file")
+    require_replaceable(file)
     if not file.exists():
         require_writable(file.parent)
 

@@ -14,7 +14,7 @@ import numpy as np
 from simbev_ros.config.modalities import IMAGE_KINDS, MODALITIES
 from simbev_ros.drawing.canvas import BACKGROUND, BOLD, DIM, draw_label, draw_picture, draw_text
 from simbev_ros.drawing.panels import MODALITY_PICTURES
-from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.whole_files import write_errors, write_whole
 from simbev_ros.foundation.tables import load_table
 from simbev_ros.foundation.types import UInt8Array
 from simbev_ros.schema.scene.weather import Weather
@@ -102,11 +102,8 @@ def write_jpeg(path: Path, picture: UInt8Array) -> None:
         InputError: The file cannot be written.
     """
     settings = [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(cv2.imencode(".jpg", np.ascontiguousarray(picture[..., ::-1]), settings)[1].tobytes())
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
+    with write_errors(path):
+        write_whole(path, cv2.imencode(".jpg", np.ascontiguousarray(picture[..., ::-1]), settings)[1].tobytes())
 
 
 def _rgb(view: StreetView, weather: Weather, size_px: tuple[int, int]) -> UInt8Array:

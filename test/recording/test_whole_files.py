@@ -1,6 +1,7 @@
 """Tests that files are written whole: complete and on the disk before they get their name, or not at all."""
 
 import os
+import socket
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -64,3 +65,34 @@ def test_a_folder_for_files_is_tried_without_a_trace(tmp_path: Path) -> None:
         with pytest.raises(InputError, match=f"^{folder}: cannot be written to: "):
             require_writable(folder)
     assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_devices_and_pipes_are_written_to_and_stay(tmp_path: Path) -> None:
+    write_whole(Path("/dev/null"), b"gone")
+    assert Path("/dev/null").is_char_device()
+    os.mkfifo(pipe := tmp_path / "pipe")
+    with pytest.raises(InputError, match=r"/pipe: cannot be written: No such device"), write_errors(pipe):
+        write_whole(pipe, b"nobody reads")
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    (tmp_path / "link").symlink_to(pipe)
+    for place in (pipe, tmp_path / "link"):
+        write_whole(place, b"content")
+        assert os.read(reader, 100) == b"content"
+    os.close(reader)
+    assert pipe.is_fifo() and (tmp_path / "link").is_symlink()
+
+
+def test_nothing_but_a_regular_file_is_replaced(tmp_path: Path) -> None:
+    (tmp_path / "precious").write_bytes(b"mine")
+    (tmp_path / "folder").mkdir()
+    for name, target in (("link", "precious"), ("broken", "nothing"), ("to_folder", "folder")):
+        (tmp_path / name).symlink_to(target)
+        with pytest.raises(InputError, match=rf"/{name}: is a link to {target}; name the file itself"):
+            write_whole(tmp_path / name, b"content")
+    with socket.socket(socket.AF_UNIX) as server:
+        server.bind(str(tmp_path / "socket"))
+        with pytest.raises(InputError, match="/socket: is a disk or a socket, not a file"):
+            write_whole(tmp_path / "socket", b"content")
+    assert (tmp_path / "precious").read_bytes() == b"mine"
+    names = {"precious", "folder", "link", "broken", "to_folder", "socket"}
+    assert {path.name for path in tmp_path.iterdir()} == names

@@ -10,7 +10,7 @@ from simbev_ros.cli.console import counting_bar, make_console
 from simbev_ros.cli.evaluate import options as option
 from simbev_ros.cli.output_file import require_place
 from simbev_ros.cli.pool import Workers, processes
-from simbev_ros.foundation.files.whole_files import write_errors
+from simbev_ros.foundation.files.whole_files import write_errors, write_whole
 from simbev_ros.foundation.installation.extras import load_extras
 
 
@@ -100,6 +100,6 @@ def _show_figures(figures: Mapping[str, Any], json_file: Path | None) -> None:
     console = make_console(highlight=False)
     if json_file is not None:  # before the tables, because their reader may close the pipe, as head does
         with write_errors(json_file):
-            json_file.write_text(json.dumps(figures, indent=2) + "\n")
+            write_whole(json_file, json.dumps(figures, indent=2).encode() + b"\n")
         console.print(f"figures in {json_file}", soft_wrap=True)
     print_tables(figures, console)

@@ -5,6 +5,9 @@ records of exports, pictures. Content enters; one file leaves. A killed writer l
 next writer of the same file removes.
 """
 
+import os
+import shutil
+import stat
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -22,17 +25,28 @@ _UNFINISHED_SUFFIX = ".part"
 def whole_file(path: Path) -> Iterator[Path]:
     """Lend a temporary path to write a file to; afterwards the file is synced to the disk and renamed.
 
-    If the block raises, the temporary file is removed and an earlier file at ``path`` stays as it is.
+    If the block raises, the temporary file is removed and an earlier file at ``path`` stays as it is. A character
+    device or a pipe, such as ``/dev/stdout``, stays too and is written to.
 
     Args:
         path: Final path of the file; its folder is made if necessary.
 
     Yields:
-        Path in the same folder for the content.
+        Path for the content, in the same folder unless that is a device's.
 
     Raises:
+        InputError: There is a link, a disk or a socket at ``path``.
         OSError: The file cannot be written.
     """
+    if is_stream(path):
+        with tempfile.TemporaryDirectory(prefix="simbev_ros-") as folder:
+            yield (content := Path(folder, path.name))
+            # Without a reader, opening a pipe fails instead of waiting for one.
+            with content.open("rb") as source, os.fdopen(os.open(path, os.O_WRONLY | os.O_NONBLOCK), "wb") as target:
+                os.set_blocking(target.fileno(), True)
+                shutil.copyfileobj(source, target)
+        return
+    require_replaceable(path)
     unfinished = path.with_name(path.name + _UNFINISHED_SUFFIX)
     has_new_folder = not path.parent.exists()
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -45,6 +59,27 @@ def whole_file(path: Path) -> Iterator[Path]:
         unfinished.unlink(missing_ok=True)
         raise
     sync_names([path, path.parent] if has_new_folder else [path])
+
+
+def is_stream(path: Path) -> bool:
+    """Whether there is a character device or a pipe, also behind a link, which is written to and never replaced."""
+    try:
+        mode = path.stat().st_mode
+    except OSError:
+        return False
+    return stat.S_ISCHR(mode) or stat.S_ISFIFO(mode)
+
+
+def require_replaceable(path: Path) -> None:
+    """Check that nothing but a regular file is lost if a file is written at this path.
+
+    Raises:
+        InputError: There is a link, a disk or a socket.
+    """
+    if path.is_symlink():
+        raise InputError(f"{path}: is a link to {path.readlink()}; name the file itself")
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise InputError(f"{path}: is a disk or a socket, not a file")
 
 
 def write_whole(path: AnyPath, content: bytes | Iterable[bytes]) -> None:

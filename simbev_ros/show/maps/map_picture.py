@@ -10,7 +10,7 @@ import numpy as np
 
 from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.drawing.canvas import Color, draw_text
-from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.whole_files import write_errors, write_whole
 from simbev_ros.foundation.types import Float64Array, UInt8Array
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.show.maps.map_plan import MapPlan
@@ -63,11 +63,8 @@ def write_picture(path: Path, picture: UInt8Array) -> None:
     Raises:
         InputError: The file cannot be written.
     """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(cv2.imencode(".png", picture[..., ::-1])[1].tobytes())
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}") from None
+    with write_errors(path):
+        write_whole(path, cv2.imencode(".png", picture[..., ::-1])[1].tobytes())
 
 
 def _draw_scale_bar(picture: UInt8Array, side_m: float, color: Color, background: Color) -> None:

@@ -11,7 +11,7 @@ from urllib.parse import quote
 from simbev_ros.dataset import open_dataset
 from simbev_ros.dataset.parallel import Pool
 from simbev_ros.dataset.statistics import SceneFacts, Statistics
-from simbev_ros.foundation.files.whole_files import write_whole
+from simbev_ros.foundation.files.whole_files import require_replaceable, write_whole
 from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath
 from simbev_ros.show.pages.box_figures import box_figures, crowd_figures, size_figures
 from simbev_ros.show.pages.browsable_table import Cell, Column, browsable_table
@@ -61,9 +61,12 @@ def write_pages(
 
     Raises:
         BagError: A bag is damaged.
+        InputError: There is a link among the other files, which may lead anywhere.
         OSError: A file cannot be written.
     """
     folder = files_of(page)
+    for file in (folder, *folder.rglob("*")):
+        require_replaceable(file)
     plans, scenes = _plans(statistics, folder), _scene_pages(statistics, page, videos=videos)
     total = len(plans) + len(scenes)
     has_plan = [_counted(ok, done, total, progress) for done, ok in enumerate(pool.map(write_plan, plans), 1)]

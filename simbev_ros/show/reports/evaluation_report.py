@@ -20,7 +20,7 @@ from simbev_ros.evaluation.tables import (
     summary_table,
     text_of,
 )
-from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.whole_files import write_errors, write_whole
 from simbev_ros.show.pages.web_page import web_page
 from simbev_ros.show.reports.evaluation_charts import (
     cell_figures,
@@ -67,10 +67,8 @@ def write_evaluation_report(
     """
     boxes, cells = (cards(evaluation, scenes, predictions) for cards in (worst_frame_cards, worst_grid_cards))
     text = evaluation_report(evaluation, figures, boxes, cells)
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
+    with write_errors(path):
+        write_whole(path, text.encode())
 
 
 def evaluation_report(evaluation: Evaluation, figures: Figures, boxes: str = "", cells: str = "") -> str:

@@ -1,18 +1,35 @@
 """Finds message classes by type name, for code that publishes and subscribes to topics of any type."""
 
 import importlib
-from functools import cache
+import re
+from functools import cache, lru_cache
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
+
+_TYPE_NAME = re.compile(r"[a-z][a-z0-9_]*/msg/[A-Z][A-Za-z0-9]*")
 
 
 def message_class(type_name: str) -> Any:
     """Message class of a type name such as ``sensor_msgs/msg/Image``.
 
+    Any process of the domain can announce any name, so no package is imported but those that ROS has generated.
+
     Raises:
-        ModuleNotFoundError: Its package is not installed.
+        ModuleNotFoundError: There is no installed package of messages by this name.
     """
-    package, _, kind = type_name.split("/")
+    package, _, kind = type_name.split("/") if _TYPE_NAME.fullmatch(type_name) else ("", "", "")
+    if not _is_generated(package):
+        raise ModuleNotFoundError(f"No message package for {type_name!r}", name=package or type_name)
     return getattr(importlib.import_module(f"{package}.msg"), kind)
+
+
+@lru_cache(1024)
+def _is_generated(package: str) -> bool:
+    """Whether a package has ROS's type support; nothing is imported to find out."""
+    spec = find_spec(package) if package else None
+    folders = (spec and spec.submodule_search_locations) or ()
+    return any(any(Path(folder).glob(f"{package}_s__rosidl_typesupport_c.*")) for folder in folders)
 
 
 @cache

@@ -51,6 +51,7 @@ class AnswerTopics:
 
     Attributes:
         found: Subscriptions by topic.
+        refused: Why there is none to a topic that has a publisher.
     """
 
     def __init__(self, node: Node, boxes_topic: str, grids_topic: str, tick_of: TickOf, take: Take, read: Read) -> None:
@@ -60,6 +61,7 @@ class AnswerTopics:
         self._types: dict[str, tuple[str, ...]] = {boxes_topic: tuple(BOX_TYPES), grids_topic: (IMAGE_TYPE,)}
         self._types |= dict.fromkeys(self._classes, (OCCUPANCY_TYPE,))
         self.found: dict[str, Any] = {}
+        self.refused: dict[str, InputError] = {}
 
     @property
     def topic_names(self) -> str:
@@ -75,26 +77,27 @@ class AnswerTopics:
     def subscribe_to_new(self) -> list[str]:
         """Subscribe to topics that have gained a publisher since the last call; return their names.
 
-        Raises:
-            InputError: A topic has a wrong type, or the type's package is not installed, or scores are published both
-                for all classes and for single classes.
+        One with a wrong type, or a second form of scores, may be a stranger's, so it is entered in ``refused``.
         """
         new = []
         for name in [each for each in self._types if each not in self.found]:
             if publishers := self._node.get_publishers_info_by_topic(name):
                 kinds = {each.topic_type for each in publishers}
                 reliable = all(each.qos_profile.reliability == ReliabilityPolicy.RELIABLE for each in publishers)
-                self._subscribe(name, kinds, is_reliable=reliable)
-                new.append(name)
-        found_classes = sorted(self.found.keys() & self._classes.keys())
-        if found_classes and self._grids_topic in self.found:
-            both = f"{self._grids_topic} and {found_classes[0]}"
-            raise InputError(f"there are scores on {both}; allowed is one or the other")
+                try:
+                    self._subscribe(name, kinds, is_reliable=reliable)
+                except InputError as error:
+                    self.refused[name] = error
+                else:
+                    new.append(name)
         return new
 
     def _subscribe(self, name: str, kinds: set[str], *, is_reliable: bool) -> None:
-        kind, *others = sorted(kinds)
-        if others or kind not in self._types[name]:
+        others = self._classes if name == self._grids_topic else [self._grids_topic] * (name in self._classes)
+        if both := sorted(self.found.keys() & set(others)):
+            raise InputError(f"there are scores on {name} and {both[0]}; allowed is one or the other")
+        kind = next((each for each in self._types[name] if each in kinds), None)
+        if kind is None:
             raise InputError(f"{name}: is a {' and a '.join(sorted(kinds))}; allowed: {', '.join(self._types[name])}")
         try:
             message_type = message_class(kind)

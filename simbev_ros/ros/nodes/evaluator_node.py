@@ -232,16 +232,11 @@ class EvaluatorNode(GraphNode):
             self._advance()
 
     def _look_for_answers(self) -> None:
-        try:
-            new = self._answers.subscribe_to_new()
-        except InputError as error:
-            if not self._loaded_reported:
-                raise
-            self.ignore(self._evaluation.boxes_topic, error)  # another node has joined a graph that works
-            return
-        for name in new:
+        for name in self._answers.subscribe_to_new():
             if self._spec is not None:
                 self._join.add_topic(name)
+        for name in self._answers.refused.keys() - self._ignored:
+            self.ignore(name, self._answers.refused[name])
 
     def _report_loaded(self) -> None:
         """Report the scene as loaded once everything, including the stack, is connected; called by a timer."""
@@ -253,8 +248,10 @@ class EvaluatorNode(GraphNode):
             self._loaded_reported = True
             self.report_finished(self._spec, -1)  # frames start at tick 0
         elif not self._answers.found and time.monotonic() > self._scene_since_s + self._patience_s:
+            refused = "".join(f" ({reason})" for reason in self._answers.refused.values())
             raise InputError(
                 f"no stack has connected within {self._patience_s:g} s: nothing publishes {self._answers.topic_names}"
+                f"{refused}"
             )
 
     def _advance(self) -> None:

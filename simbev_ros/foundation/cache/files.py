@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from simbev_ros.foundation.cache.entries import evict_unused, hold_entry
+from simbev_ros.foundation.cache.seals import require_own, require_seal, write_seal
 from simbev_ros.foundation.errors import NPZ_DAMAGE, InputError
 from simbev_ros.foundation.files.lock_file import open_lock_file
 
@@ -25,15 +26,16 @@ def read_cached(path: Path, kind: str, read: Callable[[Path], _T], write: Callab
         write: Receives a temporary path. Readers see all or nothing.
 
     Raises:
-        InputError: The file cannot be written.
+        InputError: The file cannot be written, or another user could have written it.
     """
     hold_entry(path.parent)
+    require_own(path.parent)
     with suppress(*NPZ_DAMAGE):
-        return read(path)
+        return _read(path, read)
     is_first = not path.parent.exists()
     with writing_alone(path.parent / f".{path.stem}.lock", kind):
         with suppress(*NPZ_DAMAGE):
-            return read(path)  # another process has written it meanwhile
+            return _read(path, read)  # another process has written it meanwhile
         _write(path, kind, write)
     if is_first:
         evict_unused(path.parent)
@@ -64,11 +66,22 @@ def writing_alone(lock: Path, kind: str) -> Iterator[None]:
         os.close(descriptor)
 
 
+def _read(path: Path, read: Callable[[Path], _T]) -> _T:
+    require_seal(_seal(path), path.parent.name, [path])
+    return read(path)
+
+
+def _seal(path: Path) -> Path:
+    return path.with_name(f".{path.name}.sha256")
+
+
 def _write(path: Path, kind: str, write: Callable[[Path], None]) -> None:
     try:
         hold_entry(path.parent)
         with tempfile.TemporaryDirectory(prefix=f".{path.stem}-", dir=path.parent) as work:
             write(Path(work) / path.name)
+            write_seal(Path(work) / _seal(path).name, path.parent.name, [Path(work) / path.name])
+            (Path(work) / _seal(path).name).replace(_seal(path))
             (Path(work) / path.name).replace(path)
     except OSError as error:
         raise InputError(f"cache of {kind} {path.parent}: cannot be written: {error.strerror}") from error

@@ -5,8 +5,11 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-from simbev_ros.foundation.cache.entries import entry_path, evict_unused, hold_entry
+from simbev_ros.foundation.cache.entries import discard_entry, entry_path, evict_unused, hold_entry
+from simbev_ros.foundation.cache.seals import require_own, require_seal, write_seal
 from simbev_ros.foundation.errors import InputError
+
+_SEAL = ".sha256"
 
 
 def ensure_folder(
@@ -23,12 +26,12 @@ def ensure_folder(
         cache_dir: Folder of the cache.
 
     Raises:
-        InputError: The cache cannot be written.
+        InputError: The cache cannot be written, or another user could have written the folder.
     """
     parent = cache_dir / kind
     folder = entry_path(parent, name, version, key)
     hold_entry(folder)
-    if folder.is_dir():
+    if _is_there(folder):
         return folder
     work = parent / f".{name}-{secrets.token_hex(8)}"
     try:  # from here on, as an interrupt may come at any moment
@@ -38,12 +41,31 @@ def ensure_folder(
         except OSError as error:
             raise InputError(f"cache of {kind} {parent}: cannot be written: {error.strerror}") from error
         build(work)
+        write_seal(work / _SEAL, folder.name, _content(work))
         _publish(work, folder)
     finally:
         shutil.rmtree(work, ignore_errors=True)
     hold_entry(folder)
     evict_unused(folder)
     return folder
+
+
+def _is_there(folder: Path) -> bool:
+    """Whether an entry is there as it was built; another one in its place is removed."""
+    require_own(folder)
+    if not folder.is_dir():
+        return False
+    try:
+        require_seal(folder / _SEAL, folder.name, _content(folder))
+    except (OSError, ValueError):
+        discard_entry(folder)
+        return False
+    return True
+
+
+def _content(folder: Path) -> list[Path]:
+    """The files of an entry."""
+    return [path for path in folder.iterdir() if path.name != _SEAL]
 
 
 def _publish(work: Path, folder: Path) -> None:

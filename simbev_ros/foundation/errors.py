@@ -8,12 +8,17 @@ import struct
 import tokenize
 import zipfile
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 NPZ_DAMAGE = (
     *(ValueError, LookupError, OSError, EOFError, RuntimeError, MemoryError, SyntaxError, TypeError),
     *(struct.error, tokenize.TokenError, zipfile.BadZipFile, zlib.error),
 )
 """Exceptions that numpy raises when it reads a damaged NPY or NPZ file, depending on which bytes are damaged."""
+
+_FOREIGN = (*NPZ_DAMAGE, ArithmeticError, AttributeError, AssertionError, StopIteration)
+_MAX_WORDS = 200
 
 DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 """Numbers of the operating system's errors when there is no space for more on a disk."""
@@ -46,6 +51,26 @@ class LimitError(InputError, ValueError):
 
     It is also a ValueError, so that readers treat it as damage where they skip or report damaged parts.
     """
+
+
+@contextmanager
+def foreign_content(source: object) -> Iterator[None]:
+    """Turn whatever a reader raises over foreign content into one line that names where it comes from.
+
+    Args:
+        source: File, field or order, as the message names it.
+
+    Raises:
+        InputError: The content is damaged, hostile or too large. Errors that have a message for users stay as they are.
+    """
+    try:
+        yield
+    except SimbevError:
+        raise
+    except _FOREIGN as error:
+        words = " ".join(str(error).split())
+        short = words if len(words) <= _MAX_WORDS else f"{words[:_MAX_WORDS]} …"
+        raise InputError(f"{source}: cannot be read: {short or type(error).__name__}") from error
 
 
 class GraphError(SimbevError):

@@ -6,13 +6,15 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
+from simbev_ros.config.camera import Camera
 from simbev_ros.config.evaluation import Evaluation
-from simbev_ros.config.load import CONFIG_SUFFIXES, load_scenario, parse_scenario
+from simbev_ros.config.lidar import Lidar
+from simbev_ros.config.load import CONFIG_SUFFIXES, find_config, load_scenario, parse_scenario
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import Plan
 from simbev_ros.foundation.errors import GraphError, InputError, SimbevError
 from simbev_ros.foundation.files.input_file import path_exists
-from simbev_ros.foundation.files.limits import MAX_SCENE_NUMBER
+from simbev_ros.foundation.files.limits import MAX_ORDERED_SAMPLES, MAX_SCENE_NUMBER
 from simbev_ros.foundation.files.whole_files import require_writable
 from simbev_ros.foundation.latest_value import LatestValue
 from simbev_ros.maps.network import RoadNetwork
@@ -40,15 +42,16 @@ _ORDER_NAME = "configuration"
 
 
 class OrderDrawer:
-    """Draws the scenes of orders.
+    """Draws the scenes of orders, which may come from anybody in the domain.
 
     Args:
         scenario: The configuration of the graph, for orders without one.
         dataset: Folder into which scenes are recorded; None: they are not. Each scene then gets a number of its own.
+        observer: Receives what is wrong with files that an order names; clients, who may be strangers, do not.
     """
 
-    def __init__(self, scenario: Scenario, dataset: Path | None) -> None:
-        self._scenario, self._dataset = scenario, dataset
+    def __init__(self, scenario: Scenario, dataset: Path | None, observer: ProductionObserver = SILENT) -> None:
+        self._scenario, self._dataset, self._observer = scenario, dataset, observer
         self._used = set[int]() if dataset is None else {entry.number for entry in Plan.load(dataset).scenes}
         self._next_number = max(self._used, default=-1) + 1
         self._starts = LatestValue[tuple[MapSpec, float], StartPositions]()
@@ -84,10 +87,25 @@ class OrderDrawer:
         key = planned.map, scenario.traffic.waypoint_spacing_m
         return self._starts.get(key, lambda: start_positions(scenario, network))
 
+    def _read_configuration(self, words: str) -> Scenario:
+        """The configuration in a file, of a name, or in YAML text."""
+        is_text = "\n" in words or ": " in words
+        if not is_text and Path(words).suffix not in CONFIG_SUFFIXES and path_exists(Path(words)):
+            raise InputError(f"{words}: the name of a configuration file ends in {' or '.join(CONFIG_SUFFIXES)}")
+        file = None if is_text else find_config(words)
+        try:
+            return parse_scenario(words, _ORDER_NAME) if file is None else load_scenario(file)
+        except InputError as error:
+            if str(error).startswith(f"{_ORDER_NAME}:"):
+                raise
+            self._observer.notify(GraphWarned("scenes", f"an order was refused: {error}"))
+            raise InputError(f"{_ORDER_NAME}: a file that it names cannot be used; the graph's log says why") from None
+
     def _scenario_of(self, order: SceneOrder) -> Scenario:
         scenario = self._scenario
         if order.configuration:
-            scenario = _read_configuration(order.configuration)
+            scenario = self._read_configuration(order.configuration)
+            _require_moderate(scenario, self._scenario)
         if _stacks(scenario) != _stacks(self._scenario):
             raise InputError("evaluation: must be that of the configuration with which the graph was started")
         if order.seed is None:
@@ -102,13 +120,22 @@ def _stacks(scenario: Scenario) -> dict[str, Evaluation]:
     return {agent.name: agent.evaluation for agent in scenario.evaluated_agents}
 
 
-def _read_configuration(words: str) -> Scenario:
-    """The configuration in a file, of a name, or in YAML text."""
-    if "\n" in words or ": " in words:
-        return parse_scenario(words, _ORDER_NAME)
-    if Path(words).suffix not in CONFIG_SUFFIXES and path_exists(Path(words)):
-        raise InputError(f"{words}: the name of a configuration file ends in {' or '.join(CONFIG_SUFFIXES)}")
-    return load_scenario(words)
+def _require_moderate(scenario: Scenario, own: Scenario) -> None:
+    """Check that an ordered rig does not need the whole machine; one as large as the graph's own is allowed.
+
+    Raises:
+        InputError: Its cameras and lidars have too many pixels and rays.
+    """
+    samples, allowed = _samples_per_tick(scenario), max(_samples_per_tick(own), MAX_ORDERED_SAMPLES)
+    if samples > allowed:
+        raise InputError(f"rig: has {samples:,} pixels and rays; an order may have {allowed:,}")
+
+
+def _samples_per_tick(scenario: Scenario) -> int:
+    """Pixels of all images and rays of all lidars at a tick at which all are due."""
+    sensors = [sensor for rig in scenario.rigs for sensor in rig.sensors]
+    images = (s.width_px * s.height_px * len(s.modalities) for s in sensors if isinstance(s, Camera))
+    return sum(images) + sum(s.channels * s.columns for s in sensors if isinstance(s, Lidar))
 
 
 def serve_scenes(
@@ -142,7 +169,7 @@ def serve_scenes(
     require_interfaces()
     if dataset is not None:
         require_writable(dataset)
-    queue = SceneQueue(OrderDrawer(scenario, dataset).draw)
+    queue = SceneQueue(OrderDrawer(scenario, dataset, observer).draw)
     with ExitStack() as held:
         graph = _Graph(live=live, dataset=dataset, domain=domain, exposure=exposure, ros=ros)
         held.callback(graph.close)

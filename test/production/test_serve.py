@@ -1,6 +1,7 @@
 """Orders of scenes are drawn as a dataset would draw them, and refused in one line."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -73,6 +74,25 @@ def test_a_configuration_comes_as_text_as_a_name_or_as_a_file(drawer: OrderDrawe
 def test_a_wrong_order_is_refused_in_words(drawer: OrderDrawer, order: SceneOrder, words: str) -> None:
     with pytest.raises(InputError, match=f"^{words}".replace("(", r"\(")):
         drawer.draw(order)
+
+
+def test_clients_see_nothing_of_files_that_an_order_names(scenario: Scenario, tmp_path: Path) -> None:
+    (tmp_path / "secret.yaml").write_text("password: tiger\n")
+    (tmp_path / "rig.yaml").write_text("sensors: tiger\n")
+    events: list[object] = []
+    drawer = OrderDrawer(scenario, None, SimpleNamespace(notify=events.append))  # type: ignore[arg-type]
+    text = CONFIG.replace("rig: {sensors: [{type: gnss, name: gnss}]}", f"rig: {tmp_path}/rig.yaml")
+    for words in (str(tmp_path / "secret.yaml"), text):
+        with pytest.raises(InputError, match=r"^configuration: a file that it names cannot be used; the graph's log"):
+            drawer.draw(SceneOrder(words))
+    assert [("password" in str(each), "tiger" in str(each)) for each in events] == [(True, False), (False, True)]
+
+
+def test_an_order_needs_no_more_than_a_large_rig(drawer: OrderDrawer) -> None:
+    camera = "{{type: camera, name: cam_{}, width_px: 8192, height_px: 8192}}"
+    sensors = ", ".join(camera.format(number) for number in range(60))
+    with pytest.raises(InputError, match=r"^rig: has 20,132,659,200 pixels and rays; an order may have 268,435,456"):
+        drawer.draw(SceneOrder(CONFIG.replace("{type: gnss, name: gnss}", sensors)))
 
 
 def test_recorded_scenes_have_numbers_of_their_own(scenario: Scenario, tmp_path: Path) -> None:

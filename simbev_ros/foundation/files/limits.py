@@ -92,6 +92,9 @@ MAX_YAML_NUMBER_CHARS = 64
 MAX_IMAGE_SIDE_PX = 8192
 """Width and height of a compressed image, and of a camera in a configuration."""
 
+MAX_ORDERED_SAMPLES = 1 << 28
+"""Pixels and rays at one tick of a scene that a ROS node orders; 6 x as many as the paper's rig has."""
+
 MAX_SCENE_NUMBER = 500_000
 """Highest number of a scene. Scenes are an hour apart, and stamps are int32 seconds."""
 

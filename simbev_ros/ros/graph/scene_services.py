@@ -9,13 +9,13 @@ from importlib import import_module
 from typing import Any
 
 import rclpy
-from rclpy.action.server import ActionServer, CancelResponse, ServerGoalHandle
+from rclpy.action.server import ActionServer, CancelResponse, GoalResponse, ServerGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
-from simbev_ros.foundation.errors import InputError, SimbevError
+from simbev_ros.foundation.errors import InputError, SimbevError, foreign_content
 from simbev_ros.foundation.installation.message_packages.installer import describe_remedy
 from simbev_ros.ros.conventions.arguments import PLAIN, RosArguments
 from simbev_ros.ros.conventions.names import NamespacedNode, NodeName, ros_name
@@ -25,8 +25,9 @@ LOAD_SCENE, RUN_SCENE = "/world/load_scene", "/world/run_scene"
 _NODE = "scenes"
 _FEEDBACK_S = 0.2
 _MIN_RATE_S = 0.5
-_THREADS = 8
-"""Number of orders that are served at the same time; further ones wait."""
+_MAX_GOALS = 64
+"""Number of goals that are followed at the same time, each by a thread; further ones are rejected."""
+_THREADS = _MAX_GOALS + 8
 
 
 def require_interfaces() -> None:
@@ -84,6 +85,7 @@ class _SceneServer:
         from simbev_interfaces.srv import LoadScene
 
         self._queue, self._run_scene = queue, RunScene
+        self._free_goals = threading.BoundedSemaphore(_MAX_GOALS)
         group = ReentrantCallbackGroup()
         node.create_service(LoadScene, LOAD_SCENE, self._load, callback_group=group)
         self._action = ActionServer(
@@ -91,6 +93,7 @@ class _SceneServer:
             RunScene,
             ros_name(RUN_SCENE, node.graph_namespace),
             self._run,
+            goal_callback=self._admit,
             cancel_callback=lambda _: CancelResponse.ACCEPT,
             callback_group=group,
         )
@@ -99,18 +102,32 @@ class _SceneServer:
         """Withdraw the action."""
         self._action.destroy()
 
+    def _admit(self, _: Any) -> GoalResponse:
+        return GoalResponse.ACCEPT if self._free_goals.acquire(blocking=False) else GoalResponse.REJECT
+
     def _load(self, request: Any, response: Any) -> Any:
         try:
-            scene = self._queue.order(_order_of(request), interrupt=request.interrupt)
+            scene = self._order(request, interrupt=request.interrupt)
         except SimbevError as error:
             response.success, response.message = False, str(error)
         else:
             response.success, response.scene = True, scene.spec.name
         return response
 
+    def _order(self, request: Any, *, interrupt: bool) -> OrderedScene:
+        """Draw a scene and add it to the queue. Raises SimbevError, whatever the order holds."""
+        with foreign_content("order"):
+            return self._queue.order(_order_of(request), interrupt=interrupt)
+
     def _run(self, goal: ServerGoalHandle) -> Any:
         try:
-            scene = self._queue.order(_order_of(goal.request), interrupt=False)
+            return self._run_goal(goal)
+        finally:
+            self._free_goals.release()
+
+    def _run_goal(self, goal: ServerGoalHandle) -> Any:
+        try:
+            scene = self._order(goal.request, interrupt=False)
         except SimbevError as error:
             goal.abort()
             return self._run_scene.Result(success=False, message=str(error), last_tick=-1)

@@ -66,7 +66,7 @@ def test_entries_of_others_and_links_are_refused(tmp_path: Path, monkeypatch: py
         each.chmod(0o755)
         each.rename(tmp_path / "elsewhere")
         each.symlink_to(tmp_path / "elsewhere")
-        with pytest.raises(InputError, match="is a link|leads out of"):
+        with pytest.raises(InputError, match=r"is a link|leads out of"):
             make(tmp_path, "Blocks")
         each.unlink()
         (tmp_path / "elsewhere").rename(each)

@@ -1,6 +1,5 @@
 """Answers frames with a trained baseline on ONNX Runtime, on the CPU or a GPU."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +10,8 @@ import numpy as np
 from simbev_ros.baselines.boxes import decode_boxes
 from simbev_ros.baselines.frames import sweep_ages_ns
 from simbev_ros.baselines.modality import Modality
-from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.errors import InputError, foreign_content
+from simbev_ros.foundation.files.structured_text import parse_json
 from simbev_ros.foundation.installation.extras import load_extras
 from simbev_ros.foundation.semantics import BEV_CLASSES
 from simbev_ros.foundation.types import Float32Array, Table, UInt8Array
@@ -57,21 +57,23 @@ class Baseline:
     """
 
     def __init__(self, path: Path, threads: int | None = None, *, gpu: bool = True) -> None:
-        self._session = _session(path, threads, gpu)
+        self._path, self._session = path, _session(path, threads, gpu)
         text = self._session.get_modelmeta().custom_metadata_map.get(ABOUT_KEY)
         if text is None:
             raise InputError(f"{path}: is not a baseline of simbev_ros; `simbev train` writes such files")
-        about: dict[str, Any] = json.loads(text)
-        missing = {"modality", "sweep_ages_s"} - about.keys()
-        if missing:
-            raise InputError(f"{path}: says no {', '.join(sorted(missing))}; export it with this version")
-        self.about = about
-        self.modality = Modality(about["modality"])
-        self.sweep_ages_ns = sweep_ages_ns(about["sweep_ages_s"])
-        shapes = {each.name: each.shape for each in self._session.get_inputs()}
-        images = shapes.get("images")
-        self.cameras = int(images[0]) if images else 0
-        self.camera_size_px = (int(images[2]), int(images[1])) if images else None
+        with foreign_content(f"{path}: {ABOUT_KEY}"):
+            about: dict[str, Any] = parse_json(text)
+            missing = {"modality", "sweep_ages_s"} - about.keys()
+            if missing:
+                raise InputError(f"{path}: says no {', '.join(sorted(missing))}; export it with this version")
+            self.about = about
+            self.modality = Modality(about["modality"])
+            self.sweep_ages_ns = sweep_ages_ns(about["sweep_ages_s"])
+        with foreign_content(f"{path}: inputs"):
+            shapes = {each.name: each.shape for each in self._session.get_inputs()}
+            images = shapes.get("images")
+            self.cameras = int(images[0]) if images else 0
+            self.camera_size_px = (int(images[2]), int(images[1])) if images else None
 
     def answer(
         self,
@@ -85,16 +87,22 @@ class Baseline:
             points: (N, 4) x, y, z (m, level frame) and index of the sweep, 0 the newest; see ``frames``.
             images: K images (H, W, 3), RGB.
             pixel_from_level: (K, 3, 4) projections to u * depth, v * depth, depth; pixel centers at integers.
+
+        Raises:
+            InputError: The model does not compute what a baseline does.
         """
         given = {
             "points": None if points is None else np.ascontiguousarray(points, np.float32),
             "images": None if images is None else np.ascontiguousarray(np.stack(list(images))),
             "pixel_from_level": None if pixel_from_level is None else np.asarray(pixel_from_level, np.float32),
         }
-        feed = {each.name: given[each.name] for each in self._session.get_inputs()}
-        cells, heat, values = self._session.run(["cells", "heat", "boxes"], feed)
-        later = len(BEV_CLASSES) - cells.shape[2]  # classes that came after the model was trained
-        return Answer(np.pad(cells, ((0, 0), (0, 0), (0, later))) if later else cells, decode_boxes(heat, values))
+        try:
+            feed = {each.name: given[each.name] for each in self._session.get_inputs()}
+            cells, heat, values = self._session.run(["cells", "heat", "boxes"], feed)
+            later = len(BEV_CLASSES) - cells.shape[2]  # classes that came after the model was trained
+            return Answer(np.pad(cells, ((0, 0), (0, 0), (0, later))) if later else cells, decode_boxes(heat, values))
+        except Exception as error:  # ONNX Runtime's errors have no common base
+            raise InputError(f"{self._path}: cannot answer: {' '.join(str(error).split())[:200]}") from error
 
 
 def weights_file(modality: Modality) -> Path:

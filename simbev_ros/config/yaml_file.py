@@ -12,7 +12,7 @@ from yaml.constructor import ConstructorError
 
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.files.input_file import read_small_file
-from simbev_ros.foundation.files.limits import MAX_YAML_BYTES, MAX_YAML_DEPTH, MAX_YAML_VALUES
+from simbev_ros.foundation.files.limits import MAX_YAML_BYTES, MAX_YAML_DEPTH, MAX_YAML_NUMBER_CHARS, MAX_YAML_VALUES
 
 _UNUSABLE = re.compile("[\0\ud800-\udfff]")
 """Characters that escape sequences can produce, but that are in no name of a file and in no text."""
@@ -60,6 +60,9 @@ class YamlFile:
         return node.start_mark.line + 1 if node is not None else None
 
 
+_NUMBERS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float", "tag:yaml.org,2002:timestamp")
+
+
 class _Loader(yaml.SafeLoader):
     """A safe loader with limits; all of its errors are ``yaml.YAMLError`` and name a line."""
 
@@ -82,6 +85,10 @@ class _Loader(yaml.SafeLoader):
 
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
         """Construct the value of a node; called by the base class, which raises what Python's conversions raise."""
+        is_number = node.tag in _NUMBERS
+        if is_number and len(node.value) > MAX_YAML_NUMBER_CHARS:  # those to the base 60 take quadratic time
+            problem = f"a number has {len(node.value):,} characters; allowed are {MAX_YAML_NUMBER_CHARS}"
+            raise ConstructorError(None, None, problem, node.start_mark)
         try:
             return super().construct_object(node, deep)
         except (ArithmeticError, AttributeError, LookupError, ValueError):

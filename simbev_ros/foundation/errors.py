@@ -65,6 +65,8 @@ def foreign_content(source: object) -> Iterator[None]:
     """
     try:
         yield
+    except LimitError as error:
+        raise LimitError(f"{source}: {error}") from None
     except SimbevError:
         raise
     except _FOREIGN as error:

@@ -17,7 +17,7 @@ from simbev_ros.foundation.errors import InputError
         (b"a: 1\nb: 2001-99-99", "'2001-99-99' is not a valid timestamp in \"it.yaml\", line 2"),
         (b"a: !!bool x", "'x' is not a valid bool"),
         (b"a: !!int x", "'x' is not a valid int"),
-        (b"a: " + b"9" * 5000, "is not a valid int"),
+        (b"a: " + b"9" * 5000, "a number has 5,000 characters; allowed are 64"),
         (b"a: !!float x", "'x' is not a valid float"),
         (b"a: !!python/object:os.system x", "could not determine a constructor"),
         (b"[" * 500, "nested deeper than 64 levels"),
@@ -56,3 +56,10 @@ def test_only_regular_files_are_read(tmp_path: Path) -> None:
     for path in (tmp_path / "pipe", tmp_path, Path("/dev/zero")):
         with pytest.raises(InputError, match=f"{path}: is not a file"):
             YamlFile(path)
+
+
+@pytest.mark.parametrize("number", ["1" * 50_000, "1:" * 25_000 + "1", "1." + "0" * 50_000, "0x" + "f" * 50_000])
+def test_numbers_that_take_long_to_read_are_refused(tmp_path: Path, number: str) -> None:
+    (tmp_path / "a.yaml").write_text(f"a: 1\nseed: {number}\n")
+    with pytest.raises(InputError, match=r"a number has 50,00\d characters; allowed are 64 in .a\.yaml., line 2"):
+        YamlFile(tmp_path / "a.yaml")

@@ -23,6 +23,7 @@ def require_place(file: Path) -> None:
         InputError: The folder does not exist or cannot be written to, or the file is a folder, a link, a disk or a
             socket.
     """
+    _require_no_url(file)
     if is_stream(file):
         return
     if not is_folder(file.absolute().parent):
@@ -41,12 +42,18 @@ def make_room(out: Path, targets: list[Path], overwrite: bool) -> None:
         DiskError: The disk is full.
         InputError: The folder cannot be made or written to, or a file exists and must not be overwritten.
     """
+    _require_no_url(out)
     require_writable(out)
     with write_errors(out):
         out.mkdir(parents=True, exist_ok=True)
     taken = [path for path in targets if path.exists()]
     if taken and not overwrite:
         raise InputError(f"{taken[0]}: exists already; nothing was overwritten (--overwrite replaces it)")
+
+
+def _require_no_url(path: Path) -> None:
+    if (scheme := path.parts[0] if path.parts else "").endswith(":"):
+        raise InputError(f"{path}: must be a path on this machine, not a URL with {scheme}//")
 
 
 def show_written(paths: Iterable[Path], console: Console) -> None:

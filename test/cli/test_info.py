@@ -121,6 +121,12 @@ def test_a_report_that_cannot_be_written_is_refused_at_once(
     assert capsys.readouterr().out == ""
 
 
+@pytest.mark.parametrize("report", ["s3://bucket/page", "s3://bucket/page.html", "https://host/page"])
+def test_a_report_is_not_written_to_a_url(tmp_path: Path, report: str) -> None:
+    with pytest.raises(InputError, match="must be a path on this machine, not a URL with"):
+        info(write_words(tmp_path / "a"), report=Path(report))
+
+
 def test_names_in_a_bag_are_printed_as_they_are_and_cannot_control_the_terminal(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -16,7 +16,6 @@ KINDS += [
     RuntimeError,
     struct.error,
     zipfile.BadZipFile,
-    SyntaxError,
 ]
 
 

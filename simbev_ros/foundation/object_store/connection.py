@@ -88,10 +88,22 @@ def store_endpoint() -> str | None:
     Raises:
         InputError: It is not valid.
     """
-    endpoint = next((os.environ[name] for name in ENDPOINT_VARIABLES if os.environ.get(name)), None)
-    if endpoint is not None and not re.match(r"https?://[^/]", endpoint):
-        raise InputError(f"{ENDPOINT_VARIABLES[0]}: is {endpoint!r}; allowed: a URL with http:// or https://")
-    return endpoint
+    for name in ENDPOINT_VARIABLES:
+        if endpoint := os.environ.get(name):
+            if not _is_web_address(endpoint):
+                raise InputError(
+                    f"{name}: is {endpoint!r}; allowed: a URL with http:// or https://, a host, and a port"
+                )
+            return endpoint
+    return None
+
+
+def _is_web_address(url: str) -> bool:
+    try:
+        parts = urlsplit(url)
+        return parts.scheme in ("http", "https") and bool(parts.hostname) and parts.port != 0 and url.isprintable()
+    except ValueError:  # as for a port of 99999
+        return False
 
 
 def store_region() -> str | None:

@@ -1,6 +1,7 @@
 """Paths of objects: names without a request, and what the store says about them."""
 
 import pickle
+import re
 from pathlib import Path, PurePosixPath
 
 import pytest
@@ -102,9 +103,17 @@ def test_refused_access_names_the_variables_without_credentials(
         ObjectPath(BUCKET, "a").stat()
 
 
-def test_an_endpoint_without_a_scheme_is_refused(store: StoreServer, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("AWS_ENDPOINT_URL_S3", "localhost:9000")
-    with pytest.raises(InputError, match=r"AWS_ENDPOINT_URL_S3: is 'localhost:9000'; allowed: a URL with http:// or"):
+@pytest.mark.parametrize(
+    "url", ["localhost:9000", "http://", "http://[::1", "http://a:99999", "http://a:0", "file:///etc", "http://a\n"]
+)
+@pytest.mark.parametrize("variable", ["AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL"])
+def test_an_endpoint_that_is_no_web_address_is_refused(
+    store: StoreServer, monkeypatch: pytest.MonkeyPatch, url: str, variable: str
+) -> None:
+    monkeypatch.delenv("AWS_ENDPOINT_URL_S3")
+    monkeypatch.setenv(variable, url)
+    text = f"{variable}: is {url!r}; allowed: a URL with http:// or"
+    with pytest.raises(InputError, match=re.escape(text)):
         ObjectPath(BUCKET, "a").stat()
 
 

@@ -92,7 +92,7 @@ def store_endpoint() -> str | None:
         if endpoint := os.environ.get(name):
             if not _is_web_address(endpoint):
                 raise InputError(
-                    f"{name}: is {endpoint!r}; allowed: a URL with http:// or https://, a host, and a port"
+                    f"{name}: is {endpoint!r}; allowed: a URL with http:// or https:// and a host"
                 )
             return endpoint
     return None

@@ -13,6 +13,7 @@ from simbev_ros.cli.view.beside_run import ViewOption, ViewPortOption, viewer_be
 from simbev_ros.config.load import load_scenario
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.files.input_file import path_exists
+from simbev_ros.foundation.installation.extras import install_command, load_extras
 
 
 def demo(
@@ -57,7 +58,10 @@ def _print_result(bag: Path, preview: Sequence[Path], console: Console) -> None:
     for path in preview:
         console.print(f"preview  {path}", soft_wrap=True)
     console.print("\nWhat next", style="bold")
-    steps = {f"{command} info {bag}": "what is in it", f"{command} view {bag}": "look at it in the browser"}
+    steps = {f"{command} info {bag}": "what is in it"}
+    if load_extras()["view"].missing:
+        steps[install_command("view")] = "install the viewer, once"
+    steps[f"{command} view {bag}"] = "look at it in the browser"
     if shutil.which("ros2"):
         steps[f"ros2 bag play {bag}"] = "or open the .mcap file in Foxglove or Lichtblick"
     steps[f"{command} run live --live"] = "stream to your own nodes"

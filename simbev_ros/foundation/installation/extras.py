@@ -4,6 +4,7 @@ The base installation reads, checks, evaluates and exports datasets. Everything 
 """
 
 import json
+import os
 import shlex
 import sys
 from collections.abc import Mapping, Sequence
@@ -85,7 +86,9 @@ def extra_of(error: ImportError) -> Extra | None:
 
 
 def install_command(*extras: str) -> str:
-    """Command that adds extras to this installation, from where simbev_ros itself was installed from."""
+    """Command that adds extras to this installation: the set-up that made it, or pip, from where it was installed."""
+    if command := os.environ.get("SIMBEV_COMMAND"):
+        return f"{shlex.quote(command)} setup {','.join(extras)}"
     return f"{shlex.quote(sys.executable)} -m pip install {_requirement(','.join(extras))}"
 
 

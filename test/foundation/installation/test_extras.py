@@ -51,6 +51,11 @@ def test_the_command_installs_from_where_this_installation_came(
     assert install_command("sim") == f"{sys.executable} -m pip install {requirement}"
 
 
+def test_what_the_script_has_set_up_it_adds_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SIMBEV_COMMAND", "../my sims/simbev")
+    assert install_command("view", "foxglove") == "'../my sims/simbev' setup view,foxglove"
+
+
 def test_what_runs_from_its_sources_is_installed_from_them(monkeypatch: pytest.MonkeyPatch) -> None:
     def missing(name: str) -> metadata.Distribution:
         raise metadata.PackageNotFoundError(name)

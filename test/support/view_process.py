@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from urllib.parse import parse_qs, urlsplit
-from urllib.request import urlopen
+from urllib.parse import urlsplit
+from urllib.request import HTTPCookieProcessor, OpenerDirector, build_opener
 
 from made_up_scene import made_up_scene
 from waiting import PATIENCE_S
@@ -33,17 +33,17 @@ class Viewer:
     temporary: Path
 
     @property
-    def ports(self) -> list[int]:
-        """Ports of the page and of the data."""
-        page = urlsplit(redirected(self.url))
-        (data,) = parse_qs(page.query)["url"]
-        return [port for port in (page.port, urlsplit(data).port) if port is not None]
+    def port(self) -> int:
+        """Port of the page and of the data."""
+        port = urlsplit(self.url).port
+        assert port is not None
+        return port
 
-
-def redirected(url: str) -> str:
-    """The address to which a browser is sent from an address of the viewer."""
-    with urlopen(url, timeout=PATIENCE_S) as answer:
-        return str(answer.url)
+    def browser(self) -> OpenerDirector:
+        """A browser that has opened the printed address."""
+        opener = build_opener(HTTPCookieProcessor())
+        opener.open(self.url, timeout=PATIENCE_S).close()
+        return opener
 
 
 @contextmanager

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from foxglove.websocket import PlaybackControlRequest, PlaybackState, WebSocketServer
 
 _PERIOD_S = 0.01
+_MAX_SPEED = 1000.0
 _PATIENCE_S = 0.1
 """Time after which requests are looked at, even if messages are due; playback is then slower than asked for."""
 
@@ -169,7 +170,7 @@ class BagPlayer:
     def _control(self, playing: bool, speed: float, seek_ns: int | None) -> None:
         self._controlled = True
         self._clock.playing = playing
-        if speed > 0:
+        if 0 < speed <= _MAX_SPEED:  # also no infinity
             self._clock.speed = speed
         if seek_ns is not None:
             self._jump(seek_ns)

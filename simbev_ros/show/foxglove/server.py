@@ -4,8 +4,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.errors import SimbevError
 from simbev_ros.foundation.installation.extras import load_extras
+from simbev_ros.show.access import origin, user_token
+from simbev_ros.show.gate import Gate, hidden_address
 
 if TYPE_CHECKING:
     from foxglove import Context
@@ -16,15 +18,16 @@ TIME_PERIOD_S = 0.1
 
 
 class Address(NamedTuple):
-    """Where a server listens: host name or address of an interface, and TCP port; 0: any free one."""
+    """Where a server listens: host name or address of an interface, TCP port (0: any free one), token of clients."""
 
     host: str
     port: int
+    token: str = ""
 
     @property
     def url(self) -> str:
         """Address for clients."""
-        return f"ws://[{self.host}]:{self.port}" if ":" in self.host else f"ws://{self.host}:{self.port}"
+        return f"{origin(self.host, self.port, 'ws')}/?token={self.token}"
 
 
 def require_foxglove() -> None:
@@ -55,18 +58,18 @@ def running_server(
     try:
         server = foxglove.start_server(
             name=name,
-            host=address.host,
-            port=address.port,
+            host=(host := hidden_address()),
+            port=0,
             capabilities=[Capability.Time],
             server_listener=listener,  # type: ignore[arg-type]
             context=context,
             **options,
         )
     except RuntimeError as error:
-        reason = str(error).removeprefix("FoxgloveError: ")
-        problem = f"{address.port} of {address.host} cannot be used: {reason}; choose another one, or another address"
-        raise InputError(problem, parameter="port") from None
+        raise SimbevError(f"Foxglove's server did not start: {str(error).removeprefix('FoxgloveError: ')}") from None
     try:
-        yield server, address._replace(port=server.port)
+        token = user_token()
+        with Gate(address.host, address.port, (host, server.port), token) as gate:
+            yield server, address._replace(port=gate.port, token=token)
     finally:
         server.stop()

@@ -16,7 +16,9 @@ from pathlib import Path
 from typing import Self
 
 from simbev_ros.foundation.errors import SimbevError
-from simbev_ros.show.rerun.page_server import PageServer, origin
+from simbev_ros.show.access import origin
+from simbev_ros.show.gate import hidden_address
+from simbev_ros.show.rerun.page_server import PageServer
 
 LOOPBACK = "127.0.0.1"
 _START_TIMEOUT_S, _END_TIMEOUT_S = 30.0, 5.0
@@ -44,22 +46,21 @@ class ViewerServer:
     """
 
     def __init__(self, port: int, address: str, memory_bytes: int) -> None:
-        self._address, self._memory_bytes = address, memory_bytes
+        self._address, self._memory_bytes = hidden_address(), memory_bytes
         self._page = PageServer(address, port)
-        self._data_port, self._source_port = (_free_port(address) for _ in range(2))
-        self._page.source = address, self._source_port
-        self._page.data_port = self._data_port
+        self._data_port, self._source_port = (_free_port(self._address) for _ in range(2))
+        self._page.source, self._page.data = (self._address, self._source_port), (self._address, self._data_port)
         self._stack = ExitStack()
 
     @property
     def page_url(self) -> str:
         """Address of the viewer's page."""
-        return f"{origin(self._address, self._page.server_port)}/"
+        return self._page.url
 
     @property
     def data_url(self) -> str:
         """Address to send logs to."""
-        return self._page.data_url(self._address)
+        return f"rerun+{origin(self._address, self._data_port)}/proxy"
 
     @property
     def pid(self) -> int:
@@ -107,7 +108,6 @@ class ViewerServer:
             *(sys.executable, "-I", "-c", _START, str(os.getpid()), str(server)),
             *("--serve-web", "--bind", self._address, "--port", str(self._data_port)),
             *("--web-viewer-port", str(self._source_port), "--server-memory-limit", f"{self._memory_bytes >> 20}MiB"),
-            *(word for each in self._page.origins() for word in ("--cors-allow-origin", each)),
         ]
 
     def _wait_until_ready(self, log: Path) -> None:
@@ -130,8 +130,7 @@ class ViewerServer:
 
 def _free_port(address: str) -> int:
     """A port on which nothing listens."""
-    family = socket.AF_INET6 if ":" in address else socket.AF_INET
-    with socket.socket(family, socket.SOCK_STREAM) as probe:
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
         probe.bind((address, 0))
         return int(probe.getsockname()[1])
 

@@ -11,6 +11,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import pytest
 from made_up_scene import made_up_scene
@@ -158,7 +159,7 @@ def test_it_listens_only_to_its_address_until_a_signal_ends_it(
     bag: Path, bind: str, shown: str, ending: signal.Signals
 ) -> None:
     with served(bag, "--bind", bind) as (process, url):
-        host, _, port = url.removeprefix("ws://").rpartition(":")
+        host, _, port = urlsplit(url).netloc.rpartition(":")
         assert host == shown
         with FoxgloveClient(url) as client:
             client.receive_until(lambda: "/ego/odom" in client.messages)

@@ -13,7 +13,7 @@ from simbev_ros.foundation.files.limits import MAX_FINDINGS
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.safe_xml import line_of
 
-WALKED_VERGES = "there are no sidewalks: people walk on the verges of roads of up to 60 km/h"
+WALKED_VERGES = "where roads of up to 60 km/h have no sidewalks, people walk on their verges"
 """Rule of the finding that a map has footways on unpaved verges."""
 
 

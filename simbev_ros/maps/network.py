@@ -202,12 +202,14 @@ class RoadNetwork:
 
     @cached_property
     def verges(self) -> BaseGeometry:
-        """The area on which people walk beside roads in a map without sidewalks; empty if there are sidewalks."""
+        """The area on which people walk beside roads without sidewalks; the layout has no strips there."""
         if all(finding.rule != WALKED_VERGES for finding in self.findings):
             return shapely.Polygon()
-        walks = [lane for lane in self.lanes_of(LaneKind.SIDEWALK) if not lane.junction]
+        paved = {strip.lane for strip in self.layout.strips}
+        unpaved = [lane for lane in self.lanes_of(LaneKind.SIDEWALK, LaneKind.WALKING_AREA) if lane.id not in paved]
+        walks = [lane for lane in unpaved if lane.kind is LaneKind.SIDEWALK and not lane.junction]
         lines = np.array([shapely.LineString(lane.centerline_m[:, :2]) for lane in walks], object)
-        corners = [lane.outline_m for lane in self.lanes_of(LaneKind.WALKING_AREA) if lane.outline_m is not None]
+        corners = [lane.outline_m for lane in unpaved if lane.outline_m is not None]
         beside = shapely.buffer(lines, [lane.width_m / 2.0 for lane in walks], cap_style="flat")
         return overlay.union_all([*beside, *(shapely.make_valid(shapely.Polygon(corner)) for corner in corners)])
 

@@ -1,5 +1,6 @@
 """Maps without sidewalks have footways on the verges of slow roads, in the net alone; others stay as they are."""
 
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -9,13 +10,17 @@ import xodr_sample as xodr
 from lanelet2_sample import Crossing, LaneletSample
 from osm_sample import Writer
 
+from simbev_ros.maps import builder
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.findings import WALKED_VERGES
 from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.recipe import TownRecipe
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.surface import strip_polygons
 from simbev_ros.maps.source import map_spec
+from simbev_ros.maps.store import read_network
 from simbev_ros.scene.streets.walks import WalkGraph
+from simbev_ros.schema.scene.map_spec import MapSpec
 
 STREET = {"highway": "unclassified"}
 
@@ -107,3 +112,64 @@ def test_a_marked_crossing_of_openstreetmap_stays_painted(tmp_path: Path) -> Non
         middle_m = crosswalk.outline_m[:, :2].mean(axis=0)
         assert np.linalg.norm(junctions_m - middle_m, axis=1).min() < 15.0
     assert network.layout.crosswalks
+
+
+def hamlet(folder: Path, monkeypatch: pytest.MonkeyPatch, **lane: object) -> RoadNetwork:
+    """A town of a street, a lane from its middle over a crossroads to a stream, and a country road."""
+    farm_track = {"like": "farm_track", **lane}
+    roads = {
+        "street": ("street", [[-150, 0], [150, 0]]),
+        "lane": (farm_track, [[0, 0], [0, 300]]),
+        "cross_lane": (farm_track, [[-100, 150], [100, 150]]),
+        "country_road": ("country_road", [[150, 0], [400, 0]]),
+    }
+    recipe = TownRecipe.model_validate(
+        {
+            "name": "Hamlet",
+            "datum": {"latitude_deg": 0, "longitude_deg": 0, "altitude_m": 0},
+            "patterns": [
+                {"pattern": "road", "name": name, "road": road, "points_m": points_m}
+                for name, (road, points_m) in roads.items()
+            ],
+            "surroundings": {"use": "farmland"},
+            "water": [{"line_m": [[-150, 230], [150, 230]], "width_m": 8, "below_land_m": 2.0}],
+        }
+    )
+    monkeypatch.setattr(builder, "recipe_of", lambda _: recipe)
+    folder.mkdir()
+    builder.build_map(MapSpec(name=recipe.name), folder)
+    return read_network(folder, 0)
+
+
+def test_people_of_a_town_walk_on_the_verges_of_lanes_but_not_over_its_streams_and_beside_fast_roads(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    network = hamlet(tmp_path / "walked", monkeypatch, sidewalk_m=1.5, verge=True)
+    walked = shapely.union_all([shapely.LineString(lane.centerline_m[:, :2]) for lane in WalkGraph(network).sidewalks])
+    for x_m, y_m, is_walked in ((0, 75, True), (50, 150, True), (0, 185, False), (0, 260, False), (250, 0, False)):
+        assert shapely.dwithin(walked, shapely.Point(x_m, y_m), 5.0) == is_walked
+    assert max(WalkGraph(network).component_length_m().values()) > 800.0, "from the street onto the lanes"
+    bare = hamlet(tmp_path / "bare", monkeypatch)
+    kinds = Counter(strip.kind for strip in network.layout.strips)
+    assert kinds == Counter(strip.kind for strip in bare.layout.strips), "verges are not paved"
+    assert len(network.layout.crosswalks) == len(bare.layout.crosswalks)
+    roads = [shapely.union_all(strip_polygons(each.layout.strips)) for each in (network, bare)]
+    assert shapely.symmetric_difference(*roads).area < 0.01 * roads[1].area
+    assert shapely.intersection(network.verges, roads[0]).area < 0.01 * network.verges.area
+    assert shapely.dwithin(network.verges, shapely.Point(0, 75), 3.0)
+    assert bare.verges.is_empty
+
+
+def test_the_net_of_a_town_says_which_walks_are_unpaved(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    town = hamlet(tmp_path / "town", monkeypatch, sidewalk_m=1.5, verge=True)
+    imported = built(tmp_path, "hamlet.net.xml", town.net_path.read_text(encoding="utf-8"))
+    assert shapely.intersection(imported.verges, town.verges).area > 0.9 * town.verges.area > 0.0
+    assert WALKED_VERGES in {finding.rule for finding in imported.findings}
+
+
+def test_people_of_town07_walk_where_the_ego_drives(map_cache: Path) -> None:
+    network = load_network(map_spec("Town07"), map_cache)
+    walks = shapely.STRtree([shapely.LineString(lane.centerline_m[:, :2]) for lane in WalkGraph(network).sidewalks])
+    starts_m = network.waypoints(24.0).position_m
+    near = np.unique(walks.query(shapely.points(starts_m[:, :2]), predicate="dwithin", distance=60.0)[0])
+    assert len(near) > 0.9 * len(starts_m)

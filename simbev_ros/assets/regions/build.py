@@ -43,7 +43,7 @@ def build_region(network: RoadNetwork, region: Region, terrain: Terrain) -> Regi
     furnishing = furnish_region(tiles, claims, ground)
     lay_land(tiles, ground, furnishing.covers)
     lay_water(tiles, ground)
-    walks = streets.sidewalk if verges.is_empty else ground.within(verges)
+    walks = streets.sidewalk if verges.is_empty else overlay.union(streets.sidewalk, ground.within(verges))
     return RegionScene(
         tiles.finish(),
         furnishing.street_lights,

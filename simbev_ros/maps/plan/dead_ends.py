@@ -56,6 +56,7 @@ def _circle(link: Link, node: int, far_node: int, center_m: np.ndarray) -> list[
         lane_width_m=_LANE_M,
         speed_kmh=_SPEED_KMH,
         sidewalk_m=link.road.kind.sidewalk_m,
+        verge=link.road.kind.verge,
         priority=link.road.kind.priority,
         corner_radius_m=link.road.kind.corner_radius_m,
     )

@@ -23,6 +23,7 @@ class RoadClass(Model):
     lane_width_m: float = Field(3.5, ge=2.5, le=5)
     speed_kmh: float = Field(50.0, gt=0, le=140)
     sidewalk_m: float = Field(0.0, ge=0, le=8, description="0: none")
+    verge: bool = Field(False, description="the sidewalk is a grass verge that people walk on: unpaved, no crossings")
     bicycle_m: float = Field(0.0, ge=0, le=3, description="bicycle lane; 0: none")
     parking_m: float = Field(0.0, ge=0, le=3, description="parking lane; 0: none")
     shoulder_m: float = Field(0.0, ge=0, le=5, description="right of the lanes; 0: none")

@@ -91,6 +91,8 @@ def edges_xml(plan: Plan) -> str:
                 )
             if link.structure:
                 ElementTree.SubElement(edge, "param", key="structure", value="bridge")
+            if link.road.kind.verge:
+                ElementTree.SubElement(edge, "param", key="verge", value="yes")
     return ElementTree.tostring(root, encoding="unicode")
 
 
@@ -127,7 +129,7 @@ def _crossed(links: Sequence[Link]) -> Sequence[Link]:
 
 
 def _has_crossings(kind: RoadClass) -> bool:
-    return kind.sidewalk_m > 0.0 and not kind.one_way and kind.speed_kmh <= _MAX_CROSSING_KMH
+    return kind.sidewalk_m > 0.0 and not (kind.verge or kind.one_way) and kind.speed_kmh <= _MAX_CROSSING_KMH
 
 
 def _first_driving(kind: RoadClass) -> int:

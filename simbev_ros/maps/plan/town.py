@@ -1,9 +1,11 @@
 """Builds a town: takes its recipe and a seed, and returns the parts of a map."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import shapely
 
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.findings import Finding, Outcome
@@ -16,7 +18,7 @@ from simbev_ros.maps.plan.heights.structures import split_structures
 from simbev_ros.maps.plan.land import water_area, waters_of, zones_of
 from simbev_ros.maps.plan.noding import divide_draft
 from simbev_ros.maps.plan.patterns.pattern import draw_patterns
-from simbev_ros.maps.plan.plan import Plan
+from simbev_ros.maps.plan.plan import Plan, half_width_m
 from simbev_ros.maps.plan.sumo_xml import connections_xml, edges_xml, nodes_xml
 from simbev_ros.maps.recipe import TownRecipe
 from simbev_ros.maps.sumo import netconvert
@@ -40,7 +42,7 @@ def build_town(recipe: TownRecipe, seed: int, work: Path) -> MapParts:
     land = Relief.of(recipe.relief, seed).height_m
     draft = draw_patterns(recipe.patterns, recipe.name, seed)
     water = _waters(recipe, draft, land)
-    plan = split_structures(add_heights(divide_draft(draft), land, water), land)
+    plan = _with_verges_on_land(split_structures(add_heights(divide_draft(draft), land, water), land), water)
     is_signalized = _signalized_nodes(plan, recipe, draft.signals_m)
     nodes, edges, connections = (work / f"map.{part}.xml" for part in ("nod", "edg", "con"))
     nodes.write_text(nodes_xml(plan, is_signalized, recipe.datum.datum.proj_string), encoding="utf-8")
@@ -59,6 +61,19 @@ def _features(recipe: TownRecipe, draft: Draft, water: tuple[Water, ...]) -> Map
 
 def _waters(recipe: TownRecipe, draft: Draft, land: Land) -> tuple[Water, ...]:
     return (*waters_of(recipe.water, land), *(water_area(area, land) for area in draft.water))
+
+
+def _with_verges_on_land(plan: Plan, waters: Sequence[Water]) -> Plan:
+    """The plan without the verges of links on structures or across water."""
+    links, water = [], shapely.union_all([each.area for each in waters])
+    for link in plan.links:
+        kind, line = link.road.kind, shapely.LineString(link.line_m[:, :2])
+        if kind.verge and (link.structure or shapely.dwithin(line, water, half_width_m(kind))):
+            bare = kind.model_copy(update={"verge": False, "sidewalk_m": 0.0})
+            links.append(replace(link, road=replace(link.road, kind=bare)))
+        else:
+            links.append(link)
+    return replace(plan, links=tuple(links))
 
 
 def _signalized_nodes(plan: Plan, recipe: TownRecipe, requested_m: Sequence[Float64Array]) -> list[bool]:

@@ -11,7 +11,7 @@ import shapely
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.network import Lane
 from simbev_ros.maps.paint_rules import left_line, line_between, right_edge_line
-from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.lane_kind import WALKABLE_KINDS, LaneKind
 from simbev_ros.maps.roads.layout import Crosswalk, Layout, Line, SignKind, StopLine, Strip
 from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.maps.sumo.crossfall import Crossfall
@@ -52,7 +52,7 @@ class _Borders:
 def layout_of(net: SumoNet) -> Layout:
     """Layout of a SUMO net: strips of all lanes in the net's order, crosswalks of all crossings, paint by rule.
 
-    Signs are not placed yet.
+    Verges have no strips, nor do walking areas that only join verges. Signs are not placed yet.
     """
     lanes = _lanes_by_edge(net)
     crossfall = Crossfall.of_net(net, lanes)
@@ -61,7 +61,7 @@ def layout_of(net: SumoNet) -> Layout:
     strips = {strip.id: strip for edge in edges.values() for strip in _strips(edge, borders)}
     crossings = [lane for lane in net.lanes.values() if lane.kind is LaneKind.CROSSING]
     return Layout(
-        strips=tuple(strips[lane.id] for lane in net.lanes.values() if lane.kind is not LaneKind.CROSSING),
+        strips=tuple(strips[lane] for lane in net.lanes if lane in strips),
         crosswalks=tuple(_crosswalk(lane, borders) for lane in crossings),
         stop_lines=tuple(_stop_lines(net, edges, borders)),
         signs=(),
@@ -70,12 +70,25 @@ def layout_of(net: SumoNet) -> Layout:
 
 
 def _lanes_by_edge(net: SumoNet) -> dict[str, list[Lane]]:
-    """The lanes of each edge from the curb inward, without crossings."""
+    """The lanes of each edge from the curb inward, without crossings and what is unpaved."""
     lanes: dict[str, list[Lane]] = defaultdict(list)
+    unpaved = _unpaved_lanes(net)
     for lane in net.lanes.values():
-        if lane.kind is not LaneKind.CROSSING:
+        if lane.kind is not LaneKind.CROSSING and lane.id not in unpaved:
             lanes[lane.edge].append(lane)
     return {edge: sorted(edge_lanes, key=lambda lane: lane.index) for edge, edge_lanes in lanes.items()}
+
+
+def _unpaved_lanes(net: SumoNet) -> set[str]:
+    """Ids of the verges, and of the walking areas that join nothing else."""
+    verges = {lane.id for lane in net.lanes.values() if lane.kind is LaneKind.SIDEWALK and lane.edge in net.verges}
+    joined: dict[str, set[str]] = defaultdict(set)
+    for lane in net.lanes.values():
+        for successor in lane.successors if lane.kind in WALKABLE_KINDS else ():
+            joined[lane.id].add(successor)
+            joined[successor].add(lane.id)
+    areas = {lane.id for lane in net.lanes.values() if lane.kind is LaneKind.WALKING_AREA}
+    return verges | {area for area in areas if joined[area] and joined[area] <= verges}
 
 
 def _borders(net: SumoNet, crossfall: Crossfall) -> _Borders:

@@ -55,6 +55,7 @@ class SumoNet:
         edge_ends: Edge id → ids of the junctions that it leads from and to; only edges outside junctions.
         structures: Ids of the edges that the file declares to be bridges.
         tunnels: Ids of the edges that it declares to be tunnels.
+        verges: Ids of the edges whose sidewalks it declares to be unpaved.
         right_of_way: Lane id → SUMO's codes of its movements outside traffic lights: M has right of way, m yields, s
             stops first, w stops at an all-way stop, = yields to the right.
         left_hand: Traffic keeps to the left: the lanes of an edge are numbered from left to right.
@@ -68,6 +69,7 @@ class SumoNet:
     tunnels: frozenset[str] = frozenset()
     right_of_way: dict[str, frozenset[str]] = field(default_factory=dict)
     left_hand: bool = False
+    verges: frozenset[str] = frozenset()
 
 
 def read_sumo_net(path: Path) -> SumoNet:
@@ -90,6 +92,7 @@ class _Content:
     edges: list[tuple[dict[str, str], list[dict[str, str]]]] = field(default_factory=list)
     structures: set[str] = field(default_factory=set)
     tunnels: set[str] = field(default_factory=set)
+    verges: set[str] = field(default_factory=set)
     junctions: list[dict[str, str]] = field(default_factory=list)
     connections: list[dict[str, str]] = field(default_factory=list)
 
@@ -109,6 +112,8 @@ def _read(path: Path) -> _Content:
                 content.structures.add(element.attrib["id"])
             if parameters.get("tunnel", "no") in _TUNNELS:
                 content.tunnels.add(element.attrib["id"])
+            if parameters.get("verge"):
+                content.verges.add(element.attrib["id"])
         elif element.tag == "junction":
             content.junctions.append(element.attrib)
         else:
@@ -129,8 +134,8 @@ def _net(content: _Content) -> SumoNet:
     signalized_junctions = {edge_ends[lanes[link.lane].edge][1] for link in links}
     junctions = _junctions(content, signalized_junctions)
     right_of_way = _right_of_way(content.connections)
-    structures, tunnels = frozenset(content.structures), frozenset(content.tunnels)
-    return SumoNet(lanes, junctions, links, edge_ends, structures, tunnels, right_of_way, content.left_hand)
+    structures, tunnels, verges = map(frozenset, (content.structures, content.tunnels, content.verges))
+    return SumoNet(lanes, junctions, links, edge_ends, structures, tunnels, right_of_way, content.left_hand, verges)
 
 
 def _links(connections: Sequence[Mapping[str, str]], lanes: Mapping[str, Lane]) -> Iterator[ControlledLink]:

@@ -76,5 +76,5 @@ def test_an_openstreetmap_file_is_read_by_pyosmium_with_lanes_and_land(tmp_path:
 
 
 def test_a_name_without_a_known_form_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"map\.dwg: its name must end in \.xodr, \.net\.xml, \.osm"):
+    with pytest.raises(InputError, match=r"map\.dwg: its name must end in \.xodr, \.net\.xml, lanelet2_map\.osm, "):
         write_map(load_network(map_spec("Blocks")), tmp_path / "map.dwg")

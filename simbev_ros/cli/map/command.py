@@ -25,7 +25,8 @@ Out = Annotated[
     Path | None, typer.Option(help="Write PICTURE-above.png and PICTURE-street.png.", metavar="PICTURE.png")
 ]
 To = Annotated[
-    Path | None, typer.Option(help="Write the roads in another form: .xodr, .net.xml or .osm.", metavar="FILE")
+    Path | None,
+    typer.Option(help="Write the roads in another form: .xodr, .net.xml, .osm or lanelet2_map.osm.", metavar="FILE"),
 ]
 At = Annotated[
     tuple[float, float] | None, typer.Option(help="Position of the pictures in the map, in meters.", metavar="X Y")
@@ -70,6 +71,8 @@ def map_(
     simbev map my_city.osm --fresh --json
 
     simbev map my_city.osm --to my_city.xodr
+
+    simbev map Town04 --to autoware/lanelet2_map.osm
 
     simbev map my_city.xodr --check --out my_city.png
 

@@ -65,6 +65,7 @@ def map_frame(
         datum = _local_datum(path, local_m[usable], degrees[usable], on_earth[usable], grids, notes)
         xy_m, datum = _recentered(local_m[usable], datum, notes)
         datum = _with_own_origin(datum)
+        height_m = height_m - datum.altitude_m
     else:
         usable = _near(path, degrees, usable, _DEGREE_M)
         datum = center_datum(degrees[usable])
@@ -108,12 +109,17 @@ def _local_datum(
     path: Path, local_m: Float64Array, degrees: Float64Array, on_earth: BoolArray, grids: set[str], notes: Findings
 ) -> MapDatum:
     """The datum of local coordinates."""
+    stated = datum_of_file(path)
     if on_earth.all() and np.ptp(degrees, axis=0).max() > 0.0:
+        if stated is not None and not stated.projection:
+            to_map = Transformer.from_crs("EPSG:4326", stated.proj_string, always_xy=True)
+            if np.abs(np.column_stack(to_map.transform(*degrees.T)) - local_m).max() < _TOLERANCE_M:
+                return stated
         datum = _fitted_datum(local_m, degrees)
         if datum is not None:
             return datum
         notes.left_out("latitudes and longitudes contradict local_x and local_y, and are ignored")
-    datum = datum_of_file(path) or (datum_of_grid(grids.pop()) if len(grids) == 1 else None)
+    datum = stated or (datum_of_grid(grids.pop()) if len(grids) == 1 else None)
     if datum is None:
         notes.assumed("its local coordinates have no position on Earth: GNSS uses 0° N 0° E for their origin")
     return datum or _UNKNOWN

@@ -48,9 +48,13 @@ def datum_of_file(path: Path) -> MapDatum | None:
             f"Local, not {kind!r:.40}"
         )
     latitude, longitude, altitude_m = (_origin(file, data, name) for name in _ORIGIN)
-    plain = MapDatum(latitude, longitude, altitude_m if kind == "LocalCartesian" else 0.0)
+    return datum_of_origin(kind, latitude, longitude, altitude_m)
+
+
+def datum_of_origin(kind: str, latitude: float, longitude: float, altitude_m: float) -> MapDatum:
+    """The datum of a projector with an origin: LocalCartesian, LocalCartesianUTM or TransverseMercator."""
     if kind == "LocalCartesian":
-        return plain
+        return MapDatum(latitude, longitude, altitude_m)
     if kind == "TransverseMercator":
         return MapDatum(latitude, longitude, 0.0, mercator_plane(latitude, longitude, UTM_SCALE))
     utm = utm_plane(longitude)

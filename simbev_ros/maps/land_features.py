@@ -114,6 +114,14 @@ class MapObject:
 
 
 @dataclass(frozen=True, slots=True)
+class SpeedBump:
+    """A bump across a road: (N, 3) corners, map frame, NaN if their height is unknown, and the speed to pass it."""
+
+    outline_m: Float64Array
+    speed_mps: float
+
+
+@dataclass(frozen=True, slots=True)
 class Zone:
     """An area with its own surroundings; where zones overlap, the last one takes precedence."""
 
@@ -132,6 +140,7 @@ class MapFeatures:
         water: Bodies of water; a road that crosses one is a bridge.
         buildings: The only buildings of the map; None if buildings are generated instead.
         objects: Objects beside the roads; near those of a kind, no others of that kind are generated.
+        speed_bumps: Bumps on the roads.
     """
 
     surroundings: SurroundingsRecipe
@@ -140,3 +149,4 @@ class MapFeatures:
     water: tuple[Water, ...] = ()
     buildings: tuple[Footprint, ...] | None = None
     objects: tuple[MapObject, ...] = ()
+    speed_bumps: tuple[SpeedBump, ...] = ()

@@ -14,7 +14,7 @@ from simbev_ros.foundation.geometry.geodesy import MapDatum
 from simbev_ros.foundation.types import AnyArray
 from simbev_ros.maps.columns import from_columns, part_of, to_columns
 from simbev_ros.maps.findings import Finding
-from simbev_ros.maps.land_features import Footprint, MapFeatures, MapObject, Water, Zone
+from simbev_ros.maps.land_features import Footprint, MapFeatures, MapObject, SpeedBump, Water, Zone
 from simbev_ros.maps.network import Junction, Lane, RoadNetwork, Signal
 from simbev_ros.maps.roads.layout import Crosswalk, Layout, Sign, SignalPlace, StopLine, Strip
 from simbev_ros.maps.roads.tunnels import Tunnels
@@ -124,6 +124,7 @@ def _tables(network: RoadNetwork) -> dict[str, tuple[type, Any]]:
         "water": (Water, features.water),
         "buildings": (Footprint, features.buildings or ()),
         "objects": (MapObject, features.objects),
+        "speed_bumps": (SpeedBump, features.speed_bumps),
         "findings": (Finding, network.findings),
     }
 
@@ -155,6 +156,7 @@ def _network(folder: Path, header: Mapping[str, Any], columns: Mapping[str, AnyA
             water=table("water", Water),
             buildings=None if header["invents_buildings"] else table("buildings", Footprint),
             objects=table("objects", MapObject),
+            speed_bumps=table("speed_bumps", SpeedBump),
         ),
         seed=seed,
         findings=table("findings", Finding),

@@ -242,6 +242,23 @@ def test_cut_off_roads_are_shortened_and_disconnected_ones_keep_their_place_with
     assert [lane for lane in net.lanes.values() if lane.kind is LaneKind.SIDEWALK and lane.width_m == 2.0] == []
 
 
+@pytest.mark.parametrize(
+    ("tags", "width_m", "lanes"),
+    [({"lanes": "1"}, 2.5, 2), ({"lanes": "1", "oneway": "yes"}, 3.2, 1), ({"lanes": "2"}, 3.2, 2)],
+)
+def test_both_directions_of_a_road_with_one_lane_have_room_for_cars(
+    tmp_path: Path, tags: dict[str, str], width_m: float, lanes: int
+) -> None:
+    street = {"highway": "residential", **tags}
+    writer = town([(0, 0), (100, 0), (100, 80)], [(100, 80), (0, 80), (0, 0)], tags=street)
+    net = read_sumo_net(import_text(tmp_path, writer.text()).net)
+    driving = [lane for lane in net.lanes.values() if lane.kind is LaneKind.DRIVING and not lane.junction]
+    assert {lane.width_m for lane in driving} == {width_m}
+    walks = [lane for lane in net.lanes.values() if lane.kind is LaneKind.SIDEWALK]
+    assert {lane.width_m for lane in walks} == {2.2}
+    assert len({lane.edge for lane in driving}) == len({lane.edge.lstrip("-") for lane in driving}) * lanes
+
+
 def test_a_road_beside_a_longer_footpath_is_the_map(tmp_path: Path) -> None:
     writer = town([(0, 0), (650, 0)], tags={"highway": "primary", "oneway": "yes", "lanes": "3"})
     writer.way([(0, 60), (450, 70), (900, 60)], {"highway": "footway"})

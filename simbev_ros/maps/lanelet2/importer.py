@@ -6,6 +6,7 @@ on the lanes of the layout. The OpenDRIVE file is the one that netconvert makes 
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from simbev_ros.foundation.errors import InputError, SimulationError
@@ -20,7 +21,7 @@ from simbev_ros.maps.lanelet2.document import LaneletMap
 from simbev_ros.maps.lanelet2.junctions import junctions_of
 from simbev_ros.maps.lanelet2.land import land_of
 from simbev_ros.maps.lanelet2.reader import read_lanelet_map
-from simbev_ros.maps.lanelet2.roadside import Roadside, signal_places, signs_of, stop_lines_of
+from simbev_ros.maps.lanelet2.roadside import Roadside, signal_places, signs_of, speed_bumps_of, stop_lines_of
 from simbev_ros.maps.lanelet2.rules import Rule, rules_of, waiting_at_crosswalks, with_speed_limits
 from simbev_ros.maps.lanelet2.shapes import LaneletShape, are_left_handed, lanelet_shapes
 from simbev_ros.maps.lanelet2.strips import area_strips, crosswalks_of, lanelet_strips
@@ -65,7 +66,7 @@ def import_lanelet2(path: Path, work: Path) -> MapParts:
         signs=signs_of(rules, junctions.topology, lane_ids, roadside),
         signal_places=signal_places(rules, junctions.topology, lane_ids, roadside),
     )
-    features = land_of(source.areas, strips, notes)
+    features = replace(land_of(source.areas, strips, notes), speed_bumps=tuple(speed_bumps_of(source)))
     return MapParts(net, work / "sumo.xodr", datum, features, layout, findings=notes.all())
 
 

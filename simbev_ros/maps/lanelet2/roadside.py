@@ -9,11 +9,14 @@ from scipy.spatial import cKDTree
 
 from simbev_ros.foundation.geometry import overlay
 from simbev_ros.foundation.types import Float64Array
+from simbev_ros.maps.land_features import SpeedBump
 from simbev_ros.maps.lane_graph.lane_key import LaneKey
-from simbev_ros.maps.lanelet2.document import Linestring
+from simbev_ros.maps.lanelet2.document import LaneletMap, Linestring
 from simbev_ros.maps.lanelet2.rules import Rule
 from simbev_ros.maps.lanelet2.shapes import LaneletShape, resampled_m
+from simbev_ros.maps.lanelet2.tags import parse_speed_mps
 from simbev_ros.maps.lanelet2.topology import Topology
+from simbev_ros.maps.osm.data import Tags
 from simbev_ros.maps.roads.lane_kind import ROAD_KINDS
 from simbev_ros.maps.roads.layout import Sign, SignalPlace, SignKind, StopLine, Strip
 from simbev_ros.maps.roads.surface import strip_polygons
@@ -31,6 +34,7 @@ _DISTANCE_TO_END_M = 0.5
 _MARGIN_M = 0.25
 _SAME_STOP_LINE_M = 12.0
 _MIN_STOP_LINE_M = 1.0
+_BUMP_HEIGHTS_M, _BUMP_SPEEDS_KMH = (0.05, 0.30), (10.0, 5.0)
 
 
 class Roadside:
@@ -73,7 +77,7 @@ def signal_places(
             continue
         bottom_m = _middle_m(post)
         ground_m = _ground_m(topology.shapes[waiting[0]], bottom_m)
-        height_m = _number(post, "height", _HEAD_HEIGHT_M)
+        height_m = _positive(post.tags, "height", _HEAD_HEIGHT_M)
         above_m = bottom_m[2] - ground_m
         if above_m < _MIN_HEAD_ABOVE_GROUND_M:
             above_m = _DEFAULT_HEAD_ABOVE_GROUND_M
@@ -119,6 +123,16 @@ def stop_lines_of(lines: Iterable[Linestring], rules: Sequence[Rule], topology: 
             yields = line.id in rule_of and line.id not in strict
             known.append(StopLine(ends_m if is_right_to_left else ends_m[::-1].copy(), yields=yields))
     return (*known, *_implied(rules, topology, known))
+
+
+def speed_bumps_of(source: LaneletMap) -> Iterator[SpeedBump]:
+    """Yield the speed bumps, with the speeds of Autoware's behavior_velocity_speed_bump_module, or 15 km/h."""
+    outlines = [(line.points_m, line.tags) for line in source.lines.values() if line.tags.get("area") != "yes"]
+    for outline_m, tags in (*outlines, *((area.outline_m, area.tags) for area in source.areas)):
+        if "speed_bump" in (tags.get("type"), tags.get("subtype")):
+            height_m = _positive(tags, "height", 0.0)
+            speed_kmh = float(np.interp(height_m, _BUMP_HEIGHTS_M, _BUMP_SPEEDS_KMH)) if height_m else 15.0
+            yield SpeedBump(outline_m, parse_speed_mps(tags.get("slow_down_speed", "")) or speed_kmh / 3.6)
 
 
 def _implied(rules: Iterable[Rule], topology: Topology, known: Sequence[StopLine]) -> Iterator[StopLine]:
@@ -187,10 +201,10 @@ def _facing_rad(post: Linestring, shape: LaneletShape) -> float:
     return float(np.angle(-np.exp(1j * (traffic_rad + turn_rad))))
 
 
-def _number(line: Linestring, name: str, default: float) -> float:
+def _positive(tags: Tags, name: str, default: float) -> float:
     """A tag as a positive number of at most 10, else the default."""
     try:
-        value = float(line.tags.get(name, ""))
+        value = float(tags.get(name, ""))
     except ValueError:
         return default
     return value if 0.0 < value <= 10.0 else default

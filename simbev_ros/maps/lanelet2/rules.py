@@ -18,7 +18,7 @@ from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Crosswalk, SignKind
 from simbev_ros.maps.roads.surface import crosswalk_polygons
 
-_KNOWN = ("traffic_light", "traffic_sign", "speed_limit", "right_of_way", "all_way_stop")
+_KNOWN = ("traffic_light", "traffic_sign", "speed_limit", "right_of_way", "all_way_stop", "speed_bump")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

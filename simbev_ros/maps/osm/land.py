@@ -1,22 +1,23 @@
 """Extracts the land features of an OpenStreetMap file: zones, water, buildings and objects."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
+from shapely.ops import substring
 
 from simbev_ros.foundation.geometry import overlay
 from simbev_ros.foundation.types import AnyArray, Float64Array
 from simbev_ros.maps.findings import Finding, Outcome
-from simbev_ros.maps.land_features import MapFeatures, Zone
+from simbev_ros.maps.land_features import MapFeatures, SpeedBump, Zone
 from simbev_ros.maps.osm.areas import Area, areas_of, polygons
 from simbev_ros.maps.osm.buildings import buildings_of
 from simbev_ros.maps.osm.built_up import built_up_zones
 from simbev_ros.maps.osm.coast import sea_of
 from simbev_ros.maps.osm.data import OsmData
 from simbev_ros.maps.osm.land_rules import land_rules
-from simbev_ros.maps.osm.objects import objects_of
+from simbev_ros.maps.osm.objects import object_rules, objects_of
 from simbev_ros.maps.osm.roads import OsmRoad, line_of
 from simbev_ros.maps.osm.water import water_of
 
@@ -53,12 +54,27 @@ def features_of(data: OsmData, xy_m: Float64Array, roads: Sequence[OsmRoad]) -> 
         water=water,
         buildings=buildings or None,
         objects=objects,
+        speed_bumps=tuple(_speed_bumps(data, xy_m, roads)),
     )
     return features, (
         *sea_findings,
         *object_findings,
         *(findings if buildings else (Finding("it has no buildings: they are generated", Outcome.ASSUMED),)),
     )
+
+
+def _speed_bumps(data: OsmData, xy_m: Float64Array, roads: Sequence[OsmRoad]) -> Iterator[SpeedBump]:
+    """Yield a bump across the road at each node that is tagged as one."""
+    for road in roads:
+        line = line_of(road, xy_m)
+        for node in () if road.way.walk else road.nodes:
+            rule = object_rules().calming.get(data.node_tags.get(node, {}).get("traffic_calming", ""))
+            if rule is not None:
+                (speed_kmh, length_m), s_m = rule, shapely.line_locate_point(line, shapely.Point(xy_m[node]))
+                piece = substring(line, max(s_m - length_m / 2.0, 0.0), s_m + length_m / 2.0)
+                half_width_m = _LANE_M / 2.0 * float(road.way.tags["lanes"])
+                corners_m = shapely.get_coordinates(shapely.buffer(piece, half_width_m, cap_style="flat"))
+                yield SpeedBump(np.column_stack([corners_m, np.full(len(corners_m), np.nan)]), speed_kmh / 3.6)
 
 
 def _zones(areas: Sequence[Area], extent: BaseGeometry) -> tuple[Zone, ...]:

@@ -35,6 +35,7 @@ class ObjectRules(Model):
     required: Mapping[str, Mapping[str, tuple[str, ...]]]
     excluded: Mapping[str, tuple[str, ...]]
     posts: Mapping[str, PostRule]
+    calming: Mapping[str, tuple[float, float]]
     lines: Mapping[str, ObjectKind]
     parking: Mapping[str, ObjectKind]
     parking_on_ground: tuple[str, ...]

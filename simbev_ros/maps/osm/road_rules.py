@@ -25,6 +25,7 @@ SIDEWALK_M = 2.2
 _WIDTH_KEYS = {"width:lanes": "right", "width:lanes:forward": "right", "width:lanes:backward": "left"}
 """Key of lane widths → side of the way whose sidewalk runs beside these lanes."""
 _MIN_LANE_M, _MAX_LANE_M = 2.0, 8.0
+_SHARED_WIDTH = "2.5"  # m for each direction of a road that has one lane for both
 _CYCLE_LANES = ("cycleway", "cycleway:left", "cycleway:right", "cycleway:both")
 _MIRRORED_SIDES = {"left": "right", "right": "left"}
 _MIRRORED_KEYS = {
@@ -112,6 +113,8 @@ def _lane_widths(tags: Tags, road: Tags) -> Tags:
     """Tags of lane widths in netconvert's form, with the sidewalk as a further lane; none where cycle lanes are."""
     if any(key in road for key in _CYCLE_LANES) or (road["oneway"] == "yes" and road["sidewalk"] in ("left", "both")):
         return {}
+    if _is_shared(tags, road["oneway"] == "yes"):
+        tags = {**tags, "width:lanes:forward": _SHARED_WIDTH, "width:lanes:backward": _SHARED_WIDTH}
     found = {}
     for key, side in _WIDTH_KEYS.items():
         widths = [_to_number(text) for text in tags.get(key, "").split("|")]
@@ -154,8 +157,13 @@ def _is_true(value: str | None) -> bool:
     return value not in (None, "no", "building_passage")
 
 
+def _is_shared(tags: Tags, one_way: bool) -> bool:
+    """Whether a road has one lane for both directions; netconvert would make lanes of 1.6 m, narrower than cars."""
+    return tags.get("lanes") == "1" and not one_way
+
+
 def _lanes(tags: Tags, rule: RoadRule, one_way: bool) -> int:
-    text = tags.get("lanes", "")
+    text = "2" if _is_shared(tags, one_way) else tags.get("lanes", "")
     if text.isdecimal() and 1 <= int(text) <= _MAX_LANES:
         return int(text)
     return max(1, rule.lanes // 2) if one_way and not rule.one_way else rule.lanes

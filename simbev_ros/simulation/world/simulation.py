@@ -14,7 +14,7 @@ import numpy as np
 
 from simbev_ros.assets.land.plazas import Plaza
 from simbev_ros.assets.street.obstacles import OBSTACLE_DTYPE
-from simbev_ros.foundation.types import Table
+from simbev_ros.foundation.types import Float64Array, Table
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
@@ -28,6 +28,7 @@ from simbev_ros.simulation.world.actors import Actors
 from simbev_ros.simulation.world.demand import demand_of
 from simbev_ros.simulation.world.driving.outside_drivers import OutsideDrivers
 from simbev_ros.simulation.world.driving.rain import rain_effect
+from simbev_ros.simulation.world.driving.speed_bumps import SpeedBumps
 from simbev_ros.simulation.world.driving.turning_room import TurningRoom
 from simbev_ros.simulation.world.population import Population
 from simbev_ros.simulation.world.sumo.closures import slow_near_closures
@@ -93,6 +94,8 @@ class Simulation:
             self._population = Population(spec, self._sumo)
             self._actors = Actors(spec, network, self._population, obstacles, demand.excursions, self.weather)
             self._turning_room = self._turning_room_on(network)
+            lengths_m = self._vehicle_lengths_m()
+            self._speed_bumps = SpeedBumps(network.features.speed_bumps, lengths_m, self._sumo, step_ns / NS_PER_S)
             self._outside_drivers = OutsideDrivers(spec, network, self._sumo, self._actors.ground.heights_m)
         except BaseException:
             self.close()
@@ -109,9 +112,12 @@ class Simulation:
         lengths_m = {
             lane.edge: lane.length_m * lane.sumo_s_per_m for lane in network.lanes.values() if lane.edge in turns
         }
+        return TurningRoom(turns, lengths_m, self._vehicle_lengths_m(), self._sumo)
+
+    def _vehicle_lengths_m(self) -> Float64Array:
+        """(V,) lengths of SUMO's vehicles."""
         blueprints = [blueprint_named(self._spec.vehicles[index].blueprint) for index in self._sumo.vehicles]
-        vehicle_length_m = np.array([blueprint.size_m[0] for blueprint in blueprints])
-        return TurningRoom(turns, lengths_m, vehicle_length_m, self._sumo)
+        return np.array([blueprint.size_m[0] for blueprint in blueprints])
 
     def drive_vehicle(self, vehicle: int, speed_mps: float, yaw_rate_radps: float) -> None:
         """As in ``StateSource``; without further commands the vehicle brakes after 0.5 s."""
@@ -140,6 +146,7 @@ class Simulation:
                 self._sumo.take_phase(change)
             self._outside_drivers.move_vehicles()
             self._turning_room.hold_back()
+            self._speed_bumps.slow_down()
             self._sumo.step_sumo()
         tick = self._steps - self._spec.warm_up_ticks
         if self._steps % self._ticks_per_second == 0:

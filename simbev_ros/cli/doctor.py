@@ -147,6 +147,8 @@ def _package_index() -> Finding:
     marker = Path(sys.prefix) / "share" / "ament_index" / "resource_index" / "packages" / PACKAGE
     if not marker.exists():
         return Finding("ros2 command line", f"does not find {PACKAGE} in {sys.prefix}; ./simbev setup puts it there")
+    if shutil.which("ros2") is None:
+        return Finding("ros2 command line", "not installed: ROS's wheels lack it; an installed ROS 2 Jazzy has it")
     return Finding("ros2 command line", f"finds {PACKAGE} after {command}", True)
 
 

@@ -1,6 +1,6 @@
 """Which content of the cache is believed: what this user, or root, put there, unchanged, and under its own name.
 
-What is read without being parsed anew (road networks, meshes) would otherwise be taken from whoever can write to the
+What is read as it is (road networks, meshes) would otherwise be taken from all who can write to the
 folder, and a folder that was copied under another name would silently give another map.
 """
 

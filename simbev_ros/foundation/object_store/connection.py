@@ -91,9 +91,7 @@ def store_endpoint() -> str | None:
     for name in ENDPOINT_VARIABLES:
         if endpoint := os.environ.get(name):
             if not _is_web_address(endpoint):
-                raise InputError(
-                    f"{name}: is {endpoint!r}; allowed: a URL with http:// or https:// and a host"
-                )
+                raise InputError(f"{name}: is {endpoint!r}; allowed: a URL with http:// or https:// and a host")
             return endpoint
     return None
 

@@ -92,8 +92,19 @@ def _describe_dataset(place: AnyPath, digest: bool) -> tuple[dict[str, Any], lis
     finished = sum(scene["state"] == "finished" and scene["path"] in own for scene in scenes)
     additional = sum(map(len, finished_scenes(place).values())) if isinstance(place, Path) else 0
     more = f", {additional} additional bags" if additional else ""
-    head = Text.assemble((str(place), "bold"), f": {finished} of {len(own)} scenes finished{more}")
-    return {"path": str(place), "scenes": scenes}, [head, _scene_table(scenes, digest)]
+    missing = _planned_scenes(place) - {bag.name.removesuffix(PARTIAL_SUFFIX) for bag in bags}
+    head = Text.assemble((str(place), "bold"), f": {finished} of {len(own) + len(missing)} scenes finished{more}")
+    return {"path": str(place), "scenes": scenes, "missing": sorted(missing)}, [head, _scene_table(scenes, digest)]
+
+
+def _planned_scenes(dataset: AnyPath) -> set[str]:
+    """Names of the scenes in the plan; none if the plan is damaged, as ``verify`` says."""
+    from simbev_ros.dataset.plan import Plan
+
+    try:
+        return {entry.name for entry in Plan.load(dataset).scenes}
+    except InputError:
+        return set()
 
 
 def _bags_of(dataset: AnyPath) -> Sequence[AnyPath]:

@@ -47,6 +47,8 @@ VERBS = {
 }
 """Module and function, or group, of each verb, below ``simbev_ros.cli``, in the order of the help."""
 _NAME = "simbev"
+_GO_ON = ("generate", "replay", "export")
+"""Verbs that keep what an interrupted call has made, and go on from there."""
 _TAKE_URLS = ("generate", "drop", "info", "logs", "verify")
 """Verbs that work with datasets in object stores."""
 _SIMULATOR, _GRAPH = ("sim",), ("sim", "wheels")
@@ -193,7 +195,10 @@ def run_app(commands: typer.Typer, name: str) -> None:
         with raising_interrupts():
             commands(prog_name=name, standalone_mode=True)
     except (Interrupted, KeyboardInterrupt):
-        stderr.print("interrupted")
+        verb = next(iter(sys.argv[1:]), "")
+        stderr.print(
+            "interrupted" if verb not in _GO_ON else f"interrupted; simbev {verb} goes on if it is called again"
+        )
         sys.exit(130)
     except Exception as error:
         if os.environ.get(_TRACEBACK_VARIABLE) and not isinstance(error, InputError):

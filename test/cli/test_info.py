@@ -5,6 +5,7 @@ import pytest
 from ros_messages import string
 
 from simbev_ros.cli.info import info
+from simbev_ros.dataset.plan import Plan, PlannedEntry
 from simbev_ros.foundation.errors import BagError, InputError
 from simbev_ros.recording.accounting import Accounting, Schedule
 from simbev_ros.recording.bag_writer import SceneBagWriter
@@ -80,6 +81,16 @@ def test_a_dataset_is_listed_by_scene(tmp_path: Path, capsys: pytest.CaptureFixt
     text = capsys.readouterr().out
     assert "1 of 2 scenes finished" in text
     assert "train/Town01-0000" in text and "val/Town02-0001" in text and "unfinished" in text
+
+
+def test_planned_scenes_that_are_not_made_yet_count(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_words(tmp_path / "scenes" / "train" / "Town01-0000")
+    entries = [PlannedEntry(number=number, map="Town01", split="train") for number in range(3)]
+    Plan().with_entries(entries).save(tmp_path)
+    info(tmp_path)
+    assert "1 of 3 scenes finished" in capsys.readouterr().out
+    info(tmp_path, as_json=True)
+    assert json.loads(capsys.readouterr().out)["missing"] == ["Town01-0001", "Town01-0002"]
 
 
 def test_an_attached_scene_of_another_version_is_a_bag_error(tmp_path: Path) -> None:

@@ -165,11 +165,13 @@ class StackProcess(GraphProcess):
     """
 
     def __init__(self, starter: NodeStarter, label: str, command: Sequence[str], folder: Path) -> None:
-        if shutil.which(command[0]) is None:
+        # Debian has no command "python" but that of this installation, which has rclpy.
+        path = os.pathsep.join([os.environ.get("PATH", os.defpath), str(Path(sys.executable).parent)])
+        if (program := shutil.which(command[0], path=path)) is None:
             raise InputError(f"evaluation.stack: there is no command {command[0]!r}")
         log = folder / f"{label}.log"
         is_ours = tuple(command[:2]) == (sys.executable, "-m")
-        words = module_command(*command[2:]) if is_ours else command
+        words = module_command(*command[2:]) if is_ours else (program, *command[1:])
         super().__init__(label, f"stack {shlex.join(command)}", starter.start(words, log, is_command=True), log)
 
     def terminate(self) -> None:

@@ -2,9 +2,14 @@
 
 import signal
 import subprocess
+import sys
 from pathlib import Path
+from unittest.mock import Mock
 
-from simbev_ros.ros.graph.process import GraphProcess
+import pytest
+
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.ros.graph.process import GraphProcess, StackProcess
 
 
 class Stubborn:
@@ -40,3 +45,18 @@ def test_a_killed_process_has_seconds_to_end_even_if_the_graph_has_no_more_time(
 
 def test_a_process_that_the_system_cannot_end_is_given_up(tmp_path: Path) -> None:
     assert not join(Stubborn(waits=100), tmp_path)
+
+
+def test_a_stack_runs_python_where_the_shell_has_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on Debian; the commands of the user's shell come first."""
+    starter = Mock()
+    monkeypatch.setenv("PATH", str(tmp_path))
+    StackProcess(starter, "stack", ["python", "my_stack.py"], tmp_path)
+    own = str(Path(sys.executable).with_name("python"))
+    assert starter.start.call_args.args[0] == (own, "my_stack.py")
+    (tmp_path / "python").write_text("#!/bin/sh\n")
+    (tmp_path / "python").chmod(0o755)
+    StackProcess(starter, "stack", ["python", "my_stack.py"], tmp_path)
+    assert starter.start.call_args.args[0] == (str(tmp_path / "python"), "my_stack.py")
+    with pytest.raises(InputError, match=r"^evaluation.stack: there is no command 'pithon'$"):
+        StackProcess(starter, "stack", ["pithon"], tmp_path)

@@ -56,7 +56,7 @@ def generate(
     simbev generate my.yaml --out s3://bucket/datasets/first
     """
     from simbev_ros.cli.production_display import DatasetDisplay
-    from simbev_ros.production.dataset import check_workers, make_dataset
+    from simbev_ros.production.dataset import changed_sections, check_workers, make_dataset
 
     if isinstance(path_or_url(config), ObjectPath):
         raise InputError(f"{config}: a configuration is a local file; only --out takes a URL")
@@ -66,6 +66,9 @@ def generate(
     if dry_run:
         _estimate(scenario, dataset, numbers, console, count, ray)
         return
+    if changed := [] if numbers else changed_sections(scenario, dataset):
+        words = f"warning: {dataset} has scenes of another configuration ({', '.join(changed)} differ); they are kept"
+        console.print(f"{words}, --replace makes them again", highlight=False, soft_wrap=True)
     display = DatasetDisplay(console)
     result = make_dataset(scenario, dataset, replace=numbers, retries=retries, workers=count, ray=ray, observer=display)
     _show(result, console)
@@ -95,7 +98,11 @@ def _estimate(
 
 def _show(result: "DatasetResult", console: Console) -> None:
     """Print how many scenes were made, and a table of those that failed or are damaged."""
-    console.print(f"{plural(len(result.made), 'scene')} made in {result.path}", highlight=False, soft_wrap=True)
+    made = plural(len(result.made), "scene")
+    words = (
+        f"{made} made" if result.made or not result.skipped else f"{plural(len(result.skipped), 'scene')} were there"
+    )
+    console.print(f"{words} in {result.path}", highlight=False, soft_wrap=True)
     remedies = {
         name: f"damaged: {problem}; --replace {int(name.rpartition('-')[2])} makes it again"
         for name, problem in result.damaged.items()

@@ -8,8 +8,9 @@ from typing import Literal
 
 from simbev_ros.config.load import load_scenario
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.dataset.plan import Plan, PlannedEntry
-from simbev_ros.foundation.errors import InputError
+from simbev_ros.dataset.plan import Plan, PlannedEntry, bag_of
+from simbev_ros.foundation.errors import InputError, foreign_content
+from simbev_ros.foundation.files.structured_text import parse_yaml
 from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath, path_or_url
 from simbev_ros.production.cluster.node_check import check_nodes
 from simbev_ros.production.cluster.ray_cluster import RayCluster
@@ -20,12 +21,16 @@ from simbev_ros.production.workers.local_pool import LocalPool
 from simbev_ros.production.workers.ray_metrics import RayMetrics
 from simbev_ros.production.workers.ray_worker_pool import RayWorkerPool
 from simbev_ros.production.workers.worker_pool import WorkerPool
+from simbev_ros.recording.layout import CONFIG_ATTACHMENT
+from simbev_ros.recording.reader import SceneBag
 from simbev_ros.ros.graph.domain import ISOLATED_DOMAINS
 from simbev_ros.scene.drawing.chosen_maps import maps_of
 from simbev_ros.schema.scene.map_spec import MapSpec
 
 _MAX_WORKERS = len(ISOLATED_DOMAINS)
 """Largest number of workers on one machine: each has a ROS domain of its own."""
+_FREE_SECTIONS = frozenset({"scenes", "recording", "rendering", "graph", "evaluation"})
+"""Sections that may change while a dataset grows: they change no content of scenes."""
 
 Numbers = Sequence[int | range]
 """Numbers of scenes, single or as ranges."""
@@ -171,6 +176,24 @@ def plan_scenes(scenario: Scenario, out: AnyPath, replace: Numbers = ()) -> tupl
     plan = Plan.load(out).with_scenes_of(scenario, maps)
     numbers = [number if isinstance(number, range) else range(number, number + 1) for number in replace]
     return plan, plan.entries_with_numbers(numbers) if numbers else plan.missing_entries(out, scenario, maps)
+
+
+def changed_sections(scenario: Scenario, out: AnyPath) -> list[str]:
+    """Sections of a configuration that differ from those with which a dataset's first scene was made.
+
+    Empty for a new dataset, for one in an object store, and if that scene's configuration cannot be read.
+    """
+    existing = [] if isinstance(out, ObjectPath) else Plan.load(out).finished_entries(out)
+    if not existing:
+        return []
+    try:
+        with foreign_content(out), SceneBag(bag_of(out, existing[0])) as bag:
+            stored = parse_yaml(bag.attachments[CONFIG_ATTACHMENT])
+            before = Scenario.model_validate(stored).model_dump(mode="json")
+    except InputError:  # `verify` says what is wrong with it
+        return []
+    now = without_stack(scenario).model_dump(mode="json")
+    return [name for name in now if name not in _FREE_SECTIONS and now[name] != before[name]]
 
 
 def without_stack(scenario: Scenario | Path | str) -> Scenario:

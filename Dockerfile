@@ -26,9 +26,8 @@ COPY simbev_ros/foundation/installation simbev_ros/foundation/installation
 # rsync, for files that `ray up` copies. Byte code is compiled here because the user below cannot write it.
 RUN export PIP_NO_CACHE_DIR=1 DEBIAN_FRONTEND=noninteractive \
     && apt-get update && apt-get install -y --no-install-recommends g++ python3-dev \
-    && if ! ./simbev setup; then cat .setup.log; exit 1; fi \
-    && if [ -n "${EXTRAS}${PACKAGES}" ]; then \
-        .venv/bin/python -m pip install --no-compile -e ".${EXTRAS:+[${EXTRAS}]}" ${PACKAGES}; fi \
+    && if ! ./simbev setup "${EXTRAS}"; then cat .setup.log; exit 1; fi \
+    && if [ -n "${PACKAGES}" ]; then .venv/bin/python -m pip install --no-compile ${PACKAGES}; fi \
     && case ",${EXTRAS}," in *,cluster,*) \
         .venv/bin/ray --version && ln -s /opt/simbev/.venv/bin/ray /usr/local/bin/ \
         && apt-get update && apt-get install -y --no-install-recommends rsync wget ;; esac \

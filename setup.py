@@ -133,6 +133,7 @@ setup(
         "baselines": ["onnxruntime>=1.20", *PICTURES],
         "view": ["rerun-sdk==0.41.*", "psutil>=6.0", *PICTURES],
         "docs": ["mkdocs-material>=9.5"],
+        "lock": ["uv>=0.8"],
         "test": [
             "dockerfile-parse>=2",
             "flask>=3",

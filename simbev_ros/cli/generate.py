@@ -99,10 +99,8 @@ def _estimate(
 def _show(result: "DatasetResult", console: Console) -> None:
     """Print how many scenes were made, and a table of those that failed or are damaged."""
     made = plural(len(result.made), "scene")
-    words = (
-        f"{made} made" if result.made or not result.skipped else f"{plural(len(result.skipped), 'scene')} were there"
-    )
-    console.print(f"{words} in {result.path}", highlight=False, soft_wrap=True)
+    rest = "" if result.made or result.failed else f"; {plural(len(result.skipped), 'scene')} there already"
+    console.print(f"{made} made in {result.path}{rest}", highlight=False, soft_wrap=True)
     remedies = {
         name: f"damaged: {problem}; --replace {int(name.rpartition('-')[2])} makes it again"
         for name, problem in result.damaged.items()

@@ -25,8 +25,8 @@ ENTRY = PlannedEntry(number=3, map="Blocks", split="val")
 PROGRAM = """#!{python}
 import os, sys, time
 from multiprocessing.connection import Connection
-assert sys.argv[3] == "simbev_ros.production.workers.worker_process"
-line = Connection(int(sys.argv[4]))
+assert sys.argv[4] == "simbev_ros.production.workers.worker_process"
+line = Connection(int(sys.argv[5]))
 {body}
 """
 ECHO = """

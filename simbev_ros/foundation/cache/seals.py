@@ -25,7 +25,7 @@ def require_own(entry: Path) -> None:
     Raises:
         InputError: It is a link, or another user owns it or may write to it.
     """
-    with suppress(FileNotFoundError):
+    with suppress(FileNotFoundError, NotADirectoryError):
         status = entry.lstat()
         # Where each user has a group of their own, folders are made writable for it.
         others = stat.S_IWOTH | (0 if status.st_gid == os.getgid() else stat.S_IWGRP)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import shapely
 
+from simbev_ros.foundation.geometry import overlay
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.findings import Finding, Outcome
 from simbev_ros.maps.land.relief import Relief
@@ -65,7 +66,7 @@ def _waters(recipe: TownRecipe, draft: Draft, land: Land) -> tuple[Water, ...]:
 
 def _with_verges_on_land(plan: Plan, waters: Sequence[Water]) -> Plan:
     """The plan without the verges of links on structures or across water."""
-    links, water = [], shapely.union_all([each.area for each in waters])
+    links, water = [], overlay.union_all([each.area for each in waters])
     for link in plan.links:
         kind, line = link.road.kind, shapely.LineString(link.line_m[:, :2])
         if kind.verge and (link.structure or shapely.dwithin(line, water, half_width_m(kind))):

@@ -114,7 +114,7 @@ PATIENT_SERVER = """#!{python}
 import sys
 from simbev_ros.ros.nodes import fork_server
 fork_server._STOP_TIMEOUT_S = 1e6
-sys.argv = sys.argv[3:]
+sys.argv = sys.argv[4:]
 fork_server.main()
 """
 

@@ -61,13 +61,17 @@ class Schedule:
 
 @dataclass(frozen=True, slots=True)
 class TopicAccount:
-    """Account of one topic at the end of a scene: numbers of messages, and the ticks with missing ones."""
+    """Account of one topic at the end of a scene: numbers of messages, and the ticks with missing ones.
+
+    A topic that is contested has had a second sender: what is recorded may be that one's.
+    """
 
     expected: int
     recorded: int
     missing_ticks: tuple[int, ...]
     duplicates: int
     unexpected: int
+    is_contested: bool
 
     @property
     def balanced(self) -> bool:
@@ -84,8 +88,11 @@ class Report:
 
     @property
     def complete(self) -> bool:
-        """Whether every topic has all messages that were due. Surplus ones are not in the bag, so they do no harm."""
-        return all(account.recorded >= account.expected for account in self.topics.values())
+        """Whether every topic has all messages that were due, from one sender.
+
+        Surplus ones with other stamps are not in the bag, so they do no harm.
+        """
+        return all(each.recorded >= each.expected and not each.is_contested for each in self.topics.values())
 
     def problems(self) -> list[str]:
         """A sentence for each topic with missing or unexpected messages."""
@@ -176,7 +183,10 @@ class Accounting:
         due = len(self._due.get(topic, range(0)))
         expected, recorded = due + self._announced.get(topic, sporadic_count), due - len(missing) + sporadic_count
         ticks = tuple(sorted(self._missing_ticks(topic)))
-        return TopicAccount(expected, recorded, ticks, self._duplicates[topic], self._unexpected[topic])
+        duplicates, schedule = self._duplicates[topic], self._manifest.get(topic)
+        # The value of a latched topic may come again for a new subscription.
+        is_contested = duplicates > 0 and schedule is not None and schedule.period_ticks > 0
+        return TopicAccount(expected, recorded, ticks, duplicates, self._unexpected[topic], is_contested)
 
     def _missing_ticks(self, topic: str) -> set[int]:
         return {self._manifest[topic].tick_of(slot) for slot in self._missing.get(topic, ())}
@@ -191,7 +201,8 @@ def _describe(account: TopicAccount) -> str:
     if account.missing_ticks:
         parts.append(f"missing at ticks {_ranges(account.missing_ticks)}")
     if account.duplicates:
-        parts.append(f"{account.duplicates} more came twice")
+        by = " from a second sender" if account.is_contested else ""
+        parts.append(f"{account.duplicates} more came twice{by}")
     if account.unexpected:
         parts.append(f"{account.unexpected} more came with a stamp that is not due")
     return ", ".join(parts)

@@ -72,7 +72,19 @@ def test_a_second_message_of_a_tick_is_a_duplicate() -> None:
     assert account.add_message("/every", stamp(0)) is Verdict.DUPLICATE
     account.add_message("/once", 1)
     assert account.add_message("/once", 2) is Verdict.DUPLICATE
-    assert account.report().topics["/every"].duplicates == 1
+    report = account.report()
+    assert (report.topics["/every"].duplicates, report.topics["/every"].is_contested) == (1, True)
+    assert not report.topics["/once"].is_contested
+    assert report.problems()[0].endswith("1 more came twice from a second sender")
+
+
+def test_a_bag_that_may_hold_messages_of_a_second_sender_is_not_complete() -> None:
+    account = accounting(ticks=1)
+    for topic, tick_stamp in (("/once", 0), ("/every", stamp(0)), ("/once", 1)):
+        account.add_message(topic, tick_stamp)
+    assert account.report().complete
+    account.add_message("/every", stamp(0))
+    assert not account.report().complete
 
 
 def test_stamps_that_are_not_due_are_unexpected_and_not_counted() -> None:

@@ -3,6 +3,7 @@
 Messages wait until their tick is complete, so that the bytes of a bag do not depend on the order of arrival.
 """
 
+import json
 from collections import defaultdict
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -236,7 +237,19 @@ class RecorderNode(GraphNode):
     def _facts(self, spec: SceneSpec) -> dict[str, str]:
         """Facts about the scene for the bag's metadata."""
         ended = f"interrupted after tick {self._next_tick - 1}" if self._end is None else self._end.reason
-        return {**self._accounting.report().custom_data(spec.name), "ended": ended}
+        report = self._accounting.report()
+        contested = [name for name, account in report.topics.items() if account.is_contested]
+        senders = {name: ", ".join(self._senders(name)) for name in contested}
+        return {
+            **report.custom_data(spec.name),
+            **({"senders": json.dumps(senders)} if senders else {}),
+            "ended": ended,
+        }
+
+    def _senders(self, topic: str) -> list[str]:
+        """Full names of the nodes that publish a topic now."""
+        found = self.get_publishers_info_by_topic(topic)
+        return sorted({f"{each.node_namespace.rstrip('/')}/{each.node_name}" for each in found})
 
     def close(self) -> None:
         """Close an unfinished bag: write all messages that have arrived and leave it marked as partial."""

@@ -93,3 +93,41 @@ def test_a_scene_among_strangers_is_the_same(
     assert digests(tmp_path / "out" / SCENE) == digests(recorded)
     assert not verify_bag(tmp_path / "out" / SCENE)
     assert "ignored messages on /world/request: " in output
+
+
+@contextmanager
+def forger(spec: SceneSpec) -> Iterator[None]:
+    """A node that sends well-formed clouds for ticks that are still to come."""
+    ended = Event()
+
+    def send() -> None:
+        with outside_node("forger") as (node, _):
+            clouds = node.create_publisher(PointCloud2, "/ego/lidar/points", 10)
+            while not ended.wait(0.2):
+                for tick in range(spec.ticks):
+                    clouds.publish(
+                        PointCloud2(header=header(spec.stamp_ns(tick), "lidar"), height=1, fields=TABLE.fields)
+                    )
+
+    thread = Thread(target=send)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
+
+
+@pytest.mark.slow
+def test_a_scene_with_a_second_sender_is_not_complete(
+    recorded: Path, simbev: Simbev, small_config: Config, tmp_path: Path
+) -> None:
+    with SceneBag(recorded) as bag:
+        assert bag.spec is not None
+        spec = bag.spec
+    with forger(spec):
+        code, output = simbev("run", small_config(), "--record", tmp_path / "out").finish()
+    assert code != 0 and "from a second sender" in output, output
+    with SceneBag(next((tmp_path / "out").glob("scenes/*/*"))) as bag:
+        assert bag.custom_data["complete"] == "false"
+        assert "/forger" in bag.custom_data["senders"]

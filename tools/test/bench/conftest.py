@@ -25,6 +25,7 @@ def bench(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -
     def run(*arguments: object) -> Answer:
         monkeypatch.setattr(sys, "argv", ["bench", *map(str, arguments)])
         monkeypatch.setenv("COLUMNS", "200")
+        monkeypatch.setenv("PYTHONSAFEPATH", "")
         with pytest.raises(SystemExit) as ended:
             run_app(commands, "bench")
         return Answer(int(ended.value.code or 0), *capsys.readouterr())

@@ -39,8 +39,8 @@ def test_a_missing_path_is_named(refused: Callable[..., str], tmp_path: Path) ->
 
 
 def test_a_folder_without_a_bag_is_named(refused: Callable[..., str], tmp_path: Path) -> None:
-    message = f"error: {tmp_path}: a scene's bag holds one .mcap file, this folder holds 0; a dataset holds a folder scenes\n"
-    assert refused("view", tmp_path) == message
+    message = f"error: {tmp_path}: a scene's bag holds one .mcap file, this folder holds 0"
+    assert refused("view", tmp_path) == f"{message}; a dataset holds a folder scenes\n"
 
 
 def test_a_file_that_is_no_bag_is_named(refused: Callable[..., str], tmp_path: Path) -> None:

@@ -1,27 +1,34 @@
 """Verification of a recorded bag: its MCAP files, messages, message counts, metadata and attachments."""
 
 from collections import ChainMap
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from xml.parsers import expat
 
 from mcap.records import Message
 from rosbags.serde import SerdeError
 
 from simbev_ros.config.scenario import RecordedTopics
-from simbev_ros.foundation.errors import BagError
+from simbev_ros.foundation.errors import BagError, InputError, foreign_content
+from simbev_ros.foundation.files.limits import MAX_OSM_BYTES
 from simbev_ros.foundation.files.structured_text import load_yaml, parse_json, parse_yaml
+from simbev_ros.foundation.files.unpacking import bunzip2
 from simbev_ros.foundation.object_store.object_path import AnyPath
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.recording.layout import (
     CONFIG_ATTACHMENT,
+    LEAD_IN_ATTACHMENT,
+    MAP_ATTACHMENT,
+    MAP_SOURCE_ATTACHMENT,
     METADATA_FILE,
     PARTIAL_SUFFIX,
     SCENE_ATTACHMENT,
     TRAJECTORIES_ATTACHMENT,
     mcap_files,
 )
+from simbev_ros.recording.lead_in import lead_in_messages
 from simbev_ros.recording.mcap.mcap_check import McapContent, check_mcap
 from simbev_ros.recording.reader import COPIED_ATTACHMENTS, SceneBag, attached_spec
 from simbev_ros.schema.messages.message_types import types_with
@@ -182,11 +189,37 @@ def _attachment_faults(
             yield SCENE_ATTACHMENT, "it is missing"
     except BagError as error:
         yield SCENE_ATTACHMENT, str(error).removeprefix(f"{path}: {SCENE_ATTACHMENT}: ")
-    if TRAJECTORIES_ATTACHMENT in attachments:
-        try:
-            tracks_from_npz(attachments[TRAJECTORIES_ATTACHMENT])
-        except BagError as error:
-            yield TRAJECTORIES_ATTACHMENT, str(error)
+    for name, check in _CHECKS.items():
+        if name in attachments:
+            try:
+                with foreign_content(name):
+                    check(attachments[name])
+            except InputError as error:
+                yield name, str(error).removeprefix(f"{name}: ")
+
+
+def _check_configuration(content: bytes) -> None:
+    if not isinstance(parse_yaml(content), dict):
+        raise ValueError("it is not a configuration")
+
+
+def _check_map(content: bytes) -> None:
+    if b"<OpenDRIVE" not in content:
+        raise ValueError("it is not an OpenDRIVE file")
+    try:
+        expat.ParserCreate().Parse(content, True)
+    except expat.ExpatError as error:
+        raise ValueError(f"it is not valid XML: {error}") from None
+
+
+_CHECKS: Mapping[str, Callable[[bytes], object]] = {
+    CONFIG_ATTACHMENT: _check_configuration,
+    LEAD_IN_ATTACHMENT: lead_in_messages,
+    MAP_ATTACHMENT: _check_map,
+    MAP_SOURCE_ATTACHMENT: lambda content: bunzip2(content, MAX_OSM_BYTES),
+    TRAJECTORIES_ATTACHMENT: tracks_from_npz,
+}
+"""Attachment → what reads it and raises an error if it cannot be read."""
 
 
 def _agent_faults(attachments: Mapping[str, bytes], path: Path, recorded: Collection[str]) -> Iterator[tuple[str, str]]:

@@ -3,6 +3,7 @@
 import json
 import os
 import random
+from bz2 import compress
 from pathlib import Path
 
 import numpy as np
@@ -148,7 +149,7 @@ def test_a_bag_without_message_counts_is_not_complete(tmp_path: Path) -> None:
     ]
 
 
-def bag_of_agents(path: Path, *, without: str, config: str = "") -> Path:
+def bag_of_agents(path: Path, *, without: str, config: str = "rig: {}") -> Path:
     """A bag of a scene with the agents ego, car and rsu that has the odometry of all but one of them."""
     spec = made_up_agents()
     names = [f"/{agent.name}/odom" for agent in spec.agents if agent.name != without]
@@ -177,3 +178,29 @@ def test_odometry_that_the_configuration_leaves_out_is_not_missing(tmp_path: Pat
     config = f"recording: {{topics: {topics}}}"
     assert problems(bag_of_agents(tmp_path / "a", without="car", config=config)) == []
     assert len(problems(bag_of_agents(tmp_path / "b", without="ego", config=config))) == 1
+
+
+@pytest.mark.parametrize("name", ["config.yaml", "lead_in.json", "map.xodr", "map_source.bz2", "trajectories.npz"])
+@pytest.mark.parametrize(
+    "junk", [b"", b"junk", b"\x00\xff", b"[", b"[7]", b"- a", b"<map/>", b"<OpenDRIVE>", b"BZh9", b"[" * 9999]
+)
+def test_attachments_that_cannot_be_read_are_named(tmp_path: Path, name: str, junk: bytes) -> None:
+    with SceneBagWriter(tmp_path / "a") as writer:
+        writer.add_attachment(name, "application/octet-stream", junk)
+        path = writer.finish({})
+    found = [fault for fault in verify_bag(path) if fault.place == name]
+    assert len(found) == 1 and "\n" not in found[0].problem
+
+
+def test_attachments_that_can_be_read_are_no_faults(tmp_path: Path) -> None:
+    good = {
+        "config.yaml": b"rig: {}",
+        "lead_in.json": b"[]",
+        "map.xodr": b"<OpenDRIVE/>",
+        "map_source.bz2": compress(b"x"),
+    }
+    with SceneBagWriter(tmp_path / "a") as writer:
+        for name, content in good.items():
+            writer.add_attachment(name, "application/octet-stream", content)
+        path = writer.finish({})
+    assert not good.keys() & {fault.place for fault in verify_bag(path)}

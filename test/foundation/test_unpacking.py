@@ -1,17 +1,20 @@
 """Bzip2 and NPZ data that claim or unpack to too much are refused before they take memory."""
 
 import bz2
+import gzip
 import io
 import zipfile
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
+import zstandard
 from peak_memory import MIB, at_most
 
-from simbev_ros.foundation.errors import LimitError
+from simbev_ros.foundation.errors import InputError, LimitError
 from simbev_ros.foundation.files.limits import MAX_UNPACKED_VARIABLE
-from simbev_ros.foundation.files.unpacking import NpzReader, bunzip2
+from simbev_ros.foundation.files.unpacking import NpzReader, bunzip2, read_unpacked
 
 
 def test_bzip2_data_are_unpacked_up_to_the_limit() -> None:
@@ -98,3 +101,14 @@ def test_an_array_of_python_2_is_read_without_a_warning() -> None:
     with zipfile.ZipFile(file, "w") as archive:
         archive.writestr("a.npy", plain.getvalue().replace(b"(6,), ", b"(6L,),"))
     assert NpzReader(file)["a"].tolist() == list(range(6))
+
+
+@pytest.mark.parametrize("pack", [gzip.compress, bz2.compress, zstandard.compress])
+def test_a_map_that_grows_as_no_map_does_is_refused_early(tmp_path: Path, pack: Callable[[bytes], bytes]) -> None:
+    (tmp_path / "a.osm").write_bytes(pack(bytes(64 * MIB)))
+    pieces = read_unpacked(tmp_path / "a.osm", 1 << 40)
+    with pytest.raises(InputError, match=r"a\.osm: unpacks to more than 100 times its size, as no map does"):
+        for count, _ in enumerate(pieces):
+            assert count < 16
+    (tmp_path / "b.osm").write_bytes(pack(bytes(10 * MIB)))
+    assert sum(map(len, read_unpacked(tmp_path / "b.osm", 1 << 40))) == 10 * MIB

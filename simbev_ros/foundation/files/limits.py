@@ -28,6 +28,9 @@ MAX_MAP_BYTES = 128 << 20
 MAX_OSM_BYTES = 512 << 20
 """Size of an OpenStreetMap file in XML, on disk and unpacked. Use PBF for a larger area."""
 
+MAX_MAP_RATIO = 100
+"""Factor by which a compressed map file may grow beyond the first 16 MiB; about 20 is usual."""
+
 MAX_PBF_BYTES = 16 << 30
 """Size of an OpenStreetMap file in PBF; whole countries are smaller."""
 

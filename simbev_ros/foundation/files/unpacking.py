@@ -3,6 +3,7 @@
 import bz2
 import gzip
 import io
+import os
 import warnings
 import zipfile
 import zlib
@@ -15,7 +16,7 @@ import zstandard
 from numpy.lib import format as npy
 
 from simbev_ros.foundation.errors import InputError, LimitError
-from simbev_ros.foundation.files.limits import require_unpacked_size
+from simbev_ros.foundation.files.limits import MAX_MAP_RATIO, require_unpacked_size
 from simbev_ros.foundation.types import AnyArray
 
 _SUFFIX = ".npy"
@@ -45,15 +46,19 @@ def read_unpacked(path: Path, max_bytes: int) -> Iterator[bytes]:
     """Read a file in pieces; one compressed with gzip, bzip2 or zstd, whatever its name is, is unpacked meanwhile.
 
     Raises:
-        InputError: The file cannot be read, is damaged, or has more than ``max_bytes`` when unpacked.
+        InputError: The file cannot be read, is damaged, or has more than ``max_bytes`` when unpacked, or so much more
+            than when packed that it can only be an attack.
     """
     total_bytes = 0
     try:
         with path.open("rb") as file, _unpacked(file) as stream:
+            usual_bytes = max(MAX_MAP_RATIO * os.fstat(file.fileno()).st_size, _UNSUSPICIOUS_BYTES)
             while piece := stream.read(_PIECE_BYTES):
                 total_bytes += len(piece)
                 if total_bytes > max_bytes:
                     raise InputError(f"{path}: unpacks to more than {max_bytes >> 20} MiB; extract the part you need")
+                if total_bytes > usual_bytes and stream is not file:
+                    raise InputError(f"{path}: unpacks to more than {MAX_MAP_RATIO} times its size, as no map does")
                 yield piece
     except (EOFError, gzip.BadGzipFile, zlib.error, zstandard.ZstdError) as error:
         raise InputError(f"{path}: is damaged and cannot be unpacked: {error}") from None
@@ -76,6 +81,7 @@ def _unpacked(file: BinaryIO) -> IO[bytes] | gzip.GzipFile | bz2.BZ2File:
 
 
 _PIECE_BYTES = 1 << 20
+_UNSUSPICIOUS_BYTES = 16 << 20
 _MAGIC_BYTES = 4
 _GZIP, _BZIP2, _ZSTD = b"\x1f\x8b", b"BZh", b"\x28\xb5\x2f\xfd"
 _MAX_WINDOW_BYTES = 128 << 20

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from simbev_ros.dataset import Frame
-from simbev_ros.foundation.errors import BagError
+from simbev_ros.foundation.errors import BagError, foreign_content
 from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES, DIFFICULTIES
 from simbev_ros.foundation.types import AnyArray, Int64Array, Table, UInt16Array
 from simbev_ros.foundation.units import NS_PER_S
@@ -152,8 +152,9 @@ class Tally:
             legend = frame.scene.constants.get("world/legend")
             if legend is None:
                 raise BagError(f"{frame.scene.path}: recorded by another version: it has no /world/legend")
-            blueprints = legend["blueprints"]
-            self.actors.update(blueprints[index]["name"] for index in actors["blueprint"].tolist())
+            with foreign_content(f"{frame.scene.path}: /world/legend"):
+                names = [str(each["name"]) for each in legend["blueprints"]]
+                self.actors.update(names[index] for index in actors["blueprint"].tolist())
 
     def _add_grid(self, labels: UInt16Array, cell_m: float) -> None:
         masks = labels & (1 << np.arange(len(BEV_CLASSES), dtype=np.uint16))[:, None, None] != 0

@@ -3,10 +3,10 @@
 A scene enters; its ``Channel``s leave, one for each sensor or label that the layout knows and the scene has.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.positioning import Gnss, Imu
@@ -16,8 +16,9 @@ from simbev_ros.export.simbev import encodings
 from simbev_ros.export.simbev.boxes import box_file
 from simbev_ros.export.simbev.voxels import KEY as VOXELS
 from simbev_ros.export.simbev.voxels import voxel_rows
-from simbev_ros.foundation.errors import BagError
+from simbev_ros.foundation.errors import BagError, foreign_content
 from simbev_ros.foundation.geometry.voxel_grid import VoxelGrid
+from simbev_ros.foundation.types import Table
 
 CAMERAS = ("front_left", "front", "front_right", "back_left", "back", "back_right")
 """Names of the layout's cameras; in rigs they begin with ``cam_``."""
@@ -125,6 +126,11 @@ def _voxels(frame: Frame, grid: VoxelGrid) -> bytes | None:
     return None if rows is None else encodings.voxel_npz(rows, grid)
 
 
+def _boxes(boxes: Table, signals: Table, legend: Mapping[str, Any], place: str) -> bytes:
+    with foreign_content(place):
+        return box_file(boxes, signals, legend)
+
+
 def _ground_truth(scene: Scene) -> Iterator[Channel]:
     yield _truth("GT_SEG", "seg", "npz", encodings.bev_npz, "bev/labels")
     yield _truth("GT_SEG_VIZ", "seg_viz", "jpg", encodings.bev_jpeg, "bev/labels")
@@ -132,7 +138,7 @@ def _ground_truth(scene: Scene) -> Iterator[Channel]:
     if legend is not None:
         if "signals" not in legend:
             raise BagError(f"{scene.path}: recorded by another version: its /world/legend has no signals")
-        encode = partial(box_file, legend=legend)
+        encode = partial(_boxes, legend=legend, place=f"{scene.path}: /world/legend")
         yield _truth("GT_DET", "det", "bin", encode, "boxes", "world/signals")
     yield _truth("HD_MAP", "hd_map", "json", encodings.hd_map_json, "hd_map")
 

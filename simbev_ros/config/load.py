@@ -69,10 +69,10 @@ def find_config(path_or_name: str | Path) -> Path:
     shipped = {file.stem: file for file in sorted(shipped_config_dir().glob("*.yaml"))}
     if is_file(path):
         return path
+    if str(path_or_name) in shipped:  # also where a folder has this name, such as out/demo
+        return shipped[str(path_or_name)]
     if path_exists(path):
         raise InputError(f"{path}: is not a file")
-    if str(path_or_name) in shipped:
-        return shipped[str(path_or_name)]
     raise InputError(f"{path}: no such file; shipped configurations are {', '.join(shipped)}")
 
 

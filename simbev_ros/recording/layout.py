@@ -128,6 +128,9 @@ def _numbered(folder: AnyPath, found: Sequence[AnyPath]) -> dict[int, AnyPath]:
         return {0: found[0]}
     files = {int(match[2]): file for file in found if (match := _NUMBERED.fullmatch(file.name))}
     if not found or len(files) != len(found) or len({_stem({0: file}) for file in files.values()}) != 1:
+        if not found and isinstance(folder, Path) and is_folder(scenes_folder(folder)):
+            example = next(iter(sorted(scenes_folder(folder).glob("*/*"))), scenes_folder(folder))
+            raise BagError(f"{folder}: is a dataset; name one of its scenes, such as {example}")
         more = ", which are not parts of one" if found else f"; a dataset holds a folder {SCENES_FOLDER}"
         raise BagError(f"{folder}: a scene's bag holds one .mcap file, this folder holds {len(found)}{more}")
     return files

@@ -98,3 +98,9 @@ def test_without_rerun_one_line_says_how_to_install_it(
     monkeypatch.setitem(sys.modules, "rerun", None)
     message = refused("view", bag, *options)
     assert message == f"error: simbev view needs Rerun; install it: {install_command('view')}\n"
+
+
+def test_a_dataset_in_place_of_a_scene_is_told_its_scenes(refused: Callable[..., str], tmp_path: Path) -> None:
+    (tmp_path / "set/scenes/train/Blocks-0000").mkdir(parents=True)
+    message = f"{tmp_path}/set: is a dataset; name one of its scenes, such as {tmp_path}/set/scenes/train/Blocks-0000"
+    assert message in refused("preview", tmp_path / "set")

@@ -144,3 +144,12 @@ def test_of_thousands_of_errors_the_first_fifty_are_explained(tmp_path: Path) ->
     assert time.process_time() - started_s < 10  # an explanation each would take a minute
     lines = str(raised.value).splitlines()
     assert len(lines) == 51 and lines[-1] == f"{path}: and 2,950 more errors"
+
+
+def test_a_folder_does_not_hide_a_shipped_configuration(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "demo").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert load_scenario("demo").seed == 102
+    (tmp_path / "other").mkdir()
+    with pytest.raises(InputError, match="^other: is not a file$"):
+        load_scenario("other")

@@ -151,5 +151,5 @@ def test_a_folder_does_not_hide_a_shipped_configuration(tmp_path: Path, monkeypa
     monkeypatch.chdir(tmp_path)
     assert load_scenario("demo").seed == 102
     (tmp_path / "other").mkdir()
-    with pytest.raises(InputError, match="^other: is not a file$"):
+    with pytest.raises(InputError, match=r"^other: is not a file$"):
         load_scenario("other")

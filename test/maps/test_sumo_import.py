@@ -11,7 +11,6 @@ from pyproj import Transformer
 from sumo_nets import generate_net
 
 from simbev_ros.foundation.errors import InputError
-from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.findings import sentences_of
 from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.roads.lane_kind import LaneKind
@@ -74,44 +73,6 @@ def test_other_nets_of_netgenerate_are_read(tmp_path: Path, import_net: Import, 
     streets = set(re.findall(r'<edge id="([^:"]*)"', text))
     assert {lane.edge for lane in net.lanes.values() if lane.kind is LaneKind.DRIVING and not lane.junction} == streets
     assert any(lane.kind is LaneKind.DRIVING and lane.junction for lane in net.lanes.values())
-
-
-def lane_lines_m(text: str) -> dict[str, list[Float64Array]]:
-    """Edge outside junctions → (N, 2) center lines of its lanes for vehicles, outermost first."""
-    return {
-        edge: [
-            np.array([point.split(",")[:2] for point in shape.split()], np.float64)
-            for allowed, shape in re.findall(r'<lane(?![^>]* allow="pedestrian")([^>]*) shape="([^"]*)"', lanes)
-        ]
-        for edge, lanes in re.findall(r'(?s)<edge id="([^":]+)"(.*?)</edge>', text)
-    }
-
-
-@pytest.mark.parametrize(
-    "options", [("--spider", "-L2"), ("--rand", "--seed", "4"), ("--rand", "--seed", "7", "--lefthand")]
-)
-def test_lanes_stay_where_they_are_although_sidewalks_and_crossings_are_added(
-    tmp_path: Path, import_net: Import, options: tuple[str, ...]
-) -> None:
-    text = generate_net(tmp_path / "b.net.xml", *options)
-    parts = import_net(text)
-    before, after = lane_lines_m(text), lane_lines_m(parts.net.read_text())
-    assert before.keys() == after.keys()
-    ends_m = np.array([[line_m[[0, -1]] for edge in before for line_m in lines[edge]] for lines in (before, after)])
-    assert np.abs(ends_m[1] - ends_m[0]).max() < 0.006, "netgenerate writes centimeters"
-    net = read_sumo_net(parts.net)
-    by_edge: dict[str, list[Float64Array]] = {}
-    for lane in sorted(net.lanes.values(), key=lambda lane: lane.index):
-        by_edge.setdefault(lane.edge, []).append(lane.centerline_m[[0, -1]])
-    walks_m = np.array([lines_m[1] - lines_m[0] for edge, lines_m in by_edge.items() if edge in before])
-    assert np.linalg.norm(walks_m[..., :2], axis=2) == pytest.approx(2.6, abs=0.01), "beside the lane at both ends"
-    assert any(lane.kind is LaneKind.CROSSING for lane in net.lanes.values())
-
-
-def test_junctions_keep_their_outlines(grid: str, import_net: Import) -> None:
-    outline_m = read_sumo_net(import_net(grid).net).junctions["C2"].outline_m
-    (own,) = re.findall(r'<junction id="C2"[^>]*shape="([^"]*)"', grid)
-    assert outline_m == pytest.approx(np.array([point.split(",") for point in own.split()], np.float64))
 
 
 def test_a_projected_net_has_the_position_of_its_projection(grid: str, import_net: Import) -> None:

@@ -1,7 +1,7 @@
 """Imports a SUMO net (.net.xml) of any origin: takes the file and returns the parts of a map.
 
-The net is checked, repaired and transformed to the map frame. Sidewalks are added if it has none. Then netconvert adds
-what else the map needs and the net may lack: lanes inside junctions, walking areas, crossings.
+The net is checked, repaired and transformed to the map frame. Then netconvert adds what the map needs and the net may
+lack: lanes inside junctions, walking areas, crossings, sidewalks.
 """
 
 from pathlib import Path
@@ -18,7 +18,6 @@ from simbev_ros.maps.land_features import MapFeatures
 from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.safe_xml import parse, place_of
 from simbev_ros.maps.sumo import netconvert
-from simbev_ros.maps.sumo.lane_positions import add_sidewalks, fix_lanes, restore_outlines
 from simbev_ros.maps.sumo.repair import NetFile
 from simbev_ros.maps.surroundings import SurroundingsRecipe
 
@@ -31,6 +30,7 @@ _OPTIONS = (
     "--junctions.corner-detail=8",
     "--precision=4",
 )
+_GUESS_SIDEWALKS = ("--sidewalks.guess=true", "--sidewalks.guess.min-speed=1", "--sidewalks.guess.max-speed=14")
 _GUESS_CROSSINGS = ("--crossings.guess=true", "--crossings.guess.speed-threshold=14")
 _MIN_WALKED_M = 20.0  # with sidewalks that are shorter in all, a net has none
 _MAX_OFFSET_M = 20_000.0
@@ -57,19 +57,17 @@ def import_sumo(path: Path, work: Path) -> MapParts:
     datum = _transform_to_map_frame(path, root, file)
     options = [*_OPTIONS]
     if sum(float(lane.get("length", 0.0)) for lane in file.lanes() if _is_for_pedestrians(lane)) < _MIN_WALKED_M:
-        add_sidewalks(root)
+        options += _GUESS_SIDEWALKS
         file.findings.assumed("there are no sidewalks: sidewalks were added to streets of up to 50 km/h")
     if not any(edge.get("function") == "crossing" for edge in root.iter("edge")):
         options += _GUESS_CROSSINGS
         file.findings.assumed("there are no crossings: crossings were added to junctions with sidewalks")
-    outlines = fix_lanes(root)
     source, net, opendrive = work / "source.net.xml", work / "map.net.xml", work / "map.xodr"
     ElementTree(root).write(source, encoding="utf-8")
     try:
         netconvert.run_netconvert([f"--sumo-net-file={source}", *options], net, opendrive)
     except SimulationError as error:
         raise InputError(f"{path}: {error}") from None
-    restore_outlines(net, outlines)
     return MapParts(net, opendrive, datum, MapFeatures(_SURROUNDINGS), findings=file.findings.all())
 
 

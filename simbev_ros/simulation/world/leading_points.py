@@ -26,7 +26,7 @@ from simbev_ros.simulation.world.sumo.traffic import TrafficSample
 
 _MAX_CHANGE_MPS2 = 20.0  # a larger change, before averaging, is a jump of SUMO's between lanes that do not meet
 _PEDESTRIAN_MPS2 = 4.0
-_PATIENCE_S = 15.0  # of drivers on map files, with narrow streets, junctions and dead ends that our towns do not have
+_PATIENCE_S = 15.0  # of drivers on map files, with narrow junctions and dead ends that our towns do not have
 _CATCH_UP_FACTOR = 1.3  # maximum speed while catching up with a sideways jump of SUMO's, divided by the usual maximum
 _STEP_BACK_MPS = 1.0  # on top of that speed, for a pedestrian whom a vehicle would touch
 
@@ -86,7 +86,7 @@ class LeadingPoints:
             sample.front_m[self._sumo_vehicles],
             population.sumo,
             tick_s,
-            *((_PATIENCE_S, ground.is_paved) if spec.map.path else ()),
+            _PATIENCE_S if spec.map.path else np.inf,
         )
         start_m = self._furniture_avoidance.move_aside(sample.pedestrian_m)
         self._pursuing_points = PursuingPoints(

@@ -12,7 +12,6 @@ of all bodies for a few seconds, at SUMO's moment, and limits the speeds of SUMO
   is clear, and no two drivers wait for each other.
 """
 
-from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -67,7 +66,6 @@ class CarefulDrivers:
         traffic: DriverControl,
         tick_s: float,
         patience_s: float = np.inf,
-        is_paved: Callable[[Float64Array], BoolArray] | None = None,
     ) -> None:
         """Start at rest.
 
@@ -77,10 +75,9 @@ class CarefulDrivers:
             front_m: (M, 3) fronts of the first M vehicles, which are SUMO's; the other vehicles never move.
             traffic: SUMO.
             tick_s: Length of a tick.
-            patience_s: Time after which a driver who yields creeps, or passes others closely or beside the pavement.
-            is_paved: Function from (N, 3) points to (N,) whether vehicles may drive there; None: everywhere.
+            patience_s: Time after which a driver who yields creeps or passes others closely.
         """
-        self._patience_s, self._is_paved = patience_s, is_paved
+        self._patience_s = patience_s
         self.braking_mps2: dict[int, float] = {}
         self._vehicles, self._sumo_count = bodies.boxes.vehicles, len(front_m)
         self._half_m = bodies.boxes.size_m[:, :2] / 2.0
@@ -164,23 +161,9 @@ class CarefulDrivers:
         conflicts = conflicts.select(self._heeds[conflicts.driver, is_pedestrian.astype(np.intp)])
         needed_mps2, brakes = self._decide_braking(conflicts, predicted)
         self._passing_offsets.update_offsets(moving, conflicts.select(conflicts.other < self._vehicles), predicted)
-        self._keep_on_pavement(np.setdiff1d(moving, self._patient))
         self._predictor.target_offset_m = self._passing_offsets.offset_m
         self._brake(drivers, conflicts.driver[brakes], needed_mps2[brakes])
         self._creep(drivers, conflicts.select(brakes), predicted)
-
-    def _keep_on_pavement(self, drivers: Int64Array) -> None:
-        """Let (D,) drivers move aside only as far as the fronts of their vehicles stay on the pavement."""
-        offset_m = self._passing_offsets.offset_m
-        aside = drivers[offset_m[drivers] != 0.0]
-        if self._is_paved is not None and len(aside):
-            side = np.sign(offset_m[aside])
-            steps_m = np.arange(0.0, _MAX_OFFSET_M + _OFFSET_STEP_M / 2.0, _OFFSET_STEP_M)
-            edge_m = side[:, None] * (self._half_m[aside, 1, None] + steps_m)
-            paved = self._is_paved(self._traffic.ahead_m(aside, np.zeros_like(edge_m), edge_m).reshape(-1, 3))
-            clear = np.logical_and.accumulate(paved.reshape(edge_m.shape), axis=1).sum(axis=1)
-            room_m = np.maximum(clear - 1, 0) * _OFFSET_STEP_M
-            offset_m[aside] = side * np.minimum(np.abs(offset_m[aside]), room_m)
 
     def _predict_released(self, now: PredictedTrajectories) -> PredictedTrajectories:
         """The trajectories of all bodies if those that yield drove off."""

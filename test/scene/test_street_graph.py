@@ -196,10 +196,7 @@ def test_a_map_is_closed_if_cars_get_from_everywhere_to_everywhere() -> None:
 def test_the_ends_of_roads_where_only_a_turn_follows_are_known() -> None:
     there, back = street("E_0", (0, 0), (100, 0), "-E_0"), street("-E_0", (100, 4), (0, 4), "W_0")
     on = [street("W_0", (-5, 4), (-100, 4), "N_0"), street("N_0", (-100, 24), (0, 40), "E_0")]
-    assert Streets(network(there, back, *on)).for_class("passenger").turns(at_ends_only=True) == {"E": "-E"}
-    there = street("E_0", (0, 0), (100, 0), "-E_0", "S_0")
-    graph = Streets(network(there, back, *on, street("S_0", (100, 0), (200, 0)))).for_class("passenger")
-    assert graph.turns(at_ends_only=False) == {"E": "-E"} and not graph.turns(at_ends_only=True)
+    assert Streets(network(there, back, *on)).for_class("passenger").turns_at_ends() == {"E": "-E"}
 
 
 def test_vehicles_do_not_turn_at_the_end_of_a_road_so_short_that_the_others_would_wait_in_the_junction() -> None:

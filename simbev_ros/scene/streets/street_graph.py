@@ -276,13 +276,11 @@ class StreetGraph:
         open_m = self.loop_lanes_m()
         return self._streets.is_closed or self.without_edges(closed).loop_lanes_m() >= _MIN_OPEN_SHARE * open_m
 
-    def turns(self, *, at_ends_only: bool) -> dict[str, str]:
-        """Edges with the edges that lead back from their ends; of roads that end, or also where others go on."""
+    def turns_at_ends(self) -> dict[str, str]:
+        """Edges that only a turn follows, at the ends of roads, each with the edge that leads back."""
         pairs = zip(*self._turns.nonzero(), strict=True)
-        kept = [
-            (there, back) for there, back in pairs if len(related(self._after_edge, there)) == 1 or not at_ends_only
-        ]
-        return {self._streets.edges[there]: self._streets.edges[back] for there, back in kept}
+        only = [(there, back) for there, back in pairs if len(related(self._after_edge, there)) == 1]
+        return {self._streets.edges[there]: self._streets.edges[back] for there, back in only}
 
     def has_successor(self, start_lane: str) -> bool:
         """Whether a vehicle can drive on beyond a lane."""

@@ -107,9 +107,8 @@ class Simulation:
         return self._spec.ticks, DURATION
 
     def _turning_room_on(self, network: RoadNetwork) -> TurningRoom:
-        """Rules for turning round at the ends of a map's roads, and at its junctions."""
-        # The junctions of our towns have room for turning; those of map files may have none.
-        turns = streets_of(network).for_class("passenger").turns(at_ends_only=not self._spec.map.path)
+        """Rules for turning round at the ends of a map's roads."""
+        turns = streets_of(network).for_class("passenger").turns_at_ends()
         lengths_m = {
             lane.edge: lane.length_m * lane.sumo_s_per_m for lane in network.lanes.values() if lane.edge in turns
         }

@@ -48,6 +48,14 @@ def _freeze() -> None:
     gc.freeze()
 
 
+@pytest.fixture(autouse=True)
+def _modules_of_current_folders() -> Iterator[None]:
+    """Undo what a command that ran in this process has set for its children."""
+    os.environ.pop("PYTHONSAFEPATH", None)
+    yield
+    os.environ.pop("PYTHONSAFEPATH", None)
+
+
 @pytest.fixture(scope="session")
 def store_server() -> Iterator[StoreServer]:
     """The S3 server of the test session."""

@@ -196,9 +196,7 @@ def run_app(commands: typer.Typer, name: str) -> None:
             commands(prog_name=name, standalone_mode=True)
     except (Interrupted, KeyboardInterrupt):
         verb = next(iter(sys.argv[1:]), "")
-        stderr.print(
-            "interrupted" if verb not in _GO_ON else f"interrupted; simbev {verb} goes on if it is called again"
-        )
+        stderr.print("interrupted; the same command goes on from here" if verb in _GO_ON else "interrupted")
         sys.exit(130)
     except Exception as error:
         if os.environ.get(_TRACEBACK_VARIABLE) and not isinstance(error, InputError):

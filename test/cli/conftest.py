@@ -25,7 +25,6 @@ def simbev(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) 
     def run(*arguments: object) -> Answer:
         monkeypatch.setattr(sys, "argv", ["simbev", *map(str, arguments)])
         monkeypatch.setenv("COLUMNS", "200")
-        monkeypatch.setenv("PYTHONSAFEPATH", "")  # the command sets it; other tests' programs import from their folders
         with pytest.raises(SystemExit) as ended:
             main()
         return Answer(int(ended.value.code or 0), *capsys.readouterr())

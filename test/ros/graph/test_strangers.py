@@ -1,7 +1,7 @@
 """A graph whose domain is full of malformed and forged messages records the same bytes as an undisturbed one."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from threading import Event, Thread
 
@@ -42,7 +42,24 @@ def forged(spec: SceneSpec) -> dict[str, list[String]]:
 
 
 @contextmanager
-def strangers(spec: SceneSpec) -> Iterator[None]:
+def _beside(send: Callable[[], None], ended: Event) -> Iterator[None]:
+    """Run a sender in a thread until the context, and with it ``ended``, is over."""
+    thread = Thread(target=send)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
+
+
+def spec_of(recorded: Path) -> SceneSpec:
+    with SceneBag(recorded) as bag:
+        assert bag.spec is not None
+        return bag.spec
+
+
+def strangers(spec: SceneSpec) -> AbstractContextManager[None]:
     """Nodes of others that send, again and again, what could disturb a scene."""
     words = [String(data=text) for text in ("", "nonsense", "{}", "[]", '{"stamp_ns": "soon"}', "\x00")]
     texts = {topic: words + messages for topic, messages in forged(spec).items()} | {"/world/weather": words}
@@ -71,23 +88,14 @@ def strangers(spec: SceneSpec) -> Iterator[None]:
                     sender.publish(PointCloud2(header=header(spec.stamp_ns(2), "map")))
                     sender.publish(TABLE)
 
-    thread = Thread(target=send)
-    thread.start()
-    try:
-        yield
-    finally:
-        ended.set()
-        thread.join()
+    return _beside(send, ended)
 
 
 @pytest.mark.slow
 def test_a_scene_among_strangers_is_the_same(
     recorded: Path, simbev: Simbev, small_config: Config, tmp_path: Path
 ) -> None:
-    with SceneBag(recorded) as bag:
-        assert bag.spec is not None
-        spec = bag.spec
-    with strangers(spec):
+    with strangers(spec_of(recorded)):
         code, output = simbev("run", small_config(), "--record", tmp_path / "out").finish()
     assert code == 0, output
     assert digests(tmp_path / "out" / SCENE) == digests(recorded)
@@ -95,8 +103,7 @@ def test_a_scene_among_strangers_is_the_same(
     assert "ignored messages on /world/request: " in output
 
 
-@contextmanager
-def forger(spec: SceneSpec) -> Iterator[None]:
+def forger(spec: SceneSpec) -> AbstractContextManager[None]:
     """A node that sends well-formed clouds for ticks that are still to come."""
     ended = Event()
 
@@ -109,23 +116,14 @@ def forger(spec: SceneSpec) -> Iterator[None]:
                         PointCloud2(header=header(spec.stamp_ns(tick), "lidar"), height=1, fields=TABLE.fields)
                     )
 
-    thread = Thread(target=send)
-    thread.start()
-    try:
-        yield
-    finally:
-        ended.set()
-        thread.join()
+    return _beside(send, ended)
 
 
 @pytest.mark.slow
 def test_a_scene_with_a_second_sender_is_not_complete(
     recorded: Path, simbev: Simbev, small_config: Config, tmp_path: Path
 ) -> None:
-    with SceneBag(recorded) as bag:
-        assert bag.spec is not None
-        spec = bag.spec
-    with forger(spec):
+    with forger(spec_of(recorded)):
         code, output = simbev("run", small_config(), "--record", tmp_path / "out").finish()
     assert code != 0 and "from a second sender" in output, output
     with SceneBag(next((tmp_path / "out").glob("scenes/*/*"))) as bag:

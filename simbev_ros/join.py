@@ -113,7 +113,12 @@ class Lockstep:
         self._node.destroy_publisher(self._ready)
 
     def _on_scene(self, message: String) -> None:
-        scene = json.loads(message.data)
+        try:
+            scene = json.loads(message.data)
+            _ = _name_of(scene), f"{scene['tick_ns']:d}"
+        except (ValueError, LookupError, TypeError, RecursionError) as error:  # any process can send messages
+            self._node.get_logger().warning(f"ignored a malformed message on /world/scene: {error!r:.200}")
+            return
         self.scene = None  # while it loads, no tick of it can be finished
         if self._load is not None:
             self._load(scene)
@@ -136,6 +141,11 @@ class Lockstep:
             self._report(self.scene, stamp_ns=0)
 
     def _report(self, scene: dict[str, Any], stamp_ns: int) -> None:
-        message = Header(frame_id=f"{self._name}:{scene['map']['name']}-{scene['number']:04d}")
+        message = Header(frame_id=f"{self._name}:{_name_of(scene)}")
         message.stamp.sec, message.stamp.nanosec = divmod(stamp_ns, _NS_PER_S)
         self._ready.publish(message)
+
+
+def _name_of(scene: dict[str, Any]) -> str:
+    """Name of a scene, as the graph has it."""
+    return f"{scene['map']['name']}-{scene['number']:04d}"

@@ -1,5 +1,6 @@
 """Answers frames with a trained baseline on ONNX Runtime, on the CPU or a GPU."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +24,8 @@ WEIGHTS_FOLDER = Path(__file__).parent / "weights"
 """Weights that come with the package: ``lidar.onnx`` and so on."""
 ABOUT_KEY = "simbev_ros"
 """Metadata of an ONNX file: what it is, as JSON."""
+_MAX_SWEEPS, _MAX_AGE_S = 64, 60.0
+_MAX_IMAGE_VALUES = 1 << 28
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,22 +61,24 @@ class Baseline:
 
     def __init__(self, path: Path, threads: int | None = None, *, gpu: bool = True) -> None:
         self._path, self._session = path, _session(path, threads, gpu)
-        text = self._session.get_modelmeta().custom_metadata_map.get(ABOUT_KEY)
-        if text is None:
-            raise InputError(f"{path}: is not a baseline of simbev_ros; `simbev train` writes such files")
         with foreign_content(f"{path}: {ABOUT_KEY}"):
+            text = self._session.get_modelmeta().custom_metadata_map.get(ABOUT_KEY)
+            if text is None:
+                raise InputError(f"{path}: is not a baseline of simbev_ros; `simbev train` writes such files")
             about: dict[str, Any] = parse_json(text)
             missing = {"modality", "sweep_ages_s"} - about.keys()
             if missing:
                 raise InputError(f"{path}: says no {', '.join(sorted(missing))}; export it with this version")
             self.about = about
             self.modality = Modality(about["modality"])
-            self.sweep_ages_ns = sweep_ages_ns(about["sweep_ages_s"])
+            self.sweep_ages_ns = _sweep_ages_ns(about["sweep_ages_s"])
         with foreign_content(f"{path}: inputs"):
             shapes = {each.name: each.shape for each in self._session.get_inputs()}
-            images = shapes.get("images")
-            self.cameras = int(images[0]) if images else 0
-            self.camera_size_px = (int(images[2]), int(images[1])) if images else None
+            images = [int(each) for each in shapes.get("images") or ()]
+            self.cameras = images[0] if images else 0
+            self.camera_size_px = (images[2], images[1]) if images else None
+            if images and not (min(images) > 0 and math.prod(images) <= _MAX_IMAGE_VALUES):
+                raise ValueError(f"images: have the shape {images!s:.80}; at most {_MAX_IMAGE_VALUES:,} are read")
 
     def answer(
         self,
@@ -103,6 +108,16 @@ class Baseline:
             return Answer(np.pad(cells, ((0, 0), (0, 0), (0, later))) if later else cells, decode_boxes(heat, values))
         except Exception as error:  # ONNX Runtime's errors have no common base
             raise InputError(f"{self._path}: cannot answer: {' '.join(str(error).split())[:200]}") from error
+
+
+def _sweep_ages_ns(ages_s: Any) -> tuple[int, ...]:
+    """Ages of sweeps in ns; raises ValueError if a model cannot have them."""
+    is_list = isinstance(ages_s, list) and 1 <= len(ages_s) <= _MAX_SWEEPS
+    if not is_list or not all(type(age) in (int, float) and 0 <= age <= _MAX_AGE_S for age in ages_s):
+        raise ValueError(f"sweep_ages_s: must be 1 to {_MAX_SWEEPS} ages from 0 to {_MAX_AGE_S:g} s")
+    if sorted(set(ages_s)) != ages_s:
+        raise ValueError("sweep_ages_s: must ascend")
+    return sweep_ages_ns(ages_s)
 
 
 def weights_file(modality: Modality) -> Path:

@@ -56,7 +56,8 @@ def make_gallery(
     specs = [map_spec(name, seed) for name in maps or known_maps()]
     street = next((spec for spec in specs if spec.name == STREET_MAP), specs[0])
     sections = _sections(specs, street)
-    make_room(out, [path for section in sections for path in (_sheet(out, section), out / section.name)], overwrite)
+    folders = [out / section.name for section in sections]
+    make_room(out, [_sheet(out, section) for section in sections], overwrite, folders)
     for spec in specs:
         network = load_roads(spec, display)
         build_missing_regions(spec, network, regions_of(network.layout, _reach(network)), display)

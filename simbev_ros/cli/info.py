@@ -127,8 +127,9 @@ def _page(report: Path) -> Path:
     require_name(report)
     if report.exists() and not report.is_dir():
         raise InputError(f"{report}: is a file; allowed: a folder, or a name that ends in .html")
-    make_room(report, [], overwrite=True)
-    return report / "index.html"
+    page = report / "index.html"
+    make_room(report, [page], overwrite=True)
+    return page
 
 
 def _write_report(path: AnyPath, page: Path, pool: Pool, *, videos: bool) -> None:

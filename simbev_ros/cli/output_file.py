@@ -15,8 +15,12 @@ from simbev_ros.foundation.files.whole_files import is_stream, require_replaceab
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace existing pictures.")]
 
 
-def require_place(file: Path) -> None:
+def require_place(file: Path, *, folder_is_made: bool = False) -> None:
     """Check that a file can be created in its folder, before hours are spent on its content.
+
+    Args:
+        file: The file.
+        folder_is_made: Whether its folder is made if there is none.
 
     Raises:
         DiskError: The disk is full.
@@ -26,7 +30,7 @@ def require_place(file: Path) -> None:
     _require_no_url(file)
     if is_stream(file):
         return
-    if not is_folder(file.absolute().parent):
+    if not (folder_is_made or is_folder(file.absolute().parent)):
         raise InputError(f"{file}: there is no folder {file.absolute().parent}")
     if file.is_dir():
         raise InputError(f"{file}: is a folder, not a file")
@@ -35,20 +39,25 @@ def require_place(file: Path) -> None:
         require_writable(file.parent)
 
 
-def make_room(out: Path, targets: list[Path], overwrite: bool) -> None:
-    """Make the folder for some files.
+def make_room(out: Path, files: list[Path], overwrite: bool, folders: Iterable[Path] = ()) -> None:
+    """Make the folder for some files, and for folders that are made with them.
 
     Raises:
         DiskError: The disk is full.
-        InputError: The folder cannot be made or written to, or a file exists and must not be overwritten.
+        InputError: The folder cannot be made or written to, a file exists and must not be overwritten, or it is what
+            no file replaces.
     """
     _require_no_url(out)
     require_writable(out)
     with write_errors(out):
         out.mkdir(parents=True, exist_ok=True)
-    taken = [path for path in targets if path.exists()]
+    taken = [path for path in (*files, *folders) if path.exists()]
     if taken and not overwrite:
         raise InputError(f"{taken[0]}: exists already; nothing was overwritten (--overwrite replaces it)")
+    for file in files:
+        require_place(file)
+    for folder in folders:
+        require_replaceable(folder)
 
 
 def _require_no_url(path: Path) -> None:

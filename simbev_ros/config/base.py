@@ -45,8 +45,10 @@ def dotted_path(keys: Sequence[str | int]) -> str:
     return "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in keys).removeprefix(".")
 
 
-def first_problem(error: ValidationError) -> str:
+def first_problem(error: Exception) -> str:
     """The first error of a validation as one line: field, requirement, and the value if there is one."""
+    if not isinstance(error, ValidationError):
+        return repr(error)
     entry = error.errors()[0]
     field = ".".join(map(str, entry["loc"]))
     message = entry["msg"].removeprefix("Value error, ")

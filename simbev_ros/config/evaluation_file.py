@@ -8,7 +8,7 @@ from simbev_ros.config.base import first_problem
 from simbev_ros.config.evaluation import Evaluation
 from simbev_ros.config.load import find_config
 from simbev_ros.config.yaml_file import YamlFile
-from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.errors import FOREIGN_ERRORS, InputError
 
 _SECTION = "evaluation"
 
@@ -27,3 +27,5 @@ def load_evaluation(path_or_name: str | Path) -> Evaluation:
     except ValidationError as error:
         line = file.line_of((_SECTION, *error.errors()[0]["loc"])) or 1
         raise InputError(f"{file.path}:{line}: {_SECTION}.{first_problem(error)}") from None
+    except FOREIGN_ERRORS as error:
+        raise InputError(f"{file.path}: {_SECTION}: {first_problem(error)}") from None

@@ -18,7 +18,7 @@ from simbev_ros.config.paths import shipped_config_dir
 from simbev_ros.config.rig import SENSOR_KINDS
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.config.yaml_file import YamlFile
-from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.errors import InputError, foreign_content
 from simbev_ros.foundation.files.input_file import is_file, path_exists
 from simbev_ros.foundation.files.limits import MAX_YAML_BYTES
 
@@ -32,7 +32,9 @@ def load_scenario(path_or_name: str | Path) -> Scenario:
     Raises:
         InputError: There is no such file, or it is invalid.
     """
-    return _read(YamlFile(find_config(path_or_name)))
+    path = find_config(path_or_name)
+    with foreign_content(path):
+        return _read(YamlFile(path))
 
 
 def parse_scenario(text: str, name: str) -> Scenario:
@@ -47,7 +49,8 @@ def parse_scenario(text: str, name: str) -> Scenario:
     """
     if len(text.encode(errors="replace")) > MAX_YAML_BYTES:
         raise InputError(f"{name}: is longer than {MAX_YAML_BYTES >> 20} MiB")
-    return _read(YamlFile(Path(name), text))
+    with foreign_content(name):
+        return _read(YamlFile(Path(name), text))
 
 
 def _read(file: YamlFile) -> Scenario:

@@ -13,7 +13,7 @@ from simbev_ros.config.base import first_problem
 from simbev_ros.config.names import NAME_PATTERN, Name
 from simbev_ros.config.scenario import Split
 from simbev_ros.dataset.index_row import Row, index_row
-from simbev_ros.foundation.errors import BagError, InputError
+from simbev_ros.foundation.errors import FOREIGN_ERRORS, BagError, InputError
 from simbev_ros.foundation.files.confined_paths import path_inside
 from simbev_ros.foundation.files.input_file import require_file
 from simbev_ros.foundation.files.limits import (
@@ -97,7 +97,9 @@ def read_rows(path: AnyPath, source: Path | pa.BufferReader) -> pa.Table:
             _require_range(path, name, table.column(name), largest)
         for batch in table.select(["number", *_RowNames.model_fields]).to_batches(_GROUP_ROWS):
             _require_names(path, batch.to_pylist())
-    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
+    except InputError:
+        raise
+    except (pa.ArrowException, OSError, *FOREIGN_ERRORS) as error:
         raise InputError(f"{path}: {error}; {_REBUILD_HINT}") from None
     return _with_later_columns(table)
 

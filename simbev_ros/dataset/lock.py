@@ -26,9 +26,10 @@ class DatasetLock:
             self._file = os.fdopen(open_lock_file(dataset / _LOCK_FILE), "r+", errors="replace")
             lock_file(self._file.fileno())
         except BlockingIOError:
-            holder = self._file.read(_MAX_PID_DIGITS).strip() or "unknown"
+            holder = self._file.read(_MAX_PID_DIGITS).strip()
             self._file.close()
-            raise InputError(f"{dataset}: process {holder} is writing into it") from None
+            name = f"process {holder}" if holder.isdecimal() else "another process"
+            raise InputError(f"{dataset}: {name} is writing into it") from None
         except OSError as error:
             raise InputError(f"{dataset}: cannot be written to: {error.strerror}") from None
         self._file.truncate(0)

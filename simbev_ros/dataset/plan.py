@@ -13,12 +13,12 @@ from itertools import islice
 from pathlib import Path
 from typing import Self, overload
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from simbev_ros.config.base import Model, first_problem
 from simbev_ros.config.names import NAME_PATTERN, Name
 from simbev_ros.config.scenario import SPLITS, MapScenes, Scenario, Split
-from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.errors import FOREIGN_ERRORS, InputError
 from simbev_ros.foundation.files.confined_paths import path_inside, refuse_links_out
 from simbev_ros.foundation.files.input_file import path_exists, read_small_file
 from simbev_ros.foundation.files.limits import MAX_SCENE_NUMBER
@@ -64,7 +64,7 @@ class Plan(Stored):
         path, content = _read_plan(dataset)
         try:
             plan = cls() if content is None else cls.from_json(content)
-        except ValidationError as error:
+        except FOREIGN_ERRORS as error:
             raise InputError(f"{path}: {first_problem(error)}") from None
         known = {entry.number for entry in (*plan.scenes, *plan.dropped)}
         return plan.with_entries(entry for entry in _recorded_entries(dataset) if entry.number not in known)

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from rosbags.serde import SerdeError
 
-from simbev_ros.foundation.errors import BagError
+from simbev_ros.foundation.errors import FOREIGN_ERRORS, BagError
 from simbev_ros.foundation.files.structured_text import parse_json
 from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_quaternion
 from simbev_ros.foundation.types import AnyArray, Float64Array, Table
@@ -67,7 +67,7 @@ def decode_message(type_name: str, payload: memoryview) -> Any:
     """
     try:
         return types_with(type_name).deserialize_cdr(payload, type_name)
-    except (SerdeError, KeyError) as error:
+    except (SerdeError, *FOREIGN_ERRORS) as error:
         raise BagError(f"no {type_name}: {error}") from None
 
 

@@ -23,6 +23,7 @@ from typing import Any
 
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.files.confined_paths import path_inside
+from simbev_ros.foundation.files.structured_text import parse_json
 from simbev_ros.foundation.files.syncing import sync
 from simbev_ros.foundation.files.whole_files import write_errors, write_whole
 from simbev_ros.recording.layout import PARTIAL_SUFFIX, bytes_of, locate_mcap
@@ -55,10 +56,10 @@ class Part:
     def record(self) -> Json | None:
         """The record of the part; None if the part is not finished, or outdated."""
         try:
-            record: Json = json.loads(self._record_path.read_bytes())
+            record = parse_json(self._record_path.read_bytes())
         except (OSError, ValueError):
             return None
-        return record if self.identity.items() <= record.items() else None
+        return record if isinstance(record, dict) and self.identity.items() <= record.items() else None
 
     def finished_record(self) -> Json:
         """The record of a part that is finished.

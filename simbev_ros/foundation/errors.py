@@ -11,13 +11,16 @@ import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-NPZ_DAMAGE = (
-    *(ValueError, LookupError, OSError, EOFError, RuntimeError, MemoryError, SyntaxError, TypeError),
-    *(struct.error, tokenize.TokenError, zipfile.BadZipFile, zlib.error),
+FOREIGN_ERRORS = (
+    *(ValueError, LookupError, TypeError, AttributeError, ArithmeticError, AssertionError),
+    *(RuntimeError, MemoryError, EOFError, struct.error),
 )
+"""Exceptions that Python and libraries raise over content that they did not expect, after it has been read."""
+
+NPZ_DAMAGE = (*FOREIGN_ERRORS, OSError, SyntaxError, tokenize.TokenError, zipfile.BadZipFile, zlib.error)
 """Exceptions that numpy raises when it reads a damaged NPY or NPZ file, depending on which bytes are damaged."""
 
-_FOREIGN = (*NPZ_DAMAGE, ArithmeticError, AttributeError, AssertionError, StopIteration)
+_FOREIGN = (*NPZ_DAMAGE, StopIteration)
 _MAX_WORDS = 200
 
 DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
@@ -70,6 +73,8 @@ def foreign_content(source: object) -> Iterator[None]:
     except SimbevError:
         raise
     except _FOREIGN as error:
+        if isinstance(error, OSError) and error.errno in DISK_FULL:
+            raise
         words = " ".join(str(error).split())
         short = words if len(words) <= _MAX_WORDS else f"{words[:_MAX_WORDS]} …"
         raise InputError(f"{source}: cannot be read: {short or type(error).__name__}") from error

@@ -5,10 +5,11 @@ import logging
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from simbev_ros.config.map_files import suffix_of
-from simbev_ros.foundation.errors import InputError, SimulationError
+from simbev_ros.foundation.errors import InputError, SimulationError, foreign_content
 from simbev_ros.maps.findings import WALKED_VERGES, Finding, Outcome, sentences_of
 from simbev_ros.maps.lanelet2.importer import import_lanelet2
 from simbev_ros.maps.lanelet2.reader import has_lanelets
@@ -91,11 +92,15 @@ def _parts_of(spec: MapSpec, work: Path) -> MapParts:
     """Plan a town or import a map's file; intermediate files go to the work folder."""
     if spec.path:
         path, suffix = file_of(spec), suffix_of(spec.path)
+        importer: Callable[[Path, Path], MapParts]
         if has_lanelets(path, suffix):
             if spec.bounds is not None:
                 raise InputError(f"bounds: only OpenStreetMap files have parts that can be chosen; {path} has lanelets")
-            return import_lanelet2(path, work)
-        if is_street_map(suffix):
-            return import_osm(path, work, spec.bounds)
-        return _IMPORTERS[Path(f"map{suffix}").suffixes[0]](path, work)
+            importer = import_lanelet2
+        elif is_street_map(suffix):
+            importer = partial(import_osm, bounds=spec.bounds)
+        else:
+            importer = _IMPORTERS[Path(f"map{suffix}").suffixes[0]]
+        with foreign_content(path):
+            return importer(path, work)
     return build_town(recipe_of(spec.name), spec.seed, work)

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from simbev_ros.foundation.errors import BagError
+from simbev_ros.foundation.errors import FOREIGN_ERRORS, BagError
 from simbev_ros.foundation.types import AnyArray, Table
 from simbev_ros.recording.image_codecs import decode_image
 
@@ -49,7 +49,7 @@ def point_array(message: Any) -> Table:
     """
     try:
         dtype = point_dtype(message)
-    except ValueError as error:
+    except FOREIGN_ERRORS as error:
         raise BagError(f"point cloud: {error}") from None
     row_bytes = message.width * message.point_step
     data = np.frombuffer(message.data, np.uint8)

@@ -18,7 +18,7 @@ import numpy as np
 import simplejpeg
 
 from simbev_ros.config.scenario import DepthForm, Recording
-from simbev_ros.foundation.errors import BagError, LimitError
+from simbev_ros.foundation.errors import FOREIGN_ERRORS, BagError, LimitError
 from simbev_ros.foundation.files.limits import MAX_IMAGE_SIDE_PX, require_unpacked_size
 from simbev_ros.foundation.types import AnyArray, BoolArray, Float32Array, UInt8Array, UInt16Array
 from simbev_ros.recording.png import RowFilter, decode_png, encode_png
@@ -216,7 +216,7 @@ def decode_image(image_format: str, data: bytes) -> AnyArray:
         raise BagError(f"compressed image of unknown format {image_format!r}")
     try:
         return _DECODERS[image_format](data)
-    except (ValueError, struct.error) as error:
+    except FOREIGN_ERRORS as error:
         raise BagError(f"compressed image of format {image_format!r} cannot be decoded: {error}") from None
 
 

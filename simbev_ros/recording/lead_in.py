@@ -8,7 +8,7 @@ import json
 from collections.abc import Iterable
 from typing import Any
 
-from simbev_ros.foundation.errors import BagError
+from simbev_ros.foundation.errors import FOREIGN_ERRORS, BagError
 from simbev_ros.foundation.files.structured_text import parse_json
 from simbev_ros.recording.reader import RawMessage
 
@@ -35,7 +35,7 @@ def lead_in_messages(attachment: bytes) -> list[RawMessage]:
     """
     try:
         return [_message(**entry) for entry in parse_json(attachment)]
-    except (ValueError, TypeError) as error:
+    except FOREIGN_ERRORS as error:
         raise BagError(f"the lead-in is damaged: {error}") from None
 
 

@@ -11,11 +11,10 @@ from typing import Any, BinaryIO, NamedTuple, Self
 import numpy as np
 from mcap.opcode import Opcode
 from mcap.records import Channel, Message, Schema
-from pydantic import ValidationError
 from rosbags.serde import SerdeError
 
 from simbev_ros.config.base import first_problem
-from simbev_ros.foundation.errors import BagError
+from simbev_ros.foundation.errors import FOREIGN_ERRORS, BagError
 from simbev_ros.foundation.files.limits import MAX_SCENE_TICKS
 from simbev_ros.foundation.files.structured_text import parse_json, parse_yaml
 from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath
@@ -113,7 +112,7 @@ class SceneBag:
         """
         try:
             return parse_json(self.custom_data.get(name, "null"))
-        except ValueError as error:
+        except FOREIGN_ERRORS as error:
             raise BagError(f"{self.path}: {name} in the bag's description is damaged: {error}") from None
 
     def counts(self, name: str) -> Mapping[str, int] | None:
@@ -124,7 +123,7 @@ class SceneBag:
         """
         try:
             return parse_counts(self.custom_data[name]) if name in self.custom_data else None
-        except ValueError as error:
+        except FOREIGN_ERRORS as error:
             raise BagError(f"{self.path}: {name} in the bag's description is damaged: {error}") from None
 
     @property
@@ -206,7 +205,7 @@ class SceneBag:
         """
         try:
             return types_with(message.type_name).deserialize_cdr(message.data, message.type_name)
-        except (SerdeError, KeyError) as error:
+        except (SerdeError, *FOREIGN_ERRORS) as error:
             raise BagError(f"{self.path}: {message.topic} at {message.stamp_ns} ns: {error}") from None
 
     def close(self) -> None:
@@ -266,7 +265,7 @@ def text_in(message: bytes | memoryview) -> bytes:
     """UTF-8 text in a serialized std_msgs/String. Raises BagError if it is none."""
     try:
         value: Any = types_with(_STRING).deserialize_cdr(bytes(message), _STRING)
-    except SerdeError as error:
+    except (SerdeError, *FOREIGN_ERRORS) as error:
         raise BagError(f"a text on a topic is damaged: {error}") from None
     return str(value.data).encode()
 
@@ -282,7 +281,7 @@ def attached_spec(attachments: Mapping[str, bytes], path: AnyPath) -> SceneSpec 
         return None
     try:
         return SceneSpec.from_json(text)
-    except ValidationError as error:
+    except FOREIGN_ERRORS as error:
         raise BagError(f"{path}: {SCENE_ATTACHMENT}: {first_problem(error)}") from None
 
 
@@ -298,7 +297,7 @@ def _custom_data(metadata: Mapping[str, Mapping[str, str]], path: AnyPath) -> di
     text = metadata.get("rosbag2", {}).get("serialized_metadata", "")
     try:
         return custom_data_in(parse_yaml(text) or {})
-    except ValueError as error:
+    except FOREIGN_ERRORS as error:
         raise BagError(f"{path}: the bag's description is damaged: {error}") from None
 
 

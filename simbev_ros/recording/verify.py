@@ -11,7 +11,7 @@ from mcap.records import Message
 from rosbags.serde import SerdeError
 
 from simbev_ros.config.scenario import RecordedTopics
-from simbev_ros.foundation.errors import BagError, InputError, foreign_content
+from simbev_ros.foundation.errors import FOREIGN_ERRORS, BagError, InputError, foreign_content
 from simbev_ros.foundation.files.limits import MAX_OSM_BYTES
 from simbev_ros.foundation.files.structured_text import load_yaml, parse_json, parse_yaml
 from simbev_ros.foundation.files.unpacking import bunzip2
@@ -107,7 +107,7 @@ class _MessageChecker:
         kind = content.schemas[channel.schema_id].name
         try:
             stamp_ns = embedded_stamp_ns(types_with(kind).deserialize_cdr(message.data, kind))
-        except (SerdeError, KeyError, ValueError, AssertionError, TypeError, OverflowError) as error:
+        except (SerdeError, *FOREIGN_ERRORS) as error:
             self.faults.append((channel.topic, f"at {message.log_time} ns: no {kind}: {error}"))
             return
         if stamp_ns not in (None, message.log_time):

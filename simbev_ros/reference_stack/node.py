@@ -82,12 +82,16 @@ class ReferenceStack(Node):
 
     def _on_scene(self, message: String) -> None:
         """Start a new scene; its first tick waits until this node reports that it is ready."""
+        try:
+            scene = self.start_scene(message.data)
+        except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
+            self.get_logger().warning(f"ignored a malformed message on world/scene: {error!r:.200}")
+            return
         if self._points is not None:  # the next graph may be live although this one is not, or vice versa
             self.destroy_subscription(self._points)
         self._points, self._polls_connected = None, 0
-        self._scene = self.start_scene(message.data)
-        self._pipeline = Pipeline(self._scene.ego_from_lidar, self._scene.grid)
-        patience_ns = _PATIENCE_TICKS * self._scene.tick_ns
+        self._scene, self._pipeline = scene, Pipeline(scene.ego_from_lidar, scene.grid)
+        patience_ns = _PATIENCE_TICKS * scene.tick_ns
         self._join = TickJoin(all_of(self.due, patience_ticks=patience_ns, in_order=True))
 
     def start_scene(self, text: str) -> Scene:

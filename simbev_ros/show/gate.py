@@ -100,10 +100,11 @@ class Gate:
     def _judge(self, head: bytes) -> tuple[str, bytes]:
         """Why a request is refused (empty: it is not), and what the server receives: it never sees the token."""
         line, _, rest = head.partition(b"\r\n")
-        words = line.split(b" ")
-        if _END_OF_HEAD not in head or len(words) != 3:
+        words, lines = line.split(b" "), rest.partition(_END_OF_HEAD)[0].split(b"\r\n")
+        is_plain = not any(b"\r" in each or b"\n" in each for each in (line, *lines))  # which end lines for some
+        if _END_OF_HEAD not in head or len(words) != 3 or not words[0].isalpha() or not is_plain:
             return "not a request", b""
-        headers = [each.split(b":", 1) for each in rest.partition(_END_OF_HEAD)[0].split(b"\r\n") if b":" in each]
+        headers = [each.split(b":", 1) for each in lines if b":" in each]
         hosts = [value.strip().decode("latin-1") for name, value in headers if name.strip().lower() == b"host"]
         if len(hosts) != 1 or not is_own_host(hosts[0]):
             return "this host name is not this machine's; use its address", b""

@@ -75,6 +75,7 @@ def test_a_model_with_other_metadata_loads(tmp_path: Path) -> None:
     "text",
     [
         b"{",
+        b"\xff",
         b"[]",
         b"7",
         b"null",
@@ -86,6 +87,11 @@ def test_a_model_with_other_metadata_loads(tmp_path: Path) -> None:
         b'{"modality": "lidar", "sweep_ages_s": [NaN]}',
         b'{"modality": "lidar", "sweep_ages_s": [1e999]}',
         b'{"modality": "lidar", "sweep_ages_s": {"a": "b"}}',
+        b'{"modality": "lidar", "sweep_ages_s": ["a"]}',
+        b'{"modality": "lidar", "sweep_ages_s": []}',
+        b'{"modality": "lidar", "sweep_ages_s": [-1, 0]}',
+        b'{"modality": "lidar", "sweep_ages_s": [1, 0]}',
+        b'{"modality": "lidar", "sweep_ages_s": [' + b",".join(b"%d" % age for age in range(65)) + b"]}",
     ],
 )
 def test_hostile_metadata_are_refused_in_one_line(tmp_path: Path, text: bytes) -> None:

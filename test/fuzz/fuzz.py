@@ -17,6 +17,8 @@ from simbev_ros.foundation.files.limits import MAX_UNPACKED_VARIABLE
 
 ROOT = Path(__file__).parents[2]
 OUT = ROOT / "out" / "fuzz"
+SUPPORT = ROOT / "test" / "support"
+"""Folder of modules that targets and tests share."""
 _LIMIT_MIB = 64
 _MAX_MEMORY_MIB = 2048
 _TIMEOUT_S = 30
@@ -32,9 +34,7 @@ class Result(NamedTuple):
 
 def main() -> None:
     """Run the targets and print a table of results; exit with 1 after a find."""
-    if find_spec("atheris") is None:
-        version = ".".join(map(str, sys.version_info[:2]))
-        sys.exit(f"simbev: atheris, which ./simbev fuzz needs, has no package for Python {version} on this machine")
+    sys.path.append(str(SUPPORT))
     from targets import TARGETS
 
     parser = argparse.ArgumentParser(prog="simbev fuzz", description="Fuzz the readers of foreign files and messages.")
@@ -45,6 +45,9 @@ def main() -> None:
         parser.error(f"there is no target {unknown[0]!r}; allowed: {', '.join(TARGETS)}")
     if options.seconds < 1:
         parser.error(f"--seconds: is {options.seconds}; allowed: 1 and more")
+    if find_spec("atheris") is None:
+        version = ".".join(map(str, sys.version_info[:2]))
+        sys.exit(f"simbev: atheris, which ./simbev fuzz needs, has no package for Python {version} on this machine")
     print(f"{'target':<18}{'executions':>12}{'coverage':>10}  finds")
     results = []
     for name in options.target or TARGETS:
@@ -63,7 +66,8 @@ def run_target(name: str, corpus: Path, seconds: int) -> Result:
         *("-print_final_stats=1", f"-artifact_prefix={OUT / name}/"),
     ]
     command = [sys.executable, str(Path(__file__).parent / "fuzz_target.py"), name, *options, str(found), str(corpus)]
-    environment = {**os.environ, MAX_UNPACKED_VARIABLE: str(_LIMIT_MIB)}
+    modules = os.pathsep.join([str(SUPPORT), *filter(None, [os.environ.get("PYTHONPATH")])])
+    environment = {**os.environ, MAX_UNPACKED_VARIABLE: str(_LIMIT_MIB), "PYTHONPATH": modules}
     log = OUT / name / "log"
     with log.open("wb") as stream:
         code = subprocess.run(command, stdout=stream, stderr=stream, env=environment, check=False).returncode

@@ -27,6 +27,7 @@ from lane_sample import LANE
 from lanelet2_sample import LaneletSample, straight_lane
 from made_up_scene import made_up_spec
 from mcap.writer import CompressionType, Writer
+from more_samples import served_samples, stored_samples
 from targets import KEY, MESSAGE_TYPES, STAMPS_NS, TARGETS
 
 from simbev_ros.dataset.index import INDEX_FILE
@@ -136,6 +137,8 @@ def samples() -> Iterator[tuple[str, str, bytes]]:
     yield "flow", "valid", encode_image("32FC2", np.stack([_IMAGE, _IMAGE], axis=2).astype(np.float32))
     yield from _predictions()
     yield from _messages()
+    yield from served_samples(_SPEC)
+    yield from stored_samples(_OSM)
 
 
 def _lanelets() -> str:

@@ -4,10 +4,8 @@ A target writes the bytes to where its reader expects them, reads everything, an
 promises of the reader. Anything else than the documented errors is a fault.
 """
 
-import atexit
 import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
 from random import Random
@@ -19,7 +17,9 @@ import numpy as np
 from made_up_scene import SENSORS, made_up_spec
 from rclpy.serialization import deserialize_message
 from ros_messages import string
-from rosbags.typesys import Stores, get_typestore
+from served_targets import SERVED_TARGETS
+from stored_targets import STORED_TARGETS
+from target import CORPUS, Target, folder, write_file
 
 from simbev_ros.config.evaluation import BOXES_TOPIC, GRIDS_TOPIC
 from simbev_ros.config.load import load_scenario
@@ -61,71 +61,17 @@ from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.trajectories import futures, tracks_from_npz
 from simbev_ros.simulation.replay.replay import Replay, recorded_spec
 
-CORPUS = Path(__file__).parent / "corpus"
 STAMPS_NS = 3_600_050_000_000 + 50_000_000 * np.arange(4)
 """Stamps of the frames that predictions are for."""
 KEY = "key"
 """Key of the signed samples."""
 
-_TYPES = get_typestore(Stores.ROS2_JAZZY)
 _BAG = "Blocks-0000_0.mcap"
 _CACHE_BYTES = 1 << 20
 
 
-@dataclass(frozen=True)
-class Target:
-    """A reader of foreign bytes.
-
-    Attributes:
-        name: Its name; that of its corpus too.
-        read: Reads bytes and checks the result.
-        errors: Exceptions that the reader documents.
-        mutate: Mutator that fits its format.
-        examples: Number of mutations in a test run that takes about a second.
-        corpus: Name of the corpus, if it is that of another target.
-    """
-
-    name: str
-    read: Callable[[bytes], None]
-    errors: tuple[type[Exception], ...]
-    mutate: mutation.Mutator = mutation.mutate_bytes
-    examples: int = 100
-    corpus: str = ""
-
-    @property
-    def folder(self) -> Path:
-        """Folder of the corpus: valid samples, called ``valid…``, and inputs that were faults once."""
-        return CORPUS / (self.corpus or self.name)
-
-    def samples(self, pattern: str = "*") -> dict[str, bytes]:
-        """Content of the corpus by the names of its files, sorted."""
-        return {path.name: path.read_bytes() for path in sorted(self.folder.glob(pattern))}
-
-    def run(self, data: bytes) -> None:
-        """Read bytes that may be anything; raises only what is a fault."""
-        try:
-            self.read(data)
-        except self.errors as error:
-            assert str(error), "an error without a message"
-
-
-@cache
-def _folder() -> Path:
-    folder = tempfile.TemporaryDirectory(prefix="simbev-fuzzing-")
-    atexit.register(folder.cleanup)
-    return Path(folder.name)
-
-
-def _file(name: str, data: bytes) -> Path:
-    """Write a file, which replaces the one before."""
-    path = _folder() / name
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(data)
-    return path
-
-
 def _read_configuration(data: bytes) -> None:
-    scenario = load_scenario(_file("configuration.yaml", data))
+    scenario = load_scenario(write_file("configuration.yaml", data))
     assert type(scenario).model_validate(scenario.model_dump()) == scenario
 
 
@@ -133,18 +79,18 @@ def _import_map(suffix: str, read: Callable[[Path, Path], Any], data: bytes) -> 
     """Import a map up to the point where netconvert, another process, would take over."""
     stop = SimulationError("netconvert is not run")
     with (
-        tempfile.TemporaryDirectory(dir=_folder()) as work,
+        tempfile.TemporaryDirectory(dir=folder()) as work,
         mock.patch("simbev_ros.maps.sumo.netconvert.run_netconvert", side_effect=stop) as netconvert,
     ):
         try:
-            read(_file(f"map{suffix}", data), Path(work))
+            read(write_file(f"map{suffix}", data), Path(work))
         except InputError:
             if not netconvert.called:
                 raise
 
 
 def _read_bag(data: bytes) -> None:
-    path = _file(f"bag/{_BAG}", data)
+    path = write_file(f"bag/{_BAG}", data)
     describe_bag(path, digest=True)
     with SceneBag(path) as bag:
         for message in bag.messages():
@@ -152,7 +98,7 @@ def _read_bag(data: bytes) -> None:
 
 
 def _read_bag_by_index(data: bytes) -> None:
-    bag = IndexedBag(_file(f"bag/{_BAG}", data), ChunkCache(_CACHE_BYTES))
+    bag = IndexedBag(write_file(f"bag/{_BAG}", data), ChunkCache(_CACHE_BYTES))
     for topic in bag.topics.values():
         assert (np.diff(topic.stamps_ns) >= 0).all()
     for source in sources_by_topic(bag, None).values():
@@ -164,22 +110,22 @@ def _read_bag_by_index(data: bytes) -> None:
 
 
 def _verify_bag(data: bytes) -> None:
-    path = _file(f"bag/{_BAG}", data)
+    path = write_file(f"bag/{_BAG}", data)
     if not verify_bag(path):
         with SceneBag(path) as bag:  # a bag without faults can be read
             assert all(bag.decode(message) is not None for message in bag.messages())
 
 
 def _repair_bag(data: bytes) -> None:
-    path = _file(f"bag/{_BAG}", data)
-    with tempfile.TemporaryDirectory(dir=_folder()) as work:
+    path = write_file(f"bag/{_BAG}", data)
+    with tempfile.TemporaryDirectory(dir=folder()) as work:
         repaired = repair_bag(path, Path(work, "repaired"))
         with SceneBag(repaired.path) as bag:
             assert sum(repaired.counts.values()) == sum(1 for _ in bag.messages()) > 0
 
 
 def _replay_bag(data: bytes) -> None:
-    path = _file(f"bag/{_BAG}", data)
+    path = write_file(f"bag/{_BAG}", data)
     with SceneBag(path) as bag:
         spec = recorded_spec(bag)
     replay = Replay(spec, path)
@@ -191,7 +137,7 @@ def _replay_bag(data: bytes) -> None:
 
 
 def _read_prediction_bag(data: bytes) -> None:
-    bag = PredictionBag(_file(f"predictions/{_BAG}", data), ChunkCache(_CACHE_BYTES), BOXES_TOPIC, GRIDS_TOPIC)
+    bag = PredictionBag(write_file(f"predictions/{_BAG}", data), ChunkCache(_CACHE_BYTES), BOXES_TOPIC, GRIDS_TOPIC)
     for scene in bag.scenes:
         boxes, ticks = bag.boxes(scene, STAMPS_NS)
         assert set(boxes.predictions.boxes.frame.tolist()) <= ticks <= set(range(len(STAMPS_NS)))
@@ -201,10 +147,10 @@ def _read_prediction_bag(data: bytes) -> None:
 
 def _read_description(data: bytes) -> None:
     """Read the description beside an intact bag."""
-    bag = _file(f"described/{_BAG}", _intact_bag()).parent
-    _file("described/metadata.yaml", data)
+    bag = write_file(f"described/{_BAG}", _intact_bag()).parent
+    write_file("described/metadata.yaml", data)
     verify_bag(bag)
-    with tempfile.TemporaryDirectory(dir=_folder()) as work:
+    with tempfile.TemporaryDirectory(dir=folder()) as work:
         repair_bag(bag, Path(work, "repaired"))
 
 
@@ -214,12 +160,12 @@ def _intact_bag() -> bytes:
 
 
 def _read_index(data: bytes) -> None:
-    for row in read_index(_file(f"dataset/{INDEX_FILE}", data).parent):
+    for row in read_index(write_file(f"dataset/{INDEX_FILE}", data).parent):
         assert 0 <= row["recorded_ticks"] <= MAX_SCENE_TICKS
 
 
 def _read_plan(data: bytes) -> None:
-    plan = Plan.load(_file(f"dataset/{PLAN_FILE}", data).parent)
+    plan = Plan.load(write_file(f"dataset/{PLAN_FILE}", data).parent)
     assert Plan.model_validate_json(plan.model_dump_json()) == plan
     numbers = [entry.number for entry in plan.scenes]
     assert numbers == sorted(numbers)
@@ -250,7 +196,7 @@ def _decode_image(image_format: str, data: bytes) -> None:
 
 
 def _read_boxes(kind: type[NpzBoxes] | type[ParquetBoxes], suffix: str, data: bytes) -> None:
-    source = kind(_file(f"boxes{suffix}", data))
+    source = kind(write_file(f"boxes{suffix}", data))
     for scene in source.scenes:
         boxes, ticks = source.boxes(scene, STAMPS_NS)
         own = boxes.predictions.boxes
@@ -260,7 +206,7 @@ def _read_boxes(kind: type[NpzBoxes] | type[ParquetBoxes], suffix: str, data: by
 
 
 def _read_grid(data: bytes) -> None:
-    grid = read_grid(_file("grid.npz", data))
+    grid = read_grid(write_file("grid.npz", data))
     assert grid.scores.shape[0] == len(grid.classes)
 
 
@@ -397,4 +343,4 @@ _TARGETS = (
     Target("typed_event", partial(_convert, "/world/events"), _VALUE, mutation.mutate_json),
     Target("canonical_cdr", _canonicalize, _VALUE, _mutate_canonical),
 )
-TARGETS = {target.name: target for target in _TARGETS}
+TARGETS = {target.name: target for target in (*_TARGETS, *SERVED_TARGETS, *STORED_TARGETS)}

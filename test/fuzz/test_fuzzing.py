@@ -1,6 +1,9 @@
 """Whatever bytes arrive, a reader refuses them with an error that it documents, or reads them consistently."""
 
+import os
 import re
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -69,6 +72,14 @@ def test_mutated_samples_are_read_or_refused(target: Target) -> None:
 @each_target
 def test_many_mutated_samples_are_read_or_refused(target: Target) -> None:
     run_mutations(target, _MORE * target.examples)
+
+
+@pytest.mark.slow
+def test_the_fuzzer_finds_its_targets_without_pytest() -> None:
+    command = [sys.executable, str(Path(__file__).with_name("fuzz.py")), "--help"]
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    ended = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+    assert ended.returncode == 0 and all(name in ended.stdout for name in TARGETS), ended.stderr
 
 
 def run_mutations(target: Target, count: int) -> None:

@@ -22,6 +22,7 @@ from simbev_ros.baselines.node.newest import NewestOnly
 from simbev_ros.baselines.node.scene_inputs import SceneInputs, inputs_of_scene
 from simbev_ros.baselines.node.sweeps import Sweep, SweepMemory, points_in_ego
 from simbev_ros.config.included_stacks import baseline_stack
+from simbev_ros.foundation.errors import FOREIGN_ERRORS
 from simbev_ros.foundation.tick_join import TickJoin, all_of
 from simbev_ros.foundation.types import UInt8Array
 from simbev_ros.reference_stack.messages import markers_message, scores_message, table_message
@@ -102,16 +103,18 @@ class BaselineNode(Node):
 
     def _on_scene(self, message: String) -> None:
         """Start a new scene; its first tick waits until this node reports that it is ready."""
-        self._sweeps = SweepMemory(self._baseline.sweep_ages_ns)
+        baseline = self._baseline
+        size_px, seen = baseline.camera_size_px or (0, 0), (baseline.modality, self._lidar_topic, baseline.cameras)
+        try:
+            inputs = inputs_of_scene(message.data, *seen, size_px, self._agent)
+        except FOREIGN_ERRORS as error:
+            self.get_logger().warning(f"ignored a malformed message on world/scene: {error!r:.200}")
+            return
+        self._sweeps = SweepMemory(baseline.sweep_ages_ns)
         for each in self._connected.values():  # the next graph may be live although this one is not, or vice versa
             self.destroy_subscription(each)
         self._connected, self._polls, self._polls_connected = {}, 0, 0
         self._is_live = self._live_parameter
-        baseline = self._baseline
-        size_px = baseline.camera_size_px or (0, 0)
-        inputs = inputs_of_scene(
-            message.data, baseline.modality, self._lidar_topic, baseline.cameras, size_px, self._agent
-        )
         if inputs.unseen_cameras:
             names = ", ".join(inputs.unseen_cameras)
             self.get_logger().info(f"the model takes {baseline.cameras} cameras; it does not see {names}")

@@ -14,7 +14,7 @@ from simbev_ros.config.evaluation import Evaluation, answer_topics_of
 from simbev_ros.config.included_stacks import INCLUDED_STACKS
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.foundation.errors import InputError
-from simbev_ros.foundation.files.whole_files import require_writable, write_errors
+from simbev_ros.foundation.files.whole_files import is_stream, require_replaceable, require_writable, write_errors
 
 _AGENT_NAME = re.compile("[a-z][a-z0-9_]*")
 _PANEL = "Evaluation of a perception stack"
@@ -136,5 +136,7 @@ def _require_writable(figures: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     if figures.suffix == ".json" and figures.is_dir():
         raise InputError(f"--evaluate: {figures}: is a folder; one for figures must not end in .json")
+    if figures.suffix == ".json" and not is_stream(figures):
+        require_replaceable(figures)
     if not os.access(folder, os.W_OK):
         raise InputError(f"--evaluate: {folder}: cannot be written to")

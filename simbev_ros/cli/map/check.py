@@ -61,8 +61,13 @@ def print_check(
             table_console().print(rules_table(network.findings))
         typer.echo(f"{name}: {lost_percent:.2f} % of the driving lanes are lost; allowed: {max_loss_percent:g} %")
     if out is not None:
-        write_picture(out.with_name(f"{out.stem}-check.png"), check_picture(network))
+        write_picture(check_file(out), check_picture(network))
     return lost_percent <= max_loss_percent
+
+
+def check_file(out: Path) -> Path:
+    """File of the picture of a check."""
+    return out.with_name(f"{out.stem}-check.png")
 
 
 def loss_percent(network: RoadNetwork) -> float:

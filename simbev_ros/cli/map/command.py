@@ -9,9 +9,8 @@ from typing import Annotated
 
 import typer
 
-from simbev_ros.cli.output_file import require_name
+from simbev_ros.cli.output_file import require_name, require_place
 from simbev_ros.foundation.errors import InputError
-from simbev_ros.foundation.files.whole_files import require_writable
 
 Name = Annotated[
     str | None,
@@ -87,7 +86,7 @@ def map_(
 
     part = None if bounds is None else parse_bounds(bounds)
     _require_map(name, {"bounds": bounds is not None, "to": to is not None, "check": check})
-    _require_places(out, to)
+    _require_places(out, to, check=check)
     if check and (to is not None or at is not None or everything):
         raise InputError("goes with --out and --json, not with --to, --at or --all", parameter="check")
     console = make_console(stderr=True)
@@ -113,16 +112,17 @@ def _require_map(name: str | None, options: Mapping[str, bool]) -> None:
         raise InputError("needs a map", parameter=given)
 
 
-def _require_places(out: Path | None, to: Path | None) -> None:
+def _require_places(out: Path | None, to: Path | None, *, check: bool) -> None:
     """Refuse files that cannot be written."""
-    from simbev_ros.export.maps.conversion import writer_of
+    from simbev_ros.cli.map.check import check_file
+    from simbev_ros.cli.map.exploration import picture_files
+    from simbev_ros.export.maps.conversion import files_of
 
     if out is not None:
         require_name(out)
-        require_writable(out.parent)
-    if to is not None:
-        writer_of(to)
-        require_writable(to.parent)
+    pictures = () if out is None else (check_file(out),) if check else picture_files(out)
+    for file in (*pictures, *(files_of(to) if to is not None else ())):
+        require_place(file, folder_is_made=True)
 
 
 @contextmanager

@@ -84,6 +84,12 @@ def _write_pictures(
     from simbev_ros.show.street.viewpoint import find_viewpoint
 
     keep_freed_memory()
-    write_picture(out.with_name(f"{out.stem}-above.png"), overview_picture(network, static, center_m))
+    above, street = picture_files(out)
+    write_picture(above, overview_picture(network, static, center_m))
     place = find_viewpoint(network, static.tiles, center_m, within_m)
-    write_picture(out.with_name(f"{out.stem}-street.png"), street_view(network, static, *place))
+    write_picture(street, street_view(network, static, *place))
+
+
+def picture_files(out: Path) -> tuple[Path, Path]:
+    """Files of the pictures from above and from the street."""
+    return out.with_name(f"{out.stem}-above.png"), out.with_name(f"{out.stem}-street.png")

@@ -29,7 +29,7 @@ from simbev_ros.evaluation.predictions.prediction_messages import (
     stamp_ns_of,
 )
 from simbev_ros.evaluation.predictions.score_grid import ScoreGrid
-from simbev_ros.foundation.errors import BagError, InputError
+from simbev_ros.foundation.errors import FOREIGN_ERRORS, BagError, InputError
 from simbev_ros.foundation.semantics import BEV_CLASSES
 from simbev_ros.foundation.types import Float32Array, Int64Array
 from simbev_ros.foundation.units import NS_PER_S
@@ -171,7 +171,7 @@ class PredictionBag:
         types = self._types_of(topic.type_name)
         try:
             return types.deserialize_cdr(self._bag.payload(location), topic.type_name)
-        except (SerdeError, KeyError) as error:
+        except (SerdeError, *FOREIGN_ERRORS) as error:
             raise BagError(f"{self._bag.file}: {topic.name} at {location[0]} ns: {error}") from None
 
     def _types_of(self, type_name: str) -> Typestore:

@@ -32,7 +32,7 @@ from simbev_ros.evaluation.predictions.prediction_columns import (
     require_columns,
     runs,
 )
-from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.errors import FOREIGN_ERRORS, InputError
 from simbev_ros.foundation.files.limits import require_unpacked_size
 from simbev_ros.foundation.types import AnyArray, Int64Array, UInt8Array
 
@@ -274,6 +274,8 @@ def _damage_as_input_error(path: Path) -> Iterator[None]:
     """Turn the errors from reading a damaged file into InputError."""
     try:
         yield
-    except (pa.ArrowException, OSError, MemoryError, UnicodeDecodeError) as error:
+    except InputError:
+        raise
+    except (pa.ArrowException, OSError, *FOREIGN_ERRORS) as error:
         reason = getattr(error, "strerror", None) or str(error).partition("\n")[0]
         raise InputError(f"{path}: cannot be read as Parquet: {reason}") from None

@@ -23,6 +23,7 @@ from simbev_ros.evaluation.metrics.boxes import Predictions
 from simbev_ros.evaluation.predictions.predicted_boxes import BOX_COLUMNS, MAP_FRAME, VELOCITY_COLUMNS
 from simbev_ros.evaluation.predictions.score_grid import GRIDS_FOLDER, ScoreGrid, grid_file
 from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.whole_files import require_replaceable
 from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES
 from simbev_ros.foundation.types import AnyArray
 
@@ -50,6 +51,7 @@ def write_predictions(
     schema = pa.schema([*fields, *((name, pa.float64()) for name in _NUMBERS)], {"frame_id": frame_id})
     if path.exists():
         raise InputError(f"{path}: exists already; predictions are written to a new file")
+    require_replaceable(path)
     try:
         with pq.ParquetWriter(path, schema) as writer:
             for name, predictions, *answered in scenes:
@@ -73,6 +75,7 @@ def write_grid(folder: Path, scene: str, tick: int, scores: AnyArray, classes: S
     """
     path = grid_file(folder / GRIDS_FOLDER, scene, tick)
     checked = ScoreGrid(tuple(classes), scores, str(path))
+    require_replaceable(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         np.savez_compressed(path, scores=checked.scores, classes=np.array(checked.classes))

@@ -35,6 +35,15 @@ def write_map(network: RoadNetwork, path: Path) -> None:
             write_whole(file, content)
 
 
+def files_of(path: Path) -> list[Path]:
+    """The files that ``write_map`` writes.
+
+    Raises:
+        InputError: The suffix names no form.
+    """
+    return [path, *([path.parent / FILE_NAME] if writer_of(path) is lanelet2_of else [])]
+
+
 def writer_of(path: Path) -> Callable[[RoadNetwork], bytes]:
     """The function that writes the form of a file.
 

@@ -17,7 +17,7 @@ from simbev_ros.foundation.files.limits import MAX_OSM_NODES, MAX_PBF_BYTES, MAX
 from simbev_ros.foundation.types import Float64Array, Int64Array, Table
 from simbev_ros.maps.osm.box import Box, densest_box
 from simbev_ros.maps.osm.elements import OsmElements, Relation
-from simbev_ros.maps.osm.xml import MAX_TAG, read_xml
+from simbev_ros.maps.osm.xml import MAX_TAG
 from simbev_ros.maps.safe_xml import check_readable
 
 if TYPE_CHECKING:
@@ -64,7 +64,8 @@ def read_pbf(path: Path, box: Box | None) -> tuple[OsmElements, Box | None]:
     with _damage_as_input_error(path), tempfile.TemporaryDirectory(prefix="simbev-osm-") as folder:
         nodes = _index_nodes(path, Path(folder, "nodes"))
         if _has_foreign_ids(path, nodes):
-            return _read_through_xml(path, Path(folder, "map.osm")), None
+            _read_each(path, elements)
+            return elements, None
         if box is None and len(nodes) > MAX_OSM_NODES:
             box = _densest_part(nodes)
         inside = _ids_within(nodes, box)
@@ -93,7 +94,7 @@ def _require_plausible(path: Path) -> None:
             block_bytes = _numbers(header).get(_DATASIZE, 0)
             start = stream.read(min(block_bytes, _BLOCK_START_BYTES))
             unpacked_bytes += _numbers(start).get(_RAW_SIZE, block_bytes)
-            if not start or stream.seek(block_bytes - len(start), 1) > size_bytes:
+            if not start or block_bytes > size_bytes or stream.seek(block_bytes - len(start), 1) > size_bytes:
                 raise InputError(f"{path}: is damaged: a block is cut off")
     if unpacked_bytes > MAX_PBF_RATIO * size_bytes:
         raise InputError(
@@ -135,14 +136,20 @@ def _has_foreign_ids(path: Path, nodes: Table) -> bool:
     return False
 
 
-def _read_through_xml(path: Path, file: Path) -> OsmElements:
-    """Read a whole file by way of XML, whose reader takes all ids."""
+def _read_each(path: Path, elements: OsmElements) -> None:
+    """Read a whole file element by element, which takes all ids; libosmium's writers crash at damaged texts."""
     import osmium
 
-    with osmium.SimpleWriter(str(file)) as writer:
-        for element in osmium.FileProcessor(str(path)):
-            writer.add(element)
-    return read_xml(file)
+    element: Any
+    for element in osmium.FileProcessor(str(path)):
+        tags = _tags(element)
+        if element.is_way():
+            elements.add_way(element.id, [node.ref for node in element.nodes], tags)
+        elif element.is_relation():
+            elements.relations.append(Relation(tags, _ways_in(element)))
+        elif element.is_node() and element.location.valid():
+            elements.add_node(element.id, element.location.lon, element.location.lat)
+            elements.node_tags.update({element.id: tags} if tags else {})
 
 
 def _densest_part(nodes: Table) -> Box:
@@ -226,11 +233,16 @@ def _add_relations(path: Path, elements: OsmElements, ways: "IdTracker") -> set[
     relation: Any
     for relation in relations.with_filter(ways.contains_filter()):
         tags = _tags(relation)
-        members = [(member.role, member.ref) for member in relation.members if member.type == "w"]
+        members = _ways_in(relation)
         elements.relations.append(Relation(tags, members))
         if tags["type"] == "multipolygon":
             wanted.update(way for _, way in members)
     return wanted
+
+
+def _ways_in(relation: Any) -> list[tuple[str, int]]:
+    """Role and id of each member of a relation that is a way."""
+    return [(member.role, member.ref) for member in relation.members if member.type == "w"]
 
 
 def _add_node_tags(path: Path, elements: OsmElements, inside: Int64Array | None) -> None:

@@ -18,13 +18,13 @@ from mcap.writer import MCAP0_MAGIC
 from zlib_ng.zlib_ng import crc32
 from zstandard import ZstdError
 
-from simbev_ros.foundation.errors import BagError, LimitError
+from simbev_ros.foundation.errors import FOREIGN_ERRORS, BagError, LimitError
 from simbev_ros.foundation.files.limits import require_unpacked_size
 from simbev_ros.foundation.object_store.object_reader import ObjectReader, prefetched
 from simbev_ros.foundation.types import Int64Array
 from simbev_ros.recording.mcap.chunks import MESSAGE_HEAD, RECORD_HEAD, read_chunk, records_in
 
-DAMAGE = (McapError, ZstdError, ValueError, KeyError, struct.error, OverflowError, MemoryError)
+DAMAGE = (McapError, ZstdError, *FOREIGN_ERRORS)
 """Exceptions that reading damaged records can raise."""
 
 _INDEX_HEAD = struct.Struct("<BQHI")

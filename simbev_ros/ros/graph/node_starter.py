@@ -9,6 +9,7 @@ import subprocess
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Protocol
 
@@ -16,7 +17,7 @@ import psutil
 
 from simbev_ros.foundation.installation.import_order import module_command
 from simbev_ros.ros.nodes.fork_server import MAX_MESSAGE_BYTES
-from simbev_ros.ros.nodes.lifeline import SUPERVISOR_VARIABLE
+from simbev_ros.ros.nodes.lifeline import SUPERVISOR_VARIABLE, die_with_parent
 
 _STOP_TIMEOUT_S, _END_TIMEOUT_S = 10.0, 8.0
 """Time that the server has to end, and its processes when it has died."""
@@ -64,6 +65,7 @@ class NodeStarter:
                 env={**os.environ, **environment, **own},
                 pass_fds=[theirs.fileno()],
                 start_new_session=True,
+                preexec_fn=partial(die_with_parent, os.getpid()),
             )
 
     @property

@@ -1,6 +1,5 @@
 """The base class of all nodes of the graph: parameters with descriptors, reports of finished ticks, diagnostics."""
 
-import struct
 import traceback
 from collections.abc import Callable, Mapping, Sequence
 from itertools import chain
@@ -14,7 +13,7 @@ from rclpy.serialization import deserialize_message
 from std_msgs.msg import Header, String
 
 from simbev_ros.config.base import Model
-from simbev_ros.foundation.errors import InputError, SimbevError
+from simbev_ros.foundation.errors import FOREIGN_ERRORS, InputError, SimbevError
 from simbev_ros.recording.qos import QosProfile
 from simbev_ros.ros.conventions.diagnostics import frequency_status, load_status
 from simbev_ros.ros.conventions.names import NamespacedNode, NodeName, ros_name
@@ -41,11 +40,8 @@ Section = TypeVar("Section", bound=Model)
 _Content = TypeVar("_Content")
 _Arguments = ParamSpec("_Arguments")
 
-MALFORMED = (
-    *(SimbevError, ValueError, KeyError, TypeError, AttributeError),
-    *(IndexError, OverflowError, RecursionError, struct.error),
-)
-"""Exceptions from reading a malformed message."""
+MALFORMED = (SimbevError, *FOREIGN_ERRORS)
+"""Exceptions from reading a malformed message; rclpy's own, of a truncated one, is a RuntimeError."""
 
 
 class GraphNode(NamespacedNode):

@@ -9,6 +9,7 @@ SUPERVISOR_VARIABLE = "SIMBEV_SUPERVISOR_PID"
 """Environment variable with the supervisor's pid, set for processes that must not outlive it."""
 
 _PR_SET_PDEATHSIG = 1
+_LIBC = ctypes.CDLL(None)
 
 
 def end_with_supervisor() -> None:
@@ -24,10 +25,23 @@ def wake_at_end_of_supervisor() -> None:
     _signal_at_end_of_supervisor(signal.SIGCONT)
 
 
+def die_with_parent(parent: int) -> None:
+    """Have the kernel kill this process when its parent dies, even if it is stopped.
+
+    It is for the time from a fork, as ``preexec_fn``, until the new program calls one of the other functions.
+
+    Args:
+        parent: The parent's pid; the process exits at once if it is already dead.
+    """
+    _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:
+        os._exit(1)
+
+
 def _signal_at_end_of_supervisor(number: signal.Signals) -> None:
     supervisor = os.environ.get(SUPERVISOR_VARIABLE)
     if supervisor is None:  # started by hand or by a launch file
         return
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, number)
+    _LIBC.prctl(_PR_SET_PDEATHSIG, number)
     if os.getppid() != int(supervisor):
         sys.exit(1)

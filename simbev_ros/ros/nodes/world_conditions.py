@@ -8,7 +8,7 @@ from pydantic import ValidationError
 
 from simbev_ros.config.base import first_problem
 from simbev_ros.config.weather import WEATHER_PARAMETERS, WeatherParameters
-from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.errors import InputError, foreign_content
 from simbev_ros.foundation.files.structured_text import parse_yaml
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.maps.build import load_datum
@@ -56,7 +56,8 @@ class ConditionServices:
                 scene = self._running()
                 if scene is None:
                     raise InputError("no scene is running")
-                response.tick = act(scene, request)
+                with foreign_content("request"):
+                    response.tick = act(scene, request)
                 response.success = True
             except InputError as error:
                 response.message = str(error)

@@ -5,13 +5,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from simbev_ros.drawing.displays.ego_path import EgoPath, PathPose
-from simbev_ros.foundation.errors import BagError
+from simbev_ros.foundation.errors import FOREIGN_ERRORS, BagError
 from simbev_ros.foundation.files.structured_text import parse_json
 from simbev_ros.recording.arrays import image_array, point_array
 from simbev_ros.recording.reader import RawMessage, SceneBag
 from simbev_ros.ros.msgs.displays import SceneDisplay, scene_displays
 
-_MALFORMED = (ValueError, KeyError, TypeError, IndexError, AttributeError, OverflowError)
 _FORMS = ("/compressed", "/compressedDepth", "")
 """Endings of the topics that an image may be recorded on, as in image_transport; the first one is preferred."""
 
@@ -47,7 +46,7 @@ class Derivation:
         """
         try:
             return self._display.make(messages[0].stamp_ns, *map(self._content, messages))
-        except _MALFORMED as error:
+        except FOREIGN_ERRORS as error:
             words = " ".join(str(error).split())
             raise BagError(f"{self._bag.path}: {self.name} cannot be made: {words:.200}") from None
 

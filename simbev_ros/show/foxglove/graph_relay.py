@@ -168,7 +168,10 @@ class GraphRelay:
             self._transforms.start_scene(payload)
 
     def _on_clock(self, payload: bytes) -> None:
-        stamp_ns = serialized_stamp_ns(payload, "rosgraph_msgs/msg/Clock") or 0
+        try:
+            stamp_ns = serialized_stamp_ns(payload, "rosgraph_msgs/msg/Clock") or 0
+        except MALFORMED:
+            return
         if self.server is not None:
             if stamp_ns < self._now_ns:
                 self.server.clear_session()  # another scene: time starts again

@@ -186,7 +186,7 @@ class _Handler(BaseHTTPRequestHandler):
             return
         connection = HTTPConnection(*self.server.data)
         with closing(connection), suppress(OSError, HTTPException, ValueError):
-            size = min(int(self.headers.get("Content-Length") or 0), _MAX_CALL_BYTES)
+            size = min(max(int(self.headers.get("Content-Length") or 0), 0), _MAX_CALL_BYTES)
             sent = {name: value for name in _SENT_HEADERS if (value := self.headers[name])}
             connection.request("POST", self.path, self.rfile.read(size), sent)
             Thread(target=self._end_with_browser, args=(connection.sock,), daemon=True).start()

@@ -11,7 +11,7 @@ import numpy as np
 
 from simbev_ros.config.map_files import suffix_of
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.foundation.errors import BagError, InputError, LimitError
+from simbev_ros.foundation.errors import FOREIGN_ERRORS, BagError, InputError, LimitError
 from simbev_ros.foundation.files.limits import MAX_OSM_BYTES
 from simbev_ros.foundation.files.structured_text import parse_json
 from simbev_ros.foundation.files.unpacking import bunzip2
@@ -153,7 +153,7 @@ class Replay:
                 fields = parse_json(self._bag.decode(message).data)
                 position_m, ids = tuple(map(float, fields["position_m"])), tuple(map(int, fields["ids"]))
                 event = Event(fields["type"], ids, position_m, float(fields["relative_speed_mps"]))  # type: ignore[arg-type]
-            except (ValueError, KeyError, TypeError, OverflowError) as error:
+            except FOREIGN_ERRORS as error:
                 raise BagError(f"{self._bag.path}: {_EVENTS} at {message.stamp_ns} ns: {error!r}") from None
             events[message.stamp_ns].append(event)
         return events
@@ -166,7 +166,7 @@ class Replay:
                 fields = parse_json(self._bag.decode(message).data)
                 fields.pop("stamp_ns")
                 weathers[self._recorded.tick_of(message.stamp_ns)] = read_stored(Weather, fields)
-            except (ValueError, KeyError, TypeError, AttributeError) as error:
+            except FOREIGN_ERRORS as error:
                 raise BagError(f"{self._bag.path}: {_WEATHER} at {message.stamp_ns} ns: {error!r}") from None
         return weathers
 

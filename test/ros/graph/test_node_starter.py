@@ -110,6 +110,49 @@ def test_nodes_end_with_a_killed_supervisor_even_if_something_is_stopped(tmp_pat
     assert len(gone) == 3
 
 
+STOPPED_SERVER = """#!{python}
+import os, signal, sys
+
+class Stop:
+    def find_spec(self, name, path, target=None):
+        if name == "{stop_at}":
+            os.kill(os.getpid(), signal.SIGSTOP)
+
+sys.meta_path.insert(0, Stop())
+sys.argv = sys.argv[4:]
+from simbev_ros.ros.nodes import fork_server
+fork_server.main()
+"""
+SUPERVISOR_OF_ONE = """
+import sys, time
+from pathlib import Path
+from simbev_ros.ros.graph.node_starter import NodeStarter
+sys.executable = sys.argv[1]
+print(NodeStarter(["imu"], Path(sys.argv[1]).parent, {}).pid, flush=True)
+time.sleep(600)
+"""
+
+
+@pytest.mark.parametrize(
+    "stop_at",
+    ["simbev_ros", "simbev_ros.ros.nodes.main", "simbev_ros.ros.nodes.imu_node"],
+    ids=["start", "main", "kind"],
+)
+def test_a_server_that_is_stopped_while_it_imports_ends_with_a_killed_supervisor(tmp_path: Path, stop_at: str) -> None:
+    program = tmp_path / "stopped_server"
+    program.write_text(STOPPED_SERVER.format(python=sys.executable, stop_at=stop_at))
+    program.chmod(0o700)
+    command = [sys.executable, "-c", SUPERVISOR_OF_ONE, str(program)]
+    supervisor = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, start_new_session=True)
+    assert supervisor.stdout is not None
+    server = psutil.Process(int(supervisor.stdout.readline()))
+    wait_until(lambda: server.status() == psutil.STATUS_STOPPED)
+    supervisor.kill()
+    supervisor.communicate()
+    gone, _ = psutil.wait_procs([server], timeout=PATIENCE_S)
+    assert gone
+
+
 PATIENT_SERVER = """#!{python}
 import sys
 from simbev_ros.ros.nodes import fork_server

@@ -29,6 +29,9 @@ TABLE = PointCloud2(
     fields=[PointField(name="x", datatype=PointField.FLOAT32, count=1)], width=3, height=1, point_step=4
 )
 
+TRUNCATED = b"\0\1\0\0\xff\xff\xff\xff"
+"""A serialized text that says it is longer than it is."""
+
 
 def forged(spec: SceneSpec) -> dict[str, list[String]]:
     """Well-formed messages that would end the scene at once, or begin another one."""
@@ -75,7 +78,7 @@ def strangers(spec: SceneSpec) -> AbstractContextManager[None]:
             tables = [node.create_publisher(PointCloud2, f"/world/{name}", 10) for name in ("actors", "signals")]
             while not ended.wait(1.0):
                 for topic, messages in texts.items():
-                    for message in messages:
+                    for message in (*messages, TRUNCATED):
                         senders[topic].publish(message)
                 for name in NODES:
                     for stamp_ns in beyond:

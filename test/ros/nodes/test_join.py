@@ -181,6 +181,19 @@ def test_leaving_delivers_the_last_report_and_leaves_no_entity_behind(world: Wor
     assert [list(getattr(world.stack, kind)) for kind in ("publishers", "subscriptions", "timers")] == before
 
 
+@pytest.mark.parametrize(
+    "text", ["", "{", "[]", "{}", '{"map": 3}', '{"map": {"name": "a"}, "number": "b"}', "[" * 9999]
+)
+def test_malformed_scenes_are_ignored(world: World, text: str) -> None:
+    world.appear()
+    with Lockstep(world.stack, NAME) as lockstep:
+        world.announce(FIRST)
+        world.spin_until(lambda: lockstep.scene is not None)
+        before = lockstep.scene
+        lockstep._on_scene(String(data=text))
+        assert lockstep.scene is before
+
+
 def test_leaving_works_after_ros_was_shut_down(world: World) -> None:
     with Lockstep(world.stack, NAME):
         world.context.shutdown()

@@ -87,10 +87,11 @@ def write_scene(scene: Scene, cache: Path, modality: Modality, lidar: str) -> No
     """Write one scene; the folder gets its name when it is complete. Arguments and errors as for ``write_cache``."""
     folder = scene_folder(cache, scene)
     making = folder.with_name(f".{folder.name}")
+    cameras = _cameras(scene, modality)
+    arrays = _arrays(scene, cameras, lidar)
     shutil.rmtree(making, ignore_errors=True)
     making.mkdir(parents=True)
-    cameras = _cameras(scene, modality)
-    for name, array in _arrays(scene, cameras, lidar).items():
+    for name, array in arrays.items():
         np.save(making / f"{name}.npy", array)
     width_px, height_px = scene.calibration[cameras[0]].size_px if cameras else (0, 0)
     about = {

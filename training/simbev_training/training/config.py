@@ -9,7 +9,7 @@ from simbev_ros.baselines.modality import Modality
 from simbev_ros.config.base import Model, first_problem
 from simbev_ros.config.map_files import expand_home
 from simbev_ros.config.yaml_file import YamlFile
-from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.errors import FOREIGN_ERRORS, InputError
 from simbev_ros.foundation.files.input_file import is_file
 
 _SHIPPED = Path(__file__).parents[1] / "config"
@@ -111,6 +111,8 @@ def load_training(path_or_name: str | Path) -> Training:
         training = Training.model_validate(file.data)
     except ValidationError as error:
         raise InputError(f"{path}:{file.line_of(error.errors()[0]['loc']) or 1}: {first_problem(error)}") from None
+    except FOREIGN_ERRORS as error:
+        raise InputError(f"{path}: {first_problem(error)}") from None
     return training.model_copy(
         update={
             name: tuple(_model_file(each, path.parent) for each in getattr(training, name))

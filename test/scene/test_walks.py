@@ -70,3 +70,16 @@ def test_walks_do_not_use_lanes_of_vehicles_inside_junctions() -> None:
     assert apart.component_length_m() == {"A": 100.0, "B": 100.0}
     joined = WalkGraph(network(walkable("A_0", ":J_0_0", ":J_w0_0"), inside, around, walkable("B_0")))
     assert joined.component_length_m() == {"A": 200.0, "B": 200.0}
+
+
+def test_walks_lead_into_dead_ends_only_where_nothing_else_can_be_reached() -> None:
+    def junction(*edges: str) -> Lane:
+        return walkable(":j_0", *(f"{edge}_0" for edge in edges), length_m=5.0, kind=LaneKind.WALKING_AREA)
+
+    ring = [walkable("B_0", ":k_0"), walkable("C_0", ":k_0"), walkable(":k_0", kind=LaneKind.WALKING_AREA)]
+    graph = WalkGraph(network(walkable("A_0"), junction("A", "B", "C"), *ring, walkable("D_0")))
+    for seed in range(20):
+        assert graph.draw_walk("A", 50.0, stream(seed, "test"))[1] == ":j"
+        assert "A" not in graph.draw_walk("B", 1000.0, stream(seed, "test"))
+    graph = WalkGraph(network(walkable("A_0"), junction("A", "B"), walkable("B_0")))
+    assert graph.draw_walk("A", 1000.0, stream(1, "test")) == ("A", ":j", "B")

@@ -43,16 +43,20 @@ class WalkGraph:
     def draw_walk(self, start_edge: str, length_m: float, rng: np.random.Generator) -> tuple[str, ...]:
         """Draw a walk over random destinations: its edges, at least ``length_m`` long beyond the first edge.
 
-        The direction along the first edge is random, and pedestrians do not turn back in the middle of a sidewalk. The
-        walk lists crossings and walking areas, so that SUMO does not re-choose them while a pedestrian waits. It is
-        shorter than ``length_m`` only where nothing more can be reached.
+        The direction along the first edge is random, but leads to a dead end, as do later edges, only where nothing
+        else can be reached. Pedestrians do not turn back in the middle of a sidewalk. The walk lists crossings and
+        walking areas, so that SUMO does not re-choose them while a pedestrian waits. It is shorter than ``length_m``
+        only where nothing more can be reached.
         """
         walk = [start_edge]
         adjacent = self._neighbors.get(start_edge, ())
         previous = adjacent[int(rng.integers(len(adjacent)))] if adjacent else ""
         while length_m > 0.0:
             came_from = self._search(walk[-1], previous)
+            if len(walk) == 1 and len(came_from) == 1:
+                came_from = self._search(start_edge, "")
             destinations = [edge for edge in came_from if edge in self._length_m and edge != walk[-1]]
+            destinations = [edge for edge in destinations if len(self._neighbors[edge]) > 1] or destinations
             if not destinations:
                 break
             leg = [destinations[int(rng.integers(len(destinations)))]]

@@ -26,6 +26,7 @@ from simbev_ros.simulation.world.sumo.tracks import LaneTracks
 _FOREVER_S = "1e8"
 _START_MARGIN_M = 0.1
 _SIDE_MARGIN_M = 0.2
+_TURNS = ("-0.1", "0.1")  # where pedestrians turn back at an edge's end, of which SUMO counts back, and its start
 _MIN_WIDTH_M = 1.2  # minimum width in SUMO: bicycles keep off curbs, and cars keep off bicycles
 _TYPE = {"speedDev": "0"}
 _DRIVER = {
@@ -190,4 +191,6 @@ def _add_pedestrian(
     walk = {"edges": " ".join(leg.edges), "departPosLat": repr(side_m)}
     arrival = {} if leg.arrival_m is None else {"arrivalPos": repr(leg.arrival_m)}
     ElementTree.SubElement(person, "walk", {**walk, **arrival})
+    for number in range(leg.passes):
+        ElementTree.SubElement(person, "walk", {"edges": leg.edges[-1], "arrivalPos": _TURNS[number % 2]})
     ElementTree.SubElement(person, "stop", {"edge": leg.edges[-1], "duration": _FOREVER_S})

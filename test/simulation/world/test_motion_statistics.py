@@ -201,8 +201,9 @@ def test_pedestrians_keep_to_sidewalks_and_crossings(town: str, seed: int) -> No
 
 @cache
 def walkable(town: str) -> shapely.MultiPolygon:
-    layout = load_network(map_spec(town)).layout
-    surfaces = [surfaces_of(layout, level) for level in layout.levels]
-    area = shapely.union_all([each for surface in surfaces for each in (surface.sidewalk, surface.crosswalk)])
+    network = load_network(map_spec(town))
+    surfaces = [surfaces_of(network.layout, level) for level in network.layout.levels]
+    paved = [each for surface in surfaces for each in (surface.sidewalk, surface.crosswalk)]
+    area = shapely.union_all([*paved, network.verges])
     shapely.prepare(area)
     return area

@@ -143,7 +143,7 @@ class Excursions:
         """All steps from leaving the network to walking on it again, at SUMO's position on the next leg."""
         yield from steps
         leg = self._legs[row][0]
-        self._sumo.reinsert_pedestrian(row, leg.edges, position_m, leg.arrival_m)
+        self._sumo.reinsert_pedestrian(row, leg.edges, position_m, leg.arrival_m, leg.passes)
         yield
         self._sumo.limit_walking_speed(row, 0.0)
         yield from walker.walk_to(self._pedestrian_m[row])

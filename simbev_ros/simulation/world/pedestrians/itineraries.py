@@ -32,12 +32,14 @@ class Leg:
         excursion: Crossing or plaza visit for which the walk is left; None: it outlasts the scene.
         arrival_m: SUMO's position on the last edge where the walk would end; None: anywhere.
         starts_at_stop: Whether the scene starts while the pedestrian stops on the plaza.
+        passes: Number of times that the last edge is walked up and down after that, where nothing else can be reached.
     """
 
     edges: tuple[str, ...]
     excursion: CrossingSite | PlazaVisit | None = None
     arrival_m: float | None = None
     starts_at_stop: bool = False
+    passes: int = 0
 
 
 class ItineraryStreams(NamedTuple):
@@ -110,8 +112,8 @@ class Itineraries:
                 return Leg(edges, excursion), walked_m
             walked_m += self._crossing_sites.length_m(edge)
             if walked_m > length_m:
-                break
-        return Leg(edges), walked_m
+                return Leg(edges), walked_m
+        return Leg(edges, passes=2 + int(length_m / self._crossing_sites.length_m(edges[-1]))), walked_m
 
     def _draw_excursion(
         self, pedestrian: PedestrianSpec, edge: str, min_m: float, max_m: float, streams: ItineraryStreams

@@ -294,7 +294,7 @@ class SumoTraffic:
         libsumo.person.remove(name)
 
     def reinsert_pedestrian(
-        self, pedestrian: int, edges: Sequence[str], position_m: float, arrival_m: float | None
+        self, pedestrian: int, edges: Sequence[str], position_m: float, arrival_m: float | None, passes: int
     ) -> None:
         """Let a removed pedestrian walk along edges, from the next step on.
 
@@ -303,6 +303,7 @@ class SumoTraffic:
             edges: All edges of the walk.
             position_m: SUMO's position on the first edge where the walk starts.
             arrival_m: SUMO's position on the last edge where it ends; None: anywhere.
+            passes: Number of times that the last edge is walked up and down after that.
 
         Raises:
             SimulationError: SUMO failed.
@@ -315,6 +316,8 @@ class SumoTraffic:
             length_m = libsumo.lane.getLength(f"{edges[-1]}_0")  # of all lanes of the edge; maybe a few centimeters
             arrival_m = min(_ANY_ARRIVAL_M if arrival_m is None else arrival_m, length_m)
             libsumo.person.appendWalkingStage(name, list(edges), arrival_m)
+            for number in range(passes):
+                libsumo.person.appendWalkingStage(name, [edges[-1]], 0.0 if number % 2 else length_m)
             libsumo.person.appendWaitingStage(name, _FOREVER_S)
             libsumo.person.subscribe(name, [libsumo.VAR_POSITION3D])
         except _FAILURES as error:

@@ -8,6 +8,7 @@ from setuptools import find_packages, setup
 NAME = "simbev_ros"
 INTERFACES = ("**/*.msg", "**/*.srv", "**/*.action")
 READING = [
+    "botocore>=1.36",
     "isal>=1.7",
     "lz4>=4",
     "mcap>=1.6",

@@ -187,7 +187,7 @@ def test_a_url_without_a_dataset_is_refused(store: StoreServer, url: str, kind: 
 
 
 def test_an_unreachable_store_is_given_up(monkeypatch: pytest.MonkeyPatch, store: StoreServer) -> None:
-    monkeypatch.setattr("simbev_ros.foundation.object_store.connection.MAX_ATTEMPTS", 2)
+    monkeypatch.setattr("simbev_ros.foundation.object_store.store_client.MAX_ATTEMPTS", 2)
     monkeypatch.setenv("AWS_ENDPOINT_URL_S3", "http://127.0.0.1:1")
     with pytest.raises(StoreError, match=r"s3://made-up/x/index.parquet: http://127.0.0.1:1 cannot be reached: Could"):
         open_dataset(f"s3://{BUCKET}/x")

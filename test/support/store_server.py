@@ -2,7 +2,7 @@
 
 import threading
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,6 +15,9 @@ from simbev_ros.foundation.object_store.transfers import put_file
 BUCKET = "made-up"
 _BUSY = b'<?xml version="1.0"?><Error><Code>SlowDown</Code><Message>Reduce your request rate.</Message></Error>'
 _DENIED = b'<?xml version="1.0"?><Error><Code>AccessDenied</Code><Message>Access Denied</Message></Error>'
+
+Made = tuple[str, dict[str, str], bytes]
+"""Status, headers and body of an answer."""
 
 
 @dataclass
@@ -29,6 +32,7 @@ class StoreServer:
         needs_key: Whether requests without a signature are refused.
         copy_s: Time that it takes to copy an object.
         is_read_only: Whether requests that write or delete are refused.
+        stand_in: Answers a request with status, headers and body in place of the store; with None, the store answers.
     """
 
     app: Any
@@ -39,6 +43,7 @@ class StoreServer:
     needs_key: bool = False
     is_read_only: bool = False
     copy_s: float = 0.0
+    stand_in: Callable[[dict[str, Any]], Made | None] | None = None
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def __call__(self, environ: dict[str, Any], start_response: Any) -> Iterable[bytes]:
@@ -54,6 +59,10 @@ class StoreServer:
             body = _BUSY if is_refused else _DENIED
             start_response("503 Slow Down" if is_refused else "403 Forbidden", [("Content-Length", str(len(body)))])
             return [body]
+        if self.stand_in is not None and (made := self.stand_in(environ)) is not None:
+            status, headers, body = made
+            start_response(status, [*headers.items(), ("Content-Length", str(len(body)))])
+            return [body]
         if "HTTP_X_AMZ_COPY_SOURCE" in environ:
             time.sleep(self.copy_s)
         answer = list(self.app(environ, start_response))
@@ -65,7 +74,7 @@ class StoreServer:
         """Forget the requests, and answer all of them from now on."""
         self.requests, self.sent_bytes, self.refuse_every = [], 0, 0
         self.needs_key = self.is_read_only = False
-        self.copy_s = 0.0
+        self.copy_s, self.stand_in = 0.0, None
 
     def make_bucket(self) -> None:
         """Forget everything, and make an empty bucket."""
@@ -98,6 +107,14 @@ def running_store() -> Iterator[StoreServer]:
         server.shutdown()
         server.server_close()
         thread.join()
+
+
+def put_any_key(key: str, content: bytes) -> None:
+    """Write an object with a key that no file can have."""
+    from moto.core import DEFAULT_ACCOUNT_ID
+    from moto.s3.models import s3_backends
+
+    s3_backends[DEFAULT_ACCOUNT_ID]["aws"].put_object(BUCKET, key, content)
 
 
 def upload(folder: Path, prefix: str) -> str:

@@ -113,6 +113,12 @@ MAX_ACTORS = 20_000
 MAX_AGENTS = 32
 """Agents in a scene: vehicles and roadside units with sensors. A mask of 32 bits says which of them see an object."""
 
+MAX_LISTED_OBJECTS = 5_000_000
+"""Objects in a folder of an object store; a dataset with the highest number of scenes and their logs has 2 million."""
+
+MAX_EMPTY_PAGES = 1_000
+"""Pages without an object in a store's list of a folder; of most stores, no page is empty."""
+
 _MIB = 1 << 20
 
 

@@ -1,1 +1,1 @@
-"""Object stores: paths of objects, range reads, and transfers, through pyarrow's file systems."""
+"""Object stores: paths of objects, range reads, and transfers, through botocore and obstore."""

@@ -8,25 +8,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, BinaryIO, Literal, NamedTuple, cast
+from typing import BinaryIO, Literal, cast
 
 from simbev_ros.foundation.errors import InputError
-from simbev_ros.foundation.object_store.connection import StoreError, connection, store_errors
+from simbev_ros.foundation.object_store.connection import SCHEME, ObjectStat, StoreError, connection, url_of
 from simbev_ros.foundation.object_store.object_reader import ObjectReader
 
-if TYPE_CHECKING:
-    from pyarrow.fs import FileInfo
-
-SCHEME = "s3"
 _URL = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*)://(.*)", re.DOTALL)
 _BUCKET = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{1,62}")
-
-
-class ObjectStat(NamedTuple):
-    """Facts about an object, named as in ``os.stat_result``; the time is that of the store's clock."""
-
-    st_size: int
-    st_mtime_ns: int
 
 
 @dataclass(frozen=True, order=True, slots=True)
@@ -82,40 +71,33 @@ class ObjectPath:
         return ObjectPath(self.bucket, "/".join(part for part in (self.key, *str(name).split("/")) if part))
 
     def __str__(self) -> str:
-        return f"{SCHEME}://{self.location}"
-
-    @property
-    def location(self) -> str:
-        """Bucket and key, as pyarrow names them."""
-        return f"{self.bucket}/{self.key}" if self.key else self.bucket
+        return url_of(self.bucket, self.key)
 
     def exists(self) -> bool:
         """Whether there is an object or a folder."""
-        return self._info().type.name != "NotFound"
+        return self.is_file() or self.is_dir()
 
     def is_file(self) -> bool:
         """Whether there is an object."""
-        return self._info().type.name == "File"
+        try:
+            return bool(self.key) and self.stat() is not None
+        except FileNotFoundError:
+            return False
 
     def is_dir(self) -> bool:
         """Whether there is a folder."""
-        return self._info().type.name == "Directory"
+        asked = connection()
+        return asked.is_folder(self.bucket, self.key) if self.key else asked.is_bucket(self.bucket)
 
     def stat(self) -> ObjectStat:
         """Facts about an object. Raises FileNotFoundError if there is none."""
-        info = self._info()
-        if info.type.name != "File":
-            with store_errors(str(self)):
-                raise FileNotFoundError
-        return ObjectStat(info.size, info.mtime_ns)
+        return connection().stat(self.bucket, self.key)
 
     def iterdir(self) -> Iterator["ObjectPath"]:
         """Yield the entries of a folder, sorted by name; none if there is no folder."""
-        from pyarrow.fs import FileSelector
-
-        with store_errors(str(self)):
-            found = connection().files.get_file_info(FileSelector(self.location, allow_not_found=True))
-        return iter(sorted(self / info.base_name for info in found))
+        found = connection().entries(self.bucket, self.key, is_recursive=False)
+        names = {key.removeprefix(f"{self.key}/" if self.key else "").removesuffix("/") for key, _ in found}
+        return iter(sorted(self / name for name in names if name))
 
     def glob(self, pattern: str) -> Iterator["ObjectPath"]:
         """Yield the entries of a folder whose names match a pattern, which has one level, sorted by name."""
@@ -133,7 +115,7 @@ class ObjectPath:
         Raises:
             FileNotFoundError: There is no such object.
         """
-        return cast(BinaryIO, ObjectReader(str(self), self.location, again=again))
+        return cast(BinaryIO, ObjectReader(self.bucket, self.key, again=again))
 
     def read_bytes(self, max_bytes: int | None = None) -> bytes:
         """The content of an object.
@@ -148,10 +130,6 @@ class ObjectPath:
                 raise InputError(f"{self}: is larger than {max_bytes >> 20} MiB")
             stream.seek(0)
             return stream.read(size)
-
-    def _info(self) -> "FileInfo":
-        with store_errors(str(self)):
-            return connection().files.get_file_info(self.location)
 
 
 AnyPath = Path | ObjectPath

@@ -1,13 +1,12 @@
 """Reads ranges of objects as seekable streams, with few and large requests."""
 
 import io
-import time
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import BinaryIO
 
-from simbev_ros.foundation.object_store.connection import connection, store_errors
+from simbev_ros.foundation.object_store.connection import connection, url_of
 
 AHEAD_BYTES = 8 << 20
 """Bytes that are read at once as soon as reads follow each other."""
@@ -15,10 +14,6 @@ MAX_GAP_BYTES = 256 << 10
 """Ranges with a smaller gap between them are read as one, since a request takes longer than reading the gap."""
 _MAX_REQUESTS = 16
 """Requests of one reader at the same time."""
-
-_DOES_NOT_FIT = "Failed to flush response stream"
-"""In pyarrow's error when a busy store's answer is longer than the range, after which it does not ask again."""
-_PAUSES_S = (0.05, 0.1, 0.2, 0.4, 0.8, 1.6)
 
 Range = tuple[int, int]
 """First byte of a part of an object, and the byte after its last one."""
@@ -31,8 +26,8 @@ class ObjectReader(io.BufferedIOBase):
     read ahead because reads followed each other.
 
     Args:
-        url: URL of the object.
-        location: Its bucket and key.
+        bucket: Name of the bucket.
+        key: The object's key.
         again: Whether to ask the store for its size even if this process has opened it before.
 
     Attributes:
@@ -43,11 +38,10 @@ class ObjectReader(io.BufferedIOBase):
         StoreError: The store cannot be reached, refuses access, or fails (every method).
     """
 
-    def __init__(self, url: str, location: str, *, again: bool = True) -> None:
-        self.name = url
-        with store_errors(url):
-            self._object = connection().open_object(location, again=again)
-            self._size = self._object.size()
+    def __init__(self, bucket: str, key: str, *, again: bool = True) -> None:
+        self.name = url_of(bucket, key)
+        self._bucket, self._key = bucket, key
+        self._size = connection().size(bucket, key, again=again)
         self._position, self._last_end = 0, -MAX_GAP_BYTES
         self._ahead: tuple[Range, bytes] = (0, 0), b""
         self._fetched: dict[Range, bytes] = {}
@@ -114,16 +108,7 @@ class ObjectReader(io.BufferedIOBase):
         return None
 
     def _request(self, block: Range) -> bytes:
-        start, end = block
-        for pause_s in _PAUSES_S:
-            try:
-                return bytes(self._object.read_at(end - start, start))
-            except OSError as error:
-                if _DOES_NOT_FIT not in str(error):
-                    break
-            time.sleep(pause_s)
-        with store_errors(self.name):
-            return bytes(self._object.read_at(end - start, start))
+        return connection().read(self._bucket, self._key, *block)
 
 
 @contextmanager

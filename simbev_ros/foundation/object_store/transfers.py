@@ -8,7 +8,7 @@ from threading import Event
 from typing import TYPE_CHECKING, BinaryIO
 
 from simbev_ros.foundation.files.confined_paths import path_inside
-from simbev_ros.foundation.object_store.connection import StoreError, connection, store_errors
+from simbev_ros.foundation.object_store.connection import StoreError, connection
 from simbev_ros.foundation.object_store.object_path import ObjectPath
 from simbev_ros.foundation.object_store.writer import writer, writer_errors
 
@@ -67,11 +67,7 @@ def get_bytes(source: ObjectPath) -> tuple[bytes, str]:
         FileNotFoundError: There is no such object.
         StoreError: The store cannot be reached, refuses access, or fails.
     """
-    import obstore
-
-    with writer_errors(str(source)):
-        result = obstore.get(writer(source.bucket), source.key)
-        return bytes(result.bytes()), result.meta["e_tag"] or ""
+    return connection().read_whole(source.bucket, source.key)
 
 
 def copy_object(source: ObjectPath, target: ObjectPath) -> None:
@@ -98,13 +94,9 @@ def list_objects(folder: ObjectPath) -> dict[ObjectPath, int]:
     Raises:
         StoreError: The store cannot be reached, refuses access, or fails.
     """
-    from pyarrow.fs import FileSelector
-
-    with store_errors(str(folder)):
-        selector = FileSelector(folder.location, allow_not_found=True, recursive=True)
-        found = connection().files.get_file_info(selector)
-    sizes = {folder / info.path.removeprefix(folder.location): info.size for info in found if info.is_file}
-    return dict(sorted(sizes.items()))
+    found = connection().entries(folder.bucket, folder.key, is_recursive=True)
+    sizes = {ObjectPath(folder.bucket, key): size for key, size in found if size is not None}
+    return {path: sizes[path] for path in sorted(sizes) if sizes[path] or not path.key.endswith("/")}
 
 
 def delete_tree(folder: ObjectPath) -> None:

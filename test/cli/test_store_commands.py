@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from made_up_scene import made_up_scene
-from store_server import BUCKET, StoreServer, upload
+from store_server import BUCKET, StoreServer, put_any_key, upload
 
 from simbev_ros.cli.main import VERBS
 from simbev_ros.dataset.index import read_index, update_index
@@ -75,6 +75,33 @@ def test_verify_finds_a_flipped_byte_in_a_bag_and_in_a_dataset(simbev: Simbev, f
         faults = json.loads(answer.out)["faults"]
         assert answer.code == 1
         assert any("CRC" in fault["problem"] and fault["bag"] == f"{url}/{bag}" for fault in faults)
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["../x", "..", ".", "deep/../../x", "/x", "deep//x", "a\\b", "a\0b", "a\x1b[2J", "x" * 256, "Blocks-0001_0.mcap/x"],
+)
+def test_a_key_that_no_file_can_have_is_one_fault(
+    simbev: Simbev, folder: Path, url: str, store: StoreServer, tmp_path: Path, name: str
+) -> None:
+    bag = f"{url}/scenes/train/Blocks-0001"
+    expected = json.loads(simbev("verify", url, "--json", "--workers", 1).out)["faults"]
+    store.reset()
+    put_any_key(f"sets/first/scenes/train/Blocks-0001/{name}", b"1")
+    answer = simbev("verify", url, "--json", "--workers", 1)
+    (fault,) = (found for found in json.loads(answer.out)["faults"] if found not in expected)
+    assert answer.code == 1 and fault["bag"] == bag
+    assert fault["problem"] == "this cannot be the name of a file in the folder; it is not read"
+    assert fault["place"].isprintable() and len(fault["place"]) <= 100
+    assert not any(request.startswith("GET") and request.endswith("/x?") for request in store.requests)
+
+
+def test_keys_that_no_files_can_have_are_one_fault_together(simbev: Simbev, url: str) -> None:
+    for index in range(3):
+        put_any_key(f"sets/first/scenes/train/Blocks-0001/../{index}", b"1")
+    answer = simbev("verify", url, "--workers", 1)
+    text = " ".join(answer.out.replace("│", " ").split())
+    assert "nor can those of 2 more objects" in text
 
 
 def test_verify_finds_a_damaged_plan(simbev: Simbev, url: str) -> None:

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from itertools import repeat
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from threading import Event
 from typing import TYPE_CHECKING, BinaryIO
 
@@ -22,6 +22,7 @@ MAX_COPY_BYTES = 5 << 30
 _MAX_TRANSFERS, _MAX_PARTS_AT_ONCE = 8, 4
 _MAX_PARTS = 10_000
 """Largest number of parts of an upload."""
+_MAX_NAME_BYTES = 255
 
 
 def put_file(source: Path, target: ObjectPath) -> None:
@@ -122,6 +123,26 @@ def delete_objects(paths: Iterable[ObjectPath]) -> None:
     if paths:
         with writer_errors(str(paths[0])):
             obstore.delete(writer(paths[0].bucket), [path.key for path in paths])
+
+
+def nameless_objects(paths: Iterable[ObjectPath], folder: ObjectPath) -> list[ObjectPath]:
+    """Objects of a folder that no file in a folder can stand for, because of their names.
+
+    A name leads elsewhere (``..``, a slash too many, a backslash), is too long or not printable, or is below an object.
+    """
+    names = {path: path.key.removeprefix(f"{folder.key}/" if folder.key else "") for path in paths}
+    objects = {*names.values()} - {"."}
+    return [
+        path
+        for path, name in names.items()
+        if not all(map(_is_name, name.split("/"))) or objects & {*map(str, PurePosixPath(name).parents)}
+    ]
+
+
+def _is_name(part: str) -> bool:
+    """Whether a part of a key can be the name of a file; where bytes of a key are no UTF-8, it has U+FFFD."""
+    is_text = part.isprintable() and not {"\\", "\ufffd"} & {*part}
+    return is_text and part not in ("", ".", "..") and len(part.encode()) <= _MAX_NAME_BYTES
 
 
 def download(sizes: Mapping[ObjectPath, int], folder: ObjectPath, target: Path) -> None:

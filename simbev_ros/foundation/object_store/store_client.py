@@ -179,7 +179,7 @@ def _pause_s(attempts: int, response: Any, caught_exception: Exception | None, o
 
 
 def _paced_pools() -> dict[str, type]:
-    """Pools of connections of botocore, by scheme, whose answers are no redirects and arrive at the minimum rate."""
+    """Pools of connections of botocore, by scheme, that follow no redirect, and whose answers arrive at the minimum rate."""
     from botocore import awsrequest
 
     pools = {

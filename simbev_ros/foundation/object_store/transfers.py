@@ -140,7 +140,7 @@ def nameless_objects(paths: Iterable[ObjectPath], folder: ObjectPath) -> list[Ob
 
 
 def _is_name(part: str) -> bool:
-    """Whether a part of a key can be the name of a file; where bytes of a key are no UTF-8, it has U+FFFD."""
+    """Whether a part of a key can be the name of a file; U+FFFD stands for bytes of a key that are not UTF-8."""
     is_text = part.isprintable() and not {"\\", "\ufffd"} & {*part}
     return is_text and part not in ("", ".", "..") and len(part.encode()) <= _MAX_NAME_BYTES
 

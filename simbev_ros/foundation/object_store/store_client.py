@@ -179,7 +179,7 @@ def _pause_s(attempts: int, response: Any, caught_exception: Exception | None, o
 
 
 def _paced_pools() -> dict[str, type]:
-    """Pools of connections of botocore, by scheme, that follow no redirect, and whose answers arrive at the minimum rate."""
+    """Pools of botocore's connections, by scheme, that follow no redirect, and whose answers keep the minimum rate."""
     from botocore import awsrequest
 
     pools = {

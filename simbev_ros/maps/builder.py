@@ -21,13 +21,14 @@ from simbev_ros.maps.parts import MapParts
 from simbev_ros.maps.plan.town import build_town
 from simbev_ros.maps.recipe import recipe_of
 from simbev_ros.maps.roads.levels import assign_levels
-from simbev_ros.maps.signals import place_signals, with_net_ids
+from simbev_ros.maps.signals import place_signals, shown_links, with_net_ids
 from simbev_ros.maps.signs import place_signs
 from simbev_ros.maps.source import file_of, is_street_map
 from simbev_ros.maps.store import NET, OPENDRIVE, SOURCE, write_network
 from simbev_ros.maps.sumo.importer import import_sumo
 from simbev_ros.maps.sumo.layout import layout_of
 from simbev_ros.maps.sumo.net import SumoNet, read_sumo_net
+from simbev_ros.maps.sumo.signal_programs import hold_turns_at_red
 from simbev_ros.schema.scene.map_spec import MapSpec
 
 _IMPORTERS: dict[str, Callable[[Path, Path], MapParts]] = {".xodr": import_opendrive, ".net": import_sumo}
@@ -55,10 +56,15 @@ def build_map(spec: MapSpec, folder: Path) -> None:
     net = _read_net(spec, folder / NET)
     layout = assign_levels(parts.layout or layout_of(net), parts.features.water)
     signals = place_signals(net, layout)
+    text = (folder / NET).read_text(encoding="utf-8")
+    held = hold_turns_at_red(text, net.links, shown_links(net, layout))
+    (folder / NET).write_text(held, encoding="utf-8")
     objects, changes = clear_carriageways(parts.features.objects, layout)
     findings = (*parts.findings, *changes)
     if net.verges:
         findings = (*findings, Finding(WALKED_VERGES, Outcome.ASSUMED))
+    if held != text and spec.path:
+        findings = (*findings, Finding("turns that go while the light of their lane is red wait", Outcome.REPAIRED))
     for note in sentences_of(spec.name, findings):
         logging.getLogger(__name__).info("map %s: %s", spec.name, note)
     network = RoadNetwork(

@@ -54,6 +54,17 @@ def place_signals(net: SumoNet, layout: Layout) -> tuple[Signal, ...]:
     return tuple(sorted(signals, key=lambda signal: (signal.programme, signal.link)))
 
 
+def shown_links(net: SumoNet, layout: Layout) -> dict[str, ControlledLink]:
+    """Lane id → the link whose state the lane's first light shows; arguments as for ``place_signals``."""
+    main = _main_links(net.links)
+    shown: dict[str, ControlledLink] = {}
+    for mount in layout.signal_places:
+        lanes = [lane for lane in mount.lanes if lane in main]
+        for lane in lanes:
+            shown.setdefault(lane, min((main[each] for each in lanes), key=_straightness_key))
+    return main | shown
+
+
 def with_net_ids(signals: Iterable[Signal]) -> tuple[Signal, ...]:
     """Heads with the ids that netconvert gives their links in the OpenDRIVE file it makes of the net."""
     return tuple(replace(signal, opendrive_id=f"{signal.programme}_{signal.link}") for signal in signals)

@@ -19,6 +19,7 @@ _WIDTH_M = 3.0
 _FAST_MPS = 14.0
 _MAX_DISTANCE_M = 30.0
 _SAME_LEVEL_M = 3.0
+_REFUGE_M = 1.0  # narrowest median on which people wait halfway
 _End = tuple[str, str, str]
 
 
@@ -53,17 +54,41 @@ def planned_crossings(
 
 
 def _by_rule(traffic: Traffic, signalized_nodes: Collection[str]) -> Iterator[PlannedCrossing]:
-    """A crossing of each arm with a sidewalk, at nodes where at least three roads meet."""
-    arms: dict[str, dict[str, list[TrafficEdge]]] = defaultdict(lambda: defaultdict(list))
+    """A crossing of each arm with a sidewalk, at nodes where at least three arms meet."""
+    ends: dict[str, list[TrafficEdge]] = defaultdict(list)
     for edge in traffic.edges:
         for node in (edge.start, edge.end):
-            arms[node][edge.road].append(edge)
-    for node, roads in arms.items():
-        for edges in roads.values() if len(roads) > 2 else ():
-            walkable = any(lane.kind is LaneKind.SIDEWALK for edge in edges for lane in edge.lanes)
-            fastest_mps = max(lane.speed_mps for edge in edges for lane in edge.lanes)
+            ends[node].append(edge)
+    for node, edges in ends.items():
+        arms = _arms(node, edges)
+        for arm in arms if len(arms) > 2 else ():
+            walkable = any(lane.kind is LaneKind.SIDEWALK for edge in arm for lane in edge.lanes)
+            fastest_mps = max(lane.speed_mps for edge in arm for lane in edge.lanes)
             if walkable and (node in signalized_nodes or fastest_mps < _FAST_MPS):
-                yield PlannedCrossing(node, tuple(edge.id for edge in edges), None, _WIDTH_M)
+                yield PlannedCrossing(node, tuple(edge.id for edge in arm), None, _WIDTH_M)
+
+
+def _arms(node: str, edges: Sequence[TrafficEdge]) -> list[list[TrafficEdge]]:
+    """The edges at a node by arm: those of one road, and the two directions of a street that are roads of their own."""
+    by_road: dict[str, list[TrafficEdge]] = defaultdict(list)
+    for edge in edges:
+        by_road[edge.road].append(edge)
+    arms: list[list[TrafficEdge]] = []
+    for road in by_road.values():
+        arm = next((each for each in arms if _are_directions(node, each, road)), None)
+        if arm is None:
+            arms.append(road)
+        else:
+            arm += road
+    return arms
+
+
+def _are_directions(node: str, arm: Sequence[TrafficEdge], road: Sequence[TrafficEdge]) -> bool:
+    """Whether one edge leads to a node, and another from it without a median that people could wait on."""
+    if len(arm) != 1 or len(road) != 1 or (arm[0].end == node) == (road[0].end == node):
+        return False
+    first_m, second_m = (each.inner_m[-1 if each.end == node else 0, :2] for each in (arm[0], road[0]))
+    return bool(np.linalg.norm(first_m - second_m) < _REFUGE_M)
 
 
 def _orient(line_m: Float64Array, junction_m: Float64Array, left_hand: bool) -> Float64Array:

@@ -1,8 +1,8 @@
 """The points that bodies follow: SUMO's positions without jumps, adjusted for everything that SUMO does not know.
 
-Vehicles are towed behind their fronts and move aside in narrow places. Pedestrians leave SUMO's network, walk around
-obstacles and keep off vehicles. Careful drivers then predict where all these points lead and brake for conflicts.
-Everything happens at SUMO's moment, ahead of the published tables.
+Vehicles are towed behind their fronts, move aside in narrow places and back off. Pedestrians leave SUMO's network, walk
+around obstacles and keep off vehicles. Careful drivers then predict where all these points lead and brake for
+conflicts. Everything happens at SUMO's moment, ahead of the published tables.
 """
 
 from dataclasses import replace
@@ -12,6 +12,7 @@ import numpy as np
 from simbev_ros.foundation.types import BoolArray, Float64Array, Table
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.schema.scene.spec import SceneSpec
+from simbev_ros.simulation.world.driving.backing_off import MAX_BACK_M
 from simbev_ros.simulation.world.driving.careful_drivers import CarefulDrivers
 from simbev_ros.simulation.world.driving.outside_drivers import driven_from_outside
 from simbev_ros.simulation.world.kinematics.collisions import Collisions
@@ -26,7 +27,7 @@ from simbev_ros.simulation.world.sumo.traffic import TrafficSample
 
 _MAX_CHANGE_MPS2 = 20.0  # a larger change, before averaging, is a jump of SUMO's between lanes that do not meet
 _PEDESTRIAN_MPS2 = 4.0
-_PATIENCE_S = 15.0  # of drivers on map files, with narrow junctions and dead ends that our towns do not have
+_PATIENCE_S = 15.0  # of drivers on map files, with narrow streets, junctions and dead ends that our towns do not have
 _CATCH_UP_FACTOR = 1.3  # maximum speed while catching up with a sideways jump of SUMO's, divided by the usual maximum
 _STEP_BACK_MPS = 1.0  # on top of that speed, for a pedestrian whom a vehicle would touch
 
@@ -76,7 +77,7 @@ class LeadingPoints:
         self.axle_m: Float64Array = np.full((len(directions), 3), np.nan)
         to_front_m = behind_m[self._steered] + self._trail_m
         self.axle_m[self._steered] = sample.front_m[self._steered] - to_front_m * directions[self._steered]
-        self._towed_points = TowedPoints(sample.front_m, directions[:vehicles], behind_m[:, 0])
+        self._towed_points = TowedPoints(sample.front_m, directions[:vehicles], behind_m[:, 0], MAX_BACK_M)
         self._vehicle_avoidance = VehicleAvoidance(
             bodies, sample.front_m - behind_m * directions[:vehicles], directions[:vehicles]
         )
@@ -86,7 +87,7 @@ class LeadingPoints:
             sample.front_m[self._sumo_vehicles],
             population.sumo,
             tick_s,
-            _PATIENCE_S if spec.map.path else np.inf,
+            *((_PATIENCE_S, ground.is_paved) if spec.map.path else ()),
         )
         start_m = self._furniture_avoidance.move_aside(sample.pedestrian_m)
         self._pursuing_points = PursuingPoints(
@@ -124,13 +125,16 @@ class LeadingPoints:
 
         Pedestrians on sidewalks stand at curb height, those on plazas on the paving, all others on the carriageway.
         """
-        self._front_m = self._steady_fronts.follow(sample.front_m).copy()
-        self._front_m[self._sumo_vehicles] += self._careful_drivers.offset_m
-        point_m = self._towed_points.follow(self._front_m)
+        front_m, back_m = self._steady_fronts.follow(sample.front_m).copy(), np.zeros(len(sample.front_m))
+        front_m[self._sumo_vehicles] += self._careful_drivers.offset_m
+        back_m[self._sumo_vehicles] = self._careful_drivers.back_m
+        self._front_m, point_m = self._towed_points.follow(front_m, back_m)
         self._steer(sample, point_m)
         desired_m = self._furniture_avoidance.move_aside(sample.pedestrian_m)
+        axle_m = self.axle_m[: len(point_m)]
+        may_reverse = ~np.isnan(axle_m[:, 0]) | (back_m > 0.0)
         desired_m = self._vehicle_avoidance.avoid_paths(
-            point_m, self.axle_m[: len(point_m)], self._pursuing_points.position_m, desired_m, self._tick_s
+            point_m, axle_m, may_reverse, self._pursuing_points.position_m, desired_m, self._tick_s
         )
         self._vehicle_avoidance.rest_crashed(*self._wrecks)
         pedestrian_m = self._vehicle_avoidance.avoid_bodies(

@@ -35,7 +35,8 @@ class ActorTable:
         self._has_beacon = np.array(
             [spec.vehicles[row["id"] - EGO_ID].emergency_lights for row in cast.rows[:vehicles]]
         )
-        self._reverses = np.isin(cast.rows["id"] - EGO_ID, list(driven_from_outside(spec)))
+        driven = np.isin(cast.rows["id"] - EGO_ID, list(driven_from_outside(spec)))
+        self._reverses = driven | bool(spec.map.path)  # there, drivers back off
         # A rider pedals by the distance of its bicycle; the row of a vehicle equals the index of its leading point.
         self._distance_row = np.where(cast.rows["parent"] > 0, cast.bodies.point, np.arange(len(cast.rows)))
         self._steer_rad = np.zeros(len(cast.rows))

@@ -44,6 +44,7 @@ class LineTraffic:
         self.lines, self.s_m, self.desired_mps = lines, np.array(start_m), np.array(speed_mps)
         self.now_mps = self.desired_mps.copy()
         self.limits_mps: dict[int, float] = {}
+        self.ignored: dict[int, list[int]] = {}
         self.max_braking_mps2 = np.zeros(len(lines))
         self.heeds = np.repeat(np.transpose([careful if careful else [True] * len(lines)]), 2, axis=1)
 
@@ -68,7 +69,10 @@ class LineTraffic:
         if speed_mps is not None:
             self.limits_mps[vehicle] = speed_mps
 
-    def drive(self, ticks=60, pedestrians=(), patience_s=np.inf):
+    def ignore_at_junctions(self, vehicle, others):
+        self.ignored[vehicle] = list(others)
+
+    def drive(self, ticks=60, pedestrians=(), patience_s=np.inf, is_paved=None):
         """(T,) least distance of the first vehicle's middle to the others' and to people at (start, velocity)."""
         count = len(self.lines)
         size_m = np.array([CAR_M] * count + [PEDESTRIAN_M] * len(pedestrians))
@@ -84,8 +88,8 @@ class LineTraffic:
         )
         behind_m = CAR_M[0] / 2.0 - LEAD_M
         fronts = np.array([self.position_m(v, s) for v, s in enumerate(self.s_m)])
-        drivers = CarefulDrivers(bodies, self.heeds, fronts, self, TICK_S, patience_s)
-        distances_m, self.max_offset_m = [], 0.0
+        drivers = CarefulDrivers(bodies, self.heeds, fronts, self, TICK_S, patience_s, is_paved)
+        distances_m, self.max_offset_m, self.max_back_m = [], 0.0, np.zeros(count)
         for tick in range(ticks):
             limit = np.array([self.limits_mps.get(v, np.inf) for v in range(count)])
             now_mps = np.minimum(np.minimum(limit, self.desired_mps), self.now_mps + 2.0 * TICK_S)
@@ -93,7 +97,8 @@ class LineTraffic:
             self.now_mps = now_mps
             self.s_m = self.s_m + now_mps * TICK_S
             front, point, rear = (
-                np.array([self.position_m(v, s - back) for v, s in enumerate(self.s_m)]) + drivers.offset_m
+                np.array([self.position_m(v, s - back - drivers.back_m[v]) for v, s in enumerate(self.s_m)])
+                + drivers.offset_m
                 for back in (0.0, behind_m, behind_m + TRAIL_M)
             )
             ahead = (point - rear)[:, :2] / np.linalg.norm((point - rear)[:, :2], axis=1, keepdims=True)
@@ -105,6 +110,7 @@ class LineTraffic:
             unmoved, on_sidewalk = np.zeros(len(positions), bool), np.zeros(len(pedestrians), bool)
             drivers.look_and_brake(front, point, rear, positions, ahead, unmoved[:count], unmoved, on_sidewalk)
             self.max_offset_m = max(self.max_offset_m, np.abs(drivers.offset_m).max())
+            self.max_back_m = np.maximum(self.max_back_m, drivers.back_m)
             distances_m.append(np.linalg.norm(positions[1:] - positions[0], axis=1).min(initial=np.inf))
         return np.array(distances_m)
 
@@ -163,6 +169,19 @@ def test_drivers_who_pass_narrowly_move_aside_instead_of_braking():
     assert 0.05 < traffic.max_offset_m < 0.4
 
 
+@pytest.mark.parametrize(("clear_m", "room_m"), [(0.05, 0.0), (0.35, 0.3), (1.0, 0.5)])
+def test_drivers_move_aside_only_as_far_as_they_stay_on_the_pavement(clear_m, room_m):
+    gap_m = CAR_M[1] - 0.4  # each has to move by a little more than 0.2 m, and more if the other one does not
+
+    def is_paved(points_m):
+        return np.abs(points_m[:, 1] - gap_m / 2.0) < gap_m / 2.0 + CAR_M[1] / 2.0 + clear_m
+
+    traffic = LineTraffic([straight(0, 0, 0), straight(0, gap_m, 180)], [-30.0, -30.0], [6.0, 6.0])
+    traffic.drive(is_paved=is_paved)
+    assert traffic.max_offset_m <= room_m + 1e-9
+    assert traffic.max_offset_m >= room_m - 0.2
+
+
 @pytest.mark.parametrize(("start_m", "velocity_mps", "brakes"), [((0, -4), (0, 1.4), True), ((0, 4), (0, 0), False)])
 def test_drivers_brake_for_pedestrians_ahead_but_not_for_those_standing_beside_the_lane(start_m, velocity_mps, brakes):
     traffic = LineTraffic([straight(0, 0, 0)], [-25.0], [9.0])
@@ -189,3 +208,35 @@ def test_a_driver_who_has_waited_for_long_creeps_towards_a_pedestrian_who_stands
     assert (traffic.now_mps[0] > 0.3) == creeps
     assert traffic.now_mps[0] <= 0.4 + 1e-9
     assert halted_m < 0.0
+
+
+@pytest.mark.parametrize(
+    ("patience_s", "behind_m", "careful", "passes"),
+    [(np.inf, 20.0, True, False), (4.0, 20.0, True, True), (4.0, 5.0, True, True), (4.0, 5.0, False, False)],
+)
+def test_drivers_who_stand_in_the_way_back_off_with_those_behind_if_these_are_careful(
+    patience_s, behind_m, careful, passes
+):
+    across = straight(0, -CAR_M[1] / 2.0, 90)
+    lines, start_m = [straight(0, 0, 0), across, across], [-25.0, 0.8, 0.8 - behind_m]
+    traffic = LineTraffic(lines, start_m, [6.0, 0.0, 0.0], careful=[True, True, careful])
+    distances_m = traffic.drive(300, patience_s=patience_s)
+    assert (traffic.s_m[0] > 5.0) == passes
+    assert distances_m.min() > CAR_M[1] / 2.0
+    assert (traffic.max_back_m > 0.0).tolist() == [
+        False,
+        np.isfinite(patience_s) and (careful or passes),
+        passes and behind_m < 6.0,
+    ]
+    assert traffic.max_back_m.max() <= 4.0
+    assert traffic.ignored.get(0, []) == []
+
+
+@pytest.mark.parametrize(("patience_s", "passes"), [(np.inf, False), (4.0, True)])
+def test_one_of_two_drivers_who_stand_in_each_others_way_backs_off(patience_s, passes):
+    traffic = LineTraffic([straight(0, 0, 0), straight(0, 0, 90)], [0.4, 0.4], [6.0, 6.0])
+    traffic.now_mps[:] = 0.0
+    distances_m = traffic.drive(400, patience_s=patience_s)
+    assert ((traffic.s_m > 5.0) == passes).all()
+    assert (traffic.max_back_m > 0.0).tolist() == [passes, False]
+    assert distances_m.min() > 2.6

@@ -65,6 +65,15 @@ def test_on_a_tilted_plane_all_wheels_touch_and_the_body_pitches_and_rolls_with_
     assert yaw == 0.0
 
 
+def test_roads_and_shoulders_are_paved_but_not_sidewalks():
+    center_m, beside_m = line(lambda x: 6.0), np.array([0.0, 5.0, 0.0])
+    shoulder = strip("shoulder", center_m + beside_m, width_m=2.0, kind=LaneKind.SHOULDER)
+    walk = strip("walk", center_m - beside_m, width_m=2.0, kind=LaneKind.SIDEWALK)
+    ground = GroundSurface(layout(strip("road", center_m), shoulder, walk))
+    points_m = np.array([(50.0, y_m, 6.0) for y_m in (3.9, 5.9, 6.2, -3.9, -4.5, 8.0)])
+    assert ground.is_paved(points_m).tolist() == [True, True, False, True, False, False]
+
+
 def test_a_pedestrian_stays_upright_on_a_slope():
     road = strip("road", line(lambda x: 0.1 * x), cross_slope=0.05)
     origins_m, states = drive(GroundSurface(layout(road)), lambda x: 0.1 * x, FOOT, speed_mps=1.5, seconds=8.0)

@@ -117,12 +117,24 @@ def test_a_towed_point_follows_the_same_path_behind():
     angle = 0.03 * np.arange(1, 200)
     lead_m = np.stack([10.0 * np.sin(angle), 10.0 * (1.0 - np.cos(angle)), 0.0 * angle], axis=-1)
     tow = TowedPoints(np.zeros((2, 3)), np.array([[1.0, 0.0, 0.0]] * 2), np.array([2.0, 0.0]))
-    points_m = np.array([tow.follow(np.repeat(each[None], 2, axis=0)) for each in lead_m])
+    points_m = np.array([tow.follow(np.repeat(each[None], 2, axis=0), np.zeros(2))[1] for each in lead_m])
     assert np.array_equal(points_m[:, 1], lead_m)
     behind = angle - 0.2
     circle_m = np.stack([10.0 * np.sin(behind), 10.0 * (1.0 - np.cos(behind))], axis=-1)
     np.testing.assert_allclose(points_m[behind > 0.0, 0, :2], circle_m[behind > 0.0], atol=0.01)
     np.testing.assert_allclose(points_m[behind < 0.0, 0, 0], 10.0 * behind[behind < 0.0], atol=0.01)
+
+
+def test_a_towed_point_falls_back_along_the_path_of_its_leader():
+    angle = np.minimum(0.03 * np.arange(1, 200), 3.0)
+    lead_m = np.stack([10.0 * np.sin(angle), 10.0 * (1.0 - np.cos(angle)), 0.0 * angle], axis=-1)
+    tow = TowedPoints(np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0]]), np.array([2.0]), max_back_m=4.0)
+    back_m = np.clip(0.1 * (np.arange(199) - 120), 0.0, 4.0)
+    rows = [tow.follow(each[None], np.array([back])) for each, back in zip(lead_m, back_m, strict=True)]
+    for points_m, behind_m in zip(np.swapaxes([np.concatenate(row) for row in rows], 0, 1), (0.0, 2.0), strict=True):
+        at = angle[30:] - (behind_m + back_m[30:]) / 10.0
+        circle_m = np.stack([10.0 * np.sin(at), 10.0 * (1.0 - np.cos(at))], axis=-1)
+        np.testing.assert_allclose(points_m[30:, :2], circle_m, atol=0.02)
 
 
 def test_a_target_that_jumps_sideways_is_followed_like_a_lane_change():

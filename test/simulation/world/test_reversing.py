@@ -130,6 +130,6 @@ def test_pedestrians_keep_off_a_vehicle_that_comes_forward_or_in_reverse(heading
     avoidance = VehicleAvoidance(bodies, np.zeros((1, 3)), ahead)
     point_m, pedestrian_m = np.array([[-0.2, 0.0, 0.0]]), np.array([[-4.0, 1.2, 0.0]])
     axle_m = point_m - 2.0 * ahead if heading > 0.0 else np.full((1, 3), np.nan)
-    moved_m = avoidance.avoid_paths(point_m, axle_m, pedestrian_m, pedestrian_m, TICK_S)
+    moved_m = avoidance.avoid_paths(point_m, axle_m, ~np.isnan(axle_m[:, 0]), pedestrian_m, pedestrian_m, TICK_S)
     assert moved_m[0] == pytest.approx([-4.0, 1.8, 0.0])
     assert avoidance.is_reversing.tolist() == [heading > 0.0]

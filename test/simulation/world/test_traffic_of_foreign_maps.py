@@ -110,10 +110,11 @@ def assert_no_vehicle_is_in_a_wall(path: Path, network: RoadNetwork, rows: Table
 @pytest.mark.slow
 @pytest.mark.parametrize("path", CITIES, ids=lambda path: f"{path.parent.name}-{path.name}")
 def test_in_a_city_nearly_all_vehicles_still_move_in_the_fourth_minute(path: Path) -> None:
+    """The end is longer than the red lights of these maps, up to 66 s."""
     network, rows = drive(path, 240)
     assert rows.shape[1] >= 7
     assert np.mean(driven_m(rows, 0, 60) > 3.0) >= 0.9
-    assert np.mean(driven_m(rows, 180, 240) > 2.0) >= 0.9
+    assert np.mean(driven_m(rows, 160, 240) > 2.0) >= 0.9
     assert_no_vehicle_is_in_a_wall(path, network, rows)
 
 

@@ -7,16 +7,18 @@ of all bodies for a few seconds, at SUMO's moment, and limits the speeds of SUMO
 - Drivers who would pass each other too closely move aside.
 - Drivers do not brake where this cannot help: for a vehicle that hits them from behind or from the side.
 - A driver who has waited for long passes others who stand at a smaller distance, and creeps towards pedestrians who
-  stand in the way, so that they step aside.
+  stand in the way, so that they step aside. Drivers who stand in its way back off.
 - A driver who yields is predicted as if it drove off, all others as they drive now. It therefore waits until its path
   is clear, and no two drivers wait for each other.
 """
 
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
 
 from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
+from simbev_ros.simulation.world.driving.backing_off import BackingOff, RightOfWay
 from simbev_ros.simulation.world.driving.conflicts import MARGINS_M, Conflicts, PredictedTraffic
 from simbev_ros.simulation.world.driving.trajectory_prediction import (
     TIMES_S,
@@ -31,6 +33,7 @@ _REASON = "conflict"
 _STOP_GAP_M = 0.4
 _MIN_BRAKING_MPS2 = 2.0  # SUMO's own driver handles anything below
 _MAX_BRAKING_MPS2 = 8.0
+_SLOW_CONTACT_S = 0.6  # time to a contact that SUMO's driver no longer avoids
 _LOOK_PERIOD_S = 0.2
 _CREEP_MPS = 0.4
 _STANDING_MPS = 0.02
@@ -41,14 +44,11 @@ _OFFSET_STEP_M = 0.1  # correction of the offset at each look
 _RETURN_MPS = 0.15
 
 
-class DriverControl(RouteGeometry, Protocol):
+class DriverControl(RouteGeometry, RightOfWay, Protocol):
     """Traffic interface that careful drivers need; vehicles are given by their index in ``vehicles``."""
 
     def speed_mps(self, vehicle: int) -> float:
         """A vehicle's speed."""
-
-    def limit_speed(self, vehicle: int, reason: str, speed_mps: float | None) -> None:
-        """Limit a vehicle's speed for a reason; None lifts the limit."""
 
 
 class CarefulDrivers:
@@ -66,6 +66,7 @@ class CarefulDrivers:
         traffic: DriverControl,
         tick_s: float,
         patience_s: float = np.inf,
+        is_paved: Callable[[Float64Array], BoolArray] | None = None,
     ) -> None:
         """Start at rest.
 
@@ -75,9 +76,11 @@ class CarefulDrivers:
             front_m: (M, 3) fronts of the first M vehicles, which are SUMO's; the other vehicles never move.
             traffic: SUMO.
             tick_s: Length of a tick.
-            patience_s: Time after which a driver who yields creeps or passes others closely.
+            patience_s: Time after which a driver who yields creeps, passes others closely or beside the pavement, and
+                lets others back off; infinite on maps where nobody meets where there is no room.
+            is_paved: Function from (N, 3) points to (N,) whether vehicles may drive there; None: everywhere.
         """
-        self._patience_s = patience_s
+        self._patience_s, self._is_paved = patience_s, is_paved
         self.braking_mps2: dict[int, float] = {}
         self._vehicles, self._sumo_count = bodies.boxes.vehicles, len(front_m)
         self._half_m = bodies.boxes.size_m[:, :2] / 2.0
@@ -89,6 +92,7 @@ class CarefulDrivers:
         self._predictor = TrajectoryPredictor(bodies, front_m, traffic, tick_s)
         self._look_period_ticks = max(1, round(_LOOK_PERIOD_S / tick_s))
         self._passing_offsets = PassingOffsets(self._sumo_count, self._look_period_ticks * tick_s)
+        self._backing_off = BackingOff(self._sumo_count, traffic, tick_s)
         self._waited_s: dict[int, float] = {}
         self._creeping: frozenset[int] = frozenset()
         self._steps = 0
@@ -100,6 +104,11 @@ class CarefulDrivers:
         offset_m: Float64Array = np.zeros((self._sumo_count, 3))
         offset_m[:, :2] = self._predictor.offset_m[:, None] * self._predictor.left
         return offset_m
+
+    @property
+    def back_m(self) -> Float64Array:
+        """(M,) distance of each vehicle's body behind SUMO's vehicle, along its path."""
+        return self._backing_off.back_m
 
     def look_and_brake(
         self,
@@ -130,7 +139,8 @@ class CarefulDrivers:
         self.braking_mps2 = {vehicle: mps2 for vehicle, mps2 in self.braking_mps2.items() if not has_stopped[vehicle]}
         looks_now = (np.arange(len(has_stopped)) + self._steps) % self._look_period_ticks == 0
         drivers = np.flatnonzero(self._heeds.any(axis=1) & ~has_stopped & looks_now)
-        self._resolve_conflicts(drivers, now, position_m[:, 2])
+        self._resolve_conflicts(drivers, now, position_m[:, 2], has_stopped)
+        self._backing_off.advance(self._predictor.speed_mps)
         for vehicle, braking_mps2 in self.braking_mps2.items():
             speed_mps = self._traffic.speed_mps(vehicle) - braking_mps2 * self._tick_s
             self._traffic.limit_speed(vehicle, _REASON, max(speed_mps, _CREEP_MPS * (vehicle in self._creeping)))
@@ -152,8 +162,10 @@ class CarefulDrivers:
             np.concatenate([center_m, pedestrians.center_m]), np.concatenate([forward, pedestrians.forward])
         )
 
-    def _resolve_conflicts(self, drivers: Int64Array, now: PredictedTrajectories, height_m: Float64Array) -> None:
-        """Decide which of (D,) drivers brake, and how hard, and which move aside."""
+    def _resolve_conflicts(
+        self, drivers: Int64Array, now: PredictedTrajectories, height_m: Float64Array, has_stopped: BoolArray
+    ) -> None:
+        """Decide which of (D,) drivers brake, and how hard, which move aside, and who backs off for them."""
         predicted = PredictedTraffic(self._half_m, height_m, self._predict_released(now), now)
         moving = drivers[~predicted.own.stays[drivers]]
         conflicts = predicted.find_conflicts(moving, self._patient)
@@ -161,9 +173,26 @@ class CarefulDrivers:
         conflicts = conflicts.select(self._heeds[conflicts.driver, is_pedestrian.astype(np.intp)])
         needed_mps2, brakes = self._decide_braking(conflicts, predicted)
         self._passing_offsets.update_offsets(moving, conflicts.select(conflicts.other < self._vehicles), predicted)
+        self._keep_on_pavement(np.setdiff1d(moving, self._patient))
         self._predictor.target_offset_m = self._passing_offsets.offset_m
         self._brake(drivers, conflicts.driver[brakes], needed_mps2[brakes])
         self._creep(drivers, conflicts.select(brakes), predicted)
+        may_back = predicted.as_seen.stays & ~has_stopped & self._heeds[:, 0]
+        in_the_way = conflicts.select(brakes & may_back[conflicts.other])
+        self._backing_off.make_room(in_the_way, np.isin(in_the_way.driver, self._patient), may_back, predicted)
+
+    def _keep_on_pavement(self, drivers: Int64Array) -> None:
+        """Let (D,) drivers move aside only as far as the fronts of their vehicles stay on the pavement."""
+        offset_m = self._passing_offsets.offset_m
+        aside = drivers[offset_m[drivers] != 0.0]
+        if self._is_paved is not None and len(aside):
+            side = np.sign(offset_m[aside])
+            steps_m = np.arange(0.0, _MAX_OFFSET_M + _OFFSET_STEP_M / 2.0, _OFFSET_STEP_M)
+            edge_m = side[:, None] * (self._half_m[aside, 1, None] + steps_m)
+            paved = self._is_paved(self._traffic.ahead_m(aside, np.zeros_like(edge_m), edge_m).reshape(-1, 3))
+            clear = np.logical_and.accumulate(paved.reshape(edge_m.shape), axis=1).sum(axis=1)
+            room_m = np.maximum(clear - 1, 0) * _OFFSET_STEP_M
+            offset_m[aside] = side * np.minimum(np.abs(offset_m[aside]), room_m)
 
     def _predict_released(self, now: PredictedTrajectories) -> PredictedTrajectories:
         """The trajectories of all bodies if those that yield drove off."""
@@ -187,7 +216,10 @@ class CarefulDrivers:
         needs_less = (needed_mps2 < others_mps2) | ((needed_mps2 == others_mps2) & (conflicts.driver > conflicts.other))
         yields = ~is_useless & (is_held | needs_less | (others_mps2 > _MAX_BRAKING_MPS2))
         yields |= is_useless & others_useless & (is_held | is_careful)
-        return needed_mps2, yields & (is_held | (needed_mps2 > _MIN_BRAKING_MPS2))
+        avoids = needed_mps2 > _MIN_BRAKING_MPS2
+        if np.isfinite(self._patience_s):  # vehicles that touch stand in the way for good
+            avoids |= TIMES_S[conflicts.first_time] <= _SLOW_CONTACT_S
+        return needed_mps2, yields & (is_held | avoids)
 
     def _needed_mps2(self, conflicts: Conflicts, predicted: PredictedTraffic) -> tuple[Float64Array, BoolArray]:
         """Deceleration that drivers need to avoid the first contact of each conflict.

@@ -120,6 +120,19 @@ class PredictedTraffic:
         reach_m = self.half_m[conflicts.driver] + cos[:, None] * other_half_m + sin[:, None] * other_half_m[:, ::-1]
         return FirstContacts(ahead, gap_m, reach_m, cos)
 
+    def in_the_way(self, body: int, step_m: Float64Array) -> Int64Array:
+        """(M,) bodies that come closer than the gap when a body moves by (2,) meters now, and are not so close yet."""
+        others = np.delete(np.arange(len(self.half_m)), body)
+        others = others[np.abs(self.height_m[others] - self.height_m[body]) < _LEVEL_TOLERANCE_M]
+        gap_m = self.as_seen.center_m[others, 0] - self.as_seen.center_m[body, 0]
+        boxes = (
+            np.broadcast_to(self.as_seen.forward[body, 0], gap_m.shape),
+            self.as_seen.forward[others, 0],
+            np.broadcast_to(self.half_m[body] + MARGINS_M[0], gap_m.shape),
+            self.half_m[others],
+        )
+        return others[_overlap(gap_m - step_m, *boxes) & ~_overlap(gap_m, *boxes)]
+
     def _candidate_pairs(self, drivers: Int64Array) -> tuple[Int64Array, Int64Array]:
         """(N,) drivers and (N,) bodies whose trajectories come close."""
         if not len(drivers):

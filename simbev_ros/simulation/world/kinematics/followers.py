@@ -78,21 +78,37 @@ class SteadyPoints:
 class TowedPoints:
     """Points that follow the exact paths of their leaders, each a fixed distance behind."""
 
-    def __init__(self, lead_m: Float64Array, direction: Float64Array, behind_m: Float64Array) -> None:
-        """For (G, 3) leaders that have come straight along (G, 3) unit vectors, and (G,) distances behind them."""
+    def __init__(
+        self, lead_m: Float64Array, direction: Float64Array, behind_m: Float64Array, max_back_m: float = 0.0
+    ) -> None:
+        """For (G, 3) leaders that have come straight along (G, 3) unit vectors, and (G,) distances behind them.
+
+        Points may fall back by up to ``max_back_m`` more.
+        """
         self._behind_m = behind_m
-        count = int(np.ceil(behind_m.max(initial=0.0) / _SPACING_M)) + 2
+        count = int(np.ceil((behind_m.max(initial=0.0) + max_back_m) / _SPACING_M)) + 2
         back_m = _SPACING_M * np.arange(1, count + 1)
         self._trail_m: Float64Array = lead_m[:, None] - back_m[:, None] * direction[:, None]
 
-    def follow(self, lead_m: Float64Array) -> Float64Array:
-        """(G, 3) points one tick later; exactly the leaders where the distance is 0."""
+    def follow(self, lead_m: Float64Array, back_m: Float64Array) -> tuple[Float64Array, Float64Array]:
+        """One tick later, with leaders that have fallen back along their paths by (G,) meters.
+
+        Returns:
+            (G, 3) leaders, exactly those given where they have not fallen back, and (G, 3) points, exactly the leaders
+            where the distance is 0.
+        """
         trail_m = np.concatenate([lead_m[:, None], self._trail_m], axis=1)
         length_m = np.linalg.norm(np.diff(trail_m, axis=1), axis=2)
         has_moved = length_m[:, 0] >= _SPACING_M
         self._trail_m = np.where(has_moved[:, None, None], trail_m[:, :-1], self._trail_m)
         path_m = np.cumsum(length_m, axis=1)
-        row = np.arange(len(lead_m))
-        end = np.argmax(path_m >= self._behind_m[:, None] - 1e-9, axis=1)
-        fraction = 1.0 - (path_m[row, end] - self._behind_m) / np.maximum(length_m[row, end], 1e-9)
-        return trail_m[row, end] + fraction[:, None] * (trail_m[row, end + 1] - trail_m[row, end])
+
+        def points_behind(behind_m: Float64Array) -> Float64Array:
+            row = np.arange(len(lead_m))
+            end = np.argmax(path_m >= behind_m[:, None] - 1e-9, axis=1)
+            fraction = 1.0 - (path_m[row, end] - behind_m) / np.maximum(length_m[row, end], 1e-9)
+            points_m: Float64Array = trail_m[row, end] + fraction[:, None] * (trail_m[row, end + 1] - trail_m[row, end])
+            return points_m
+
+        leaders_m = points_behind(back_m) if back_m.any() else lead_m
+        return leaders_m, points_behind(self._behind_m + back_m)

@@ -14,7 +14,7 @@ from simbev_ros.assets.placement.region_ground import LAND_HEIGHT_M
 from simbev_ros.foundation.geometry import overlay
 from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.maps.roads.elevation import Elevation
-from simbev_ros.maps.roads.lane_kind import CURB_HEIGHT_M
+from simbev_ros.maps.roads.lane_kind import CURB_HEIGHT_M, PAVED_KINDS
 from simbev_ros.maps.roads.layout import Layout
 from simbev_ros.maps.roads.raised_lanes import RaisedLanes
 from simbev_ros.maps.roads.surface import sidewalk_surface, strip_polygons, surfaces_of
@@ -23,6 +23,7 @@ _LEVEL_TOLERANCE_M = 1.25  # half the clearance between two levels
 _OVERHANG_M = 0.5  # distance by which wheels may stand beside the lanes of a structure
 _CELL_M = 512.0
 _PATCH_M = 32.0
+_SEAM_M = 0.1  # half the gap between adjacent lanes that does not count
 
 
 class GroundSurface:
@@ -91,6 +92,16 @@ class GroundSurface:
             for area, height_m in self._raised_areas(*key):
                 raised_m[rows] = np.where(shapely.contains_xy(area, point_m[rows, :2]), height_m, raised_m[rows])
         return raised_m
+
+    def is_paved(self, point_m: Float64Array) -> BoolArray:
+        """(N,) whether (N, 3) points lie on a road or a shoulder, of any level."""
+        paved = np.zeros(len(point_m), bool)
+        paved[self._pavement.query(shapely.points(point_m[:, :2]), predicate="intersects")[0]] = True
+        return paved
+
+    @cached_property
+    def _pavement(self) -> shapely.STRtree:
+        return shapely.STRtree(shapely.buffer(strip_polygons(self._layout.strips_of(*PAVED_KINDS)), _SEAM_M))
 
     def prepare(self, point_m: Float64Array, reach_m: float) -> None:
         """Build the sidewalks within ``reach_m``, at most 512 m, of (N, 3) points now instead of on demand."""

@@ -27,7 +27,7 @@ class VehicleAvoidance:
         rear_m: (V, 3) the vehicles' rear axles.
         center_m: (V, 3) their centers.
         ahead: (V, 2) unit vectors of their headings.
-        is_reversing: (V,) whether each of them, driven from outside, moves backward.
+        is_reversing: (V,) whether each of them moves backward.
     """
 
     def __init__(self, bodies: Bodies, point_m: Float64Array, direction: Float64Array) -> None:
@@ -78,6 +78,7 @@ class VehicleAvoidance:
         self,
         point_m: Float64Array,
         axle_m: Float64Array,
+        may_reverse: BoolArray,
         pedestrian_m: Float64Array,
         desired_m: Float64Array,
         tick_s: float,
@@ -87,6 +88,7 @@ class VehicleAvoidance:
         Args:
             point_m: (V, 3) the vehicles' leading points.
             axle_m: (V, 3) rear axles that their drivers know; NaN: the axle is towed.
+            may_reverse: (V,) whether their drivers may drive backward.
             pedestrian_m: (P, 3) current positions of the pedestrians.
             desired_m: (P, 3) their desired positions.
             tick_s: Length of the tick.
@@ -98,7 +100,7 @@ class VehicleAvoidance:
             :, 0
         ] ** 2
         is_backward = np.einsum("vi,vi->v", point_m - self._point_m, forward) < 0.0
-        self.is_reversing = is_backward & ~np.isnan(axle_m[:, 0])
+        self.is_reversing = is_backward & may_reverse
         step_m = np.linalg.norm(point_m - self._point_m, axis=1)
         curvature_per_m = np.clip(turn_rad / np.maximum(step_m, 1e-9), -_MAX_CURVATURE_PER_M, _MAX_CURVATURE_PER_M)
         speed_mps = step_m / tick_s

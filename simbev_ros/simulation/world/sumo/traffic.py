@@ -261,6 +261,11 @@ class SumoTraffic:
             braking_limit_mps = max(min_limit_mps, speed_mps - _EMERGENCY_MPS2 * self._step_s)
             libsumo.vehicle.setSpeed(name, braking_limit_mps if min_limit_mps <= speed_mps else -1.0)
 
+    def ignore_at_junctions(self, vehicle: int, others: Iterable[int]) -> None:
+        """Let a vehicle pass junctions regardless of these others (indices in ``vehicles``), and of no one else."""
+        names = " ".join(self._vehicle_names[other] for other in others)
+        libsumo.vehicle.setParameter(self._vehicle_names[vehicle], "junctionModel.ignoreIDs", names)
+
     def shorten_closures(self) -> None:
         """Shorten closures a little where a vehicle waits close behind them, halfway onto the next lane.
 

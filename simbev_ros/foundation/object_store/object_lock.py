@@ -10,6 +10,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Self
 
 from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.structured_text import parse_json
 from simbev_ros.foundation.object_store.connection import StoreConflict
 from simbev_ros.foundation.object_store.object_path import ObjectPath
 from simbev_ros.foundation.object_store.transfers import delete_objects, get_bytes, put_bytes
@@ -114,7 +115,7 @@ class ObjectLock:
         except FileNotFoundError:
             return {}, ""
         try:
-            content = json.loads(data or b"{}")
+            content = parse_json(data or b"{}")
         except ValueError:
             content = None
         return content if isinstance(content, dict) else {"pid": "unknown"}, tag
@@ -141,4 +142,6 @@ def require_writable_store(folder: ObjectPath) -> int:
 
 
 def _describe(holder: dict[str, object]) -> str:
-    return f"process {holder.get('pid')!s:.20} on {holder.get('host', 'an unknown host')!s:.100}"
+    known = {key: " ".join(f"{value:.100}".split()) for key, value in holder.items() if isinstance(value, str)}
+    pid = value if isinstance(value := holder.get("pid"), int) else known.get("pid", "unknown")
+    return f"process {pid!s:.20} on {known.get('host', 'an unknown host')}"

@@ -97,10 +97,20 @@ def test_a_renewal_whose_answer_was_lost_is_not_taken_for_another_process(store:
         lock.require()
 
 
-@pytest.mark.parametrize("content", [b"{", b"[]", b"\xff"])
+@pytest.mark.parametrize(
+    "content",
+    [b"{", b"[]", b"\xff", b"[" * 100_000, b'{"pid": [[7]], "host": {"a": 1}}'],
+    ids=["cut off", "list", "no text", "deep", "other types"],
+)
 def test_an_unreadable_lock_is_held_by_an_unknown_process(store: StoreServer, content: bytes) -> None:
     put_bytes(content, LOCK)
     with pytest.raises(InputError, match="process unknown on an unknown host is writing"):
+        ObjectLock(FOLDER)
+
+
+def test_the_names_in_a_foreign_lock_are_shown_in_one_line(store: StoreServer) -> None:
+    put_bytes(b'{"pid": "7\\n8", "host": "a\\n\\nerror: b"}', LOCK)
+    with pytest.raises(InputError, match=r"process 7 8 on a error: b is writing"):
         ObjectLock(FOLDER)
 
 

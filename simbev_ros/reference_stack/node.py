@@ -40,6 +40,9 @@ _NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 _CLOUD = "cloud"
 _PATIENCE_TICKS = 50
 """A tick waits up to this number of ticks for what it lacks; where messages are lost, a later one ends the wait."""
+_MALFORMED = (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError)
+"""Exceptions from reading messages that are not as they must be; any process can send messages."""
+_WARNING_PERIOD_S = 10.0
 _POLL_S = 0.05
 _POLLS_TO_SETTLE = 10
 """This side of a connection is established a moment before the other side is."""
@@ -84,7 +87,7 @@ class ReferenceStack(Node):
         """Start a new scene; its first tick waits until this node reports that it is ready."""
         try:
             scene = self.start_scene(message.data)
-        except (ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
+        except _MALFORMED as error:
             self.get_logger().warning(f"ignored a malformed message on world/scene: {error!r:.200}")
             return
         if self._points is not None:  # the next graph may be live although this one is not, or vice versa
@@ -148,8 +151,14 @@ class ReferenceStack(Node):
         stamp_ns: int,
     ) -> None:
         map_from_ego = pose_of(odometry) @ scene.base_link_from_ego
-        answer = pipeline.step(*points_of(messages[_CLOUD]), map_from_ego, stamp_ns * 1e-9)
-        answer = self.complete(answer, messages, map_from_ego)
+        try:
+            answer = pipeline.step(*points_of(messages[_CLOUD]), map_from_ego, stamp_ns * 1e-9)
+            answer = self.complete(answer, messages, map_from_ego)
+        except _MALFORMED as error:
+            self.get_logger().warning(
+                f"a frame is not answered: {error!r:.200}", throttle_duration_sec=_WARNING_PERIOD_S
+            )
+            return
         in_map = header_of(stamp_ns, odometry.header.frame_id)
         self._boxes.publish(table_message(answer.boxes, in_map))
         if self._markers.get_subscription_count():

@@ -169,7 +169,11 @@ class BaselineNode(Node):
         if inputs is None or answering is None or self._join is None:
             return
         for stamp_ns, odometry, messages in self._join.release():
-            frame = self._frame(inputs, stamp_ns, odometry, messages)
+            try:
+                frame = self._frame(inputs, stamp_ns, odometry, messages)
+            except FOREIGN_ERRORS as error:
+                self.get_logger().warning(f"a frame is not answered: {error!r:.200}")
+                frame = None
             task = None if frame is None else _Task(inputs, answering, frame, odometry.header.frame_id)
             if not self._is_live:
                 if task is not None:

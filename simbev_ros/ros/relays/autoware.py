@@ -3,7 +3,6 @@
 from geometry_msgs.msg import TwistWithCovarianceStamped
 from nav_msgs.msg import Odometry
 from rclpy.context import Context
-from rclpy.node import Node
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from sensor_msgs.msg import PointCloud2
 
@@ -11,12 +10,12 @@ from simbev_ros.ros.msgs.stamps import stamp_of
 from simbev_ros.ros.msgs.tables import message_from_table, table_from_message
 from simbev_ros.ros.relays.autoware_messages import velocity_message
 from simbev_ros.ros.relays.autoware_points import autoware_points
-from simbev_ros.ros.relays.running import run
+from simbev_ros.ros.relays.running import Relay, run
 
 _RELIABLE = QoSProfile(depth=5)
 
 
-class AutowareRelay(Node):
+class AutowareRelay(Relay):
     """Publishes what Autoware reads in a form of its own, while there are subscribers.
 
     Topics, which can be remapped as usual: /ego/lidar/points and /ego/odom in;
@@ -35,8 +34,8 @@ class AutowareRelay(Node):
         self._velocity = self.create_publisher(
             TwistWithCovarianceStamped, "/sensing/vehicle_velocity_converter/twist_with_covariance", _RELIABLE
         )
-        self.create_subscription(PointCloud2, "/ego/lidar/points", self._on_points, qos_profile_sensor_data)
-        self.create_subscription(Odometry, "/ego/odom", self._on_odometry, qos_profile_sensor_data)
+        self.listen(PointCloud2, "/ego/lidar/points", self._on_points, qos_profile_sensor_data)
+        self.listen(Odometry, "/ego/odom", self._on_odometry, qos_profile_sensor_data)
 
     def _on_points(self, message: PointCloud2) -> None:
         if self._points.get_subscription_count():

@@ -3,7 +3,6 @@
 import numpy as np
 from nav_msgs.msg import OccupancyGrid, Odometry
 from rclpy.context import Context
-from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from std_msgs.msg import Header, String
 
@@ -13,7 +12,7 @@ from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.ros.msgs.stamps import stamp_of
 from simbev_ros.ros.msgs.world import map_from_base_link
 from simbev_ros.ros.relays.nav2_map import FREE, OCCUPIED, LevelGrid, align
-from simbev_ros.ros.relays.running import run
+from simbev_ros.ros.relays.running import Relay, run
 from simbev_ros.scene.frames import ego_from_base_link
 from simbev_ros.schema.scene.agents import agent_view
 from simbev_ros.schema.scene.spec import SceneSpec
@@ -22,7 +21,7 @@ _LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 _POSES = 64
 
 
-class Nav2Relay(Node):
+class Nav2Relay(Relay):
     """Publishes where there is no road as occupied, for the static layer of Nav2's costmaps.
 
     Topics, which can be remapped as usual: /ego/bev/road/grid, /ego/odom and /world/scene in; /map,
@@ -39,9 +38,9 @@ class Nav2Relay(Node):
         self._poses: dict[int, tuple[str, Float64Array]] = {}
         self._base_link_from_ego: Float64Array = np.eye(4)
         self._map = self.create_publisher(OccupancyGrid, "/map", _LATCHED)
-        self.create_subscription(String, "/world/scene", self._on_scene, _LATCHED)
-        self.create_subscription(Odometry, "/ego/odom", self._on_odometry, qos_profile_sensor_data)
-        self.create_subscription(OccupancyGrid, "/ego/bev/road/grid", self._on_grid, qos_profile_sensor_data)
+        self.listen(String, "/world/scene", self._on_scene, _LATCHED)
+        self.listen(Odometry, "/ego/odom", self._on_odometry, qos_profile_sensor_data)
+        self.listen(OccupancyGrid, "/ego/bev/road/grid", self._on_grid, qos_profile_sensor_data)
 
     def _on_scene(self, message: String) -> None:
         """Learn where base_link is in the ego frame, in which the grids are."""
@@ -57,9 +56,9 @@ class Nav2Relay(Node):
         stamp_ns = stamp_of(message.header.stamp)
         restarted = stamp_ns < self._next_ns - self._period_ns
         if stamp_ns in self._poses and (stamp_ns >= self._next_ns or restarted):
-            self._next_ns = stamp_ns + self._period_ns
             frame, map_from_ego = self._poses[stamp_ns]
             self._map.publish(drivable_map(message, map_from_ego, frame))
+            self._next_ns = stamp_ns + self._period_ns
 
 
 def drivable_map(road: OccupancyGrid, map_from_ego: Float64Array, frame: str) -> OccupancyGrid:

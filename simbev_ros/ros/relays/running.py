@@ -1,11 +1,41 @@
-"""Runs the node of a relay as a program."""
+"""The base of the relays, and how they run as programs."""
 
 from collections.abc import Callable
+from typing import Any
 
 import rclpy
 import rclpy.utilities
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
+
+from simbev_ros.foundation.errors import FOREIGN_ERRORS, SimbevError
+
+_WARNING_PERIOD_S = 10.0
+
+
+class Relay(Node):
+    """Base of the relays. Messages that cannot be relayed, which any process can send, are ignored with a warning."""
+
+    def listen(self, kind: type[Any], topic: str, relay: Callable[[Any], None], qos: QoSProfile) -> None:
+        """Subscribe to a topic.
+
+        Args:
+            kind: Type of its messages.
+            topic: Its name.
+            relay: Called with each message.
+            qos: Quality of service.
+        """
+
+        def receive(message: Any) -> None:
+            try:
+                relay(message)
+            except (SimbevError, *FOREIGN_ERRORS) as error:
+                self.get_logger().warning(
+                    f"ignored a malformed message on {topic}: {error!r:.200}", throttle_duration_sec=_WARNING_PERIOD_S
+                )
+
+        self.create_subscription(kind, topic, receive, qos)
 
 
 def run(make_node: Callable[[], Node]) -> None:

@@ -156,6 +156,19 @@ def test_frames_with_all_inputs_are_answered_and_every_tick_is_reported(graph: C
     assert (grid.header.frame_id, set(grid.data)) == ("ego/base_link", {7})
 
 
+def test_a_malformed_cloud_is_not_answered_and_its_tick_is_reported(graph: Callable[..., Graph]) -> None:
+    running = graph()
+    running.start_scene()
+    cloud = message_from_table(np.zeros(3, POINT_DTYPE), running.spec.stamp_ns(0), "ego/lidar")
+    cloud.data = cloud.data[:-1]
+    running.publishers[POINTS].publish(cloud)
+    running.send(0, brightness=200)
+    running.send(1, points=4)
+    running.send(2, points=5, brightness=100)
+    running.spin_until(lambda: running.reported_ticks() == [-1, 0, 1, 2] and bool(running.boxes))
+    assert [running.spec.tick_of(stamp_of(each.header.stamp)) for each in running.boxes] == [2]
+
+
 def test_a_scene_that_starts_again_is_answered_again(graph: Callable[..., Graph]) -> None:
     running = graph()
     for count in (1, 2):

@@ -1,11 +1,12 @@
-"""The reference stack queues every cloud in lockstep, and none but the newest in a live graph."""
+"""The reference stack queues every cloud in lockstep, in a live graph the newest one, and answers no malformed one."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 import rclpy
-from made_up_scene import made_up_scene
+from made_up_scene import SENSORS, made_up_scene, made_up_spec
+from nav_msgs.msg import Odometry
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from ros_domain import DOMAIN
@@ -14,6 +15,7 @@ from std_msgs.msg import String
 from waiting import wait_until
 
 from simbev_ros.reference_stack.node import ReferenceStack
+from simbev_ros.ros.msgs.stamps import header
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 BEST_EFFORT = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -56,3 +58,23 @@ def test_of_clouds_that_are_best_effort_the_newest_is_read(subscribed_as: Subscr
 
 def test_of_reliable_clouds_of_a_live_graph_the_newest_is_read(subscribed_as: SubscribedAs) -> None:
     assert subscribed_as(QoSProfile(depth=16), "-p", "live:=true") == ReliabilityPolicy.BEST_EFFORT
+
+
+@pytest.mark.parametrize("fields", [{}, {"point_step": 16, "width": 9, "height": 1}], ids=["no columns", "no data"])
+def test_a_malformed_cloud_is_not_answered_and_its_tick_is_reported(
+    monkeypatch: pytest.MonkeyPatch, fields: dict[str, int]
+) -> None:
+    reports: list[int] = []
+    monkeypatch.setattr(ReferenceStack, "_report", lambda _, scene, stamp_ns: reports.append(stamp_ns))
+    spec = made_up_spec(SENSORS, ticks=2)
+    head = header(spec.stamp_ns(0), "map")
+    rclpy.init(domain_id=DOMAIN)
+    try:
+        stack = ReferenceStack()
+        stack._on_scene(String(data=spec.model_dump_json()))
+        stack._on_odometry(Odometry(header=head))
+        stack._on_cloud(PointCloud2(header=head, **fields))
+        stack.destroy_node()
+    finally:
+        rclpy.shutdown()
+    assert reports == [spec.stamp_ns(0)]

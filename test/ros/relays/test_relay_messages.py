@@ -88,7 +88,7 @@ def context() -> Iterator[Context]:
 
 
 @pytest.mark.graph
-def test_the_nodes_answer_what_they_hear(context: Context) -> None:
+def test_the_nodes_answer_what_they_hear_among_malformed_messages(context: Context) -> None:
     stranger = rclpy.create_node("stranger", context=context)
     nodes = [stranger, AutowareRelay(context=context), Nav2Relay(context=context)]
     received: dict[str, Any] = {}
@@ -105,12 +105,21 @@ def test_the_nodes_answer_what_they_hear(context: Context) -> None:
         (stranger.create_publisher(OccupancyGrid, "/ego/bev/road/grid", 5), road()),
         (stranger.create_publisher(String, "/world/scene", LATCHED), String(data=SCENE.model_dump_json())),
     ]
+    short, other, empty = (message_from_table(np.ones(3, POINT_DTYPE), STAMP_NS, "ego/lidar") for _ in range(3))
+    short.data, other.fields, empty.point_step = short.data[:-1], other.fields[:2], 0
+    small = road()
+    small.data = small.data[:-1]
+    malformed = [
+        *((inputs[1][0], message) for message in (short, other, empty)),
+        *((inputs[2][0], message) for message in (small, OccupancyGrid())),
+        *((inputs[3][0], String(data=text)) for text in ("{}", "[" * 10_000)),
+    ]
     executor = SingleThreadedExecutor(context=context)
     for node in nodes:
         executor.add_node(node)
 
     def send_again() -> None:
-        for publisher, message in inputs:
+        for publisher, message in (*malformed, *inputs):
             publisher.publish(message)
         for _ in range(10):
             executor.spin_once(timeout_sec=0.01)

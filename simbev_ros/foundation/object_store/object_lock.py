@@ -143,5 +143,5 @@ def require_writable_store(folder: ObjectPath) -> int:
 
 def _describe(holder: dict[str, object]) -> str:
     known = {key: " ".join(f"{value:.100}".split()) for key, value in holder.items() if isinstance(value, str)}
-    pid = value if isinstance(value := holder.get("pid"), int) else known.get("pid", "unknown")
-    return f"process {pid!s:.20} on {known.get('host', 'an unknown host')}"
+    pid = value if isinstance(value := holder.get("pid"), int) else known.get("pid") or "unknown"
+    return f"process {pid!s:.20} on {known.get('host') or 'an unknown host'}"

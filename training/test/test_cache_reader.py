@@ -7,6 +7,7 @@ import pytest
 from cached_scene import CAR, WIDTH_PX, write_cached_scene
 
 from simbev_ros.foundation.errors import InputError
+from simbev_training.cache.layout import KINDS
 from simbev_training.cache.reader import CachedScene, cached_scenes
 
 AGES_NS = (0, 250_000_000, 500_000_000)
@@ -54,8 +55,35 @@ def test_a_cache_of_another_version_is_refused(tmp_path: Path) -> None:
         _ = CachedScene(folder).about
 
 
-def test_a_damaged_array_is_named(tmp_path: Path) -> None:
+@pytest.mark.parametrize("content", ["[]", "[" * 100_000, "{", '{"format": 2}'], ids=["list", "deep", "cut", "short"])
+def test_damaged_facts_about_a_scene_are_named(tmp_path: Path, content: str) -> None:
     folder = write_cached_scene(tmp_path)
-    (folder / "points.npy").write_bytes(b"nothing")
-    with pytest.raises(InputError, match=r"points\.npy: cannot be read"):
+    (folder / "scene.json").write_text(content, encoding="utf-8")
+    with pytest.raises(InputError, match=r"scene\.json: (cannot be read: |it is nested too deeply)"):
+        _ = CachedScene(folder).about
+
+
+@pytest.mark.parametrize("name", KINDS)
+@pytest.mark.parametrize("damage", ["bytes", "axes", "rows"])
+def test_a_damaged_array_is_named(tmp_path: Path, name: str, damage: str) -> None:
+    folder = write_cached_scene(tmp_path)
+    file = folder / f"{name}.npy"
+    if damage == "bytes":
+        file.write_bytes(b"nothing")
+    else:
+        np.save(file, np.float32(3.0) if damage == "axes" else np.load(file)[:-1])
+    with pytest.raises(InputError, match=rf"{folder}({file.name})?.*: cannot be read"):
         CachedScene(folder).sample(0, AGES_NS)
+
+
+def test_a_damaged_image_is_named(tmp_path: Path) -> None:
+    folder = write_cached_scene(tmp_path)
+    np.save(folder / "images.npy", np.zeros_like(np.load(folder / "images.npy")))
+    with pytest.raises(InputError, match=r"an image of the cache: cannot be read: "):
+        CachedScene(folder).sample(0, AGES_NS).images()
+
+
+def test_a_scene_without_a_number_is_refused(tmp_path: Path) -> None:
+    write_cached_scene(tmp_path, name="Plain")
+    with pytest.raises(InputError, match=r"train: names of scenes: cannot be read: "):
+        cached_scenes(tmp_path, "train")

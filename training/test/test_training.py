@@ -322,6 +322,22 @@ def test_a_file_to_start_from_that_is_no_model_is_named(tmp_path: Path, content:
         train(training, tmp_path, tmp_path / "run", device=torch.device("cpu"), workers=0, report=lambda progress: None)
 
 
+@pytest.mark.parametrize("workers", [0, 1])
+def test_a_damaged_cache_ends_training_with_one_line(tmp_path: Path, workers: int) -> None:
+    folder = write_cached_scene(tmp_path)
+    np.save(folder / "points.npy", np.load(folder / "points.npy")[:-1])
+    training = Training(modality=Modality.LIDAR, batch_size=1, augmentation=Augmentation(pasting=0.0))
+    with pytest.raises(InputError, match=rf"\A{folder}: cannot be read: points has \d+ rows, [^\n]*\Z"):
+        train(
+            training,
+            tmp_path,
+            tmp_path / "run",
+            device=torch.device("cpu"),
+            workers=workers,
+            report=lambda progress: None,
+        )
+
+
 def test_files_to_start_from_are_relative_to_the_configuration(tmp_path: Path) -> None:
     config = tmp_path / "mine.yaml"
     config.write_text("modality: fused\nstart_from: [lidar, runs/model.onnx]\n", encoding="utf-8")

@@ -47,3 +47,15 @@ BOX_DTYPE = np.dtype(
         ("class", "u1"),  # index into BOX_CLASSES
     ]
 )
+KINDS = {
+    "frames": (FRAME_DTYPE, 1),
+    "sweeps": (SWEEP_DTYPE, 1),
+    "points": (np.dtype("<i2"), 2),
+    "images": (np.dtype("u1"), 1),
+    "image_ends": (np.dtype("<i8"), 2),
+    "depth": (np.dtype("<u2"), 1),
+    "cells": (np.dtype("<u2"), 3),
+    "boxes": (BOX_DTYPE, 1),
+    "pixels": (np.dtype("<f8"), 3),
+}
+"""Type and min number of axes of each array."""

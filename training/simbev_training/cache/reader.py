@@ -1,7 +1,6 @@
 """Reads a cache as a list of samples; arrays stay on disk until a sample needs them."""
 
-import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -11,9 +10,11 @@ import numpy as np
 import simplejpeg
 
 from simbev_ros.baselines.frames import points_of_frame, projections, sweeps_of_frame
-from simbev_ros.foundation.errors import InputError
+from simbev_ros.baselines.grid import CELLS
+from simbev_ros.foundation.errors import InputError, foreign_content
+from simbev_ros.foundation.files.structured_text import parse_json
 from simbev_ros.foundation.types import AnyArray, Float32Array, Float64Array, Table, UInt8Array
-from simbev_training.cache.layout import CM_PER_M, FORMAT, SCENE_FILE
+from simbev_training.cache.layout import CM_PER_M, FORMAT, KINDS, SCENE_FILE
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,8 +46,9 @@ class Sample:
         return points_of_frame(sweeps, self.sweep_poses)
 
     def images(self) -> UInt8Array:
-        """(K, H, W, 3) decoded images, RGB."""
-        return np.stack([simplejpeg.decode_jpeg(bytes(each), colorspace="RGB") for each in self.jpegs])
+        """(K, H, W, 3) decoded images, RGB. Raises InputError if one is damaged."""
+        with foreign_content("an image of the cache"):
+            return np.stack([simplejpeg.decode_jpeg(bytes(each), colorspace="RGB") for each in self.jpegs])
 
 
 class CachedScene:
@@ -63,14 +65,13 @@ class CachedScene:
             InputError: The scene is damaged, or of another version.
         """
         path = self.folder / SCENE_FILE
-        try:
-            about: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
-            raise InputError(f"{path}: cannot be read: {error}") from None
-        if about.get("format") != FORMAT:
-            raise InputError(
-                f"{path}: format: {about.get('format')!r}; this version reads {FORMAT}; write the cache again"
-            )
+        with foreign_content(path):
+            about: dict[str, Any] = parse_json(path.read_bytes())
+            if about.get("format") != FORMAT:
+                raise InputError(
+                    f"{path}: format: {about.get('format')!r:.80}; this version reads {FORMAT}; write the cache again"
+                )
+            _ = [about[name] for name in ("name", "cameras", "width_px", "height_px")]
         return about
 
     @cached_property
@@ -85,16 +86,19 @@ class CachedScene:
 
     @cached_property
     def _arrays(self) -> dict[str, AnyArray]:
-        names = ("sweeps", "points", "images", "image_ends", "depth", "cells", "boxes", "pixels")
-        return {name: self._map(name) for name in names}
+        arrays = {name: self._map(name) for name in KINDS if name != "frames"} | {"frames": self.frames}
+        with foreign_content(self.folder):
+            _require_consistent(arrays)
+        return arrays
 
     def __getstate__(self) -> dict[str, Any]:
         return {"folder": self.folder}
 
     def sample(self, index: int, sweep_ages_ns: Sequence[int]) -> Sample:
-        """A key frame with the sweeps of some ages, newest first."""
+        """A key frame with the sweeps of some ages, newest first. Raises InputError if the scene is damaged."""
         frame, arrays = self.frames[index], self._arrays
-        sweeps = sweeps_of_frame(int(frame["stamp_ns"]), arrays["sweeps"]["stamp_ns"], sweep_ages_ns)
+        with foreign_content(self.folder):
+            sweeps = sweeps_of_frame(int(frame["stamp_ns"]), arrays["sweeps"]["stamp_ns"], sweep_ages_ns)
         ends = arrays["image_ends"].ravel()
         cameras = arrays["image_ends"].shape[1]
         first = index * cameras
@@ -117,10 +121,11 @@ class CachedScene:
 
     def _map(self, name: str) -> AnyArray:
         path = self.folder / f"{name}.npy"
-        try:
-            return np.asarray(np.load(path, mmap_mode="r"))
-        except (OSError, ValueError) as error:
-            raise InputError(f"{path}: cannot be read: {error}") from None
+        with foreign_content(path):
+            array, (kind, axes) = np.asarray(np.load(path, mmap_mode="r")), KINDS[name]
+            if array.dtype != kind or array.ndim < axes:
+                raise ValueError(f"it has {array.ndim} axes of {array.dtype!s:.80}, not {axes} of {kind!s:.80}")
+        return array
 
 
 def cached_scenes(cache: Path, split: str) -> list[CachedScene]:
@@ -132,4 +137,18 @@ def cached_scenes(cache: Path, split: str) -> list[CachedScene]:
     folders = [path.parent for path in (cache / split).glob(f"[!.]*/{SCENE_FILE}")]
     if not folders:
         raise InputError(f"{cache}: holds no scenes of the split {split}")
-    return [CachedScene(folder) for folder in sorted(folders, key=lambda each: int(each.name.rsplit("-", 1)[1]))]
+    with foreign_content(f"{cache / split}: names of scenes"):
+        return [CachedScene(folder) for folder in sorted(folders, key=lambda each: int(each.name.rsplit("-", 1)[1]))]
+
+
+def _require_consistent(arrays: Mapping[str, AnyArray]) -> None:
+    """Raise ValueError if arrays have other lengths than those that refer to them say."""
+    frames, cameras = len(arrays["frames"]), arrays["image_ends"].shape[1]
+    shapes = {"image_ends": (frames, cameras), "depth": (frames,), "cells": (frames, CELLS, CELLS)}
+    for name, shape in {**shapes, "pixels": (cameras, 3, 4), "points": (len(arrays["points"]), 3)}.items():
+        if arrays[name].shape[: len(shape)] != shape:
+            raise ValueError(f"{name} has the shape {arrays[name].shape}, not {shape}")
+    ends = {"points": arrays["sweeps"]["points_end"], "images": arrays["image_ends"].ravel()}
+    for name, end in {**ends, "boxes": arrays["frames"]["boxes_end"]}.items():
+        if np.any(np.diff(end, prepend=0) < 0) or (end[-1] if len(end) else 0) != len(arrays[name]):
+            raise ValueError(f"{name} has {len(arrays[name])} rows, which are not those that the frames refer to")

@@ -17,7 +17,8 @@ from simbev_ros.dataset import columns, open_dataset
 from simbev_ros.dataset.frame import Frame
 from simbev_ros.dataset.parallel import Pool
 from simbev_ros.dataset.scene import Scene
-from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.errors import FOREIGN_ERRORS, InputError
+from simbev_ros.foundation.files.structured_text import parse_json
 from simbev_ros.foundation.geometry.camera import LensCamera
 from simbev_ros.foundation.object_store.object_path import AnyPath
 from simbev_ros.foundation.types import AnyArray, Float64Array, Table
@@ -75,10 +76,10 @@ def scene_folder(cache: Path, scene: Scene) -> Path:
 def _is_written(cache: Path, scene: Scene, modality: Modality) -> bool:
     """Whether the cache has a scene: from its bag, of its agent, in the present format, with images if needed."""
     try:
-        about = json.loads((scene_folder(cache, scene) / SCENE_FILE).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        about = parse_json((scene_folder(cache, scene) / SCENE_FILE).read_bytes())
+        made_from = [about.get(name) for name in ("format", "sha256", "agent")]
+    except (OSError, *FOREIGN_ERRORS):
         return False
-    made_from = [about.get(name) for name in ("format", "sha256", "agent")]
     is_sufficient = bool(about.get("cameras")) or not modality.has_cameras
     return is_sufficient and made_from == [FORMAT, scene.row.get("sha256"), scene.chosen_agent]
 

@@ -17,7 +17,7 @@ from torch.utils.data import DataLoader
 
 from simbev_ros.baselines.modality import Modality
 from simbev_ros.baselines.model_file import model_file
-from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.errors import InputError, foreign_content
 from simbev_training.cache.reader import cached_scenes
 from simbev_training.model.bev_model import BevModel, Inputs
 from simbev_training.training.batches import Batch, CachedBatches
@@ -85,7 +85,7 @@ def train(
     moving_average = _MovingAverage(average, model)
     with SummaryWriter(str(out / "log"), purge_step=step) as writer:
         log = _Log(writer, training.batch_size, step)
-        for batch in _on_device(_loader(data, range(step, steps), workers, device), device):
+        for batch in _on_device(_batches(data, range(step, steps), workers, device), device):
             for group in optimizer.param_groups:
                 group["lr"] = training.learning_rate * _schedule(step / steps)
             losses = _step(model, optimizer, batch, training.modality)
@@ -135,7 +135,8 @@ def load_model(path: Path) -> tuple[Training, BevModel]:
     """
     training, state = _load(path)
     model = BevModel(training.modality).eval()
-    model.load_state_dict(state["average"])
+    with foreign_content(path):
+        model.load_state_dict(state["average"])
     return training, model
 
 
@@ -167,9 +168,9 @@ def _step(
     return {name: value.detach() for name, value in losses.items()}
 
 
-def _loader(data: CachedBatches, steps: range, workers: int, device: torch.device) -> DataLoader[Any]:
+def _batches(data: CachedBatches, steps: range, workers: int, device: torch.device) -> Iterator[Batch]:
     workers = min(workers, len(steps))
-    return DataLoader(
+    loader = DataLoader(
         data,
         batch_size=None,
         sampler=steps,
@@ -178,6 +179,10 @@ def _loader(data: CachedBatches, steps: range, workers: int, device: torch.devic
         prefetch_factor=4 if workers else None,
         worker_init_fn=_one_thread,
     )
+    try:
+        yield from loader
+    except InputError as error:  # that of a process of the loader has a traceback before its message
+        raise InputError(str(error).rpartition(f"{InputError.__name__}: ")[2].strip()) from None
 
 
 def _require_compiler() -> None:
@@ -271,10 +276,11 @@ def _resume(
     begun, state = _load(path)
     if differing := begun.differing(training):
         raise InputError(f"{path}: was made with another {', '.join(differing)}; choose another folder for this run")
-    model.load_state_dict(state["model"])
-    average.load_state_dict(state["average"])
-    optimizer.load_state_dict(state["optimizer"])
-    return int(state["step"])
+    with foreign_content(path):
+        model.load_state_dict(state["model"])
+        average.load_state_dict(state["average"])
+        optimizer.load_state_dict(state["optimizer"])
+        return int(state["step"])
 
 
 def _load(path: Path) -> tuple[Training, dict[str, Any]]:
@@ -283,5 +289,5 @@ def _load(path: Path) -> tuple[Training, dict[str, Any]]:
         state: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
         training = Training.model_validate(state["training"])
     except Exception as error:  # torch raises many kinds for a damaged file
-        raise InputError(f"{path}: is not a checkpoint: {error}") from None
+        raise InputError(f"{path}: is not a checkpoint: {' '.join(str(error).split()):.200}") from None
     return training, state

@@ -1,6 +1,5 @@
 """Weights in ONNX files: stored with 16 or 8 bits, and read back as the start of a run or as a part of an ensemble."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -8,12 +7,13 @@ from typing import Any, Literal
 import numpy as np
 import onnx
 import torch
-from onnx import TensorProto, helper, numpy_helper
+from onnx import TensorProto, external_data_helper, helper, numpy_helper
 from torch import Tensor, nn
 
 from simbev_ros.baselines.inference import ABOUT_KEY
 from simbev_ros.baselines.modality import Modality
-from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.errors import InputError, foreign_content
+from simbev_ros.foundation.files.structured_text import parse_json
 from simbev_training.model.bev_model import BevModel
 
 _MIN_SHRUNK = 256
@@ -68,7 +68,8 @@ def start_from(model: nn.Module, files: Sequence[Path]) -> None:
     """
     own = model.state_dict()
     for file in files:
-        weights = _weights(_load(file))
+        with foreign_content(file):
+            weights = _weights(_load(file))
         fitting = {name: each for name, each in weights.items() if name in own and own[name].shape == each.shape}
         if not fitting:
             raise InputError(f"{file}: has no weights of this model; start_from takes what `simbev train` wrote")
@@ -83,29 +84,34 @@ def read_model(file: Path) -> tuple[BevModel, dict[str, Any]]:
     """
     exported = _load(file)
     texts = [each.value for each in exported.metadata_props if each.key == ABOUT_KEY]
-    about: dict[str, Any] = json.loads(texts[0]) if texts else {}
-    if not {"modality", "sweep_ages_s"} <= about.keys():
-        raise InputError(f"{file}: is not a baseline of simbev_ros; `simbev train` writes such files")
-    model = BevModel(Modality(about["modality"])).eval()
-    weights = _weights(exported)
-    own = model.state_dict()
-    missing = [name for name, each in own.items() if each.is_floating_point() and name not in weights]
-    if missing:
-        raise InputError(f"{file}: has no weights {', '.join(missing[:3])}; export it with this version")
-    model.load_state_dict({name: each for name, each in weights.items() if name in own}, strict=False)
+    with foreign_content(file):
+        about: dict[str, Any] = parse_json(texts[0]) if texts else {}
+        if not {"modality", "sweep_ages_s"} <= about.keys():
+            raise InputError(f"{file}: is not a baseline of simbev_ros; `simbev train` writes such files")
+        model = BevModel(Modality(about["modality"])).eval()
+        weights = _weights(exported)
+        own = model.state_dict()
+        missing = [name for name, each in own.items() if each.is_floating_point() and name not in weights]
+        if missing:
+            raise InputError(f"{file}: has no weights {', '.join(missing[:3])}; export it with this version")
+        model.load_state_dict({name: each for name, each in weights.items() if name in own}, strict=False)
     return model, about
 
 
 def _load(file: Path) -> onnx.ModelProto:
     try:
-        return onnx.load(str(file))
+        return onnx.load(str(file), load_external_data=False)
     except Exception as error:  # a damaged file raises an error of protobuf, which onnx does not name
-        raise InputError(f"{file}: cannot be read: {str(error).splitlines()[0]}") from None
+        raise InputError(
+            f"{file}: cannot be read: {' '.join(str(error).split()) or type(error).__name__:.200}"
+        ) from None
 
 
 def _weights(exported: onnx.ModelProto) -> dict[str, Tensor]:
     """Weights and statistics by their names in the model."""
     graph = exported.graph
+    if any(external_data_helper.uses_external_data(each) for each in graph.initializer):
+        raise ValueError("its weights are in other files")
     stored = {each.name: numpy_helper.to_array(each) for each in graph.initializer}
     constants = {name.removesuffix(_HALF): values for name, values in stored.items()}
     for name, values in stored.items():

@@ -122,6 +122,16 @@ def test_other_settings_replace_all_files(folder: Path, kind: type[Layout], chan
     assert digest(folder / "out") == digest(folder / "fresh")
 
 
+@pytest.mark.parametrize("item", ["images", "objects", "facts"])
+@pytest.mark.parametrize("kind", [Coco, Kitti])
+def test_a_damaged_record_is_one_line(folder: Path, kind: type[Layout], item: str) -> None:
+    export(folder, folder / "out", kind())
+    for record in (folder / "out/.parts").iterdir():
+        record.write_bytes(record.read_bytes().replace(f'"{item}": '.encode(), b'"other": '))
+    with pytest.raises(InputError, match=rf"\A{folder}/out/\.parts: cannot be read: [^\n]*\Z"):
+        export(folder, folder / "out", kind())
+
+
 def test_a_scene_that_is_damaged_is_named_and_has_no_files(folder: Path) -> None:
     export(folder, folder / "out", Yolo())
     file = locate_mcap(folder / "set/scenes/val/Blocks-0003")

@@ -76,6 +76,43 @@ def test_a_part_with_other_settings_is_replaced(tmp_path: Path) -> None:
     assert len(list((tmp_path / "out/samples/RADAR_FRONT").iterdir())) == 23
 
 
+DEEP = b"[" * 100_000
+
+
+@pytest.mark.parametrize(
+    ("name", "replaced", "by", "named"),
+    [
+        ("Blocks-0000.head", b'"summary"', b'"other"', "'summary'"),
+        ("Blocks-0000.head", b'"low_m": [', b'"low_m": ["", ', ""),
+        ("Blocks-0000.v1.0-trainval.lidarseg", b'"rows": [', b'"rows": ["",', ""),
+        ("Blocks-0000", b'"scene": ', b'"other": ', "'scene'"),
+        ("Blocks-0000", b"{", b"", ""),
+        ("Blocks-0000", b"{", DEEP, "it is nested too deeply"),
+    ],
+)
+def test_a_damaged_record_is_one_line(
+    nuscenes_folder: Path, tmp_path: Path, name: str, replaced: bytes, by: bytes, named: str
+) -> None:
+    shutil.copytree(nuscenes_folder / "out", tmp_path / "out")
+    record = tmp_path / f"out/.parts/{name}.json"
+    record.write_bytes(record.read_bytes().replace(replaced, by, 1))
+    with pytest.raises(InputError, match=rf"\A{tmp_path}/out/\.parts[^\n]*: [^\n]*{named}\Z"):
+        export(nuscenes_folder / "set", tmp_path / "out")
+
+
+@pytest.mark.parametrize("content", [b"{", DEEP, b"[3]"])
+def test_damaged_tables_of_another_version_and_records_of_messages_are_left_alone(
+    nuscenes_folder: Path, tmp_path: Path, content: bytes
+) -> None:
+    shutil.copytree(nuscenes_folder / "out", tmp_path / "out")
+    (tmp_path / "out/other").mkdir()
+    for file in ("other/map.json", ".parts/Blocks-0000.can_bus.json"):
+        (tmp_path / "out" / file).write_bytes(content)
+    export(nuscenes_folder / "set", tmp_path / "out")
+    (tmp_path / "out/other/map.json").unlink()
+    assert digest(tmp_path / "out") == digest(nuscenes_folder / "out")
+
+
 def test_a_damaged_scene_is_named_and_the_others_are_exported(tmp_path: Path) -> None:
     made_up_scene(tmp_path / "set/scenes/train/Blocks-0000")
     made_up_scene(tmp_path / "set/scenes/train/Blocks-0001", number=1)

@@ -49,6 +49,14 @@ def agents_in(out: Path, split: str = "train") -> set[str]:
     return {f"{path.parent.name}/{path.name}" for path in out.glob(f"{split}/*/*") if path.is_dir()}
 
 
+def test_a_damaged_record_is_one_line(folder: Path) -> None:
+    export(folder, folder / "out")
+    for record in (folder / "out/.parts").iterdir():
+        record.write_bytes(record.read_bytes().replace(b'"frames": ', b'"frames": "" ,"other": '))
+    with pytest.raises(InputError, match=rf"\A{folder}/out/\.parts: cannot be read: [^\n]*\Z"):
+        export(folder, folder / "out")
+
+
 ALL = {"Blocks-0002/1", "Blocks-0002/3", "Blocks-0002/-1", "Blocks-0003/1"}
 
 

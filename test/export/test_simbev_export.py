@@ -438,3 +438,12 @@ def test_a_finished_part_is_on_the_disk(tmp_path: Path, monkeypatch: pytest.Monk
     order = {path: inodes.index(path.stat().st_ino) for path in paths if path.is_file()}
     record = next(position for path, position in order.items() if path.parent.name == ".parts")
     assert record > max(position for path, position in order.items() if path.parts[-3] in ("sweeps", "ground-truth"))
+
+
+def test_a_damaged_record_is_one_line(tmp_path: Path) -> None:
+    made_up_scene(tmp_path / "set/scenes/train/Blocks-0000")
+    export(tmp_path / "set", tmp_path / "out")
+    for record in (tmp_path / "out/.parts").iterdir():
+        record.write_bytes(record.read_bytes().replace(b'"files": ', b'"other": '))
+    with pytest.raises(InputError, match=rf"\A{tmp_path}/out/\.parts: cannot be read: 'files'\Z"):
+        export(tmp_path / "set", tmp_path / "out")

@@ -14,8 +14,8 @@ from simbev_ros.dataset import Dataset, Scene
 from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.dataset.parallel import OWN_PROCESS, Pool
 from simbev_ros.export.part_making import Failures, Report, ignore_progress, make_parts, remove_vanished, source_of
-from simbev_ros.export.parts import is_begun
-from simbev_ros.foundation.errors import BagError, InputError
+from simbev_ros.export.parts import PARTS_FOLDER, is_begun
+from simbev_ros.foundation.errors import BagError, InputError, foreign_content
 from simbev_ros.foundation.files.whole_files import write_errors
 
 
@@ -83,18 +83,20 @@ def export_images(
             else:
                 part.tidy_up()
         finished = [part for part in parts if part.scene.name not in failures]
-        layout.finish(out, finished)
+        with foreign_content(out / PARTS_FOLDER), write_errors(out):
+            layout.finish(out, finished)
     records = [part.finished_record() for part in finished]
     used = {name for part in finished for name in layout.cameras_of(part.scene)}
     splits = {split: [r for p, r in zip(finished, records, strict=True) if p.scene.split == split] for split in SPLITS}
-    return Exported(
-        scenes=len(finished),
-        made=sum(part in missing for part in finished),
-        images={split: sum(record["images"] for record in of_split) for split, of_split in splits.items() if of_split},
-        objects=sum(record["objects"] for record in records),
-        left_out=tuple(sorted(recorded - used)) if layout.cameras is None else (),
-        failures=failures,
-    )
+    with foreign_content(out / PARTS_FOLDER):
+        return Exported(
+            scenes=len(finished),
+            made=sum(part in missing for part in finished),
+            images={split: sum(r["images"] for r in of_split) for split, of_split in splits.items() if of_split},
+            objects=sum(record["objects"] for record in records),
+            left_out=tuple(sorted(recorded - used)) if layout.cameras is None else (),
+            failures=failures,
+        )
 
 
 def _part(scene: Scene, out: Path, layout: Layout) -> ImagePart:

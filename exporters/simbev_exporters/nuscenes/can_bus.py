@@ -24,6 +24,7 @@ from simbev_ros.config.positioning import Imu
 from simbev_ros.dataset import Frame, Scene
 from simbev_ros.export.part_making import source_of
 from simbev_ros.export.parts import PARTS_FOLDER, Json, Part
+from simbev_ros.foundation.files.structured_text import parse_json
 from simbev_ros.foundation.geometry.transforms import matrices_from_xyz_quaternion
 from simbev_ros.foundation.types import Float64Array, Table
 from simbev_ros.foundation.units import GRAVITY_MPS2, NS_PER_S
@@ -79,8 +80,8 @@ def _identity(scene: Scene, name: str, origin_m: tuple[float, float]) -> Json:
 def _names_of(part: ScenePart, names: Mapping[str, str]) -> set[str]:
     """Names with which files of a scene can be there: its present one, its own, and the former one if it is free."""
     try:
-        former: str = json.loads((part.out / PARTS_FOLDER / f"{part.name}.can_bus.json").read_bytes())["name"]
-    except (OSError, ValueError, KeyError):
+        former = str(parse_json((part.out / PARTS_FOLDER / f"{part.name}.can_bus.json").read_bytes())["name"])
+    except (OSError, ValueError, LookupError, TypeError):
         former = part.name
     others = {name for scene, name in names.items() if scene != part.name}
     return {part.name, names[part.name], numbered(part.scene.number), former} - others

@@ -28,8 +28,8 @@ from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.dataset.nuscenes.channels import ChannelNames, require_named_sensors
 from simbev_ros.dataset.parallel import OWN_PROCESS, Pool
 from simbev_ros.export.part_making import Failures, Report, ignore_progress, make_parts
-from simbev_ros.export.parts import is_begun
-from simbev_ros.foundation.errors import BagError, InputError
+from simbev_ros.export.parts import PARTS_FOLDER, is_begun
+from simbev_ros.foundation.errors import BagError, InputError, foreign_content
 from simbev_ros.foundation.files.whole_files import write_errors, write_whole
 from simbev_ros.foundation.installation.extras import load_extras
 from simbev_ros.recording.png import RowFilter, encode_png
@@ -172,18 +172,20 @@ def _export(
     all_labeled = [part for group in labeled.values() for part in group]
     failures |= make_parts(make_lidarseg_part, _unfinished(all_labeled), pool)
     finished = _without(parts, failures)
-    summaries = [{**part.summary(), "bag": str(part.scene.path)} for part in finished]
-    sites = sites_of(summaries, has_roads=not load_extras()["sim"].missing)
+    with foreign_content(out / PARTS_FOLDER):
+        summaries = [{**part.summary(), "bag": str(part.scene.path)} for part in finished]
+        sites = sites_of(summaries, has_roads=not load_extras()["sim"].missing)
     _write_maps(sites, out, with_expansion=settings.map_expansion)
     buses = can_bus_parts(finished, sites, names)
     failures |= _make_buses(buses, pool, wanted=settings.can_bus)
     classes: dict[str, tuple[str, ...]] = {}
     for version, group in versions.items():
         of_version = _without(labeled[version], failures)
-        labels = [row for part in of_version for row in part.rows()]
-        if there := _without(group, failures):
-            classes |= write_tables(out, there, sites, version, names, labels)
-        remove_other_labels(out, version, of_version)
+        with foreign_content(out / PARTS_FOLDER), write_errors(out):
+            labels = [row for part in of_version for row in part.rows()]
+            if there := _without(group, failures):
+                classes |= write_tables(out, there, sites, version, names, labels)
+            remove_other_labels(out, version, of_version)
     for part in (*parts, *all_labeled, *buses):
         part.tidy_up()
     return Exported(

@@ -24,6 +24,7 @@ from simbev_ros.dataset.nuscenes.keyframes import complete_ticks, keyframe_by_ti
 from simbev_ros.dataset.parallel import report_step
 from simbev_ros.export.part_making import source_of
 from simbev_ros.export.parts import PARTS_FOLDER, Json, Part
+from simbev_ros.foundation.files.structured_text import parse_json
 from simbev_ros.foundation.types import Int64Array
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.schema.scene.weather import Weather
@@ -60,7 +61,7 @@ class ScenePart(Part):
 
     def rows(self) -> dict[str, list[Record]]:
         """The rows of the tables of the finished part, by name of the table."""
-        return json.loads((self.out / self.rows_file).read_bytes())
+        return parse_json((self.out / self.rows_file).read_bytes())
 
 
 def parts_of(

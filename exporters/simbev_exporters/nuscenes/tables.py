@@ -16,7 +16,10 @@ from simbev_exporters.nuscenes.scene_part import ScenePart
 from simbev_exporters.nuscenes.sites import Site
 from simbev_exporters.nuscenes.taxonomy import Record, taxonomy_tables
 from simbev_ros.config.scenario import SPLITS
+from simbev_ros.foundation.errors import FOREIGN_ERRORS, foreign_content
+from simbev_ros.foundation.files.structured_text import parse_json
 from simbev_ros.foundation.files.syncing import sync
+from simbev_ros.foundation.files.whole_files import write_errors
 from simbev_ros.schema.nuscenes import detection_ranges_m
 
 _SCENE_TABLES = (
@@ -81,15 +84,16 @@ def _write(
     with ExitStack() as stack:
         files = {name: stack.enter_context(_Table(folder / f"{name}.json")) for name in _SCENE_TABLES}
         for part in parts:
-            site, summary, rows = site_of[part.scene.name], part.summary(), part.rows()
-            rows["scene"] = [{**record, "name": names[record["name"]]} for record in rows["scene"]]
-            for name, file in files.items():
-                file.add(_CONVERSIONS[name](rows[name], site) if name in _CONVERSIONS else rows[name])
-            logs[site.token] += [record["token"] for record in rows["log"]]
-            sensors.update({record["token"]: record for record in summary["sensors"]})
-            split = f"simbev_{summary['split']}"
-            splits[split].append(names[part.scene.name])
-            classes[split] |= evaluated_classes(rows)
+            with foreign_content(part.out / part.rows_file), write_errors(folder):
+                site, summary, rows = site_of[part.scene.name], part.summary(), part.rows()
+                rows["scene"] = [{**record, "name": names[record["name"]]} for record in rows["scene"]]
+                for name, file in files.items():
+                    file.add(_CONVERSIONS[name](rows[name], site) if name in _CONVERSIONS else rows[name])
+                logs[site.token] += [record["token"] for record in rows["log"]]
+                sensors.update({record["token"]: record for record in summary["sensors"]})
+                split = f"simbev_{summary['split']}"
+                splits[split].append(names[part.scene.name])
+                classes[split] |= evaluated_classes(rows)
     rest = {**taxonomy_tables(lidarseg=bool(labels)), "sensor": list(sensors.values())}
     if labels:
         rest["lidarseg"] = list(labels)
@@ -102,9 +106,11 @@ def _write(
 
 
 def _remove_masks(out: Path) -> None:
-    """Remove the masks that no table of maps names."""
-    maps = [json.loads(table.read_text(encoding="utf-8")) for table in out.glob("*/map.json")]
-    kept = {record["filename"] for records in maps for record in records}
+    """Remove the masks that no table of maps names; none if a table, of another version, cannot be read."""
+    try:
+        kept = {record["filename"] for table in out.glob("*/map.json") for record in parse_json(table.read_bytes())}
+    except FOREIGN_ERRORS:
+        return
     for mask in (out / "maps").glob("*.png"):
         if str(mask.relative_to(out)) not in kept:
             mask.unlink()

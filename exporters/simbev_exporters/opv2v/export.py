@@ -19,8 +19,8 @@ from simbev_ros.dataset.frame_period import frame_period
 from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.dataset.parallel import OWN_PROCESS, Pool, report_step
 from simbev_ros.export.part_making import Failures, Report, ignore_progress, make_parts, remove_vanished
-from simbev_ros.export.parts import Part, fingerprint_of, is_begun
-from simbev_ros.foundation.errors import BagError, InputError
+from simbev_ros.export.parts import PARTS_FOLDER, Part, fingerprint_of, is_begun
+from simbev_ros.foundation.errors import BagError, InputError, foreign_content
 from simbev_ros.foundation.files.confined_paths import path_inside
 from simbev_ros.foundation.files.whole_files import write_errors, write_whole
 from simbev_ros.foundation.object_store.object_path import require_local
@@ -117,7 +117,8 @@ def export_opv2v(
             _write_protocol(of_scene, out, settings)
         for scene in dataset.scenes:
             _remove_empty_folders(out, scene.name)
-        frames = sum(part.finished_record()["frames"] for part in parts if part.scene.name in finished)
+        with foreign_content(out / PARTS_FOLDER):
+            frames = sum(part.finished_record()["frames"] for part in parts if part.scene.name in finished)
     return Exported(
         scenes=len(finished),
         made=len({part.scene.name for part in missing} & finished.keys()),

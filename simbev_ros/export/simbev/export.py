@@ -17,11 +17,11 @@ from typing import Any
 from simbev_ros.config.scenario import SPLITS
 from simbev_ros.dataset import Dataset, Scene, open_dataset
 from simbev_ros.export.part_making import remove_vanished
-from simbev_ros.export.parts import Json, Part, fingerprint_of
+from simbev_ros.export.parts import PARTS_FOLDER, Json, Part, fingerprint_of
 from simbev_ros.export.quaternions import continuous
 from simbev_ros.export.simbev.channels import channels, left_out
 from simbev_ros.export.simbev.infos import frame_info, metadata, scene_info
-from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.errors import InputError, foreign_content
 from simbev_ros.foundation.files.confined_paths import path_inside
 from simbev_ros.foundation.files.syncing import sync
 from simbev_ros.foundation.files.whole_files import write_errors, write_whole
@@ -157,7 +157,7 @@ def finish(dataset: Dataset, parts: Sequence[FramesPart], *, absolute_paths: boo
     for part in parts:
         parts_of_scene.setdefault(part.scene, []).append(part)
         part.tidy_up()
-    with write_errors(root):
+    with foreign_content(root / PARTS_FOLDER), write_errors(root):
         for folder in _FOLDERS:
             (root / folder).mkdir(parents=True, exist_ok=True)
             sync(root / folder)
@@ -168,7 +168,7 @@ def finish(dataset: Dataset, parts: Sequence[FramesPart], *, absolute_paths: boo
             write_whole(root / "infos" / f"simbev_infos_{split}.json", content)
         for scene in dataset.scenes:
             _write_config_and_log(dataset, scene, root)
-    return [*left_out(first), *_incomplete(parts)]
+        return [*left_out(first), *_incomplete(parts)]
 
 
 def _incomplete(parts: Sequence[FramesPart]) -> list[str]:

@@ -121,14 +121,18 @@ def _page(report: Path) -> Path:
         InputError: It cannot be written.
     """
     load_extras()["sim"].require("simbev info --report")
+    from simbev_ros.show.pages.dataset_pages import require_files_folder
+
     if report.suffix.lower() in (".html", ".htm"):
-        require_place(report)
-        return report
-    require_name(report)
-    if report.exists() and not report.is_dir():
-        raise InputError(f"{report}: is a file; allowed: a folder, or a name that ends in .html")
-    page = report / "index.html"
-    make_room(report, [page], overwrite=True)
+        page = report
+        require_place(page)
+    else:
+        require_name(report)
+        if report.exists() and not report.is_dir():
+            raise InputError(f"{report}: is a file; allowed: a folder, or a name that ends in .html")
+        page = report / "index.html"
+        make_room(report, [page], overwrite=True)
+    require_files_folder(page)
     return page
 
 

@@ -120,6 +120,9 @@ def test_a_damaged_bag_hides_no_other_of_the_dataset(tmp_path: Path, capsys: pyt
         ("folder.html", "is a folder"),
         ("file", "is a file; allowed: a folder"),
         ("..", "must end in"),
+        ("taken", "taken/index_files: is a file; the pages need a folder"),
+        ("page.html", "page_files: is a link to folder.html"),
+        ("linked", "linked/index_files/scenes: is a link to "),
     ],
 )
 def test_a_report_that_cannot_be_written_is_refused_at_once(
@@ -127,6 +130,11 @@ def test_a_report_that_cannot_be_written_is_refused_at_once(
 ) -> None:
     (tmp_path / "folder.html").mkdir()
     (tmp_path / "file").touch()
+    (tmp_path / "taken").mkdir()
+    (tmp_path / "taken/index_files").touch()
+    (tmp_path / "page_files").symlink_to("folder.html")
+    (tmp_path / "linked/index_files").mkdir(parents=True)
+    (tmp_path / "linked/index_files/scenes").symlink_to(tmp_path)
     with pytest.raises(InputError, match=problem):
         info(write_words(tmp_path / "a"), report=tmp_path / report)
     assert capsys.readouterr().out == ""

@@ -11,7 +11,8 @@ from urllib.parse import quote
 from simbev_ros.dataset import open_dataset
 from simbev_ros.dataset.parallel import Pool
 from simbev_ros.dataset.statistics import SceneFacts, Statistics
-from simbev_ros.foundation.files.whole_files import require_replaceable, write_whole
+from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.files.whole_files import require_replaceable, require_writable, write_whole
 from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath
 from simbev_ros.show.pages.box_figures import box_figures, crowd_figures, size_figures
 from simbev_ros.show.pages.browsable_table import Cell, Column, browsable_table
@@ -47,6 +48,21 @@ def files_of(page: Path) -> Path:
     return page.with_name(f"{page.stem}_files")
 
 
+def require_files_folder(page: Path) -> None:
+    """Check that the folder of a page's other files can be written.
+
+    Raises:
+        DiskError: The disk is full.
+        InputError: It cannot, there is a file in its place, or there is a link in it, which may lead anywhere.
+    """
+    folder = files_of(page)
+    for file in (folder, *folder.rglob("*")):
+        require_replaceable(file)
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder}: is a file; the pages need a folder of this name")
+    require_writable(folder)
+
+
 def write_pages(
     statistics: Statistics, page: Path, pool: Pool, progress: Callable[[int, int], None], *, videos: bool = True
 ) -> None:
@@ -61,12 +77,11 @@ def write_pages(
 
     Raises:
         BagError: A bag is damaged.
-        InputError: There is a link among the other files, which may lead anywhere.
+        InputError: See ``require_files_folder``.
         OSError: A file cannot be written.
     """
+    require_files_folder(page)
     folder = files_of(page)
-    for file in (folder, *folder.rglob("*")):
-        require_replaceable(file)
     plans, scenes = _plans(statistics, folder), _scene_pages(statistics, page, videos=videos)
     total = len(plans) + len(scenes)
     has_plan = [_counted(ok, done, total, progress) for done, ok in enumerate(pool.map(write_plan, plans), 1)]

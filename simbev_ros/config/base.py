@@ -1,6 +1,7 @@
 """The base of all configuration models: frozen; unknown keys, NaN and infinity are refused."""
 
-from collections.abc import Sequence
+import difflib
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -55,6 +56,12 @@ def first_problem(error: Exception) -> str:
     if entry["type"] not in _WITHOUT_VALUE:
         message = f"{message}, not {short_repr(entry['input'])}"
     return f"{field}: {message}" if field else message
+
+
+def meant(word: object, allowed: Iterable[str]) -> str:
+    """The beginning of ``; did you mean camera? allowed: …`` if one of the allowed words is close, else of the rest."""
+    close = difflib.get_close_matches(str(word), list(allowed), n=1, cutoff=0.5)
+    return f"; did you mean {close[0]}?" if close else ";"
 
 
 def short_repr(value: Any) -> str:

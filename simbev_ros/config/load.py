@@ -3,7 +3,7 @@
 Every error names file, line, field, value and what is allowed.
 """
 
-import difflib
+import re
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from simbev_ros.config.base import FieldError, Keys, short_repr
+from simbev_ros.config.base import FieldError, Keys, meant, short_repr
 from simbev_ros.config.map_files import MAP_SUFFIXES, expand_home
 from simbev_ros.config.origins import Origins
 from simbev_ros.config.paths import shipped_config_dir
@@ -117,7 +117,8 @@ def _expanded_rig(data: Any, keys: Keys, origins: Origins) -> Any:
         types = [sensor.get("type") for sensor in sensors if isinstance(sensor, dict)]
         unused = [kind for kind in defaults if kind not in types]
         if unused:
-            raise InputError(f"{where}: no sensor of type {', '.join(map(str, unused))} is in the rig")
+            words = f"no sensor of type {', '.join(map(str, unused))} is in the rig"
+            raise InputError(f"{where}: {words}{meant(unused[0], SENSOR_KINDS).rstrip(';')}")
         data["sensors"] = [
             {**defaults.get(str(sensor.get("type")), {}), **sensor} if isinstance(sensor, dict) else sensor
             for sensor in sensors
@@ -201,10 +202,11 @@ def _validate(data: dict[str, Any], origins: Origins) -> Scenario:
         if len(entries) > _MAX_ERRORS:
             lines.append(f"{origins.file.path}: and {len(entries) - _MAX_ERRORS:,} more errors")
         raise InputError("\n".join(dict.fromkeys(lines))) from None
-    scenario.origins.update(origins.of_agents(data))
+    scenario.origins.update(origins.of_scenes_and_agents(data))
     return scenario
 
 
+_QUOTED = r"'([^']*)'"
 _MAX_ERRORS = 50
 """Number of errors that are explained."""
 
@@ -224,6 +226,14 @@ def _explain(entry: Any, data: Any, origins: Origins) -> str:
         keys, message = [*keys, *error.keys], error.problem
     elif entry["type"] == "extra_forbidden":
         message = f"unknown key{_suggestion(str(keys[-1]), origins.in_file(entry['loc']))}"
+    elif entry["type"] in ("union_tag_invalid", "union_tag_not_found"):
+        keys, kind = [*keys, "type"], entry.get("ctx", {}).get("tag")
+        problem = "is missing;" if kind is None else f"{kind!r:.80} is not known{meant(kind, SENSOR_KINDS)}"
+        message = f"{problem} allowed: {', '.join(SENSOR_KINDS)}"
+    elif entry["type"] == "literal_error":
+        expected = entry["ctx"]["expected"]
+        problem = f"{short_repr(entry['input'])} is not known{meant(entry['input'], re.findall(_QUOTED, expected))}"
+        message = f"{problem} allowed: {expected}"
     elif entry["type"] == "missing":
         message = "is missing"
     elif entry["type"] == "too_short":
@@ -255,9 +265,7 @@ _BRANCHES = {"number", "distribution", "paper", "poses", "poses_by_map", *SENSOR
 
 def _suggestion(key: str, location: Sequence[str | int]) -> str:
     allowed = _allowed_keys(Scenario, location[:-1])
-    close = difflib.get_close_matches(key, allowed, n=1, cutoff=0.5)
-    meant = f"; did you mean {close[0]}?" if close else ""
-    return f"{meant or ';'} allowed: {', '.join(allowed)}" if allowed else meant
+    return f"{meant(key, allowed)} allowed: {', '.join(allowed)}" if allowed else ""
 
 
 def _allowed_keys(model: type[BaseModel], location: Sequence[str | int]) -> list[str]:

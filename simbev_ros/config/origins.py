@@ -42,11 +42,11 @@ class Origins:
         line, source_keys = self.find(keys)
         return f"{line}: {dotted_path(source_keys)}" if source_keys else line
 
-    def of_agents(self, data: dict[str, Any]) -> dict[Keys, tuple[str, Keys]]:
-        """``find`` for all fields of agents, except for those of their rigs and labels, by the fields' keys."""
+    def of_scenes_and_agents(self, data: dict[str, Any]) -> dict[Keys, tuple[str, Keys]]:
+        """``find`` for all fields of scenes and agents, but not of agents' rigs and labels, by the fields' keys."""
         return {
             keys: self.find(keys)
-            for section in ("ego", "agents")
+            for section in ("scenes", "ego", "agents")
             if section in data
             for keys in _iter_keys(data[section], (section,))
         }

@@ -316,14 +316,14 @@ class Scenario(Model):
 
     @cached_property
     def origins(self) -> dict[Keys, tuple[str, Keys]]:
-        """For the fields of agents, file with line and the field's name there; filled by ``config.load``.
+        """For the fields of scenes and agents, file with line and the field's name there; filled by ``config.load``.
 
         It is not part of the configuration: it is neither compared nor dumped, but copied and pickled.
         """
         return {}
 
     def where(self, *keys: str | int) -> str:
-        """Words for a field of an agent in messages: ``my.yaml:14: agents[1].near``, without a file its name alone."""
+        """Words for a field of scenes or agents: ``my.yaml:14: agents[1].near``; without a file, its name alone."""
         for depth in range(len(keys), 0, -1):
             if keys[:depth] in self.origins:
                 line, file_keys = self.origins[keys[:depth]]

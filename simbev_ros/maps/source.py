@@ -6,6 +6,7 @@ from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
 
+from simbev_ros.config.base import meant
 from simbev_ros.config.map_files import READ_FILES, Bounds, expand_home, map_name, suffix_of
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.files.limits import MAX_MAP_BYTES, MAX_OSM_BYTES, MAX_PBF_BYTES
@@ -45,7 +46,8 @@ def map_spec(name_or_path: str, seed: int = 0, bounds: Bounds | None = None) -> 
     if Path(name_or_path).suffix:
         raise InputError(f"{name_or_path}: is not a kind of map file that is read; read are {READ_FILES}")
     raise InputError(
-        f"map: no map is called {name_or_path!r}; towns: {', '.join(known_maps())}; map files end in {READ_FILES}"
+        f"map: no map is called {name_or_path!r:.80}{meant(name_or_path, known_maps())} "
+        f"towns: {', '.join(known_maps())}; map files end in {READ_FILES}"
     )
 
 

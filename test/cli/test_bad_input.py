@@ -27,7 +27,8 @@ def config(tmp_path: Path, text: str) -> Path:
         (GOOD + "speed: 3", "unknown key"),
         (GOOD + "time: {duration_s: 4 s}", "time.duration_s"),
         (GOOD.replace("vehicles: 1", "vehicles: -1"), "traffic.vehicles: is -1"),
-        (GOOD.replace("Blocks", "Atlantis"), "no map is called 'Atlantis'; towns: "),
+        (GOOD.replace("Blocks", "Atlantis"), "scenes[0].map: no map is called 'Atlantis'; towns: "),
+        (GOOD.replace("Blocks", "Block"), "yaml:1: scenes[0].map: no map is called 'Block'; did you mean Blocks?"),
         ("\0\1\2", "not valid YAML"),
         (
             GOOD + "agents: [{name: ego, rig: {sensors: []}}]",

@@ -1,7 +1,8 @@
 """``simbev demo``: makes a bag, a picture and a video of one short scene."""
 
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -14,6 +15,8 @@ from simbev_ros.config.load import load_scenario
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.files.input_file import path_exists
 from simbev_ros.foundation.installation.extras import install_command, load_extras
+from simbev_ros.recording.layout import PARTIAL_SUFFIX, scenes_of
+from simbev_ros.ros.graph.interrupts import Interrupted
 
 
 def demo(
@@ -44,10 +47,26 @@ def demo(
     folder = out or _free_folder(Path("out/demo"))
     if path_exists(folder):
         raise InputError(f"--out {folder}: exists already; nothing was overwritten")
-    with viewer_beside(view_port, console, wanted=view) as viewer:
+    with _saying_what_stays(folder), viewer_beside(view_port, console, wanted=view) as viewer:
         (bag,) = play_scenes(scenario, dataset=folder, observer=SeveralObservers(SceneDisplay(console), viewer))
         preview = make_preview(bag, folder, console=console)
         _print_result(bag, preview, console)
+
+
+@contextmanager
+def _saying_what_stays(folder: Path) -> Iterator[None]:
+    """After an interrupt, say what stays in the folder of the demo; without a scene in it, remove the folder."""
+    try:
+        yield
+    except (Interrupted, KeyboardInterrupt):
+        scenes, command = scenes_of(folder) if folder.is_dir() else [], own_command()
+        for bag in scenes:
+            is_cut_off = bag.name.endswith(PARTIAL_SUFFIX)
+            use = f"{command} repair {bag} saves" if is_cut_off else f"{command} preview {bag} draws"
+            make_console(stderr=True, soft_wrap=True).print(f"{bag} stays; {use} what is in it", highlight=False)
+        if not scenes:
+            shutil.rmtree(folder, ignore_errors=True)
+        raise
 
 
 def _print_result(bag: Path, preview: Sequence[Path], console: Console) -> None:

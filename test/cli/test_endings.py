@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from made_up_scene import made_up_scene
 from waiting import PATIENCE_S, wait_until
 
 from simbev_ros.assets.regions import region_pool
@@ -90,3 +91,30 @@ def _group_lives(group: int) -> bool:
     except ProcessLookupError:
         return False
     return True
+
+
+@pytest.mark.parametrize(("bag", "use"), [("Blocks-0000.partial", "repair"), ("Blocks-0000", "preview"), (None, "")])
+def test_an_interrupted_demo_says_what_stays(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    bag: str | None,
+    use: str,
+) -> None:
+    out = tmp_path / "out"
+
+    def interrupt(*_: object, dataset: Path, **__: object) -> None:
+        (dataset / "scenes/train").mkdir(parents=True)
+        if bag is not None:
+            made_up_scene(dataset / "scenes/train" / bag, ticks=1)
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr("simbev_ros.production.play.play_scenes", interrupt)
+    monkeypatch.setattr(sys, "argv", ["simbev", "demo", "--out", str(out)])
+    with pytest.raises(SystemExit, match="130"):
+        main()
+    path = f"{out}/scenes/train/{bag}"
+    said = {"repair": "saves", "preview": "draws"}.get(use)
+    lines = [f"{path} stays; simbev {use} {path} {said} what is in it"] if bag is not None else []
+    assert capsys.readouterr().err.splitlines() == [*lines, "interrupted"]
+    assert out.exists() == (bag is not None)

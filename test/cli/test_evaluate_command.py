@@ -50,6 +50,15 @@ def test_tables_and_figures_say_the_same(dataset: Path, predictions: Path, tmp_p
         assert words in result.stdout
 
 
+def test_swapped_arguments_are_named(dataset: Path, predictions: Path, tmp_path: Path) -> None:
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    for given in (predictions, predictions / "boxes.parquet", empty):
+        result = called(dataset, given)
+        assert str(result.exception) == f"{given}: is not a dataset, but {dataset} is; they seem to be swapped"
+    assert "swapped" not in str(called(predictions / "boxes.parquet", predictions / "boxes.parquet").exception)
+
+
 def test_figures_are_written_although_nobody_reads_the_tables(
     dataset: Path, predictions: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

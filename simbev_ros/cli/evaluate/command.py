@@ -1,7 +1,8 @@
 """``simbev evaluate``: measures predictions with the metrics of the paper."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ from simbev_ros.cli.console import counting_bar, make_console
 from simbev_ros.cli.evaluate import options as option
 from simbev_ros.cli.output_file import require_place
 from simbev_ros.cli.pool import Workers, processes
+from simbev_ros.foundation.errors import InputError, SimbevError
 from simbev_ros.foundation.files.whole_files import write_errors, write_whole
 from simbev_ros.foundation.installation.extras import load_extras
 
@@ -61,8 +63,9 @@ def evaluate(
     section = option.chosen_section(config, truth, distance, points, classes, by, everything=everything)
     pool = processes(workers)
     _require_places(report, json_file)
-    opened = open_dataset(dataset, threads=1)
-    chosen = option.chosen_scenes(opened, split, scenes, agent)
+    with _noticing_swapped(predictions, dataset):
+        opened = open_dataset(dataset, threads=1)
+        chosen = option.chosen_scenes(opened, split, scenes, agent)
     options = options_of(section, maps=sorted({each.map for each in chosen}), every=every, nuscenes=nuscenes)
     predicted = open_predictions(predictions, *option.answer_topics(section, chosen, agent))
     predicted = predicted.for_dataset([each.name for each in opened.scenes])
@@ -74,6 +77,26 @@ def evaluate(
     _show_figures(figures, json_file)
     if report is not None:
         _write_report(report, result, chosen, predicted, figures)
+
+
+@contextmanager
+def _noticing_swapped(predictions: Path, dataset: Path) -> Iterator[None]:
+    """Context for opening the dataset: says of an error that the arguments are swapped if they seem to be."""
+    try:
+        yield
+    except InputError:
+        if _is_dataset(dataset) or not _is_dataset(predictions):
+            raise
+        raise InputError(f"{dataset}: is not a dataset, but {predictions} is; they seem to be swapped") from None
+
+
+def _is_dataset(path: Path) -> bool:
+    from simbev_ros.dataset import open_dataset
+
+    try:
+        return any(scene.spec for scene in open_dataset(path, threads=1).scenes[:1])
+    except SimbevError:
+        return False
 
 
 def _write_report(report: Path, *content: Any) -> None:

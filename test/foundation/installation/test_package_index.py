@@ -1,7 +1,8 @@
-"""ROS's tools find the package in an environment that ./simbev has set up: pip leaves its other files out."""
+"""An environment that ./simbev has set up: ROS's tools find the package, whose other files pip leaves out."""
 
 import os
 import re
+import shutil
 import subprocess
 from pathlib import Path
 
@@ -35,3 +36,19 @@ def test_the_set_up_registers_the_package_with_its_files_and_programs(
     assert {path.name for path in (venv / "lib" / "simbev_ros").iterdir() if path.stat().st_mode & 0o100} == {
         "simbev", "simbev_node"
     }  # fmt: skip
+
+
+def test_the_set_up_says_what_is_ready_and_what_is_next(tmp_path: Path) -> None:
+    shutil.copy(REPOSITORY / "simbev", tmp_path)
+    for name in ("simbev_ros", "exporters", "interfaces", "setup.py", "package.xml"):
+        (tmp_path / name).symlink_to(REPOSITORY / name)
+    wanted = re.search(r"^ +wanted=.*$", (REPOSITORY / "simbev").read_text(), re.MULTILINE)
+    assert wanted is not None
+    (tmp_path / ".venv").mkdir()
+    script = f'here=$1\n{wanted[0]}\nprintf "%s\\n" "$wanted" >"$here/.venv/.ready-sim,wheels,view"'
+    subprocess.run(["sh", "-c", script, "sh", tmp_path], check=True)
+    own = {name: value for name, value in os.environ.items() if name != "ROS_DISTRO"}
+    command = [tmp_path / "simbev", "setup", "view"]
+    done = subprocess.run(command, env=own, capture_output=True, text=True, check=True)
+    there = f"simbev: sim, wheels, view ready in {tmp_path}/.venv"
+    assert done.stderr == f"{there}; next: {tmp_path}/simbev demo, or {tmp_path}/simbev --help\n"

@@ -1,5 +1,6 @@
 # simbev with all it needs, by the same set-up as on any machine: `docker build -t simbev .`
 # docs/guide/container.md has the options of `docker run` that matter: --shm-size, --gpus, volumes.
+# A digest pins the base: --build-arg BASE=debian:13-slim@sha256:…
 ARG BASE=debian:13-slim
 FROM ${BASE}
 
@@ -7,6 +8,9 @@ FROM ${BASE}
 ARG EXTRAS=""
 # More Python packages, separated by spaces: boto3, with which Ray starts nodes on AWS.
 ARG PACKAGES=""
+# The bill of materials of all Python packages, where and as scanners of images look for it.
+ARG SBOM=/usr/local/share/sbom/simbev.cdx.json
+LABEL io.github.simbev-ros.sbom="${SBOM}"
 
 WORKDIR /opt/simbev
 
@@ -31,6 +35,7 @@ RUN export PIP_NO_CACHE_DIR=1 DEBIAN_FRONTEND=noninteractive \
     && case ",${EXTRAS}," in *,cluster,*) \
         .venv/bin/ray --version && ln -s /opt/simbev/.venv/bin/ray /usr/local/bin/ \
         && apt-get update && apt-get install -y --no-install-recommends rsync wget ;; esac \
+    && mkdir -p "${SBOM%/*}" && ./simbev sbom >"${SBOM}" \
     && .venv/bin/python -W ignore -m compileall -q -j 0 .venv/lib \
     && apt-get purge -y --auto-remove g++ python3-dev \
     && apt-get clean && rm -rf .setup.log .setup.lock /var/lib/apt/lists/*

@@ -129,12 +129,14 @@ setup(
         "fuzz": [
             "atheris>=3; python_version < '3.14' and sys_platform == 'linux' and platform_machine == 'x86_64'",
         ],
-        "cluster": ["ray[default]>=2.50"],
+        "cluster": ["ray[default]>=2.52"],
         "foxglove": ["foxglove-sdk>=0.30", *PICTURES],
         "baselines": ["onnxruntime>=1.20", *PICTURES],
         "view": ["rerun-sdk==0.41.*", "psutil>=6.0", *PICTURES],
         "docs": ["mkdocs-material>=9.5"],
         "lock": ["uv>=0.8"],
+        # What makes the bill of materials of container images, in an environment of its own.
+        "sbom": ["cyclonedx-bom>=7"],
         "test": [
             "dockerfile-parse>=2",
             "flask>=3",
@@ -149,7 +151,7 @@ setup(
             "onnxruntime>=1.20",
             "pyelftools>=0.31",
             "pytest>=8.3",
-            "ray>=2.50",
+            "ray>=2.52",
             "ruff>=0.9",
             "selenium>=4.25",
             "setuptools>=71",

@@ -1,5 +1,6 @@
 """The image is built for real, from a bare Debian, and records a scene without root and without a GPU."""
 
+import json
 import os
 import shutil
 from collections.abc import Iterator
@@ -39,6 +40,11 @@ def test_any_other_user_can_run_the_image_too(store: ContainerStore, image: str)
     ran = store.run(image, "simbev", "doctor", user="4321")
     assert ran.returncode == 0, ran.stdout + ran.stderr
     assert "✗" not in ran.stdout
+
+
+def test_it_holds_a_bill_of_materials(store: ContainerStore, image: str) -> None:
+    ran = store.run(image, "cat", "/usr/local/share/sbom/simbev.cdx.json")
+    assert len(json.loads(ran.stdout)["components"]) > 150
 
 
 def test_the_doctor_names_the_option_when_shared_memory_is_what_containers_have_by_default(

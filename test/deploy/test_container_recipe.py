@@ -70,3 +70,10 @@ def test_hidden_files_do_not_enter_the_image() -> None:
     rules = [rule for rule in (ROOT / ".dockerignore").read_text().splitlines() if not rule.startswith("#")]
     assert rules[0] == ".*"
     assert {"test", "docs", "out", "datasets"} <= set(rules)
+
+
+def test_a_label_says_where_the_bill_of_materials_is(steps: list[tuple[str, str]]) -> None:
+    (place,) = [value.partition("=")[2] for value in values(steps, "ARG") if value.startswith("SBOM=")]
+    assert place.endswith(".cdx.json"), "by which scanners find it"
+    assert any(value.endswith((f'.sbom="{place}"', '.sbom="${SBOM}"')) for value in values(steps, "LABEL"))
+    assert any('./simbev sbom >"${SBOM}"' in value for value in values(steps, "RUN"))

@@ -1,6 +1,7 @@
 """Stands before a server of another project and lets those requests through that ``show.access`` admits.
 
-The server behind it listens at a loopback address that is drawn at random, so that no web page can guess it.
+The server behind it listens at a loopback address that is drawn at random, so that no web page can guess it, and
+receives nothing from other programs (``show.loopback``).
 """
 
 import os
@@ -13,6 +14,7 @@ from typing import Self
 
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.show.access import HEAD_TIMEOUT_S, MAX_CONNECTIONS, MAX_HEAD_BYTES, has_token, is_own_host
+from simbev_ros.show.loopback import SoleClient, is_own_client
 
 _SPLICE_BYTES = 1 << 20
 _END_OF_HEAD = b"\r\n\r\n"
@@ -31,16 +33,18 @@ class Gate:
         port: Port to listen on; 0: any free one.
         server: Address and port of the server.
         token: What ``token`` in the address of a request must be.
+        pid: Id of the server's process: this one, or a child.
 
     Attributes:
         port: Port that it listens on.
 
     Raises:
         InputError: The address or the port cannot be used.
+        SimbevError: Another user of the machine has connected to the server already.
     """
 
-    def __init__(self, host: str, port: int, server: tuple[str, int], token: str) -> None:
-        self._server, self._token = server, token
+    def __init__(self, host: str, port: int, server: tuple[str, int], token: str, pid: int) -> None:
+        self._token = token
         self._free = threading.BoundedSemaphore(MAX_CONNECTIONS)
         self._open: set[socket.socket] = set()
         self._lock = threading.Lock()
@@ -51,6 +55,7 @@ class Gate:
             problem = f"{port} of {host} cannot be used: {error.strerror}; choose another one, or another address"
             raise InputError(problem, parameter="port") from None
         self.port = int(self._listener.getsockname()[1])
+        self._server = SoleClient(server, pid)
 
     def __enter__(self) -> Self:
         threading.Thread(target=self._accept, name="gate", daemon=True).start()
@@ -62,6 +67,7 @@ class Gate:
             connections = [*self._open]
         for connection in connections:
             self._close(connection)
+        self._server.__exit__()
 
     def _accept(self) -> None:
         with suppress(OSError):  # the listener has been closed
@@ -79,23 +85,28 @@ class Gate:
             with self._lock:
                 self._open.add(client)
             with suppress(OSError):
-                head = _read_head(client)
-                refusal, request = self._judge(head)
-                if refusal:
-                    body = f"{refusal}\n".encode()
-                    client.sendall(
-                        b"HTTP/1.1 403 Forbidden\r\nContent-Type: text/plain\r\nConnection: close\r\n"
-                        + f"Content-Length: {len(body)}\r\n\r\n".encode()
-                        + body
-                    )
+                if (request := self._admit(client)) is None:
                     return
-                server = held.enter_context(socket.create_connection(self._server))
+                server = held.enter_context(self._server.connect())
                 server.sendall(request)
                 client.settimeout(None)
                 back = threading.Thread(target=_pump, args=(server, client), name="gate", daemon=True)
                 back.start()
                 _pump(client, server)
                 back.join()
+
+    def _admit(self, client: socket.socket) -> bytes | None:
+        """What the server receives first; None: the client has been refused."""
+        refusal, request = self._judge(_read_head(client))
+        if not refusal:
+            return request
+        body = f"{refusal}\n".encode()
+        client.sendall(
+            b"HTTP/1.1 403 Forbidden\r\nContent-Type: text/plain\r\nConnection: close\r\n"
+            + f"Content-Length: {len(body)}\r\n\r\n".encode()
+            + body
+        )
+        return None
 
     def _judge(self, head: bytes) -> tuple[str, bytes]:
         """Why a request is refused (empty: it is not), and what the server receives: it never sees the token."""
@@ -122,6 +133,28 @@ class Gate:
         with suppress(OSError):
             connection.shutdown(socket.SHUT_RDWR)  # wakes the threads that wait for it
         connection.close()
+
+
+class UserGate(Gate):
+    """Passes connections of this user's processes on to a server, whatever they send.
+
+    Args:
+        server: Address and port of the server.
+        pid: Id of the server's process: this one, or a child.
+
+    Attributes:
+        address: Where it listens.
+
+    Raises:
+        SimbevError: Another user of the machine has connected to the server already.
+    """
+
+    def __init__(self, server: tuple[str, int], pid: int) -> None:
+        super().__init__(host := hidden_address(), 0, server, "", pid)
+        self.address = (host, self.port)
+
+    def _admit(self, client: socket.socket) -> bytes | None:
+        return b"" if is_own_client(client) else None
 
 
 def _read_head(client: socket.socket) -> bytes:

@@ -24,7 +24,7 @@ def server() -> Iterator[socket.socket]:
 
 @pytest.fixture
 def gate(server: socket.socket) -> Iterator[Gate]:
-    with Gate("127.0.0.1", 0, server.getsockname(), "secret") as gate:
+    with Gate("127.0.0.1", 0, server.getsockname(), "secret", os.getpid()) as gate:
         yield gate
 
 
@@ -89,7 +89,7 @@ def test_too_many_connections_are_closed_and_slow_ones_given_up(
 
 def test_a_taken_port_is_named(gate: Gate) -> None:
     with pytest.raises(InputError, match=rf"^port: {gate.port} of 127.0.0.1 cannot be used: Address already in use"):
-        Gate("127.0.0.1", gate.port, ("127.0.0.1", 1), "")
+        Gate("127.0.0.1", gate.port, ("127.0.0.1", 1), "", os.getpid())
 
 
 def test_hosts_tokens_and_origins() -> None:

@@ -1,5 +1,6 @@
 """Starts a Foxglove WebSocket server at an address, and says in one line why it cannot."""
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -69,7 +70,7 @@ def running_server(
         raise SimbevError(f"Foxglove's server did not start: {str(error).removeprefix('FoxgloveError: ')}") from None
     try:
         token = user_token()
-        with Gate(address.host, address.port, (host, server.port), token) as gate:
+        with Gate(address.host, address.port, (host, server.port), token, os.getpid()) as gate:
             yield server, address._replace(port=gate.port, token=token)
     finally:
         server.stop()

@@ -17,7 +17,7 @@ from typing import Self
 
 from simbev_ros.foundation.errors import SimbevError
 from simbev_ros.show.access import origin
-from simbev_ros.show.gate import hidden_address
+from simbev_ros.show.gate import UserGate, hidden_address
 from simbev_ros.show.rerun.page_server import PageServer
 
 LOOPBACK = "127.0.0.1"
@@ -49,7 +49,6 @@ class ViewerServer:
         self._address, self._memory_bytes = hidden_address(), memory_bytes
         self._page = PageServer(address, port)
         self._data_port, self._source_port = (_free_port(self._address) for _ in range(2))
-        self._page.source, self._page.data = (self._address, self._source_port), (self._address, self._data_port)
         self._stack = ExitStack()
 
     @property
@@ -59,8 +58,8 @@ class ViewerServer:
 
     @property
     def data_url(self) -> str:
-        """Address to send logs to."""
-        return f"rerun+{origin(self._address, self._data_port)}/proxy"
+        """Address to send logs to, for processes of this user."""
+        return f"rerun+{origin(*self._page.data)}/proxy"
 
     @property
     def pid(self) -> int:
@@ -87,6 +86,7 @@ class ViewerServer:
         self._stack.callback(self._end)
         try:
             self._wait_until_ready(folder / "log")
+            self._page.source, self._page.data = (self._gate(port) for port in (self._source_port, self._data_port))
         except BaseException:
             self._stack.close()
             raise
@@ -99,6 +99,10 @@ class ViewerServer:
         """Raise SimbevError if the server has ended by itself."""
         if (code := self._process.poll()) is not None:
             raise SimbevError(f"Rerun's server ended with exit code {code}")
+
+    def _gate(self, port: int) -> tuple[str, int]:
+        """Where this user's processes, and no others, reach a port of the server."""
+        return self._stack.enter_context(UserGate((self._address, port), self.pid)).address
 
     def _command(self) -> list[str]:
         import rerun_cli

@@ -131,6 +131,20 @@ def test_pbf_whose_nodes_are_not_sorted_reads_alike(tmp_path: Path) -> None:
     assert data.node_tags == {way.nodes[2]: {"highway": "crossing"}}
 
 
+@pytest.mark.parametrize("way_id", [-5, 2**53])
+@pytest.mark.parametrize("member_id", [7, -7, 2**53])
+def test_pbf_with_ids_that_are_not_openstreetmaps_reads_like_xml(tmp_path: Path, way_id: int, member_id: int) -> None:
+    for name in ("new.osm", "new.pbf"):
+        with osmium.SimpleWriter(tmp_path / name) as writer:
+            for number in range(1, 4):
+                writer.add_node(mutable.Node(id=number, location=(8.0 + number / 1000, 50.0 + number % 2 / 1000)))
+            for each in (7, way_id):
+                writer.add_way(mutable.Way(id=each, nodes=[1, 2, 3, 1], tags={"highway": "residential"}))
+            members = [("w", 7, "outer"), ("w", member_id, "inner")]
+            writer.add_relation(mutable.Relation(id=1, members=members, tags={"type": "multipolygon"}))
+    assert_equal(read_osm(tmp_path / "new.pbf"), read_osm(tmp_path / "new.osm"))
+
+
 def test_a_damaged_pbf_is_refused(tmp_path: Path, pbf: Path) -> None:
     path = tmp_path / "town.osm.pbf"
     path.write_bytes(pbf.read_bytes()[:-500])

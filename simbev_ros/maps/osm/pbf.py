@@ -60,12 +60,37 @@ def read_pbf(path: Path, box: Box | None) -> tuple[OsmElements, Box | None]:
     """
     check_readable(path, MAX_PBF_BYTES)
     _require_plausible(path)
+    with _damage_as_input_error(path):
+        try:
+            return _read_indexed(path, box)
+        except _ForeignIdError:
+            return _read_each(path), None
+
+
+class _ForeignIdError(Exception):
+    """An id is not OpenStreetMap's own, so that pyosmium's sets cannot hold it, or only in GiB of memory."""
+
+
+def _require_own(*ids: int) -> None:
+    """Refuse negative ids, as editors give to what is new, and very large ones.
+
+    Raises:
+        _ForeignIdError: There is one.
+    """
+    if any(not 0 <= each <= _MAX_DENSE_ID for each in ids):
+        raise _ForeignIdError
+
+
+def _read_indexed(path: Path, box: Box | None) -> tuple[OsmElements, Box | None]:
+    """Read what lies in a box through sets of ids and an index of the nodes, as ``read_pbf`` describes.
+
+    Raises:
+        _ForeignIdError: The sets cannot hold an id.
+        InputError: The file has too many nodes in the box.
+    """
     elements = OsmElements(path, MAX_OSM_NODES)
-    with _damage_as_input_error(path), tempfile.TemporaryDirectory(prefix="simbev-osm-") as folder:
+    with tempfile.TemporaryDirectory(prefix="simbev-osm-") as folder:
         nodes = _index_nodes(path, Path(folder, "nodes"))
-        if _has_foreign_ids(path, nodes):
-            _read_each(path, elements)
-            return elements, None
         if box is None and len(nodes) > MAX_OSM_NODES:
             box = _densest_part(nodes)
         inside = _ids_within(nodes, box)
@@ -127,19 +152,11 @@ def _varint(message: bytes, position: int) -> tuple[int, int]:
     return value, position
 
 
-def _has_foreign_ids(path: Path, nodes: Table) -> bool:
-    """Whether nodes have ids that pyosmium's sets cannot hold: negative ones, as editors give, or very large ones."""
-    import osmium
-
-    for first in osmium.FileProcessor(str(path), osmium.osm.NODE):
-        return bool(first.id < 0 or (len(nodes) and nodes["id"][-1] > _MAX_DENSE_ID))  # ids ascend
-    return False
-
-
-def _read_each(path: Path, elements: OsmElements) -> None:
+def _read_each(path: Path) -> OsmElements:
     """Read a whole file element by element, which takes all ids; libosmium's writers crash at damaged texts."""
     import osmium
 
+    elements = OsmElements(path, MAX_OSM_NODES)
     element: Any
     for element in osmium.FileProcessor(str(path)):
         tags = _tags(element)
@@ -150,6 +167,7 @@ def _read_each(path: Path, elements: OsmElements) -> None:
         elif element.is_node() and element.location.valid():
             elements.add_node(element.id, element.location.lon, element.location.lat)
             elements.node_tags.update({element.id: tags} if tags else {})
+    return elements
 
 
 def _densest_part(nodes: Table) -> Box:
@@ -170,6 +188,9 @@ def _index_nodes(path: Path, file: Path) -> Table:
     nodes: Table = np.memmap(file, _NODE, "r+", shape=(count,)) if count else np.empty(0, _NODE)
     if any(np.any(np.diff(nodes["id"][k : k + _PIECE + 1]) <= 0) for k in range(0, count, _PIECE)):
         nodes = nodes[np.argsort(nodes["id"], kind="stable")]
+    for first in osmium.FileProcessor(str(path), osmium.osm.NODE):  # the index leaves out negative ids
+        _require_own(first.id, *nodes["id"][-1:].tolist())
+        break
     return nodes
 
 
@@ -206,6 +227,7 @@ def _add_ways(path: Path, elements: OsmElements, inside: Int64Array | None) -> I
     known, added = osmium.IdTracker(), set[int]()
 
     def add(way: Any) -> Int64Array:
+        _require_own(way.id)
         known.add_way(way.id)
         added.add(way.id)
         references = [node.ref for node in way.nodes]
@@ -219,6 +241,7 @@ def _add_ways(path: Path, elements: OsmElements, inside: Int64Array | None) -> I
         yield add(way)
     wanted = _add_relations(path, elements, known) - added
     if wanted:
+        _require_own(*wanted)
         for way in osmium.FileProcessor(str(path), osmium.osm.WAY).with_filter(osmium.filter.IdFilter(wanted)):
             yield add(way)
 

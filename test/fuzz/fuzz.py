@@ -1,7 +1,7 @@
-"""Fuzzes the readers of foreign bytes with coverage guidance, one after the other; ``./simbev fuzz`` calls it.
+"""Fuzzes the readers of foreign bytes with coverage guidance; ``./simbev fuzz`` calls it.
 
-Each target runs in a process of its own, as libFuzzer ends its process at the first find. Inputs that reach new code,
-and finds, go to ``out/fuzz/<target>``; nothing in the tree changes.
+Each run of a target has a process of its own, as libFuzzer ends its process at the first find; one that has grown too
+large is replaced. Inputs that reach new code, and finds, go to ``out/fuzz/<target>``; nothing in the tree changes.
 """
 
 import argparse
@@ -9,9 +9,14 @@ import os
 import re
 import subprocess
 import sys
+import tempfile
+import time
+from concurrent.futures import ThreadPoolExecutor
 from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
+
+from target import GROWN, Target
 
 from simbev_ros.foundation.files.limits import MAX_UNPACKED_VARIABLE
 
@@ -25,10 +30,12 @@ _TIMEOUT_S = 30
 
 
 class Result(NamedTuple):
-    """What a run of a target came to: inputs that were read, covered edges, and the file of its find, if any."""
+    """What a run came to: inputs that were read, covered edges, memory, processes beyond the first, and its find."""
 
     executions: int
     coverage: int
+    peak_mib: int
+    restarts: int
     find: Path | None
 
 
@@ -40,43 +47,66 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="simbev fuzz", description="Fuzz the readers of foreign files and messages.")
     parser.add_argument("target", nargs="*", help=f"default: all; {', '.join(TARGETS)}")
     parser.add_argument("--seconds", type=int, default=60, help="for each target, from 1; default: %(default)s")
+    parser.add_argument("--seeds", type=int, default=1, help="runs of each target, from 1; default: %(default)s")
+    parser.add_argument("--processes", type=int, default=1, help="runs at a time, from 1; default: %(default)s")
     options = parser.parse_args()
     if unknown := [name for name in options.target if name not in TARGETS]:
         parser.error(f"there is no target {unknown[0]!r}; allowed: {', '.join(TARGETS)}")
-    if options.seconds < 1:
-        parser.error(f"--seconds: is {options.seconds}; allowed: 1 and more")
+    for name in ("seconds", "seeds", "processes"):
+        if (value := getattr(options, name)) < 1:
+            parser.error(f"--{name}: is {value}; allowed: 1 and more")
     if find_spec("atheris") is None:
         version = ".".join(map(str, sys.version_info[:2]))
         sys.exit(f"simbev: atheris, which ./simbev fuzz needs, has no package for Python {version} on this machine")
-    print(f"{'target':<18}{'executions':>12}{'coverage':>10}  finds")
-    results = []
-    for name in options.target or TARGETS:
-        results.append(result := run_target(name, TARGETS[name].folder, options.seconds))
-        print(f"{name:<18}{result.executions:>12,}{result.coverage:>10,}  {result.find or '-'}", flush=True)
-    sys.exit(any(result.find for result in results))
+    print(f"{'target':<18}{'executions':>12}{'coverage':>10}{'peak MiB':>10}{'restarts':>10}  finds")
+    has_found = False
+    with ThreadPoolExecutor(options.processes) as pool:
+        runs = {
+            name: [pool.submit(run_target, TARGETS[name], run, options.seconds) for run in range(options.seeds)]
+            for name in options.target or TARGETS
+        }
+        try:
+            for name, started in runs.items():
+                results = [run.result() for run in started]
+                executions, coverage, peak_mib, restarts, found = zip(*results, strict=True)
+                finds = sorted({str(find) for find in found if find})
+                has_found |= bool(finds)
+                numbers = f"{sum(executions):>12,}{max(coverage):>10,}{max(peak_mib):>10,}{sum(restarts):>10,}"
+                print(f"{name:<18}{numbers}  {', '.join(finds) or '-'}", flush=True)
+        finally:  # after an interrupt, no more of them start
+            pool.shutdown(cancel_futures=True)
+    sys.exit(has_found)
 
 
-def run_target(name: str, corpus: Path, seconds: int) -> Result:
-    """Fuzz a target for a while, or until its first find."""
-    found = OUT / name / "corpus"
-    found.mkdir(parents=True, exist_ok=True)
-    before = set(OUT.joinpath(name).glob("*-*"))
-    options = [
-        *(f"-max_total_time={seconds}", f"-timeout={_TIMEOUT_S}", f"-rss_limit_mb={_MAX_MEMORY_MIB}"),
-        *("-print_final_stats=1", f"-artifact_prefix={OUT / name}/"),
-    ]
-    command = [sys.executable, str(Path(__file__).parent / "fuzz_target.py"), name, *options, str(found), str(corpus)]
-    modules = os.pathsep.join([str(SUPPORT), *filter(None, [os.environ.get("PYTHONPATH")])])
-    environment = {**os.environ, MAX_UNPACKED_VARIABLE: str(_LIMIT_MIB), "PYTHONPATH": modules}
-    log = OUT / name / "log"
-    with log.open("wb") as stream:
-        code = subprocess.run(command, stdout=stream, stderr=stream, env=environment, check=False).returncode
+def run_target(target: Target, run: int, seconds: int) -> Result:
+    """Fuzz a target for a while, or until its first find; runs of it at the same time share what they reach."""
+    out = OUT / target.name
+    reached, log = out / "corpus", out / f"log{run}"
+    reached.mkdir(parents=True, exist_ok=True)
+    before, code, restarts, end_s = set(out.glob("*-*")), GROWN, -1, time.monotonic() + seconds
+    with log.open("wb") as stream, tempfile.TemporaryDirectory(prefix="simbev-fuzz-") as folder:
+        modules = os.pathsep.join([str(SUPPORT), *filter(None, [os.environ.get("PYTHONPATH")])])
+        changed = {MAX_UNPACKED_VARIABLE: str(_LIMIT_MIB), "PYTHONPATH": modules, "TMPDIR": folder}
+        environment = {**os.environ, **changed}
+        while code == GROWN and (left_s := round(end_s - time.monotonic())) > 0:
+            options = [
+                *(f"-max_total_time={left_s}", f"-timeout={_TIMEOUT_S}", f"-rss_limit_mb={_MAX_MEMORY_MIB}"),
+                *("-print_final_stats=1", f"-artifact_prefix={out}/"),
+            ]
+            program = str(Path(__file__).with_name("fuzz_target.py"))
+            command = [sys.executable, program, target.name, *options, str(reached), str(target.folder)]
+            code = subprocess.run(command, stdout=stream, stderr=stream, env=environment, check=False).returncode
+            restarts += 1
     text = log.read_text(errors="replace")
-    counts = [int(count) for count in re.findall(r"(?:^#|stat::number_of_executed_units: )(\d+)", text, re.MULTILINE)]
-    edges = [int(count) for count in re.findall(r"cov: (\d+)", text)]
-    finds = sorted(set(OUT.joinpath(name).glob("*-*")) - before)
-    find = finds[0] if finds else log if code else None
-    return Result(max(counts, default=0), max(edges, default=0), find)
+    executions = sum(_largest(r"^#(\d+)", session) for session in text.split("INFO: Seed:"))
+    finds = sorted(set(out.glob("*-*")) - before)
+    find = finds[0] if finds else log if code not in (0, GROWN) else None
+    return Result(executions, _largest(r"cov: (\d+)", text), _largest(r"rss: (\d+)Mb", text), restarts, find)
+
+
+def _largest(pattern: str, text: str) -> int:
+    """The largest number that a pattern finds; 0 without one."""
+    return max(map(int, re.findall(pattern, text, re.MULTILINE)), default=0)
 
 
 if __name__ == "__main__":

@@ -10,6 +10,8 @@ from pathlib import Path
 import mutation
 
 CORPUS = Path(__file__).parent / "corpus"
+GROWN = 75
+"""Exit code of a fuzzing process that many inputs together have made too large; one input that does so is a find."""
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ The start script adds four verbs of its own, the last three for developers:
 |---|---|
 | `./simbev setup [EXTRA,…]` | Sets the machine up, with these extras, and ends, as for a container image. |
 | `./simbev test [--all] [pytest options]` | Runs lint, type checks and tests; `--all` includes the slow tests. |
-| `./simbev fuzz [TARGET …] [--seconds N]` | Feeds damaged files and messages to their readers, guided by coverage. |
+| `./simbev fuzz [TARGET …] [OPTION …]` | Feeds damaged files and messages to their readers, guided by coverage. |
 | `./simbev docs` | Regenerates the reference pages and builds this documentation as a site. |
 
 Exit codes: 0 done, 1 failed, 2 bad input (the message names file, field and value), 130 interrupted. With the

@@ -266,3 +266,94 @@ def mutate_png(sample: bytes, rng: Random) -> bytes:
             chunks[index] = kind, mutate_bytes(content, rng)
     written = [struct.pack(">I", len(c)) + k + c + struct.pack(">I", zlib.crc32(k + c)) for k, c in chunks]
     return sample[:start] + b"".join(written)
+
+
+_RAW, _ZLIB_DATA, _DATASIZE = 1 << 3 | 2, 3 << 3 | 2, 3 << 3
+"""Tags of fields in PBF: their numbers in the format's description, and how they are encoded."""
+
+
+@_structured
+def mutate_pbf(sample: bytes, rng: Random) -> bytes:
+    """Mutate fields at any depth of a block of OpenStreetMap PBF, and unpack the block; its size stays right."""
+    blocks, position = list[tuple[bytes, bytes]](), 0
+    while position < len(sample):
+        start = position + 4 + int.from_bytes(sample[position : position + 4], "big")
+        header = sample[position + 4 : start]
+        position = start + dict(_fields(header))[_DATASIZE]
+        blocks.append((header, sample[start:position]))
+    index = rng.randrange(len(blocks))
+    header, blob = blocks[index]
+    fields = dict(_fields(blob))
+    content = fields[_RAW] if _RAW in fields else zlib.decompress(fields[_ZLIB_DATA])
+    for _ in range(rng.randint(1, _MAX_STEPS)):
+        content = _mutate_message(content, rng)
+    blob = _message([(_RAW, content)])
+    blocks[index] = _message([(tag, len(blob) if tag == _DATASIZE else each) for tag, each in _fields(header)]), blob
+    return b"".join(len(header).to_bytes(4, "big") + header + blob for header, blob in blocks)
+
+
+def _mutate_message(message: bytes, rng: Random) -> bytes:
+    """Mutate a field of a protobuf message or of one inside it, or what the bytes may be instead: integers or text."""
+    try:
+        fields = _fields(message)
+    except (ValueError, IndexError):
+        fields = []
+    if not fields or rng.randrange(4) == 0:
+        return mutate_bytes(message, rng) if rng.randrange(2) else _mutate_packed(message, rng)
+    index = rng.randrange(len(fields))
+    tag, value = fields[index]
+    match rng.randrange(10):
+        case 0:
+            del fields[index]
+        case 1:
+            fields.insert(rng.randint(0, len(fields)), fields[index])
+        case _:
+            fields[index] = tag, _mutate_message(value, rng) if isinstance(value, bytes) else _integer(rng)
+    return _message(fields)
+
+
+def _mutate_packed(packed: bytes, rng: Random) -> bytes:
+    """Replace one of the integers that are one after the other."""
+    starts = [0, *(index + 1 for index, byte in enumerate(packed) if byte < 0x80)]
+    index = rng.randrange(len(starts))
+    return packed[: starts[index]] + _varint(_integer(rng)) + packed[(*starts, len(packed))[index + 1] :]
+
+
+def _integer(rng: Random) -> int:
+    """An integer as an unsigned one of 64 bits, or as protobuf stores signed ones."""
+    value = _INTEGERS[rng.randrange(len(_INTEGERS))]
+    return (value if rng.randrange(2) else 2 * value if value >= 0 else -2 * value - 1) % 2**64
+
+
+def _fields(message: bytes) -> list[tuple[int, Any]]:
+    """Tags and values, integers or bytes, of a protobuf message; other kinds of values do not occur in PBF."""
+    fields, position = list[tuple[int, Any]](), 0
+    while position < len(message):
+        tag, position = _read_varint(message, position)
+        value, position = _read_varint(message, position)
+        if tag & 7 == 2 and position + value <= len(message):
+            fields.append((tag, message[position : position + value]))
+            position += value
+        elif tag & 7 == 0:
+            fields.append((tag, value))
+        else:
+            raise ValueError("no such message")
+    return fields
+
+
+def _message(fields: list[tuple[int, Any]]) -> bytes:
+    texts = ((_varint(len(each)) + each if isinstance(each, bytes) else _varint(each)) for _, each in fields)
+    return b"".join(_varint(tag) + text for (tag, _), text in zip(fields, texts, strict=True))
+
+
+def _read_varint(message: bytes, position: int) -> tuple[int, int]:
+    """An integer, seven bits a byte, and the position after it."""
+    value = shift = 0
+    while message[position] >= 0x80:
+        value, shift, position = value | (message[position] & 0x7F) << shift, shift + 7, position + 1
+    return value | message[position] << shift, position + 1
+
+
+def _varint(value: int) -> bytes:
+    size = max(1, -(-value.bit_length() // 7))
+    return bytes(value >> 7 * index & 0x7F | (index < size - 1) << 7 for index in range(size))

@@ -167,7 +167,7 @@ STORED_TARGETS = (
     Target("lock", _meet_lock, ()),
     Target("token", _read_token, ()),
     Target("osm_packed", partial(_read_map, ".osm"), _INPUT, mutate_packed, examples=60),
-    Target("osm_pbf", partial(_read_map, ".osm.pbf"), _INPUT, examples=40),
+    Target("osm_pbf", partial(_read_map, ".osm.pbf"), _INPUT, mutation.mutate_pbf, examples=20),
     Target("projector", _read_projector, _INPUT, mutation.mutate_yaml),
     Target("evaluation", _read_evaluation, _INPUT, mutation.mutate_yaml, examples=60),
     Target("export_part", _read_part, (), mutation.mutate_json),

@@ -69,9 +69,18 @@ class MaterialTable:
     lidar_reflectance: Float32Array
     lidar_retroreflection: Float32Array
     lidar_retroreflection_fall: Float32Array
+    lidar_transmission: Float32Array
+    lidar_mirror: Float32Array
+    lidar_wet: Float32Array
 
 
-_WITHOUT = {"lidar_retroreflection": 0.0, "lidar_retroreflection_fall": 0.0}
+_WITHOUT = {
+    "lidar_retroreflection": 0.0,
+    "lidar_retroreflection_fall": 0.0,
+    "lidar_transmission": 0.0,
+    "lidar_mirror": 0.0,
+    "lidar_wet": 1.0,
+}
 
 
 @lru_cache(maxsize=1)

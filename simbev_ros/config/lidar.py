@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
+from simbev_ros.config.base import Model
 from simbev_ros.config.sensor import Sensor
 from simbev_ros.foundation.tables import load_table
 
@@ -14,6 +15,37 @@ _VERTICAL = ("channels", "upper_fov_deg", "lower_fov_deg", "elevations_deg", "az
 _TOLERANCE_DEG = 1e-6
 _MAX_RAYS = 4_000_000
 """Maximum number of rays per turn; bounds the memory."""
+
+
+class Receiver(Model):
+    """How a product detects echoes by their received power, and which intensity it writes for them."""
+
+    range_at_10_percent_m: float = Field(
+        gt=0, le=1000, description="range at which half of the pulses on a matte surface of 10 % reflectance return"
+    )
+    spread_db: float = Field(
+        1.0, ge=0, le=10, description="standard deviation of the power at which an echo is just detected"
+    )
+    near_field_m: float = Field(
+        0.0, ge=0, le=50, description="range up to which the receiver sees less than 63 % of its beam; 0: all of it"
+    )
+    pulse_m: float = Field(
+        0.75, gt=0, le=10, description="half the length of a pulse; echoes closer together are one, at their mean range"
+    )
+    noise_at_threshold_m: float = Field(
+        0.0, ge=0, le=10, description="standard deviation of ranges of the weakest echoes, beside range_noise_sigma_m"
+    )
+    scale: Literal["reflectance", "decibel"] = Field(
+        "reflectance",
+        description="what intensity follows; reflectance: that of the surface, retroreflectors above white; "
+        "decibel: the received power's logarithm",
+    )
+    white: float = Field(
+        100 / 255, gt=0, le=1, description="intensity of a white matte surface; on the scale decibel at reference_m"
+    )
+    reference_m: float = Field(10.0, gt=0, le=1000, description="range of white on the scale decibel")
+    per_db: float = Field(0.02, gt=0, le=1, description="intensity for each decibel on the scale decibel")
+    steps: int = Field(255, ge=1, le=65535, description="number of steps of intensity from 0 to 1")
 
 
 class Lidar(Sensor):
@@ -63,6 +95,14 @@ class Lidar(Sensor):
     )
     range_noise_sigma_m: float = Field(0.01, ge=0, le=10, description="standard deviation of measured ranges")
     attenuation_per_m: float = Field(0.004, ge=0, le=1, description="attenuation of the intensity in clear air")
+    receiver: Receiver | None = Field(
+        None,
+        description="received power by material, angle, range and edges in the beam decides what returns, "
+        "in place of attenuation_per_m; none: as in the paper",
+    )
+    returns: Literal["strongest", "last", "dual"] = Field(
+        "strongest", description="echoes that a ray returns, with a receiver; dual: the strongest and the last one"
+    )
     weather_effects: bool = Field(True, description="whether rain and fog weaken returns and drops cause echoes")
     beam_divergence_mrad: float = Field(
         3.0, gt=0, le=50, description="full beam angle; wider beams detect fewer single drops"

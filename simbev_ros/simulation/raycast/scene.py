@@ -4,7 +4,7 @@ Lidars, radars and labels update a ``RayScene`` with world states and cast rays 
 """
 
 from collections.abc import Sequence, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from simbev_ros.foundation.types import (
     Float32Array,
     Float64Array,
     Int32Array,
+    Int64Array,
     Table,
     UInt8Array,
     UInt32Array,
@@ -51,6 +52,10 @@ class Hits:
     material: UInt8Array
     normal: Float32Array
     cos_angle: Float32Array
+
+    def of(self, rays: Int64Array) -> "Hits":
+        """The hits of some of the rays."""
+        return Hits(*(getattr(self, field.name)[rays] for field in fields(self)))
 
 
 class RayScene:

@@ -1,10 +1,10 @@
 """Rotating lidar model: casts the rays of one turn into the scene and returns a point cloud and a semantic one. No ROS.
 
 ``lidar_pattern`` defines the ray directions, ``lidar_echo`` the strength of echoes, ``lidar_weather`` the effects of
-rain and fog. By default all rays of a turn are cast at the time stamp, from the pose at the time stamp, as in CARLA:
-the cloud is already motion-compensated, and ``time`` is 0. A rolling scan casts each column at its own ``time``, with
-the sensor and all actors at their poses of that time; its points are in the sensor frame of that time, as those of a
-real lidar.
+rain and fog; products also have ``lidar_beam`` and ``lidar_receiver``. By default all rays of a turn are cast at the
+time stamp, from the pose at the time stamp, as in CARLA: the cloud is already motion-compensated, and ``time`` is 0. A
+rolling scan casts each column at its own ``time``, with the sensor and all actors at their poses of that time; its
+points are in the sensor frame of that time, as those of a real lidar.
 
 Threads can share a turn in blocks of columns. Every ray has its own random numbers, whether it returns or not, so that
 the clouds do not depend on blocks and threads.
@@ -26,9 +26,11 @@ from simbev_ros.scene.interpolation import ActorHistory
 from simbev_ros.schema.points import POINT_DTYPE, SEMANTIC_POINT_DTYPE
 from simbev_ros.schema.scene.state import WorldState, map_from_actors
 from simbev_ros.simulation.raycast.scene import Hits, RayScene
+from simbev_ros.simulation.sensors.lidar_beam import Beams, Echoes, edge_echoes, surface_echoes
 from simbev_ros.simulation.sensors.lidar_echo import echo_strength, intensity, is_lost_at_low_intensity
 from simbev_ros.simulation.sensors.lidar_pattern import ScanPattern
-from simbev_ros.simulation.sensors.lidar_weather import Echoes, LidarWeather
+from simbev_ros.simulation.sensors.lidar_receiver import LidarReceiver
+from simbev_ros.simulation.sensors.lidar_weather import AirEchoes, LidarWeather
 from simbev_ros.simulation.sensors.mount import map_from_sensor
 
 
@@ -77,16 +79,9 @@ class _Draws:
     range_noise: Float32Array
     intensity_drop_off: Float32Array | None
     weather: Float32Array | None
-    air_echoes: Echoes | None
-
-
-@dataclass(frozen=True, slots=True)
-class _Echoes:
-    """(M,) echoes: ray indices, ascending, ranges, and strengths as defined in ``lidar_echo``."""
-
-    ray: Int64Array
-    range_m: Float32Array
-    strength: Float32Array
+    air_echoes: AirEchoes | None
+    beam: Float32Array | None
+    detection: Float32Array | None
 
 
 _MIN_RAYS_PER_BLOCK = 1 << 16
@@ -107,10 +102,13 @@ class LidarModel:
         """
         self._lidar = lidar
         self._seed = seed
+        self._receiver = LidarReceiver(lidar, lidar.receiver) if lidar.receiver else None
         self.pattern = ScanPattern.from_lidar(lidar, turn_s)
         self._xyz = np.ascontiguousarray(self.pattern.directions.T)
         time_s = self.pattern.time_s.astype(np.float32)
         self._time_s = time_s if lidar.rolling else np.zeros_like(time_s)
+        spacing_rad = np.radians(lidar.horizontal_fov_deg) / lidar.columns
+        self._beam_reach = lidar.beam_divergence_mrad * 1e-3 / 2.0 / spacing_rad
         blocks = min(max(len(self._time_s) // _MIN_RAYS_PER_BLOCK, 1), max_blocks, lidar.columns)
         edges = np.linspace(0, lidar.columns, blocks + 1).astype(int) * lidar.channels
         self._blocks = [slice(start, stop) for start, stop in pairwise(edges.tolist())]
@@ -144,13 +142,20 @@ class LidarModel:
         height_m = float(rays_of(slice(count - lidar.channels, count)).origins_m[-1, 2])
         air = LidarWeather(lidar, state.weather, height_m)
         draws_of = self._draw(air, state.tick, threads) if lidar.points else None
+        wetness = state.weather.wetness / 100.0
 
         def scan_block(block: slice) -> LidarScan:
             rays = rays_of(block)
             hits = scene.cast(rays.origins_m, rays.directions, rays.lag_s)
             returned = np.flatnonzero((hits.range_m >= lidar.min_range_m) & (hits.range_m <= lidar.range_m))
+            if draws_of is None:
+                points = None
+            elif self._receiver is None:
+                points = self._points(hits, returned, rays, air, draws_of(block), block)
+            else:
+                points = self._received(self._receiver, scene, hits, rays, air, draws_of(block), block, wetness)
             return LidarScan(
-                None if draws_of is None else self._points(hits, returned, rays, air, draws_of(block), block),
+                points,
                 self._semantic_points(hits, returned, block) if lidar.semantic_points else None,
             )
 
@@ -194,7 +199,7 @@ class LidarModel:
         def rng_of(name: str) -> np.random.Generator:
             return stream(self._seed, f"lidar.{lidar.name}.{name}", tick)
 
-        def draw_weather() -> tuple[Float32Array, Echoes]:
+        def draw_weather() -> tuple[Float32Array, AirEchoes]:
             rng = rng_of("weather")
             return rng.random(count, np.float32), air.air_echoes(count, rng)
 
@@ -205,15 +210,20 @@ class LidarModel:
             threads, lambda: rng_of("intensity_drop_off").random(count, np.float32) if has_dropped else None
         )
         weather = start(threads, lambda: None if air.is_clear else draw_weather())
+        receives = self._receiver is not None
+        beam = start(threads, lambda: rng_of("beam").random((count, 3), np.float32) if receives else None)
+        detection = start(threads, lambda: rng_of("detection").standard_normal(count, np.float32) if receives else None)
 
         def draws_of(block: slice) -> _Draws:
-            intensity_drop_off, of_weather = dropped(), weather()
+            intensity_drop_off, of_weather, of_beam, of_detection = dropped(), weather(), beam(), detection()
             return _Draws(
                 drop_off=drop_off()[block],
                 range_noise=range_noise()[block],
                 intensity_drop_off=None if intensity_drop_off is None else intensity_drop_off[block],
                 weather=None if of_weather is None else of_weather[0][block],
                 air_echoes=None if of_weather is None else of_weather[1].of(block),
+                beam=None if of_beam is None else of_beam[block],
+                detection=None if of_detection is None else of_detection[block],
             )
 
         return draws_of
@@ -232,7 +242,7 @@ class LidarModel:
         """Returns of a block of rays that are not lost."""
         lidar = self._lidar
         strength = echo_strength(hits.material[returned], hits.cos_angle[returned])
-        echoes = _Echoes(returned, hits.range_m[returned], strength)
+        echoes = Echoes(returned, hits.range_m[returned], strength)
         if draws.weather is not None and draws.air_echoes is not None:
             echoes = self._apply_weather(air, echoes, hits, rays, draws.weather, draws.air_echoes)
         kept = draws.drop_off[echoes.ray] >= lidar.drop_off
@@ -241,21 +251,55 @@ class LidarModel:
             kept &= ~is_lost_at_low_intensity(lidar, intensities, draws.intensity_drop_off[echoes.ray])
         ray = echoes.ray[kept]
         noise_m = draws.range_noise[ray] * np.float32(lidar.range_noise_sigma_m)
+        return self._cloud(ray, np.maximum(echoes.range_m[kept] + noise_m, 0.0), intensities[kept], block)
+
+    def _received(
+        self,
+        receiver: LidarReceiver,
+        scene: RayScene,
+        hits: Hits,
+        rays: _Rays,
+        air: LidarWeather,
+        draws: _Draws,
+        block: slice,
+        wetness: float,
+    ) -> Table:
+        """Returns of a block of rays, by the power of their echoes."""
+        assert draws.beam is not None
+        assert draws.detection is not None
+        beams = Beams(rays.origins_m, rays.directions, rays.lag_s, hits, draws.beam[:, :2])
+        first, others = surface_echoes(beams, scene.cast, scene.actors, wetness)
+        shared = edge_echoes(first, len(hits.range_m), self._lidar.channels, self._beam_reach, draws.beam[:, 2])
+        echoes = Echoes.joined([shared, others])
+        if draws.air_echoes is not None:
+            transmission = air.two_way_transmission(echoes.range_m, rays.directions[echoes.ray, 2])
+            echoes = Echoes(echoes.ray, echoes.range_m, echoes.strength * transmission)
+            ahead = np.flatnonzero(draws.air_echoes.range_m < hits.range_m)
+            in_air = Echoes(ahead, draws.air_echoes.range_m[ahead], draws.air_echoes.strength[ahead])
+            echoes = Echoes.joined([echoes, in_air])
+        detected, ratio = receiver.detect(echoes, draws.detection)
+        kept = draws.drop_off[detected.ray] >= self._lidar.drop_off
+        detected, ratio = detected.of(kept), ratio[kept]
+        range_m = receiver.measured_m(detected, ratio, draws.range_noise[detected.ray])
+        return self._cloud(detected.ray, range_m, receiver.intensity(detected), block)
+
+    def _cloud(self, ray: Int64Array, range_m: Float32Array, intensities: Float32Array, block: slice) -> Table:
+        """The points of returns of a block of rays."""
         cloud = np.empty(len(ray), POINT_DTYPE)
-        self._write_positions(cloud, ray, np.maximum(echoes.range_m[kept] + noise_m, 0.0), block)
-        cloud["intensity"] = intensities[kept]
+        self._write_positions(cloud, ray, range_m, block)
+        cloud["intensity"] = intensities
         cloud["ring"] = self.pattern.ring[block][ray]
         return cloud
 
     def _apply_weather(
         self,
         air: LidarWeather,
-        echoes: _Echoes,
+        echoes: Echoes,
         hits: Hits,
         rays: _Rays,
         uniform: Float32Array,
-        echoes_of_air: Echoes,
-    ) -> _Echoes:
+        echoes_of_air: AirEchoes,
+    ) -> Echoes:
         """The strongest echo of each ray in rain or fog: the weakened echo of the target, or that of the air."""
         transmission = air.two_way_transmission(echoes.range_m, rays.directions[echoes.ray, 2])
         is_detected = air.are_detected(echoes.strength, transmission, echoes.range_m, uniform[echoes.ray])
@@ -268,7 +312,7 @@ class LidarModel:
         wins = near[echoes_of_air.strength[near] / np.square(echoes_of_air.range_m[near]) > power]
         strength[wins], range_m[wins] = echoes_of_air.strength[wins], echoes_of_air.range_m[wins]
         ray = np.flatnonzero(strength > 0.0)
-        return _Echoes(ray, range_m[ray], strength[ray])
+        return Echoes(ray, range_m[ray], strength[ray])
 
     def _write_positions(self, cloud: Table, ray: Int64Array, range_m: Float32Array, block: slice) -> None:
         """Write positions and times of points into the cloud of a block of rays."""

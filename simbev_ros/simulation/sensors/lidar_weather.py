@@ -42,7 +42,7 @@ _MAX_DEPTH = 500.0
 
 
 @dataclass(frozen=True, slots=True)
-class Echoes:
+class AirEchoes:
     """Echoes of the air along (N,) rays.
 
     Attributes:
@@ -53,9 +53,9 @@ class Echoes:
     range_m: Float32Array
     strength: Float32Array
 
-    def of(self, rays: slice) -> "Echoes":
+    def of(self, rays: slice) -> "AirEchoes":
         """The echoes along some of the rays."""
-        return Echoes(self.range_m[rays], self.strength[rays])
+        return AirEchoes(self.range_m[rays], self.strength[rays])
 
 
 class LidarWeather:
@@ -97,14 +97,14 @@ class LidarWeather:
         threshold = self._detection_threshold(range_m)
         return uniform * threshold < np.maximum(strength, threshold) * transmission
 
-    def air_echoes(self, count: int, rng: np.random.Generator) -> Echoes:
+    def air_echoes(self, count: int, rng: np.random.Generator) -> AirEchoes:
         """Draw the strongest detected echo of fog and drops along each of ``count`` rays."""
         fog, drops = self._fog_echoes(count, rng), self._drop_echoes(count, rng)
         stronger = drops.strength / drops.range_m**2 > fog.strength / fog.range_m**2
         range_m = np.where(stronger, drops.range_m, fog.range_m)
         strength = np.where(stronger, drops.strength, fog.strength)
         seen = strength > self._detection_threshold(range_m)
-        return Echoes(np.where(seen, range_m, np.float32(np.inf)), np.where(seen, strength, np.float32(0.0)))
+        return AirEchoes(np.where(seen, range_m, np.float32(np.inf)), np.where(seen, strength, np.float32(0.0)))
 
     def _detection_threshold(self, range_m: Float32Array) -> Float32Array:
         """(N,) strengths that are just detected at (N,) ranges."""
@@ -113,23 +113,23 @@ class LidarWeather:
         )
         return threshold.astype(np.float32)
 
-    def _fog_echoes(self, count: int, rng: np.random.Generator) -> Echoes:
+    def _fog_echoes(self, count: int, rng: np.random.Generator) -> AirEchoes:
         """Draw an echo for each ray: its range is distributed as the received power, its strength as speckle."""
         depth_draw, speckle = rng.random(count, np.float32), rng.standard_exponential(count, np.float32)
         power = np.where(self._in_fog, self._clear / self._step_m**2, 0.0)
         if self._fog_per_m == 0.0 or not power.any():
-            return Echoes(np.full(count, 1.0, np.float32), np.zeros(count, np.float32))
+            return AirEchoes(np.full(count, 1.0, np.float32), np.zeros(count, np.float32))
         sums = _cumulative_integral(power, self._step_m)
         range_m = np.interp(depth_draw, sums / sums[-1], self._step_m)
         mean = np.pi * _FOG_BACKSCATTER * self._fog_per_m * _PULSE_M * np.interp(range_m, self._step_m, self._clear)
-        return Echoes(range_m.astype(np.float32), (mean * speckle).astype(np.float32))
+        return AirEchoes(range_m.astype(np.float32), (mean * speckle).astype(np.float32))
 
-    def _drop_echoes(self, count: int, rng: np.random.Generator) -> Echoes:
+    def _drop_echoes(self, count: int, rng: np.random.Generator) -> AirEchoes:
         """The echo of each ray's first drop that is large enough to be detected."""
         depth_draw, size_draw = rng.standard_exponential(count, np.float32), rng.standard_exponential(count, np.float32)
         range_m, strength = np.ones(count, np.float32), np.zeros(count, np.float32)
         if self._rain_per_m == 0.0:
-            return Echoes(range_m, strength)
+            return AirEchoes(range_m, strength)
         slope_per_m = drop_slope_per_m(self._rain_per_m)
         beam_m = self._lidar.beam_divergence_mrad * 1e-3 * self._step_m
         min_diameter_m = beam_m * np.sqrt(
@@ -143,7 +143,7 @@ class LidarWeather:
         diameter_m = np.interp(at_m, self._step_m, min_diameter_m) + size_draw[hits] / slope_per_m
         share = np.minimum(diameter_m / np.interp(at_m, self._step_m, beam_m), 1.0)
         strength[hits] = _DROP_REFLECTANCE * share**2 * clear
-        return Echoes(range_m, strength)
+        return AirEchoes(range_m, strength)
 
 
 def drop_slope_per_m(rain_per_m: float) -> float:

@@ -7,13 +7,12 @@ describes a surface point by its range and angles, its relative velocity along t
 """
 
 from collections.abc import Sequence
-from dataclasses import fields
 
 import numpy as np
 
 from simbev_ros.config.radar import Radar
 from simbev_ros.foundation.random import stream
-from simbev_ros.foundation.types import Float64Array, Int64Array, Table
+from simbev_ros.foundation.types import Float64Array, Table
 from simbev_ros.schema.points import RADAR_POINT_DTYPE
 from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.simulation.raycast.scene import Hits, RayScene
@@ -68,7 +67,7 @@ class RadarModel:
         """
         radar = self.radar
         ray = np.flatnonzero((hits.range_m >= radar.min_range_m) & (hits.range_m <= radar.range_m))
-        hits, directions = _select_hits(hits, ray), directions[ray]
+        hits, directions = hits.of(ray), directions[ray]
         directions_map = directions @ map_from_radar[:3, :3].T
         range_m = hits.range_m.astype(np.float64)
         table = np.zeros(len(ray), RADAR_POINT_DTYPE)
@@ -124,17 +123,13 @@ def scan_radars(
     micro_doppler_rays = np.flatnonzero(np.repeat([model.radar.micro_doppler for model in models], counts))
     if previous is not None and len(micro_doppler_rays):
         velocity_mps[micro_doppler_rays] = scene.velocities(
-            _select_hits(hits, micro_doppler_rays), points_m[micro_doppler_rays], previous
+            hits.of(micro_doppler_rays), points_m[micro_doppler_rays], previous
         )
     rays_of_model = np.split(np.arange(len(directions_map)), np.cumsum(counts)[:-1])
     return [
-        model.detections(pose, each, _select_hits(hits, rays), velocity_mps[rays], state)
+        model.detections(pose, each, hits.of(rays), velocity_mps[rays], state)
         for model, pose, each, rays in zip(models, poses, directions, rays_of_model, strict=True)
     ]
-
-
-def _select_hits(hits: Hits, ray: Int64Array) -> Hits:
-    return Hits(*(getattr(hits, field.name)[ray] for field in fields(hits)))
 
 
 def _own_velocity(map_from_radar: Float64Array, state: WorldState) -> Float64Array:

@@ -1,0 +1,169 @@
+"""Echoes along the beams of a lidar: through panes and leaves, in mirrors, and at edges that cut a beam.
+
+Each beam first meets the surfaces that its ray hits. Clear glass and the gaps of leaves let a share pass, to what lies
+behind them and back the same way. Panes and water mirror a share by Fresnel's law (Schlick's approximation); what it
+meets then comes back the same way, so it seems to lie behind the mirror. Where neighboring rays of a channel end at
+different ranges, an edge lies somewhere between them, and cuts those beams that are wide enough to reach it: they have
+an echo of each side.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from simbev_ros.assets.materials import Material, load_materials
+from simbev_ros.foundation.types import (
+    BoolArray,
+    Float32Array,
+    Float64Array,
+    Int64Array,
+    Table,
+    UInt8Array,
+    UInt32Array,
+)
+from simbev_ros.simulation.raycast.scene import Hits
+from simbev_ros.simulation.sensors.lidar_echo import surface_strength
+
+_MAX_PANES = 3
+_CLEARANCE_M = 0.01  # from a surface to the start of what passes or is mirrored
+_LEAF_DEPTH_M = 0.3  # mean depth at which leaves behind the surface of a crown send light back
+_MIN_SHARE = 0.005
+_MIN_JUMP_M = 0.3
+
+
+@dataclass(frozen=True, slots=True)
+class Echoes:
+    """M echoes of beams, in no order.
+
+    Attributes:
+        ray: (M,) the beams.
+        range_m: (M,) distances that the light travels one way.
+        strength: (M,) strengths relative to white paper at the same range, as in ``lidar_echo``.
+    """
+
+    ray: Int64Array
+    range_m: Float32Array
+    strength: Float32Array
+
+    def of(self, rows: Int64Array | BoolArray | slice) -> "Echoes":
+        """Some of the echoes, by index or mask."""
+        return Echoes(self.ray[rows], self.range_m[rows], self.strength[rows])
+
+    @classmethod
+    def joined(cls, parts: list["Echoes"]) -> "Echoes":
+        """The echoes of all parts."""
+        columns = ([getattr(part, name) for part in parts] for name in ("ray", "range_m", "strength"))
+        return cls(*map(np.concatenate, columns))
+
+
+@dataclass(frozen=True, slots=True)
+class Beams:
+    """(N,) beams and what they meet first.
+
+    Attributes:
+        origins_m: (N, 3) or (1, 3) origins, map frame.
+        directions: (N, 3) unit vectors, map axes.
+        lag_s: (N,) time before the tick; None: all at the tick.
+        hits: (N,) first hits.
+        uniform: (N, 2) uniform random numbers.
+    """
+
+    origins_m: Float64Array
+    directions: Float32Array
+    lag_s: Float64Array | None
+    hits: Hits
+    uniform: Float32Array
+
+
+Cast = Callable[[Float64Array, Float32Array, Float64Array | None], Hits]
+
+
+def surface_echoes(beams: Beams, cast: Cast, actors: Table, wetness: float) -> tuple[Echoes, Echoes]:
+    """Echoes of the surfaces that beams meet first, and of what they meet through and in these.
+
+    Args:
+        beams: The beams.
+        cast: Function that casts rays.
+        actors: The actors that rays hit, for their colors.
+        wetness: 0 dry to 1 wet.
+    """
+    table = load_materials()
+    count = len(beams.directions)
+    ray = np.flatnonzero(np.isfinite(beams.hits.range_m))
+    hits, share, before_m = beams.hits.of(ray), np.ones(len(ray), np.float32), np.zeros(len(ray), np.float32)
+    origins_m = np.broadcast_to(beams.origins_m, (count, 3))[ray]
+    directions, found = beams.directions[ray], []
+    for number in range(_MAX_PANES):
+        material = hits.material
+        strength = surface_strength(material, hits.cos_angle, _colors(hits, actors), wetness) * share
+        mirrored = _mirrored(material, hits.cos_angle)
+        passing = table.lidar_transmission[material]
+        leaves = np.flatnonzero(material == Material.FOLIAGE)
+        passing[leaves] = np.power(beams.uniform[ray[leaves], 0], 1.0 / passing[leaves] - 1.0)
+        strength[leaves] *= 1.0 - passing[leaves]
+        depth_m = np.zeros(len(ray), np.float32)
+        depth_m[leaves] = -_LEAF_DEPTH_M * np.log1p(-beams.uniform[ray[leaves], 1])
+        found.append(Echoes(ray, before_m + hits.range_m + depth_m, strength))
+        if number == _MAX_PANES - 1:
+            break
+        point_m = origins_m + directions * hits.range_m[:, None]
+        reflected = directions + 2.0 * hits.cos_angle[:, None] * hits.normal
+        ways = [(np.square((1.0 - mirrored) * passing) * share, directions)]
+        if number == 0:
+            ways.append((np.square(mirrored) * share, reflected))
+        further = [(np.flatnonzero(rest > _MIN_SHARE), rest, toward) for rest, toward in ways]
+        row = np.concatenate([rows for rows, _, _ in further])
+        if not len(row):
+            break
+        share = np.concatenate([rest[rows] for rows, rest, _ in further])
+        directions = np.concatenate([toward[rows] for rows, _, toward in further]).astype(np.float32)
+        origins_m, before_m = point_m[row] + _CLEARANCE_M * directions, before_m[row] + hits.range_m[row]
+        ray = ray[row]
+        hits = cast(origins_m, directions, None if beams.lag_s is None else beams.lag_s[ray])
+        there = np.flatnonzero(np.isfinite(hits.range_m))
+        hits, ray, share, before_m = hits.of(there), ray[there], share[there], before_m[there] + _CLEARANCE_M
+        origins_m, directions = origins_m[there], directions[there]
+    return found[0], Echoes.joined(found[1:] or [found[0].of(slice(0, 0))])
+
+
+def edge_echoes(first: Echoes, count: int, channels: int, reach: float, uniform: Float32Array) -> Echoes:
+    """The first echoes of beams, shared between both sides of the edges that cut them.
+
+    Args:
+        first: Echo of the first surface of each beam that meets one.
+        count: Number of beams, column by column.
+        channels: Number of beams in a column.
+        reach: Half the width of a beam, divided by the distance to the next one of its channel.
+        uniform: (count,) uniform random numbers: where the edge lies between a beam and the next one.
+    """
+    range_m, strength = np.full(count, np.inf, np.float32), np.zeros(count, np.float32)
+    range_m[first.ray], strength[first.ray] = first.range_m, first.strength
+    left = np.arange(count - channels)
+    with np.errstate(invalid="ignore"):
+        jump_m = np.abs(range_m[left] - range_m[left + channels])
+    left = left[jump_m > _MIN_JUMP_M]
+    here, parts = np.ones(count, np.float32), []
+    for of, other, edge in ((left, left + channels, uniform[left]), (left + channels, left, 1.0 - uniform[left])):
+        share = np.maximum((reach - edge) / (2.0 * reach), 0.0).astype(np.float32)
+        here[of] -= share
+        parts.append(Echoes(of, range_m[other], share * strength[other]))
+    own = Echoes(first.ray, first.range_m, first.strength * np.maximum(here[first.ray], 0.0))
+    others = Echoes.joined(parts)
+    seen = others.strength > 0.0
+    return Echoes.joined([own, Echoes(others.ray[seen], others.range_m[seen], others.strength[seen])])
+
+
+def _mirrored(material: UInt8Array, cos_angle: Float32Array) -> Float32Array:
+    """(N,) shares that panes and water mirror."""
+    normal = load_materials().lidar_mirror[material]
+    mirrored = normal + (1.0 - normal) * np.power(1.0 - cos_angle, 5)
+    return np.where(normal > 0.0, mirrored, 0.0).astype(np.float32)
+
+
+def _colors(hits: Hits, actors: Table) -> UInt32Array:
+    """(N,) colors of the actors that were hit."""
+    if not len(actors):
+        return np.zeros(len(hits.row), np.uint32)
+    color: UInt32Array = np.where(hits.row >= 0, actors["color"][hits.row], np.uint32(0))
+    return color

@@ -27,8 +27,8 @@ def surface_strength(material: UInt8Array, cos_angle: Float32Array, color: UInt3
 
     Matte surfaces are rough: at grazing incidence they send more light back to its source than Lambert's law says
     (Oren and Nayar, "Generalization of Lambert's reflectance model", 1994, seen from the source; the slopes' standard
-    deviation follows from the material's roughness). Smooth ones add a lobe around the normal (Cook and Torrance with
-    the distribution of Trowbridge and Reitz).
+    deviation follows from the material's roughness; at normal incidence the strength is the reflectance). Smooth ones
+    add a lobe around the normal (Cook and Torrance with the distribution of Trowbridge and Reitz).
 
     Args:
         material: (N,) materials.
@@ -39,9 +39,9 @@ def surface_strength(material: UInt8Array, cos_angle: Float32Array, color: UInt3
     table = load_materials()
     cos2 = np.square(cos_angle)
     variance = np.square(_MAX_SLOPE_RAD * table.roughness)
-    flat, rough = 1.0 - 0.5 * variance / (variance + 0.33), 0.45 * variance / (variance + 0.09)
+    rough = 0.45 * variance / (variance + 0.09) / (1.0 - 0.5 * variance / (variance + 0.33))
     diffuse = table.lidar_reflectance * (1.0 - wetness * (1.0 - table.lidar_wet))
-    strength = diffuse[material] * (flat[material] * cos_angle + rough[material] * (1.0 - cos2))
+    strength = diffuse[material] * (cos_angle + rough[material] * (1.0 - cos2))
     painted = np.flatnonzero(material == Material.CAR_PAINT)
     strength[painted] *= _paint_factor(color[painted])
     alpha2 = np.square(np.square(table.roughness))

@@ -38,14 +38,21 @@ class LidarReceiver:
         Returns:
             M echoes by ray, nearer ones first, and (M,) their power divided by the threshold.
         """
-        echoes = self._merged(echoes)
-        ratio = self._power(echoes) / np.float32(self._threshold)
+        is_one_of_many = np.bincount(echoes.ray, minlength=len(normal))[echoes.ray] > 1
+        alone, alone_ratio = self._detected(echoes.of(~is_one_of_many), normal)
+        many, many_ratio = self._detected(self._merged(echoes.of(is_one_of_many)), normal)
+        returned = self._returned(many.ray, many_ratio)
+        both = Echoes.joined([alone, many.of(returned)])
+        order = np.argsort(both.ray, kind="stable")
+        return both.of(order), np.concatenate([alone_ratio, many_ratio[returned]])[order]
+
+    def _detected(self, echoes: Echoes, normal: Float32Array) -> tuple[Echoes, Float32Array]:
+        """Those echoes that exceed the threshold, and their power divided by it."""
+        ratio: Float32Array = self._power(echoes) / np.float32(self._threshold)
         excess_db = 10.0 * np.log10(np.maximum(ratio, _MIN_POWER)) + self._receiver.spread_db * normal[echoes.ray]
         is_detected = excess_db > 0.0
         is_detected &= (echoes.range_m >= self._min_range_m) & (echoes.range_m <= self._max_range_m)
-        echoes, ratio = echoes.of(is_detected), ratio[is_detected]
-        returned = self._returned(echoes.ray, ratio)
-        return echoes.of(returned), ratio[returned]
+        return echoes.of(is_detected), ratio[is_detected]
 
     def measured_m(self, echoes: Echoes, ratio: Float32Array, normal: Float32Array) -> Float32Array:
         """(M,) ranges that the lidar measures; weak echoes are noisier. ``normal``: (M,) standard normal numbers."""
@@ -57,19 +64,18 @@ class LidarReceiver:
         """(M,) intensities 0..1 in the product's steps."""
         receiver = self._receiver
         if receiver.scale == "decibel":
-            relative = self._power(echoes) * np.float32(receiver.reference_m**2)
-            value: Float32Array = receiver.white + 10.0 * receiver.per_db * np.log10(np.maximum(relative, _MIN_POWER))
+            relative = self._power(echoes) * receiver.reference_m**2
+            value = receiver.white + 10.0 * receiver.per_db * np.log10(np.maximum(relative, _MIN_POWER))
         else:
             strength = echoes.strength * self._seen_share(echoes.range_m)
             bright = np.log(np.maximum(strength, 1.0)) / np.log(_MAX_RETROREFLECTION)
             value = receiver.white * np.minimum(strength, 1.0) + (1.0 - receiver.white) * bright
-        return (np.round(np.clip(value, 0.0, 1.0) * receiver.steps) / receiver.steps).astype(np.float32)
+        steps = np.round(np.clip(value, 0.0, 1.0) * receiver.steps)
+        return (steps / receiver.steps).astype(np.float32)
 
     def _power(self, echoes: Echoes) -> Float32Array:
-        power: Float32Array = (
-            echoes.strength * self._seen_share(echoes.range_m) / np.square(np.maximum(echoes.range_m, _MIN_RANGE_M))
-        )
-        return power
+        range_m = np.maximum(echoes.range_m, np.float32(_MIN_RANGE_M))
+        return (echoes.strength * self._seen_share(echoes.range_m) / np.square(range_m)).astype(np.float32)
 
     def _seen_share(self, range_m: Float32Array) -> Float32Array:
         """(M,) shares of the beam that the receiver sees."""
@@ -94,21 +100,21 @@ class LidarReceiver:
         return Echoes(echoes.ray[first], range_m.astype(np.float32), strength)
 
     def _returned(self, ray: Int64Array, ratio: Float32Array) -> BoolArray:
-        """(M,) which of the detected echoes, by ray and range, the lidar returns."""
-        is_last = np.append(ray[1:] != ray[:-1], True) if len(ray) else np.zeros(0, bool)
+        """(M,) which of the detected echoes, by ray and range, the lidar returns.
+
+        Where the strongest echo is the last one, too, dual returns have the second strongest beside it.
+        """
+        if not len(ray):
+            return np.zeros(0, bool)
+        is_first, is_last = np.append(True, ray[1:] != ray[:-1]), np.append(ray[1:] != ray[:-1], True)
         if self._returns == "last":
             return is_last
-        by_power = np.lexsort((-ratio, ray))
-        starts = np.append(True, ray[1:] != ray[:-1]) if len(ray) else np.zeros(0, bool)
+        by_power = np.lexsort((-ratio, ray))  # rays keep their places, so that is_first holds in this order, too
         returned = np.zeros(len(ray), bool)
-        returned[by_power[starts]] = True
-        if self._returns == "strongest":
-            return returned
-        # Where the strongest echo is the last one too, the second strongest comes beside it.
-        second = np.append(False, starts[:-1]) & ~starts if len(ray) else starts
-        strongest_is_last = returned & is_last
-        twice = by_power[second]
-        both = np.isin(ray[twice], ray[strongest_is_last])
-        returned |= is_last
-        returned[twice[both]] = True
+        returned[by_power[is_first]] = True
+        if self._returns == "dual":
+            second = by_power[np.append(False, is_first[:-1]) & ~is_first]
+            strongest_is_last = ray[returned & is_last]
+            returned |= is_last
+            returned[second[np.isin(ray[second], strongest_is_last)]] = True
         return returned

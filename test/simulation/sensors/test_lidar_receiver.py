@@ -1,0 +1,206 @@
+"""Lidars as they are sold, against physics by hand: power, incidence, panes, mirrors, edges, returns, intensity."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from synthetic_world import actor, box, cart_model, mesh, static_scene, world
+
+from simbev_ros.assets.materials import Material, load_materials
+from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.config.lidar import Lidar, Receiver
+from simbev_ros.config.sensor import Pose
+from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.types import Float32Array, Table
+from simbev_ros.simulation.raycast.scene import RayScene
+from simbev_ros.simulation.sensors.lidar import LidarModel
+from simbev_ros.simulation.sensors.lidar_beam import Echoes
+from simbev_ros.simulation.sensors.lidar_echo import surface_strength
+from simbev_ros.simulation.sensors.lidar_receiver import LidarReceiver
+
+CART = cart_model()
+R10_M = 80.0
+
+
+def lidar(receiver: dict[str, object] | None = None, **properties: object) -> Lidar:
+    """A lidar that looks ahead, level, without noise."""
+    values: dict[str, object] = {
+        "channels": 1,
+        "columns": 81,
+        "horizontal_fov_deg": 8.1,
+        "lower_fov_deg": 0.0,
+        "upper_fov_deg": 0.0,
+        "drop_off": 0.0,
+        "range_noise_sigma_m": 0.0,
+        "beam_divergence_mrad": 0.01,
+        "receiver": {"range_at_10_percent_m": R10_M, "spread_db": 0.0} | (receiver or {}),
+    }
+    return Lidar.model_validate({"type": "lidar", "name": "top", "pose": Pose(z_m=2.0)} | values | properties)
+
+
+def points(sensor: Lidar, *meshes: Mesh, seed: int = 5, **weather: float) -> Table:
+    state = world(actor(CART))
+    state = replace(state, weather=state.weather.model_copy(update=weather))
+    scene = RayScene(static_scene(*meshes), [CART])
+    scene.update(state, np.zeros(3), sensor.range_m + 10.0, state.ego_ids)
+    cloud = LidarModel(sensor, seed, 0.1).scan(scene, state).points
+    assert cloud is not None
+    return cloud
+
+
+def wall(at_m: float, material: Material = Material.PLASTER, width_m: float = 40.0, left_m: float = 0.0) -> Mesh:
+    """The near face of a wall across the x axis."""
+    low, high = left_m - width_m / 2.0, left_m + width_m / 2.0
+    corners = np.array([[at_m, low, 0.0], [at_m, high, 0.0], [at_m, high, 9.0], [at_m, low, 9.0]])
+    return mesh(corners[[[0, 3, 2], [0, 2, 1]]], Tag.WALL, material)
+
+
+def echoes(*rows: tuple[int, float, float]) -> Echoes:
+    ray, range_m, strength = zip(*rows, strict=True)
+    return Echoes(np.array(ray), np.array(range_m, np.float32), np.array(strength, np.float32))
+
+
+def strength(material: Material, cos_angle: float, color: int = 0, wetness: float = 0.0) -> float:
+    one = surface_strength(
+        np.array([material], np.uint8), np.array([cos_angle], np.float32), np.array([color], np.uint32), wetness
+    )
+    return float(one[0])
+
+
+@pytest.mark.parametrize("reflectance", [0.02, 0.1, 0.6])
+def test_power_falls_with_the_square_of_the_range_up_to_the_threshold(reflectance: float) -> None:
+    """Range equation: what is detected of reflectance r at R is 10 % at R sqrt(0.1 / r)."""
+    receiver = LidarReceiver(lidar(range_m=500), Receiver(range_at_10_percent_m=R10_M, spread_db=0.0))
+    limit_m = R10_M * np.sqrt(reflectance / 0.1)
+    near, far = echoes((0, 0.99 * limit_m, reflectance)), echoes((0, 1.01 * limit_m, reflectance))
+    zero = np.zeros(1, np.float32)
+    assert len(receiver.detect(near, zero)[0].ray) == 1
+    assert len(receiver.detect(far, zero)[0].ray) == 0
+    assert receiver.detect(echoes((0, limit_m / 2.0, reflectance)), zero)[1] == pytest.approx([4.0])
+
+
+def test_half_of_the_pulses_return_at_the_threshold_and_16_percent_one_standard_deviation_beyond() -> None:
+    receiver = LidarReceiver(lidar(range_m=500), Receiver(range_at_10_percent_m=R10_M, spread_db=2.0))
+    normal = np.random.default_rng(3).standard_normal(20_000).astype(np.float32)
+    for beyond_db, share in ((0.0, 0.5), (2.0, 0.159)):
+        range_m = R10_M * 10.0 ** (beyond_db / 20.0)
+        rays = Echoes(np.arange(20_000), np.full(20_000, range_m, np.float32), np.full(20_000, 0.1, np.float32))
+        assert len(receiver.detect(rays, normal)[0].ray) / 20_000 == pytest.approx(share, abs=0.015)
+
+
+@pytest.mark.parametrize("material", [Material.ASPHALT, Material.PLASTER, Material.CLOTH])
+def test_matte_surfaces_have_their_reflectance_from_ahead_and_more_than_lamberts_from_the_side(
+    material: Material,
+) -> None:
+    table = load_materials()
+    reflectance, lobe = float(table.lidar_reflectance[material]), 0.03
+    assert strength(material, 1.0) == pytest.approx(reflectance, abs=lobe)
+    assert strength(material, 0.05) > 2.0 * reflectance * 0.05
+    # Oren and Nayar at 90°: B over A of the slopes' variance; the lobe vanishes there.
+    variance = (0.6 * float(table.roughness[material])) ** 2
+    expected = reflectance * 0.45 * variance / (variance + 0.09) / (1.0 - 0.5 * variance / (variance + 0.33))
+    assert strength(material, 0.0) == pytest.approx(expected, rel=1e-4)
+
+
+def test_paint_shines_from_ahead_alone_and_dark_paint_is_dark() -> None:
+    white, black = 0xFFFFFF, 0x000000
+    assert strength(Material.CAR_PAINT, 1.0, black) > 1.0
+    assert strength(Material.CAR_PAINT, 0.9, black) < 0.12
+    assert strength(Material.CAR_PAINT, 0.9, white) > 5.0 * strength(Material.CAR_PAINT, 0.9, black)
+    assert strength(Material.CAR_PAINT, 0.9, white, 1.0) == pytest.approx(
+        0.7 * strength(Material.CAR_PAINT, 0.9, white), rel=0.1
+    )
+
+
+def test_wet_asphalt_gives_half() -> None:
+    wet = points(lidar(), wall(10.0, Material.ASPHALT), wetness=100.0)
+    dry = points(lidar(), wall(10.0, Material.ASPHALT))
+    assert np.median(wet["intensity"]) == pytest.approx(0.55 * np.median(dry["intensity"]), rel=0.15)
+
+
+def test_a_pane_lets_light_pass_twice() -> None:
+    """Through a pane at 5 m, the wall at 12 m has (0.92 · 0.7)² of its power."""
+    both = points(lidar(returns="last"), wall(5.0, Material.GLASS), wall(12.0))
+    middle = both[np.abs(both["y"]) < 0.02]
+    assert middle["x"] == pytest.approx(np.full(len(middle), 12.0), abs=0.02)
+    passed = (0.92 * load_materials().lidar_transmission[Material.GLASS]) ** 2
+    expected = passed * load_materials().lidar_reflectance[Material.PLASTER] * 100 / 255
+    assert middle["intensity"] == pytest.approx(np.full(len(middle), expected), abs=0.005)
+
+
+def test_what_a_pane_mirrors_seems_to_lie_behind_it() -> None:
+    """A pane at 10 m, turned by 45°, mirrors a wall 6 m to its side: a ghost at 16 m."""
+    pane = np.array([[8.0, 2.0, 0.0], [12.0, -2.0, 0.0], [12.0, -2.0, 9.0], [8.0, 2.0, 9.0]])
+    side = np.array([[0.0, -6.0, 0.0], [30.0, -6.0, 0.0], [30.0, -6.0, 9.0], [0.0, -6.0, 9.0]])
+    meshes = [
+        mesh(corners[[[0, 2, 1], [0, 3, 2]]], Tag.WALL, material)
+        for corners, material in ((pane, Material.OFFICE_GLASS), (side, Material.PLATE))
+    ]
+    cloud = points(lidar({"range_at_10_percent_m": 200.0}, returns="last", columns=81), *meshes)
+    middle = cloud[np.abs(cloud["y"]) < 0.03]
+    assert len(middle) >= 1
+    assert middle["x"] == pytest.approx(np.full(len(middle), 16.0), abs=0.1)
+
+
+def test_an_edge_gives_a_beam_two_echoes_by_area() -> None:
+    """Beams as wide as their spacing: over many edges, each side has its share, and close sides are one point."""
+    posts = [wall(10.0, width_m=0.05, left_m=left_m) for left_m in np.arange(-0.6, 0.61, 0.1)]
+    wide = lidar(columns=162, beam_divergence_mrad=1.5, returns="dual")
+    cloud, narrow = points(wide, *posts, wall(20.0)), points(lidar(columns=162), *posts, wall(20.0))
+    near = cloud["x"] < 15.0
+    assert len(cloud) > 1.1 * len(narrow)
+    assert cloud["intensity"][near].min() < 0.6 * narrow["intensity"].max()
+    joined = points(wide, *posts, wall(10.5))
+    between = (joined["x"] > 10.05) & (joined["x"] < 10.45)
+    assert between.sum() > 5
+    assert not ((points(lidar(columns=162), *posts, wall(10.5))["x"] - 10.25) ** 2 < 0.04).any()
+
+
+@pytest.mark.parametrize(
+    ("returns", "ranges_m"),
+    [("strongest", [10.0, 30.0, 8.0]), ("last", [20.0, 30.0, 12.0]), ("dual", [10.0, 20.0, 5.0, 30.0, 8.0, 12.0])],
+)
+def test_which_echoes_return(returns: str, ranges_m: list[float]) -> None:
+    """Of the first beam the near echo is stronger, of the second the far one, the third has three."""
+    sensor = lidar(returns=returns)
+    assert sensor.receiver is not None
+    receiver = LidarReceiver(sensor, sensor.receiver)
+    given = echoes(
+        (0, 20.0, 0.3), (0, 10.0, 0.3), (1, 5.0, 0.005), (1, 30.0, 0.8), (2, 5.0, 0.05), (2, 8.0, 0.5), (2, 12.0, 0.3)
+    )
+    found, _ = receiver.detect(given, np.zeros(3, np.float32))
+    assert found.range_m.tolist() == ranges_m
+
+
+def test_a_retroreflector_saturates_white_is_white_and_steps_are_the_products() -> None:
+    receiver = LidarReceiver(lidar(), Receiver(range_at_10_percent_m=R10_M, white=0.4, steps=100))
+    value = receiver.intensity(
+        echoes((0, 10.0, 785.0), (1, 40.0, 785.0), (2, 10.0, 1.0), (3, 10.0, 0.1), (4, 10.0, 0.001))
+    )
+    assert value.tolist() == pytest.approx([1.0, 1.0, 0.4, 0.04, 0.0])
+    decibel = Receiver(range_at_10_percent_m=R10_M, scale="decibel", white=0.5, per_db=0.02, reference_m=10.0)
+    value = LidarReceiver(lidar(), decibel).intensity(echoes((0, 10.0, 1.0), (1, 20.0, 1.0), (2, 100.0, 0.05)))
+    assert value == pytest.approx([0.5, 0.5 - 0.02 * 6.02, 0.0], abs=0.003)
+
+
+def test_near_by_the_receiver_sees_less_of_its_beam() -> None:
+    receiver = LidarReceiver(lidar(), Receiver(range_at_10_percent_m=R10_M, near_field_m=3.0, white=1.0, steps=65535))
+    value: Float32Array = receiver.intensity(echoes((0, 1.0, 0.5), (1, 3.0, 0.5), (2, 30.0, 0.5)))
+    assert value == pytest.approx([0.5 * (1 - np.exp(-1 / 9)), 0.5 * (1 - np.exp(-1)), 0.5], abs=1e-3)
+
+
+def test_weak_echoes_are_noisier() -> None:
+    receiver = LidarReceiver(
+        lidar(range_noise_sigma_m=0.005), Receiver(range_at_10_percent_m=R10_M, noise_at_threshold_m=0.03)
+    )
+    normal = np.ones(2, np.float32)
+    measured_m = receiver.measured_m(echoes((0, 10.0, 0.1), (1, 10.0, 0.1)), np.array([1.0, 100.0], np.float32), normal)
+    assert measured_m - 10.0 == pytest.approx([np.hypot(0.005, 0.03), np.hypot(0.005, 0.003)], abs=1e-5)
+
+
+def test_leaves_return_some_rays_from_inside_and_let_some_pass() -> None:
+    crown = mesh(box([10.0, 0.0, 2.0], [4.0, 4.0, 4.0]), Tag.VEGETATION, Material.FOLIAGE)
+    cloud = points(lidar(columns=2000, returns="last"), crown, wall(30.0))
+    inside, behind = (cloud["x"] > 8.05) & (cloud["x"] < 12.5), cloud["x"] > 29.0
+    assert 0.2 < inside.mean() < 0.9
+    assert 0.05 < behind.mean() < 0.8

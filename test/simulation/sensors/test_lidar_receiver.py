@@ -150,10 +150,11 @@ def test_an_edge_gives_a_beam_two_echoes_by_area() -> None:
     near = cloud["x"] < 15.0
     assert len(cloud) > 1.1 * len(narrow)
     assert cloud["intensity"][near].min() < 0.6 * narrow["intensity"].max()
-    joined = points(wide, *posts, wall(10.5))
-    between = (joined["x"] > 10.05) & (joined["x"] < 10.45)
-    assert between.sum() > 5
-    assert not ((points(lidar(columns=162), *posts, wall(10.5))["x"] - 10.25) ** 2 < 0.04).any()
+    hanging = [
+        np.sum((cloud["x"] > 10.05) & (cloud["x"] < 10.45))
+        for cloud in (points(sensor, *posts, wall(10.5)) for sensor in (wide, lidar(columns=162)))
+    ]
+    assert hanging[0] > 5 > 2 * hanging[1]
 
 
 @pytest.mark.parametrize(

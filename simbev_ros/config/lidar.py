@@ -24,7 +24,7 @@ class Receiver(Model):
         gt=0, le=1000, description="range at which half of the pulses on a matte surface of 10 % reflectance return"
     )
     spread_db: float = Field(
-        1.0, ge=0, le=10, description="standard deviation of the power at which an echo is just detected"
+        1.0, ge=0, le=10, description="standard deviation of the received power from pulse to pulse"
     )
     near_field_m: float = Field(
         0.0, ge=0, le=50, description="range up to which the receiver sees less than 63 % of its beam; 0: all of it"

@@ -1,9 +1,9 @@
 """The receiver of a lidar as it is sold: which echoes it detects, which of them it returns, and what it writes.
 
 The power of an echo is its strength over the square of its range, less what the receiver does not see of the beam near
-by. An echo is detected if its power exceeds the threshold, that of a matte surface of 10 % reflectance at
-``range_at_10_percent_m``, which varies a little from pulse to pulse. Echoes that are closer together than a pulse
-are one, at their mean range: points that hang between two surfaces.
+by, and varies from pulse to pulse. An echo is detected if its power exceeds the threshold, that of a matte surface of
+10 % reflectance at ``range_at_10_percent_m``. Echoes that are closer together than a pulse are one, at their mean
+range: points that hang between two surfaces.
 """
 
 import numpy as np
@@ -33,25 +33,25 @@ class LidarReceiver:
 
         Args:
             echoes: All echoes of N beams.
-            normal: (N,) standard normal numbers, by which the threshold varies.
+            normal: (N,) standard normal numbers, by which the beams' power varies.
 
         Returns:
             M echoes by ray, nearer ones first, and (M,) their power divided by the threshold.
         """
+        strength = echoes.strength * np.power(10.0, self._receiver.spread_db / 10.0 * normal[echoes.ray])
+        echoes = Echoes(echoes.ray, echoes.range_m, strength.astype(np.float32))
         is_one_of_many = np.bincount(echoes.ray, minlength=len(normal))[echoes.ray] > 1
-        alone, alone_ratio = self._detected(echoes.of(~is_one_of_many), normal)
-        many, many_ratio = self._detected(self._merged(echoes.of(is_one_of_many)), normal)
+        alone, alone_ratio = self._detected(echoes.of(~is_one_of_many))
+        many, many_ratio = self._detected(self._merged(echoes.of(is_one_of_many)))
         returned = self._returned(many.ray, many_ratio)
         both = Echoes.joined([alone, many.of(returned)])
         order = np.argsort(both.ray, kind="stable")
         return both.of(order), np.concatenate([alone_ratio, many_ratio[returned]])[order]
 
-    def _detected(self, echoes: Echoes, normal: Float32Array) -> tuple[Echoes, Float32Array]:
+    def _detected(self, echoes: Echoes) -> tuple[Echoes, Float32Array]:
         """Those echoes that exceed the threshold, and their power divided by it."""
         ratio: Float32Array = self._power(echoes) / np.float32(self._threshold)
-        excess_db = 10.0 * np.log10(np.maximum(ratio, _MIN_POWER)) + self._receiver.spread_db * normal[echoes.ray]
-        is_detected = excess_db > 0.0
-        is_detected &= (echoes.range_m >= self._min_range_m) & (echoes.range_m <= self._max_range_m)
+        is_detected = (ratio > 1.0) & (echoes.range_m >= self._min_range_m) & (echoes.range_m <= self._max_range_m)
         return echoes.of(is_detected), ratio[is_detected]
 
     def measured_m(self, echoes: Echoes, ratio: Float32Array, normal: Float32Array) -> Float32Array:

@@ -11,7 +11,9 @@ from simbev_ros.foundation.tables import load_table
 
 _Elevation = Annotated[float, Field(ge=-90, le=90)]
 _AzimuthOffset = Annotated[float, Field(ge=-180, le=180)]
-_VERTICAL = ("channels", "upper_fov_deg", "lower_fov_deg", "elevations_deg", "azimuth_offsets_deg")
+_Delay = Annotated[float, Field(ge=0, le=1000)]
+_BY_CHANNEL = ("azimuth_offsets_deg", "channel_delays_us")
+_VERTICAL = ("channels", "upper_fov_deg", "lower_fov_deg", "elevations_deg", *_BY_CHANNEL)
 _TOLERANCE_DEG = 1e-6
 _MAX_RAYS = 4_000_000
 """Maximum number of rays per turn; bounds the memory."""
@@ -83,6 +85,11 @@ class Lidar(Sensor):
     azimuth_offsets_deg: tuple[_AzimuthOffset, ...] | None = Field(
         None, description="azimuth of each channel relative to its column, positive to the left"
     )
+    channel_delays_us: tuple[_Delay, ...] | None = Field(
+        None,
+        description="time from the first firing of a column to that of each channel, in the order of ring numbers, "
+        "if rolling; none: all at once",
+    )
     drop_off: float = Field(0.14, ge=0, le=1, description="share of all returns that are lost at random")
     drop_off_intensity_limit: float = Field(
         0.8, gt=0, le=1, description="intensity from which on drop_off_at_zero_intensity has no effect"
@@ -146,11 +153,11 @@ class Lidar(Sensor):
             self._expect("channels", self.channels, len(self.elevations_deg), "the number of elevations_deg")
             self._expect("lower_fov_deg", self.lower_fov_deg, min(self.elevations_deg), "the lowest of elevations_deg")
             self._expect("upper_fov_deg", self.upper_fov_deg, max(self.elevations_deg), "the highest of elevations_deg")
-        if self.azimuth_offsets_deg is not None and len(self.azimuth_offsets_deg) != self.channels:
-            given = len(self.azimuth_offsets_deg)
-            raise ValueError(
-                f"azimuth_offsets_deg has {given} numbers; it must have one for each of {self.channels} channels"
-            )
+        for name in _BY_CHANNEL:
+            if (listed := getattr(self, name)) is not None and len(listed) != self.channels:
+                raise ValueError(
+                    f"{name} has {len(listed)} numbers; it must have one for each of {self.channels} channels"
+                )
         return self
 
     @model_validator(mode="after")
@@ -201,11 +208,10 @@ def _preset_for(data: dict[str, Any], preset: dict[str, Any]) -> dict[str, Any]:
     another rate of rotation keeps its firing rate.
     """
     kept = dict(preset)
-    listed = preset.get("elevations_deg")
-    if listed and any(name in data for name in _VERTICAL):
-        kept.update(channels=len(listed), lower_fov_deg=min(listed), upper_fov_deg=max(listed))
-        del kept["elevations_deg"]
-        kept.pop("azimuth_offsets_deg", None)
+    if any(name in data for name in _VERTICAL):
+        if listed := preset.get("elevations_deg"):
+            kept.update(channels=len(listed), lower_fov_deg=min(listed), upper_fov_deg=max(listed))
+        kept = {name: value for name, value in kept.items() if name not in ("elevations_deg", *_BY_CHANNEL)}
     if "elevations_deg" in data:
         kept = {name: value for name, value in kept.items() if name not in _VERTICAL}
     if "points_per_second" in data:

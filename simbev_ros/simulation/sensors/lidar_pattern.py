@@ -3,6 +3,7 @@
 A turn starts behind the sensor (-x) and runs clockwise seen from above: behind, left, ahead, right. With a narrower
 horizontal field of view it runs from left to right through ahead. Column c of C looks at azimuth
 fov / 2 - fov (c + ½) / C and is fired (c + 1 - C) / C of the sweep after the stamp, i.e. the last column at the stamp.
+Where the channels of a column fire one after another, the sensor turns on meanwhile, and the last of them fires then.
 The duration of the sweep is the turn's times fov / 360°. Rings are numbered in the order of the configured channels;
 uniform patterns and presets list them from the lowest up (as Velodyne's ROS driver does).
 """
@@ -22,7 +23,7 @@ class ScanPattern:
     Attributes:
         directions: (N, 3) unit vectors, sensor frame.
         ring: (N,) channel of each ray.
-        column_time_s: (C,) firing time of each column relative to the stamp, ascending to 0.
+        column_time_s: (C,) time of each column's first firing relative to the stamp, ascending.
         time_s: (N,) firing time of each ray relative to the stamp.
     """
 
@@ -39,17 +40,18 @@ class ScanPattern:
         field_of_view = np.radians(lidar.horizontal_fov_deg)
         columns = np.arange(lidar.columns)
         column_azimuth = field_of_view / 2.0 - field_of_view * (columns + 0.5) / lidar.columns
-        azimuth = column_azimuth[:, None] + offset
+        delay_s = 1e-6 * np.array(lidar.channel_delays_us or [0.0] * lidar.channels)
+        azimuth = column_azimuth[:, None] + offset - 2.0 * np.pi * delay_s / turn_s
         level = np.cos(elevation)
         upward = np.broadcast_to(np.sin(elevation), azimuth.shape)
         xyz = np.stack([level * np.cos(azimuth), level * np.sin(azimuth), upward], axis=-1)
         sweep_s = turn_s * lidar.horizontal_fov_deg / 360.0
-        column_time_s = (columns + 1 - lidar.columns) / lidar.columns * sweep_s
+        column_time_s = (columns + 1 - lidar.columns) / lidar.columns * sweep_s - delay_s.max()
         return cls(
             directions=xyz.reshape(-1, 3).astype(np.float32),
             ring=np.tile(np.arange(lidar.channels), lidar.columns).astype(np.uint16),
             column_time_s=column_time_s,
-            time_s=np.repeat(column_time_s, lidar.channels),
+            time_s=(column_time_s[:, None] + delay_s).ravel(),
         )
 
 

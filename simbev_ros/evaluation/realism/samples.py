@@ -1,0 +1,179 @@
+"""Samples of sensors in one form: those of a dataset of ours, and real ones in the layouts of public data sets."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+
+from simbev_ros.config.camera import Camera
+from simbev_ros.config.lidar import Lidar
+from simbev_ros.config.radar import Radar
+from simbev_ros.dataset import Dataset
+from simbev_ros.foundation.errors import InputError, foreign_content
+from simbev_ros.foundation.types import Float32Array, Int64Array, UInt8Array
+
+_MAX_RING = 255
+_EIGHT_BITS = 255.0
+_COLUMNS_KITTI, _COLUMNS_NUSCENES = 4, 5
+
+
+@dataclass(frozen=True, slots=True)
+class LidarTurn:
+    """One turn of a lidar.
+
+    Attributes:
+        xyz_m: (N, 3) points, sensor frame.
+        intensity: (N,) 0 to 1.
+        ring: (N,) channel of each point.
+    """
+
+    xyz_m: Float32Array
+    intensity: Float32Array
+    ring: Int64Array
+
+
+@dataclass(frozen=True, slots=True)
+class Photograph:
+    """One image of a camera: ``rgb`` is (H, W, 3)."""
+
+    rgb: UInt8Array
+
+
+@dataclass(frozen=True, slots=True)
+class RadarScan:
+    """The targets of one scan: (N,) radar cross-sections."""
+
+    rcs_dbsm: Float32Array
+
+
+Sample = LidarTurn | Photograph | RadarScan
+
+
+def samples_of_dataset(dataset: Dataset, max_samples: int) -> dict[str, list[Sample]]:
+    """The samples of each sensor of a dataset, at most ``max_samples`` of each, evenly over all scenes."""
+    found: dict[str, list[Sample]] = {}
+    for scene in dataset.scenes:
+        for name, calibration in scene.calibration.items():
+            sensor = calibration.sensor
+            key, read = _source(sensor, name)
+            if read is None or key not in scene.sources:
+                continue
+            ticks = np.flatnonzero(scene.has([key]))
+            share = -(-max_samples // len(dataset.scenes))
+            chosen = ticks[np.unique(np.linspace(0, len(ticks) - 1, share).astype(int))] if len(ticks) else ticks
+            there = found.setdefault(name, [])
+            there += [read(scene[int(tick)][key]) for tick in chosen[: max_samples - len(there)]]
+    return found
+
+
+def samples_of_folder(folder: Path, max_samples: int) -> dict[str, list[Sample]]:
+    """Real samples in a folder and those below it, by the folder that they lie in; at most ``max_samples`` of each.
+
+    Lidar: KITTI's .bin, nuScenes' .bin and .pcd.bin, Argoverse 2's .feather. Images: .jpg, .png. Radar: nuScenes' .pcd.
+
+    Raises:
+        InputError: The folder has no samples, or a file is none.
+    """
+    groups: dict[tuple[str, str], list[Path]] = {}
+    for path in sorted(folder.rglob("*")):
+        if path.suffix in _READERS and path.is_file():
+            groups.setdefault((str(path.parent.relative_to(folder)), path.suffix), []).append(path)
+    found: dict[str, list[Sample]] = {}
+    for (place, suffix), paths in groups.items():
+        step = max(1, len(paths) // max_samples)
+        samples = list(islice(_read_files(paths[::step], _READERS[suffix]), max_samples))
+        found[f"{place} ({suffix[1:]})"] = samples
+    if not found:
+        raise InputError(f"{folder}: has no samples; read are files that end in {', '.join(_READERS)}")
+    return found
+
+
+def _read_files(paths: Sequence[Path], read: Callable[[Path], Sample]) -> Iterator[Sample]:
+    for path in paths:
+        with foreign_content(path):
+            yield read(path)
+
+
+def _source(sensor: object, name: str) -> tuple[str, Callable[..., Sample] | None]:
+    """The key of what a sensor records, and how to read it."""
+    if isinstance(sensor, Lidar):
+        return f"{name}/points", _read_own_turn
+    if isinstance(sensor, Camera):
+        return f"{name}/rgb", Photograph
+    if isinstance(sensor, Radar):
+        return f"{name}/detections", lambda table: RadarScan(_rcs_dbsm(sensor, table))
+    return name, None
+
+
+def _read_own_turn(table: np.ndarray) -> LidarTurn:
+    xyz_m = np.stack([table["x"], table["y"], table["z"]], axis=1)
+    return LidarTurn(xyz_m, table["intensity"], table["ring"].astype(np.int64))
+
+
+def _rcs_dbsm(radar: Radar, table: np.ndarray) -> Float32Array:
+    """Cross-sections by the radar equation, from amplitudes relative to 1 m² at the reference range."""
+    range_m = np.maximum(table["range"], 1e-3)
+    rcs: Float32Array = table["amplitude"] + 40.0 * np.log10(range_m / radar.reference_range_m)
+    return rcs
+
+
+def _read_bin(path: Path) -> LidarTurn:
+    """KITTI's four columns or nuScenes' five, of which the last is the channel; points without range are left out."""
+    numbers = np.fromfile(path, np.float32)
+    if len(numbers) % _COLUMNS_NUSCENES == 0:
+        rows = numbers.reshape(-1, _COLUMNS_NUSCENES)
+        ring = rows[:, 4]
+        if len(rows) and np.all(ring == np.round(ring)) and ring.min() >= 0 and ring.max() <= _MAX_RING:
+            rows = rows[np.linalg.norm(rows[:, :3], axis=1) > 0.5]
+            return LidarTurn(rows[:, :3], rows[:, 3] / np.float32(_EIGHT_BITS), rows[:, 4].astype(np.int64))
+    if not len(numbers) or len(numbers) % _COLUMNS_KITTI:
+        raise InputError(f"{path}: is no cloud of KITTI (4 float32 a point) or nuScenes (5)")
+    rows = numbers.reshape(-1, _COLUMNS_KITTI)
+    return LidarTurn(rows[:, :3], rows[:, 3], _rings_of_kitti(rows))
+
+
+def _rings_of_kitti(rows: Float32Array) -> Int64Array:
+    """KITTI lists channel after channel, the highest first, each counterclockwise from ahead."""
+    azimuth = np.arctan2(rows[:, 1], rows[:, 0]) % (2.0 * np.pi)
+    number = np.cumsum(np.diff(azimuth, prepend=azimuth[0]) < -np.pi)
+    return (number.max() - number).astype(np.int64)
+
+
+def _read_feather(path: Path) -> LidarTurn:
+    import pyarrow.feather
+
+    columns = pyarrow.feather.read_table(path, columns=["x", "y", "z", "intensity", "laser_number"])
+    x, y, z, intensity, ring = (column.to_numpy() for column in columns.columns)
+    xyz_m = np.stack([x, y, z], axis=1).astype(np.float32)
+    return LidarTurn(xyz_m, intensity.astype(np.float32) / np.float32(_EIGHT_BITS), ring.astype(np.int64))
+
+
+def _read_image(path: Path) -> Photograph:
+    import cv2
+
+    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    if image is None:
+        raise InputError(f"{path}: is no image")
+    return Photograph(np.ascontiguousarray(image[..., ::-1]))
+
+
+def _read_pcd(path: Path) -> RadarScan:
+    """A binary point cloud of the Point Cloud Library, with the columns of nuScenes' radars."""
+    head, _, data = path.read_bytes().partition(b"DATA binary\n")
+    lines = dict(line.split(" ", 1) for line in head.decode("ascii").splitlines() if " " in line)
+    names, sizes, kinds = (lines[key].split() for key in ("FIELDS", "SIZE", "TYPE"))
+    codes = {"F": "f", "I": "i", "U": "u"}
+    dtype = np.dtype([(n, f"<{codes[k]}{s}") for n, s, k in zip(names, sizes, kinds, strict=True)])
+    table = np.frombuffer(data, dtype, count=int(lines["POINTS"]))
+    return RadarScan(table["rcs"].astype(np.float32))
+
+
+_READERS: dict[str, Callable[[Path], Sample]] = {
+    ".bin": _read_bin,
+    ".feather": _read_feather,
+    ".jpg": _read_image,
+    ".png": _read_image,
+    ".pcd": _read_pcd,
+}

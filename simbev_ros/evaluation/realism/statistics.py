@@ -1,0 +1,153 @@
+"""Figures that tell real sensors from simulated ones: of lidar turns, images and radar scans."""
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from scipy import ndimage
+
+from simbev_ros.evaluation.realism.samples import LidarTurn, Photograph, RadarScan, Sample
+from simbev_ros.foundation.types import Float64Array
+
+RANGES_M = (0, 10, 20, 40, 80)
+_NEAR_GROUND_DEG, _NEAR_M = (-25.0, -5.0), 40.0
+_MIN_IN_RING = 100
+_SATURATED = 0.99
+_MAX_STEP_M = 0.1
+_CLIPPED, _BLACK = 252, 3
+_SPECTRUM_WIDTH_PX = 800
+_NYQUIST_SHARES = (0.5, 0.95)
+_BLOCK_PX = 8
+_FLAT_SHARE = 0.1
+_TO_SIGMA = 1.4826
+
+Figures = dict[str, float]
+
+
+def figures_of(samples: Sequence[Sample]) -> Figures:
+    """The figures of all samples of one sensor, by name with unit."""
+    return _FIGURES[type(samples[0])](samples)
+
+
+def _lidar_figures(turns: Sequence[LidarTurn]) -> Figures:
+    intensity = np.concatenate([turn.intensity for turn in turns]).astype(np.float64)
+    range_m = np.concatenate([np.linalg.norm(turn.xyz_m, axis=1) for turn in turns])
+    lost, runs, noise_m = zip(*map(_ring_figures, turns), strict=True)
+    figures = {
+        "returns lost near by [%]": 100.0 * float(np.nanmean(lost)),
+        "lost returns in a row": float(np.nanmean(runs)),
+        "steps of intensity": float(len(np.unique(intensity[:200_000]))),
+        "intensity of 0 [%]": 100.0 * float(np.mean(intensity == 0.0)),
+        "retroreflectors [%]": 100.0 * float(np.mean(intensity >= _SATURATED)),
+        "noise of range on planes [mm]": 1000.0 * float(np.nanmedian(noise_m)),
+    }
+    for share in (25, 50, 75):
+        figures[f"intensity, {share}th percentile"] = float(np.percentile(intensity, share))
+    for low_m, high_m in zip(RANGES_M, RANGES_M[1:], strict=False):
+        there = (range_m >= low_m) & (range_m < high_m)
+        figures[f"intensity from {low_m} to {high_m} m"] = float(intensity[there].mean()) if there.any() else np.nan
+    return figures
+
+
+def _ring_figures(turn: LidarTurn) -> tuple[float, float, float]:
+    """Share of returns lost in the channels that look at near ground, their mean run, and the noise of ranges."""
+    range_m = np.linalg.norm(turn.xyz_m, axis=1)
+    elevation_deg = np.degrees(np.arcsin(turn.xyz_m[:, 2] / np.maximum(range_m, 1e-6)))
+    azimuth = np.arctan2(turn.xyz_m[:, 1], turn.xyz_m[:, 0])
+    lost, runs, noise_m = [], [], []
+    for ring in np.unique(turn.ring):
+        rows = np.flatnonzero(turn.ring == ring)
+        middle_deg = np.median(elevation_deg[rows])
+        if len(rows) < _MIN_IN_RING or not _NEAR_GROUND_DEG[0] <= middle_deg <= _NEAR_GROUND_DEG[1]:
+            continue
+        rows = rows[np.argsort(azimuth[rows], kind="stable")]
+        step = np.diff(azimuth[rows])
+        spacing = np.median(step)
+        if spacing <= 0.0 or np.median(range_m[rows]) > _NEAR_M:
+            continue
+        gaps = np.round(step / spacing) - 1.0
+        gaps = gaps[(gaps > 0.0) & (step < np.radians(20.0))]  # wider ones are the vehicle's own body
+        lost.append(gaps.sum() / (gaps.sum() + len(rows)))
+        runs.append(gaps.mean() if len(gaps) else np.nan)
+        along_m = range_m[rows]
+        bend_m = (along_m[1:-1] - (along_m[:-2] + along_m[2:]) / 2.0)[
+            (step[:-1] < 1.5 * spacing) & (step[1:] < 1.5 * spacing)
+        ]
+        bend_m = bend_m[np.abs(bend_m) < _MAX_STEP_M]
+        noise_m.append(_TO_SIGMA * np.median(np.abs(bend_m)) / np.sqrt(1.5) if len(bend_m) else np.nan)
+    if not lost:
+        return np.nan, np.nan, np.nan
+    return float(np.mean(lost)), float(np.nanmean(runs)), float(np.nanmedian(noise_m))
+
+
+def _image_figures(images: Sequence[Photograph]) -> Figures:
+    rows = [_figures_of_image(image.rgb) for image in images]
+    return {name: float(np.nanmean([row[name] for row in rows])) for name in rows[0]}
+
+
+def _figures_of_image(rgb: np.ndarray) -> Figures:
+    gray = rgb.astype(np.float64) @ [0.299, 0.587, 0.114]
+    high, low = rgb.max(axis=2).astype(np.float64), rgb.min(axis=2)
+    saturation = np.where(high > 0.0, 255.0 * (high - low) / np.maximum(high, 1.0), 0.0)
+    noise = _flat_noise(gray)
+    return {
+        "pixels above 252 [%]": 100.0 * float(np.mean(gray > _CLIPPED)),
+        "black pixels [%]": 100.0 * float(np.mean(gray <= _BLACK)),
+        "mean brightness [0-255]": float(gray.mean()),
+        "contrast [0-255]": float(gray.std()),
+        "mean saturation [0-255]": float(saturation.mean()),
+        "slope of the spectrum near Nyquist": _spectral_slope(gray),
+        "noise in flat dark areas [0-255]": noise[0],
+        "noise in flat bright areas [0-255]": noise[1],
+    }
+
+
+def _spectral_slope(gray: Float64Array) -> float:
+    """Exponent of the power over the frequency, both directions together, from half of Nyquist's frequency on."""
+    factor = max(1, round(gray.shape[1] / _SPECTRUM_WIDTH_PX))
+    rows, columns = (length // factor * factor for length in gray.shape)
+    small = gray[:rows, :columns].reshape(rows // factor, factor, columns // factor, factor).mean(axis=(1, 3))
+    slopes = []
+    for lines in (small, small.T):
+        window = np.hanning(lines.shape[1])
+        power = np.square(np.abs(np.fft.rfft((lines - lines.mean(axis=1, keepdims=True)) * window, axis=1))).mean(
+            axis=0
+        )
+        share = np.arange(len(power)) / (len(power) - 1)
+        there = (share > _NYQUIST_SHARES[0]) & (share < _NYQUIST_SHARES[1])
+        slopes.append(np.polyfit(np.log(share[there]), np.log(power[there] + 1e-9), 1)[0])
+    return float(np.mean(slopes))
+
+
+def _flat_noise(gray: Float64Array) -> tuple[float, float]:
+    """Standard deviation of single pixels in the flattest blocks of the darker and of the brighter half."""
+    rows, columns = (length // _BLOCK_PX for length in gray.shape)
+    kernel = np.array([[1.0, -2.0, 1.0], [-2.0, 4.0, -2.0], [1.0, -2.0, 1.0]]) / 6.0  # Immerkær 1996
+    detail = np.abs(ndimage.convolve(gray, kernel))
+    shape = rows, _BLOCK_PX, columns, _BLOCK_PX
+    part = slice(rows * _BLOCK_PX), slice(columns * _BLOCK_PX)
+    blocks, bright = (array[part].reshape(shape).swapaxes(1, 2).reshape(-1, _BLOCK_PX**2) for array in (detail, gray))
+    mean = bright.mean(axis=1)
+    usable = (mean > 8.0) & (mean < 245.0)
+    noise, mean = np.sqrt(np.pi / 2.0) * blocks[usable].mean(axis=1), mean[usable]
+    if len(mean) < 2.0 / _FLAT_SHARE:
+        return np.nan, np.nan
+    halves = (noise[mean <= np.median(mean)], noise[mean > np.median(mean)])
+    dark, light = (float(np.quantile(half, _FLAT_SHARE)) if len(half) else np.nan for half in halves)
+    return dark, light
+
+
+def _radar_figures(scans: Sequence[RadarScan]) -> Figures:
+    rcs = np.concatenate([scan.rcs_dbsm for scan in scans])
+    figures = {"detections a scan": float(np.mean([len(scan.rcs_dbsm) for scan in scans]))}
+    for share in (5, 50, 95):
+        figures[f"cross-section, {share}th percentile [dBsm]"] = (
+            float(np.percentile(rcs, share)) if len(rcs) else np.nan
+        )
+    return figures
+
+
+_FIGURES: Mapping[type, Callable[..., Figures]] = {
+    LidarTurn: _lidar_figures,
+    Photograph: _image_figures,
+    RadarScan: _radar_figures,
+}

@@ -39,6 +39,7 @@ VERBS = {
     "repair": "repair:repair",
     "drop": "drop:drop",
     "evaluate": "evaluate.command:evaluate",
+    "realism": "realism:realism",
     "doctor": "doctor:doctor",
     "env": "env:env",
     "map": "map.command:map_",

@@ -16,6 +16,7 @@ from simbev_ros.foundation.types import Float32Array, Int64Array, UInt8Array
 
 _MAX_RING = 255
 _EIGHT_BITS = 255.0
+_MIN_BRIGHTNESSES = 64
 _COLUMNS_KITTI, _COLUMNS_NUSCENES = 4, 5
 
 
@@ -84,10 +85,16 @@ def samples_of_folder(folder: Path, max_samples: int) -> dict[str, list[Sample]]
     for (place, suffix), paths in groups.items():
         step = max(1, len(paths) // max_samples)
         samples = list(islice(_read_files(paths[::step], _READERS[suffix]), max_samples))
-        found[f"{place} ({suffix[1:]})"] = samples
+        if not _are_labels(samples[0]):
+            found[f"{place} ({suffix[1:]})"] = samples
     if not found:
         raise InputError(f"{folder}: has no samples; read are files that end in {', '.join(_READERS)}")
     return found
+
+
+def _are_labels(sample: Sample) -> bool:
+    """Whether an image is not a photograph but has numbers of classes."""
+    return isinstance(sample, Photograph) and len(np.unique(sample.rgb)) < _MIN_BRIGHTNESSES
 
 
 def _read_files(paths: Sequence[Path], read: Callable[[Path], Sample]) -> Iterator[Sample]:

@@ -1,6 +1,7 @@
 """Figures that tell real sensors from simulated ones: of lidar turns, images and radar scans."""
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
 
 import numpy as np
 from scipy import ndimage
@@ -33,16 +34,16 @@ def _lidar_figures(turns: Sequence[LidarTurn]) -> Figures:
     range_m = np.concatenate([np.linalg.norm(turn.xyz_m, axis=1) for turn in turns])
     lost, runs, noise_m = zip(*map(_ring_figures, turns), strict=True)
     figures = {
-        "returns lost near by [%]": 100.0 * float(np.nanmean(lost)),
-        "lost returns in a row": float(np.nanmean(runs)),
+        "returns lost near by [%]": 100.0 * _mean(lost),
+        "lost returns in a row": _mean(runs),
         "steps of intensity": float(len(np.unique(intensity[:200_000]))),
         "intensity of 0 [%]": 100.0 * float(np.mean(intensity == 0.0)),
         "retroreflectors [%]": 100.0 * float(np.mean(intensity >= _SATURATED)),
-        "noise of range on planes [mm]": 1000.0 * float(np.nanmedian(noise_m)),
+        "noise of range on planes [mm]": 1000.0 * _mean(noise_m),
     }
     for share in (25, 50, 75):
         figures[f"intensity, {share}th percentile"] = float(np.percentile(intensity, share))
-    for low_m, high_m in zip(RANGES_M, RANGES_M[1:], strict=False):
+    for low_m, high_m in pairwise(RANGES_M):
         there = (range_m >= low_m) & (range_m < high_m)
         figures[f"intensity from {low_m} to {high_m} m"] = float(intensity[there].mean()) if there.any() else np.nan
     return figures
@@ -74,14 +75,12 @@ def _ring_figures(turn: LidarTurn) -> tuple[float, float, float]:
         ]
         bend_m = bend_m[np.abs(bend_m) < _MAX_STEP_M]
         noise_m.append(_TO_SIGMA * np.median(np.abs(bend_m)) / np.sqrt(1.5) if len(bend_m) else np.nan)
-    if not lost:
-        return np.nan, np.nan, np.nan
-    return float(np.mean(lost)), float(np.nanmean(runs)), float(np.nanmedian(noise_m))
+    return _mean(lost), _mean(runs), _mean(noise_m)
 
 
 def _image_figures(images: Sequence[Photograph]) -> Figures:
     rows = [_figures_of_image(image.rgb) for image in images]
-    return {name: float(np.nanmean([row[name] for row in rows])) for name in rows[0]}
+    return {name: _mean([row[name] for row in rows]) for name in rows[0]}
 
 
 def _figures_of_image(rgb: np.ndarray) -> Figures:
@@ -134,6 +133,12 @@ def _flat_noise(gray: Float64Array) -> tuple[float, float]:
     halves = (noise[mean <= np.median(mean)], noise[mean > np.median(mean)])
     dark, light = (float(np.quantile(half, _FLAT_SHARE)) if len(half) else np.nan for half in halves)
     return dark, light
+
+
+def _mean(values: Sequence[float]) -> float:
+    """Mean of the finite values; NaN if there is none."""
+    finite = [value for value in values if np.isfinite(value)]
+    return float(np.mean(finite)) if finite else np.nan
 
 
 def _radar_figures(scans: Sequence[RadarScan]) -> Figures:

@@ -10,6 +10,8 @@ from rich.table import Table
 from rich.text import Text
 
 from simbev_ros.cli.console import make_console, table_console
+from simbev_ros.cli.output_file import require_place, show_written
+from simbev_ros.foundation.files.whole_files import write_errors
 
 if TYPE_CHECKING:
     from simbev_ros.evaluation.realism.comparison import Row
@@ -30,6 +32,9 @@ def realism(
         ),
     ],
     samples: Annotated[int, typer.Option(help="Samples of each sensor.", min=1, max=10_000)] = 40,
+    report: Annotated[
+        Path | None, typer.Option(help="Also write a page with curves.", metavar="FILE.html", show_default=False)
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
 ) -> None:
     """Compare lidar, images and radar with real frames: intensities, losses, noise, spectrum, cross-sections.
@@ -38,7 +43,7 @@ def realism(
 
     [bold]Examples[/]
 
-    simbev realism datasets/kitti_rig --against KITTI/training
+    simbev realism datasets/kitti_rig --against KITTI/training --report realism.html
 
     simbev realism datasets/first --against nuscenes/samples --json
     """
@@ -46,20 +51,24 @@ def realism(
     from simbev_ros.evaluation.realism.comparison import compare
     from simbev_ros.evaluation.realism.samples import samples_of_dataset, samples_of_folder
 
-    with make_console().status("reading frames"):
+    if report is not None:
+        require_place(report)
+    with make_console(stderr=True).status("reading frames"):
         real = samples_of_folder(against, samples)
-        rows = compare(samples_of_dataset(open_dataset(dataset), samples), real)
+        ours = samples_of_dataset(open_dataset(dataset), samples)
+        rows = compare(ours, real)
     if as_json:
         print(json.dumps([_record(row) for row in rows], indent=2))
     else:
-        table_console().print(*map(_table, {row.sensor: [] for row in rows}, _by_sensor(rows)), sep="\n")
+        sensors = dict.fromkeys(row.sensor for row in rows)
+        tables = [_table(sensor, [row for row in rows if row.sensor == sensor]) for sensor in sensors]
+        table_console().print(*tables, sep="\n")
+    if report is not None:
+        from simbev_ros.show.reports.realism_report import write_realism_report
 
-
-def _by_sensor(rows: "list[Row]") -> "list[list[Row]]":
-    groups: dict[str, list[Row]] = {}
-    for row in rows:
-        groups.setdefault(row.sensor, []).append(row)
-    return list(groups.values())
+        with write_errors(report):
+            write_realism_report(report, rows, ours, real)
+        show_written([report], make_console(stderr=as_json))
 
 
 def _table(sensor: str, rows: "list[Row]") -> Table:

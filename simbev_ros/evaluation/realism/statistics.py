@@ -2,12 +2,13 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from scipy import ndimage
 
 from simbev_ros.evaluation.realism.samples import LidarTurn, Photograph, RadarScan, Sample
-from simbev_ros.foundation.types import Float64Array
+from simbev_ros.foundation.types import AnyArray, Float64Array, UInt8Array
 
 RANGES_M = (0, 10, 20, 40, 80)
 _NEAR_GROUND_DEG, _NEAR_M = (-25.0, -5.0), 40.0
@@ -15,6 +16,8 @@ _MIN_IN_RING = 100
 _SATURATED = 0.99
 _MAX_STEP_M = 0.1
 _CLIPPED, _BLACK = 252, 3
+_LUMA = np.array([0.299, 0.587, 0.114])
+_MIN_IN_BIN = 20
 _SPECTRUM_WIDTH_PX = 800
 _NYQUIST_SHARES = (0.5, 0.95)
 _BLOCK_PX = 8
@@ -24,9 +27,32 @@ _TO_SIGMA = 1.4826
 Figures = dict[str, float]
 
 
+class Curve(NamedTuple):
+    """A curve of one sensor: (N,) values over (N,) positions, the same for all sensors of its kind.
+
+    Attributes:
+        x: Positions.
+        y: Values; NaN where nothing is known.
+        x_label: Quantity of the positions, with its unit.
+        y_label: Quantity of the values, with its unit.
+        is_log: Whether values are read on a logarithmic axis.
+    """
+
+    x: Float64Array
+    y: Float64Array
+    x_label: str
+    y_label: str
+    is_log: bool = False
+
+
 def figures_of(samples: Sequence[Sample]) -> Figures:
     """The figures of all samples of one sensor, by name with unit."""
     return _FIGURES[type(samples[0])](samples)
+
+
+def curves_of(samples: Sequence[Sample]) -> dict[str, Curve]:
+    """The curves of all samples of one sensor, by title."""
+    return _CURVES[type(samples[0])](samples)
 
 
 def _lidar_figures(turns: Sequence[LidarTurn]) -> Figures:
@@ -83,8 +109,8 @@ def _image_figures(images: Sequence[Photograph]) -> Figures:
     return {name: _mean([row[name] for row in rows]) for name in rows[0]}
 
 
-def _figures_of_image(rgb: np.ndarray) -> Figures:
-    gray = rgb.astype(np.float64) @ [0.299, 0.587, 0.114]
+def _figures_of_image(rgb: UInt8Array) -> Figures:
+    gray = rgb.astype(np.float64) @ _LUMA
     high, low = rgb.max(axis=2).astype(np.float64), rgb.min(axis=2)
     saturation = np.where(high > 0.0, 255.0 * (high - low) / np.maximum(high, 1.0), 0.0)
     noise = _flat_noise(gray)
@@ -101,20 +127,23 @@ def _figures_of_image(rgb: np.ndarray) -> Figures:
 
 
 def _spectral_slope(gray: Float64Array) -> float:
-    """Exponent of the power over the frequency, both directions together, from half of Nyquist's frequency on."""
+    """Exponent of the power over the frequency from half of Nyquist's frequency on."""
+    share, power = _spectrum(gray)
+    there = (share > _NYQUIST_SHARES[0]) & (share < _NYQUIST_SHARES[1])
+    return float(np.polyfit(np.log(share[there]), np.log(power[there] + 1e-9), 1)[0])
+
+
+def _spectrum(gray: Float64Array) -> tuple[Float64Array, Float64Array]:
+    """Shares of Nyquist's frequency above 0, and the power of lines in both directions there, at about 800 pixels."""
     factor = max(1, round(gray.shape[1] / _SPECTRUM_WIDTH_PX))
     rows, columns = (length // factor * factor for length in gray.shape)
     small = gray[:rows, :columns].reshape(rows // factor, factor, columns // factor, factor).mean(axis=(1, 3))
-    slopes = []
+    shares, level = np.linspace(0.01, 1.0, 200), np.zeros(200)
     for lines in (small, small.T):
-        window = np.hanning(lines.shape[1])
-        power = np.square(np.abs(np.fft.rfft((lines - lines.mean(axis=1, keepdims=True)) * window, axis=1))).mean(
-            axis=0
-        )
-        share = np.arange(len(power)) / (len(power) - 1)
-        there = (share > _NYQUIST_SHARES[0]) & (share < _NYQUIST_SHARES[1])
-        slopes.append(np.polyfit(np.log(share[there]), np.log(power[there] + 1e-9), 1)[0])
-    return float(np.mean(slopes))
+        waves = np.fft.rfft((lines - lines.mean(axis=1, keepdims=True)) * np.hanning(lines.shape[1]), axis=1)
+        power = np.square(np.abs(waves)).mean(axis=0) / lines.shape[1]
+        level += np.log(np.interp(shares, np.linspace(0.0, 1.0, len(power)), power) + 1e-12) / 2.0
+    return shares, np.exp(level)
 
 
 def _flat_noise(gray: Float64Array) -> tuple[float, float]:
@@ -141,6 +170,60 @@ def _mean(values: Sequence[float]) -> float:
     return float(np.mean(finite)) if finite else np.nan
 
 
+def _lidar_curves(turns: Sequence[LidarTurn]) -> dict[str, Curve]:
+    intensity = np.concatenate([turn.intensity for turn in turns]).astype(np.float64)
+    xyz_m = np.concatenate([turn.xyz_m for turn in turns]).astype(np.float64)
+    range_m = np.linalg.norm(xyz_m, axis=1)
+    elevation_deg = np.degrees(np.arcsin(xyz_m[:, 2] / np.maximum(range_m, 1e-6)))
+    steps, ranges_m, angles_deg = np.linspace(0.0, 1.0, 65), np.arange(0.0, 101.0, 4.0), np.arange(-30.0, 16.0, 1.0)
+    per_deg = np.histogram(elevation_deg, angles_deg)[0] / len(turns)
+    return {
+        "Intensities": Curve(_middles(steps), _shares(intensity, steps), "intensity", "share [%]", is_log=True),
+        "Intensity over range": Curve(
+            _middles(ranges_m), _means(intensity, range_m, ranges_m), "range [m]", "mean intensity"
+        ),
+        "Intensity over elevation": Curve(
+            _middles(angles_deg), _means(intensity, elevation_deg, angles_deg), "elevation [deg]", "mean intensity"
+        ),
+        "Ranges": Curve(_middles(ranges_m), _shares(range_m, ranges_m), "range [m]", "share [%]", is_log=True),
+        "Points by elevation": Curve(_middles(angles_deg), per_deg, "elevation [deg]", "points a turn and degree"),
+    }
+
+
+def _image_curves(images: Sequence[Photograph]) -> dict[str, Curve]:
+    edges, shares = np.arange(0.0, 257.0, 4.0), np.linspace(0.02, 1.0, 50)
+    grays = [image.rgb.astype(np.float64) @ _LUMA for image in images]
+    spectra = [np.interp(shares, *_spectrum(gray)) for gray in grays]
+    level = np.mean([np.log(spectrum / spectrum[0]) for spectrum in spectra], axis=0)
+    counts = np.mean([_shares(gray.ravel(), edges) for gray in grays], axis=0)
+    return {
+        "Brightness": Curve(_middles(edges), counts, "gray level", "share [%]", is_log=True),
+        "Spectrum": Curve(shares, np.exp(level), "share of Nyquist's frequency", "power", is_log=True),
+    }
+
+
+def _radar_curves(scans: Sequence[RadarScan]) -> dict[str, Curve]:
+    edges = np.arange(-45.0, 46.0, 3.0)
+    rcs = np.concatenate([scan.rcs_dbsm for scan in scans])
+    return {"Cross-sections": Curve(_middles(edges), _shares(rcs, edges), "cross-section [dBsm]", "share [%]")}
+
+
+def _middles(edges: Float64Array) -> Float64Array:
+    return (edges[1:] + edges[:-1]) / 2.0
+
+
+def _shares(values: AnyArray, edges: Float64Array) -> Float64Array:
+    """Percentages of values in the bins between edges."""
+    return 100.0 * np.histogram(values, edges)[0] / max(len(values), 1)
+
+
+def _means(values: Float64Array, positions: Float64Array, edges: Float64Array) -> Float64Array:
+    """Means of the values in the bins between edges of their positions; NaN where there are few."""
+    count = np.histogram(positions, edges)[0]
+    total = np.histogram(positions, edges, weights=values)[0]
+    return np.where(count >= _MIN_IN_BIN, total / np.maximum(count, 1), np.nan)
+
+
 def _radar_figures(scans: Sequence[RadarScan]) -> Figures:
     rcs = np.concatenate([scan.rcs_dbsm for scan in scans])
     figures = {"detections a scan": float(np.mean([len(scan.rcs_dbsm) for scan in scans]))}
@@ -155,4 +238,9 @@ _FIGURES: Mapping[type, Callable[..., Figures]] = {
     LidarTurn: _lidar_figures,
     Photograph: _image_figures,
     RadarScan: _radar_figures,
+}
+_CURVES: Mapping[type, Callable[..., dict[str, Curve]]] = {
+    LidarTurn: _lidar_curves,
+    Photograph: _image_curves,
+    RadarScan: _radar_curves,
 }

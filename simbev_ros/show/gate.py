@@ -4,6 +4,7 @@ The server behind it listens at a loopback address that is drawn at random, so t
 receives nothing from other programs (``show.loopback``).
 """
 
+import fcntl
 import os
 import secrets
 import socket
@@ -171,6 +172,8 @@ def _read_head(client: socket.socket) -> bytes:
 def _pump(source: socket.socket, target: socket.socket) -> None:
     """Pass on what one side sends until it ends; the bytes stay in the kernel."""
     read_end, write_end = os.pipe()
+    with suppress(OSError):  # beyond what the user may have in pipes, it stays small
+        fcntl.fcntl(write_end, fcntl.F_SETPIPE_SZ, _SPLICE_BYTES)
     try:
         with suppress(OSError):
             while count := os.splice(source.fileno(), write_end, _SPLICE_BYTES):

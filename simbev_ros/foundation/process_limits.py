@@ -102,7 +102,9 @@ def is_shortage(error: BaseException) -> bool:
 
 def message_with_limit(error: SimbevError) -> str:
     """The message of an error, with the limit in force that made an operation fail for which it was raised."""
-    cause = error.__cause__ or error.__context__
+    cause: BaseException | None = error
+    while isinstance(cause, SimbevError):
+        cause = cause.__cause__ or cause.__context__
     number = _shortage(cause) if isinstance(cause, OSError) else None
     blame = None if number in (None, errno.EAGAIN) else _blame(_SHORTAGES[number][1])  # EAGAIN: of a lock
     return f"{error}; {blame}" if blame else str(error)

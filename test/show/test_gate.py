@@ -72,6 +72,13 @@ def test_others_are_refused_and_the_server_hears_nothing(gate: Gate, server: soc
         server.accept()
 
 
+@pytest.mark.parametrize(
+    "host", ["evil@localhost", "evil\\@[::1]", "[::1]evil", "localhost/evil", "::1", "localhost:x", ""]
+)
+def test_a_host_header_is_a_name_and_a_port_alone(host: str) -> None:
+    assert not is_own_host(host)
+
+
 def test_too_many_connections_are_closed_and_slow_ones_given_up(
     gate: Gate, server: socket.socket, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -7,7 +7,7 @@ commands check the limits before they load them. What runs out later arrives as 
 import errno
 import os
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -40,7 +40,7 @@ class _Limit(NamedTuple):
 
     def amount(self, value: int) -> str:
         """The value in its unit."""
-        return f"{round(value / self.unit, 1):g}{self.symbol}"
+        return f"{value}" if self.unit == 1 else f"{value / self.unit:.3g}{self.symbol}"
 
 
 _LIMITS = {
@@ -68,13 +68,16 @@ cameras and lidar 83. A segment of shared memory has 128 MiB (``config/fastdds.x
 """
 
 _SHORTAGES = {
-    errno.ENOMEM: ("memory ran out", "RLIMIT_AS"),
-    errno.EMFILE: ("too many files are open", "RLIMIT_NOFILE"),
-    errno.ENFILE: ("too many files are open on this machine", None),
-    errno.EAGAIN: ("no more processes or threads can be started by this user or in this container", "RLIMIT_NPROC"),
-    **{number: (words, "RLIMIT_FSIZE" if number == errno.EFBIG else None) for number, words in DISK_FULL.items()},
+    errno.ENOMEM: ("memory ran out", ("RLIMIT_AS",)),
+    errno.EMFILE: ("too many files are open", ("RLIMIT_NOFILE",)),
+    errno.ENFILE: ("too many files are open on this machine", ()),
+    errno.EAGAIN: (
+        "no more processes or threads can be started by this user or in this container",
+        ("RLIMIT_NPROC", "RLIMIT_AS"),
+    ),
+    **{number: (words, ("RLIMIT_FSIZE",) if number == errno.EFBIG else ()) for number, words in DISK_FULL.items()},
 }
-"""Words, and the limit that may be the reason, for numbers of the operating system's errors."""
+"""Words, and the limits that may be the reason, for numbers of the operating system's errors."""
 
 _TEXTS = {os.strerror(number): number for number in _SHORTAGES} | {
     "can't start new thread": errno.EAGAIN,
@@ -91,8 +94,8 @@ def describe_shortage(error: BaseException) -> str | None:
     number = _shortage(error)
     if number is None:
         return None
-    words, limit = _SHORTAGES[number]
-    return words + (f": {blame}" if (blame := _blame(limit)) else "")
+    words, limits = _SHORTAGES[number]
+    return words + (f": {blame}" if (blame := _blame(limits)) else "")
 
 
 def is_shortage(error: BaseException) -> bool:
@@ -167,9 +170,13 @@ def _shortage(error: BaseException) -> int | None:
     return next((number for words, number in _TEXTS.items() if words in text), None)
 
 
-def _blame(name: str | None) -> str | None:
-    value = None if name is None else _in_force(name)
-    return None if name is None or value is None else f"{_LIMITS[name].allowed(value)}; {_LIMITS[name].remedy(value)}"
+def _blame(names: Iterable[str]) -> str | None:
+    """Clauses on the lowest of some limits in force, compared with what a graph needs."""
+    values = {name: value for name in names if (value := _in_force(name)) is not None}
+    if not values:
+        return None
+    name = min(values, key=lambda each: values[each] / GRAPH_NEEDS[each])
+    return f"{_LIMITS[name].allowed(values[name])}; {_LIMITS[name].remedy(values[name])}"
 
 
 def _in_force(name: str) -> int | None:

@@ -24,10 +24,22 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     ("kind", "value", "command", "code", "line"),
     [
         # Where SciPy's libraries end the process by SIGSEGV, and where OpenBLAS waits for ever.
-        ("AS", 600000 << 10, "scene my.yaml", 2, "error: ulimit -v allows 0.6 GiB of address space, and simbev scene"),
-        ("AS", 300000 << 10, "info set", 2, "error: ulimit -v allows 0.3 GiB of address space, and simbev info needs"),
-        ("AS", 1500000 << 10, "run my.yaml", 2, "error: ulimit -v allows 1.4 GiB of address space, and a graph needs"),
-        ("AS", 60000 << 10, "run --help", 1, "error: memory ran out: ulimit -v allows 0.1 GiB of address space"),
+        (
+            "AS",
+            600000 << 10,
+            "scene my.yaml",
+            2,
+            "error: ulimit -v allows 0.572 GiB of address space, and simbev scene",
+        ),
+        (
+            "AS",
+            300000 << 10,
+            "info set",
+            2,
+            "error: ulimit -v allows 0.286 GiB of address space, and simbev info needs",
+        ),
+        ("AS", 1500000 << 10, "run my.yaml", 2, "error: ulimit -v allows 1.43 GiB of address space, and a graph needs"),
+        ("AS", 60000 << 10, "run --help", 1, "error: memory ran out: ulimit -v allows 0.0572 GiB of address space"),
         ("NOFILE", 20, "generate my.yaml --out out", 2, "error: ulimit -n allows 20 open files, and a graph needs 64"),
     ],
 )
@@ -36,6 +48,22 @@ def test_a_low_limit_ends_in_one_line(folder: Path, kind: str, value: int, comma
     assert (done.returncode, len(done.stdout.splitlines())) == (code, 1), done.stdout
     assert done.stdout.startswith(line)
     assert not (folder / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("mount", "line"),
+    [
+        ("-t tmpfs -o size=4k tmpfs /dev/shm", "error: /dev/shm: is full; processes of a graph share memory there"),
+        ("-t tmpfs -o ro tmpfs /dev/shm", "error: /dev/shm: cannot be written to; processes of a graph share memory"),
+        ("-t tmpfs tmpfs /proc", "error: /proc: is not mounted; a graph follows its processes there; mount -t proc"),
+    ],
+)
+def test_a_machine_without_what_a_graph_needs_is_refused(folder: Path, mount: str, line: str) -> None:
+    alone = ["unshare", "--mount", "sh", "-c", f"mount {mount} && exec $0 -m simbev_ros.cli.main run my.yaml"]
+    done = subprocess.run([*alone, sys.executable], cwd=folder, capture_output=True, text=True, check=False)
+    if "unshare: " in done.stderr or "mount: " in done.stderr:
+        pytest.skip("nothing can be mounted here")
+    assert (done.returncode, done.stdout) == (2, "") and done.stderr.startswith(line)
 
 
 def test_a_dataset_is_read_with_few_files_open(folder: Path) -> None:

@@ -21,6 +21,7 @@ from simbev_ros.foundation.process_limits import (
 )
 
 SetLimit = Callable[[int, int], None]
+NO_MORE = "no more processes or threads can be started by this user or in this container"
 
 
 @pytest.fixture
@@ -37,13 +38,13 @@ def set_limit(monkeypatch: pytest.MonkeyPatch) -> SetLimit:
     [
         (
             "AS",
-            1200000 << 10,
-            "ulimit -v allows 1.1 GiB of address space, and a graph needs 4 GiB; ulimit -v unlimited",
+            9 << 27,
+            "ulimit -v allows 1.12 GiB of address space, and a graph needs 4 GiB; ulimit -v unlimited",
         ),
         ("AS", 0, "ulimit -v allows 0 GiB of address space, and a graph needs 4 GiB; ulimit -v unlimited"),
         ("NOFILE", 20, "ulimit -n allows 20 open files, and a graph needs 64; ulimit -n 1024"),
         ("NPROC", 40, "ulimit -u allows 40 processes and threads, and a graph needs 128; ulimit -u 1024"),
-        ("FSIZE", 100 << 10, "ulimit -f allows 0.1 MiB for a file, and a graph needs 256 MiB; ulimit -f unlimited"),
+        ("FSIZE", 100 << 10, "ulimit -f allows 0.0977 MiB for a file, and a graph needs 256 MiB; ulimit -f unlimited"),
     ],
 )
 def test_a_limit_that_is_too_low_for_a_graph_is_refused(set_limit: SetLimit, kind: str, value: int, line: str) -> None:
@@ -90,9 +91,9 @@ def test_shared_memory_without_space_is_refused_where_there_is_a_limit(
     [
         (MemoryError(), "memory ran out: ulimit -v allows 2 GiB of address space; ulimit -v unlimited helps"),
         (ImportError("libx.so: failed to map segment from shared object"), "memory ran out: ulimit -v allows 2 GiB"),
-        (RuntimeError("can't start new thread"), "no more processes or threads can be started"),
-        (BlockingIOError(errno.EAGAIN, "x"), "no more processes or threads can be started"),
-        (RuntimeError("pthread_create failed: x"), "no more processes or threads can be started"),
+        (RuntimeError("can't start new thread"), f"{NO_MORE}: ulimit -v allows 2 GiB of address space"),
+        (BlockingIOError(errno.EAGAIN, "x"), NO_MORE),
+        (RuntimeError("pthread_create failed: x"), NO_MORE),
         (
             OSError(errno.EMFILE, "x", "file"),
             "too many files are open: ulimit -n allows 2000 open files; ulimit -n 8000",

@@ -81,7 +81,7 @@ def test_a_limit_of_the_size_of_files_ends_the_recording_with_one_message(
     words = " ".join(output.split())
     assert "error: node recorder: " in words and "the file is larger than files may be here" in words
     assert f"; what was recorded stays readable in {dataset}" in words
-    assert "ulimit -f allows 2.9 MiB for a file" in words
+    assert "ulimit -f allows 2.86 MiB for a file" in words
     with SceneBag(dataset / f"{SCENE}.partial") as bag:
         assert len(list(bag.messages(["/world/actors"]))) > 3
 

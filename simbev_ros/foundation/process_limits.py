@@ -7,7 +7,9 @@ commands check the limits before they load them. What runs out later arrives as 
 import errno
 import os
 import shutil
+import sys
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
@@ -96,6 +98,21 @@ def describe_shortage(error: BaseException) -> str | None:
         return None
     words, limits = _SHORTAGES[number]
     return words + (f": {blame}" if (blame := _blame(limits)) else "")
+
+
+@contextmanager
+def ending_on_shortage() -> Iterator[None]:
+    """Context of a program that others have started: what runs out ends the process, with its last line for them.
+
+    Raises:
+        SystemExit: Something ran out in the context; other errors stay as they are.
+    """
+    try:
+        yield
+    except Exception as error:
+        if (problem := describe_shortage(error)) is None:
+            raise
+        sys.exit(problem)
 
 
 def is_shortage(error: BaseException) -> bool:

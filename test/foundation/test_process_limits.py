@@ -14,6 +14,7 @@ from simbev_ros.foundation.files.whole_files import write_errors
 from simbev_ros.foundation.process_limits import (
     GRAPH_NEEDS,
     describe_shortage,
+    ending_on_shortage,
     is_shortage,
     low_limits,
     message_with_limit,
@@ -127,3 +128,10 @@ def test_the_limit_behind_an_error_for_users_is_added(set_limit: SetLimit) -> No
         "out: cannot be written: Too many open files; ulimit -n allows 20 open files; ulimit -n 1024 helps"
     )
     assert message_with_limit(InputError("a: is wrong")) == "a: is wrong"
+
+
+def test_a_program_ends_with_what_ran_out_as_its_last_line() -> None:
+    with pytest.raises(SystemExit, match=r"^too many files are open on this machine$"), ending_on_shortage():
+        raise OSError(errno.ENFILE, "x")
+    with pytest.raises(ValueError, match=r"^a negative area$"), ending_on_shortage():
+        raise ValueError("a negative area")

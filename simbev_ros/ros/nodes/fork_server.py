@@ -25,7 +25,7 @@ from typing import NoReturn
 
 from setproctitle import setproctitle, setthreadtitle
 
-from simbev_ros.foundation.process_limits import describe_shortage
+from simbev_ros.foundation.process_limits import ending_on_shortage
 from simbev_ros.ros.msgs.signing import KEY_VARIABLE
 from simbev_ros.ros.nodes import main as nodes
 from simbev_ros.ros.nodes.lifeline import SUPERVISOR_VARIABLE, end_with_supervisor, wake_at_end_of_supervisor
@@ -186,9 +186,5 @@ def _become(arguments: list[str], *, is_command: bool) -> list[str]:
 
 
 if __name__ == "__main__":
-    try:
+    with ending_on_shortage():
         main()
-    except Exception as error:
-        if (problem := describe_shortage(error)) is None:
-            raise
-        sys.exit(problem)

@@ -64,6 +64,7 @@ def prepare_environment(context: LaunchContext) -> list[SetEnvironmentVariable]:
     folder = Path(get_package_share_directory("simbev_ros"), "config")
     variables = {
         "FASTRTPS_DEFAULT_PROFILES_FILE": str(folder / ("fastdds_network.xml" if on_network else "fastdds.xml")),
+        "SKIP_DEFAULT_XML_FILE": "1",  # of Fast DDS in the current folder
         "CYCLONEDDS_URI": "" if on_network else (folder / "cyclonedds.xml").as_uri(),
         "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET" if on_network else "LOCALHOST",
     }

@@ -18,7 +18,8 @@ from simbev_ros.foundation.errors import SimbevError
 from simbev_ros.foundation.installation.extras import install_command, load_extras
 from simbev_ros.foundation.installation.shell_variables import settle_shell
 from simbev_ros.foundation.installation.shipped_files import PACKAGE
-from simbev_ros.foundation.process_memory import address_space_problem
+from simbev_ros.foundation.loopback import loopback_problem
+from simbev_ros.foundation.process_limits import GRAPH_NEEDS, limit_problems
 
 
 class Finding(NamedTuple):
@@ -73,8 +74,10 @@ def _simulator() -> Iterator[Finding]:
     ros = load_extras()["wheels"]
     memory_gib = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
     yield Finding("machine", f"{os.cpu_count()} cores, {memory_gib:.0f} GiB of memory")
-    if problem := address_space_problem():
-        yield Finding("memory", problem, False)
+    for problem in limit_problems("a graph", GRAPH_NEEDS):
+        yield Finding("limits", problem, False)
+    broken = loopback_problem()
+    yield Finding("network", broken or "the loopback interface carries messages", broken is None)
     yield from _libraries()
     for variable in settle_shell(os.environ):
         yield Finding(variable.name, f"{variable.value}: {variable.effect}")

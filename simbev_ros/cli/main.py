@@ -18,9 +18,17 @@ from typer.core import TyperGroup
 from simbev_ros import __version__
 from simbev_ros.cli.console import make_console
 from simbev_ros.cli.plugins import VERBS_GROUP, Command, click_command, find_plugins, load_plugin, require_plugin
-from simbev_ros.foundation.errors import DISK_FULL, InputError, SimbevError
+from simbev_ros.foundation.errors import InputError, SimbevError
 from simbev_ros.foundation.installation.extras import extra_of, require_extras
 from simbev_ros.foundation.installation.shell_variables import describe_loader, prepare_shell
+from simbev_ros.foundation.process_limits import (
+    COMMAND_NEEDS,
+    describe_shortage,
+    is_shortage,
+    message_with_limit,
+    require_graph_limits,
+    require_limits,
+)
 from simbev_ros.ros.conventions.arguments import split_ros_arguments
 from simbev_ros.ros.graph.interrupts import Interrupted, raising_interrupts
 
@@ -68,8 +76,6 @@ _SCRIPTS_COMMANDS = (
 )
 _TRACEBACK_VARIABLE = "SIMBEV_TRACEBACK"
 _MAX_LENGTH = 300
-_EXHAUSTED = (*DISK_FULL, errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.EIO)
-"""Numbers of the operating system's errors for which the path that they name is not to blame."""
 
 
 def load_verb(name: str) -> Command:
@@ -116,6 +122,16 @@ def _values(arguments: Sequence[str]) -> Iterator[str]:
             yield value
 
 
+def _require_machine(verb: str) -> None:
+    """Check what a verb needs of this machine, before it is loaded: its libraries crash where limits are too low."""
+    extras = _NEEDED_EXTRAS.get(verb, ())
+    require_extras(extras, f"simbev {verb}")
+    if extras == _GRAPH:
+        require_graph_limits()
+    elif verb != "doctor":  # it reports them
+        require_limits(f"simbev {verb}", COMMAND_NEEDS)
+
+
 class _Verbs(TyperGroup):
     """The group of all verbs."""
 
@@ -130,9 +146,9 @@ class _Verbs(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Find the verb; refuse what it does not take: URLs instead of local files, ROS's arguments."""
+        if not {"-h", "--help"} & {*args[1:]}:
+            _require_machine(args[0])
         name, command, rest = super().resolve_command(ctx, args)
-        if not {"-h", "--help"} & {*rest}:
-            require_extras(_NEEDED_EXTRAS.get(name or "", ()), f"simbev {name}")
         if name in _USE_ROS:
             prepare_shell()
         if ctx.obj and name not in _TAKE_ROS_ARGUMENTS:
@@ -212,8 +228,8 @@ def _exit_code(error: Exception) -> int:
         return error.exit_code
     if isinstance(error, ImportError) and (extra_of(error) or describe_loader()):
         return InputError.exit_code
-    is_input = isinstance(error, OSError) and error.filename is not None and error.errno not in _EXHAUSTED
-    return InputError.exit_code if is_input else SimbevError.exit_code
+    is_input = isinstance(error, OSError) and error.filename is not None and error.errno != errno.EIO
+    return InputError.exit_code if is_input and not is_shortage(error) else SimbevError.exit_code
 
 
 def _message(error: Exception) -> str:
@@ -222,13 +238,14 @@ def _message(error: Exception) -> str:
         option = f"--{error.parameter.replace('_', '-')}"
         return option + str(error).removeprefix(error.parameter)
     if isinstance(error, SimbevError):
-        return str(error)
+        return message_with_limit(error)
     while_what = "".join(f", {note}" for note in getattr(error, "__notes__", ()))
-    if isinstance(error, MemoryError) or (isinstance(error, OSError) and error.errno == errno.ENOMEM):
-        return f"memory ran out{while_what}"
+    problem = describe_shortage(error)
     if isinstance(error, OSError) and error.strerror:  # of this machine, its disks or its limits
         where = "" if error.filename is None else f"{os.fsdecode(error.filename)!s:.{_MAX_LENGTH}}: "
-        return f"{where}{error.strerror}{while_what}"
+        return f"{where}{problem or error.strerror}{while_what}"
+    if problem is not None:
+        return f"{problem}{while_what}"
     if isinstance(error, ImportError):
         if extra := extra_of(error):
             return extra.remedy("this")

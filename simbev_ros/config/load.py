@@ -230,7 +230,7 @@ def _explain(entry: Any, data: Any, origins: Origins) -> str:
         keys, kind = [*keys, "type"], entry.get("ctx", {}).get("tag")
         problem = "is missing;" if kind is None else f"{kind!r:.80} is not known{meant(kind, SENSOR_KINDS)}"
         message = f"{problem} allowed: {', '.join(SENSOR_KINDS)}"
-    elif entry["type"] == "literal_error":
+    elif entry["type"] == "literal_error" and isinstance(entry["input"], str):
         expected = entry["ctx"]["expected"]
         problem = f"{short_repr(entry['input'])} is not known{meant(entry['input'], re.findall(_QUOTED, expected))}"
         message = f"{problem} allowed: {expected}"

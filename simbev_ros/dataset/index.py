@@ -25,6 +25,7 @@ from simbev_ros.foundation.files.limits import (
 )
 from simbev_ros.foundation.files.whole_files import write_errors, write_whole
 from simbev_ros.foundation.object_store.object_path import AnyPath, ObjectPath
+from simbev_ros.foundation.process_limits import describe_shortage
 from simbev_ros.foundation.semantics import BOX_CLASSES
 from simbev_ros.recording.layout import INDEX_FILE, SCENES_FOLDER, bytes_of
 from simbev_ros.schema.scene.weather import Weather
@@ -100,7 +101,8 @@ def read_rows(path: AnyPath, source: Path | pa.BufferReader) -> pa.Table:
     except InputError:
         raise
     except (pa.ArrowException, OSError, *FOREIGN_ERRORS) as error:
-        raise InputError(f"{path}: {error}; {_REBUILD_HINT}") from None
+        problem = describe_shortage(error) or f"{error}; {_REBUILD_HINT}"
+        raise InputError(f"{path}: {problem}") from None
     return _with_later_columns(table)
 
 

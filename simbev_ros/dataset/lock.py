@@ -17,7 +17,7 @@ class DatasetLock:
     The operating system releases the lock when the process ends, however it ends.
 
     Raises:
-        InputError: The folder cannot be made or written to, or another process writes into it.
+        InputError: The folder cannot be made or written to, another process writes into it, or its lock is not a lock.
     """
 
     def __init__(self, dataset: Path) -> None:
@@ -32,6 +32,11 @@ class DatasetLock:
             raise InputError(f"{dataset}: {name} is writing into it") from None
         except OSError as error:
             raise InputError(f"{dataset}: cannot be written to: {error.strerror}") from None
+        before = self._file.read(_MAX_PID_DIGITS + 1)
+        if before and not (before.isdecimal() and len(before) <= _MAX_PID_DIGITS):
+            self._file.close()  # in a stranger's dataset it may be another name of any file
+            raise InputError(f"{dataset}: {_LOCK_FILE} has other content than a lock; remove it")
+        self._file.seek(0)
         self._file.truncate(0)
         self._file.write(str(os.getpid()))
         self._file.flush()

@@ -11,18 +11,20 @@ this holds:
 So files at final paths are complete, and a part with a record is finished. The record contains the part's identity, the
 bags and settings from which it was made: with another identity the part is outdated and is made again. Files of a part
 without a record belong to an interrupted run; the staging folder is the mark by which ``begin`` finds and removes them.
-Records and staging folders are in the export's folder ``.parts``. The caller holds the folder's ``DatasetLock``.
+Records and staging folders are in the export's folder ``.parts``. The caller holds the folder by ``hold_export``.
 """
 
 import json
 import shutil
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.foundation.errors import InputError
-from simbev_ros.foundation.files.confined_paths import path_inside
+from simbev_ros.foundation.files.confined_paths import path_inside, refuse_links_out
 from simbev_ros.foundation.files.structured_text import parse_json
 from simbev_ros.foundation.files.syncing import sync
 from simbev_ros.foundation.files.whole_files import write_errors, write_whole
@@ -163,6 +165,20 @@ class Part:
     @property
     def _staging(self) -> Path:
         return path_inside(self.out, Path(PARTS_FOLDER, f"{self.name}{PARTIAL_SUFFIX}"))
+
+
+@contextmanager
+def hold_export(out: Path) -> Iterator[None]:
+    """Hold an export's folder, new or begun, while parts are written to it and removed from it.
+
+    Raises:
+        DiskError: The disk is full.
+        InputError: The folder cannot be written to, another process writes into it, or a link in it leads out of it.
+    """
+    with DatasetLock(out), write_errors(out):
+        for entry in sorted(out.iterdir()):
+            refuse_links_out(out, entry.name)
+        yield
 
 
 def fingerprint_of(bag: Path) -> str:

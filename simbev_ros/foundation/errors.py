@@ -23,8 +23,14 @@ NPZ_DAMAGE = (*FOREIGN_ERRORS, OSError, SyntaxError, tokenize.TokenError, zipfil
 _FOREIGN = (*NPZ_DAMAGE, StopIteration)
 _MAX_WORDS = 200
 
-DISK_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-"""Numbers of the operating system's errors when there is no space for more on a disk."""
+DISK_FULL = {
+    errno.ENOSPC: "the disk is full",
+    errno.EDQUOT: "the disk quota is used up",
+    errno.EFBIG: "the file is larger than files may be here",
+}
+"""Words for the numbers of the operating system's errors when there is no space for more on a disk."""
+
+_EXHAUSTED = (*DISK_FULL, errno.EMFILE, errno.ENFILE, errno.ENOMEM)
 
 
 class SimbevError(Exception):
@@ -73,7 +79,7 @@ def foreign_content(source: object) -> Iterator[None]:
     except SimbevError:
         raise
     except _FOREIGN as error:
-        if isinstance(error, OSError) and error.errno in DISK_FULL:
+        if isinstance(error, OSError) and error.errno in _EXHAUSTED:
             raise
         words = " ".join(str(error).split())
         short = words if len(words) <= _MAX_WORDS else f"{words[:_MAX_WORDS]} …"

@@ -9,35 +9,8 @@ import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from simbev_ros.foundation.errors import InputError
-
 _TRIM_THRESHOLD, _TOP_PAD, _MMAP_THRESHOLD = -1, -2, -3  # from <malloc.h>
 _MAX_MMAP_THRESHOLD = 32 << 20
-GRAPH_ADDRESS_SPACE_BYTES = 4 << 30
-"""Address space that every process of a graph needs: with 3 GB the drivers and libraries of small graphs end them."""
-
-
-def address_space_problem() -> str | None:
-    """Describe why a graph cannot run within the limit of address space (``ulimit -v``); None if it can."""
-    import resource  # not on Windows, where nothing calls this
-
-    limit_bytes = resource.getrlimit(resource.RLIMIT_AS)[0]
-    if limit_bytes == resource.RLIM_INFINITY or limit_bytes >= GRAPH_ADDRESS_SPACE_BYTES:
-        return None
-    return (
-        f"memory is short: a process may have {limit_bytes / 2**30:.1f} GiB of address space (ulimit -v), "
-        f"and a graph needs {GRAPH_ADDRESS_SPACE_BYTES >> 30} GiB"
-    )
-
-
-def require_address_space() -> None:
-    """Check the limit of address space before a graph starts, as libraries end their process where they reach it.
-
-    Raises:
-        InputError: A graph cannot run within it.
-    """
-    if problem := address_space_problem():
-        raise InputError(problem)
 
 
 def keep_freed_memory() -> None:

@@ -11,6 +11,7 @@ import numpy as np
 
 from simbev_ros.foundation.errors import NPZ_DAMAGE
 from simbev_ros.foundation.geometry.geodesy import MapDatum
+from simbev_ros.foundation.process_limits import is_shortage
 from simbev_ros.foundation.types import AnyArray
 from simbev_ros.maps.columns import from_columns, part_of, to_columns
 from simbev_ros.maps.findings import Finding
@@ -101,6 +102,8 @@ def _damage_as_value_error(folder: Path) -> Iterator[None]:
     try:
         yield
     except NPZ_DAMAGE as error:
+        if is_shortage(error):
+            raise
         raise ValueError(f"{folder}: {error}") from error
 
 

@@ -1,8 +1,10 @@
 """Playing scenes that ROS nodes ask for: the core of ``simbev run --serve``."""
 
+import math
 import time
 from collections.abc import Generator
 from contextlib import ExitStack
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +12,12 @@ from simbev_ros.config.camera import Camera
 from simbev_ros.config.evaluation import Evaluation
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.load import CONFIG_SUFFIXES, find_config, load_scenario, parse_scenario
+from simbev_ros.config.radar import Radar
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.dataset.plan import Plan
 from simbev_ros.foundation.errors import GraphError, InputError, SimbevError
 from simbev_ros.foundation.files.input_file import path_exists
-from simbev_ros.foundation.files.limits import MAX_ORDERED_SAMPLES, MAX_SCENE_NUMBER
+from simbev_ros.foundation.files.limits import MAX_ORDERED_SAMPLES, MAX_ORDERED_SENSORS, MAX_SCENE_NUMBER
 from simbev_ros.foundation.files.whole_files import require_writable
 from simbev_ros.foundation.latest_value import LatestValue
 from simbev_ros.maps.network import RoadNetwork
@@ -124,18 +127,32 @@ def _require_moderate(scenario: Scenario, own: Scenario) -> None:
     """Check that an ordered rig does not need the whole machine; one as large as the graph's own is allowed.
 
     Raises:
-        InputError: Its cameras and lidars have too many pixels and rays.
+        InputError: There are too many sensors, or they and the labels have too many pixels, rays, cells and voxels.
     """
-    samples, allowed = _samples_per_tick(scenario), max(_samples_per_tick(own), MAX_ORDERED_SAMPLES)
-    if samples > allowed:
-        raise InputError(f"rig: has {samples:,} pixels and rays; an order may have {allowed:,}")
+    for count, most, words in (
+        (_sensor_count, MAX_ORDERED_SENSORS, "sensors"),
+        (_samples_per_tick, MAX_ORDERED_SAMPLES, "pixels, rays, cells and voxels"),
+    ):
+        if (found := count(scenario)) > (allowed := max(count(own), most)):
+            raise InputError(f"rig: has {found:,} {words}; an order may have {allowed:,}")
+
+
+def _sensor_count(scenario: Scenario) -> int:
+    return sum(len(rig.sensors) for rig in scenario.rigs)
 
 
 def _samples_per_tick(scenario: Scenario) -> int:
-    """Pixels of all images and rays of all lidars at a tick at which all are due."""
+    """Pixels of all images, rays of all lidars and radars, cells and voxels, at a tick at which all are due."""
     sensors = [sensor for rig in scenario.rigs for sensor in rig.sensors]
     images = (s.width_px * s.height_px * len(s.modalities) for s in sensors if isinstance(s, Camera))
-    return sum(images) + sum(s.channels * s.columns for s in sensors if isinstance(s, Lidar))
+    rays = (s.channels * s.columns for s in sensors if isinstance(s, Lidar))
+    radars = (s for s in sensors if isinstance(s, Radar))
+    scans = (round(s.points_per_second * (1.0 / s.rate_hz if s.rate_hz else scenario.time.tick_s)) for s in radars)
+    own, agents = scenario.annotation, scenario.agents
+    labels = [(own, 1), *((agent.annotation or own, agent.max_count) for agent in agents)]
+    cells = (number * each.bev.rows * each.bev.columns for each, number in labels)
+    voxels = (number * math.prod(each.occupancy.grid.shape) for each, number in labels if each.occupancy)
+    return sum(chain(images, rays, scans, cells, voxels))
 
 
 def serve_scenes(

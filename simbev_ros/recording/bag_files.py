@@ -138,7 +138,7 @@ def disk_errors(folder: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        problem = "the disk is full" if error.errno in DISK_FULL else f"cannot be written: {error.strerror}"
+        problem = DISK_FULL.get(error.errno or 0, f"cannot be written: {error.strerror}")
         raise DiskError(f"{folder}: {problem}") from None
 
 

@@ -8,6 +8,7 @@ prove by a token in its address that it comes from who has read the address.
 import hmac
 import ipaddress
 import os
+import re
 import secrets
 import socket
 from pathlib import Path
@@ -26,6 +27,8 @@ MAX_CONNECTIONS = 64
 """Connections at the same time; further ones are closed at once."""
 
 _TOKEN_BYTES = 16
+_HOST = re.compile(r"(?:\[([0-9A-Za-z:.%]+)\]|([0-9A-Za-z._-]+))(?::[0-9]*)?")
+"""An address in brackets, or another address or name; then perhaps a port. It has no user, path or query."""
 
 
 def user_token() -> str:
@@ -77,12 +80,10 @@ def is_own_host(host: str | None) -> bool:
 
     Names that others can point at this machine's addresses are refused. The port is free, for tunnels.
     """
-    try:
-        name = urlsplit(f"//{host}").hostname if host else None
-    except ValueError:
+    parts = _HOST.fullmatch(host or "")
+    if parts is None:
         return False
-    if name is None:
-        return False
+    name = (parts[1] or parts[2]).lower()
     try:
         ipaddress.ip_address(name)
     except ValueError:

@@ -4,6 +4,7 @@ The server behind it listens at a loopback address that is drawn at random, so t
 receives nothing from other programs (``show.loopback``).
 """
 
+import fcntl
 import os
 import secrets
 import socket
@@ -17,7 +18,7 @@ from simbev_ros.show.access import HEAD_TIMEOUT_S, MAX_CONNECTIONS, MAX_HEAD_BYT
 from simbev_ros.show.loopback import SoleClient, is_own_client
 
 _SPLICE_BYTES = 1 << 20
-_END_OF_HEAD = b"\r\n\r\n"
+END_OF_HEAD = b"\r\n\r\n"
 
 
 def hidden_address() -> str:
@@ -97,7 +98,7 @@ class Gate:
 
     def _admit(self, client: socket.socket) -> bytes | None:
         """What the server receives first; None: the client has been refused."""
-        refusal, request = self._judge(_read_head(client))
+        refusal, request = self._judge(read_head(client))
         if not refusal:
             return request
         body = f"{refusal}\n".encode()
@@ -111,9 +112,9 @@ class Gate:
     def _judge(self, head: bytes) -> tuple[str, bytes]:
         """Why a request is refused (empty: it is not), and what the server receives: it never sees the token."""
         line, _, rest = head.partition(b"\r\n")
-        words, lines = line.split(b" "), rest.partition(_END_OF_HEAD)[0].split(b"\r\n")
+        words, lines = line.split(b" "), rest.partition(END_OF_HEAD)[0].split(b"\r\n")
         is_plain = not any(b"\r" in each or b"\n" in each for each in (line, *lines))  # which end lines for some
-        if _END_OF_HEAD not in head or len(words) != 3 or not words[0].isalpha() or not is_plain:
+        if END_OF_HEAD not in head or len(words) != 3 or not words[0].isalpha() or not is_plain:
             return "not a request", b""
         headers = [each.split(b":", 1) for each in lines if b":" in each]
         hosts = [value.strip().decode("latin-1") for name, value in headers if name.strip().lower() == b"host"]
@@ -157,10 +158,14 @@ class UserGate(Gate):
         return b"" if is_own_client(client) else None
 
 
-def _read_head(client: socket.socket) -> bytes:
-    """The head of a request, and what came with it; cut off at the limit."""
+def read_head(client: socket.socket) -> bytes:
+    """The head of a request, and what came with it; cut off at the limit.
+
+    Raises:
+        OSError: It does not arrive in time.
+    """
     head, deadline_s = b"", time.monotonic() + HEAD_TIMEOUT_S
-    while _END_OF_HEAD not in head and len(head) < MAX_HEAD_BYTES:
+    while END_OF_HEAD not in head and len(head) < MAX_HEAD_BYTES:
         client.settimeout(max(deadline_s - time.monotonic(), 0.001))
         if not (more := client.recv(4096)):
             break
@@ -171,6 +176,8 @@ def _read_head(client: socket.socket) -> bytes:
 def _pump(source: socket.socket, target: socket.socket) -> None:
     """Pass on what one side sends until it ends; the bytes stay in the kernel."""
     read_end, write_end = os.pipe()
+    with suppress(OSError):  # beyond what the user may have in pipes, it stays small
+        fcntl.fcntl(write_end, fcntl.F_SETPIPE_SZ, _SPLICE_BYTES)
     try:
         with suppress(OSError):
             while count := os.splice(source.fileno(), write_end, _SPLICE_BYTES):

@@ -94,7 +94,7 @@ class SoleClient:
         """Let packets from the ports of this process pass, and no others."""
         if self._listener is None:
             return
-        ports, (ip,) = sorted(self._ports), struct.unpack("!I", socket.inet_aton(LOOPBACK))
+        ports, ip = sorted(self._ports), int.from_bytes(socket.inet_aton(LOOPBACK), "big")
         program = [
             (_LOAD_WORD, 0, 0, _SOURCE_IP),
             (_JUMP_IF_EQUAL, 0, len(ports) + 1, ip),

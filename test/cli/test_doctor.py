@@ -1,5 +1,6 @@
 """``simbev doctor`` says of every EGL device whether it draws, or why not."""
 
+import re
 import sys
 from typing import Any
 
@@ -70,3 +71,9 @@ def test_without_ros_the_command_that_installs_it_is_said(simbev: Any, monkeypat
     assert answer.code == 1
     assert lines(answer)["ROS 2"].startswith("✗ not installed: ")
     assert "pip install" in simbev("env").err
+
+
+def test_a_loopback_interface_that_is_down_fails(simbev: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("simbev_ros.cli.doctor.loopback_problem", lambda: "the loopback interface is down")
+    answer = simbev("doctor")
+    assert answer.code == 1 and re.search("✗ +network +the loopback interface is down", answer.out)

@@ -51,6 +51,12 @@ def test_the_picture_marks_the_place(simbev: Callable[..., Any], damaged: Path, 
     assert len(red) > 100, "a ring, below the legend"
 
 
+def test_control_characters_in_a_map_do_not_reach_the_terminal(simbev: Callable[..., Any], damaged: Path) -> None:
+    hostile = damaged.rename(damaged.with_name(f"a\x1b[31m\x9b{damaged.name}"))
+    lines = simbev("map", hostile, "--check").out.splitlines()
+    assert {lines[0].partition(":")[0], lines[-1].partition(":")[0]} == {rf"a\x1b[31m\x9b{damaged.name}"}
+
+
 def test_a_map_without_findings_passes(simbev: Callable[..., Any]) -> None:
     answer = simbev("map", "Blocks", "--check")
     assert answer.code == 0

@@ -104,6 +104,15 @@ def test_a_lock_file_that_is_a_link_or_no_file_is_refused(tmp_path: Path) -> Non
         DatasetLock(tmp_path / "set")
     assert (tmp_path / "precious").read_text() == "mine"
     lock.unlink()
+    lock.hardlink_to(tmp_path / "precious")
+    with pytest.raises(InputError, match=r"set: \.lock has other content than a lock; remove it"):
+        DatasetLock(tmp_path / "set")
+    assert (tmp_path / "precious").read_text() == "mine"
+    lock.unlink()
+    lock.write_text("4711")  # of a process that was killed
+    with DatasetLock(tmp_path / "set"):
+        assert lock.read_text() == str(os.getpid())
+    lock.unlink()
     os.mkfifo(lock)
     with pytest.raises(InputError, match=r"set: cannot be written to: \.lock is not a file"):
         DatasetLock(tmp_path / "set")

@@ -117,3 +117,10 @@ def test_the_entrypoint_reads_the_configuration_that_is_mounted_in_the_head() ->
 
 def test_the_container_that_the_launcher_starts_runs_a_shell_instead_of_simbev() -> None:
     assert "--entrypoint=/usr/bin/env" in LAUNCHER["docker"]["run_options"]
+
+
+def test_all_templates_give_ray_a_token() -> None:
+    assert CLUSTER["authOptions"] == {"mode": "token"}
+    assert "--env=RAY_AUTH_MODE=token" in LAUNCHER["docker"]["run_options"]
+    assert LAUNCHER["file_mounts"] == {"~/.ray/auth_token": "~/.ray/auth_token"}
+    assert "export RAY_AUTH_MODE=token RAY_AUTH_TOKEN\n" in SLURM

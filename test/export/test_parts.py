@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from simbev_ros.export.parts import PARTS_FOLDER, Part, is_begun, part_names
+from simbev_ros.export.parts import PARTS_FOLDER, Part, hold_export, is_begun, part_names
 from simbev_ros.foundation.errors import InputError
 
 
@@ -122,3 +122,15 @@ def test_a_folder_that_cannot_be_written_to_is_an_input_error(tmp_path: Path) ->
     (tmp_path / "out").write_bytes(b"a file")
     with pytest.raises(InputError, match=r"cannot be written: Not a directory"):
         part(tmp_path / "out").begin()
+
+
+def test_a_link_that_leads_out_of_the_export_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "out/samples").mkdir(parents=True)
+    (tmp_path / "out/sweeps").symlink_to("samples")
+    with hold_export(tmp_path / "out"):
+        pass
+    (tmp_path / "out/samples/CAM_FRONT").symlink_to(tmp_path / "elsewhere")
+    problem = r"samples/CAM_FRONT: leads out of .*out, to .*elsewhere"
+    with pytest.raises(InputError, match=problem), hold_export(tmp_path / "out"):
+        pass

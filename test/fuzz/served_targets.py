@@ -73,6 +73,12 @@ class _Connection:
     def makefile(self, *_: object) -> io.BytesIO:
         return self.received
 
+    def recv(self, size: int) -> bytes:
+        return self.received.read(size)
+
+    def recv_into(self, buffer: memoryview) -> int:
+        return self.received.readinto(buffer)
+
     def sendall(self, data: bytes) -> None:
         self.sent += data
 

@@ -91,8 +91,37 @@ def test_clients_see_nothing_of_files_that_an_order_names(scenario: Scenario, tm
 def test_an_order_needs_no_more_than_a_large_rig(drawer: OrderDrawer) -> None:
     camera = "{{type: camera, name: cam_{}, width_px: 8192, height_px: 8192}}"
     sensors = ", ".join(camera.format(number) for number in range(60))
-    with pytest.raises(InputError, match=r"^rig: has 20,132,659,200 pixels and rays; an order may have 268,435,456"):
+    with pytest.raises(InputError, match=r"^rig: has 20,132,788,800 pixels, .* voxels; an order may have 268,435,456"):
         drawer.draw(SceneOrder(CONFIG.replace("{type: gnss, name: gnss}", sensors)))
+
+
+VOXELS = "annotation: {occupancy: {half_side_m: 512, voxel_m: 0.5, bottom_m: -1, top_m: 15}}"
+
+
+@pytest.mark.parametrize(
+    ("count", "sensor", "more", "words"),
+    [
+        (257, "{{type: imu, name: imu_{}}}", "", "257 sensors; an order may have 256$"),
+        (
+            250,
+            "{{type: radar, name: r_{}, rate_hz: 1, points_per_second: 1000000}}",
+            VOXELS,
+            "384,347,328 pixels, rays",
+        ),
+        (0, "", "agents: [{name: a, count: 31, annotation: {bev: {rows: 4096, columns: 4096}}}]", "520,223,296 pixels"),
+        (0, "", f"agents: [{{name: a, count: 2, {VOXELS}}}]", "268,824,256 pixels, rays, cells and voxels"),
+    ],
+    ids=["sensors", "rays", "cells", "voxels"],
+)
+def test_an_order_needs_no_more_memory_by_many_sensors_or_large_labels(
+    drawer: OrderDrawer, count: int, sensor: str, more: str, words: str
+) -> None:
+    sensors, more = (
+        ", ".join(map(sensor.format, range(count))),
+        more.replace("{name: a,", "{name: a, rig: {sensors: []},"),
+    )
+    with pytest.raises(InputError, match=rf"^rig: has {words}"):
+        drawer.draw(SceneOrder(f"{CONFIG.replace('{type: gnss, name: gnss}', sensors)}\n{more}\n"))
 
 
 def test_recorded_scenes_have_numbers_of_their_own(scenario: Scenario, tmp_path: Path) -> None:

@@ -11,8 +11,9 @@ from waiting import PATIENCE_S, wait_until
 
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.show import gate as gates
-from simbev_ros.show.access import has_token, is_own_host, is_own_origin, user_token
+from simbev_ros.show.access import MAX_HEAD_BYTES, has_token, is_own_host, is_own_origin, user_token
 from simbev_ros.show.gate import Gate, hidden_address
+from simbev_ros.show.rerun.page_server import PageServer
 
 
 @pytest.fixture
@@ -72,6 +73,13 @@ def test_others_are_refused_and_the_server_hears_nothing(gate: Gate, server: soc
         server.accept()
 
 
+@pytest.mark.parametrize(
+    "host", ["evil@localhost", "evil\\@[::1]", "[::1]evil", "localhost/evil", "::1", "localhost:x", ""]
+)
+def test_a_host_header_is_a_name_and_a_port_alone(host: str) -> None:
+    assert not is_own_host(host)
+
+
 def test_too_many_connections_are_closed_and_slow_ones_given_up(
     gate: Gate, server: socket.socket, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -85,6 +93,47 @@ def test_too_many_connections_are_closed_and_slow_ones_given_up(
         assert inside.recv(3) == b"GET"
     for each in silent:
         each.close()
+
+
+@pytest.mark.parametrize(
+    "head", ["GET / HTTP/1.1\r\nHost: localhost\r\n", f"GET / HTTP/1.1\r\nX: {'a' * MAX_HEAD_BYTES}\r\n\r\n"]
+)
+def test_the_page_gives_up_slow_and_long_heads(monkeypatch: pytest.MonkeyPatch, head: str) -> None:
+    monkeypatch.setattr(gates, "HEAD_TIMEOUT_S", 1.0)
+    with PageServer("127.0.0.1", 0) as page:
+        client = socket.create_connection(page.server_address, timeout=PATIENCE_S)
+
+        def is_given_up() -> bool:
+            try:
+                client.send(b"a")  # which ends no line
+                return client.recv(1, socket.MSG_DONTWAIT) == b""
+            except BlockingIOError:
+                return False
+            except ConnectionError:
+                return True
+
+        client.sendall(head.encode())
+        wait_until(is_given_up)
+        client.close()
+
+
+def test_the_page_takes_a_call_that_comes_in_pieces() -> None:
+    with PageServer("127.0.0.1", 0) as page, socket.create_server(("127.0.0.1", 0)) as data:
+        data.settimeout(PATIENCE_S)
+        page.data = data.getsockname()
+        client = socket.create_connection(page.server_address, timeout=PATIENCE_S)
+        head = f"POST /a HTTP/1.1\r\nHost: localhost\r\nCookie: {page.cookie_name}={page.cookie}\r\n"
+        client.sendall(head.encode())
+        client.sendall(b"Content-Length: 10\r\n\r\nearly")
+        client.sendall(b" late")
+        inside, _ = data.accept()
+        inside.settimeout(PATIENCE_S)
+        received = b""
+        while not received.endswith(b"\r\n\r\nearly late"):
+            received += (more := inside.recv(1000))
+            assert more
+        inside.close()
+        client.close()
 
 
 def test_a_taken_port_is_named(gate: Gate) -> None:

@@ -1,10 +1,11 @@
-"""A Ray cluster on this machine, whose nodes a test can kill; each node is a raylet with processes of its own."""
+"""A Ray cluster with a token on this machine, whose nodes a test can kill; each node is a raylet with its processes."""
 
 import os
 from contextlib import suppress
 from typing import Any
 
 import psutil
+from ray._private.authentication_test_utils import reset_auth_token_state
 from ray.cluster_utils import Cluster
 
 
@@ -18,7 +19,8 @@ class RayNodes:
     """
 
     def __init__(self, nodes: int, cpus: int = 2, memory_mib: int = 6144) -> None:
-        os.environ["RAY_USAGE_STATS_ENABLED"] = "0"
+        os.environ |= {"RAY_USAGE_STATS_ENABLED": "0", "RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": "of-the-tests-" * 3}
+        reset_auth_token_state()  # Ray has read the environment when it was imported
         self._offers = {"num_cpus": cpus, "memory": memory_mib << 20, "object_store_memory": 100 << 20}
         self._cluster = Cluster(initialize_head=True, head_node_args={**self._offers, "include_dashboard": False})
         self.others: list[Any] = []

@@ -11,10 +11,9 @@ from simbev_exporters.labeled_images.layout import ImagePart, Layout, make_part
 from simbev_exporters.recorded_sensors import recorded_cameras
 from simbev_ros.config.scenario import SPLITS
 from simbev_ros.dataset import Dataset, Scene
-from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.dataset.parallel import OWN_PROCESS, Pool
 from simbev_ros.export.part_making import Failures, Report, ignore_progress, make_parts, remove_vanished, source_of
-from simbev_ros.export.parts import PARTS_FOLDER, is_begun
+from simbev_ros.export.parts import PARTS_FOLDER, hold_export, is_begun
 from simbev_ros.foundation.errors import BagError, InputError, foreign_content
 from simbev_ros.foundation.files.whole_files import write_errors
 
@@ -72,7 +71,7 @@ def export_images(
             failures[scene.name] = str(error)
     _require_different(dataset, parts)
     _require_cameras(layout, recorded)
-    with DatasetLock(out), write_errors(out):
+    with hold_export(out):
         _remove_vanished(out, layout, parts)
         missing = [part for part in parts if part.scene.name in counts and part.record() is None]
         images = sum(counts[part.scene.name] for part in missing)

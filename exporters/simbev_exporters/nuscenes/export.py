@@ -24,11 +24,10 @@ from simbev_exporters.nuscenes.scene_part import ScenePart, make_part, parts_of
 from simbev_exporters.nuscenes.sites import Site, sites_of
 from simbev_exporters.nuscenes.tables import write_tables
 from simbev_ros.dataset import Dataset, Scene
-from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.dataset.nuscenes.channels import ChannelNames, require_named_sensors
 from simbev_ros.dataset.parallel import OWN_PROCESS, Pool
 from simbev_ros.export.part_making import Failures, Report, ignore_progress, make_parts
-from simbev_ros.export.parts import PARTS_FOLDER, is_begun
+from simbev_ros.export.parts import PARTS_FOLDER, hold_export, is_begun
 from simbev_ros.foundation.errors import BagError, InputError, foreign_content
 from simbev_ros.foundation.files.whole_files import write_errors, write_whole
 from simbev_ros.foundation.installation.extras import load_extras
@@ -148,7 +147,7 @@ def export_nuscenes(
     )
     if not is_begun(out) and any((out / name).exists() for name in (settings.version, "samples", "maps")):
         raise InputError(f"{out}: it holds data of nuScenes' layout that simbev has not written; take another folder")
-    with DatasetLock(out), write_errors(out):
+    with hold_export(out):
         return _export(parts, out, settings, names, pool, report)
 
 

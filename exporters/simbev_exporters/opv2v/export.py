@@ -16,13 +16,12 @@ from simbev_exporters.recorded_sensors import recorded_cameras
 from simbev_ros import __version__
 from simbev_ros.dataset import Dataset, Scene
 from simbev_ros.dataset.frame_period import frame_period
-from simbev_ros.dataset.lock import DatasetLock
 from simbev_ros.dataset.parallel import OWN_PROCESS, Pool, report_step
 from simbev_ros.export.part_making import Failures, Report, ignore_progress, make_parts, remove_vanished
-from simbev_ros.export.parts import PARTS_FOLDER, Part, fingerprint_of, is_begun
+from simbev_ros.export.parts import PARTS_FOLDER, Part, fingerprint_of, hold_export, is_begun
 from simbev_ros.foundation.errors import BagError, InputError, foreign_content
 from simbev_ros.foundation.files.confined_paths import path_inside
-from simbev_ros.foundation.files.whole_files import write_errors, write_whole
+from simbev_ros.foundation.files.whole_files import write_whole
 from simbev_ros.foundation.object_store.object_path import require_local
 from simbev_ros.foundation.units import NS_PER_S
 
@@ -102,7 +101,7 @@ def export_opv2v(
         raise InputError(f"{out}: it holds data of OPV2V's layout that simbev has not written; take another folder")
     agents, failures = _agents_by_scene(dataset, settings)
     parts = [_part(agent, out, settings) for of_scene in agents.values() for agent in of_scene]
-    with DatasetLock(out), write_errors(out):
+    with hold_export(out):
         _remove_vanished(out, dataset, parts)
         missing = [part for part in parts if part.record() is None]
         frames = sum(len(range(0, len(part.scene), _period(part))) for part in missing)

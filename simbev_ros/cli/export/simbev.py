@@ -59,10 +59,10 @@ def export_simbev(
 
 def _export(opened: "Dataset", root: Path, pool: Pool, *, absolute_paths: bool) -> None:
     """Export what one agent sees, and print what was made."""
-    from simbev_ros.dataset.lock import DatasetLock
+    from simbev_ros.export.parts import hold_export
     from simbev_ros.export.simbev.export import finish, parts_of, remove_ends
 
-    with DatasetLock(root):
+    with hold_export(root):
         parts = parts_of(opened, root)
         remove_ends(parts)
         made = _make(parts, pool)

@@ -12,7 +12,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from simbev_ros.cli.console import table_console
+from simbev_ros.cli.console import make_console, table_console
 from simbev_ros.cli.map.exploration import build_roads
 from simbev_ros.drawing.canvas import Color, draw_text
 from simbev_ros.foundation.types import UInt8Array
@@ -54,12 +54,12 @@ def print_check(
     if as_json:
         typer.echo(json.dumps({"file": spec.path or None, **check_facts(network)}, indent=2))
     else:
-        name = Path(spec.path).name or spec.name
+        name, lines = Path(spec.path).name or spec.name, make_console(soft_wrap=True, highlight=False)
         for line in finding_lines(name, network.findings):
-            typer.echo(line)
+            lines.print(line)
         if network.findings:
             table_console().print(rules_table(network.findings))
-        typer.echo(f"{name}: {lost_percent:.2f} % of the driving lanes are lost; allowed: {max_loss_percent:g} %")
+        lines.print(f"{name}: {lost_percent:.2f} % of the driving lanes are lost; allowed: {max_loss_percent:g} %")
     if out is not None:
         write_picture(check_file(out), check_picture(network))
     return lost_percent <= max_loss_percent

@@ -6,12 +6,13 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from simbev_ros.foundation.cache.entries import evict_unused, hold_entry
 from simbev_ros.foundation.cache.seals import require_own, require_seal, write_seal
 from simbev_ros.foundation.errors import NPZ_DAMAGE, InputError
 from simbev_ros.foundation.files.lock_file import open_lock_file
+from simbev_ros.foundation.process_limits import is_shortage
 
 _T = TypeVar("_T")
 
@@ -30,11 +31,11 @@ def read_cached(path: Path, kind: str, read: Callable[[Path], _T], write: Callab
     """
     hold_entry(path.parent)
     require_own(path.parent)
-    with suppress(*NPZ_DAMAGE):
+    with _SuppressedDamage():
         return _read(path, read)
     is_first = not path.parent.exists()
     with writing_alone(path.parent / f".{path.stem}.lock", kind):
-        with suppress(*NPZ_DAMAGE):
+        with _SuppressedDamage():
             return _read(path, read)  # another process has written it meanwhile
         _write(path, kind, write)
     if is_first:
@@ -64,6 +65,16 @@ def writing_alone(lock: Path, kind: str) -> Iterator[None]:
     finally:
         lock.unlink(missing_ok=True)
         os.close(descriptor)
+
+
+class _SuppressedDamage(suppress):
+    """Suppresses errors that a damaged file causes, but not those of a process that has reached its limits."""
+
+    def __init__(self) -> None:
+        super().__init__(*NPZ_DAMAGE)
+
+    def __exit__(self, kind: Any, error: BaseException | None, trace: Any) -> bool:
+        return (error is None or not is_shortage(error)) and super().__exit__(kind, error, trace)
 
 
 def _read(path: Path, read: Callable[[Path], _T]) -> _T:

@@ -8,6 +8,7 @@ from pathlib import Path
 from simbev_ros.foundation.cache.entries import discard_entry, entry_path, evict_unused, hold_entry
 from simbev_ros.foundation.cache.seals import require_own, require_seal, write_seal
 from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.process_limits import is_shortage
 
 _SEAL = ".sha256"
 
@@ -57,7 +58,9 @@ def _is_there(folder: Path) -> bool:
         return False
     try:
         require_seal(folder / _SEAL, folder.name, _content(folder))
-    except (OSError, ValueError):
+    except (OSError, ValueError) as error:
+        if is_shortage(error):
+            raise
         discard_entry(folder)
         return False
     return True

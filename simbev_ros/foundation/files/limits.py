@@ -96,7 +96,10 @@ MAX_IMAGE_SIDE_PX = 8192
 """Width and height of a compressed image, and of a camera in a configuration."""
 
 MAX_ORDERED_SAMPLES = 1 << 28
-"""Pixels and rays at one tick of a scene that a ROS node orders; 6 x as many as the paper's rig has."""
+"""Pixels, rays, cells and voxels at one tick of a scene that a ROS node orders; 6 x as many as the paper has."""
+
+MAX_ORDERED_SENSORS = 256
+"""Sensors of all agents in a scene that a ROS node orders; the paper's rig has 13."""
 
 MAX_SCENE_NUMBER = 500_000
 """Highest number of a scene. Scenes are an hour apart, and stamps are int32 seconds."""

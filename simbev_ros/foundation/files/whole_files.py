@@ -114,7 +114,7 @@ def require_writable(folder: Path) -> None:
             pass
     except OSError as error:
         if error.errno in DISK_FULL:
-            raise DiskError(f"{folder}: the disk is full") from None
+            raise DiskError(f"{folder}: {DISK_FULL[error.errno]}") from None
         raise InputError(f"{folder}: cannot be written to: {error.strerror}") from None
 
 
@@ -143,5 +143,5 @@ def write_errors(path: AnyPath) -> Iterator[None]:
     except OSError as error:
         file = str(error.filename or path).removesuffix(_UNFINISHED_SUFFIX)
         if error.errno in DISK_FULL:
-            raise DiskError(f"{file}: the disk is full") from None
+            raise DiskError(f"{file}: {DISK_FULL[error.errno]}") from None
         raise InputError(f"{file}: cannot be written: {error.strerror or error}") from None

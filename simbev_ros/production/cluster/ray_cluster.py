@@ -18,6 +18,7 @@ from simbev_ros.foundation.installation.extras import load_extras
 
 R = TypeVar("R")
 
+_TOKEN_HINT = "; if it has a token, set RAY_AUTH_MODE=token and RAY_AUTH_TOKEN"
 _CONNECT_TIMEOUT_S, _ANSWER_TIMEOUT_S, _REAP_TIMEOUT_S = 5.0, 120.0, 15.0
 
 
@@ -76,8 +77,9 @@ class RayCluster:
         try:
             with _kept_signals():
                 context = ray.init(address=head, log_to_driver=False, logging_level="ERROR", namespace="simbev_ros")
-        except (ConnectionError, RuntimeError, ValueError) as error:
-            raise InputError(f"{address}: {one_line(error)}", parameter="ray") from None
+        except (ConnectionError, RuntimeError, ValueError, ray.exceptions.RayError) as error:
+            hint = _TOKEN_HINT if "Failed to connect" in str(error) else ""
+            raise InputError(f"{address}: {one_line(error)}{hint}", parameter="ray") from None
         self.address = str(context.address_info["gcs_address"])
         self._reaps_graphs = reaps_graphs
 

@@ -14,6 +14,7 @@ from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any
 
 from simbev_ros.foundation.errors import SimbevError
+from simbev_ros.foundation.process_limits import ending_on_shortage
 from simbev_ros.ros.graph.interrupts import Interrupted, raising_interrupts
 from simbev_ros.ros.nodes.lifeline import wake_at_end_of_supervisor
 
@@ -96,4 +97,5 @@ def run_worker(descriptor: int) -> None:
 
 if __name__ == "__main__":
     wake_at_end_of_supervisor()
-    run_worker(int(sys.argv[1]))
+    with ending_on_shortage():
+        run_worker(int(sys.argv[1]))

@@ -32,6 +32,7 @@ class Exposure:
         folder = shipped_config_dir()
         return {
             "FASTRTPS_DEFAULT_PROFILES_FILE": str(folder / ("fastdds_network.xml" if self.network else "fastdds.xml")),
+            "SKIP_DEFAULT_XML_FILE": "1",  # of Fast DDS in the current folder, which would replace these settings
             "CYCLONEDDS_URI": "" if self.network else (folder / "cyclonedds.xml").as_uri(),
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET" if self.network else "LOCALHOST",
         }

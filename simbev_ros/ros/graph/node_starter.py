@@ -16,11 +16,14 @@ from typing import Protocol
 import psutil
 
 from simbev_ros.foundation.installation.import_order import module_command
+from simbev_ros.foundation.process_limits import low_limits
 from simbev_ros.ros.nodes.fork_server import MAX_MESSAGE_BYTES
 from simbev_ros.ros.nodes.lifeline import SUPERVISOR_VARIABLE, die_with_parent
 
 _STOP_TIMEOUT_S, _END_TIMEOUT_S = 10.0, 8.0
 """Time that the server has to end, and its processes when it has died."""
+_CRASHES = (-signal.SIGSEGV, -signal.SIGABRT, -signal.SIGBUS)
+"""Exit codes of processes in which a library may have reached a limit."""
 
 
 class RunningProcess(Protocol):
@@ -141,6 +144,8 @@ class NodeStarter:
 def describe_exit(code: int | None, output: Sequence[str]) -> str:
     """Describe how a process ended, with the last line of its output that is not empty."""
     reason = f"killed by {signal.Signals(-code).name}" if code is not None and code < 0 else f"exit code {code}"
+    if code in _CRASHES and (limits := low_limits()):
+        reason += f" ({'; '.join(limits)})"
     words = [line for line in output if line.strip()]
     return f"{reason}: {words[-1]}" if words else reason
 

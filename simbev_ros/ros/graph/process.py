@@ -14,19 +14,23 @@ from pathlib import Path
 import psutil
 import yaml
 
-from simbev_ros.foundation.errors import DiskError, InputError, SimbevError
+from simbev_ros.foundation.errors import DiskError, GraphError, InputError, SimbevError
 from simbev_ros.foundation.installation.import_order import module_command
 from simbev_ros.ros.conventions.arguments import PLAIN, RosArguments
 from simbev_ros.ros.conventions.names import logger_name
 from simbev_ros.ros.graph.node_starter import NodeStarter, RunningProcess, describe_exit
 from simbev_ros.ros.graph.plan import ProcessPlan
-from simbev_ros.ros.nodes.main import DISK_EXIT_CODE, ERROR_MARK
+from simbev_ros.ros.nodes.main import DISK_EXIT_CODE, ERROR_MARK, SHORTAGE_EXIT_CODE
 
-_REFUSALS: Mapping[int | None, type[SimbevError]] = {InputError.exit_code: InputError, DISK_EXIT_CODE: DiskError}
+_REFUSALS: Mapping[int | None, type[SimbevError]] = {
+    InputError.exit_code: InputError,
+    DISK_EXIT_CODE: DiskError,
+    SHORTAGE_EXIT_CODE: GraphError,
+}
 
 
-_WARNING = re.compile(r"^\[WARN\] \[[\d.]+\] \[([^\]]+)\]: (.*)$", re.MULTILINE)
-"""A line of a node's log, as rcl writes it."""
+_WARNING = re.compile(r"^\[WARN\] \[[\d.]+\] \[([^\]]+)\]: (?!Error occurred at:)(.*)$", re.MULTILINE)
+"""A line of a node's log, as rcl writes it, but not the one with which rclpy's executor announces an exception."""
 _INFORMATION = re.compile(r"^\[INFO\] \[[\d.]+\] \[[^\]]+\]: .*\n?", re.MULTILINE)
 """A line of a node's log that reports no trouble."""
 

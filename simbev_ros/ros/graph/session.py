@@ -14,7 +14,8 @@ from simbev_ros.config.camera import Camera
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.foundation.errors import GraphError, InputError
-from simbev_ros.foundation.process_memory import require_address_space
+from simbev_ros.foundation.loopback import require_loopback
+from simbev_ros.foundation.process_limits import require_graph_limits
 from simbev_ros.foundation.threads import usable_cores
 from simbev_ros.recording.layout import scene_folder
 from simbev_ros.recording.reader import SceneBag
@@ -104,12 +105,14 @@ class GraphSession:
         """Start the processes; if one of them fails to start, stop the others.
 
         Raises:
-            InputError: The limit of address space is too low, the included stack cannot run, or SROS 2 is missing but
-                the graph has to be secure.
+            InputError: A limit of this process is too low, the loopback interface is down, the included stack cannot
+                run, or SROS 2 is missing but the graph has to be secure.
             RenderError: The configured devices cannot draw.
         """
         try:
-            require_address_space()
+            require_graph_limits()
+            if not self._exposure.network:
+                require_loopback()
             require_stacks(self._scenario)
             self._start_processes()
         except BaseException:

@@ -25,6 +25,7 @@ from typing import NoReturn
 
 from setproctitle import setproctitle, setthreadtitle
 
+from simbev_ros.foundation.process_limits import ending_on_shortage
 from simbev_ros.ros.msgs.signing import KEY_VARIABLE
 from simbev_ros.ros.nodes import main as nodes
 from simbev_ros.ros.nodes.lifeline import SUPERVISOR_VARIABLE, end_with_supervisor, wake_at_end_of_supervisor
@@ -132,7 +133,9 @@ class _ForkServer:
             pid, status = os.waitpid(-1, os.WNOHANG)
             if pid == 0:
                 return
-            self._running.discard(pid)
+            if pid not in self._running:  # LTTng forks a process that looks for its shared memory
+                continue
+            self._running.remove(pid)
             _signal_group(pid, signal.SIGKILL)  # what it has started and left
             self._answer(ended=pid, exit_code=os.waitstatus_to_exitcode(status))
 
@@ -183,4 +186,5 @@ def _become(arguments: list[str], *, is_command: bool) -> list[str]:
 
 
 if __name__ == "__main__":
-    main()
+    with ending_on_shortage():
+        main()

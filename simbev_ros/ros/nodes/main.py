@@ -15,7 +15,8 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
 from simbev_ros.config.rig import SENSOR_KINDS
-from simbev_ros.foundation.errors import DiskError, InputError, SimbevError
+from simbev_ros.foundation.errors import DISK_FULL, DiskError, InputError, SimbevError
+from simbev_ros.foundation.process_limits import describe_shortage, message_with_limit
 from simbev_ros.foundation.process_memory import keep_freed_memory
 from simbev_ros.ros.conventions.arguments import RosArguments, split_ros_arguments
 from simbev_ros.ros.conventions.names import NodeName
@@ -38,6 +39,9 @@ ERROR_MARK = "error: "
 
 DISK_EXIT_CODE = os.EX_IOERR
 """Exit code of a process that ends because the disk is full, which a retry does not solve."""
+
+SHORTAGE_EXIT_CODE = os.EX_OSERR
+"""Exit code of a process that ends because memory, files or threads ran out."""
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -65,8 +69,13 @@ def main(arguments: list[str] | None = None) -> int:
             for node in nodes:
                 node.raise_failure()
     except SimbevError as error:
-        print(f"{ERROR_MARK}{error}", file=sys.stderr)
+        print(f"{ERROR_MARK}{message_with_limit(error)}", file=sys.stderr)
         return DISK_EXIT_CODE if isinstance(error, DiskError) else error.exit_code
+    except Exception as error:
+        if (problem := describe_shortage(error)) is None:
+            raise
+        print(f"{ERROR_MARK}{problem}", file=sys.stderr)
+        return DISK_EXIT_CODE if isinstance(error, OSError) and error.errno in DISK_FULL else SHORTAGE_EXIT_CODE
     finally:
         for node in nodes:
             node.close()

@@ -12,6 +12,7 @@ from simbev_ros.foundation.cache.entries import discard_entry
 from simbev_ros.foundation.cache.fingerprint import fingerprint
 from simbev_ros.foundation.cache.folders import ensure_folder
 from simbev_ros.foundation.errors import NPZ_DAMAGE
+from simbev_ros.foundation.process_limits import is_shortage
 from simbev_ros.foundation.types import BoolArray, Int64Array
 from simbev_ros.maps.network import Lane, RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
@@ -41,7 +42,9 @@ def tight_lanes(network: RoadNetwork, following: Int64Array) -> Mapping[VehicleF
         try:
             tight = np.load(folder / _FILE, allow_pickle=False)
             return dict(zip(bodies, tight.reshape(len(bodies), len(driving)), strict=True))
-        except NPZ_DAMAGE:
+        except NPZ_DAMAGE as error:
+            if is_shortage(error):
+                raise
             discard_entry(folder)
 
 

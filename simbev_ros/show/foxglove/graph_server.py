@@ -3,7 +3,7 @@
 import os
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import rclpy
 from rclpy.signals import SignalHandlerOptions
@@ -44,7 +44,8 @@ def serve_domain(
     """
     import foxglove
 
-    os.nice(_NICENESS)
+    with suppress(OSError):  # a sandbox may forbid it
+        os.nice(_NICENESS)
     context = foxglove.Context()
     with _spinning_node(domain, ros) as node:
         relay = GraphRelay(node, context, warn)

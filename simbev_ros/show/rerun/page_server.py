@@ -11,6 +11,7 @@ from http import HTTPStatus
 from http.client import HTTPConnection, HTTPException, HTTPResponse
 from http.cookies import CookieError, SimpleCookie
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from io import BufferedReader, RawIOBase
 from socket import AF_INET, AF_INET6, MSG_PEEK, SHUT_RDWR, socket
 from threading import BoundedSemaphore, Lock, Thread
 from typing import Any, Self
@@ -26,6 +27,7 @@ from simbev_ros.show.access import (
     is_own_origin,
     origin,
 )
+from simbev_ros.show.gate import END_OF_HEAD, read_head
 
 _PORT_ERRORS = (EADDRINUSE, EACCES)
 _SENT_HEADERS = ("Content-Type", "Accept", "X-Grpc-Web", "X-User-Agent", "Grpc-Timeout", "Range")
@@ -135,9 +137,36 @@ class PageServer(ThreadingHTTPServer):
         """Say nothing of browsers that leave."""
 
 
+class _Resumed(RawIOBase):
+    """What a connection receives, from the head on that has been read of it."""
+
+    def __init__(self, head: bytes, connection: socket) -> None:
+        self._head, self._connection = memoryview(head), connection
+
+    def readable(self) -> bool:
+        """Say that it can be read."""
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        """Fill a buffer with what comes next; return the number of bytes."""
+        if not self._head:
+            return self._connection.recv_into(buffer)
+        size = min(len(buffer), len(self._head))
+        buffer[:size], self._head = self._head[:size], self._head[size:]
+        return size
+
+
 class _Handler(BaseHTTPRequestHandler):
     server: PageServer
     timeout = IDLE_TIMEOUT_S
+
+    def handle(self) -> None:
+        """Answer one request, whose head must arrive whole, in time and within its limit."""
+        head = read_head(self.connection)
+        if END_OF_HEAD in head:
+            self.connection.settimeout(self.timeout)
+            self.rfile = BufferedReader(_Resumed(head, self.connection))
+            super().handle()
 
     def do_GET(self) -> None:
         """Pass a file on; a page without the address of the data is sent to the one with it."""

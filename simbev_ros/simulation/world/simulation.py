@@ -14,6 +14,7 @@ import numpy as np
 
 from simbev_ros.assets.land.plazas import Plaza
 from simbev_ros.assets.street.obstacles import OBSTACLE_DTYPE
+from simbev_ros.foundation.files.whole_files import write_errors
 from simbev_ros.foundation.types import Float64Array, Table
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.maps.network import RoadNetwork
@@ -83,8 +84,9 @@ class Simulation:
         signals = signal_programs_xml([cycle for cycle in cycles if cycle.id in cropped.lights], step_ns)
         with tempfile.TemporaryDirectory(prefix="simbev-") as folder:
             inputs = {"scene.net.xml": cropped.xml, "scene.rou.xml": demand.xml, "scene.add.xml": signals}
-            for name, text in inputs.items():
-                Path(folder, name).write_text(text, encoding="utf-8")
+            with write_errors(Path(folder)):
+                for name, text in inputs.items():
+                    Path(folder, name).write_text(text, encoding="utf-8")
             files = [Path(folder, name) for name in inputs]
             closed = [lane.id for lane in lanes if lane.kind in _NO_TRAFFIC and lane.classes]
             speeds_mps = slow_near_closures(curve_speeds(lanes), spec, lanes)

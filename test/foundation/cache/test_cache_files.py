@@ -1,13 +1,17 @@
 """A cached file is written once for all, and whatever bit of it flips, what is read is what was written."""
 
+import errno
 import io
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from threading import Event
 
 import numpy as np
+import pytest
 
+from simbev_ros.foundation.cache import seals
 from simbev_ros.foundation.cache.files import read_cached
+from simbev_ros.foundation.cache.folders import ensure_folder
 from simbev_ros.foundation.types import AnyArray
 
 THING = np.arange(40, dtype=np.float32)
@@ -51,3 +55,23 @@ def test_a_file_that_many_miss_at_once_is_written_once(tmp_path: Path) -> None:
         list(threads.map(read_it, range(4)))
     assert len(writes) == 1
     assert {file.name for file in path.parent.iterdir()} == {"thing.npz", ".thing.npz.sha256"}
+
+
+def test_what_a_process_cannot_open_or_hold_is_not_damage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def run_out(*_: object) -> str:
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    def never(_: Path) -> None:
+        raise AssertionError("it is written again")
+
+    path = tmp_path / "entry/thing.npz"
+    path.parent.mkdir()
+    np.testing.assert_array_equal(read_cached(path, "things", read, write), THING)
+    folder = ensure_folder("things", "thing", b"1", b"", lambda made: write(made / "thing.npz"), tmp_path)
+    with pytest.raises(OSError, match=r"Too many open files"):
+        read_cached(path, "things", run_out, never)
+    monkeypatch.setattr(seals, "_checked", set())
+    monkeypatch.setattr(seals, "_digest", run_out)
+    with pytest.raises(OSError, match=r"Too many open files"):
+        ensure_folder("things", "thing", b"1", b"", never, tmp_path)
+    assert (folder / "thing.npz").is_file() and path.is_file()

@@ -83,6 +83,16 @@ def test_a_cluster_finds_the_faults_that_this_machine_finds(dataset: Path, nodes
     assert (there[0], json.loads(there[1])) == (here[0], json.loads(here[1])), there[2]
 
 
+@pytest.mark.parametrize("wrong", [{"RAY_AUTH_TOKEN": "other"}, {"RAY_AUTH_TOKEN": "", "RAY_AUTH_TOKEN_PATH": "none"}])
+def test_without_the_token_a_cluster_is_refused(
+    dataset: Path, nodes: RayNodes, monkeypatch: pytest.MonkeyPatch, wrong: dict[str, str]
+) -> None:
+    for name, value in wrong.items():
+        monkeypatch.setenv(name, value)
+    code, _, err = finish(start("verify", dataset, "--ray", nodes.address))
+    assert code == 2 and "RAY_AUTH_TOKEN" in err and "Traceback" not in err, err
+
+
 @pytest.mark.parametrize("layout", EXPORTS)
 def test_a_cluster_writes_the_bytes_that_this_machine_writes(
     dataset: Path, nodes: RayNodes, tmp_path: Path, layout: str

@@ -18,6 +18,7 @@ from subscriber import keep, outside_node
 from waiting import PATIENCE_S
 
 from simbev_ros.recording.reader import SceneBag
+from simbev_ros.ros.graph.exposure import LOCAL
 
 REPOSITORY = Path(__file__).parents[3]
 STAND_IN = REPOSITORY / "test" / "support" / "stand_in_of_launch"
@@ -38,7 +39,7 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (prefix / "share" / "simbev_ros" / name).symlink_to(REPOSITORY / name)
     others = os.environ.get("AMENT_PREFIX_PATH", "")
     monkeypatch.setenv("AMENT_PREFIX_PATH", f"{prefix}{os.pathsep}{others}".rstrip(os.pathsep))
-    for name in ("FASTRTPS_DEFAULT_PROFILES_FILE", "CYCLONEDDS_URI", "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_DOMAIN_ID"):
+    for name in ("ROS_DOMAIN_ID", *LOCAL.variables):
         monkeypatch.delenv(name, raising=False)
     return prefix
 
@@ -73,6 +74,7 @@ def test_a_graph_is_started_with_the_arguments_and_the_variables_that_subscriber
     assert graph.command == ["simbev_ros/simbev", *words]
     assert graph.environment["ROS_DOMAIN_ID"] == "7"
     assert graph.environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "SUBNET"
+    assert graph.environment.keys() >= LOCAL.variables.keys()
     assert Path(graph.environment["FASTRTPS_DEFAULT_PROFILES_FILE"]).name == "fastdds_network.xml"
     assert Path(graph.environment["FASTRTPS_DEFAULT_PROFILES_FILE"]).is_file()
     assert graph.on_exit.reason == "the graph has ended" and min(graph.patience_s) >= 20

@@ -203,3 +203,29 @@ def test_a_command_that_cannot_run_ends_at_once(starter: NodeStarter, tmp_path: 
     process = starter.start([str(tmp_path / "stack")], tmp_path / "stack.log", is_command=True)
     assert process.wait(PATIENCE_S) == os.EX_OSERR
     assert (tmp_path / "stack.log").read_text() == f"{tmp_path}/stack: Exec format error\n"
+
+
+SERVER = """
+import os, socket
+from simbev_ros.ros.nodes.fork_server import _ForkServer
+ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+server, (reading, writing) = _ForkServer(theirs), os.pipe()
+if not (stray := os.fork()):
+    os._exit(3)
+if not (node := os.fork()):
+    os.close(writing)
+    os.read(reading, 1)
+    os._exit(4)
+server._running.add(node)
+os.waitid(os.P_PID, stray, os.WEXITED | os.WNOWAIT)
+server._report_ended()
+os.close(writing)
+while server._running:
+    server._report_ended()
+print(ours.recv(1000).decode().replace(str(node), "NODE"))
+"""
+
+
+def test_a_process_that_a_library_has_forked_is_not_taken_for_a_node() -> None:
+    done = subprocess.run([sys.executable, "-c", SERVER], stdout=subprocess.PIPE, text=True, check=True)
+    assert done.stdout == '{"ended": NODE, "exit_code": 4}\n'

@@ -8,7 +8,9 @@ from unittest.mock import Mock
 
 import pytest
 
-from simbev_ros.foundation.errors import InputError
+from simbev_ros.foundation.errors import GraphError, InputError
+from simbev_ros.ros.graph import node_starter
+from simbev_ros.ros.graph.node_starter import describe_exit
 from simbev_ros.ros.graph.process import GraphProcess, StackProcess
 
 
@@ -60,3 +62,30 @@ def test_a_stack_runs_python_where_the_shell_has_none(tmp_path: Path, monkeypatc
     assert starter.start.call_args.args[0] == (str(tmp_path / "python"), "my_stack.py")
     with pytest.raises(InputError, match=r"^evaluation.stack: there is no command 'pithon'$"):
         StackProcess(starter, "stack", ["pithon"], tmp_path)
+
+
+NODE = """
+import errno, sys
+from simbev_ros.ros.nodes import main
+def init(**_):
+    raise OSError(errno.EMFILE, "Too many open files")
+main.rclpy.init = init
+sys.exit(main.main(["simbev_node", "imu:imu"]))
+"""
+
+
+def test_a_node_whose_machine_refuses_something_says_so_in_one_line(tmp_path: Path) -> None:
+    log = tmp_path / "imu.log"
+    with log.open("w") as output:
+        done = subprocess.run([sys.executable, "-c", NODE], stderr=output, check=False)
+    process = Mock(poll=lambda: done.returncode)
+    refusal = GraphProcess("imu", "node imu", process, log).refusal()
+    assert isinstance(refusal, GraphError)
+    assert str(refusal).startswith("node imu: too many files are open: ulimit -n allows "), log.read_text()
+
+
+def test_a_crash_is_reported_with_low_limits_which_may_be_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(node_starter, "low_limits", lambda: ["ulimit -u allows 200 processes and threads"])
+    crash = describe_exit(-signal.SIGABRT, ["  what():  Invalid argument"])
+    assert crash == "killed by SIGABRT (ulimit -u allows 200 processes and threads):   what():  Invalid argument"
+    assert describe_exit(-signal.SIGKILL, []) == "killed by SIGKILL"

@@ -7,6 +7,7 @@ import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
+import psutil
 import pytest
 from commands import SCENE, Config, Simbev, digests, record
 from rosgraph_msgs.msg import Clock
@@ -66,6 +67,23 @@ def test_a_full_disk_ends_the_recording_with_one_message(
     assert f"; what was recorded stays readable in {small_disk / 'a'}" in " ".join(output.split())
     with SceneBag(small_disk / "a" / f"{SCENE}.partial") as bag:
         assert bag.custom_data["complete"] == "false" and len(list(bag.messages(["/world/actors"]))) > 3
+
+
+def test_a_limit_of_the_size_of_files_ends_the_recording_with_one_message(
+    simbev: Simbev, small_config: Config, tmp_path: Path
+) -> None:
+    config, dataset = small_config(120, GREEDY, without=["camera", "lidar", "radar"]), tmp_path / "a"
+    command = simbev("run", config, "--record", dataset)
+    command.wait_for(lambda: any(file.stat().st_size > 100_000 for file in (dataset / f"{SCENE}.partial").glob("*")))
+    psutil.Process(command.nodes()["recorder"]).rlimit(psutil.RLIMIT_FSIZE, (3_000_000, 3_000_000))
+    code, output = command.finish()
+    assert code == 1 and "Traceback" not in output and output.count("error: ") == 1, output
+    words = " ".join(output.split())
+    assert "error: node recorder: " in words and "the file is larger than files may be here" in words
+    assert f"; what was recorded stays readable in {dataset}" in words
+    assert "ulimit -f allows 2.86 MiB for a file" in words
+    with SceneBag(dataset / f"{SCENE}.partial") as bag:
+        assert len(list(bag.messages(["/world/actors"]))) > 3
 
 
 def test_the_same_command_records_a_scene_again_after_a_kill(

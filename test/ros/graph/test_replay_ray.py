@@ -31,4 +31,4 @@ def test_a_cluster_records_the_bytes_of_one_graph(simbev: Simbev, nodes: RayNode
         code, output = simbev("replay", dataset, night, "--out", out, *options).finish(600)
         assert code == 0, output
     assert len(files(one)) == 3 and files(cluster) == files(one)
-    assert sorted(path.name for path in cluster.iterdir()) == [".lock", "logs", "scenes"]
+    assert sorted(path.name for path in cluster.iterdir()) == [".lock", "index.parquet", "logs", "plan.json", "scenes"]

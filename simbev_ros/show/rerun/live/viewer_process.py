@@ -53,7 +53,8 @@ class ViewerProcess:
             start_new_session=True,  # Ctrl-C in the terminal ends it through this process
         )
         own_niceness = os.getpriority(os.PRIO_PROCESS, 0)
-        os.setpriority(os.PRIO_PROCESS, self.pid, min(own_niceness + _NICENESS, _MAX_NICENESS))
+        with suppress(OSError):  # a sandbox may forbid it
+            os.setpriority(os.PRIO_PROCESS, self.pid, min(own_niceness + _NICENESS, _MAX_NICENESS))
 
     def __enter__(self) -> Self:
         return self

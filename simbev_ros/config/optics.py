@@ -51,6 +51,40 @@ class SensorNoise(Model):
     )
 
 
+class Imager(Model):
+    """Lens and image sensor as they are sold: light becomes electrons, a mosaic of colors, and a picture again."""
+
+    blur_px: float = Field(
+        0.5, ge=0, le=20, description="standard deviation of the point spread of lens and pixel, in pixels"
+    )
+    metered: float = Field(
+        0.2,
+        gt=0,
+        lt=1,
+        description="mean that metering gives the light, as a share of white; sky and lamps beyond white are clipped",
+    )
+    glare: float = Field(0.01, ge=0, le=0.5, description="share of the light that lens and cover scatter widely")
+    lateral_color_px: float = Field(
+        0.0, ge=-20, le=20, description="how far red lies outside green in the corners, and blue inside"
+    )
+    full_well_electrons: float = Field(10000.0, ge=10, le=1e7, description="electrons of a white pixel")
+    read_sigma_electrons: float = Field(3.0, ge=0, le=1e5, description="standard deviation of read noise")
+    bits: int = Field(12, ge=8, le=16, description="bits of a raw value")
+    white_balance: tuple[float, float] = Field(
+        (1.0, 1.0), description="factors on red and blue after demosaicing; more than 1 is warmer, and bluer"
+    )
+    saturation: float = Field(1.0, ge=0, le=4, description="factor on the distance of colors from gray")
+    contrast: float = Field(0.0, ge=0, le=1, description="strength of the curve that darkens shadows after gamma")
+    sharpening: float = Field(0.0, ge=0, le=4, description="amount of unsharp masking")
+    jpeg_quality: int | None = Field(None, ge=1, le=100, description="quality of the camera's own JPEG; none: none")
+
+    @model_validator(mode="after")
+    def _positive_balance(self) -> Self:
+        if min(self.white_balance) <= 0.0 or max(self.white_balance) > 8.0:
+            raise ValueError(f"white_balance {list(self.white_balance)}: each above 0, at most 8")
+        return self
+
+
 class Optics(Model):
     """Optical properties of a camera that affect only its color image; ideal by default."""
 
@@ -59,6 +93,15 @@ class Optics(Model):
         0.0, ge=0, le=4, description="exponent on cos⁴ of the angle to the optical axis; 0: none, 1: a simple lens"
     )
     noise: SensorNoise | None = Field(None, description="noise of the image sensor; none: no noise")
+    imager: Imager | None = Field(
+        None, description="lens and image sensor of a product, in place of noise; none: as in the paper"
+    )
+
+    @model_validator(mode="after")
+    def _noise_once(self) -> Self:
+        if self.noise is not None and self.imager is not None:
+            raise ValueError("noise and imager are set: give one or the other")
+        return self
 
     @property
     def white_electrons(self) -> float:

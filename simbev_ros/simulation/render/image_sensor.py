@@ -1,0 +1,124 @@
+"""Forms a color image as a camera that is sold does: lens, exposure, image sensor, demosaicing, and what follows.
+
+The ideal image is decoded to light by the inverse of its film curve. The lens spreads each point (a Gaussian), scatters
+a share of all light widely, and magnifies red more than blue. Metering then brings the mean of the light to a share of
+white, so that sky and lamps can be beyond white: the pixels' wells are full there. Electrons have shot noise and read
+noise, and each pixel has one color of the mosaic RGGB. The picture is interpolated from it (OpenCV, edge-aware),
+balanced, saturated, coded with sRGB's curve, sharpened, and compressed.
+"""
+
+from functools import lru_cache
+
+import cv2
+import numpy as np
+
+from simbev_ros.config.optics import Imager
+from simbev_ros.foundation.types import Float32Array, UInt8Array, UInt16Array
+
+_LUMA = np.array([0.2126, 0.7152, 0.0722], np.float32)
+_WIDE_SHARE = 0.08  # standard deviation of scattered light, as a share of the image's width
+_SMALL_PX = 64  # width of the image in which scattered light is spread
+_METERING_STEPS = 12
+_UNSHARP_SIGMA_PX = 1.0
+
+
+def form_image(rgb: UInt8Array, imager: Imager, noise_seed: int) -> UInt8Array:
+    """The image of a camera.
+
+    Args:
+        rgb: (H, W, 3) image of an ideal camera.
+        imager: The camera.
+        noise_seed: Seed of the noise.
+
+    Returns:
+        (H, W, 3).
+    """
+    light = _light_by_gray()[rgb]
+    if imager.blur_px > 0.0:
+        light = _blurred(light, imager.blur_px)
+    if imager.glare > 0.0:
+        light = _scattered(light, imager.glare)
+    if imager.lateral_color_px != 0.0:
+        light = _dispersed(light, imager.lateral_color_px)
+    raw = _exposed(light * np.float32(_metering_gain(light, imager.metered)), imager, noise_seed)
+    picture = cv2.demosaicing(raw, cv2.COLOR_BayerBG2RGB_EA)  # OpenCV names mosaics by their second row
+    color = picture.astype(np.float32) / np.float32((1 << imager.bits) - 1)
+    red, blue = imager.white_balance
+    color *= np.array([red, 1.0, blue], np.float32)
+    if imager.saturation != 1.0:
+        gray = (color @ _LUMA)[..., None]
+        color = gray + np.float32(imager.saturation) * (color - gray)
+    coded = _coded(np.clip(color, 0.0, 1.0), imager.contrast)
+    if imager.sharpening > 0.0:
+        coded = coded + np.float32(imager.sharpening) * (coded - _blurred(coded, _UNSHARP_SIGMA_PX))
+    image: UInt8Array = np.clip(np.rint(coded * 255.0), 0, 255).astype(np.uint8)
+    return image if imager.jpeg_quality is None else _compressed(image, imager.jpeg_quality)
+
+
+@lru_cache(maxsize=1)
+def _light_by_gray() -> Float32Array:
+    """(256,) light of the gray levels of ideal images: the inverse of the film curve in film.glsl."""
+    filmic = (np.arange(256) / 255.0) ** 2.2
+    a, b, c = 2.51 - 2.43 * filmic, 0.59 * filmic - 0.03, 0.14 * filmic
+    return ((b + np.sqrt(b * b + 4.0 * a * c)) / (2.0 * a)).astype(np.float32)
+
+
+def _blurred(values: Float32Array, sigma_px: float) -> Float32Array:
+    return np.asarray(cv2.GaussianBlur(values, (0, 0), sigma_px), np.float32)
+
+
+def _scattered(light: Float32Array, share: float) -> Float32Array:
+    height, width = light.shape[:2]
+    small = cv2.resize(light, (_SMALL_PX, max(1, round(_SMALL_PX * height / width))), interpolation=cv2.INTER_AREA)
+    wide = cv2.GaussianBlur(small, (0, 0), _WIDE_SHARE * _SMALL_PX)
+    mixed = cv2.addWeighted(light, 1.0 - share, cv2.resize(wide, (width, height)), share, 0.0)
+    return np.asarray(mixed, np.float32)
+
+
+def _dispersed(light: Float32Array, corner_px: float) -> Float32Array:
+    height, width = light.shape[:2]
+    center_px = np.array([width - 1, height - 1]) / 2.0
+    planes = list(cv2.split(light))
+    for plane, sign in ((0, 1.0), (2, -1.0)):
+        scale = 1.0 + sign * corner_px / float(np.hypot(*center_px))
+        matrix = np.column_stack([scale * np.eye(2), (1.0 - scale) * center_px])
+        planes[plane] = cv2.warpAffine(planes[plane], matrix, (width, height), borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(cv2.merge(planes), np.float32)
+
+
+def _metering_gain(light: Float32Array, target: float) -> float:
+    """Factor by which the mean of the light, clipped at white, is the target; sparse pixels represent all."""
+    sparse = light[::8, ::8] @ _LUMA
+    low, high = 1e-3, 1e3
+    for _ in range(_METERING_STEPS):
+        middle = float(np.sqrt(low * high))
+        low, high = (middle, high) if np.minimum(middle * sparse, 1.0).mean() < target else (low, middle)
+    return float(np.sqrt(low * high))
+
+
+def _exposed(light: Float32Array, imager: Imager, noise_seed: int) -> UInt16Array:
+    """(H, W) raw values of the mosaic: red at even rows and columns, blue at odd ones."""
+    mosaic = light[..., 1].copy()
+    mosaic[::2, ::2], mosaic[1::2, 1::2] = light[::2, ::2, 0], light[1::2, 1::2, 2]
+    electrons = mosaic * np.float32(imager.full_well_electrons)
+    normal = np.random.Generator(np.random.PCG64(noise_seed)).standard_normal(electrons.shape, np.float32)
+    electrons += np.sqrt(np.maximum(electrons, 0.0) + np.float32(imager.read_sigma_electrons**2)) * normal
+    most = (1 << imager.bits) - 1
+    raw: UInt16Array = np.clip(np.rint(electrons * (most / imager.full_well_electrons)), 0, most).astype(np.uint16)
+    return raw
+
+
+def _coded(color: Float32Array, contrast: float) -> Float32Array:
+    """SRGB's curve, then a curve between the same ends that darkens shadows and brightens lights."""
+    steps = np.arange(4096) / 4095.0
+    curve = np.where(steps <= 0.0031308, 12.92 * steps, 1.055 * steps ** (1.0 / 2.4) - 0.055)
+    curve = (1.0 - contrast) * curve + contrast * curve * curve * (3.0 - 2.0 * curve)
+    coded: Float32Array = curve.astype(np.float32)[np.rint(color * 4095.0).astype(np.uint16)]
+    return coded
+
+
+def _compressed(image: UInt8Array, quality: int) -> UInt8Array:
+    _, data = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
+    decoded = cv2.imdecode(data, cv2.IMREAD_COLOR)
+    assert decoded is not None
+    return np.ascontiguousarray(decoded[..., ::-1])

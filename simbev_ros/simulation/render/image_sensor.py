@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from simbev_ros.config.optics import Imager
-from simbev_ros.foundation.types import Float32Array, UInt8Array, UInt16Array
+from simbev_ros.foundation.types import Float32Array, Float64Array, UInt8Array, UInt16Array
 
 _LUMA = np.array([0.2126, 0.7152, 0.0722], np.float32)
 _WIDE_SHARE = 0.08  # standard deviation of scattered light, as a share of the image's width
@@ -33,7 +33,7 @@ def form_image(rgb: UInt8Array, imager: Imager, noise_seed: int) -> UInt8Array:
     Returns:
         (H, W, 3).
     """
-    light = _light_by_gray()[rgb]
+    light = np.asarray(cv2.LUT(rgb, _light_by_gray()), np.float32)
     if imager.blur_px > 0.0:
         light = _blurred(light, imager.blur_px)
     if imager.glare > 0.0:
@@ -42,16 +42,12 @@ def form_image(rgb: UInt8Array, imager: Imager, noise_seed: int) -> UInt8Array:
         light = _dispersed(light, imager.lateral_color_px)
     raw = _exposed(light * np.float32(_metering_gain(light, imager.metered)), imager, noise_seed)
     picture = cv2.demosaicing(raw, cv2.COLOR_BayerBG2RGB_EA)  # OpenCV names mosaics by their second row
-    color = picture.astype(np.float32) / np.float32((1 << imager.bits) - 1)
-    red, blue = imager.white_balance
-    color *= np.array([red, 1.0, blue], np.float32)
-    if imager.saturation != 1.0:
-        gray = (color @ _LUMA)[..., None]
-        color = gray + np.float32(imager.saturation) * (color - gray)
-    coded = _coded(np.clip(color, 0.0, 1.0), imager.contrast)
+    if (colors := _color_matrix(imager)) is not None:
+        picture = cv2.transform(picture, colors)
+    image: UInt8Array = _gray_by_value(imager.bits, imager.contrast)[picture]
     if imager.sharpening > 0.0:
-        coded = coded + np.float32(imager.sharpening) * (coded - _blurred(coded, _UNSHARP_SIGMA_PX))
-    image: UInt8Array = np.clip(np.rint(coded * 255.0), 0, 255).astype(np.uint8)
+        soft = cv2.GaussianBlur(image, (0, 0), _UNSHARP_SIGMA_PX)
+        image = np.asarray(cv2.addWeighted(image, 1.0 + imager.sharpening, soft, -imager.sharpening, 0.0), np.uint8)
     return image if imager.jpeg_quality is None else _compressed(image, imager.jpeg_quality)
 
 
@@ -100,21 +96,30 @@ def _exposed(light: Float32Array, imager: Imager, noise_seed: int) -> UInt16Arra
     """(H, W) raw values of the mosaic: red at even rows and columns, blue at odd ones."""
     mosaic = light[..., 1].copy()
     mosaic[::2, ::2], mosaic[1::2, 1::2] = light[::2, ::2, 0], light[1::2, 1::2, 2]
-    electrons = mosaic * np.float32(imager.full_well_electrons)
+    electrons = np.maximum(mosaic, 0.0) * np.float32(imager.full_well_electrons)
     normal = np.random.Generator(np.random.PCG64(noise_seed)).standard_normal(electrons.shape, np.float32)
-    electrons += np.sqrt(np.maximum(electrons, 0.0) + np.float32(imager.read_sigma_electrons**2)) * normal
+    electrons += np.sqrt(electrons + np.float32(imager.read_sigma_electrons**2)) * normal
     most = (1 << imager.bits) - 1
     raw: UInt16Array = np.clip(np.rint(electrons * (most / imager.full_well_electrons)), 0, most).astype(np.uint16)
     return raw
 
 
-def _coded(color: Float32Array, contrast: float) -> Float32Array:
-    """SRGB's curve, then a curve between the same ends that darkens shadows and brightens lights."""
-    steps = np.arange(4096) / 4095.0
-    curve = np.where(steps <= 0.0031308, 12.92 * steps, 1.055 * steps ** (1.0 / 2.4) - 0.055)
+def _color_matrix(imager: Imager) -> Float64Array | None:
+    """(3, 3) balance, then saturation; None if neither changes anything."""
+    if imager.white_balance == (1.0, 1.0) and imager.saturation == 1.0:
+        return None
+    red, blue = imager.white_balance
+    gray = np.tile(_LUMA.astype(np.float64), (3, 1))
+    return (gray + imager.saturation * (np.eye(3) - gray)) @ np.diag([red, 1.0, blue])
+
+
+@lru_cache(maxsize=4)
+def _gray_by_value(bits: int, contrast: float) -> UInt8Array:
+    """(65536,) gray levels of values, by sRGB's curve and one that darkens shadows and brightens lights."""
+    share = np.minimum(np.arange(1 << 16) / ((1 << bits) - 1), 1.0)
+    curve = np.where(share <= 0.0031308, 12.92 * share, 1.055 * share ** (1.0 / 2.4) - 0.055)
     curve = (1.0 - contrast) * curve + contrast * curve * curve * (3.0 - 2.0 * curve)
-    coded: Float32Array = curve.astype(np.float32)[np.rint(color * 4095.0).astype(np.uint16)]
-    return coded
+    return np.rint(255.0 * curve).astype(np.uint8)
 
 
 def _compressed(image: UInt8Array, quality: int) -> UInt8Array:

@@ -74,7 +74,7 @@ class WeatherValues(BaseModel):
     Append rows at the end, with a default: scenes that were recorded before have this value.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     cloudiness: Annotated[float, _Row("%", "cloud cover", 0, 100, "100·B(0.8, 1.0)", curve=0x78828C)]
     precipitation: Annotated[float, _Row("%", "intensity of rain", 0, 100, _RAIN, shelters=True, curve=0x286EC8)]

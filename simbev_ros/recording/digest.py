@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 
 from simbev_ros.recording.reader import SceneBag
 
-_PREFIX = struct.Struct("<qQ")
+_PREFIX = struct.Struct("<QQ")
 
 
 def topic_digests(bag: SceneBag, progress: Callable[[int], None] = lambda _: None) -> dict[str, str]:

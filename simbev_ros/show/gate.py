@@ -18,6 +18,7 @@ from simbev_ros.show.access import HEAD_TIMEOUT_S, MAX_CONNECTIONS, MAX_HEAD_BYT
 from simbev_ros.show.loopback import SoleClient, is_own_client
 
 _SPLICE_BYTES = 1 << 20
+_VERSIONS = (b"HTTP/1.0", b"HTTP/1.1")
 END_OF_HEAD = b"\r\n\r\n"
 
 
@@ -114,7 +115,8 @@ class Gate:
         line, _, rest = head.partition(b"\r\n")
         words, lines = line.split(b" "), rest.partition(END_OF_HEAD)[0].split(b"\r\n")
         is_plain = not any(b"\r" in each or b"\n" in each for each in (line, *lines))  # which end lines for some
-        if END_OF_HEAD not in head or len(words) != 3 or not words[0].isalpha() or not is_plain:
+        is_request = len(words) == 3 and words[0].isalpha() and words[2] in _VERSIONS
+        if END_OF_HEAD not in head or not is_request or not is_plain:
             return "not a request", b""
         headers = [each.split(b":", 1) for each in lines if b":" in each]
         hosts = [value.strip().decode("latin-1") for name, value in headers if name.strip().lower() == b"host"]

@@ -180,6 +180,12 @@ def test_a_chunk_in_the_summary_is_not_unpacked(tmp_path: Path) -> None:
         assert "the summary contains a record that does not belong there" in read_all(tmp_path / "a.mcap")
 
 
+def test_a_summary_starts_before_the_footer(tmp_path: Path) -> None:
+    footer = struct.pack("<BQQQI", Opcode.FOOTER, 20, 1 << 63, 0, 0)
+    (tmp_path / "a.mcap").write_bytes(MCAP0_MAGIC + footer + MCAP0_MAGIC)
+    assert "the summary starts after the footer" in read_all(tmp_path / "a.mcap")
+
+
 LAUGHS = "\n".join(["a0: &a0 [x, x]", *(f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]" for k in range(1, 12))])
 
 

@@ -54,6 +54,7 @@ def test_the_server_sees_the_request_without_the_token_and_both_sides_stream(gat
     "head",
     [
         ADMITTED.replace("secret", "Secret"),
+        ADMITTED.replace("HTTP/1.1\r\nHost", "token=secret\r\nHost"),
         ADMITTED.replace("?token=secret", ""),
         ADMITTED.replace("localhost:1", "evil.example.com"),
         ADMITTED.replace("Host: localhost:1\r\n", ""),

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import shapely
+from scipy.spatial import cKDTree
 
 from simbev_ros.foundation.geometry import overlay
 from simbev_ros.foundation.types import Float64Array
@@ -75,11 +76,11 @@ class _Roads:
         rows = self._tree.query(shapely.buffer(line, _BESIDE_M), predicate="intersects").tolist()
         for row in rows:
             center_m = self._strips[row].center_m
-            gaps_m = np.linalg.norm(center_m[:, None, :2] - line_m[None, :, :2], axis=2)
-            here, there = np.unravel_index(int(gaps_m.argmin()), gaps_m.shape)
+            gaps_m, nearest = cKDTree(center_m[:, :2]).query(line_m[:, :2])
+            there = int(gaps_m.argmin())
             if self._strips[row].structure or self._strips[row].tunnel:
                 return False
-            if abs(center_m[here, 2] - line_m[there, 2]) > _LEVEL_TOLERANCE_M:
+            if abs(center_m[nearest[there], 2] - line_m[there, 2]) > _LEVEL_TOLERANCE_M:
                 return False
         area = overlay.union_all(self._tree.geometries[rows])
         return bool(overlay.intersection(line, area).length <= _MAX_ON_ROAD * line.length)

@@ -141,7 +141,9 @@ def read_summary(stream: BinaryIO) -> Summary | None:
     footer_offset = stream.seek(-(FOOTER_BYTES + len(MCAP0_MAGIC)), io.SEEK_END)
     end = stream.read(FOOTER_BYTES)
     footer = Footer.read(ReadDataStream(io.BytesIO(end[RECORD_HEAD.size :])))
-    start = stream.seek(min(footer.summary_start or footer_offset, footer_offset))
+    if footer.summary_start > footer_offset:
+        raise ValueError("the summary starts after the footer")
+    start = stream.seek(footer.summary_start or footer_offset)
     require_unpacked_size(footer_offset - start, "the summary")
     with prefetched(stream, [(start, stream.seek(0, io.SEEK_END))]):
         stream.seek(start)

@@ -79,7 +79,10 @@ class Replay:
             drawn = [(each.weather, each.final_weather) for each in (spec, self._recorded)]
             self.weather = WeatherCourse(spec, weathers if drawn[0] == drawn[1] else {})
             self._frames = self._read_ticks()
-            self._next_frame = next(self._frames)
+            first = next(self._frames, None)
+            if first is None:
+                raise BagError(f"{path}: cannot be replayed: the messages of no tick are complete")
+            self._next_frame = first
         except BaseException:
             self._bag.close()
             raise

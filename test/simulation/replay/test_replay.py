@@ -28,6 +28,7 @@ from simbev_ros.simulation.replay import replay
 from simbev_ros.simulation.replay.replay import Replay, build_recorded_roads, recorded_spec, replayed_spec
 from simbev_ros.simulation.world.simulation import Simulation
 
+FUZZED = Path(__file__).parents[2] / "fuzz/corpus/bag/index_of_messages_that_are_not_there"
 TYPES = get_typestore(Stores.ROS2_JAZZY)
 CODES = {"i1": 1, "u1": 2, "i2": 3, "u2": 4, "i4": 5, "u4": 6, "f4": 7, "f8": 8}
 DTYPES = {"/world/actors": ACTOR_DTYPE, "/world/signals": SIGNAL_DTYPE}
@@ -277,6 +278,8 @@ def test_bags_that_hold_no_scene_are_refused(tmp_path: Path) -> None:
         Replay(SPEC, tmp_path / "bare")
     with pytest.raises(BagError, match="the first tick is not in the bag"):
         Replay(SPEC, bag(tmp_path / "late", ticks=(1, 2)))
+    with SceneBag(FUZZED) as fuzzed, pytest.raises(BagError, match="the messages of no tick are complete"):
+        Replay(recorded_spec(fuzzed), FUZZED)
 
 
 def with_columns(folder: Path, monkeypatch: pytest.MonkeyPatch, dtype: np.dtype[np.void]) -> Path:

@@ -198,7 +198,7 @@ def _before(piece: _Geometry, following: _Geometry) -> _Geometry:
     heading_rad = 0.0 if math.isnan(following.heading_rad) else following.heading_rad
     local, turned_rad = curve(np.array([following.start_m - piece.start_m]))
     heading_rad -= float(turned_rad[0])
-    origin = following.origin - complex(local[0]) * cmath.exp(1j * heading_rad)
+    origin = following.origin - complex(local[0]) * complex(np.exp(1j * heading_rad))
     return replace(piece, origin=origin, heading_rad=heading_rad, curve=curve)
 
 
@@ -209,10 +209,11 @@ def _after(piece: _Geometry, previous: _Geometry | None, next_origin: complex) -
     heading_rad = heading_rad if math.isnan(piece.heading_rad) else piece.heading_rad
     if piece.curve is not None:
         return replace(piece, origin=origin, heading_rad=heading_rad)
-    gap_m = abs(next_origin - origin)
+    gap = next_origin - origin
+    gap_m = math.hypot(gap.real, gap.imag)  # of NaN, abs() raises after an earlier overflow
     scale = 1.0
     if _MIN_STRETCH < gap_m / piece.length_m < _MAX_STRETCH:
-        scale, heading_rad = gap_m / piece.length_m, cmath.phase(next_origin - origin)
+        scale, heading_rad = gap_m / piece.length_m, cmath.phase(gap)
     return replace(piece, origin=origin, heading_rad=heading_rad, curve=_straight(scale))
 
 

@@ -3,7 +3,7 @@
 import math
 from dataclasses import asdict
 from functools import lru_cache
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -14,6 +14,7 @@ from simbev_ros.config.sensor import Sensor
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.files.limits import MAX_IMAGE_SIDE_PX
 from simbev_ros.foundation.geometry.camera import MAX_RAY_ANGLE_RAD, LensCamera, PinholeCamera
+from simbev_ros.foundation.tables import load_table
 
 _FIELD_OF_VIEW_DEG = 80.0
 
@@ -26,6 +27,9 @@ class Camera(Sensor, Optics):
     """
 
     type: Literal["camera"]
+    preset: str | None = Field(
+        None, description="a manufacturer's model, which provides the values that are not given here"
+    )
     width_px: int = Field(1600, ge=16, le=MAX_IMAGE_SIDE_PX, description="image width")
     height_px: int = Field(900, ge=16, le=MAX_IMAGE_SIDE_PX, description="image height")
     horizontal_fov_deg: float | None = Field(
@@ -55,6 +59,19 @@ class Camera(Sensor, Optics):
     modalities: tuple[Modality, ...] = Field(
         MODALITIES, min_length=1, description="kinds of images that the camera publishes"
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _fill_in(cls, data: Any) -> Any:
+        """Fill in the values of a preset."""
+        name = data.get("preset") if isinstance(data, dict) else None
+        return {**load_camera_presets().get(name, {}), **data} if isinstance(name, str) else data
+
+    @model_validator(mode="after")
+    def _known_preset(self) -> Self:
+        if self.preset is not None and self.preset not in load_camera_presets():
+            raise ValueError(f"preset {self.preset!r} is not known; allowed: {', '.join(load_camera_presets())}")
+        return self
 
     @model_validator(mode="after")
     def _modalities_once(self) -> Self:
@@ -104,6 +121,12 @@ class Camera(Sensor, Optics):
             (width_px - 1) / 2.0 if self.cx_px is None else self.cx_px,
             (height_px - 1) / 2.0 if self.cy_px is None else self.cy_px,
         )
+
+
+@lru_cache(maxsize=1)
+def load_camera_presets() -> dict[str, dict[str, Any]]:
+    """Load camera_presets.yaml: properties by model name."""
+    return load_table("simbev_ros.config", "camera_presets.yaml")
 
 
 @lru_cache(maxsize=64)

@@ -4,13 +4,28 @@ from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
+from simbev_ros.config.base import Model
 from simbev_ros.config.sensor import Sensor
 
 RayPattern = Literal["cone", "even"]
 
 _MAX_RAYS = 1_000_000
 """Maximum number of rays per scan; bounds the memory."""
-_RESOLUTIONS = ("range_resolution_m", "doppler_resolution_mps", "azimuth_resolution_deg", "elevation_resolution_deg")
+_CELLS = ("range_resolution_m", "doppler_resolution_mps", "azimuth_resolution_deg")
+_RESOLUTIONS = (*_CELLS, "elevation_resolution_deg")
+
+
+class RadarDetector(Model):
+    """How a product gathers reflections into cells and finds targets in them, up to its number of targets."""
+
+    noise_dbsm: float = Field(
+        -15.0, ge=-100, le=100, description="cross-section at reference_range_m that is as strong as a cell's noise"
+    )
+    threshold_db: float = Field(
+        12.0, ge=0, le=60, description="power of a target over the noise and the clutter before or behind it"
+    )
+    clutter_cells: int = Field(8, ge=2, le=128, description="range cells of which clutter is the mean, on each side")
+    max_targets: int = Field(256, ge=1, le=100_000, description="maximum number of targets of a scan, the strongest")
 
 
 class Radar(Sensor):
@@ -74,6 +89,12 @@ class Radar(Sensor):
         False, description="whether only the strongest detection in each cell of all four resolutions is given"
     )
 
+    detector: RadarDetector | None = Field(
+        None,
+        description="targets are found in cells of the resolutions, from rays over all of the field of view; "
+        "none: each ray is a detection",
+    )
+
     @model_validator(mode="after")
     def _fields_agree(self) -> Self:
         if self.min_range_m >= self.range_m:
@@ -83,6 +104,10 @@ class Radar(Sensor):
                 f"points_per_second {self.points_per_second} at rate_hz {self.rate_hz:g} are "
                 f"{self.points_per_second / self.rate_hz:.0f} rays a scan; at most {_MAX_RAYS} are allowed"
             )
+        if self.detector is not None and (missing := [name for name in _CELLS if getattr(self, name) is None]):
+            raise ValueError(f"detector: cells need {', '.join(missing)} too")
+        if self.detector is not None and (self.ray_pattern != "even" or self.one_per_cell):
+            raise ValueError("detector: needs ray_pattern even, without one_per_cell")
         if self.one_per_cell and (missing := [name for name in _RESOLUTIONS if getattr(self, name) is None]):
             raise ValueError(f"one_per_cell: cells need {', '.join(missing)} too")
         return self

@@ -2,25 +2,27 @@
 
 Every scan casts new random rays into the field of view, and each ray that hits something within range gives one
 detection, as in CARLA (where rays end on a plane at that range, so that off-axis rays reach further). A detection
-describes a surface point by its range and angles, its relative velocity along the ray, and the returned power.
-``radar_errors`` then adds the errors of a real radar.
+describes a surface point by its range and angles, its relative velocity along the ray, and the returned power. With a
+``detector``, ``radar_targets`` gathers them into the targets of a product. ``radar_errors`` then adds errors.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from simbev_ros.config.radar import Radar
+from simbev_ros.config.radar import Radar, RadarDetector
 from simbev_ros.foundation.random import stream
 from simbev_ros.foundation.types import Float64Array, Table
 from simbev_ros.schema.points import RADAR_POINT_DTYPE
 from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.simulation.raycast.scene import Hits, RayScene
 from simbev_ros.simulation.sensors.mount import map_from_sensor, vector
-from simbev_ros.simulation.sensors.radar_amplitude import amplitude_db, load_cross_sections, rain_loss_db_per_m
+from simbev_ros.simulation.sensors.radar_amplitude import amplitude_db, from_db, load_cross_sections, rain_loss_db_per_m
 from simbev_ros.simulation.sensors.radar_errors import apply_errors
 from simbev_ros.simulation.sensors.radar_rays import random_rays
+from simbev_ros.simulation.sensors.radar_targets import Scatterers, find_targets
 
+_MIN_COS = 0.05
 _DRAWS_PER_RAY = 5
 """Number of normal random numbers per ray that the noise needs."""
 
@@ -78,9 +80,28 @@ class RadarModel:
             "ni,ni->n", velocity_mps[ray] - _own_velocity(map_from_radar, state), directions_map
         )
         table["amplitude"] = self._amplitude_db(hits, range_m, state)
+        if radar.detector is not None:
+            table = self._targets(radar.detector, hits, table, state.tick)
+            ray = np.arange(len(table))
         table = apply_errors(radar, table, ray, lambda: self._noise(state.tick))
         _fill_xyz(table)
         return table
+
+    def _targets(self, detector: RadarDetector, hits: Hits, table: Table, tick: int) -> Table:
+        """The targets among scatterers, which are the rays' detections."""
+        radar = self.radar
+        solid_angle = np.radians(radar.horizontal_fov_deg) * 2.0 * np.sin(np.radians(radar.vertical_fov_deg) / 2.0)
+        cos_angle = np.maximum(hits.cos_angle.astype(np.float64), _MIN_COS)
+        area_m2 = solid_angle / self.rays * np.square(hits.range_m.astype(np.float64)) / cos_angle
+        share = area_m2 / self._cross_sections.area_m2[hits.tag]
+        columns = (table[name].astype(np.float64) for name in ("range", "doppler_velocity", "azimuth", "elevation"))
+        seen = Scatterers(from_db(table["amplitude"].astype(np.float64)) * share, *columns)
+        found = find_targets(radar, detector, seen, self._stream("speckle", tick))
+        targets = np.zeros(len(found.power), RADAR_POINT_DTYPE)
+        for name, values in zip(("range", "doppler_velocity", "azimuth", "elevation"), found[1:], strict=True):
+            targets[name] = values
+        targets["amplitude"] = 10.0 * np.log10(found.power)
+        return targets
 
     def _amplitude_db(self, hits: Hits, range_m: Float64Array, state: WorldState) -> Float64Array:
         cross_section_m2 = self._cross_sections.at_incidence(hits.material, hits.tag, hits.cos_angle.astype(np.float64))

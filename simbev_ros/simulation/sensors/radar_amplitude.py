@@ -30,6 +30,7 @@ class CrossSections:
     Attributes:
         diffuse_m2, exponent, specular_m2, spread: (len(Material),) parameters by material.
         kind: (256,) factor by semantic tag.
+        area_m2: (256,) area by semantic tag to which a cross-section belongs.
     """
 
     diffuse_m2: Float64Array
@@ -37,6 +38,7 @@ class CrossSections:
     specular_m2: Float64Array
     spread: Float64Array
     kind: Float64Array
+    area_m2: Float64Array
 
     def at_incidence(self, material: UInt8Array, tag: UInt8Array, cos_angle: Float64Array) -> Float64Array:
         """(N,) cross-sections in m² of (N,) surfaces at (N,) cosines of the angle of incidence."""
@@ -59,12 +61,16 @@ def load_cross_sections() -> CrossSections:
     kind_db = np.zeros(256)
     for name, gain_db in data["kinds"].items():
         kind_db[Tag[name]] = gain_db
+    area_m2 = np.ones(256)
+    for name, area in data["areas"].items():
+        area_m2[Tag[name]] = area
     return CrossSections(
         diffuse_m2=from_db(column("diffuse")),
         exponent=column("exponent"),
         specular_m2=from_db(column("specular")),
         spread=column("spread"),
         kind=from_db(kind_db),
+        area_m2=area_m2,
     )
 
 

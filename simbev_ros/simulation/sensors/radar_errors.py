@@ -36,6 +36,8 @@ def apply_errors(radar: Radar, table: Table, ray: Int64Array, draw: Callable[[],
     if radar.max_doppler_mps is not None:
         limit_mps = radar.max_doppler_mps
         table["doppler_velocity"] = (table["doppler_velocity"] + limit_mps) % (2.0 * limit_mps) - limit_mps
+    if radar.detector is not None:  # places between cells, with speeds that are aliased already
+        return table
     _round_to_cells(radar, table)
     return _strongest_of_cells(table) if radar.one_per_cell else table
 

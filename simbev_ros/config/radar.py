@@ -1,11 +1,13 @@
 """Radars of a rig: field of view, rays, thresholds, noise and resolution."""
 
-from typing import Literal, Self
+from functools import lru_cache
+from typing import Any, Literal, Self
 
 from pydantic import Field, model_validator
 
 from simbev_ros.config.base import Model
 from simbev_ros.config.sensor import Sensor
+from simbev_ros.foundation.tables import load_table
 
 RayPattern = Literal["cone", "even"]
 
@@ -35,6 +37,9 @@ class Radar(Sensor):
     """
 
     type: Literal["radar"]
+    preset: str | None = Field(
+        None, description="a manufacturer's model, which provides the values that are not given here"
+    )
     range_m: float = Field(120.0, gt=0, le=1000, description="maximum range")
     min_range_m: float = Field(
         0.0, ge=0, le=1000, description="minimum range; nearer surfaces are not detected but occlude"
@@ -95,6 +100,19 @@ class Radar(Sensor):
         "none: each ray is a detection",
     )
 
+    @model_validator(mode="before")
+    @classmethod
+    def _fill_in(cls, data: Any) -> Any:
+        """Fill in the values of a preset."""
+        name = data.get("preset") if isinstance(data, dict) else None
+        return {**load_radar_presets().get(name, {}), **data} if isinstance(name, str) else data
+
+    @model_validator(mode="after")
+    def _known_preset(self) -> Self:
+        if self.preset is not None and self.preset not in load_radar_presets():
+            raise ValueError(f"preset {self.preset!r} is not known; allowed: {', '.join(load_radar_presets())}")
+        return self
+
     @model_validator(mode="after")
     def _fields_agree(self) -> Self:
         if self.min_range_m >= self.range_m:
@@ -111,3 +129,9 @@ class Radar(Sensor):
         if self.one_per_cell and (missing := [name for name in _RESOLUTIONS if getattr(self, name) is None]):
             raise ValueError(f"one_per_cell: cells need {', '.join(missing)} too")
         return self
+
+
+@lru_cache(maxsize=1)
+def load_radar_presets() -> dict[str, dict[str, Any]]:
+    """Load radar_presets.yaml: properties by model name."""
+    return load_table("simbev_ros.config", "radar_presets.yaml")

@@ -2,7 +2,7 @@
 
 The rays sample all surfaces evenly over solid angle. Each is a scatterer with the cross-section of the surface that it
 stands for, and a phase of its own, so that the scatterers of a cell add up to speckle. A cell also hears its neighbors:
-the spectrum's window (Hann's) spreads each scatterer over three cells in each dimension. A target is a cell that is the
+the spectrum's window (Hann's) spreads each scatterer over four cells in each dimension. A target is a cell that is the
 greatest of its neighborhood and exceeds noise and clutter, the mean of the quieter side of the cells before and behind
 it in range (smallest-of cell-averaging CFAR; Trunk 1978). Range, speed and azimuth are interpolated between cells, the
 elevation is the scatterers' mean by power.
@@ -62,15 +62,12 @@ def find_targets(radar: Radar, detector: RadarDetector, seen: Scatterers, rng: n
     row = _detected(power, float(noise), detector)
     row = row[np.argsort(-power.ravel()[row], kind="stable")[: detector.max_targets]]
     at = np.stack(np.unravel_index(row, power.shape))
-    found = (low[:, None] + _interpolated(power, at)) * cell
+    place, peak = _interpolated(power, at)
+    found = (low[:, None] + place) * cell
     order = np.argsort(found[0], kind="stable")
-    return Scatterers(
-        power.ravel()[row][order],
-        np.maximum(found[0], 0.0)[order],
-        found[1][order],
-        found[2][order],
-        elevation.ravel()[row][order],
-    )
+    found[0] = np.maximum(found[0], 0.0)
+    range_m, speed_mps, azimuth_rad = found[:, order]
+    return Scatterers(peak[order], range_m, speed_mps, azimuth_rad, elevation.ravel()[row][order])
 
 
 def _spectrum(
@@ -78,19 +75,22 @@ def _spectrum(
 ) -> tuple[Float64Array, Float64Array]:
     """Power of the cells, and the mean elevation of the scatterers in each."""
     amplitude = np.sqrt(seen.power) * np.exp(2j * np.pi * rng.random(len(seen.power)))
-    nearest = np.rint(place).astype(np.int64)
-    total = np.zeros(int(np.prod(shape)), complex)
-    weight, tilt = np.zeros((2, total.size))
-    for offsets in np.ndindex(3, 3, 3):
-        index = nearest + np.array(offsets)[:, None] - 1
-        window = np.prod(np.cos(np.pi / 4.0 * (place - index)) ** 2, axis=0)
-        cell = np.ravel_multi_index(tuple(index), tuple(shape), mode="clip")
-        part = amplitude * window
-        total += np.bincount(cell, part.real, total.size) + 1j * np.bincount(cell, part.imag, total.size)
-        weight += np.bincount(cell, seen.power * window**2, total.size)
-        tilt += np.bincount(cell, seen.power * window**2 * seen.elevation_rad, total.size)
-    power = np.square(np.abs(total)).reshape(shape)
-    return power, (tilt / np.maximum(weight, _TINY)).reshape(shape)
+    index = np.floor(place).astype(np.int64)[:, None] + np.arange(-1, 3)[:, None]  # (3, 4, N): the main lobe
+    window = np.cos(np.pi / 4.0 * (place[:, None] - index)) ** 2
+    index = np.clip(index, 0, shape[:, None, None] - 1)
+    cell = (index[0][:, None, None] * shape[1] + index[1][:, None]) * shape[2] + index[2]
+    weight = (window[0][:, None, None] * window[1][:, None] * window[2]).ravel()
+    cell = cell.ravel()
+    count = int(np.prod(shape))
+
+    def gathered(values: Float64Array) -> Float64Array:
+        spread = np.broadcast_to(values, (4, 4, 4, len(values))).ravel() * weight
+        return np.asarray(np.bincount(cell, spread, count), np.float64)
+
+    power = np.square(gathered(amplitude.real)) + np.square(gathered(amplitude.imag))
+    heard = gathered(seen.power)
+    elevation = gathered(seen.power * seen.elevation_rad) / np.maximum(heard, _TINY)
+    return power.reshape(shape), elevation.reshape(shape)
 
 
 def _detected(power: Float64Array, noise: float, detector: RadarDetector) -> Int64Array:
@@ -104,17 +104,18 @@ def _detected(power: Float64Array, noise: float, detector: RadarDetector) -> Int
     return np.flatnonzero(is_peak & (power > from_db(np.array(detector.threshold_db)) * (noise + clutter)))
 
 
-def _interpolated(power: Float64Array, at: Int64Array) -> Float64Array:
-    """(3, M) places of peaks between cells: of the parabola through the logarithms of three cells."""
-    place = at.astype(np.float64)
+def _interpolated(power: Float64Array, at: Int64Array) -> tuple[Float64Array, Float64Array]:
+    """(3, M) places of peaks between cells and (M,) powers there, of parabolas through the logarithms of cells."""
+    place, middle = at.astype(np.float64), np.log(power[tuple(at)] + _TINY)
+    peak = middle.copy()
     for axis in range(3):
         sides = []
         for step in (-1, 1):
             index = at.copy()
             index[axis] = np.clip(index[axis] + step, 0, power.shape[axis] - 1)
             sides.append(np.log(power[tuple(index)] + _TINY))
-        middle = np.log(power[tuple(at)] + _TINY)
-        bend = sides[0] - 2.0 * middle + sides[1]
-        shift = np.where(bend < 0.0, (sides[0] - sides[1]) / (2.0 * np.minimum(bend, -_TINY)), 0.0)
-        place[axis] += np.clip(shift, -0.5, 0.5)
-    return place
+        slope, bend = (sides[1] - sides[0]) / 2.0, np.minimum(sides[0] - 2.0 * middle + sides[1], -_TINY)
+        shift = np.clip(-slope / bend, -0.5, 0.5)
+        place[axis] += shift
+        peak += slope * shift + bend * shift**2 / 2.0
+    return place, np.exp(peak)

@@ -3,6 +3,7 @@
 import errno
 import os
 import re
+import resource
 from collections.abc import Callable
 from io import StringIO
 from pathlib import Path
@@ -44,8 +45,12 @@ def test_all_consoles_of_the_command_line_are_made_in_one_place() -> None:
             f"{'x' * 300}: File name too long",
         ),
         (OSError(errno.EACCES, "Permission denied", b"/caf\xe9"), 2, "/caf\\udce9: Permission denied"),
-        (OSError(errno.EMFILE, "Too many open files", "/a"), 1, "/a: Too many open files"),
-        (OSError(errno.ENOSPC, "No space left on device"), 1, "No space left on device"),
+        (
+            OSError(errno.EMFILE, "Too many open files", "/a"),
+            1,
+            "/a: too many files are open: ulimit -n allows 4096 open files; ulimit -n 16384 helps",
+        ),
+        (OSError(errno.ENOSPC, "No space left on device"), 1, "the disk is full"),
         (OSError(errno.ENOMEM, "Cannot allocate memory"), 1, "memory ran out"),
         (MemoryError(), 1, "memory ran out"),
         (
@@ -64,6 +69,8 @@ def test_errors_of_the_machine_are_said_in_one_line(
     for name in ("LD_PRELOAD", "LD_LIBRARY_PATH"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setattr(main, "app", fail)
+    limits = {resource.RLIMIT_NOFILE: (4096, 4096)}
+    monkeypatch.setattr(resource, "getrlimit", lambda kind: limits.get(kind, (resource.RLIM_INFINITY,) * 2))
     answer = simbev("doctor")
     assert (answer.code, answer.err) == (code, f"error: {message}\n")
 

@@ -37,7 +37,7 @@ from simbev_ros.show.foxglove.derived import derivations
 from simbev_ros.show.foxglove.graph_relay import GraphRelay
 from simbev_ros.show.foxglove.playback_clock import PlaybackClock
 from simbev_ros.show.foxglove.relayed_topics import GraphTransforms
-from simbev_ros.show.gate import Gate
+from simbev_ros.show.gate import END_OF_HEAD, Gate
 from simbev_ros.show.rerun.page_server import PageServer, _Handler
 
 TOKEN, COOKIE = "fuzzed-token", "fuzzed-cookie"
@@ -59,7 +59,7 @@ def _judge_head(data: bytes) -> None:
         method, target, _ = data.partition(b"\r\n")[0].split(b" ")
         assert has_token(target.decode("latin-1"), TOKEN)
         assert request.startswith(method + b" / ") and TOKEN.encode() not in request.partition(b"\r\n")[0]
-        hosts = [line for line in request.split(b"\r\n") if line.lower().startswith(b"host:")]
+        hosts = [line for line in request.partition(END_OF_HEAD)[0].split(b"\r\n") if line.lower().startswith(b"host:")]
         assert not hosts or is_own_host(hosts[0].partition(b":")[2].strip().decode("latin-1"))
 
 

@@ -2,6 +2,7 @@
 
 import bz2
 import gzip
+import os
 import shutil
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
@@ -143,6 +144,11 @@ def test_pbf_with_ids_that_are_not_openstreetmaps_reads_like_xml(tmp_path: Path,
             members = [("w", 7, "outer"), ("w", member_id, "inner")]
             writer.add_relation(mutable.Relation(id=1, members=members, tags={"type": "multipolygon"}))
     assert_equal(read_osm(tmp_path / "new.pbf"), read_osm(tmp_path / "new.osm"))
+
+
+def test_the_index_of_a_pbf_is_closed_and_frees_its_space_on_the_disk(pbf: Path) -> None:
+    read_osm(pbf)
+    assert not [link for link in Path("/proc/self/fd").iterdir() if "simbev-osm-" in os.path.realpath(link)]
 
 
 def test_a_damaged_pbf_is_refused(tmp_path: Path, pbf: Path) -> None:

@@ -14,6 +14,7 @@ from simbev_ros.cli.pool import Workers, processes
 from simbev_ros.foundation.errors import InputError, SimbevError
 from simbev_ros.foundation.files.whole_files import write_errors, write_whole
 from simbev_ros.foundation.installation.extras import load_extras
+from simbev_ros.recording.layout import is_dataset
 
 
 def evaluate(
@@ -85,12 +86,14 @@ def _noticing_swapped(predictions: Path, dataset: Path) -> Iterator[None]:
     try:
         yield
     except InputError:
-        if _is_dataset(dataset) or not _is_dataset(predictions):
+        is_recorded = is_dataset(dataset) or dataset.suffix == ".mcap" or any(dataset.glob("*.mcap"))
+        if is_recorded or not _opens(predictions):
             raise
         raise InputError(f"{dataset}: is not a dataset, but {predictions} is; they seem to be swapped") from None
 
 
-def _is_dataset(path: Path) -> bool:
+def _opens(path: Path) -> bool:
+    """Whether a path is a dataset that can be read."""
     from simbev_ros.dataset import open_dataset
 
     try:

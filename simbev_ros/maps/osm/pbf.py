@@ -4,9 +4,10 @@ The coordinates of all nodes go to a temporary file (16 bytes each), where numpy
 country to Python would take a hundred times longer.
 """
 
+import os
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -183,7 +184,10 @@ def _index_nodes(path: Path, file: Path) -> Table:
     import osmium
 
     index = osmium.index.create_map(f"sparse_file_array,{file}")
-    osmium.apply(osmium.io.Reader(str(path), osmium.osm.NODE), osmium.NodeLocationsForWays(index))
+    try:
+        osmium.apply(osmium.io.Reader(str(path), osmium.osm.NODE), osmium.NodeLocationsForWays(index))
+    finally:
+        _close(file)
     count = file.stat().st_size // _NODE.itemsize
     nodes: Table = np.memmap(file, _NODE, "r+", shape=(count,)) if count else np.empty(0, _NODE)
     if any(np.any(np.diff(nodes["id"][k : k + _PIECE + 1]) <= 0) for k in range(0, count, _PIECE)):
@@ -192,6 +196,14 @@ def _index_nodes(path: Path, file: Path) -> Table:
         _require_own(first.id, *nodes["id"][-1:].tolist())
         break
     return nodes
+
+
+def _close(file: Path) -> None:
+    """Close a file that libosmium leaves open, so that its space on the disk is free once it is removed."""
+    for link in Path("/proc/self/fd").iterdir():
+        with suppress(OSError):  # it is that of the listing itself
+            if link.readlink() == file.resolve():
+                os.close(int(link.name))
 
 
 def _ids_within(nodes: Table, box: Box | None) -> Int64Array:

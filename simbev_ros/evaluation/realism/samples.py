@@ -136,7 +136,7 @@ def _read_bin(path: Path) -> LidarTurn:
             rows = rows[np.linalg.norm(rows[:, :3], axis=1) > 0.5]
             return LidarTurn(rows[:, :3], rows[:, 3] / np.float32(_EIGHT_BITS), rows[:, 4].astype(np.int64))
     if not len(numbers) or len(numbers) % _COLUMNS_KITTI:
-        raise InputError(f"{path}: is no cloud of KITTI (4 float32 a point) or nuScenes (5)")
+        raise InputError(f"{path}: is not a cloud of KITTI (4 float32 a point) or nuScenes (5)")
     rows = numbers.reshape(-1, _COLUMNS_KITTI)
     return LidarTurn(rows[:, :3], rows[:, 3], _rings_of_kitti(rows))
 
@@ -162,7 +162,7 @@ def _read_image(path: Path) -> Photograph:
 
     image = cv2.imread(str(path), cv2.IMREAD_COLOR)
     if image is None:
-        raise InputError(f"{path}: is no image")
+        raise InputError(f"{path}: cannot be read as an image")
     return Photograph(np.ascontiguousarray(image[..., ::-1]))
 
 

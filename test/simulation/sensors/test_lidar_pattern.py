@@ -107,3 +107,27 @@ def test_columns_follow_from_points_per_second() -> None:
 def test_inconsistent_properties_are_rejected_by_name(properties: dict[str, object], message: str) -> None:
     with pytest.raises(ValidationError, match=message.replace("(", r"\(")):
         lidar(**properties)
+
+
+def test_channels_that_fire_one_after_another_have_their_times_and_turn_on_meanwhile() -> None:
+    """VLP-16: 2.304 us from laser to laser, in the order of its ids; a turn of 0.1 s is 3.6 degrees a millisecond."""
+    sensor = lidar(preset="VLP-16", rate_hz=10)
+    pattern = ScanPattern.from_lidar(sensor, 0.1)
+    time_s = pattern.time_s.reshape(sensor.columns, 16)
+    assert time_s.max() == pytest.approx(0.0, abs=1e-12)
+    lasers = np.argsort(time_s[0])
+    elevations_deg = np.linspace(-15.0, 15.0, 16)
+    assert elevations_deg[lasers][:4] == pytest.approx([-15.0, 1.0, -13.0, 3.0])
+    assert np.diff(np.sort(time_s[0])) == pytest.approx(2.304e-6)
+    azimuth = np.arctan2(pattern.directions[:, 1], pattern.directions[:, 0]).reshape(-1, 16)[900]
+    turned_deg = np.degrees(azimuth[lasers[0]] - azimuth[lasers[-1]])
+    assert turned_deg == pytest.approx(3600.0 * 15 * 2.304e-6, abs=1e-3)
+
+
+@pytest.mark.parametrize("name", load_lidar_presets())
+def test_presets_roll_and_have_a_receiver_and_none_of_the_papers_losses(name: str) -> None:
+    sensor = lidar(preset=name)
+    assert sensor.rolling
+    assert sensor.receiver is not None
+    assert sensor.drop_off == 0.0
+    assert len(sensor.channel_delays_us or [0.0] * sensor.channels) == sensor.channels

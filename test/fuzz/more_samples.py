@@ -3,16 +3,20 @@
 import bz2
 import gzip
 import hashlib
+import io
 import json
 import struct
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
+import cv2
 import numpy as np
 import osmium
+import pyarrow as pa
 import ros_messages
 import zstandard
+from pyarrow import feather
 from served_targets import COOKIE, PORT, REQUEST, TOKEN
 from stored_targets import THING
 
@@ -68,7 +72,24 @@ def stored_samples(osm: str) -> Iterator[tuple[str, str, bytes]]:
         "valid",
         b"evaluation: {range_m: 50, rings_m: [10, 30], min_points: 1, truth: joint, answers_to: /ego/lidar/points}\n",
     )
+    yield from (("real_frame", f"valid_{suffix}", f".{suffix}\n".encode() + data) for suffix, data in _frames())
     yield "export_part", "valid", json.dumps({"made_from": "b", "frames": 3}).encode()
+
+
+def _frames() -> Iterator[tuple[str, bytes]]:
+    """Small frames of other data sets by the endings of their files."""
+    rng = np.random.default_rng(1)
+    points = np.column_stack([rng.uniform(-9.0, 9.0, (40, 3)), rng.random(40)]).astype(np.float32)
+    yield "bin", points.tobytes()
+    stream = io.BytesIO()
+    columns = dict(zip("xyz", points[:, :3].T.astype(np.float16), strict=True))
+    columns |= {"intensity": np.arange(40, dtype=np.uint8), "laser_number": np.arange(40, dtype=np.uint8) % 4}
+    feather.write_feather(pa.table(columns), stream, compression="uncompressed")
+    yield "feather", stream.getvalue()
+    image = rng.integers(0, 255, (24, 32, 3), np.uint8)
+    yield from ((ending, cv2.imencode(f".{ending}", image)[1].tobytes()) for ending in ("png", "jpg"))
+    head = b"VERSION 0.7\nFIELDS x rcs\nSIZE 4 4\nTYPE F F\nCOUNT 1 1\nPOINTS 2\nDATA binary\n"
+    yield "pcd", head + np.array([[1.0, -8.0], [2.0, 4.0]], np.float32).tobytes()
 
 
 def _pbf(osm: str, compression: str) -> bytes:

@@ -19,6 +19,8 @@ from target import Target, folder, write_file
 from simbev_ros.baselines.inference import ABOUT_KEY, Baseline
 from simbev_ros.config.evaluation_file import load_evaluation
 from simbev_ros.dataset.lock import DatasetLock
+from simbev_ros.evaluation.realism.samples import READERS, samples_of_folder
+from simbev_ros.evaluation.realism.statistics import figures_of
 from simbev_ros.export.parts import Part
 from simbev_ros.foundation.cache import seals
 from simbev_ros.foundation.cache.files import read_cached
@@ -139,6 +141,25 @@ def _read_part(data: bytes) -> None:
     assert record is None or record["made_from"] == "b"
 
 
+def _read_frame(data: bytes) -> None:
+    """Read a frame of another data set: a line with the ending of its file, and then the file."""
+    suffix, _, content = data.partition(b"\n")
+    if suffix.decode("latin1") not in READERS:
+        return
+    place = write_file(f"frames/frame{suffix.decode()}", content)
+    try:
+        figures = [figures_of(samples) for samples in samples_of_folder(place.parent, 2).values()]
+    finally:
+        place.unlink()
+    assert all(isinstance(value, float | int) for each in figures for value in each.values())
+
+
+def mutate_frame(sample: bytes, rng: Random) -> bytes:
+    """Mutate the file of a frame."""
+    suffix, _, content = sample.partition(b"\n")
+    return suffix + b"\n" + mutation.mutate_bytes(content, rng)
+
+
 _PACKERS: dict[str, tuple[Callable[[bytes], bytes], Callable[[bytes], bytes]]] = {
     "gz": (gzip.compress, gzip.decompress),
     "bz2": (bz2.compress, bz2.decompress),
@@ -171,5 +192,6 @@ STORED_TARGETS = (
     Target("projector", _read_projector, _INPUT, mutation.mutate_yaml),
     Target("evaluation", _read_evaluation, _INPUT, mutation.mutate_yaml, examples=60),
     Target("export_part", _read_part, (), mutation.mutate_json),
+    Target("real_frame", _read_frame, _INPUT, mutate_frame),
 )
 """Targets of what is stored."""

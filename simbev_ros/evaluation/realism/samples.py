@@ -16,7 +16,10 @@ from simbev_ros.foundation.types import Float32Array, Int64Array, UInt8Array
 
 _MAX_RING = 255
 _EIGHT_BITS = 255.0
+_MIN_RANGE_M, _MAX_RANGE_M = 0.5, 1000.0
+_MAX_RCS_DBSM = 200.0
 _MIN_BRIGHTNESSES = 64
+_MIN_SIDE_PX = 16
 _COLUMNS_KITTI, _COLUMNS_NUSCENES = 4, 5
 
 
@@ -79,16 +82,16 @@ def samples_of_folder(folder: Path, max_samples: int) -> dict[str, list[Sample]]
     """
     groups: dict[tuple[str, str], list[Path]] = {}
     for path in sorted(folder.rglob("*")):
-        if path.suffix in _READERS and path.is_file():
+        if path.suffix in READERS and path.is_file():
             groups.setdefault((str(path.parent.relative_to(folder)), path.suffix), []).append(path)
     found: dict[str, list[Sample]] = {}
     for (place, suffix), paths in groups.items():
         step = max(1, len(paths) // max_samples)
-        samples = list(islice(_read_files(paths[::step], _READERS[suffix]), max_samples))
+        samples = list(islice(_read_files(paths[::step], READERS[suffix]), max_samples))
         if not _are_labels(samples[0]):
             found[f"{place} ({suffix[1:]})"] = samples
     if not found:
-        raise InputError(f"{folder}: has no samples; read are files that end in {', '.join(_READERS)}")
+        raise InputError(f"{folder}: has no samples; read are files that end in {', '.join(READERS)}")
     return found
 
 
@@ -133,12 +136,20 @@ def _read_bin(path: Path) -> LidarTurn:
         rows = numbers.reshape(-1, _COLUMNS_NUSCENES)
         ring = rows[:, 4]
         if len(rows) and np.all(ring == np.round(ring)) and ring.min() >= 0 and ring.max() <= _MAX_RING:
-            rows = rows[np.linalg.norm(rows[:, :3], axis=1) > 0.5]
-            return LidarTurn(rows[:, :3], rows[:, 3] / np.float32(_EIGHT_BITS), rows[:, 4].astype(np.int64))
+            return _turn(path, rows[:, :3], rows[:, 3] / np.float32(_EIGHT_BITS), rows[:, 4].astype(np.int64))
     if not len(numbers) or len(numbers) % _COLUMNS_KITTI:
         raise InputError(f"{path}: is not a cloud of KITTI (4 float32 a point) or nuScenes (5)")
     rows = numbers.reshape(-1, _COLUMNS_KITTI)
-    return LidarTurn(rows[:, :3], rows[:, 3], _rings_of_kitti(rows))
+    return _turn(path, rows[:, :3], rows[:, 3], _rings_of_kitti(rows))
+
+
+def _turn(path: Path, xyz_m: Float32Array, intensity: Float32Array, ring: Int64Array) -> LidarTurn:
+    """The turn without points that are no returns."""
+    range_m = np.linalg.norm(xyz_m.astype(np.float64), axis=1)
+    there = (range_m > _MIN_RANGE_M) & (range_m < _MAX_RANGE_M) & np.isfinite(intensity)
+    if not there.any():
+        raise InputError(f"{path}: has no points with ranges of {_MIN_RANGE_M} to {_MAX_RANGE_M} m")
+    return LidarTurn(xyz_m[there], intensity[there], ring[there])
 
 
 def _rings_of_kitti(rows: Float32Array) -> Int64Array:
@@ -154,7 +165,7 @@ def _read_feather(path: Path) -> LidarTurn:
     columns = pyarrow.feather.read_table(path, columns=["x", "y", "z", "intensity", "laser_number"])
     x, y, z, intensity, ring = (column.to_numpy() for column in columns.columns)
     xyz_m = np.stack([x, y, z], axis=1).astype(np.float32)
-    return LidarTurn(xyz_m, intensity.astype(np.float32) / np.float32(_EIGHT_BITS), ring.astype(np.int64))
+    return _turn(path, xyz_m, intensity.astype(np.float32) / np.float32(_EIGHT_BITS), ring.astype(np.int64))
 
 
 def _read_image(path: Path) -> Photograph:
@@ -163,6 +174,10 @@ def _read_image(path: Path) -> Photograph:
     image = cv2.imread(str(path), cv2.IMREAD_COLOR)
     if image is None:
         raise InputError(f"{path}: cannot be read as an image")
+    if min(image.shape[:2]) < _MIN_SIDE_PX:
+        raise InputError(
+            f"{path}: {image.shape[1]} x {image.shape[0]} pixels are too few; at least {_MIN_SIDE_PX} each way"
+        )
     return Photograph(np.ascontiguousarray(image[..., ::-1]))
 
 
@@ -173,14 +188,15 @@ def _read_pcd(path: Path) -> RadarScan:
     names, sizes, kinds = (lines[key].split() for key in ("FIELDS", "SIZE", "TYPE"))
     codes = {"F": "f", "I": "i", "U": "u"}
     dtype = np.dtype([(n, f"<{codes[k]}{s}") for n, s, k in zip(names, sizes, kinds, strict=True)])
-    table = np.frombuffer(data, dtype, count=int(lines["POINTS"]))
-    return RadarScan(table["rcs"].astype(np.float32))
+    rcs = np.frombuffer(data, dtype, count=int(lines["POINTS"]))["rcs"].astype(np.float32)
+    return RadarScan(rcs[np.abs(rcs) < _MAX_RCS_DBSM])
 
 
-_READERS: dict[str, Callable[[Path], Sample]] = {
+READERS: dict[str, Callable[[Path], Sample]] = {
     ".bin": _read_bin,
     ".feather": _read_feather,
     ".jpg": _read_image,
     ".png": _read_image,
     ".pcd": _read_pcd,
 }
+"""How to read a file by its ending."""

@@ -18,7 +18,7 @@ _MAX_STEP_M = 0.1
 _CLIPPED, _BLACK = 252, 3
 _LUMA = np.array([0.299, 0.587, 0.114])
 _MIN_IN_BIN = 20
-_SPECTRUM_WIDTH_PX = 800
+_SPECTRUM_WIDTH_PX, _MIN_LINES = 800, 16
 _NYQUIST_SHARES = (0.5, 0.95)
 _BLOCK_PX = 8
 _FLAT_SHARE = 0.1
@@ -135,7 +135,7 @@ def _spectral_slope(gray: Float64Array) -> float:
 
 def _spectrum(gray: Float64Array) -> tuple[Float64Array, Float64Array]:
     """Shares of Nyquist's frequency above 0, and the power of lines in both directions there, at about 800 pixels."""
-    factor = max(1, round(gray.shape[1] / _SPECTRUM_WIDTH_PX))
+    factor = max(1, min(round(gray.shape[1] / _SPECTRUM_WIDTH_PX), min(gray.shape) // _MIN_LINES))
     rows, columns = (length // factor * factor for length in gray.shape)
     small = gray[:rows, :columns].reshape(rows // factor, factor, columns // factor, factor).mean(axis=(1, 3))
     shares, level = np.linspace(0.01, 1.0, 200), np.zeros(200)

@@ -28,6 +28,9 @@ class Receiver(Model):
     spread_db: float = Field(
         1.0, ge=0, le=10, description="standard deviation of the received power from pulse to pulse"
     )
+    channel_spread_db: float = Field(
+        0.0, ge=0, le=10, description="standard deviation of the gain from channel to channel, the same in all scenes"
+    )
     near_field_m: float = Field(
         0.0, ge=0, le=50, description="range up to which the receiver sees less than 63 % of its beam; 0: all of it"
     )

@@ -1,14 +1,15 @@
 """The receiver of a lidar as it is sold: which echoes it detects, which of them it returns, and what it writes.
 
 The power of an echo is its strength over the square of its range, less what the receiver does not see of the beam near
-by, and varies from pulse to pulse. An echo is detected if its power exceeds the threshold, that of a matte surface of
-10 % reflectance at ``range_at_10_percent_m``. Echoes that are closer together than a pulse are one, at their mean
-range: points that hang between two surfaces.
+by, and varies from pulse to pulse and from channel to channel. An echo is detected if its power exceeds the threshold,
+that of a matte surface of 10 % reflectance at ``range_at_10_percent_m``. Echoes that are closer together than a pulse
+are one, at their mean range: points that hang between two surfaces.
 """
 
 import numpy as np
 
 from simbev_ros.config.lidar import Lidar, Receiver
+from simbev_ros.foundation.random import stream
 from simbev_ros.foundation.types import BoolArray, Float32Array, Int64Array
 from simbev_ros.simulation.sensors.lidar_beam import Echoes
 
@@ -26,19 +27,22 @@ class LidarReceiver:
         self._receiver, self._returns = receiver, lidar.returns
         self._range_sigma_m = lidar.range_noise_sigma_m
         self._min_range_m, self._max_range_m = max(lidar.min_range_m, _MIN_RANGE_M), lidar.range_m
+        draws = stream(0, f"lidar.{lidar.preset or lidar.name}.channels").standard_exponential(lidar.channels)
+        self._gain_db = (receiver.channel_spread_db * (1.0 - draws)).astype(np.float32)  # a few are much weaker
         self._threshold = _REFERENCE_REFLECTANCE / receiver.range_at_10_percent_m**2
 
     def detect(self, echoes: Echoes, normal: Float32Array) -> tuple[Echoes, Float32Array]:
         """Those echoes that the lidar returns.
 
         Args:
-            echoes: All echoes of N beams.
+            echoes: All echoes of N beams, column by column.
             normal: (N,) standard normal numbers, by which the beams' power varies.
 
         Returns:
             M echoes by ray, nearer ones first, and (M,) their power divided by the threshold.
         """
-        strength = echoes.strength * np.power(10.0, self._receiver.spread_db / 10.0 * normal[echoes.ray])
+        gain_db = self._receiver.spread_db * normal[echoes.ray] + self._gain_db[echoes.ray % len(self._gain_db)]
+        strength = echoes.strength * np.power(10.0, gain_db / 10.0)
         echoes = Echoes(echoes.ray, echoes.range_m, strength.astype(np.float32))
         is_one_of_many = np.bincount(echoes.ray, minlength=len(normal))[echoes.ray] > 1
         alone, alone_ratio = self._detected(echoes.of(~is_one_of_many))

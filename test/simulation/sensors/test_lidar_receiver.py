@@ -190,6 +190,17 @@ def test_near_by_the_receiver_sees_less_of_its_beam() -> None:
     assert value == pytest.approx([0.5 * (1 - np.exp(-1 / 9)), 0.5 * (1 - np.exp(-1)), 0.5], abs=1e-3)
 
 
+def test_channels_differ_by_a_gain_of_their_own_that_stays() -> None:
+    sensor = lidar(channels=64, lower_fov_deg=-5.0)
+    settings = Receiver(range_at_10_percent_m=R10_M, spread_db=0.0, channel_spread_db=2.0)
+    rays = Echoes(np.arange(640), np.full(640, 10.0, np.float32), np.full(640, 0.3, np.float32))
+    found, _ = LidarReceiver(sensor, settings).detect(rays, np.zeros(640, np.float32))
+    gain_db = 10.0 * np.log10(found.strength / 0.3).reshape(10, 64)
+    assert np.ptp(gain_db, axis=0).max() == 0.0
+    assert gain_db[0].std() == pytest.approx(2.0, rel=0.4)
+    assert gain_db[0].max() <= 2.0 + 1e-4
+
+
 def test_weak_echoes_are_noisier() -> None:
     receiver = LidarReceiver(
         lidar(range_noise_sigma_m=0.005), Receiver(range_at_10_percent_m=R10_M, noise_at_threshold_m=0.03)

@@ -144,7 +144,7 @@ def _read_bin(path: Path) -> LidarTurn:
 
 
 def _turn(path: Path, xyz_m: Float32Array, intensity: Float32Array, ring: Int64Array) -> LidarTurn:
-    """The turn without points that are no returns."""
+    """The turn of the returns alone."""
     range_m = np.linalg.norm(xyz_m.astype(np.float64), axis=1)
     there = (range_m > _MIN_RANGE_M) & (range_m < _MAX_RANGE_M) & np.isfinite(intensity)
     if not there.any():

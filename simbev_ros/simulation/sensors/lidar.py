@@ -107,6 +107,7 @@ class LidarModel:
         self._xyz = np.ascontiguousarray(self.pattern.directions.T)
         time_s = self.pattern.time_s.astype(np.float32)
         self._time_s = time_s if lidar.rolling else np.zeros_like(time_s)
+        self._stretch = lidar.beam_divergence_mrad * 1e-3 / lidar.receiver.pulse_m if lidar.receiver else 0.0
         spacing_rad = np.radians(lidar.horizontal_fov_deg) / lidar.columns
         self._beam_reach = lidar.beam_divergence_mrad * 1e-3 / 2.0 / spacing_rad
         blocks = min(max(len(self._time_s) // _MIN_RAYS_PER_BLOCK, 1), max_blocks, lidar.columns)
@@ -268,7 +269,7 @@ class LidarModel:
         assert draws.beam is not None
         assert draws.detection is not None
         beams = Beams(rays.origins_m, rays.directions, rays.lag_s, hits, draws.beam[:, :2])
-        first, others = surface_echoes(beams, scene.cast, scene.actors, wetness)
+        first, others = surface_echoes(beams, scene.cast, scene.actors, wetness, self._stretch)
         shared = edge_echoes(first, len(hits.range_m), self._lidar.channels, self._beam_reach, draws.beam[:, 2])
         echoes = Echoes.joined([shared, others])
         if draws.air_echoes is not None:

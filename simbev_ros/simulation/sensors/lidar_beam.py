@@ -29,6 +29,7 @@ _MAX_PANES = 3
 _CLEARANCE_M = 0.01  # from a surface to the start of what passes or is mirrored
 _LEAF_DEPTH_M = 0.3  # mean depth at which leaves behind the surface of a crown send light back
 _MIN_SHARE = 0.005
+_MIN_COS = 1e-3
 _MIN_JUMP_M = 0.3
 
 
@@ -79,7 +80,9 @@ class Beams:
 Cast = Callable[[Float64Array, Float32Array, Float64Array | None], Hits]
 
 
-def surface_echoes(beams: Beams, cast: Cast, actors: Table, wetness: float) -> tuple[Echoes, Echoes]:
+def surface_echoes(
+    beams: Beams, cast: Cast, actors: Table, wetness: float, stretch: float = 0.0
+) -> tuple[Echoes, Echoes]:
     """Echoes of the surfaces that beams meet first, and of what they meet through and in these.
 
     Args:
@@ -87,6 +90,8 @@ def surface_echoes(beams: Beams, cast: Cast, actors: Table, wetness: float) -> t
         cast: Function that casts rays.
         actors: The actors that rays hit, for their colors.
         wetness: 0 dry to 1 wet.
+        stretch: Angle of the beam divided by half the length of a pulse, 1/m. The echo of a surface that the beam hits
+            at a slant is as long as the spot is deep, and its peak lower.
     """
     table = load_materials()
     count = len(beams.directions)
@@ -97,6 +102,8 @@ def surface_echoes(beams: Beams, cast: Cast, actors: Table, wetness: float) -> t
     for number in range(_MAX_PANES):
         material = hits.material
         strength = surface_strength(material, hits.cos_angle, _colors(hits, actors), wetness) * share
+        slant = np.sqrt(1.0 - np.square(hits.cos_angle)) / np.maximum(hits.cos_angle, _MIN_COS)
+        strength /= np.sqrt(1.0 + np.square(np.float32(stretch) * (before_m + hits.range_m) * slant))
         mirrored = _mirrored(material, hits.cos_angle)
         passing = table.lidar_transmission[material]
         leaves = np.flatnonzero(material == Material.FOLIAGE)

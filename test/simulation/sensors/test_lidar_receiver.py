@@ -79,6 +79,20 @@ def test_power_falls_with_the_square_of_the_range_up_to_the_threshold(reflectanc
     assert receiver.detect(echoes((0, limit_m / 2.0, reflectance)), zero)[1] == pytest.approx([4.0])
 
 
+@pytest.mark.parametrize("slant_deg", [0.0, 60.0, 80.0])
+def test_a_slanted_surface_stretches_the_pulse(slant_deg: float) -> None:
+    """A beam of 5 mrad at 20 m is 0.1 m wide; on a wall turned by 80° the spot is 0.57 m deep, for pulses of 0.75 m."""
+    turn = np.radians(slant_deg)
+    along = np.array([np.sin(turn), np.cos(turn), 0.0])
+    corners = np.array([[20.0, 0, 0] - 15 * along, [20.0, 0, 0] + 15 * along])
+    corners = np.concatenate([corners, [*corners[::-1], 0.0, 0.0, 9.0]])
+    board = mesh(corners[[[0, 2, 1], [0, 3, 2]]], Tag.WALL, Material.CLOTH)
+    level = {"white": 1.0, "steps": 65535}
+    wide, narrow = (points(lidar(level, columns=1, beam_divergence_mrad=width), board) for width in (5.0, 0.01))
+    expected = 1.0 / np.sqrt(1.0 + (0.1 * np.tan(turn) / 0.75) ** 2)
+    assert wide["intensity"][0] / narrow["intensity"][0] == pytest.approx(expected, rel=1e-3)
+
+
 def test_half_of_the_pulses_return_at_the_threshold_and_16_percent_one_standard_deviation_beyond() -> None:
     receiver = LidarReceiver(lidar(range_m=500), Receiver(range_at_10_percent_m=R10_M, spread_db=2.0))
     normal = np.random.default_rng(3).standard_normal(20_000).astype(np.float32)

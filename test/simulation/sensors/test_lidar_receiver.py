@@ -85,7 +85,7 @@ def test_a_slanted_surface_stretches_the_pulse(slant_deg: float) -> None:
     turn = np.radians(slant_deg)
     along = np.array([np.sin(turn), np.cos(turn), 0.0])
     corners = np.array([[20.0, 0, 0] - 15 * along, [20.0, 0, 0] + 15 * along])
-    corners = np.concatenate([corners, [*corners[::-1], 0.0, 0.0, 9.0]])
+    corners = np.concatenate([corners, np.add(corners[::-1], [0.0, 0.0, 9.0])])
     board = mesh(corners[[[0, 2, 1], [0, 3, 2]]], Tag.WALL, Material.CLOTH)
     level = {"white": 1.0, "steps": 65535}
     wide, narrow = (points(lidar(level, columns=1, beam_divergence_mrad=width), board) for width in (5.0, 0.01))

@@ -64,10 +64,10 @@ def test_brightness_saturation_and_noise_of_images() -> None:
     image = np.zeros((160, 320, 3))
     image[:, :160], image[:, 160:] = (60.0, 60.0, 60.0), (180.0, 90.0, 90.0)
     noisy = np.clip(np.round(image + rng.normal(0.0, 3.0, (160, 320, 1))), 0, 255).astype(np.uint8)
-    noisy[:16] = 255
+    noisy[:25] = 255
     figures = figures_of([Photograph(noisy)])
-    assert figures["pixels above 252 [%]"] == pytest.approx(10.0)
-    assert figures["mean saturation [0-255]"] == pytest.approx(0.45 * 127.5, rel=0.05)
+    assert figures["pixels above 252 [%]"] == pytest.approx(100.0 * 25 / 160)
+    assert figures["mean saturation [0-255]"] == pytest.approx(135 / 160 * 0.5 * 127.5, rel=0.05)
     for half in ("dark", "bright"):
         assert figures[f"noise in flat {half} areas [0-255]"] == pytest.approx(3.0, rel=0.25)
 

@@ -1,5 +1,6 @@
 """Samples of sensors in one form: those of a dataset of ours, and real ones in the layouts of public data sets."""
 
+import struct
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -12,7 +13,9 @@ from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.radar import Radar
 from simbev_ros.dataset import Dataset
 from simbev_ros.foundation.errors import InputError, foreign_content
+from simbev_ros.foundation.files.limits import MAX_IMAGE_SIDE_PX
 from simbev_ros.foundation.types import Float32Array, Int64Array, UInt8Array
+from simbev_ros.recording.image_codecs import decode_rgb
 
 _MAX_RING = 255
 _EIGHT_BITS = 255.0
@@ -20,6 +23,7 @@ _MIN_RANGE_M, _MAX_RANGE_M = 0.5, 1000.0
 _MAX_RCS_DBSM = 200.0
 _MIN_BRIGHTNESSES = 64
 _MIN_SIDE_PX = 16
+_PNG_SIZE, _PNG_SIZE_AT = struct.Struct(">II"), 16  # width and height in the first chunk
 _COLUMNS_KITTI, _COLUMNS_NUSCENES = 4, 5
 
 
@@ -168,17 +172,27 @@ def _read_feather(path: Path) -> LidarTurn:
     return _turn(path, xyz_m, intensity.astype(np.float32) / np.float32(_EIGHT_BITS), ring.astype(np.int64))
 
 
-def _read_image(path: Path) -> Photograph:
+def _read_jpeg(path: Path) -> Photograph:
+    return _photograph(path, decode_rgb(path.read_bytes()))
+
+
+def _read_png(path: Path) -> Photograph:
     import cv2
 
-    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    data = path.read_bytes()
+    if len(data) < _PNG_SIZE_AT + _PNG_SIZE.size or max(_PNG_SIZE.unpack_from(data, _PNG_SIZE_AT)) > MAX_IMAGE_SIDE_PX:
+        raise InputError(f"{path}: is not a PNG image of at most {MAX_IMAGE_SIDE_PX} pixels a side")
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
     if image is None:
         raise InputError(f"{path}: cannot be read as an image")
-    if min(image.shape[:2]) < _MIN_SIDE_PX:
-        raise InputError(
-            f"{path}: {image.shape[1]} x {image.shape[0]} pixels are too few; at least {_MIN_SIDE_PX} each way"
-        )
-    return Photograph(np.ascontiguousarray(image[..., ::-1]))
+    return _photograph(path, np.ascontiguousarray(image[..., ::-1], np.uint8))
+
+
+def _photograph(path: Path, rgb: UInt8Array) -> Photograph:
+    height_px, width_px = rgb.shape[:2]
+    if min(height_px, width_px) < _MIN_SIDE_PX:
+        raise InputError(f"{path}: {width_px} x {height_px} pixels are too few; at least {_MIN_SIDE_PX} each way")
+    return Photograph(rgb)
 
 
 def _read_pcd(path: Path) -> RadarScan:
@@ -195,8 +209,8 @@ def _read_pcd(path: Path) -> RadarScan:
 READERS: dict[str, Callable[[Path], Sample]] = {
     ".bin": _read_bin,
     ".feather": _read_feather,
-    ".jpg": _read_image,
-    ".png": _read_image,
+    ".jpg": _read_jpeg,
+    ".png": _read_png,
     ".pcd": _read_pcd,
 }
 """How to read a file by its ending."""

@@ -39,7 +39,7 @@ def realism(
 ) -> None:
     """Compare lidar, images and radar with real frames: intensities, losses, noise, spectrum, cross-sections.
 
-    A row is marked where ours lies outside the span of the real sensors, by more than a tenth of it.
+    A row is marked where ours lies outside the span of the real sensors, by more than a tenth.
 
     [bold]Examples[/]
 

@@ -38,9 +38,8 @@ class Row(NamedTuple):
 
     @property
     def is_inside(self) -> bool:
-        """Whether ours lies in the span of the real ones, widened by a tenth of their greatest size."""
-        slack = 0.1 * max(abs(self.low), abs(self.high))
-        return self.low - slack <= self.ours <= self.high + slack
+        """Whether ours lies in the span of the real ones, widened by a tenth of each end."""
+        return self.low - 0.1 * abs(self.low) <= self.ours <= self.high + 0.1 * abs(self.high)
 
 
 def compare(ours: Mapping[str, Sequence[Sample]], real: Mapping[str, Sequence[Sample]]) -> list[Row]:

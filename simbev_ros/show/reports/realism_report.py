@@ -23,7 +23,7 @@ _REAL: tuple[Color, ...] = (
     (190, 90, 90),
     (70, 150, 150),
 )
-_NOTE = "A row is marked where ours lies outside the span of the real sensors by more than a tenth of it."
+_NOTE = "A row is marked where ours lies outside the span of the real sensors by more than a tenth."
 
 
 def write_realism_report(

@@ -13,6 +13,8 @@ RayPattern = Literal["cone", "even"]
 
 _MAX_RAYS = 1_000_000
 """Maximum number of rays per scan; bounds the memory."""
+_MAX_CELLS = 1 << 24
+"""Maximum number of cells of a detector; bounds the memory."""
 _CELLS = ("range_resolution_m", "doppler_resolution_mps", "azimuth_resolution_deg")
 _RESOLUTIONS = (*_CELLS, "elevation_resolution_deg")
 
@@ -100,6 +102,22 @@ class Radar(Sensor):
         "none: each ray is a detection",
     )
 
+    def _require_cells(self) -> None:
+        """Check that the detector's cells are given, and that memory has room for them."""
+        range_m, speed_mps, azimuth_deg = (
+            self.range_resolution_m,
+            self.doppler_resolution_mps,
+            self.azimuth_resolution_deg,
+        )
+        if missing := [name for name in (*_CELLS, "max_doppler_mps") if getattr(self, name) is None]:
+            raise ValueError(f"detector: cells need {', '.join(missing)} too")
+        assert range_m and speed_mps and azimuth_deg and self.max_doppler_mps
+        cells = self.range_m / range_m * 2.0 * self.max_doppler_mps / speed_mps * self.horizontal_fov_deg / azimuth_deg
+        if cells > _MAX_CELLS:
+            raise ValueError(
+                f"detector: {cells:.0f} cells of range, speed and azimuth; at most {_MAX_CELLS} are allowed"
+            )
+
     @model_validator(mode="before")
     @classmethod
     def _fill_in(cls, data: Any) -> Any:
@@ -122,8 +140,8 @@ class Radar(Sensor):
                 f"points_per_second {self.points_per_second} at rate_hz {self.rate_hz:g} are "
                 f"{self.points_per_second / self.rate_hz:.0f} rays a scan; at most {_MAX_RAYS} are allowed"
             )
-        if self.detector is not None and (missing := [name for name in _CELLS if getattr(self, name) is None]):
-            raise ValueError(f"detector: cells need {', '.join(missing)} too")
+        if self.detector is not None:
+            self._require_cells()
         if self.detector is not None and (self.ray_pattern != "even" or self.one_per_cell):
             raise ValueError("detector: needs ray_pattern even, without one_per_cell")
         if self.one_per_cell and (missing := [name for name in _RESOLUTIONS if getattr(self, name) is None]):

@@ -110,7 +110,10 @@ class LidarModel:
         self._stretch = lidar.beam_divergence_mrad * 1e-3 / lidar.receiver.pulse_m if lidar.receiver else 0.0
         spacing_rad = np.radians(lidar.horizontal_fov_deg) / lidar.columns
         self._beam_reach = lidar.beam_divergence_mrad * 1e-3 / 2.0 / spacing_rad
-        blocks = min(max(len(self._time_s) // _MIN_RAYS_PER_BLOCK, 1), max_blocks, lidar.columns)
+        blocks = min(max(len(self._time_s) // _MIN_RAYS_PER_BLOCK, 1), lidar.columns)
+        # Beams share edges with the next column of their block: with a receiver, blocks must not depend on cores.
+        if lidar.receiver is None:
+            blocks = min(blocks, max_blocks)
         edges = np.linspace(0, lidar.columns, blocks + 1).astype(int) * lidar.channels
         self._blocks = [slice(start, stop) for start, stop in pairwise(edges.tolist())]
 

@@ -31,6 +31,7 @@ _LEAF_DEPTH_M = 0.3  # mean depth at which leaves behind the surface of a crown 
 _MIN_SHARE = 0.005
 _MIN_COS = 1e-3
 _MIN_JUMP_M = 0.3
+_MEAN_COLOR = 0xBABABA  # half as much light as white
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,8 +170,8 @@ def _mirrored(material: UInt8Array, cos_angle: Float32Array) -> Float32Array:
 
 
 def _colors(hits: Hits, actors: Table) -> UInt32Array:
-    """(N,) colors of the actors that were hit."""
+    """(N,) colors of the actors that were hit; a mean one on static surfaces."""
     if not len(actors):
-        return np.zeros(len(hits.row), np.uint32)
-    color: UInt32Array = np.where(hits.row >= 0, actors["color"][hits.row], np.uint32(0))
+        return np.full(len(hits.row), _MEAN_COLOR, np.uint32)
+    color: UInt32Array = np.where(hits.row >= 0, actors["color"][hits.row], np.uint32(_MEAN_COLOR))
     return color

@@ -19,8 +19,6 @@ from simbev_ros.simulation.sensors.radar_amplitude import from_db
 
 _GUARD_CELLS = 2
 _TINY = 1e-30
-MAX_CELLS = 1 << 23
-"""Maximum number of cells of a spectrum; bounds the memory."""
 
 
 class Scatterers(NamedTuple):
@@ -55,7 +53,6 @@ def find_targets(radar: Radar, detector: RadarDetector, seen: Scatterers, rng: n
     place = np.stack([seen.range_m, speed_mps, seen.azimuth_rad]) / cell
     low = np.floor(place.min(axis=1, initial=0.0)).astype(np.int64) - 2
     shape = np.ceil(place.max(axis=1, initial=0.0)).astype(np.int64) + 3 - low
-    shape[1:] = np.minimum(shape[1:], max(1, int(MAX_CELLS // shape[0] // shape[2])), dtype=np.int64)
     power, elevation = _spectrum(seen, place - low[:, None], shape, rng)
     noise = from_db(np.array(detector.noise_dbsm))
     power = power + noise * rng.standard_exponential(power.shape)

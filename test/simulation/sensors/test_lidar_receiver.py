@@ -224,6 +224,17 @@ def test_weak_echoes_are_noisier() -> None:
     assert measured_m - 10.0 == pytest.approx([np.hypot(0.005, 0.03), np.hypot(0.005, 0.003)], abs=1e-5)
 
 
+def test_clouds_do_not_depend_on_the_number_of_threads() -> None:
+    """A post has an edge straight ahead, where two halves of a turn would meet."""
+    sensor = lidar(channels=64, columns=2048, lower_fov_deg=-10.0, horizontal_fov_deg=360.0, beam_divergence_mrad=3.0)
+    state = world(actor(CART))
+    posts = [wall(10.0, width_m=0.1, left_m=left_m) for left_m in np.arange(-8.75, 9.0, 0.4)]
+    scene = RayScene(static_scene(*posts, wall(20.0)), [CART])
+    scene.update(state, np.zeros(3), sensor.range_m + 10.0, state.ego_ids)
+    one, many = (LidarModel(sensor, 5, 0.1, max_blocks=blocks).scan(scene, state).points for blocks in (1, 8))
+    assert np.array_equal(one, many)
+
+
 def test_leaves_return_some_rays_from_inside_and_let_some_pass() -> None:
     crown = mesh(box([10.0, 0.0, 2.0], [4.0, 4.0, 4.0]), Tag.VEGETATION, Material.FOLIAGE)
     cloud = points(lidar(columns=2000, returns="last"), crown, wall(30.0))

@@ -129,5 +129,9 @@ def test_a_truck_is_several_targets_with_its_speed_and_about_its_cross_section()
 def test_cells_of_a_detector_are_configured() -> None:
     with pytest.raises(ValueError, match="detector: cells need azimuth_resolution_deg"):
         radar(azimuth_resolution_deg=None)
+    with pytest.raises(ValueError, match="detector: cells need max_doppler_mps"):
+        radar(max_doppler_mps=None)
+    with pytest.raises(ValueError, match="detector: 108000000 cells"):
+        radar(range_resolution_m=0.02)
     with pytest.raises(ValueError, match="ray_pattern even"):
         radar(ray_pattern="cone")

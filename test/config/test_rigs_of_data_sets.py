@@ -17,7 +17,16 @@ def scenario_with(rig: str, folder: Path):  # type: ignore[no-untyped-def]
     return load_scenario(str(folder / "set.yaml"))
 
 
-@pytest.mark.parametrize(("name", "counts"), [("nuscenes", (6, 1, 5)), ("kitti", (2, 1, 0))])
+@pytest.mark.parametrize(
+    ("name", "counts"),
+    [
+        ("nuscenes", (6, 1, 5)),
+        ("kitti", (2, 1, 0)),
+        ("argoverse2", (9, 2, 0)),
+        ("waymo", (5, 5, 0)),
+        ("view_of_delft", (1, 1, 1)),
+    ],
+)
 def test_rigs_have_the_sensors_of_their_data_sets(name: str, counts: tuple[int, int, int], tmp_path: Path) -> None:
     rig = scenario_with(str(RIGS / f"{name}.yaml"), tmp_path).rig
     assert tuple(len(rig.of_type(kind)) for kind in (Camera, Lidar, Radar)) == counts

@@ -10,18 +10,23 @@ from scipy import ndimage
 
 from simbev_ros.evaluation.realism.comparison import Row, compare
 from simbev_ros.evaluation.realism.samples import LidarTurn, Photograph, RadarScan, samples_of_folder
-from simbev_ros.evaluation.realism.statistics import figures_of
+from simbev_ros.evaluation.realism.statistics import curves_of, figures_of
 from simbev_ros.foundation.errors import InputError
 
 SHARED = Path(__file__).parents[2].parent / "shared/real"
 
 
-def ground_turn(noise_m: float = 0.0, lost: tuple[int, int] = (0, 0), columns: int = 2000) -> LidarTurn:
+def ground_turn(
+    noise_m: float = 0.0,
+    lost: tuple[int, int] = (0, 0),
+    columns: int = 2000,
+    elevations_deg: tuple[float, float] = (-12.0, -9.0),
+) -> LidarTurn:
     """Two channels that look at level ground 2 m below; the columns in ``lost`` have no returns."""
     rng = np.random.default_rng(4)
     azimuth = np.delete(np.linspace(-np.pi, np.pi, columns, endpoint=False), np.arange(*lost))
     clouds = []
-    for elevation in np.radians([-12.0, -9.0]):
+    for elevation in np.radians(elevations_deg):
         range_m = 2.0 / -np.sin(elevation) + noise_m * rng.standard_normal(len(azimuth))
         level = np.cos(elevation) * range_m
         clouds.append(np.stack([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation) * range_m], axis=1))
@@ -46,6 +51,26 @@ def test_intensities_of_a_lidar() -> None:
     assert figures["steps of intensity"] == 3
     assert figures["intensity from 10 to 20 m"] < 0.5
     assert np.isnan(figures["intensity from 40 to 80 m"])
+
+
+@pytest.mark.parametrize(
+    ("elevations_deg", "expected"),
+    [((-70.0, -65.0), "0 to 30"), ((-40.0, -38.0), "30 to 60"), ((-9.0, -8.0), "75 to 85")],
+)
+def test_intensities_by_incidence_are_those_of_the_surface(elevations_deg: tuple[float, float], expected: str) -> None:
+    figures = figures_of([ground_turn(elevations_deg=elevations_deg)])
+    known = {name: value for name, value in figures.items() if "incidences" in name and np.isfinite(value)}
+    assert known == {f"intensity at incidences of {expected} deg": pytest.approx(0.2)}
+
+
+def test_noise_over_brightness_is_that_of_each_brightness() -> None:
+    gray = np.repeat([60.0, 180.0], 128)[None, :] + np.repeat([2.0, 5.0], 128) * np.random.default_rng(3).normal(
+        size=(256, 256)
+    )
+    curve = curves_of([Photograph(np.repeat(np.rint(gray)[..., None], 3, axis=2).astype(np.uint8))])[
+        "Noise over brightness"
+    ]
+    assert curve.y[[60 // 16, 180 // 16]] == pytest.approx([2.0, 5.0], rel=0.25)
 
 
 @pytest.mark.parametrize("sigma_px", [0.0, 0.6])

@@ -10,10 +10,12 @@ from simbev_ros.evaluation.realism.samples import LidarTurn, Photograph, RadarSc
 from simbev_ros.foundation.types import AnyArray, Float64Array, UInt8Array
 
 RANGES_M = (0, 10, 20, 40, 80)
+INCIDENCES_DEG = (0, 30, 60, 75, 85)
 _NEAR_GROUND_DEG, _NEAR_M = (-25.0, -5.0), 40.0
 _MIN_IN_RING = 100
 _SATURATED = 0.99
 _MAX_STEP_M = 0.1
+_MAX_ALONG_M, _MAX_ACROSS_M = 0.5, 3.0
 _CLIPPED, _BLACK = 252, 3
 _LUMA = np.array([0.299, 0.587, 0.114])
 _MIN_IN_BIN = 20
@@ -57,6 +59,7 @@ def curves_of(samples: Sequence[Sample]) -> dict[str, Curve]:
 def _lidar_figures(turns: Sequence[LidarTurn]) -> Figures:
     intensity = np.concatenate([turn.intensity for turn in turns]).astype(np.float64)
     range_m = np.concatenate([np.linalg.norm(turn.xyz_m, axis=1) for turn in turns])
+    incidence_deg = np.concatenate([_incidence_deg(turn) for turn in turns])
     lost, runs, noise_m = zip(*map(_ring_figures, turns), strict=True)
     figures = {
         "returns lost near by [%]": 100.0 * _mean(lost),
@@ -71,7 +74,36 @@ def _lidar_figures(turns: Sequence[LidarTurn]) -> Figures:
     for low_m, high_m in pairwise(RANGES_M):
         there = (range_m >= low_m) & (range_m < high_m)
         figures[f"intensity from {low_m} to {high_m} m"] = float(intensity[there].mean()) if there.any() else np.nan
+    for low_deg, high_deg in pairwise(INCIDENCES_DEG):
+        there = (incidence_deg >= low_deg) & (incidence_deg < high_deg)
+        figures[f"intensity at incidences of {low_deg} to {high_deg} deg"] = (
+            float(intensity[there].mean()) if np.count_nonzero(there) >= _MIN_IN_BIN else np.nan
+        )
     return figures
+
+
+def _incidence_deg(turn: LidarTurn) -> Float64Array:
+    """(N,) angles between rays and the normals of surfaces; NaN where neighbors are far.
+
+    A normal is that of the triangle of a point, the next one of its channel, and the next one of the channel above.
+    """
+    xyz_m = turn.xyz_m.astype(np.float64)
+    range_m = np.linalg.norm(xyz_m, axis=1)
+    azimuth = np.arctan2(xyz_m[:, 1], xyz_m[:, 0])
+    channels = [np.flatnonzero(turn.ring == ring) for ring in np.unique(turn.ring)]
+    channels = [rows[np.argsort(azimuth[rows])] for rows in channels if len(rows) >= _MIN_IN_RING]
+    channels.sort(key=lambda rows: float(np.median(xyz_m[rows, 2] / np.maximum(range_m[rows], 1e-6))))
+    angle_deg = np.full(len(xyz_m), np.nan)
+    for rows, above in pairwise(channels):
+        along_m = xyz_m[np.roll(rows, -1)] - xyz_m[rows]
+        across_m = xyz_m[above[np.searchsorted(azimuth[above], azimuth[rows]) % len(above)]] - xyz_m[rows]
+        normal = np.cross(along_m, across_m)
+        length = np.linalg.norm(normal, axis=1)
+        near = (np.linalg.norm(along_m, axis=1) < _MAX_ALONG_M) & (np.linalg.norm(across_m, axis=1) < _MAX_ACROSS_M)
+        near &= length > 0.0
+        cosine = np.abs(np.einsum("ni,ni->n", normal, xyz_m[rows]))[near] / (length * range_m[rows])[near]
+        angle_deg[rows[near]] = np.degrees(np.arccos(np.minimum(cosine, 1.0)))
+    return angle_deg
 
 
 def _ring_figures(turn: LidarTurn) -> tuple[float, float, float]:
@@ -147,6 +179,24 @@ def _spectrum(gray: Float64Array) -> tuple[Float64Array, Float64Array]:
 
 def _flat_noise(gray: Float64Array) -> tuple[float, float]:
     """Standard deviation of single pixels in the flattest blocks of the darker and of the brighter half."""
+    noise, mean = _blocks(gray)
+    if len(mean) < 2.0 / _FLAT_SHARE:
+        return np.nan, np.nan
+    halves = (noise[mean <= np.median(mean)], noise[mean > np.median(mean)])
+    dark, light = (float(np.quantile(half, _FLAT_SHARE)) if len(half) else np.nan for half in halves)
+    return dark, light
+
+
+def _noise_by_brightness(gray: Float64Array, edges: Float64Array) -> Float64Array:
+    """Standard deviations of single pixels in the flattest blocks between edges of brightness; NaN where few are."""
+    noise, mean = _blocks(gray)
+    groups = [noise[(mean >= low) & (mean < high)] for low, high in pairwise(edges)]
+    enough = 2.0 / _FLAT_SHARE
+    return np.array([np.quantile(group, _FLAT_SHARE) if len(group) >= enough else np.nan for group in groups])
+
+
+def _blocks(gray: Float64Array) -> tuple[Float64Array, Float64Array]:
+    """(N,) standard deviations of single pixels in blocks and (N,) their brightness, without black and clipped ones."""
     detail = np.abs(np.diff(np.diff(gray, 2, axis=0), 2, axis=1)) / 6.0  # Immerkær 1996
     gray = gray[1:-1, 1:-1]
     rows, columns = (length // _BLOCK_PX for length in gray.shape)
@@ -155,12 +205,7 @@ def _flat_noise(gray: Float64Array) -> tuple[float, float]:
     blocks, bright = (array[part].reshape(shape).swapaxes(1, 2).reshape(-1, _BLOCK_PX**2) for array in (detail, gray))
     mean = bright.mean(axis=1)
     usable = (mean > 8.0) & (mean < 245.0)
-    noise, mean = np.sqrt(np.pi / 2.0) * blocks[usable].mean(axis=1), mean[usable]
-    if len(mean) < 2.0 / _FLAT_SHARE:
-        return np.nan, np.nan
-    halves = (noise[mean <= np.median(mean)], noise[mean > np.median(mean)])
-    dark, light = (float(np.quantile(half, _FLAT_SHARE)) if len(half) else np.nan for half in halves)
-    return dark, light
+    return np.sqrt(np.pi / 2.0) * blocks[usable].mean(axis=1), mean[usable]
 
 
 def _mean(values: Sequence[float]) -> float:
@@ -174,12 +219,20 @@ def _lidar_curves(turns: Sequence[LidarTurn]) -> dict[str, Curve]:
     xyz_m = np.concatenate([turn.xyz_m for turn in turns]).astype(np.float64)
     range_m = np.linalg.norm(xyz_m, axis=1)
     elevation_deg = np.degrees(np.arcsin(xyz_m[:, 2] / np.maximum(range_m, 1e-6)))
+    incidence_deg = np.concatenate([_incidence_deg(turn) for turn in turns])
     steps, ranges_m, angles_deg = np.linspace(0.0, 1.0, 65), np.arange(0.0, 101.0, 4.0), np.arange(-30.0, 16.0, 1.0)
+    right_angles_deg = np.arange(0.0, 91.0, 3.0)
     per_deg = np.histogram(elevation_deg, angles_deg)[0] / len(turns)
     return {
         "Intensities": Curve(_middles(steps), _shares(intensity, steps), "intensity", "share [%]", is_log=True),
         "Intensity over range": Curve(
             _middles(ranges_m), _means(intensity, range_m, ranges_m), "range [m]", "mean intensity"
+        ),
+        "Intensity over incidence": Curve(
+            _middles(right_angles_deg),
+            _means(intensity, incidence_deg, right_angles_deg),
+            "angle to the normal [deg]",
+            "mean intensity",
         ),
         "Intensity over elevation": Curve(
             _middles(angles_deg), _means(intensity, elevation_deg, angles_deg), "elevation [deg]", "mean intensity"
@@ -190,14 +243,18 @@ def _lidar_curves(turns: Sequence[LidarTurn]) -> dict[str, Curve]:
 
 
 def _image_curves(images: Sequence[Photograph]) -> dict[str, Curve]:
-    edges, shares = np.arange(0.0, 257.0, 4.0), np.linspace(0.02, 1.0, 50)
+    edges, shares, grays_of_noise = np.arange(0.0, 257.0, 4.0), np.linspace(0.02, 1.0, 50), np.arange(0.0, 257.0, 16.0)
     grays = [image.rgb.astype(np.float64) @ _LUMA for image in images]
     spectra = [np.interp(shares, *_spectrum(gray)) for gray in grays]
     level = np.mean([np.log(spectrum / spectrum[0]) for spectrum in spectra], axis=0)
     counts = np.mean([_shares(gray.ravel(), edges) for gray in grays], axis=0)
+    noises = np.transpose([_noise_by_brightness(gray, grays_of_noise) for gray in grays])
     return {
         "Brightness": Curve(_middles(edges), counts, "gray level", "share [%]", is_log=True),
         "Spectrum": Curve(shares, np.exp(level), "share of Nyquist's frequency", "power", is_log=True),
+        "Noise over brightness": Curve(
+            _middles(grays_of_noise), np.array([_mean(row) for row in noises]), "gray level", "noise in flat areas"
+        ),
     }
 
 

@@ -14,7 +14,7 @@ from simbev_ros.config.radar import Radar
 from simbev_ros.dataset import Dataset
 from simbev_ros.foundation.errors import InputError, foreign_content
 from simbev_ros.foundation.files.limits import MAX_IMAGE_SIDE_PX
-from simbev_ros.foundation.types import Float32Array, Int64Array, UInt8Array
+from simbev_ros.foundation.types import AnyArray, Float32Array, Int64Array, UInt8Array
 from simbev_ros.recording.image_codecs import decode_rgb
 
 _MAX_RING = 255
@@ -25,6 +25,7 @@ _MIN_BRIGHTNESSES = 64
 _MIN_SIDE_PX = 16
 _PNG_SIZE, _PNG_SIZE_AT = struct.Struct(">II"), 16  # width and height in the first chunk
 _COLUMNS_KITTI, _COLUMNS_NUSCENES = 4, 5
+_KEYS: dict[type, str] = {Lidar: "points", Camera: "rgb", Radar: "detections"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,14 +66,14 @@ def samples_of_dataset(dataset: Dataset, max_samples: int) -> dict[str, list[Sam
     for scene in dataset.scenes:
         for name, calibration in scene.calibration.items():
             sensor = calibration.sensor
-            key, read = _source(sensor, name)
-            if read is None or key not in scene.sources:
+            key = f"{name}/{_KEYS.get(type(sensor))}"
+            if key not in scene.sources:
                 continue
             ticks = np.flatnonzero(scene.has([key]))
             share = -(-max_samples // len(dataset.scenes))
             chosen = ticks[np.unique(np.linspace(0, len(ticks) - 1, share).astype(int))] if len(ticks) else ticks
             there = found.setdefault(name, [])
-            there += [read(scene[int(tick)][key]) for tick in chosen[: max_samples - len(there)]]
+            there += [sample_of(sensor, scene[int(tick)][key]) for tick in chosen[: max_samples - len(there)]]
     return found
 
 
@@ -110,20 +111,14 @@ def _read_files(paths: Sequence[Path], read: Callable[[Path], Sample]) -> Iterat
             yield read(path)
 
 
-def _source(sensor: object, name: str) -> tuple[str, Callable[..., Sample] | None]:
-    """The key of what a sensor records, and how to read it."""
-    if isinstance(sensor, Lidar):
-        return f"{name}/points", _read_own_turn
+def sample_of(sensor: Lidar | Camera | Radar, data: AnyArray) -> Sample:
+    """The sample of what a sensor of ours measured: a cloud, a color image, or detections."""
     if isinstance(sensor, Camera):
-        return f"{name}/rgb", Photograph
+        return Photograph(data)
     if isinstance(sensor, Radar):
-        return f"{name}/detections", lambda table: RadarScan(_rcs_dbsm(sensor, table))
-    return name, None
-
-
-def _read_own_turn(table: np.ndarray) -> LidarTurn:
-    xyz_m = np.stack([table["x"], table["y"], table["z"]], axis=1)
-    return LidarTurn(xyz_m, table["intensity"], table["ring"].astype(np.int64))
+        return RadarScan(_rcs_dbsm(sensor, data))
+    xyz_m = np.stack([data["x"], data["y"], data["z"]], axis=1)
+    return LidarTurn(xyz_m, data["intensity"], data["ring"].astype(np.int64))
 
 
 def _rcs_dbsm(radar: Radar, table: np.ndarray) -> Float32Array:

@@ -62,6 +62,7 @@ def _lidar_figures(turns: Sequence[LidarTurn]) -> Figures:
     incidence_deg = np.concatenate([_incidence_deg(turn) for turn in turns])
     lost, runs, noise_m = zip(*map(_ring_figures, turns), strict=True)
     figures = {
+        "rays without return [%]": 100.0 * _mean([_share_without_return(turn) for turn in turns]),
         "returns lost near by [%]": 100.0 * _mean(lost),
         "lost returns in a row": _mean(runs),
         "steps of intensity": float(len(np.unique(intensity[:200_000]))),
@@ -80,6 +81,12 @@ def _lidar_figures(turns: Sequence[LidarTurn]) -> Figures:
             float(intensity[there].mean()) if np.count_nonzero(there) >= _MIN_IN_BIN else np.nan
         )
     return figures
+
+
+def _share_without_return(turn: LidarTurn) -> float:
+    """Share of rays that do not return, if all channels fire as often as the one with the most returns has."""
+    counts = np.bincount(turn.ring)
+    return 1.0 - len(turn.ring) / (counts.max() * (turn.ring.max() + 1.0))
 
 
 def _incidence_deg(turn: LidarTurn) -> Float64Array:

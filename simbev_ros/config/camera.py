@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from simbev_ros.config.modalities import MODALITIES, Modality
+from simbev_ros.config.modalities import IMAGE_KINDS, MODALITIES, Modality
 from simbev_ros.config.optics import Optics
 from simbev_ros.config.sensor import Sensor
 from simbev_ros.foundation.errors import InputError
@@ -57,7 +57,9 @@ class Camera(Sensor, Optics):
         description="distortion coefficients k1, k2, p1, p2, k3 of plumb_bob (sensor_msgs/CameraInfo, OpenCV)",
     )
     modalities: tuple[Modality, ...] = Field(
-        MODALITIES, min_length=1, description="kinds of images that the camera publishes"
+        MODALITIES,
+        min_length=1,
+        description="kinds of images that the camera publishes; raw: the mosaic of an imager, in 8 bits",
     )
 
     @model_validator(mode="before")
@@ -74,9 +76,12 @@ class Camera(Sensor, Optics):
         return self
 
     @model_validator(mode="after")
-    def _modalities_once(self) -> Self:
+    def _possible_modalities(self) -> Self:
         if len(set(self.modalities)) != len(self.modalities):
             raise ValueError(f"modalities: each at most once, not {list(self.modalities)}")
+        of_imager = [name for name in self.modalities if IMAGE_KINDS[name].of_imager]
+        if of_imager and self.imager is None:
+            raise ValueError(f"modalities: {', '.join(of_imager)} without imager, which makes it")
         return self
 
     @model_validator(mode="after")

@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final, Literal, NamedTuple, get_args
 
-Modality = Literal["rgb", "semantic", "instance", "depth", "flow"]
-MODALITIES: Final[tuple[Modality, ...]] = get_args(Modality)
+Modality = Literal["rgb", "semantic", "instance", "depth", "flow", "raw"]
 
 
 class ImageKind(NamedTuple):
@@ -22,6 +21,7 @@ class ImageKind(NamedTuple):
         transport: Last part of the name of its compressed topic, as in image_transport.
         shader: Fragment shader that computes it from the depth at a camera's pixels, in ``simulation/render/shaders``;
             None: the renderer draws it with the geometry.
+        of_imager: Whether it is made with the color image, by a camera's imager.
     """
 
     title: str
@@ -30,6 +30,7 @@ class ImageKind(NamedTuple):
     encoding: str
     transport: str = "compressed"
     shader: str | None = None
+    of_imager: bool = False
 
     @property
     def texel(self) -> tuple[int, str]:
@@ -43,6 +44,9 @@ _ROWS: dict[Modality, ImageKind] = {
     "instance": ImageKind("Instance", "uint16", 1, "mono16"),
     "depth": ImageKind("Depth", "float32", 1, "32FC1", "compressedDepth"),
     "flow": ImageKind("Optical flow", "float32", 2, "32FC2"),
+    "raw": ImageKind("Raw", "uint8", 1, "bayer_rggb8", of_imager=True),
 }
-IMAGE_KINDS: Mapping[str, ImageKind] = MappingProxyType({name: _ROWS[name] for name in MODALITIES})
-"""The table, in the order of ``MODALITIES``."""
+IMAGE_KINDS: Mapping[str, ImageKind] = MappingProxyType({name: _ROWS[name] for name in get_args(Modality)})
+"""The table, in the order of ``Modality``."""
+MODALITIES: Final[tuple[Modality, ...]] = tuple(name for name in get_args(Modality) if not _ROWS[name].of_imager)
+"""Modalities of every camera that names none."""

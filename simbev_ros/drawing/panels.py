@@ -22,6 +22,7 @@ FULL_FLOW_SHARE = 0.04
 FULL_SPEED_MPS = 15.0
 """Radial speed from which a radar's detections have their full color."""
 
+_GAMMA = np.rint(255.0 * (np.arange(256) / 255.0) ** (1.0 / 2.2)).astype(np.uint8)
 _APPROACHING, _RECEDING, _NEITHER = (70, 150, 255), (255, 90, 70), (135, 135, 130)
 
 
@@ -65,6 +66,12 @@ def flow_picture(flow_px: Float32Array, rgb: UInt8Array | None, width_px: int) -
     return np.asarray(cv2.blendLinear(cv2.cvtColor(hsv, cv2.COLOR_HSV2RGB), dark, strength, 1 - strength), np.uint8)
 
 
+def raw_picture(mosaic: UInt8Array, rgb: UInt8Array | None, width_px: int) -> UInt8Array:
+    """Picture of an (H, W) mosaic RGGB: its colors as light, coded with a gamma of 2.2; ``rgb`` is not used."""
+    colors = cv2.demosaicing(mosaic, cv2.COLOR_BayerBG2RGB)  # OpenCV names mosaics by their second row
+    return _thin(np.asarray(cv2.LUT(colors, _GAMMA), np.uint8), width_px)
+
+
 DrawModality = Callable[[AnyArray, UInt8Array | None, int], UInt8Array]
 """Function that makes a picture from a recorded image, the same view in RGB or None, and the displayed width in px."""
 
@@ -81,6 +88,7 @@ MODALITY_PICTURES: Mapping[str, ModalityPicture] = {
     "instance": ModalityPicture(instance_picture),
     "depth": ModalityPicture(depth_picture, f"{MIN_DEPTH_M:.0f} to {MAX_DEPTH_M:.0f} m"),
     "flow": ModalityPicture(flow_picture),
+    "raw": ModalityPicture(raw_picture),
 }
 """How each modality but rgb is shown."""
 

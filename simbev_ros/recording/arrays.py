@@ -13,6 +13,7 @@ _IMAGE_LAYOUTS: dict[str, tuple[str, int]] = {
     "bgr8": ("u1", 3),
     "mono8": ("u1", 1),
     "mono16": ("u2", 1),
+    "bayer_rggb8": ("u1", 1),
     "32FC1": ("f4", 1),
     "32FC2": ("f4", 2),
 }

@@ -1,9 +1,9 @@
-"""Codecs for the five kinds of image, in formats that the standard image_transport plugins can decode.
+"""Codecs for the kinds of image, in formats that the standard image_transport plugins can decode.
 
 | encoding | format | error |
 |---|---|---|
 | rgb8 | JPEG, by default with quality 90, 4:2:0 | that of JPEG |
-| mono8, mono16 | PNG | none |
+| mono8, mono16, bayer_rggb8 | PNG | none |
 | 32FC1 depth | compressed_depth_image_transport's: inverse depth as 16-bit PNG or as RVL | see ``encode_depth`` |
 | 32FC2 flow | KITTI's: u, v, valid as 16-bit PNG | 1/128 px; values beyond ±512 px become invalid |
 
@@ -183,6 +183,7 @@ _CODECS = {
     "rgb8": _Codec("rgb8; jpeg compressed bgr8", encode_rgb, decode_rgb),
     "mono8": _Codec("mono8; png compressed", encode_labels, decode_labels),
     "mono16": _Codec("mono16; png compressed", encode_labels, decode_labels),
+    "bayer_rggb8": _Codec("bayer_rggb8; png compressed", encode_labels, decode_labels),
     "32FC1": _Codec("32FC1; compressedDepth png", encode_depth, decode_depth),
     "32FC2": _Codec("rgb16; png compressed bgr16", encode_flow, decode_flow),
 }

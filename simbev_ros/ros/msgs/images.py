@@ -3,13 +3,13 @@
 import numpy as np
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
-from simbev_ros.config.modalities import IMAGE_KINDS
+from simbev_ros.config.modalities import IMAGE_KINDS, MODALITIES
 from simbev_ros.foundation.geometry.camera import LensCamera, PinholeCamera
 from simbev_ros.foundation.types import AnyArray
 from simbev_ros.ros.msgs.arrays import bytes_field
 from simbev_ros.ros.msgs.stamps import header
 
-_ENCODING = {(each.dtype, each.channels): each.encoding for each in IMAGE_KINDS.values()}
+_ENCODING = {(each.dtype, each.channels): each.encoding for each in map(IMAGE_KINDS.__getitem__, MODALITIES)}
 
 
 def encoding_of(image: AnyArray) -> str:
@@ -21,8 +21,8 @@ def encoding_of(image: AnyArray) -> str:
     return _ENCODING[image.dtype.name, image.shape[2] if image.ndim == 3 else 1]
 
 
-def image_message(image: AnyArray, stamp_ns: int, frame: str) -> Image:
-    """Image message from an (H, W) or (H, W, C) array."""
+def image_message(image: AnyArray, stamp_ns: int, frame: str, encoding: str | None = None) -> Image:
+    """Image message from an (H, W) or (H, W, C) array, by default with the encoding of ``encoding_of``."""
     height, width = image.shape[:2]
     image = np.ascontiguousarray(image)
     message = Image(
@@ -30,7 +30,7 @@ def image_message(image: AnyArray, stamp_ns: int, frame: str) -> Image:
         header=header(stamp_ns, frame),
         height=height,
         width=width,
-        encoding=encoding_of(image),
+        encoding=encoding or encoding_of(image),
         is_bigendian=0,
         step=image.nbytes // height,
     )

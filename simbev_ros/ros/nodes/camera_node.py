@@ -18,7 +18,7 @@ from rclpy.serialization import serialize_message
 
 from simbev_ros.assets.actors.catalog import load_models
 from simbev_ros.assets.placement.static_scene import StaticScene
-from simbev_ros.config.modalities import Modality
+from simbev_ros.config.modalities import IMAGE_KINDS, Modality
 from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.scenario import Recording
 from simbev_ros.drawing.displays.detections import label_info
@@ -27,7 +27,7 @@ from simbev_ros.foundation.types import AnyArray
 from simbev_ros.recording.image_codecs import compressed_format, encode_image
 from simbev_ros.ros.conventions.names import NodeName
 from simbev_ros.ros.msgs.displays import SceneDisplay
-from simbev_ros.ros.msgs.images import camera_info_message, compressed_image_message, encoding_of, image_message
+from simbev_ros.ros.msgs.images import camera_info_message, compressed_image_message, image_message
 from simbev_ros.ros.msgs.sensor_topics import CameraTopics
 from simbev_ros.ros.nodes.camera_groups import CameraGroup, MountedCamera, camera_groups
 from simbev_ros.ros.nodes.participant import Participant
@@ -60,6 +60,11 @@ class _Output(NamedTuple):
     def topics(self) -> CameraTopics:
         """Topics of the image."""
         return self.mounted.topics[self.modality]
+
+    @property
+    def encoding(self) -> str:
+        """ROS encoding of the image."""
+        return IMAGE_KINDS[self.modality].encoding
 
 
 class _Encoded(NamedTuple):
@@ -185,9 +190,9 @@ class CameraNode(Participant):
             return
         frame_id = output.mounted.frame
         if output.topics.raw.name in output.read:
-            self.publish(output.topics.raw.name, image_message(output.image, stamp_ns, frame_id))
+            self.publish(output.topics.raw.name, image_message(output.image, stamp_ns, frame_id, output.encoding))
         if encoded.compressed is not None:
-            image_format = compressed_format(encoding_of(output.image), self._depth_form)
+            image_format = compressed_format(output.encoding, self._depth_form)
             message = compressed_image_message(encoded.compressed, image_format, stamp_ns, frame_id)
             self.publish(output.topics.compressed.name, message)
         for name, picture in encoded.pictures.items():
@@ -199,7 +204,7 @@ class CameraNode(Participant):
         if image is None:
             return _Encoded(None, {})
         if output.topics.compressed.name in output.read:
-            compressed = encode_image(encoding_of(image), image, self._jpeg_quality, self._depth_form)
+            compressed = encode_image(output.encoding, image, self._jpeg_quality, self._depth_form)
         return _Encoded(compressed, {each.topic.name: each.make(stamp_ns, image) for each in output.displays})
 
     def _advertise(self) -> Iterator[str]:

@@ -1,11 +1,11 @@
 """Input and output of the renderer: requested camera views, the world state to draw, and the resulting images."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 from simbev_ros.config.camera import Camera
-from simbev_ros.config.modalities import Modality
+from simbev_ros.config.modalities import IMAGE_KINDS, Modality
 from simbev_ros.config.optics import IDEAL_OPTICS, Optics
 from simbev_ros.foundation.geometry.camera import PinholeCamera
 from simbev_ros.foundation.random import stream
@@ -49,6 +49,12 @@ class CameraView:
             camera.model, camera.pose.ego_from_sensor, modalities or camera.modalities, camera, noise_seed, lens_seed
         )
 
+    @property
+    def drawn(self) -> Self:
+        """This view with the modalities that OpenGL draws: the color image in place of those made from it."""
+        modalities = dict.fromkeys("rgb" if IMAGE_KINDS[name].of_imager else name for name in self.modalities)
+        return replace(self, modalities=tuple(modalities))
+
 
 @dataclass(frozen=True, slots=True)
 class RenderFrame:
@@ -80,6 +86,7 @@ class CameraImages:
             the visible surface point. NaN where that point was not visible in the previous image: outside of it, or
             behind what it showed there. The sky is treated as infinitely far. An actor that did not exist before is
             treated as stationary.
+        raw: (H, W) uint8, mosaic RGGB of light, from an imager.
     """
 
     rgb: UInt8Array | None = None
@@ -87,3 +94,4 @@ class CameraImages:
     instance: UInt16Array | None = None
     depth: Float32Array | None = None
     flow: Float32Array | None = None
+    raw: UInt8Array | None = None

@@ -1,19 +1,24 @@
 """Forms a color image as a camera that is sold does: lens, exposure, image sensor, demosaicing, and what follows.
 
-The ideal image is decoded to light by the inverse of its film curve. The lens spreads each point (a Gaussian), scatters
-a share of all light widely, and magnifies red more than blue. Metering then brings the mean of the light to a share of
-white, so that sky and lamps can be beyond white: the pixels' wells are full there. Electrons have shot noise and read
-noise, and each pixel has one color of the mosaic RGGB. The picture is interpolated from it (OpenCV, edge-aware),
-balanced, saturated, coded with sRGB's curve, sharpened, and compressed.
+``expose``: the ideal image is decoded to light by the inverse of its film curve. The lens darkens the corners, spreads
+each point (a Gaussian), scatters a share of all light widely, and magnifies red more than blue. Metering then brings
+the mean of the light to a share of white, so that sky and lamps can be beyond white: the pixels' wells are full there.
+Electrons have shot noise and read noise, and each pixel has one color of the mosaic RGGB.
+
+``develop``: the picture is interpolated from the mosaic (OpenCV, edge-aware), balanced, saturated, coded with sRGB's
+curve, sharpened, and compressed.
 """
 
+from dataclasses import replace
 from functools import lru_cache
 
 import cv2
 import numpy as np
 
 from simbev_ros.config.optics import Imager
+from simbev_ros.foundation.geometry.camera import PinholeCamera
 from simbev_ros.foundation.types import Float32Array, Float64Array, UInt8Array, UInt16Array
+from simbev_ros.simulation.render.frame import CameraImages, CameraView
 
 _LUMA = np.array([0.2126, 0.7152, 0.0722], np.float32)
 _WIDE_SHARE = 0.08  # standard deviation of scattered light, as a share of the image's width
@@ -22,26 +27,47 @@ _METERING_STEPS = 12
 _UNSHARP_SIGMA_PX = 1.0
 
 
-def form_image(rgb: UInt8Array, imager: Imager, noise_seed: int) -> UInt8Array:
-    """The image of a camera.
+def form_images(view: CameraView, images: CameraImages) -> CameraImages:
+    """The images of a view whose color image is still that of an ideal camera; without an imager, it stays so."""
+    imager = view.optics.imager
+    if imager is None or images.rgb is None:
+        return images
+    falloff = _falloff(view.camera, view.optics.vignetting) if view.optics.vignetting else None
+    mosaic = expose(images.rgb, imager, view.noise_seed, falloff)
+    return replace(
+        images,
+        rgb=develop(mosaic, imager) if "rgb" in view.modalities else None,
+        raw=(mosaic >> (imager.bits - 8)).astype(np.uint8) if "raw" in view.modalities else None,
+    )
+
+
+def expose(rgb: UInt8Array, imager: Imager, noise_seed: int, falloff: Float32Array | None = None) -> UInt16Array:
+    """Raw values of a camera.
 
     Args:
         rgb: (H, W, 3) image of an ideal camera.
         imager: The camera.
         noise_seed: Seed of the noise.
+        falloff: (H, W, 3) share of the light that the lens lets pass; None: all of it.
 
     Returns:
-        (H, W, 3).
+        (H, W) mosaic, red at even rows and columns, blue at odd ones; of ``imager.bits`` bits.
     """
     light = np.asarray(cv2.LUT(rgb, _light_by_gray()), np.float32)
+    if falloff is not None:
+        light *= falloff
     if imager.blur_px > 0.0:
         light = _blurred(light, imager.blur_px)
     if imager.glare > 0.0:
         light = _scattered(light, imager.glare)
     if imager.lateral_color_px != 0.0:
         light = _dispersed(light, imager.lateral_color_px)
-    raw = _exposed(light * np.float32(_metering_gain(light, imager.metered)), imager, noise_seed)
-    picture = cv2.demosaicing(raw, cv2.COLOR_BayerBG2RGB_EA)  # OpenCV names mosaics by their second row
+    return _sampled(light * np.float32(_metering_gain(light, imager.metered)), imager, noise_seed)
+
+
+def develop(mosaic: UInt16Array, imager: Imager) -> UInt8Array:
+    """(H, W, 3) color image of a camera from its (H, W) raw values."""
+    picture = cv2.demosaicing(mosaic, cv2.COLOR_BayerBG2RGB_EA)  # OpenCV names mosaics by their second row
     if (colors := _color_matrix(imager)) is not None:
         picture = cv2.transform(picture, colors)
     image: UInt8Array = _gray_by_value(imager.bits, imager.contrast)[picture]
@@ -57,6 +83,16 @@ def _light_by_gray() -> Float32Array:
     filmic = (np.arange(256) / 255.0) ** 2.2
     a, b, c = 2.51 - 2.43 * filmic, 0.59 * filmic - 0.03, 0.14 * filmic
     return ((b + np.sqrt(b * b + 4.0 * a * c)) / (2.0 * a)).astype(np.float32)
+
+
+@lru_cache(maxsize=16)
+def _falloff(camera: PinholeCamera, exponent: float) -> Float32Array:
+    """(H, W, 3) share of the light that passes the lens: an exponent on cos⁴ of the angle to the optical axis."""
+    rows, columns = np.mgrid[: camera.height_px, : camera.width_px]
+    rays = camera.rays(np.stack([columns.ravel(), rows.ravel()], axis=1))
+    cosine = np.maximum(rays[:, 2] / np.linalg.norm(rays, axis=1), 0.0)
+    share = (cosine ** (4.0 * exponent)).astype(np.float32).reshape(rows.shape)
+    return np.repeat(share[..., None], 3, axis=2)
 
 
 def _blurred(values: Float32Array, sigma_px: float) -> Float32Array:
@@ -92,8 +128,8 @@ def _metering_gain(light: Float32Array, target: float) -> float:
     return float(np.sqrt(low * high))
 
 
-def _exposed(light: Float32Array, imager: Imager, noise_seed: int) -> UInt16Array:
-    """(H, W) raw values of the mosaic: red at even rows and columns, blue at odd ones."""
+def _sampled(light: Float32Array, imager: Imager, noise_seed: int) -> UInt16Array:
+    """(H, W) raw values of light, of which 1 fills a pixel's well."""
     mosaic = light[..., 1].copy()
     mosaic[::2, ::2], mosaic[1::2, 1::2] = light[::2, ::2, 0], light[1::2, 1::2, 2]
     electrons = np.maximum(mosaic, 0.0) * np.float32(imager.full_well_electrons)

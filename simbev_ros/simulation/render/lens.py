@@ -66,7 +66,8 @@ class Lenses:
     def _draw_color(self, view: CameraView, ideal: moderngl.Framebuffer) -> moderngl.Framebuffer:
         """Draw the color image; returns the ideal camera's image if lens and sensor change nothing."""
         camera, optics = view.camera, view.optics
-        distorts, senses = isinstance(camera, LensCamera), bool(optics.vignetting) or optics.noise is not None
+        darkens = bool(optics.vignetting) and optics.imager is None  # an imager darkens the light itself
+        distorts, senses = isinstance(camera, LensCamera), darkens or optics.noise is not None
         if not (distorts or senses):
             return ideal
         screen_pass = self._pass("lens_color.frag", DISTORTED=distorts, SENSOR=senses)

@@ -33,7 +33,7 @@ from simbev_ros.simulation.render.gl.programs import BLOCK_BINDINGS, ProgramLibr
 from simbev_ros.simulation.render.gl.readback import create_read_back
 from simbev_ros.simulation.render.gl.targets import Targets
 from simbev_ros.simulation.render.gl.timer import Timer, null_timer
-from simbev_ros.simulation.render.image_sensor import form_image
+from simbev_ros.simulation.render.image_sensor import form_images
 from simbev_ros.simulation.render.lens import Lenses
 from simbev_ros.simulation.render.lighting.contact_shadows import HALF_M, ContactMap
 from simbev_ros.simulation.render.lighting.lamp_field import LampField
@@ -125,6 +125,7 @@ class Renderer:
         Raises:
             RenderError: The world has too many rigid parts, or actor ids above 65535, or memory runs out.
         """
+        requested, cameras = cameras, [camera.drawn for camera in cameras]
         self._complete_history(cameras, frame)
         ego = frame.world.ego
         origin_m = np.array([ego["x"], ego["y"], ego["z"]])
@@ -152,7 +153,7 @@ class Renderer:
             ]
             with self._timer(READ_BACK):
                 self._read_back.finish()
-        return [_formed(camera, image) for camera, image in zip(cameras, images, strict=True)]
+        return [form_images(camera, image) for camera, image in zip(requested, images, strict=True)]
 
     def close(self) -> None:
         """Free the context with all that was uploaded; the renderer cannot be used afterwards."""
@@ -272,10 +273,3 @@ class Renderer:
             with check_memory(self._context, f"images of {size_px[0]} x {size_px[1]} pixels", size_bytes):
                 self._targets[*size_px, for_lens] = Targets(self._context, size_px, self._steps, for_lens)
         return self._targets[*size_px, for_lens]
-
-
-def _formed(camera: CameraView, images: CameraImages) -> CameraImages:
-    """Images of one camera, the color image as its imager forms it."""
-    if camera.optics.imager is None or images.rgb is None:
-        return images
-    return replace(images, rgb=form_image(images.rgb, camera.optics.imager, camera.noise_seed))

@@ -5,7 +5,7 @@ import pytest
 
 from simbev_ros.config.optics import Imager, Optics
 from simbev_ros.foundation.types import UInt8Array
-from simbev_ros.simulation.render.image_sensor import form_image
+from simbev_ros.simulation.render.image_sensor import develop, expose
 
 CLEAN = {"blur_px": 0.0, "glare": 0.0, "read_sigma_electrons": 0.0, "full_well_electrons": 1e7}
 
@@ -15,7 +15,8 @@ def patch(color: tuple[int, int, int], size: tuple[int, int] = (64, 96)) -> UInt
 
 
 def formed(image: UInt8Array, seed: int = 1, **settings: object) -> np.ndarray:
-    return form_image(image, Imager.model_validate(CLEAN | settings), seed).astype(np.float64)
+    imager = Imager.model_validate(CLEAN | settings)
+    return develop(expose(image, imager, seed), imager).astype(np.float64)
 
 
 def linear(gray: float) -> float:

@@ -11,6 +11,7 @@ from simbev_ros.config.camera import Camera
 from simbev_ros.config.load import load_scenario
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.geometry.camera import LensCamera, PinholeCamera
+from simbev_ros.foundation.geometry.fisheye import FisheyeCamera
 
 BASE = "scenes: [{map: Blocks, train: 1}]\nrig: {sensors: []}\n"
 
@@ -44,6 +45,19 @@ def test_intrinsics_come_from_a_focal_length_or_a_field_of_view() -> None:
     assert np.array_equal(bent.model.matrix, wide.model.matrix)
     assert bent.model.distortion == bent.distortion
     assert Camera.model_validate(bent.model_dump(mode="json")) == bent
+
+
+def test_a_fisheye_comes_from_a_field_of_view_or_a_focal_length() -> None:
+    given = {"type": "camera", "name": "a", "width_px": 640, "height_px": 640, "distortion_model": "equidistant"}
+    wide = Camera.model_validate({**given, "horizontal_fov_deg": 190, "distortion": [0.02, 0.0, 0.0, 0.001]})
+    assert isinstance(wide.model, FisheyeCamera) and not isinstance(wide.model, LensCamera)
+    edges = wide.model.rays(np.array([[-0.5, 319.5], [639.5, 319.5]]))
+    assert np.degrees(np.arccos(edges[0] @ [0, 0, 1])) == pytest.approx(95.0)
+    assert edges[0] * [-1, 1, 1] == pytest.approx(edges[1])
+    assert np.isnan(wide.model.rays(np.array([[0.0, 0.0]]))).all()
+    assert Camera.model_validate(wide.model_dump(mode="json")) == wide
+    narrow = Camera.model_validate({**given, "fx_px": 300, "cy_px": 300, "image_circle_deg": 170})
+    assert narrow.model == FisheyeCamera(640, 640, 300.0, 300.0, 319.5, 300.0, (0.0,) * 4, np.radians(85.0))
 
 
 @pytest.mark.parametrize(
@@ -82,10 +96,30 @@ def test_intrinsics_come_from_a_focal_length_or_a_field_of_view() -> None:
         (rig("{type: gnss, name: a, dropout_share: 1}"), r"dropout_share: .*less than or equal to 0.99, not 1"),
         (rig("{type: camera, name: a, fx_px: 900, horizontal_fov_deg: 70}"), "horizontal_fov_deg and fx_px are set"),
         (rig("{type: camera, name: a, cx_px: 300}"), "cx_px without fx_px"),
-        (rig("{type: camera, name: a, distortion: [1, 2]}"), r"\[0\].distortion: must have at least 5 items, not 2$"),
+        (rig("{type: camera, name: a, distortion: [1, 2]}"), r"\[0\]: distortion: has 2 coefficients; plumb_bob takes"),
         (rig("{type: camera, name: a, modalities: [radar]}"), r"\.yaml:\d+: [^\n]*modalities\[0\]: 'radar' .*'flow'$"),
+        (
+            rig("{type: camera, name: a, horizontal_fov_deg: 190}"),
+            r"is 190; from 170 on, it needs distortion_model: equi",
+        ),
+        (rig("{type: camera, name: a, image_circle_deg: 190}"), r"image_circle_deg: only for distortion_model: equi"),
+        (
+            rig("{type: camera, name: a, distortion_model: equidistant}"),
+            r"equidistant needs horizontal_fov_deg or fx_px",
+        ),
+        (
+            rig("{type: camera, name: a, distortion_model: equidistant, fx_px: 400, distortion: [0, 0, 0, 0, 0]}"),
+            r"distortion: has 5 coefficients; equidistant takes k1, k2, k3, k4",
+        ),
+        (
+            rig("{type: camera, name: a, distortion_model: equidistant, fx_px: 400, distortion: [-0.2, 0, 0, 0]}"),
+            r"k1, k2, k3, k4 -0.2, 0, 0, 0: the radius .* only up to 73\.\d+°, .* take an image circle of at most 147",
+        ),
+        (
+            rig("{type: camera, name: a, distortion_model: equidistant, horizontal_fov_deg: 190, image_circle_deg: 9}"),
+            r"image_circle_deg: is 9, but horizontal_fov_deg is 190",
+        ),
         (rig("{type: camera, name: a, fx_px: 20}"), r"fx_px 20, fy_px 20: .* 1600 x 900 .* more than 85°"),
-        (rig("{type: camera, name: a, distortion: [1, 2]}"), r"rig.sensors\[0\].distortion: .*at least 5 items"),
         (
             rig("{type: camera, name: a, distortion: [-0.9, 0, 0, 0, 0]}"),
             r"x.yaml:2: rig.sensors\[0\]: distortion: k1 -0.9, .* cannot be inverted over the whole image",

@@ -59,6 +59,10 @@ class PinholeCamera:
         """(N, 3) rays through (N, 2) pixels, optical frame, with z = 1: a ray times the depth is the point seen."""
         return _homogeneous(self._plane(pixels))
 
+    def depth_m(self, points_optical: Float64Array) -> Float64Array:
+        """(N,) depth of (N, 3) points as in depth images: along the optical axis."""
+        return points_optical[:, 2]
+
     def _plane(self, pixels: Float64Array) -> Float64Array:
         """(N, 2) points on the plane z = 1 of (N, 2) pixels."""
         return (np.asarray(pixels, np.float64) - [self.cx_px, self.cy_px]) / [self.fx_px, self.fy_px]

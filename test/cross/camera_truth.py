@@ -14,6 +14,7 @@ from simbev_ros.assets.actors.actor_model import ActorModel
 from simbev_ros.assets.actors.posing import pose_actors
 from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.foundation.geometry.camera import PinholeCamera
+from simbev_ros.foundation.geometry.fisheye import FisheyeCamera
 from simbev_ros.foundation.geometry.transforms import SENSOR_FROM_OPTICAL, apply, inverse
 from simbev_ros.foundation.semantics import Tag
 from simbev_ros.foundation.types import AnyArray, BoolArray, Float64Array, Int64Array, Table
@@ -91,8 +92,8 @@ class Truth:
     Attributes:
         semantic: Tag.
         instance: Actor id, 0 = none.
-        depth_m: Along the optical axis, +inf for the sky.
-        flow_px: (H, W, 2) position now minus position in the frame before, NaN where that was behind the camera.
+        depth_m: Along the optical axis, of a fisheye along the ray; +inf for the sky.
+        flow_px: (H, W, 2) position now minus position in the frame before, NaN where the camera did not see that.
         inner: Pixels that are not on a silhouette.
         jointed: Pixels on wheels, limbs, doors.
     """
@@ -112,7 +113,7 @@ def truth_of(
     now, before = (_origin_from_optical(view, state, origin_m) for state in states)
     camera, shape = view.camera, (view.camera.height_px, view.camera.width_px)
     pixels = _grid(shape)
-    rays = camera.rays(pixels)
+    rays, outside = _rays(camera, pixels)
     kind, triangle, _ = _cast((still, moving), now, rays)
     depth_m, slope, before_m = np.full(len(rays), np.inf), np.zeros((len(rays), 3)), rays @ now[:3, :3].T
     tag, actor, jointed = np.full(len(rays), Tag.SKY), np.zeros(len(rays), np.int64), np.zeros(len(rays), bool)
@@ -132,14 +133,16 @@ def truth_of(
     seen = np.where(sky, before_m @ optical_from_map_before[:3, :3].T, apply(optical_from_map_before, before_m))
     with np.errstate(divide="ignore", invalid="ignore"):
         flow_px = pixels - camera.project(seen)
-    flow_px[seen[:, 2] <= 0.0] = np.nan
+    if not isinstance(camera, FisheyeCamera):
+        flow_px[seen[:, 2] <= 0.0] = np.nan
+    tag[outside], actor[outside], depth_m[outside], flow_px[outside] = Tag.UNLABELED, 0, np.inf, np.nan
     inner = _inner((still, moving), now, camera, _code(tag, actor).reshape(shape), slope.reshape(*shape, 3))
     return Truth(
         tag.reshape(shape),
         actor.reshape(shape),
         depth_m.reshape(shape),
         flow_px.reshape(*shape, 2),
-        inner,
+        inner & ~outside.reshape(shape),
         jointed.reshape(shape),
     )
 
@@ -148,6 +151,13 @@ def _origin_from_optical(view: CameraView, state: WorldState, origin_m: Float64A
     pose: Float64Array = map_from_actors(state.ego.reshape(1))[0] @ view.ego_from_sensor @ SENSOR_FROM_OPTICAL
     pose[:3, 3] -= origin_m
     return pose
+
+
+def _rays(camera: PinholeCamera, pixels: Float64Array) -> tuple[Float64Array, BoolArray]:
+    """Rays of pixels; and which pixels are outside the image circle of a fisheye, so that their rays mean nothing."""
+    rays = camera.rays(pixels)
+    outside = np.isnan(rays[:, 0])
+    return np.where(outside[:, None], [0.0, 0.0, 1.0], rays), outside
 
 
 def _grid(shape: tuple[int, int], shift_px: float = 0.0) -> Float64Array:
@@ -159,7 +169,7 @@ def _grid(shape: tuple[int, int], shift_px: float = 0.0) -> Float64Array:
 def _cast(
     both: tuple[Triangles, Triangles], pose: Float64Array, rays: Float64Array
 ) -> tuple[Int64Array, AnyArray, Float64Array]:
-    """Per ray (z = 1): which of both sets it hits first (-1: none), the triangle, and the depth."""
+    """Per ray: which of both sets it hits first (-1: none), the triangle, and the depth in multiples of the ray."""
     lines = np.empty((len(rays), 6), np.float32)
     lines[:, :3], lines[:, 3:] = pose[:3, 3], rays @ pose[:3, :3].T
     hits = [triangles.embree.cast(lines) for triangles in both]
@@ -195,7 +205,7 @@ def _inner(
 ) -> BoolArray:
     """(H, W) pixels whose corners show the same object as the center, without a jump in depth."""
     height, width = code.shape
-    rays = camera.rays(_grid((height + 1, width + 1), -0.5))
+    rays, _ = _rays(camera, _grid((height + 1, width + 1), -0.5))
     kind, triangle, depth_m = _cast(both, pose, rays)
     corner_code = np.full(len(rays), _code(np.array(Tag.SKY), np.array(0)))
     for index, triangles in enumerate(both):

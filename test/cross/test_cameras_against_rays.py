@@ -12,6 +12,7 @@ from studio import EXACT, Studio, random_views
 
 from simbev_ros.config.modalities import MODALITIES
 from simbev_ros.foundation.geometry.camera import LensCamera, PinholeCamera
+from simbev_ros.foundation.geometry.fisheye import FisheyeCamera
 from simbev_ros.simulation.render.frame import CameraView, RenderFrame
 from simbev_ros.simulation.render.renderer import Renderer
 
@@ -20,6 +21,7 @@ pytestmark = pytest.mark.gl
 FOV_RAD = float(np.radians(80.0))
 SMALL = PinholeCamera.from_field_of_view(320, 180, FOV_RAD)
 LENS = LensCamera(320, 180, 165.0, 160.0, 162.0, 85.0, distortion=(-0.25, 0.08, 0.001, -0.0005, -0.01))
+FISHEYE = FisheyeCamera(320, 280, 95.0, 92.0, 155.0, 140.0, (0.02, -0.004, 0.001, 0.0), float(np.radians(97.0)))
 LARGE = PinholeCamera.from_field_of_view(800, 450, FOV_RAD)
 TOWNS = ("Town02", "Town03", "Town04", "Town07", "Town10HD")
 
@@ -54,9 +56,10 @@ def test_images_of_a_small_town_are_those_of_rays(blocks: Studio) -> None:
     check(agreements(blocks, random_views(blocks.state, SMALL, 4, 1)), 200)
 
 
-def test_a_lens_that_distorts_shows_what_its_rays_hit(blocks: Studio) -> None:
+@pytest.mark.parametrize("camera", [LENS, FISHEYE])
+def test_a_lens_that_distorts_shows_what_its_rays_hit(blocks: Studio, camera: PinholeCamera) -> None:
     """Images are resampled, hence accurate to a pixel only next to silhouettes and, in depth, next to edges."""
-    for each in agreements(blocks, random_views(blocks.state, LENS, 2, 1)):
+    for each in agreements(blocks, random_views(blocks.state, camera, 2, 1)):
         assert each.inner > 0.3
         assert each.labels >= 0.999
         assert each.depth >= 0.99

@@ -48,7 +48,7 @@ def as_drawn(studio: Studio, view: CameraView) -> tuple[tuple[ActorModel, ...], 
     """One model per actor, with the mesh that the camera chooses for it."""
     actors = studio.state.actors.copy()
     spheres = bounding_spheres(actors, studio.origin_m)
-    pixel_m = View.from_camera(view, studio.state, None, studio.origin_m).pixel_m(*spheres)
+    pixel_m = View.of_camera(view, studio.state, None, studio.origin_m)[0].pixel_m(*spheres)
     detail = LevelsOfDetail(studio.models)
     kinds = zip(actors["blueprint"].tolist(), detail.select_levels(actors, pixel_m).tolist(), strict=True)
     models = tuple(replace(studio.models[kind], mesh=detail.meshes[kind][level]) for kind, level in kinds)

@@ -63,6 +63,12 @@ class PinholeCamera:
         """(N,) depth of (N, 3) points as in depth images: along the optical axis."""
         return points_optical[:, 2]
 
+    def relative_illumination(self, rays: Float64Array) -> Float64Array:
+        """(N,) illumination of the pixels of (N, 3) rays through a simple lens, relative to that on the optical axis."""
+        cosine = np.maximum(rays[:, 2] / np.linalg.norm(rays, axis=1), 0.0)
+        illumination: Float64Array = cosine**4
+        return illumination
+
     def _plane(self, pixels: Float64Array) -> Float64Array:
         """(N, 2) points on the plane z = 1 of (N, 2) pixels."""
         return (np.asarray(pixels, np.float64) - [self.cx_px, self.cy_px]) / [self.fx_px, self.fy_px]

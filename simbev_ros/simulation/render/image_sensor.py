@@ -87,11 +87,11 @@ def _light_by_gray() -> Float32Array:
 
 @lru_cache(maxsize=16)
 def _falloff(camera: PinholeCamera, exponent: float) -> Float32Array:
-    """(H, W, 3) share of the light that passes the lens: an exponent on cos⁴ of the angle to the optical axis."""
+    """(H, W, 3) share of the light that passes the lens: an exponent on its relative illumination."""
     rows, columns = np.mgrid[: camera.height_px, : camera.width_px]
     rays = camera.rays(np.stack([columns.ravel(), rows.ravel()], axis=1))
-    cosine = np.maximum(rays[:, 2] / np.linalg.norm(rays, axis=1), 0.0)
-    share = (cosine ** (4.0 * exponent)).astype(np.float32).reshape(rows.shape)
+    illumination = np.nan_to_num(camera.relative_illumination(rays))  # a fisheye sees nothing outside its image circle
+    share = (illumination**exponent).astype(np.float32).reshape(rows.shape)
     return np.repeat(share[..., None], 3, axis=2)
 
 

@@ -4,6 +4,9 @@ The G-buffer belongs to an ideal (distortion-free) camera with an image that con
 (``geometry.camera.ideal_camera``). For a lens, the G-buffer also stores the screen-space slope of the depth and the
 edges of each pixel's triangle. So the labels, depth and flow of a pixel are exact for its own ray: among the triangles
 that the four nearest ideal pixels show, it takes the nearest one that the ray hits. The color image is interpolated.
+
+For a fisheye, there are several ideal cameras, one per face of a cube (``geometry.fisheye.cube_faces``). Each one in
+turn adds the pixels with rays that belong to its face; drops on the lens and sensor noise follow after the last one.
 """
 
 from collections.abc import Sequence
@@ -14,10 +17,13 @@ import numpy as np
 from simbev_ros.config.modalities import IMAGE_KINDS, Modality
 from simbev_ros.config.optics import Optics
 from simbev_ros.foundation.geometry.camera import LensCamera, PinholeCamera
+from simbev_ros.foundation.geometry.fisheye import Face, FisheyeCamera
+from simbev_ros.foundation.types import Float32Array
 from simbev_ros.simulation.render.frame import CameraView
 from simbev_ros.simulation.render.gl.programs import TEXTURE_UNITS, ProgramLibrary
 from simbev_ros.simulation.render.gl.screen_pass import ScreenPass
 from simbev_ros.simulation.render.gl.targets import Image, Targets
+from simbev_ros.simulation.render.view import View
 
 _GEOMETRIC: tuple[Modality, ...] = ("semantic", "instance", "depth", "flow")
 """Modalities of a distorted camera that are computed together, in the order of the outputs of the shader."""
@@ -35,50 +41,65 @@ class Lenses:
         self._rays: dict[PinholeCamera, moderngl.Texture] = {}
         self._geometry: dict[tuple[int, int], moderngl.Framebuffer] = {}
         self._color: dict[tuple[int, int], moderngl.Framebuffer] = {}
+        self._fisheye_color: dict[tuple[int, int], moderngl.Framebuffer] = {}
         self._from_depth: dict[Modality, dict[tuple[int, int], moderngl.Framebuffer]] = {}
 
-    def images(self, view: CameraView, targets: Targets) -> dict[Modality, Image]:
-        """Attachments that hold a camera's images; its ideal camera's ``targets`` must be drawn and bound."""
+    def images(self, view: CameraView, ideal: View, targets: Targets) -> dict[Modality, Image]:
+        """Attachments that hold a camera's images; its ideal camera's ``targets`` must be drawn and bound.
+
+        Those of a fisheye are complete after the last face, and its color image after ``sensed_fisheye``.
+        """
         images = targets.images
-        if isinstance(view.camera, LensCamera) and set(view.modalities) != {"rgb"}:
-            geometry = self._draw_geometry(view.camera)
+        if ideal.camera is not view.camera and set(view.modalities) != {"rgb"}:
+            geometry = self._draw_geometry(view.camera, ideal.face)
             images |= {modality: Image(geometry, index) for index, modality in enumerate(_GEOMETRIC)}
         if "rgb" in view.modalities:
-            images["rgb"] = Image(self._draw_color(view, targets.rgb), 0, components=3)
+            images["rgb"] = Image(self._draw_color(view, targets.rgb, ideal.face), 0, components=3)
         for modality in view.modalities:
             if modality not in images:
                 images[modality] = Image(self._draw_from_depth(view.camera, modality, images["depth"]), 0)
         return images
 
-    def _draw_geometry(self, camera: LensCamera) -> moderngl.Framebuffer:
+    def fisheye_color(self, camera: PinholeCamera) -> tuple[moderngl.Framebuffer, moderngl.Framebuffer]:
+        """The color image that the faces of a fisheye add up to, and a framebuffer of its size that is free."""
+        whole, free = (self._target(each, camera, [(4, "f1")]) for each in (self._fisheye_color, self._color))
+        return whole, free
+
+    def sensed_fisheye(self, view: CameraView) -> Image:
+        """Attachment that holds the color image of a fisheye, with the effects of its sensor."""
+        return Image(self._draw_color(view, self.fisheye_color(view.camera)[0], None), 0, components=3)
+
+    def _draw_geometry(self, camera: PinholeCamera, face: Face | None) -> moderngl.Framebuffer:
         """Draw all modalities except rgb; returns them as attachments, in the order of ``_GEOMETRIC``."""
         target = self._target(self._geometry, camera, [IMAGE_KINDS[name].texel for name in _GEOMETRIC])
-        screen_pass = self._pass("lens_geometry.frag")
-        k1, k2, p1, p2, k3 = camera.distortion
+        screen_pass = self._lens_pass("lens_geometry.frag", camera, face)
         program = screen_pass.program
         program["lens_intrinsics"] = camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px
-        program["lens_radial"] = k1, k2, k3, camera.max_radius2
-        program["lens_tangential"] = p1, p2
-        self._bind_rays(camera)
+        if isinstance(camera, FisheyeCamera):
+            program["lens_radial"] = camera.distortion
+            program["max_angle"] = camera.seen_angle_rad
+        elif isinstance(camera, LensCamera):
+            k1, k2, p1, p2, k3 = camera.distortion
+            program["lens_radial"] = k1, k2, k3, camera.max_radius2
+            program["lens_tangential"] = p1, p2
         screen_pass.draw(target)
         return target
 
-    def _draw_color(self, view: CameraView, ideal: moderngl.Framebuffer) -> moderngl.Framebuffer:
-        """Draw the color image; returns the ideal camera's image if lens and sensor change nothing."""
+    def _draw_color(self, view: CameraView, ideal: moderngl.Framebuffer, face: Face | None) -> moderngl.Framebuffer:
+        """Draw the color image, or what a face adds to it; returns ``ideal`` if lens and sensor change nothing."""
         camera, optics = view.camera, view.optics
+        distorts = isinstance(camera, LensCamera) or face is not None
         darkens = bool(optics.vignetting) and optics.imager is None  # an imager darkens the light itself
-        distorts, senses = isinstance(camera, LensCamera), darkens or optics.noise is not None
-        if not (distorts or senses):
+        senses = face is None and (darkens or optics.noise is not None)
+        if not (distorts or senses or isinstance(camera, FisheyeCamera)):
             return ideal
-        screen_pass = self._pass("lens_color.frag", DISTORTED=distorts, SENSOR=senses)
-        if isinstance(camera, LensCamera):
-            self._bind_rays(camera)
+        screen_pass = self._lens_pass("lens_color.frag", camera, face, DISTORTED=distorts, SENSOR=senses)
         if senses:
             _set_sensor(screen_pass.program, optics, view.noise_seed)
         image = ideal.color_attachments[0]
         assert isinstance(image, moderngl.Texture)
         image.use(TEXTURE_UNITS["ideal_rgb"])
-        target = self._target(self._color, camera, [(4, "f1")])
+        target = self._target(self._color if face is None else self._fisheye_color, camera, [(4, "f1")])
         screen_pass.draw(target)
         return target
 
@@ -93,20 +114,30 @@ class Lenses:
         return target
 
     def _bind_rays(self, camera: PinholeCamera) -> None:
-        """Bind the texture of a camera's pixel rays: x and y where z is 1."""
+        """Bind the texture of a camera's pixel rays: as in shaders/include/fisheye.glsl, or x and y where z is 1."""
         if camera not in self._rays:
             size_px = (camera.width_px, camera.height_px)
-            rows, columns = np.mgrid[: camera.height_px, : camera.width_px]
-            rays = camera.rays(np.stack([columns.ravel(), rows.ravel()], axis=1))[:, :2]
-            self._rays[camera] = self._context.texture(size_px, 2, rays.astype(np.float32).tobytes(), dtype="f4")
+            rays = _ray_texels(camera)
+            self._rays[camera] = self._context.texture(size_px, rays.shape[1], rays.tobytes(), dtype="f4")
             self._rays[camera].filter = (moderngl.NEAREST, moderngl.NEAREST)
         self._rays[camera].use(TEXTURE_UNITS["lens_rays"])
 
-    def _pass(self, fragment: str, **constants: bool) -> ScreenPass:
-        key = f"{fragment} {constants}"
+    def _lens_pass(self, fragment: str, camera: PinholeCamera, face: Face | None, **constants: bool) -> ScreenPass:
+        """The pass of a shader for a camera, or for a face of it, with the camera's rays bound."""
+        if isinstance(camera, LensCamera | FisheyeCamera):
+            self._bind_rays(camera)
+        if isinstance(camera, FisheyeCamera):
+            constants["FISHEYE"] = True
+        screen_pass = self._pass(fragment, "true" if face is None else "in_face(pixel)", **constants)
+        if face is not None:
+            screen_pass.program["face_from_optical"] = face.optical_from_face.ravel().tolist()  # by columns
+        return screen_pass
+
+    def _pass(self, fragment: str, condition: str = "true", **constants: bool) -> ScreenPass:
+        key = f"{fragment} {condition} {constants}"
         if key not in self._passes:
             macros = {name: int(value) for name, value in constants.items()}
-            self._passes[key] = self._library.screen_pass(fragment, "true", **macros)
+            self._passes[key] = self._library.screen_pass(fragment, condition, **macros)
         return self._passes[key]
 
     def _target(
@@ -121,6 +152,17 @@ class Lenses:
             textures = [self._context.texture(size_px, count, dtype=dtype) for count, dtype in attachments]
             targets[size_px] = self._context.framebuffer(textures)
         return targets[size_px]
+
+
+def _ray_texels(camera: PinholeCamera) -> Float32Array:
+    """(H·W, 2 or, of a fisheye, 4) texels of the texture of a camera's pixel rays."""
+    rows, columns = np.mgrid[: camera.height_px, : camera.width_px]
+    rays = camera.rays(np.stack([columns.ravel(), rows.ravel()], axis=1))
+    if not isinstance(camera, FisheyeCamera):
+        return rays[:, :2].astype(np.float32)
+    seen = ~np.isnan(rays[:, :1])
+    texels = np.where(seen, np.column_stack([rays, camera.relative_illumination(rays)]), [0.0, 0.0, 0.0, 1.0])
+    return texels.astype(np.float32)
 
 
 def _set_sensor(program: moderngl.Program | moderngl.ComputeShader, optics: Optics, noise_seed: int) -> None:

@@ -16,7 +16,8 @@ from simbev_ros.assets.actors.actor_model import ActorModel
 from simbev_ros.assets.actors.skeletons import Skeletons
 from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.config.rendering import Quality
-from simbev_ros.foundation.geometry.camera import LensCamera, PinholeCamera
+from simbev_ros.foundation.geometry.camera import PinholeCamera
+from simbev_ros.foundation.geometry.fisheye import FisheyeCamera
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.schema.scene.lights import LightSpec
 from simbev_ros.simulation.render.frame import CameraImages, CameraView, RenderFrame
@@ -135,7 +136,7 @@ class Renderer:
             self._rigid.upload(table)
             adaptation = self._tunnel_map.adaptation(origin_m, SkyLight.from_weather(frame.world.weather))
             views = [
-                View.from_camera(
+                View.of_camera(
                     camera,
                     frame.world,
                     frame.previous if "flow" in camera.modalities else None,
@@ -144,12 +145,14 @@ class Renderer:
                 )
                 for camera in cameras
             ]
-            colored = [view for camera, view in zip(cameras, views, strict=True) if "rgb" in camera.modalities]
+            colored = [
+                view for camera, each in zip(cameras, views, strict=True) if "rgb" in camera.modalities for view in each
+            ]
             if colored:
                 self._prepare_light(frame, table, origin_m, colored, adaptation)
             images = [
-                self._render_view(camera, view, frame, table, origin_m)
-                for camera, view in zip(cameras, views, strict=True)
+                self._render_camera(camera, each, frame, table, origin_m)
+                for camera, each in zip(cameras, views, strict=True)
             ]
             with self._timer(READ_BACK):
                 self._read_back.finish()
@@ -213,23 +216,29 @@ class Renderer:
         self._shading.rain.set_world(world, origin_m, adaptation.inside)
         self._shading.wetness.set_weather(world.weather)
 
-    def _render_view(
-        self, camera: CameraView, view: View, frame: RenderFrame, table: RigidTable, origin_m: Float64Array
+    def _render_camera(
+        self, camera: CameraView, views: Sequence[View], frame: RenderFrame, table: RigidTable, origin_m: Float64Array
     ) -> CameraImages:
-        """Draw one camera; its images are complete after ``ReadBack.finish``."""
-        for_lens = isinstance(camera.camera, LensCamera)
-        targets = self._targets_for(view.camera, for_lens)
-        self._view_block.write(view.block())
-        has_flow = "flow" in camera.modalities
+        """Draw one camera, view by view; its images are complete after ``ReadBack.finish``."""
+        has_flow, is_fisheye = "flow" in camera.modalities, isinstance(camera.camera, FisheyeCamera)
+        seed = crc32(camera.ego_from_sensor.tobytes(), camera.lens_seed)
         if has_flow and frame.previous is not None:
             self._history.bind(camera, frame.previous, show_ego=frame.show_ego)
-        with self._timer("geometry, labels, flow"):
-            self._draw_geometry(targets, view, frame, table, origin_m, for_lens)
-        targets.bind()
-        if "rgb" in camera.modalities:
-            self._shading.draw(targets, crc32(camera.ego_from_sensor.tobytes(), camera.lens_seed))
-        with self._timer("lens"):
-            images = self._lenses.images(camera, targets)
+        for view in views:
+            for_lens = view.camera is not camera.camera
+            targets = self._targets_for(view.camera, for_lens)
+            self._view_block.write(view.block())
+            with self._timer("geometry, labels, flow"):
+                self._draw_geometry(targets, view, frame, table, origin_m, for_lens)
+            targets.bind()
+            if "rgb" in camera.modalities:
+                self._shading.draw(targets, None if is_fisheye else seed)
+            with self._timer("lens"):
+                images = self._lenses.images(camera, view, targets)
+        if is_fisheye and "rgb" in camera.modalities:
+            self._view_block.write(replace(views[0], camera=camera.camera).block())
+            self._shading.rain.draw_lens_drops(*self._lenses.fisheye_color(camera.camera), seed)
+            images["rgb"] = self._lenses.sensed_fisheye(camera)
         if has_flow:
             self._history.store(camera, frame.world, images["depth"], show_ego=frame.show_ego)
         with self._timer(READ_BACK):

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from simbev_ros.foundation.geometry.camera import PinholeCamera, ideal_camera
+from simbev_ros.foundation.geometry.fisheye import Face, FisheyeCamera, cube_faces
 from simbev_ros.foundation.geometry.transforms import SENSOR_FROM_OPTICAL, inverse
 from simbev_ros.foundation.types import BoolArray, Float64Array
 from simbev_ros.schema.scene.state import WorldState, map_from_actors
@@ -30,6 +31,8 @@ class View:
         clip_from_world: (4, 4) projection of world points to OpenGL's clip space.
         previous_optical_from_world: (4, 4) inverse pose of the camera in the previous frame, or None.
         exposure_gain: Brightness of the color image relative to automatic exposure.
+        face: The face of a fisheye's view that this is, ``camera`` being that of the face; None for other cameras.
+        fisheye_px: Pixels per radian of the fisheye where it is finest; 0 for other cameras.
     """
 
     camera: PinholeCamera
@@ -37,26 +40,37 @@ class View:
     clip_from_world: Float64Array
     previous_optical_from_world: Float64Array | None
     exposure_gain: float = 1.0
+    face: Face | None = None
+    fisheye_px: float = 0.0
 
     @classmethod
-    def from_camera(
+    def of_camera(
         cls,
         view: CameraView,
         world: WorldState,
         previous: WorldState | None,
         origin_m: Float64Array,
         adaptation: float = 1.0,
-    ) -> "View":
+    ) -> list["View"]:
         """View of a camera of the ego, in the world with its origin at (3,) ``origin_m`` in the map frame.
 
-        ``adaptation`` is the factor by which automatic exposure differs from that of the weather.
+        That of a fisheye consists of several faces; the first one has the fisheye's own optical frame. ``adaptation``
+        is the factor by which automatic exposure differs from that of the weather.
         """
-        ego_from_optical = view.ego_from_sensor @ SENSOR_FROM_OPTICAL
-        previous_pose = None if previous is None else inverse(_world_from_ego(previous, origin_m) @ ego_from_optical)
-        pose = _world_from_ego(world, origin_m) @ ego_from_optical
-        camera = ideal_camera(view.camera)
         gain = exposure_gain(view.optics.exposure, world.weather, adaptation)
-        return cls(camera, pose, _clip_from_optical(camera) @ inverse(pose), previous_pose, gain)
+        faces = cube_faces(view.camera) if isinstance(view.camera, FisheyeCamera) else (None,)
+        fisheye_px = max(face.camera.fx_px if face else 0.0 for face in faces)
+        views = []
+        for face in faces:
+            ego_from_optical = view.ego_from_sensor @ SENSOR_FROM_OPTICAL
+            if face is not None:
+                ego_from_optical[:3, :3] = ego_from_optical[:3, :3] @ face.optical_from_face
+            camera = ideal_camera(view.camera) if face is None else face.camera
+            before = None if previous is None else inverse(_world_from_ego(previous, origin_m) @ ego_from_optical)
+            pose = _world_from_ego(world, origin_m) @ ego_from_optical
+            clip_from_world = _clip_from_optical(camera) @ inverse(pose)
+            views.append(cls(camera, pose, clip_from_world, before, gain, face, fisheye_px))
+        return views
 
     @property
     def position_m(self) -> Float64Array:
@@ -82,10 +96,12 @@ class View:
         """(N,) minimum size of a pixel in spheres around (N, 3) world points, across the line of sight, m.
 
         For low resolutions, the value of a higher one is used: 0.1 % of the distance, so that smaller geometric errors
-        stay invisible in depth images.
+        stay invisible in depth images. All faces of a fisheye agree.
         """
         to_center = centers_m - self.position_m
         distance_m = np.maximum(np.linalg.norm(to_center, axis=1), 1e-6)
+        if self.face is not None:
+            return np.maximum(distance_m - radii_m, 0.0) / max(self.fisheye_px, 1000.0)
         ahead_m = to_center @ self.world_from_optical[:3, 2]
         nearest = np.maximum(ahead_m - radii_m, 0.0) / max(self.camera.fx_px, self.camera.fy_px, 1000.0)
         return nearest * np.clip(ahead_m / distance_m, 0.0, 1.0)  # off the axis, images are stretched

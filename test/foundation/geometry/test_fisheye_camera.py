@@ -70,7 +70,7 @@ def test_solid_angles_are_those_of_the_pixels_area_on_the_sphere() -> None:
         (lens.rays(pixels + shift) - lens.rays(pixels - shift)) / (2.0 * step) for shift in ([step, 0], [0, step])
     )
     area = np.linalg.norm(np.cross(across, down), axis=1)
-    np.testing.assert_allclose(lens.relative_solid_angle(lens.rays(pixels)), area / area[0], rtol=1e-5)
+    np.testing.assert_allclose(lens.relative_illumination(lens.rays(pixels)), area / area[0], rtol=1e-5)
 
 
 @pytest.mark.parametrize("lens", LENSES)

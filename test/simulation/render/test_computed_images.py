@@ -8,6 +8,7 @@ from simbev_ros.config.modalities import MODALITIES
 from simbev_ros.config.optics import IDEAL_OPTICS
 from simbev_ros.config.rendering import QUALITIES, Quality
 from simbev_ros.foundation.geometry.camera import LensCamera, PinholeCamera
+from simbev_ros.foundation.geometry.fisheye import FisheyeCamera
 from simbev_ros.simulation.render.frame import CameraImages, CameraView, RenderFrame
 from simbev_ros.simulation.render.renderer import Renderer
 
@@ -17,6 +18,7 @@ NIGHT = {"sun_altitude_deg": -40.0}
 WET = {"precipitation": 60.0, "precipitation_deposits": 80.0, "wetness": 90.0, "wind_intensity": 50.0}
 FOG = {"fog_density": 60.0, "cloudiness": 90.0}
 LENS = LensCamera(161, 91, 120.0, 120.0, 78.0, 44.0, distortion=(-0.2, 0.05, 0.001, -0.002, 0.0))
+FISHEYE = FisheyeCamera(161, 121, 47.0, 48.0, 78.0, 61.0, (0.02, -0.005, 0.001, 0.0), 1.66)
 ODD = PinholeCamera(161, 91, 110.0, 115.0, 71.3, 50.2)
 """Odd image size: low quality shades every second pixel."""
 EGO = {"id": 1}
@@ -39,6 +41,7 @@ def draw(quality: Quality, use_compute: bool, camera: PinholeCamera, changes: di
     [
         ("high", CAMERA, {**WET, **FOG}),
         ("medium", LENS, NIGHT),
+        ("medium", FISHEYE, WET),
         ("low", ODD, {}),
         *((quality, CAMERA, {}) for quality in QUALITIES),
         ("medium", CAMERA, {**NIGHT, **WET}),

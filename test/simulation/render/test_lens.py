@@ -1,5 +1,7 @@
 """Lens and sensor: distorted pixels match their rays; exposure, vignetting and noise match their settings."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -10,7 +12,8 @@ from simbev_ros.config.camera import Camera
 from simbev_ros.config.modalities import MODALITIES
 from simbev_ros.config.optics import Exposure, Optics, SensorNoise
 from simbev_ros.foundation.geometry.camera import LensCamera, PinholeCamera, ideal_camera
-from simbev_ros.foundation.geometry.transforms import apply, inverse
+from simbev_ros.foundation.geometry.fisheye import FisheyeCamera
+from simbev_ros.foundation.geometry.transforms import SENSOR_FROM_OPTICAL, apply, inverse, matrices_from_xyz_rpy
 from simbev_ros.foundation.semantics import Tag
 from simbev_ros.foundation.types import AnyArray, Float64Array
 from simbev_ros.simulation.render.frame import CameraView, RenderFrame
@@ -20,6 +23,7 @@ pytestmark = pytest.mark.gl
 
 BARREL = LensCamera(240, 135, 150.0, 157.0, 107.3, 71.2, (-0.28, 0.09, 0.002, -0.003, -0.012))
 IDEAL = PinholeCamera(320, 180, 200.0, 210.0, 142.3, 95.2)
+FISHEYE = FisheyeCamera(200, 160, 57.0, 59.0, 97.3, 82.2, (0.02, -0.005, 0.001, -0.0002), float(np.radians(97.0)))
 PINCUSHION = LensCamera(240, 135, 195.0, 187.0, 124.0, 64.0, (0.2, 0.05, -0.002, 0.001, 0.01))
 
 
@@ -28,8 +32,8 @@ def renderer() -> Renderer:
     return Renderer(scene(MAP_OFFSET), [car()])
 
 
-@pytest.mark.parametrize("camera", [BARREL, PINCUSHION])
-def test_labels_and_depth_agree_with_the_distorted_rays(renderer: Renderer, camera: LensCamera) -> None:
+@pytest.mark.parametrize("camera", [BARREL, PINCUSHION, FISHEYE])
+def test_labels_and_depth_agree_with_the_distorted_rays(renderer: Renderer, camera: PinholeCamera) -> None:
     now = world(EGO, OTHER)
     [images] = renderer.render([CameraView(camera, front_pose(), MODALITIES)], RenderFrame(now))
     assert images.semantic is not None and images.instance is not None and images.depth is not None
@@ -38,7 +42,8 @@ def test_labels_and_depth_agree_with_the_distorted_rays(renderer: Renderer, came
     rays = pixel_rays(camera) @ pose[:3, :3].T
     depth, triangle, _ = cast(pose[:3, 3] - MAP_OFFSET, rays, corners)
     shape = images.depth.shape
-    semantic = np.where(np.isinf(depth), Tag.SKY, tags[triangle]).reshape(shape)
+    nothing = np.where(np.isnan(rays[:, 0]), Tag.UNLABELED, Tag.SKY)
+    semantic = np.where(np.isinf(depth), nothing, tags[triangle]).reshape(shape)
     is_car = (triangle >= len(tags) - len(car().mesh.triangle_tag)) & np.isfinite(depth)
     instance = np.where(is_car, 77, 0).reshape(shape)
 
@@ -53,8 +58,10 @@ def test_labels_and_depth_agree_with_the_distorted_rays(renderer: Renderer, came
     assert (error_m > 1e-3 + snap_error_m(camera, expected[near])).mean() < 5e-4
 
 
-@pytest.mark.parametrize("camera", [BARREL, PINCUSHION])
-def test_flow_is_the_displacement_of_the_point_in_the_distorted_image(renderer: Renderer, camera: LensCamera) -> None:
+@pytest.mark.parametrize("camera", [BARREL, PINCUSHION, FISHEYE])
+def test_flow_is_the_displacement_of_the_point_in_the_distorted_image(
+    renderer: Renderer, camera: PinholeCamera
+) -> None:
     now = world(EGO, OTHER)
     before = world({**EGO, "x": EGO["x"] - 0.7, "y": EGO["y"] + 0.1, "yaw": -0.03, "pitch": 0.01}, OTHER)
     view = CameraView(camera, front_pose(), ("depth", "flow"))
@@ -93,6 +100,39 @@ def test_the_color_image_agrees_with_the_ideal_image_distorted_by_opencv(
     assert error < 0.7 and shifted > 3.0 * error
 
 
+@pytest.mark.parametrize("yaw_deg", [0, 40, -85, 100])
+def test_the_colors_of_a_fisheye_are_those_of_ideal_cameras_in_any_direction(renderer: Renderer, yaw_deg: int) -> None:
+    """The views to the sides look at seams between faces."""
+    turn = matrices_from_xyz_rpy(np.zeros(3), np.array([0.0, 0.0, np.radians(yaw_deg)]))
+    ideal = PinholeCamera.from_field_of_view(300, 300, float(np.radians(80.0)))
+    views = [CameraView(FISHEYE, front_pose(), ("rgb",)), CameraView(ideal, front_pose() @ turn, ("rgb",))]
+    round_view, straight = (images.rgb for images in renderer.render(views, RenderFrame(world(EGO))))
+    assert round_view is not None and straight is not None
+    optical_from_ideal = inverse(SENSOR_FROM_OPTICAL) @ turn @ SENSOR_FROM_OPTICAL
+    rays = pixel_rays(FISHEYE) @ optical_from_ideal[:3, :3]
+    pixels = ideal.project(np.where(rays[:, 2:] > 0.1, rays, [9.0, 9.0, 1.0])).reshape(*round_view.shape[:2], 2)
+    seen = ((pixels > 2.0) & (pixels < 297.0)).all(axis=2)
+    soft = cv2.GaussianBlur(straight, (0, 0), 1.0)
+    expected = cv2.remap(soft, pixels.astype(np.float32), None, cv2.INTER_LINEAR).astype(float)
+    error, shifted = (np.abs(round_view - np.roll(expected, step, axis=1))[seen].mean() for step in (0, 2))
+    assert seen.sum() > 2500 and error < 3.5 and shifted > 4.0 * error
+
+
+def test_outside_its_image_circle_a_fisheye_sees_nothing(renderer: Renderer) -> None:
+    now = world(EGO, OTHER)
+    weather = now.weather.model_copy(update={"precipitation": 90.0, "wetness": 90.0})
+    now = replace(now, weather=weather)
+    [images] = renderer.render([CameraView(FISHEYE, front_pose(), MODALITIES)], RenderFrame(now, now))
+    outside = np.isnan(pixel_rays(FISHEYE)[:, 0]).reshape(160, 200)
+    assert 0.05 < outside.mean() < 0.5
+    assert images.rgb is not None and images.instance is not None and images.semantic is not None
+    assert images.depth is not None and images.flow is not None
+    assert not images.rgb[outside].any() and images.rgb[~outside].all(axis=1).mean() > 0.9
+    assert not images.instance[outside].any() and np.array_equal(images.semantic == Tag.UNLABELED, outside)
+    assert np.isposinf(images.depth[outside]).all() and np.isnan(images.flow[outside]).all()
+    assert not np.isnan(images.flow[~outside]).any()
+
+
 def _light(rgb: AnyArray) -> Float64Array:
     """Light before the tone mapping of Narkowicz (2015) with a gamma of 2.2."""
     light = np.linspace(0.0, 8.0, 80001)
@@ -124,14 +164,17 @@ def test_fixed_exposures_of_equal_value_agree_and_the_sunny_16_rule_holds(render
     assert np.median(_light(sunny)[usable] / _light(automatic)[usable]) == pytest.approx(1.0, abs=0.15)
 
 
-@pytest.mark.parametrize("camera", [IDEAL, BARREL])
-def test_vignetting_follows_the_cosine_fourth_law(renderer: Renderer, camera: PinholeCamera) -> None:
+@pytest.mark.parametrize("camera", [IDEAL, BARREL, FISHEYE])
+def test_vignetting_follows_the_cosine_fourth_law_or_the_solid_angle(renderer: Renderer, camera: PinholeCamera) -> None:
     clear, darkened = (_colors(renderer, Optics(vignetting=strength), camera) for strength in (0.0, 0.5))
-    cosine = (1.0 / np.linalg.norm(pixel_rays(camera), axis=1)).reshape(clear.shape[:2])
+    rays = pixel_rays(camera)
+    fourth = np.linalg.norm(rays, axis=1) ** -4.0
+    share = camera.relative_illumination(rays) if isinstance(camera, FisheyeCamera) else fourth
+    share = share.reshape(clear.shape[:2])
     usable = (clear.min(axis=2) > 60) & (clear.max(axis=2) < 235)
     ratio = (_light(darkened) / np.maximum(_light(clear), 1e-6)).mean(axis=2)
-    error = ratio[usable] / cosine[usable] ** 2 - 1.0
-    assert cosine[usable].min() < 0.8
+    error = ratio[usable] / share[usable] ** 0.5 - 1.0
+    assert share[usable].min() < (0.7 if isinstance(camera, FisheyeCamera) else 0.41)
     assert np.abs(np.median(error)) < 0.005 and np.quantile(np.abs(error), 0.99) < 0.05
 
 
@@ -157,9 +200,10 @@ def test_noise_has_the_variance_of_its_electrons_and_no_pattern(renderer: Render
         assert abs(np.corrcoef(first[usable], second[usable])[0, 1]) < 0.03
 
 
-def test_noise_is_reproducible_and_differs_between_seeds(renderer: Renderer) -> None:
+@pytest.mark.parametrize("camera", [BARREL, FISHEYE])
+def test_noise_is_reproducible_and_differs_between_seeds(renderer: Renderer, camera: PinholeCamera) -> None:
     optics = Optics(noise=SensorNoise())
-    first, again, other = (_colors(renderer, optics, BARREL, seed) for seed in (7, 7, 7 + (1 << 40)))
+    first, again, other = (_colors(renderer, optics, camera, seed) for seed in (7, 7, 7 + (1 << 40)))
     assert np.array_equal(first, again) and not np.array_equal(first, other)
 
 

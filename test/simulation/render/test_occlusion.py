@@ -21,7 +21,7 @@ from simbev_ros.simulation.render.view import FAR_M, NEAR_M, View
 
 EGO = {"id": 1}
 CAMERA_VIEW = CameraView(CAMERA, front_pose(), MODALITIES)
-VIEW = View.from_camera(CAMERA_VIEW, world(EGO), None, np.zeros(3))
+[VIEW] = View.of_camera(CAMERA_VIEW, world(EGO), None, np.zeros(3))
 EVENING = NOON.model_copy(update={"sun_azimuth_deg": 185.0, "sun_altitude_deg": 12.0})
 
 

@@ -3,7 +3,11 @@
 #include "view"
 #include "lens"
 uniform sampler2D ideal_rgb;
-uniform sampler2D lens_rays;
+#ifdef FISHEYE
+#include "fisheye"
+#elif DISTORTED
+#include "plumb_bob"
+#endif
 out vec4 rgb;
 
 // Weights of four texels for a position between the second and the third: Catmull, Rom.
@@ -26,14 +30,25 @@ vec3 interpolated(vec2 pixel) {
 void main() {
     ivec2 texel = ivec2(gl_FragCoord.xy);
 #if DISTORTED
-    vec2 place = texelFetch(lens_rays, texel, 0).xy;
+#if defined(FISHEYE) && !defined(COMPUTED)
+    if (!in_face(texel)) discard;
+#endif
+    vec2 place = lens_ray(texel).xy;
     vec3 color = interpolated(place * intrinsics.xy + intrinsics.zw);
 #else
     vec2 place = optical_ray(vec2(texel)).xy;
     vec3 color = texelFetch(ideal_rgb, texel, 0).rgb;
+#ifdef FISHEYE
+    if (!in_circle(texel)) color = vec3(0.0);
+#endif
 #endif
 #if SENSOR
-    color = through_lens(color, uvec2(texel), dot(place, place));
+#ifdef FISHEYE
+    float tangent2 = inversesqrt(texelFetch(lens_rays, texel, 0).w) - 1.0;  // so that the solid angle takes the place of cos⁴
+#else
+    float tangent2 = dot(place, place);
+#endif
+    color = through_lens(color, uvec2(texel), tangent2);
 #endif
     rgb = vec4(color, 1.0);
 }

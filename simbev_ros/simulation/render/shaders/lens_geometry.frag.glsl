@@ -4,15 +4,17 @@
 #include "edges"
 #include "flow"
 #include "rigid"
+#ifdef FISHEYE
+#include "enums"
+#include "fisheye"
+#else
+#include "plumb_bob"
+#endif
 uniform usampler2D g_surface;
 uniform sampler2D g_depth;
 uniform sampler2D g_slope;
 uniform usampler2D g_edges;
 uniform usampler2D rigid_actors;
-uniform sampler2D lens_rays;
-uniform vec4 lens_intrinsics;  // fx, fy, cx, cy, pixels
-uniform vec4 lens_radial;      // k1, k2, k3; x² + y² up to which the model is valid
-uniform vec2 lens_tangential;  // p1, p2
 
 layout(location = 0) out uint semantic;
 layout(location = 1) out uint instance;
@@ -21,14 +23,6 @@ layout(location = 3) out vec2 flow;
 
 const float TOLERANCE_PX = 0.01;  // so that triangles with a common edge leave no gap
 const float SMALL_PX = 1.0;
-
-// Pixel of a position on the plane z = 1.
-vec2 lens_pixel(vec2 place) {
-    float r2 = dot(place, place);
-    float radial = 1.0 + r2 * (lens_radial.x + r2 * (lens_radial.y + r2 * lens_radial.z));
-    vec2 bent = place * radial + 2.0 * place.x * place.y * lens_tangential + lens_tangential.yx * (r2 + 2.0 * place * place);
-    return bent * lens_intrinsics.xy + lens_intrinsics.zw;
-}
 
 float inverse_depth(ivec2 texel, vec2 ideal) {
     return 1.0 / texelFetch(g_depth, texel, 0).x + dot(texelFetch(g_slope, texel, 0).xy, ideal - vec2(texel));
@@ -62,8 +56,21 @@ ivec2 texel_of(vec2 ideal, bool of_labels) {
 }
 
 void main() {
-    vec2 place = texelFetch(lens_rays, ivec2(gl_FragCoord.xy), 0).xy;
-    vec2 ideal = place * intrinsics.xy + intrinsics.zw;
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+#ifdef FISHEYE
+#ifndef COMPUTED
+    if (!in_face(pixel)) discard;
+#endif
+    if (!in_circle(pixel)) {
+        semantic = TAG_UNLABELED;
+        instance = 0u;
+        depth = uintBitsToFloat(0x7F800000u);       // +inf
+        flow = vec2(uintBitsToFloat(0x7FC00000u));  // NaN
+        return;
+    }
+#endif
+    vec3 ray = lens_ray(pixel);
+    vec2 ideal = ray.xy * intrinsics.xy + intrinsics.zw;
     uint bits = texelFetch(g_surface, texel_of(ideal, true), 0).x;
     uint actor = bits & 0xFFFFu;
     semantic = (bits >> 16u) & 0xFFu;
@@ -74,14 +81,13 @@ void main() {
     float center = texelFetch(g_depth, texel, 0).x;
     bool sky = isinf(center);
     float change = inverse_depth(texel, ideal) * center;
-    depth = sky ? center : center / clamp(change, 0.25, 4.0);  // slivers seen edge-on have arbitrary slopes
+    float ahead = sky ? center : center / clamp(change, 0.25, 4.0);  // slivers seen edge-on have arbitrary slopes
+    depth = sky ? center : lens_depth(ray * ahead);
 
-    vec4 now = world_from_optical * (sky ? vec4(place, 1.0, 0.0) : vec4(vec3(place, 1.0) * depth, 1.0));
+    vec4 now = world_from_optical * (sky ? vec4(ray, 0.0) : vec4(ray * ahead, 1.0));
     vec3 seen = (previous_optical_from_world * vec4(previous_from_now(row, now), now.w)).xyz;
-    vec2 before = seen.xy / seen.z;
-    vec2 pixel_before = lens_pixel(before);
-    bool valid = seen.z > NEAREST && dot(before, before) <= lens_radial.w;
+    vec2 pixel_before = lens_pixel(seen);
     if (viewport.z == 0.0) flow = vec2(0.0);
-    else if (valid && was_visible(pixel_before, sky ? center : seen.z)) flow = floor(gl_FragCoord.xy) - pixel_before;
+    else if (lens_sees(seen) && was_visible(pixel_before, sky ? center : lens_depth(seen))) flow = floor(gl_FragCoord.xy) - pixel_before;
     else flow = vec2(uintBitsToFloat(0x7FC00000u));  // NaN
 }

@@ -12,8 +12,7 @@ from simbev_ros.config.rendering import QUALITIES
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.foundation.units import S_PER_NS
 from simbev_ros.schema.scene.state import WorldState
-from simbev_ros.simulation.render.gl.programs import ProgramLibrary
-from simbev_ros.simulation.render.gl.targets import Targets
+from simbev_ros.simulation.render.gl.programs import TEXTURE_UNITS, ProgramLibrary
 
 BOX_M = np.array([20.0, 20.0, 14.0])
 FALL_MPS = np.array([6.5, 7.5, 8.5, 9.5])
@@ -67,15 +66,18 @@ class Rain:
         streaks.render(moderngl.TRIANGLE_STRIP, vertices=4, instances=count)
         self._context.enable_only(moderngl.NOTHING)
 
-    def draw_lens_drops(self, targets: Targets, camera_seed: int) -> None:
-        """Draw drops on the lens over the finished image; they refract it, so they show it upside down."""
+    def draw_lens_drops(self, image: moderngl.Framebuffer, copy: moderngl.Framebuffer, camera_seed: int) -> None:
+        """Draw drops on the lens over the finished image; they refract a copy of it, so they show it upside down."""
         count = int((1.0 - self._sheltered) * min(self._weather_rain, self._wet) ** 0.7 * _MAX_LENS_DROPS)
         if not count:
             return
         if self._drops is None:
             self._drops = self._context.vertex_array(self._library.load("lens_drop.vert", "lens_drop.frag"), [])
-        self._context.copy_framebuffer(targets.shaded, targets.rgb)
-        targets.rgb.use()
+        self._context.copy_framebuffer(copy, image)
+        refracted = copy.color_attachments[0]
+        assert isinstance(refracted, moderngl.Texture)
+        refracted.use(TEXTURE_UNITS["shaded"])
+        image.use()
         program = self._drops.program
         program["time"], program["camera_seed"] = self._time_s, camera_seed & 0xFFFF
         self._context.enable_only(moderngl.BLEND)

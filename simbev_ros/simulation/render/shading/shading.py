@@ -86,8 +86,11 @@ class Shading:
             self._signals.use(TEXTURE_UNITS["signal_states"])
         self._signals.write(np.resize(signals["state"], count).tobytes() if len(signals) else b"\0")
 
-    def draw(self, targets: Targets, camera_seed: int) -> None:
-        """Fill ``targets.rgb`` from the G-buffer, which must be bound; each camera seed has other drops on the lens."""
+    def draw(self, targets: Targets, camera_seed: int | None) -> None:
+        """Fill ``targets.rgb`` from the G-buffer, which must be bound.
+
+        Each camera seed has other drops on the lens; None: without.
+        """
         with self._timer("sun and occlusion"):
             self._visibility.draw(targets.noisy_visibility)
             self._smooth.draw(targets.visibility)
@@ -110,4 +113,5 @@ class Shading:
             if self._lamps_lit:
                 self.glare.draw()
             self.rain.draw_streaks(self._lamps_lit)
-            self.rain.draw_lens_drops(targets, camera_seed)
+            if camera_seed is not None:
+                self.rain.draw_lens_drops(targets.rgb, targets.shaded, camera_seed)

@@ -96,6 +96,7 @@ class Radar(Sensor):
         False, description="whether only the strongest detection in each cell of all four resolutions is given"
     )
 
+    measures_elevation: bool = Field(True, description="whether elevations are measured; otherwise they are 0")
     detector: RadarDetector | None = Field(
         None,
         description="targets are found in cells of the resolutions, from rays over all of the field of view; "

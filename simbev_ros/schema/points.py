@@ -44,3 +44,17 @@ RADAR_POINT_DTYPE = np.dtype(
 """Row of the table of detections, 32 bytes. From ``range`` on, names, units and signs are those of
 radar_msgs/RadarReturn. Its authors define positive speeds as receding
 (github.com/ros-perception/radar_msgs/issues/11), and so does CARLA."""
+
+
+RADAR_RCS_DTYPE = np.dtype(
+    [
+        (
+            "rcs",
+            "<f4",
+        ),  # dBsm (dB of 1 m²): radar cross-section, which follows from the measured amplitude and range
+    ]
+)
+"""Column that radars with a detector have in addition."""
+
+RADAR_TARGET_DTYPE = np.dtype(RADAR_POINT_DTYPE.descr + RADAR_RCS_DTYPE.descr)
+"""Row of the table of targets of a radar with a detector, 36 bytes."""

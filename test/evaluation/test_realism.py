@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
+from simbev_ros.config.radar import Radar
 from simbev_ros.evaluation.realism.comparison import Row, compare
-from simbev_ros.evaluation.realism.samples import LidarTurn, Photograph, RadarScan, samples_of_folder
+from simbev_ros.evaluation.realism.samples import LidarTurn, Photograph, RadarScan, sample_of, samples_of_folder
 from simbev_ros.evaluation.realism.statistics import curves_of, figures_of
 from simbev_ros.foundation.errors import InputError
+from simbev_ros.schema.points import RADAR_TARGET_DTYPE
 
 SHARED = Path(__file__).parents[2].parent / "shared/real"
 
@@ -160,3 +162,12 @@ def test_real_frames_are_told_from_each_other_by_what_is_known_of_them() -> None
         < figures["kitti (bin)"]["noise of range on planes [mm]"]
     )
     assert json.dumps(figures)
+
+
+def test_own_radars_have_cross_sections_by_the_radar_equation() -> None:
+    radar = Radar.model_validate({"type": "radar", "name": "front", "reference_range_m": 50.0})
+    cloud = np.zeros(2, RADAR_TARGET_DTYPE)
+    cloud["range"], cloud["amplitude"] = [50.0, 5.0], [3.0, 43.0]
+    sample = sample_of(radar, cloud)
+    assert isinstance(sample, RadarScan)
+    assert sample.rcs_dbsm == pytest.approx([3.0, 3.0], abs=1e-4)

@@ -48,6 +48,10 @@ TABLES: Mapping[str, tuple[str, str]] = {
     "POINT_DTYPE": ("Lidar points", "`/ego/lidar/points`"),
     "SEMANTIC_POINT_DTYPE": ("Semantic lidar points", "`/ego/lidar/semantic_points`"),
     "RADAR_POINT_DTYPE": ("Radar points", "`/ego/radar_*/points`"),
+    "RADAR_RCS_DTYPE": (
+        "Radar points: columns of radars with a detector",
+        "The columns of [radar points](#radar-points), then these. ARS408-21 measures no elevations: they are 0.",
+    ),
     "VOXEL_DTYPE": ("Occupied voxels", "`/ego/occupancy/points`"),
 }
 """Name of the dtype in the code → heading, and where the table is found."""

@@ -25,7 +25,7 @@ _MIN_BRIGHTNESSES = 64
 _MIN_SIDE_PX = 16
 _PNG_SIZE, _PNG_SIZE_AT = struct.Struct(">II"), 16  # width and height in the first chunk
 _COLUMNS_KITTI, _COLUMNS_NUSCENES = 4, 5
-_KEYS: dict[type, str] = {Lidar: "points", Camera: "rgb", Radar: "detections"}
+_KEYS: dict[type, str] = {Lidar: "points", Camera: "rgb", Radar: "points"}
 
 
 @dataclass(frozen=True, slots=True)

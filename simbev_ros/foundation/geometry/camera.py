@@ -64,7 +64,7 @@ class PinholeCamera:
         return points_optical[:, 2]
 
     def relative_illumination(self, rays: Float64Array) -> Float64Array:
-        """(N,) illumination of the pixels of (N, 3) rays through a simple lens, relative to that on the optical axis."""
+        """(N,) illumination of the pixels of (N, 3) rays behind a simple lens, relative to that on its optical axis."""
         cosine = np.maximum(rays[:, 2] / np.linalg.norm(rays, axis=1), 0.0)
         illumination: Float64Array = cosine**4
         return illumination

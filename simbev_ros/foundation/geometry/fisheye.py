@@ -92,7 +92,7 @@ class FisheyeCamera(PinholeCamera):
         return np.linalg.norm(points_optical, axis=1)
 
     def relative_illumination(self, rays: Float64Array) -> Float64Array:
-        """(N,) solid angles of the pixels of (N, 3) rays, relative to that on the optical axis: a fisheye's illumination."""
+        """(N,) solid angles of the pixels of (N, 3) rays, relative to that on the optical axis."""
         angle = np.arctan2(np.hypot(rays[:, 0], rays[:, 1]), rays[:, 2])
         area = np.where(angle > 0.0, self._radius(angle) * _slope(self.distortion, angle), 1.0)
         return np.where(angle > 0.0, np.sin(angle), 1.0) / area

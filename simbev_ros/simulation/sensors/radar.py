@@ -10,10 +10,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from simbev_ros.config.radar import Radar, RadarDetector
+from simbev_ros.config.radar import Radar
 from simbev_ros.foundation.random import stream
 from simbev_ros.foundation.types import Float64Array, Table
-from simbev_ros.schema.points import RADAR_POINT_DTYPE
+from simbev_ros.schema.points import RADAR_POINT_DTYPE, RADAR_TARGET_DTYPE
 from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.simulation.raycast.scene import Hits, RayScene
 from simbev_ros.simulation.sensors.mount import map_from_sensor, vector
@@ -65,47 +65,40 @@ class RadarModel:
             state: World state now.
 
         Returns:
-            (N,) ``RADAR_POINT_DTYPE``, in the order of the rays.
+            (N,) ``RADAR_POINT_DTYPE``, in the order of the rays; with a detector (N,) ``RADAR_TARGET_DTYPE``, nearest
+            first.
         """
-        radar = self.radar
+        radar, sections = self.radar, self._cross_sections
         ray = np.flatnonzero((hits.range_m >= radar.min_range_m) & (hits.range_m <= radar.range_m))
         hits, directions = hits.of(ray), directions[ray]
         directions_map = directions @ map_from_radar[:3, :3].T
-        range_m = hits.range_m.astype(np.float64)
-        table = np.zeros(len(ray), RADAR_POINT_DTYPE)
-        table["range"] = range_m
-        table["azimuth"] = np.arctan2(directions[:, 1], directions[:, 0])
-        table["elevation"] = np.arcsin(np.clip(directions[:, 2], -1.0, 1.0))
-        table["doppler_velocity"] = np.einsum(
-            "ni,ni->n", velocity_mps[ray] - _own_velocity(map_from_radar, state), directions_map
-        )
-        table["amplitude"] = self._amplitude_db(hits, range_m, state)
-        if radar.detector is not None:
-            table = self._targets(radar.detector, hits, table, state.tick)
+        range_m, cos_angle = hits.range_m.astype(np.float64), hits.cos_angle.astype(np.float64)
+        speed_mps = np.einsum("ni,ni->n", velocity_mps[ray] - _own_velocity(map_from_radar, state), directions_map)
+        place = range_m, speed_mps, *_angles(directions)
+        if radar.detector is None:
+            section_m2 = sections.at_incidence(hits.material, hits.tag, cos_angle)
+            table = _table(RADAR_POINT_DTYPE, self._amplitude_db(section_m2, range_m, state), *place)
+        else:
+            section_m2 = sections.per_m2(hits.material, cos_angle) * self._areas_m2(range_m, cos_angle)
+            seen = Scatterers(from_db(self._amplitude_db(section_m2, range_m, state)), *place)
+            found = find_targets(radar, radar.detector, seen, self._stream("speckle", state.tick))
+            table = _table(RADAR_TARGET_DTYPE, 10.0 * np.log10(found.power), *found[1:])
             ray = np.arange(len(table))
         table = apply_errors(radar, table, ray, lambda: self._noise(state.tick))
-        _fill_xyz(table)
+        if not radar.measures_elevation:
+            table["elevation"] = 0.0
+        _fill_derived(table, radar.reference_range_m)
         return table
 
-    def _targets(self, detector: RadarDetector, hits: Hits, table: Table, tick: int) -> Table:
-        """The targets among scatterers, which are the rays' detections."""
+    def _areas_m2(self, range_m: Float64Array, cos_angle: Float64Array) -> Float64Array:
+        """(N,) areas of the surfaces that N rays stand for."""
         radar = self.radar
         solid_angle = np.radians(radar.horizontal_fov_deg) * 2.0 * np.sin(np.radians(radar.vertical_fov_deg) / 2.0)
-        cos_angle = np.maximum(hits.cos_angle.astype(np.float64), _MIN_COS)
-        area_m2 = solid_angle / self.rays * np.square(hits.range_m.astype(np.float64)) / cos_angle
-        share = area_m2 / self._cross_sections.area_m2[hits.tag]
-        columns = (table[name].astype(np.float64) for name in ("range", "doppler_velocity", "azimuth", "elevation"))
-        seen = Scatterers(from_db(table["amplitude"].astype(np.float64)) * share, *columns)
-        found = find_targets(radar, detector, seen, self._stream("speckle", tick))
-        targets = np.zeros(len(found.power), RADAR_POINT_DTYPE)
-        for name, values in zip(("range", "doppler_velocity", "azimuth", "elevation"), found[1:], strict=True):
-            targets[name] = values
-        targets["amplitude"] = 10.0 * np.log10(found.power)
-        return targets
+        areas_m2: Float64Array = solid_angle / self.rays * np.square(range_m) / np.maximum(cos_angle, _MIN_COS)
+        return areas_m2
 
-    def _amplitude_db(self, hits: Hits, range_m: Float64Array, state: WorldState) -> Float64Array:
-        cross_section_m2 = self._cross_sections.at_incidence(hits.material, hits.tag, hits.cos_angle.astype(np.float64))
-        clear_db = amplitude_db(cross_section_m2, range_m, self.radar.reference_range_m)
+    def _amplitude_db(self, section_m2: Float64Array, range_m: Float64Array, state: WorldState) -> Float64Array:
+        clear_db = amplitude_db(section_m2, range_m, self.radar.reference_range_m)
         if not self.radar.rain_attenuation:
             return clear_db
         return clear_db - rain_loss_db_per_m(state.weather) * range_m
@@ -129,7 +122,7 @@ def scan_radars(
         previous: World state one tick ago; if None, wheels and limbs move with their bodies.
 
     Returns:
-        Per radar, (N,) ``RADAR_POINT_DTYPE`` detections.
+        Per radar, (N,) ``RADAR_POINT_DTYPE`` detections or ``RADAR_TARGET_DTYPE`` targets.
     """
     if not models:
         return []
@@ -159,8 +152,31 @@ def _own_velocity(map_from_radar: Float64Array, state: WorldState) -> Float64Arr
     return vector(state.ego, "vx vy vz") + np.cross(vector(state.ego, "wx wy wz"), arm_m)
 
 
-def _fill_xyz(table: Table) -> None:
+def _angles(directions: Float64Array) -> tuple[Float64Array, Float64Array]:
+    """(N,) azimuths and (N,) elevations, rad, of (N, 3) unit vectors in the sensor frame."""
+    return np.arctan2(directions[:, 1], directions[:, 0]), np.arcsin(np.clip(directions[:, 2], -1.0, 1.0))
+
+
+def _table(
+    dtype: np.dtype[np.void],
+    power_db: Float64Array,
+    range_m: Float64Array,
+    speed_mps: Float64Array,
+    azimuth_rad: Float64Array,
+    elevation_rad: Float64Array,
+) -> Table:
+    """Detections without the columns that follow from others."""
+    table = np.zeros(len(range_m), dtype)
+    table["range"], table["azimuth"], table["elevation"] = range_m, azimuth_rad, elevation_rad
+    table["doppler_velocity"], table["amplitude"] = speed_mps, power_db
+    return table
+
+
+def _fill_derived(table: Table, reference_range_m: float) -> None:
+    """Fill in the columns that follow from measured values: positions, and the cross-sections of targets."""
     range_m, azimuth_rad, elevation_rad = (table[name].astype(np.float64) for name in ("range", "azimuth", "elevation"))
     level_m = range_m * np.cos(elevation_rad)
     table["x"], table["y"] = level_m * np.cos(azimuth_rad), level_m * np.sin(azimuth_rad)
     table["z"] = range_m * np.sin(elevation_rad)
+    if "rcs" in (table.dtype.names or ()):
+        table["rcs"] = table["amplitude"] - amplitude_db(np.ones(len(table)), range_m, reference_range_m)

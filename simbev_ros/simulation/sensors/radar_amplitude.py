@@ -1,10 +1,11 @@
 """Amplitude of radar detections: radar cross-sections of the surfaces that were hit, the radar equation, loss in rain.
 
-Not modeled: the antenna pattern (the field of view ends sharply), multipath propagation, fading.
+Not modeled: the antenna pattern (the field of view ends sharply), and what facets do in phase. So a flat plate has the
+lobe of its material's roughness and not 4 π A² / λ²; a trihedral corner has three plates and not 4 π a⁴ / 3 λ².
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -21,32 +22,51 @@ _RAIN_K, _RAIN_ALPHA = 1.13, 0.712
 _DROP_SLOPE_PER_M, _DROP_SLOPE_POWER = 4100.0, -0.21
 """Slope of drop sizes in rain of 1 mm/h, and its exponent of the rain rate: Marshall and Palmer, 1948."""
 _KM_PER_M = 1e-3
+_STEPS = 10_000
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class CrossSections:
     """Radar cross-sections in m² by material and tag; radar_surfaces.yaml explains the model.
 
     Attributes:
         diffuse_m2, exponent, specular_m2, spread: (len(Material),) parameters by material.
+        reflectance: (len(Material),) share of the power that a material reflects; NaN: it is in the parameters.
         kind: (256,) factor by semantic tag.
-        area_m2: (256,) area by semantic tag to which a cross-section belongs.
     """
 
     diffuse_m2: Float64Array
     exponent: Float64Array
     specular_m2: Float64Array
     spread: Float64Array
+    reflectance: Float64Array
     kind: Float64Array
-    area_m2: Float64Array
 
     def at_incidence(self, material: UInt8Array, tag: UInt8Array, cos_angle: Float64Array) -> Float64Array:
         """(N,) cross-sections in m² of (N,) surfaces at (N,) cosines of the angle of incidence."""
+        return self._lobes(material, cos_angle) * self.kind[tag]
+
+    def per_m2(self, material: UInt8Array, cos_angle: Float64Array) -> Float64Array:
+        """(N,) cross-sections of a square meter of (N,) surfaces at (N,) cosines of the angle of incidence.
+
+        A sphere, which shows all angles, has its reflectance times π r², the cross-section of geometrical optics.
+        """
+        return self._lobes(material, cos_angle) * self._sphere_factor[material]
+
+    @cached_property
+    def _sphere_factor(self) -> Float64Array:
+        """(len(Material),) factor that gives spheres their reflectance: it divides by the mean over their disk."""
+        cosine = (np.arange(_STEPS) + 0.5) / _STEPS
+        materials = np.arange(len(self.reflectance), dtype=np.uint8)
+        in_disks = 2.0 * self._lobes(materials[:, None], cosine[None]).mean(axis=1)
+        return np.where(np.isnan(self.reflectance), 1.0, self.reflectance / in_disks)
+
+    def _lobes(self, material: UInt8Array, cos_angle: Float64Array) -> Float64Array:
         cosine = np.clip(cos_angle, 1e-6, 1.0)
         slope = np.sqrt(1.0 - cosine**2) / cosine / self.spread[material]
         diffuse_m2 = self.diffuse_m2[material] * cosine ** self.exponent[material]
         total_m2: Float64Array = diffuse_m2 + self.specular_m2[material] * np.exp(-(np.minimum(slope, 26.0) ** 2))
-        return total_m2 * self.kind[tag]
+        return total_m2
 
 
 @lru_cache(maxsize=1)
@@ -56,21 +76,18 @@ def load_cross_sections() -> CrossSections:
     surface_of = {material: surface for surface in data["surfaces"].values() for material in surface["materials"]}
 
     def column(name: str) -> Float64Array:
-        return np.array([surface_of[material.name][name] for material in Material], np.float64)
+        return np.array([surface_of[material.name].get(name, np.nan) for material in Material], np.float64)
 
     kind_db = np.zeros(256)
     for name, gain_db in data["kinds"].items():
         kind_db[Tag[name]] = gain_db
-    area_m2 = np.ones(256)
-    for name, area in data["areas"].items():
-        area_m2[Tag[name]] = area
     return CrossSections(
         diffuse_m2=from_db(column("diffuse")),
         exponent=column("exponent"),
         specular_m2=from_db(column("specular")),
         spread=column("spread"),
+        reflectance=from_db(column("reflectance")),
         kind=from_db(kind_db),
-        area_m2=area_m2,
     )
 
 

@@ -96,6 +96,9 @@ class Radar(Sensor):
         False, description="whether only the strongest detection in each cell of all four resolutions is given"
     )
 
+    scan: bool = Field(
+        False, description="whether detections are also sent as radar_msgs/RadarScan, on the topic scan beside points"
+    )
     measures_elevation: bool = Field(True, description="whether elevations are measured; otherwise they are 0")
     detector: RadarDetector | None = Field(
         None,

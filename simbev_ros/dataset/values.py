@@ -4,7 +4,7 @@
 |---|---|
 | Image, CompressedImage | (H, W) or (H, W, C) array: rgb, semantic uint8; instance uint16; depth, flow float32 |
 | PointCloud2 | (N,) structured array, one row per point, box, actor, signal or voxel |
-| Actors, TrafficSignals, Boxes, Views | (N,) structured array, like that of the topic's table |
+| Actors, TrafficSignals, Boxes, Views, RadarScan | (N,) structured array, like that of the topic's table |
 | Odometry, Imu, NavSatFix | (K,) structured array, a row each: ``ODOMETRY_DTYPE``, ``IMU_DTYPE``, ``FIX_DTYPE`` |
 | CameraInfo | dict of ``width_px``, ``height_px``, ``distortion_model`` and the arrays ``d``, ``k``, ``r``, ``p`` |
 | TFMessage | dict from (parent, child) to the (4, 4) transform parent from child |

@@ -18,6 +18,7 @@ from simbev_ros.config.rig import AnySensor
 from simbev_ros.config.sensor import Sensor
 from simbev_ros.drawing.displays.detections import LABEL_INFO
 from simbev_ros.ros.msgs.topic import Topic, agent_topic
+from simbev_ros.schema.messages.table_messages import RADAR_SCAN
 from simbev_ros.schema.scene.agents import AgentView
 
 _POINTS = "points"
@@ -117,6 +118,11 @@ def lidar_topics(view: AgentView, lidar: Lidar) -> LidarTopics:
 def radar_topic(view: AgentView, radar: Radar) -> Topic:
     """Topic with the detections of a radar."""
     return _topic(view, radar, _POINTS, "sensor_msgs/msg/PointCloud2")
+
+
+def radar_scan_topic(view: AgentView, radar: Radar) -> Topic:
+    """Topic with the detections of a radar as radar_msgs/RadarScan, if its configuration asks for it."""
+    return _topic(view, radar, "scan", RADAR_SCAN)
 
 
 def gnss_topics(view: AgentView, gnss: Gnss) -> GnssTopics:

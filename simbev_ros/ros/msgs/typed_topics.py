@@ -1,4 +1,6 @@
-"""Topics with typed messages: what other topics carry as tables or JSON, in the message types of ``simbev_interfaces``.
+"""Topics with typed messages: what other topics carry as tables or JSON, in message types with fields.
+
+These are those of ``simbev_interfaces``, and radar_msgs/RadarScan for radars whose configuration asks for it.
 
 The recorder makes them of the messages that it records; a node that has the table or the record can serialize it right
 away. Publishers of rclpy send serialized messages as they are. Pure: imports no ROS.
@@ -11,6 +13,7 @@ from typing import Any
 
 from rosbags.serde import SerdeError
 
+from simbev_ros.config.radar import Radar
 from simbev_ros.drawing.displays.messages import MAP_FRAME
 from simbev_ros.foundation.errors import SimbevError
 from simbev_ros.foundation.files.structured_text import parse_json
@@ -18,10 +21,11 @@ from simbev_ros.foundation.types import Table
 from simbev_ros.recording.arrays import point_array
 from simbev_ros.ros.msgs import topics, typed_records
 from simbev_ros.ros.msgs.annotation_topics import annotation_topics
+from simbev_ros.ros.msgs.sensor_topics import radar_scan_topic, radar_topic
 from simbev_ros.ros.msgs.topic import Topic
 from simbev_ros.schema.messages import table_messages
 from simbev_ros.schema.messages.message_types import types_with
-from simbev_ros.schema.messages.table_messages import serialize_table
+from simbev_ros.schema.messages.table_messages import RADAR_SCAN, row_layout, serialize_table
 from simbev_ros.schema.scene.agents import AgentView, agent_views
 from simbev_ros.schema.scene.spec import SceneSpec
 
@@ -61,7 +65,7 @@ class TypedTopic:
 
 
 def typed_topics(spec: SceneSpec) -> tuple[TypedTopic, ...]:
-    """Typed topics of a scene: world, and of each agent the lane under it, boxes, and the cameras' views of them."""
+    """Typed topics of a scene: world; of each agent lane, boxes and the cameras' views of them; scans of radars."""
     world = {topic.name: topic for topic in topics.world_topics(spec)}
     return (
         _of_text(world[topics.SCENE], typed_records.SCENE, typed_records.serialize_scene, str),
@@ -70,7 +74,25 @@ def typed_topics(spec: SceneSpec) -> tuple[TypedTopic, ...]:
         _of_table(world[topics.SIGNALS], table_messages.SIGNALS, MAP_FRAME),
         _of_text(world[topics.WEATHER], typed_records.WEATHER, typed_records.serialize_weather, parse_json),
         *(typed for view in agent_views(spec) for typed in _typed_labels(view)),
+        *radar_scans(spec),
     )
+
+
+def radar_scans(spec: SceneSpec) -> tuple[TypedTopic, ...]:
+    """Topics with the detections of radars as radar_msgs/RadarScan, of those whose configuration asks for it."""
+    return tuple(
+        _radar_scan(view, radar) for view in agent_views(spec) for radar in view.rig.of_type(Radar) if radar.scan
+    )
+
+
+def _radar_scan(view: AgentView, radar: Radar) -> TypedTopic:
+    returns = row_layout(RADAR_SCAN).dtype
+
+    def serialize(cloud: Table, stamp_ns: int) -> bytes:
+        rows = cloud[list(returns.names or ())].astype(returns)
+        return serialize_table(RADAR_SCAN, rows, stamp_ns, f"{view.agent}/{radar.name}")
+
+    return TypedTopic(radar_scan_topic(view, radar), radar_topic(view, radar), _read_table, serialize)
 
 
 def _typed_labels(view: AgentView) -> Iterator[TypedTopic]:

@@ -54,6 +54,7 @@ class RadarNode(Participant):
         self._carriers = [
             _Carrier(view, tuple(map(partial(self._mount, view), view.rig.of_type(Radar)))) for view in views
         ]
+        self.advertise_derived(spec)
         return [mounted.topic.name for carrier in self._carriers for mounted in carrier.radars]
 
     def _mount(self, view: AgentView, radar: Radar) -> _Mounted:
@@ -84,5 +85,6 @@ class RadarNode(Participant):
             for (model, topic), cloud in zip(due, clouds, strict=True):
                 frame = f"{view.agent}/{model.radar.name}"
                 self.publish(topic.name, message_from_table(cloud, state.stamp_ns, frame))
+                self.publish_derived(state.stamp_ns, {topic.name: cloud})
         with self.meter.part("place"):
             self._scenes.build_ahead(rays, state)

@@ -41,7 +41,7 @@ from simbev_ros.ros.msgs.stamps import serialized_stamp_ns
 from simbev_ros.ros.msgs.tables import table_from_message
 from simbev_ros.ros.msgs.topic import Topic
 from simbev_ros.ros.msgs.transforms import serialize_transforms, static_transforms
-from simbev_ros.ros.msgs.typed_topics import typed_topics
+from simbev_ros.ros.msgs.typed_topics import radar_scans, typed_topics
 from simbev_ros.ros.msgs.world import actors_from_message, signals_from_message, weather_from_message
 from simbev_ros.ros.nodes.graph_node import MALFORMED, GraphNode
 from simbev_ros.scene.ending import SceneEnd
@@ -92,7 +92,7 @@ class RecorderNode(GraphNode):
         self._end, self._lead_in, self._clock_ns = None, [], -1
         self._loaded_reported = False
         chosen = topics.TopicFilter(self._recording.topics)
-        typed = typed_topics(spec) if "messages" in self._recording.forms else ()
+        typed = typed_topics(spec) if "messages" in self._recording.forms else radar_scans(spec)
         sent = topics.manifest(spec, compressed_images=self._recording.images == "compressed")
         all_topics = (*sent, *(each.topic for each in typed))
         self._manifest = {topic.name: topic for topic in all_topics if topic.name in chosen}

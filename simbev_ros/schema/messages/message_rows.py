@@ -15,14 +15,14 @@ _COLUMN_OF_FIELD = {"class_id": "class"}
 """Columns that are called otherwise than their fields, because their names are words of C++ and Python."""
 
 
-def message_fields(kind: str) -> dict[str, str]:
-    """Types of the fields of a message such as ``Box``, by name, in order.
+def message_fields(kind: str, package: str = OWN_PACKAGE) -> dict[str, str]:
+    """Types of the fields of a package's message such as ``Box``, by name, in order.
 
     Raises:
         FileNotFoundError: The installation is incomplete.
         KeyError: There is no such message.
     """
-    return {name: type_name for type_name, name, value in _declarations(kind) if value is None}
+    return {name: type_name for type_name, name, value in _declarations(kind, package) if value is None}
 
 
 def message_constants(kind: str) -> dict[str, int]:
@@ -32,28 +32,32 @@ def message_constants(kind: str) -> dict[str, int]:
         FileNotFoundError: The installation is incomplete.
         KeyError: There is no such message.
     """
-    return {name: int(value) for type_name, name, value in _declarations(kind) if value and type_name in _KINDS}
+    return {
+        name: int(value) for type_name, name, value in _declarations(kind, OWN_PACKAGE) if value and type_name in _KINDS
+    }
 
 
 @cache
-def row_dtype(kind: str) -> np.dtype[np.void]:
+def row_dtype(kind: str, package: str = OWN_PACKAGE) -> np.dtype[np.void]:
     """Type of the rows of a table with the fields of a message as columns, packed.
 
     Args:
         kind: Name of a message with only numbers as fields, such as ``Box``.
+        package: Package of the message, one whose definitions come with this one.
 
     Raises:
         FileNotFoundError: The installation is incomplete.
         KeyError: There is no such message.
     """
-    return np.dtype([(_COLUMN_OF_FIELD.get(name, name), _KINDS[each]) for name, each in message_fields(kind).items()])
+    fields = message_fields(kind, package)
+    return np.dtype([(_COLUMN_OF_FIELD.get(name, name), _KINDS[each]) for name, each in fields.items()])
 
 
 @lru_cache
-def _declarations(kind: str) -> list[tuple[str, str, str | None]]:
+def _declarations(kind: str, package: str) -> list[tuple[str, str, str | None]]:
     """Type and name of each field and constant of a message in order, and the value if it is a constant."""
     found: list[tuple[str, str, str | None]] = []
-    for line in interface_files(OWN_PACKAGE)[f"{OWN_PACKAGE}/msg/{kind}"].read_text(encoding="utf-8").splitlines():
+    for line in interface_files(package)[f"{package}/msg/{kind}"].read_text(encoding="utf-8").splitlines():
         if words := line.partition("#")[0].split():
             name, _, value = words[1].partition("=")
             found.append((words[0], name, value or None))

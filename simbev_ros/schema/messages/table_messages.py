@@ -1,4 +1,4 @@
-"""Tables as messages of this project: a Header, and a sequence with one message per row.
+"""Tables as messages of this project and of radar_msgs: a Header, and a sequence with one message per row.
 
 CDR aligns every number with its own size. The rows of our tables have their columns in order of size, so that a
 serialized row has the bytes of the row in memory, followed by padding up to the next row. All rows are written at once.
@@ -18,8 +18,9 @@ ACTORS = "simbev_interfaces/msg/Actors"
 SIGNALS = "simbev_interfaces/msg/TrafficSignals"
 BOXES = "simbev_interfaces/msg/Boxes"
 VIEWS = "simbev_interfaces/msg/Views"
+RADAR_SCAN = "radar_msgs/msg/RadarScan"
 
-TABLE_TYPES = (ACTORS, SIGNALS, BOXES, VIEWS)
+TABLE_TYPES = (ACTORS, SIGNALS, BOXES, VIEWS, RADAR_SCAN)
 """Message types that hold a table."""
 
 _LITTLE_ENDIAN = b"\0\1\0\0"
@@ -45,10 +46,11 @@ class RowLayout(NamedTuple):
 @lru_cache
 def row_layout(type_name: str) -> RowLayout:
     """Layout of the rows of one of ``TABLE_TYPES``."""
-    _, sequence = message_fields(type_name.rpartition("/")[2]).items()
-    row_type = sequence[1].removesuffix("[]")
-    dtype = row_dtype(row_type)
-    fields = tuple(message_fields(row_type))
+    package, _, kind = type_name.split("/")
+    _, sequence = message_fields(kind, package).items()
+    row_type = sequence[1].removesuffix("[]").rpartition("/")[2]
+    dtype = row_dtype(row_type, package)
+    fields = tuple(message_fields(row_type, package))
     sizes = [dtype[index].itemsize for index in range(len(fields))]
     assert sizes == sorted(sizes, reverse=True), f"{row_type}: its fields must be in order of size"
     return RowLayout(sequence[0], fields, dtype, -(-dtype.itemsize // sizes[0]) * sizes[0])

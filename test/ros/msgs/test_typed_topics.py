@@ -14,11 +14,12 @@ from simbev_ros.foundation.types import Table
 from simbev_ros.ros.msgs import topics
 from simbev_ros.ros.msgs.annotation_topics import annotation_topics
 from simbev_ros.ros.msgs.typed_records import serialize_event
-from simbev_ros.ros.msgs.typed_topics import TypedTopic, typed_topics
+from simbev_ros.ros.msgs.typed_topics import TypedTopic, radar_scans, typed_topics
 from simbev_ros.ros.msgs.world import event_record
 from simbev_ros.schema.boxes import BOX_DTYPE
 from simbev_ros.schema.messages.message_types import types_with
-from simbev_ros.schema.messages.table_messages import table_of
+from simbev_ros.schema.messages.table_messages import RADAR_SCAN, table_of
+from simbev_ros.schema.points import RADAR_TARGET_DTYPE
 from simbev_ros.schema.scene.agents import agent_view
 from simbev_ros.schema.scene.hazard import HazardKind, HazardSpec
 from simbev_ros.schema.scene.spec import SceneSpec
@@ -161,3 +162,25 @@ def test_a_scene_names_the_facts_and_holds_the_whole_specification(spec: SceneSp
 def test_malformed_content_raises_value_errors(spec: SceneSpec, name: str, payload: bytes) -> None:
     with pytest.raises(ValueError):
         typed(spec, name).convert(payload, STAMP_NS)
+
+
+def test_a_radar_that_asks_for_it_has_its_detections_as_a_radar_scan() -> None:
+    spec = made_up_spec(
+        [{"type": "radar", "name": "front", "rate_hz": 10, "scan": True}, {"type": "radar", "name": "rear"}]
+    )
+    [scan] = radar_scans(spec)
+    assert scan.topic in [each.topic for each in typed_topics(spec)]
+    topic = scan.topic
+    assert (topic.name, topic.type, topic.period_ticks, topic.sensor) == ("/ego/front/scan", RADAR_SCAN, 2, True)
+    cloud = noise(np.random.default_rng(1), RADAR_TARGET_DTYPE, 5)
+    message = decoded(scan, point_cloud(STAMP_NS, cloud))
+    assert message.header.frame_id == "ego/front"
+    rows = table_of(RADAR_SCAN, message)
+    assert rows.dtype.names == ("range", "azimuth", "elevation", "doppler_velocity", "amplitude")
+    for name in rows.dtype.names:
+        assert np.array_equal(rows[name], cloud[name])
+
+
+def test_a_cloud_without_detections_is_a_scan_without_returns() -> None:
+    [scan] = radar_scans(made_up_spec([{"type": "radar", "name": "front", "scan": True}]))
+    assert len(decoded(scan, point_cloud(STAMP_NS, np.zeros(0, RADAR_TARGET_DTYPE))).returns) == 0

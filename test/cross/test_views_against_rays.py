@@ -14,6 +14,7 @@ from view_truth import Alone, Canvas
 
 from simbev_ros.assets.actors.actor_model import ActorModel
 from simbev_ros.foundation.geometry.camera import LensCamera, PinholeCamera
+from simbev_ros.foundation.geometry.fisheye import FisheyeCamera
 from simbev_ros.foundation.geometry.transforms import inverse, matrices_from_xyz_rpy
 from simbev_ros.foundation.types import Table
 from simbev_ros.schema.scene.state import WorldState, map_from_actors
@@ -28,6 +29,7 @@ pytestmark = pytest.mark.gl
 FOV_RAD = float(np.radians(80.0))
 SMALL = PinholeCamera.from_field_of_view(320, 180, FOV_RAD)
 LARGE = PinholeCamera.from_field_of_view(800, 450, FOV_RAD)
+FISHEYE = FisheyeCamera(640, 560, 190.0, 184.0, 310.0, 280.0, (0.02, -0.004, 0.001, 0.0), float(np.radians(97.0)))
 LENS = LensCamera(640, 360, 330.0, 320.0, 324.0, 170.0, distortion=(-0.25, 0.08, 0.001, -0.0005, -0.01))
 TOWNS = ("Town02", "Town03", "Town07", "Town10HD")
 RADIUS_M = 150.0
@@ -64,7 +66,7 @@ def check(studio: Studio, views: list[CameraView]) -> list[Table]:
     still = Triangles.of_static(studio.static, studio.origin_m)
     for view, rows in zip(views, found, strict=True):
         models, state = as_drawn(studio, view)
-        moving, lens = Triangles.of_actors(models, state, state, studio.origin_m), isinstance(view.camera, LensCamera)
+        moving, lens = Triangles.of_actors(models, state, state, studio.origin_m), view.camera in (LENS, FISHEYE)
         canvas, image = Canvas(view, state, 0 if lens else 1), Canvas(view, state, 0)
         truth = truth_of(view, still, moving, (state, state), studio.origin_m).instance
         by_id = {int(row["id"]): row for row in rows}
@@ -83,7 +85,8 @@ def agree(row: np.void, alone: Alone, visible_px: int, lens: bool) -> None:
     for it. test_views.py checks the distortion of silhouettes.
     """
     share, large_px = (0.05, 400) if lens else (0.01, 50)
-    assert abs(int(row["alone_px"]) - alone.image_px) <= max(2.0, share * alone.image_px)
+    alone_px = max(alone.image_px, int(row["visible_px"])) if lens else alone.image_px
+    assert abs(int(row["alone_px"]) - alone_px) <= max(2.0, 0.01 * alone_px)
     if alone.image_px < large_px:
         return
     assert abs(float(row["visibility"]) - visible_px / alone.image_px) <= max(share, 1.01 / alone.image_px)
@@ -102,8 +105,9 @@ def test_views_of_a_small_town_are_those_of_rays(blocks: Studio) -> None:
 
 
 @pytest.mark.slow
-def test_views_through_a_lens_are_those_of_its_rays(blocks: Studio) -> None:
-    assert sum(map(len, check(blocks, random_views(blocks.state, LENS, 3, 5)))) > 20
+@pytest.mark.parametrize("camera", [LENS, FISHEYE])
+def test_views_through_a_lens_are_those_of_its_rays(blocks: Studio, camera: PinholeCamera) -> None:
+    assert sum(map(len, check(blocks, random_views(blocks.state, camera, 3, 5)))) > 20
 
 
 @pytest.mark.slow

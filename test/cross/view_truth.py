@@ -38,6 +38,7 @@ class Canvas:
         self._size_px = np.array([camera.width_px, camera.height_px])
         columns, rows = (np.arange(-margin * size, (1 + margin) * size) for size in self._size_px.tolist())
         self._pixels = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
+        self._pixels = self._pixels[~np.isnan(camera.rays(self._pixels)[:, 0])]  # within the circle of a fisheye
         self._state = state
         ego = state.ego
         self._origin_m = np.array([ego["x"], ego["y"], ego["z"]])

@@ -23,6 +23,7 @@ _ANGLES_RAD: Final = np.linspace(0.0, MAX_ANGLE_RAD, 4097)
 _MIN_SLOPE = 1e-3
 """Derivative of the radius by the angle below which the model no longer counts as one-to-one."""
 
+_MIN_EXTENDED_SLOPE = 0.1
 _MAX_NEWTON_STEPS = 12
 _NEWTON_TOLERANCE = 1e-12
 _LATTICE_SIZE = 257
@@ -86,6 +87,12 @@ class FisheyeCamera(PinholeCamera):
         angle = self._angle(np.where(radius <= self._radius(self.seen_angle_rad), radius, np.nan))
         across = plane * (np.sin(angle) / np.where(radius > 0.0, radius, 1.0))[:, None]
         return np.concatenate([across, np.cos(angle)[:, None]], axis=1)
+
+    def extended_radius(self, angle_rad: Float64Array) -> Float64Array:
+        """Distances from the principal point, in focal lengths; beyond the image circle, they continue linearly."""
+        rim_rad = np.array(self.seen_angle_rad)
+        slope = np.maximum(_slope(self.distortion, rim_rad), _MIN_EXTENDED_SLOPE)
+        return self._radius(np.minimum(angle_rad, rim_rad)) + slope * np.maximum(angle_rad - rim_rad, 0.0)
 
     def depth_m(self, points_optical: Float64Array) -> Float64Array:
         """(N,) depth of (N, 3) points: the distance, because a depth along the axis ends at 90°."""

@@ -7,6 +7,7 @@ from synthetic_world import EGO_ID, actor, box, box_model, mesh, world
 
 from simbev_ros.assets.actors.actor_model import ActorModel, CoarserMesh
 from simbev_ros.foundation.geometry.camera import LensCamera, PinholeCamera
+from simbev_ros.foundation.geometry.fisheye import FisheyeCamera
 from simbev_ros.foundation.geometry.transforms import SENSOR_FROM_OPTICAL, inverse, matrices_from_xyz_rpy
 from simbev_ros.foundation.semantics import BOX_CLASSES, Tag
 from simbev_ros.foundation.types import AnyArray, BoolArray, Float64Array, Table
@@ -21,6 +22,7 @@ CAR = replace(box_model(Tag.CAR, SIZE_M), box_class="car")
 RIDER = box_model(Tag.RIDER, SIZE_M)
 CAMERA = PinholeCamera(160, 90, 110.0, 115.0, 71.3, 50.2)
 BARREL = LensCamera(160, 90, 83.0, 80.0, 81.0, 42.5, distortion=(-0.25, 0.08, 0.001, -0.0005, -0.01))
+FISHEYE = FisheyeCamera(160, 90, 47.0, 48.0, 81.0, 42.5, (0.02, -0.005, 0.001, 0.0), float(np.radians(97.0)))
 ALMOST_IDEAL = LensCamera(160, 90, 110.0, 115.0, 71.3, 50.2, distortion=(1e-9, 0.0, 0.0, 0.0, 0.0))
 POSE = matrices_from_xyz_rpy(np.array([1.0, 0.2, 1.6]), np.array([0.03, 0.05, 0.1]))
 EMPTY_IMAGE = np.zeros((90, 160), np.uint16)
@@ -66,12 +68,12 @@ def silhouettes(state: WorldState, grid: Float64Array, camera: PinholeCamera = C
     return dict(zip(state.actors["id"].tolist(), hit, strict=True))
 
 
-def crowd(seed: int, count: int, spread_m: float) -> WorldState:
+def crowd(seed: int, count: int, spread_m: float, angles: tuple[float, float] = (-0.9, 1.1)) -> WorldState:
     """Boxes scattered around the camera, which is inside none of them."""
     rng = np.random.default_rng(seed)
     rows = [actor(CAR, x=50.0, y=-20.0, yaw=0.4)]
     while len(rows) <= count:
-        distance_m, angle = rng.uniform(2.0, spread_m), rng.uniform(-0.9, 1.1)
+        distance_m, angle = rng.uniform(2.0, spread_m), rng.uniform(*angles)
         position_m = 50.0 + distance_m * np.cos(0.4 + angle), -20.0 + distance_m * np.sin(0.4 + angle)
         rotation = dict(zip(("roll", "pitch", "yaw"), rng.uniform(-0.4, [0.4, 0.4, 3.0]), strict=True))
         row = actor(CAR, id=100 + len(rows), x=position_m[0], y=position_m[1], z=rng.uniform(-1.5, 1.5), **rotation)
@@ -159,15 +161,37 @@ def test_the_amodal_box_encloses_the_projected_corners() -> None:
     assert [row[name] for name in AMODAL] == pytest.approx(expected, abs=1.0 / 256.0)
 
 
-def test_a_lens_distorts_silhouettes_like_rays() -> None:
-    state = crowd(5, 60, 15.0)
-    found = {int(row["id"]): row for row in view(state, camera=BARREL)}
+@pytest.mark.parametrize(
+    ("camera", "spread_m", "angles"),
+    [(BARREL, 15.0, (-0.9, 1.1)), (FISHEYE, 15.0, (-np.pi, np.pi)), (FISHEYE, 3.0, (-np.pi, np.pi))],
+)
+def test_a_lens_distorts_silhouettes_like_rays(
+    camera: PinholeCamera, spread_m: float, angles: tuple[float, float]
+) -> None:
+    state = crowd(5, 60, spread_m, angles)
+    found = {int(row["id"]): row for row in view(state, camera=camera)}
     compared = 0
-    for actor_id, image in silhouettes(state, IMAGE, BARREL).items():
+    for actor_id, image in silhouettes(state, IMAGE, camera).items():
         if actor_id != EGO_ID and image.any():
             assert abs(int(found[actor_id]["alone_px"]) - image.sum()) <= 1 + image.sum() // 200
+            rows, columns = np.nonzero(image)
+            inner = [columns.min() - 0.5, rows.min() - 0.5, columns.max() + 0.5, rows.max() + 0.5]
+            found_box = np.array([found[actor_id][name] for name in AMODAL])
+            assert (found_box[:2] <= np.add(inner[:2], 0.6)).all() and (
+                found_box[2:] >= np.subtract(inner[2:], 0.6)
+            ).all()
             compared += 1
     assert compared > 10
+
+
+@pytest.mark.parametrize("yaw", [1.57, 1.3, 0.2])
+def test_an_object_right_behind_a_fisheye_counts_where_it_reaches_into_the_view(yaw: float) -> None:
+    camera = FisheyeCamera(160, 90, 36.0, 36.0, 79.5, 44.5, (0.0,) * 4, float(np.radians(119.0)))
+    state = world(actor(CAR), actor(CAR, id=9, x=-0.3 if yaw > 1.0 else -1.4, y=0.2, z=0.8, yaw=yaw))
+    (row,) = view(state, camera=camera)
+    image = silhouettes(state, IMAGE, camera)[9]
+    assert image.any() and not image[42:47, 70:90].any()
+    assert abs(int(row["alone_px"]) - image.sum()) <= 1 + image.sum() // 100
 
 
 def test_a_lens_with_almost_no_distortion_agrees_with_an_ideal_camera() -> None:

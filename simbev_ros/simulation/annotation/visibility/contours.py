@@ -7,7 +7,7 @@ information about a silhouette in a sixth of the edges. Back faces are not drawn
 nearer than the near plane; contours follow the cuts along that plane.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -45,6 +45,22 @@ class Contours(NamedTuple):
     ends: Float64Array
 
 
+class Outlines(NamedTuple):
+    """Contours as ``Contours`` has them, but in all directions, and not clipped at any depth.
+
+    Attributes:
+        slot: (M,) index of the object.
+        sign: (M,) see ``Contours``.
+        ends_m: (3, 2, M) float64 positions in the optical frame: x, y and z, of start and end.
+        behind: (K,) index of the object of each of its surfaces that is right behind the camera and turned to it.
+    """
+
+    slot: Int64Array
+    sign: Int64Array
+    ends_m: Float64Array
+    behind: Int64Array
+
+
 class _Primitives(NamedTuple):
     """Edges (C = 2) or triangles (C = 3) of posed objects in the rest pose, by corner.
 
@@ -71,6 +87,42 @@ class _Corners(NamedTuple):
 
 def trace_contours(objects: Sequence[MeshInstances], near_m: float) -> Contours:
     """Contours of one or more groups of instances, clipped at the positive depth ``near_m``."""
+    edges, triangles = _trace(
+        objects, lambda each: each.optical_from_rest[:, :, 2, 3].min(axis=1) - each.shell.reach_m < near_m
+    )
+    corner_parts = [_clip_edges(edges, near_m)]
+    if triangles is not None:
+        corner_parts.append(_near_plane_cuts(triangles, near_m))
+    slot, sign, ends_m = (np.concatenate(arrays, axis=-1) for arrays in zip(*corner_parts, strict=True))
+    return Contours(slot, sign, ends_m[:2] / ends_m[2])
+
+
+def trace_outlines(objects: Sequence[MeshInstances]) -> Outlines:
+    """Outlines of one or more groups of instances."""
+    edges, triangles = _trace(objects, _may_be_behind)
+    behind = np.zeros(0, np.int64) if triangles is None else triangles.slot[_on_axis_behind(triangles.corners_m)]
+    return Outlines(edges.slot, edges.sign, edges.corners_m, behind)
+
+
+def _may_be_behind(instances: MeshInstances) -> BoolArray:
+    """(K,) whether objects may lie on the optical axis behind the camera."""
+    x_m, y_m, z_m = np.moveaxis(instances.optical_from_rest[:, :, :3, 3], 2, 0)
+    reach_m = instances.shell.reach_m
+    return ((np.hypot(x_m, y_m) < reach_m) & (z_m < reach_m)).any(axis=1)
+
+
+def _on_axis_behind(corners_m: Float64Array) -> BoolArray:
+    """(M,) whether (3, 3, M) triangles cross the optical axis behind the camera."""
+    (x, y, z), next_corner = corners_m, [1, 2, 0]
+    turn = x * y[next_corner] - x[next_corner] * y  # of each side around the axis
+    is_around = (turn > 0.0).all(axis=0) | (turn < 0.0).all(axis=0)
+    return is_around & ((turn[next_corner] * z).sum(axis=0) / np.where(is_around, turn.sum(axis=0), 1.0) < 0.0)
+
+
+def _trace(
+    objects: Sequence[MeshInstances], needs_triangles: Callable[[MeshInstances], BoolArray]
+) -> tuple[_Corners, _Corners | None]:
+    """Contour edges of all instances, and the triangles that face the camera of those instances that need them."""
     edge_parts, near_triangles, first = [], [], 0
     for instances in objects:
         count, parts = instances.optical_from_rest.shape[:2]
@@ -78,16 +130,12 @@ def trace_contours(objects: Sequence[MeshInstances], near_m: float) -> Contours:
         eyes_m[..., :3] = inverse(instances.optical_from_rest)[..., :3, 3]
         front, pose = instances.shell.front_faces(eyes_m), first + parts * np.arange(count)
         edge_parts.append(_contour_edges(instances, front, pose))
-        near = np.flatnonzero(instances.optical_from_rest[:, :, 2, 3].min(axis=1) - instances.shell.reach_m < near_m)
-        if len(near):
+        if len(near := np.flatnonzero(needs_triangles(instances))):
             near_triangles.append(_front_triangles(instances, front, pose, near))
         first += parts * count
     poses = np.concatenate([instances.optical_from_rest[:, :, :3].reshape(-1, 12) for instances in objects]).T
-    corner_parts = [_clip_edges(_pose_primitives(poses, edge_parts), near_m)]
-    if near_triangles:
-        corner_parts.append(_near_plane_cuts(_pose_primitives(poses, near_triangles), near_m))
-    slot, sign, ends_m = (np.concatenate(arrays, axis=-1) for arrays in zip(*corner_parts, strict=True))
-    return Contours(slot, sign, ends_m[:2] / ends_m[2])
+    triangles = _pose_primitives(poses, near_triangles) if near_triangles else None
+    return _pose_primitives(poses, edge_parts), triangles
 
 
 def _contour_edges(objects: MeshInstances, front: BoolArray, pose: Int64Array) -> _Primitives:

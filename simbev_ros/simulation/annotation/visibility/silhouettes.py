@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from simbev_ros.foundation.geometry.camera import LensCamera, PinholeCamera
+from simbev_ros.foundation.geometry.fisheye import FisheyeCamera
 from simbev_ros.foundation.geometry.ragged import ragged_indices
 from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.simulation.annotation.visibility.contours import Contours
@@ -49,13 +50,14 @@ def measure_silhouettes(contours: Contours, camera: PinholeCamera, count: int) -
     """Silhouettes of the objects 0 … count - 1 as a camera sees each of them alone."""
     if isinstance(camera, LensCamera):
         contours = bend_contours(contours, camera)
-        ends_px = _pixels(contours.ends, camera)
-    else:
-        ends_px = np.rint(_pixels(contours.ends, camera) / _GRID_PX) * _GRID_PX
+    ends_px = _pixels(contours.ends, camera)
+    if not isinstance(camera, LensCamera | FisheyeCamera):
+        ends_px = np.rint(ends_px / _GRID_PX) * _GRID_PX
     contours, width, height = contours._replace(ends=ends_px), camera.width_px, camera.height_px
     runs = _runs(contours, width, height)
     canvas_px = np.bincount(runs.slot, runs.end - runs.first, count)
-    within = np.clip(runs.end, width, 2 * width) - np.clip(runs.first, width, 2 * width)
+    first, end = _seen_columns(camera, runs.row)
+    within = np.clip(runs.end, first, end) - np.clip(runs.first, first, end)
     image_px = np.bincount(runs.slot, within * (runs.row // height == 1), count)
     return Silhouettes(
         image_px.astype(np.int64), canvas_px.astype(np.int64), _boxes(contours, runs, width, height, count)
@@ -67,6 +69,19 @@ def _pixels(ends: Float64Array, camera: PinholeCamera) -> Float64Array:
     pixels: Float64Array = ends * np.array([camera.fx_px, camera.fy_px])[:, None, None]
     pixels += np.array([camera.cx_px, camera.cy_px])[:, None, None]
     return pixels
+
+
+def _seen_columns(camera: PinholeCamera, row: Int64Array) -> tuple[Int64Array | int, Int64Array | int]:
+    """First column and end of the image in (N,) rows of the canvas; of a fisheye, within its image circle."""
+    width = camera.width_px
+    if not isinstance(camera, FisheyeCamera):
+        return width, 2 * width
+    radius = camera.extended_radius(np.array(camera.seen_angle_rad))
+    down = (row - camera.height_px - camera.cy_px) / camera.fy_px
+    across_px = np.sqrt(np.maximum(radius**2 - down**2, 0.0)) * camera.fx_px
+    first = np.clip(np.ceil(camera.cx_px - across_px), 0, width).astype(np.int64) + width
+    end = np.clip(np.floor(camera.cx_px + across_px) + 1.0, 0, width).astype(np.int64) + width
+    return first, np.where(np.abs(down) < radius, end, first)
 
 
 def _runs(contours: Contours, width: int, height: int) -> _Runs:

@@ -15,6 +15,7 @@ import numpy as np
 from simbev_ros.assets.actors.actor_model import ActorModel
 from simbev_ros.assets.actors.skeletons import Skeletons
 from simbev_ros.foundation.geometry.camera import PinholeCamera
+from simbev_ros.foundation.geometry.fisheye import FisheyeCamera
 from simbev_ros.foundation.geometry.transforms import inverse
 from simbev_ros.foundation.semantics import BOX_CLASSES
 from simbev_ros.foundation.threads import start
@@ -22,7 +23,8 @@ from simbev_ros.foundation.types import AnyArray, Float32Array, Float64Array, In
 from simbev_ros.schema.boxes import NO_CLASS
 from simbev_ros.schema.scene.state import WorldState, map_from_actors
 from simbev_ros.schema.views import VIEW_DTYPE
-from simbev_ros.simulation.annotation.visibility.contours import MeshInstances, trace_contours
+from simbev_ros.simulation.annotation.visibility.contours import MeshInstances, trace_contours, trace_outlines
+from simbev_ros.simulation.annotation.visibility.fisheye_paths import map_outlines
 from simbev_ros.simulation.annotation.visibility.shells import Shell
 from simbev_ros.simulation.annotation.visibility.silhouettes import Silhouettes, measure_silhouettes
 from simbev_ros.simulation.annotation.visibility.visible import VisiblePixels, count_visible_pixels
@@ -69,15 +71,18 @@ class ViewAnnotator:
         objects = _PosedObjects.from_actors(
             self._skeletons, actors, np.array([state.ego["x"], state.ego["y"], state.ego["z"]])
         )
-        views = [View.from_camera(camera, state, None, objects.origin_m) for camera in cameras]
-        in_view = [np.flatnonzero(view.sees_spheres(objects.center_m, objects.radius_m)) for view in views]
+        views = [View.of_camera(camera, state, None, objects.origin_m) for camera in cameras]
+        in_view = [
+            np.flatnonzero(np.any([view.sees_spheres(objects.center_m, objects.radius_m) for view in each], axis=0))
+            for each in views
+        ]
         visible = [
             start(threads, partial(count_visible_pixels, image, objects.actors["id"][rows]))
             for image, rows in zip(images, in_view, strict=True)
         ]
         return [
-            self._view(view, camera.camera, objects, rows, pixels)
-            for view, camera, rows, pixels in zip(views, cameras, in_view, visible, strict=True)
+            self._view(each[0], camera.camera, objects, rows, pixels)
+            for each, camera, rows, pixels in zip(views, cameras, in_view, visible, strict=True)
         ]
 
     def _view(
@@ -90,9 +95,12 @@ class ViewAnnotator:
     ) -> Table:
         if not len(in_view):
             return np.zeros(0, VIEW_DTYPE)
-        alone = measure_silhouettes(
-            trace_contours(self._group_by_mesh(objects, in_view, view), NEAR_M), camera, len(in_view)
-        )
+        meshes = self._group_by_mesh(objects, in_view, view)
+        if isinstance(camera, FisheyeCamera):
+            contours = map_outlines(trace_outlines(meshes), camera)
+        else:
+            contours = trace_contours(meshes, NEAR_M)
+        alone = measure_silhouettes(contours, camera, len(in_view))
         actors = objects.actors[in_view]
         return _table(actors["id"], self._class[actors["blueprint"]], visible(), alone)
 

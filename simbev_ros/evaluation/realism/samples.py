@@ -67,7 +67,7 @@ def samples_of_dataset(dataset: Dataset, max_samples: int) -> dict[str, list[Sam
         for name, calibration in scene.calibration.items():
             sensor = calibration.sensor
             key = f"{name}/{_KEYS.get(type(sensor))}"
-            if key not in scene.sources:
+            if not isinstance(sensor, Lidar | Camera | Radar) or key not in scene.sources:
                 continue
             ticks = np.flatnonzero(scene.has([key]))
             share = -(-max_samples // len(dataset.scenes))

@@ -13,15 +13,17 @@ from pycocotools.cocoeval import COCOeval
 from scipy.spatial.transform import Rotation
 
 from simbev_exporters.coco.layout import Coco
-from simbev_exporters.kitti.labels import poses_in_camera
+from simbev_exporters.kitti.labels import image_boxes, poses_in_camera
 from simbev_exporters.kitti.layout import Kitti
 from simbev_exporters.labeled_images.export import export_images
 from simbev_exporters.labeled_images.layout import Layout
 from simbev_exporters.yolo.layout import Yolo
 from simbev_exporters.yolo.outlines import outline
 from simbev_ros.dataset import Frame, Scene, open_dataset
+from simbev_ros.foundation.geometry.fisheye import FisheyeCamera
 from simbev_ros.foundation.types import AnyArray, BoolArray, Float64Array, Table
 from simbev_ros.schema.boxes import BOX_DTYPE
+from simbev_ros.schema.views import VIEW_DTYPE
 
 # pycocotools with NumPy 2
 pytestmark = pytest.mark.filterwarnings("ignore:__array__ implementation:DeprecationWarning")
@@ -230,6 +232,21 @@ def test_kittis_poses_are_those_of_boxes_level_with_the_camera(yaw: float) -> No
 
 def sort_rows(rows: AnyArray) -> AnyArray:
     return rows[np.lexsort(np.round(rows, 4).T)]
+
+
+def test_boxes_in_the_image_of_a_fisheye_are_around_what_its_rectified_image_shows() -> None:
+    camera = FisheyeCamera(640, 480, 185.0, 180.0, 310.0, 250.0, (0.02, -0.004, 0.001, 0.0), float(np.radians(97.0)))
+    views = np.zeros(4, VIEW_DTYPE)
+    outlines = [(200, 150, 260, 200), (20, 200, 120, 300), (-0.5, 0, 639.5, 479.5), (0, 0, 40, 40)]  # the last: outside
+    for side, values in zip(("left", "top", "right", "bottom"), np.transpose(outlines), strict=True):
+        views[f"amodal_{side}"] = values
+    sides = image_boxes(views, camera)
+    corners = np.array([[u, v] for u in (200, 260) for v in (150, 200)], float)[:, None]
+    plane = cv2.fisheye.undistortPoints(corners, camera.matrix, np.array(camera.distortion), P=camera.matrix)[:, 0]
+    np.testing.assert_allclose(sides[0], [*plane.min(axis=0), *plane.max(axis=0)], atol=3.0)
+    assert sides[1][0] == -0.5 and 0.0 < sides[1][2] < 120.0 and sides[1][1] < 200.0 and sides[1][3] > 300.0
+    np.testing.assert_allclose(sides[2], [-0.5, -0.5, 639.5, 479.5])
+    assert np.isnan(sides[3]).all()
 
 
 def test_kittis_images_and_boxes_of_a_lens_are_rectified(tmp_path: Path) -> None:

@@ -26,6 +26,7 @@ from simbev_ros.dataset.nuscenes.annotated_boxes import annotated_boxes
 from simbev_ros.dataset.nuscenes.keyframes import keyframe_by_tick
 from simbev_ros.export import sensor_data
 from simbev_ros.foundation.geometry.camera import LensCamera
+from simbev_ros.foundation.geometry.fisheye import FisheyeCamera
 from simbev_ros.foundation.geometry.transforms import apply, inverse, matrices_from_xyz_rpy
 from simbev_ros.foundation.semantics import BOX_CLASSES, CLASSES
 from simbev_ros.foundation.types import AnyArray, Float64Array, Table
@@ -239,10 +240,17 @@ def test_radar_cross_sections_do_not_depend_on_range() -> None:
     np.testing.assert_allclose(radar_rows(cloud, np.zeros(3), 100.0)["rcs"], 3.0, atol=1e-4)
 
 
-def test_distorted_images_are_rectified() -> None:
-    settings = {"type": "camera", "name": "a", "width_px": 64, "height_px": 48, "horizontal_fov_deg": 60}
-    camera = Camera.model_validate({**settings, "distortion": [-0.2, 0.05, 0, 0, 0]}).model
-    assert isinstance(camera, LensCamera)
+@pytest.mark.parametrize(
+    "lens",
+    [
+        {"horizontal_fov_deg": 60, "distortion": [-0.2, 0.05, 0, 0, 0]},
+        {"horizontal_fov_deg": 190, "distortion_model": "equidistant", "distortion": [0.02, 0, 0, 0]},
+    ],
+)
+def test_distorted_images_are_rectified(lens: dict[str, object]) -> None:
+    settings = {"type": "camera", "name": "a", "width_px": 64, "height_px": 48}
+    camera = Camera.model_validate({**settings, **lens}).model
+    assert isinstance(camera, LensCamera | FisheyeCamera)
     image = np.broadcast_to(3 * np.arange(64, dtype=np.uint8)[None, :, None], (48, 64, 3))
     rectified = sensor_data.rectify(np.ascontiguousarray(image), camera)
     v, u = np.mgrid[8:40, 8:56]

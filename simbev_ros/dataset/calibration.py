@@ -7,6 +7,7 @@ import numpy as np
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.rig import AnySensor, Rig
 from simbev_ros.foundation.geometry.camera import LensCamera, PinholeCamera
+from simbev_ros.foundation.geometry.fisheye import FisheyeCamera
 from simbev_ros.foundation.geometry.transforms import SENSOR_FROM_OPTICAL
 from simbev_ros.foundation.types import Float64Array
 
@@ -47,9 +48,12 @@ class Calibration:
 
     @property
     def distortion(self) -> Float64Array:
-        """(5,) distortion coefficients k1, k2, p1, p2, k3 (plumb_bob, OpenCV); zeros for an ideal lens."""
+        """(5,) distortion coefficients k1, k2, p1, p2, k3 (plumb_bob, OpenCV); zeros for an ideal lens.
+
+        Of a fisheye, (4,) k1, k2, k3, k4 (equidistant, ``cv2.fisheye``).
+        """
         camera = self._camera()
-        return np.array(camera.distortion) if isinstance(camera, LensCamera) else np.zeros(5)
+        return np.array(camera.distortion) if isinstance(camera, LensCamera | FisheyeCamera) else np.zeros(5)
 
     @property
     def size_px(self) -> tuple[int, int]:

@@ -8,17 +8,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from simbev_ros.foundation.geometry.camera import PinholeCamera
+from simbev_ros.foundation.geometry.fisheye import FisheyeCamera
 from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array, Table
 from simbev_ros.schema.scene.state import map_from_actors
 
 MIN_DEPTH_M = 0.2
-"""Minimum distance from the camera's plane at which anything is drawn."""
+"""Minimum depth at which anything is drawn."""
 
 _MARGIN = 0.1
 """Lines extend beyond the image's border by this share of its size."""
 
-_PIECES = 12
-"""Number of segments into which each line is cut, so that it can follow lens distortion and be partly occluded."""
+_PIECES, _FISHEYE_PIECES = 12, 64
+"""Number of segments into which each line is cut, so that it can follow lens distortion and be partly occluded; in the
+view of a fisheye, lines are not clipped before and turn further."""
 
 _CORNERS = np.array([[x, y, z] for x in (0.5, -0.5) for y in (0.5, -0.5) for z in (-0.5, 0.5)])
 """(8, 3) corners of the unit box; the first four are the front face."""
@@ -39,7 +41,7 @@ class Lines:
 
     Attributes:
         pixels: (S, 2, 2) x and y of both ends; pixel centers are at integers.
-        depth_m: (S,) depth of the middle of each segment, along the optical axis.
+        depth_m: (S,) depth of the middle of each segment, as in depth images.
         row: (S,) row of the box that each segment belongs to.
     """
 
@@ -49,7 +51,7 @@ class Lines:
 
 
 def wireframes(boxes: Table, camera: PinholeCamera, optical_from_map: Float64Array) -> Lines:
-    """Edges and heading lines of boxes in a camera's picture, clipped to the camera's frustum.
+    """Edges and heading lines of boxes in a camera's picture, clipped to the camera's view.
 
     Args:
         boxes: (N,) rows of /ego/boxes.
@@ -59,13 +61,17 @@ def wireframes(boxes: Table, camera: PinholeCamera, optical_from_map: Float64Arr
     points = _points_on_boxes(boxes, np.concatenate([_CORNERS, _HEADING]), optical_from_map)
     lines = points[:, _EDGES].reshape(-1, 2, 3)
     row = np.repeat(np.arange(len(boxes)), len(_EDGES))
-    lines, kept = _clip(lines, _frustum(camera))
-    share = np.linspace(0.0, 1.0, _PIECES + 1)[:, None]
+    if isinstance(camera, FisheyeCamera):
+        kept, count, share = np.arange(len(lines)), _FISHEYE_PIECES, _shares_at_even_angles(lines)
+    else:
+        lines, kept = _clip(lines, _frustum(camera))
+        count, share = _PIECES, np.linspace(0.0, 1.0, _PIECES + 1)[:, None]
     ends = lines[:, :1] * (1.0 - share) + lines[:, 1:] * share
     pieces = np.stack([ends[:, :-1], ends[:, 1:]], axis=2).reshape(-1, 2, 3)
     pixels = camera.project(pieces.reshape(-1, 3)).reshape(-1, 2, 2)
-    seen = np.isfinite(pixels).all(axis=(1, 2))
-    return Lines(pixels[seen], pieces[seen, :, 2].mean(axis=1), np.repeat(row[kept], _PIECES)[seen])
+    depth_m = camera.depth_m(pieces.mean(axis=1))
+    seen = np.isfinite(pixels).all(axis=(1, 2)) & (depth_m > MIN_DEPTH_M)
+    return Lines(pixels[seen], depth_m[seen], np.repeat(row[kept], count)[seen])
 
 
 def front_faces(boxes: Table, camera: PinholeCamera, optical_from_map: Float64Array) -> tuple[Float64Array, Int64Array]:
@@ -81,7 +87,8 @@ def front_faces(boxes: Table, camera: PinholeCamera, optical_from_map: Float64Ar
     """
     faces = _points_on_boxes(boxes, _CORNERS[_FRONT], optical_from_map)
     outward = np.cross(faces[:, 1] - faces[:, 0], faces[:, 3] - faces[:, 0])
-    seen = (faces[..., 2] > MIN_DEPTH_M).all(axis=1) & ((outward * faces[:, 0]).sum(axis=1) < 0.0)
+    is_ahead = camera.depth_m(faces.reshape(-1, 3)).reshape(-1, 4) > MIN_DEPTH_M
+    seen = is_ahead.all(axis=1) & ((outward * faces[:, 0]).sum(axis=1) < 0.0)
     pixels = camera.project(faces[seen].reshape(-1, 3)).reshape(-1, 4, 2)
     finite = np.isfinite(pixels).all(axis=(1, 2))
     return pixels[finite], np.flatnonzero(seen)[finite]
@@ -116,6 +123,16 @@ def _clip(lines: Float64Array, planes: Float64Array) -> tuple[Float64Array, Int6
         crossing = lines[:, 0] + share * (lines[:, 1] - lines[:, 0])
         lines = np.where(height[..., None] >= 0.0, lines, crossing[:, None])
     return lines, kept
+
+
+def _shares_at_even_angles(lines: Float64Array) -> Float64Array:
+    """(N, P + 1, 1) shares of the way along (N, 2, 3) lines to which the direction turns evenly (law of sines)."""
+    start_m, end_m = np.linalg.norm(lines, axis=2).T[..., None]
+    across = np.linalg.norm(np.cross(lines[:, 0], lines[:, 1]), axis=1)
+    angle = np.maximum(np.arctan2(across, (lines[:, 0] * lines[:, 1]).sum(axis=1)), 1e-9)[:, None]
+    turned = np.linspace(0.0, 1.0, _FISHEYE_PIECES + 1) * angle
+    before, after = start_m * np.sin(turned), end_m * np.sin(angle - turned)
+    return (before / np.maximum(before + after, 1e-300))[..., None]
 
 
 def _frustum(camera: PinholeCamera) -> Float64Array:

@@ -10,6 +10,7 @@ import numpy as np
 from simbev_ros.dataset import Frame, columns
 from simbev_ros.dataset.calibration import Calibration
 from simbev_ros.foundation.geometry.camera import LensCamera, PinholeCamera
+from simbev_ros.foundation.geometry.fisheye import FisheyeCamera
 from simbev_ros.foundation.geometry.transforms import apply, inverse
 from simbev_ros.foundation.installation.extras import load_extras
 from simbev_ros.foundation.types import AnyArray, Float32Array, UInt8Array
@@ -34,6 +35,8 @@ def recorded_jpeg(frame: Frame, key: str) -> bytes:
 def rectify(image: UInt8Array, camera: PinholeCamera | None) -> UInt8Array:
     """Rectify an image to a pinhole camera with the same intrinsics; black where the lens sees nothing.
 
+    Of a fisheye, this shows less than 180°: what is further aside is lost.
+
     Args:
         image: (H, W, 3) image.
         camera: The camera that took it; the image of one without distortion stays as it is.
@@ -41,7 +44,7 @@ def rectify(image: UInt8Array, camera: PinholeCamera | None) -> UInt8Array:
     Raises:
         InputError: OpenCV is not installed.
     """
-    if not isinstance(camera, LensCamera):
+    if not isinstance(camera, LensCamera | FisheyeCamera):
         return image
     load_extras()["pictures"].require("rectifying images of a camera with distortion")
     import cv2
@@ -52,7 +55,7 @@ def rectify(image: UInt8Array, camera: PinholeCamera | None) -> UInt8Array:
 
 
 @lru_cache(maxsize=32)
-def _source_pixels(camera: LensCamera) -> Float32Array:
+def _source_pixels(camera: LensCamera | FisheyeCamera) -> Float32Array:
     """(H, W, 2) x and y in the distorted image of each pixel of the pinhole camera."""
     pinhole = PinholeCamera(camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px)
     v, u = np.mgrid[: camera.height_px, : camera.width_px]

@@ -15,6 +15,7 @@ from simbev_ros.schema.scene.spec import SceneSpec
 
 FRONT = {"type": "camera", "name": "front", "pose": {"x_m": 0.6, "z_m": 1.6}, "width_px": 1600, "height_px": 900}
 LEFT = {**FRONT, "name": "left", "pose": {"y_m": 0.5, "z_m": 1.5, "yaw_deg": 90}, "rate_hz": 5}
+FISHEYE = {"distortion_model": "equidistant", "horizontal_fov_deg": 190}
 LABELS = {**FRONT, "name": "labels", "modalities": ["semantic"]}
 LIDAR = {"type": "lidar", "name": "lidar", "pose": {"z_m": 1.8}, "rate_hz": 10}
 ROOF = {**LIDAR, "name": "roof", "pose": {"z_m": 2.2, "yaw_deg": 90}, "rate_hz": None}
@@ -92,6 +93,7 @@ def test_cameras_that_are_more_than_the_model_takes_are_named() -> None:
         ([FRONT, LIDAR], "/ego/top/points", "no lidar of .* publishes /ego/top/points; allowed: /ego/lidar/points"),
         ([LABELS, LIDAR], "", "the rig has no camera with rgb images"),
         ([{**FRONT, "distortion": [-0.1, 0, 0, 0, 0]}, LIDAR], "", "camera front: has a distorting lens"),
+        ([{**FRONT, **FISHEYE}, LIDAR], "", "camera front: has a distorting lens"),
     ],
 )
 def test_an_unsuitable_rig_is_refused(sensors: list[dict[str, Any]], lidar_topic: str, message: str) -> None:

@@ -9,10 +9,12 @@ from box_tables import box
 
 from simbev_ros.drawing.box_lines import MIN_DEPTH_M, box_outlines, front_faces, wireframes
 from simbev_ros.foundation.geometry.camera import LensCamera, PinholeCamera
+from simbev_ros.foundation.geometry.fisheye import FisheyeCamera
 from simbev_ros.foundation.geometry.transforms import SENSOR_FROM_OPTICAL, inverse, matrices_from_xyz_rpy
 from simbev_ros.foundation.types import Float64Array, Table
 
 LENS = LensCamera(640, 480, 400.0, 390.0, 310.0, 250.0, (-0.25, 0.06, 0.003, -0.002, 0.0))
+FISHEYE = FisheyeCamera(640, 480, 185.0, 180.0, 310.0, 250.0, (0.02, -0.004, 0.001, 0.0), float(np.radians(97.0)))
 PINHOLE = PinholeCamera(640, 480, 400.0, 390.0, 310.0, 250.0)
 OPTICAL_FROM_MAP = inverse(SENSOR_FROM_OPTICAL)  # at the origin, looking along x
 TILTED = inverse(matrices_from_xyz_rpy(np.array([-1.0, 0.4, 1.2]), np.array([0.1, -0.06, 0.2])) @ SENSOR_FROM_OPTICAL)
@@ -49,7 +51,7 @@ def test_edges_are_where_opencv_projects_them(camera: PinholeCamera) -> None:
     assert len(lines.row) == 13 * 12, "twelve edges and the heading"
 
 
-@pytest.mark.parametrize("camera", [PINHOLE, LENS])
+@pytest.mark.parametrize("camera", [PINHOLE, LENS, FISHEYE])
 @pytest.mark.parametrize(
     "row",
     [
@@ -61,12 +63,13 @@ def test_edges_are_where_opencv_projects_them(camera: PinholeCamera) -> None:
 def test_only_the_part_of_a_box_in_front_of_the_camera_is_drawn(camera: PinholeCamera, row: Table) -> None:
     lines = wireframes(row, camera, OPTICAL_FROM_MAP)
     optical = edges_m(row, 4001).reshape(-1, 3) @ OPTICAL_FROM_MAP[:3, :3].T
-    in_front = optical[:, 2] > MIN_DEPTH_M
+    in_front = camera.depth_m(optical) > MIN_DEPTH_M
     pixels = camera.project(optical[in_front])
+    inner = optical[in_front, 2] > np.cos(np.radians(94.0)) * camera.depth_m(optical[in_front])  # not cut by the rim
     seen = ((pixels > -0.5) & (pixels < [camera.width_px - 0.5, camera.height_px - 0.5])).all(axis=1)
     start, end = lines.pixels[:, 0], lines.pixels[:, 1]
     assert seen.sum() > 100
-    for pixel in pixels[seen][::37]:
+    for pixel in pixels[seen & inner][::37]:
         assert distance_px(pixel, start, end).min() < 1.0, "what is seen is drawn"
     middle = lines.pixels.mean(axis=1)
     inside = ((middle > 0) & (middle < [camera.width_px - 1, camera.height_px - 1])).all(axis=1)

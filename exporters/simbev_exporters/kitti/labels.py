@@ -12,6 +12,7 @@ import numpy as np
 
 from simbev_ros.dataset import Frame, columns
 from simbev_ros.foundation.geometry.camera import LensCamera, PinholeCamera
+from simbev_ros.foundation.geometry.fisheye import FisheyeCamera
 from simbev_ros.foundation.geometry.transforms import apply, inverse, rotations_from_rpy
 from simbev_ros.foundation.semantics import BOX_CLASSES
 from simbev_ros.foundation.tables import load_table
@@ -21,6 +22,7 @@ _OCCLUDED = (0.8, 0.4)
 """Visibility below which an object is partly occluded, 1, and largely occluded, 2."""
 
 _SIDES = ("amodal_left", "amodal_top", "amodal_right", "amodal_bottom")
+_MIN_AHEAD = 1e-3
 _SAMPLES = 33
 """Number of points along a side of a box whose image is rectified."""
 
@@ -70,7 +72,7 @@ def image_boxes(views: Table, camera: PinholeCamera | None) -> Float64Array:
     """(K, 4) left, top, right, bottom of objects, hidden parts included, in the rectified image. Cut off at its edges.
 
     Where the lens distorts, the box around the rectified outline of the box replaces that of the silhouette: it is not
-    smaller.
+    smaller. Parts of the outline outside the image circle of a fisheye are left out.
 
     Args:
         views: (K,) ``VIEW_DTYPE`` rows.
@@ -79,15 +81,17 @@ def image_boxes(views: Table, camera: PinholeCamera | None) -> Float64Array:
     assert camera is not None
     low, high = [-0.5, -0.5] * 2, [camera.width_px - 0.5, camera.height_px - 0.5] * 2
     sides = np.clip(columns(views, *_SIDES).astype(np.float64), low, high)
-    if not isinstance(camera, LensCamera):
+    if not isinstance(camera, LensCamera | FisheyeCamera):
         return sides
     share = np.linspace(0.0, 1.0, _SAMPLES)
     along = np.stack([np.stack([share, np.full(_SAMPLES, end)], axis=1) for end in (0.0, 1.0)]).reshape(-1, 2)
     along = np.concatenate([along, along[:, ::-1]])
     outline_px = sides[:, None, :2] + along * (sides[:, None, 2:] - sides[:, None, :2])
     rays = camera.rays(outline_px.reshape(-1, 2))
-    rectified = (rays @ camera.matrix.T)[:, :2].reshape(outline_px.shape)
-    return np.clip(np.concatenate([rectified.min(axis=1), rectified.max(axis=1)], axis=1), low, high)
+    aside = rays[:, :2] / np.maximum(rays[:, 2:], _MIN_AHEAD)  # what is beside or behind the camera is far outside
+    rectified = (np.column_stack([aside, np.ones(len(aside))]) @ camera.matrix.T)[:, :2].reshape(outline_px.shape)
+    ends = np.fmin.reduce(rectified, axis=1), np.fmax.reduce(rectified, axis=1)
+    return np.clip(np.concatenate(ends, axis=1), low, high)
 
 
 def _types(frame: Frame, boxes: Table) -> list[str]:

@@ -12,6 +12,7 @@ from simbev_ros.dataset import Frame, columns
 from simbev_ros.dataset.nuscenes.channels import Channel, Modality
 from simbev_ros.export.sensor_data import points_at_stamp, recorded_jpeg, rectify
 from simbev_ros.foundation.geometry.camera import LensCamera
+from simbev_ros.foundation.geometry.fisheye import FisheyeCamera
 from simbev_ros.foundation.types import Float64Array, Table
 from simbev_ros.recording.image_codecs import encode_rgb
 
@@ -55,7 +56,7 @@ def encode_file(frame: Frame, channel: Channel) -> bytes:
 def _image(frame: Frame, channel: Channel) -> bytes:
     """JPEG file of an image: as recorded, unless it was recorded raw or the lens distorts it."""
     camera = channel.calibration.camera
-    if isinstance(camera, LensCamera):
+    if isinstance(camera, LensCamera | FisheyeCamera):
         return encode_rgb(rectify(frame[channel.key], camera))
     return recorded_jpeg(frame, channel.key)
 

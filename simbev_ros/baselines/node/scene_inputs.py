@@ -11,6 +11,7 @@ from simbev_ros.config.camera import Camera
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.geometry.camera import LensCamera
+from simbev_ros.foundation.geometry.fisheye import FisheyeCamera
 from simbev_ros.foundation.geometry.grid import BevGrid
 from simbev_ros.foundation.geometry.transforms import SENSOR_FROM_OPTICAL, inverse
 from simbev_ros.foundation.types import Float64Array
@@ -158,7 +159,7 @@ def _lidar_input(view: AgentView, topic: str) -> LidarInput:
 
 def _camera_input(view: AgentView, camera: Camera, size_px: tuple[int, int]) -> CameraInput:
     model = camera.model
-    if isinstance(model, LensCamera):
+    if isinstance(model, LensCamera | FisheyeCamera):
         raise InputError(
             f"{view.scene.name}: camera {camera.name}: has a distorting lens; the baselines need an ideal one"
         )

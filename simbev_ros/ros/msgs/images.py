@@ -5,6 +5,7 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from simbev_ros.config.modalities import IMAGE_KINDS, MODALITIES
 from simbev_ros.foundation.geometry.camera import LensCamera, PinholeCamera
+from simbev_ros.foundation.geometry.fisheye import FisheyeCamera
 from simbev_ros.foundation.types import AnyArray
 from simbev_ros.ros.msgs.arrays import bytes_field
 from simbev_ros.ros.msgs.stamps import header
@@ -58,12 +59,13 @@ def camera_info_message(camera: PinholeCamera, stamp_ns: int, frame: str) -> Cam
     drivers publish it. The camera is monocular, so R is the identity and the fourth column of P is zero.
     """
     matrix = camera.matrix
+    is_fisheye = isinstance(camera, FisheyeCamera)
     return CameraInfo(
         header=header(stamp_ns, frame),
         height=camera.height_px,
         width=camera.width_px,
-        distortion_model="plumb_bob",
-        d=list(camera.distortion) if isinstance(camera, LensCamera) else [0.0] * 5,
+        distortion_model="equidistant" if is_fisheye else "plumb_bob",
+        d=list(camera.distortion) if isinstance(camera, LensCamera | FisheyeCamera) else [0.0] * 5,
         k=matrix.ravel().tolist(),
         r=np.eye(3).ravel().tolist(),
         p=np.hstack([matrix, np.zeros((3, 1))]).ravel().tolist(),

@@ -87,7 +87,7 @@ def _visible_count(sight: _Sight, table: Table) -> int:
     """Number of boxes with centers inside a picture."""
     centers_map = np.stack([table[axis] for axis in "xyz"], axis=1).astype(np.float64)
     ahead = apply(sight.optical_from_map, centers_map)
-    ahead = ahead[ahead[:, 2] > 0]
+    ahead = ahead[sight.camera.depth_m(ahead) > 0]
     pixels = sight.camera.project(ahead)
     return int(((pixels > 0) & (pixels < (sight.camera.width_px, sight.camera.height_px))).all(axis=1).sum())
 

@@ -48,7 +48,7 @@ def ground_labels(
         truth: The labels and their pose; ``truth.labels`` must not be None.
         cell_m: Side of a cell of the labels.
         size_px: Width and height of the result; each of its pixels takes the nearest pixel of the camera.
-        depth_m: (H, W) depth along the optical axis; None: everything visible is assumed to be flat ground.
+        depth_m: (H, W) depth image of the camera; None: everything visible is assumed to be flat ground.
         tags: (H, W) semantic tags, which identify ground; None: everything close to the ego's plane counts as ground,
             except cells with a class that stands on the ground.
 
@@ -106,7 +106,7 @@ def _transform(target_from_source: Float64Array, points: Float32Array) -> Float3
 
 @lru_cache(maxsize=16)
 def _rays(camera: PinholeCamera, size_px: tuple[int, int]) -> tuple[tuple[Int64Array, Int64Array], Float32Array]:
-    """Camera pixels nearest to those of a (w, h) picture, rows (h, 1) and columns (1, w), and (h w, 3) rays, z = 1."""
+    """Camera pixels nearest to those of a (w, h) picture, rows (h, 1) and columns (1, w), and (h w, 3) rays."""
     u, v = (
         np.rint((np.arange(size) + 0.5) * full / size - 0.5).astype(np.int64)
         for size, full in zip(size_px, (camera.width_px, camera.height_px), strict=True)

@@ -44,7 +44,7 @@ class Sight:
 
     Attributes:
         rgb: (H, W, 3) uint8.
-        depth_m: (H, W) depth along the optical axis, by which ground and boxes are occluded; None if unknown.
+        depth_m: (H, W) depth image, by which ground and boxes are occluded; None if unknown.
         tags: (H, W) semantic tags, which distinguish ground from objects on it; None if unknown.
     """
 

@@ -79,9 +79,9 @@ class CameraImages:
         rgb: (H, W, 3) uint8, sRGB.
         semantic: (H, W) uint8, a semantic ``Tag``.
         instance: (H, W) uint16, actor id, 0 = none.
-        depth: (H, W) float32, meters along the optical axis, +inf for the sky (REP-118). On a GPU and with lens
-            distortion, it belongs to a point up to 1/256 pixel from the pixel center, because GPUs snap vertices to
-            such a grid.
+        depth: (H, W) float32, meters along the optical axis, of a fisheye along the pixel's ray; +inf for the sky
+            (REP-118). On a GPU and with lens distortion, it belongs to a point up to 1/256 pixel from the pixel center,
+            because GPUs snap vertices to such a grid.
         flow: (H, W, 2) float32, pixels, x right and y down: current position minus position in the previous frame of
             the visible surface point. NaN where that point was not visible in the previous image: outside of it, or
             behind what it showed there. The sky is treated as infinitely far. An actor that did not exist before is

@@ -15,6 +15,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from simbev_ros.config.load import load_scenario
 from simbev_ros.foundation.geometry.camera import LensCamera, PinholeCamera
+from simbev_ros.foundation.geometry.fisheye import FisheyeCamera
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.hd_map import lane_record
 from simbev_ros.maps.roads.lane_kind import LaneKind
@@ -93,6 +94,21 @@ def test_opencv_rectifies_and_projects_with_the_camera_info_of_a_lens() -> None:
     rectified = cv2.undistortPoints(raw, k, np.array(info.d), R=r, P=p)[:, 0]
     projected = points @ p[:, :3].T + p[:, 3]
     assert rectified == pytest.approx(projected[:, :2] / projected[:, 2:], abs=0.01)
+
+
+def test_opencv_rectifies_and_projects_with_the_camera_info_of_a_fisheye() -> None:
+    camera = FisheyeCamera(640, 480, 180.0, 185.0, 300.0, 250.0, (0.02, -0.004, 0.001, 0.0), float(np.radians(98.0)))
+    info = deserialize_message(serialize_message(camera_info_message(camera, 0, "f")), CameraInfo)
+    assert (info.distortion_model, len(info.d)) == ("equidistant", 4)
+    k, p = np.reshape(info.k, (3, 3)), np.reshape(info.p, (3, 4))
+    points = np.random.default_rng(0).uniform([-9, -9, 1], [9, 9, 9], (50, 3))
+    raw, _ = cv2.fisheye.projectPoints(points[:, None], np.zeros(3), np.zeros(3), k, np.array(info.d))
+    assert raw[:, 0] == pytest.approx(camera.project(points))
+    rectified = cv2.fisheye.undistortPoints(raw, k, np.array(info.d), R=np.eye(3), P=p)[:, 0]
+    projected = points @ p[:, :3].T
+    assert rectified == pytest.approx(projected[:, :2] / projected[:, 2:], rel=1e-4)
+    read = FisheyeCamera(info.width, info.height, k[0, 0], k[1, 1], *k[:2, 2], tuple(info.d), camera.max_angle_rad)
+    assert read == camera
 
 
 @pytest.mark.parametrize("stamp_ns", [0, 1, 999_999_999, STAMP_NS])

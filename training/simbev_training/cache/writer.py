@@ -20,6 +20,7 @@ from simbev_ros.dataset.scene import Scene
 from simbev_ros.foundation.errors import FOREIGN_ERRORS, InputError
 from simbev_ros.foundation.files.structured_text import parse_json
 from simbev_ros.foundation.geometry.camera import LensCamera
+from simbev_ros.foundation.geometry.fisheye import FisheyeCamera
 from simbev_ros.foundation.object_store.object_path import AnyPath
 from simbev_ros.foundation.types import AnyArray, Float64Array, Table
 from simbev_training.cache.layout import (
@@ -184,7 +185,7 @@ def _problem_of(scene: Scene, cameras: list[str]) -> str:
                 f"camera {name}: has {width_px} x {height_px} pixels; "
                 "all cameras must have the same size, a multiple of 16"
             )
-        if isinstance(calibration.camera, LensCamera):
+        if isinstance(calibration.camera, LensCamera | FisheyeCamera):
             return f"camera {name}: has a distorting lens; the baselines need an ideal one"
     return "" if cameras else "has no camera with the modalities rgb and depth; a baseline that sees images needs one"
 

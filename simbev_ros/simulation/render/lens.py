@@ -50,7 +50,7 @@ class Lenses:
         Those of a fisheye are complete after the last face, and its color image after ``sensed_fisheye``.
         """
         images = targets.images
-        if ideal.camera is not view.camera and set(view.modalities) != {"rgb"}:
+        if ideal.camera != view.camera and set(view.modalities) != {"rgb"}:
             geometry = self._draw_geometry(view.camera, ideal.face)
             images |= {modality: Image(geometry, index) for index, modality in enumerate(_GEOMETRIC)}
         if "rgb" in view.modalities:

@@ -225,7 +225,7 @@ class Renderer:
         if has_flow and frame.previous is not None:
             self._history.bind(camera, frame.previous, show_ego=frame.show_ego)
         for view in views:
-            for_lens = view.camera is not camera.camera
+            for_lens = view.camera != camera.camera
             targets = self._targets_for(view.camera, for_lens)
             self._view_block.write(view.block())
             with self._timer("geometry, labels, flow"):

@@ -118,6 +118,15 @@ def test_the_colors_of_a_fisheye_are_those_of_ideal_cameras_in_any_direction(ren
     assert seen.sum() > 2500 and error < 3.5 and shifted > 4.0 * error
 
 
+def test_equal_cameras_have_equal_images(renderer: Renderer) -> None:
+    now = world(EGO, OTHER)
+    views = [CameraView(camera, front_pose(), MODALITIES) for camera in (IDEAL, replace(IDEAL))]
+    first, second = renderer.render(views, RenderFrame(now, now))
+    for name in MODALITIES:
+        if (image := getattr(first, name)) is not None:
+            assert image.tobytes() == getattr(second, name).tobytes(), name
+
+
 def test_outside_its_image_circle_a_fisheye_sees_nothing(renderer: Renderer) -> None:
     now = world(EGO, OTHER)
     weather = now.weather.model_copy(update={"precipitation": 90.0, "wetness": 90.0})

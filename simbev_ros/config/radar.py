@@ -106,6 +106,11 @@ class Radar(Sensor):
         "none: each ray is a detection",
     )
 
+    ghosts: bool = Field(
+        False,
+        description="whether a detector also finds objects where walls and guard rails mirror them",
+    )
+
     def _require_cells(self) -> None:
         """Check that the detector's cells are given, and that memory has room for them."""
         range_m, speed_mps, azimuth_deg = (
@@ -148,6 +153,8 @@ class Radar(Sensor):
             self._require_cells()
         if self.detector is not None and (self.ray_pattern != "even" or self.one_per_cell):
             raise ValueError("detector: needs ray_pattern even, without one_per_cell")
+        if self.ghosts and self.detector is None:
+            raise ValueError("ghosts: need a detector")
         if self.one_per_cell and (missing := [name for name in _RESOLUTIONS if getattr(self, name) is None]):
             raise ValueError(f"one_per_cell: cells need {', '.join(missing)} too")
         return self

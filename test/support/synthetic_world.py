@@ -48,6 +48,15 @@ def box(center: Sequence[float], size: Sequence[float]) -> Float64Array:
     return np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
 
 
+def ball(center: Sequence[float], radius: float) -> Float64Array:
+    """(N, 3, 3) a sphere of facets of 5 degrees, outward."""
+    up, around = np.meshgrid(np.radians(np.arange(-90, 91, 5)), np.radians(np.arange(0, 361, 5)), indexing="ij")
+    level = np.cos(up)
+    points = np.stack([level * np.cos(around), level * np.sin(around), np.sin(up)], axis=-1) * radius + center
+    a, b, c, d = points[:-1, :-1], points[:-1, 1:], points[1:, 1:], points[1:, :-1]
+    return np.concatenate([np.stack(each, axis=-2).reshape(-1, 3, 3) for each in ((a, b, c), (a, c, d))])
+
+
 def box_model(tag: Tag, size_m: tuple[float, float, float], material: Material = Material.CAR_PAINT) -> ActorModel:
     """An actor that fills its box."""
     return ActorModel(

@@ -17,12 +17,18 @@ from simbev_ros.schema.points import RADAR_POINT_DTYPE, RADAR_TARGET_DTYPE
 from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.simulation.raycast.scene import Hits, RayScene
 from simbev_ros.simulation.sensors.mount import map_from_sensor, vector
-from simbev_ros.simulation.sensors.radar_amplitude import amplitude_db, from_db, load_cross_sections, rain_loss_db_per_m
+from simbev_ros.simulation.sensors.radar_amplitude import (
+    amplitude_db,
+    areas_m2,
+    from_db,
+    load_cross_sections,
+    rain_loss_db_per_m,
+)
 from simbev_ros.simulation.sensors.radar_errors import apply_errors
+from simbev_ros.simulation.sensors.radar_ghosts import Scan, trace_ghosts
 from simbev_ros.simulation.sensors.radar_rays import random_rays
 from simbev_ros.simulation.sensors.radar_targets import Scatterers, find_targets
 
-_MIN_COS = 0.05
 _DRAWS_PER_RAY = 5
 """Number of normal random numbers per ray that the noise needs."""
 
@@ -40,6 +46,8 @@ class RadarModel:
         """
         self.radar = radar
         self.rays = max(1, round(radar.points_per_second * scan_s))
+        solid_angle = np.radians(radar.horizontal_fov_deg) * 2.0 * np.sin(np.radians(radar.vertical_fov_deg) / 2.0)
+        self._ray_sr = float(solid_angle / self.rays)
         self._seed = seed
         self._cross_sections = load_cross_sections()
 
@@ -54,6 +62,7 @@ class RadarModel:
         hits: Hits,
         velocity_mps: Float64Array,
         state: WorldState,
+        ghosts: Sequence[Scatterers] = (),
     ) -> Table:
         """Detections of one scan: the hits within range, with their velocities, amplitudes and errors.
 
@@ -63,6 +72,7 @@ class RadarModel:
             hits: (rays,) hits of these rays.
             velocity_mps: (rays, 3) velocities of the hit points, map axes.
             state: World state now.
+            ghosts: Further scatterers that a detector hears, from ``ghosts``.
 
         Returns:
             (N,) ``RADAR_POINT_DTYPE``, in the order of the rays; with a detector (N,) ``RADAR_TARGET_DTYPE``, nearest
@@ -79,9 +89,10 @@ class RadarModel:
             section_m2 = sections.at_incidence(hits.material, hits.tag, cos_angle)
             table = _table(RADAR_POINT_DTYPE, self._amplitude_db(section_m2, range_m, state), *place)
         else:
-            section_m2 = sections.per_m2(hits.material, cos_angle) * self._areas_m2(range_m, cos_angle)
+            section_m2 = sections.per_m2(hits.material, cos_angle) * areas_m2(self._ray_sr, range_m, cos_angle)
             seen = Scatterers(from_db(self._amplitude_db(section_m2, range_m, state)), *place)
-            found = find_targets(radar, radar.detector, seen, self._stream("speckle", state.tick))
+            heard = Scatterers(*map(np.concatenate, zip(seen, *ghosts, strict=True)))
+            found = find_targets(radar, radar.detector, heard, self._stream("speckle", state.tick))
             table = _table(RADAR_TARGET_DTYPE, 10.0 * np.log10(found.power), *found[1:])
             ray = np.arange(len(table))
         table = apply_errors(radar, table, ray, lambda: self._noise(state.tick))
@@ -90,12 +101,36 @@ class RadarModel:
         _fill_derived(table, radar.reference_range_m)
         return table
 
-    def _areas_m2(self, range_m: Float64Array, cos_angle: Float64Array) -> Float64Array:
-        """(N,) areas of the surfaces that N rays stand for."""
-        radar = self.radar
-        solid_angle = np.radians(radar.horizontal_fov_deg) * 2.0 * np.sin(np.radians(radar.vertical_fov_deg) / 2.0)
-        areas_m2: Float64Array = solid_angle / self.rays * np.square(range_m) / np.maximum(cos_angle, _MIN_COS)
-        return areas_m2
+    def ghosts(
+        self,
+        scene: RayScene,
+        map_from_radar: Float64Array,
+        directions: Float64Array,
+        hits: Hits,
+        state: WorldState,
+        previous: WorldState | None,
+    ) -> list[Scatterers]:
+        """Scatterers that the radar hears by way of walls; none unless its configuration asks for them.
+
+        Args:
+            scene: What the rays were cast into.
+            map_from_radar: (4, 4) pose of the radar, map frame.
+            directions: (rays, 3) unit vectors from ``directions``.
+            hits: (rays,) hits of these rays.
+            state: World state now.
+            previous: World state one tick ago, or None.
+        """
+        radar, radar_from_map = self.radar, map_from_radar[:3, :3].T
+        if not radar.ghosts:
+            return []
+        scan = Scan(
+            map_from_radar, _own_velocity(map_from_radar, state), directions @ radar_from_map, hits, self._ray_sr
+        )
+        echoes = trace_ghosts(radar, self._cross_sections, scene, scan, previous if radar.micro_doppler else None)
+        power = from_db(self._amplitude_db(echoes.section_m2, echoes.spread_m, state))
+        heard = Scatterers(power, echoes.range_m, echoes.speed_mps, *_angles(echoes.directions @ radar_from_map.T))
+        within = (echoes.range_m >= radar.min_range_m) & (echoes.range_m <= radar.range_m)
+        return [Scatterers(*(column[within] for column in heard))]
 
     def _amplitude_db(self, section_m2: Float64Array, range_m: Float64Array, state: WorldState) -> Float64Array:
         clear_db = amplitude_db(section_m2, range_m, self.radar.reference_range_m)
@@ -141,7 +176,14 @@ def scan_radars(
         )
     rays_of_model = np.split(np.arange(len(directions_map)), np.cumsum(counts)[:-1])
     return [
-        model.detections(pose, each, hits.of(rays), velocity_mps[rays], state)
+        model.detections(
+            pose,
+            each,
+            hits.of(rays),
+            velocity_mps[rays],
+            state,
+            model.ghosts(scene, pose, each, hits.of(rays), state, previous),
+        )
         for model, pose, each, rays in zip(models, poses, directions, rays_of_model, strict=True)
     ]
 

@@ -12,7 +12,7 @@ import numpy as np
 from simbev_ros.assets.materials import Material
 from simbev_ros.foundation.semantics import Tag
 from simbev_ros.foundation.tables import load_table
-from simbev_ros.foundation.types import Float64Array, UInt8Array
+from simbev_ros.foundation.types import BoolArray, Float64Array, UInt8Array
 from simbev_ros.scene.air import rain_halvings_per_m
 from simbev_ros.schema.scene.weather import Weather
 from simbev_ros.simulation.sensors.lidar_weather import drop_slope_per_m
@@ -23,6 +23,7 @@ _DROP_SLOPE_PER_M, _DROP_SLOPE_POWER = 4100.0, -0.21
 """Slope of drop sizes in rain of 1 mm/h, and its exponent of the rain rate: Marshall and Palmer, 1948."""
 _KM_PER_M = 1e-3
 _STEPS = 10_000
+_MIN_COS = 0.05
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,9 @@ class CrossSections:
     Attributes:
         diffuse_m2, exponent, specular_m2, spread: (len(Material),) parameters by material.
         reflectance: (len(Material),) share of the power that a material reflects; NaN: it is in the parameters.
+        mirror: (len(Material),) share of the power that a flat wall mirrors.
         kind: (256,) factor by semantic tag.
+        is_flat: (256,) whether surfaces of a semantic tag are flat enough to be mirrors.
     """
 
     diffuse_m2: Float64Array
@@ -40,7 +43,9 @@ class CrossSections:
     specular_m2: Float64Array
     spread: Float64Array
     reflectance: Float64Array
+    mirror: Float64Array
     kind: Float64Array
+    is_flat: BoolArray
 
     def at_incidence(self, material: UInt8Array, tag: UInt8Array, cos_angle: Float64Array) -> Float64Array:
         """(N,) cross-sections in m² of (N,) surfaces at (N,) cosines of the angle of incidence."""
@@ -87,8 +92,16 @@ def load_cross_sections() -> CrossSections:
         specular_m2=from_db(column("specular")),
         spread=column("spread"),
         reflectance=from_db(column("reflectance")),
+        mirror=np.nan_to_num(from_db(column("mirror"))),
         kind=from_db(kind_db),
+        is_flat=np.isin(np.arange(256), [Tag[name] for name in data["mirrors"]]),
     )
+
+
+def areas_m2(ray_sr: float, path_m: Float64Array, cos_angle: Float64Array) -> Float64Array:
+    """(N,) areas of surfaces that rays of a solid angle cover after (N,) paths, at (N,) cosines of incidence."""
+    covered_m2: Float64Array = ray_sr * np.square(path_m) / np.maximum(cos_angle, _MIN_COS)
+    return covered_m2
 
 
 def amplitude_db(cross_section_m2: Float64Array, range_m: Float64Array, reference_range_m: float) -> Float64Array:

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from synthetic_world import TICK_NS, actor, box, box_model, cart_model, mesh, static_scene, world
+from synthetic_world import TICK_NS, actor, ball, box, box_model, cart_model, mesh, static_scene, world
 
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.placement.static_scene import StaticScene
@@ -54,13 +54,7 @@ def mean_rcs_dbsm(sensor: Radar, static: StaticScene) -> float:
 
 
 def sphere(center_m: tuple[float, float, float], radius_m: float, material: Material = Material.METAL) -> StaticScene:
-    """Facets of 5 degrees."""
-    up, around = np.meshgrid(np.radians(np.arange(-90, 91, 5)), np.radians(np.arange(0, 361, 5)), indexing="ij")
-    level = np.cos(up)
-    points = np.stack([level * np.cos(around), level * np.sin(around), np.sin(up)], axis=-1) * radius_m + center_m
-    a, b, c, d = points[:-1, :-1], points[:-1, 1:], points[1:, 1:], points[1:, :-1]
-    triangles = np.concatenate([np.stack([a, b, c], -2).reshape(-1, 3, 3), np.stack([a, c, d], -2).reshape(-1, 3, 3)])
-    return static_scene(mesh(triangles, Tag.STATIC, material))
+    return static_scene(mesh(ball(center_m, radius_m), Tag.STATIC, material))
 
 
 def plate(turned_deg: float) -> StaticScene:

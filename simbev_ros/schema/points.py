@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from simbev_ros.foundation.types import Float64Array, Table
+
 POINT_DTYPE = np.dtype(
     [
         ("x", "<f4"),  # m, sensor frame
@@ -58,3 +60,18 @@ RADAR_RCS_DTYPE = np.dtype(
 
 RADAR_TARGET_DTYPE = np.dtype(RADAR_POINT_DTYPE.descr + RADAR_RCS_DTYPE.descr)
 """Row of the table of targets of a radar with a detector, 36 bytes."""
+
+
+def radar_rcs_dbsm(table: Table, reference_range_m: float) -> Float64Array:
+    """Cross-sections of radar detections by the radar equation.
+
+    Args:
+        table: (N,) ``RADAR_POINT_DTYPE`` or ``RADAR_TARGET_DTYPE``.
+        reference_range_m: Range at which 1 m² returns an amplitude of 0 dB, as the radar is configured.
+
+    Returns:
+        (N,) dBsm.
+    """
+    range_m = np.maximum(table["range"].astype(np.float64), 1e-3)
+    rcs_dbsm: Float64Array = table["amplitude"] + 40.0 * np.log10(range_m / reference_range_m)
+    return rcs_dbsm

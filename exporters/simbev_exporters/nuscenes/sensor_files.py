@@ -15,6 +15,7 @@ from simbev_ros.foundation.geometry.camera import LensCamera
 from simbev_ros.foundation.geometry.fisheye import FisheyeCamera
 from simbev_ros.foundation.types import Float64Array, Table
 from simbev_ros.recording.image_codecs import encode_rgb
+from simbev_ros.schema.points import radar_rcs_dbsm
 
 _MAX_INTENSITY = 255.0
 """Upper end of nuScenes' lidar intensities, which start at 0."""
@@ -22,6 +23,9 @@ _MAX_INTENSITY = 255.0
 _MIN_MOVING_MPS = 0.5
 _MOVING, _STATIONARY, _ONCOMING = 0, 1, 2  # dynamic properties
 _UNAMBIGUOUS = 3
+_BELOW_25_PERCENT = 1  # probability that a target is an artifact
+_RMS_LIMITS = 0.005 * 2000.0 ** (np.arange(31) / 30.0)
+"""Upper limits of the classes of standard deviations of ARS 408-21, m or m/s: 0.005, 0.006, 0.008, ... 10."""
 
 RADAR_DTYPE = np.dtype(
     [
@@ -81,7 +85,7 @@ def _radar(frame: Frame, channel: Channel) -> bytes:
     sensor = channel.calibration.sensor
     assert isinstance(sensor, Radar)
     cloud = in_sector(frame[channel.key], channel.sector, sensor.horizontal_fov_deg)
-    rows = radar_rows(cloud, _velocity_mps(frame, channel), sensor.reference_range_m)
+    rows = radar_rows(cloud, _velocity_mps(frame, channel), sensor)
     if not len(rows):
         rows = np.zeros(1, RADAR_DTYPE)
         rows["x"] = rows["y"] = rows["z"] = np.nan
@@ -95,13 +99,13 @@ def in_sector(cloud: Table, sector: tuple[int, int], fov_deg: float) -> Table:
     return cloud[np.clip(np.floor(from_left * count), 0, count - 1) == index]
 
 
-def radar_rows(cloud: Table, velocity_mps: Float64Array, reference_range_m: float) -> Table:
+def radar_rows(cloud: Table, velocity_mps: Float64Array, radar: Radar) -> Table:
     """Radar detections as (N,) ``RADAR_DTYPE`` rows.
 
     Args:
-        cloud: (N,) detections: x y z, doppler_velocity, amplitude; sensor frame.
+        cloud: (N,) ``RADAR_POINT_DTYPE`` or ``RADAR_TARGET_DTYPE``.
         velocity_mps: (3,) velocity of the radar over ground, sensor frame.
-        reference_range_m: Range from which 1 m² returns an amplitude of 0 dB.
+        radar: Configuration of the radar.
     """
     points_m = columns(cloud, "x", "y", "z").astype(np.float64)
     range_m = np.maximum(np.linalg.norm(points_m, axis=1), 1e-6)
@@ -111,13 +115,35 @@ def radar_rows(cloud: Table, velocity_mps: Float64Array, reference_range_m: floa
     rows = np.zeros(len(cloud), RADAR_DTYPE)
     rows["x"], rows["y"], rows["z"] = points_m.T
     rows["id"] = np.arange(len(cloud)) % np.iinfo(np.int16).max
-    rows["rcs"] = cloud["amplitude"] + 40.0 * np.log10(range_m / reference_range_m)
+    rows["rcs"] = radar_rcs_dbsm(cloud, radar.reference_range_m)
     rows["vx"], rows["vy"] = (rays[:, :2] * measured_mps[:, None]).T
     rows["vx_comp"], rows["vy_comp"] = (rays[:, :2] * over_ground_mps[:, None]).T
     moving = np.where(over_ground_mps > 0, _MOVING, _ONCOMING)
     rows["dyn_prop"] = np.where(np.abs(over_ground_mps) < _MIN_MOVING_MPS, _STATIONARY, moving)
-    rows["is_quality_valid"], rows["ambig_state"], rows["pdh0"] = 1, _UNAMBIGUOUS, 1
+    rows["is_quality_valid"], rows["ambig_state"], rows["pdh0"] = 1, _UNAMBIGUOUS, _BELOW_25_PERCENT
+    for name, sigmas in zip(
+        ("x_rms", "y_rms", "vx_rms", "vy_rms"), _sigmas(radar, rays, range_m, measured_mps), strict=True
+    ):
+        rows[name] = np.searchsorted(_RMS_LIMITS, sigmas, side="right")
     return rows
+
+
+def _sigmas(radar: Radar, rays: Float64Array, range_m: Float64Array, measured_mps: Float64Array) -> Float64Array:
+    """(4, N) standard deviations of x and y, m, and of vx and vy, m/s, by the errors of range, azimuth and speed."""
+    cells = (
+        (0.0, 0.0, 0.0)
+        if radar.detector
+        else (radar.range_resolution_m or 0.0, radar.doppler_resolution_mps or 0.0, radar.azimuth_resolution_deg or 0.0)
+    )
+    noise = radar.range_noise_sigma_m, radar.doppler_noise_sigma_mps, radar.azimuth_noise_sigma_deg
+    range_sigma_m, speed_sigma_mps, azimuth_sigma_deg = np.hypot(noise, np.divide(cells, np.sqrt(12.0)))
+    along, across = np.abs(rays[:, :2].T), np.abs(rays[:, 1::-1].T) * np.radians(azimuth_sigma_deg)
+    return np.concatenate(
+        [
+            np.hypot(along * range_sigma_m, across * range_m),
+            np.hypot(along * speed_sigma_mps, across * np.abs(measured_mps)),
+        ]
+    )
 
 
 def _velocity_mps(frame: Frame, channel: Channel) -> Float64Array:

@@ -14,8 +14,9 @@ from simbev_ros.config.radar import Radar
 from simbev_ros.dataset import Dataset
 from simbev_ros.foundation.errors import InputError, foreign_content
 from simbev_ros.foundation.files.limits import MAX_IMAGE_SIDE_PX
-from simbev_ros.foundation.types import AnyArray, Float32Array, Int64Array, UInt8Array
+from simbev_ros.foundation.types import AnyArray, Float32Array, Float64Array, Int64Array, UInt8Array
 from simbev_ros.recording.image_codecs import decode_rgb
+from simbev_ros.schema.points import radar_rcs_dbsm
 
 _MAX_RING = 255
 _EIGHT_BITS = 255.0
@@ -54,7 +55,7 @@ class Photograph:
 class RadarScan:
     """The targets of one scan: (N,) radar cross-sections."""
 
-    rcs_dbsm: Float32Array
+    rcs_dbsm: Float32Array | Float64Array
 
 
 Sample = LidarTurn | Photograph | RadarScan
@@ -116,16 +117,9 @@ def sample_of(sensor: Lidar | Camera | Radar, data: AnyArray) -> Sample:
     if isinstance(sensor, Camera):
         return Photograph(data)
     if isinstance(sensor, Radar):
-        return RadarScan(_rcs_dbsm(sensor, data))
+        return RadarScan(radar_rcs_dbsm(data, sensor.reference_range_m))
     xyz_m = np.stack([data["x"], data["y"], data["z"]], axis=1)
     return LidarTurn(xyz_m, data["intensity"], data["ring"].astype(np.int64))
-
-
-def _rcs_dbsm(radar: Radar, table: np.ndarray) -> Float32Array:
-    """Cross-sections by the radar equation, from amplitudes relative to 1 m² at the reference range."""
-    range_m = np.maximum(table["range"], 1e-3)
-    rcs: Float32Array = table["amplitude"] + 40.0 * np.log10(range_m / radar.reference_range_m)
-    return rcs
 
 
 def _read_bin(path: Path) -> LidarTurn:

@@ -13,7 +13,7 @@ import numpy as np
 from simbev_ros.config.radar import Radar
 from simbev_ros.foundation.random import stream
 from simbev_ros.foundation.types import Float64Array, Table
-from simbev_ros.schema.points import RADAR_POINT_DTYPE, RADAR_TARGET_DTYPE
+from simbev_ros.schema.points import RADAR_POINT_DTYPE, RADAR_TARGET_DTYPE, radar_rcs_dbsm
 from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.simulation.raycast.scene import Hits, RayScene
 from simbev_ros.simulation.sensors.mount import map_from_sensor, vector
@@ -221,4 +221,4 @@ def _fill_derived(table: Table, reference_range_m: float) -> None:
     table["x"], table["y"] = level_m * np.cos(azimuth_rad), level_m * np.sin(azimuth_rad)
     table["z"] = range_m * np.sin(elevation_rad)
     if "rcs" in (table.dtype.names or ()):
-        table["rcs"] = table["amplitude"] - amplitude_db(np.ones(len(table)), range_m, reference_range_m)
+        table["rcs"] = radar_rcs_dbsm(table, reference_range_m)

@@ -72,6 +72,7 @@ class MaterialTable:
     lidar_transmission: Float32Array
     lidar_mirror: Float32Array
     lidar_wet: Float32Array
+    lidar_texture_db: Float32Array
 
 
 _WITHOUT = {
@@ -80,6 +81,7 @@ _WITHOUT = {
     "lidar_transmission": 0.0,
     "lidar_mirror": 0.0,
     "lidar_wet": 1.0,
+    "lidar_texture_db": 0.0,
 }
 
 

@@ -50,7 +50,15 @@ class Receiver(Model):
     )
     reference_m: float = Field(10.0, gt=0, le=1000, description="range of white on the scale decibel")
     per_db: float = Field(0.02, gt=0, le=1, description="intensity for each decibel on the scale decibel")
+    floor: float = Field(0.0, ge=0, le=1, description="intensity below which the lidar writes 0")
     steps: int = Field(255, ge=1, le=65535, description="number of steps of intensity from 0 to 1")
+
+
+class Rosette(Model):
+    """How a mirror moves the beams of a lidar whose scans do not repeat: two rates without a common period."""
+
+    turns_hz: float = Field(gt=0, le=10_000, description="rate at which the azimuth of the beams turns")
+    nods_hz: float = Field(gt=0, le=10_000, description="rate at which their elevation swings between its limits")
 
 
 class Lidar(Sensor):
@@ -87,6 +95,14 @@ class Lidar(Sensor):
     )
     azimuth_offsets_deg: tuple[_AzimuthOffset, ...] | None = Field(
         None, description="azimuth of each channel relative to its column, positive to the left"
+    )
+    rosette: Rosette | None = Field(
+        None,
+        description="scan that does not repeat: azimuths turn while elevations swing from lower_fov_deg to "
+        "upper_fov_deg and back, each channel at its own phase; none: every turn is the same",
+    )
+    azimuth_resolution_deg: float = Field(
+        0.0, ge=0, le=10, description="step in which the lidar measures the azimuth of its columns; 0: exact"
     )
     channel_delays_us: tuple[_Delay, ...] | None = Field(
         None,
@@ -161,6 +177,15 @@ class Lidar(Sensor):
                 raise ValueError(
                     f"{name} has {len(listed)} numbers; it must have one for each of {self.channels} channels"
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _rosette_alone(self) -> Self:
+        if self.rosette is not None:
+            repeating = ("horizontal_fov_deg", "elevations_deg", "azimuth_resolution_deg", *_BY_CHANNEL)
+            for name in repeating:
+                if getattr(self, name) != type(self).model_fields[name].default:
+                    raise ValueError(f"{name} has no meaning with rosette; leave it out")
         return self
 
     @model_validator(mode="after")

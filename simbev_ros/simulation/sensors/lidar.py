@@ -22,6 +22,7 @@ from simbev_ros.config.lidar import Lidar
 from simbev_ros.foundation.random import stream
 from simbev_ros.foundation.threads import start
 from simbev_ros.foundation.types import Float32Array, Float64Array, Int64Array, Table
+from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.scene.interpolation import ActorHistory
 from simbev_ros.schema.points import POINT_DTYPE, SEMANTIC_POINT_DTYPE
 from simbev_ros.schema.scene.state import WorldState, map_from_actors
@@ -103,12 +104,11 @@ class LidarModel:
         self._lidar = lidar
         self._seed = seed
         self._receiver = LidarReceiver(lidar, lidar.receiver) if lidar.receiver else None
-        self.pattern = ScanPattern.from_lidar(lidar, turn_s)
-        self._xyz = np.ascontiguousarray(self.pattern.directions.T)
-        time_s = self.pattern.time_s.astype(np.float32)
-        self._time_s = time_s if lidar.rolling else np.zeros_like(time_s)
+        self._turn_s = turn_s
+        self._aim(0.0)
         self._stretch = lidar.beam_divergence_mrad * 1e-3 / lidar.receiver.pulse_m if lidar.receiver else 0.0
-        spacing_rad = np.radians(lidar.horizontal_fov_deg) / lidar.columns
+        turns = lidar.rosette.turns_hz * turn_s if lidar.rosette else 1.0
+        spacing_rad = turns * np.radians(lidar.horizontal_fov_deg) / lidar.columns
         self._beam_reach = lidar.beam_divergence_mrad * 1e-3 / 2.0 / spacing_rad
         blocks = min(max(len(self._time_s) // _MIN_RAYS_PER_BLOCK, 1), lidar.columns)
         # Beams share edges with the next column of their block: with a receiver, blocks must not depend on cores.
@@ -116,6 +116,13 @@ class LidarModel:
             blocks = min(blocks, max_blocks)
         edges = np.linspace(0, lidar.columns, blocks + 1).astype(int) * lidar.channels
         self._blocks = [slice(start, stop) for start, stop in pairwise(edges.tolist())]
+
+    def _aim(self, end_s: float) -> None:
+        """Compute the rays of the turn that ends at a time."""
+        self.pattern = ScanPattern.from_lidar(self._lidar, self._turn_s, end_s)
+        self._xyz = np.ascontiguousarray(self.pattern.directions.T)
+        time_s = self.pattern.time_s.astype(np.float32)
+        self._time_s = time_s if self._lidar.rolling else np.zeros_like(time_s)
 
     def scan(self, scene: RayScene, state: WorldState, earlier: Sequence[WorldState] = ()) -> LidarScan:
         """Scan one turn that ends at a tick.
@@ -142,6 +149,8 @@ class LidarModel:
     ) -> list[Callable[[], LidarScan]]:
         """Functions that scan the blocks of a turn, which threads may call at the same time."""
         lidar, count = self._lidar, len(self._time_s)
+        if lidar.rosette is not None:
+            self._aim(state.stamp_ns / NS_PER_S)
         rays_of = self._rolling_rays(state, earlier) if lidar.rolling else self._rays(state)
         height_m = float(rays_of(slice(count - lidar.channels, count)).origins_m[-1, 2])
         air = LidarWeather(lidar, state.weather, height_m)

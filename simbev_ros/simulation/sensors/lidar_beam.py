@@ -24,6 +24,7 @@ from simbev_ros.foundation.types import (
 )
 from simbev_ros.simulation.raycast.scene import Hits
 from simbev_ros.simulation.sensors.lidar_echo import surface_strength
+from simbev_ros.simulation.sensors.lidar_texture import texture_factor
 
 _MAX_PANES = 3
 _CLEARANCE_M = 0.01  # from a surface to the start of what passes or is mirrored
@@ -103,8 +104,10 @@ def surface_echoes(
     for number in range(_MAX_PANES):
         material = hits.material
         strength = surface_strength(material, hits.cos_angle, _colors(hits, actors), wetness) * share
-        slant = np.sqrt(1.0 - np.square(hits.cos_angle)) / np.maximum(hits.cos_angle, _MIN_COS)
-        strength /= np.sqrt(1.0 + np.square(np.float32(stretch) * (before_m + hits.range_m) * slant))
+        slant2 = 1.0 / np.square(np.maximum(hits.cos_angle, _MIN_COS)) - 1.0
+        strength /= np.sqrt(1.0 + np.square(np.float32(stretch) * (before_m + hits.range_m)) * slant2)
+        point_m = origins_m + directions * hits.range_m[:, None]
+        strength *= texture_factor(hits, point_m)
         mirrored = _mirrored(material, hits.cos_angle)
         passing = table.lidar_transmission[material]
         leaves = np.flatnonzero(material == Material.FOLIAGE)
@@ -115,13 +118,14 @@ def surface_echoes(
         found.append(Echoes(ray, before_m + hits.range_m + depth_m, strength))
         if number == _MAX_PANES - 1:
             break
-        point_m = origins_m + directions * hits.range_m[:, None]
-        reflected = directions + 2.0 * hits.cos_angle[:, None] * hits.normal
-        ways = [(np.square((1.0 - mirrored) * passing) * share, directions)]
+        beyond = np.flatnonzero((passing > 0.0) | (mirrored > 0.0))
+        passing, mirrored, share, ahead = passing[beyond], mirrored[beyond], share[beyond], directions[beyond]
+        ways = [(np.square((1.0 - mirrored) * passing) * share, ahead)]
         if number == 0:
+            reflected = ahead + 2.0 * hits.cos_angle[beyond, None] * hits.normal[beyond]
             ways.append((np.square(mirrored) * share, reflected))
         further = [(np.flatnonzero(rest > _MIN_SHARE), rest, toward) for rest, toward in ways]
-        row = np.concatenate([rows for rows, _, _ in further])
+        row = beyond[np.concatenate([rows for rows, _, _ in further])]
         if not len(row):
             break
         share = np.concatenate([rest[rows] for rows, rest, _ in further])
@@ -164,9 +168,10 @@ def edge_echoes(first: Echoes, count: int, channels: int, reach: float, uniform:
 
 def _mirrored(material: UInt8Array, cos_angle: Float32Array) -> Float32Array:
     """(N,) shares that panes and water mirror."""
-    normal = load_materials().lidar_mirror[material]
-    mirrored = normal + (1.0 - normal) * np.power(1.0 - cos_angle, 5)
-    return np.where(normal > 0.0, mirrored, 0.0).astype(np.float32)
+    mirrored = load_materials().lidar_mirror[material]
+    mirrors = np.flatnonzero(mirrored)
+    mirrored[mirrors] += (1.0 - mirrored[mirrors]) * np.power(1.0 - cos_angle[mirrors], 5)
+    return mirrored
 
 
 def _colors(hits: Hits, actors: Table) -> UInt32Array:

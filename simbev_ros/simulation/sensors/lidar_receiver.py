@@ -74,6 +74,7 @@ class LidarReceiver:
             strength = echoes.strength * self._seen_share(echoes.range_m)
             bright = np.log(np.maximum(strength, 1.0)) / np.log(_MAX_RETROREFLECTION)
             value = receiver.white * np.minimum(strength, 1.0) + (1.0 - receiver.white) * bright
+        value = np.where(value < receiver.floor, 0.0, value)
         steps = np.round(np.clip(value, 0.0, 1.0) * receiver.steps)
         return (steps / receiver.steps).astype(np.float32)
 

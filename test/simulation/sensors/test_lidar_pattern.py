@@ -41,7 +41,7 @@ def test_presets_are_complete_and_ascend_by_ring(name: str) -> None:
     sensor = lidar(preset=name)
     pattern = ScanPattern.from_lidar(sensor, 1.0 / sensor.rate_hz)
     _, elevation = angles_deg(pattern)
-    assert (np.diff(elevation[: sensor.channels]) > 0).all()
+    assert sensor.rosette or (np.diff(elevation[: sensor.channels]) > 0).all()
     assert len(pattern.directions) == sensor.channels * sensor.columns
     assert Lidar.model_validate_json(sensor.model_dump_json()) == sensor
 
@@ -54,6 +54,7 @@ def test_presets_are_complete_and_ascend_by_ring(name: str) -> None:
         ("HDL-32E", 32, 0.7e6, (-30.67, 10.67)),
         ("HDL-64", 64, 1.333e6, (-24.33, 2)),
         ("OS1-128", 128, 2.62e6, (-22.5, 22.5)),
+        ("Mid-360", 4, 0.2e6, (-7.0, 52.0)),
     ],
 )
 def test_presets_have_the_point_rates_of_their_data_sheets(
@@ -102,6 +103,10 @@ def test_columns_follow_from_points_per_second() -> None:
             "1024 x columns 16384 = 16777216 rays per turn are too many; allowed are 4000000",
         ),
         ({"horizontal_fov_deg": 0}, "greater than 0"),
+        (
+            {"preset": "Mid-360", "elevations_deg": [0, 1]},
+            "elevations_deg has no meaning with rosette; leave it out",
+        ),
     ],
 )
 def test_inconsistent_properties_are_rejected_by_name(properties: dict[str, object], message: str) -> None:
@@ -131,3 +136,49 @@ def test_presets_roll_and_have_a_receiver_and_none_of_the_papers_losses(name: st
     assert sensor.receiver is not None
     assert sensor.drop_off == 0.0
     assert len(sensor.channel_delays_us or [0.0] * sensor.channels) == sensor.channels
+
+
+def test_an_encoder_measures_azimuths_in_its_steps() -> None:
+    """HDL-64E: 2083 firings a turn, 4000 steps an encoder's turn: steps of 0.18°, and every 13th or so of 0.09°."""
+    sensor = lidar(preset="HDL-64", azimuth_offsets_deg=[0.0] * 64)
+    azimuth, _ = angles_deg(ScanPattern.from_lidar(sensor, 0.1))
+    step = -np.diff(azimuth.reshape(-1, 64)[:, 0]) % 360.0
+    counts = step / 0.09
+    assert counts == pytest.approx(np.round(counts), abs=1e-2)
+    assert set(np.round(counts)) == {1, 2}
+    assert np.mean(np.round(counts) == 1) == pytest.approx(2 - 4000 / 2083, abs=2e-3)
+
+
+def covered(seconds: float) -> float:
+    """Share of the field of view's cells of one degree by one that the Mid-360 has looked at, by solid angle."""
+    sensor = lidar(preset="Mid-360")
+    ends_s = 5.0 + np.arange(round(seconds / 0.1)) * 0.1
+    turns = [angles_deg(ScanPattern.from_lidar(sensor, 0.1, end_s)) for end_s in ends_s]
+    azimuth, elevation = (np.concatenate(angles) for angles in zip(*turns, strict=True))
+    cells, *_ = np.histogram2d(elevation, azimuth, [np.arange(-7.0, 53.0), np.arange(-180.0, 181.0)])
+    area = np.cos(np.radians(np.arange(-6.5, 52.5)))
+    return float(((cells > 0).mean(axis=1) * area).sum() / area.sum())
+
+
+def test_a_rosette_never_repeats_and_fills_its_field_of_view() -> None:
+    shares = [covered(seconds) for seconds in (0.1, 0.2, 0.5)]
+    assert 0.4 < shares[0] < 0.6
+    assert shares[1] > 0.75
+    assert shares[2] > 0.98
+
+
+def test_a_rosettes_lines_cross_each_azimuth_40_times_a_frame() -> None:
+    azimuth, elevation = angles_deg(ScanPattern.from_lidar(lidar(preset="Mid-360"), 0.1, 3.0))
+    ahead = np.abs(azimuth) < 0.36
+    assert ahead.sum() == pytest.approx(40, abs=4)
+    assert np.ptp(elevation[ahead]) > 55.0
+    assert elevation.min() >= -7.0 - 1e-4
+    assert elevation.max() <= 52.0 + 1e-4
+
+
+def test_a_rosette_goes_on_where_the_last_frame_ended() -> None:
+    sensor = lidar(preset="Mid-360")
+    longer = ScanPattern.from_lidar(lidar(preset="Mid-360", columns=10_000), 0.2, 1.0)
+    halves = [ScanPattern.from_lidar(sensor, 0.1, end_s) for end_s in (0.9, 1.0)]
+    joined = np.concatenate([half.directions for half in halves])
+    assert joined == pytest.approx(longer.directions, abs=1e-5)

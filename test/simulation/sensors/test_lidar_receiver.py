@@ -198,6 +198,13 @@ def test_a_retroreflector_saturates_white_is_white_and_steps_are_the_products() 
     assert value == pytest.approx([0.5, 0.5 - 0.02 * 6.02, 0.0], abs=0.003)
 
 
+def test_below_its_floor_the_lidar_writes_0() -> None:
+    """As an HDL-64E does, whose echoes without a measurable peak have intensity 0: 5 % at the floor, nothing below."""
+    settings = Receiver(range_at_10_percent_m=R10_M, scale="decibel", white=0.5, per_db=0.05, steps=100, floor=0.05)
+    value = LidarReceiver(lidar(), settings).intensity(echoes((0, 10.0, 0.13), (1, 10.0, 0.12), (2, 10.0, 0.01)))
+    assert value.tolist() == pytest.approx([0.06, 0.0, 0.0], abs=0.006)
+
+
 def test_near_by_the_receiver_sees_less_of_its_beam() -> None:
     receiver = LidarReceiver(lidar(), Receiver(range_at_10_percent_m=R10_M, near_field_m=3.0, white=1.0, steps=65535))
     value: Float32Array = receiver.intensity(echoes((0, 1.0, 0.5), (1, 3.0, 0.5), (2, 30.0, 0.5)))

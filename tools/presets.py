@@ -26,6 +26,7 @@ from simbev_ros.evaluation.realism.statistics import figures_of
 from simbev_ros.foundation.types import Table, UInt8Array
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.source import map_spec
+from simbev_ros.recording.image_codecs import decode_rgb, encode_rgb
 from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene
 from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.show.sheet.layout import Column, Row, Tile, place_in_width
@@ -124,7 +125,8 @@ def _measured(town: str, sensors: _Sensors) -> Iterator[tuple[Lidar | Radar | Ca
             for camera in sensors.cameras:
                 (images,) = renderer.render([CameraView.from_config(camera, 1, tick)], RenderFrame(state))
                 assert images.rgb is not None
-                yield camera, images.rgb
+                quality = camera.imager.jpeg_quality if camera.imager else None
+                yield camera, decode_rgb(encode_rgb(images.rgb, quality)) if quality else images.rgb
     renderer.close()
 
 

@@ -76,7 +76,9 @@ class Imager(Model):
     saturation: float = Field(1.0, ge=0, le=4, description="factor on the distance of colors from gray")
     contrast: float = Field(0.0, ge=0, le=1, description="strength of the curve that darkens shadows after gamma")
     sharpening: float = Field(0.0, ge=0, le=4, description="amount of unsharp masking")
-    jpeg_quality: int | None = Field(None, ge=1, le=100, description="quality of the camera's own JPEG; none: none")
+    jpeg_quality: int | None = Field(
+        None, ge=1, le=100, description="quality of the camera's JPEG; none: recording.jpeg_quality"
+    )
 
     @model_validator(mode="after")
     def _positive_balance(self) -> Self:

@@ -49,6 +49,11 @@ class MountedCamera:
             label_info=label_info_topic(view, camera),
         )
 
+    @property
+    def jpeg_quality(self) -> int | None:
+        """Quality of the product's color images; None: that of the recording."""
+        return self.camera.imager.jpeg_quality if self.camera.imager else None
+
 
 @dataclass(slots=True)
 class CameraGroup:

@@ -204,7 +204,8 @@ class CameraNode(Participant):
         if image is None:
             return _Encoded(None, {})
         if output.topics.compressed.name in output.read:
-            compressed = encode_image(output.encoding, image, self._jpeg_quality, self._depth_form)
+            jpeg_quality = output.mounted.jpeg_quality or self._jpeg_quality
+            compressed = encode_image(output.encoding, image, jpeg_quality, self._depth_form)
         return _Encoded(compressed, {each.topic.name: each.make(stamp_ns, image) for each in output.displays})
 
     def _advertise(self) -> Iterator[str]:

@@ -1,14 +1,15 @@
 """Forms a color image as a camera that is sold does: lens, exposure, image sensor, demosaicing, and what follows.
 
 ``expose``: the ideal image is decoded to light by the inverse of its film curve. The lens darkens the corners, spreads
-each point (a Gaussian), scatters a share of all light widely, and magnifies red more than blue. Metering then brings
-the mean of the light to a share of white, so that sky and lamps can be beyond white: the pixels' wells are full there.
-Electrons have shot noise and read noise, and each pixel has one color of the mosaic RGGB.
+each point (a Gaussian), magnifies red more than blue, and scatters a share of all light widely. Each pixel has one of
+the colors of the mosaic RGGB. Metering brings the mean of the light to a share of white, so that sky and lamps can be
+beyond white: the pixels' wells are full there. Electrons have shot noise and read noise.
 
 ``develop``: the picture is interpolated from the mosaic (OpenCV, edge-aware), balanced, saturated, coded with sRGB's
-curve, sharpened, and compressed.
+curve, and sharpened.
 """
 
+import math
 from dataclasses import replace
 from functools import lru_cache
 
@@ -25,6 +26,8 @@ _WIDE_SHARE = 0.08  # standard deviation of scattered light, as a share of the i
 _SMALL_PX = 64  # width of the image in which scattered light is spread
 _METERING_STEPS = 12
 _UNSHARP_SIGMA_PX = 1.0
+_KERNEL_SIGMAS = 2.5
+_FIELD_MARGIN_PX = 256
 
 
 def form_images(view: CameraView, images: CameraImages) -> CameraImages:
@@ -58,11 +61,13 @@ def expose(rgb: UInt8Array, imager: Imager, noise_seed: int, falloff: Float32Arr
         light *= falloff
     if imager.blur_px > 0.0:
         light = _blurred(light, imager.blur_px)
-    if imager.glare > 0.0:
-        light = _scattered(light, imager.glare)
     if imager.lateral_color_px != 0.0:
         light = _dispersed(light, imager.lateral_color_px)
-    return _sampled(light * np.float32(_metering_gain(light, imager.metered)), imager, noise_seed)
+    mosaic = _mosaic(light)
+    if imager.glare > 0.0:
+        mosaic = _scattered(mosaic, light, imager.glare)
+    mosaic *= np.float32(_metering_gain(light, imager.metered) * imager.full_well_electrons)
+    return _read_out(mosaic, imager, noise_seed)
 
 
 def develop(mosaic: UInt16Array, imager: Imager) -> UInt8Array:
@@ -74,7 +79,7 @@ def develop(mosaic: UInt16Array, imager: Imager) -> UInt8Array:
     if imager.sharpening > 0.0:
         soft = cv2.GaussianBlur(image, (0, 0), _UNSHARP_SIGMA_PX)
         image = np.asarray(cv2.addWeighted(image, 1.0 + imager.sharpening, soft, -imager.sharpening, 0.0), np.uint8)
-    return image if imager.jpeg_quality is None else _compressed(image, imager.jpeg_quality)
+    return image
 
 
 @lru_cache(maxsize=1)
@@ -95,16 +100,31 @@ def _falloff(camera: PinholeCamera, exponent: float) -> Float32Array:
     return np.repeat(share[..., None], 3, axis=2)
 
 
-def _blurred(values: Float32Array, sigma_px: float) -> Float32Array:
-    return np.asarray(cv2.GaussianBlur(values, (0, 0), sigma_px), np.float32)
+def _blurred(light: Float32Array, sigma_px: float) -> Float32Array:
+    side = 2 * math.ceil(_KERNEL_SIGMAS * sigma_px) + 1
+    return np.asarray(cv2.GaussianBlur(light, (side, side), sigma_px), np.float32)
 
 
-def _scattered(light: Float32Array, share: float) -> Float32Array:
-    height, width = light.shape[:2]
-    small = cv2.resize(light, (_SMALL_PX, max(1, round(_SMALL_PX * height / width))), interpolation=cv2.INTER_AREA)
-    wide = cv2.GaussianBlur(small, (0, 0), _WIDE_SHARE * _SMALL_PX)
-    mixed = cv2.addWeighted(light, 1.0 - share, cv2.resize(wide, (width, height)), share, 0.0)
-    return np.asarray(mixed, np.float32)
+def _mosaic(light: Float32Array) -> Float32Array:
+    """(H, W) light of the mosaic: red at even rows and columns, blue at odd ones."""
+    mosaic = light[..., 1].copy()
+    mosaic[::2, ::2], mosaic[1::2, 1::2] = light[::2, ::2, 0], light[1::2, 1::2, 2]
+    return mosaic
+
+
+def _scattered(mosaic: Float32Array, light: Float32Array, share: float) -> Float32Array:
+    """The mosaic with a share of its light spread; what is spread is smooth, so that half the resolution will do."""
+    height, width = mosaic.shape
+    small = cv2.resize(
+        light[::2, ::2], (_SMALL_PX, max(1, round(_SMALL_PX * height / width))), interpolation=cv2.INTER_AREA
+    )
+    wide = cv2.GaussianBlur(small, (0, 0), _WIDE_SHARE * _SMALL_PX) * np.float32(share)
+    red, green, blue = cv2.split(cv2.resize(wide, ((width + 1) // 2, (height + 1) // 2)))
+    mosaic *= np.float32(1.0 - share)
+    for row, column, plane in ((0, 0, red), (0, 1, green), (1, 0, green), (1, 1, blue)):
+        part = mosaic[row::2, column::2]
+        part += plane[: part.shape[0], : part.shape[1]]
+    return mosaic
 
 
 def _dispersed(light: Float32Array, corner_px: float) -> Float32Array:
@@ -128,16 +148,30 @@ def _metering_gain(light: Float32Array, target: float) -> float:
     return float(np.sqrt(low * high))
 
 
-def _sampled(light: Float32Array, imager: Imager, noise_seed: int) -> UInt16Array:
-    """(H, W) raw values of light, of which 1 fills a pixel's well."""
-    mosaic = light[..., 1].copy()
-    mosaic[::2, ::2], mosaic[1::2, 1::2] = light[::2, ::2, 0], light[1::2, 1::2, 2]
-    electrons = np.maximum(mosaic, 0.0) * np.float32(imager.full_well_electrons)
-    normal = np.random.Generator(np.random.PCG64(noise_seed)).standard_normal(electrons.shape, np.float32)
-    electrons += np.sqrt(electrons + np.float32(imager.read_sigma_electrons**2)) * normal
+def _read_out(electrons: Float32Array, imager: Imager, noise_seed: int) -> UInt16Array:
+    """(H, W) raw values of the mean numbers of electrons in the pixels' wells."""
+    deviation = np.asarray(cv2.sqrt(electrons + np.float32(imager.read_sigma_electrons**2)), np.float32)
+    electrons += deviation * _deviates(electrons.shape, noise_seed)
     most = (1 << imager.bits) - 1
     raw: UInt16Array = np.clip(np.rint(electrons * (most / imager.full_well_electrons)), 0, most).astype(np.uint16)
     return raw
+
+
+def _deviates(shape: tuple[int, ...], seed: int) -> Float32Array:
+    """(H, W) normal deviates: a part of a larger field, at a place and with a sign that follow from the seed."""
+    field = _deviate_field(shape[0], shape[1])
+    rng = np.random.Generator(np.random.PCG64(seed))
+    row, column, flips = rng.integers((_FIELD_MARGIN_PX + 1, _FIELD_MARGIN_PX + 1, 8))
+    part = field[row : row + shape[0], column : column + shape[1]]
+    part = part[:: 1 - 2 * int(flips & 1), :: 1 - (int(flips) & 2)]
+    return -part if flips & 4 else part
+
+
+@lru_cache(maxsize=4)
+def _deviate_field(height: int, width: int) -> Float32Array:
+    """Drawn once, because drawing deviates takes as long as all else that forms an image."""
+    size = height + _FIELD_MARGIN_PX, width + _FIELD_MARGIN_PX
+    return np.random.Generator(np.random.PCG64(0)).standard_normal(size, np.float32)
 
 
 def _color_matrix(imager: Imager) -> Float64Array | None:
@@ -156,10 +190,3 @@ def _gray_by_value(bits: int, contrast: float) -> UInt8Array:
     curve = np.where(share <= 0.0031308, 12.92 * share, 1.055 * share ** (1.0 / 2.4) - 0.055)
     curve = (1.0 - contrast) * curve + contrast * curve * curve * (3.0 - 2.0 * curve)
     return np.rint(255.0 * curve).astype(np.uint8)
-
-
-def _compressed(image: UInt8Array, quality: int) -> UInt8Array:
-    _, data = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
-    decoded = cv2.imdecode(data, cv2.IMREAD_COLOR)
-    assert decoded is not None
-    return np.ascontiguousarray(decoded[..., ::-1])

@@ -67,3 +67,12 @@ def test_noise_differs_between_agents_and_drops_of_the_first_one_depend_on_the_c
     assert len({first.noise_seed, second.noise_seed, unit.noise_seed}) == 3
     assert first.noise_seed == scene().seed
     assert (first.lens_seed, second.lens_seed, unit.lens_seed) == (0, second.noise_seed, unit.noise_seed)
+
+
+@pytest.mark.parametrize(
+    ("settings", "expected"), [({}, None), ({"imager": {}}, None), ({"preset": "acA1600-60gc"}, 90)]
+)
+def test_products_compress_with_a_quality_of_their_own(settings: dict[str, Any], expected: int | None) -> None:
+    spec = made_up_spec([{"type": "camera", "name": "front", **settings}], number=1)
+    [group] = camera_groups([agent_view(spec, "ego")], [])
+    assert group.cameras[0].jpeg_quality == expected

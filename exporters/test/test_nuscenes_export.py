@@ -257,6 +257,10 @@ def test_radar_rows_of_a_product_have_its_cross_sections_and_classes_of_errors()
     same = ("is_quality_valid", "ambig_state", "invalid_state", "pdh0")
     assert [set(rows[name].tolist()) for name in same] == [{1}, {3}, {0}, {1}]
     assert not radar_rows(cloud, np.zeros(3), radar())["x_rms"].any(), "an ideal radar is exact"
+    cloud["x"], cloud["y"], cloud["range"] = 200.0, 0.0, 200.0
+    far = radar_rows(cloud, np.zeros(3), product)[0]
+    # 0.4 m along the ray, 200 m · 0.1° = 0.349 m across it
+    assert [LIMITS_OF_ARS408[far[name]] for name in ("x_rms", "y_rms")] == [0.478, 0.371]
 
 
 def radar(**properties: str) -> Radar:

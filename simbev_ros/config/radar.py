@@ -1,9 +1,9 @@
 """Radars of a rig: field of view, rays, thresholds, noise and resolution."""
 
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from simbev_ros.config.base import Model
 from simbev_ros.config.sensor import Sensor
@@ -28,8 +28,26 @@ class RadarDetector(Model):
     threshold_db: float = Field(
         12.0, ge=0, le=60, description="power of a target over the noise and the clutter before or behind it"
     )
+    min_rcs_dbsm: float | None = Field(
+        None, ge=-100, le=100, description="smallest cross-section of a target at any range; none: no limit"
+    )
     clutter_cells: int = Field(8, ge=2, le=128, description="range cells of which clutter is the mean, on each side")
     max_targets: int = Field(256, ge=1, le=100_000, description="maximum number of targets of a scan, the strongest")
+
+
+class SecondScan(Model):
+    """A scan of another field of view in the same cycle. Values that are not given are those of the radar."""
+
+    range_m: float | None = Field(None, gt=0, le=1000, description="maximum range")
+    horizontal_fov_deg: float | None = Field(None, gt=0, lt=180, description="horizontal field of view, full angle")
+    vertical_fov_deg: float | None = Field(None, gt=0, lt=180, description="vertical field of view, full angle")
+    points_per_second: int | None = Field(None, ge=1, le=_MAX_RAYS, description="number of rays per second")
+    range_resolution_m: float | None = Field(None, gt=0, le=100, description="cell size")
+    doppler_resolution_mps: float | None = Field(None, gt=0, le=100, description="cell size for speeds")
+    azimuth_resolution_deg: float | None = Field(None, gt=0, le=90, description="cell size for azimuths")
+    range_noise_sigma_m: float | None = Field(None, ge=0, le=100, description="standard deviation per detection")
+    azimuth_noise_sigma_deg: float | None = Field(None, ge=0, le=45, description="standard deviation per detection")
+    detector: RadarDetector | None = Field(None, description="how targets are found")
 
 
 class Radar(Sensor):
@@ -111,6 +129,19 @@ class Radar(Sensor):
         description="whether a detector also finds objects where walls and guard rails mirror them",
     )
 
+    second_scan: SecondScan | None = Field(
+        None, description="a scan of another field of view, whose detections follow in the same cloud"
+    )
+
+    @cached_property
+    def scans(self) -> tuple["Radar", ...]:
+        """The scans of a cycle as a radar each: this one, and the second scan if there is one."""
+        if self.second_scan is None:
+            return (self,)
+        own = self.model_dump(exclude={"preset", "second_scan"})
+        second = Radar.model_validate(own | self.second_scan.model_dump(exclude_none=True))
+        return self, second.model_copy(update={"name": f"{self.name}/second_scan"})
+
     def _require_cells(self) -> None:
         """Check that the detector's cells are given, and that memory has room for them."""
         range_m, speed_mps, azimuth_deg = (
@@ -155,6 +186,10 @@ class Radar(Sensor):
             raise ValueError("detector: needs ray_pattern even, without one_per_cell")
         if self.ghosts and self.detector is None:
             raise ValueError("ghosts: need a detector")
+        try:
+            assert self.scans
+        except ValidationError as error:
+            raise ValueError(f"second_scan: {error.errors()[0]['msg'].removeprefix('Value error, ')}") from None
         if self.one_per_cell and (missing := [name for name in _RESOLUTIONS if getattr(self, name) is None]):
             raise ValueError(f"one_per_cell: cells need {', '.join(missing)} too")
         return self

@@ -121,7 +121,9 @@ def _rig(rig: Rig) -> list[str]:
     phrases = [f"{count} camera{'s' * (count > 1)} {kind}" for kind, count in cameras.items()]
     phrases += [f"lidar {lidar.channels}x{lidar.columns} {lidar.range_m:g} m" for lidar in rig.of_type(Lidar)]
     radars = Counter(
-        f"{radar.range_m:g} m {radar.horizontal_fov_deg:g}x{radar.vertical_fov_deg:g}°" for radar in rig.of_type(Radar)
+        f"{radar.range_m:g} m {radar.horizontal_fov_deg:g}x{radar.vertical_fov_deg:g}°"
+        for each in rig.of_type(Radar)
+        for radar in each.scans
     )
     phrases += [f"{count} radar{'s' * (count > 1)} {kind}" for kind, count in radars.items()]
     others = {kind: model for kind, model in SENSOR_KINDS.items() if model not in (Camera, Lidar, Radar)}

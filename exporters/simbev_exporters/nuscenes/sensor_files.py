@@ -129,7 +129,15 @@ def radar_rows(cloud: Table, velocity_mps: Float64Array, radar: Radar) -> Table:
 
 
 def _sigmas(radar: Radar, rays: Float64Array, range_m: Float64Array, measured_mps: Float64Array) -> Float64Array:
-    """(4, N) standard deviations of x and y, m, and of vx and vy, m/s, by the errors of range, azimuth and speed."""
+    """(4, N) standard deviations of x, y, vx and vy, m and m/s; in the first scan, or beyond its range in the last."""
+    first, last = (_sigmas_of_scan(scan, rays, range_m, measured_mps) for scan in (radar.scans[0], radar.scans[-1]))
+    return np.where(range_m > radar.range_m, last, first)
+
+
+def _sigmas_of_scan(
+    radar: Radar, rays: Float64Array, range_m: Float64Array, measured_mps: Float64Array
+) -> Float64Array:
+    """(4, N) standard deviations by the errors of range, azimuth and speed."""
     cells = (
         (0.0, 0.0, 0.0)
         if radar.detector

@@ -36,9 +36,16 @@ class RayScenes:
     def load(self, spec: SceneSpec) -> None:
         """Load the meshes around the agents of a scene; they are kept while scenes stay there."""
         sensors = [sensor for agent in spec.agents for sensor in agent.rig.of_type(self._kind)]
-        distances_m = [sensor.range_m + math.hypot(sensor.pose.x_m, sensor.pose.y_m) for sensor in sensors]
+        ranges_m = [
+            max(scan.range_m for scan in sensor.scans) if isinstance(sensor, Radar) else sensor.range_m
+            for sensor in sensors
+        ]
+        distances_m = [
+            range_m + math.hypot(sensor.pose.x_m, sensor.pose.y_m)
+            for range_m, sensor in zip(ranges_m, sensors, strict=True)
+        ]
         self.reach_m = max(distances_m, default=0.0)
-        self._surroundings.load(spec, ray_view_radius_m(sensor.range_m for sensor in sensors))
+        self._surroundings.load(spec, ray_view_radius_m(ranges_m))
 
     @property
     def tunnels(self) -> Tunnels:

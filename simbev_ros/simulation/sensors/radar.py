@@ -37,7 +37,7 @@ class RadarModel:
     """A radar of the sensor rig, as configured; ``scan_radars`` runs one or more of them."""
 
     def __init__(self, radar: Radar, seed: int, scan_s: float) -> None:
-        """Create the model.
+        """Create the model, and that of the second scan.
 
         Args:
             radar: Configuration of the radar.
@@ -45,6 +45,7 @@ class RadarModel:
             scan_s: Time from one scan to the next.
         """
         self.radar = radar
+        self.scans = (self, *(RadarModel(each, seed, scan_s) for each in radar.scans[1:]))
         self.rays = max(1, round(radar.points_per_second * scan_s))
         solid_angle = np.radians(radar.horizontal_fov_deg) * 2.0 * np.sin(np.radians(radar.vertical_fov_deg) / 2.0)
         self._ray_sr = float(solid_angle / self.rays)
@@ -161,31 +162,33 @@ def scan_radars(
     """
     if not models:
         return []
-    poses = [map_from_sensor(model.radar.pose, state) for model in models]
-    counts = [model.rays for model in models]
-    directions = [model.directions(state.tick) for model in models]
+    scans = [scan for model in models for scan in model.scans]
+    poses = [map_from_sensor(scan.radar.pose, state) for scan in scans]
+    counts = [scan.rays for scan in scans]
+    directions = [scan.directions(state.tick) for scan in scans]
     origins_m = np.repeat([pose[:3, 3] for pose in poses], counts, axis=0)
     directions_map = np.concatenate([each @ pose[:3, :3].T for each, pose in zip(directions, poses, strict=True)])
     hits = scene.cast(origins_m, directions_map)
     points_m = origins_m + directions_map * np.where(np.isfinite(hits.range_m), hits.range_m, 0.0)[:, None]
     velocity_mps = scene.velocities(hits, points_m)
-    micro_doppler_rays = np.flatnonzero(np.repeat([model.radar.micro_doppler for model in models], counts))
+    micro_doppler_rays = np.flatnonzero(np.repeat([scan.radar.micro_doppler for scan in scans], counts))
     if previous is not None and len(micro_doppler_rays):
         velocity_mps[micro_doppler_rays] = scene.velocities(
             hits.of(micro_doppler_rays), points_m[micro_doppler_rays], previous
         )
-    rays_of_model = np.split(np.arange(len(directions_map)), np.cumsum(counts)[:-1])
-    return [
-        model.detections(
+    rays_of_scan = np.split(np.arange(len(directions_map)), np.cumsum(counts)[:-1])
+    clouds = (
+        scan.detections(
             pose,
             each,
             hits.of(rays),
             velocity_mps[rays],
             state,
-            model.ghosts(scene, pose, each, hits.of(rays), state, previous),
+            scan.ghosts(scene, pose, each, hits.of(rays), state, previous),
         )
-        for model, pose, each, rays in zip(models, poses, directions, rays_of_model, strict=True)
-    ]
+        for scan, pose, each, rays in zip(scans, poses, directions, rays_of_scan, strict=True)
+    )
+    return [np.concatenate([next(clouds) for _ in model.scans]) for model in models]
 
 
 def _own_velocity(map_from_radar: Float64Array, state: WorldState) -> Float64Array:

@@ -9,7 +9,7 @@ the lengths a to the wall, b from the wall to the object, and c from the object 
 
 The speed is the rate of the range. The power is that of the radar equation with the lengths there and back, less what
 each reflection on the wall takes. From one direction into another, a surface reflects as along their bisector and back
-(Kell 1965). Surfaces that move or are curved are no mirrors, and no path has two walls.
+(Kell 1965). Surfaces that move or are curved mirror nothing, and no path has two walls.
 """
 
 from typing import NamedTuple

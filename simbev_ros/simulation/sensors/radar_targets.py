@@ -57,6 +57,11 @@ def find_targets(radar: Radar, detector: RadarDetector, seen: Scatterers, rng: n
     noise = from_db(np.array(detector.noise_dbsm))
     power = power + noise * rng.standard_exponential(power.shape)
     row = _detected(power, float(noise), detector)
+    if (min_dbsm := detector.min_rcs_dbsm) is not None:
+        range_m = (low[0] + np.unravel_index(row, power.shape)[0]) * radar.range_resolution_m
+        row = row[
+            power.ravel()[row] * np.square(np.square(range_m / radar.reference_range_m)) >= from_db(np.array(min_dbsm))
+        ]
     row = row[np.argsort(-power.ravel()[row], kind="stable")[: detector.max_targets]]
     at = np.stack(np.unravel_index(row, power.shape))
     place, peak = _interpolated(power, at)

@@ -132,3 +132,34 @@ def test_a_turning_ego_moves_a_radar_at_its_corner() -> None:
     ahead_of_radar = sphere((2.0, 29.0, 1.0), 0.5)
     ego = actor(MODELS[0], vx=6.0, wz=0.5)
     assert speed_of_strongest(sensor, ahead_of_radar, ego) == pytest.approx(-1.0, abs=0.1)
+
+
+BALLS = static_scene(
+    *(mesh(ball([x, y, 1.0], 0.5), Tag.STATIC, Material.METAL) for x, y in ((30.0, 0.2), (34.0, 20.0), (120.0, -3.0)))
+)
+"""Balls ahead, to the left and far ahead."""
+
+
+def test_a_second_scan_sees_further_in_the_same_cloud() -> None:
+    far = {"range_m": 200, "horizontal_fov_deg": 4, "range_resolution_m": 2.0}
+    both = radar(range_m=60, horizontal_fov_deg=60, points_per_second=1_000_000, second_scan=far)
+    near = scan(radar(range_m=60, horizontal_fov_deg=60, points_per_second=1_000_000), BALLS, world(actor(MODELS[0])))
+    cloud = scan(both, BALLS, world(actor(MODELS[0])))
+    assert both.scans[1].azimuth_resolution_deg == both.azimuth_resolution_deg
+    assert cloud[: len(near)].tobytes() == near.tobytes()
+    assert near["range"] == pytest.approx([29.8, 39.8], abs=1.0)
+    assert cloud[len(near) :]["range"] == pytest.approx([29.8, 119.8], abs=2.0)
+
+
+def test_what_does_not_fit_in_a_second_scan_is_refused() -> None:
+    with pytest.raises(ValueError, match=r"second_scan: detector: \d+ cells of range"):
+        radar(second_scan={"range_resolution_m": 0.0001})
+    with pytest.raises(ValueError, match=r"second_scan: min_range_m 10 is not below range_m 5"):
+        radar(min_range_m=10, second_scan={"range_m": 5})
+
+
+def test_cross_sections_below_the_smallest_are_not_reported() -> None:
+    own_dbsm = 10.0 * np.log10(np.pi * 0.5**2)
+    for limit_dbsm, count in ((own_dbsm - 12.0, 1), (own_dbsm + 12.0, 0)):
+        detector = {"noise_dbsm": -60, "min_rcs_dbsm": limit_dbsm}
+        assert len(scan(radar(detector=detector), sphere((30.0, 0.4, 1.0), 0.5), world(actor(MODELS[0])))) == count

@@ -40,6 +40,13 @@ class Receiver(Model):
     noise_at_threshold_m: float = Field(
         0.0, ge=0, le=10, description="standard deviation of ranges of the weakest echoes, beside range_noise_sigma_m"
     )
+    gain_step_db: float | None = Field(
+        None,
+        gt=0,
+        le=60,
+        description="rise of the received power from one pulse of a channel to the next at which half of the pulses "
+        "are lost, because the gain follows slowly; none: it follows at once",
+    )
     scale: Literal["reflectance", "decibel"] = Field(
         "reflectance",
         description="what intensity follows; reflectance: that of the surface, retroreflectors above white; "

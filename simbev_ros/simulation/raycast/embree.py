@@ -19,11 +19,13 @@ class TriangleHits:
         range_m: (N,) float32 range, inf where nothing was hit.
         triangle: (N,) int32 index of the triangle, -1 where nothing was hit.
         normal: (N, 3) float32 unit normal by the triangle's winding, zeros where nothing was hit.
+        barycentric: (N, 2) float32 weights of the triangle's second and third corner.
     """
 
     range_m: Float32Array
     triangle: Int32Array
     normal: Float32Array
+    barycentric: Float32Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +63,7 @@ class TriangleSet:
             found["t_hit"].numpy(),
             found["primitive_ids"].numpy().view(np.int32),  # Embree's invalid id is all ones
             found["primitive_normals"].numpy(),
+            found["primitive_uvs"].numpy(),
         )
 
     def crossings(self, rays: Float32Array) -> Crossings:

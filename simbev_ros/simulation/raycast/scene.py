@@ -42,6 +42,8 @@ class Hits:
         material: (N,) uint8 material.
         normal: (N, 3) float32 unit normal of the triangle on the side of the ray's origin, map axes.
         cos_angle: (N,) float32 cosine of the angle between the ray and the normal, 0 grazing, 1 perpendicular.
+        triangle: (N,) int32 static triangle that the ray meets first, -1 for none; an actor may be ahead of it.
+        barycentric: (N, 2) float32 weights of the second and third corner of this triangle.
     """
 
     range_m: Float32Array
@@ -52,6 +54,8 @@ class Hits:
     material: UInt8Array
     normal: Float32Array
     cos_angle: Float32Array
+    triangle: Int32Array
+    barycentric: Float32Array
 
     def of(self, rays: Int64Array) -> "Hits":
         """The hits of some of the rays."""
@@ -138,7 +142,15 @@ class RayScene:
         object_id[moving.ray], tag[moving.ray] = self.actors["id"][moving.row], self.actors["tag"][moving.row]
         facing = -np.einsum("ni,ni->n", normal, directions)
         normal *= np.copysign(np.float32(1.0), facing)[:, None]
-        return Hits(range_m, object_id, row, part, tag, material, normal, np.minimum(np.abs(facing), np.float32(1.0)))
+        cos_angle = np.minimum(np.abs(facing), np.float32(1.0))
+        return Hits(range_m, object_id, row, part, tag, material, normal, cos_angle, hits.triangle, hits.barycentric)
+
+    def surface_coordinates(self, triangle: Int32Array, barycentric: Float32Array) -> Float32Array:
+        """(N, 2) u and v, as ``Material`` defines them, of (N,) static hits since the last ``update``."""
+        second, third = barycentric.T[..., None]
+        first_uv, second_uv, third_uv = (self._near.uv[corner] for corner in self._near.corners[triangle].T)
+        coordinates: Float32Array = first_uv + second * (second_uv - first_uv) + third * (third_uv - first_uv)
+        return coordinates
 
     def velocities(self, hits: Hits, points_m: Float64Array, previous: WorldState | None = None) -> Float64Array:
         """Velocities of the points that were hit: zero on static surfaces and where nothing was hit.

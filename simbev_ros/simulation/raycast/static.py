@@ -8,7 +8,7 @@ import numpy as np
 
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.placement.static_scene import StaticScene, Tile
-from simbev_ros.foundation.types import Float64Array, Int64Array, UInt8Array
+from simbev_ros.foundation.types import Float32Array, Float64Array, Int32Array, Int64Array, UInt8Array
 from simbev_ros.simulation.raycast.embree import TriangleSet
 
 _CELL_M = 128.0
@@ -29,12 +29,16 @@ class NearTriangles:
         origin_m: (3,) point of the map frame that the triangles are relative to.
         tag: (T + 1,) semantic tag per triangle, and 0 for triangle -1, which means no hit.
         material: (T + 1,) material per triangle, and 0 for triangle -1.
+        corners: (T, 3) vertices of each triangle.
+        uv: (V, 2) surface coordinates of the vertices.
         triangles: The triangles for Embree.
     """
 
     origin_m: Float64Array
     tag: UInt8Array
     material: UInt8Array
+    corners: Int32Array
+    uv: Float32Array
     triangles: TriangleSet
 
 
@@ -86,7 +90,12 @@ class StaticTriangles:
         triangles.build()
         material = mesh.material[mesh.triangles[:, 0]]
         return NearTriangles(
-            origin_m, np.append(mesh.triangle_tag, np.uint8(0)), np.append(material, np.uint8(0)), triangles
+            origin_m,
+            np.append(mesh.triangle_tag, np.uint8(0)),
+            np.append(material, np.uint8(0)),
+            mesh.triangles,
+            mesh.uv,
+            triangles,
         )
 
 

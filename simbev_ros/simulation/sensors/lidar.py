@@ -32,6 +32,7 @@ from simbev_ros.simulation.sensors.lidar_echo import echo_strength, intensity, i
 from simbev_ros.simulation.sensors.lidar_pattern import ScanPattern
 from simbev_ros.simulation.sensors.lidar_receiver import LidarReceiver
 from simbev_ros.simulation.sensors.lidar_weather import AirEchoes, LidarWeather
+from simbev_ros.simulation.sensors.lidar_window import find_windows
 from simbev_ros.simulation.sensors.mount import map_from_sensor
 
 
@@ -281,7 +282,8 @@ class LidarModel:
         assert draws.beam is not None
         assert draws.detection is not None
         beams = Beams(rays.origins_m, rays.directions, rays.lag_s, hits, draws.beam[:, :2])
-        first, others = surface_echoes(beams, scene.cast, scene.actors, wetness, self._stretch)
+        windows = find_windows(scene, hits)
+        first, others = surface_echoes(beams, windows, scene.cast, scene.actors, wetness, self._stretch)
         shared = edge_echoes(first, len(hits.range_m), self._lidar.channels, self._beam_reach, draws.beam[:, 2])
         echoes = Echoes.joined([shared, others])
         if draws.air_echoes is not None:
@@ -292,6 +294,7 @@ class LidarModel:
             echoes = Echoes.joined([echoes, in_air])
         detected, ratio = receiver.detect(echoes, draws.detection)
         kept = draws.drop_off[detected.ray] >= self._lidar.drop_off
+        kept &= receiver.keeps(detected, ratio, 1.0 - draws.drop_off)
         detected, ratio = detected.of(kept), ratio[kept]
         range_m = receiver.measured_m(detected, ratio, draws.range_noise[detected.ray])
         return self._cloud(detected.ray, range_m, receiver.intensity(detected), block)

@@ -25,11 +25,12 @@ from simbev_ros.foundation.types import (
 from simbev_ros.simulation.raycast.scene import Hits
 from simbev_ros.simulation.sensors.lidar_echo import surface_strength
 from simbev_ros.simulation.sensors.lidar_texture import texture_factor
+from simbev_ros.simulation.sensors.lidar_window import Windows
 
 _MAX_PANES = 3
 _CLEARANCE_M = 0.01  # from a surface to the start of what passes or is mirrored
 _LEAF_DEPTH_M = 0.3  # mean depth at which leaves behind the surface of a crown send light back
-_MIN_SHARE = 0.005
+_MIN_SHARE = 0.01
 _MIN_COS = 1e-3
 _MIN_JUMP_M = 0.3
 _MEAN_COLOR = 0xBABABA  # half as much light as white
@@ -83,12 +84,13 @@ Cast = Callable[[Float64Array, Float32Array, Float64Array | None], Hits]
 
 
 def surface_echoes(
-    beams: Beams, cast: Cast, actors: Table, wetness: float, stretch: float = 0.0
+    beams: Beams, windows: Windows, cast: Cast, actors: Table, wetness: float, stretch: float
 ) -> tuple[Echoes, Echoes]:
     """Echoes of the surfaces that beams meet first, and of what they meet through and in these.
 
     Args:
         beams: The beams.
+        windows: Those that first meet windows.
         cast: Function that casts rays.
         actors: The actors that rays hit, for their colors.
         wetness: 0 dry to 1 wet.
@@ -96,24 +98,25 @@ def surface_echoes(
             at a slant is as long as the spot is deep, and its peak lower.
     """
     table = load_materials()
-    count = len(beams.directions)
     ray = np.flatnonzero(np.isfinite(beams.hits.range_m))
     hits, share, before_m = beams.hits.of(ray), np.ones(len(ray), np.float32), np.zeros(len(ray), np.float32)
-    origins_m = np.broadcast_to(beams.origins_m, (count, 3))[ray]
+    origins_m = beams.origins_m if len(beams.origins_m) == 1 else beams.origins_m[ray]
     directions, found = beams.directions[ray], []
     for number in range(_MAX_PANES):
         material = hits.material
-        strength = surface_strength(material, hits.cos_angle, _colors(hits, actors), wetness) * share
+        strength = surface_strength(material, hits.cos_angle, _colors(hits, actors), wetness)
+        depth_m = np.zeros(len(ray), np.float32)
         slant2 = 1.0 / np.square(np.maximum(hits.cos_angle, _MIN_COS)) - 1.0
-        strength /= np.sqrt(1.0 + np.square(np.float32(stretch) * (before_m + hits.range_m)) * slant2)
-        point_m = origins_m + directions * hits.range_m[:, None]
-        strength *= texture_factor(hits, point_m)
+        strength *= share / np.sqrt(1.0 + np.square(np.float32(stretch) * (before_m + hits.range_m)) * slant2)
+        along_m = directions * hits.range_m[:, None]
+        strength *= texture_factor(hits, along_m + origins_m.astype(np.float32))
+        if number == 0:
+            rooms = _look_into(windows, np.searchsorted(ray, windows.ray), hits, strength, depth_m)
         mirrored = _mirrored(material, hits.cos_angle)
         passing = table.lidar_transmission[material]
         leaves = np.flatnonzero(material == Material.FOLIAGE)
         passing[leaves] = np.power(beams.uniform[ray[leaves], 0], 1.0 / passing[leaves] - 1.0)
         strength[leaves] *= 1.0 - passing[leaves]
-        depth_m = np.zeros(len(ray), np.float32)
         depth_m[leaves] = -_LEAF_DEPTH_M * np.log1p(-beams.uniform[ray[leaves], 1])
         found.append(Echoes(ray, before_m + hits.range_m + depth_m, strength))
         if number == _MAX_PANES - 1:
@@ -130,13 +133,26 @@ def surface_echoes(
             break
         share = np.concatenate([rest[rows] for rows, rest, _ in further])
         directions = np.concatenate([toward[rows] for rows, _, toward in further]).astype(np.float32)
-        origins_m, before_m = point_m[row] + _CLEARANCE_M * directions, before_m[row] + hits.range_m[row]
-        ray = ray[row]
+        starts_m = origins_m if len(origins_m) == 1 else origins_m[row]
+        origins_m = starts_m + along_m[row] + _CLEARANCE_M * directions
+        ray, before_m = ray[row], before_m[row] + hits.range_m[row]
         hits = cast(origins_m, directions, None if beams.lag_s is None else beams.lag_s[ray])
         there = np.flatnonzero(np.isfinite(hits.range_m))
         hits, ray, share, before_m = hits.of(there), ray[there], share[there], before_m[there] + _CLEARANCE_M
         origins_m, directions = origins_m[there], directions[there]
-    return found[0], Echoes.joined(found[1:] or [found[0].of(slice(0, 0))])
+    return found[0], Echoes.joined([rooms, *found[1:]])
+
+
+def _look_into(windows: Windows, pane: Int64Array, hits: Hits, strength: Float32Array, depth_m: Float32Array) -> Echoes:
+    """Echoes of rooms without curtains; replaces strengths and depths of the wall by those of panes, at (W,) rows."""
+    cos_angle = hits.cos_angle[pane]
+    glass, white = np.full(len(pane), Material.GLASS, np.uint8), np.full(len(pane), _MEAN_COLOR, np.uint32)
+    strength[pane] = surface_strength(glass, cos_angle, white, 0.0) + windows.curtain * cos_angle
+    tilt = np.maximum(cos_angle, _MIN_COS)
+    depth_m[pane] = windows.pane_m / tilt
+    open_ = np.flatnonzero(windows.room > 0.0)
+    range_m = hits.range_m[pane] + (windows.pane_m + windows.room_m) / tilt
+    return Echoes(windows.ray[open_], range_m[open_], (windows.room * cos_angle)[open_])
 
 
 def edge_echoes(first: Echoes, count: int, channels: int, reach: float, uniform: Float32Array) -> Echoes:
@@ -176,7 +192,7 @@ def _mirrored(material: UInt8Array, cos_angle: Float32Array) -> Float32Array:
 
 def _colors(hits: Hits, actors: Table) -> UInt32Array:
     """(N,) colors of the actors that were hit; a mean one on static surfaces."""
-    if not len(actors):
-        return np.full(len(hits.row), _MEAN_COLOR, np.uint32)
-    color: UInt32Array = np.where(hits.row >= 0, actors["color"][hits.row], np.uint32(_MEAN_COLOR))
+    color = np.full(len(hits.row), _MEAN_COLOR, np.uint32)
+    moving = np.flatnonzero(hits.row >= 0)
+    color[moving] = actors["color"][hits.row[moving]]
     return color

@@ -17,6 +17,7 @@ _REFERENCE_REFLECTANCE = 0.1
 _MAX_RETROREFLECTION = 785.0  # strength of the best sheeting, at which intensity is 1
 _MIN_RANGE_M = 0.1
 _MIN_POWER = 1e-12
+_GAIN_SPREAD = 0.22  # of the logistic function, relative to the step; fitted to the lost pulses of a real HDL-32E
 
 
 class LidarReceiver:
@@ -27,6 +28,7 @@ class LidarReceiver:
         self._receiver, self._returns = receiver, lidar.returns
         self._range_sigma_m = lidar.range_noise_sigma_m
         self._min_range_m, self._max_range_m = max(lidar.min_range_m, _MIN_RANGE_M), lidar.range_m
+        self._channels = lidar.channels
         draws = stream(0, f"lidar.{lidar.preset or lidar.name}.channels").standard_exponential(lidar.channels)
         self._gain_db = (receiver.channel_spread_db * (1.0 - draws)).astype(np.float32)  # a few are much weaker
         self._threshold = _REFERENCE_REFLECTANCE / receiver.range_at_10_percent_m**2
@@ -57,6 +59,27 @@ class LidarReceiver:
         ratio: Float32Array = self._power(echoes) / np.float32(self._threshold)
         is_detected = (ratio > 1.0) & (echoes.range_m >= self._min_range_m) & (echoes.range_m <= self._max_range_m)
         return echoes.of(is_detected), ratio[is_detected]
+
+    def keeps(self, echoes: Echoes, ratio: Float32Array, uniform: Float32Array) -> BoolArray:
+        """(M,) whether the gain has followed the power of detected echoes since the pulse before, of the same channel.
+
+        The probability of loss is a logistic function of the rise in decibels.
+
+        Args:
+            echoes: Detected echoes of N beams, column by column.
+            ratio: (M,) their power divided by the threshold.
+            uniform: (N,) uniform random numbers.
+        """
+        step_db = self._receiver.gain_step_db
+        if step_db is None:
+            return np.ones(len(ratio), bool)
+        level_db = np.full(len(uniform), np.inf, np.float32)
+        level_db[echoes.ray] = 10.0 * np.log10(ratio)
+        before_db = np.concatenate([np.full(self._channels, np.inf, np.float32), level_db[: -self._channels]])
+        rise_db = np.where(np.isfinite(before_db), level_db - before_db, -np.inf)
+        lost_share = 1.0 / (1.0 + np.exp((step_db - rise_db) / (_GAIN_SPREAD * step_db)))
+        kept: BoolArray = (uniform >= lost_share)[echoes.ray]
+        return kept
 
     def measured_m(self, echoes: Echoes, ratio: Float32Array, normal: Float32Array) -> Float32Array:
         """(M,) ranges that the lidar measures; weak echoes are noisier. ``normal``: (M,) standard normal numbers."""

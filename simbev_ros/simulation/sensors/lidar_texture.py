@@ -10,7 +10,7 @@ import numpy as np
 
 from simbev_ros.assets.materials import load_materials
 from simbev_ros.foundation.random import stream
-from simbev_ros.foundation.types import Float32Array, Float64Array
+from simbev_ros.foundation.types import Float32Array
 from simbev_ros.simulation.raycast.scene import Hits
 
 _CELL_M = 0.1
@@ -21,10 +21,10 @@ _STEP = 1 / 32
 _AMPLITUDE_PER_DB = np.float32(np.log(10.0) / 10.0)
 
 
-def texture_factor(hits: Hits, point_m: Float64Array) -> Float32Array:
+def texture_factor(hits: Hits, point_m: Float32Array) -> Float32Array:
     """(N,) factors on the reflectances of surfaces that were hit at (N, 3) points, map frame."""
     amplitude = np.where(hits.row < 0, _AMPLITUDE_PER_DB * load_materials().lidar_texture_db[hits.material], 0.0)
-    x, y, z = np.floor(point_m / _CELL_M).astype(np.int32).T & (_CELLS - 1)
+    x, y, z = np.floor(point_m * np.float32(1.0 / _CELL_M)).astype(np.int32).T & (_CELLS - 1)
     across_x, across_y, across_z = np.abs(hits.normal.T)
     is_wall = across_z < np.maximum(across_x, across_y)
     column, row = np.where(is_wall & (across_x > across_y), y, x), np.where(is_wall, z, y)

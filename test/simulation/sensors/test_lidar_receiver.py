@@ -17,6 +17,7 @@ from simbev_ros.simulation.sensors.lidar import LidarModel
 from simbev_ros.simulation.sensors.lidar_beam import Echoes
 from simbev_ros.simulation.sensors.lidar_echo import surface_strength
 from simbev_ros.simulation.sensors.lidar_receiver import LidarReceiver
+from simbev_ros.simulation.sensors.lidar_window import find_windows
 
 CART = cart_model()
 R10_M = 80.0
@@ -156,6 +157,42 @@ def test_what_a_pane_mirrors_seems_to_lie_behind_it() -> None:
     assert middle["x"] == pytest.approx(np.full(len(middle), 16.0), abs=0.1)
 
 
+def facade(at_m: float) -> Mesh:
+    """A wall across the x axis whose bays of 3 m begin at y = -30, -27, …, seen 2 m above its ground."""
+    corners = np.array([[at_m, -30, 0.0], [at_m, 30, 0.0], [at_m, 30, 9.0], [at_m, -30, 9.0]])[[[0, 3, 2], [0, 2, 1]]]
+    uv = corners[..., 1:] + [30.0, 0.0]
+    return Mesh.flat(corners, material=Material.FACADE, tag=Tag.WALL, color=(9, 9, 9), uv=uv)
+
+
+def test_windows_return_light_from_curtains_behind_the_wall_or_from_rooms() -> None:
+    """Openings reach from 0.85 to 2.15 m of each bay; panes are 0.18 m deep, and pass half of the light in all."""
+    cloud = points(lidar({"white": 1.0, "steps": 65535}, columns=1001, horizontal_fov_deg=100.0), facade(20.0))
+    place = (cloud["y"] / cloud["x"] * 20.0) % 3.0
+    bay = np.floor(cloud["y"] / cloud["x"] * 20.0 / 3.0)
+    is_wall = (place < 0.8) | (place > 2.2)
+    is_window = (place > 0.9) & (place < 2.1) & (np.abs(cloud["y"]) > 6.0)  # out of the way of what panes mirror
+    assert cloud["x"][is_wall] == pytest.approx(np.full(is_wall.sum(), 20.0), abs=1e-3)
+    depth_m = {each: cloud["x"][is_window & (bay == each)] - 20.0 for each in np.unique(bay[is_window])}
+    assert all(np.ptp(each) < 0.05 for each in depth_m.values())
+    means_m = np.array([each.mean() for each in depth_m.values()])
+    is_curtain = np.abs(means_m - 0.18) < 2e-3
+    assert 0.3 < is_curtain.mean() < 0.9
+    assert (means_m[~is_curtain] > 0.18).all()
+    curtained = is_window & np.isin(bay, np.array(list(depth_m))[is_curtain])
+    cos_angle = cloud["x"] / np.hypot(cloud["x"], cloud["y"])
+    expected = (0.08 + 0.7**2 * 0.4) * cos_angle[curtained]
+    assert cloud["intensity"][curtained] == pytest.approx(expected, rel=0.1)
+
+
+def test_actors_ahead_of_a_facade_have_no_windows() -> None:
+    cart = world(actor(CART, id=7, x=12.0, y=1.5))
+    scene = RayScene(static_scene(facade(20.0)), [CART])
+    scene.update(cart, np.zeros(3), 60.0)
+    hits = scene.cast(np.array([[0.0, 1.5, 1.0]]), np.array([[1.0, 0.0, 0.0]], np.float32))
+    assert hits.row[0] >= 0
+    assert not len(find_windows(scene, hits).ray)
+
+
 def test_an_edge_gives_a_beam_two_echoes_by_area() -> None:
     """Beams as wide as their spacing: over many edges, each side has its share, and close sides are one point."""
     posts = [wall(10.0, width_m=0.05, left_m=left_m) for left_m in np.arange(-0.6, 0.61, 0.1)]
@@ -196,6 +233,18 @@ def test_a_retroreflector_saturates_white_is_white_and_steps_are_the_products() 
     decibel = Receiver(range_at_10_percent_m=R10_M, scale="decibel", white=0.5, per_db=0.02, reference_m=10.0)
     value = LidarReceiver(lidar(), decibel).intensity(echoes((0, 10.0, 1.0), (1, 20.0, 1.0), (2, 100.0, 0.05)))
     assert value == pytest.approx([0.5, 0.5 - 0.02 * 6.02, 0.0], abs=0.003)
+
+
+@pytest.mark.parametrize(("rise_db", "lost_share"), [(-10.0, 0.0), (0.0, 0.010), (5.0, 0.15), (8.0, 0.5), (12.0, 0.91)])
+def test_pulses_are_lost_where_the_power_rises_faster_than_the_gain(rise_db: float, lost_share: float) -> None:
+    """Every second column is stronger than the one before; those between are as much weaker."""
+    settings = Receiver(range_at_10_percent_m=R10_M, gain_step_db=8.0)
+    receiver = LidarReceiver(lidar(channels=1000, columns=60, lower_fov_deg=-1.0), settings)
+    rays = Echoes(np.arange(60_000), np.full(60_000, 9.0, np.float32), np.ones(60_000, np.float32))
+    ratio = np.tile(np.repeat([3.0, 3.0 * 10.0 ** (rise_db / 10.0)], 1000), 30).astype(np.float32)
+    kept = receiver.keeps(rays, ratio, np.random.default_rng(1).random(60_000, np.float32)).reshape(60, 1000)
+    assert kept[0].all()
+    assert 1.0 - kept[1::2].mean() == pytest.approx(lost_share, abs=0.01)
 
 
 def test_below_its_floor_the_lidar_writes_0() -> None:

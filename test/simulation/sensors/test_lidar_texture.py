@@ -20,8 +20,10 @@ def texture_db(material: Material, point_m: Float64Array, normal: tuple[float, .
         material=np.full(count, material, np.uint8),
         normal=np.tile(np.array(normal, np.float32), (count, 1)),
         cos_angle=np.ones(count, np.float32),
+        triangle=np.zeros(count, np.int32),
+        barycentric=np.zeros((count, 2), np.float32),
     )
-    level_db: Float32Array = 10.0 * np.log10(texture_factor(hits, point_m))
+    level_db: Float32Array = 10.0 * np.log10(texture_factor(hits, point_m.astype(np.float32)))
     return level_db
 
 

@@ -148,7 +148,7 @@ def _look_into(windows: Windows, pane: Int64Array, hits: Hits, strength: Float32
     cos_angle = hits.cos_angle[pane]
     glass, white = np.full(len(pane), Material.GLASS, np.uint8), np.full(len(pane), _MEAN_COLOR, np.uint32)
     strength[pane] = surface_strength(glass, cos_angle, white, 0.0) + windows.curtain * cos_angle
-    tilt = np.maximum(cos_angle, _MIN_COS)
+    tilt: Float32Array = np.maximum(cos_angle, np.float32(_MIN_COS))
     depth_m[pane] = windows.pane_m / tilt
     open_ = np.flatnonzero(windows.room > 0.0)
     range_m = hits.range_m[pane] + (windows.pane_m + windows.room_m) / tilt

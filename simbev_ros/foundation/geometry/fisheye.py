@@ -30,6 +30,7 @@ _LATTICE_SIZE = 257
 _MARGIN_PX = 4
 _MAX_PIXEL_RATIO = 4.0
 _MAX_SIDE_PX = 8192
+_MIN_CIRCLE_PX = 16
 _FINITE_STEP = 1e-4
 
 
@@ -63,6 +64,12 @@ class FisheyeCamera(PinholeCamera):
             raise InputError(
                 f"cx {self.cx_px:g}, cy {self.cy_px:g}: the principal point of a fisheye must lie in its image of "
                 f"{self.width_px} x {self.height_px} pixels"
+            )
+        diameter_px = 2.0 * float(self._radius(self.seen_angle_rad)) * min(self.fx_px, self.fy_px)
+        if diameter_px < _MIN_CIRCLE_PX:
+            raise InputError(
+                f"fx {self.fx_px:g}, fy {self.fy_px:g}: the image circle of a fisheye would be {diameter_px:.3g} "
+                f"pixels across; at least {_MIN_CIRCLE_PX} are needed"
             )
 
     @property
@@ -167,15 +174,24 @@ def cube_faces(camera: FisheyeCamera) -> tuple[Face, ...]:
     A ray belongs to the face along whose axis it is longest. Faces extend a few pixels beyond that. All are made
     coarser where they would have more than four times as many pixels as the image.
     """
-    x_px, y_px = (np.linspace(-0.5, size - 0.5, _LATTICE_SIZE) for size in (camera.width_px, camera.height_px))
+    radius = float(_radius(camera.distortion, camera.seen_angle_rad))
+    x_px, y_px = (
+        np.linspace(max(-0.5, center - radius * focal), min(size - 0.5, center + radius * focal), _LATTICE_SIZE)
+        for size, center, focal in (
+            (camera.width_px, camera.cx_px, camera.fx_px),
+            (camera.height_px, camera.cy_px, camera.fy_px),
+        )
+    )
     rays = camera.rays(np.stack(np.meshgrid(x_px, y_px), axis=-1).reshape(-1, 2))
     rays = rays[~np.isnan(rays[:, 0])]
     cell_px = math.hypot(x_px[1] - x_px[0], y_px[1] - y_px[0])
+    slope = _slope(camera.distortion, _ANGLES_RAD[camera.seen_angle_rad >= _ANGLES_RAD]).min()
+    cell_rad = math.hypot((x_px[1] - x_px[0]) / camera.fx_px, (y_px[1] - y_px[0]) / camera.fy_px) / float(slope)
     needed = []
     for axes in _FACE_AXES.values():
         optical_from_face = np.array(axes, np.float64).T
         rays_face = rays @ optical_from_face
-        rays_face = rays_face[_belongs(rays_face, 4.0 * cell_px / min(camera.fx_px, camera.fy_px))]
+        rays_face = rays_face[_belongs(rays_face, min(2.0 * cell_rad, 0.5))]
         if len(rays_face):
             plane = rays_face[:, :2] / rays_face[:, 2:]
             finest_px, coarsest_px = _resolutions(camera, plane, optical_from_face)

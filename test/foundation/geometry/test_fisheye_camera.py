@@ -107,6 +107,13 @@ def test_a_lens_that_turns_back_within_the_image_is_rejected_by_name() -> None:
         focal_length_px(1280, float(np.radians(190.0)), (-0.2, 0.0, 0.0, 0.0))
 
 
+def test_an_image_circle_of_a_few_pixels_is_rejected() -> None:
+    with pytest.raises(InputError, match=r"fx 1, fy 300: the image circle .* 3\.49 pixels across; at least 16"):
+        FisheyeCamera(1280, 960, 1.0, 300.0, 639.5, 479.5, (0.0, 0.0, 0.0, 0.0), WIDE_RAD)
+    small = FisheyeCamera(8192, 8192, 6.0, 6.0, 4000.0, 4000.0, (0.0, 0.0, 0.0, 0.0), WIDE_RAD)
+    assert len(cube_faces(small)) == 5
+
+
 def test_a_principal_point_outside_the_image_is_rejected() -> None:
     with pytest.raises(InputError, match=r"cx 1400, cy 479\.5: the principal point of a fisheye must lie in its image"):
         FisheyeCamera(1280, 960, 340.0, 340.0, 1400.0, 479.5, (0.0, 0.0, 0.0, 0.0), WIDE_RAD)

@@ -134,7 +134,7 @@ class Radar(Sensor):
     )
 
     @cached_property
-    def scans(self) -> tuple["Radar", ...]:
+    def scans_of_cycle(self) -> tuple["Radar", ...]:
         """The scans of a cycle as a radar each: this one, and the second scan if there is one."""
         if self.second_scan is None:
             return (self,)
@@ -187,7 +187,7 @@ class Radar(Sensor):
         if self.ghosts and self.detector is None:
             raise ValueError("ghosts: need a detector")
         try:
-            assert self.scans
+            assert self.scans_of_cycle
         except ValidationError as error:
             raise ValueError(f"second_scan: {error.errors()[0]['msg'].removeprefix('Value error, ')}") from None
         if self.one_per_cell and (missing := [name for name in _RESOLUTIONS if getattr(self, name) is None]):

@@ -146,7 +146,7 @@ def _samples_per_tick(scenario: Scenario) -> int:
     sensors = [sensor for rig in scenario.rigs for sensor in rig.sensors]
     images = (s.width_px * s.height_px * len(s.modalities) for s in sensors if isinstance(s, Camera))
     rays = (s.channels * s.columns for s in sensors if isinstance(s, Lidar))
-    radars = (scan for s in sensors if isinstance(s, Radar) for scan in s.scans)
+    radars = (scan for s in sensors if isinstance(s, Radar) for scan in s.scans_of_cycle)
     scans = (round(s.points_per_second * (1.0 / s.rate_hz if s.rate_hz else scenario.time.tick_s)) for s in radars)
     own, agents = scenario.annotation, scenario.agents
     labels = [(own, 1), *((agent.annotation or own, agent.max_count) for agent in agents)]

@@ -123,7 +123,7 @@ def _rig(rig: Rig) -> list[str]:
     radars = Counter(
         f"{radar.range_m:g} m {radar.horizontal_fov_deg:g}x{radar.vertical_fov_deg:g}°"
         for each in rig.of_type(Radar)
-        for radar in each.scans
+        for radar in each.scans_of_cycle
     )
     phrases += [f"{count} radar{'s' * (count > 1)} {kind}" for kind, count in radars.items()]
     others = {kind: model for kind, model in SENSOR_KINDS.items() if model not in (Camera, Lidar, Radar)}

@@ -37,7 +37,7 @@ class RayScenes:
         """Load the meshes around the agents of a scene; they are kept while scenes stay there."""
         sensors = [sensor for agent in spec.agents for sensor in agent.rig.of_type(self._kind)]
         ranges_m = [
-            max(scan.range_m for scan in sensor.scans) if isinstance(sensor, Radar) else sensor.range_m
+            max(scan.range_m for scan in sensor.scans_of_cycle) if isinstance(sensor, Radar) else sensor.range_m
             for sensor in sensors
         ]
         distances_m = [

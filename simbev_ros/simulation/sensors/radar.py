@@ -45,7 +45,7 @@ class RadarModel:
             scan_s: Time from one scan to the next.
         """
         self.radar = radar
-        self.scans = (self, *(RadarModel(each, seed, scan_s) for each in radar.scans[1:]))
+        self.scans = (self, *(RadarModel(each, seed, scan_s) for each in radar.scans_of_cycle[1:]))
         self.rays = max(1, round(radar.points_per_second * scan_s))
         solid_angle = np.radians(radar.horizontal_fov_deg) * 2.0 * np.sin(np.radians(radar.vertical_fov_deg) / 2.0)
         self._ray_sr = float(solid_angle / self.rays)

@@ -145,7 +145,7 @@ def test_a_second_scan_sees_further_in_the_same_cloud() -> None:
     both = radar(range_m=60, horizontal_fov_deg=60, points_per_second=1_000_000, second_scan=far)
     near = scan(radar(range_m=60, horizontal_fov_deg=60, points_per_second=1_000_000), BALLS, world(actor(MODELS[0])))
     cloud = scan(both, BALLS, world(actor(MODELS[0])))
-    assert both.scans[1].azimuth_resolution_deg == both.azimuth_resolution_deg
+    assert both.scans_of_cycle[1].azimuth_resolution_deg == both.azimuth_resolution_deg
     assert cloud[: len(near)].tobytes() == near.tobytes()
     assert near["range"] == pytest.approx([29.8, 39.8], abs=1.0)
     assert cloud[len(near) :]["range"] == pytest.approx([29.8, 119.8], abs=2.0)

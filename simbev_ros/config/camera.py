@@ -127,6 +127,8 @@ class Camera(Sensor, Optics):
             raise ValueError(f"horizontal_fov_deg: is {fov_deg:g}; from 170 on, it needs distortion_model: equidistant")
         if is_fisheye and fov_deg is None and self.fx_px is None:
             raise ValueError("distortion_model: equidistant needs horizontal_fov_deg or fx_px")
+        if is_fisheye and self.imager is not None and self.imager.shutter is not None:
+            raise ValueError("imager.shutter: not with distortion_model: equidistant")
         if is_fisheye and (computed := [name for name in self.modalities if IMAGE_KINDS[name].shader is not None]):
             raise ValueError(f"modalities: an equidistant camera has none with a shader: {', '.join(computed)}")
         return self

@@ -1,4 +1,4 @@
-"""Optical properties of a camera's color image: exposure, vignetting and noise."""
+"""Optical properties of a camera: exposure, shutter, vignetting and noise."""
 
 import math
 from typing import Self
@@ -51,6 +51,29 @@ class SensorNoise(Model):
     )
 
 
+class Shutter(Model):
+    """Shutter of an imager: when and for how long its rows are exposed, which blurs and shears what moves.
+
+    The stamp of an image is the middle of the exposure of its middle row, so that labels of that moment fit best. A
+    driver that stamps the trigger, as in nuScenes, is earlier by half the exposure time and half the readout.
+    """
+
+    max_time_s: float = Field(
+        0.02,
+        ge=1e-6,
+        le=1,
+        description="maximum exposure time of automatic exposure; with less light, signals and noise are amplified",
+    )
+    iso: float = Field(200.0, ge=1, le=1e6, description="ISO sensitivity without amplification")
+    readout_s: float = Field(
+        0.0,
+        ge=0,
+        le=0.1,
+        description="time from the first row to the last; in all images of the camera, each row is of its own time; "
+        "0: global shutter",
+    )
+
+
 class Imager(Model):
     """Lens and image sensor as they are sold: light becomes electrons, a mosaic of colors, and a picture again."""
 
@@ -70,6 +93,9 @@ class Imager(Model):
     full_well_electrons: float = Field(10000.0, ge=10, le=1e7, description="electrons of a white pixel")
     read_sigma_electrons: float = Field(3.0, ge=0, le=1e5, description="standard deviation of read noise")
     bits: int = Field(12, ge=8, le=16, description="bits of a raw value")
+    shutter: Shutter | None = Field(
+        None, description="exposure time and rows; none: each image shows one moment, at a fixed sensitivity"
+    )
     white_balance: tuple[float, float] = Field(
         (1.0, 1.0), description="factors on red and blue after demosaicing; more than 1 is warmer, and bluer"
     )

@@ -119,6 +119,10 @@ def test_a_fisheye_comes_from_a_field_of_view_or_a_focal_length() -> None:
             rig("{type: camera, name: a, distortion_model: equidistant, horizontal_fov_deg: 190, image_circle_deg: 9}"),
             r"image_circle_deg: is 9, but horizontal_fov_deg is 190",
         ),
+        (
+            rig("{type: camera, name: a, distortion_model: equidistant, fx_px: 400, imager: {shutter: {}}}"),
+            "imager.shutter: not with distortion_model: equidistant",
+        ),
         (rig("{type: camera, name: a, fx_px: 20}"), r"fx_px 20, fy_px 20: .* 1600 x 900 .* more than 85°"),
         (
             rig("{type: camera, name: a, distortion: [-0.9, 0, 0, 0, 0]}"),

@@ -6,11 +6,16 @@ from typing import Self
 
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.modalities import IMAGE_KINDS, Modality
-from simbev_ros.config.optics import IDEAL_OPTICS, Optics
+from simbev_ros.config.optics import IDEAL_OPTICS, Optics, Shutter
 from simbev_ros.foundation.geometry.camera import PinholeCamera
 from simbev_ros.foundation.random import stream
 from simbev_ros.foundation.types import Float32Array, Float64Array, UInt8Array, UInt16Array
+from simbev_ros.foundation.units import NS_PER_S
+from simbev_ros.scene.interpolation import earlier_rows, interpolate_actors
 from simbev_ros.schema.scene.state import WorldState
+
+MOTION_S = 0.005
+"""Time over which the motion during an exposure is measured: short, as wheels turn fast."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +55,16 @@ class CameraView:
         )
 
     @property
+    def shutter(self) -> Shutter | None:
+        """Shutter of the camera; None: its images show one moment."""
+        return None if self.optics.imager is None else self.optics.imager.shutter
+
+    @property
+    def rolls(self) -> bool:
+        """Whether each row of its images is of another moment."""
+        return self.shutter is not None and self.shutter.readout_s > 0.0
+
+    @property
     def drawn(self) -> Self:
         """This view with the modalities that OpenGL draws: the color image in place of those made from it."""
         modalities = dict.fromkeys("rgb" if IMAGE_KINDS[name].of_imager else name for name in self.modalities)
@@ -62,13 +77,23 @@ class RenderFrame:
 
     Attributes:
         world: The current world state.
-        previous: The world state one frame earlier, for the flow; None: the first frame, its flow is zero.
+        previous: The world state one frame earlier, for the flow and the motion during an exposure; None: the first
+            frame, in which nothing moves.
         show_ego: Draw the ego and its rider. By default they only cast shadows, because the cameras are inside.
     """
 
     world: WorldState
     previous: WorldState | None = None
     show_ego: bool = False
+
+    @property
+    def shortly_before(self) -> WorldState | None:
+        """The world ``MOTION_S`` before this frame, between the previous frame and this one; None: nothing moves."""
+        if self.previous is None or self.previous.stamp_ns >= self.world.stamp_ns:
+            return None
+        share = MOTION_S * NS_PER_S / (self.world.stamp_ns - self.previous.stamp_ns)
+        earlier = earlier_rows(self.world.actors, self.previous.actors)
+        return replace(self.world, actors=interpolate_actors(earlier, self.world.actors, 1.0 - share))
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,12 +30,17 @@ _KERNEL_SIGMAS = 2.5
 _FIELD_MARGIN_PX = 256
 
 
-def form_images(view: CameraView, images: CameraImages) -> CameraImages:
-    """The images of a view whose color image is still that of an ideal camera; without an imager, it stays so."""
+def form_images(view: CameraView, images: CameraImages, amplification: float = 1.0) -> CameraImages:
+    """The images of a view whose color image is still that of an ideal camera; without an imager, it stays so.
+
+    Amplification after the pixels is the factor by which fewer electrons are white.
+    """
     imager = view.optics.imager
     if imager is None or images.rgb is None:
         return images
     falloff = _falloff(view.camera, view.optics.vignetting) if view.optics.vignetting else None
+    if amplification != 1.0:
+        imager = imager.model_copy(update={"full_well_electrons": imager.full_well_electrons / amplification})
     mosaic = expose(images.rgb, imager, view.noise_seed, falloff)
     return replace(
         images,

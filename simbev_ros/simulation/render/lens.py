@@ -9,6 +9,7 @@ For a fisheye, there are several ideal cameras, one per face of a cube (``geomet
 turn adds the pixels with rays that belong to its face; drops on the lens and sensor noise follow after the last one.
 """
 
+import math
 from collections.abc import Sequence
 
 import moderngl
@@ -23,6 +24,7 @@ from simbev_ros.simulation.render.frame import CameraView
 from simbev_ros.simulation.render.gl.programs import TEXTURE_UNITS, ProgramLibrary
 from simbev_ros.simulation.render.gl.screen_pass import ScreenPass
 from simbev_ros.simulation.render.gl.targets import Image, Targets
+from simbev_ros.simulation.render.shutter import MotionTimes, Shutters
 from simbev_ros.simulation.render.view import View
 
 _GEOMETRIC: tuple[Modality, ...] = ("semantic", "instance", "depth", "flow")
@@ -34,9 +36,9 @@ _NOISE_FREE_ELECTRONS = 1e12
 class Lenses:
     """Lens and sensor passes of all cameras, each compiled when it is first used, as most cameras are ideal."""
 
-    def __init__(self, context: moderngl.Context, library: ProgramLibrary) -> None:
+    def __init__(self, context: moderngl.Context, library: ProgramLibrary, shutters: Shutters) -> None:
         """Store the context and the shader library; nothing is compiled yet."""
-        self._context, self._library = context, library
+        self._context, self._library, self._shutters = context, library, shutters
         self._passes: dict[str, ScreenPass] = {}
         self._rays: dict[PinholeCamera, moderngl.Texture] = {}
         self._geometry: dict[tuple[int, int], moderngl.Framebuffer] = {}
@@ -44,16 +46,23 @@ class Lenses:
         self._fisheye_color: dict[tuple[int, int], moderngl.Framebuffer] = {}
         self._from_depth: dict[Modality, dict[tuple[int, int], moderngl.Framebuffer]] = {}
 
-    def images(self, view: CameraView, ideal: View, targets: Targets) -> dict[Modality, Image]:
+    def images(self, view: CameraView, ideal: View, times: MotionTimes, targets: Targets) -> dict[Modality, Image]:
         """Attachments that hold a camera's images; its ideal camera's ``targets`` must be drawn and bound.
 
-        Those of a fisheye are complete after the last face, and its color image after ``sensed_fisheye``.
+        Those of a fisheye are complete after the last face, and its color image after ``sensed_fisheye``. Unless the
+        times of the shutter are 0, the motion must be drawn, too.
         """
         images = targets.images
+        if times.exposed or view.rolls:
+            self._bind_rays(view.camera)
+        if times.exposed:
+            images["rgb"] = self._shutters.exposed_color(view.camera, times, targets.rgb)
+        if times.per_row:
+            self._shutters.roll_rays(view.camera, times)
         if ideal.camera != view.camera and set(view.modalities) != {"rgb"}:
-            geometry = self._draw_geometry(view.camera, ideal.face)
+            geometry = self._draw_geometry(view, ideal.face, times)
             images |= {modality: Image(geometry, index) for index, modality in enumerate(_GEOMETRIC)}
-        if "rgb" in view.modalities:
+        if "rgb" in view.modalities and not times.exposed:
             images["rgb"] = Image(self._draw_color(view, targets.rgb, ideal.face), 0, components=3)
         for modality in view.modalities:
             if modality not in images:
@@ -69,31 +78,35 @@ class Lenses:
         """Attachment that holds the color image of a fisheye, with the effects of its sensor."""
         return Image(self._draw_color(view, self.fisheye_color(view.camera)[0], None), 0, components=3)
 
-    def _draw_geometry(self, camera: PinholeCamera, face: Face | None) -> moderngl.Framebuffer:
+    def _draw_geometry(self, view: CameraView, face: Face | None, times: MotionTimes) -> moderngl.Framebuffer:
         """Draw all modalities except rgb; returns them as attachments, in the order of ``_GEOMETRIC``."""
+        camera, rolls = view.camera, times.per_row > 0.0
         target = self._target(self._geometry, camera, [IMAGE_KINDS[name].texel for name in _GEOMETRIC])
-        screen_pass = self._lens_pass("lens_geometry.frag", camera, face)
+        screen_pass = self._lens_pass("lens_geometry.frag", view, face, ROLLING=rolls)
         program = screen_pass.program
         program["lens_intrinsics"] = camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px
         if isinstance(camera, FisheyeCamera):
             program["lens_radial"] = camera.distortion
             program["max_angle"] = camera.seen_angle_rad
-        elif isinstance(camera, LensCamera):
-            k1, k2, p1, p2, k3 = camera.distortion
-            program["lens_radial"] = k1, k2, k3, camera.max_radius2
+        else:
+            k1, k2, p1, p2, k3 = camera.distortion if isinstance(camera, LensCamera) else (0.0,) * 5
+            max_radius2 = camera.max_radius2 if isinstance(camera, LensCamera) else math.inf
+            program["lens_radial"] = k1, k2, k3, max_radius2
             program["lens_tangential"] = p1, p2
+        if rolls:
+            program["rows"] = times.per_row, times.middle_row
         screen_pass.draw(target)
         return target
 
     def _draw_color(self, view: CameraView, ideal: moderngl.Framebuffer, face: Face | None) -> moderngl.Framebuffer:
         """Draw the color image, or what a face adds to it; returns ``ideal`` if lens and sensor change nothing."""
         camera, optics = view.camera, view.optics
-        distorts = isinstance(camera, LensCamera) or face is not None
+        distorts = isinstance(camera, LensCamera) or face is not None or view.rolls
         darkens = bool(optics.vignetting) and optics.imager is None  # an imager darkens the light itself
         senses = face is None and (darkens or optics.noise is not None)
         if not (distorts or senses or isinstance(camera, FisheyeCamera)):
             return ideal
-        screen_pass = self._lens_pass("lens_color.frag", camera, face, DISTORTED=distorts, SENSOR=senses)
+        screen_pass = self._lens_pass("lens_color.frag", view, face, DISTORTED=distorts, SENSOR=senses)
         if senses:
             _set_sensor(screen_pass.program, optics, view.noise_seed)
         image = ideal.color_attachments[0]
@@ -122,9 +135,10 @@ class Lenses:
             self._rays[camera].filter = (moderngl.NEAREST, moderngl.NEAREST)
         self._rays[camera].use(TEXTURE_UNITS["lens_rays"])
 
-    def _lens_pass(self, fragment: str, camera: PinholeCamera, face: Face | None, **constants: bool) -> ScreenPass:
-        """The pass of a shader for a camera, or for a face of it, with the camera's rays bound."""
-        if isinstance(camera, LensCamera | FisheyeCamera):
+    def _lens_pass(self, fragment: str, view: CameraView, face: Face | None, **constants: bool) -> ScreenPass:
+        """The pass of a shader for a camera, or for a face of it, with its rays bound; those that roll already are."""
+        camera = view.camera
+        if isinstance(camera, LensCamera | FisheyeCamera) and not view.rolls:
             self._bind_rays(camera)
         if isinstance(camera, FisheyeCamera):
             constants["FISHEYE"] = True

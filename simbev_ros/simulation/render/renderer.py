@@ -45,6 +45,7 @@ from simbev_ros.simulation.render.lighting.sky_dome import SkyDome
 from simbev_ros.simulation.render.lighting.tunnel_map import TunnelAdaptation, TunnelMap
 from simbev_ros.simulation.render.shading.noise import noise_texture
 from simbev_ros.simulation.render.shading.shading import Shading
+from simbev_ros.simulation.render.shutter import MotionTimes, Shutters
 from simbev_ros.simulation.render.view import VIEW_BLOCK_BYTES, View
 
 READ_BACK = "read-back"
@@ -93,14 +94,15 @@ class Renderer:
             self._background_for_lens = library.raster_pass("background.frag", LENS=1)
             self._triangle_ids = TriangleIds(self._context, library) if self._on_gpu else None
             self._shading = Shading(self._context, library, timer)
-            self._lenses = Lenses(self._context, library)
+            self._shutters = Shutters(self._context, library)
+            self._lenses = Lenses(self._context, library, self._shutters)
             self._shadow_map = ShadowMap(self._context, quality)
             self._sky_dome = SkyDome(self._context, library)
             self._lamp_field = LampField(self._context, library, static, VehicleLamps(models))
             self._contact_map = ContactMap(self._context, library)
             self._tunnel_map = TunnelMap(self._context, library, static.tunnels)
             self._noise = noise_texture(self._context)
-            self._rigid = RigidTextures(self._context)
+            self._rigid, self._moving = RigidTextures(self._context), RigidTextures(self._context)
             self._history = DepthHistory(self._context)
             self._view_block = self._context.buffer(reserve=VIEW_BLOCK_BYTES)
             self._view_block.bind_to_uniform_block(BLOCK_BINDINGS["View"])
@@ -133,6 +135,9 @@ class Renderer:
         with self._context, check_memory(self._context, f"images of {len(cameras)} cameras"):
             flow = any("flow" in camera.modalities for camera in cameras)
             table = RigidTable.from_world(self._skeletons, frame.world, frame.previous if flow else None, origin_m)
+            before = frame.shortly_before if any(camera.shutter for camera in cameras) else None
+            if before is not None:
+                self._moving.upload(RigidTable.from_world(self._skeletons, frame.world, before, origin_m))
             self._rigid.upload(table)
             adaptation = self._tunnel_map.adaptation(origin_m, SkyLight.from_weather(frame.world.weather))
             views = [
@@ -142,6 +147,7 @@ class Renderer:
                     frame.previous if "flow" in camera.modalities else None,
                     origin_m,
                     adaptation.factor,
+                    before,
                 )
                 for camera in cameras
             ]
@@ -156,7 +162,10 @@ class Renderer:
             ]
             with self._timer(READ_BACK):
                 self._read_back.finish()
-        return [form_images(camera, image) for camera, image in zip(requested, images, strict=True)]
+        return [
+            form_images(camera, image, each[0].shutter.amplification if each[0].shutter else 1.0)
+            for camera, image, each in zip(requested, images, views, strict=True)
+        ]
 
     def close(self) -> None:
         """Free the context with all that was uploaded; the renderer cannot be used afterwards."""
@@ -234,7 +243,14 @@ class Renderer:
             if "rgb" in camera.modalities:
                 self._shading.draw(targets, None if is_fisheye else seed)
             with self._timer("lens"):
-                images = self._lenses.images(camera, view, targets)
+                times = MotionTimes.of(view, camera)
+                if times.exposed or times.per_row:
+                    self._moving.bind()
+                    self._view_block.write(view.motion_block())
+                    self._shutters.draw_motion(view)
+                    self._rigid.bind()
+                    self._view_block.write(view.block())
+                images = self._lenses.images(camera, view, times, targets)
         if is_fisheye and "rgb" in camera.modalities:
             self._view_block.write(replace(views[0], camera=camera.camera).block())
             self._shading.rain.draw_lens_drops(*self._lenses.fisheye_color(camera.camera), seed)

@@ -4,7 +4,7 @@ A ``CameraView`` and a ``WorldState`` enter, a ``View`` leaves. "World" is the m
 origin (the ego), so that float32 on the GPU is accurate on large maps.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,10 +14,13 @@ from simbev_ros.foundation.geometry.transforms import SENSOR_FROM_OPTICAL, inver
 from simbev_ros.foundation.types import BoolArray, Float64Array
 from simbev_ros.schema.scene.state import WorldState, map_from_actors
 from simbev_ros.simulation.render.frame import CameraView
-from simbev_ros.simulation.render.lighting.exposure import exposure_gain
+from simbev_ros.simulation.render.lighting.exposure import ShutterTimes, exposure_gain, shutter_times
 
 NEAR_M = 0.1
 FAR_M = 2000.0
+_MARGIN_STEP_PX, _WIDTH_PER_MARGIN = 12, 64
+"""Margin in which the G-buffer of a rolling shutter has what other rows' times show: a multiple of the steps of shading
+(``quality_steps``), about this part of the image's width."""
 VIEW_BLOCK_BYTES = (3 * 4 + 2) * 16
 
 
@@ -33,6 +36,8 @@ class View:
         exposure_gain: Brightness of the color image relative to automatic exposure.
         face: The face of a fisheye's view that this is, ``camera`` being that of the face; None for other cameras.
         fisheye_px: Pixels per radian of the fisheye where it is finest; 0 for other cameras.
+        shutter: Times of the camera's shutter; None: its images show one moment.
+        before_optical_from_world: (4, 4) inverse pose of the camera ``MOTION_S`` earlier, or None.
     """
 
     camera: PinholeCamera
@@ -42,6 +47,8 @@ class View:
     exposure_gain: float = 1.0
     face: Face | None = None
     fisheye_px: float = 0.0
+    shutter: ShutterTimes | None = None
+    before_optical_from_world: Float64Array | None = None
 
     @classmethod
     def of_camera(
@@ -51,12 +58,19 @@ class View:
         previous: WorldState | None,
         origin_m: Float64Array,
         adaptation: float = 1.0,
+        shortly_before: WorldState | None = None,
     ) -> list["View"]:
         """View of a camera of the ego, in the world with its origin at (3,) ``origin_m`` in the map frame.
 
         That of a fisheye consists of several faces; the first one has the fisheye's own optical frame. ``adaptation``
-        is the factor by which automatic exposure differs from that of the weather.
+        is the factor by which automatic exposure differs from that of the weather; ``shortly_before`` is the world
+        ``MOTION_S`` earlier.
         """
+
+        def optical_from_world(earlier: WorldState | None) -> Float64Array | None:
+            return None if earlier is None else inverse(_world_from_ego(earlier, origin_m) @ ego_from_optical)
+
+        times = view.shutter and shutter_times(view.optics.exposure, view.shutter, world.weather, adaptation)
         gain = exposure_gain(view.optics.exposure, world.weather, adaptation)
         faces = cube_faces(view.camera) if isinstance(view.camera, FisheyeCamera) else (None,)
         fisheye_px = max(face.camera.fx_px if face else 0.0 for face in faces)
@@ -66,10 +80,12 @@ class View:
             if face is not None:
                 ego_from_optical[:3, :3] = ego_from_optical[:3, :3] @ face.optical_from_face
             camera = ideal_camera(view.camera) if face is None else face.camera
-            before = None if previous is None else inverse(_world_from_ego(previous, origin_m) @ ego_from_optical)
+            if view.rolls:
+                camera = _padded(camera, _rolling_margin_px(camera))
+            previous_pose, before_pose = optical_from_world(previous), optical_from_world(shortly_before)
             pose = _world_from_ego(world, origin_m) @ ego_from_optical
             clip_from_world = _clip_from_optical(camera) @ inverse(pose)
-            views.append(cls(camera, pose, clip_from_world, before, gain, face, fisheye_px))
+            views.append(cls(camera, pose, clip_from_world, previous_pose, gain, face, fisheye_px, times, before_pose))
         return views
 
     @property
@@ -106,6 +122,10 @@ class View:
         nearest = np.maximum(ahead_m - radii_m, 0.0) / max(self.camera.fx_px, self.camera.fy_px, 1000.0)
         return nearest * np.clip(ahead_m / distance_m, 0.0, 1.0)  # off the axis, images are stretched
 
+    def motion_block(self) -> bytes:
+        """Data of the same uniform block as ``block`` with the camera's pose ``MOTION_S`` earlier as previous pose."""
+        return replace(self, previous_optical_from_world=self.before_optical_from_world).block()
+
     def block(self) -> bytes:
         """Data of the uniform block ``View`` of shaders/include/view.glsl, std140."""
         camera = self.camera
@@ -125,6 +145,21 @@ def boxes_in_clip_space(clip_from_world: Float64Array, low_m: Float64Array, high
     center, half = (low_m + high_m) / 2.0, (high_m - low_m) / 2.0
     reach = half @ np.abs(planes[:, :3]).T
     return np.all(center @ planes[:, :3].T + planes[:, 3] >= -reach, axis=1)
+
+
+def _rolling_margin_px(camera: PinholeCamera) -> int:
+    return _MARGIN_STEP_PX * max(round(camera.width_px / _WIDTH_PER_MARGIN / _MARGIN_STEP_PX), 1)
+
+
+def _padded(camera: PinholeCamera, margin_px: int) -> PinholeCamera:
+    """The camera with a margin around its image."""
+    return replace(
+        camera,
+        width_px=camera.width_px + 2 * margin_px,
+        height_px=camera.height_px + 2 * margin_px,
+        cx_px=camera.cx_px + margin_px,
+        cy_px=camera.cy_px + margin_px,
+    )
 
 
 def _planes(clip: Float64Array) -> Float64Array:

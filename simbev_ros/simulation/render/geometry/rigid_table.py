@@ -70,7 +70,7 @@ class RigidTable:
 
 
 class RigidTextures:
-    """The table on the GPU, bound to its texture units."""
+    """A table on the GPU, bound to its texture units."""
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
@@ -86,6 +86,11 @@ class RigidTextures:
         width = _ROWS_PER_LINE * _TEXELS_PER_ROW
         self._poses.write(np.pad(table.poses, ((0, padding), (0, 0), (0, 0))).tobytes(), (0, 0, width, lines))
         self._actors.write(np.pad(table.actors, ((0, padding), (0, 0))).tobytes(), (0, 0, _ROWS_PER_LINE, lines))
+        self.bind()
+
+    def bind(self) -> None:
+        """Bind the uploaded textures, if others have been bound since."""
+        assert self._poses is not None and self._actors is not None
         self._poses.use(TEXTURE_UNITS["rigid_poses"])
         self._actors.use(TEXTURE_UNITS["rigid_actors"])
 

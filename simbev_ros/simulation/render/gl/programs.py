@@ -13,8 +13,11 @@ from simbev_ros.schema.scene.state import Light, SignalState
 from simbev_ros.simulation.render.gl.failures import compile_error
 from simbev_ros.simulation.render.gl.screen_pass import ComputePass, RasterPass, ScreenPass, compute_source
 
+_RESERVED_UNIT = 31
+"""The last one of a stage, which moderngl uses itself to create and write textures."""
+
 TEXTURE_UNITS = {
-    name: unit
+    name: unit + (unit >= _RESERVED_UNIT)
     for unit, name in enumerate(
         (
             "g_surface",
@@ -47,6 +50,10 @@ TEXTURE_UNITS = {
             "triangle_depth",
             "tunnel_map",
             "previous_depth",
+            "g_motion",
+            "g_light",
+            "fastest",
+            "slowest",
         )
     )
 }

@@ -244,6 +244,13 @@ def _adaptation(light: float) -> tuple[float, float]:
     return white, exposure
 
 
+def light_of_exposure(exposure: float) -> float:
+    """Mean irradiance (outside the atmosphere: 1) for which automatic exposure has this factor."""
+    keys = _constants()["adaptation"][::-1]
+    exposures, lights = (np.log([key[name] for key in keys]) for name in ("exposure", "light"))
+    return float(np.exp(np.interp(np.log(exposure), exposures, lights)))
+
+
 def _direction(azimuth_deg: float, altitude_deg: float) -> Float64Array:
     """(3,) unit vector in the map frame; azimuth counter-clockwise from x."""
     azimuth, altitude = np.radians([azimuth_deg, altitude_deg])

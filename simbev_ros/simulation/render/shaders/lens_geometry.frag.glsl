@@ -15,6 +15,11 @@ uniform sampler2D g_depth;
 uniform sampler2D g_slope;
 uniform usampler2D g_edges;
 uniform usampler2D rigid_actors;
+#if ROLLING
+uniform sampler2D g_motion;
+uniform vec2 rows;  // time per row, in that of g_motion; the row at the time of the image
+float row_time(float row) { return (row - rows.y) * rows.x; }
+#endif
 
 layout(location = 0) out uint semantic;
 layout(location = 1) out uint instance;
@@ -86,6 +91,11 @@ void main() {
 
     vec4 now = world_from_optical * (sky ? vec4(ray, 0.0) : vec4(ray * ahead, 1.0));
     vec3 seen = (previous_optical_from_world * vec4(previous_from_now(row, now), now.w)).xyz;
+#if ROLLING
+    vec3 velocity = texelFetch(g_motion, texel, 0).xyz * (sky ? 1.0 : ahead), before = seen;
+    depth += sky ? 0.0 : row_time(float(pixel.y)) * velocity.z;
+    for (int step = 0; step < 3; ++step) seen = before + row_time(lens_pixel(seen).y) * velocity;
+#endif
     vec2 pixel_before = lens_pixel(seen);
     if (viewport.z == 0.0) flow = vec2(0.0);
     else if (lens_sees(seen) && was_visible(pixel_before, sky ? center : lens_depth(seen))) flow = floor(gl_FragCoord.xy) - pixel_before;

@@ -66,12 +66,9 @@ class View:
         is the factor by which automatic exposure differs from that of the weather; ``shortly_before`` is the world
         ``MOTION_S`` earlier.
         """
-
-        def optical_from_world(earlier: WorldState | None) -> Float64Array | None:
-            return None if earlier is None else inverse(_world_from_ego(earlier, origin_m) @ ego_from_optical)
-
-        times = view.shutter and shutter_times(view.optics.exposure, view.shutter, world.weather, adaptation)
-        gain = exposure_gain(view.optics.exposure, world.weather, adaptation)
+        exposure, shutter = view.optics.exposure, view.shutter
+        times = shutter_times(exposure, shutter, world.weather, adaptation) if shutter else None
+        gain = exposure_gain(exposure, world.weather, adaptation)
         faces = cube_faces(view.camera) if isinstance(view.camera, FisheyeCamera) else (None,)
         fisheye_px = max(face.camera.fx_px if face else 0.0 for face in faces)
         views = []
@@ -82,7 +79,10 @@ class View:
             camera = ideal_camera(view.camera) if face is None else face.camera
             if view.rolls:
                 camera = _padded(camera, _rolling_margin_px(camera))
-            previous_pose, before_pose = optical_from_world(previous), optical_from_world(shortly_before)
+            previous_pose, before_pose = (
+                None if earlier is None else inverse(_world_from_ego(earlier, origin_m) @ ego_from_optical)
+                for earlier in (previous, shortly_before)
+            )
             pose = _world_from_ego(world, origin_m) @ ego_from_optical
             clip_from_world = _clip_from_optical(camera) @ inverse(pose)
             views.append(cls(camera, pose, clip_from_world, previous_pose, gain, face, fisheye_px, times, before_pose))

@@ -241,7 +241,7 @@ class Renderer:
                 self._draw_geometry(targets, view, frame, table, origin_m, for_lens)
             targets.bind()
             if "rgb" in camera.modalities:
-                self._shading.draw(targets, None if is_fisheye else seed)
+                self._shading.draw(targets, None if is_fisheye or camera.shutter else seed)
             with self._timer("lens"):
                 times = MotionTimes.of(view, camera)
                 if times.exposed or times.per_row:
@@ -255,6 +255,10 @@ class Renderer:
             self._view_block.write(replace(views[0], camera=camera.camera).block())
             self._shading.rain.draw_lens_drops(*self._lenses.fisheye_color(camera.camera), seed)
             images["rgb"] = self._lenses.sensed_fisheye(camera)
+        elif camera.shutter and "rgb" in camera.modalities:  # drops do not move with what is behind them
+            self._view_block.write(replace(views[0], camera=camera.camera).block())
+            spare = self._shutters.spare(camera.camera)
+            self._shading.rain.draw_lens_drops(images["rgb"].framebuffer, spare, seed)
         if has_flow:
             self._history.store(camera, frame.world, images["depth"], show_ego=frame.show_ego)
         with self._timer(READ_BACK):

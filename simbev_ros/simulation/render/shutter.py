@@ -85,6 +85,10 @@ class Shutters:
         uniforms = {"time_per_row": times.per_row, "exposed_time": times.exposed}
         return Image(self._draw("exposure", size_px, [(4, "f1")], **uniforms), 0, components=3)
 
+    def spare(self, camera: PinholeCamera) -> moderngl.Framebuffer:
+        """A framebuffer of the size of a camera's color image that is free."""
+        return self._target("spare", (camera.width_px, camera.height_px), [(4, "f1")], moderngl.LINEAR)
+
     def _draw(
         self,
         shader: str,
@@ -97,16 +101,21 @@ class Shutters:
         key = f"{shader} {macros}"
         if key not in self._passes:
             self._passes[key] = self._library.screen_pass(f"{shader}.frag", "true", **macros)
+        target = self._target(key, size_px, attachments, moderngl.LINEAR if shader == "light" else moderngl.NEAREST)
+        for name in settings.keys() - macros.keys():
+            self._passes[key].program[name] = settings[name]
+        self._passes[key].draw(target)
+        return target
+
+    def _target(
+        self, key: str, size_px: tuple[int, int], attachments: list[tuple[int, str]], texture_filter: int
+    ) -> moderngl.Framebuffer:
         if (key, size_px) not in self._targets:
             textures = [self._context.texture(size_px, count, dtype=dtype) for count, dtype in attachments]
             for texture in textures:
                 texture.repeat_x = texture.repeat_y = False
-                texture.filter = (moderngl.LINEAR,) * 2 if shader == "light" else (moderngl.NEAREST,) * 2
+                texture.filter = texture_filter, texture_filter
             self._targets[key, size_px] = self._context.framebuffer(textures)
-        screen_pass = self._passes[key]
-        for name in settings.keys() - macros.keys():
-            screen_pass.program[name] = settings[name]
-        screen_pass.draw(self._targets[key, size_px])
         return self._targets[key, size_px]
 
 

@@ -180,6 +180,16 @@ def test_without_motion_a_shutter_changes_nothing(renderer: Renderer, shutter: d
 
 
 @pytest.mark.gl
+@pytest.mark.usefixtures("ideal")
+def test_drops_on_the_lens_are_drawn_last(renderer: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:
+    sizes_px: list[tuple[int, int]] = []
+    rain = renderer._shading.rain
+    monkeypatch.setattr(rain, "draw_lens_drops", lambda image, copy, seed: sizes_px.append(image.size))
+    taken(renderer, frame("turning"), SMALL, "rgb", readout_s=READOUT_S)
+    assert sizes_px == [(SMALL.width_px, SMALL.height_px)]  # that of the ideal camera is larger
+
+
+@pytest.mark.gl
 @pytest.mark.slow
 def test_computed_and_rasterized_shutters_are_the_same() -> None:
     both = []

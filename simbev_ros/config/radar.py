@@ -1,6 +1,6 @@
 """Radars of a rig: field of view, rays, thresholds, noise and resolution."""
 
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import Any, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
@@ -114,26 +114,23 @@ class Radar(Sensor):
         False, description="whether only the strongest detection in each cell of all four resolutions is given"
     )
 
-    scan: bool = Field(
-        False, description="whether detections are also sent as radar_msgs/RadarScan, on the topic scan beside points"
-    )
     measures_elevation: bool = Field(True, description="whether elevations are measured; otherwise they are 0")
     detector: RadarDetector | None = Field(
         None,
         description="targets are found in cells of the resolutions, from rays over all of the field of view; "
         "none: each ray is a detection",
     )
-
     ghosts: bool = Field(
-        False,
-        description="whether a detector also finds objects where walls and guard rails mirror them",
+        False, description="whether a detector also finds objects where walls and guard rails mirror them"
     )
-
     second_scan: SecondScan | None = Field(
         None, description="a scan of another field of view, whose detections follow in the same cloud"
     )
+    scan: bool = Field(
+        False, description="whether detections are also sent as radar_msgs/RadarScan, on the topic scan beside points"
+    )
 
-    @cached_property
+    @property
     def scans_of_cycle(self) -> tuple["Radar", ...]:
         """The scans of a cycle as a radar each: this one, and the second scan if there is one."""
         if self.second_scan is None:
@@ -186,12 +183,18 @@ class Radar(Sensor):
             raise ValueError("detector: needs ray_pattern even, without one_per_cell")
         if self.ghosts and self.detector is None:
             raise ValueError("ghosts: need a detector")
+        if self.one_per_cell and (missing := [name for name in _RESOLUTIONS if getattr(self, name) is None]):
+            raise ValueError(f"one_per_cell: cells need {', '.join(missing)} too")
+        return self
+
+    @model_validator(mode="after")
+    def _second_scan_is_valid(self) -> Self:
+        if self.second_scan is not None and self.second_scan.detector is not None and self.detector is None:
+            raise ValueError("second_scan: detector: the radar has none")
         try:
             assert self.scans_of_cycle
         except ValidationError as error:
             raise ValueError(f"second_scan: {error.errors()[0]['msg'].removeprefix('Value error, ')}") from None
-        if self.one_per_cell and (missing := [name for name in _RESOLUTIONS if getattr(self, name) is None]):
-            raise ValueError(f"one_per_cell: cells need {', '.join(missing)} too")
         return self
 
 

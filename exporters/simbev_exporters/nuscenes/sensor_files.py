@@ -130,10 +130,8 @@ def radar_rows(cloud: Table, velocity_mps: Float64Array, radar: Radar) -> Table:
 
 def _sigmas(radar: Radar, rays: Float64Array, range_m: Float64Array, measured_mps: Float64Array) -> Float64Array:
     """(4, N) standard deviations of x, y, vx and vy, m and m/s; in the first scan, or beyond its range in the last."""
-    first, last = (
-        _sigmas_of_scan(scan, rays, range_m, measured_mps)
-        for scan in (radar.scans_of_cycle[0], radar.scans_of_cycle[-1])
-    )
+    scans = radar.scans_of_cycle
+    first, last = (_sigmas_of_scan(scan, rays, range_m, measured_mps) for scan in (scans[0], scans[-1]))
     return np.where(range_m > radar.range_m, last, first)
 
 

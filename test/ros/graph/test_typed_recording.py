@@ -1,12 +1,13 @@
 """A bag in both forms: foreign readers find in typed messages what is in the tables."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from commands import Command, record
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
@@ -18,7 +19,7 @@ from simbev_ros.recording.layout import locate_mcap
 from simbev_ros.recording.reader import SceneBag
 from simbev_ros.recording.verify import verify_bag
 from simbev_ros.schema.messages.message_types import type_hash
-from simbev_ros.schema.messages.table_messages import TABLE_TYPES, row_layout, table_of
+from simbev_ros.schema.messages.table_messages import RADAR_SCAN, TABLE_TYPES, row_layout, table_of
 
 pytestmark = pytest.mark.graph
 
@@ -125,3 +126,17 @@ def test_the_dataset_reader_gives_the_same_tables_recorded(recorded: Path) -> No
         assert frame[f"{key}/typed"].dtype == frame[key].dtype
     assert frame["hd_map/typed"].id == frame["hd_map"]["id"]
     assert scene.constants["world/scene/typed"].name == "Blocks-0000"
+
+
+def test_a_scan_of_a_radar_is_recorded_in_any_form_and_with_or_without_its_message_package(
+    small_config: Callable[..., Path], tmp_path: Path
+) -> None:
+    config = small_config(0.2, without=["camera", "lidar", "gnss", "imu"])
+    config.write_text(config.read_text().replace("micro_doppler: true", "scan: true"))
+    bag = record(Command, config, tmp_path / "dataset")
+    assert verify_bag(bag) == []
+    scene = open_dataset(tmp_path / "dataset").scenes[0]
+    assert scene.sources["radar_front/scan"].type_name == RADAR_SCAN
+    scan, cloud = scene[2]["radar_front/scan"], scene[2]["radar_front/points"]
+    assert len(scan) > 50
+    assert all(np.array_equal(scan[name], cloud[name]) for name in scan.dtype.names)

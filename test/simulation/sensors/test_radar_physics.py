@@ -156,6 +156,8 @@ def test_what_does_not_fit_in_a_second_scan_is_refused() -> None:
         radar(second_scan={"range_resolution_m": 0.0001})
     with pytest.raises(ValueError, match=r"second_scan: min_range_m 10 is not below range_m 5"):
         radar(min_range_m=10, second_scan={"range_m": 5})
+    with pytest.raises(ValueError, match=r"second_scan: detector: the radar has none"):
+        radar(detector=None, second_scan={"detector": {}})
 
 
 def test_cross_sections_below_the_smallest_are_not_reported() -> None:

@@ -13,6 +13,7 @@ from simbev_ros.config.lidar import Lidar
 from simbev_ros.foundation.types import BoolArray, Float32Array, UInt8Array, UInt32Array
 
 _MAX_SLOPE_RAD = 0.6  # standard deviation of the slopes of a surface of roughness 1
+_LEAF_COS = 2.0 / 3.0  # mean cosine of incidence of leaves in all directions, by the area that a ray sees of each
 _DARK_PAINT = 0.2  # reflectance of black paint divided by that of the table, the mean of black and white
 
 
@@ -27,8 +28,9 @@ def surface_strength(material: UInt8Array, cos_angle: Float32Array, color: UInt3
 
     Matte surfaces are rough: at grazing incidence they send more light back to its source than Lambert's law says
     (Oren and Nayar, "Generalization of Lambert's reflectance model", 1994, seen from the source; the slopes' standard
-    deviation follows from the material's roughness; at normal incidence the strength is the reflectance). Smooth ones
-    add a lobe around the normal (Cook and Torrance with the distribution of Trowbridge and Reitz).
+    deviation follows from the material's roughness; at normal incidence the strength is the reflectance). Leaves face
+    all directions, whatever the surface of their crown. Smooth surfaces add a lobe around the normal (Cook and Torrance
+    with the distribution of Trowbridge and Reitz).
 
     Args:
         material: (N,) materials.
@@ -42,6 +44,8 @@ def surface_strength(material: UInt8Array, cos_angle: Float32Array, color: UInt3
     rough = 0.45 * variance / (variance + 0.09) / (1.0 - 0.5 * variance / (variance + 0.33))
     diffuse = table.lidar_reflectance * (1.0 - wetness * (1.0 - table.lidar_wet))
     strength = diffuse[material] * (cos_angle + rough[material] * (1.0 - cos2))
+    leaves = np.flatnonzero(material == Material.FOLIAGE)
+    strength[leaves] = diffuse[Material.FOLIAGE] * _LEAF_COS
     painted = np.flatnonzero(material == Material.CAR_PAINT)
     strength[painted] *= _paint_factor(color[painted])
     alpha2 = np.square(np.square(table.roughness))

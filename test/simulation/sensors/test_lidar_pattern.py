@@ -147,38 +147,3 @@ def test_an_encoder_measures_azimuths_in_its_steps() -> None:
     assert counts == pytest.approx(np.round(counts), abs=1e-2)
     assert set(np.round(counts)) == {1, 2}
     assert np.mean(np.round(counts) == 1) == pytest.approx(2 - 4000 / 2083, abs=2e-3)
-
-
-def covered(seconds: float) -> float:
-    """Share of the field of view's cells of one degree by one that the Mid-360 has looked at, by solid angle."""
-    sensor = lidar(preset="Mid-360")
-    ends_s = 5.0 + np.arange(round(seconds / 0.1)) * 0.1
-    turns = [angles_deg(ScanPattern.from_lidar(sensor, 0.1, end_s)) for end_s in ends_s]
-    azimuth, elevation = (np.concatenate(angles) for angles in zip(*turns, strict=True))
-    cells, *_ = np.histogram2d(elevation, azimuth, [np.arange(-7.0, 53.0), np.arange(-180.0, 181.0)])
-    area = np.cos(np.radians(np.arange(-6.5, 52.5)))
-    return float(((cells > 0).mean(axis=1) * area).sum() / area.sum())
-
-
-def test_a_rosette_never_repeats_and_fills_its_field_of_view() -> None:
-    shares = [covered(seconds) for seconds in (0.1, 0.2, 0.5)]
-    assert 0.4 < shares[0] < 0.6
-    assert shares[1] > 0.75
-    assert shares[2] > 0.98
-
-
-def test_a_rosettes_lines_cross_each_azimuth_40_times_a_frame() -> None:
-    azimuth, elevation = angles_deg(ScanPattern.from_lidar(lidar(preset="Mid-360"), 0.1, 3.0))
-    ahead = np.abs(azimuth) < 0.36
-    assert ahead.sum() == pytest.approx(40, abs=4)
-    assert np.ptp(elevation[ahead]) > 55.0
-    assert elevation.min() >= -7.0 - 1e-4
-    assert elevation.max() <= 52.0 + 1e-4
-
-
-def test_a_rosette_goes_on_where_the_last_frame_ended() -> None:
-    sensor = lidar(preset="Mid-360")
-    longer = ScanPattern.from_lidar(lidar(preset="Mid-360", columns=10_000), 0.2, 1.0)
-    halves = [ScanPattern.from_lidar(sensor, 0.1, end_s) for end_s in (0.9, 1.0)]
-    joined = np.concatenate([half.directions for half in halves])
-    assert joined == pytest.approx(longer.directions, abs=1e-5)

@@ -117,6 +117,12 @@ def test_matte_surfaces_have_their_reflectance_from_ahead_and_more_than_lamberts
     assert strength(material, 0.0) == pytest.approx(expected, rel=1e-4)
 
 
+@pytest.mark.parametrize("cos_angle", [0.0, 0.5, 1.0])
+def test_leaves_are_as_bright_at_the_rim_of_a_crown_as_in_its_middle(cos_angle: float) -> None:
+    reflectance = float(load_materials().lidar_reflectance[Material.FOLIAGE])
+    assert strength(Material.FOLIAGE, cos_angle) == pytest.approx(reflectance * 2.0 / 3.0, abs=0.02)
+
+
 def test_paint_shines_from_ahead_alone_and_dark_paint_is_dark() -> None:
     white, black = 0xFFFFFF, 0x000000
     assert strength(Material.CAR_PAINT, 1.0, black) > 1.0

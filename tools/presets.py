@@ -16,9 +16,10 @@ import yaml
 
 from simbev_ros.assets.actors.catalog import load_models
 from simbev_ros.assets.regions.static_cache import load_static_scene
-from simbev_ros.config.camera import Camera, load_camera_presets
-from simbev_ros.config.lidar import Lidar, load_lidar_presets
-from simbev_ros.config.radar import Radar, load_radar_presets
+from simbev_ros.config.camera import Camera
+from simbev_ros.config.lidar import Lidar
+from simbev_ros.config.presets import load_presets
+from simbev_ros.config.radar import Radar
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.drawing.canvas import BACKGROUND, LINE, draw_label, draw_picture
 from simbev_ros.evaluation.realism.samples import Sample, sample_of
@@ -68,11 +69,11 @@ class _Sensors(NamedTuple):
 def main() -> None:
     """Write page and sheet."""
     sensors = _Sensors(
-        [Lidar.model_validate(_sensor("lidar", name, z_m=1.8)) for name in load_lidar_presets()],
-        [Radar.model_validate(_sensor("radar", name, x_m=2.4, z_m=0.6)) for name in load_radar_presets()],
+        [Lidar.model_validate(_sensor("lidar", name, z_m=1.8)) for name in load_presets("lidar")],
+        [Radar.model_validate(_sensor("radar", name, x_m=2.4, z_m=0.6)) for name in load_presets("radar")],
         [
             Camera.model_validate(_sensor("camera", name, x_m=0.6, z_m=1.6) | {"modalities": ["rgb"]})
-            for name in load_camera_presets()
+            for name in load_presets("camera")
         ],
     )
     samples: dict[str, list[Sample]] = {}

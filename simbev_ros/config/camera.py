@@ -10,12 +10,12 @@ from pydantic import Field, model_validator
 
 from simbev_ros.config.modalities import IMAGE_KINDS, MODALITIES, Modality
 from simbev_ros.config.optics import Optics
+from simbev_ros.config.presets import filled_in, preset_of, require_known
 from simbev_ros.config.sensor import Sensor
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.files.limits import MAX_IMAGE_SIDE_PX
 from simbev_ros.foundation.geometry.camera import MAX_RAY_ANGLE_RAD, LensCamera, PinholeCamera
 from simbev_ros.foundation.geometry.fisheye import MAX_ANGLE_RAD, FisheyeCamera, focal_length_px
-from simbev_ros.foundation.tables import load_table
 
 _FIELD_OF_VIEW_DEG = 80.0
 _MAX_PINHOLE_FOV_DEG = 170.0
@@ -85,14 +85,12 @@ class Camera(Sensor, Optics):
         """Fill in the values of a preset, and a fisheye's number of coefficients."""
         if not isinstance(data, dict):
             return data
-        name = data.get("preset")
-        data = {**load_camera_presets().get(name, {}), **data} if isinstance(name, str) else data
+        data = filled_in(data, preset_of("camera", data))
         return {"distortion": (0.0,) * 4, **data} if data.get("distortion_model") == "equidistant" else data
 
     @model_validator(mode="after")
     def _known_preset(self) -> Self:
-        if self.preset is not None and self.preset not in load_camera_presets():
-            raise ValueError(f"preset {self.preset!r} is not known; allowed: {', '.join(load_camera_presets())}")
+        require_known("camera", self.preset)
         return self
 
     @model_validator(mode="after")
@@ -187,12 +185,6 @@ class Camera(Sensor, Optics):
             (width_px - 1) / 2.0 if self.cx_px is None else self.cx_px,
             (height_px - 1) / 2.0 if self.cy_px is None else self.cy_px,
         )
-
-
-@lru_cache(maxsize=1)
-def load_camera_presets() -> dict[str, dict[str, Any]]:
-    """Load camera_presets.yaml: properties by model name."""
-    return load_table("simbev_ros.config", "camera_presets.yaml")
 
 
 @lru_cache(maxsize=64)

@@ -1,13 +1,12 @@
 """Rotating lidars of a rig: ray directions, ranges, noise, losses and weather effects."""
 
-from functools import lru_cache
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
 from simbev_ros.config.base import Model
+from simbev_ros.config.presets import filled_in, preset_of, require_known
 from simbev_ros.config.sensor import Sensor
-from simbev_ros.foundation.tables import load_table
 
 _Elevation = Annotated[float, Field(ge=-90, le=90)]
 _AzimuthOffset = Annotated[float, Field(ge=-180, le=180)]
@@ -153,8 +152,7 @@ class Lidar(Sensor):
         """Fill in the values that follow from a preset, listed elevations and points per second."""
         if not isinstance(data, dict):
             return data
-        name = data.get("preset")
-        data = {**_preset_for(data, load_lidar_presets().get(name, {}) if isinstance(name, str) else {}), **data}
+        data = filled_in(data, _preset_for(data, preset_of("lidar", data)))
         listed = data.get("elevations_deg")
         if isinstance(listed, (list, tuple)) and listed and all(_is_elevation(each) for each in listed):
             vertical = {"channels": len(listed), "lower_fov_deg": min(listed), "upper_fov_deg": max(listed)}
@@ -167,8 +165,7 @@ class Lidar(Sensor):
 
     @model_validator(mode="after")
     def _known_preset(self) -> Self:
-        if self.preset is not None and self.preset not in load_lidar_presets():
-            raise ValueError(f"preset {self.preset!r} is not known; allowed: {', '.join(load_lidar_presets())}")
+        require_known("lidar", self.preset)
         return self
 
     @model_validator(mode="after")
@@ -224,12 +221,6 @@ class Lidar(Sensor):
     def _expect(name: str, given: float, expected: float, what: str) -> None:
         if abs(given - expected) > _TOLERANCE_DEG:
             raise ValueError(f"{name} {given:g} is not {what}, {expected:g}; leave it out")
-
-
-@lru_cache(maxsize=1)
-def load_lidar_presets() -> dict[str, dict[str, Any]]:
-    """Load lidar_presets.yaml: properties by model name."""
-    return load_table("simbev_ros.config", "lidar_presets.yaml")
 
 
 def _is_elevation(given: Any) -> bool:

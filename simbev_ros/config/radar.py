@@ -1,13 +1,12 @@
 """Radars of a rig: field of view, rays, thresholds, noise and resolution."""
 
-from functools import lru_cache
 from typing import Any, Literal, Self
 
 from pydantic import Field, ValidationError, model_validator
 
 from simbev_ros.config.base import Model
+from simbev_ros.config.presets import filled_in, preset_of, require_known
 from simbev_ros.config.sensor import Sensor
-from simbev_ros.foundation.tables import load_table
 
 RayPattern = Literal["cone", "even"]
 
@@ -159,13 +158,11 @@ class Radar(Sensor):
     @classmethod
     def _fill_in(cls, data: Any) -> Any:
         """Fill in the values of a preset."""
-        name = data.get("preset") if isinstance(data, dict) else None
-        return {**load_radar_presets().get(name, {}), **data} if isinstance(name, str) else data
+        return filled_in(data, preset_of("radar", data)) if isinstance(data, dict) else data
 
     @model_validator(mode="after")
     def _known_preset(self) -> Self:
-        if self.preset is not None and self.preset not in load_radar_presets():
-            raise ValueError(f"preset {self.preset!r} is not known; allowed: {', '.join(load_radar_presets())}")
+        require_known("radar", self.preset)
         return self
 
     @model_validator(mode="after")
@@ -196,9 +193,3 @@ class Radar(Sensor):
         except ValidationError as error:
             raise ValueError(f"second_scan: {error.errors()[0]['msg'].removeprefix('Value error, ')}") from None
         return self
-
-
-@lru_cache(maxsize=1)
-def load_radar_presets() -> dict[str, dict[str, Any]]:
-    """Load radar_presets.yaml: properties by model name."""
-    return load_table("simbev_ros.config", "radar_presets.yaml")

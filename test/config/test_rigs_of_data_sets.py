@@ -4,10 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from simbev_ros.config.camera import Camera, load_camera_presets
-from simbev_ros.config.lidar import Lidar, load_lidar_presets
+from simbev_ros.config.camera import Camera
+from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.load import load_scenario
-from simbev_ros.config.radar import Radar, load_radar_presets
+from simbev_ros.config.presets import load_presets
+from simbev_ros.config.radar import Radar
 
 RIGS = Path(__file__).parents[2] / "config/rigs"
 
@@ -36,11 +37,21 @@ def test_rigs_have_the_sensors_of_their_data_sets(name: str, counts: tuple[int, 
 @pytest.mark.parametrize(
     ("kind", "name"),
     [
-        *(("camera", name) for name in load_camera_presets()),
-        *(("lidar", name) for name in load_lidar_presets()),
-        *(("radar", name) for name in load_radar_presets()),
+        *(("camera", name) for name in load_presets("camera")),
+        *(("lidar", name) for name in load_presets("lidar")),
+        *(("radar", name) for name in load_presets("radar")),
     ],
 )
 def test_presets_fit_the_default_ticks(kind: str, name: str, tmp_path: Path) -> None:
     [sensor] = scenario_with(f"{{sensors: [{{type: {kind}, name: a, preset: {name}}}]}}", tmp_path).rig.sensors
     assert sensor.preset == name
+
+
+def test_values_within_a_section_of_a_preset_can_be_changed_alone() -> None:
+    known = load_presets("camera")["acA1600-60gc"]["imager"]
+    product = {"type": "camera", "name": "a", "preset": "acA1600-60gc"}
+    camera = Camera.model_validate({**product, "imager": {"blur_px": 1.5}})
+    assert camera.imager is not None
+    assert (camera.imager.blur_px, camera.imager.metered) == (1.5, known["metered"])
+    plain = Camera.model_validate({**product, "imager": None})
+    assert plain.imager is None

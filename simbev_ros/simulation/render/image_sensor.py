@@ -18,6 +18,7 @@ import numpy as np
 
 from simbev_ros.config.optics import Imager
 from simbev_ros.foundation.geometry.camera import PinholeCamera
+from simbev_ros.foundation.geometry.fisheye import FisheyeCamera
 from simbev_ros.foundation.types import Float32Array, Float64Array, UInt8Array, UInt16Array
 from simbev_ros.simulation.render.frame import CameraImages, CameraView
 
@@ -25,6 +26,7 @@ _LUMA = np.array([0.2126, 0.7152, 0.0722], np.float32)
 _WIDE_SHARE = 0.08  # standard deviation of scattered light, as a share of the image's width
 _SMALL_PX = 64  # width of the image in which scattered light is spread
 _METERING_STEPS = 12
+_METERING_PX = 8  # distance of the pixels that are metered
 _UNSHARP_SIGMA_PX = 1.0
 _KERNEL_SIGMAS = 2.5
 _FIELD_MARGIN_PX = 256
@@ -38,7 +40,8 @@ def form_images(view: CameraView, images: CameraImages, amplification: float = 1
     imager = view.optics.imager
     if imager is None or images.rgb is None:
         return images
-    falloff = _falloff(view.camera, view.optics.vignetting) if view.optics.vignetting else None
+    darkens = view.optics.vignetting or isinstance(view.camera, FisheyeCamera)
+    falloff = _falloff(view.camera, view.optics.vignetting) if darkens else None
     if amplification != 1.0:
         imager = imager.model_copy(update={"full_well_electrons": imager.full_well_electrons / amplification})
     mosaic = expose(images.rgb, imager, view.noise_seed, falloff)
@@ -56,7 +59,7 @@ def expose(rgb: UInt8Array, imager: Imager, noise_seed: int, falloff: Float32Arr
         rgb: (H, W, 3) image of an ideal camera.
         imager: The camera.
         noise_seed: Seed of the noise.
-        falloff: (H, W, 3) share of the light that the lens lets pass; None: all of it.
+        falloff: (H, W, 3) share of the light that the lens lets pass, not metered where it is 0; None: all of it.
 
     Returns:
         (H, W) mosaic, red at even rows and columns, blue at odd ones; of ``imager.bits`` bits.
@@ -71,7 +74,10 @@ def expose(rgb: UInt8Array, imager: Imager, noise_seed: int, falloff: Float32Arr
     mosaic = _mosaic(light)
     if imager.glare > 0.0:
         mosaic = _scattered(mosaic, light, imager.glare)
-    mosaic *= np.float32(_metering_gain(light, imager.metered) * imager.full_well_electrons)
+    metered = light[::_METERING_PX, ::_METERING_PX]
+    if falloff is not None:
+        metered = metered[falloff[::_METERING_PX, ::_METERING_PX, 0] > 0.0]
+    mosaic *= np.float32(_metering_gain(metered, imager.metered) * imager.full_well_electrons)
     return _read_out(mosaic, imager, noise_seed)
 
 
@@ -101,7 +107,7 @@ def _falloff(camera: PinholeCamera, exponent: float) -> Float32Array:
     rows, columns = np.mgrid[: camera.height_px, : camera.width_px]
     rays = camera.rays(np.stack([columns.ravel(), rows.ravel()], axis=1))
     illumination = np.nan_to_num(camera.relative_illumination(rays))  # a fisheye sees nothing outside its image circle
-    share = (illumination**exponent).astype(np.float32).reshape(rows.shape)
+    share = np.where(illumination > 0.0, illumination**exponent, 0.0).astype(np.float32).reshape(rows.shape)
     return np.repeat(share[..., None], 3, axis=2)
 
 
@@ -144,12 +150,12 @@ def _dispersed(light: Float32Array, corner_px: float) -> Float32Array:
 
 
 def _metering_gain(light: Float32Array, target: float) -> float:
-    """Factor by which the mean of the light, clipped at white, is the target; sparse pixels represent all."""
-    sparse = light[::8, ::8] @ _LUMA
+    """Factor by which the mean of the light, clipped at white, is the target; colors are the last axis."""
+    bright = light @ _LUMA
     low, high = 1e-3, 1e3
     for _ in range(_METERING_STEPS):
         middle = float(np.sqrt(low * high))
-        low, high = (middle, high) if np.minimum(middle * sparse, 1.0).mean() < target else (low, middle)
+        low, high = (middle, high) if np.minimum(middle * bright, 1.0).mean() < target else (low, middle)
     return float(np.sqrt(low * high))
 
 

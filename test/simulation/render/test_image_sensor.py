@@ -44,6 +44,16 @@ def test_what_is_far_brighter_than_the_mean_is_clipped() -> None:
     assert result[20:].max() < 200.0
 
 
+def test_what_lies_outside_the_image_circle_is_not_metered() -> None:
+    image, imager = patch((120, 120, 120)), Imager.model_validate(CLEAN)
+    falloff = np.ones((*image.shape[:2], 3), np.float32)
+    whole = develop(expose(image, imager, 1, falloff), imager)
+    falloff[:, 48:] = 0.0
+    half = develop(expose(image, imager, 1, falloff), imager)
+    assert np.abs(half[:, :40].astype(int) - whole[:, :40]).max() <= 1
+    assert half[:, 56:].max() == 0
+
+
 @pytest.mark.parametrize("sigma_px", [0.6, 1.2])
 def test_an_edge_is_as_wide_as_the_point_spread(sigma_px: float) -> None:
     image = patch((90, 90, 90), (64, 128))

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from simbev_ros.config.lidar import Lidar, load_lidar_presets
+from simbev_ros.config.lidar import Lidar
+from simbev_ros.config.presets import load_presets
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.simulation.sensors.lidar_pattern import ScanPattern
 
@@ -36,7 +37,7 @@ def test_listed_channels_have_their_elevations_and_azimuth_offsets_by_ring() -> 
     assert azimuth == pytest.approx([90.0, 92.0, 87.0, -90.0, -88.0, -93.0], abs=1e-5)
 
 
-@pytest.mark.parametrize("name", load_lidar_presets())
+@pytest.mark.parametrize("name", load_presets("lidar"))
 def test_presets_are_complete_and_ascend_by_ring(name: str) -> None:
     sensor = lidar(preset=name)
     pattern = ScanPattern.from_lidar(sensor, 1.0 / sensor.rate_hz)
@@ -129,7 +130,7 @@ def test_channels_that_fire_one_after_another_have_their_times_and_turn_on_meanw
     assert turned_deg == pytest.approx(3600.0 * 15 * 2.304e-6, abs=1e-3)
 
 
-@pytest.mark.parametrize("name", load_lidar_presets())
+@pytest.mark.parametrize("name", load_presets("lidar"))
 def test_presets_roll_and_have_a_receiver_and_none_of_the_papers_losses(name: str) -> None:
     sensor = lidar(preset=name)
     assert sensor.rolling

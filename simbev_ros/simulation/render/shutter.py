@@ -23,7 +23,7 @@ from simbev_ros.simulation.render.view import View
 
 _TILE_PX = 32
 """Size of the tiles of shaders/include/moving.glsl."""
-_STILL_PX, _FAST_RAD_PER_S = 0.5, 3.0
+_STILL_PX, _FAST_RAD_PER_S = 1.0, 3.0
 """An exposure is one moment if a surface that is as fast, seen from the camera, moves by fewer pixels."""
 
 

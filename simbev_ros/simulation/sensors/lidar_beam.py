@@ -151,8 +151,9 @@ def _look_into(windows: Windows, pane: Int64Array, hits: Hits, strength: Float32
     tilt: Float32Array = np.maximum(cos_angle, np.float32(_MIN_COS))
     depth_m[pane] = windows.pane_m / tilt
     open_ = np.flatnonzero(windows.room > 0.0)
-    range_m = hits.range_m[pane] + (windows.pane_m + windows.room_m) / tilt
-    return Echoes(windows.ray[open_], range_m[open_], (windows.room * cos_angle)[open_])
+    range_m: Float32Array = hits.range_m[pane] + (windows.pane_m + windows.room_m) / tilt
+    room: Float32Array = windows.room * cos_angle
+    return Echoes(windows.ray[open_], range_m[open_], room[open_])
 
 
 def edge_echoes(first: Echoes, count: int, channels: int, reach: float, uniform: Float32Array) -> Echoes:

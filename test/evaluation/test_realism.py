@@ -65,6 +65,16 @@ def test_intensities_by_incidence_are_those_of_the_surface(elevations_deg: tuple
     assert known == {f"intensity at incidences of {expected} deg": pytest.approx(0.2)}
 
 
+def test_channels_that_swing_are_not_taken_for_rings() -> None:
+    whole = ground_turn()
+    swinging = LidarTurn(whole.xyz_m, whole.intensity, np.arange(len(whole.ring)) // 7 % 2)
+    swinging.xyz_m[:, 2] *= 1.0 + 3.0 * np.linspace(0.0, 1.0, len(whole.ring), dtype=np.float32)
+    figures = figures_of([swinging])
+    unknown = ("rays without return [%]", "returns lost near by [%]", "noise of range on planes [mm]")
+    assert all(np.isnan(figures[name]) for name in unknown)
+    assert figures["intensity, 50th percentile"] == pytest.approx(0.2)
+
+
 def test_noise_over_brightness_is_that_of_each_brightness() -> None:
     gray = np.repeat([60.0, 180.0], 128)[None, :] + np.repeat([2.0, 5.0], 128) * np.random.default_rng(3).normal(
         size=(256, 256)

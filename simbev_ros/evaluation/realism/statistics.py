@@ -7,12 +7,13 @@ from typing import NamedTuple
 import numpy as np
 
 from simbev_ros.evaluation.realism.samples import LidarTurn, Photograph, RadarScan, Sample
-from simbev_ros.foundation.types import AnyArray, Float64Array, UInt8Array
+from simbev_ros.foundation.types import AnyArray, Float32Array, Float64Array, UInt8Array
 
 RANGES_M = (0, 10, 20, 40, 80)
 INCIDENCES_DEG = (0, 30, 60, 75, 85)
 _NEAR_GROUND_DEG, _NEAR_M = (-25.0, -5.0), 40.0
 _MIN_IN_RING = 100
+_MAX_RING_DEG = 4.0
 _SATURATED = 0.99
 _MAX_STEP_M = 0.1
 _MAX_ALONG_M, _MAX_ACROSS_M = 0.5, 3.0
@@ -86,7 +87,15 @@ def _lidar_figures(turns: Sequence[LidarTurn]) -> Figures:
 def _share_without_return(turn: LidarTurn) -> float:
     """Share of rays that do not return, if all channels fire as often as the one with the most returns has."""
     counts = np.bincount(turn.ring)
+    if not any(_is_ring(turn.xyz_m[turn.ring == ring]) for ring in np.flatnonzero(counts >= _MIN_IN_RING)):
+        return np.nan
     return 1.0 - len(turn.ring) / (counts.max() * (turn.ring.max() + 1.0))
+
+
+def _is_ring(xyz_m: Float32Array | Float64Array) -> bool:
+    """Whether the points of a channel have one elevation, unlike those of lidars whose channels swing."""
+    elevation_deg = np.degrees(np.arctan2(xyz_m[:, 2], np.hypot(xyz_m[:, 0], xyz_m[:, 1])))
+    return bool(np.ptp(np.percentile(elevation_deg, (10, 90))) < _MAX_RING_DEG)
 
 
 def _incidence_deg(turn: LidarTurn) -> Float64Array:
@@ -98,7 +107,9 @@ def _incidence_deg(turn: LidarTurn) -> Float64Array:
     range_m = np.linalg.norm(xyz_m, axis=1)
     azimuth = np.arctan2(xyz_m[:, 1], xyz_m[:, 0])
     channels = [np.flatnonzero(turn.ring == ring) for ring in np.unique(turn.ring)]
-    channels = [rows[np.argsort(azimuth[rows])] for rows in channels if len(rows) >= _MIN_IN_RING]
+    channels = [
+        rows[np.argsort(azimuth[rows])] for rows in channels if len(rows) >= _MIN_IN_RING and _is_ring(xyz_m[rows])
+    ]
     channels.sort(key=lambda rows: float(np.median(xyz_m[rows, 2] / np.maximum(range_m[rows], 1e-6))))
     angle_deg = np.full(len(xyz_m), np.nan)
     for rows, above in pairwise(channels):
@@ -123,6 +134,8 @@ def _ring_figures(turn: LidarTurn) -> tuple[float, float, float]:
         rows = np.flatnonzero(turn.ring == ring)
         middle_deg = np.median(elevation_deg[rows])
         if len(rows) < _MIN_IN_RING or not _NEAR_GROUND_DEG[0] <= middle_deg <= _NEAR_GROUND_DEG[1]:
+            continue
+        if not _is_ring(turn.xyz_m[rows]):
             continue
         rows = rows[np.argsort(azimuth[rows], kind="stable")]
         step = np.diff(azimuth[rows])

@@ -73,12 +73,12 @@ class LidarReceiver:
         step_db = self._receiver.gain_step_db
         if step_db is None:
             return np.ones(len(ratio), bool)
-        level_db = np.full(len(uniform), np.inf, np.float32)
+        level_db = np.full(len(uniform), np.nan, np.float32)
         level_db[echoes.ray] = 10.0 * np.log10(ratio)
-        before_db = np.concatenate([np.full(self._channels, np.inf, np.float32), level_db[: -self._channels]])
-        rise_db = np.where(np.isfinite(before_db), level_db - before_db, -np.inf)
+        rise_db = np.full(len(uniform), np.nan, np.float32)
+        rise_db[self._channels :] = level_db[self._channels :] - level_db[: -self._channels]
         lost_share = 1.0 / (1.0 + np.exp((step_db - rise_db) / (_GAIN_SPREAD * step_db)))
-        kept: BoolArray = (uniform >= lost_share)[echoes.ray]
+        kept: BoolArray = ~(uniform < lost_share)[echoes.ray]  # after a beam without an echo, gain is high enough
         return kept
 
     def measured_m(self, echoes: Echoes, ratio: Float32Array, normal: Float32Array) -> Float32Array:

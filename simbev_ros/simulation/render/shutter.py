@@ -1,9 +1,9 @@
 """Shutter of a camera: blurs what moves during the exposure, and reads rows one after the other.
 
 The G-buffer and the ideal color image are of one moment; ``motion.frag`` adds the exact velocity of each of its points
-relative to the camera, which the point keeps. What a pixel sees at another time is found by
-following the motions that occur nearby back to the G-buffer (shaders/include/moving.glsl): of the surfaces that arrive
-at the pixel at that time, the nearest one is seen.
+relative to the camera, which the point keeps. What a pixel sees at another time is found by following the motions that
+occur nearby back to the G-buffer (shaders/include/moving.glsl): of the surfaces that arrive at the pixel at that time,
+the nearest one is seen.
 
 A rolling shutter thereby replaces the rays of a camera's pixels, from which ``Lenses`` makes all its images. An
 exposure is the mean light of several times.

@@ -10,7 +10,7 @@ uniform float exposed_time;
 out vec4 rgb;
 
 const float SPACING_PX = 2.0;
-const int MOST_SAMPLES = 12;
+const int MOST_SAMPLES = 24;
 
 void main() {
     ivec2 texel = ivec2(gl_FragCoord.xy);

@@ -6,7 +6,7 @@ uniform sampler2D fastest;   // from motion_tiles.frag, of the tiles around
 uniform sampler2D slowest;
 
 const int TILE = 32;
-const float SAME_PX = 0.75, NEARLY = 0.05;
+const float SAME_PX = 0.75, STILL_PX = 0.05, NEARLY = 0.05;
 const float LATER = 0.999;  // later steps are more accurate
 
 // Motions that may occur at a pixel: its own, and the fastest and the slowest one nearby.
@@ -40,6 +40,7 @@ vec2 place_now(vec2 place, vec3 motion, float time) { return place * max(1.0 + t
 vec2 surface_seen(vec2 place, Motions motions, float time) {
     vec3 motion = motions.own, found = vec3(place, -1.0), guess = vec3(place, 1e9);
     int steps = motions.uneven * abs(time) < SAME_PX ? SMOOTH_STEPS : 6;  // two for each motion
+    if (motions.speed * abs(time) < STILL_PX) steps = 0;
     for (int k = 0; k < steps; ++k) {  // on CPUs, a shorter loop saves time, but a condition does not
         vec2 then = place_now(place, motion, time);
         vec4 there = motion_at(then);

@@ -59,7 +59,7 @@ class Hits:
 
     def of(self, rays: Int64Array) -> "Hits":
         """The hits of some of the rays."""
-        return Hits(*(getattr(self, field.name)[rays] for field in fields(self)))
+        return Hits(*(getattr(self, field.name).take(rays, axis=0) for field in fields(self)))
 
 
 class RayScene:

@@ -8,7 +8,7 @@ an echo of each side.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -50,9 +50,10 @@ class Echoes:
     range_m: Float32Array
     strength: Float32Array
 
-    def of(self, rows: Int64Array | BoolArray | slice) -> "Echoes":
+    def of(self, rows: Int64Array | BoolArray) -> "Echoes":
         """Some of the echoes, by index or mask."""
-        return Echoes(self.ray[rows], self.range_m[rows], self.strength[rows])
+        rows = np.flatnonzero(rows) if rows.dtype == np.bool_ else rows
+        return Echoes(self.ray.take(rows), self.range_m.take(rows), self.strength.take(rows))
 
     @classmethod
     def joined(cls, parts: list["Echoes"]) -> "Echoes":
@@ -98,10 +99,12 @@ def surface_echoes(
             at a slant is as long as the spot is deep, and its peak lower.
     """
     table = load_materials()
-    ray = np.flatnonzero(np.isfinite(beams.hits.range_m))
-    hits, share, before_m = beams.hits.of(ray), np.ones(len(ray), np.float32), np.zeros(len(ray), np.float32)
-    origins_m = beams.origins_m if len(beams.origins_m) == 1 else beams.origins_m[ray]
-    directions, found = beams.directions[ray], []
+    returns = np.flatnonzero(np.isfinite(beams.hits.range_m))
+    # Most beams return, so the others take part at first, with a range of 0: this copies less than leaving them out.
+    hits = replace(beams.hits, range_m=np.where(np.isfinite(beams.hits.range_m), beams.hits.range_m, np.float32(0.0)))
+    ray = np.arange(len(hits.range_m))
+    share, before_m = np.ones(len(ray), np.float32), np.zeros(len(ray), np.float32)
+    origins_m, directions, found = beams.origins_m, beams.directions, []
     for number in range(_MAX_PANES):
         material = hits.material
         strength = surface_strength(material, hits.cos_angle, _colors(hits, actors), wetness)
@@ -111,9 +114,9 @@ def surface_echoes(
         along_m = directions * hits.range_m[:, None]
         strength *= texture_factor(hits, along_m + origins_m.astype(np.float32))
         if number == 0:
-            rooms = _look_into(windows, np.searchsorted(ray, windows.ray), hits, strength, depth_m)
+            rooms = _look_into(windows, hits, strength, depth_m)
         mirrored = _mirrored(material, hits.cos_angle)
-        passing = table.lidar_transmission[material]
+        passing = table.lidar_transmission.take(material)
         leaves = np.flatnonzero(material == Material.FOLIAGE)
         passing[leaves] = np.power(beams.uniform[ray[leaves], 0], 1.0 / passing[leaves] - 1.0)
         strength[leaves] *= 1.0 - passing[leaves]
@@ -140,11 +143,12 @@ def surface_echoes(
         there = np.flatnonzero(np.isfinite(hits.range_m))
         hits, ray, share, before_m = hits.of(there), ray[there], share[there], before_m[there] + _CLEARANCE_M
         origins_m, directions = origins_m[there], directions[there]
-    return found[0], Echoes.joined([rooms, *found[1:]])
+    return found[0].of(returns), Echoes.joined([rooms, *found[1:]])
 
 
-def _look_into(windows: Windows, pane: Int64Array, hits: Hits, strength: Float32Array, depth_m: Float32Array) -> Echoes:
-    """Echoes of rooms without curtains; replaces strengths and depths of the wall by those of panes, at (W,) rows."""
+def _look_into(windows: Windows, hits: Hits, strength: Float32Array, depth_m: Float32Array) -> Echoes:
+    """Echoes of rooms without curtains; replaces strengths and depths of the wall by those of panes."""
+    pane = windows.ray
     cos_angle = hits.cos_angle[pane]
     glass, white = np.full(len(pane), Material.GLASS, np.uint8), np.full(len(pane), _MEAN_COLOR, np.uint32)
     strength[pane] = surface_strength(glass, cos_angle, white, 0.0) + windows.curtain * cos_angle
@@ -185,7 +189,7 @@ def edge_echoes(first: Echoes, count: int, channels: int, reach: float, uniform:
 
 def _mirrored(material: UInt8Array, cos_angle: Float32Array) -> Float32Array:
     """(N,) shares that panes and water mirror."""
-    mirrored = load_materials().lidar_mirror[material]
+    mirrored = load_materials().lidar_mirror.take(material)
     mirrors = np.flatnonzero(mirrored)
     mirrored[mirrors] += (1.0 - mirrored[mirrors]) * np.power(1.0 - cos_angle[mirrors], 5)
     return mirrored

@@ -43,17 +43,17 @@ def surface_strength(material: UInt8Array, cos_angle: Float32Array, color: UInt3
     variance = np.square(_MAX_SLOPE_RAD * table.roughness)
     rough = 0.45 * variance / (variance + 0.09) / (1.0 - 0.5 * variance / (variance + 0.33))
     diffuse = table.lidar_reflectance * (1.0 - wetness * (1.0 - table.lidar_wet))
-    strength = diffuse[material] * (cos_angle + rough[material] * (1.0 - cos2))
+    strength = diffuse.take(material) * (cos_angle + rough.take(material) * (1.0 - cos2))
     leaves = np.flatnonzero(material == Material.FOLIAGE)
     strength[leaves] = diffuse[Material.FOLIAGE] * _LEAF_COS
     painted = np.flatnonzero(material == Material.CAR_PAINT)
     strength[painted] *= _paint_factor(color[painted])
     alpha2 = np.square(np.square(table.roughness))
     mirrored = table.specular * (1.0 - table.metallic) + table.lidar_reflectance * table.metallic
-    alpha2_here = alpha2[material]
+    alpha2_here = alpha2.take(material)
     spread = cos2 * (alpha2_here - 1.0) + 1.0
     seen = 2.0 / (cos_angle + np.sqrt(alpha2_here + (1.0 - alpha2_here) * cos2))  # Smith's masking over the cosine
-    lobe = (mirrored * alpha2 / 4.0)[material] * cos_angle * np.square(seen / spread)
+    lobe = (mirrored * alpha2 / 4.0).take(material) * cos_angle * np.square(seen / spread)
     return (strength + lobe + _retroreflection(material, cos_angle)).astype(np.float32)
 
 

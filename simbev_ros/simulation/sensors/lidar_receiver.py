@@ -16,6 +16,7 @@ from simbev_ros.simulation.sensors.lidar_beam import Echoes
 _REFERENCE_REFLECTANCE = 0.1
 _MAX_RETROREFLECTION = 785.0  # strength of the best sheeting, at which intensity is 1
 _MIN_RANGE_M = 0.1
+_NEGLIGIBLE = 0.05  # share of the threshold below which an echo does not even add to others
 _MIN_POWER = 1e-12
 _GAIN_SPREAD = 0.22  # of the logistic function, relative to the step; fitted to the lost pulses of a real HDL-32E
 
@@ -43,20 +44,23 @@ class LidarReceiver:
         Returns:
             M echoes by ray, nearer ones first, and (M,) their power divided by the threshold.
         """
-        gain_db = self._receiver.spread_db * normal[echoes.ray] + self._gain_db[echoes.ray % len(self._gain_db)]
+        gain_db = self._receiver.spread_db * normal.take(echoes.ray) + self._gain_db.take(echoes.ray % self._channels)
         strength = echoes.strength * np.power(10.0, gain_db / 10.0)
         echoes = Echoes(echoes.ray, echoes.range_m, strength.astype(np.float32))
-        is_one_of_many = np.bincount(echoes.ray, minlength=len(normal))[echoes.ray] > 1
-        alone, alone_ratio = self._detected(echoes.of(~is_one_of_many))
-        many, many_ratio = self._detected(self._merged(echoes.of(is_one_of_many)))
+        ratio = self._power_over_threshold(echoes)
+        rows = np.flatnonzero(ratio > _NEGLIGIBLE)
+        echoes, ratio = echoes.of(rows), ratio.take(rows)
+        is_one_of_many = np.bincount(echoes.ray, minlength=len(normal)).take(echoes.ray) > 1
+        alone, alone_ratio = self._detected(echoes.of(~is_one_of_many), ratio[~is_one_of_many])
+        merged = self._merged(echoes.of(is_one_of_many))
+        many, many_ratio = self._detected(merged, self._power_over_threshold(merged))
         returned = self._returned(many.ray, many_ratio)
         both = Echoes.joined([alone, many.of(returned)])
         order = np.argsort(both.ray, kind="stable")
         return both.of(order), np.concatenate([alone_ratio, many_ratio[returned]])[order]
 
-    def _detected(self, echoes: Echoes) -> tuple[Echoes, Float32Array]:
-        """Those echoes that exceed the threshold, and their power divided by it."""
-        ratio: Float32Array = self._power(echoes) / np.float32(self._threshold)
+    def _detected(self, echoes: Echoes, ratio: Float32Array) -> tuple[Echoes, Float32Array]:
+        """Those echoes whose power, divided by the threshold, exceeds 1, and this ratio."""
         is_detected = (ratio > 1.0) & (echoes.range_m >= self._min_range_m) & (echoes.range_m <= self._max_range_m)
         return echoes.of(is_detected), ratio[is_detected]
 
@@ -100,6 +104,9 @@ class LidarReceiver:
         value = np.where(value < receiver.floor, 0.0, value)
         steps = np.round(np.clip(value, 0.0, 1.0) * receiver.steps)
         return (steps / receiver.steps).astype(np.float32)
+
+    def _power_over_threshold(self, echoes: Echoes) -> Float32Array:
+        return self._power(echoes) / np.float32(self._threshold)
 
     def _power(self, echoes: Echoes) -> Float32Array:
         range_m = np.maximum(echoes.range_m, np.float32(_MIN_RANGE_M))

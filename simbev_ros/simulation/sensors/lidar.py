@@ -283,7 +283,9 @@ class LidarModel:
         assert draws.detection is not None
         beams = Beams(rays.origins_m, rays.directions, rays.lag_s, hits, draws.beam[:, :2])
         windows = find_windows(scene, hits)
-        first, others = surface_echoes(beams, windows, scene.cast, scene.actors, wetness, self._stretch)
+        first, others = surface_echoes(
+            beams, windows, scene.cast, scene.actors, wetness, self._stretch, self._lidar.returns == "strongest"
+        )
         shared = edge_echoes(first, len(hits.range_m), self._lidar.channels, self._beam_reach, draws.beam[:, 2])
         echoes = Echoes.joined([shared, others])
         if draws.air_echoes is not None:

@@ -85,7 +85,7 @@ Cast = Callable[[Float64Array, Float32Array, Float64Array | None], Hits]
 
 
 def surface_echoes(
-    beams: Beams, windows: Windows, cast: Cast, actors: Table, wetness: float, stretch: float
+    beams: Beams, windows: Windows, cast: Cast, actors: Table, wetness: float, stretch: float, strongest: bool
 ) -> tuple[Echoes, Echoes]:
     """Echoes of the surfaces that beams meet first, and of what they meet through and in these.
 
@@ -97,6 +97,7 @@ def surface_echoes(
         wetness: 0 dry to 1 wet.
         stretch: Angle of the beam divided by half the length of a pulse, 1/m. The echo of a surface that the beam hits
             at a slant is as long as the spot is deep, and its peak lower.
+        strongest: Whether to leave out what would be weaker than the surface in front of it, were it white and matte.
     """
     table = load_materials()
     returns = np.flatnonzero(np.isfinite(beams.hits.range_m))
@@ -130,7 +131,8 @@ def surface_echoes(
         if number == 0:
             reflected = ahead + 2.0 * hits.cos_angle[beyond, None] * hits.normal[beyond]
             ways.append((np.square(mirrored) * share, reflected))
-        further = [(np.flatnonzero(rest > _MIN_SHARE), rest, toward) for rest, toward in ways]
+        weakest = np.maximum(strength[beyond], _MIN_SHARE) if strongest else _MIN_SHARE
+        further = [(np.flatnonzero(rest > weakest), rest, toward) for rest, toward in ways]
         row = beyond[np.concatenate([rows for rows, _, _ in further])]
         if not len(row):
             break

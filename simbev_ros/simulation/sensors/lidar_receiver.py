@@ -18,6 +18,7 @@ _MAX_RETROREFLECTION = 785.0  # strength of the best sheeting, at which intensit
 _MIN_RANGE_M = 0.1
 _NEGLIGIBLE = 0.05  # share of the threshold below which an echo does not even add to others
 _MIN_POWER = 1e-12
+_PER_DB = np.float32(np.log(10.0) / 10.0)
 _GAIN_SPREAD = 0.22  # of the logistic function, relative to the step; fitted to the lost pulses of a real HDL-32E
 
 
@@ -45,7 +46,7 @@ class LidarReceiver:
             M echoes by ray, nearer ones first, and (M,) their power divided by the threshold.
         """
         gain_db = self._receiver.spread_db * normal.take(echoes.ray) + self._gain_db.take(echoes.ray % self._channels)
-        strength = echoes.strength * np.power(10.0, gain_db / 10.0)
+        strength = echoes.strength * np.exp(_PER_DB * gain_db)
         echoes = Echoes(echoes.ray, echoes.range_m, strength.astype(np.float32))
         ratio = self._power_over_threshold(echoes)
         rows = np.flatnonzero(ratio > _NEGLIGIBLE)
@@ -99,8 +100,9 @@ class LidarReceiver:
             value = receiver.white + 10.0 * receiver.per_db * np.log10(np.maximum(relative, _MIN_POWER))
         else:
             strength = echoes.strength * self._seen_share(echoes.range_m)
-            bright = np.log(np.maximum(strength, 1.0)) / np.log(_MAX_RETROREFLECTION)
-            value = receiver.white * np.minimum(strength, 1.0) + (1.0 - receiver.white) * bright
+            value = receiver.white * np.minimum(strength, 1.0)
+            bright = np.flatnonzero(strength > 1.0)
+            value[bright] += (1.0 - receiver.white) * np.log(strength[bright]) / np.log(_MAX_RETROREFLECTION)
         value = np.where(value < receiver.floor, 0.0, value)
         steps = np.round(np.clip(value, 0.0, 1.0) * receiver.steps)
         return (steps / receiver.steps).astype(np.float32)

@@ -46,6 +46,9 @@ class Receiver(Model):
         description="rise of the received power from one pulse of a channel to the next at which half of the pulses "
         "are lost, because the gain follows slowly; none: it follows at once",
     )
+    gain_spread_db: float = Field(
+        1.8, gt=0, le=60, description="scale of the logistic function of this rise, which is the share of lost pulses"
+    )
     scale: Literal["reflectance", "decibel"] = Field(
         "reflectance",
         description="what intensity follows; reflectance: that of the surface, retroreflectors above white; "

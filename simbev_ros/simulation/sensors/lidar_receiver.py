@@ -19,7 +19,6 @@ _MIN_RANGE_M = 0.1
 _NEGLIGIBLE = 0.05  # share of the threshold below which an echo does not even add to others
 _MIN_POWER = 1e-12
 _PER_DB = np.float32(np.log(10.0) / 10.0)
-_GAIN_SPREAD = 0.22  # of the logistic function, relative to the step; fitted to the lost pulses of a real HDL-32E
 
 
 class LidarReceiver:
@@ -82,7 +81,7 @@ class LidarReceiver:
         level_db[echoes.ray] = 10.0 * np.log10(ratio)
         rise_db = np.full(len(uniform), np.nan, np.float32)
         rise_db[self._channels :] = level_db[self._channels :] - level_db[: -self._channels]
-        lost_share = 1.0 / (1.0 + np.exp((step_db - rise_db) / (_GAIN_SPREAD * step_db)))
+        lost_share = 1.0 / (1.0 + np.exp((step_db - rise_db) / self._receiver.gain_spread_db))
         kept: BoolArray = ~(uniform < lost_share)[echoes.ray]  # after a beam without an echo, gain is high enough
         return kept
 

@@ -241,7 +241,9 @@ def test_a_retroreflector_saturates_white_is_white_and_steps_are_the_products() 
     assert value == pytest.approx([0.5, 0.5 - 0.02 * 6.02, 0.0], abs=0.003)
 
 
-@pytest.mark.parametrize(("rise_db", "lost_share"), [(-10.0, 0.0), (0.0, 0.012), (5.0, 0.159), (8.0, 0.5), (12.0, 0.902)])
+@pytest.mark.parametrize(
+    ("rise_db", "lost_share"), [(-10.0, 0.0), (0.0, 0.012), (5.0, 0.159), (8.0, 0.5), (12.0, 0.902)]
+)
 def test_pulses_are_lost_where_the_power_rises_faster_than_the_gain(rise_db: float, lost_share: float) -> None:
     """Every second column is stronger than the one before; those between are as much weaker."""
     settings = Receiver(range_at_10_percent_m=R10_M, gain_step_db=8.0)

@@ -76,7 +76,7 @@ def read_scene(text: str, points_topic: str) -> Scene:
     period_ns = _NS_PER_S / lidar["rate_hz"] if lidar["rate_hz"] else tick_ns
     return Scene(
         name=f"{spec['map']['name']}-{spec['number']:04d}",
-        start_ns=(spec["number"] + 1) * 3600 * _NS_PER_S + spec["warm_up_ticks"] * tick_ns,
+        start_ns=(spec["number"] + 1) * 3600 * _NS_PER_S + int(spec["warm_up_ticks"]) * int(tick_ns),
         tick_ns=tick_ns,
         period_ticks=max(1, round(period_ns / tick_ns)),
         ego_from_lidar=_pose(lidar["pose"]),

@@ -92,6 +92,20 @@ def _share_without_return(turn: LidarTurn) -> float:
     return 1.0 - len(turn.ring) / (counts.max() * (turn.ring.max() + 1.0))
 
 
+def _losses_by_elevation(turns: Sequence[LidarTurn], edges_deg: Float64Array) -> Float64Array:
+    """Shares in % of the rays without return of channels between elevations; NaN where channels are lacking."""
+    elevation_deg, lost = [], []
+    for turn in turns:
+        counts = np.bincount(turn.ring)
+        for ring in np.flatnonzero(counts >= _MIN_IN_RING):
+            xyz_m = turn.xyz_m[turn.ring == ring]
+            if _is_ring(xyz_m):
+                elevation = np.arctan2(xyz_m[:, 2], np.hypot(xyz_m[:, 0], xyz_m[:, 1]))
+                elevation_deg.append(float(np.degrees(np.median(elevation))))
+                lost.append(100.0 * (1.0 - counts[ring] / counts.max()))
+    return _means(np.array(lost), np.array(elevation_deg), edges_deg, least=1)
+
+
 def _is_ring(xyz_m: Float32Array | Float64Array) -> bool:
     """Whether the points of a channel have one elevation, unlike those of lidars whose channels swing."""
     elevation_deg = np.degrees(np.arctan2(xyz_m[:, 2], np.hypot(xyz_m[:, 0], xyz_m[:, 1])))
@@ -258,6 +272,9 @@ def _lidar_curves(turns: Sequence[LidarTurn]) -> dict[str, Curve]:
             _middles(angles_deg), _means(intensity, elevation_deg, angles_deg), "elevation [deg]", "mean intensity"
         ),
         "Ranges": Curve(_middles(ranges_m), _shares(range_m, ranges_m), "range [m]", "share [%]", is_log=True),
+        "Losses by elevation of channels": Curve(
+            _middles(angles_deg), _losses_by_elevation(turns, angles_deg), "elevation [deg]", "without return [%]"
+        ),
         "Points by elevation": Curve(_middles(angles_deg), per_deg, "elevation [deg]", "points a turn and degree"),
     }
 
@@ -293,11 +310,13 @@ def _shares(values: AnyArray, edges: Float64Array) -> Float64Array:
     return 100.0 * np.histogram(values, edges)[0] / max(len(values), 1)
 
 
-def _means(values: Float64Array, positions: Float64Array, edges: Float64Array) -> Float64Array:
+def _means(
+    values: Float64Array, positions: Float64Array, edges: Float64Array, least: int = _MIN_IN_BIN
+) -> Float64Array:
     """Means of the values in the bins between edges of their positions; NaN where there are few."""
     count = np.histogram(positions, edges)[0]
     total = np.histogram(positions, edges, weights=values)[0]
-    return np.where(count >= _MIN_IN_BIN, total / np.maximum(count, 1), np.nan)
+    return np.where(count >= least, total / np.maximum(count, 1), np.nan)
 
 
 def _radar_figures(scans: Sequence[RadarScan]) -> Figures:

@@ -9,6 +9,7 @@ an echo of each side.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -116,17 +117,18 @@ def surface_echoes(
         strength *= texture_factor(hits, along_m + origins_m.astype(np.float32))
         if number == 0:
             rooms = _look_into(windows, hits, strength, depth_m)
-        mirrored = _mirrored(material, hits.cos_angle)
-        passing = table.lidar_transmission.take(material)
         leaves = np.flatnonzero(material == Material.FOLIAGE)
-        passing[leaves] = np.power(beams.uniform[ray[leaves], 0], 1.0 / passing[leaves] - 1.0)
-        strength[leaves] *= 1.0 - passing[leaves]
+        gap = np.power(beams.uniform[ray[leaves], 0], 1.0 / table.lidar_transmission[Material.FOLIAGE] - 1.0)
+        strength[leaves] *= 1.0 - gap
         depth_m[leaves] = -_LEAF_DEPTH_M * np.log1p(-beams.uniform[ray[leaves], 1])
         found.append(Echoes(ray, before_m + hits.range_m + depth_m, strength))
         if number == _MAX_PANES - 1:
             break
-        beyond = np.flatnonzero((passing > 0.0) | (mirrored > 0.0))
-        passing, mirrored, share, ahead = passing[beyond], mirrored[beyond], share[beyond], directions[beyond]
+        beyond = np.flatnonzero(_ways_on().take(material))
+        passing = table.lidar_transmission.take(material[beyond])
+        mirrored = _mirrored(material[beyond], hits.cos_angle[beyond])
+        passing[np.searchsorted(beyond, leaves)] = gap
+        share, ahead = share[beyond], directions[beyond]
         ways = [(np.square((1.0 - mirrored) * passing) * share, ahead)]
         if number == 0:
             reflected = ahead + 2.0 * hits.cos_angle[beyond, None] * hits.normal[beyond]
@@ -187,6 +189,13 @@ def edge_echoes(first: Echoes, count: int, channels: int, reach: float, uniform:
     others = Echoes.joined(parts)
     seen = others.strength > 0.0
     return Echoes.joined([own, Echoes(others.ray[seen], others.range_m[seen], others.strength[seen])])
+
+
+@lru_cache(maxsize=1)
+def _ways_on() -> BoolArray:
+    """(materials,) whether light passes a material or is mirrored by it."""
+    table = load_materials()
+    return (table.lidar_transmission > 0.0) | (table.lidar_mirror > 0.0)
 
 
 def _mirrored(material: UInt8Array, cos_angle: Float32Array) -> Float32Array:

@@ -122,7 +122,7 @@ class LidarReceiver:
 
     def _merged(self, echoes: Echoes) -> Echoes:
         """Echoes by ray and range, those of one pulse joined."""
-        order = np.lexsort((echoes.range_m, echoes.ray))
+        order = np.argsort(_sort_key(echoes.ray, echoes.range_m), kind="stable")
         echoes = echoes.of(order)
         starts = np.ones(len(order), bool)
         starts[1:] = (np.diff(echoes.ray) != 0) | (np.diff(echoes.range_m) > self._receiver.pulse_m)
@@ -145,7 +145,7 @@ class LidarReceiver:
         is_first, is_last = np.append(True, ray[1:] != ray[:-1]), np.append(ray[1:] != ray[:-1], True)
         if self._returns == "last":
             return is_last
-        by_power = np.lexsort((-ratio, ray))  # rays keep their places, so that is_first holds in this order, too
+        by_power = np.argsort(_sort_key(ray, 1.0 / ratio), kind="stable")  # is_first holds in this order, too
         returned = np.zeros(len(ray), bool)
         returned[by_power[is_first]] = True
         if self._returns == "dual":
@@ -154,3 +154,8 @@ class LidarReceiver:
             returned |= is_last
             returned[second[np.isin(ray[second], strongest_is_last)]] = True
         return returned
+
+
+def _sort_key(ray: Int64Array, value: Float32Array) -> Int64Array:
+    """(M,) numbers that are in order of rays, then of positive values, whose bits are in the same order."""
+    return (ray << 32) | np.maximum(value, np.float32(0.0)).astype(np.float32).view(np.int32)

@@ -24,10 +24,12 @@ _AMPLITUDE_PER_DB = np.float32(np.log(10.0) / 10.0)
 def texture_factor(hits: Hits, point_m: Float32Array) -> Float32Array:
     """(N,) factors on the reflectances of surfaces that were hit at (N, 3) points, map frame."""
     amplitude = np.where(hits.row < 0, _AMPLITUDE_PER_DB * load_materials().lidar_texture_db.take(hits.material), 0.0)
-    x, y, z = np.floor(point_m * np.float32(1.0 / _CELL_M)).astype(np.int32).T & (_CELLS - 1)
+    x_m, y_m, z_m = point_m.T
     across_x, across_y, across_z = np.abs(hits.normal.T)
     is_wall = across_z < np.maximum(across_x, across_y)
-    column, row = np.where(is_wall & (across_x > across_y), y, x), np.where(is_wall, z, y)
+    places_m = np.where(is_wall & (across_x > across_y), y_m, x_m), np.where(is_wall, z_m, y_m)
+    per_m = np.float32(1.0 / _CELL_M)
+    column, row = (np.floor(place_m * per_m).astype(np.int32) & (_CELLS - 1) for place_m in places_m)
     factor: Float32Array = np.exp(amplitude * _pattern().take(row * _CELLS + column))
     return factor
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simbev_ros.drawing import panels
+from simbev_ros.config.modalities import MODALITIES
 from simbev_ros.drawing.canvas import ACCENT, BACKGROUND, BOLD, DIM, LINE, SURFACE, draw_label, draw_picture, draw_text
 from simbev_ros.foundation.types import UInt8Array
 from simbev_ros.foundation.units import NS_PER_S
@@ -126,9 +126,10 @@ def _arrange(views: Views, aspects: Mapping[str, float]) -> Block:
     lengths = [len(cameras) // rows + (i < len(cameras) % rows) for i in range(rows)]
     starts = np.cumsum([0, *lengths]).tolist()
     blocks: list[Block] = [row(cameras[a : a + n]) for a, n in zip(starts, lengths, strict=False)]
-    if views.label_panel is None and len(others) == len(panels.MODALITY_PICTURES) and above.blocks:
+    fill_rows = len(others) >= len(MODALITIES) - 1  # all but the color image
+    if views.label_panel is None and fill_rows and above.blocks:
         bottom = [Row([Column([row(others[: len(others) // 2]), row(others[len(others) // 2 :])]), *above.blocks])]
-    elif len(others) == len(panels.MODALITY_PICTURES):
+    elif fill_rows:
         bottom = [row(others), above]
     else:
         bottom = [Row([*row(others).blocks, *above.blocks])]

@@ -39,7 +39,7 @@ def realism(
 ) -> None:
     """Compare lidar, images and radar with real frames: intensities, losses, noise, spectrum, cross-sections.
 
-    A row is marked where ours lies outside the span of the real sensors, by more than a tenth.
+    A row is marked where ours lies outside the span of the single real samples, by more than a tenth.
 
     [bold]Examples[/]
 
@@ -88,5 +88,7 @@ def _record(row: "Row") -> dict[str, object]:
         "figure": row.figure,
         "ours": row.ours,
         "real": dict(row.real),
+        "low": row.low,
+        "high": row.high,
         "inside": row.is_inside,
     }

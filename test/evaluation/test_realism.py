@@ -120,12 +120,15 @@ def test_brightness_saturation_and_noise_of_images() -> None:
 
 
 def test_rows_say_whether_ours_lie_in_the_span_of_real_sensors() -> None:
-    scans = {name: [RadarScan(np.full(count, -5.0, np.float32))] for name, count in (("a", 200), ("b", 300))}
-    rows = {row.figure: row for row in compare({"front": [RadarScan(np.full(2000, -5.0, np.float32))]}, scans)}
-    assert rows["detections a scan"][2:] == (2000.0, {"a": 200.0, "b": 300.0})
+    def scan(count: int) -> RadarScan:
+        return RadarScan(np.full(count, -5.0, np.float32))
+
+    scans = {"a": [scan(150), scan(250)], "b": [scan(300)]}
+    rows = {row.figure: row for row in compare({"front": [scan(2000)]}, scans)}
+    assert rows["detections a scan"][2:] == (2000.0, {"a": 200.0, "b": 300.0}, 150.0, 300.0)
     assert not rows["detections a scan"].is_inside
     assert rows["cross-section, 50th percentile [dBsm]"].is_inside
-    assert Row("x", "y", 325.0, {"a": 200.0, "b": 300.0}).is_inside
+    assert Row("x", "y", 325.0, {"a": 200.0, "b": 300.0}, 150.0, 300.0).is_inside
     assert compare({"front": scans["a"]}, {"photographs": [Photograph(np.zeros((64, 64, 3), np.uint8))]}) == []
 
 

@@ -23,7 +23,7 @@ _REAL: tuple[Color, ...] = (
     (190, 90, 90),
     (70, 150, 150),
 )
-_NOTE = "A row is marked where ours lies outside the span of the real sensors by more than a tenth."
+_NOTE = "A row is marked where ours lies outside the span of the single real samples by more than a tenth."
 
 
 def write_realism_report(
@@ -48,7 +48,7 @@ def write_realism_report(
         body = _table(of_sensor) + _charts(sensor, curves_of(ours[sensor]), others)
         sections.append(section(sensor, body, _NOTE if sensor == sensors[0] else ""))
     inside = sum(row.is_inside for row in rows)
-    head = key_figures([(f"{inside} of {len(rows)}", "figures in the span of real sensors")])
+    head = key_figures([(f"{inside} of {len(rows)}", "figures in the span of real samples")])
     page = web_page("Simulated and real sensors", head, "".join(sections), ["charts.js"], is_single=True)
     write_whole(path, page.encode())
 

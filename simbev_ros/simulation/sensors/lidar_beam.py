@@ -118,9 +118,8 @@ def surface_echoes(
         if number == 0:
             rooms = _look_into(windows, hits, strength, depth_m)
         leaves = np.flatnonzero(material == Material.FOLIAGE)
-        gap = np.power(beams.uniform[ray[leaves], 0], 1.0 / table.lidar_transmission[Material.FOLIAGE] - 1.0)
+        gap, depth_m[leaves] = _in_crowns(beams.uniform[ray[leaves]])
         strength[leaves] *= 1.0 - gap
-        depth_m[leaves] = -_LEAF_DEPTH_M * np.log1p(-beams.uniform[ray[leaves], 1])
         found.append(Echoes(ray, before_m + hits.range_m + depth_m, strength))
         if number == _MAX_PANES - 1:
             break
@@ -148,6 +147,13 @@ def surface_echoes(
         hits, ray, share, before_m = hits.of(there), ray[there], share[there], before_m[there] + _CLEARANCE_M
         origins_m, directions = origins_m[there], directions[there]
     return found[0].of(returns), Echoes.joined([rooms, *found[1:]])
+
+
+def _in_crowns(uniform: Float32Array) -> tuple[Float32Array, Float32Array]:
+    """(L,) shares of beams that pass between leaves, and (L,) depths of the leaves hit, by (L, 2) random numbers."""
+    gap: Float32Array = np.power(uniform[:, 0], 1.0 / load_materials().lidar_transmission[Material.FOLIAGE] - 1.0)
+    depth_m: Float32Array = np.float32(-_LEAF_DEPTH_M) * np.log1p(-uniform[:, 1])
+    return gap, depth_m
 
 
 def _look_into(windows: Windows, hits: Hits, strength: Float32Array, depth_m: Float32Array) -> Echoes:

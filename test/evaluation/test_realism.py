@@ -66,13 +66,13 @@ def test_intensities_by_incidence_are_those_of_the_surface(elevations_deg: tuple
 
 
 def test_losses_are_those_of_each_channel() -> None:
-    turn = ground_turn(elevations_deg=(-12.5, -9.5))
+    turn = ground_turn(elevations_deg=(-13.0, -9.0))
     rows = np.flatnonzero((turn.ring == 1) | (np.arange(len(turn.ring)) % 4 > 0))
     curve = curves_of([LidarTurn(turn.xyz_m[rows], turn.intensity[rows], turn.ring[rows])])[
         "Losses by elevation of channels"
     ]
     lost = {float(x): y for x, y in zip(curve.x, curve.y, strict=True) if np.isfinite(y)}
-    assert lost == {-12.5: pytest.approx(25.0), -9.5: 0.0}
+    assert lost == {-13.0: pytest.approx(25.0), -9.0: 0.0}
 
 
 def test_channels_that_swing_are_not_taken_for_rings() -> None:

@@ -95,7 +95,7 @@ def samples_of_folder(folder: Path, max_samples: int) -> dict[str, list[Sample]]
         step = max(1, len(paths) // max_samples)
         samples = list(islice(_read_files(paths[::step], READERS[suffix]), max_samples))
         if not _are_labels(samples[0]):
-            found[f"{place} ({suffix[1:]})"] = samples
+            found[f"{folder.resolve().name if place == '.' else place} ({suffix[1:]})"] = samples
     if not found:
         raise InputError(f"{folder}: has no samples; read are files that end in {', '.join(READERS)}")
     return found

@@ -273,7 +273,10 @@ def _lidar_curves(turns: Sequence[LidarTurn]) -> dict[str, Curve]:
         ),
         "Ranges": Curve(_middles(ranges_m), _shares(range_m, ranges_m), "range [m]", "share [%]", is_log=True),
         "Losses by elevation of channels": Curve(
-            _middles(angles_deg), _losses_by_elevation(turns, angles_deg), "elevation [deg]", "without return [%]"
+            _middles(angles_deg[::2]),
+            _losses_by_elevation(turns, angles_deg[::2]),
+            "elevation [deg]",
+            "without return [%]",
         ),
         "Points by elevation": Curve(_middles(angles_deg), per_deg, "elevation [deg]", "points a turn and degree"),
     }

@@ -42,6 +42,7 @@ from simbev_ros.simulation.render.lighting.lamps import VehicleLamps
 from simbev_ros.simulation.render.lighting.light import SkyLight
 from simbev_ros.simulation.render.lighting.shadows import ShadowMap
 from simbev_ros.simulation.render.lighting.sky_dome import SkyDome
+from simbev_ros.simulation.render.lighting.sky_view import SkyViewMap
 from simbev_ros.simulation.render.lighting.tunnel_map import TunnelAdaptation, TunnelMap
 from simbev_ros.simulation.render.shading.noise import noise_texture
 from simbev_ros.simulation.render.shading.shading import Shading
@@ -100,6 +101,7 @@ class Renderer:
             self._sky_dome = SkyDome(self._context, library)
             self._lamp_field = LampField(self._context, library, static, VehicleLamps(models))
             self._contact_map = ContactMap(self._context, library)
+            self._sky_view = SkyViewMap(self._context)
             self._tunnel_map = TunnelMap(self._context, library, static.tunnels)
             self._noise = noise_texture(self._context)
             self._rigid, self._moving = RigidTextures(self._context), RigidTextures(self._context)
@@ -121,6 +123,7 @@ class Renderer:
         """
         self._shadow_map.set_agents(count)
         self._tunnel_map.set_agents(count)
+        self._sky_view.set_agents(count)
 
     def render(self, cameras: Sequence[CameraView], frame: RenderFrame) -> list[CameraImages]:
         """Draw the images of the ego's cameras at one tick, in the order of ``cameras``.
@@ -219,7 +222,8 @@ class Renderer:
         block_head = sky.block_head(world.weather, world.stamp_ns, origin_m, HALF_M)
         block_head[0, 3] *= adaptation.factor
         matrices = [*shadows, LampField.texture_from_world()]
-        self._shading.set_light(sky.lamps_lit, block_head, matrices, self._tunnel_map.draw(origin_m, adaptation))
+        maps = np.vstack([self._tunnel_map.draw(origin_m, adaptation), self._sky_view.draw(origin_m, self._static)])
+        self._shading.set_light(sky.lamps_lit, block_head, matrices, maps)
         self._sky_dome.draw(sky, block_head)
         self._shading.set_signals(world.signals)
         self._shading.rain.set_world(world, origin_m, adaptation.inside)

@@ -54,6 +54,7 @@ TEXTURE_UNITS = {
             "g_light",
             "fastest",
             "slowest",
+            "sky_view",
         )
     )
 }

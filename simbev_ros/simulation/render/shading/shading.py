@@ -19,7 +19,7 @@ from simbev_ros.simulation.render.shading.wetness import Wetness
 
 _SEED_COUNT = 4096
 _GROUND = shading_classes().index("ground")
-_LIGHT_BLOCK_BYTES = (10 + 3 * 4 + 2) * 16
+_LIGHT_BLOCK_BYTES = (10 + 3 * 4 + 3) * 16
 
 
 class Shading:
@@ -51,7 +51,7 @@ class Shading:
         self._lamps_lit = False
 
     def set_light(
-        self, lamps_lit: bool, sky: Float64Array, matrices: Sequence[Float64Array], tunnels: Float64Array
+        self, lamps_lit: bool, sky: Float64Array, matrices: Sequence[Float64Array], maps: Float64Array
     ) -> None:
         """Set the uniform block ``Light``.
 
@@ -59,10 +59,10 @@ class Shading:
             lamps_lit: Whether street lamps and windows are lit.
             sky: (10, 4) vectors from ``SkyLight.block_head``.
             matrices: (4, 4) matrices of the shadow map and of the lamp field.
-            tunnels: (2, 4) vectors from ``TunnelMap``.
+            maps: (3, 4) vectors from ``TunnelMap`` and ``SkyViewMap``.
         """
         self._lamps_lit = lamps_lit
-        block = np.concatenate([sky, *(matrix.T for matrix in matrices), tunnels])
+        block = np.concatenate([sky, *(matrix.T for matrix in matrices), maps])
         self._light.write(block.astype(np.float32).tobytes())
 
     def set_windows(self, lights: LightSpec) -> None:

@@ -1,4 +1,4 @@
-// The light of the frame, written by light.py, shadows.py and lamp_field.py of render/lighting. Linear RGB.
+// The light of the frame, written by light.py, shadows.py, lamp_field.py, tunnel_map.py and sky_view.py of render/lighting. Linear RGB.
 layout(std140) uniform Light {
     vec4 key_direction;   // toward sun or moon; exposure
     vec4 key_light;       // irradiance / pi; wind 0..1
@@ -15,6 +15,7 @@ layout(std140) uniform Light {
     mat4 lamp_field_from_world;
     vec4 tunnel_place;    // world to tunnel map: offset x, y, z of heights; scale
     vec4 tunnel_light;    // irradiance / pi below a lamp; meters from the ego in a tunnel to the portal, else 0
+    vec4 sky_view_place;  // world to map of the open sky: offset x, y, z of heights; scale
 };
 float exposure() { return key_direction.w; }
 float cloudiness() { return air_light.w; }

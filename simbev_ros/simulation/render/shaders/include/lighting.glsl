@@ -5,6 +5,7 @@
 #include "lamps"
 #include "log_depth"
 #include "tunnel"
+#include "sunlit"
 uniform sampler2D visibility;
 
 out vec4 shaded;  // sRGB, luma
@@ -103,6 +104,7 @@ vec2 visibility_at(float depth) {
 
 void shade(Pixel p, Surface s) {
     vec2 visible = visibility_at(p.depth);
+    if (SUN_PER_PIXEL) visible.y = sunlit(p.position, p.normal, vec2(0.0));
     vec3 radiance = lit(p, s, visible.x, visible.y);
     shaded = developed(through_air(radiance, p.to_camera, p.position));
 }

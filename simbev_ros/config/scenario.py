@@ -18,6 +18,7 @@ from simbev_ros.config.agents import (
     require_maps_of_poses,
 )
 from simbev_ros.config.annotation import Annotation
+from simbev_ros.config.appearance import Appearance
 from simbev_ros.config.base import FieldError, Keys, Model, dotted_path
 from simbev_ros.config.draw import Distribution, Drawn, PaperOrDrawn, within
 from simbev_ros.config.evaluation import EvaluatedAgent, Evaluation, ParticipantName
@@ -258,6 +259,7 @@ class Scenario(Model):
     )
     weather: WeatherConfig = WeatherConfig()
     lights: Lights = Lights()
+    appearance: Appearance = Appearance()
     traffic: Traffic = Traffic()
     hazards: Hazards = Hazards()
     accept: Acceptance | None = Field(

@@ -119,6 +119,7 @@ class CameraNode(Participant):
         self._outputs.clear()
         renderer = self._surroundings.load(spec)
         renderer.set_lights(spec.lights)
+        renderer.set_appearance(spec.appearance)
         renderer.set_agents(len({group.view.agent for group in self._groups}))
         recorded = list(self._advertise())
         self.advertise_derived(spec)

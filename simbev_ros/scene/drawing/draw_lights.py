@@ -1,14 +1,16 @@
-"""Draw the light parameters of a scene from the configuration and the scene's seed."""
+"""Draw the parameters of a scene's lights and colors from the configuration and the scene's seed."""
 
 import colorsys
 from collections.abc import Iterator
 
 import numpy as np
 
+from simbev_ros.config.appearance import Appearance
 from simbev_ros.config.draw import sample
 from simbev_ros.config.lights import MAX_COLORS, BuildingLights, Lights, StreetLights
 from simbev_ros.foundation.random import stream
 from simbev_ros.foundation.types import Float64Array
+from simbev_ros.schema.scene.appearance import AppearanceSpec
 from simbev_ros.schema.scene.lights import BuildingLightSpec, LightSpec, StreetLightSpec
 
 _NIGHT_WHITE_K = 3_600.0  # color temperature that cameras balance to white at night
@@ -21,6 +23,11 @@ def draw_lights(config: Lights, seed: int) -> LightSpec:
     return LightSpec(
         seed=seed, street=_draw_street(config.street, seed), buildings=_draw_buildings(config.buildings, seed)
     )
+
+
+def draw_appearance(config: Appearance, seed: int) -> AppearanceSpec:
+    """Draw how the surfaces of the scene with this seed look."""
+    return AppearanceSpec(seed=seed, randomize=sample(config.randomize, stream(seed, "appearance.randomize")))
 
 
 def _draw_street(config: StreetLights, seed: int) -> StreetLightSpec:

@@ -11,7 +11,7 @@ from simbev_ros.foundation.random import stream
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.drawing.chosen_maps import maps_of
 from simbev_ros.scene.drawing.draw_agents import draw_agents
-from simbev_ros.scene.drawing.draw_lights import draw_lights
+from simbev_ros.scene.drawing.draw_lights import draw_appearance, draw_lights
 from simbev_ros.scene.drawing.draw_v2x import draw_v2x
 from simbev_ros.scene.drawing.draw_weather import draw_weathers, fog_fills_heights
 from simbev_ros.scene.drawing.scene_drawer import SceneDrawer
@@ -91,6 +91,7 @@ def draw_scene(
         weather=weather,
         final_weather=final_weather,
         lights=draw_lights(scenario.lights, seed),
+        appearance=draw_appearance(scenario.appearance, seed),
         agents=agents.specs,
         v2x=draw_v2x(scenario, seed, [agent.name for agent in agents.specs]),
         vehicles=(*agents.vehicles, *vehicles, *hazards.vehicles),

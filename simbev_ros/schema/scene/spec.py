@@ -20,6 +20,7 @@ from simbev_ros.foundation.files.limits import (
 )
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.schema.scene.agent_spec import AgentSpec
+from simbev_ros.schema.scene.appearance import AppearanceSpec
 from simbev_ros.schema.scene.hazard import HazardSpec
 from simbev_ros.schema.scene.lights import LightSpec
 from simbev_ros.schema.scene.map_spec import MapSpec
@@ -130,6 +131,7 @@ class SceneSpec(Stored):
     weather: Weather = Field(description="until the first recorded tick")
     final_weather: Weather | None = Field(None, description="at the last tick; none: the weather does not change")
     lights: LightSpec = LightSpec()
+    appearance: AppearanceSpec = AppearanceSpec()
     agents: tuple[AgentSpec, ...] = Field(
         min_length=1, max_length=MAX_AGENTS, description="the first one is the ego, which drives the first vehicle"
     )

@@ -19,6 +19,7 @@ from simbev_ros.config.rendering import Quality
 from simbev_ros.foundation.geometry.camera import PinholeCamera
 from simbev_ros.foundation.geometry.fisheye import FisheyeCamera
 from simbev_ros.foundation.types import Float64Array
+from simbev_ros.schema.scene.appearance import AppearanceSpec
 from simbev_ros.schema.scene.lights import LightSpec
 from simbev_ros.simulation.render.frame import CameraImages, CameraView, RenderFrame
 from simbev_ros.simulation.render.geometry.actor_geometry import ActorGeometry, visible_actors
@@ -115,6 +116,11 @@ class Renderer:
         with self._context:
             self._lamp_field.set_lights(lights)
             self._shading.set_windows(lights)
+
+    def set_appearance(self, appearance: AppearanceSpec) -> None:
+        """Change the colors of surfaces and light; until this is called, they are plausible."""
+        with self._context:
+            self._shading.set_appearance(appearance)
 
     def set_agents(self, count: int) -> None:
         """Keep the maps that are around this number of agents; until this is called, those around one.

@@ -29,7 +29,7 @@ from simbev_ros.recording.layout import (
 )
 from simbev_ros.recording.lead_in import lead_in_messages
 from simbev_ros.recording.reader import RawMessage, SceneBag
-from simbev_ros.scene.drawing.draw_lights import draw_lights
+from simbev_ros.scene.drawing.draw_lights import draw_appearance, draw_lights
 from simbev_ros.scene.drawing.draw_scene import datum_spec
 from simbev_ros.scene.drawing.draw_v2x import draw_v2x
 from simbev_ros.scene.drawing.draw_weather import draw_weathers, fog_fills_heights
@@ -285,4 +285,6 @@ def replayed_spec(bag: SceneBag, scenario: Scenario, network: RoadNetwork, chose
         )
     if "lights" in scenario.model_fields_set:
         changes["lights"] = draw_lights(scenario.lights, spec.seed)
+    if "appearance" in scenario.model_fields_set:
+        changes["appearance"] = draw_appearance(scenario.appearance, spec.seed)
     return spec.model_copy(update=changes)

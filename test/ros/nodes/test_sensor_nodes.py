@@ -47,7 +47,9 @@ def spec_with(kind: str) -> SceneSpec:
 def start_node(kind: str, monkeypatch: pytest.MonkeyPatch) -> tuple[Any, list[str]]:
     """Start the scene of ``spec_with`` on a node, without meshes and OpenGL; return it and its recordable topics."""
     made_class = node_class(kind)
-    monkeypatch.setattr(Surroundings, "load", lambda *_: SimpleNamespace(set_lights=print, set_agents=print))
+    monkeypatch.setattr(
+        Surroundings, "load", lambda *_: SimpleNamespace(set_lights=print, set_appearance=print, set_agents=print)
+    )
     if kind == "camera":
         module = __import__(made_class.__module__, fromlist=["open_context"])
         monkeypatch.setattr(module, "open_context", lambda *_: SimpleNamespace(release=lambda: None))

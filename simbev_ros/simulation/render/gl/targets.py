@@ -128,6 +128,11 @@ class Targets:
             texture.use(TEXTURE_UNITS[name])
 
     @property
+    def rgb_texture(self) -> moderngl.Texture:
+        """The texture of ``rgb``."""
+        return self.images["rgb"].texture
+
+    @property
     def images(self) -> dict[Modality, Image]:
         """Attachment of each modality, valid after drawing."""
         attachments: dict[Modality, int] = {"depth": 1, **{name: index for index, name in enumerate(_LABELS, start=3)}}

@@ -6,9 +6,12 @@ import moderngl
 import numpy as np
 
 from simbev_ros.config.lights import MAX_COLORS
+from simbev_ros.foundation.random import stream
 from simbev_ros.foundation.types import Float64Array, Table
+from simbev_ros.schema.scene.appearance import AppearanceSpec
 from simbev_ros.schema.scene.lights import LightSpec
 from simbev_ros.simulation.render.gl.programs import BLOCK_BINDINGS, TEXTURE_UNITS, ProgramLibrary
+from simbev_ros.simulation.render.gl.screen_pass import ScreenPass
 from simbev_ros.simulation.render.gl.targets import Targets
 from simbev_ros.simulation.render.gl.timer import Timer
 from simbev_ros.simulation.render.lighting.glare import Glare
@@ -20,6 +23,10 @@ from simbev_ros.simulation.render.shading.wetness import Wetness
 _SEED_COUNT = 4096
 _GROUND = shading_classes().index("ground")
 _LIGHT_BLOCK_BYTES = (10 + 3 * 4 + 3) * 16
+_LIGHT_ROWS = (1, 3, 4, 5, 6, 7)
+"""Rows of the block that are colors of light: first that of sun or moon, then those of air, clouds, sky and ground."""
+_LIGHT_SPREAD = 0.5
+"""Standard deviation of the logarithm of the light's random channels, at full strength."""
 
 
 class Shading:
@@ -49,6 +56,19 @@ class Shading:
         self._light.bind_to_uniform_block(BLOCK_BINDINGS["Light"])
         self._signals: moderngl.Texture | None = None
         self._lamps_lit = False
+        self._library = library
+        self._recolor: ScreenPass | None = None
+        self.set_appearance(AppearanceSpec())
+
+    def set_appearance(self, appearance: AppearanceSpec) -> None:
+        """Set the random colors of surfaces and light."""
+        rng = stream(appearance.seed, "appearance.colors")
+        seed, spread = int(rng.integers(_SEED_COUNT)), _LIGHT_SPREAD * appearance.randomize
+        self._tint = np.exp(spread * rng.standard_normal((2, 3)))[[0] + [1] * (len(_LIGHT_ROWS) - 1)]
+        self._recolor = None
+        if appearance.randomize > 0.0:
+            self._recolor = self._library.screen_pass("recolor.frag", SHADING_STEP=1)
+            self._recolor.program["strength"], self._recolor.program["seed"] = appearance.randomize, seed
 
     def set_light(
         self, lamps_lit: bool, sky: Float64Array, matrices: Sequence[Float64Array], maps: Float64Array
@@ -63,6 +83,7 @@ class Shading:
         """
         self._lamps_lit = lamps_lit
         block = np.concatenate([sky, *(matrix.T for matrix in matrices), maps])
+        block[_LIGHT_ROWS, :3] *= self._tint
         self._light.write(block.astype(np.float32).tobytes())
 
     def set_windows(self, lights: LightSpec) -> None:
@@ -94,6 +115,10 @@ class Shading:
         with self._timer("sun and occlusion"):
             self._visibility.draw(targets.noisy_visibility)
             self._smooth.draw(targets.visibility)
+        if self._recolor:
+            with self._timer("random colors"):
+                self._recolor.draw(targets.rgb)  # which is drawn last
+                targets.rgb_texture.use(TEXTURE_UNITS["g_color"])
         with self._timer("classes"):
             self._areas.find(targets)
         passes = list(self._passes[self._lamps_lit])

@@ -37,8 +37,8 @@ class Material(IntEnum):
     BARK = 21
     CLOTH = 22
     CLOTH_TINTED = 23  # its albedo is the actor's color
-    SKIN = 24
-    HAIR = 25
+    SKIN = 24  # its albedo depends on the actor's tone of skin
+    HAIR = 25  # its albedo is the actor's color of hair
     WATER = 26
     PLATE = 27
     LAMP_LOW_BEAM = 28
@@ -57,6 +57,8 @@ class Material(IntEnum):
     METAL_FACADE = 41
     CROP = 42  # a field: rows run along u
     TUNNEL_LAMP = 43  # always lit
+    CLOTH_SECOND = 44  # its albedo is the actor's second color
+    LEATHER = 45  # its albedo is the actor's color of leather
 
 
 @dataclass(frozen=True, slots=True)

@@ -39,6 +39,8 @@ class Blueprint(Model):
     box_class: str
     size_m: tuple[float, float, float]
     colors: tuple[int, ...]
+    colors2: tuple[int, ...] = ()
+    old: bool = False
     frequency: float = 0.0
     sumo_class: str = ""
     emergency: bool = False
@@ -81,8 +83,9 @@ def load_blueprints() -> tuple[Blueprint, ...]:
     data = load_table("simbev_ros.scene", "blueprints.yaml")
     blueprints = []
     for entry in data["blueprints"]:
-        palette = entry.pop("palette")
-        entry["colors"] = palette if isinstance(palette, list) else data["palettes"][palette]
+        for field, name in (("colors", "palette"), ("colors2", "palette2")):
+            palette = entry.pop(name, [])
+            entry[field] = palette if isinstance(palette, list) else data["palettes"][palette]
         blueprints.append(Blueprint(**entry))
     return tuple(blueprints)
 

@@ -23,8 +23,6 @@ class Figure(Model):
         shoulders: Half the shoulder distance over the height.
         head: Relative size of the head over an adult's.
         belly: Forward extent of the waist over the height.
-        skin: Skin color, RRGGBB.
-        hair: Hair color, RRGGBB.
         hairstyle: Hairstyle or headgear.
         top: Finish of the upper garment.
         hem: Length of the upper garment below the hip joints, over the height.
@@ -44,15 +42,13 @@ class Figure(Model):
     shoulders: float
     head: float = 1.0
     belly: float = 0.0
-    skin: str
-    hair: str
     hairstyle: Literal["short", "long", "bun", "cap", "cycle_helmet", "full_helmet", "hard_hat"]
     top: str = "clothes"
     hem: float = 0.01
     short_sleeves: bool = False
     short_trousers: bool = False
-    bottom: str
-    shoes: str
+    bottom: str = "second"
+    shoes: str = "shoes"
     gloves: bool = False
     seat: Seat | None = None
     stoop_deg: float = 0.0
@@ -142,7 +138,7 @@ def _trunk(figure: Figure, pose: Pose) -> list[Solid]:
     return [
         Rings(shape="rings", finish=figure.bottom, rings=hips, at=at, turn=turn),
         Rings(shape="rings", finish=figure.top, rings=top, at=at, turn=turn, segments=12),
-        _limb(figure, _own(figure, "skin"), "body", (pose.neck, head_base), body.neck, rounded=False),
+        _limb(figure, "skin", "body", (pose.neck, head_base), body.neck, rounded=False),
         *([] if figure.short_sleeves or figure.top != "clothes" else [collar]),
     ]
 
@@ -153,14 +149,13 @@ def _head(figure: Figure, pose: Pose) -> list[Solid]:
     solids: list[Solid] = []
     if figure.hairstyle != "full_helmet":
         skull = _rings(body.head, size)
-        solids.append(Rings(shape="rings", finish=_own(figure, "skin"), rings=skull, at=_vector(pose.head)))
+        solids.append(Rings(shape="rings", finish="skin", rings=skull, at=_vector(pose.head)))
         for lump in body.face:
             extent, at = _vector(size * np.array(lump.size)), _vector(pose.head + size * np.array(lump.at))
-            solids.append(Box(shape="box", finish=_own(figure, lump.finish), size=extent, at=at))
+            solids.append(Box(shape="box", finish=lump.finish, size=extent, at=at))
     for lump in body.hairstyles[figure.hairstyle]:
         extent, at = _vector(size * np.array(lump.size)), _vector(pose.head + size * np.array(lump.at))
-        finish = _own(figure, lump.finish)
-        solids.append(Ellipsoid(shape="ellipsoid", finish=finish, size=extent, at=at, segments=9))
+        solids.append(Ellipsoid(shape="ellipsoid", finish=lump.finish, size=extent, at=at, segments=9))
     return solids
 
 
@@ -168,7 +163,7 @@ def _leg(figure: Figure, pose: Pose, side: str) -> list[Solid]:
     """Thigh, shin and shoe."""
     body, joints = load_body(), pose.joints[side]
     pitch = float(np.degrees(pose.foot_pitch_rad))
-    below = _own(figure, "skin") if figure.short_trousers else figure.bottom
+    below = "skin" if figure.short_trousers else figure.bottom
     return [
         _limb(figure, figure.bottom, f"thigh {side}", (joints["hip"], joints["knee"]), body.thigh),
         _limb(figure, below, f"shin {side}", (joints["knee"], joints["ankle"]), body.shin, rounded=False),
@@ -192,14 +187,13 @@ def _shoe_girth(figure: Figure) -> float:
 def _arm(figure: Figure, pose: Pose, side: str) -> list[Solid]:
     """Upper arm, forearm and hand."""
     body, joints = load_body(), pose.joints[side]
-    skin = _own(figure, "skin")
-    sleeve = skin if figure.short_sleeves else figure.top
+    sleeve = "skin" if figure.short_sleeves else figure.top
     fore = joints["wrist"] - joints["elbow"]
     hand = joints["wrist"] + fore / np.linalg.norm(fore) * 0.035 * figure.height
     pitch = float(np.degrees(np.arctan2(-fore[0], -fore[2])))
     ahead = np.array([np.cos(np.radians(pitch)), 0.0, -np.sin(np.radians(pitch))])
     thumb = hand + 0.017 * figure.height * ahead
-    palm, bare = f"forearm {side}", "black" if figure.gloves else skin
+    palm, bare = f"forearm {side}", "black" if figure.gloves else "skin"
     return [
         _limb(figure, figure.top, f"upper arm {side}", (joints["shoulder"], joints["elbow"]), body.upper_arm),
         _limb(figure, sleeve, f"forearm {side}", (joints["elbow"], joints["wrist"]), body.forearm),
@@ -212,11 +206,6 @@ def _lump(finish: str, part: str, size_m: Float64Array, at_m: Float64Array, pitc
     """A small ellipsoid, turned about y."""
     size, at, turn = _vector(size_m), _vector(at_m), (0.0, pitch_deg, 0.0)
     return Ellipsoid(shape="ellipsoid", finish=finish, part=part, size=size, at=at, turn=turn, segments=7, rings=4)
-
-
-def _own(figure: Figure, finish: str) -> str:
-    """Finish with ``skin`` and ``hair`` replaced by the figure's own colors."""
-    return {"skin": f"skin #{figure.skin}", "hair": f"hair #{figure.hair}"}.get(finish, finish)
 
 
 def _limb(

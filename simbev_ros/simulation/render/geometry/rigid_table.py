@@ -15,6 +15,7 @@ from simbev_ros.foundation.geometry.transforms import inverse
 from simbev_ros.foundation.semantics import Tag
 from simbev_ros.foundation.types import Float32Array, Float64Array, Int64Array, Table, UInt32Array
 from simbev_ros.scene.interpolation import earlier_rows
+from simbev_ros.scene.looks import skin_colors
 from simbev_ros.schema.scene.state import WorldState, map_from_actors
 from simbev_ros.simulation.render.geometry.level_of_detail import bounding_spheres
 from simbev_ros.simulation.render.gl.programs import TEXTURE_UNITS
@@ -33,6 +34,7 @@ class RigidTable:
         poses: (R, 6, 4) float32: three rows of world-from-rest, three of previous-world-from-current-world.
         actors: (R, 4) uint32: actor id, light bits, color red | green << 8 | blue << 16, and for vehicles with a cabin
             length / 0.1 m | width / 0.02 m << 8 | height / 0.02 m << 16 | tag << 24.
+        tints: (R, 4) uint32: colors of skin, hair, second garment and leather, red | green << 8 | blue << 16.
         first_row: (N,) row of each actor's part 0, in the order of the actors table.
         center_m: (N, 3) world, center of a sphere around each actor.
         radius_m: (N,) its radius.
@@ -40,6 +42,7 @@ class RigidTable:
 
     poses: Float32Array
     actors: UInt32Array
+    tints: UInt32Array
     first_row: Int64Array
     center_m: Float64Array
     radius_m: Float64Array
@@ -60,9 +63,11 @@ class RigidTable:
             raise RenderError(f"{rows} rigid parts, largest actor id {actors['id'].max()}: both must be below 65536")
         previous_actors = None if previous is None else earlier_rows(actors, previous.actors)
         center_m, radius_m = bounding_spheres(actors, origin_m)
+        of_row = np.concatenate([[0], 1 + actor])
         return cls(
             poses=_poses(skeletons, actors, previous_actors, origin_m),
-            actors=_appearance(actors)[np.concatenate([[0], 1 + actor])],
+            actors=_appearance(actors)[of_row],
+            tints=_tints(actors)[of_row],
             first_row=1 + np.searchsorted(actor, np.arange(len(actors))),
             center_m=center_m,
             radius_m=radius_m,
@@ -85,7 +90,9 @@ class RigidTextures:
         padding = lines * _ROWS_PER_LINE - len(table.poses)
         width = _ROWS_PER_LINE * _TEXELS_PER_ROW
         self._poses.write(np.pad(table.poses, ((0, padding), (0, 0), (0, 0))).tobytes(), (0, 0, width, lines))
-        self._actors.write(np.pad(table.actors, ((0, padding), (0, 0))).tobytes(), (0, 0, _ROWS_PER_LINE, lines))
+        for half, columns in enumerate((table.actors, table.tints)):
+            viewport = (half * _ROWS_PER_LINE, 0, _ROWS_PER_LINE, lines)
+            self._actors.write(np.pad(columns, ((0, padding), (0, 0))).tobytes(), viewport)
         self.bind()
 
     def bind(self) -> None:
@@ -99,7 +106,7 @@ class RigidTextures:
             if texture is not None:
                 texture.release()
         poses = self._context.texture((_ROWS_PER_LINE * _TEXELS_PER_ROW, lines), 4, dtype="f4")
-        actors = self._context.texture((_ROWS_PER_LINE, lines), 4, dtype="u4")
+        actors = self._context.texture((2 * _ROWS_PER_LINE, lines), 4, dtype="u4")
         poses.filter = actors.filter = (moderngl.NEAREST, moderngl.NEAREST)
         return poses, actors
 
@@ -124,12 +131,25 @@ def _world_from_rest(skeletons: Skeletons, actors: Table, origin_m: Float64Array
 def _appearance(actors: Table) -> UInt32Array:
     """(1 + N, 4) ``RigidTable.actors`` of the static world, and of each actor."""
     appearance = np.zeros((1 + len(actors), 4), np.uint32)
-    color = actors["color"]
     appearance[1:, 0] = actors["id"]
     appearance[1:, 1] = actors["lights"]
-    appearance[1:, 2] = color >> 16 & 0xFF | color & 0xFF00 | (color & 0xFF) << 16
+    appearance[1:, 2] = _swapped(actors["color"])
     has_cabin = np.isin(actors["tag"], [Tag.CAR, Tag.TRUCK, Tag.BUS])
     size = np.stack([actors[name] / unit_m for name, unit_m in _SIZE_UNITS_M.items()], axis=1).round().astype(np.uint32)
     length, width, height = np.minimum(size, 255).T
     appearance[1:, 3] = has_cabin * (length | width << 8 | height << 16 | actors["tag"].astype(np.uint32) << 24)
     return appearance
+
+
+def _tints(actors: Table) -> UInt32Array:
+    """(1 + N, 4) ``RigidTable.tints`` of the static world, and of each actor."""
+    tints = np.zeros((1 + len(actors), 4), np.uint32)
+    tints[1:, 0] = _swapped(skin_colors()[actors["skin"]])
+    for column, name in enumerate(("hair", "color2", "leather"), start=1):
+        tints[1:, column] = _swapped(actors[name])
+    return tints
+
+
+def _swapped(color: UInt32Array) -> UInt32Array:
+    """Colors 0xRRGGBB as red | green << 8 | blue << 16."""
+    return np.asarray(color >> 16 & 0xFF | color & 0xFF00 | (color & 0xFF) << 16, np.uint32)

@@ -11,7 +11,17 @@ VERTEX_DTYPE = np.dtype([("in_position", "<f4", 3), ("in_uv", "<f4", 2), ("in_pa
 
 _MATERIALS = np.arange(256)
 _SHADING_FLAG = shading_flag_of_material().astype(np.uint32)
-_TINTED = np.isin(_MATERIALS, [Material.CAR_PAINT, Material.CLOTH_TINTED]).astype(np.uint32)
+_TINTS = (
+    (Material.CAR_PAINT, Material.CLOTH_TINTED),
+    (Material.SKIN,),
+    (Material.HAIR,),
+    (Material.CLOTH_SECOND,),
+    (Material.LEATHER,),
+)
+"""Materials whose albedo is multiplied by the actor's color (tint 1), or by one of its row's further tints (2 to 5)."""
+_TINT = np.zeros(256, np.uint32)
+for _tint, _materials in enumerate(_TINTS, start=1):
+    _TINT[list(_materials)] = _tint
 _LIFTED = (_MATERIALS == Material.MARKING).astype(np.uint32)
 
 
@@ -22,7 +32,7 @@ def pack_vertices(mesh: Mesh) -> Table:
     vertices["in_uv"] = mesh.uv
     material, tag, part = (column.astype(np.uint32) for column in (mesh.material, mesh.tag, mesh.part))
     red, green, blue = mesh.color.astype(np.uint32).T
-    flags = _TINTED[mesh.material] | _LIFTED[mesh.material] << 1
+    flags = _TINT[mesh.material] | _LIFTED[mesh.material] << 3
     vertices["in_packed"][:, 0] = _octahedral(mesh.normals)
     vertices["in_packed"][:, 1] = red | green << 8 | blue << 16 | material << 24
     vertices["in_packed"][:, 2] = tag | part << 8 | _SHADING_FLAG[mesh.material] << 16 | flags << 24

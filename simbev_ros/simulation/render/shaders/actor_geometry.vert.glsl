@@ -3,6 +3,7 @@
 #include "rigid"
 #include "view"
 uniform usampler2D rigid_actors;
+#include "tint"
 in uint in_row;
 
 void main() {
@@ -15,5 +16,5 @@ void main() {
     uvec4 actor = texelFetch(rigid_actors, ivec2(row & 127u, row >> 7u), 0);
     v_instance = actor.x;
     set_lift(0.0);
-    v_surface = surface_of(in_packed, row, actor.z);
+    v_surface = surface_of(in_packed, row, tint_of(in_packed, row, actor.z));
 }

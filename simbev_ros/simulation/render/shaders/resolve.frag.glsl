@@ -6,6 +6,7 @@
 uniform usampler2D triangle_ids;  // triangle; an actor's first row, or a tile's index with the highest bit set
 uniform sampler2D triangle_depth;
 uniform usampler2D rigid_actors;
+#include "tint"
 layout(std430, binding = 0) readonly buffer StaticVertices { uint static_words[]; };
 layout(std430, binding = 1) readonly buffer StaticTriangles { uint static_corners[]; };
 layout(std430, binding = 2) readonly buffer TilePlaces { float tile_places[]; };
@@ -73,7 +74,7 @@ void main() {
     uint material = c.bits.y >> 24u;
     if (dot(across, ray) > 0.0 && material != uint(MATERIAL_FOLIAGE)) normal = -normal;  // seen from behind
     uvec4 actor = texelFetch(rigid_actors, ivec2(row & 127u, row >> 7u), 0);
-    uvec2 surface = surface_of(c.bits, row, actor.z);
+    uvec2 surface = surface_of(c.bits, row, tint_of(c.bits, row, actor.z));
     g_surface = uvec4(surface.x, pack_normal(normal), floatBitsToUint(weights.x * a.uv + weights.y * b.uv + weights.z * c.uv));
     g_depth = dot(place - eye, world_from_optical[2].xyz);
     g_color = color_of(surface.y);

@@ -1,5 +1,5 @@
 #version 330
-// Matte surfaces: brick, plaster, roofs, wood, rubber, plastic, bark, cloth, skin and hair.
+// Matte surfaces: brick, plaster, roofs, wood, rubber, plastic, bark, cloth, leather, skin and hair.
 #define MATT
 #include "enums"
 #include "lighting"
@@ -9,12 +9,16 @@
 const vec2 TILE = vec2(0.24, 0.32);
 const float SEAM = 1.0;  // distance between the seams of flat roofs
 
+bool is_cloth(uint material) {
+    return material == MATERIAL_CLOTH || material == MATERIAL_CLOTH_TINTED || material == MATERIAL_CLOTH_SECOND;
+}
+
 // Length and height of one period of the noise, meters: stretched along the grain.
 vec2 grain_of(uint material) {
     if (material == MATERIAL_BARK) return vec2(0.8, 2.0);
     if (material == MATERIAL_WOOD) return vec2(0.6, 6.0);
     if (material == MATERIAL_HAIR) return vec2(0.15, 1.2);
-    if (material == MATERIAL_CLOTH || material == MATERIAL_CLOTH_TINTED) return vec2(0.9, 1.8);
+    if (is_cloth(material)) return vec2(0.9, 1.8);
     if (material == MATERIAL_PLASTER) return vec2(2.0, 5.0);
     return vec2(4.0);
 }
@@ -43,7 +47,6 @@ void main() {
     float around = p.normal.y < 0.0 ? 4.0 - facing_share(p.normal) : facing_share(p.normal);
     vec2 place = p.uv + vec2(p.material == MATERIAL_BARK ? 0.4 * around : 0.0, 0.0);
     vec4 grain = texture_at(place / period, p.size * inversesqrt(period.x * period.y));
-    bool cloth = p.material == MATERIAL_CLOTH || p.material == MATERIAL_CLOTH_TINTED;
     Surface s = surface_of(p);
     s.albedo *= 0.90 + 0.10 * grain.r + 0.10 * (grain.g - 0.5);
     if (p.material == MATERIAL_BRICK) {
@@ -57,7 +60,7 @@ void main() {
         s.normal = normalize(p.normal + (grain.bag - 0.5) * 0.7);
     } else if (p.material == MATERIAL_WOOD) {
         s.albedo *= 0.70 + 0.35 * grain.b + 0.25 * grain.g;
-    } else if (cloth) {  // folds
+    } else if (is_cloth(p.material)) {  // folds
         s.albedo *= 0.86 + 0.28 * grain.b;
         s.normal = normalize(p.normal + (grain.bar - 0.5) * 0.55);
     } else if (p.material == MATERIAL_HAIR) {

@@ -6,8 +6,8 @@ const float LIFT = 6e-7;
 
 // bits: normal; red, green, blue, material; tag, part, shading class, flags: from the lowest byte up
 uint part_of(uvec3 bits) { return (bits.z >> 8u) & 0xFFu; }
-bool is_tinted(uvec3 bits) { return (bits.z & 0x1000000u) != 0u; }
-float lift_of(uvec3 bits) { return (bits.z & 0x2000000u) != 0u ? LIFT : 0.0; }
+uint tint_slot(uvec3 bits) { return (bits.z >> 24u) & 7u; }  // 0: not tinted, 1: by the actor's color, 2 to 5: its further tints
+float lift_of(uvec3 bits) { return (bits.z & 0x8000000u) != 0u ? LIFT : 0.0; }
 
 // sRGB color a multiplied by color b, 0xBBGGRR.
 uint shaded_color(uint a, uint b) {
@@ -16,9 +16,9 @@ uint shaded_color(uint a, uint b) {
     return c.x | (c.y << 8u) | (c.z << 16u);
 }
 
-// Rigid row | tag << 16 | material << 24; red, green, blue, shading class. tint: color of the actor, 0xBBGGRR.
+// Rigid row | tag << 16 | material << 24; red, green, blue, shading class. tint: 0xBBGGRR, where there is a slot.
 uvec2 surface_of(uvec3 bits, uint row, uint tint) {
     uint color = bits.y & 0xFFFFFFu;
-    if (is_tinted(bits)) color = shaded_color(tint, color);
+    if (tint_slot(bits) != 0u) color = shaded_color(tint, color);
     return uvec2(row | (bits.z & 0xFFu) << 16u | (bits.y & 0xFF000000u), color | (bits.z & 0xFF0000u) << 8u);
 }

@@ -5,6 +5,7 @@ The package ``assets`` builds their meshes.
 
 import math
 from functools import lru_cache
+from itertools import cycle, islice
 from typing import Any, Literal, NamedTuple
 
 from pydantic import field_validator
@@ -31,7 +32,7 @@ class VehicleFootprint(NamedTuple):
 
 
 class Blueprint(Model):
-    """One kind of actor; blueprints.yaml explains the fields."""
+    """One kind of actor; blueprints.yaml explains the fields. A color that is listed twice is twice as frequent."""
 
     name: str
     kind: Literal["vehicle", "rider", "pedestrian", "prop"]
@@ -81,13 +82,26 @@ class Blueprint(Model):
 def load_blueprints() -> tuple[Blueprint, ...]:
     """Load all blueprints; the index in the tuple is the ``blueprint`` column of the actors table."""
     data = load_table("simbev_ros.scene", "blueprints.yaml")
+    palettes = data["palettes"] | _load_paints()
+    entries: dict[str, dict[str, Any]] = {}
+    for row in data["blueprints"]:
+        entries[row["name"]] = entries.get(row.pop("like", ""), {}) | row
     blueprints = []
-    for entry in data["blueprints"]:
+    for entry in entries.values():
         for field, name in (("colors", "palette"), ("colors2", "palette2")):
             palette = entry.pop(name, [])
-            entry[field] = palette if isinstance(palette, list) else data["palettes"][palette]
+            entry[field] = palette if isinstance(palette, list) else palettes[palette]
         blueprints.append(Blueprint(**entry))
     return tuple(blueprints)
+
+
+def _load_paints() -> dict[str, list[int]]:
+    """Palettes of paints.yaml: lists in which every paint is repeated as often as it is seen."""
+    data = load_table("simbev_ros.scene", "paints.yaml")
+    return {
+        name: [paint for hue, count in shares.items() for paint in islice(cycle(data["hues"][hue]), count)]
+        for name, shares in data["palettes"].items()
+    }
 
 
 @lru_cache(maxsize=1)

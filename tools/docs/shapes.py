@@ -14,6 +14,7 @@ from simbev_ros.assets.actors.pose import Seat
 from simbev_ros.assets.actors.shape import Shape, ShapePart
 from simbev_ros.assets.actors.shell import Arch, Area, Loop, Panel, Patch, Recess, Seam, Shell
 from simbev_ros.assets.actors.solids import AnySolid, Solid
+from simbev_ros.assets.actors.variants import LoopChange, Reshape
 from simbev_ros.assets.actors.wheels import Wheels
 from tools.docs.markdown import GENERATED, code, sentence, slug, table
 
@@ -30,7 +31,10 @@ Two more fields of a file are resolved before all others:
 | field | meaning |
 |---|---|
 | `extends` | name of another shape, the base: its solids come first, `figure` is merged, other sections replace it |
+| `reshape` | only with `extends`: how the base is changed before anything is added to it. See [`reshape`](#reshape). |
 | `patches` | only with `extends`: a list of lists of patches; the k-th list is added to the k-th shell of the base |
+
+Vehicles that differ little from others have no file of their own: `shapes/variants.yaml` lists them by blueprint.
 """
 
 _SECTIONS: dict[str, type[BaseModel]] = {
@@ -49,6 +53,8 @@ _SECTIONS: dict[str, type[BaseModel]] = {
     "figure": Figure,
     "seat": Seat,
     "solids": Solid,
+    "reshape": Reshape,
+    "loops of reshape": LoopChange,
 }
 """Heading → model, in the order of the page."""
 
@@ -91,6 +97,8 @@ def _choices(model: type[BaseModel], name: str) -> str:
 
 
 def _section_of(name: str, heading: str) -> str:
+    if heading == "reshape":
+        return " See [`loops of reshape`](#loops-of-reshape)." if name == "loops" else ""
     return f" See [`{name}`](#{slug(name)})." if name in _SECTIONS and name != heading else ""
 
 

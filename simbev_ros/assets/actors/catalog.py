@@ -1,6 +1,6 @@
 """The catalog: one model per blueprint. What is built once is then read from the cache."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from functools import lru_cache, partial
 from pathlib import Path
 
@@ -23,25 +23,20 @@ def load_models() -> tuple[ActorModel, ...]:
         InputError: The cache cannot be written.
     """
     read = partial(read_models, blueprints=load_blueprints(), coarser=_coarser)
-    return read_cached(_folder() / "exact.npz", _KIND, read, lambda path: write_models(path, _built()))
+    return read_cached(_folder() / "exact.npz", _KIND, read, lambda path: write_models(path, tuple(_built())))
 
 
 def _coarser(index: int) -> tuple[CoarserMesh, ...]:
-    """Return the coarser meshes of one model; see ``ActorModel.build_coarser``."""
-    return _all_coarser()[index]
+    """Read the coarser meshes of one model; see ``ActorModel.build_coarser``."""
 
-
-@lru_cache(maxsize=1)
-def _all_coarser() -> Sequence[tuple[CoarserMesh, ...]]:
     def write(path: Path) -> None:
-        write_coarser(path, [model.build_coarser() for model in _built()])
+        write_coarser(path, (model.build_coarser() for model in _built()))
 
-    return read_cached(_folder() / "coarser.npz", _KIND, read_coarser, write)
+    return read_cached(_folder() / "coarser.npz", _KIND, partial(read_coarser, index=index), write)
 
 
-@lru_cache(maxsize=1)
-def _built() -> tuple[ActorModel, ...]:
-    return tuple(build_model(blueprint, load_shape(blueprint.name)) for blueprint in load_blueprints())
+def _built() -> Iterator[ActorModel]:
+    return (build_model(blueprint, load_shape(blueprint.name)) for blueprint in load_blueprints())
 
 
 def _folder() -> Path:

@@ -1,7 +1,7 @@
 """Reads and writes the catalog's models as NPZ files of flat arrays; damaged files raise ``errors.NPZ_DAMAGE``."""
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, fields
 from functools import partial
 from pathlib import Path
@@ -10,6 +10,7 @@ import numpy as np
 
 from simbev_ros.assets.actors.actor_model import ActorModel, CoarserMesh, Cycle, Part
 from simbev_ros.assets.mesh.mesh_arrays import mesh_arrays, meshes_from
+from simbev_ros.foundation.types import AnyArray
 from simbev_ros.scene.blueprints import Blueprint
 
 
@@ -54,20 +55,19 @@ def read_models(
     )
 
 
-def write_coarser(path: Path, coarser: Sequence[Sequence[CoarserMesh]]) -> None:
-    """Write the coarser meshes of all models to an NPZ file."""
-    levels = [level for each in coarser for level in each]
-    np.savez(
-        path,
-        allow_pickle=False,
-        levels=np.array([len(each) for each in coarser]),
-        error_m=np.array([level.error_m for level in levels]),
-        **dict(mesh_arrays([level.mesh for level in levels])),
-    )
+def write_coarser(path: Path, coarser: Iterable[Sequence[CoarserMesh]]) -> None:
+    """Write the coarser meshes of all models to an NPZ file, from which those of one model can be read."""
+    columns: dict[str, AnyArray] = {}
+    for index, levels in enumerate(coarser):
+        own = {"error_m": np.array([level.error_m for level in levels])}
+        own |= dict(mesh_arrays([level.mesh for level in levels]))
+        columns |= {f"{index}.{name}": column for name, column in own.items()}
+    np.savez(path, allow_pickle=False, **columns)
 
 
-def read_coarser(path: Path) -> list[tuple[CoarserMesh, ...]]:
-    """Read the coarser meshes of all models from a file that ``write_coarser`` wrote."""
+def read_coarser(path: Path, index: int) -> tuple[CoarserMesh, ...]:
+    """Read the coarser meshes of the model with this index from a file that ``write_coarser`` wrote."""
     with path.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
-        levels = map(CoarserMesh, meshes_from(arrays), arrays["error_m"].tolist())
-        return [tuple(next(levels) for _ in range(count)) for count in arrays["levels"].tolist()]
+        prefix = f"{index}."
+        own = {name.removeprefix(prefix): arrays[name] for name in arrays.files if name.startswith(prefix)}
+    return tuple(map(CoarserMesh, meshes_from(own), own["error_m"].tolist()))

@@ -1,6 +1,7 @@
 """Shapes of actors as data (shapes/<blueprint>.yaml), and the models that are built from them."""
 
 from collections.abc import Callable
+from copy import deepcopy
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -15,6 +16,7 @@ from simbev_ros.assets.actors.lofting import build_shell
 from simbev_ros.assets.actors.shell import Shell
 from simbev_ros.assets.actors.skeletons import part_poses
 from simbev_ros.assets.actors.solids import AnySolid, Solid, Vector, build_solid
+from simbev_ros.assets.actors.variants import Reshape, load_variants, reshape_shape
 from simbev_ros.assets.actors.wheels import Wheels, build_wheels, wheel_parts
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.config.base import Model
@@ -71,24 +73,29 @@ class Shape(Model):
 
 
 def load_shape(blueprint: str) -> Shape:
-    """Load the shape of a blueprint from its file.
+    """Load the shape of a blueprint from its file, or from its entry in variants.yaml.
 
-    A file may extend another one: then its solids are added, the k-th list of its ``patches`` is added to the k-th
-    shell, and its fields of the figure override those of the base.
+    A shape may extend another one: then the base is changed as its ``reshape`` says, its solids are added, the k-th
+    list of its ``patches`` is added to the k-th shell, and its fields of the figure override those of the base.
     """
     return Shape.model_validate(_read(blueprint))
 
 
 def _read(blueprint: str) -> dict[str, Any]:
     """Content of a shape's file, merged with the files that it extends."""
-    data: dict[str, Any] = load_table("simbev_ros.assets.actors", f"shapes/{blueprint}.yaml")
+    variant = load_variants()["shapes"].get(blueprint)
+    data: dict[str, Any] = (
+        deepcopy(variant) if variant else load_table("simbev_ros.assets.actors", f"shapes/{blueprint}.yaml")
+    )
     if "extends" not in data:
         return data
     base = _read(data.pop("extends"))
+    if "reshape" in data:
+        base = reshape_shape(base, Reshape.model_validate(data.pop("reshape")))
     for shell, patches in zip(base.get("shells", ()), data.pop("patches", ()), strict=False):
-        shell["patches"] += patches
+        shell["patches"] = [*shell.get("patches", ()), *patches]
     solids = base.get("solids", []) + data.pop("solids", [])
-    return base | {"solids": solids, "figure": base.get("figure", {}) | data.pop("figure", {}) or None} | data
+    return base | {"solids": solids, "figure": (base.get("figure") or {}) | data.pop("figure", {}) or None} | data
 
 
 def build_model(blueprint: Blueprint, shape: Shape) -> ActorModel:

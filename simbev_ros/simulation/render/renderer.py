@@ -143,6 +143,7 @@ class Renderer:
         origin_m = np.array([ego["x"], ego["y"], ego["z"]])
         with self._context, check_memory(self._context, f"images of {len(cameras)} cameras"):
             flow = any("flow" in camera.modalities for camera in cameras)
+            self._actors.hold(frame.world)
             table = RigidTable.from_world(self._skeletons, frame.world, frame.previous if flow else None, origin_m)
             before = frame.shortly_before if any(camera.shutter for camera in cameras) else None
             if before is not None:

@@ -49,11 +49,13 @@ def models() -> list[ActorModel]:
     return [load_models()[blueprint_index()[name]] for name in NAMES]
 
 
-def images(of: list[ActorModel], table: Table) -> CameraImages:
+def images(of: list[ActorModel], *tables: Table) -> CameraImages:
+    """Images of the last of some tables of actors, which one renderer draws one after the other."""
     above = matrices_from_xyz_rpy(np.array([0.0, 0.0, 5.0 + 12.0]), np.array([0.0, 0.2, 0.0]))
     view = CameraView(CAMERA, above, ("semantic", "instance", "depth"))
     renderer = Renderer(scene(), of)
-    (result,) = renderer.render([view], RenderFrame(WorldState(0, 0, 1, table, np.zeros(0, SIGNAL_DTYPE), NOON), None))
+    worlds = [WorldState(0, 0, 1, table, np.zeros(0, SIGNAL_DTYPE), NOON) for table in tables]
+    result = [renderer.render([view], RenderFrame(world, None)) for world in worlds][-1][0]
     renderer.close()
     return result
 
@@ -81,6 +83,14 @@ def test_coarser_meshes_change_labels_and_depth_only_at_silhouettes() -> None:
     off_m = np.abs(exact.depth[inner] - drawn.depth[inner])
     assert np.mean(exact.instance[inner] != drawn.instance[inner]) < 1e-3
     assert np.mean(off_m > np.maximum(0.01, 1e-3 * exact.depth[inner])) < 5e-3
+
+
+def test_models_that_appear_later_are_drawn_like_those_that_were_there_from_the_start() -> None:
+    few = crowd()
+    few["blueprint"] = 3 * (few["blueprint"] % 2)
+    at_once, later = images(models(), crowd()), images(models(), few, crowd())
+    np.testing.assert_array_equal(later.instance, at_once.instance)
+    np.testing.assert_array_equal(later.depth, at_once.depth)
 
 
 def test_the_level_follows_the_pixel_size_and_is_exact_while_a_door_is_open() -> None:

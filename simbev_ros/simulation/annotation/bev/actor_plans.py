@@ -16,6 +16,7 @@ from simbev_ros.assets.actors.actor_model import ActorModel
 from simbev_ros.assets.actors.skeletons import Skeletons
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.foundation.geometry.grid import BevGrid
+from simbev_ros.foundation.on_demand import OnDemand
 from simbev_ros.foundation.types import Float32Array, Float64Array, Int32Array, Int64Array, Table
 from simbev_ros.schema.scene.state import map_from_actors
 from simbev_ros.simulation.annotation.bev.raster import corners_near_centers
@@ -26,7 +27,7 @@ class ActorPlans:
 
     def __init__(self, models: Sequence[ActorModel]) -> None:
         """Prepare models, indexed by blueprint."""
-        self._plans = [_Plan.from_mesh(model.mesh) for model in models]
+        self._plans = OnDemand(len(models), lambda blueprint: _Plan.from_mesh(models[blueprint].mesh))
         self._skeletons = Skeletons(models)
 
     def corners_near_centers(

@@ -1,4 +1,4 @@
-"""Actors on the GPU: all models, each in several levels of detail, in one triangle store.
+"""Actors on the GPU: the models in use, each in several levels of detail, in one triangle store.
 
 An actor's level depends only on the world and the view. Poses come from the table of rigid parts.
 """
@@ -9,6 +9,7 @@ import moderngl
 import numpy as np
 
 from simbev_ros.assets.actors.actor_model import ActorModel
+from simbev_ros.assets.actors.detail import COARSER
 from simbev_ros.foundation.types import BoolArray, Float64Array
 from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.simulation.render.geometry.level_of_detail import LevelsOfDetail
@@ -21,7 +22,7 @@ _INSTANCE_DTYPE = np.dtype([("in_row", "<u4"), ("in_first", "<u4")])
 
 
 class ActorGeometry:
-    """Uploaded meshes of all models of the catalog, and the draw calls for selected actors."""
+    """Uploaded meshes of the models that worlds have shown so far, and the draw calls for selected actors."""
 
     def __init__(
         self,
@@ -29,13 +30,24 @@ class ActorGeometry:
         models: Sequence[ActorModel],
         programs: Mapping[str, moderngl.Program],
     ) -> None:
-        """Upload the models for use with ``programs``."""
+        """Prepare the models for use with ``programs``."""
         self._detail = LevelsOfDetail(models)
-        meshes = self._detail.meshes
-        self.store = TriangleStore(context, [mesh for levels in meshes for mesh in levels], programs, _INSTANCE_DTYPE)
-        self._counts = np.zeros((len(models), max(map(len, meshes), default=1)), np.int64)
-        for row, levels in zip(self._counts, meshes, strict=True):
-            row[: len(levels)] = [len(mesh.triangles) for mesh in levels]
+        self.store = TriangleStore(context, (), programs, _INSTANCE_DTYPE)
+        self._counts = np.zeros((len(models), 1 + len(COARSER)), np.int64)
+        self._ends = self._counts.copy()
+        self._held: frozenset[int] = frozenset()
+
+    def hold(self, world: WorldState) -> None:
+        """Upload the models of a world's actors unless they are held."""
+        needed = frozenset(world.actors["blueprint"].tolist())
+        if needed <= self._held:
+            return
+        self._held |= needed
+        kept = sorted(self._held)
+        for blueprint in kept:
+            levels = self._detail.meshes[blueprint]
+            self._counts[blueprint, : len(levels)] = [len(mesh.triangles) for mesh in levels]
+        self.store.replace([mesh for blueprint in kept for mesh in self._detail.meshes[blueprint]])
         self._ends = np.cumsum(self._counts).reshape(self._counts.shape)
 
     def draw(

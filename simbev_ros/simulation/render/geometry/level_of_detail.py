@@ -5,7 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from simbev_ros.assets.actors.actor_model import ActorModel
+from simbev_ros.assets.actors.detail import COARSER
 from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.foundation.on_demand import OnDemand
 from simbev_ros.foundation.types import Float64Array, Int64Array, Table
 
 _ERROR_PX = 0.5
@@ -15,22 +17,24 @@ _LIMB_REACH_M = 0.6
 
 
 class LevelsOfDetail:
-    """The meshes of all models, from exact to coarse.
+    """The meshes of all models, from exact to coarse; those of a model are loaded when it is first used.
 
     Attributes:
         meshes: Meshes by blueprint and level.
     """
 
     def __init__(self, models: Sequence[ActorModel]) -> None:
-        """Build the levels of models, indexed by blueprint."""
-        coarser = [model.build_coarser() for model in models]
-        self.meshes: list[list[Mesh]] = [
-            [model.mesh, *(level.mesh for level in coarser_levels)]
-            for model, coarser_levels in zip(models, coarser, strict=True)
-        ]
-        self._errors_m = np.full((len(models), max(map(len, self.meshes), default=1)), np.inf)
-        for row, coarser_levels in zip(self._errors_m, coarser, strict=True):
-            row[: 1 + len(coarser_levels)] = [0.0, *(level.error_m for level in coarser_levels)]
+        """Prepare the levels of models, indexed by blueprint."""
+        self._models = models
+        self._errors_m = np.full((len(models), 1 + len(COARSER)), np.inf)
+        self.meshes: Sequence[list[Mesh]] = OnDemand(len(models), self._load)
+        if models:
+            self.meshes[0]  # if the cache of meshes has to be written, then not in the middle of a scene
+
+    def _load(self, blueprint: int) -> list[Mesh]:
+        coarser = self._models[blueprint].build_coarser()
+        self._errors_m[blueprint, : 1 + len(coarser)] = [0.0, *(level.error_m for level in coarser)]
+        return [self._models[blueprint].mesh, *(level.mesh for level in coarser)]
 
     def select_levels(self, actors: Table, pixel_m: Float64Array) -> Int64Array:
         """(N,) the coarsest level that may be used for each of (N,) ``ACTOR_DTYPE`` actors.
@@ -39,6 +43,8 @@ class LevelsOfDetail:
             actors: Rows of the world's actors table.
             pixel_m: (N,) size of a pixel at each actor (``View.pixel_m``).
         """
+        for blueprint in np.unique(actors["blueprint"]).tolist():
+            self.meshes[blueprint]
         fits = self._errors_m[actors["blueprint"]] <= _ERROR_PX * pixel_m[:, None]
         fits[actors["doors"] != 0, 1:] = False
         return fits.sum(axis=1) - 1

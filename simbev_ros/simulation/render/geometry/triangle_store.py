@@ -35,10 +35,17 @@ class TriangleStore:
             instance_dtype: float32 and uint32 attributes of instances. ``in_first``, if present, is filled in by the
                 store: the index of the run's first triangle, which together with gl_PrimitiveID identifies a triangle.
         """
-        vertices, triangles = _merge_meshes(meshes)
         self._context, self._programs = context, programs
-        self._vertices, self._triangles = (context.buffer(array.tobytes()) for array in (vertices, triangles))
         self._instance_dtype = np.dtype(instance_dtype)
+        self._buffers: list[moderngl.Buffer] = []
+        self.replace(meshes)
+
+    def replace(self, meshes: Sequence[Mesh]) -> None:
+        """Upload other meshes instead of those held so far."""
+        for buffer in self._buffers:
+            buffer.release()
+        self._buffers = [self._context.buffer(array.tobytes()) for array in _merge_meshes(meshes)]
+        self._vertices, self._triangles = self._buffers
         self._allocate(_MIN_CAPACITY)
 
     def program(self, name: str) -> moderngl.Program:

@@ -28,9 +28,18 @@ def fence_line(
 
 
 def put_panels(
-    yard: Yard, mesh: Mesh | GradedMesh, kind: str, start_m: Float64Array, end_m: Float64Array, land: BaseGeometry
+    yard: Yard,
+    mesh: Mesh | GradedMesh,
+    kind: str,
+    start_m: Float64Array,
+    end_m: Float64Array,
+    land: BaseGeometry,
+    clear: tuple[shapely.STRtree, float] | None = None,
 ) -> None:
-    """Put panels along a straight line between two (2,) points, where they are free and on the land."""
+    """Put panels along a straight line between two (2,) points, where they are free and on the land.
+
+    ``clear``: what they keep clear of, and the distance in meters.
+    """
     step = end_m - start_m
     length_m = float(np.hypot(*step))
     count = int(length_m / PANEL_M[kind])
@@ -41,6 +50,9 @@ def put_panels(
     positions = first_m + np.outer(np.arange(count) * PANEL_M[kind], along)
     footprints = [quad(position, along, (0.01, PANEL_M[kind] - 0.01), (-half_m, half_m)) for position in positions]
     fit = shapely.contains(land, footprints) & shapely.contains(yard.inside, footprints)
+    if clear is not None:
+        near, _ = clear[0].query(footprints, predicate="dwithin", distance=clear[1])
+        fit[near] = False
     kept = [k for k in np.flatnonzero(fit).tolist() if yard.claims.is_free(footprints[k])]
     yard.claims.add(*(footprints[k] for k in kept))
     yard.ensemble.put(mesh, positions[kept], yaw_of(along), base=Base.ALONG_LAND)

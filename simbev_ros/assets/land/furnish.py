@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from simbev_ros.assets.land.blocks import Block, blocks_of, fast_roads, zones_of
+from simbev_ros.assets.land.boundaries import put_boundaries, put_guards
 from simbev_ros.assets.land.campus import lay_out_campus
 from simbev_ros.assets.land.covers import Cover
 from simbev_ros.assets.land.farmland import lay_out_farmland
@@ -22,6 +23,7 @@ from simbev_ros.assets.placement.tiles import TileBuilder
 from simbev_ros.assets.street.curbs import curb_lines
 from simbev_ros.assets.street.lights import put_lights
 from simbev_ros.assets.street.map_objects import put_map_objects
+from simbev_ros.assets.street.signage import put_boards, put_islands, put_lamp_plates, put_sign_posts
 from simbev_ros.assets.street.streetscape import (
     put_bus_shelters,
     put_cables,
@@ -85,5 +87,11 @@ def furnish_region(tiles: TileBuilder, claims: Claims, ground: RegionGround) -> 
     put_median_trees(yard, zones)
     put_small_things(yard, curbs)
     put_cables(yard, curbs)
+    put_guards(yard, curbs)
+    put_boundaries(yard, blocks)
+    put_sign_posts(yard, curbs)
+    put_boards(yard, blocks)
+    put_lamp_plates(yard)
+    put_islands(yard)
     yard.ensemble.place_all(tiles, ground)
     return Furnishing(tuple(yard.covers), lights, tuple(yard.pavements))

@@ -22,7 +22,7 @@ _DRIVE_M, _PATH_M = 3.2, 1.2
 _GARDEN_DEPTH_M = 14.0
 _M2_PER_PLANT = 95.0
 _SIDE_M = 2.6
-_FRONT_BARRIERS = ("hedge", "picket", "wall")
+_FRONT_BARRIERS = ("hedge", "picket", "low_wall", "railed_wall", "railing", "picket")
 _BACK_BARRIERS = ("boards", "high_hedge", "picket")
 
 

@@ -22,6 +22,7 @@ _MAX_HOUSE_HEIGHT_M, _MAX_APARTMENTS_HEIGHT_M = 7.5, 24.0
 _YARD_DEPTH_M = 27.0
 _PARK_SHARE, _MAX_PARK_M2 = 0.13, 30_000.0
 _PATH_M, _GATE_M, _MIN_BARRIER_M = 1.3, 1.1, 1.5
+_FRONT_BARRIERS = ("hedge", "picket", "low_wall", "railed_wall", "railing", "railing", "low_wall")
 _GARDEN_M2, _COURT_M2, _PLAZA_M2 = 230.0, 200.0, 260.0
 _MAX_COURT_M2 = 40_000.0
 
@@ -91,7 +92,7 @@ def _pave_fronts(yard: Yard, block: Block, sites: list[Site]) -> None:
 
 def _fence_in(yard: Yard, block: Block, site: Site, rng: np.random.Generator) -> None:
     """A hedge, a fence or a wall along the front of a house's garden, open at the path."""
-    kind = ("hedge", "picket", "wall")[int(rng.integers(3))]
+    kind = _FRONT_BARRIERS[int(rng.integers(len(_FRONT_BARRIERS)))]
     if rng.random() > 1.5 * block.recipe.fence_density:
         return
     y_m = site.street_m + 0.55

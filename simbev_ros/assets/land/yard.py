@@ -10,7 +10,7 @@ from simbev_ros.assets.land.covers import Cover, finish_of
 from simbev_ros.assets.land.plazas import Pavement
 from simbev_ros.assets.mesh.primitives import Finish
 from simbev_ros.assets.placement.claims import Claims
-from simbev_ros.assets.placement.ensemble import Ensemble
+from simbev_ros.assets.placement.ensemble import Base, Ensemble
 from simbev_ros.assets.placement.nearby_objects import NearbyObjects
 from simbev_ros.assets.placement.region_ground import RegionGround
 from simbev_ros.assets.placement.tiles import TileBuilder
@@ -38,6 +38,7 @@ class Yard:
         covers: Ground covers so far.
         pavements: Plazas.
         fast: Area of motorways, with the land beside them that is kept open.
+        lamp_posts: (2,) positions of street lights on the ground, and what they stand on.
         walls: Footprints of buildings, which crowns keep clear of.
         inside: The region without a margin along its border.
         signals: Search tree of the signal heads in and near the region.
@@ -52,6 +53,7 @@ class Yard:
     ensemble: Ensemble = field(default_factory=Ensemble)
     covers: list[Cover] = field(default_factory=list)
     pavements: list[Pavement] = field(default_factory=list)
+    lamp_posts: list[tuple[Float64Array, Base]] = field(default_factory=list)
     walls: list[BaseGeometry] = field(default_factory=list)
     inside: shapely.Polygon = field(init=False)
     signals: shapely.STRtree = field(init=False)

@@ -1,5 +1,6 @@
 """Panels of fences, walls and hedges. Frame: along x from 0, z up; all vertices of a panel follow the ground."""
 
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 
 import numpy as np
@@ -8,15 +9,32 @@ from simbev_ros.assets.flora.bushes import hedge
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.graded import GradedMesh
 from simbev_ros.assets.mesh.mesh import Mesh
-from simbev_ros.assets.mesh.primitives import Finish, box, boxes
+from simbev_ros.assets.mesh.primitives import Finish, box, boxes, lathe
 from simbev_ros.assets.palette import pick_color
+from simbev_ros.assets.placement.tiles import upright_pose
 from simbev_ros.foundation.random import stream
 from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.types import Float64Array
 
 VARIANTS = 3
 """Number of variants of a panel, which differ in color."""
 
-PANEL_M = {"picket": 2.2, "boards": 2.4, "wall": 2.4, "hedge": 2.4, "high_hedge": 2.4, "bars": 3.0, "field": 4.0}
+PANEL_M = {
+    "picket": 2.2,
+    "boards": 2.4,
+    "wall": 2.4,
+    "hedge": 2.4,
+    "high_hedge": 2.4,
+    "bars": 3.0,
+    "field": 4.0,
+    "railing": 2.4,
+    "guard": 2.0,
+    "mesh": 2.5,
+    "low_wall": 2.4,
+    "railed_wall": 2.4,
+    "high_wall": 2.4,
+    "posts": 3.2,
+}
 """Length of one panel, by kind of barrier."""
 
 
@@ -29,7 +47,7 @@ def panel(kind: str, variant: int) -> Mesh | GradedMesh:
         return hedge(rng, length_m)
     if kind == "high_hedge":
         return hedge(rng, length_m, height_m=1.9)
-    return {"picket": _picket, "boards": _boards, "wall": _wall, "bars": _bars, "field": _field}[kind](rng)
+    return _BUILDERS[kind](rng)
 
 
 def _picket(rng: np.random.Generator) -> Mesh:
@@ -100,3 +118,138 @@ def _field(rng: np.random.Generator) -> Mesh:
             boxes(wood, np.tile((length_m, 0.04, 0.09), (2, 1)), rails),
         ]
     )
+
+
+def _railing(rng: np.random.Generator) -> GradedMesh:
+    """An iron railing with points, 1.25 m high."""
+    iron = Finish(Material.METAL, Tag.FENCE, pick_color(rng, "railings"))
+    return _barred(iron, PANEL_M["railing"], (-0.1, 1.25), (0.15, 1.1), 0.16, 0.012)
+
+
+def _guard(rng: np.random.Generator) -> GradedMesh:
+    """A guard rail for pedestrians between sidewalk and road, 1.05 m high."""
+    steel = Finish(Material.METAL, Tag.FENCE, pick_color(rng, "guards"))
+    return _barred(steel, PANEL_M["guard"], (0.12, 1.0), (0.12, 1.02), 0.115, 0.01)
+
+
+def _mesh(rng: np.random.Generator) -> GradedMesh:
+    """A fence of bar mats around schools and sports grounds, 1.9 m high."""
+    steel = Finish(Material.METAL, Tag.FENCE, pick_color(rng, "mats"))
+    mesh = _barred(steel, PANEL_M["mesh"], (0.02, 1.9), (0.1, 1.85), 0.208, 0.01)
+    rails = np.array([(PANEL_M["mesh"] / 2.0, 0.0, z) for z in (0.55, 1.0, 1.45)])
+    mats = boxes(steel, np.tile((PANEL_M["mesh"], 0.02, 0.02), (3, 1)), rails)
+    return GradedMesh.merge([mesh, GradedMesh(mats, Mesh.empty())])
+
+
+def _low_wall(rng: np.random.Generator) -> Mesh:
+    """A brick wall of a front garden, 0.75 m high."""
+    return _masonry(rng, PANEL_M["low_wall"], 0.7)
+
+
+def _railed_wall(rng: np.random.Generator) -> GradedMesh:
+    """A low wall that carries a railing, 1.3 m high."""
+    base = _masonry(rng, PANEL_M["railed_wall"], 0.42)
+    iron = Finish(Material.METAL, Tag.FENCE, pick_color(rng, "railings"))
+    top = _barred(iron, PANEL_M["railed_wall"], (0.4, 1.3), (0.55, 1.18), 0.16, 0.012)
+    return GradedMesh.merge([GradedMesh(base, base), top])
+
+
+def _high_wall(rng: np.random.Generator) -> Mesh:
+    """A wall between a yard and the street, 2.3 m high, with pillars."""
+    length_m = PANEL_M["high_wall"]
+    pillar = Finish(Material.BRICK, Tag.WALL, pick_color(rng, "walls.brick"))
+    return Mesh.merge([_masonry(rng, length_m, 2.2), box(pillar, (0.36, 0.34, 2.9), (0.18, 0.0, 0.95))])
+
+
+def _posts(rng: np.random.Generator) -> Mesh:
+    """Two bollards beside a lawn or a forecourt, 0.95 m high."""
+    iron = Finish(Material.METAL, Tag.POLE, pick_color(rng, "railings"))
+    profile = np.array([[0.075, -0.3], [0.075, 0.8], [0.095, 0.83], [0.06, 0.93], [0.0, 0.96]])
+    post = lathe(iron, profile, segments=8)
+    return Mesh.merge(post.copies(np.stack([upright_pose((x_m, 0.0), 0.0) for x_m in (0.8, 2.4)])))
+
+
+def _masonry(rng: np.random.Generator, length_m: float, height_m: float) -> Mesh:
+    """Brick or plaster with a coping, down to 0.5 m below the ground."""
+    brick = rng.random() < 0.7
+    color = pick_color(rng, "walls.brick" if brick else "walls_low")
+    finish = Finish(Material.BRICK if brick else Material.PLASTER, Tag.WALL, color)
+    stone = Finish(Material.CONCRETE, Tag.WALL, (156, 152, 144))
+    body_m = height_m + 0.5
+    return Mesh.merge(
+        [
+            box(finish, (length_m, 0.24, body_m), (length_m / 2.0, 0.0, height_m - body_m / 2.0)),
+            box(stone, (length_m, 0.32, 0.07), (length_m / 2.0, 0.0, height_m + 0.03)),
+        ]
+    )
+
+
+def _barred(
+    finish: Finish,
+    length_m: float,
+    bars_z_m: tuple[float, float],
+    rails_z_m: tuple[float, float],
+    spacing_m: float,
+    radius_m: float,
+) -> GradedMesh:
+    """Bars between two rails, and a post; the coarse mesh has a quarter of the bars, each four times as wide."""
+    x_m = np.arange(spacing_m / 2.0, length_m, spacing_m)
+    rails = np.array([(length_m / 2.0, 0.0, z) for z in rails_z_m])
+    top_m = max(rails_z_m[1], bars_z_m[1]) + 0.04
+    frame = Mesh.merge(
+        [
+            boxes(finish, np.tile((length_m, 0.035, 0.035), (2, 1)), rails),
+            box(finish, (0.05, 0.05, top_m + 0.4), (0.025, 0.0, (top_m - 0.4) / 2.0)),
+        ]
+    )
+    few = x_m[1::4] if len(x_m) > 3 else x_m
+    return GradedMesh(
+        Mesh.merge([_bars_along(finish, x_m, bars_z_m, radius_m), frame]),
+        Mesh.merge([_bars_along(finish, few, bars_z_m, 4.0 * radius_m), frame]),
+    )
+
+
+def _bars_along(finish: Finish, x_m: Float64Array, z_m: tuple[float, float], radius_m: float) -> Mesh:
+    """Upright three-sided bars at (N,) positions along x, pointed at both ends."""
+    turn = np.pi / 6.0 + np.arange(3) * (2.0 * np.pi / 3.0)
+    ring = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(3)])
+    point_m = min(0.06, 4.0 * radius_m)
+    low, high = np.array([0.0, 0.0, z_m[0]]), np.array([0.0, 0.0, z_m[1]])
+    tips = np.array([[0.0, 0.0, z_m[0] - point_m], [0.0, 0.0, z_m[1] + point_m]])
+    corners = np.concatenate([ring * radius_m + low, ring * radius_m + high, tips])
+    count = len(x_m)
+    vertices = np.tile(corners, (count, 1, 1))
+    vertices[..., 0] += x_m[:, None]
+    normals = np.concatenate([ring, ring, [[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]]])
+    faces = np.arange(0, 8 * count, 8)[:, None, None] + _BAR_TRIANGLES
+    return Mesh.indexed(
+        vertices.reshape(-1, 3),
+        faces.reshape(-1, 3).astype(np.int32),
+        normals=np.tile(normals, (count, 1)),
+        material=finish.material,
+        tag=finish.tag,
+        color=finish.color,
+    )
+
+
+_BAR_TRIANGLES = np.array(
+    [
+        triangle
+        for k, j in ((0, 1), (1, 2), (2, 0))
+        for triangle in ((k, j, j + 3), (k, j + 3, k + 3), (k + 3, j + 3, 7), (j, k, 6))
+    ]
+)
+_BUILDERS: Mapping[str, Callable[[np.random.Generator], Mesh | GradedMesh]] = {
+    "picket": _picket,
+    "boards": _boards,
+    "wall": _wall,
+    "bars": _bars,
+    "field": _field,
+    "railing": _railing,
+    "guard": _guard,
+    "mesh": _mesh,
+    "low_wall": _low_wall,
+    "railed_wall": _railed_wall,
+    "high_wall": _high_wall,
+    "posts": _posts,
+}

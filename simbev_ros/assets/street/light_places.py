@@ -35,6 +35,18 @@ class Lanes(NamedTuple):
         lines: list[BaseGeometry] = [shapely.LineString(strip.center_m[:, :2]) for strip in strips]
         return cls(shapely.STRtree(overlay.intersection(strip_polygons(strips), around)), np.array(lines, object))
 
+    def against_rad(self, xy_m: Float64Array) -> Float64Array:
+        """(N,) headings against the traffic of the lane that is nearest to each of (N, 2) points; not without lanes."""
+        points = np.asarray(shapely.points(xy_m), object)
+        lines = self.lines[self.areas.nearest(points)]
+        s_m = np.asarray(shapely.line_locate_point(lines, points))
+        behind_m, ahead_m = (
+            shapely.get_coordinates(shapely.line_interpolate_point(lines, np.maximum(s_m + step_m, 0.0)))
+            for step_m in (-1.0, 1.0)
+        )
+        along = (ahead_m - behind_m).reshape(-1, 2)
+        return np.asarray(np.arctan2(-along[:, 1], -along[:, 0]))
+
 
 def light_positions(ground: RegionGround, curb: CurbLine, lanes: Lanes, spacing_m: float) -> Iterator[Int64Array]:
     """For each light of the region along a curb, yield indices of candidate positions of the curb, the best one first.

@@ -8,6 +8,7 @@ from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.land.yard import Yard
 from simbev_ros.assets.materials import Material
+from simbev_ros.assets.placement.ensemble import Base
 from simbev_ros.assets.placement.static_scene import StreetLight
 from simbev_ros.assets.placement.tiles import upright_pose
 from simbev_ros.assets.street.curbs import CurbLine
@@ -49,6 +50,8 @@ def put_lights(yard: Yard, curbs: Sequence[CurbLine], fast: BaseGeometry, first:
             position_m = curb.position_m[k]
             pose = upright_pose(position_m, _foot_m(yard, curb, position_m), float(curb.yaw_rad[k]))
             yard.tiles.place(with_lamp_index(mesh, (Material.STREET_LAMP,), first + len(occupied)), pose, curb.level)
+            if curb.level == 0 and not is_fast:
+                yard.lamp_posts.append((position_m, Base.SIDEWALK if curb.walk else Base.LAND))
             occupied = np.concatenate([occupied, [[*position_m, curb.level]]])
             x_m, y_m, z_m = apply(pose, np.array([lamp_at_m]))[0]
             yield StreetLight((float(x_m), float(y_m), float(z_m)))

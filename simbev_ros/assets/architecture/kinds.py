@@ -10,7 +10,7 @@ from simbev_ros.assets.architecture.farms import barn, shed, silo
 from simbev_ros.assets.architecture.houses import villa
 from simbev_ros.assets.architecture.plot import Plot
 from simbev_ros.assets.architecture.public import church, lecture_block, school
-from simbev_ros.assets.architecture.town import apartments, office, shop, town_house
+from simbev_ros.assets.architecture.town import apartments, office, shop, terrace, town_house
 from simbev_ros.assets.architecture.walls import Wall, draw_wall
 from simbev_ros.assets.architecture.works import hall, tanks, warehouse
 from simbev_ros.assets.mesh.mesh import Mesh
@@ -19,6 +19,7 @@ from simbev_ros.foundation.tables import load_table
 
 _BUILDERS: Mapping[str, Callable[[Plot, Wall, np.random.Generator], Mesh]] = {
     "town_house": town_house,
+    "terrace": terrace,
     "apartments": apartments,
     "office": office,
     "shop": shop,

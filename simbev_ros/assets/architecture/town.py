@@ -19,7 +19,7 @@ from simbev_ros.assets.architecture.facades import (
     rectangle,
 )
 from simbev_ros.assets.architecture.plot import Plot
-from simbev_ros.assets.architecture.roofs import chimney, flat_roof, gabled_roof, hipped_roof
+from simbev_ros.assets.architecture.roofs import chimney, cross_gable, flat_roof, gabled_roof, hipped_roof
 from simbev_ros.assets.architecture.walls import Wall
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.mesh import Mesh
@@ -29,6 +29,7 @@ from simbev_ros.assets.palette import Color, pick_color, shade_color
 _SHOP_STORY_M = 3.9
 _OFFICE_STORY_M = 3.5
 _HOUSE_STORY_M = 2.9
+_TALL_TERRACE_M, _TERRACE_PITCH = 7.8, 0.75
 _FLAT_STORY_M = 3.1
 
 
@@ -48,6 +49,31 @@ def town_house(plot: Plot, wall: Wall, rng: np.random.Generator) -> Mesh:
     ridge_m = eaves_m + pitch * min(plot.width_m, plot.depth_m) / 2.0
     stack = (rng.uniform(-0.2, 0.2) * plot.width_m, plot.depth_m * rng.uniform(0.5, 0.6))
     return Mesh.merge([*pieces, chimney(*stack, eaves_m, ridge_m + 0.9, (138, 78, 62))])
+
+
+def terrace(plot: Plot, wall: Wall, rng: np.random.Generator) -> Mesh:
+    """Build a house of a terrace: two or three stories, a bay window, a chimney with pots over the party wall."""
+    roof, trim = pick_color(rng, "pitched_roofs"), pick_color(rng, "trims")
+    plan, stories = rectangle(plot.width_m, plot.depth_m), 2 + (plot.height_m > _TALL_TERRACE_M)
+    mesh, eaves_m = body(plan, [Band(wall.material, wall.color, _HOUSE_STORY_M, stories)], roof)
+    pieces = [mesh, plinth(plan, plot.foundation_m)]
+    pieces += door(door_x_m(plot.width_m), pick_color(rng, "doors"), trim, plot.foundation_m, canopy=rng.random() < 0.4)
+    pieces.append(gabled_roof(plot.width_m, plot.depth_m, eaves_m, _TERRACE_PITCH, roof, wall))
+    bay_x_m, floors = -plot.width_m / 4.0, int(rng.integers(3))
+    if floors:
+        bay = shapely.box(bay_x_m - 0.95, -0.65, bay_x_m + 0.95, 0.2)
+        front, top_m = body(bay, [Band(wall.material, trim, _HOUSE_STORY_M, floors)], roof)
+        pieces += [front, plinth(bay, plot.foundation_m), ledge(bay, trim, top_m - 0.1, 0.2, 0.1)]
+    if rng.random() < 0.35:
+        foot_m = eaves_m + 1.1 * _TERRACE_PITCH
+        dormer, top_m = body(shapely.box(-0.9, 1.1, 0.9, 3.0), [Band(wall.material, trim, 1.5, 1)], roof, foot_m)
+        pieces += [dormer, move_mesh(cross_gable(1.8, 2.6, top_m, 0.6, roof, wall, 0.1), 0.0, 1.0)]
+    stack_m = (0.35 - plot.width_m / 2.0, plot.depth_m / 2.0)
+    top_m = eaves_m + _TERRACE_PITCH * plot.depth_m / 2.0 + 1.2
+    pieces.append(chimney(*stack_m, eaves_m, top_m, shade_color(wall.color, 0.85)))
+    pots = np.array([(stack_m[0], stack_m[1] + y, top_m + 0.2) for y in (-0.2, 0.0, 0.2)])
+    pieces.append(boxes(building_finish(Material.BRICK, (168, 98, 70)), np.tile((0.16, 0.14, 0.45), (3, 1)), pots))
+    return Mesh.merge(pieces)
 
 
 def apartments(plot: Plot, wall: Wall, rng: np.random.Generator) -> Mesh:

@@ -19,7 +19,7 @@ from simbev_ros.maps.land_features import BARRIER_KINDS
 
 _STRETCH_M = (9.0, 30.0)
 _BEHIND_WALK_M = 0.3
-_GUARDED_M, _GUARDED_SHARE = 11.0, 0.45
+_GUARDED_M, _GUARDED_SHARE = 12.0, 0.6
 _GUARD_AT_CURB_M = -0.1  # nearer to the curb than the line of posts
 _GUARD_ROOM_M = 0.12
 

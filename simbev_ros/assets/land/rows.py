@@ -9,11 +9,14 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.architecture.facades import BAY_M
+from simbev_ros.assets.architecture.fittings import find_front, fittings
 from simbev_ros.assets.architecture.houses import GARAGE_M
 from simbev_ros.assets.architecture.kinds import Kind, build, load_kinds
 from simbev_ros.assets.architecture.plot import Plot
 from simbev_ros.assets.land.blocks import Block, Frontage
 from simbev_ros.assets.land.yard import Yard, quad, quads, yaw_of
+from simbev_ros.assets.mesh.graded import GradedMesh
+from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.placement.tiles import upright_pose
 from simbev_ros.config.draw import sample
 from simbev_ros.foundation.geometry.plan_view import left_of
@@ -22,12 +25,13 @@ from simbev_ros.maps.surroundings import SurroundingsRecipe
 
 _STEP_M = 1.5
 _BATCH_SIZE = 12  # positions tested at once; most rows have room within one batch
-_BACK_ROOM_M = 0.6
+_BACK_ROOM_M, _MIN_SETBACK_M = 0.6, 0.3
 _BEYOND_M = 3.0
 _PUSHES_M = (0.0, 4.0, 8.0, 12.0, 15.0)  # extra setbacks from a street across the region's border, into the region
 _PARTY_GAP_M = 0.12
 _FOOT_M = 0.3
 _GARAGE_KINDS = ("villa", "farmhouse")
+_FITTED_KINDS = ("town_house", "terrace", "apartments", "office", "shop")
 
 ChooseKind = Callable[[float, np.random.Generator], str]
 """Function that chooses a kind of building, from the recipe's height and a random generator."""
@@ -109,7 +113,13 @@ def erect(yard: Yard, site: Site, recipe: SurroundingsRecipe, rng: np.random.Gen
     mesh = build(site.kind, plot, kind.draw_wall(recipe.building_style, rng), rng)
     yard.claims.add(site.footprint)
     yard.walls.append(site.footprint)
-    yard.tiles.place(mesh, upright_pose(site.origin_m, high_m, site.yaw_rad))
+    pose = upright_pose(site.origin_m, high_m, site.yaw_rad)
+    if site.kind in _FITTED_KINDS:
+        own = yard.ground.stream(f"fittings.{site.origin_m[0]:.2f}.{site.origin_m[1]:.2f}")
+        fitted = Mesh.merge([mesh, fittings(find_front(mesh, plot), own)])
+        yard.tiles.place_copies(GradedMesh(fitted, mesh), pose[None])
+    else:
+        yard.tiles.place(mesh, pose)
     return replace(site, plot=plot)
 
 
@@ -144,23 +154,29 @@ def _row(
 ) -> Iterator[Site]:
     """Buildings side by side from one end of a line to the other."""
     s_m = 0.0
+    before: tuple[str, float, float] | None = None  # kind, setback and height of a building that is continued
     while s_m < line.length_m - 2 * BAY_M:
         height_m = sample(recipe.building_height_m, rng)
         name = choose(height_m, rng)
         kind = load_kinds()[name]
         if kind.height_m is not None:
             height_m = float(rng.uniform(*kind.height_m))
-        setback_m = sample(recipe.building_setback_m, rng) + kind.setback_m
+        setback_m = max(_MIN_SETBACK_M, sample(recipe.building_setback_m, rng) + kind.setback_m)
+        if before is not None:
+            name, setback_m, height_before_m = before
+            kind = load_kinds()[name]
+            height_m = height_m if kind.height_m is None else height_before_m
         candidate = site_at(name, *line.chord(s_m, 2 * BAY_M), recipe, rng, setback_m, height_m)
         wanted, gap_m = rng.random() < share, _gap_m(kind, rng)
         found = _first_fit(yard, line, candidate, s_m, land)
         if found is None:
-            s_m += BAY_M
+            s_m, before = s_m + BAY_M, None
             continue
         s_m, candidate = found
         site = erect(yard, candidate, recipe, rng) if wanted else None
         if site is not None:
             yield site
+        before = (name, setback_m, height_m) if site is not None and gap_m == _PARTY_GAP_M else None
         s_m += candidate.plot.width_m + gap_m
 
 

@@ -21,6 +21,7 @@ from simbev_ros.foundation.geometry.plan_view import left_of
 _MAX_HOUSE_HEIGHT_M, _MAX_APARTMENTS_HEIGHT_M = 7.5, 24.0
 _YARD_DEPTH_M = 27.0
 _PARK_SHARE, _MAX_PARK_M2 = 0.13, 30_000.0
+_HOUSES, _TERRACE_SHARE = ("town_house", "terrace"), 0.5
 _PATH_M, _GATE_M, _MIN_BARRIER_M = 1.3, 1.1, 1.5
 _FRONT_BARRIERS = ("hedge", "picket", "low_wall", "railed_wall", "railing", "railing", "low_wall")
 _GARDEN_M2, _COURT_M2, _PLAZA_M2 = 230.0, 200.0, 260.0
@@ -41,7 +42,7 @@ def lay_out_town(yard: Yard, block: Block) -> None:
     sites = build_rows(yard, block, choose, rng, density=block.recipe.building_density ** (0.4 if downtown else 1.0))
     _pave_fronts(yard, block, sites)
     for site in sites:
-        if site.kind == "town_house":
+        if site.kind in _HOUSES:
             _fence_in(yard, block, site, rng)
         elif rng.random() < block.recipe.furniture_density:
             _put_waste(yard, block, site, rng)
@@ -71,7 +72,8 @@ def _residential_kind(height_m: float, rng: np.random.Generator) -> str:
     if height_m > _MAX_APARTMENTS_HEIGHT_M:
         return "office"
     if height_m < _MAX_HOUSE_HEIGHT_M + 3.0 * rng.random():
-        return "town_house" if rng.random() < 0.8 else "shop"
+        draw = rng.random()
+        return "terrace" if draw < _TERRACE_SHARE else "town_house" if draw < 0.85 else "shop"
     return "church" if rng.random() < 0.02 else "apartments"
 
 
@@ -81,7 +83,7 @@ def _pave_fronts(yard: Yard, block: Block, sites: list[Site]) -> None:
     for site in sites:
         half_m = site.plot.width_m / 2.0
         x_m = door_x_m(site.plot.width_m)
-        house = site.kind == "town_house"
+        house = site.kind in _HOUSES
         span_m = (x_m - _PATH_M / 2.0, x_m + _PATH_M / 2.0) if house else (-half_m, half_m)
         paths.append(site.quad(span_m, (site.street_m - 0.3, 0.0)))
         if house:
@@ -95,8 +97,8 @@ def _fence_in(yard: Yard, block: Block, site: Site, rng: np.random.Generator) ->
     kind = _FRONT_BARRIERS[int(rng.integers(len(_FRONT_BARRIERS)))]
     if rng.random() > 1.5 * block.recipe.fence_density:
         return
-    y_m = site.street_m + 0.55
-    door_m, half_m = door_x_m(site.plot.width_m), site.plot.width_m / 2.0 + 0.5
+    y_m = site.street_m + (0.3 if site.kind == "terrace" else 0.55)
+    door_m, half_m = door_x_m(site.plot.width_m), site.plot.width_m / 2.0 + (0.0 if site.kind == "terrace" else 0.5)
     for start_m, end_m in ((-half_m, door_m - _GATE_M), (door_m + _GATE_M, half_m)):
         if end_m - start_m > _MIN_BARRIER_M:
             fence_line(yard, kind, site.map_point(start_m, y_m), site.map_point(end_m, y_m), block.land, rng)

@@ -18,6 +18,7 @@ _PEN = 0.95
 """Width of the strokes of letters in units of their grid."""
 
 
+@lru_cache(maxsize=1024)
 def text_mesh(
     finish: Finish, text: str, height_m: float, *, x_m: float = 0.0, z_m: float = 0.0, max_width_m: float = np.inf
 ) -> Mesh:

@@ -22,6 +22,7 @@ from simbev_ros.assets.street.furniture import bench, bicycle_rack, bus_shelter,
 from simbev_ros.assets.street.poles import cables, utility_pole
 from simbev_ros.assets.street.signal_poles import signal_poles
 from simbev_ros.assets.street.signs import sign_mesh, street_name_sign
+from simbev_ros.assets.street.surface import surface_m
 from simbev_ros.foundation.geometry import overlay
 from simbev_ros.foundation.geometry.plan_view import left_of
 from simbev_ros.foundation.random import stream
@@ -35,7 +36,7 @@ _SMALL_THINGS_M = 20.0
 _TREE_LINED_SHARE, _TREE_ROOM_M = 0.6, 1.1
 _MEDIAN_M, _MEDIAN_SPACING, _CLEAR_OF_END_M = 2.6, 1.5, 14.0
 _POLE_SPACING_M = 42.0
-_POLED_USES = ("farmland", "suburb", "woods")
+_POLED_USES, _POLED_STREETS = ("farmland", "suburb", "woods"), ("suburb", "residential")
 _PIT = box(Finish(Material.SOIL, Tag.TERRAIN, (92, 76, 58)), (0.7, 1.4, 0.06), (0.0, 0.0, -0.018))
 
 
@@ -164,37 +165,39 @@ def put_small_things(yard: Yard, curbs: Sequence[CurbLine]) -> None:
 
 
 def put_cables(yard: Yard, curbs: Sequence[CurbLine]) -> None:
-    """Put utility poles with cables along one side of country roads."""
+    """Put utility poles with cables along one side of country roads and of quiet streets."""
     rng = yard.ground.stream("cables")
     every = round(_POLE_SPACING_M / STATION_M)
     taken = np.empty((0, 2))
     open_land = overlay.difference(yard.ground.land, yard.fast)
     shapely.prepare(open_land)
     for curb in curbs:
-        wanted = rng.random() < 0.75
+        wanted = rng.random() < (0.5 if curb.walk else 0.75)
         if (
-            curb.walk
-            or curb.level
-            or curb.recipe.use not in _POLED_USES
+            curb.level
+            or curb.recipe.use not in (_POLED_STREETS if curb.walk else _POLED_USES)
             or len(curb.position_m) < 2 * every
             or not wanted
         ):
             continue
         outward = -np.stack([np.cos(curb.yaw_rad), np.sin(curb.yaw_rad)], axis=1)
-        positions_m, yaw_rad = (curb.position_m + 1.8 * outward)[every // 4 :: every], curb.yaw_rad[every // 4 :: every]
+        off_m = 0.0 if curb.walk else 1.8
+        positions_m = (curb.position_m + off_m * outward)[every // 4 :: every]
+        yaw_rad = curb.yaw_rad[every // 4 :: every]
         if len(taken) and np.hypot(*(taken[:, None] - positions_m).T).min() < _POLE_SPACING_M:
             continue  # the other side of the road already has poles
         if yard.map_objects.replace((ObjectKind.UTILITY_POLE,), positions_m).any():
             continue
-        free = [yard.claim(shapely.Point(position).buffer(0.4, quad_segs=2), open_land) for position in positions_m]
-        yard.ensemble.put(utility_pole(), positions_m[free], yaw_rad[free])
+        land, base = (yard.inside, Base.SIDEWALK) if curb.walk else (open_land, Base.LAND)
+        free = [yard.claim(shapely.Point(position).buffer(0.3, quad_segs=2), land) for position in positions_m]
+        yard.ensemble.put(utility_pole(), positions_m[free], yaw_rad[free], base=base)
         taken = np.concatenate([taken, positions_m[free]])
         _hang_cables(yard, positions_m[free])
 
 
 def _hang_cables(yard: Yard, positions_m: Float64Array) -> None:
     """Hang cables from each pole to the next one, if it is near enough."""
-    feet_m = np.column_stack([positions_m, yard.ground.land_m(positions_m)])
+    feet_m = np.column_stack([positions_m, surface_m(yard.ground, positions_m, 0)])
     for foot_m, next_m in pairwise(feet_m):
         step_m = next_m[:2] - foot_m[:2]
         length_m = float(np.hypot(*step_m))

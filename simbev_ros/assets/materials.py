@@ -59,6 +59,7 @@ class Material(IntEnum):
     TUNNEL_LAMP = 43  # always lit
     CLOTH_SECOND = 44  # its albedo is the actor's second color
     LEATHER = 45  # its albedo is the actor's color of leather
+    TWIG = 46
 
 
 @dataclass(frozen=True, slots=True)

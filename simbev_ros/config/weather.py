@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, get_args
 
 from annotated_types import BaseMetadata, Ge, GroupedMetadata, Le
 from pydantic import BaseModel, ConfigDict, Field, create_model, model_validator
@@ -55,6 +55,9 @@ class WeatherParameter(GroupedMetadata):
         """Lower and upper end of its axis in figures."""
         return self.low, min(self.high, self.axis_high)
 
+
+Season = Literal["spring", "summer", "autumn", "winter"]
+SEASONS: tuple[Season, ...] = get_args(Season)
 
 _RAIN = "B(0.8, 0.2)·cloudiness if cloudiness > 40, else 0"
 _PUDDLES = "precipitation + B(1.2, 1.6)·(100 − precipitation)"
@@ -162,13 +165,17 @@ class WeatherParameters(WeatherFields):
 
 
 class WeatherConfig(WeatherParameters):
-    """Weather and light at the scene's start and, if they change, at its end.
+    """Season, and weather and light at the scene's start and, if they change, at its end.
 
     Of CARLA's parameters, four have no counterpart. ``scattering_intensity``: fog has the color of the sky and the sun,
     and lamps do not light it. ``mie_scattering_scale`` and ``rayleigh_scattering_scale``: the sky is computed for one
     clear atmosphere. ``dust_storm``: CARLA gives neither a visibility nor a color for its percentages.
     """
 
+    season: Season | None = Field(
+        None,
+        description="season of plants and ground; none: that of `sun.date`, and without a date each is equally likely",
+    )
     final: WeatherParameters | None = Field(
         None, description="weather at the last tick, reached linearly from the first; parameters not given are `paper`"
     )

@@ -7,27 +7,33 @@ from simbev_ros.assets.mesh.graded import GradedMesh
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.placement.tiles import TileBuilder, upright_pose
 from simbev_ros.assets.street.barriers import panel
+from simbev_ros.config.weather import SEASONS
 from simbev_ros.foundation.semantics import Tag
 from simbev_ros.foundation.types import UInt8Array
 
 PIXEL_M = 0.03
-LARGE = {"round", "tall", "small", "birch", "olive", "pine", "stone_pine"}
-HEIGHT_M = {  # minimum and maximum in the stock, as the species' docstrings state
-    "round": (8.0, 11.0),
-    "tall": (11.5, 15.5),
-    "small": (4.4, 6.0),
+TREES = {name for name, species in load_species().items() if species.tree}
+LARGE = {*TREES, "pine", "stone_pine"}
+FORMS = {name: species.tree or species.shrub for name, species in load_species().items()}
+CHANGING = {"thicket", "light_broad_leaved", *(name for name, form in FORMS.items() if form and not form.evergreen)}
+BARE = CHANGING & TREES
+HEIGHT_M = {  # minimum and maximum in the stock, as species.yaml and docstrings state
+    "lime": (8.6, 12.2),
+    "oak": (9.0, 12.6),
+    "poplar": (12.5, 17.2),
+    "cherry": (4.6, 6.5),
     "birch": (8.6, 11.7),
     "spruce": (9.0, 12.7),
     "cypress": (7.5, 11.8),
-    "bush": (0.9, 1.9),
+    "hazel": (0.9, 1.9),
 }
 
 
-def outline(mesh: Mesh, yaw_rad: float) -> UInt8Array:
+def outline(mesh: Mesh, yaw_rad: float, pixel_m: float = PIXEL_M) -> UInt8Array:
     """(H, W) pixels that the mesh covers in a side view, upside down."""
     across_m = mesh.vertices[:, :2] @ np.array([np.cos(yaw_rad), np.sin(yaw_rad)])
-    pixel = np.round((np.stack([across_m + 9.0, mesh.vertices[:, 2] + 5.0], axis=1) / PIXEL_M) * 16.0).astype(np.int32)
-    picture = np.zeros((round(22.0 / PIXEL_M), round(18.0 / PIXEL_M)), np.uint8)
+    pixel = np.round((np.stack([across_m + 9.0, mesh.vertices[:, 2] + 5.0], axis=1) / pixel_m) * 16.0).astype(np.int32)
+    picture = np.zeros((round(22.0 / pixel_m), round(18.0 / pixel_m)), np.uint8)
     for triangle in pixel[mesh.triangles]:
         cv2.fillConvexPoly(picture, triangle, 1, shift=4)
     return picture
@@ -46,7 +52,7 @@ def test_a_plant_stands_upright_on_its_foot(name: str) -> None:
 @pytest.mark.parametrize("name", load_species())
 def test_plants_cost_few_triangles_and_fewer_from_afar(name: str) -> None:
     max_triangles, max_coarse_triangles = (750, 100) if name in LARGE else (430, 300)
-    if name.startswith("light") or name in ("bush", "oleander", "scrub", "thicket"):
+    if name.startswith("light") or load_species()[name].shrub or name == "thicket":
         max_triangles, max_coarse_triangles = 180, 60
     for variant in range(VARIANTS):
         plant = stock(name, variant)
@@ -106,3 +112,37 @@ def test_a_tile_ends_with_the_objects_that_have_a_stand_in() -> None:
     assert np.allclose(corners, alone.vertices[alone.triangles], atol=1e-4)
     middle_m = [mesh.vertices.mean(axis=0) for mesh in (west.mesh, west.coarse)]
     assert np.hypot(*(middle_m[0] - middle_m[1])[:2]) < 0.3
+
+
+@pytest.mark.parametrize("name", sorted(BARE))
+def test_a_bare_tree_lets_most_of_the_sky_through_and_is_as_large_as_in_summer(name: str) -> None:
+    for variant in range(VARIANTS):
+        bare, full = (stock(name, variant, season) for season in ("winter", "summer"))
+        pictures = [outline(plant.mesh, 0.4, 0.01) for plant in (bare, full)]
+        high = slice(round((5.0 + 0.5 * full.mesh.vertices[:, 2].max()) / 0.01), None)
+        assert 0.2 < pictures[0][high].sum() / pictures[1][high].sum() < 0.65
+        assert np.abs(bare.mesh.bounds_m[1, 2] - full.mesh.bounds_m[1, 2]) < 1.3
+        assert all(np.hypot(*plant.mesh.vertices[:, :2].T).max() <= reach_m(name) for plant in (bare, full))
+        assert len(bare.mesh.triangles) <= 1350 and len(bare.coarse.triangles) <= 330
+
+
+def test_trunks_are_the_same_in_all_seasons_and_evergreens_do_not_change() -> None:
+    for name in load_species():
+        plants = [stock(name, 2, season).mesh for season in SEASONS]
+        if name in BARE:
+            trunks = [mesh.vertices[mesh.vertices[:, 2] < 0.5] for mesh in plants]
+            assert all(np.array_equal(trunk, trunks[0]) for trunk in trunks)
+        elif name not in CHANGING:
+            assert all(np.array_equal(mesh.color, plants[0].color) for mesh in plants)
+
+
+@pytest.mark.parametrize("name", ["lime", "oak", "poplar", "birch"])
+def test_a_bare_stand_in_covers_about_as_much_as_its_tree(name: str) -> None:
+    exact, coarse = (
+        outline(mesh, 0.3, 0.01) for mesh in (stock(name, 1, "winter").mesh, stock(name, 1, "winter").coarse)
+    )
+    blurred = [
+        cv2.resize(picture.astype(np.float32), (37, 45), interpolation=cv2.INTER_AREA) for picture in (exact, coarse)
+    ]
+    assert 0.7 < coarse.sum() / exact.sum() < 1.3
+    assert np.abs(blurred[0] - blurred[1]).sum() / blurred[0].sum() < 0.5

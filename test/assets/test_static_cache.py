@@ -62,6 +62,19 @@ def test_other_seeds_have_other_surroundings(network: RoadNetwork, cache_dir: Pa
     assert StaticCache(MapSpec(name="analytic", seed=1), network, cache_dir).missing([EAST]) == (EAST,)
 
 
+def test_seasons_differ_in_plants_but_not_in_what_pedestrians_walk_around(
+    network: RoadNetwork, cache_dir: Path
+) -> None:
+    winter = StaticCache(SPEC.model_copy(update={"season": "winter"}), network, cache_dir)
+    summer = StaticCache(SPEC, network, cache_dir)
+    assert winter.missing([EAST]) == (EAST,)
+    bare, full = winter.region(EAST), summer.region(EAST)
+    assert np.array_equal(bare.obstacles, full.obstacles)
+    assert [tile.origin_m.tolist() for tile in bare.tiles] == [tile.origin_m.tolist() for tile in full.tiles]
+    assert any((tile.mesh.material == Material.TWIG).any() for tile in bare.tiles)
+    assert not any((tile.mesh.material == Material.TWIG).any() for tile in full.tiles)
+
+
 @pytest.mark.parametrize("reach", [None, Reach((150.0, 100.0), 200.0)])
 def test_street_lamps_carry_the_index_of_their_light(
     network: RoadNetwork, cache_dir: Path, reach: Reach | None

@@ -30,13 +30,18 @@ def leaves(color: Color) -> Finish:
 
 
 def trunk(
-    rng: np.random.Generator, spine_m: Float64Array, start_m: float, end_m: float, segments: int = 6
+    rng: np.random.Generator,
+    spine_m: Float64Array,
+    start_m: float,
+    end_m: float,
+    segments: int = 6,
+    bark: str = "barks",
 ) -> GradedMesh:
     """Build a stem along an (N, 3) spine that tapers from radius ``start_m`` to ``end_m`` and flares at the root.
 
-    A stem of three ``segments`` is simple enough to be its own coarse stand-in.
+    ``bark`` is a palette. A stem of three ``segments`` is simple enough to be its own coarse stand-in.
     """
-    finish = Finish(Material.BARK, Tag.VEGETATION, pick_color(rng, "barks"))
+    finish = Finish(Material.BARK, Tag.VEGETATION, pick_color(rng, bark))
     foot_m, onward = spine_m[0] * [1.0, 1.0, 0.0], spine_m[1:]
     low_m = foot_m + (onward[0] - foot_m) * min(0.5, 0.4 / max(float(onward[0, 2]), 0.1))
     path_m = np.concatenate([np.array([foot_m + np.array([0.0, 0.0, ROOT_M]), foot_m, low_m]), onward])
@@ -70,6 +75,7 @@ def crown(
     lobes: int = 7,
     cover: float = 0.40,
     coarse_detail: int = 1,
+    rise: float = -0.15,
 ) -> GradedMesh:
     """Build a large crown of several lobes: sprigs on solid cores, darker between the lobes.
 
@@ -82,6 +88,7 @@ def crown(
         lobes: Number of smaller balls that form the crown.
         cover: Total area of the sprigs over the envelope's area.
         coarse_detail: Detail of the coarse mesh, see ``envelope``.
+        rise: Slope of the sprigs, negative if they hang.
     """
     sizes = rng.uniform(0.38, 0.52, lobes) * (9.0 / lobes) ** 0.33
     lobe_centers = _spread_directions(rng, lobes) * (rng.uniform(0.94, 1.06, lobes) - sizes)[:, None]
@@ -96,10 +103,10 @@ def crown(
     position, lobe = _lobe_surface(outward, lobe_centers, sizes)
     facing = _unit((position - lobe_centers[lobe]) / radii_m)
     positions_m = middle_m + position * rng.uniform(0.9, 1.0, (sprigs, 1)) * radii_m
-    along = _sprig_directions(rng, facing, 0.35, -0.15)
+    along = sprig_directions(rng, facing, 0.35, rise)
     hollow = np.linalg.norm(position, axis=1)
     tone = 0.78 + 0.34 * np.clip((hollow - 0.62) / 0.38, 0.0, 1.0)
-    length_m = _sprig_length_m(radii_m, sprigs, cover)
+    length_m = sprig_length_m(radii_m, sprigs, cover)
     exact = Mesh.merge([*cores, foliage(rng, positions_m, facing, along, middle_m, length_m, color, tone)])
     return GradedMesh(exact, envelope(exact, middle_m, detail=coarse_detail))
 
@@ -149,7 +156,7 @@ def ball(
     core = clump(rng, center_m, radii_m * 0.93, crown_center_m, shade_color(color, 0.85), irregularity=0.16)
     positions_m = center_m + outward * radii_m * rng.uniform(0.8, 0.92, (sprigs, 1))
     facing = _unit(outward / radii_m)
-    along, length_m = _sprig_directions(rng, facing, 0.35, rise), _sprig_length_m(radii_m, sprigs, cover)
+    along, length_m = sprig_directions(rng, facing, 0.35, rise), sprig_length_m(radii_m, sprigs, cover)
     exact = Mesh.merge([core, foliage(rng, positions_m, facing, along, crown_center_m, length_m, color)])
     return GradedMesh(exact, envelope(exact, center_m, detail=coarse_detail))
 
@@ -179,7 +186,7 @@ def blossom(rng: np.random.Generator, middle_m: Float64Array, radii_m: Float64Ar
     """Build flowers on the upper half of a crown."""
     outward = _spread_directions(rng, count, min_z=0.1)
     positions_m = middle_m + 0.92 * outward * radii_m
-    return foliage(rng, positions_m, outward, _sprig_directions(rng, outward, 0.2, 0.0), middle_m, 0.16, color)
+    return foliage(rng, positions_m, outward, sprig_directions(rng, outward, 0.2, 0.0), middle_m, 0.16, color)
 
 
 def foliage(
@@ -238,14 +245,14 @@ def _leafage(
     return replace(mesh, color=np.repeat(shades.astype(np.uint8), 3, axis=0))
 
 
-def _sprig_directions(rng: np.random.Generator, outward: Float64Array, lean: float, rise: float) -> Float64Array:
+def sprig_directions(rng: np.random.Generator, outward: Float64Array, lean: float, rise: float) -> Float64Array:
     """(N, 3) unit vectors along sprigs that overlap like shingles, with their tips outward."""
     along = rng.normal(0.0, 0.8, outward.shape)
     along -= 0.6 * np.sum(along * outward, axis=1, keepdims=True) * outward
     return _unit(along + lean * outward + [0.0, 0.0, rise])
 
 
-def _sprig_length_m(radii_m: Float64Array, sprigs: int, cover: float) -> float:
+def sprig_length_m(radii_m: Float64Array, sprigs: int, cover: float) -> float:
     """Mean length of sprigs whose total area is ``cover`` times that of an ellipsoid (Knud Thomsen's formula)."""
     a, b, c = radii_m**1.6
     area_m2 = 4.0 * np.pi * ((a * b + a * c + b * c) / 3.0) ** (1.0 / 1.6)

@@ -3,42 +3,58 @@
 import numpy as np
 
 from simbev_ros.assets.flora.crowns import ROOT_M, ball, blades, branches, crown, foliage, leaves, trunk
+from simbev_ros.assets.flora.deciduous import Deciduous, Limbs, dress, is_full, leaf_color
+from simbev_ros.assets.flora.skeleton import Crown, limbs_of_stem
 from simbev_ros.assets.mesh.graded import GradedMesh
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import lathe
 from simbev_ros.assets.palette import Color, pick_color, shade_color
+from simbev_ros.config.weather import Season
 from simbev_ros.foundation.types import Float64Array
 
+_LIGHT = Deciduous(limbs=6, branches=4, twig_width=3.0)
 _FRONDS, _LEAFLETS = 18, 7
 _CONE = 0.8
 """Base radius of a spruce's coarse cone, over the reach of its branches."""
 
 
-def round_tree(rng: np.random.Generator) -> GradedMesh:
-    """Generate a broad-leaved street tree, about 9 m high."""
-    return _broad_leaved(rng, _leaf_color(rng), height_m=9.2, trunk_m=3.4, radius_m=2.5, sprigs=400)
+class BroadLeaved(Deciduous):
+    """Proportions and leaves of a broad-leaved tree; species.yaml explains the fields."""
+
+    height_m: float
+    trunk_m: float
+    radius_m: float
+    sprigs: int
+    stoutness: float = 0.018
+    bark: str = "barks"
+    evergreen: bool = False
 
 
-def tall_tree(rng: np.random.Generator) -> GradedMesh:
-    """Generate a tall, slender broad-leaved tree, about 13 m high."""
-    return _broad_leaved(rng, _leaf_color(rng), height_m=13.0, trunk_m=3.6, radius_m=2.2, sprigs=410)
+def broad_leaved(rng: np.random.Generator, tree: BroadLeaved, season: Season) -> GradedMesh:
+    """Generate a broad-leaved tree: a closed crown in summer, also branches with few leaves or none in other seasons.
 
-
-def small_tree(rng: np.random.Generator) -> GradedMesh:
-    """Generate a young or ornamental tree, about 5 m high."""
-    return _broad_leaved(rng, _leaf_color(rng), height_m=5.0, trunk_m=1.8, radius_m=1.65, sprigs=310)
-
-
-def birch(rng: np.random.Generator) -> GradedMesh:
-    """Generate a birch with light leaves, about 10 m high."""
-    color = pick_color(rng, "light_leaves", 0.1)
-    return _broad_leaved(rng, color, height_m=10.0, trunk_m=3.0, radius_m=1.5, sprigs=280)
-
-
-def olive(rng: np.random.Generator) -> GradedMesh:
-    """Generate an olive tree with gray-green leaves, about 4.5 m high."""
-    color = pick_color(rng, "olive_leaves", 0.1)
-    return _broad_leaved(rng, color, height_m=4.6, trunk_m=1.5, radius_m=1.8, sprigs=330, stoutness=0.045)
+    The trunk is the same in all seasons.
+    """
+    leaf, height_m = pick_color(rng, tree.leaves, 0.1), tree.height_m * rng.uniform(0.9, 1.15)
+    middle = np.array([*rng.normal(0.0, 0.15, 2), (height_m + tree.trunk_m) / 2.0])
+    radii = np.array([tree.radius_m, tree.radius_m, (height_m - tree.trunk_m) / 2.0])
+    fork = np.array([*rng.normal(0, 0.06, 2), tree.trunk_m * 0.6])
+    top = middle + radii * np.array([0.0, 0.0, 2.0 * tree.leader - 1.0])
+    thickness_m = tree.stoutness * height_m
+    stem = trunk(
+        rng, np.array([[0, 0, ROOT_M], fork, top]), thickness_m, thickness_m * (0.5 - 0.4 * tree.leader), bark=tree.bark
+    )
+    red, green, blue = stem.mesh.color[0].tolist()
+    if tree.evergreen or is_full(rng, season):
+        turn = rng.uniform(0.0, 2.0 * np.pi) + np.arange(3) * 2.1
+        tips = middle + np.column_stack([np.cos(turn), np.sin(turn), rng.uniform(-0.5, 0.1, 3)]) * radii * 0.7
+        limbs = branches(rng, fork * [1, 1, 1.5], tips, 0.4 * thickness_m, (red, green, blue))
+        if season != "summer" and not tree.evergreen:
+            leaf = leaf_color(rng, tree, season)
+        return GradedMesh.merge([stem, limbs, crown(rng, middle, radii, tree.sprigs, leaf, rise=-0.15 - tree.hang)])
+    held = Crown(middle, radii)
+    shoots = limbs_of_stem(rng, tree, held, fork + (top - fork) * tree.fork, thickness_m)
+    return GradedMesh.merge([stem, dress(rng, tree, Limbs(shoots, held, (red, green, blue)), tree.sprigs, season)])
 
 
 def spruce(rng: np.random.Generator) -> GradedMesh:
@@ -93,9 +109,15 @@ def acacia(rng: np.random.Generator) -> GradedMesh:
     return GradedMesh.merge(pieces)
 
 
-def light_broad_leaved(rng: np.random.Generator) -> GradedMesh:
+def light_broad_leaved(rng: np.random.Generator, season: Season) -> GradedMesh:
     """Generate a low-polygon broad-leaved tree for distant or hidden positions, about 10 m high."""
-    return _light_tree(rng, _leaf_color(rng), np.array([3.0, 3.0, 3.9]), rng.uniform(9.0, 11.0))
+    color, radii_m, height_m = pick_color(rng, "broad_leaves", 0.1), np.array([3.0, 3.0, 3.9]), rng.uniform(9.0, 11.0)
+    if season == "summer":
+        return _light_tree(rng, color, radii_m, height_m)
+    held = Crown(np.array([*rng.normal(0.0, 0.2, 2), height_m - radii_m[2]]), radii_m)
+    stem = trunk(rng, np.array([[0.0, 0.0, ROOT_M], held.middle_m]), 0.2, 0.12, segments=3)
+    shoots = limbs_of_stem(rng, _LIGHT, held, 0.5 * held.middle_m, 0.15)
+    return GradedMesh.merge([stem, dress(rng, _LIGHT, Limbs(shoots, held, (94, 76, 60)), 60, season)])
 
 
 def light_spruce(rng: np.random.Generator) -> GradedMesh:
@@ -111,33 +133,6 @@ def light_olive(rng: np.random.Generator) -> GradedMesh:
 def light_acacia(rng: np.random.Generator) -> GradedMesh:
     """Generate a low-polygon tree of dry climates, about 4.5 m high."""
     return _light_tree(rng, pick_color(rng, "dry_leaves", 0.12), np.array([2.1, 2.1, 0.9]), rng.uniform(3.8, 5.2))
-
-
-def _leaf_color(rng: np.random.Generator) -> Color:
-    return pick_color(rng, "autumn_leaves" if rng.random() < 0.06 else "broad_leaves", 0.1)
-
-
-def _broad_leaved(
-    rng: np.random.Generator,
-    color: Color,
-    height_m: float,
-    trunk_m: float,
-    radius_m: float,
-    sprigs: int,
-    stoutness: float = 0.018,
-) -> GradedMesh:
-    """Trunk, branches, and a crown of lobes."""
-    height_m *= rng.uniform(0.9, 1.15)
-    middle = np.array([*rng.normal(0.0, 0.15, 2), (height_m + trunk_m) / 2.0])
-    radii = np.array([radius_m, radius_m, (height_m - trunk_m) / 2.0])
-    spine = np.array([[0, 0, ROOT_M], [*rng.normal(0, 0.06, 2), trunk_m * 0.6], middle - [0, 0, radii[2] * 0.2]])
-    thickness_m = stoutness * height_m
-    stem = trunk(rng, spine, thickness_m, thickness_m * 0.45)
-    turn = rng.uniform(0.0, 2.0 * np.pi) + np.arange(3) * 2.1
-    tips = middle + np.column_stack([np.cos(turn), np.sin(turn), rng.uniform(-0.5, 0.1, 3)]) * radii * 0.7
-    red, green, blue = stem.mesh.color[0].tolist()
-    limbs = branches(rng, spine[1] * [1, 1, 1.5], tips, 0.4 * thickness_m, (red, green, blue))
-    return GradedMesh.merge([stem, limbs, crown(rng, middle, radii, sprigs, color)])
 
 
 def _light_tree(rng: np.random.Generator, color: Color, radii_m: Float64Array, height_m: float) -> GradedMesh:

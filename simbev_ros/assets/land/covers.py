@@ -1,6 +1,6 @@
 """Ground covers: areas with a finish (covers.yaml) that ``roads.ground`` lays on the land."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -10,6 +10,8 @@ from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.primitives import Finish
+from simbev_ros.assets.palette import rgb
+from simbev_ros.config.weather import Season
 from simbev_ros.foundation.semantics import Tag
 from simbev_ros.foundation.tables import load_table
 
@@ -36,19 +38,22 @@ class Cover:
     yaw_rad: float = 0.0
 
 
-def finish_of(name: str, landscape: str) -> Finish:
-    """Finish by its name in covers.yaml, in the colors of a landscape."""
+def finish_of(name: str, landscape: str, season: Season = "summer") -> Finish:
+    """Finish by its name in covers.yaml, in the colors of a landscape and a season."""
+    name = _tables()["in_season"].get(name, {}).get(season, name)
     entry = _tables()["finishes"][name]
     color = entry["color"]
     code = int(color[landscape] if isinstance(color, dict) else color)
-    return Finish(Material[entry["material"]], Tag[entry["tag"]], (code >> 16, code >> 8 & 255, code & 255))
+    tint: Sequence[float] = _tables()["tints"].get(entry["material"], {}).get(season, (1.0, 1.0, 1.0))
+    red, green, blue = (round(channel * factor) for channel, factor in zip(rgb(code), tint, strict=True))
+    return Finish(Material[entry["material"]], Tag[entry["tag"]], (red, green, blue))
 
 
-def draw_crop(landscape: str, rng: np.random.Generator) -> Finish:
-    """Draw the crop of a field in a landscape."""
+def draw_crop(landscape: str, rng: np.random.Generator, season: Season = "summer") -> Finish:
+    """Draw the crop of a field in a landscape, as it looks in a season."""
     weights: Mapping[str, float] = _tables()["crops"][landscape]
     share = np.array(list(weights.values()), np.float64)
-    return finish_of(list(weights)[int(rng.choice(len(weights), p=share / share.sum()))], landscape)
+    return finish_of(list(weights)[int(rng.choice(len(weights), p=share / share.sum()))], landscape, season)
 
 
 @lru_cache(maxsize=1)

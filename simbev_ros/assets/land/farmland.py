@@ -63,7 +63,7 @@ def _plow(yard: Yard, block: Block) -> tuple[list[BaseGeometry], list[Float64Arr
         low_m = np.array([column, row]) * _FIELD_M
         cell = quad(np.zeros(2), along, (low_m[0], low_m[0] + _FIELD_M[0]), (low_m[1], low_m[1] + _FIELD_M[1]))
         split = float(rng.uniform(0.3, 0.7)) if rng.random() < 0.55 else 1.0
-        crops = [draw_crop(block.recipe.plants, rng) for _ in range(2)]
+        crops = [draw_crop(block.recipe.plants, rng, yard.ground.season) for _ in range(2)]
         for (from_, to), crop in zip(((0.0, split), (split, 1.0)), crops, strict=True):
             if to - from_ < 0.05:
                 continue

@@ -24,7 +24,7 @@ def fence_line(
     """Put generated panels along a line as ``put_panels`` does, unless the map prescribes the fences around it."""
     variant = int(rng.integers(VARIANTS))
     if not yard.map_objects.replace(BARRIER_KINDS, start_m[None])[0]:
-        put_panels(yard, panel(kind, variant), kind, start_m, end_m, land)
+        put_panels(yard, panel(kind, variant, yard.ground.season), kind, start_m, end_m, land)
 
 
 def put_panels(

@@ -27,7 +27,12 @@ def plant(yard: Yard, species: str, xy_m: Float64Array, rng: np.random.Generator
         own = variant == number
         if own.any():
             yard.ensemble.put(
-                stock(species, number), xy_m[own], turn_rad[own], base=base, scale=scale[own], tint=tint[own]
+                stock(species, number, yard.ground.season),
+                xy_m[own],
+                turn_rad[own],
+                base=base,
+                scale=scale[own],
+                tint=tint[own],
             )
 
 

@@ -91,7 +91,11 @@ class Yard:
         """Cover an area with a finish, given directly or by its name in covers.yaml."""
         if not area.is_empty:
             self.covers.append(
-                Cover(area, finish_of(finish, landscape) if isinstance(finish, str) else finish, **options)
+                Cover(
+                    area,
+                    finish_of(finish, landscape, self.ground.season) if isinstance(finish, str) else finish,
+                    **options,
+                )
             )
 
     def claim(self, footprint: shapely.Polygon, land: BaseGeometry) -> bool:

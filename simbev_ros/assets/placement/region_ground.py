@@ -8,6 +8,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.mesh.facets import TILE_M, Facets
+from simbev_ros.config.weather import Season
 from simbev_ros.foundation.geometry import overlay
 from simbev_ros.foundation.geometry.plan_view import multi_polygon
 from simbev_ros.foundation.random import stream
@@ -62,6 +63,7 @@ class RegionGround:
         water: Water within that distance.
         facets: Facets by level, of the carriageway's surface as rendered; those of level 0 include the land. None for
             a level without streets in the region.
+        season: Season of plants and ground.
     """
 
     network: RoadNetwork
@@ -71,10 +73,13 @@ class RegionGround:
     water: tuple[Water, ...]
     facets: tuple[Facets | None, ...]
     _land: Raster
+    season: Season = "summer"
 
     @classmethod
-    def from_network(cls, network: RoadNetwork, region: Region, terrain: Terrain) -> "RegionGround":
-        """Create the ground of a region from the map's roads and terrain."""
+    def from_network(
+        cls, network: RoadNetwork, region: Region, terrain: Terrain, season: Season = "summer"
+    ) -> "RegionGround":
+        """Create the ground of a region from the map's roads and terrain, in a season."""
         around = shapely.box(*shapely.buffer(region.area, MARGIN_M).bounds)
         streets = tuple(_streets(network, level, around) for level in network.layout.levels)
         water = tuple(water for water in network.features.water if water.area.intersects(around))
@@ -88,7 +93,7 @@ class RegionGround:
             _deck_facets(terrain, patch.heights, level) if street.area.intersects(region.area) else None
             for level, street in enumerate(streets[1:], start=1)
         ]
-        return cls(network, region, terrain, streets, water, (land, *decks), patch.heights)
+        return cls(network, region, terrain, streets, water, (land, *decks), patch.heights, season)
 
     @cached_property
     def land(self) -> BaseGeometry:

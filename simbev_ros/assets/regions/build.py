@@ -14,6 +14,7 @@ from simbev_ros.assets.roads.guard_rails import put_guard_rails
 from simbev_ros.assets.roads.markings import paint_markings
 from simbev_ros.assets.roads.tunnels import build_tunnels
 from simbev_ros.assets.street.obstacles import obstacles_on
+from simbev_ros.config.weather import Season
 from simbev_ros.foundation.geometry import overlay
 from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.network import RoadNetwork
@@ -22,15 +23,16 @@ from simbev_ros.maps.region import Region
 _ROADSIDE_M = 1.9  # nearer to the road people walk around poles and trees
 
 
-def build_region(network: RoadNetwork, region: Region, terrain: Terrain) -> RegionScene:
-    """Build one region; the result depends on the map, its seed and the region alone.
+def build_region(network: RoadNetwork, region: Region, terrain: Terrain, season: Season = "summer") -> RegionScene:
+    """Build one region; the result depends on the map, its seed, the season and the region alone.
 
     Args:
         network: Roads of the map.
         region: Region to build.
         terrain: Terrain of the map.
+        season: Season of its plants and ground.
     """
-    ground = RegionGround.from_network(network, region, terrain)
+    ground = RegionGround.from_network(network, region, terrain, season)
     tiles, claims = TileBuilder(), Claims()
     lay_streets(tiles, ground)
     paint_markings(tiles, ground)

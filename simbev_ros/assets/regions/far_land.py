@@ -12,6 +12,7 @@ from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import Finish
 from simbev_ros.assets.placement.region_ground import LAND_HEIGHT_M
 from simbev_ros.assets.placement.static_scene import Tile
+from simbev_ros.config.weather import Season
 from simbev_ros.foundation.geometry.plan_view import points_inside
 from simbev_ros.foundation.random import stream
 from simbev_ros.foundation.semantics import Tag
@@ -27,7 +28,6 @@ _FIELD_CELLS = 4
 _HORIZON = 5
 """Number of regions of coarse land around the loaded ones."""
 _SKIRT_M = 10.0
-_WOODS = Finish(Material.GRASS, Tag.TERRAIN, (56, 68, 42))
 _WATER = Finish(Material.WATER, Tag.WATER, (40, 54, 50))
 
 
@@ -48,8 +48,8 @@ class FarLand:
     finish: UInt8Array
 
 
-def far_land(network: RoadNetwork, terrain: Terrain) -> FarLand:
-    """Compute the coarse land of a whole map."""
+def far_land(network: RoadNetwork, terrain: Terrain, season: Season = "summer") -> FarLand:
+    """Compute the coarse land of a whole map in a season."""
     columns_rows = np.array(regions_of(network.layout))
     first = Region(*(columns_rows.min(axis=0) - _HORIZON).tolist())
     count = (np.ptp(columns_rows, axis=0) + 1 + 2 * _HORIZON) * _CELLS
@@ -57,7 +57,7 @@ def far_land(network: RoadNetwork, terrain: Terrain) -> FarLand:
     height_m = terrain.far_m(corner_m.reshape(-1, 2)).reshape(count + 1) + LAND_HEIGHT_M
     finishes = [_WATER]
     middle_m = (corner_m[:-1, :-1] + TILE_M / 2.0).reshape(-1, 2)
-    cover = _covers(network.features, network.seed, middle_m, finishes).reshape(count)
+    cover = _covers(network.features, network.seed, middle_m, finishes, season).reshape(count)
     table = np.array([(finish.material, finish.tag, *finish.color) for finish in finishes], np.uint8)
     return FarLand(first, height_m, cover, table)
 
@@ -88,7 +88,9 @@ def far_tiles(far: FarLand, loaded: BoolArray) -> Iterator[Tile]:
                 yield _tile(far, window, i, j)
 
 
-def _covers(features: MapFeatures, seed: int, middle_m: Float64Array, finishes: list[Finish]) -> Int64Array:
+def _covers(
+    features: MapFeatures, seed: int, middle_m: Float64Array, finishes: list[Finish], season: Season
+) -> Int64Array:
     """(N,) index into ``finishes`` of the cover at (N, 2) points; new finishes are appended."""
     field = np.floor(middle_m / (_FIELD_CELLS * TILE_M)).astype(np.int64)
     cover = np.zeros(len(middle_m), np.int64)
@@ -97,10 +99,12 @@ def _covers(features: MapFeatures, seed: int, middle_m: Float64Array, finishes: 
     for surroundings, inside in zip(recipes, [np.arange(len(middle_m)), *zoned], strict=True):
         if surroundings.use != "farmland":
             woods = surroundings.use == "woods"
-            cover[inside] = _finish_row(_WOODS if woods else finish_of("lawn", surroundings.plants), finishes)
+            cover[inside] = _finish_row(
+                finish_of("far_woods" if woods else "lawn", surroundings.plants, season), finishes
+            )
             continue
         keys, which = np.unique(field[inside], axis=0, return_inverse=True)
-        crops = [draw_crop(surroundings.plants, stream(seed, f"far_land.{i}.{j}")) for i, j in keys.tolist()]
+        crops = [draw_crop(surroundings.plants, stream(seed, f"far_land.{i}.{j}"), season) for i, j in keys.tolist()]
         cover[inside] = np.array([_finish_row(crop, finishes) for crop in crops])[which.reshape(-1)]
     for inside in points_inside([water.area for water in features.water], middle_m):
         cover[inside] = 0

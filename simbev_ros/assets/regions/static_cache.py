@@ -81,9 +81,9 @@ class StaticCache:
 
     def __init__(self, spec: MapSpec, network: RoadNetwork, cache_dir: Path | None = None) -> None:
         """Arguments as for ``load_static_scene``."""
-        self._network = network
+        self._network, self._season = network, spec.season
         root = (cache_dir or default_cache_dir()) / _KIND
-        key = f"{network.net_path.parent.name}\n{spec.seed}\n".encode()
+        key = f"{network.net_path.parent.name}\n{spec.seed}\n{spec.season}\n".encode()
         self._folder = entry_path(root, spec.name, fingerprint(__name__), key)
         self._lock_path = root / f".{spec.name}.lock"
 
@@ -125,10 +125,10 @@ class StaticCache:
     def _write_region(self, path: Path, region: Region) -> None:
         from simbev_ros.assets.regions.build import build_region  # takes long to load and is seldom needed
 
-        write_region(path, build_region(self._network, region, self._terrain))
+        write_region(path, build_region(self._network, region, self._terrain, self._season))
 
     def _write_far_land(self, path: Path) -> None:
-        np.savez(path, allow_pickle=False, **asdict(far_land(self._network, self._terrain)))
+        np.savez(path, allow_pickle=False, **asdict(far_land(self._network, self._terrain, self._season)))
 
 
 def _read_far_land(path: Path) -> FarLand:

@@ -65,7 +65,7 @@ def lay_land(tiles: TileBuilder, ground: RegionGround, covers: Sequence[Cover]) 
         parts[:] = [part - bare if bare.intersects(part) else part for part in parts]
         layer = partial(cover_mesh, finish=finish, rise_m=LAND_HEIGHT_M + rise_m, yaw_rad=yaw_rad)
         tiles.drape(shapely.GeometryCollection(parts), facets, layer)
-    lawn = finish_of("lawn", ground.network.features.surroundings.plants)
+    lawn = finish_of("lawn", ground.network.features.surroundings.plants, ground.season)
     for area, finish, ceiling_m in ((stone, _STONE, None), (grass, lawn, None), (decks, _STONE, ground.soffit_m)):
         layer = partial(cover_mesh, finish=finish, rise_m=LAND_HEIGHT_M, ceiling_m=ceiling_m)
         tiles.drape(overlay.intersection(ground.land, area), facets, layer)

@@ -12,9 +12,12 @@ from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import Finish, box, boxes, lathe
 from simbev_ros.assets.palette import pick_color
 from simbev_ros.assets.placement.tiles import upright_pose
+from simbev_ros.config.weather import Season
 from simbev_ros.foundation.random import stream
 from simbev_ros.foundation.semantics import Tag
 from simbev_ros.foundation.types import Float64Array
+
+_BEECH: Mapping[Season, str] = {"spring": "fresh_leaves", "autumn": "copper_leaves", "winter": "dead_leaves"}
 
 VARIANTS = 3
 """Number of variants of a panel, which differ in color."""
@@ -39,14 +42,13 @@ PANEL_M = {
 
 
 @lru_cache(maxsize=64)
-def panel(kind: str, variant: int) -> Mesh | GradedMesh:
-    """Panel of a kind of barrier in one of its variants."""
+def panel(kind: str, variant: int, season: Season = "summer") -> Mesh | GradedMesh:
+    """Panel of a kind of barrier in one of its variants; one variant of hedges is of beech, which turns brown."""
     rng = stream(variant, f"barriers.{kind}")
     length_m = PANEL_M[kind]
-    if kind == "hedge":
-        return hedge(rng, length_m)
-    if kind == "high_hedge":
-        return hedge(rng, length_m, height_m=1.9)
+    if kind in ("hedge", "high_hedge"):
+        leafage = _BEECH.get(season, "hedges") if variant == 0 else "hedges"
+        return hedge(rng, length_m, leafage, 1.3 if kind == "hedge" else 1.9)
     return _BUILDERS[kind](rng)
 
 

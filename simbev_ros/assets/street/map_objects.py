@@ -43,7 +43,7 @@ _MODELS: Mapping[ObjectKind, Callable[[], Mesh]] = {
     ObjectKind.BUS_SHELTER: bus_shelter,
 }
 _TALL = (ObjectKind.STREET_LAMP, ObjectKind.UTILITY_POLE)  # models that are scaled to the height that the map gives
-_SPECIES = {ObjectKind.CONIFER: "spruce", ObjectKind.PALM: "palm", ObjectKind.BUSH: "bush"}
+_SPECIES = {ObjectKind.CONIFER: "spruce", ObjectKind.PALM: "palm", ObjectKind.BUSH: "hazel"}
 _PANELS = {ObjectKind.WALL: "wall", ObjectKind.FENCE: "bars", ObjectKind.HEDGE: "hedge"}
 _PARKING = (ObjectKind.PARKING_LOT, ObjectKind.PARKING_SPACE)
 _HIGH_HEDGE_M = 1.6
@@ -121,7 +121,7 @@ def _plant(yard: Yard, item: MapObject, xy_m: Float64Array, level: int) -> None:
     rng = _stream(yard, item)
     landscape = yard.ground.network.features.surroundings.plants
     species = _SPECIES.get(item.kind) or flora.draw_species(landscape, "street", 1, rng)[0]
-    plant = flora.stock(species, int(rng.integers(flora.VARIANTS)))
+    plant = flora.stock(species, int(rng.integers(flora.VARIANTS)), yard.ground.season)
     scale = _scale(item, plant.mesh) if item.height_m > 0.0 else rng.uniform(0.85, 1.15)
     pose = upright_pose(xy_m, float(surface_m(yard.ground, xy_m[None], level)[0]), rng.uniform(0.0, 2.0 * np.pi))
     pose[:3, :3] *= scale
@@ -167,7 +167,9 @@ def _put_barrier(yard: Yard, item: MapObject, level: int) -> None:
             is_high = item.kind is ObjectKind.HEDGE and item.height_m > _HIGH_HEDGE_M
             kind = "high_hedge" if is_high else _PANELS[item.kind]
             for start_m, end_m in pairwise(shapely.get_coordinates(part)):
-                put_panels(yard, panel(kind, variant), kind, start_m, end_m, yard.ground.region.area)
+                put_panels(
+                    yard, panel(kind, variant, yard.ground.season), kind, start_m, end_m, yard.ground.region.area
+                )
 
 
 def _put_power_line(yard: Yard, item: MapObject, level: int) -> None:

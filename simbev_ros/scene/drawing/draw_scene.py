@@ -13,7 +13,7 @@ from simbev_ros.scene.drawing.chosen_maps import maps_of
 from simbev_ros.scene.drawing.draw_agents import draw_agents
 from simbev_ros.scene.drawing.draw_lights import draw_appearance, draw_lights
 from simbev_ros.scene.drawing.draw_v2x import draw_v2x
-from simbev_ros.scene.drawing.draw_weather import draw_weathers, fog_fills_heights
+from simbev_ros.scene.drawing.draw_weather import draw_season, draw_weathers, fog_fills_heights
 from simbev_ros.scene.drawing.scene_drawer import SceneDrawer
 from simbev_ros.scene.drawing.start_clearance import StartClearance
 from simbev_ros.scene.drawing.starts import StartPositions
@@ -83,7 +83,7 @@ def draw_scene(
         number=planned.number,
         split=planned.split,
         seed=seed,
-        map=planned.map,
+        map=planned.map.model_copy(update={"season": draw_season(scenario.weather, seed, network.datum)}),
         tick_ns=scenario.time.tick_ns,
         warm_up_ticks=warm_up_ticks,
         ticks=ticks,

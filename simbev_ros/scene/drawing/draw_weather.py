@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 
 from simbev_ros.config.draw import sample
-from simbev_ros.config.weather import WEATHER_PARAMETERS, WeatherConfig, WeatherParameters
+from simbev_ros.config.weather import SEASONS, WEATHER_PARAMETERS, Season, WeatherConfig, WeatherParameters
 from simbev_ros.foundation.geometry.geodesy import MapDatum
 from simbev_ros.foundation.geometry.sun import sun_direction_deg
 from simbev_ros.foundation.random import stream
@@ -27,6 +27,16 @@ def fog_fills_heights(spec: MapSpec, network: RoadNetwork) -> bool:
     if not spec.path:
         return spec.name in _FOGGY_TOWNS
     return any(bool(np.any(np.abs(lane.centerline_m[:, 2]) > _HIGH_M)) for lane in network.lanes.values())
+
+
+def draw_season(config: WeatherConfig, seed: int, datum: MapDatum = _NO_PLACE) -> Season:
+    """Draw the season, unless it is given or follows from the date; south of the equator it is the opposite one."""
+    if config.season is not None:
+        return config.season
+    if config.sun is None:
+        return SEASONS[int(stream(seed, "weather.season").integers(len(SEASONS)))]
+    latitude_deg = datum.latitude_deg if config.sun.latitude_deg is None else config.sun.latitude_deg
+    return SEASONS[(config.sun.date.month % 12 // 3 - 1 + (2 if latitude_deg < 0.0 else 0)) % len(SEASONS)]
 
 
 def draw_weathers(

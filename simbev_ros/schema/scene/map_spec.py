@@ -7,6 +7,7 @@ from pydantic import Field
 from simbev_ros.config.base import Model
 from simbev_ros.config.map_files import MAP_SUFFIXES, Bounds
 from simbev_ros.config.names import Name
+from simbev_ros.config.weather import Season
 
 _PATH = f"(?is)^(/[^\\x00]*({'|'.join(map(re.escape, MAP_SUFFIXES))}))?$"
 
@@ -27,3 +28,4 @@ class MapSpec(Model):
     bounds: Bounds | None = Field(
         None, description="part of an OpenStreetMap file: west, south, east, north in degrees; none: all of it"
     )
+    season: Season = Field("summer", description="season of plants and ground; roads do not depend on it")

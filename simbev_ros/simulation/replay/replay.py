@@ -32,7 +32,7 @@ from simbev_ros.recording.reader import RawMessage, SceneBag
 from simbev_ros.scene.drawing.draw_lights import draw_appearance, draw_lights
 from simbev_ros.scene.drawing.draw_scene import datum_spec
 from simbev_ros.scene.drawing.draw_v2x import draw_v2x
-from simbev_ros.scene.drawing.draw_weather import draw_weathers, fog_fills_heights
+from simbev_ros.scene.drawing.draw_weather import draw_season, draw_weathers, fog_fills_heights
 from simbev_ros.scene.drawing.starts import StartPositions
 from simbev_ros.scene.ending import DURATION
 from simbev_ros.scene.weather_course import WeatherCourse
@@ -272,14 +272,17 @@ def replayed_spec(bag: SceneBag, scenario: Scenario, network: RoadNetwork, chose
         raise BagError(f"{bag.path}: was recorded on other roads than map {spec.map.name} has now")
     starts = StartPositions(network, scenario.traffic.waypoint_spacing_m)
     agents = replayed_agents(spec, scenario, network, starts)
+    here = chosen or spec.map
+    redrawn = "weather" in scenario.model_fields_set
+    season = draw_season(scenario.weather, spec.seed, network.datum) if redrawn else spec.map.season
     changes: dict[str, object] = {
         "agents": agents,
         "v2x": draw_v2x(scenario, spec.seed, [agent.name for agent in agents]),
-        "map": chosen or spec.map,
+        "map": here.model_copy(update={"season": season}),
         "datum": spec.datum or datum_spec(network.datum),
     }
-    if "weather" in scenario.model_fields_set:
-        even_fog = fog_fills_heights(chosen or spec.map, network)
+    if redrawn:
+        even_fog = fog_fills_heights(here, network)
         changes["weather"], changes["final_weather"] = draw_weathers(
             scenario.weather, spec.seed, even_fog=even_fog, datum=network.datum
         )

@@ -25,7 +25,7 @@ VIEW = CameraView(
 def draw_trees(nearest_m: float, *, exact: bool) -> CameraImages:
     """Images of rows of trees beyond a distance, in tiles with or without stand-ins."""
     builder = TileBuilder()
-    for k, name in enumerate(("round", "tall", "birch", "spruce", "pine", "bush")):
+    for k, name in enumerate(("lime", "poplar", "birch", "spruce", "pine", "hazel")):
         positions_m = [(nearest_m + 15.0 * row, 16.0 * k - 40.0 + 5.0 * row) for row in range(4)]
         builder.place_copies(stock(name, 0), np.stack([upright_pose(position_m, 0.0) for position_m in positions_m]))
     tiles = builder.finish()

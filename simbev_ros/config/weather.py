@@ -66,6 +66,10 @@ _WET_RULE = "N(precipitation, 10) in 0 to 100"
 _FOG = "100·B(1.6, 2.0) if cloudiness > 40 or sun below 10°, else 0"
 _FALLOFF = "decrease of fog with height; 0: none, 1: about like air, above 5: close to the ground"
 _FALLOFF_RULE = "5·B(1.2, 2.4), in Town12, 13, 15 and on high map files 0.01, if fog > 10, else 1"
+_SNOW = "snow on ground, roofs and plants in images; lidars, radars and grip do not change"
+_SNOW_RULE = "U(40, 100) in 2 of 5 winter scenes without rain, else 0"
+_LITTER, _LITTER_RULE = "fallen leaves on the ground in images", "U(20, 100) in autumn, U(0, 30) in winter, else 0"
+_FLOWERS, _FLOWERS_RULE = "flowers in grass in images", "U(20, 100) in spring, else 0"
 _AZIMUTH = "azimuth of the sun, counterclockwise from the map's x axis"
 _ALTITUDE = "altitude of the sun above the horizon; negative at night"
 _Row = WeatherParameter
@@ -91,6 +95,9 @@ class WeatherValues(BaseModel):
         float, _Row("m", "distance at which fog starts", paper="LN(3.2, 0.8) if fog > 10, else 0", axis_high=100)
     ]
     fog_falloff: Annotated[float, _Row("", _FALLOFF, paper=_FALLOFF_RULE, axis_high=5)]
+    snow_cover: Annotated[float, _Row("%", _SNOW, 0, 100, _SNOW_RULE)] = 0.0
+    leaf_litter: Annotated[float, _Row("%", _LITTER, 0, 100, _LITTER_RULE)] = 0.0
+    flowers: Annotated[float, _Row("%", _FLOWERS, 0, 100, _FLOWERS_RULE)] = 0.0
 
 
 def _rows() -> Iterator[tuple[str, WeatherParameter]]:
@@ -177,5 +184,7 @@ class WeatherConfig(WeatherParameters):
         description="season of plants and ground; none: that of `sun.date`, and without a date each is equally likely",
     )
     final: WeatherParameters | None = Field(
-        None, description="weather at the last tick, reached linearly from the first; parameters not given are `paper`"
+        None,
+        description="weather at the last tick, reached linearly from the first; parameters not given are `paper`, "
+        "but snow, leaves and flowers stay",
     )

@@ -25,6 +25,7 @@ DAY = WeatherConfig.model_validate(
         "sun_azimuth_deg": 160,
         "sun_altitude_deg": 45,
         "fog_falloff": 1,
+        "season": "summer",
     }
 )
 """Weather of benchmarks: a clear day."""

@@ -2,9 +2,12 @@ import cv2
 import numpy as np
 import pytest
 
+from simbev_ros.assets.flora.ivy import ivy
 from simbev_ros.assets.flora.species import VARIANTS, load_species, reach_m, stock
+from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.graded import GradedMesh
 from simbev_ros.assets.mesh.mesh import Mesh
+from simbev_ros.assets.mesh.primitives import Finish, box
 from simbev_ros.assets.placement.tiles import TileBuilder, upright_pose
 from simbev_ros.assets.street.barriers import panel
 from simbev_ros.config.weather import SEASONS
@@ -146,3 +149,18 @@ def test_a_bare_stand_in_covers_about_as_much_as_its_tree(name: str) -> None:
     ]
     assert 0.7 < coarse.sum() / exact.sum() < 1.3
     assert np.abs(blurred[0] - blurred[1]).sum() / blurred[0].sum() < 0.5
+
+
+def test_ivy_grows_close_to_a_wall_and_leaves_its_windows_free() -> None:
+    wall = box(Finish(Material.BRICK_FACADE, Tag.BUILDING, (140, 80, 60)), (12.0, 0.4, 9.0), (0.0, 0.0, 4.5))
+    for seed in range(6):
+        leaves = ivy(np.random.default_rng(seed), wall, 400)
+        middles = leaves.vertices[leaves.triangles].mean(axis=1)
+        outside_m = np.maximum(np.abs(middles[:, :2]) - [6.0, 0.2], 0.0).max(axis=1)
+        assert len(middles) > 20 and outside_m.max() < 0.4 and middles[:, 2].min() > -0.5
+        assert (leaves.tag == Tag.VEGETATION).all()
+        front = np.abs(middles[:, 0]) < 5.5
+        pane = np.abs(np.mod(middles[front][:, [0, 2]], 3.0) - [1.5, 1.6]).max(axis=1) < 0.45
+        assert pane.sum() < 0.1 * len(middles)
+    road = box(Finish(Material.ASPHALT, Tag.ROAD, (60, 60, 60)), (9.0, 9.0, 0.2))
+    assert len(ivy(np.random.default_rng(1), road, 400).triangles) == 0

@@ -13,7 +13,11 @@ from simbev_ros.config.scenario import Scenario
 
 SECTIONS = ("time", "ego", "weather", "lights", "traffic", "hazards", "annotation", "rendering", "recording")
 
-LATER: dict[str, dict[str, Any]] = {"traffic": {"distracted_probability": 0.0}, "hazards": {"count": 0}}
+LATER: dict[str, dict[str, Any]] = {
+    "weather": {"season": "summer"},
+    "traffic": {"distracted_probability": 0.0},
+    "hazards": {"count": 0},
+}
 """What the paper's data did not have yet."""
 
 

@@ -15,7 +15,7 @@ from simbev_ros.foundation.geometry.geodesy import MapDatum
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.drawing.draw_scene import PlannedScene, draw_scene
-from simbev_ros.scene.drawing.draw_weather import draw_weather, draw_weathers
+from simbev_ros.scene.drawing.draw_weather import draw_season, draw_weather, draw_weathers
 from simbev_ros.scene.drawing.starts import StartPositions
 from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.schema.scene.spec import SceneSpec
@@ -86,7 +86,8 @@ def test_a_final_weather_changes_nothing_else(tmp_path: Path) -> None:
 def test_initial_and_final_weather_are_drawn_independently() -> None:
     initial, final = draw_weathers(WeatherConfig(final=WeatherParameters()), 4, even_fog=False)
     assert final is not None and initial.cloudiness != final.cloudiness
-    assert initial == draw_weather(WeatherParameters(), 4, even_fog=False)
+    season = draw_season(WeatherConfig(), 4)
+    assert initial == draw_weather(WeatherParameters(), 4, even_fog=False, season=season)
 
 
 def test_a_drawn_duration_is_rounded_to_whole_ticks(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ from simbev_ros.assets.architecture.fittings import find_front, fittings
 from simbev_ros.assets.architecture.houses import GARAGE_M
 from simbev_ros.assets.architecture.kinds import Kind, build, load_kinds
 from simbev_ros.assets.architecture.plot import Plot
+from simbev_ros.assets.flora.ivy import ivy
 from simbev_ros.assets.land.blocks import Block, Frontage
 from simbev_ros.assets.land.yard import Yard, quad, quads, yaw_of
 from simbev_ros.assets.mesh.graded import GradedMesh
@@ -30,6 +31,7 @@ _BEYOND_M = 3.0
 _PUSHES_M = (0.0, 4.0, 8.0, 12.0, 15.0)  # extra setbacks from a street across the region's border, into the region
 _PARTY_GAP_M = 0.12
 _FOOT_M = 0.3
+_IVY_LANDSCAPES, _IVY_SHARE, _IVY_SPRIGS = ("temperate", "mediterranean"), 0.15, 420
 _GARAGE_KINDS = ("villa", "farmhouse")
 _FITTED_KINDS = ("town_house", "terrace", "apartments", "office", "shop")
 
@@ -110,13 +112,16 @@ def erect(yard: Yard, site: Site, recipe: SurroundingsRecipe, rng: np.random.Gen
     if high_m - low_m > kind.rise_m:
         return None
     plot = replace(site.plot, foundation_m=high_m - low_m + _FOOT_M)
-    mesh = build(site.kind, plot, kind.draw_wall(recipe.building_style, rng), rng)
+    mesh = walls = build(site.kind, plot, kind.draw_wall(recipe.building_style, rng), rng)
+    growth = yard.ground.stream("ivy.{:.1f}.{:.1f}".format(*site.origin_m))
+    if recipe.plants in _IVY_LANDSCAPES and growth.random() < _IVY_SHARE:
+        mesh = Mesh.merge([mesh, ivy(growth, mesh, _IVY_SPRIGS)])
     yard.claims.add(site.footprint)
     yard.walls.append(site.footprint)
     pose = upright_pose(site.origin_m, high_m, site.yaw_rad)
     if site.kind in _FITTED_KINDS:
         own = yard.ground.stream(f"fittings.{site.origin_m[0]:.2f}.{site.origin_m[1]:.2f}")
-        fitted = Mesh.merge([mesh, fittings(find_front(mesh, plot), own)])
+        fitted = Mesh.merge([mesh, fittings(find_front(walls, plot), own)])
         yard.tiles.place_copies(GradedMesh(fitted, mesh), pose[None])
     else:
         yard.tiles.place(mesh, pose)

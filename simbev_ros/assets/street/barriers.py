@@ -6,6 +6,7 @@ from functools import lru_cache
 import numpy as np
 
 from simbev_ros.assets.flora.bushes import hedge
+from simbev_ros.assets.flora.ivy import ivy
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.graded import GradedMesh
 from simbev_ros.assets.mesh.mesh import Mesh
@@ -18,6 +19,8 @@ from simbev_ros.foundation.semantics import Tag
 from simbev_ros.foundation.types import Float64Array
 
 _BEECH: Mapping[Season, str] = {"spring": "fresh_leaves", "autumn": "copper_leaves", "winter": "dead_leaves"}
+
+_IVY = 100
 
 VARIANTS = 3
 """Number of variants of a panel, which differ in color."""
@@ -43,13 +46,17 @@ PANEL_M = {
 
 @lru_cache(maxsize=64)
 def panel(kind: str, variant: int, season: Season = "summer") -> Mesh | GradedMesh:
-    """Panel of a kind of barrier in one of its variants; one variant of hedges is of beech, which turns brown."""
+    """Panel of a kind of barrier in one of its variants; one variant of hedges is of beech, which turns brown.
+
+    Ivy grows on one variant of walls.
+    """
     rng = stream(variant, f"barriers.{kind}")
     length_m = PANEL_M[kind]
     if kind in ("hedge", "high_hedge"):
         leafage = _BEECH.get(season, "hedges") if variant == 0 else "hedges"
         return hedge(rng, length_m, leafage, 1.3 if kind == "hedge" else 1.9)
-    return _BUILDERS[kind](rng)
+    bare = _BUILDERS[kind](rng)
+    return Mesh.merge([bare, ivy(rng, bare, _IVY)]) if kind == "wall" and variant == 1 else bare
 
 
 def _picket(rng: np.random.Generator) -> Mesh:

@@ -103,6 +103,7 @@ def _parameters(text: str, scene: RunningScene) -> Mapping[str, float]:
         raise InputError(f"parameters: {first_problem(error)}") from None
     except (InputError, ValueError) as error:
         raise InputError(f"parameters: {error}") from None
-    drawn = draw_weather(config, scene.spec.seed, even_fog=False, datum=load_datum(scene.spec.map))
+    spec = scene.spec
+    drawn = draw_weather(config, spec.seed, even_fog=False, datum=load_datum(spec.map), season=spec.map.season)
     names = [name for each in given for name in (_SUN if each == "sun" else (each,))]
     return {name: getattr(drawn, name) for name in names}

@@ -16,6 +16,7 @@ from simbev_ros.schema.scene.weather import Weather
 
 _FOGGY_TOWNS = ("Town12", "Town13", "Town15")
 _NO_PLACE = MapDatum(0.0, 0.0, 0.0)
+_SLOW = ("snow_cover", "leaf_litter", "flowers")  # the same at the start and at the end, unless given
 _HIGH_M = 20.0  # where the fastest falloff that is drawn leaves a quarter of the fog
 
 
@@ -43,14 +44,23 @@ def draw_weathers(
     config: WeatherConfig, seed: int, *, even_fog: bool, datum: MapDatum = _NO_PLACE
 ) -> tuple[Weather, Weather | None]:
     """Draw the weather at a scene's start and, if it changes, at its end; both independently by the same rules."""
-    final = None
+    season = draw_season(config, seed, datum)
+    first, final = draw_weather(config, seed, even_fog=even_fog, datum=datum, season=season), None
     if config.final is not None:
-        final = draw_weather(config.final, seed, even_fog=even_fog, name="weather.final", datum=datum)
-    return draw_weather(config, seed, even_fog=even_fog, datum=datum), final
+        final = draw_weather(config.final, seed, even_fog=even_fog, name="weather.final", datum=datum, season=season)
+        on_ground = {name: getattr(first, name) for name in _SLOW if getattr(config.final, name) == "paper"}
+        final = final.model_copy(update=on_ground)
+    return first, final
 
 
 def draw_weather(
-    config: WeatherParameters, seed: int, *, even_fog: bool, name: str = "weather", datum: MapDatum = _NO_PLACE
+    config: WeatherParameters,
+    seed: int,
+    *,
+    even_fog: bool,
+    name: str = "weather",
+    datum: MapDatum = _NO_PLACE,
+    season: Season = "summer",
 ) -> Weather:
     """Draw every parameter from a random stream of its own, so that fixing one does not change the others.
 
@@ -60,6 +70,7 @@ def draw_weather(
         even_fog: ``fog_fills_heights`` of the map.
         name: Prefix of the random stream names.
         datum: Position of the map on Earth, for a sun by date and time.
+        season: Season of the scene, for snow, fallen leaves and flowers.
     """
     drawn: dict[str, float] = {}
     given = _sun_of(config, seed, name, datum)
@@ -80,6 +91,11 @@ def draw_weather(
     fog = draw("fog_density", lambda rng: 100 * rng.beta(1.6, 2.0) if clouds > 40 or altitude < 10 else 0.0)
     draw("fog_distance_m", lambda rng: rng.lognormal(3.2, 0.8) if fog > 10 else 0.0)
     draw("fog_falloff", lambda rng: (0.01 if even_fog else 5 * rng.beta(1.2, 2.4)) if fog > 10 else 1.0)
+    snowy = season == "winter" and rain == 0.0
+    draw("snow_cover", lambda rng: rng.uniform(40, 100) if snowy and rng.random() < 0.4 else 0.0)
+    most = {"autumn": (20, 100), "winter": (0, 30)}.get(season, (0, 0))
+    draw("leaf_litter", lambda rng: rng.uniform(*most))
+    draw("flowers", lambda rng: rng.uniform(20, 100) if season == "spring" else 0.0)
     for parameter in WEATHER_PARAMETERS.keys() - drawn:
         draw(parameter)
     return Weather(**drawn)

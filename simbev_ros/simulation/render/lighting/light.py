@@ -117,7 +117,7 @@ class SkyLight:
     def block_head(
         self, weather: Weather, stamp_ns: int, origin_m: Float64Array, contact_half_m: float
     ) -> Float64Array:
-        """(10, 4) the first vectors of the uniform block ``Light`` (shaders/include/light.glsl)."""
+        """(11, 4) the first vectors of the uniform block ``Light`` (shaders/include/light.glsl)."""
         # Changes of the wind must not be multiplied by the whole time since 0: the drift restarts with each scene's
         # hour.
         hour, time_in_hour_ns = divmod(stamp_ns, _HOUR_NS)
@@ -138,6 +138,7 @@ class SkyLight:
             (self.ground_ambient, rain),
             (fog, haze_per_m),
             (origin_m % _NOISE_PERIOD_M, contact_half_m),
+            (np.array([weather.snow_cover, weather.leaf_litter, weather.flowers]) / 100.0, 0.0),
         ]
         return np.array([[*color, extra] for color, extra in rows])
 

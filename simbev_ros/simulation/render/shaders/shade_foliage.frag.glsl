@@ -3,6 +3,7 @@
 #include "enums"
 #include "lighting"
 #include "noise"
+#include "snow"
 
 // Position on the coordinate plane that is most parallel to the surface, so that noise is not stretched.
 vec2 flat_place(vec3 position, vec3 facing) {
@@ -28,6 +29,7 @@ void main() {
     s.albedo *= (0.62 + 0.58 * smoothstep(0.15, 0.75, depth)) * (0.86 + 0.28 * clump.b);
     s.albedo *= vec3(0.86 + 0.26 * clump.a, 0.98, 0.9);
     s.normal = normalize(p.normal + (vec3(leaf.ba, leaf.g) - 0.5) * 0.9 + (clump.bar - 0.5) * 0.9);
+    s.albedo = snowed(s.albedo, s.normal, 0.5 * leaf.g + 0.5 * clump.b, 0.75);
     s.albedo *= 1.0 - 0.25 * wetness() * max(s.normal.z, 0.0);
     s.roughness = 1.0;
     s.metallic = 0.0;  // no reflections, so none are computed

@@ -9,6 +9,7 @@
 #include "enums"
 #include "lighting"
 #include "noise"
+#include "snow"
 #if WET
 #include "water"
 #endif
@@ -86,6 +87,23 @@ vec3 soil(vec3 albedo, vec4 coarse, vec4 middle, vec4 fine, float size) {
     return mix(color, vec3(0.24, 0.22, 0.19), 0.5 * pebble);
 }
 
+// Leaves or flowers on cells of ground, more of them where the noise is high; at a distance only their mean remains.
+vec3 strew(vec3 albedo, vec2 uv, float cell, float share, vec3 tone, vec3 other, float size) {
+    vec4 own = randoms(floor(uv / cell) + 4096.0);
+    vec2 off = fract(uv / cell) - 0.5 - (own.xy - 0.5) * 0.5;
+    float spot = (1.0 - smoothstep(0.10, 0.20, dot(off, off) + 0.5 * off.x * off.y)) * step(own.z + 0.004, share);
+    float cover = mix(0.45 * share, spot, seen_apart(cell, size));
+    return mix(albedo, mix(tone, other, own.w) * (0.6 + 0.6 * own.x), cover);
+}
+
+// Share of a material's snow, leaves and flowers: traffic clears roads.
+vec3 strewn_on(uint material) {
+    if (material == MATERIAL_ASPHALT || material == MATERIAL_MARKING) return vec3(0.46, 0.10, 0.0);
+    if (material == MATERIAL_GRASS) return vec3(1.0, 0.6, 0.16);
+    if (material == MATERIAL_SOIL) return vec3(1.0, 0.9, 0.0);
+    return material == MATERIAL_CROP ? vec3(1.0, 0.0, 0.0) : vec3(0.9, 0.32, 0.0);
+}
+
 void main() {
     Pixel p = this_pixel();
     float size = p.size;
@@ -106,6 +124,14 @@ void main() {
     else if (p.material == MATERIAL_CROP) s.albedo = crop(p.albedo, p.uv, coarse, middle, fine, size);
     else s.albedo = soil(p.albedo, coarse, middle, fine, size);
 
+    if (strewn.x + strewn.y + strewn.z > 0.0) {
+        vec3 amount = strewn_on(p.material) * wet_share(tunnel_at(p.position, p.normal));
+        float patch_ = smoothstep(0.25, 0.75, 0.6 * coarse.b + 0.4 * middle.a);
+        float leaves = leaf_litter() * amount.y * (0.3 + 1.1 * patch_);
+        if (leaf_litter() > 0.0) s.albedo = strew(s.albedo, p.uv, 0.10, leaves, vec3(0.15, 0.068, 0.02), vec3(0.27, 0.16, 0.04), size);
+        if (flowers() > 0.0) s.albedo = strew(s.albedo, p.uv, 0.08, flowers() * amount.z * patch_, vec3(0.75, 0.72, 0.66), vec3(0.72, 0.5, 0.02), size);
+        s.albedo = snowed(s.albedo, p.normal, 0.5 * coarse.r + 0.35 * middle.g + 0.15 * fine.g, amount.x);
+    }
 #if WET
     Water water = water_on(p.material, p.normal, coarse.a * 0.7 + middle.r * 0.4, wet_share(tunnel_at(p.position, p.normal)));
     s.albedo *= 1.0 - 0.5 * water.film;

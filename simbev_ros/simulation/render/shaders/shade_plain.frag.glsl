@@ -5,6 +5,7 @@
 #include "lighting"
 #include "masonry"
 #include "noise"
+#include "snow"
 
 const vec2 TILE = vec2(0.24, 0.32);
 const float SEAM = 1.0;  // distance between the seams of flat roofs
@@ -71,6 +72,7 @@ void main() {
     } else if (p.material == MATERIAL_RUBBER) {
         s.albedo = mix(s.albedo, vec3(0.05, 0.047, 0.042), 0.3 + 0.4 * grain.a);  // road dust
     }
+    if (snow() > 0.0 && p.row == 0u) s.albedo = snowed(s.albedo, p.normal, 0.6 * grain.r + 0.4 * grain.b, p.material == MATERIAL_TWIG ? 0.5 : 0.95);
     s.albedo *= 1.0 - 0.25 * wetness() * max(p.normal.z, 0.0);
     shade(p, s);
 }

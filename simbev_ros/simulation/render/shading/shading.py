@@ -22,7 +22,7 @@ from simbev_ros.simulation.render.shading.wetness import Wetness
 
 _SEED_COUNT = 4096
 _GROUND = shading_classes().index("ground")
-_LIGHT_BLOCK_BYTES = (10 + 3 * 4 + 3) * 16
+_LIGHT_BLOCK_BYTES = (11 + 3 * 4 + 3) * 16
 _LIGHT_ROWS = (1, 3, 4, 5, 6, 7)
 """Rows of the block that are colors of light: first that of sun or moon, then those of air, clouds, sky and ground."""
 _LIGHT_SPREAD = 0.5
@@ -77,7 +77,7 @@ class Shading:
 
         Args:
             lamps_lit: Whether street lamps and windows are lit.
-            sky: (10, 4) vectors from ``SkyLight.block_head``.
+            sky: (11, 4) vectors from ``SkyLight.block_head``.
             matrices: (4, 4) matrices of the shadow map and of the lamp field.
             maps: (3, 4) vectors from ``TunnelMap`` and ``SkyViewMap``.
         """

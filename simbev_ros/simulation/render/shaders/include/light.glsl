@@ -10,6 +10,7 @@ layout(std140) uniform Light {
     vec4 ground_ambient;  // irradiance / pi from below; rain 0..1
     vec4 fog;             // per meter, start in meters, falloff per meter of height; haze per meter
     vec4 noise_origin;    // the world's origin in the map, modulo 64 m; half width of the contact map, meters
+    vec4 strewn;          // snow, fallen leaves and flowers 0..1; unused
     mat4 near_clip_from_world;
     mat4 far_clip_from_world;
     mat4 lamp_field_from_world;
@@ -22,5 +23,8 @@ float cloudiness() { return air_light.w; }
 float wetness() { return air_glow.w; }
 float puddles() { return cloud_light.w; }
 float wind() { return key_light.w; }
+float snow() { return strewn.x; }
+float leaf_litter() { return strewn.y; }
+float flowers() { return strewn.z; }
 float rain() { return ground_ambient.w; }
 float seconds() { return sky_ambient.w; }

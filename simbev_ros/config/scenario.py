@@ -102,11 +102,21 @@ class Timing(Model):
         return round(self.tick_s * NS_PER_S)
 
 
+class Parked(Model):
+    """Parked vehicles along curbs, in bays and on drives."""
+
+    density: Annotated[Drawn, within(0, 1)] = Field(
+        Distribution(beta=(2.0, 1.0)),
+        description="share of the usual number, which depends on the street and on day or night; 0: none",
+    )
+
+
 class Traffic(Model):
     """Vehicles and pedestrians around the ego."""
 
     vehicles: _Count = Field("paper", description="number of vehicles besides the ego")
     pedestrians: _Count = Field("paper", description="number of pedestrians")
+    parked: Parked = Parked()
     spawn_radius_m: float = Field(
         400.0, gt=0, le=10_000, description="maximum distance from the ego at which actors start"
     )

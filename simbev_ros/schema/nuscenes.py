@@ -13,7 +13,7 @@ from simbev_ros.foundation.semantics import BOX_CLASSES, CLASSES, SIGN_TYPES, Ta
 from simbev_ros.foundation.tables import load_table
 from simbev_ros.foundation.types import AnyArray, Table
 from simbev_ros.schema.boxes import NO_BLUEPRINT
-from simbev_ros.schema.scene.state import SignalState
+from simbev_ros.schema.scene.state import Behavior, SignalState
 
 _MIN_MOVING_MPS = 0.2
 _CYCLES = ("vehicle.motorcycle", "vehicle.bicycle")
@@ -50,13 +50,14 @@ def attributes_of(
     Args:
         boxes: (N,) ``BOX_DTYPE`` rows.
         categories: (N,) names of their categories.
-        parked: Ids of the vehicles that are parked for the whole scene.
+        parked: Ids of the vehicles that stand for the whole scene in addition to those whose behavior is ``PARKED``.
         ridden: Ids of the vehicles that have a rider at this frame.
     """
+    is_parked = np.isin(boxes["id"], list(parked)) | (boxes["behavior"] & Behavior.PARKED > 0)
     moves = np.linalg.norm([boxes["vx"], boxes["vy"], boxes["vz"]], axis=0) > _MIN_MOVING_MPS
     return [
-        _attributes(category, row, moves=bool(moving), parked=row["id"] in parked, ridden=row["id"] in ridden)
-        for row, category, moving in zip(boxes, categories, moves, strict=True)
+        _attributes(category, row, moves=bool(moving), parked=bool(stands), ridden=row["id"] in ridden)
+        for row, category, moving, stands in zip(boxes, categories, moves, is_parked, strict=True)
     ]
 
 

@@ -9,13 +9,13 @@ from pydantic import BaseModel
 from simbev_ros.config.draw import Distribution
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.config.load import find_config, load_scenario
-from simbev_ros.config.scenario import Scenario
+from simbev_ros.config.scenario import Parked, Scenario
 
 SECTIONS = ("time", "ego", "weather", "lights", "traffic", "hazards", "annotation", "rendering", "recording")
 
 LATER: dict[str, dict[str, Any]] = {
     "weather": {"season": "summer"},
-    "traffic": {"distracted_probability": 0.0},
+    "traffic": {"distracted_probability": 0.0, "parked": Parked(density=0)},
     "hazards": {"count": 0},
 }
 """What the paper's data did not have yet."""

@@ -73,7 +73,7 @@ def load_town(name: str, near_m: tuple[float, float] | None = None) -> Town:
     position_m = float(start_m[0]), float(start_m[1])
     reach = Reach(position_m, MAX_FRAME_DISTANCE_M + MAX_CORNER_DISTANCE_M)
     beside = load_streetside(spec.map, network, reach=reach)
-    with Simulation(spec, network, beside.obstacles, beside.plazas) as simulation:
+    with Simulation(spec, network, *beside[1:]) as simulation:
         state = [simulation.step() for _ in range(spec.warm_up_ticks + 1)][-1]
     static = load_static_scene(spec.map, network, reach=reach)
     layout = network.layout.near(shapely.Point(position_m).buffer(reach.radius_m + 200.0), 0.0)

@@ -87,7 +87,7 @@ def camera_scene(
     beside = load_streetside(spec.map, network, reach=reach)
     with observe_step(observer, "traffic"):
         with freeze_after_loading():
-            simulation = Simulation(spec, network, beside.obstacles, beside.plazas)
+            simulation = Simulation(spec, network, *beside[1:])
         with simulation:
             states = [simulation.step() for _ in range(spec.warm_up_ticks + moments)][-moments:]
     static = load_static_scene(spec.map, network, reach=reach)

@@ -23,6 +23,7 @@ from simbev_ros.assets.placement.tiles import TileBuilder
 from simbev_ros.assets.street.curbs import curb_lines
 from simbev_ros.assets.street.lights import put_lights
 from simbev_ros.assets.street.map_objects import put_map_objects
+from simbev_ros.assets.street.parking_spots import parking_spots
 from simbev_ros.assets.street.signage import put_boards, put_islands, put_lamp_plates, put_sign_posts
 from simbev_ros.assets.street.streetscape import (
     put_bus_shelters,
@@ -34,6 +35,7 @@ from simbev_ros.assets.street.streetscape import (
     put_small_things,
     put_street_trees,
 )
+from simbev_ros.foundation.types import Table
 
 _LAYOUTS: Mapping[str, Callable[[Yard, Block], None]] = {
     "downtown": lay_out_town,
@@ -51,11 +53,12 @@ _OPEN_USES = ("farmland", "woods", "park")
 
 
 class Furnishing(NamedTuple):
-    """Results of ``furnish_region`` for later stages: ground covers to lay, street lights, and paved plazas."""
+    """Results of ``furnish_region`` for later stages: covers to lay, street lights, paved plazas, parking spots."""
 
     covers: tuple[Cover, ...]
     street_lights: tuple[StreetLight, ...]
     pavements: tuple[Pavement, ...]
+    parking_spots: Table
 
 
 def furnish_region(tiles: TileBuilder, claims: Claims, ground: RegionGround) -> Furnishing:
@@ -94,4 +97,4 @@ def furnish_region(tiles: TileBuilder, claims: Claims, ground: RegionGround) -> 
     put_lamp_plates(yard)
     put_islands(yard)
     yard.ensemble.place_all(tiles, ground)
-    return Furnishing(tuple(yard.covers), lights, tuple(yard.pavements))
+    return Furnishing(tuple(yard.covers), lights, tuple(yard.pavements), parking_spots(yard, zones))

@@ -10,7 +10,7 @@ from simbev_ros.assets.land.fencing import fence_line
 from simbev_ros.assets.land.parking import MODULE_M, parking_lot
 from simbev_ros.assets.land.planting import random_positions, scatter
 from simbev_ros.assets.land.rows import Site, build_rows
-from simbev_ros.assets.land.yard import Yard, quad
+from simbev_ros.assets.land.yard import ENTRANCE_M, Yard, quad
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.palette import pick_color
 from simbev_ros.assets.street.yard_things import container, dumpster, pallets, trailer
@@ -57,6 +57,7 @@ def _put_gates(yard: Yard, block: Block, line: Frontage, rng: np.random.Generato
         drive = quad(position_m, along, (0.0, _GATE_M), (-0.3, _VERGE_M + 0.6))
         yard.cover(overlay.intersection(drive, block.land), "concrete", rise_m=PATH_RISE_M)
         yard.claims.add(drive)
+        yard.entrances.append(quad(position_m, along, (0.0, _GATE_M), (-ENTRANCE_M, 0.0)))
         edges += [at_m, at_m + _GATE_M]
     edges.append(line.length_m)
     for start_m, end_m in zip(edges[::2], edges[1::2], strict=True):

@@ -10,6 +10,7 @@ from simbev_ros.assets.architecture.houses import garage_x_m, house_width_m, hou
 from simbev_ros.assets.land.blocks import Block
 from simbev_ros.assets.land.covers import PATH_RISE_M
 from simbev_ros.assets.land.fencing import fence_line
+from simbev_ros.assets.land.parking import DRIVE_M, add_drive
 from simbev_ros.assets.land.planting import scatter
 from simbev_ros.assets.land.rows import Site, build_rows
 from simbev_ros.assets.land.yard import Yard
@@ -18,7 +19,8 @@ from simbev_ros.assets.street.furniture import mailbox
 from simbev_ros.assets.street.yard_things import wheelie_bin, wood_pile
 from simbev_ros.foundation.geometry import overlay
 
-_DRIVE_M, _PATH_M = 3.2, 1.2
+_PATH_M = 1.2
+_AT_GATE_M = 0.7
 _GARDEN_DEPTH_M = 14.0
 _M2_PER_PLANT = 95.0
 _SIDE_M = 2.6
@@ -56,7 +58,8 @@ def _claim_paths(yard: Yard, site: Site) -> list[shapely.Polygon]:
         paths = [site.quad((-2.5, 2.5), (front_m, -0.3))]
     elif site.plot.garage:
         x_m = garage_x_m(site.plot)
-        paths.append(site.quad((x_m - _DRIVE_M / 2.0, x_m + _DRIVE_M / 2.0), (front_m, 1.2)))
+        paths.append(site.quad((x_m - DRIVE_M / 2.0, x_m + DRIVE_M / 2.0), (front_m, 1.2)))
+        add_drive(yard, site, x_m, _AT_GATE_M)
     yard.claims.add(*paths)
     return paths
 

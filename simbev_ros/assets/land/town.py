@@ -8,7 +8,7 @@ from simbev_ros.assets.architecture.facades import door_x_m
 from simbev_ros.assets.land.blocks import Block
 from simbev_ros.assets.land.covers import PATH_RISE_M
 from simbev_ros.assets.land.fencing import fence_line
-from simbev_ros.assets.land.parking import MODULE_M, parking_lot
+from simbev_ros.assets.land.parking import DRIVE_M, MODULE_M, add_drive, parking_lot
 from simbev_ros.assets.land.parks import lay_out_park
 from simbev_ros.assets.land.planting import scatter
 from simbev_ros.assets.land.rows import Site, build_rows
@@ -24,6 +24,7 @@ _PARK_SHARE, _MAX_PARK_M2 = 0.13, 30_000.0
 _HOUSES, _TERRACE_SHARE = ("town_house", "terrace"), 0.5
 _PATH_M, _GATE_M, _MIN_BARRIER_M = 1.3, 1.1, 1.5
 _FRONT_BARRIERS = ("hedge", "picket", "low_wall", "railed_wall", "railing", "railing", "low_wall")
+_DRIVE_SHARE, _DRIVE_SHARE_OF_DEPTH, _BESIDE_HOUSE_M = 0.8, 0.6, 0.55
 _GARDEN_M2, _COURT_M2, _PLAZA_M2 = 230.0, 200.0, 260.0
 _MAX_COURT_M2 = 40_000.0
 
@@ -41,6 +42,7 @@ def lay_out_town(yard: Yard, block: Block) -> None:
     choose = _downtown_kind if downtown else _residential_kind
     sites = build_rows(yard, block, choose, rng, density=block.recipe.building_density ** (0.4 if downtown else 1.0))
     _pave_fronts(yard, block, sites)
+    _pave_drives(yard, block, sites)
     for site in sites:
         if site.kind in _HOUSES:
             _fence_in(yard, block, site, rng)
@@ -90,6 +92,19 @@ def _pave_fronts(yard: Yard, block: Block, sites: list[Site]) -> None:
             yard.claims.add(paths[-1].buffer(0.2))
     if block.recipe.use != "downtown":
         yard.cover(overlay.intersection(overlay.union_all(paths), block.land), "yard", rise_m=PATH_RISE_M)
+
+
+def _pave_drives(yard: Yard, block: Block, sites: list[Site]) -> None:
+    """Drives beside houses, where the gap to the next one is wide enough."""
+    rng, drives = yard.ground.stream(f"drives.{block.name}"), []
+    for site in sites:
+        x_m = rng.choice([-1.0, 1.0]) * (site.plot.width_m / 2.0 + _BESIDE_HOUSE_M + DRIVE_M / 2.0)
+        span_m, end_m = (x_m - DRIVE_M / 2.0, x_m + DRIVE_M / 2.0), _DRIVE_SHARE_OF_DEPTH * site.plot.depth_m
+        is_wanted = site.kind == "town_house" and rng.random() < _DRIVE_SHARE
+        if is_wanted and yard.claim(site.quad(span_m, (site.street_m + 0.1, end_m)), block.land):
+            drives.append(site.quad(span_m, (site.street_m - 0.3, end_m)))
+            add_drive(yard, site, x_m, end_m)
+    yard.cover(overlay.intersection(overlay.union_all(drives), block.land), "drive", rise_m=PATH_RISE_M)
 
 
 def _fence_in(yard: Yard, block: Block, site: Site, rng: np.random.Generator) -> None:

@@ -23,7 +23,29 @@ SIGNAL_CLEARANCE_M = 2.0
 BORDER_M = 0.3
 """Minimum distance of objects from a region's border, so that objects of neighboring regions cannot overlap."""
 
+ENTRANCE_M = 8.0
+"""Length of the area in front of a drive or gate that parked vehicles leave free, from the street's edge inwards."""
+
 _SIGNALS_M = 20.0
+
+
+@dataclass(frozen=True, slots=True)
+class Bay:
+    """Room for one parked vehicle off the street.
+
+    Attributes:
+        center_m: (2,) center, map frame.
+        yaw_rad: Heading of a vehicle that has driven in forward.
+        length_m: Room along the heading.
+        width_m: Room across it.
+        is_drive: Whether it is the drive of a house.
+    """
+
+    center_m: Float64Array
+    yaw_rad: float
+    length_m: float
+    width_m: float
+    is_drive: bool = False
 
 
 @dataclass(slots=True)
@@ -39,6 +61,8 @@ class Yard:
         pavements: Plazas.
         fast: Area of motorways, with the land beside them that is kept open.
         lamp_posts: (2,) positions of street lights on the ground, and what they stand on.
+        bays: Where vehicles park off the streets.
+        entrances: Areas in front of drives and gates, the street included, where nobody parks.
         walls: Footprints of buildings, which crowns keep clear of.
         inside: The region without a margin along its border.
         signals: Search tree of the signal heads in and near the region.
@@ -54,6 +78,8 @@ class Yard:
     covers: list[Cover] = field(default_factory=list)
     pavements: list[Pavement] = field(default_factory=list)
     lamp_posts: list[tuple[Float64Array, Base]] = field(default_factory=list)
+    bays: list[Bay] = field(default_factory=list)
+    entrances: list[BaseGeometry] = field(default_factory=list)
     walls: list[BaseGeometry] = field(default_factory=list)
     inside: shapely.Polygon = field(init=False)
     signals: shapely.STRtree = field(init=False)

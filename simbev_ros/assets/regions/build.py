@@ -51,4 +51,5 @@ def build_region(network: RoadNetwork, region: Region, terrain: Terrain, season:
         furnishing.street_lights,
         obstacles_on(walks, streets.road, tiles.placed_objects),
         plazas_of(furnishing.pavements, ground, tiles.placed_objects),
+        furnishing.parking_spots,
     )

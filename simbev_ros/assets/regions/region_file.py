@@ -30,7 +30,7 @@ def read_region(path: Path) -> RegionScene:
         meshes = meshes_from(arrays)
         origins_m, levels, lights_m = arrays["origin_m"], arrays["level"].tolist(), arrays["street_light_m"]
         details = arrays["detail"].tolist()
-        obstacles, plazas = arrays["obstacle"], plazas_from(arrays)
+        obstacles, plazas, parking_spots = arrays["obstacle"], plazas_from(arrays), arrays["parking_spot"]
         owners = list(zip(arrays["tile"].tolist(), arrays["name"].tolist(), strict=True))
     by_tile: list[dict[str, Mesh]] = [{} for _ in origins_m]
     for (row, name), mesh in zip(owners, meshes, strict=True):
@@ -44,13 +44,14 @@ def read_region(path: Path) -> RegionScene:
         tuple(StreetLight((x, y, z)) for x, y, z in lights_m.tolist()),
         obstacles,
         plazas,
+        parking_spots,
     )
 
 
 def read_streetside(path: Path) -> Streetside:
     """Read only the roadside data of a region, without the meshes; raises like ``read_region``."""
     with path.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
-        return Streetside(arrays["street_light_m"], arrays["obstacle"], plazas_from(arrays))
+        return Streetside(arrays["street_light_m"], arrays["obstacle"], plazas_from(arrays), arrays["parking_spot"])
 
 
 def _arrays(scene: RegionScene) -> Iterator[tuple[str, AnyArray]]:
@@ -62,6 +63,7 @@ def _arrays(scene: RegionScene) -> Iterator[tuple[str, AnyArray]]:
     yield "street_light_m", np.array([light.position_m for light in scene.street_lights]).reshape(-1, 3)
     yield "obstacle", scene.obstacles
     yield from plaza_arrays(scene.plazas)
+    yield "parking_spot", scene.parking_spots
     yield "tile", np.array([row for row, _, _ in meshes])
     yield "name", np.array([name for _, name, _ in meshes])
     yield from mesh_arrays([mesh for _, _, mesh in meshes])

@@ -17,12 +17,14 @@ class RegionScene:
         street_lights: Street lights of the region.
         obstacles: (K,) ``street.obstacles.OBSTACLE_DTYPE`` obstacles that pedestrians on sidewalks walk around.
         plazas: Plazas that pedestrians visit.
+        parking_spots: (K,) ``street.parking_spots.SPOT_DTYPE`` spots for parked vehicles.
     """
 
     tiles: tuple[Tile, ...]
     street_lights: tuple[StreetLight, ...]
     obstacles: Table
     plazas: tuple[Plaza, ...]
+    parking_spots: Table
 
 
 class Streetside(NamedTuple):
@@ -32,8 +34,10 @@ class Streetside(NamedTuple):
         light_m: (L, 3) positions of the street lights, map frame, in their order.
         obstacles: (K,) ``street.obstacles.OBSTACLE_DTYPE`` obstacles that pedestrians on sidewalks walk around.
         plazas: Plazas that pedestrians visit.
+        parking_spots: (K,) ``street.parking_spots.SPOT_DTYPE`` spots for parked vehicles.
     """
 
     light_m: Float64Array
     obstacles: Table
     plazas: tuple[Plaza, ...]
+    parking_spots: Table

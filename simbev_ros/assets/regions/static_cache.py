@@ -16,6 +16,7 @@ from simbev_ros.assets.regions.far_land import FarLand, cells_of, far_land, far_
 from simbev_ros.assets.regions.region_file import read_region, read_streetside, write_region
 from simbev_ros.assets.regions.region_scene import RegionScene, Streetside
 from simbev_ros.assets.street.obstacles import OBSTACLE_DTYPE
+from simbev_ros.assets.street.parking_spots import SPOT_DTYPE
 from simbev_ros.foundation.cache.entries import default_cache_dir, entry_path
 from simbev_ros.foundation.cache.files import read_cached, writing_alone
 from simbev_ros.foundation.cache.fingerprint import fingerprint
@@ -73,6 +74,7 @@ def load_streetside(
         np.concatenate([np.empty((0, 3)), *(region.light_m for region in regions)]),
         np.concatenate([np.empty(0, OBSTACLE_DTYPE), *(region.obstacles for region in regions)]),
         tuple(plaza for region in regions for plaza in region.plazas),
+        np.concatenate([np.empty(0, SPOT_DTYPE), *(region.parking_spots for region in regions)]),
     )
 
 

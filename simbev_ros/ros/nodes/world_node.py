@@ -321,4 +321,4 @@ def _make_source(request: SceneRequest, network: RoadNetwork, streetside: Street
     spec = request.spec
     if request.replay is not None:
         return Replay(spec, Path(request.replay))
-    return Simulation(spec, network, streetside.obstacles, streetside.plazas)
+    return Simulation(spec, network, *streetside[1:])

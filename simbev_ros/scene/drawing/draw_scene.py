@@ -98,6 +98,7 @@ def draw_scene(
         pedestrians=tuple(drawer.draw_pedestrians(clearance)),
         walker_cross_factor=drawer.draw_cross_factor(),
         pedestrian_standing_share=scenario.traffic.pedestrian_standing_share,
+        parked_density=sample(scenario.traffic.parked.density, stream(seed, "parked.density")),
         hazards=hazards.hazards,
         datum=datum_spec(network.datum),
         green_time_s=tuple(

@@ -142,6 +142,13 @@ class SceneSpec(Stored):
     pedestrian_standing_share: float = Field(
         0.0, ge=0, le=1, description="mean share of the time in which a pedestrian stands on its sidewalk"
     )
+    parked_density: float = Field(
+        0.0,
+        ge=0,
+        le=1,
+        exclude_if=lambda value: not value,
+        description="share of the usual number of parked vehicles; the world draws them for the map's spots",
+    )
     hazards: tuple[HazardSpec, ...] = Field((), description="their vehicles are the last entries of ``vehicles``")
     datum: DatumSpec | None = Field(None, description="the map's position on Earth; none: an earlier version drew it")
     green_time_s: tuple[float, ...] = Field(description="one draw per traffic-light program, used in turn")

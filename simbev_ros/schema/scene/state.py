@@ -38,6 +38,7 @@ class Behavior(IntFlag):
     RECKLESS = 1
     DISTRACTED = 2
     JAYWALKING = 4
+    PARKED = 8
 
 
 class SignalState(IntEnum):

@@ -25,6 +25,7 @@ from simbev_ros.simulation.world.kinematics.ground import GroundSurface
 from simbev_ros.simulation.world.kinematics.motion import Motion
 from simbev_ros.simulation.world.leading_points import LeadingPoints
 from simbev_ros.simulation.world.lights import HAZARD_LIGHTS
+from simbev_ros.simulation.world.parked import ParkedVehicles
 from simbev_ros.simulation.world.pedestrians.excursions import Excursions
 from simbev_ros.simulation.world.pedestrians.itineraries import Leg
 from simbev_ros.simulation.world.population import Population
@@ -38,7 +39,7 @@ _GROUND_MARGIN_M = 50.0
 
 
 class Actors:
-    """The moving actors and the static props of a scene.
+    """The moving actors, the static props and the parked vehicles of a scene.
 
     Attributes:
         events: Events of the latest table.
@@ -52,6 +53,7 @@ class Actors:
         obstacles: Table,
         excursions: Mapping[int, tuple[Leg, ...]],
         weather: WeatherCourse,
+        parking_spots: Table,
     ) -> None:
         """Start at rest, where SUMO has placed the actors.
 
@@ -62,6 +64,7 @@ class Actors:
             obstacles: (K,) ``OBSTACLE_DTYPE``, which pedestrians walk around.
             excursions: Legs of the pedestrians that leave SUMO's network, by their index in the specification.
             weather: Weather at each tick.
+            parking_spots: (S,) ``SPOT_DTYPE``.
 
         Raises:
             SimulationError: An agent's vehicle could not be placed.
@@ -77,6 +80,8 @@ class Actors:
         sample = replace(sample, pedestrian_m=pedestrian_m)
         self._ground = _ground(spec, network, sample)
         self._props = prop_rows(spec, first_prop_id(spec), self._ground)
+        first_parked_id = first_prop_id(spec) + len(self._props)
+        self._parked = ParkedVehicles(spec, network, parking_spots, excursions, first_parked_id)
         obstacles = np.concatenate([obstacles, prop_obstacles(self._props, network, self._ground)])
         cast = cast_of(spec, population.vehicles, population.pedestrians)
         self._ids: Int64Array = cast.rows["id"][cast.rows["parent"] == 0].astype(np.int64)
@@ -125,7 +130,8 @@ class Actors:
         self._hold_crashed()
         doors = self._doors.advance_doors(sample.front_m, step)
         signals = self._signals[0] | np.where(crashed[:vehicles], HAZARD_LIGHTS, 0)
-        return np.concatenate([self._table.fill(motion, signals, doors, self._jaywalking[0], step), self._props])
+        moving = self._table.fill(motion, signals, doors, self._jaywalking[0], step)
+        return np.concatenate([moving, self._props, self._parked.rows_at(step, moving)])
 
     def _event(self, impact: Impact) -> Event:
         a, b = sorted(int(self._ids[body]) for body in impact.bodies)

@@ -78,7 +78,7 @@ def rehearse(spec: SceneSpec, network: RoadNetwork, streetside: Streetside) -> S
         SimulationError: As from ``Simulation``.
     """
     states = []
-    with Simulation(spec, network, streetside.obstacles, streetside.plazas) as simulation:
+    with Simulation(spec, network, *streetside[1:]) as simulation:
         ending = SceneEndDetector(spec, simulation.available)
         while True:
             state = simulation.step()

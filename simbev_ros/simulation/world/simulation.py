@@ -1,4 +1,4 @@
-"""Simulation of a scene: ``SceneSpec``, roads, obstacles and plazas in, one ``WorldState`` per tick out.
+"""Simulation of a scene: ``SceneSpec``, roads and what is beside them in, one ``WorldState`` per tick out.
 
 SUMO decides where vehicles and pedestrians move. The published tables are smooth, rigid-body motion, a fixed fraction
 of a second behind SUMO. Everything in a table, including lights and signals, belongs to the same moment.
@@ -14,6 +14,7 @@ import numpy as np
 
 from simbev_ros.assets.land.plazas import Plaza
 from simbev_ros.assets.street.obstacles import OBSTACLE_DTYPE
+from simbev_ros.assets.street.parking_spots import SPOT_DTYPE
 from simbev_ros.foundation.files.whole_files import write_errors
 from simbev_ros.foundation.types import Float64Array, Table
 from simbev_ros.foundation.units import NS_PER_S
@@ -43,6 +44,7 @@ from simbev_ros.simulation.world.sumo.traffic import SumoTraffic
 
 _ON_FOOT = (LaneKind.CROSSING, LaneKind.WALKING_AREA)
 _NO_OBSTACLES = np.empty(0, OBSTACLE_DTYPE)
+_NO_SPOTS = np.empty(0, SPOT_DTYPE)
 _NO_TRAFFIC = (LaneKind.PARKING, LaneKind.SHOULDER, LaneKind.MEDIAN)
 
 
@@ -59,6 +61,7 @@ class Simulation:
         network: RoadNetwork,
         obstacles: Table = _NO_OBSTACLES,
         plazas: Sequence[Plaza] = (),
+        parking_spots: Table = _NO_SPOTS,
     ) -> None:
         """Place all actors, at rest.
 
@@ -67,6 +70,7 @@ class Simulation:
             network: The roads of ``spec.map``.
             obstacles: (K,) ``OBSTACLE_DTYPE``, which pedestrians walk around.
             plazas: Plazas that pedestrians visit.
+            parking_spots: (S,) ``SPOT_DTYPE``, some of which parked vehicles take.
 
         Raises:
             SimulationError: SUMO failed, an agent's vehicle has no room, or this process runs another simulation.
@@ -94,7 +98,9 @@ class Simulation:
             self._sumo = SumoTraffic(files, step_ns, spec.seed, speeds_mps, tracks, closed, cropped.left_hand)
         try:
             self._population = Population(spec, self._sumo)
-            self._actors = Actors(spec, network, self._population, obstacles, demand.excursions, self.weather)
+            self._actors = Actors(
+                spec, network, self._population, obstacles, demand.excursions, self.weather, parking_spots
+            )
             self._turning_room = self._turning_room_on(network)
             lengths_m = self._vehicle_lengths_m()
             self._speed_bumps = SpeedBumps(network.features.speed_bumps, lengths_m, self._sumo, step_ns / NS_PER_S)

@@ -1,9 +1,12 @@
-"""The actor blueprints: every kind of actor that can appear in a scene, read from blueprints.yaml.
+"""The actor blueprints: every kind of actor that can appear in a scene.
+
+They are read from blueprints.yaml, two_wheelers.yaml and people.yaml, in this order.
 
 The package ``assets`` builds their meshes.
 """
 
 import math
+from collections.abc import Iterable
 from functools import lru_cache
 from itertools import cycle, islice
 from typing import Any, Literal, NamedTuple
@@ -13,6 +16,9 @@ from pydantic import field_validator
 from simbev_ros.config.base import Model
 from simbev_ros.foundation.semantics import Tag
 from simbev_ros.foundation.tables import load_table
+
+Clothing = Literal["cold", "mild", "warm", "rain"]
+"""What people dress for."""
 
 
 class VehicleFootprint(NamedTuple):
@@ -42,6 +48,8 @@ class Blueprint(Model):
     colors: tuple[int, ...]
     colors2: tuple[int, ...] = ()
     old: bool = False
+    wear: tuple[Clothing, ...] = ()
+    walks_as_m: float = 0.0
     frequency: float = 0.0
     sumo_class: str = ""
     emergency: bool = False
@@ -61,6 +69,15 @@ class Blueprint(Model):
     def on_foot(self) -> bool:
         """Whether this is a pedestrian who walks or runs, not a wheelchair user."""
         return self.kind == "pedestrian" and not self.wheelchair
+
+    @property
+    def tall_m(self) -> float:
+        """Height of a person, without a raised umbrella; strides depend on it."""
+        return self.walks_as_m or self.size_m[2]
+
+    def suits(self, weather: Iterable[Clothing]) -> bool:
+        """Whether people go out like this in a weather."""
+        return not self.wear or not {*self.wear}.isdisjoint(weather)
 
     @property
     def footprint(self) -> VehicleFootprint:
@@ -87,7 +104,8 @@ def load_blueprints() -> tuple[Blueprint, ...]:
     for row in data["blueprints"]:
         entries[row["name"]] = entries.get(row.pop("like", ""), {}) | row
     blueprints = []
-    for entry in entries.values():
+    two_wheelers = load_table("simbev_ros.scene", "two_wheelers.yaml")["blueprints"]
+    for entry in [*entries.values(), *two_wheelers, *_people()]:
         for field, name in (("colors", "palette"), ("colors2", "palette2")):
             palette = entry.pop(name, [])
             entry[field] = palette if isinstance(palette, list) else palettes[palette]
@@ -102,6 +120,16 @@ def _load_paints() -> dict[str, list[int]]:
         name: [paint for hue, count in shares.items() for paint in islice(cycle(data["hues"][hue]), count)]
         for name, shares in data["palettes"].items()
     }
+
+
+def _people() -> list[dict[str, Any]]:
+    """Entries of people.yaml, completed with what all people, their body and their outfit have in common."""
+    data = load_table("simbev_ros.scene", "people.yaml")
+    people = []
+    for entry in data["people"]:
+        body, outfit, *_ = entry["name"].split(".")[1:]
+        people.append(data["all"] | data["bodies"][body] | data["outfits"].get(outfit, {}) | entry)
+    return people
 
 
 @lru_cache(maxsize=1)

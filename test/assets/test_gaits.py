@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from catalog_models import GAIT, ON_FOOT, PEDESTRIANS, blueprint, model, pose_vertices, rows
 
+from simbev_ros.assets.actors.shape import load_shape
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.scene.gait import stride_lengths_m, transition_mps
 
@@ -13,7 +14,7 @@ RUNNERS = [entry.name for entry in PEDESTRIANS if entry.on_foot and not entry.ru
 @pytest.mark.parametrize("name", ON_FOOT)
 def test_strides_of_all_speeds_fill_the_box_of_a_pedestrian_to_a_centimeter(name: str) -> None:
     length, width, height = blueprint(name).size_m
-    speeds = np.sqrt(9.81 * height) * np.linspace(0.0, 2.0 if name in RUNNERS else 0.5, 7)
+    speeds = np.sqrt(9.81 * blueprint(name).tall_m) * np.linspace(0.0, 2.0 if name in RUNNERS else 0.5, 7)
     points = [pose_vertices(model(name), rows(len(GAIT), gait=GAIT, vx=speed)) for speed in speeds]
     found = [np.min(points, axis=(0, 1, 2)), np.max(points, axis=(0, 1, 2))]
     expected = [[-length / 2, -width / 2, 0.0], [length / 2, width / 2, height]]
@@ -47,7 +48,9 @@ def test_a_foot_on_the_ground_neither_slides_nor_sinks(name: str, speed_mps: flo
 @pytest.mark.parametrize("name", ON_FOOT)
 def test_walkers_always_have_a_foot_on_the_ground_and_runners_have_flight_phases(name: str) -> None:
     for speed_mps, min_share, max_share in ((1.3, 0.0, 0.0), (3.5, 0.1, 0.4), (6.0, 0.3, 0.6)):
-        points = pose_vertices(model(name), rows(len(GAIT), gait=GAIT, vx=speed_mps))
+        actors = rows(len(GAIT), gait=GAIT, vx=speed_mps)
+        feet = [pose_vertices(model(name), actors, f"foot {side}") for side in ("left", "right")]
+        points = np.concatenate(feet, axis=1)
         assert min_share <= np.mean(points[..., 2].min(axis=1) > 0.012) <= max_share
 
 
@@ -65,11 +68,14 @@ def test_step_rates_are_those_of_adults(height_m: float) -> None:
 @pytest.mark.parametrize("speed_mps", [1.4, 4.0])
 def test_left_and_right_limbs_are_half_a_stride_apart_and_arms_oppose_legs(name: str, speed_mps: float) -> None:
     actors = rows(2, gait=[0.0, np.pi], vx=speed_mps)
+    figure = load_shape(name).figure
     foot = {side: pose_vertices(model(name), actors, f"foot {side}").mean(axis=1)[:, 0] for side in ("left", "right")}
     arm = {side: pose_vertices(model(name), actors, f"forearm {side}").mean(axis=1)[:, 0] for side in ("left", "right")}
     np.testing.assert_allclose(foot["left"], foot["right"][::-1], atol=0.01)
     assert foot["left"][0] > foot["right"][0] + 0.2
-    assert arm["left"][0] < arm["left"][1] - 0.05
+    for side, sign, held in (("left", 1.0, figure.left_arm), ("right", -1.0, figure.right_arm)):
+        swing_m = sign * (arm[side][1] - arm[side][0])
+        assert abs(swing_m) < 1e-6 if held else swing_m > 0.05
 
 
 @pytest.mark.parametrize("name", ON_FOOT)
@@ -81,10 +87,11 @@ def test_a_standing_pedestrian_has_both_feet_under_the_body(name: str) -> None:
     assert points["left"][0].mean(axis=0)[0] == pytest.approx(points["right"][0].mean(axis=0)[0], abs=0.01)
 
 
-def test_a_cyclists_feet_follow_the_pedals() -> None:
-    bicycle, rider = model("vehicle.bicycle"), model("rider.bicycle")
+@pytest.mark.parametrize("name", ["bicycle", "city_bike", "road_bike", "mountain_bike", "cargo_bike"])
+def test_a_cyclists_feet_follow_the_pedals(name: str) -> None:
+    bicycle, rider = model(f"vehicle.{name}"), model(f"rider.{name}")
     actors = rows(len(GAIT), gait=GAIT)
-    seat = np.array(blueprint("vehicle.bicycle").rider_seat_m)
+    seat = np.array(blueprint(f"vehicle.{name}").rider_seat_m)
     for side, sign in (("left", 1.0), ("right", -1.0)):
         sole = pose_vertices(rider, actors, f"foot {side}") + seat
         cranks = pose_vertices(bicycle, actors, "cranks")

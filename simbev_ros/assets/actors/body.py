@@ -2,7 +2,7 @@
 
 from functools import lru_cache
 
-from simbev_ros.assets.actors.solids import Vector
+from simbev_ros.assets.actors.solids import AnySolid, Vector
 from simbev_ros.config.base import Model
 from simbev_ros.foundation.tables import load_table
 
@@ -10,12 +10,11 @@ Ring = tuple[float, float, float, float]
 """Horizontal ring of a body part: height, x, half depth, half width."""
 
 
-class Lump(Model):
-    """A piece of face, hair or headgear: finish (``skin`` and ``hair`` mean the figure's own), size and position."""
+class ArmPose(Model):
+    """An arm that does not swing: the left wrist relative to the shoulder, and the direction of the elbow."""
 
-    finish: str
-    size: Vector
-    at: Vector
+    wrist: Vector
+    elbow: Vector
 
 
 class Body(Model):
@@ -26,15 +25,19 @@ class Body(Model):
     chest: tuple[Ring, ...]
     head: tuple[Ring, ...]
     shoe: tuple[Ring, ...]
-    hand: Vector
+    palm: Vector
+    fingers: Vector
     thumb: Vector
     neck: tuple[float, ...]
     thigh: tuple[float, ...]
     shin: tuple[float, ...]
     upper_arm: tuple[float, ...]
     forearm: tuple[float, ...]
-    face: tuple[Lump, ...]
-    hairstyles: dict[str, tuple[Lump, ...]]
+    face: tuple[AnySolid, ...]
+    hairstyles: dict[str, tuple[AnySolid, ...]]
+    beards: dict[str, tuple[AnySolid, ...]]
+    glasses: dict[str, tuple[AnySolid, ...]]
+    arms: dict[str, ArmPose]
 
 
 @lru_cache(maxsize=1)

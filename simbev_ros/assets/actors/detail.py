@@ -31,6 +31,12 @@ class Detail:
         half_angle = np.arccos(max(1.0 - self.error_m / max(radius_m, 1e-9), 0.0))
         return min(wanted, max(minimum, int(np.ceil(np.pi / half_angle))))
 
+    def needed(self, points_m: Float64Array) -> BoolArray:
+        """(N,) which of a line's (N, K) points, with radii as further coordinates, keep it within the error."""
+        if self.error_m <= 0.0:
+            return np.ones(len(points_m), bool)
+        return select_lines(points_m[:, None], np.zeros(len(points_m), bool), self.error_m / 2.0)[0]
+
     def shows(self, thickness_m: float) -> bool:
         """Whether details of a thickness are built."""
         return thickness_m > self.error_m
@@ -39,6 +45,8 @@ class Detail:
 EXACT = Detail()
 COARSER = tuple(Detail(error_m, insides=False) for error_m in (0.0, 0.005, 0.017, 0.035, 0.07))
 """Levels of detail of the coarser meshes that cameras may draw for distant actors."""
+COARSER_FIGURES = tuple(Detail(error_m) for error_m in (0.008, 0.025, 0.07))
+"""Those of people, who are many models with nothing inside."""
 
 
 def select_lines(points_m: Float64Array, borders: BoolArray, error_m: float) -> tuple[BoolArray, Int64Array]:

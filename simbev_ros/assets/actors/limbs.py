@@ -30,3 +30,23 @@ def bend(reach_m: Float64Array, upper_m: float, lower_m: float, *, forward: bool
     outer = np.arccos((lower_m**2 + distance**2 - upper_m**2) / (2.0 * lower_m * distance))
     sign = -1.0 if forward else 1.0
     return along + sign * inner, along - sign * outer
+
+
+def bend_toward(
+    reach_m: Float64Array, upper_m: float, lower_m: float, toward: Float64Array
+) -> tuple[Float64Array, Float64Array]:
+    """(3,) positions of the middle joint and the end of a limb, from its start.
+
+    Args:
+        reach_m: (3,) target of the end; if it is too far away, the limb is stretched toward it.
+        upper_m: Length of the upper limb.
+        lower_m: Length of the lower limb.
+        toward: (3,) direction in which the middle joint points.
+    """
+    distance = float(np.linalg.norm(reach_m))
+    along = reach_m / distance
+    distance = min(distance, 0.999 * (upper_m + lower_m))
+    aside = toward - along * (toward @ along)
+    share = (upper_m**2 - lower_m**2 + distance**2) / (2.0 * distance)
+    off_m = np.sqrt(upper_m**2 - share**2) * aside / np.linalg.norm(aside)
+    return along * share + off_m, along * distance

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from simbev_ros.assets.actors.body import ArmPose
 from simbev_ros.assets.actors.gait import PHASES, stride
 from simbev_ros.assets.actors.limbs import (
     ANKLE,
@@ -17,6 +18,7 @@ from simbev_ros.assets.actors.limbs import (
     THIGH,
     UPPER_ARM,
     bend,
+    bend_toward,
     down,
 )
 from simbev_ros.config.base import Model
@@ -82,7 +84,12 @@ class Pose:
 
 
 def standing_pose(
-    gaits: Sequence[Gait], height_m: float, tall_m: float, shoulders: float, sole: tuple[float, float]
+    gaits: Sequence[Gait],
+    height_m: float,
+    tall_m: float,
+    shoulders: float,
+    sole: tuple[float, float],
+    held: Mapping[str, ArmPose],
 ) -> Pose:
     """Pose of a figure on foot, standing upright.
 
@@ -92,24 +99,33 @@ def standing_pose(
         tall_m: Height that the gaits' speeds and strides refer to.
         shoulders: Half the shoulder distance over the height.
         sole: x of the sole's ends from the ankle, over the height.
+        held: Side → pose of an arm that does not swing.
     """
     hip = np.array([0.0, 0.0, _STANDING * height_m])
     joints = {}
     for side, sign in _SIDES:
         at_hip = hip + np.array([0.0, sign * HIP_HALF * height_m, 0.0])
         knee = at_hip + down(0.0, THIGH * height_m)
-        shoulder = hip + height_m * np.array([-0.006, sign * (shoulders + 0.012), SHOULDER_ABOVE_HIP])
-        elbow = shoulder + down(0.0, UPPER_ARM * height_m) + [0.0, sign * 0.012 * height_m, 0.0]
+        shoulder = hip + height_m * np.array([-0.006, sign * (shoulders - 0.006), SHOULDER_ABOVE_HIP])
+        elbow = shoulder + down(0.0, UPPER_ARM * height_m) + [0.0, sign * 0.020 * height_m, 0.0]
+        wrist = elbow + down(0.0, FOREARM * height_m)
+        if side in held:
+            mirror, arm = np.array([1.0, sign, 1.0]), held[side]
+            reach_m, toward = height_m * mirror * arm.wrist, mirror * arm.elbow
+            elbow, wrist = shoulder + bend_toward(reach_m, UPPER_ARM * height_m, FOREARM * height_m, toward)
         joints[side] = {
             "hip": at_hip,
             "knee": knee,
             "ankle": knee + down(0.0, SHIN * height_m),
             "shoulder": shoulder,
             "elbow": elbow,
-            "wrist": elbow + down(0.0, FOREARM * height_m),
+            "wrist": wrist,
         }
     strides = [stride(gait, gait.stride * tall_m / height_m, sole) for gait in gaits]
     left = {limb: np.stack([each.turn_rad[limb] for each in strides]) for limb in LIMBS}
+    turns = {"left": left, "right": {limb: np.roll(left[limb], PHASES // 2, axis=1) for limb in LIMBS}}
+    for side in held:
+        turns[side] = turns[side] | {limb: np.zeros_like(left[limb]) for limb in ("upper arm", "forearm")}
     return Pose(
         hip=hip,
         neck=hip + np.array([0.0, 0.0, NECK_ABOVE_HIP * height_m]),
@@ -118,7 +134,7 @@ def standing_pose(
         joints=joints,
         foot_pitch_rad=0.0,
         speed_mps=np.array([gait.speed for gait in gaits]) * unit_mps(tall_m),
-        turn_rad={"left": left, "right": {limb: np.roll(left[limb], PHASES // 2, axis=1) for limb in LIMBS}},
+        turn_rad=turns,
         trunk_rad=np.stack([np.full(PHASES, each.lean_rad) for each in strides]),
         rise_m=np.stack([(each.hip - _STANDING) * height_m for each in strides]),
     )

@@ -1,6 +1,6 @@
 """Shapes of actors as data (shapes/<blueprint>.yaml), and the models that are built from them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from copy import deepcopy
 from dataclasses import replace
 from functools import partial
@@ -9,14 +9,16 @@ from typing import Any
 import numpy as np
 
 from simbev_ros.assets.actors.actor_model import ActorModel, CoarserMesh, Part
-from simbev_ros.assets.actors.detail import COARSER, EXACT, Detail
+from simbev_ros.assets.actors.clothing import figure_solids
+from simbev_ros.assets.actors.detail import COARSER, COARSER_FIGURES, EXACT, Detail
 from simbev_ros.assets.actors.doors import Door, door_parts, seats
-from simbev_ros.assets.actors.figure import Figure, body_part, figure_cycle, figure_parts, figure_pose, figure_solids
+from simbev_ros.assets.actors.figure import Figure, body_part, figure_cycle, figure_parts, figure_pose
 from simbev_ros.assets.actors.lofting import build_shell
 from simbev_ros.assets.actors.shell import Shell
 from simbev_ros.assets.actors.skeletons import part_poses
 from simbev_ros.assets.actors.solids import AnySolid, Solid, Vector, build_solid
 from simbev_ros.assets.actors.variants import Reshape, load_variants, reshape_shape
+from simbev_ros.assets.actors.wardrobe import composed_figure
 from simbev_ros.assets.actors.wheels import Wheels, build_wheels, wheel_parts
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.config.base import Model
@@ -24,7 +26,7 @@ from simbev_ros.foundation.semantics import Tag
 from simbev_ros.foundation.tables import load_table
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.scene.blueprints import Blueprint
-from simbev_ros.scene.gait import load_gaits, transition_mps, unit_mps
+from simbev_ros.scene.gait import load_gaits, transition_mps
 from simbev_ros.schema.scene.state import ACTOR_DTYPE
 
 _MAX_STRETCH = 0.03
@@ -73,12 +75,13 @@ class Shape(Model):
 
 
 def load_shape(blueprint: str) -> Shape:
-    """Load the shape of a blueprint from its file, or from its entry in variants.yaml.
+    """Load the shape of a blueprint from its file or its entry in variants.yaml, or compose it from the wardrobe.
 
     A shape may extend another one: then the base is changed as its ``reshape`` says, its solids are added, the k-th
     list of its ``patches`` is added to the k-th shell, and its fields of the figure override those of the base.
     """
-    return Shape.model_validate(_read(blueprint))
+    figure = composed_figure(blueprint)
+    return Shape.model_validate(_read(blueprint) if figure is None else {"figure": figure})
 
 
 def _read(blueprint: str) -> dict[str, Any]:
@@ -95,7 +98,8 @@ def _read(blueprint: str) -> dict[str, Any]:
     for shell, patches in zip(base.get("shells", ()), data.pop("patches", ()), strict=False):
         shell["patches"] = [*shell.get("patches", ()), *patches]
     solids = base.get("solids", []) + data.pop("solids", [])
-    return base | {"solids": solids, "figure": (base.get("figure") or {}) | data.pop("figure", {}) or None} | data
+    figure = (base.get("figure") or {}) | data.pop("figure", {})
+    return base | {"solids": solids, "figure": figure or None} | data
 
 
 def build_model(blueprint: Blueprint, shape: Shape) -> ActorModel:
@@ -104,12 +108,12 @@ def build_model(blueprint: Blueprint, shape: Shape) -> ActorModel:
     Raises:
         ValueError: The shape is more than 3 % larger or smaller than the blueprint along an axis.
     """
-    pose = figure_pose(shape.figure, blueprint.size_m[2]) if shape.figure else None
+    pose = figure_pose(shape.figure, blueprint.tall_m) if shape.figure else None
     parts = [body_part(pose) if pose else Part("body")]
     parts += [*(wheel_parts(shape.wheels) if shape.wheels else []), *door_parts(shape.doors)]
     solids: list[Solid] = [*shape.solids]
     if shape.figure and pose:
-        parts += figure_parts(pose, first=len(parts))
+        parts += figure_parts(shape.figure, pose, first=len(parts))
         solids += figure_solids(shape.figure, pose)
     for entry in shape.parts:
         parts.append(_part(entry, [part.name for part in parts]))
@@ -127,14 +131,14 @@ def build_model(blueprint: Blueprint, shape: Shape) -> ActorModel:
     )
     bounds_m = model.mesh.bounds_m
     if model.cycle and blueprint.on_foot:
-        max_walk_mps = transition_mps(blueprint.size_m[2])
+        max_walk_mps = transition_mps(blueprint.tall_m)
         bounds_m = stride_bounds(model, max_walk_mps if blueprint.runs_as else model.cycle.speed_mps[-1])
     fitted = _fit(blueprint, bounds_m)
     return replace(
         model,
         mesh=model.mesh.transform(fitted),
         parts=tuple(replace(part, pivot_m=_transform_point(fitted, part.pivot_m)) for part in parts),
-        build_coarser=partial(_coarser, build, fitted),
+        build_coarser=partial(_coarser, build, fitted, COARSER_FIGURES if shape.figure else COARSER),
     )
 
 
@@ -149,14 +153,17 @@ def _build(shape: Shape, solids: tuple[Solid, ...], tag: Tag, part_index: dict[s
     return _by_part(Mesh.merge(meshes))
 
 
-def _coarser(build: Callable[[Detail], Mesh], fitted: Float64Array) -> tuple[CoarserMesh, ...]:
+def _coarser(
+    build: Callable[[Detail], Mesh], fitted: Float64Array, details: Sequence[Detail]
+) -> tuple[CoarserMesh, ...]:
     """Coarser meshes of a model, see ``ActorModel.build_coarser``."""
-    return tuple(CoarserMesh(build(detail).transform(fitted), detail.error_m) for detail in COARSER)
+    return tuple(CoarserMesh(build(detail).transform(fitted), detail.error_m) for detail in details)
 
 
 def stride_bounds(model: ActorModel, top_mps: float) -> Float64Array:
     """(2, 3) bounds of a pedestrian over the strides of all speeds in gait.yaml up to a maximum."""
-    speeds_mps = unit_mps(model.size_m[2]) * np.array([gait.speed for gait in load_gaits()])
+    assert model.cycle is not None
+    speeds_mps = model.cycle.speed_mps[:: (len(model.cycle.speed_mps) - 1) // (len(load_gaits()) - 1)]
     speed_mps, gait_rad = np.meshgrid(
         speeds_mps[speeds_mps < top_mps + 1e-6], np.linspace(0.0, 2.0 * np.pi, _PHASES, endpoint=False)
     )

@@ -46,7 +46,7 @@ class Skeletons:
         )
         is_open = actors["doors"][actor] >> self._door[part] & 1
         angle_z = self._steers[part] * actors["steer"][actor] + self._opening_rad[part] * is_open
-        body = np.flatnonzero(self._depth[part] == 0)
+        body = np.flatnonzero(part == self._first[actors["blueprint"][actor]])
         rise_m = np.zeros(len(body))
         for blueprint in np.unique(actors["blueprint"]):
             cycle = self._cycles[blueprint]

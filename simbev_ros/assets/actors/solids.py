@@ -1,6 +1,6 @@
 """Simple solids that complete a shape (mirrors, tubes, limbs): their data models and meshes."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 import shapely
@@ -16,6 +16,9 @@ from simbev_ros.foundation.semantics import Tag
 from simbev_ros.foundation.types import Float64Array
 
 Vector = tuple[float, float, float]
+
+_LENGTHS = ("size", "bevel", "path", "radius", "rings", "profile", "polygon", "width")
+"""Fields of solids with lengths; where they are whole numbers, they are counts."""
 
 
 class Solid(Model):
@@ -45,6 +48,12 @@ class Solid(Model):
     def mesh(self, finish: Finish, detail: Detail) -> Mesh:
         """Build the solid's mesh about its own origin in a level of detail."""
         raise NotImplementedError
+
+    def placed(self, scale: float, at_m: Float64Array, part: str) -> Self:
+        """Copy of the solid, scaled about the frame's origin, which is then moved to (3,) ``at_m``, on another part."""
+        lengths = {name: _scaled(getattr(self, name), scale) for name in _LENGTHS if name in type(self).model_fields}
+        x, y, z = (scale * np.array(self.at) + at_m).tolist()
+        return self.model_copy(update=lengths | {"at": (x, y, z), "part": part})
 
 
 class Box(Solid):
@@ -100,9 +109,10 @@ class Tube(Solid):
 
     def mesh(self, finish: Finish, detail: Detail) -> Mesh:
         """See ``Solid``."""
-        radii = np.array([point[3] if len(point) > 3 else self.radius for point in self.path])
-        segments = detail.segments(self.segments, float(radii.max()))
-        return tube(finish, np.array([point[:3] for point in self.path]), radii, segments=segments)
+        points = np.array([(*point[:3], point[3] if len(point) > 3 else self.radius) for point in self.path])
+        points = points[detail.needed(points)]
+        segments = detail.segments(self.segments, float(points[:, 3].max()))
+        return tube(finish, points[:, :3], points[:, 3], segments=segments)
 
 
 class Rings(Solid):
@@ -130,6 +140,7 @@ class Rings(Solid):
         )
         unit /= np.abs(unit).max(axis=0)
         rings = np.array(self.rings)
+        rings = rings[detail.needed(rings)]
         sections = np.repeat(rings[:, None, :3], segments, axis=1)
         sections[..., :2] += unit * rings[:, None, 3:]
         return loft(finish, sections, crease_deg=self.crease_deg)
@@ -208,6 +219,13 @@ def build_solid(solid: Solid, tag: Tag, part_index: dict[str, int], detail: Deta
         other = finish_named(mirrored_name(solid.finish), tag, part_index[mirrored_name(solid.part)])
         meshes.append(solid.mesh(other, detail).transform(_MIRROR @ pose))
     return meshes
+
+
+def _scaled(value: Any, scale: float) -> Any:
+    """Lengths, or tuples of lengths, times a scale; counts as they are."""
+    if isinstance(value, tuple):
+        return tuple(_scaled(each, scale) for each in value)
+    return value if isinstance(value, int) else value * scale
 
 
 def _pose(turn_deg: Vector, at_m: Vector) -> Float64Array:

@@ -73,10 +73,10 @@ def draw_scene(
     duration_s = (warm_up_ticks + ticks) * scenario.time.tick_s
     clearance = StartClearance(network)
     agents = draw_agents(scenario, seed, network, starts, duration_s, clearance)
-    drawer = SceneDrawer(scenario, seed, network, starts, duration_s, agents)
     weather, final_weather = draw_weathers(
         scenario.weather, seed, even_fog=fog_fills_heights(planned.map, network), datum=network.datum
     )
+    drawer = SceneDrawer(scenario, seed, network, starts, duration_s, agents, weather)
     hazards = drawer.draw_hazards()
     vehicles = tuple(drawer.draw_vehicles(hazards, clearance))
     return SceneSpec(

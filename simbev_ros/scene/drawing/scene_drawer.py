@@ -13,7 +13,7 @@ from simbev_ros.config.scenario import Scenario, Traffic
 from simbev_ros.foundation.random import stream
 from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.scene.blueprints import Blueprint, blueprint_named, load_blueprints
+from simbev_ros.scene.blueprints import Blueprint, Clothing, blueprint_named, load_blueprints
 from simbev_ros.scene.drawing.draw_agents import DrawnAgents, on_lanes_near
 from simbev_ros.scene.drawing.drivers import draw_driver, draw_vehicle
 from simbev_ros.scene.drawing.start_clearance import StartClearance
@@ -23,8 +23,12 @@ from simbev_ros.scene.hazards.detours import Detours
 from simbev_ros.scene.hazards.draw_hazards import DrawnHazards, draw_hazards
 from simbev_ros.scene.streets.off_tracking import is_long
 from simbev_ros.schema.scene.spec import PedestrianSpec, VehicleSpec, WaypointSpec
+from simbev_ros.schema.scene.weather import Weather
 
 _LOGGER = logging.getLogger(__name__)
+_WARMTHS: tuple[Clothing, ...] = ("cold", "mild", "warm")
+_RAIN = 10.0
+"""Precipitation, percent, from which people have umbrellas and hoods."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +42,7 @@ class SceneDrawer:
         starts: Positions on them where actors can start.
         duration_s: Duration of the scene with its warm-up.
         agents: The agents, already drawn.
+        weather: Weather at the start of the scene, which people dress for.
     """
 
     scenario: Scenario
@@ -46,6 +51,7 @@ class SceneDrawer:
     starts: StartPositions
     duration_s: float
     agents: DrawnAgents
+    weather: Weather
 
     @property
     def _traffic(self) -> Traffic:
@@ -106,9 +112,9 @@ class SceneDrawer:
                 *(self.network.name, len(candidates), requested, self._traffic.spawn_radius_m),
             )
         order = stream(self.seed, "pedestrians.places").permutation(candidates)
-        cross_factor = self.draw_cross_factor()
+        cross_factor, dressed = self.draw_cross_factor(), dressed_for(self.weather, self.seed)
         for index, position_index in enumerate(order[:requested].tolist()):
-            yield self._draw_pedestrian(index, self.starts.pedestrians.waypoint(position_index), cross_factor)
+            yield self._draw_pedestrian(index, self.starts.pedestrians.waypoint(position_index), cross_factor, dressed)
 
     def draw_cross_factor(self) -> float:
         """Draw the share of the scene's pedestrians that may jaywalk."""
@@ -147,17 +153,19 @@ class SceneDrawer:
         half_width_m = np.array([lane.width_m for lane in positions.lanes])[positions.row[candidates]] / 2.0
         return candidates[clearance.is_free_at(positions.position_m[candidates], half_width_m)]
 
-    def _draw_pedestrian(self, index: int, start: WaypointSpec, cross_factor: float) -> PedestrianSpec:
-        """Draw the pedestrian with this index."""
+    def _draw_pedestrian(
+        self, index: int, start: WaypointSpec, cross_factor: float, dressed: tuple[str, ...]
+    ) -> PedestrianSpec:
+        """Draw the pedestrian with this index, whose blueprint is one of those that are ``dressed`` for the weather."""
 
         def draw_flag(purpose: str, probability: float) -> bool:
             return bool(stream(self.seed, f"pedestrians.{index}.{purpose}").random() < probability)
 
         rng = stream(self.seed, f"pedestrians.{index}")
-        blueprint = _draw_blueprint("pedestrian", None, rng, self._traffic.wheelchair_probability)
+        blueprint = _draw_blueprint("pedestrian", dressed, rng, self._traffic.wheelchair_probability)
         color = blueprint.colors[int(rng.integers(len(blueprint.colors)))]
         max_speed_mps = sample(self._traffic.pedestrian_max_speed_mps, rng)
-        if blueprint.runs_as and max_speed_mps > transition_mps(blueprint.size_m[2]):
+        if blueprint.runs_as and max_speed_mps > transition_mps(blueprint.tall_m):
             blueprint = blueprint_named(blueprint.runs_as)
             rng = stream(self.seed, f"pedestrians.{index}.sports")
             color = blueprint.colors[int(rng.integers(len(blueprint.colors)))]
@@ -168,9 +176,17 @@ class SceneDrawer:
             max_speed_mps=min(max_speed_mps, blueprint.max_speed_mps or math.inf),
             # Wheelchair users do not cross curbs.
             jaywalks=not blueprint.wheelchair and draw_flag("jaywalks", cross_factor),
-            visits_plazas=max_speed_mps <= transition_mps(blueprint.size_m[2])
+            visits_plazas=max_speed_mps <= transition_mps(blueprint.tall_m)
             and draw_flag("plazas", self._traffic.plaza_probability),
         )
+
+
+def dressed_for(weather: Weather, seed: int) -> tuple[str, ...]:
+    """Names of the pedestrians' blueprints that suit a weather and the warmth of the scene, which is drawn."""
+    warmth = _WARMTHS[int(stream(seed, "pedestrians.warmth").integers(len(_WARMTHS)))]
+    rains = weather.precipitation > _RAIN
+    suited: tuple[Clothing, ...] = ("mild" if warmth == "warm" else warmth, "rain") if rains else (warmth,)
+    return tuple(each.name for each in load_blueprints() if each.kind == "pedestrian" and each.suits(suited))
 
 
 def _draw_blueprint_with_room(

@@ -39,7 +39,7 @@ def bystanders(network: RoadNetwork, position_m: Float64Array, first_id: int, bu
     rng = stream(network.seed, f"bystanders.{position_m[0]:.0f}.{position_m[1]:.0f}")
     kinds = load_blueprints()
     cars = [k for k, kind in enumerate(kinds) if kind.tag in (Tag.CAR, Tag.TRUCK) and kind.size_m[0] < _MAX_LENGTH_M]
-    people = [k for k, kind in enumerate(kinds) if kind.tag == Tag.PEDESTRIAN]
+    people = [k for k, kind in enumerate(kinds) if kind.tag == Tag.PEDESTRIAN and kind.suits(["mild"])]
     driving = _actors_on_lanes(
         network, LaneKind.DRIVING, position_m, _CAR_SPACING_M, rng.spawn(1)[0], cars, busy * _CAR_SHARE
     )

@@ -35,6 +35,7 @@ class Cast:
         wheelbase_m: (N,) 0 for actors without wheels.
         wheel_radius_m: (N,) infinite for actors without wheels.
         stride_m: (N,) distance per turn of ``gait``; infinite if there is none or if it depends on the speed.
+        tall_m: (N,) height that strides depend on.
         on_foot: (N,) whether the actor walks or runs, with strides that depend on the speed.
     """
 
@@ -43,6 +44,7 @@ class Cast:
     wheelbase_m: Float64Array
     wheel_radius_m: Float64Array
     stride_m: Float64Array
+    tall_m: Float64Array
     on_foot: BoolArray
 
 
@@ -83,6 +85,7 @@ def cast_of(spec: SceneSpec, vehicles: Sequence[int], pedestrians: Sequence[int]
         wheelbase_m=np.array([blueprint.wheelbase_m for blueprint in blueprints]),
         wheel_radius_m=np.array([blueprint.wheel_radius_m or np.inf for blueprint in blueprints]),
         stride_m=np.array([blueprint.stride_m or np.inf for blueprint in blueprints]),
+        tall_m=np.array([blueprint.tall_m for blueprint in blueprints]),
         on_foot=np.array([blueprint.on_foot for blueprint in blueprints]),
     )
 

@@ -85,8 +85,7 @@ class ActorTable:
         cast = self._cast
         self._wheel_rad += motion.distance_m / cast.wheel_radius_m
         stride_m = cast.stride_m.copy()
-        height_m = cast.rows["height"][cast.on_foot].astype(np.float64)
-        stride_m[cast.on_foot] = stride_lengths_m(height_m, motion.speed_mps[cast.on_foot])
+        stride_m[cast.on_foot] = stride_lengths_m(cast.tall_m[cast.on_foot], motion.speed_mps[cast.on_foot])
         turn_rad = 2.0 * np.pi * motion.distance_m[self._distance_row] / stride_m
         self._gait_rad = (self._gait_rad + turn_rad) % (2.0 * np.pi)
         backward = self._reverses & (motion.speed_mps < -_MIN_STEERING_MPS)

@@ -97,3 +97,18 @@ def test_a_cyclists_feet_follow_the_pedals(name: str) -> None:
         cranks = pose_vertices(bicycle, actors, "cranks")
         pedal = cranks[:, sign * cranks[0, :, 1] > 0.1].mean(axis=1)
         assert np.linalg.norm(sole - pedal[:, None], axis=2).min(axis=1).max() < 0.08
+
+
+def test_people_stand_with_their_arms_in_different_poses() -> None:
+    bends = set()
+    for name in ON_FOOT:
+        figure = load_shape(name).figure
+        standing, strolling = rows(1), rows(1, vx=1.3)
+        for side in ("left", "right"):
+            if not getattr(figure, f"{side}_arm"):
+                still, moved = (
+                    pose_vertices(model(name), actors, f"forearm {side}")[0] for actors in (standing, strolling)
+                )
+                assert np.abs(still - moved).max() > 0.01
+                bends.add((still.mean(axis=0) / blueprint(name).tall_m).round(2).tobytes())
+    assert len(bends) > 20

@@ -7,7 +7,7 @@ import numpy as np
 
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.foundation.semantics import Tag
-from simbev_ros.foundation.types import Float64Array
+from simbev_ros.foundation.types import Float32Array, Float64Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,8 +46,8 @@ class Cycle:
     """
 
     speed_mps: Float64Array
-    turn_rad: Float64Array
-    rise_m: Float64Array
+    turn_rad: Float32Array
+    rise_m: Float32Array
 
     def interpolate(self, speed_mps: Float64Array, gait_rad: Float64Array) -> tuple[Float64Array, Float64Array]:
         """(A, P) rotations and (A,) rises of A actors at (A,) speeds and gait angles, interpolated bilinearly."""

@@ -64,6 +64,7 @@ class Figure(Model):
         stoop_deg: Additional forward lean of the trunk on foot.
         elbow_deg: Minimum bend of the elbows on foot.
         arm_swing: Swing of the arms on foot, relative to the usual one.
+        rest_deg: Bend of the left and the right elbow when the figure stands, of arms that swing on foot.
         left_arm: How the left arm is held on foot, a key in body.yaml; none: it swings.
         right_arm: How the right arm is held.
         carried: What the figure carries.
@@ -103,6 +104,7 @@ class Figure(Model):
     stoop_deg: float = 0.0
     elbow_deg: float = 0.0
     arm_swing: float = 1.0
+    rest_deg: tuple[float, float] = (8.0, 8.0)
     left_arm: str = ""
     right_arm: str = ""
     carried: tuple[Carried, ...] = ()
@@ -123,7 +125,11 @@ def figure_pose(figure: Figure, tall_m: float) -> Pose:
     held = {
         side: body.arms[name] for side, name in zip(SIDES, (figure.left_arm, figure.right_arm), strict=True) if name
     }
-    return standing_pose(gaits, figure.height, tall_m, figure.shoulders, (x - half, x + half), held)
+    pose = standing_pose(gaits, figure.height, tall_m, figure.shoulders, (x - half, x + half), held)
+    for side, bend_deg in zip(SIDES, figure.rest_deg, strict=True):
+        if side not in held:
+            pose.turn_rad[side]["forearm"][0] = -np.radians(bend_deg)
+    return pose
 
 
 def shoe_girth(figure: Figure) -> float:
@@ -172,7 +178,8 @@ def figure_cycle(pose: Pose, names: Sequence[str]) -> Cycle:
     turns = {"body": pose.trunk_rad}
     turns |= {f"{limb} {side}": pose.turn_rad[side][limb] for side in SIDES for limb in LIMBS}
     still = np.zeros_like(pose.trunk_rad)
-    return Cycle(pose.speed_mps, np.stack([turns.get(name, still) for name in names], axis=-1), pose.rise_m)
+    turn_rad = np.stack([turns.get(name, still) for name in names], axis=-1)
+    return Cycle(pose.speed_mps, turn_rad.astype(np.float32), pose.rise_m.astype(np.float32))
 
 
 def vector(values: Float64Array) -> Vector:

@@ -15,7 +15,7 @@ import numpy as np
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.network import Lane, Signal, paths_beyond
 from simbev_ros.maps.roads.elevation import Elevation
-from simbev_ros.maps.roads.lane_kind import LaneKind
+from simbev_ros.maps.roads.lane_kind import ROAD_KINDS, LaneKind
 from simbev_ros.maps.roads.layout import Layout, SignalPlace
 from simbev_ros.maps.sumo.net import ControlledLink, SumoNet
 
@@ -24,6 +24,7 @@ _HEAD_BEFORE_POLE_M = 0.25
 _POST_HEAD_HEIGHT_M = 3.0
 _ARM_HEAD_HEIGHT_M = 5.6
 _FAR_SIDE_SETBACK_M = 0.5
+_INTO_JUNCTION_M = 0.7  # from the end of a parking lane onto the sidewalk there
 _MAX_BEND_RAD = np.radians(30.0)
 _STRAIGHTNESS = "sRLrltT"  # SUMO's direction codes, straightest first
 
@@ -45,10 +46,11 @@ def place_signals(net: SumoNet, layout: Layout) -> tuple[Signal, ...]:
     named = {lane for mount in layout.signal_places for lane in mount.lanes}
     approaches = _by_edge(net.lanes[lane_id] for lane_id in main if lane_id not in named)
     streets = _by_edge(lane for lane in net.lanes.values() if lane.kind is LaneKind.DRIVING)
+    paved = _by_edge(lane for lane in net.lanes.values() if lane.kind in ROAD_KINDS)
     by_rule = [
         Signal(position_m, yaw_rad, pole_m, main[lane.id].programme, main[lane.id].link, lane.id)
         for approach in approaches.values()
-        for lane, position_m, yaw_rad, pole_m in _head_poses(approach, net, streets)
+        for lane, position_m, yaw_rad, pole_m in _head_poses(approach, net, streets, paved)
     ]
     signals += _snap_to_ground(by_rule, Elevation(layout)) if by_rule else []
     return tuple(sorted(signals, key=lambda signal: (signal.programme, signal.link)))
@@ -112,23 +114,40 @@ def _main_links(links: Sequence[ControlledLink]) -> dict[str, ControlledLink]:
 
 
 def _head_poses(
-    approach: Sequence[Lane], net: SumoNet, streets: Mapping[str, Sequence[Lane]]
+    approach: Sequence[Lane],
+    net: SumoNet,
+    streets: Mapping[str, Sequence[Lane]],
+    paved: Mapping[str, Sequence[Lane]],
 ) -> Iterator[tuple[Lane, Float64Array, float, Float64Array]]:
     """Each lane of an approach (from the curb inward) with its head's position, the yaw of its lamps and its pole."""
     curb_side = -1.0 if net.left_hand else 1.0
-    curb_m, heading = _curb(approach[0], -1, curb_side)
+    outermost, outside_m, parks = _outermost(approach[0], paved)
+    curb_m, heading = _curb(outermost, -1, curb_side)
+    curb_m = curb_m + _INTO_JUNCTION_M * parks * heading
     exit_lane = _straight_exit(approach, net.lanes, streets) if len(approach) > 1 else None
     if exit_lane is not None:
-        curb_m, heading = _curb(exit_lane, 0, curb_side)
-        curb_m = curb_m + _FAR_SIDE_SETBACK_M * heading
+        outermost, outside_m, parks = _outermost(exit_lane, paved)
+        curb_m, heading = _curb(outermost, 0, curb_side)
+        curb_m = curb_m + (-_INTO_JUNCTION_M if parks else _FAR_SIDE_SETBACK_M) * heading
     inward = curb_side * np.array([-heading[1], heading[0], 0.0])
     pole_m = curb_m - _CURB_TO_POLE_M * inward
     yaw_rad = float(np.arctan2(-heading[1], -heading[0]))
-    inner_borders_m = accumulate(lane.width_m for lane in approach)
+    inner_borders_m = accumulate((lane.width_m for lane in approach[1:]), initial=outside_m + approach[0].width_m)
     for lane, inner_border_m in zip(approach, inner_borders_m, strict=True):
         foot_m = pole_m if len(approach) == 1 else curb_m + (inner_border_m - lane.width_m / 2.0) * inward
         height_m = _POST_HEAD_HEIGHT_M if len(approach) == 1 else _ARM_HEAD_HEIGHT_M
         yield lane, foot_m - _HEAD_BEFORE_POLE_M * heading + [0.0, 0.0, height_m], yaw_rad, pole_m
+
+
+def _outermost(lane: Lane, paved: Mapping[str, Sequence[Lane]]) -> tuple[Lane, float, bool]:
+    """The lane next to the curb beside a lane, its distance from that curb, and whether a parking lane ends there.
+
+    Parking lanes end before junctions, where the sidewalk reaches the next lane.
+    """
+    outer = [each for each in paved[lane.edge] if each.index < lane.index]
+    open_to_traffic = [each for each in outer if each.kind is not LaneKind.PARKING]
+    outside_m = sum(each.width_m for each in open_to_traffic)
+    return [*open_to_traffic, lane][0], outside_m, len(open_to_traffic) < len(outer)
 
 
 def _curb(lane: Lane, end: int, side: float) -> tuple[Float64Array, Float64Array]:

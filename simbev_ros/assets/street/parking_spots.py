@@ -47,7 +47,8 @@ SPOT_DTYPE = np.dtype(
 USES: tuple[str, ...] = get_args(SurroundingsRecipe.model_fields["use"].annotation)
 """Names of the land uses that the column ``use`` indexes."""
 
-_KEEP_FROM_JUNCTION_M, _KEEP_FROM_CROSSING_M, _KEEP_FROM_DRIVE_M = 12.0, 5.0, 1.0
+_AFTER_JUNCTION_M, _BEFORE_JUNCTION_M = 9.0, 6.0
+_KEEP_FROM_CROSSING_M, _KEEP_FROM_DRIVE_M = 5.0, 1.0
 _CONTINUES_M, _CONTINUES_COSINE = 6.0, 0.9  # gap and angle to the parking lane that follows
 _MIN_WIDTH_M, _MAX_WIDTH_M = 2.3, 3.4
 _MAX_TURN_RAD, _BEFORE_BEND = 0.02, 8  # per station; spots in sharper bends and before them stay free for long vehicles
@@ -114,7 +115,8 @@ def _curbs(ground: RegionGround) -> Iterator[_Curb]:
         width_m = np.hypot(*(borders_m[:, 0] - borders_m[:, 1]).T)
         along_m = np.gradient(curb_m, axis=0)
         yaw_rad = np.unwrap(np.arctan2(along_m[:, 1], along_m[:, 0]))
-        clear_m = [0.0 if (strip.id, at) in continues else _KEEP_FROM_JUNCTION_M for at in (0, -1)]
+        ends_m = {0: _AFTER_JUNCTION_M, -1: _BEFORE_JUNCTION_M}
+        clear_m = [0.0 if (strip.id, at) in continues else each_m for at, each_m in ends_m.items()]
         turn_rad = maximum_filter1d(np.abs(np.gradient(yaw_rad)), 2 * _BEFORE_BEND + 1)
         kept = (s_m > clear_m[0]) & (s_m < length_m - clear_m[1]) & (turn_rad < _MAX_TURN_RAD)
         kept &= (width_m >= _MIN_WIDTH_M) & (width_m <= _MAX_WIDTH_M)

@@ -27,7 +27,7 @@ _ROAD_CLOSING_M = 0.3  # for maps whose lanes describe the whole area
 _WALK_CLOSING_M = 0.75
 _MIDDLE_CLOSING_M = 1.0  # gap between the medians or inner shoulders of both directions
 _NODE_CLOSING_M = 2.2  # gap between shoulders, which end where lanes change
-_GRID_M = 0.001
+_GRID_M, _SEAM_M = 0.001, 0.05
 _SPECK_M2 = 0.01
 _AREAS = (shapely.GeometryType.POLYGON, shapely.GeometryType.MULTIPOLYGON)
 _WALK_KINDS = (LaneKind.SIDEWALK, LaneKind.WALKING_AREA)
@@ -125,14 +125,22 @@ class _Plan:
 
 
 def _road(plan: _Plan, crosswalks: AnyArray) -> BaseGeometry:
-    """The carriageway; closing fills only areas that no strip outside junctions uses for something else."""
-    lanes = plan.areas_of(*ROAD_KINDS)
+    """The carriageway; closing fills only areas that no strip outside junctions uses for something else.
+
+    On maps that describe only lanes, parking lanes end before junctions, where the sidewalk reaches the driving lanes.
+    """
+    ends_early = (LaneKind.PARKING,) if plan.corner_radius_m else ()
+    lanes = plan.areas_of(*(kind for kind in ROAD_KINDS if kind not in ends_early))
+    parking = overlay.union_all(plan.areas_of(*ends_early))
     lanes_only = overlay.union_all([*lanes, *crosswalks] if plan.corner_radius_m else lanes)
     shoulders, medians, sidewalks = (
         plan.areas_of(kind, outside_junctions=True) for kind in (LaneKind.SHOULDER, LaneKind.MEDIAN, LaneKind.SIDEWALK)
     )
     other_uses = overlay.union_all([_merge_strips(shoulders), _merge_strips(medians), *sidewalks])
     closed = _close(lanes_only, max(plan.corner_radius_m, _ROAD_CLOSING_M))
+    if not parking.is_empty:
+        closed = _close(overlay.union_all([closed, parking, _close(parking, _NODE_CLOSING_M)]), _SEAM_M)
+        lanes_only = overlay.union(lanes_only, parking)
     return overlay.difference(closed, overlay.difference(other_uses, lanes_only), grid_size=_GRID_M)
 
 

@@ -52,7 +52,7 @@ def parked_of(actors: Table) -> Table:
     return actors[actors["behavior"] & Behavior.PARKED > 0]
 
 
-@pytest.mark.parametrize("town", ["Blocks", "Town02"])
+@pytest.mark.parametrize("town", ["Town02", "Town03"])
 def test_no_actor_ever_touches_a_parked_vehicle(town: str) -> None:
     spec, network, spots = scene(town, hazards=1)
     with Simulation(spec, network, parking_spots=spots) as simulation:
@@ -67,7 +67,7 @@ def test_no_actor_ever_touches_a_parked_vehicle(town: str) -> None:
 
 
 def test_parked_vehicles_never_move_and_have_ids_of_their_own() -> None:
-    spec, network, spots = scene("Blocks")
+    spec, network, spots = scene("Town02")
     with Simulation(spec, network, parking_spots=spots) as simulation:
         states = [simulation.step() for _ in range(60)]
     first, last = parked_of(states[0].actors), parked_of(states[-1].actors)
@@ -78,7 +78,7 @@ def test_parked_vehicles_never_move_and_have_ids_of_their_own() -> None:
 
 
 def test_parked_vehicles_keep_off_all_lanes_of_traffic_and_off_each_other() -> None:
-    spec, network, spots = scene("Blocks")
+    spec, network, spots = scene("Town02")
     shapes = ground(ParkedVehicles(spec, network, spots, {}, 1).rows)
     lanes = strip_polygons(network.layout.strips_of(LaneKind.DRIVING, LaneKind.BICYCLE, LaneKind.SIDEWALK, level=0))
     assert not len(shapely.STRtree(lanes).query(shapes, predicate="intersects")[0])
@@ -86,7 +86,7 @@ def test_parked_vehicles_keep_off_all_lanes_of_traffic_and_off_each_other() -> N
 
 
 def test_vehicles_at_a_curb_head_along_their_lane_with_few_exceptions() -> None:
-    spec, network, spots = scene("Blocks")
+    spec, network, spots = scene("Town02")
     curbs = spots[spots["kind"] == SpotKind.CURB]
     rows = ParkedVehicles(spec, network, curbs, {}, 1).rows
     lane = network.nearest_lane(np.column_stack([rows["x"], rows["y"]]))
@@ -98,7 +98,7 @@ def test_vehicles_at_a_curb_head_along_their_lane_with_few_exceptions() -> None:
 def test_the_density_is_the_share_of_taken_spots() -> None:
     counts = []
     for density in (0.0, 0.5, 1.0):
-        spec, network, spots = scene("Blocks", density)
+        spec, network, spots = scene("Town02", density)
         counts.append(len(ParkedVehicles(spec, network, spots, {}, 1).rows))
     assert counts[0] == 0
     assert 0.35 < counts[1] / counts[2] < 0.65
@@ -106,12 +106,12 @@ def test_the_density_is_the_share_of_taken_spots() -> None:
 
 
 def test_without_spots_nothing_is_parked() -> None:
-    spec, network, _ = scene("Blocks")
+    spec, network, _ = scene("Town02")
     assert len(ParkedVehicles(spec, network, np.zeros(0, SPOT_DTYPE), {}, 1).rows) == 0
 
 
 def test_doors_open_only_while_nobody_is_near() -> None:
-    spec, network, spots = scene("Blocks")
+    spec, network, spots = scene("Town02")
     vehicles = ParkedVehicles(spec, network, spots, {}, 1)
     nobody, beside = np.zeros(0, ACTOR_DTYPE), np.zeros(len(vehicles.rows), ACTOR_DTYPE)
     beside["x"], beside["y"] = vehicles.rows["x"] + 2.0, vehicles.rows["y"]

@@ -55,8 +55,10 @@ def panel(kind: str, variant: int, season: Season = "summer") -> Mesh | GradedMe
     if kind in ("hedge", "high_hedge"):
         leafage = _BEECH.get(season, "hedges") if variant == 0 else "hedges"
         return hedge(rng, length_m, leafage, 1.3 if kind == "hedge" else 1.9)
-    bare = _BUILDERS[kind](rng)
-    return Mesh.merge([bare, ivy(rng, bare, _IVY)]) if kind == "wall" and variant == 1 else bare
+    if kind == "wall" and variant == 1:
+        bare = _wall(rng)
+        return Mesh.merge([bare, ivy(rng, bare, _IVY)])
+    return _BUILDERS[kind](rng)
 
 
 def _picket(rng: np.random.Generator) -> Mesh:

@@ -32,8 +32,8 @@ class RigidTable:
 
     Attributes:
         poses: (R, 6, 4) float32: three rows of world-from-rest, three of previous-world-from-current-world.
-        actors: (R, 4) uint32: actor id, light bits, color red | green << 8 | blue << 16, and for vehicles with a cabin
-            length / 0.1 m | width / 0.02 m << 8 | height / 0.02 m << 16 | tag << 24.
+        actors: (R, 4) uint32: actor id, light bits | behavior << 16, color red | green << 8 | blue << 16, and for
+            vehicles with a cabin length / 0.1 m | width / 0.02 m << 8 | height / 0.02 m << 16 | tag << 24.
         tints: (R, 4) uint32: colors of skin, hair, second garment and leather, red | green << 8 | blue << 16.
         first_row: (N,) row of each actor's part 0, in the order of the actors table.
         center_m: (N, 3) world, center of a sphere around each actor.
@@ -132,7 +132,7 @@ def _appearance(actors: Table) -> UInt32Array:
     """(1 + N, 4) ``RigidTable.actors`` of the static world, and of each actor."""
     appearance = np.zeros((1 + len(actors), 4), np.uint32)
     appearance[1:, 0] = actors["id"]
-    appearance[1:, 1] = actors["lights"]
+    appearance[1:, 1] = actors["lights"] | actors["behavior"].astype(np.uint32) << 16
     appearance[1:, 2] = _swapped(actors["color"])
     has_cabin = np.isin(actors["tag"], [Tag.CAR, Tag.TRUCK, Tag.BUS])
     size = np.stack([actors[name] / unit_m for name, unit_m in _SIZE_UNITS_M.items()], axis=1).round().astype(np.uint32)

@@ -9,7 +9,7 @@ import moderngl
 from simbev_ros.assets.materials import Material
 from simbev_ros.config.rendering import QUALITIES, Quality
 from simbev_ros.foundation.semantics import Tag
-from simbev_ros.schema.scene.state import Light, SignalState
+from simbev_ros.schema.scene.state import Behavior, Light, SignalState
 from simbev_ros.simulation.render.gl.failures import compile_error
 from simbev_ros.simulation.render.gl.screen_pass import ComputePass, RasterPass, ScreenPass, compute_source
 
@@ -72,7 +72,13 @@ BLOCK_BINDINGS = {"View": 0, "Light": 1, "Materials": 2}
 _INCLUDE = re.compile(r'^#include "(\w+)"$', re.MULTILINE)
 _ENUMS = "".join(
     f"const uint {prefix}_{member.name} = {member.value}u;\n"
-    for prefix, enum in {"MATERIAL": Material, "TAG": Tag, "LIGHT": Light, "STATE": SignalState}.items()
+    for prefix, enum in (
+        ("MATERIAL", Material),
+        ("TAG", Tag),
+        ("LIGHT", Light),
+        ("STATE", SignalState),
+        ("BEHAVIOR", Behavior),
+    )
     for member in enum
 )
 
@@ -81,9 +87,9 @@ class ProgramLibrary:
     """Compiles the shader programs of a context.
 
     A file includes another one of shaders/include by ``#include "name"``. ``#include "enums"`` defines every
-    ``Material``, ``Tag``, ``Light`` and ``SignalState`` as a constant, e.g. ``MATERIAL_ASPHALT``. The macro ``QUALITY``
-    is 0 (low), 1 (medium) or 2 (high); ``SHADING_STEP`` and ``VISIBILITY_STEP`` depend on it. ``TUNNELS`` is 1 if the
-    map has tunnels, else 0.
+    ``Material``, ``Tag``, ``Light``, ``SignalState`` and ``Behavior`` as a constant, e.g. ``MATERIAL_ASPHALT``. The
+    macro ``QUALITY`` is 0 (low), 1 (medium) or 2 (high); ``SHADING_STEP`` and ``VISIBILITY_STEP`` depend on it.
+    ``TUNNELS`` is 1 if the map has tunnels, else 0.
     """
 
     def __init__(

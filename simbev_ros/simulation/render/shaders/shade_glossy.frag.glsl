@@ -18,6 +18,23 @@ vec2 ripples(vec2 place, float size) {
     return swell * 0.045 + along * 0.05 + small * 0.03;
 }
 
+#if QUALITY >= 1
+// Dirt of a vehicle in use: splashes up to the windows, thickest at the sills, and a film of dust. Each has its own share.
+void soil(Pixel p, inout Surface s) {
+    uvec4 looks = texelFetch(rigid_actors, ivec2(int(p.row & 127u), int(p.row >> 7u)), 0);
+    if (looks.w == 0u) return;
+    vec4 own = randoms(vec2(float(looks.x), 11.0));
+    float amount = own.x * own.x * own.x, height = p.position.z - rigid_texel(p.row, 2).w;
+    float patchy = texture_at(p.uv / 1.3 + own.zw, p.size / 1.3).r;
+    float splashed = (1.0 - smoothstep(0.15, 0.45 + 0.75 * own.y, height - 0.35 * patchy)) * (0.35 + 0.65 * amount);
+    float film = amount * (0.10 + 0.16 * patchy);
+    float cover = clamp(0.62 * splashed + film, 0.0, 0.8);
+    s.albedo = mix(s.albedo, vec3(0.105, 0.092, 0.075), cover);
+    s.roughness = mix(s.roughness, 0.7, cover);
+    s.specular *= 1.0 - 0.8 * cover;
+}
+#endif
+
 void main() {
     Pixel p = this_pixel();
     Surface s = surface_of(p);
@@ -49,6 +66,9 @@ void main() {
         s.albedo = mix(p.albedo, vec3(dot(p.albedo, LUMA)), 0.18 * clamp(colorful * 2.0, 0.0, 1.0)) * (0.62 + 0.34 * facing + flakes * 0.6);
         // Road dust on the lower sides.
         s.roughness += 0.25 * (1.0 - smoothstep(-0.3, 0.2, p.normal.z));
+#if QUALITY >= 1
+        soil(p, s);
+#endif
     }
     shade(p, s);
 }

@@ -1,8 +1,11 @@
-// Interior of cars, vans, trucks and buses as seen through their windows: seats, a driver, and the windows on the far side.
+// Interior of cars, vans, trucks and buses as seen through their windows: seats, a driver and passengers unless the
+// vehicle is parked, and the windows on the far side.
 #include "rigid"
 uniform usampler2D rigid_actors;
 
 const float SEAT = 0.38;  // meters from the center
+const float BENCH = 0.85; // meters from a car's front seats to those behind
+const float ROW = 0.8;    // meters between the seats of a bus
 
 struct Cabin {  // meters, actor frame
     vec3 low, high;
@@ -25,6 +28,17 @@ float meets(vec3 from, vec3 ray, vec3 middle, vec3 radius) {
     vec3 to = (middle - from) / radius, way = ray / radius;
     float along = dot(to, way);
     return along > 0.0 ? (1.0 - smoothstep(0.84, 1.08, dot(to, to) - along * along / dot(way, way))) : 0.0;
+}
+
+// Seen radiance with a person's head and body before it. own: random numbers of the person.
+vec3 with_person(vec3 seen, vec3 from, vec3 ray, vec3 head, vec4 own, vec3 daylight) {
+    vec3 hair = mix(vec3(0.03, 0.022, 0.017), vec3(0.22, 0.16, 0.10), own.x * own.x * own.x);
+    vec3 skin = mix(vec3(0.32, 0.20, 0.15), vec3(0.07, 0.04, 0.028), own.w * own.w);
+    float top = from.z + ray.z * dot(head - from, ray) / dot(ray, ray) - head.z;
+    vec3 face = mix(ray.x < 0.3 ? skin : hair, hair, smoothstep(0.03, 0.06, top));
+    vec3 clothes = mix(own.yzw, own.yyy, 0.6);
+    seen = mix(seen, (clothes * clothes * 0.4 + 0.02) * daylight, meets(from, ray, head + vec3(0.0, 0.0, -0.42), vec3(0.13, 0.23, 0.30)));
+    return mix(seen, face * daylight, meets(from, ray, head, vec3(0.10, 0.085, 0.125)));
 }
 
 // Radiance of the interior. looks: the actor's row of render/geometry/rigid_table.py; beyond: radiance beyond the far side.
@@ -54,18 +68,31 @@ vec3 cabin_behind(Pixel p, uvec4 looks, vec3 beyond) {
     float rests = meets(from, ray, head + vec3(-1.05, -SEAT, -0.36), vec3(0.13, 0.60, 0.34));
     rests = tag == TAG_CAR ? rests : 0.0;
     seen = mix(seen, seat * daylight, rests);
-    float driver = meets(from, ray, head, vec3(0.10, 0.085, 0.125)), body = meets(from, ray, head + vec3(0.0, 0.0, -0.42), vec3(0.13, 0.23, 0.30));
-    vec3 clothes = own.yzw * own.yzw * 0.4 + 0.02;
-    float top = from.z + ray.z * dot(head - from, ray) / dot(ray, ray) - head.z;
-    vec3 face = mix(ray.x < 0.3 ? vec3(0.30, 0.19, 0.14) : vec3(0.04, 0.03, 0.024), vec3(0.04, 0.03, 0.024), smoothstep(0.03, 0.06, top));
-    seen = mix(seen, clothes * daylight, body);
-    seen = mix(seen, face * daylight, driver);
-    for (int side = 0; side < 2; ++side) {
-        vec3 back = vec3(head.x - 0.17, side == 0 ? SEAT : -SEAT, head.z - 0.44);
-        float chair = max(meets(from, ray, back, vec3(0.09, 0.25, 0.38)), meets(from, ray, back + vec3(-0.05, 0.0, 0.39), vec3(0.05, 0.145, 0.075)));
-        // From the front the driver hides the seat, from behind the seat hides the driver.
-        chair *= side == 0 && ray.x < 0.0 ? 1.0 - max(driver, body) : 1.0;
-        seen = mix(seen, seat * daylight, chair);
+    bool forward = ray.x > 0.0, parked = (looks.y >> 16u & BEHAVIOR_PARKED) != 0u;
+    vec4 taken = parked ? vec4(0.0) : vec4(1.0, step(0.62, randoms(vec2(float(looks.x), 5.0)).xyz - vec3(0.0, 0.2, 0.25)));
+    for (int turn = 0; turn < 4; ++turn) {  // seats from the far to the near ones: driver, beside, and the bench of cars
+        int place = forward ? 3 - (turn ^ 2) : 3 - turn;
+        bool bench = place > 1;
+        if (bench && tag != TAG_CAR) continue;
+        vec3 at = head + vec3(bench ? -BENCH : 0.0, (place & 1) == 0 ? 0.0 : -2.0 * SEAT, 0.0);
+        float chair = 0.0;
+        if (!bench) {
+            vec3 back = at + vec3(-0.17, 0.0, -0.44);
+            chair = max(meets(from, ray, back, vec3(0.09, 0.25, 0.38)), meets(from, ray, back + vec3(-0.05, 0.0, 0.39), vec3(0.05, 0.145, 0.075)));
+        }
+        // From the front the person hides the seat, from behind the seat hides the person.
+        if (!forward) seen = mix(seen, seat * daylight, chair);
+        if (taken[place] > 0.5) {
+            vec4 person = place == 0 ? own : randoms(vec2(float(looks.x), 7.0 + float(place)));
+            seen = with_person(seen, from, ray, at, person, daylight);
+        }
+        if (forward) seen = mix(seen, seat * daylight, chair);
+    }
+    if (tag == TAG_BUS && !parked && from.x < head.x - 0.6) {  // passengers beside the windows
+        float beside = sign(from.y) * (cabin.high.y - 0.32), row = floor((from.x + ray.x * (beside - from.y) / ray.y) / ROW);
+        vec4 person = randoms(vec2(float(looks.x) + (from.y > 0.0 ? 0.0 : 4096.0), row + 64.0));
+        vec3 at = vec3((row + 0.5) * ROW, beside, cabin.belt + 0.34);
+        if (person.x + person.y < 0.8) seen = with_person(seen, from, ray, at, person, daylight);
     }
     float tint = from.x < head.x - 0.4 ? 0.5 : 0.8;
     return seen * tint;

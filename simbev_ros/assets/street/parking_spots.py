@@ -76,9 +76,8 @@ class _Curb(NamedTuple):
 
 def parking_spots(yard: Yard, zones: Zones) -> Table:
     """(K,) ``SPOT_DTYPE`` of a region in which everything else has been placed."""
-    parts = [_bay_spots(yard.ground, yard.bays), *(_curb_spots(yard, curb) for curb in _curbs(yard.ground))]
-    spots = np.concatenate(parts)
-    spots = spots[yard.ground.owns(np.column_stack([spots["x"], spots["y"]]))]
+    bays = [bay for bay in yard.bays if yard.ground.owns(bay.center_m[None])[0]]
+    spots = np.concatenate([_bay_spots(yard.ground, bays), *(_curb_spots(yard, curb) for curb in _curbs(yard.ground))])
     for recipe, area in zones:
         spots["use"][shapely.contains_xy(area, spots["x"], spots["y"])] = USES.index(recipe.use)
     return spots
@@ -150,7 +149,7 @@ def _curb_spots(yard: Yard, curb: _Curb) -> Table:
     entrances = shapely.STRtree(yard.entrances)
     blocked[entrances.query(shapely.points(middle_m), predicate="dwithin", distance=_KEEP_FROM_DRIVE_M)[0]] = True
     room = shapely.buffer(shapely.points(middle_m), _CLAIMED_SHARE * curb.width_m, quad_segs=2)
-    kept = ~blocked & [yard.claims.is_free(each) for each in room]
+    kept = ~blocked & yard.ground.owns(curb.curb_m) & [yard.claims.is_free(each) for each in room]
     rows = [_row_spots(yard.ground, curb, middle_m, row) for row in _rows(kept)]
     return np.concatenate([np.zeros(0, SPOT_DTYPE), *rows])
 

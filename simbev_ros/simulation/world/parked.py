@@ -140,8 +140,8 @@ def _line_up(spots: Table, share: float, rng: np.random.Generator) -> Iterator[_
     """Fill a row of spots along a curb from its start, with gaps."""
     min_gap_m, mean_gap_m = _table()["gap_m"]
     step_m, width_m = float(spots["length"][0]), float(spots["width"].min()) - _FROM_CURB_M - _FROM_TRAFFIC_M
-    from_m = float(rng.exponential(mean_gap_m))
-    while (blueprint := _draw_blueprint(rng, len(spots) * step_m - from_m, width_m)) is not None:
+    from_m, end_m = min_gap_m / 2.0 + float(rng.exponential(mean_gap_m)), len(spots) * step_m - min_gap_m / 2.0
+    while (blueprint := _draw_blueprint(rng, end_m - from_m, width_m)) is not None:
         length_m = blueprint.size_m[0]
         if rng.random() < share:
             at = (from_m + length_m / 2.0) / step_m - 0.5
@@ -155,7 +155,8 @@ def _row(parked: _Parked, kind: str, rng: np.random.Generator) -> Table:
     blueprint, spot, along_m = parked
     table, (length_m, width_m, height_m), side = _table(), blueprint.size_m, float(spot["side"])
     turn_rad, aside_m = (float(rng.normal(0.0, table[name][kind])) for name in ("yaw_sd_rad", "across_sd_m"))
-    along_m += float(rng.normal(0.0, table["along_sd_m"][kind]))
+    slack_m = max(float(spot["length"]) - length_m, 0.0) / 2.0
+    along_m += float(np.clip(rng.normal(0.0, table["along_sd_m"][kind]), -slack_m, slack_m))
     room_m = float(spot["width"]) - width_m
     if side:  # from the curb to the middle of the vehicle
         turn_rad *= min(1.0, (room_m - _FROM_CURB_M - _FROM_TRAFFIC_M) / _FULL_TURN_M)

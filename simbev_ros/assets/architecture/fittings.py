@@ -12,11 +12,11 @@ from simbev_ros.assets.architecture.facades import BAY_M, building_finish
 from simbev_ros.assets.architecture.plot import Plot
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.mesh import Mesh
-from simbev_ros.assets.mesh.primitives import Finish, box, boxes, cylinder, lathe
+from simbev_ros.assets.mesh.primitives import Finish, box, boxes, cylinder
 from simbev_ros.assets.palette import pick_color
 from simbev_ros.assets.street.lettering import text_mesh
 from simbev_ros.assets.street.sign_faces import VARIANTS, plate, sign_table
-from simbev_ros.foundation.random import stream
+from simbev_ros.assets.street.small_things import small_thing
 from simbev_ros.foundation.semantics import Tag
 from simbev_ros.foundation.types import Float64Array
 
@@ -28,6 +28,7 @@ _NAME_M, _NAME_AT, _NAME_OUT_M = 0.3, 0.905, 0.07  # letters: height; their heig
 _HANGING_M, _BRACKET_OUT_M = 2.75, 0.15
 _SCAFFOLD_SHARE, _LIFT_M = 0.05, 2.0
 _MAX_PIPED_M = 20.0
+_WARES = ("crates", "racks", "table", "table_red", "pot", "")  # before shops; the last one is a stand with a menu
 
 
 class Front(NamedTuple):
@@ -146,57 +147,11 @@ def _goods(front: Front, rng: np.random.Generator) -> list[Mesh]:
     pieces, x_m = [], 1.1 - front.width_m / 2.0
     while x_m < front.width_m / 2.0 - 1.1:
         if rng.random() < 0.45:
-            thing = _ware(int(rng.integers(len(_WARES))), int(rng.integers(VARIANTS)))
-            pieces.append(_moved(thing, x_m, -0.65, 0.0))
+            name = _WARES[int(rng.integers(len(_WARES)))]
+            thing = small_thing(name) if name else plate("stand", int(rng.integers(VARIANTS))).mesh
+            pieces.append(_moved(thing.transform(_FRONT_BY_FACING), x_m, -0.65, 0.0 if name else 0.5))
         x_m += rng.uniform(1.7, 3.0)
     return pieces
-
-
-@lru_cache(maxsize=64)
-def _ware(number: int, variant: int) -> Mesh:
-    return _WARES[number](stream(variant, f"fittings.wares.{number}"))
-
-
-def _stand(rng: np.random.Generator) -> Mesh:
-    sign = plate("stand", int(rng.integers(VARIANTS))).mesh
-    return _moved(Mesh.merge([sign, sign.transform(np.diag([-1.0, -1.0, 1.0, 1.0]))]), 0.0, 0.0, 0.5)
-
-
-def _crates(rng: np.random.Generator) -> Mesh:
-    wood = Finish(Material.WOOD, Tag.DYNAMIC, (150, 116, 76))
-    x_m = np.array([-0.45, 0.05, 0.55])
-    pieces = [boxes(wood, np.tile([0.46, 0.6, 0.5], (3, 1)), np.column_stack([x_m, np.zeros(3), np.full(3, 0.25)]))]
-    for x in x_m.tolist():
-        fruit = Finish(Material.PLAIN, Tag.DYNAMIC, pick_color(rng, "fruit"))
-        pieces.append(box(fruit, (0.4, 0.52, 0.12), (x, 0.0, 0.54)))
-    return Mesh.merge(pieces)
-
-
-def _table(rng: np.random.Generator) -> Mesh:
-    metal = Finish(Material.METAL, Tag.DYNAMIC, (70, 72, 74))
-    wood = Finish(Material.WOOD, Tag.DYNAMIC, pick_color(rng, "doors"))
-    top = lathe(wood, np.array([[0.0, 0.7], [0.34, 0.7], [0.34, 0.74], [0.0, 0.74]]), segments=8)
-    seats, backs = np.array([(x, 0.0, 0.45) for x in (-0.7, 0.7)]), np.array([(x, 0.0, 0.68) for x in (-0.9, 0.9)])
-    legs = np.array([(x + s, y, 0.22) for x in (-0.7, 0.7) for s in (-0.18, 0.18) for y in (-0.18, 0.18)])
-    return Mesh.merge(
-        [
-            top,
-            box(metal, (0.06, 0.06, 0.7), (0.0, 0.0, 0.35)),
-            boxes(wood, np.tile([0.42, 0.42, 0.04], (2, 1)), seats),
-            boxes(wood, np.tile([0.04, 0.42, 0.4], (2, 1)), backs),
-            boxes(metal, np.tile([0.03, 0.03, 0.44], (8, 1)), legs),
-        ]
-    )
-
-
-def _pot(rng: np.random.Generator) -> Mesh:
-    clay = Finish(Material.BRICK, Tag.STATIC, pick_color(rng, "bins"))
-    leaves = Finish(Material.FOLIAGE, Tag.VEGETATION, pick_color(rng, "hedges"))
-    ball = np.array([[0.0, 0.5], [0.3, 0.65], [0.36, 0.9], [0.2, 1.2], [0.0, 1.3]])
-    return Mesh.merge([box(clay, (0.5, 0.5, 0.55), (0.0, 0.0, 0.27)), lathe(leaves, ball, segments=7)])
-
-
-_WARES = (_stand, _crates, _table, _pot, _table)
 
 
 def _scaffold(front: Front) -> list[Mesh]:

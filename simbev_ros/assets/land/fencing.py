@@ -35,10 +35,11 @@ def put_panels(
     end_m: Float64Array,
     land: BaseGeometry,
     clear: tuple[shapely.STRtree, float] | None = None,
+    base: Base = Base.ALONG_LAND,
 ) -> None:
     """Put panels along a straight line between two (2,) points, where they are free and on the land.
 
-    ``clear``: what they keep clear of, and the distance in meters.
+    ``clear``: what they keep clear of, and the distance in meters. ``base``: what they stand on.
     """
     step = end_m - start_m
     length_m = float(np.hypot(*step))
@@ -55,7 +56,7 @@ def put_panels(
         fit[near] = False
     kept = [k for k in np.flatnonzero(fit).tolist() if yard.claims.is_free(footprints[k])]
     yard.claims.add(*(footprints[k] for k in kept))
-    yard.ensemble.put(mesh, positions[kept], yaw_of(along), base=Base.ALONG_LAND)
+    yard.ensemble.put(mesh, positions[kept], yaw_of(along), base=base)
 
 
 def fence_along(yard: Yard, kind: str, line: shapely.LineString, land: BaseGeometry, rng: np.random.Generator) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
 from simbev_ros.assets.land.blocks import Block, blocks_of, fast_roads, zones_of
-from simbev_ros.assets.land.boundaries import put_boundaries, put_guards
+from simbev_ros.assets.land.boundaries import put_boundaries, put_guards, put_median_railings
 from simbev_ros.assets.land.campus import lay_out_campus
 from simbev_ros.assets.land.covers import Cover
 from simbev_ros.assets.land.farmland import lay_out_farmland
@@ -25,6 +25,7 @@ from simbev_ros.assets.street.lights import put_lights
 from simbev_ros.assets.street.map_objects import put_map_objects
 from simbev_ros.assets.street.parking_spots import parking_spots
 from simbev_ros.assets.street.signage import put_boards, put_islands, put_lamp_plates, put_sign_posts
+from simbev_ros.assets.street.small_things import put_along_curbs, put_behind_walks
 from simbev_ros.assets.street.streetscape import (
     put_bus_shelters,
     put_cables,
@@ -96,5 +97,8 @@ def furnish_region(tiles: TileBuilder, claims: Claims, ground: RegionGround) -> 
     put_boards(yard, blocks)
     put_lamp_plates(yard)
     put_islands(yard)
+    put_median_railings(yard)
+    put_along_curbs(yard, curbs)
+    put_behind_walks(yard, blocks)
     yard.ensemble.place_all(tiles, ground)
     return Furnishing(tuple(yard.covers), lights, tuple(yard.pavements), parking_spots(yard, zones))

@@ -22,8 +22,8 @@ _PATCH = Finish(Material.ASPHALT, Tag.ROAD, (54, 55, 57))
 _OLD_PATCH = Finish(Material.ASPHALT, Tag.ROAD, (80, 79, 77))
 _COVER = Finish(Material.PLAIN, Tag.ROAD, (56, 53, 50))  # cast iron, dull with dirt
 
-_PATCH_SPACING_M, _COVER_SPACING_M = 110.0, 90.0  # along lanes, on average
-_PATCH_LENGTH_M, _PATCH_WIDTH_M = (1.5, 7.0), (0.8, 2.2)
+_PATCH_SPACING_M, _COVER_SPACING_M, _TRENCH_SPACING_M = 70.0, 65.0, 170.0  # along lanes, on average
+_PATCH_M, _TRENCH_M = ((1.5, 7.0), (0.8, 2.2)), ((9.0, 30.0), (0.4, 0.9))  # lengths and widths
 _COVER_RADIUS_M = 0.34
 _FROM_BORDER_M = 5.0  # repairs keep this distance from a region's border
 
@@ -42,7 +42,12 @@ def lay_road(tiles: TileBuilder, ground: RegionGround, level: int, facets: Facet
 def _repairs(ground: RegionGround, level: int) -> list[tuple[Finish, shapely.MultiPolygon]]:
     """Disjoint areas of patches and manhole covers, by finish."""
     rng = ground.stream(f"ground.repairs.{level}")
-    patches = _rectangles(*_random_positions(ground, level, _PATCH_SPACING_M, rng), rng)
+    patches = np.concatenate(
+        [
+            _rectangles(*_random_positions(ground, level, spacing_m, rng), size_m, rng)
+            for spacing_m, size_m in ((_PATCH_SPACING_M, _PATCH_M), (_TRENCH_SPACING_M, _TRENCH_M))
+        ]
+    )
     covers, _ = _random_positions(ground, level, _COVER_SPACING_M, rng)
     discs = np.asarray(shapely.buffer(shapely.points(covers), _COVER_RADIUS_M, quad_segs=3), object)
     newer = rng.random(len(patches)) < 0.6
@@ -76,11 +81,14 @@ def _random_positions(
 
 
 def _rectangles(
-    position_m: Float64Array, direction: Float64Array, rng: np.random.Generator
+    position_m: Float64Array,
+    direction: Float64Array,
+    size_m: tuple[tuple[float, float], tuple[float, float]],
+    rng: np.random.Generator,
 ) -> np.ndarray[tuple[int], np.dtype[np.object_]]:
     """Patches of random size along the lanes."""
-    along = direction * rng.uniform(*_PATCH_LENGTH_M, (len(position_m), 1)) / 2.0
-    across = left_of(direction) * rng.uniform(*_PATCH_WIDTH_M, (len(position_m), 1)) / 2.0
+    along = direction * rng.uniform(*size_m[0], (len(position_m), 1)) / 2.0
+    across = left_of(direction) * rng.uniform(*size_m[1], (len(position_m), 1)) / 2.0
     corners_m = [
         position_m - along - across,
         position_m + along - across,

@@ -1,7 +1,8 @@
 """Panels of fences, walls and hedges. Frame: along x from 0, z up; all vertices of a panel follow the ground."""
 
-from collections.abc import Callable, Mapping
-from functools import lru_cache
+from collections.abc import Callable, Mapping, Sequence
+from functools import lru_cache, partial
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from simbev_ros.assets.placement.tiles import upright_pose
 from simbev_ros.config.weather import Season
 from simbev_ros.foundation.random import stream
 from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.tables import load_table
 from simbev_ros.foundation.types import Float64Array
 
 _BEECH: Mapping[Season, str] = {"spring": "fresh_leaves", "autumn": "copper_leaves", "winter": "dead_leaves"}
@@ -25,6 +27,8 @@ _IVY = 100
 VARIANTS = 3
 """Number of variants of a panel, which differ in color."""
 
+_RAILED: Mapping[str, Mapping[str, Any]] = load_table("simbev_ros.assets.street", "barriers.yaml")["railed"]
+
 PANEL_M = {
     "picket": 2.2,
     "boards": 2.4,
@@ -33,13 +37,9 @@ PANEL_M = {
     "high_hedge": 2.4,
     "bars": 3.0,
     "field": 4.0,
-    "railing": 2.4,
-    "guard": 2.0,
-    "mesh": 2.5,
-    "low_wall": 2.4,
-    "railed_wall": 2.4,
     "high_wall": 2.4,
     "posts": 3.2,
+    **{kind: float(entry["length_m"]) for kind, entry in _RAILED.items()},
 }
 """Length of one panel, by kind of barrier."""
 
@@ -131,38 +131,15 @@ def _field(rng: np.random.Generator) -> Mesh:
     )
 
 
-def _railing(rng: np.random.Generator) -> GradedMesh:
-    """An iron railing with points, 1.25 m high."""
-    iron = Finish(Material.METAL, Tag.FENCE, pick_color(rng, "railings"))
-    return _barred(iron, PANEL_M["railing"], (-0.1, 1.25), (0.15, 1.1), 0.16, 0.012)
-
-
-def _guard(rng: np.random.Generator) -> GradedMesh:
-    """A guard rail for pedestrians between sidewalk and road, 1.05 m high."""
-    steel = Finish(Material.METAL, Tag.FENCE, pick_color(rng, "guards"))
-    return _barred(steel, PANEL_M["guard"], (0.12, 1.0), (0.12, 1.02), 0.115, 0.01)
-
-
-def _mesh(rng: np.random.Generator) -> GradedMesh:
-    """A fence of bar mats around schools and sports grounds, 1.9 m high."""
-    steel = Finish(Material.METAL, Tag.FENCE, pick_color(rng, "mats"))
-    mesh = _barred(steel, PANEL_M["mesh"], (0.02, 1.9), (0.1, 1.85), 0.208, 0.01)
-    rails = np.array([(PANEL_M["mesh"] / 2.0, 0.0, z) for z in (0.55, 1.0, 1.45)])
-    mats = boxes(steel, np.tile((PANEL_M["mesh"], 0.02, 0.02), (3, 1)), rails)
-    return GradedMesh.merge([mesh, GradedMesh(mats, Mesh.empty())])
-
-
-def _low_wall(rng: np.random.Generator) -> Mesh:
-    """A brick wall of a front garden, 0.75 m high."""
-    return _masonry(rng, PANEL_M["low_wall"], 0.7)
-
-
-def _railed_wall(rng: np.random.Generator) -> GradedMesh:
-    """A low wall that carries a railing, 1.3 m high."""
-    base = _masonry(rng, PANEL_M["railed_wall"], 0.42)
-    iron = Finish(Material.METAL, Tag.FENCE, pick_color(rng, "railings"))
-    top = _barred(iron, PANEL_M["railed_wall"], (0.4, 1.3), (0.55, 1.18), 0.16, 0.012)
-    return GradedMesh.merge([GradedMesh(base, base), top])
+def _railed(entry: Mapping[str, Any], rng: np.random.Generator) -> GradedMesh:
+    """Bars between two rails, with posts, alone or on a wall; by a row of barriers.yaml."""
+    length_m, wall_m = float(entry["length_m"]), float(entry["wall_m"])
+    base = _masonry(rng, length_m, wall_m) if wall_m else Mesh.empty()
+    if "bars_m" not in entry:
+        return GradedMesh(base, base)
+    steel = Finish(Material.METAL, Tag.FENCE, pick_color(rng, entry["color"]))
+    bars = _barred(steel, length_m, entry["bars_m"], entry["rails_m"], entry["spacing_m"], entry["radius_m"])
+    return GradedMesh.merge([GradedMesh(base, base), bars])
 
 
 def _high_wall(rng: np.random.Generator) -> Mesh:
@@ -198,29 +175,28 @@ def _masonry(rng: np.random.Generator, length_m: float, height_m: float) -> Mesh
 def _barred(
     finish: Finish,
     length_m: float,
-    bars_z_m: tuple[float, float],
-    rails_z_m: tuple[float, float],
+    bars_m: Sequence[float],
+    rails_m: Sequence[float],
     spacing_m: float,
     radius_m: float,
 ) -> GradedMesh:
-    """Bars between two rails, and a post; the coarse mesh has a quarter of the bars, each four times as wide."""
+    """Bars between their low and high end, rails, a post; in the coarse mesh, each fourth bar is four times as wide."""
     x_m = np.arange(spacing_m / 2.0, length_m, spacing_m)
-    rails = np.array([(length_m / 2.0, 0.0, z) for z in rails_z_m])
-    top_m = max(rails_z_m[1], bars_z_m[1]) + 0.04
+    rails = np.array([(length_m / 2.0, 0.0, z) for z in rails_m])
+    top_m = max(rails_m[-1], bars_m[1]) + 0.04
     frame = Mesh.merge(
         [
-            boxes(finish, np.tile((length_m, 0.035, 0.035), (2, 1)), rails),
+            boxes(finish, np.tile((length_m, 0.035, 0.035), (len(rails), 1)), rails),
             box(finish, (0.05, 0.05, top_m + 0.4), (0.025, 0.0, (top_m - 0.4) / 2.0)),
         ]
     )
-    few = x_m[1::4] if len(x_m) > 3 else x_m
     return GradedMesh(
-        Mesh.merge([_bars_along(finish, x_m, bars_z_m, radius_m), frame]),
-        Mesh.merge([_bars_along(finish, few, bars_z_m, 4.0 * radius_m), frame]),
+        Mesh.merge([_bars_along(finish, x_m, bars_m, radius_m), frame]),
+        Mesh.merge([_bars_along(finish, x_m[1::4], bars_m, 4.0 * radius_m), frame]),
     )
 
 
-def _bars_along(finish: Finish, x_m: Float64Array, z_m: tuple[float, float], radius_m: float) -> Mesh:
+def _bars_along(finish: Finish, x_m: Float64Array, z_m: Sequence[float], radius_m: float) -> Mesh:
     """Upright three-sided bars at (N,) positions along x, pointed at both ends."""
     turn = np.pi / 6.0 + np.arange(3) * (2.0 * np.pi / 3.0)
     ring = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(3)])
@@ -256,11 +232,7 @@ _BUILDERS: Mapping[str, Callable[[np.random.Generator], Mesh | GradedMesh]] = {
     "wall": _wall,
     "bars": _bars,
     "field": _field,
-    "railing": _railing,
-    "guard": _guard,
-    "mesh": _mesh,
-    "low_wall": _low_wall,
-    "railed_wall": _railed_wall,
     "high_wall": _high_wall,
     "posts": _posts,
+    **{kind: partial(_railed, entry) for kind, entry in _RAILED.items()},
 }

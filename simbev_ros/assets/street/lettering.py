@@ -36,7 +36,7 @@ def text_mesh(
     narrowed = min(1.0, max_width_m / (text_width_m(text, height_m) + 1e-9))
     lines = []
     for number, letter in enumerate(text):
-        for line in _glyphs().get(letter, ()):
+        for line in glyph(letter):
             shifted = line + np.array([_ADVANCE * (number - (len(text) - 1) / 2.0) - 2.0, -_GRID_HEIGHT / 2.0])
             lines.append(shifted * unit_m * np.array([narrowed, 1.0]))
     mesh = strokes_mesh(finish, lines, _PEN * unit_m * min(1.0, 0.4 + 0.6 * narrowed), x_m)
@@ -68,6 +68,11 @@ def strokes_mesh(finish: Finish, lines: Sequence[Float64Array], width_m: float, 
         color=finish.color,
         uv=corners,
     )
+
+
+def glyph(letter: str) -> tuple[Float64Array, ...]:
+    """Strokes of a letter, each (N, 2) points x, y on its grid of 4 x 6; none for a space."""
+    return _glyphs().get(letter, ())
 
 
 @lru_cache(maxsize=1)

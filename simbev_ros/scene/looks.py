@@ -1,4 +1,8 @@
-"""Looks of people: tone of skin, colors of hair, second garment and leather, drawn from the palettes in looks.yaml."""
+"""Looks of people: tone of skin, colors of hair, second garment and leather, from the palettes in looks.yaml.
+
+A look follows from the actor's id, color and blueprint, which the scene's seed determines. So it needs no column of its
+own in tables and recordings, and people in recordings of any version have one.
+"""
 
 from functools import cache
 from typing import NamedTuple
@@ -6,17 +10,15 @@ from typing import NamedTuple
 import numpy as np
 
 from simbev_ros.config.base import Model
-from simbev_ros.foundation.random import stream
 from simbev_ros.foundation.semantics import Tag
 from simbev_ros.foundation.tables import load_table
-from simbev_ros.foundation.types import Table, UInt32Array
-from simbev_ros.scene.blueprints import Blueprint, load_blueprints
+from simbev_ros.foundation.types import AnyArray, BoolArray, Int64Array, Table, UInt32Array
+from simbev_ros.scene.blueprints import load_blueprints
 
-COLUMNS = ("skin", "hair", "color2", "leather")
-"""Columns of the actors table with a person's look."""
-
-_UNKNOWN_SKIN = 5
-"""Tone of a person in a recording of a version that did not draw it."""
+_CHOICES = 256
+"""Number of equally probable entries by which a palette is represented."""
+_MIX = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
+"""Constants of SplitMix64: Steele, Lea and Flood, "Fast Splittable Pseudorandom Number Generators", 2014."""
 
 
 class Hair(Model):
@@ -36,13 +38,15 @@ class Looks(Model):
     leather: tuple[int, ...]
 
 
-class Look(NamedTuple):
-    """A person's look, in the order of ``COLUMNS``; the tone of skin counts from 1, colors are 0xRRGGBB."""
+class _Choices(NamedTuple):
+    """Palettes as arrays of ``_CHOICES`` colors: hair by tone, second garments by blueprint."""
 
-    skin: int
-    hair: int
-    color2: int
-    leather: int
+    skin: UInt32Array
+    hair: UInt32Array
+    gray_hair: UInt32Array
+    second: UInt32Array
+    leather: UInt32Array
+    is_old: BoolArray
 
 
 @cache
@@ -51,37 +55,52 @@ def load_looks() -> Looks:
     return Looks.model_validate(load_table("simbev_ros.scene", "looks.yaml"))
 
 
+def looks_of(actors: Table) -> UInt32Array:
+    """(N, 4) colors 0xRRGGBB of skin, hair, second garment and leather of (N,) ``ACTOR_DTYPE`` actors.
+
+    They are 0 where the actor is no person.
+    """
+    choices, blueprint = _choices(), actors["blueprint"].astype(np.int64)
+    tone, *choice = _random_bytes(actors)
+    tone %= len(choices.skin)
+    hair = np.where(choices.is_old[blueprint], choices.gray_hair[choice[0]], choices.hair[tone, choice[0]])
+    colors = [choices.skin[tone], hair, choices.second[blueprint, choice[1]], choices.leather[choice[2]]]
+    is_person: BoolArray = np.isin(actors["tag"], [Tag.PEDESTRIAN, Tag.RIDER])
+    return np.where(is_person[:, None], np.stack(colors, axis=-1), np.uint32(0))
+
+
+def _random_bytes(actors: Table) -> list[Int64Array]:
+    """Four random numbers per actor, the first one of 16 bits, the others below ``_CHOICES``."""
+    key = actors["id"].astype(np.uint64) | actors["color"].astype(np.uint64) << np.uint64(32)
+    key = (key ^ actors["blueprint"].astype(np.uint64) << np.uint64(48)) * _MIX[0]
+    for shift, factor in ((30, _MIX[1]), (27, _MIX[2])):
+        key = (key ^ key >> np.uint64(shift)) * factor
+    key ^= key >> np.uint64(31)
+    return [
+        (key >> np.uint64(shift) & np.uint64(mask)).astype(np.int64)
+        for shift, mask in ((48, 0xFFFF), (0, 255), (8, 255), (16, 255))
+    ]
+
+
 @cache
-def skin_colors() -> UInt32Array:
-    """(11,) colors 0xRRGGBB by the column ``skin``; index 0 is for people of whom it is not known."""
-    tones = load_looks().skin
-    return np.array([tones[_UNKNOWN_SKIN - 1], *tones], np.uint32)
-
-
-def draw_look(blueprint: Blueprint, rng: np.random.Generator) -> Look:
-    """Draw the look of a person with a blueprint."""
-    looks = load_looks()
-    tone = int(rng.integers(1, len(looks.skin), endpoint=True))
-    hair = [each for each in looks.hair if tone <= each.max_skin]
-    cumulative = np.cumsum([each.share for each in hair])
-    color = hair[int(np.searchsorted(cumulative, rng.random() * cumulative[-1], side="right"))].color
-    second = blueprint.colors2 or blueprint.colors
-    return Look(
-        skin=tone,
-        hair=_pick(looks.gray_hair, rng) if blueprint.old else color,
-        color2=_pick(second, rng),
-        leather=_pick(looks.leather, rng),
+def _choices() -> _Choices:
+    looks, blueprints = load_looks(), load_blueprints()
+    hair = []
+    for tone in range(1, len(looks.skin) + 1):
+        usual = [each for each in looks.hair if tone <= each.max_skin]
+        hair.append(_spread([each.color for each in usual], [each.share for each in usual]))
+    return _Choices(
+        skin=np.array(looks.skin, np.uint32),
+        hair=np.stack(hair),
+        gray_hair=_spread(looks.gray_hair),
+        second=np.stack([_spread(each.colors2 or each.colors) for each in blueprints]),
+        leather=_spread(looks.leather),
+        is_old=np.array([each.old for each in blueprints]),
     )
 
 
-def fill_looks(rows: Table, seed: int) -> None:
-    """Draw the looks of the people among (N,) ``ACTOR_DTYPE`` rows in place; each depends on its id and the seed."""
-    for index in np.flatnonzero(np.isin(rows["tag"], [Tag.PEDESTRIAN, Tag.RIDER])).tolist():
-        blueprint = load_blueprints()[rows["blueprint"][index]]
-        look = draw_look(blueprint, stream(seed, f"looks.{rows['id'][index]}"))
-        for name, value in zip(COLUMNS, look, strict=True):
-            rows[name][index] = value
-
-
-def _pick(colors: tuple[int, ...], rng: np.random.Generator) -> int:
-    return colors[int(rng.integers(len(colors)))]
+def _spread(colors: AnyArray | tuple[int, ...] | list[int], shares: list[float] | None = None) -> UInt32Array:
+    """(_CHOICES,) colors, each as often as its share says."""
+    ends = np.cumsum(np.ones(len(colors)) if shares is None else shares)
+    at = (np.arange(_CHOICES) + 0.5) / _CHOICES * ends[-1]
+    return np.array(colors, np.uint32)[np.searchsorted(ends, at, side="right")]

@@ -1,51 +1,56 @@
-"""Looks of people: skin, hair and colors of clothes."""
+"""Looks of people: skin, hair and colors of clothes; what they wear in which weather."""
 
 import numpy as np
 from scipy import stats
 
-from simbev_ros.foundation.random import stream
 from simbev_ros.foundation.semantics import Tag
 from simbev_ros.scene.blueprints import blueprint_index, blueprint_named
 from simbev_ros.scene.drawing.scene_drawer import dressed_for
-from simbev_ros.scene.looks import COLUMNS, draw_look, fill_looks, load_looks, skin_colors
+from simbev_ros.scene.looks import load_looks, looks_of
 from simbev_ros.schema.scene.state import ACTOR_DTYPE
 from simbev_ros.schema.scene.weather import Weather
 
-
-def looks(name, count=2000):
-    return [draw_look(blueprint_named(name), stream(3, f"looks.{index}")) for index in range(count)]
+SKIN = load_looks().skin
 
 
-def test_the_ten_tones_of_skin_are_equally_frequent():
-    counts = np.bincount([look.skin for look in looks("pedestrian.man")], minlength=11)
-    assert counts[0] == 0
-    assert stats.chisquare(counts[1:]).pvalue > 0.01
+def people(name, count=4000):
+    rows = np.zeros(count, ACTOR_DTYPE)
+    rows["id"], rows["tag"], rows["blueprint"] = 1 + np.arange(count), Tag.PEDESTRIAN, blueprint_index()[name]
+    rows["color"] = np.random.default_rng(4).choice(blueprint_named(name).colors, count)
+    return rows
+
+
+def test_the_ten_tones_of_skin_are_equally_frequent_and_independent_of_the_other_colors():
+    skin, _, second, leather = looks_of(people("pedestrian.man")).T
+    counts = [np.count_nonzero(skin == color) for color in SKIN]
+    assert sum(counts) == len(skin)
+    assert stats.chisquare(counts).pvalue > 0.01
+    for other in (second, leather):
+        table = [[np.count_nonzero((skin == a) & (other == b)) for a in SKIN] for b in np.unique(other)]
+        assert stats.chi2_contingency(table).pvalue > 0.01
 
 
 def test_light_hair_is_for_light_skin_and_gray_hair_for_old_people():
-    hair = {each.color: each.max_skin for each in load_looks().hair}
-    drawn = looks("pedestrian.woman")
-    assert all(look.skin <= hair[look.hair] for look in drawn)
-    assert {look.hair for look in drawn} == set(hair)
-    assert {look.hair for look in looks("pedestrian.elder")} == set(load_looks().gray_hair)
+    max_skin = {each.color: each.max_skin for each in load_looks().hair}
+    skin, hair, *_ = looks_of(people("pedestrian.woman")).T.tolist()
+    assert all(SKIN.index(tone) + 1 <= max_skin[color] for tone, color in zip(skin, hair, strict=True))
+    assert {*hair} == {*max_skin}
+    assert {*looks_of(people("pedestrian.elder"))[:, 1].tolist()} == {*load_looks().gray_hair}
 
 
-def test_only_people_have_looks_which_depend_on_their_ids_and_the_seed():
-    rows = np.zeros(4, ACTOR_DTYPE)
-    rows["id"], rows["tag"] = [1, 2, 3, 4], [Tag.CAR, Tag.PEDESTRIAN, Tag.PEDESTRIAN, Tag.RIDER]
-    rows["blueprint"] = [blueprint_index()[f"pedestrian.{name}"] for name in ("man", "man", "woman", "heavy")]
-    first, again, other = rows.copy(), rows[[0, 2]].copy(), rows.copy()
-    for table, seed in ((first, 5), (again, 5), (other, 6)):
-        fill_looks(table, seed)
-    assert not any(first[name][0] for name in COLUMNS)
-    assert (first["skin"][1:] > 0).all()
-    assert again[1] == first[2]
-    assert (first[1:] != other[1:]).all()
-
-
-def test_recordings_without_a_tone_of_skin_show_a_medium_one():
-    assert skin_colors()[0] == skin_colors()[5]
-    assert len(skin_colors()) == 11
+def test_only_people_have_looks_which_depend_on_nothing_but_id_color_and_blueprint():
+    rows = people("pedestrian.man", 50)
+    looks = looks_of(rows)
+    moved = rows.copy()
+    moved["x"], moved["gait"], moved["vx"] = 5.0, 1.0, 2.0
+    np.testing.assert_array_equal(looks_of(moved)[::-1], looks_of(moved[::-1]))
+    np.testing.assert_array_equal(looks_of(moved), looks)
+    for column in ("id", "color"):
+        changed = rows.copy()
+        changed[column] += 1000
+        assert (looks_of(changed) != looks).any(axis=1).mean() > 0.95
+    rows["tag"] = Tag.CAR
+    assert not looks_of(rows).any()
 
 
 def weather(**fields):

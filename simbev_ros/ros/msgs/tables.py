@@ -79,24 +79,13 @@ def table_from_message(message: PointCloud2) -> Table:
     return np.frombuffer(message.data, dtype, count=count)
 
 
-def rows_from_message(message: PointCloud2, dtype: np.dtype[np.void], added: Sequence[str] = ()) -> Table:
+def rows_from_message(message: PointCloud2, dtype: np.dtype[np.void]) -> Table:
     """(N,) rows of a message that must have the columns of a dtype.
-
-    Args:
-        message: The message.
-        dtype: Type of the rows.
-        added: Columns that are 0 if the message, of an earlier version, lacks all of them.
 
     Raises:
         ValueError: It has other columns, or ``table_from_message`` fails.
     """
     table = table_from_message(message)
-    if table.dtype.names == dtype.names:
-        return table.astype(dtype, copy=False)
-    names = tuple(name for name in dtype.names or () if name not in added)
-    if not added or table.dtype.names != names:
+    if table.dtype.names != dtype.names:
         raise ValueError(f"its columns are {', '.join(table.dtype.names or ())}")
-    rows = np.zeros(len(table), dtype)
-    for name in names:
-        rows[name] = table[name]
-    return rows
+    return table.astype(dtype, copy=False)

@@ -22,7 +22,6 @@ from simbev_ros.ros.msgs.stamps import header
 from simbev_ros.ros.msgs.tables import message_from_table, rows_from_message
 from simbev_ros.scene.blueprints import load_blueprints
 from simbev_ros.scene.frames import base_link_frame
-from simbev_ros.scene.looks import COLUMNS as LOOK_COLUMNS
 from simbev_ros.schema.scene.agents import AgentView
 from simbev_ros.schema.scene.lights import BuildingLightSpec
 from simbev_ros.schema.scene.state import ACTOR_DTYPE, EGO_ID, SIGNAL_DTYPE, Event, WorldState
@@ -80,7 +79,7 @@ def actors_from_message(message: PointCloud2) -> Table:
         ValueError: The message is not such a table, or an impossible one: without an ego, with ids that do not ascend,
             with unknown blueprints, or with numbers that are not finite.
     """
-    actors = rows_from_message(message, ACTOR_DTYPE, LOOK_COLUMNS)
+    actors = rows_from_message(message, ACTOR_DTYPE)
     ids = actors["id"]
     if not (ids[1:] > ids[:-1]).all() or EGO_ID not in ids:
         raise ValueError("its ids must ascend and contain the ego's")

@@ -15,7 +15,6 @@ from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import CURB_HEIGHT_M, LaneKind
 from simbev_ros.maps.roads.polylines import Polylines
 from simbev_ros.scene.blueprints import load_blueprints
-from simbev_ros.scene.looks import fill_looks
 from simbev_ros.schema.scene.state import ACTOR_DTYPE
 
 _MAX_DISTANCE_M, _MIN_DISTANCE_M = 130.0, 15.0
@@ -56,7 +55,6 @@ def bystanders(network: RoadNetwork, position_m: Float64Array, first_id: int, bu
     walking["vx"], walking["vy"] = np.cos(walking["yaw"]), np.sin(walking["yaw"])
     table = np.concatenate([driving, walking])
     table["id"] = first_id + np.arange(len(table))
-    fill_looks(table, network.seed)
     return table
 
 

@@ -14,7 +14,6 @@ import numpy as np
 from simbev_ros.foundation.random import stream
 from simbev_ros.foundation.types import BoolArray, Float64Array, Table
 from simbev_ros.scene.blueprints import Blueprint, blueprint_index, blueprint_named
-from simbev_ros.scene.looks import fill_looks
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import ACTOR_DTYPE, EGO_ID, Behavior
 from simbev_ros.simulation.world.kinematics.contacts import BodyBoxes
@@ -78,7 +77,6 @@ def cast_of(spec: SceneSpec, vehicles: Sequence[int], pedestrians: Sequence[int]
     rows["tag"] = [blueprint.tag for blueprint in blueprints]
     rows["length"], rows["width"], rows["height"] = np.array([blueprint.size_m for blueprint in blueprints]).T
     rows["behavior"] = [member.behavior for member in members]
-    fill_looks(rows, spec.seed)
     return Cast(
         rows=rows,
         bodies=_bodies(members),

@@ -6,7 +6,6 @@ from simbev_ros.assets.street.obstacles import OBSTACLE_DTYPE
 from simbev_ros.foundation.types import Table
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.scene.blueprints import blueprint_index, blueprint_named
-from simbev_ros.scene.looks import fill_looks
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import ACTOR_DTYPE
 from simbev_ros.simulation.world.kinematics.ground import GroundSurface
@@ -26,7 +25,6 @@ def prop_rows(spec: SceneSpec, first_id: int, ground: GroundSurface) -> Table:
     rows["color"] = [each.colors[number % len(each.colors)] for number, each in enumerate(blueprints)]  # alternately
     rows["blueprint"] = [blueprint_index()[each.name] for each in blueprints]
     rows["tag"] = [each.tag for each in blueprints]
-    fill_looks(rows, spec.seed)
     return rows
 
 

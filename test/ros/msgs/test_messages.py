@@ -23,9 +23,8 @@ from simbev_ros.ros.msgs.images import camera_info_message, image_message
 from simbev_ros.ros.msgs.stamps import header, serialized_stamp_ns, stamp_of, time_message
 from simbev_ros.ros.msgs.tables import message_from_table, table_from_cdr, table_from_message
 from simbev_ros.ros.msgs.transforms import serialize_transforms, static_transforms
-from simbev_ros.ros.msgs.world import actors_from_message, odometry_message, record_message
+from simbev_ros.ros.msgs.world import odometry_message, record_message
 from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
-from simbev_ros.scene.looks import COLUMNS as LOOK_COLUMNS
 from simbev_ros.schema.boxes import BOX_DTYPE
 from simbev_ros.schema.points import POINT_DTYPE, RADAR_POINT_DTYPE, SEMANTIC_POINT_DTYPE
 from simbev_ros.schema.scene.lights import STREET_LIGHT_DTYPE
@@ -48,21 +47,6 @@ def test_tables_survive_serialization_and_their_fields_fit_into_point_step(dtype
     ends = [field.offset + np.dtype(dtype[field.name]).itemsize for field in message.fields]
     assert max(ends) <= message.point_step
     assert stamp_of(message.header.stamp) == STAMP_NS
-
-
-def test_actors_of_a_version_without_looks_have_none():
-    actors = np.zeros(2, ACTOR_DTYPE)
-    actors["id"], actors["color"], actors["skin"] = [EGO_ID, 7], 0x123456, 4
-    names = [name for name in ACTOR_DTYPE.names if name not in LOOK_COLUMNS]
-    older = np.empty(2, [(name, ACTOR_DTYPE[name]) for name in names])
-    for name in names:
-        older[name] = actors[name]
-    read = actors_from_message(message_from_table(older, STAMP_NS, "map"))
-    assert read.dtype == ACTOR_DTYPE
-    assert read["color"].tolist() == [0x123456, 0x123456]
-    assert not read["skin"].any()
-    with pytest.raises(ValueError, match="its columns are"):
-        actors_from_message(message_from_table(older[["id", "color"]].copy(), STAMP_NS, "map"))
 
 
 def test_lidar_points_have_the_velodyne_layout() -> None:

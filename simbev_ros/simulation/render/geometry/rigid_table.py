@@ -15,7 +15,7 @@ from simbev_ros.foundation.geometry.transforms import inverse
 from simbev_ros.foundation.semantics import Tag
 from simbev_ros.foundation.types import Float32Array, Float64Array, Int64Array, Table, UInt32Array
 from simbev_ros.scene.interpolation import earlier_rows
-from simbev_ros.scene.looks import skin_colors
+from simbev_ros.scene.looks import looks_of
 from simbev_ros.schema.scene.state import WorldState, map_from_actors
 from simbev_ros.simulation.render.geometry.level_of_detail import bounding_spheres
 from simbev_ros.simulation.render.gl.programs import TEXTURE_UNITS
@@ -143,11 +143,7 @@ def _appearance(actors: Table) -> UInt32Array:
 
 def _tints(actors: Table) -> UInt32Array:
     """(1 + N, 4) ``RigidTable.tints`` of the static world, and of each actor."""
-    tints = np.zeros((1 + len(actors), 4), np.uint32)
-    tints[1:, 0] = _swapped(skin_colors()[actors["skin"]])
-    for column, name in enumerate(("hair", "color2", "leather"), start=1):
-        tints[1:, column] = _swapped(actors[name])
-    return tints
+    return np.concatenate([np.zeros((1, 4), np.uint32), _swapped(looks_of(actors))])
 
 
 def _swapped(color: UInt32Array) -> UInt32Array:

@@ -18,6 +18,7 @@ from simbev_ros.scene.drawing.draw_agents import DrawnAgents, on_lanes_near
 from simbev_ros.scene.drawing.drivers import draw_driver, draw_vehicle
 from simbev_ros.scene.drawing.start_clearance import StartClearance
 from simbev_ros.scene.drawing.starts import StartPositions
+from simbev_ros.scene.drawing.walking_groups import with_groups
 from simbev_ros.scene.gait import transition_mps
 from simbev_ros.scene.hazards.detours import Detours
 from simbev_ros.scene.hazards.draw_hazards import DrawnHazards, draw_hazards
@@ -113,8 +114,9 @@ class SceneDrawer:
             )
         order = stream(self.seed, "pedestrians.places").permutation(candidates)
         cross_factor, dressed = self.draw_cross_factor(), dressed_for(self.weather, self.seed)
-        for index, position_index in enumerate(order[:requested].tolist()):
-            yield self._draw_pedestrian(index, self.starts.pedestrians.waypoint(position_index), cross_factor, dressed)
+        starts = map(self.starts.pedestrians.waypoint, order[:requested].tolist())
+        drawn = (self._draw_pedestrian(index, start, cross_factor, dressed) for index, start in enumerate(starts))
+        yield from with_groups(drawn, self.seed, self._traffic.group_probability)
 
     def draw_cross_factor(self) -> float:
         """Draw the share of the scene's pedestrians that may jaywalk."""

@@ -34,6 +34,9 @@ YELLOW_S, ALL_RED_S = 3.0, 2.0
 Ignored = Literal["lights", "signs", "vehicles", "pedestrians"]
 """What drivers ignore: traffic lights, stop signs, vehicles but for those ahead on the same lane, pedestrians."""
 
+MAX_GROUP_SIZE = 3
+"""Maximum number of pedestrians that walk side by side."""
+
 _HOUR_NS = 3600 * NS_PER_S
 _MAX_SEED = (1 << 63) - 1
 
@@ -98,6 +101,9 @@ class PedestrianSpec(Model):
     max_speed_mps: float = Field(gt=0)
     jaywalks: bool = Field(False, description="may cross streets away from crosswalks")
     visits_plazas: bool = Field(False, description="visits the plazas on its route")
+    companion_of: int | None = Field(
+        None, ge=0, exclude_if=lambda value: value is None, description="index of the pedestrian that it walks beside"
+    )
 
 
 class DatumSpec(Model):
@@ -167,6 +173,19 @@ class SceneSpec(Stored):
             raise ValueError("agents: two agents have the same vehicle")
         if self.v2x is not None and (unknown := sorted({*self.v2x.agents} - {*names})):
             raise ValueError(f"v2x.agents: there is no agent {unknown[0]}; the scene has {', '.join(names)}")
+        return self
+
+    def leader_of(self, pedestrian: int) -> int:
+        """Index of the pedestrian whose route and pauses a pedestrian shares: that of its group, or its own."""
+        leader = self.pedestrians[pedestrian].companion_of
+        return pedestrian if leader is None else leader
+
+    @model_validator(mode="after")
+    def _companions_follow_their_leader(self) -> Self:
+        for index, pedestrian in enumerate(self.pedestrians):
+            leader = pedestrian.companion_of
+            if leader is not None and not index - MAX_GROUP_SIZE < leader < index:
+                raise ValueError(f"pedestrians.{index}.companion_of: is {leader}, not one of the two before it")
         return self
 
     @property

@@ -26,6 +26,7 @@ from simbev_ros.simulation.world.sumo.tracks import LaneTracks
 _FOREVER_S = "1e8"
 _START_MARGIN_M = 0.1
 _SIDE_MARGIN_M = 0.2
+_ABREAST_M = 0.7  # distance between the members of a group, who walk side by side
 _TURNS = ("-0.1", "0.1")  # where pedestrians turn back at an edge's end, of which SUMO counts back, and its start
 _MIN_WIDTH_M = 1.2  # minimum width in SUMO: bicycles keep off curbs, and cars keep off bicycles
 _TYPE = {"speedDev": "0"}
@@ -90,14 +91,14 @@ def demand_of(spec: SceneSpec, network: RoadNetwork, plazas: Sequence[Plaza] = (
     itineraries = Itineraries(network, spec.hazards, plazas)
     excursions: dict[int, tuple[Leg, ...]] = {}
     for index, pedestrian in enumerate(spec.pedestrians):
-        streams = ItineraryStreams(
-            *(stream(spec.seed, f"{pedestrian_name(index)}.{name}") for name in ("walk", "jaywalks", "plazas"))
-        )
+        own = pedestrian_name(spec.leader_of(index))
+        streams = ItineraryStreams(*(stream(spec.seed, f"{own}.{name}") for name in ("walk", "jaywalks", "plazas")))
         lane = network.lanes[pedestrian.start.lane]
         side = float(streams.walk.uniform(-1.0, 1.0))
         if next(draw_pauses(spec, index), (math.inf,))[0] == 0.0:  # stands at one edge of the sidewalk
             side = math.copysign(1.0, side)
         side_m = (lane.width_m / 2.0 - _SIDE_MARGIN_M) * side
+        side_m -= math.copysign(_ABREAST_M * (index - spec.leader_of(index)), side)
         legs = itineraries.draw_legs(pedestrian, duration_s * pedestrian.max_speed_mps, streams)
         start_m = min(pedestrian.start.s_m, lane.length_m - _START_MARGIN_M) * lane.sumo_s_per_m
         for leg in legs:

@@ -23,7 +23,7 @@ def draw_pauses(spec: SceneSpec, index: int) -> Iterator[tuple[float, float]]:
         spec: The scene.
         index: Index of the pedestrian in the specification.
     """
-    share, rng = spec.pedestrian_standing_share, stream(spec.seed, f"{pedestrian_name(index)}.pauses")
+    share, rng = spec.pedestrian_standing_share, stream(spec.seed, f"{pedestrian_name(spec.leader_of(index))}.pauses")
     if share == 0.0:
         return
     start_s, duration_s = 0.0, rng.uniform(*_DURATION_S) * rng.random()  # this one began before the scene

@@ -43,11 +43,12 @@ class ActorGeometry:
         if needed <= self._held:
             return
         self._held |= needed
-        kept = sorted(self._held)
-        for blueprint in kept:
-            levels = self._detail.meshes[blueprint]
+        meshes = []
+        for blueprint in sorted(self._held):
+            levels = self._detail.load(blueprint)
             self._counts[blueprint, : len(levels)] = [len(mesh.triangles) for mesh in levels]
-        self.store.replace([mesh for blueprint in kept for mesh in self._detail.meshes[blueprint]])
+            meshes += levels
+        self.store.replace(meshes)
         self._ends = np.cumsum(self._counts).reshape(self._counts.shape)
 
     def draw(

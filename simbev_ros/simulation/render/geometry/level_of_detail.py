@@ -26,13 +26,15 @@ class LevelsOfDetail:
     def __init__(self, models: Sequence[ActorModel]) -> None:
         """Prepare the levels of models, indexed by blueprint."""
         self._models = models
-        self._errors_m = np.full((len(models), 1 + len(COARSER)), np.inf)
-        self.meshes: Sequence[list[Mesh]] = OnDemand(len(models), self._load)
+        self._errors_m = np.full((len(models), 1 + len(COARSER)), np.nan)
+        self.meshes: Sequence[list[Mesh]] = OnDemand(len(models), self.load)
         if models:
-            self.meshes[0]  # if the cache of meshes has to be written, then not in the middle of a scene
+            self.load(0)  # if the cache of meshes has to be written, then not in the middle of a scene
 
-    def _load(self, blueprint: int) -> list[Mesh]:
+    def load(self, blueprint: int) -> list[Mesh]:
+        """Load the meshes of a model for a caller who does not need them kept in ``meshes``."""
         coarser = self._models[blueprint].build_coarser()
+        self._errors_m[blueprint] = np.inf
         self._errors_m[blueprint, : 1 + len(coarser)] = [0.0, *(level.error_m for level in coarser)]
         return [self._models[blueprint].mesh, *(level.mesh for level in coarser)]
 
@@ -44,7 +46,8 @@ class LevelsOfDetail:
             pixel_m: (N,) size of a pixel at each actor (``View.pixel_m``).
         """
         for blueprint in np.unique(actors["blueprint"]).tolist():
-            self.meshes[blueprint]
+            if np.isnan(self._errors_m[blueprint, 0]):
+                self.meshes[blueprint]
         fits = self._errors_m[actors["blueprint"]] <= _ERROR_PX * pixel_m[:, None]
         fits[actors["doors"] != 0, 1:] = False
         return fits.sum(axis=1) - 1

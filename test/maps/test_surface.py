@@ -6,6 +6,7 @@ import shapely
 from road_strips import layout_of_strips, level_ground, side_by_side, straight
 
 from simbev_ros.foundation.types import Float64Array
+from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import Layout, Strip
@@ -16,6 +17,7 @@ from simbev_ros.maps.roads.surface import (
     strip_polygons,
     surfaces_of,
 )
+from simbev_ros.schema.scene.map_spec import MapSpec
 
 _BLOCKS_LEFT = 4 * 4 - 2
 
@@ -75,6 +77,17 @@ def test_crosswalks_lie_on_the_road_from_curb_to_curb(blocks: RoadNetwork, surfa
     ends = np.array([lane.centerline_m[[0, -1], :2] for lane in blocks.lanes_of(LaneKind.CROSSING)]).reshape(-1, 2)
     assert shapely.distance(shapely.points(ends), surfaces.sidewalk).max() < 0.3
     assert surfaces.crosswalk.area == pytest.approx(shapely.area(crosswalks).sum(), rel=1e-3)
+
+
+@pytest.mark.parametrize("town", ["Town05", "Town10HD"])
+def test_where_parking_lanes_end_the_sidewalk_reaches_the_crosswalk_and_carries_the_poles(town: str) -> None:
+    network = load_network(MapSpec(name=town))
+    surfaces = surfaces_of(network.layout)
+    ends = np.array([lane.centerline_m[[0, -1], :2] for lane in network.lanes_of(LaneKind.CROSSING)]).reshape(-1, 2)
+    assert shapely.distance(shapely.points(ends), surfaces.sidewalk).max() < 0.3
+    poles = shapely.points([signal.pole_m[:2] for signal in network.signals])
+    assert len(poles) > 50
+    assert not shapely.intersects(surfaces.road, poles).any()
 
 
 def test_window_equals_that_part_of_the_whole(blocks: RoadNetwork, surfaces: Surfaces) -> None:

@@ -58,7 +58,7 @@ def load_looks() -> Looks:
 def looks_of(actors: Table) -> UInt32Array:
     """(N, 4) colors 0xRRGGBB of skin, hair, second garment and leather of (N,) ``ACTOR_DTYPE`` actors.
 
-    They are 0 where the actor is no person.
+    They are 0 for all actors but people.
     """
     choices, blueprint = _choices(), actors["blueprint"].astype(np.int64)
     tone, *choice = _random_bytes(actors)

@@ -37,6 +37,7 @@ def _settings(spec: SceneSpec) -> list[str]:
         _row("ego's start", f"lane {ego.start.lane}, {ego.start.s_m:.1f} m"),
         _row("ego's speed factor", f"{ego.speed_factor:.2f}"),
         _row("jaywalking", f"{100 * spec.walker_cross_factor:.0f} % of pedestrians may"),
+        _row("parked vehicles", f"{100 * spec.parked_density:.0f} % of the usual number"),
         *([_row("agents", ", ".join(agent.name for agent in spec.agents))] if len(spec.agents) > 1 else []),
         _row("map's file", spec.map.path.rpartition("/")[2] or "built in"),
     ]

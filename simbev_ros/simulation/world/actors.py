@@ -84,7 +84,7 @@ class Actors:
         self._parked = ParkedVehicles(spec, network, parking_spots, excursions, first_parked_id)
         obstacles = np.concatenate([obstacles, prop_obstacles(self._props, network, self._ground)])
         cast = cast_of(spec, population.vehicles, population.pedestrians)
-        self._ids: Int64Array = cast.rows["id"][cast.rows["parent"] == 0].astype(np.int64)
+        self._ids: Int64Array = np.append(cast.rows["id"][cast.rows["parent"] == 0], self._parked.rows["id"])
         self._half_length_m = cast.bodies.boxes.size_m[:, 0] / 2.0
         self._leading = LeadingPoints(
             spec, population, cast.bodies, self._excursions, self._ground, obstacles, sample, directions
@@ -97,6 +97,7 @@ class Actors:
             max(1, round(_HALF_WINDOW_S / tick_s)),
             None if self._ground.is_level else GroundPlanes(self._ground, cast.bodies.contacts),
             self._leading.axle_m,
+            self._parked.rows,
         )
         # The oldest entry belongs to the same tick as the kinematics.
         length = self.delay_ticks + 1
@@ -118,7 +119,8 @@ class Actors:
     def advance_actors(self, sample: TrafficSample, step: int) -> Table:
         """Advance by one tick; returns (N,) ``ACTOR_DTYPE``. ``step`` counts the ticks since the scene's start."""
         self._signals.append(sample.signals)
-        vehicles, crashed = len(sample.signals), self._motion.collisions.crashed.copy()
+        bodies = len(self._half_length_m)  # without the parked vehicles
+        vehicles, crashed = len(sample.signals), self._motion.collisions.crashed[:bodies].copy()
         self._leading.advance_points(sample, crashed)
         points = self._leading.now
         # Bodies lag behind their points: when the point is across, the body may still be meters from the curb.
@@ -142,7 +144,8 @@ class Actors:
         """Mark in SUMO where newly crashed actors will come to rest, so that others queue or drive around them."""
         collisions = self._motion.collisions
         self._leading.rest_crashed(collisions)
-        for body in sorted({body for impact in collisions.impacts for body in impact.bodies}):
+        bodies = {body for impact in collisions.impacts for body in impact.bodies if body < len(self._half_length_m)}
+        for body in sorted(bodies):
             yaw_rad = float(collisions.yaw_rad[body])
             ahead = np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0.0])
             front_m = collisions.rest_m[body] + self._half_length_m[body] * ahead

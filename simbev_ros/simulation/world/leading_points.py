@@ -117,7 +117,7 @@ class LeadingPoints:
         """Keep crashed bodies where they come to rest, not where their points are."""
         vehicles = len(self._vehicle_avoidance.center_m)
         wrecks = np.flatnonzero(collisions.crashed[:vehicles])
-        self._max_evasion_m[collisions.crashed[vehicles:]] = 0.0
+        self._max_evasion_m[collisions.crashed[vehicles : vehicles + len(self._max_evasion_m)]] = 0.0
         self._wrecks = wrecks, collisions.rest_m[wrecks], collisions.yaw_rad[wrecks]
 
     def _update_points(self, sample: TrafficSample) -> Float64Array:

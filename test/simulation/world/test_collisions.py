@@ -115,3 +115,18 @@ def test_bodies_that_overlap_from_the_start_may_be_kept_from_separating():
     assert [impact.bodies for at_tick in impacts for impact in at_tick] == [(1, 2)]
     assert collisions.crashed.tolist() == [False, True, True]
     assert positions_m[-1, 0, 0] == 0.0
+
+
+def test_a_car_that_hits_a_parked_one_stops_there_and_does_not_push_it_away():
+    boxes = BodyBoxes(np.array([CAR_M, CAR_M]), 1)
+    start_m, rpy_rad = np.array([[-20.0, 0, 0], [0.0, 0.5, 0]]), np.zeros((2, 3))
+    collisions = Collisions(boxes, start_m, rpy_rad, TICK_S, parked=1)
+    impacts = []
+    for tick in range(1, 80):
+        position_m, _ = collisions.resolve(start_m + tick * TICK_S * np.array([[10.0, 0, 0], [0, 0, 0]]), rpy_rad)
+        impacts += collisions.impacts
+    (impact,) = impacts
+    assert impact.bodies == (0, 1)
+    assert impact.relative_speed_mps == pytest.approx(10.0)
+    assert position_m[1] == pytest.approx(start_m[1], abs=1e-6)
+    assert position_m[0, 0] == pytest.approx(-4.6, abs=0.02)

@@ -1,8 +1,8 @@
 """Collisions: bodies that touch do not pass through each other, but slide on together and come to rest.
 
 An impact is plastic: both bodies continue with the velocity that conserves their momentum, and brake with locked
-wheels. The mass of a body is taken as the volume of its box. Input and output are the poses about to be published, in
-the map frame.
+wheels. The mass of a body is taken as the volume of its box; parked vehicles are not pushed away. Input and output are
+the poses about to be published, in the map frame.
 """
 
 from dataclasses import dataclass
@@ -13,6 +13,7 @@ from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.simulation.world.kinematics.contacts import BodyBoxes
 
 _SKID_MPS2 = 7.0
+_IMMOVABLE = 1e12
 _MIN_IMPACT_MPS = 1.0  # bodies that slide together have no relative speed; at this speed it is a new impact
 _MIN_JOLT_MPS2 = 11.0  # minimum acceleration that counts as an impact for a body pushed by others
 _BISECTION_STEPS = 8  # halvings of the tick of an impact: 4 mm for a step of 1 m
@@ -43,8 +44,13 @@ class Collisions:
         impacts: Impacts of the latest tick.
     """
 
-    def __init__(self, boxes: BodyBoxes, position_m: Float64Array, rpy_rad: Float64Array, tick_s: float) -> None:
-        """Start at rest at (G, 3) positions and (G, 3) roll, pitch, yaw; pairs that touch now may do so until apart."""
+    def __init__(
+        self, boxes: BodyBoxes, position_m: Float64Array, rpy_rad: Float64Array, tick_s: float, parked: int = 0
+    ) -> None:
+        """Start at rest at (G, 3) positions and (G, 3) roll, pitch, yaw; pairs that touch now may do so until apart.
+
+        The last ``parked`` bodies never move.
+        """
         self.crashed: BoolArray = np.zeros(len(position_m), bool)
         self.impacts: tuple[Impact, ...] = ()
         self._boxes = boxes
@@ -53,6 +59,7 @@ class Collisions:
         self._velocity_mps = np.zeros_like(position_m)
         self._last_step_m = np.zeros_like(position_m)
         self._mass = boxes.size_m.prod(axis=1)
+        self._mass[len(self._mass) - parked :] = _IMMOVABLE
         self._initial_pairs = _pair_set(boxes.touching_pairs(position_m, rpy_rad[:, 2]))
         self._reported_pairs: set[tuple[int, int]] = set()
         self._contacts: dict[tuple[int, int], None] = {}

@@ -14,8 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from simbev_ros.foundation.geometry.transforms import rotations_from_rpy
-from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
+from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array, Table
 from simbev_ros.foundation.units import GRAVITY_MPS2
+from simbev_ros.schema.scene.state import ACTOR_DTYPE
 from simbev_ros.simulation.world.kinematics.collisions import Collisions
 from simbev_ros.simulation.world.kinematics.contacts import BodyBoxes
 from simbev_ros.simulation.world.kinematics.footing import ContactPoints, GroundPlanes
@@ -100,7 +101,8 @@ class Motion:
     """The motion of all bodies of a scene. Call ``advance_motion`` once per tick.
 
     Attributes:
-        collisions: Collisions among the poses one tick after those that ``advance_motion`` returns.
+        collisions: Collisions, also with parked vehicles, among the poses one tick after those that ``advance_motion``
+            returns.
     """
 
     def __init__(
@@ -112,6 +114,7 @@ class Motion:
         half_window_ticks: int,
         ground_planes: GroundPlanes | None = None,
         axle_m: Float64Array | None = None,
+        parked: Table | None = None,
     ) -> None:
         """Start at rest.
 
@@ -123,6 +126,7 @@ class Motion:
             half_window_ticks: Number of points on each side of the center of an average.
             ground_planes: The ground below the bodies; None: level ground, bodies stand at the heights of their points.
             axle_m: (G, 3) rear axles that are given at each tick; NaN: towed; None: all are towed.
+            parked: (K,) ``ACTOR_DTYPE`` vehicles that never move, into which bodies may crash; None: there are none.
         """
         self._bodies = bodies
         self._tick_s = tick_s
@@ -138,7 +142,11 @@ class Motion:
         self._lead_m = point_m[:, :3].copy()
         self._rear_m = self._lead_m - bodies.trail_m[:, None] * direction
         poses = self._poses(np.zeros(len(point_m)), point_m[:, 3])
-        self.collisions = Collisions(bodies.boxes, *poses, tick_s)
+        parked = np.zeros(0, ACTOR_DTYPE) if parked is None else parked
+        self._parked = _columns(parked, "x", "y", "z"), _columns(parked, "roll", "pitch", "yaw")
+        size_m = np.concatenate([bodies.boxes.size_m, _columns(parked, "length", "width", "height")])
+        boxes = BodyBoxes(size_m, bodies.boxes.vehicles)
+        self.collisions = Collisions(boxes, *self._beside_parked(poses), tick_s, len(parked))
         position_m, rpy_rad = self._mount_bodies(*poses)
         self._position_m = np.repeat(position_m[None], 3, axis=0)
         self._rpy_rad = np.repeat(rpy_rad[None], 3, axis=0)
@@ -159,10 +167,16 @@ class Motion:
         if axle_m is not None:
             self._axle_window.add(axle_m[self._steered])
         poses = self._poses(self._move_axles(smoothed[:, :3], self._axle_window.average()), smoothed[:, 3])
-        position_m, rpy_rad = self._mount_bodies(*self.collisions.resolve(*poses))
+        resolved = self.collisions.resolve(*self._beside_parked(poses))
+        position_m, rpy_rad = self._mount_bodies(*(pose[: len(point_m)] for pose in resolved))
         self._position_m = np.concatenate([self._position_m[1:], position_m[None]])
         self._rpy_rad = np.concatenate([self._rpy_rad[1:], rpy_rad[None]])
         return self._kinematics()
+
+    def _beside_parked(self, poses: tuple[Float64Array, Float64Array]) -> tuple[Float64Array, Float64Array]:
+        """(G + K, 3) positions and roll, pitch, yaw of the bodies, then of the parked vehicles."""
+        position_m, rpy_rad = (np.concatenate(pair) for pair in zip(poses, self._parked, strict=True))
+        return position_m, rpy_rad
 
     def _move_axles(self, lead_m: Float64Array, axle_m: Float64Array) -> Float64Array:
         """Tow the rear axles behind the (G, 3) leading points, except the given (S, 3) ones, which push their points.
@@ -231,6 +245,11 @@ class Motion:
             speed_mps=np.einsum("ni,ni->n", velocity, forward),
             forward_acceleration_mps2=np.einsum("ni,ni->n", acceleration, forward),
         )
+
+
+def _columns(rows: Table, *names: str) -> Float64Array:
+    """(K, 3) columns of a table."""
+    return np.column_stack([rows[name].astype(np.float64) for name in names])
 
 
 def _cross(a: Float64Array, b: Float64Array) -> Float64Array:

@@ -1,0 +1,13 @@
+from simbev_ros.foundation.semantics import BOX_CLASSES
+from simbev_ros.schema.boxes import blank_boxes
+from simbev_ros.schema.nuscenes import attributes_of
+from simbev_ros.schema.scene.state import Behavior
+
+
+def test_parked_vehicles_have_nuscenes_attribute_of_their_own() -> None:
+    boxes = blank_boxes(4)
+    boxes["id"], boxes["class"] = [1, 2, 3, 4], BOX_CLASSES.index("car")
+    boxes["behavior"][1] = Behavior.PARKED
+    boxes["vx"][3] = 2.0
+    expected = [["vehicle.stopped"], ["vehicle.parked"], ["vehicle.parked"], ["vehicle.moving"]]
+    assert attributes_of(boxes, ["vehicle.car"] * 4, {3}, set()) == expected

@@ -30,7 +30,7 @@ MAX_PARKED = 300
 
 _REACH_M = 110.0  # from the routes
 _KEEP_FROM_HAZARD_M, _KEEP_FROM_PATH_M = 1.5, 1.3
-_FROM_CURB_M, _FROM_TRAFFIC_M = 0.15, 0.2  # minimum: pedestrians and cyclists reach over the edges of their lanes
+_FROM_CURB_M, _FROM_TRAFFIC_M = 0.2, 0.2  # minimum: pedestrians and cyclists reach over the edges of their lanes
 _FULL_TURN_M = 0.3  # room across a parking lane from which on vehicles may stand askew
 _OPEN_S = 2.5, 7.0
 _KEEP_FROM_DOORS_M = 5.0  # doors are shut while another actor is as near as this

@@ -143,7 +143,7 @@ def test_pedestrians_start_near_the_ego_on_connected_sidewalks_that_are_long_eno
 
 def test_pedestrians_faster_than_walking_speed_run_in_sports_clothes(network: RoadNetwork) -> None:
     def draw_pedestrians(max_speed_mps: float) -> tuple[PedestrianSpec, ...]:
-        traffic = Traffic(vehicles=0, pedestrians=120, pedestrian_max_speed_mps=max_speed_mps)
+        traffic = Traffic(vehicles=0, pedestrians=120, pedestrian_max_speed_mps=max_speed_mps, group_probability=0)
         return draw_scene(scenario(traffic=traffic), PLANNED, network).pedestrians
 
     slow, fast = draw_pedestrians(1.5), draw_pedestrians(5.0)

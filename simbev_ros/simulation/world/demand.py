@@ -91,14 +91,16 @@ def demand_of(spec: SceneSpec, network: RoadNetwork, plazas: Sequence[Plaza] = (
     itineraries = Itineraries(network, spec.hazards, plazas)
     excursions: dict[int, tuple[Leg, ...]] = {}
     for index, pedestrian in enumerate(spec.pedestrians):
-        own = pedestrian_name(spec.leader_of(index))
-        streams = ItineraryStreams(*(stream(spec.seed, f"{own}.{name}") for name in ("walk", "jaywalks", "plazas")))
+        leader = spec.leader_of(index)
+        streams = ItineraryStreams(
+            *(stream(spec.seed, f"{pedestrian_name(leader)}.{name}") for name in ("walk", "jaywalks", "plazas"))
+        )
         lane = network.lanes[pedestrian.start.lane]
         side = float(streams.walk.uniform(-1.0, 1.0))
-        if next(draw_pauses(spec, index), (math.inf,))[0] == 0.0:  # stands at one edge of the sidewalk
+        if next(draw_pauses(spec, leader), (math.inf,))[0] == 0.0:  # stands at one edge of the sidewalk
             side = math.copysign(1.0, side)
         side_m = (lane.width_m / 2.0 - _SIDE_MARGIN_M) * side
-        side_m -= math.copysign(_ABREAST_M * (index - spec.leader_of(index)), side)
+        side_m -= math.copysign(_ABREAST_M * (index - leader), side)
         legs = itineraries.draw_legs(pedestrian, duration_s * pedestrian.max_speed_mps, streams)
         start_m = min(pedestrian.start.s_m, lane.length_m - _START_MARGIN_M) * lane.sumo_s_per_m
         for leg in legs:

@@ -23,7 +23,7 @@ def draw_pauses(spec: SceneSpec, index: int) -> Iterator[tuple[float, float]]:
         spec: The scene.
         index: Index of the pedestrian in the specification.
     """
-    share, rng = spec.pedestrian_standing_share, stream(spec.seed, f"{pedestrian_name(spec.leader_of(index))}.pauses")
+    share, rng = spec.pedestrian_standing_share, stream(spec.seed, f"{pedestrian_name(index)}.pauses")
     if share == 0.0:
         return
     start_s, duration_s = 0.0, rng.uniform(*_DURATION_S) * rng.random()  # this one began before the scene
@@ -45,7 +45,7 @@ class Pauses:
         self._sumo = population.sumo
         self._tick_s = spec.tick_ns / NS_PER_S
         self._speed_mps = [spec.pedestrians[index].max_speed_mps for index in population.pedestrians]
-        self._coming = [draw_pauses(spec, index) for index in population.pedestrians]
+        self._coming = [draw_pauses(spec, spec.leader_of(index)) for index in population.pedestrians]
         self._pause_s = np.array([next(pauses, (np.inf, np.inf)) for pauses in self._coming]).reshape(-1, 2)
         self._standing: set[int] = set()
 

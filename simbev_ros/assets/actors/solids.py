@@ -27,7 +27,8 @@ class Solid(Model):
     Attributes:
         finish: Name of a finish in finishes.yaml, or a material with a color such as ``cloth #304050``. Finishes with
             the material of a lamp (``low_beam``, ``tail``, ``turn_left``, ``reverse``, ``beacon``) shine with the
-            actor's light bits; ``paint`` and ``clothes`` are multiplied by the actor's color.
+            actor's light bits; ``paint`` and ``clothes`` are multiplied by the actor's color, ``second``, ``skin``,
+            ``hair`` and ``shoes`` by those of a person's look.
         part: Name of the rigid part that moves the solid: ``body``, a wheel, a door, or one of ``parts``.
         at: Position of the solid's origin.
         turn: Roll, pitch, yaw about the origin.

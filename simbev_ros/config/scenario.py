@@ -166,7 +166,9 @@ class Traffic(Model):
         0.1, description="mean share of the time in which a pedestrian stands on its sidewalk, 5 to 25 s each time"
     )
     group_probability: _Probability = Field(
-        0.2, description="probability that a walking pedestrian joins the one before it, in groups of up to three"
+        0.2,
+        description="probability that a walking pedestrian joins the one before it, in groups of up to three, which"
+        " neither jaywalk nor visit plazas",
     )
     plaza_probability: float = Field(
         0.5, ge=0, le=1, description="probability that a walking pedestrian visits plazas on the way; runners do not"

@@ -145,7 +145,7 @@ def draw_town(town: str, seed: int, **traffic):
             "scenes": [{"map": town, "train": 1}],
             "rig": Rig(sensors=()),
             "ego": {"reckless_probability": 0.0},
-            "traffic": {"spawn_radius_m": 250.0, "reckless_probability": 0.0, **traffic},
+            "traffic": {"spawn_radius_m": 250.0, "reckless_probability": 0.0, "group_probability": 0.0, **traffic},
         }
     )
     planned = next(iter(planned_scenes(scenario)))

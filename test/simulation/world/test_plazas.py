@@ -38,7 +38,13 @@ def draw_town(seed, duration_s, **traffic):
             "rig": Rig(sensors=()),
             "time": {"tick_s": TICK_S, "duration_s": duration_s},
             "hazards": {"count": 0},
-            "traffic": {"vehicles": 1, "pedestrians": 120, "walker_cross_factor": 0.0, **traffic},
+            "traffic": {
+                "vehicles": 1,
+                "pedestrians": 120,
+                "walker_cross_factor": 0.0,
+                "group_probability": 0.0,
+                **traffic,
+            },
         }
     )
     planned = next(planned_scenes(scenario))

@@ -15,7 +15,14 @@ from simbev_ros.scene.hazards.guards import BARRIER_ROW_M
 from simbev_ros.schema.scene.spec import StandSpec, VehicleSpec, WaypointSpec
 
 _CRASHES_DEG = ((0.0, 9.0), (12.0, 40.0), (55.0, 90.0))  # between two cars: rear-end or side collision
-_WORK_VEHICLES = (("vehicle.tipper",), ("vehicle.van",), ("vehicle.tipper", "vehicle.van"))
+_WORK_VEHICLES = (
+    ("vehicle.tipper",),
+    ("vehicle.van",),
+    ("vehicle.tipper", "vehicle.van"),
+    ("vehicle.flatbed_van",),
+    ("vehicle.wheel_loader", "vehicle.flatbed_van"),
+    ("vehicle.mobile_excavator", "vehicle.tipper"),
+)
 _NARROW_WORK_VEHICLES = ("vehicle.van", "vehicle.city_van")  # fallbacks where the area is too narrow
 _THIRD_CAR, _OPEN_DOOR = 0.4, 0.5  # probabilities; the third car needs room
 _HELP_GAP_M, _CRASH_GAP_M, _WORK_GAP_M = (1.5, 4.0), (0.1, 0.5), (0.5, 4.0)
@@ -50,7 +57,7 @@ def place_accident_vehicles(
 
 
 def place_work_vehicles(area: HazardArea, guards: BaseGeometry, seed: int, name: str) -> tuple[VehicleSpec, ...]:
-    """Draw a tipper, a van or both, if they fit, clear of the area's guards."""
+    """Draw one or two vehicles of road works, such as a tipper and an excavator, clear of the area's guards."""
     rng = stream(seed, f"{name}.vehicles")
     row = _VehicleRow(
         area, guards, area.body_m[0] + BARRIER_ROW_M + _END_MARGIN_M, area.body_m[1] - BARRIER_ROW_M - _END_MARGIN_M

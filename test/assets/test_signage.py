@@ -17,7 +17,8 @@ from simbev_ros.assets.placement.region_ground import RegionGround
 from simbev_ros.assets.placement.tiles import TileBuilder
 from simbev_ros.assets.street.barriers import PANEL_M, panel
 from simbev_ros.assets.street.lettering import text_mesh, text_width_m
-from simbev_ros.assets.street.sign_faces import board, plate, sign_post, sign_table
+from simbev_ros.assets.street.sign_faces import VARIANTS, board, plate, sign_post, sign_table
+from simbev_ros.assets.street.small_things import small_thing
 from simbev_ros.foundation.semantics import SIGN_TYPES, Tag
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.maps.build import load_network
@@ -47,9 +48,10 @@ class Copies(TileBuilder):
         return np.concatenate([np.empty((0, 4, 4)), *(poses for thing, poses in self.copies if id(thing) in things)])
 
 
-@lru_cache(maxsize=2)
-def furnished(use: str) -> tuple[RegionGround, Copies]:
-    network = replace(load_network(MapSpec(name="Blocks", seed=0)), features=MapFeatures(SurroundingsRecipe(use=use)))
+@lru_cache(maxsize=3)
+def furnished(use: str, fence_density: float = 0.5, furniture_density: float = 0.5) -> tuple[RegionGround, Copies]:
+    recipe = SurroundingsRecipe(use=use, fence_density=fence_density, furniture_density=furniture_density)
+    network = replace(load_network(MapSpec(name="Blocks", seed=0)), features=MapFeatures(recipe))
     ground, tiles = RegionGround.from_network(network, Region(0, 0), Terrain(network)), Copies()
     furnish_region(tiles, Claims(), ground)
     return ground, tiles
@@ -58,7 +60,7 @@ def furnished(use: str) -> tuple[RegionGround, Copies]:
 def all_posts(use: str) -> set[int]:
     entry = sign_table()["posts"][use]
     rows = [*entry["choices"], *entry["us"]]
-    return {id(sign_post(tuple(row[1:]), variant)) for row in rows for variant in range(6)}
+    return {id(sign_post(tuple(row[1:]), variant)) for row in rows for variant in range(VARIANTS)}
 
 
 def test_an_l_has_its_foot_on_the_readers_right_and_lies_in_front_of_the_plate() -> None:
@@ -118,6 +120,18 @@ def test_posts_face_the_traffic_of_the_nearest_lane(use: str) -> None:
         along = (ends_m[1] - ends_m[0]) / np.hypot(*(ends_m[1] - ends_m[0]))
         facing.append(-along @ pose[:2, 0])
     assert np.mean(np.array(facing) > 0.8) > 0.95
+
+
+def test_a_recipe_without_fences_and_furniture_has_no_barriers_and_no_small_things() -> None:
+    barriers = {
+        id(panel(kind, variant)) for kind in ("railing", "high_wall", "low_wall", "mesh") for variant in range(3)
+    }
+    things = {id(small_thing(name)) for name in ("bollard", "bins", "phone_box", "meter")}
+    _, plain = furnished("residential")
+    _, bare = furnished("residential", 0.0, 0.0)
+    assert len(plain.poses_of(barriers)) > 50
+    assert len(plain.poses_of(things)) > 20
+    assert len(bare.poses_of(barriers)) == len(bare.poses_of(things)) == 0
 
 
 def test_guard_rails_stand_between_sidewalk_and_road_beside_crosswalks() -> None:

@@ -16,7 +16,7 @@ from simbev_ros.maps.roads.layout import Strip
 from simbev_ros.maps.surroundings import SurroundingsRecipe
 
 _MIN_PART_M2, _MIN_AREA_M2 = 0.01, 40.0
-_STRAIGHT_M, _MIN_SIDE_M = 0.35, 6.0
+_STRAIGHT_M, _MIN_SIDE_M, _MIN_CHORD_M = 0.35, 6.0, 2.5
 _BEND_RAD = np.radians(22.0)
 _NEAR_M = 0.7
 _FAST_MPS, _FAST_M = 22.3, 22.0
@@ -160,7 +160,7 @@ def _frontage(land: shapely.Polygon, ground: RegionGround, fast: BaseGeometry) -
         starts, ends = corners[:-1], corners[1:]
         middles = shapely.points((starts + ends) / 2.0)
         fronts: BoolArray = np.asarray(shapely.dwithin(street, middles, _NEAR_M)) & ~shapely.intersects(fast, middles)
-        fronts &= np.hypot(*(ends - starts).T) >= _MIN_SIDE_M
+        fronts &= np.hypot(*(ends - starts).T) >= _MIN_CHORD_M
         walks: BoolArray = np.asarray(shapely.dwithin(walk, middles, _NEAR_M))
         lines += [Frontage(line, bool(walks[first])) for first, line in _chains(corners, fronts, walks)]
     return tuple(lines)

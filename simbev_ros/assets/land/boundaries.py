@@ -22,11 +22,11 @@ from simbev_ros.maps.land_features import BARRIER_KINDS
 from simbev_ros.maps.roads.lane_kind import LaneKind
 
 _STRETCH_M = (9.0, 30.0)
-_BEHIND_WALK_M, _PANELS_IN_BENDS, _BEND_M = 0.3, 2, 0.45  # in bends, frontages are only approximate
+_BEHIND_WALK_M, _PANELS_IN_BENDS, _BEND_M = 0.3, 3, 0.45  # in bends, frontages are only approximate
 _GUARDED_M, _GUARDED_SHARE = 12.0, 0.6
 _GUARD_AT_CURB_M = -0.1  # nearer to the curb than the line of posts
 _GUARD_ROOM_M = 0.12
-_RAILED_SHARE, _CLEAR_OF_END_M, _ON_MEDIANS = 0.55, 5.0, ("guard", "railing", "guard")
+_RAILED_SHARE, _CLEAR_OF_END_M, _PANELS_ON_MEDIANS, _ON_MEDIANS = 0.55, 5.0, 4, ("guard", "railing", "guard")
 
 
 def put_boundaries(yard: Yard, blocks: Sequence[Block]) -> None:
@@ -37,7 +37,7 @@ def put_boundaries(yard: Yard, blocks: Sequence[Block]) -> None:
         if entry is None or block.is_island:
             continue
         rng = yard.ground.stream(f"boundaries.{block.name}")
-        share = entry["share"] * min(1.0, 0.7 + block.recipe.fence_density)
+        share = entry["share"] * min(1.0, 3.0 * block.recipe.fence_density)
         weights = np.array([weight for weight, _ in entry["choices"]])
         for line in block.frontage:
             s_m, is_straight = 0.0, len(line.line.coords) == 2
@@ -86,7 +86,7 @@ def put_median_railings(yard: Yard) -> None:
         kind, variant = _ON_MEDIANS[int(rng.integers(len(_ON_MEDIANS)))], int(rng.integers(VARIANTS))
         if rng.random() > _RAILED_SHARE or line.length < 2.0 * _CLEAR_OF_END_M:
             continue
-        at_m = np.arange(_CLEAR_OF_END_M, line.length - _CLEAR_OF_END_M, PANEL_M[kind])
+        at_m = np.arange(_CLEAR_OF_END_M, line.length - _CLEAR_OF_END_M, _PANELS_ON_MEDIANS * PANEL_M[kind])
         ends_m = shapely.get_coordinates(shapely.line_interpolate_point(line, at_m))
         for start_m, end_m in pairwise(ends_m):
             put_panels(

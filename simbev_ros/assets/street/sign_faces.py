@@ -20,7 +20,7 @@ from simbev_ros.foundation.semantics import Tag
 from simbev_ros.foundation.tables import load_table
 from simbev_ros.foundation.types import Float64Array
 
-VARIANTS = 6
+VARIANTS = 4
 """Number of variants of a plate, which differ in their words."""
 
 _LAYER_M, _THICKNESS_M = 0.006, 0.012

@@ -18,6 +18,7 @@ from simbev_ros.assets.street.curbs import STATION_M, CurbLine
 from simbev_ros.foundation.geometry.plan_view import left_of
 from simbev_ros.foundation.semantics import Tag
 from simbev_ros.foundation.tables import load_table
+from simbev_ros.maps.surroundings import SurroundingsRecipe
 
 _BEHIND_WALK_M = 0.75
 _TURNED_SIDES = 8
@@ -44,7 +45,7 @@ def put_along_curbs(yard: Yard, curbs: Sequence[CurbLine]) -> None:
             continue
         rng, count = yard.ground.stream(f"curb_things.{number}"), len(curb.position_m)
         base = Base.SIDEWALK if curb.walk else Base.LAND
-        for name, at in _groups("curb", curb.recipe.use, count * STATION_M, rng):
+        for name, at in _groups("curb", curb.recipe, count * STATION_M, rng):
             at = (at / STATION_M).astype(int)
             at = at[at < count]
             free = yard.claims.claim_discs(curb.position_m[at], np.full(len(at), _table()["things"][name]["room_m"]))
@@ -59,7 +60,7 @@ def put_behind_walks(yard: Yard, blocks: Sequence[Block]) -> None:
         for line in block.frontage:
             if line.beyond or not line.walk:
                 continue
-            for name, at in _groups("back", block.recipe.use, line.length_m - 1.0, rng):
+            for name, at in _groups("back", block.recipe, line.length_m - 1.0, rng):
                 room_m = float(_table()["things"][name]["room_m"])
                 for s_m in at.tolist():
                     position_m, along = line.chord(s_m, 1.0)
@@ -69,11 +70,11 @@ def put_behind_walks(yard: Yard, blocks: Sequence[Block]) -> None:
 
 
 def _groups(
-    side: str, use: str, length_m: float, rng: np.random.Generator
+    side: str, recipe: SurroundingsRecipe, length_m: float, rng: np.random.Generator
 ) -> Iterator[tuple[str, np.ndarray[tuple[int], np.dtype[np.float64]]]]:
     """Names of things, and the (N,) distances at which they stand along a line."""
-    spacing_m = _table()["spacing_m"][side].get(use)
-    weights = {name: float(entry.get(side, {}).get(use, 0.0)) for name, entry in _table()["things"].items()}
+    spacing_m = _table()["spacing_m"][side].get(recipe.use)
+    weights = {name: float(entry.get(side, {}).get(recipe.use, 0.0)) for name, entry in _table()["things"].items()}
     total = sum(weights.values())
     if spacing_m is None or total == 0.0:
         return
@@ -83,7 +84,8 @@ def _groups(
         step_m = _table()["things"][name].get("row")
         count = 1 if step_m is None else 1 + int(rng.integers(1, max(2, int(_table()["row_m"] / step_m))))
         at_m = s_m + np.arange(count) * (step_m or 0.0)
-        yield name, at_m[at_m < length_m]
+        if rng.random() < 2.0 * recipe.furniture_density:
+            yield name, at_m[at_m < length_m]
         s_m = float(at_m[-1]) + spacing_m * float(rng.uniform(0.5, 1.5))
 
 

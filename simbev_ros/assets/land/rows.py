@@ -16,7 +16,6 @@ from simbev_ros.assets.architecture.plot import Plot
 from simbev_ros.assets.flora.ivy import ivy
 from simbev_ros.assets.land.blocks import Block, Frontage
 from simbev_ros.assets.land.yard import Yard, quad, quads, yaw_of
-from simbev_ros.assets.mesh.graded import GradedMesh
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.placement.tiles import upright_pose
 from simbev_ros.config.draw import sample
@@ -118,13 +117,10 @@ def erect(yard: Yard, site: Site, recipe: SurroundingsRecipe, rng: np.random.Gen
         mesh = Mesh.merge([mesh, ivy(growth, mesh, _IVY_SPRIGS)])
     yard.claims.add(site.footprint)
     yard.walls.append(site.footprint)
-    pose = upright_pose(site.origin_m, high_m, site.yaw_rad)
     if site.kind in _FITTED_KINDS:
         own = yard.ground.stream(f"fittings.{site.origin_m[0]:.2f}.{site.origin_m[1]:.2f}")
-        fitted = Mesh.merge([mesh, fittings(find_front(walls, plot), own)])
-        yard.tiles.place_copies(GradedMesh(fitted, mesh), pose[None])
-    else:
-        yard.tiles.place(mesh, pose)
+        mesh = Mesh.merge([mesh, fittings(find_front(walls, plot), own)])
+    yard.tiles.place(mesh, upright_pose(site.origin_m, high_m, site.yaw_rad))
     return replace(site, plot=plot)
 
 

@@ -131,15 +131,15 @@ def _field(rng: np.random.Generator) -> Mesh:
     )
 
 
-def _railed(entry: Mapping[str, Any], rng: np.random.Generator) -> GradedMesh:
+def _railed(entry: Mapping[str, Any], rng: np.random.Generator) -> Mesh:
     """Bars between two rails, with posts, alone or on a wall; by a row of barriers.yaml."""
     length_m, wall_m = float(entry["length_m"]), float(entry["wall_m"])
     base = _masonry(rng, length_m, wall_m) if wall_m else Mesh.empty()
     if "bars_m" not in entry:
-        return GradedMesh(base, base)
+        return base
     steel = Finish(Material.METAL, Tag.FENCE, pick_color(rng, entry["color"]))
     bars = _barred(steel, length_m, entry["bars_m"], entry["rails_m"], entry["spacing_m"], entry["radius_m"])
-    return GradedMesh.merge([GradedMesh(base, base), bars])
+    return Mesh.merge([base, bars])
 
 
 def _high_wall(rng: np.random.Generator) -> Mesh:
@@ -179,20 +179,17 @@ def _barred(
     rails_m: Sequence[float],
     spacing_m: float,
     radius_m: float,
-) -> GradedMesh:
-    """Bars between their low and high end, rails, a post; in the coarse mesh, each fourth bar is four times as wide."""
+) -> Mesh:
+    """Bars between their low and high end, rails, a post. There is no coarse mesh: labels of gaps would differ."""
     x_m = np.arange(spacing_m / 2.0, length_m, spacing_m)
     rails = np.array([(length_m / 2.0, 0.0, z) for z in rails_m])
     top_m = max(rails_m[-1], bars_m[1]) + 0.04
-    frame = Mesh.merge(
+    return Mesh.merge(
         [
+            _bars_along(finish, x_m, bars_m, radius_m),
             boxes(finish, np.tile((length_m, 0.035, 0.035), (len(rails), 1)), rails),
             box(finish, (0.05, 0.05, top_m + 0.4), (0.025, 0.0, (top_m - 0.4) / 2.0)),
         ]
-    )
-    return GradedMesh(
-        Mesh.merge([_bars_along(finish, x_m, bars_m, radius_m), frame]),
-        Mesh.merge([_bars_along(finish, x_m[1::4], bars_m, 4.0 * radius_m), frame]),
     )
 
 

@@ -8,6 +8,7 @@ from simbev_ros.assets.actors.catalog import load_models
 from simbev_ros.assets.regions.static_cache import load_static_scene
 from simbev_ros.config.rig import Rig
 from simbev_ros.config.scenario import Scenario
+from simbev_ros.config.weather import Season
 from simbev_ros.foundation.geometry.camera import PinholeCamera
 from simbev_ros.foundation.geometry.transforms import inverse, matrices_from_xyz_rpy
 from simbev_ros.foundation.types import Float64Array
@@ -27,13 +28,14 @@ VIEW_M = 700.0
 class Studio:
     """A town at one time, with its static scene."""
 
-    def __init__(self, town: str, seed: int) -> None:
+    def __init__(self, town: str, seed: int, season: Season = "summer") -> None:
         """Simulate some seconds, until all actors are moving, and keep the last two ticks."""
         scenario = Scenario.model_validate(
             {
                 "seed": seed,
                 "scenes": [{"map": town, "train": 1}],
                 "rig": Rig(sensors=()),
+                "weather": {"season": season},
                 "time": {"warm_up_s": 3.0, "duration_s": 4.0},
                 "traffic": {"vehicles": 20, "pedestrians": 60, "spawn_radius_m": 150.0},
             }
@@ -47,7 +49,7 @@ class Studio:
         ego = self.state.ego
         self.origin_m = np.array([ego["x"], ego["y"], ego["z"]])
         reach = Reach((float(ego["x"]), float(ego["y"])), VIEW_M)
-        self.static = load_static_scene(planned.map, network, reach=reach)
+        self.static = load_static_scene(self.spec.map, network, reach=reach)
         self.models = load_models()
         self._renderer = Renderer(self.static, self.models)
 

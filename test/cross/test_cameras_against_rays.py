@@ -56,6 +56,11 @@ def test_images_of_a_small_town_are_those_of_rays(blocks: Studio) -> None:
     check(agreements(blocks, random_views(blocks.state, SMALL, 4, 1)), 200)
 
 
+def test_images_of_bare_trees_are_those_of_rays() -> None:
+    winter = Studio("Blocks", 3, "winter")
+    check(agreements(winter, random_views(winter.state, SMALL, 4, 1)), 200)
+
+
 @pytest.mark.parametrize("camera", [LENS, FISHEYE])
 def test_a_lens_that_distorts_shows_what_its_rays_hit(blocks: Studio, camera: PinholeCamera) -> None:
     """Images are resampled, hence accurate to a pixel only next to silhouettes and, in depth, next to edges."""

@@ -44,7 +44,7 @@ def shrub(rng: np.random.Generator, kind: Shrub, season: Season) -> GradedMesh:
         return GradedMesh.merge([leafage, GradedMesh(blossom(rng, middle_m, radii_m, 40, flower), Mesh.empty())])
     held, bark = Crown(middle_m, radii_m), pick_color(rng, "barks")
     shoots = limbs_of_stem(rng, kind, held, np.array([0.0, 0.0, -0.05]), 0.025)
-    return dress(rng, kind, Limbs(shoots, held, bark), 60, season)
+    return dress(rng, kind, Limbs(shoots, held, bark), 110, season)
 
 
 def cactus(rng: np.random.Generator) -> Mesh:

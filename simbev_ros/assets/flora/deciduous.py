@@ -64,7 +64,9 @@ def dress(rng: np.random.Generator, habit: Deciduous, limbs: Limbs, sprigs: int,
     parts = [GradedMesh(skeleton.mesh(rng, limbs.bark, twig, habit.twig_width), skeleton.coarse(rng, limbs.bark, twig))]
     share = rng.uniform(*wear.leaves) + habit.kept * rng.uniform(0.4, 1.6)
     if season == "spring" and rng.random() < habit.blossom:
-        parts.append(_leaves(rng, skeleton, limbs.crown, sprigs, pick_color(rng, habit.flower, 0.05), 0.6))
+        parts.append(
+            _leaves(rng, skeleton, limbs.crown, round(1.3 * sprigs), pick_color(rng, habit.flower, 0.05), 0.75)
+        )
     elif share > 0.0:
         color = leaf_color(rng, habit, season)
         parts.append(_leaves(rng, skeleton, limbs.crown, round(sprigs * share), color, wear.length))

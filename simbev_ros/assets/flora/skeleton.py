@@ -20,7 +20,7 @@ _UP = np.array([0.0, 0.0, 1.0])
 _GOLDEN_RAD = np.pi * (3.0 - 5.0**0.5)
 _STOUTNESS = 0.024
 """Maximum radius of a limb, over its length."""
-_TWIG_M, _COARSE_TWIG_M = 0.017, 0.11
+_TWIG_M, _COARSE_TWIG_M = 0.020, 0.12
 """Half width of twigs at their start, and of the triangles that stand for a branch with all its twigs."""
 
 
@@ -136,7 +136,7 @@ class Skeleton(NamedTuple):
     def mesh(self, rng: np.random.Generator, bark: Color, twig: Color, width: float) -> Mesh:
         """Mesh of all branches in the colors of the bark and the twigs; twigs are ``width`` times as wide as usual."""
         twigs = slivers(rng, self.twigs.points_m[:, ::2], width * _TWIG_M, twig)
-        return Mesh.merge([spikes(self.limbs, bark), ribbons(rng, self.branches, twig), twigs])
+        return Mesh.merge([spikes(self.limbs, bark), ribbons(rng, self.branches, width * _TWIG_M, twig), twigs])
 
     def coarse(self, rng: np.random.Generator, bark: Color, twig: Color) -> Mesh:
         """Mesh for distant views: limbs, and one wide triangle for each branch with its twigs."""
@@ -167,12 +167,12 @@ def spikes(shoots: Shoots, color: Color) -> Mesh:
     return _woody(Material.BARK, vertices, normals, triangles, color, uv)
 
 
-def ribbons(rng: np.random.Generator, shoots: Shoots, color: Color) -> Mesh:
+def ribbons(rng: np.random.Generator, shoots: Shoots, min_half_width_m: float, color: Color) -> Mesh:
     """Build flat, bent branches that end in a point, of 3 triangles each, turned at random."""
     points_m, count = shoots.points_m, len(shoots.points_m)
     along = _unit(points_m[:, 2] - points_m[:, 0])
     across = _unit(np.cross(along, rng.normal(size=(count, 3))))
-    wide = across * np.maximum(shoots.radius_m, _TWIG_M)[:, None]
+    wide = across * np.maximum(shoots.radius_m, min_half_width_m)[:, None]
     start, bend, tip = np.moveaxis(points_m, 1, 0)
     vertices = np.stack([start - wide, start + wide, bend - 0.7 * wide, bend + 0.7 * wide, tip], axis=1)
     normals = np.repeat(_unit(np.cross(across, along) + 0.3 * _UP)[:, None], 5, axis=1)

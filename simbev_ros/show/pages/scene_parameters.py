@@ -40,6 +40,7 @@ def _settings(spec: SceneSpec) -> list[str]:
         _row("parked vehicles", f"{100 * spec.parked_density:.0f} % of the usual number"),
         *([_row("agents", ", ".join(agent.name for agent in spec.agents))] if len(spec.agents) > 1 else []),
         _row("map's file", spec.map.path.rpartition("/")[2] or "built in"),
+        _row("season", spec.map.season),
     ]
 
 

@@ -20,6 +20,7 @@ from simbev_ros.assets.placement.tiles import TileBuilder
 from simbev_ros.assets.regions.build import build_region
 from simbev_ros.assets.regions.region_scene import RegionScene
 from simbev_ros.assets.roads.ground import lay_land, lay_streets
+from simbev_ros.config.weather import Season
 from simbev_ros.foundation.semantics import Tag
 from simbev_ros.foundation.types import BoolArray, Float64Array
 from simbev_ros.maps.build import load_network
@@ -103,15 +104,15 @@ def features(use: str, **changes: object) -> MapFeatures:
     return MapFeatures(SurroundingsRecipe(use=use, **{**RECIPES[use], **changes}))
 
 
-def furnish(network: RoadNetwork, region: Region = HOME) -> Town:
-    ground = RegionGround.from_network(network, region, Terrain(network))
+def furnish(network: RoadNetwork, region: Region = HOME, season: Season = "summer") -> Town:
+    ground = RegionGround.from_network(network, region, Terrain(network), season)
     recorder = Recorder()
     return Town(ground, recorder.objects, furnish_region(recorder, Claims(), ground))
 
 
 @lru_cache(maxsize=8)
-def town(use: str) -> Town:
-    return furnish(replace(blocks(), features=features(use)))
+def town(use: str, season: Season = "summer") -> Town:
+    return furnish(replace(blocks(), features=features(use)), season=season)
 
 
 @lru_cache(maxsize=4)
@@ -137,9 +138,11 @@ def scene_bytes(scene: RegionScene) -> bytes:
     return b"".join(parts)
 
 
-@pytest.mark.parametrize("use", RECIPES)
-def test_nothing_stands_on_the_road_or_in_the_middle_of_a_sidewalk(use: str) -> None:
-    built = town(use)
+@pytest.mark.parametrize(
+    ("use", "season"), [*((use, "summer") for use in RECIPES), ("suburb", "winter"), ("downtown", "autumn")]
+)
+def test_nothing_stands_on_the_road_or_in_the_middle_of_a_sidewalk(use: str, season: Season) -> None:
+    built = town(use, season)
     mesh = built.mesh
     land_m = built.ground.land_m(mesh.vertices[:, :2].astype(np.float64))
     clearance_m = (mesh.vertices[:, 2] - land_m)[mesh.triangles].min(axis=1)

@@ -53,7 +53,8 @@ def broad_leaved(rng: np.random.Generator, tree: BroadLeaved, season: Season) ->
             leaf = leaf_color(rng, tree, season)
         return GradedMesh.merge([stem, limbs, crown(rng, middle, radii, tree.sprigs, leaf, rise=-0.15 - tree.hang)])
     held = Crown(middle, radii)
-    shoots = limbs_of_stem(rng, tree, held, fork + (top - fork) * tree.fork, thickness_m)
+    lowest = fork + (top - fork) * max(tree.fork, 0.3 * tree.trunk_m / float(top[2] - fork[2]))
+    shoots = limbs_of_stem(rng, tree, held, lowest, thickness_m)
     return GradedMesh.merge([stem, dress(rng, tree, Limbs(shoots, held, (red, green, blue)), tree.sprigs, season)])
 
 

@@ -274,7 +274,9 @@ def replayed_spec(bag: SceneBag, scenario: Scenario, network: RoadNetwork, chose
     agents = replayed_agents(spec, scenario, network, starts)
     here = chosen or spec.map
     redrawn = "weather" in scenario.model_fields_set
-    season = draw_season(scenario.weather, spec.seed, network.datum) if redrawn else spec.map.season
+    weather, season = scenario.weather, spec.map.season
+    if redrawn and not (weather.season is None and weather.sun is None):
+        season = draw_season(weather, spec.seed, network.datum)
     changes: dict[str, object] = {
         "agents": agents,
         "v2x": draw_v2x(scenario, spec.seed, [agent.name for agent in agents]),
@@ -284,7 +286,7 @@ def replayed_spec(bag: SceneBag, scenario: Scenario, network: RoadNetwork, chose
     if redrawn:
         even_fog = fog_fills_heights(here, network)
         changes["weather"], changes["final_weather"] = draw_weathers(
-            scenario.weather, spec.seed, even_fog=even_fog, datum=network.datum
+            weather.model_copy(update={"season": season}), spec.seed, even_fog=even_fog, datum=network.datum
         )
     if "lights" in scenario.model_fields_set:
         changes["lights"] = draw_lights(scenario.lights, spec.seed)

@@ -12,6 +12,7 @@ from peak_memory import at_most
 from rosbags.typesys import Stores, get_typestore
 
 from simbev_ros.config.load import load_scenario
+from simbev_ros.config.weather import WeatherConfig
 from simbev_ros.foundation.errors import BagError, InputError
 from simbev_ros.foundation.types import Table
 from simbev_ros.maps.build import load_network, load_source
@@ -174,8 +175,11 @@ def test_rig_and_weather_come_from_the_configuration(tmp_path: Path) -> None:
     with SceneBag(bag(tmp_path / "a")) as recorded:
         kept = replayed_spec(recorded, scenario, network)
         assert kept.agents[0].rig == scenario.rig
-        for name in ("vehicles", "pedestrians", "seed", "ticks", "map"):
+        for name in ("vehicles", "pedestrians", "seed", "ticks"):
             assert getattr(kept, name) == getattr(SPEC, name)
+        assert kept.map == SPEC.map.model_copy(update={"season": "summer"})
+        drawn = scenario.model_copy(update={"weather": WeatherConfig(cloudiness=10.0)})
+        assert replayed_spec(recorded, drawn, network).map == SPEC.map
         slow = scenario.model_copy(update={"time": scenario.time.model_copy(update={"tick_s": 0.1})})
         with pytest.raises(InputError, match=r"time\.tick_s: 0\.1, but .* has ticks of 0\.05 s"):
             replayed_spec(recorded, slow, network)

@@ -25,7 +25,7 @@ from simbev_ros.schema.scene.state import ACTOR_DTYPE, Behavior
 from simbev_ros.simulation.world.pedestrians.crossing_sites import CrossingSite
 from simbev_ros.simulation.world.pedestrians.itineraries import Leg
 
-MAX_PARKED = 300
+MAX_PARKED = 160
 """Maximum number of parked vehicles in a scene; the nearest ones to the agents' routes have precedence."""
 
 _REACH_M = 110.0  # from the routes

@@ -22,6 +22,9 @@ const float MARKING_WEAR = 0.2;  // mean share of worn paint
 // Share of noise of a wavelength that remains when it is blurred to the size of the pixel.
 float left(float wavelength, float size) { return clamp(1.5 - 2.0 * size / wavelength, 0.0, 1.0); }
 
+// Four random numbers of the quarter, a square of a town in which roads, and sidewalks, are alike.
+vec4 quarter(vec2 uv, float salt) { return randoms(floor(uv / 173.0) + salt); }
+
 vec3 asphalt(vec3 albedo, vec4 coarse, vec4 middle, vec4 fine, float size) {
     float stains = (coarse.r - 0.5) * 0.34 + (middle.b - 0.5) * 0.22;
     float stones = (fine.g - 0.5) * 0.75 + (fine.b - 0.5) * 0.25;
@@ -40,9 +43,12 @@ vec3 marking(vec3 albedo, vec4 coarse, vec4 middle, vec4 fine, float size) {
     return mix(paint * dust, OLD_ASPHALT, 0.8 * worn);
 }
 
-// Slabs in bond, or small stones, depending on the quarter.
+// Slabs in bond, small stones or asphalt, from light to as dark as roads, gray or red, depending on the quarter.
 vec3 paving(vec3 albedo, vec2 uv, vec4 coarse, vec4 middle, vec4 fine, float size) {
-    vec2 slab = random(floor(uv / 173.0) + 64.0) < 0.65 ? vec2(0.6, 0.4) : vec2(0.3, 0.3);
+    vec4 kind = quarter(uv, 64.0);
+    albedo *= mix(0.3, 1.15, kind.y) * (kind.z < 0.2 ? vec3(1.18, 0.92, 0.78) : vec3(1.0));
+    if (kind.x < 0.2) return asphalt(albedo * 0.5, coarse, middle, fine, size);
+    vec2 slab = kind.x < 0.7 ? vec2(0.6, 0.4) : vec2(0.3, 0.3);
     vec2 place = uv;
     place.x += 0.5 * slab.x * mod(floor(uv.y / slab.y), 2.0);
     vec4 own = randoms(floor(place / slab));
@@ -116,7 +122,7 @@ void main() {
     vec4 fine = texture_at(p.uv, 0.75, size);
 
     Surface s = surface_of(p);
-    if (p.material == MATERIAL_ASPHALT) s.albedo = asphalt(p.albedo, coarse, middle, fine, size);
+    if (p.material == MATERIAL_ASPHALT) s.albedo = asphalt(p.albedo * mix(0.65, 2.0, quarter(p.uv, 17.0).x), coarse, middle, fine, size);
     else if (p.material == MATERIAL_MARKING) s.albedo = marking(p.albedo, coarse, middle, fine, size);
     else if (p.material == MATERIAL_PAVING) s.albedo = paving(p.albedo, p.uv, coarse, middle, fine, size);
     else if (p.material == MATERIAL_CONCRETE) s.albedo = concrete(p.albedo, p.uv, p.normal, coarse, middle, fine, size);

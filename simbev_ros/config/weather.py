@@ -33,6 +33,7 @@ class WeatherParameter(GroupedMetadata):
         axis_high: Upper end of its axis in figures if there is no maximum.
         shelters: Whether it is 0 in a tunnel.
         curve: Color of its curve over time on a scene's page, 0xRRGGBB; None: it has no curve.
+        typed: Whether Weather.msg has it. Bags with typed messages keep being readable while that message stays.
     """
 
     unit: str
@@ -43,6 +44,7 @@ class WeatherParameter(GroupedMetadata):
     axis_high: float = math.inf
     shelters: bool = False
     curve: int | None = None
+    typed: bool = True
 
     def __iter__(self) -> Iterator[BaseMetadata]:
         """The limits, as pydantic checks them."""
@@ -95,9 +97,9 @@ class WeatherValues(BaseModel):
         float, _Row("m", "distance at which fog starts", paper="LN(3.2, 0.8) if fog > 10, else 0", axis_high=100)
     ]
     fog_falloff: Annotated[float, _Row("", _FALLOFF, paper=_FALLOFF_RULE, axis_high=5)]
-    snow_cover: Annotated[float, _Row("%", _SNOW, 0, 100, _SNOW_RULE)] = 0.0
-    leaf_litter: Annotated[float, _Row("%", _LITTER, 0, 100, _LITTER_RULE)] = 0.0
-    flowers: Annotated[float, _Row("%", _FLOWERS, 0, 100, _FLOWERS_RULE)] = 0.0
+    snow_cover: Annotated[float, _Row("%", _SNOW, 0, 100, _SNOW_RULE, typed=False)] = 0.0
+    leaf_litter: Annotated[float, _Row("%", _LITTER, 0, 100, _LITTER_RULE, typed=False)] = 0.0
+    flowers: Annotated[float, _Row("%", _FLOWERS, 0, 100, _FLOWERS_RULE, typed=False)] = 0.0
 
 
 def _rows() -> Iterator[tuple[str, WeatherParameter]]:

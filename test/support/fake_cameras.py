@@ -48,6 +48,9 @@ class FakeRenderer:
             for view in views
         ]
 
+    def set_appearance(self, *_: object) -> None:
+        pass
+
     def set_lights(self, *_: object) -> None:
         pass
 

@@ -8,6 +8,7 @@ from shapely.geometry.base import BaseGeometry
 
 from simbev_ros.assets.placement.region_ground import MARGIN_M, RegionGround
 from simbev_ros.assets.street.lettering import glyph
+from simbev_ros.foundation.geometry import overlay
 from simbev_ros.foundation.geometry.plan_view import left_of
 from simbev_ros.foundation.random import stream
 from simbev_ros.foundation.types import Float64Array
@@ -47,7 +48,7 @@ def lane_symbols(ground: RegionGround, level: int) -> Iterator[BaseGeometry]:
         directions = sorted(_directions(strip, [by_lane[name] for name in strip.following if name in by_lane]))
         abreast = any(by_lane[name].kind is LaneKind.DRIVING for name in (strip.left, strip.right) if name in by_lane)
         if directions and (abreast or rng.random() < _ARROWS_SHARE):
-            arrows = shapely.union_all([arrow(direction) for direction in directions])
+            arrows = overlay.union_all([arrow(direction) for direction in directions])
             for before_m in _BEFORE_END_M:
                 yield in_map(arrows, line, line.length - before_m)
         elif rng.random() < _WORD_SHARE:
@@ -76,7 +77,7 @@ def arrow(direction: int) -> BaseGeometry:
 
 def _bicycle() -> BaseGeometry:
     wheels = [shapely.Point(0.0, y_m).buffer(_WHEEL_M, quad_segs=3).exterior.buffer(0.04) for y_m in (-0.45, 0.45)]
-    return shapely.union_all([*wheels, _pen([np.array(row).reshape(-1, 2) for row in _FRAME_M], 0.04)])
+    return overlay.union_all([*wheels, _pen([np.array(row).reshape(-1, 2) for row in _FRAME_M], 0.04)])
 
 
 def word(text: str) -> BaseGeometry:
@@ -96,7 +97,7 @@ _READ_ALONG = np.array([[0.0, -1.0], [1.0, 0.0]])
 
 def _pen(lines: Sequence[Float64Array], half_m: float) -> BaseGeometry:
     strokes = [shapely.LineString(line).buffer(half_m, cap_style="square", join_style="mitre") for line in lines]
-    return shapely.union_all(strokes)
+    return overlay.union_all(strokes)
 
 
 def in_map(area: BaseGeometry, line: shapely.LineString, at_m: float) -> BaseGeometry:

@@ -116,6 +116,8 @@ def _weather_at(spec: SceneSpec, tick: int) -> Any:
 def _weather(weather: Weather, stamp_ns: int) -> Any:
     fields = {}
     for name, row in WEATHER_PARAMETERS.items():
+        if not row.typed:
+            continue
         value = float(getattr(weather, name))
         fields[message_field(name)] = math.radians(value) if row.unit == "°" else value
     return build(WEATHER, header=stamped(stamp_ns, MAP_FRAME), **fields)

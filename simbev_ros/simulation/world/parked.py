@@ -30,7 +30,7 @@ MAX_PARKED = 160
 
 _REACH_M = 110.0  # from the routes
 _KEEP_FROM_HAZARD_M, _KEEP_FROM_PATH_M = 1.5, 1.3
-_FROM_CURB_M, _FROM_TRAFFIC_M = 0.2, 0.2  # minimum: pedestrians and cyclists reach over the edges of their lanes
+_FROM_CURB_M, _FROM_TRAFFIC_M = 0.24, 0.2  # minimum: pedestrians and cyclists reach over the edges of their lanes
 _FULL_TURN_M = 0.3  # room across a parking lane from which on vehicles may stand askew
 _OPEN_S = 2.5, 7.0
 _KEEP_FROM_DOORS_M = 5.0  # doors are shut while another actor is as near as this
@@ -90,7 +90,7 @@ class ParkedVehicles:
 
 def _draw_rows(spec: SceneSpec, network: RoadNetwork, spots: Table, excursions: Mapping[int, tuple[Leg, ...]]) -> Table:
     """Rows of the vehicles near the routes and clear of hazards and paths; the column ``doors`` holds one to open."""
-    routes = shapely.union_all(list(_routes(spec, network)))
+    routes = shapely.GeometryCollection(list(_routes(spec, network)))
     near = shapely.dwithin(routes, shapely.points(spots["x"], spots["y"]), _REACH_M)
     rows = np.concatenate([_rows(()), *(_take_spots(spec, spots[run]) for run in _runs(spots) if near[run].any())])
     shapes = footprints(np.column_stack([rows["length"], rows["width"]]), _xy_m(rows), rows["yaw"])

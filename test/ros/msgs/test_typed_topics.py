@@ -10,6 +10,7 @@ from lane_sample import LANE
 from made_up_scene import SENSORS, made_up_spec, noise
 from ros_messages import point_cloud, string
 
+from simbev_ros.config.weather import WEATHER_PARAMETERS
 from simbev_ros.foundation.types import Table
 from simbev_ros.ros.msgs import topics
 from simbev_ros.ros.msgs.annotation_topics import annotation_topics
@@ -84,7 +85,7 @@ def test_weather_is_that_of_the_record_with_the_sun_in_radians(spec: SceneSpec) 
     assert message.sun_azimuth == math.radians(weather.sun_azimuth_deg)
     assert message.sun_altitude == pytest.approx(-math.pi / 6)
     assert (message.fog_distance, message.wetness, message.header.frame_id) == (7.5, 12.0, "map")
-    same = weather.model_dump().keys() - {"sun_azimuth_deg", "sun_altitude_deg", "fog_distance_m"}
+    same = {name for name, row in WEATHER_PARAMETERS.items() if row.typed and row.unit in ("", "%")}
     assert {name: getattr(message, name) for name in same} == {name: getattr(weather, name) for name in same}
 
 

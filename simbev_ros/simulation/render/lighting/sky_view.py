@@ -67,9 +67,8 @@ class SkyViewMap:
         self._heights.clear(depth=1.0)
         clip_from_center = np.diag([1.0 / _HALF_M, 1.0 / _HALF_M, -1.0 / _DEPTH_HALF_M, 1.0])
         static.draw_around("shadow", clip_from_center, center_m, _HALF_M * 1.5)
-        depth = np.frombuffer(self._heights.read(components=1, attachment=-1, dtype="f4"), np.float32).reshape(
-            _SIZE_PX, _SIZE_PX
-        )
+        depth = np.empty((_SIZE_PX, _SIZE_PX), np.float32)
+        self._heights.read_into(depth, components=1, attachment=-1, dtype="f4")
         self._context.enable_only(moderngl.NOTHING)
         return (1.0 - 2.0 * depth.astype(np.float64)) * _DEPTH_HALF_M
 

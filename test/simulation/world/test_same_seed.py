@@ -17,7 +17,7 @@ from simbev_ros.schema.scene.state import Behavior
 from simbev_ros.simulation.world.simulation import Simulation
 
 _EVERYTHING = {
-    "seed": 5,
+    "seed": 7,
     "scenes": [{"map": "Blocks", "train": 1}],
     "rig": Rig(sensors=()),
     "time": {"warm_up_s": 2, "duration_s": 8},

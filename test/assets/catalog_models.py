@@ -1,10 +1,15 @@
 """Access to the catalog's models for tests, with vertices in any pose."""
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
+import pytest
 
 from simbev_ros.assets.actors.actor_model import ActorModel
 from simbev_ros.assets.actors.catalog import load_models
 from simbev_ros.assets.actors.skeletons import part_poses
+from simbev_ros.assets.actors.variants import load_variants
 from simbev_ros.foundation.types import Float64Array, Table
 from simbev_ros.scene.blueprints import Blueprint, blueprint_index, blueprint_named, load_blueprints
 from simbev_ros.schema.scene.state import ACTOR_DTYPE
@@ -36,3 +41,10 @@ def pose_vertices(of: ActorModel, actors: Table, part: str | None = None) -> Flo
         chosen = of.mesh.part == [entry.name for entry in of.parts].index(part)
     poses = part_poses(of, actors)[:, of.mesh.part[chosen]]
     return np.einsum("nvij,vj->nvi", poses[..., :3, :3], of.mesh.vertices[chosen]) + poses[..., :3, 3]
+
+
+def few_derived(names: Sequence[str]) -> list[Any]:
+    """Parameters of a test: names of blueprints, of which most that are composed of tables need --all."""
+    derived = [name for name in names if name in load_variants()["shapes"] or name.count(".") > 2]
+    slow = {name for number, name in enumerate(derived) if number % 8}
+    return [pytest.param(name, marks=pytest.mark.slow) if name in slow else name for name in names]

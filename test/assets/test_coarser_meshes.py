@@ -1,7 +1,7 @@
 import numpy as np
 import open3d as o3d
 import pytest
-from catalog_models import blueprint, model
+from catalog_models import blueprint, few_derived, model
 
 from simbev_ros.assets.actors.actor_model import CoarserMesh
 from simbev_ros.assets.actors.detail import COARSER, COARSER_FIGURES, EXACT, Detail
@@ -46,7 +46,7 @@ def open_edges(mesh: Mesh) -> Float64Array:
     return positions[np.stack([start[is_open], end[is_open]], axis=1)]
 
 
-@pytest.mark.parametrize("name", WITH_SHELLS)
+@pytest.mark.parametrize("name", few_derived(WITH_SHELLS))
 def test_bodies_have_no_gap_at_a_seam_in_any_detail(name: str) -> None:
     shape = load_shape(name)
     index = {name: number for number, name in enumerate(["body", *(part.name for part in door_parts(shape.doors))])}
@@ -57,7 +57,7 @@ def test_bodies_have_no_gap_at_a_seam_in_any_detail(name: str) -> None:
             assert np.abs(np.ptp(edges[..., [0, 2]], axis=1)).max(initial=0.0) < 1e-4
 
 
-@pytest.mark.parametrize("name", SAMPLE)
+@pytest.mark.parametrize("name", few_derived(SAMPLE))
 def test_coarser_meshes_are_as_near_to_the_exact_one_as_they_say(name: str) -> None:
     exact = model(name).mesh
     for level in coarser(name):
@@ -66,7 +66,7 @@ def test_coarser_meshes_are_as_near_to_the_exact_one_as_they_say(name: str) -> N
         assert np.sqrt(np.mean(off_m**2)) < 0.5 * level.error_m + 1e-3
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", few_derived(NAMES))
 def test_coarser_meshes_have_the_parts_and_nearly_the_extent_of_the_exact_one_and_fewer_triangles(name: str) -> None:
     exact, levels = model(name).mesh, coarser(name)
     counts = [len(exact.triangles), *(len(level.mesh.triangles) for level in levels)]

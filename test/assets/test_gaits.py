@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from catalog_models import GAIT, ON_FOOT, PEDESTRIANS, blueprint, model, pose_vertices, rows
+from catalog_models import GAIT, ON_FOOT, PEDESTRIANS, blueprint, few_derived, model, pose_vertices, rows
 
 from simbev_ros.assets.actors.shape import load_shape
 from simbev_ros.foundation.types import Float64Array
@@ -11,7 +11,7 @@ from simbev_ros.scene.gait import stride_lengths_m, transition_mps
 RUNNERS = [entry.name for entry in PEDESTRIANS if entry.on_foot and not entry.runs_as]
 
 
-@pytest.mark.parametrize("name", ON_FOOT)
+@pytest.mark.parametrize("name", few_derived(ON_FOOT))
 def test_strides_of_all_speeds_fill_the_box_of_a_pedestrian_to_a_centimeter(name: str) -> None:
     length, width, height = blueprint(name).size_m
     speeds = np.sqrt(9.81 * blueprint(name).tall_m) * np.linspace(0.0, 2.0 if name in RUNNERS else 0.5, 7)
@@ -45,7 +45,7 @@ def test_a_foot_on_the_ground_neither_slides_nor_sinks(name: str, speed_mps: flo
     assert max(abs(step.sum()) for step in steps) < 0.02
 
 
-@pytest.mark.parametrize("name", ON_FOOT)
+@pytest.mark.parametrize("name", few_derived(ON_FOOT))
 def test_walkers_always_have_a_foot_on_the_ground_and_runners_have_flight_phases(name: str) -> None:
     for speed_mps, min_share, max_share in ((1.3, 0.0, 0.0), (3.5, 0.1, 0.4), (6.0, 0.3, 0.6)):
         actors = rows(len(GAIT), gait=GAIT, vx=speed_mps)
@@ -64,7 +64,7 @@ def test_step_rates_are_those_of_adults(height_m: float) -> None:
     assert transition_mps(1.3) == pytest.approx(1.84, abs=0.02)
 
 
-@pytest.mark.parametrize("name", ON_FOOT)
+@pytest.mark.parametrize("name", few_derived(ON_FOOT))
 @pytest.mark.parametrize("speed_mps", [1.4, 4.0])
 def test_left_and_right_limbs_are_half_a_stride_apart_and_arms_oppose_legs(name: str, speed_mps: float) -> None:
     actors = rows(2, gait=[0.0, np.pi], vx=speed_mps)
@@ -78,7 +78,7 @@ def test_left_and_right_limbs_are_half_a_stride_apart_and_arms_oppose_legs(name:
         assert abs(swing_m) < 1e-6 if held else swing_m > 0.05
 
 
-@pytest.mark.parametrize("name", ON_FOOT)
+@pytest.mark.parametrize("name", few_derived(ON_FOOT))
 def test_a_standing_pedestrian_has_both_feet_under_the_body(name: str) -> None:
     points = {side: pose_vertices(model(name), rows(8, gait=GAIT[::6]), f"foot {side}") for side in ("left", "right")}
     for foot in points.values():

@@ -64,7 +64,8 @@ def test_doppler_is_the_change_of_distance_from_tick_to_tick(
         ids = hit_actors(model, rays, now)
         distance_m = [distances_m(model, cloud, ids, now, other) for other in (before, after)]
         rate_mps = (distance_m[1] - distance_m[0]) / (after.stamp_ns - before.stamp_ns) * 1e9
-        error_mps = np.abs(rate_mps - cloud["doppler_velocity"])
+        far = distance_m[0] > 4.0  # the mean rate of two ticks is that of the moment, unless what is passed is near
+        error_mps = np.abs(rate_mps - cloud["doppler_velocity"])[far]
         assert np.quantile(error_mps, 0.99) < 0.04, model.radar.name
         assert np.median(error_mps) < 0.02
         speeds.append(cloud["doppler_velocity"])

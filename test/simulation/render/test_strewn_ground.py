@@ -1,5 +1,7 @@
 """Snow, fallen leaves and flowers in images: they lie on the ground of the static world and nowhere else."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -22,6 +24,8 @@ VIEW = CameraView(PinholeCamera.from_field_of_view(640, 360, 1.4), front_pose(),
 def draw(material: Material, **strewn: float) -> tuple[UInt8Array, UInt8Array]:
     """Color and tags of a level ground of a material with a house and a car on it."""
     ground = plane(200.0, 0.0, Tag.TERRAIN, material)
+    if material == Material.ASPHALT:
+        ground = replace(ground, color=np.full_like(ground.color, 0x4E))
     house = box((20, 4, 0), (30, 14, 8), Tag.BUILDING, Material.PLASTER)
     renderer = Renderer(StaticScene((Tile(np.zeros(3), Mesh.merge([ground, house]), {}),), ()), [car()])
     state = world({"id": 1}, {"id": 2, "x": 12.0, "y": -3.0}, weather=NOON.model_copy(update=strewn))

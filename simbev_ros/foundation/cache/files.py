@@ -95,4 +95,5 @@ def _write(path: Path, kind: str, write: Callable[[Path], None]) -> None:
             (Path(work) / _seal(path).name).replace(_seal(path))
             (Path(work) / path.name).replace(path)
     except OSError as error:
-        raise InputError(f"cache of {kind} {path.parent}: cannot be written: {error.strerror}") from error
+        file = "" if error.filename is None else f"{error.filename}: "  # of the cache, or one that is read to write it
+        raise InputError(f"cache of {kind} {path.parent}: cannot be written: {file}{error.strerror}") from error

@@ -12,6 +12,7 @@ import pytest
 from simbev_ros.foundation.cache import seals
 from simbev_ros.foundation.cache.files import read_cached
 from simbev_ros.foundation.cache.folders import ensure_folder
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.types import AnyArray
 
 THING = np.arange(40, dtype=np.float32)
@@ -75,3 +76,11 @@ def test_what_a_process_cannot_open_or_hold_is_not_damage(tmp_path: Path, monkey
     with pytest.raises(OSError, match=r"Too many open files"):
         ensure_folder("things", "thing", b"1", b"", never, tmp_path)
     assert (folder / "thing.npz").is_file() and path.is_file()
+
+
+def test_a_file_that_is_missing_for_the_content_is_named(tmp_path: Path) -> None:
+    def write_from_other(_: Path) -> None:
+        (tmp_path / "colors.yaml").read_text()
+
+    with pytest.raises(InputError, match=r"cache of things .*entry: cannot be written: .*colors\.yaml: No such file"):
+        read_cached(tmp_path / "entry/thing.npz", "things", read, write_from_other)

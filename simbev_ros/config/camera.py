@@ -78,6 +78,11 @@ class Camera(Sensor, Optics):
         min_length=1,
         description="kinds of images that the camera publishes; raw: the mosaic of an imager, in 8 bits",
     )
+    labels: Literal["visible", "drawn"] = Field(
+        "visible",
+        description="semantic images: visible is the class of the surface at each pixel's center; drawn is what people "
+        "draw on photographs, where crowns, railings and two-wheelers include what is seen through their gaps",
+    )
 
     @model_validator(mode="before")
     @classmethod

@@ -29,6 +29,7 @@ class CameraView:
         optics: Exposure, vignetting and noise of the color image.
         noise_seed: Seed of the noise, below 2**64; different for every camera and tick.
         lens_seed: Seed of the drops on the lens, together with the camera's pose; differs between agents of a scene.
+        outlines: Whether the semantic image has the outlines that people draw.
     """
 
     camera: PinholeCamera
@@ -37,6 +38,7 @@ class CameraView:
     optics: Optics = IDEAL_OPTICS
     noise_seed: int = 0
     lens_seed: int = 0
+    outlines: bool = False
 
     @classmethod
     def from_config(
@@ -51,7 +53,13 @@ class CameraView:
         """View of a configured camera at a tick of a scene with a seed, with all its modalities or a subset."""
         noise_seed = int(stream(seed, f"camera.{camera.name}", tick).integers(1 << 63))
         return cls(
-            camera.model, camera.pose.ego_from_sensor, modalities or camera.modalities, camera, noise_seed, lens_seed
+            camera.model,
+            camera.pose.ego_from_sensor,
+            modalities or camera.modalities,
+            camera,
+            noise_seed,
+            lens_seed,
+            camera.labels == "drawn",
         )
 
     @property
@@ -66,8 +74,10 @@ class CameraView:
 
     @property
     def drawn(self) -> Self:
-        """This view with the modalities that OpenGL draws: the color image in place of those made from it."""
+        """This view with the modalities that OpenGL draws, in place of those that are made from them."""
         modalities = dict.fromkeys("rgb" if IMAGE_KINDS[name].of_imager else name for name in self.modalities)
+        if self.outlines and "semantic" in modalities:
+            modalities["depth"] = None
         return replace(self, modalities=tuple(modalities))
 
 
@@ -102,7 +112,7 @@ class CameraImages:
 
     Attributes:
         rgb: (H, W, 3) uint8, sRGB.
-        semantic: (H, W) uint8, a semantic ``Tag``.
+        semantic: (H, W) uint8, a semantic ``Tag``, with outlines if the view has them.
         instance: (H, W) uint16, actor id, 0 = none.
         depth: (H, W) float32, meters along the optical axis, of a fisheye along the pixel's ray; +inf for the sky
             (REP-118). On a GPU and with lens distortion, it belongs to a point up to 1/256 pixel from the pixel center,

@@ -45,6 +45,7 @@ from simbev_ros.simulation.render.lighting.shadows import ShadowMap
 from simbev_ros.simulation.render.lighting.sky_dome import SkyDome
 from simbev_ros.simulation.render.lighting.sky_view import SkyViewMap
 from simbev_ros.simulation.render.lighting.tunnel_map import TunnelAdaptation, TunnelMap
+from simbev_ros.simulation.render.outlines import outline_images
 from simbev_ros.simulation.render.shading.noise import noise_texture
 from simbev_ros.simulation.render.shading.shading import Shading
 from simbev_ros.simulation.render.shutter import MotionTimes, Shutters
@@ -172,10 +173,11 @@ class Renderer:
             ]
             with self._timer(READ_BACK):
                 self._read_back.finish()
-        return [
+        formed = [
             form_images(camera, image, each[0].shutter.amplification if each[0].shutter else 1.0)
             for camera, image, each in zip(requested, images, views, strict=True)
         ]
+        return [outline_images(camera, image) for camera, image in zip(requested, formed, strict=True)]
 
     def close(self) -> None:
         """Free the context with all that was uploaded; the renderer cannot be used afterwards."""

@@ -1,7 +1,8 @@
 """Semantic images as people draw them in data sets of photographs: outlines, with what is seen through small gaps.
 
 A crown, a railing or a wheel with spokes is labeled there as one area. So gaps that are narrow for a class are closed,
-at the distance of what is around them, unless something shows through that people outline on its own.
+at the distance of what is around them, unless something shows through that people outline on its own. Poles are drawn
+a pixel wider on each side, as nobody draws less than three.
 """
 
 from collections.abc import Mapping
@@ -68,6 +69,7 @@ def outlined(semantic: UInt8Array, depth_m: Float32Array, focal_px: float) -> UI
     """
     closed, nearest_m = semantic.copy(), depth_m.copy()
     is_open = ~_ON_ITS_OWN[semantic]
+    _widen(closed, nearest_m, is_open, semantic == Tag.POLE)
     for tag, gap in _GAPS.items():
         mask = semantic == tag
         if not mask.any():
@@ -107,6 +109,13 @@ def _close(
     fills = inside & ~mask[part] & is_open[part] & (depth_m[part] > around_m + gap.behind_m)
     fills &= nearest_m[part] > around_m
     closed[part][fills], nearest_m[part][fills] = tag, around_m[fills]
+
+
+def _widen(closed: UInt8Array, nearest_m: Float32Array, is_open: BoolArray, poles: BoolArray) -> None:
+    """Label the pixels beside poles that show something farther, in place."""
+    around_m = cv2.erode(np.where(poles, nearest_m, np.float32(np.inf)), np.ones((3, 3), np.uint8))
+    fills = ~poles & is_open & (nearest_m > around_m)
+    closed[fills], nearest_m[fills] = Tag.POLE, around_m[fills]
 
 
 @lru_cache(maxsize=8)

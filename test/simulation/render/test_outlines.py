@@ -45,6 +45,17 @@ def test_what_is_no_farther_or_outlined_on_its_own_stays() -> None:
     assert (closed[:50, 60:260] == Tag.VEGETATION).all() and (closed[100:, 60:260] == Tag.VEGETATION).all()
 
 
+def test_a_thin_pole_is_three_pixels_wide_before_what_is_farther_alone() -> None:
+    semantic, depth_m = np.full((60, 80), Tag.SKY, np.uint8), np.full((60, 80), np.inf, np.float32)
+    semantic[:, 40], depth_m[:, 40] = Tag.POLE, 30.0
+    semantic[:20, 41:], depth_m[:20, 41:] = Tag.BUILDING, 20.0
+    semantic[40:, 41:], depth_m[40:, 41:] = Tag.CAR, 50.0
+    drawn = outlined(semantic, depth_m, FOCAL_PX)
+    assert (drawn[:, 39:41] == Tag.POLE).all() and (drawn[22:38, 41] == Tag.POLE).all()
+    np.testing.assert_array_equal(drawn[:20, 41:], semantic[:20, 41:])
+    np.testing.assert_array_equal(drawn[40:, 41:], semantic[40:, 41:])
+
+
 def test_the_nearest_of_several_classes_is_drawn() -> None:
     semantic, depth_m = bars(Tag.VEGETATION, 20.0, 0.5, 20.0)
     fence, _ = bars(Tag.FENCE, 8.0, 0.14, 12.0)

@@ -10,6 +10,7 @@ import pytest
 import shapely
 from analytic_maps import crossing, ground_tiles, hilly_road, level_street, merged, river
 
+from simbev_ros.assets.mesh.facets import TILE_M
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.placement.region_ground import DECK_DEPTH_M, LAND_HEIGHT_M, RegionGround
 from simbev_ros.assets.placement.static_scene import Tile
@@ -18,7 +19,7 @@ from simbev_ros.foundation.semantics import Tag
 from simbev_ros.foundation.types import Float64Array, UInt8Array
 from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.network import RoadNetwork
-from simbev_ros.maps.region import Region
+from simbev_ros.maps.region import REGION_M, Region
 from simbev_ros.maps.roads.lane_kind import CURB_HEIGHT_M
 
 EXACT_M, LAND_EXACT_M = 0.02, 0.06
@@ -211,3 +212,17 @@ def test_no_gap_shows_between_loaded_land_and_the_land_beyond() -> None:
     border_m = np.column_stack([np.full(500, 384.5), np.linspace(0.5, 511.5, 500)])
     beyond_m, _ = top_of(mesh, border_m)
     assert np.abs(beyond_m - case.ground.terrain.height_m(border_m) - LAND_HEIGHT_M).max() < 1.5
+
+
+def test_hills_rise_beyond_a_plain_around_the_map_and_its_waters() -> None:
+    case = build(river)
+    land = far_land(case.network, case.ground.terrain)
+    count = np.array(land.height_m.shape)
+    corner_m = np.array(land.first) * REGION_M + TILE_M * np.stack(np.indices(count), axis=-1)
+    rise_m = land.height_m - LAND_HEIGHT_M - case.ground.terrain.far_m(corner_m.reshape(-1, 2)).reshape(count)
+    outside_m = np.hypot(*np.moveaxis(np.maximum(np.abs(corner_m - REGION_M / 2.0) - REGION_M / 2.0, 0.0), -1, 0))
+    water = np.pad(land.cover == 0, ((0, 1), (0, 1)), mode="edge")
+    assert np.abs(rise_m[(outside_m < 250.0) | water]).max() == 0.0
+    assert rise_m.min() >= 0.0 and 30.0 < rise_m.max() < 700.0
+    assert np.abs(np.diff(rise_m, axis=0)).max() < TILE_M and np.abs(np.diff(rise_m, axis=1)).max() < TILE_M
+    np.testing.assert_array_equal(land.height_m, far_land(case.network, case.ground.terrain).height_m)

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import distance_transform_edt
 
 from simbev_ros.assets.land.covers import draw_crop, finish_of
 from simbev_ros.assets.materials import Material
@@ -28,6 +29,10 @@ _FIELD_CELLS = 4
 _HORIZON = 5
 """Number of regions of coarse land around the loaded ones."""
 _SKIRT_M = 10.0
+_PLAIN_M, _SLOPE_M = 250.0, 1000.0
+"""Width of the plain around a map and its waters, and of the slopes from there up to the hills."""
+_WAVES, _WOODED_M = 24, 25.0
+"""Number of waves that hills are the sum of, and the height from which woods cover them."""
 _WATER = Finish(Material.WATER, Tag.WATER, (40, 54, 50))
 
 
@@ -58,8 +63,12 @@ def far_land(network: RoadNetwork, terrain: Terrain, season: Season = "summer") 
     finishes = [_WATER]
     middle_m = (corner_m[:-1, :-1] + TILE_M / 2.0).reshape(-1, 2)
     cover = _covers(network.features, network.seed, middle_m, finishes, season).reshape(count)
+    hills_m = _hills_m(network.seed, corner_m, cover == 0)
+    cover[hills_m[:-1, :-1] > _WOODED_M] = _finish_row(
+        finish_of("far_woods", network.features.surroundings.plants, season), finishes
+    )
     table = np.array([(finish.material, finish.tag, *finish.color) for finish in finishes], np.uint8)
-    return FarLand(first, height_m, cover, table)
+    return FarLand(first, height_m + hills_m, cover, table)
 
 
 def cells_of(far: FarLand, tiles: Iterable[Tile]) -> BoolArray:
@@ -86,6 +95,21 @@ def far_tiles(far: FarLand, loaded: BoolArray) -> Iterator[Tile]:
             window = around[i : i + _CELLS + 2, j : j + _CELLS + 2]
             if not window[1:-1, 1:-1].all():
                 yield _tile(far, window, i, j)
+
+
+def _hills_m(seed: int, corner_m: Float64Array, water: BoolArray) -> Float64Array:
+    """(I, J) heights of hills at the horizon: waves of random directions, beyond a plain around the map and water."""
+    rng = stream(seed, "hills")
+    plain = np.pad(water, ((0, 1), (0, 1)), mode="edge")
+    plain[_HORIZON * _CELLS : -_HORIZON * _CELLS, _HORIZON * _CELLS : -_HORIZON * _CELLS] = True
+    distance_m = TILE_M * np.asarray(distance_transform_edt(~plain))
+    angle_rad, phase_rad = rng.uniform(0.0, 2.0 * np.pi, (2, _WAVES))
+    length_m = np.exp(rng.uniform(np.log(400.0), np.log(2500.0), _WAVES))
+    along = 2.0 * np.pi / length_m * np.stack([np.cos(angle_rad), np.sin(angle_rad)])
+    waves = np.cos(corner_m @ along + phase_rad) @ (length_m / np.sqrt(np.sum(length_m**2) / 2.0))
+    share = np.clip((distance_m - _PLAIN_M) / _SLOPE_M, 0.0, 1.0)
+    height_m = rng.uniform(50.0, 150.0) * np.maximum(1.0 + 0.6 * waves, 0.0)
+    return np.asarray(share * share * (3.0 - 2.0 * share) * height_m)
 
 
 def _covers(

@@ -78,7 +78,10 @@ class TileBuilder:
         else:
             for key, copy in zip(keys, copies, strict=True):
                 self._seen[key].append(copy)
-        self.placed_objects.append((mesh, map_from_mesh))
+        stands = map_from_mesh.copy()
+        if follow_m is not None:
+            stands[:, 2, 3] += follow_m(stands[:, :2, 3])
+        self.placed_objects.append((mesh, stands))
 
     def drape(
         self, area: BaseGeometry, facets: Facets, *builders: Callable[[Cut], ByTile], surface: str = "", level: int = 0

@@ -2,9 +2,11 @@
 
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from fake_distribution import announce
 
 from simbev_ros.cli.main import main
 from simbev_ros.ros.graph.session import GraphSession
@@ -53,3 +55,9 @@ def no_graph(monkeypatch: pytest.MonkeyPatch) -> None:
         raise AssertionError("the graph was started")
 
     monkeypatch.setattr(GraphSession, "start", refuse)
+
+
+@pytest.fixture
+def training(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The verbs of simbev_training, as if it were installed."""
+    announce(Path(__file__).parents[2] / "training", tmp_path_factory.mktemp("site"), monkeypatch)

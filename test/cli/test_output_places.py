@@ -106,6 +106,7 @@ def options_of(command: Any, words: tuple[str, ...] = ()) -> Iterator[str]:
             yield " ".join((*words, each.opts[0]))
 
 
+@pytest.mark.usefixtures("training")
 def test_every_option_that_names_an_output_has_a_row() -> None:
     found = {*options_of(typer.main.get_command(app))}
     assert {each.option for each in OUTPUTS} == found - INPUTS

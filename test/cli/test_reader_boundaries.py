@@ -85,6 +85,7 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return found | {"BAG": bag, "EVALUATED": made.record(folder / "evaluated"), "MODEL": weights_file(Modality.LIDAR)}
 
 
+@pytest.mark.usefixtures("training")
 @pytest.mark.parametrize(("command", "reader"), READERS)
 def test_every_error_of_a_reader_is_one_line(
     simbev: Simbev,

@@ -4,18 +4,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from fake_distribution import announce
 from made_up_scene import record_made_up
 from several_agents import made_up_agents
 
-ROOT = Path(__file__).parents[2]
 pytestmark = pytest.mark.usefixtures("training")
-
-
-@pytest.fixture
-def training(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The verbs of simbev_training, as if it were installed."""
-    announce(ROOT / "training", tmp_path_factory.mktemp("site"), monkeypatch)
 
 
 @pytest.mark.parametrize(

@@ -16,8 +16,8 @@ GROUND_KM, TOP_KM = 6360.0, 6460.0
 """Radii of the Earth and of the top of its atmosphere."""
 
 RAYLEIGH_PER_KM = np.array([8.67e-3, 15.14e-3, 31.6e-3])
-MIE_SCATTERING_PER_KM = np.array([0.033, 0.039, 0.049])
-"""Aerosols near towns on a clear day: optical depth 0.05, Ångstrom exponent 1.3."""
+MIE_SCATTERING_PER_KM = np.array([0.079, 0.094, 0.118])
+"""Aerosols near towns on a clear day: optical depth 0.12, Ångstrom exponent 1.3."""
 MIE_EXTINCTION_PER_KM = MIE_SCATTERING_PER_KM / 0.93
 OZONE_PER_KM = np.array([2.30e-3, 1.45e-3, 0.085e-3])
 RAYLEIGH_SCALE_KM, MIE_SCALE_KM = 8.0, 1.2

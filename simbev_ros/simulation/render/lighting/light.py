@@ -44,7 +44,7 @@ _OVERCAST_TINT = np.array([0.97, 1.0, 1.04])
 _AMBIENT_WHITENING = 0.45
 _UPRIGHT_SHARE = 0.3
 _MAX_GLOW = 3.0
-_MAX_SKY = 2.6  # maximum radiance around the sun relative to the mean, as no camera shows more
+_MAX_SKY = 8.0  # maximum radiance around the sun relative to the mean, as no camera shows more
 CLEAR_HAZE_PER_M = float(np.mean(RAYLEIGH_PER_KM + MIE_EXTINCTION_PER_KM)) / 1000.0 / np.log(2.0)
 
 

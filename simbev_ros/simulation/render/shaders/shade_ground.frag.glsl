@@ -46,7 +46,7 @@ vec3 marking(vec3 albedo, vec4 coarse, vec4 middle, vec4 fine, float size) {
 // Slabs in bond, small stones or asphalt, from light to as dark as roads, gray or red, depending on the quarter.
 vec3 paving(vec3 albedo, vec2 uv, vec4 coarse, vec4 middle, vec4 fine, float size) {
     vec4 kind = quarter(uv, 64.0);
-    albedo *= mix(0.3, 1.15, kind.y) * (kind.z < 0.2 ? vec3(1.10, 0.96, 0.87) : vec3(1.0));
+    albedo = mix(albedo, vec3(dot(albedo, LUMA)), 0.35) * mix(0.24, 1.0, kind.y) * (kind.z < 0.2 ? vec3(1.10, 0.96, 0.87) : vec3(1.0));
     if (kind.x < 0.2) return asphalt(albedo * 0.5, coarse, middle, fine, size);
     vec2 slab = kind.x < 0.7 ? vec2(0.6, 0.4) : vec2(0.3, 0.3);
     vec2 place = uv;
@@ -122,7 +122,7 @@ void main() {
     vec4 fine = texture_at(p.uv, 0.75, size);
 
     Surface s = surface_of(p);
-    if (p.material == MATERIAL_ASPHALT) s.albedo = asphalt(p.albedo * mix(0.65, 2.0, quarter(p.uv, 17.0).x), coarse, middle, fine, size);
+    if (p.material == MATERIAL_ASPHALT) s.albedo = asphalt(p.albedo * mix(0.65, 2.2, quarter(p.uv, 17.0).x), coarse, middle, fine, size);
     else if (p.material == MATERIAL_MARKING) s.albedo = marking(p.albedo, coarse, middle, fine, size);
     else if (p.material == MATERIAL_PAVING) s.albedo = paving(p.albedo, p.uv, coarse, middle, fine, size);
     else if (p.material == MATERIAL_CONCRETE) s.albedo = concrete(p.albedo, p.uv, p.normal, coarse, middle, fine, size);

@@ -14,6 +14,7 @@ from simbev_ros.foundation.types import Float32Array, Float64Array, Int32Array, 
 from simbev_ros.scene.interpolation import ActorHistory
 from simbev_ros.schema.scene.state import map_from_actors
 from simbev_ros.simulation.raycast.boxes import CORNERS, PartBoxes, Passages
+from simbev_ros.simulation.raycast.embree import relative_rays
 from simbev_ros.simulation.raycast.part_stack import PartStack
 
 _SAMPLES_PER_TICK = 8
@@ -107,10 +108,7 @@ class ActorTriangles:
             limit_m: (N,) range at which each ray hits the static world.
             lag_s: (N,) time before the tick at which each ray is cast; None: all at the tick.
         """
-        rays = np.empty((len(directions), 6), np.float32)
-        rays[:, :3] = origins_m - self._origin_m
-        rays[:, 3:] = directions
-        passages = self._boxes.passages(rays, limit_m)
+        passages = self._boxes.passages(relative_rays(origins_m, self._origin_m, directions), limit_m)
         poses = self._poses[passages.box] if lag_s is None else self._poses_at_ray_times(passages, lag_s)
         origin_m = origins_m[passages.ray] if len(origins_m) > 1 else origins_m
         center_m = _transform_points(poses, self._stack.center_m[self._part[passages.box]])

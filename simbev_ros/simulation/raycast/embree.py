@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from simbev_ros.foundation.types import AnyArray, Float32Array, Int32Array, Int64Array
+from simbev_ros.foundation.types import AnyArray, Float32Array, Float64Array, Int32Array, Int64Array
 from simbev_ros.simulation.raycast.open3d_core import load_open3d_core
 
 _OPEN3D = load_open3d_core()
@@ -76,6 +76,24 @@ class TriangleSet:
             found["primitive_ids"].numpy().astype(np.int64),
             found["t_hit"].numpy(),
         )
+
+
+def relative_rays(origins_m: Float64Array, center_m: Float64Array, directions: Float32Array) -> Float32Array:
+    """(N, 6) rays, relative to a (3,) center, from (N, 3) or (1, 3) origins and (N, 3) directions.
+
+    They are written axis by axis, because NumPy copies rows of three values many times as slowly.
+    """
+    rays = np.empty((len(directions), 6), np.float32)
+    for axis in range(3):
+        rays[:, axis] = origins_m[:, axis] - center_m[axis]
+        rays[:, 3 + axis] = directions[:, axis]
+    return rays
+
+
+def dot_products(first: Float32Array, second: Float32Array) -> Float32Array:
+    """(N,) dot products of (N, 3) vectors."""
+    x, y, z = (first[:, axis] * second[:, axis] for axis in range(3))
+    return x + y + z
 
 
 def _tensor(array: AnyArray) -> Any:

@@ -24,6 +24,7 @@ from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.scene.interpolation import ActorHistory, earlier_rows
 from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.simulation.raycast.actors import ActorTriangles
+from simbev_ros.simulation.raycast.embree import dot_products, relative_rays
 from simbev_ros.simulation.raycast.motion import body_velocities, part_velocities
 from simbev_ros.simulation.raycast.part_stack import PartStack
 from simbev_ros.simulation.raycast.static import StaticTriangles
@@ -128,27 +129,25 @@ class RayScene:
         """
         directions = np.ascontiguousarray(directions, np.float32)
         near = self._near
-        rays = np.empty((len(directions), 6), np.float32)
-        rays[:, :3] = origins_m - near.origin_m
-        rays[:, 3:] = directions
-        hits = near.triangles.cast(rays)
+        hits = near.triangles.cast(relative_rays(origins_m, near.origin_m, directions))
         range_m, normal = hits.range_m.copy(), hits.normal.copy()
-        tag, material = near.tag[hits.triangle], near.material[hits.triangle]
-        object_id = np.zeros(len(rays), np.uint32)
-        row, part = np.full((2, len(rays)), -1, np.int32)
+        tag, material = near.tag.take(hits.triangle), near.material.take(hits.triangle)
+        object_id = np.zeros(len(directions), np.uint32)
+        row, part = np.full((2, len(directions)), -1, np.int32)
         moving = self._actors.cast(origins_m, directions, range_m, lag_s)
         range_m[moving.ray], normal[moving.ray] = moving.range_m, moving.normal
         material[moving.ray], row[moving.ray], part[moving.ray] = moving.material, moving.row, moving.part
         object_id[moving.ray], tag[moving.ray] = self.actors["id"][moving.row], self.actors["tag"][moving.row]
-        facing = -np.einsum("ni,ni->n", normal, directions)
-        normal *= np.copysign(np.float32(1.0), facing)[:, None]
+        facing = -dot_products(normal, directions)
+        normal[np.flatnonzero(facing < 0.0)] *= -1.0
         cos_angle = np.minimum(np.abs(facing), np.float32(1.0))
         return Hits(range_m, object_id, row, part, tag, material, normal, cos_angle, hits.triangle, hits.barycentric)
 
     def surface_coordinates(self, triangle: Int32Array, barycentric: Float32Array) -> Float32Array:
         """(N, 2) u and v, as ``Material`` defines them, of (N,) static hits since the last ``update``."""
         second, third = barycentric.T[..., None]
-        first_uv, second_uv, third_uv = (self._near.uv[corner] for corner in self._near.corners[triangle].T)
+        corners = self._near.corners.take(triangle, axis=0)
+        first_uv, second_uv, third_uv = (self._near.uv.take(corner, axis=0) for corner in corners.T)
         coordinates: Float32Array = first_uv + second * (second_uv - first_uv) + third * (third_uv - first_uv)
         return coordinates
 

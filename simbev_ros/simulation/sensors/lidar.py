@@ -105,6 +105,7 @@ class LidarModel:
         self._lidar = lidar
         self._seed = seed
         self._receiver = LidarReceiver(lidar, lidar.receiver) if lidar.receiver else None
+        self._loses = lidar.drop_off > 0.0 or (lidar.receiver is not None and lidar.receiver.gain_step_db is not None)
         self._turn_s = turn_s
         self._aim(0.0)
         self._stretch = lidar.beam_divergence_mrad * 1e-3 / lidar.receiver.pulse_m if lidar.receiver else 0.0
@@ -218,7 +219,9 @@ class LidarModel:
             return rng.random(count, np.float32), air.air_echoes(count, rng)
 
         range_noise = start(threads, lambda: rng_of("range_noise").standard_normal(count, np.float32))
-        drop_off = start(threads, lambda: rng_of("drop_off").random(count, np.float32))
+        drop_off = start(
+            threads, lambda: rng_of("drop_off").random(count, np.float32) if self._loses else np.ones(count, np.float32)
+        )
         has_dropped = lidar.drop_off_at_zero_intensity > 0.0
         dropped = start(
             threads, lambda: rng_of("intensity_drop_off").random(count, np.float32) if has_dropped else None
@@ -244,10 +247,10 @@ class LidarModel:
 
     def _semantic_points(self, hits: Hits, returned: Int64Array, block: slice) -> Table:
         cloud = np.empty(len(returned), SEMANTIC_POINT_DTYPE)
-        self._write_positions(cloud, returned, hits.range_m[returned], block)
-        cloud["cos_angle"] = hits.cos_angle[returned]
-        cloud["object_id"] = hits.object_id[returned]
-        cloud["tag"] = hits.tag[returned]
+        self._write_positions(cloud, returned, hits.range_m.take(returned), block)
+        cloud["cos_angle"] = hits.cos_angle.take(returned)
+        cloud["object_id"] = hits.object_id.take(returned)
+        cloud["tag"] = hits.tag.take(returned)
         return cloud
 
     def _points(
@@ -286,7 +289,7 @@ class LidarModel:
         first, others = surface_echoes(
             beams, windows, scene.cast, scene.actors, wetness, self._stretch, self._lidar.returns == "strongest"
         )
-        shared = edge_echoes(first, len(hits.range_m), self._lidar.channels, self._beam_reach, draws.beam[:, 2])
+        shared = edge_echoes(first, self._lidar.channels, self._beam_reach, draws.beam[:, 2])
         echoes = Echoes.joined([shared, others])
         if draws.air_echoes is not None:
             transmission = air.two_way_transmission(echoes.range_m, rays.directions[echoes.ray, 2])
@@ -295,10 +298,11 @@ class LidarModel:
             in_air = Echoes(ahead, draws.air_echoes.range_m[ahead], draws.air_echoes.strength[ahead])
             echoes = Echoes.joined([echoes, in_air])
         detected, ratio = receiver.detect(echoes, draws.detection)
-        kept = draws.drop_off[detected.ray] >= self._lidar.drop_off
-        kept &= receiver.keeps(detected, ratio, 1.0 - draws.drop_off)
-        detected, ratio = detected.of(kept), ratio[kept]
-        range_m = receiver.measured_m(detected, ratio, draws.range_noise[detected.ray])
+        if self._loses:
+            kept = draws.drop_off.take(detected.ray) >= self._lidar.drop_off
+            kept &= receiver.keeps(detected, ratio, 1.0 - draws.drop_off)
+            detected, ratio = detected.of(kept), ratio[kept]
+        range_m = receiver.measured_m(detected, ratio, draws.range_noise.take(detected.ray))
         return self._cloud(detected.ray, range_m, receiver.intensity(detected), block)
 
     def _cloud(self, ray: Int64Array, range_m: Float32Array, intensities: Float32Array, block: slice) -> Table:
@@ -306,7 +310,7 @@ class LidarModel:
         cloud = np.empty(len(ray), POINT_DTYPE)
         self._write_positions(cloud, ray, range_m, block)
         cloud["intensity"] = intensities
-        cloud["ring"] = self.pattern.ring[block][ray]
+        cloud["ring"] = self.pattern.ring[block].take(ray)
         return cloud
 
     def _apply_weather(
@@ -335,8 +339,8 @@ class LidarModel:
     def _write_positions(self, cloud: Table, ray: Int64Array, range_m: Float32Array, block: slice) -> None:
         """Write positions and times of points into the cloud of a block of rays."""
         for name, directions in zip("xyz", self._xyz[:, block], strict=True):
-            cloud[name] = directions[ray] * range_m
-        cloud["time"] = self._time_s[block][ray]
+            cloud[name] = directions.take(ray) * range_m
+        cloud["time"] = self._time_s[block].take(ray)
 
 
 def _joined(scans: Sequence[LidarScan]) -> LidarScan:

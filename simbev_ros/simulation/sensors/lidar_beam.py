@@ -9,7 +9,6 @@ an echo of each side.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 
@@ -100,53 +99,65 @@ def surface_echoes(
             at a slant is as long as the spot is deep, and its peak lower.
         strongest: Whether to leave out what would be weaker than the surface in front of it, were it white and matte.
     """
-    table = load_materials()
-    returns = np.flatnonzero(np.isfinite(beams.hits.range_m))
-    # Most beams return, so the others take part at first, with a range of 0: this copies less than leaving them out.
-    hits = replace(beams.hits, range_m=np.where(np.isfinite(beams.hits.range_m), beams.hits.range_m, np.float32(0.0)))
-    ray = np.arange(len(hits.range_m))
-    share, before_m = np.ones(len(ray), np.float32), np.zeros(len(ray), np.float32)
+    there = np.isfinite(beams.hits.range_m)
+    # Most beams return, so the others take part at first, without light: this copies less than leaving them out.
+    hits = replace(beams.hits, range_m=np.where(there, beams.hits.range_m, np.float32(0.0)))
+    ray, share, before_m = np.arange(len(there)), there.astype(np.float32), np.zeros(len(there), np.float32)
     origins_m, directions, found = beams.origins_m, beams.directions, []
     for number in range(_MAX_PANES):
-        material = hits.material
-        strength = surface_strength(material, hits.cos_angle, _colors(hits, actors), wetness)
-        depth_m = np.zeros(len(ray), np.float32)
+        path_m, depth_m = before_m + hits.range_m, np.zeros(len(ray), np.float32)
+        strength = surface_strength(hits.material, hits.cos_angle, _colors(hits, actors), wetness)
         slant2 = 1.0 / np.square(np.maximum(hits.cos_angle, _MIN_COS)) - 1.0
-        strength *= share / np.sqrt(1.0 + np.square(np.float32(stretch) * (before_m + hits.range_m)) * slant2)
-        along_m = directions * hits.range_m[:, None]
-        strength *= texture_factor(hits, along_m + origins_m.astype(np.float32))
+        strength *= share / np.sqrt(1.0 + np.square(np.float32(stretch) * path_m) * slant2)
+        strength *= texture_factor(hits, _points_m(origins_m, directions, hits.range_m))
         if number == 0:
             rooms = _look_into(windows, hits, strength, depth_m)
-        leaves = np.flatnonzero(material == Material.FOLIAGE)
+        leaves = np.flatnonzero(hits.material == Material.FOLIAGE)
         gap, depth_m[leaves] = _in_crowns(beams.uniform[ray[leaves]])
         strength[leaves] *= 1.0 - gap
-        found.append(Echoes(ray, before_m + hits.range_m + depth_m, strength))
+        found.append(Echoes(ray, path_m + depth_m, strength))
         if number == _MAX_PANES - 1:
             break
-        beyond = np.flatnonzero(_ways_on().take(material))
-        passing = table.lidar_transmission.take(material[beyond])
-        mirrored = _mirrored(material[beyond], hits.cos_angle[beyond])
-        passing[np.searchsorted(beyond, leaves)] = gap
-        share, ahead = share[beyond], directions[beyond]
-        ways = [(np.square((1.0 - mirrored) * passing) * share, ahead)]
-        if number == 0:
-            reflected = ahead + 2.0 * hits.cos_angle[beyond, None] * hits.normal[beyond]
-            ways.append((np.square(mirrored) * share, reflected))
-        weakest = np.maximum(strength[beyond], _MIN_SHARE) if strongest else _MIN_SHARE
-        further = [(np.flatnonzero(rest > weakest), rest, toward) for rest, toward in ways]
-        row = beyond[np.concatenate([rows for rows, _, _ in further])]
+        weakest = np.maximum(strength, _MIN_SHARE) if strongest else np.full(len(ray), np.float32(_MIN_SHARE))
+        row, share, mirrors = _onward(hits, share, gap, weakest, number == 0)
         if not len(row):
             break
-        share = np.concatenate([rest[rows] for rows, rest, _ in further])
-        directions = np.concatenate([toward[rows] for rows, _, toward in further]).astype(np.float32)
-        starts_m = origins_m if len(origins_m) == 1 else origins_m[row]
-        origins_m = starts_m + along_m[row] + _CLEARANCE_M * directions
-        ray, before_m = ray[row], before_m[row] + hits.range_m[row]
+        directions = directions.take(row, axis=0)
+        starts_m = origins_m if len(origins_m) == 1 else origins_m.take(row, axis=0)
+        starts_m = starts_m + directions * hits.range_m.take(row)[:, None]
+        directions += 2.0 * (hits.cos_angle.take(row) * mirrors)[:, None] * hits.normal.take(row, axis=0)
+        origins_m = starts_m + _CLEARANCE_M * directions
+        ray, before_m = ray.take(row), path_m.take(row)
         hits = cast(origins_m, directions, None if beams.lag_s is None else beams.lag_s[ray])
-        there = np.flatnonzero(np.isfinite(hits.range_m))
-        hits, ray, share, before_m = hits.of(there), ray[there], share[there], before_m[there] + _CLEARANCE_M
-        origins_m, directions = origins_m[there], directions[there]
-    return found[0].of(returns), Echoes.joined([rooms, *found[1:]])
+        rows = np.flatnonzero(np.isfinite(hits.range_m))
+        hits, ray, share, before_m = hits.of(rows), ray.take(rows), share.take(rows), before_m.take(rows) + _CLEARANCE_M
+        origins_m, directions = origins_m.take(rows, axis=0), directions.take(rows, axis=0)
+    return found[0], Echoes.joined([rooms, *found[1:]])
+
+
+def _points_m(origins_m: Float64Array, directions: Float32Array, range_m: Float32Array) -> Float32Array:
+    """(N, 3) points that were hit, map frame."""
+    starts_m = origins_m.T.astype(np.float32)
+    return np.stack([along * range_m + start_m for along, start_m in zip(directions.T, starts_m, strict=True)]).T
+
+
+def _onward(
+    hits: Hits, share: Float32Array, gap: Float32Array, weakest: Float32Array, by_mirrors: bool
+) -> tuple[Int64Array, Float32Array, BoolArray]:
+    """(K,) beams that pass what they hit, or are mirrored, with a share above the weakest; which are mirrored."""
+    table = load_materials()
+    rows = np.flatnonzero(((table.lidar_transmission > 0.0) | (table.lidar_mirror > 0.0)).take(hits.material))
+    material, share, weakest = hits.material.take(rows), share.take(rows), weakest.take(rows)
+    passing, mirrored = table.lidar_transmission.take(material), _mirrored(material, hits.cos_angle.take(rows))
+    passing[material == Material.FOLIAGE] = gap
+    passed, turned = np.square((1.0 - mirrored) * passing) * share, np.square(mirrored) * share
+    ahead = np.flatnonzero(passed > weakest)
+    back = np.flatnonzero(turned > weakest) if by_mirrors else ahead[:0]
+    return (
+        rows.take(np.concatenate([ahead, back])),
+        np.concatenate([passed.take(ahead), turned.take(back)]),
+        np.arange(len(ahead) + len(back)) >= len(ahead),
+    )
 
 
 def _in_crowns(uniform: Float32Array) -> tuple[Float32Array, Float32Array]:
@@ -170,38 +181,25 @@ def _look_into(windows: Windows, hits: Hits, strength: Float32Array, depth_m: Fl
     return Echoes(windows.ray[open_], range_m[open_], room[open_])
 
 
-def edge_echoes(first: Echoes, count: int, channels: int, reach: float, uniform: Float32Array) -> Echoes:
+def edge_echoes(first: Echoes, channels: int, reach: float, uniform: Float32Array) -> Echoes:
     """The first echoes of beams, shared between both sides of the edges that cut them.
 
     Args:
-        first: Echo of the first surface of each beam that meets one.
-        count: Number of beams, column by column.
+        first: Echo of the first surface of each of N beams, column by column; of strength 0 at 0 m for none.
         channels: Number of beams in a column.
         reach: Half the width of a beam, divided by the distance to the next one of its channel.
-        uniform: (count,) uniform random numbers: where the edge lies between a beam and the next one.
+        uniform: (N,) uniform random numbers: where the edge lies between a beam and the next one.
     """
-    range_m, strength = np.full(count, np.inf, np.float32), np.zeros(count, np.float32)
-    range_m[first.ray], strength[first.ray] = first.range_m, first.strength
-    left = np.arange(count - channels)
-    with np.errstate(invalid="ignore"):
-        jump_m = np.abs(range_m[left] - range_m[left + channels])
-    left = left[jump_m > _MIN_JUMP_M]
-    here, parts = np.ones(count, np.float32), []
-    for of, other, edge in ((left, left + channels, uniform[left]), (left + channels, left, 1.0 - uniform[left])):
-        share = np.maximum((reach - edge) / (2.0 * reach), 0.0).astype(np.float32)
+    range_m, strength = first.range_m, first.strength
+    left = np.flatnonzero(np.abs(range_m[:-channels] - range_m[channels:]) > _MIN_JUMP_M)
+    right, edge = left + channels, uniform[left]
+    here, parts = np.ones(len(range_m), np.float32), []
+    for of, other, away in ((left, right, edge), (right, left, 1.0 - edge)):
+        cut = np.flatnonzero(away < reach)
+        of, other, share = of[cut], other[cut], ((reach - away[cut]) / (2.0 * reach)).astype(np.float32)
         here[of] -= share
         parts.append(Echoes(of, range_m[other], share * strength[other]))
-    own = Echoes(first.ray, first.range_m, first.strength * np.maximum(here[first.ray], 0.0))
-    others = Echoes.joined(parts)
-    seen = others.strength > 0.0
-    return Echoes.joined([own, Echoes(others.ray[seen], others.range_m[seen], others.strength[seen])])
-
-
-@lru_cache(maxsize=1)
-def _ways_on() -> BoolArray:
-    """(materials,) whether light passes a material or is mirrored by it."""
-    table = load_materials()
-    return (table.lidar_transmission > 0.0) | (table.lidar_mirror > 0.0)
+    return Echoes.joined([Echoes(first.ray, range_m, strength * np.maximum(here, 0.0)), *parts])
 
 
 def _mirrored(material: UInt8Array, cos_angle: Float32Array) -> Float32Array:

@@ -77,7 +77,7 @@ def _retroreflection(material: UInt8Array, cos_angle: Float32Array) -> Float32Ar
     """(N,) strengths of what retroreflectors send back."""
     table = load_materials()
     strength = np.zeros(len(material), np.float32)
-    retroreflectors = np.flatnonzero(table.lidar_retroreflection[material] > 0)
+    retroreflectors = np.flatnonzero((table.lidar_retroreflection > 0).take(material))
     surface = material[retroreflectors]
     strength[retroreflectors] = (
         table.lidar_retroreflection[surface] * cos_angle[retroreflectors] ** table.lidar_retroreflection_fall[surface]

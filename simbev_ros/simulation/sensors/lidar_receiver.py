@@ -44,25 +44,17 @@ class LidarReceiver:
         Returns:
             M echoes by ray, nearer ones first, and (M,) their power divided by the threshold.
         """
-        gain_db = self._receiver.spread_db * normal.take(echoes.ray) + self._gain_db.take(echoes.ray % self._channels)
-        strength = echoes.strength * np.exp(_PER_DB * gain_db)
-        echoes = Echoes(echoes.ray, echoes.range_m, strength.astype(np.float32))
+        gain_db = self._receiver.spread_db * normal + np.resize(self._gain_db, len(normal))
+        strength = echoes.strength * np.exp(_PER_DB * gain_db).take(echoes.ray)
+        echoes = Echoes(echoes.ray, echoes.range_m, strength)
+        rows = np.flatnonzero(self._power_over_threshold(echoes) > _NEGLIGIBLE)
+        order = np.argsort(_sort_key(echoes.ray.take(rows), echoes.range_m.take(rows)), kind="stable")
+        echoes = self._merged(echoes.of(rows.take(order)))
         ratio = self._power_over_threshold(echoes)
-        rows = np.flatnonzero(ratio > _NEGLIGIBLE)
-        echoes, ratio = echoes.of(rows), ratio.take(rows)
-        is_one_of_many = np.bincount(echoes.ray, minlength=len(normal)).take(echoes.ray) > 1
-        alone, alone_ratio = self._detected(echoes.of(~is_one_of_many), ratio[~is_one_of_many])
-        merged = self._merged(echoes.of(is_one_of_many))
-        many, many_ratio = self._detected(merged, self._power_over_threshold(merged))
-        returned = self._returned(many.ray, many_ratio)
-        both = Echoes.joined([alone, many.of(returned)])
-        order = np.argsort(both.ray, kind="stable")
-        return both.of(order), np.concatenate([alone_ratio, many_ratio[returned]])[order]
-
-    def _detected(self, echoes: Echoes, ratio: Float32Array) -> tuple[Echoes, Float32Array]:
-        """Those echoes whose power, divided by the threshold, exceeds 1, and this ratio."""
         is_detected = (ratio > 1.0) & (echoes.range_m >= self._min_range_m) & (echoes.range_m <= self._max_range_m)
-        return echoes.of(is_detected), ratio[is_detected]
+        rows = np.flatnonzero(is_detected)
+        rows = rows[self._returned(echoes.ray.take(rows), ratio.take(rows))]
+        return echoes.of(rows), ratio.take(rows)
 
     def keeps(self, echoes: Echoes, ratio: Float32Array, uniform: Float32Array) -> BoolArray:
         """(M,) whether the gain has followed the power of detected echoes since the pulse before, of the same channel.
@@ -122,34 +114,33 @@ class LidarReceiver:
 
     def _merged(self, echoes: Echoes) -> Echoes:
         """Echoes by ray and range, those of one pulse joined."""
-        order = np.argsort(_sort_key(echoes.ray, echoes.range_m), kind="stable")
-        echoes = echoes.of(order)
-        starts = np.ones(len(order), bool)
-        starts[1:] = (np.diff(echoes.ray) != 0) | (np.diff(echoes.range_m) > self._receiver.pulse_m)
-        first = np.flatnonzero(starts)
-        if len(first) == len(order):
+        continues = (echoes.ray[1:] == echoes.ray[:-1]) & (np.diff(echoes.range_m) <= self._receiver.pulse_m)
+        if not continues.any():
             return echoes
-        strength = np.add.reduceat(echoes.strength, first)
-        range_m = np.add.reduceat(echoes.range_m * echoes.strength, first) / np.maximum(strength, _MIN_POWER)
-        alone = np.diff(np.append(first, len(order))) == 1
-        range_m[alone] = echoes.range_m[first[alone]]
-        return Echoes(echoes.ray[first], range_m.astype(np.float32), strength)
+        starts = np.append(True, ~continues)
+        rows = np.flatnonzero(np.append(continues, False) | ~starts)
+        first = np.flatnonzero(starts[rows])
+        range_m, strength = echoes.range_m[rows], echoes.strength[rows]
+        sums = np.add.reduceat(strength, first)
+        echoes.range_m[rows[first]] = np.add.reduceat(range_m * strength, first) / np.maximum(sums, _MIN_POWER)
+        echoes.strength[rows[first]] = sums
+        return echoes.of(starts)
 
     def _returned(self, ray: Int64Array, ratio: Float32Array) -> BoolArray:
         """(M,) which of the detected echoes, by ray and range, the lidar returns.
 
         Where the strongest echo is the last one, too, dual returns have the second strongest beside it.
         """
-        if not len(ray):
-            return np.zeros(0, bool)
-        is_first, is_last = np.append(True, ray[1:] != ray[:-1]), np.append(ray[1:] != ray[:-1], True)
+        is_first, is_last = np.diff(ray, prepend=-1) != 0, np.diff(ray, append=-1) != 0
         if self._returns == "last":
             return is_last
-        by_power = np.argsort(_sort_key(ray, 1.0 / ratio), kind="stable")  # is_first holds in this order, too
-        returned = np.zeros(len(ray), bool)
+        returned = is_first & is_last
+        rows = np.flatnonzero(~returned)
+        by_power = rows[np.argsort(_sort_key(ray[rows], 1.0 / ratio[rows]), kind="stable")]
+        is_first = is_first[rows]  # in this order, too
         returned[by_power[is_first]] = True
         if self._returns == "dual":
-            second = by_power[np.append(False, is_first[:-1]) & ~is_first]
+            second = by_power[1:][is_first[:-1] & ~is_first[1:]]
             strongest_is_last = ray[returned & is_last]
             returned |= is_last
             returned[second[np.isin(ray[second], strongest_is_last)]] = True

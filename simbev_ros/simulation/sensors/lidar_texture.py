@@ -23,7 +23,7 @@ _AMPLITUDE_PER_DB = np.float32(np.log(10.0) / 10.0)
 
 def texture_factor(hits: Hits, point_m: Float32Array) -> Float32Array:
     """(N,) factors on the reflectances of surfaces that were hit at (N, 3) points, map frame."""
-    amplitude = np.where(hits.row < 0, _AMPLITUDE_PER_DB * load_materials().lidar_texture_db.take(hits.material), 0.0)
+    amplitude = (_AMPLITUDE_PER_DB * load_materials().lidar_texture_db).take(hits.material) * (hits.row < 0)
     x_m, y_m, z_m = point_m.T
     across_x, across_y, across_z = np.abs(hits.normal.T)
     is_wall = across_z < np.maximum(across_x, across_y)

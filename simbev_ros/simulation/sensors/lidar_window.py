@@ -49,9 +49,9 @@ class Windows:
 def find_windows(scene: RayScene, hits: Hits) -> Windows:
     """Windows among (N,) hits of the scene since its last update."""
     opening_m = _openings()
-    walls = np.flatnonzero((opening_m[hits.material, 1] > 0.0) & (hits.row < 0) & np.isfinite(hits.range_m))
-    along_m, up_m = scene.surface_coordinates(hits.triangle[walls], hits.barycentric[walls]).T
-    left_m, right_m, sill_m, lintel_m, pane_m = opening_m[hits.material[walls]].T
+    walls = np.flatnonzero((opening_m[:, 1] > 0.0).take(hits.material) & (hits.row < 0))
+    along_m, up_m = scene.surface_coordinates(hits.triangle.take(walls), hits.barycentric.take(walls, axis=0)).T
+    left_m, right_m, sill_m, lintel_m, pane_m = opening_m.take(hits.material.take(walls), axis=0).T
     along, up = along_m % _BAY_M, up_m % _BAY_M
     inside = (along > left_m) & (along < right_m) & (up > sill_m) & (up < lintel_m) & (up_m > 0.0)
     draw = _uniform(along_m[inside], up_m[inside])

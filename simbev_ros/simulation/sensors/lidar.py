@@ -289,15 +289,17 @@ class LidarModel:
         first, others = surface_echoes(
             beams, windows, scene.cast, scene.actors, wetness, self._stretch, self._lidar.returns == "strongest"
         )
-        shared = edge_echoes(first, self._lidar.channels, self._beam_reach, draws.beam[:, 2])
-        echoes = Echoes.joined([shared, others])
+        first, cut = edge_echoes(first, self._lidar.channels, self._beam_reach, draws.beam[:, 2])
+        others = Echoes.joined([*cut, *others])
         if draws.air_echoes is not None:
-            transmission = air.two_way_transmission(echoes.range_m, rays.directions[echoes.ray, 2])
-            echoes = Echoes(echoes.ray, echoes.range_m, echoes.strength * transmission)
+            first, others = (
+                Echoes(each.ray, each.range_m, each.strength * air.two_way_transmission(each.range_m, rays.directions[each.ray, 2]))
+                for each in (first, others)
+            )
             ahead = np.flatnonzero(draws.air_echoes.range_m < hits.range_m)
             in_air = Echoes(ahead, draws.air_echoes.range_m[ahead], draws.air_echoes.strength[ahead])
-            echoes = Echoes.joined([echoes, in_air])
-        detected, ratio = receiver.detect(echoes, draws.detection)
+            others = Echoes.joined([others, in_air])
+        detected, ratio = receiver.detect(first, others, draws.detection)
         if self._loses:
             kept = draws.drop_off.take(detected.ray) >= self._lidar.drop_off
             kept &= receiver.keeps(detected, ratio, 1.0 - draws.drop_off)

@@ -86,8 +86,8 @@ Cast = Callable[[Float64Array, Float32Array, Float64Array | None], Hits]
 
 def surface_echoes(
     beams: Beams, windows: Windows, cast: Cast, actors: Table, wetness: float, stretch: float, strongest: bool
-) -> tuple[Echoes, Echoes]:
-    """Echoes of the surfaces that beams meet first, and of what they meet through and in these.
+) -> tuple[Echoes, list[Echoes]]:
+    """Echoes of the surfaces that beams meet first, of strength 0 for none, and of what they meet through and in these.
 
     Args:
         beams: The beams.
@@ -132,7 +132,7 @@ def surface_echoes(
         rows = np.flatnonzero(np.isfinite(hits.range_m))
         hits, ray, share, before_m = hits.of(rows), ray.take(rows), share.take(rows), before_m.take(rows) + _CLEARANCE_M
         origins_m, directions = origins_m.take(rows, axis=0), directions.take(rows, axis=0)
-    return found[0], Echoes.joined([rooms, *found[1:]])
+    return found[0], [rooms, *found[1:]]
 
 
 def _points_m(origins_m: Float64Array, directions: Float32Array, range_m: Float32Array) -> Float32Array:
@@ -181,8 +181,8 @@ def _look_into(windows: Windows, hits: Hits, strength: Float32Array, depth_m: Fl
     return Echoes(windows.ray[open_], range_m[open_], room[open_])
 
 
-def edge_echoes(first: Echoes, channels: int, reach: float, uniform: Float32Array) -> Echoes:
-    """The first echoes of beams, shared between both sides of the edges that cut them.
+def edge_echoes(first: Echoes, channels: int, reach: float, uniform: Float32Array) -> tuple[Echoes, list[Echoes]]:
+    """What edges leave of the first echoes of the beams that they cut, and echoes of their other sides.
 
     Args:
         first: Echo of the first surface of each of N beams, column by column; of strength 0 at 0 m for none.
@@ -199,7 +199,7 @@ def edge_echoes(first: Echoes, channels: int, reach: float, uniform: Float32Arra
         of, other, share = of[cut], other[cut], ((reach - away[cut]) / (2.0 * reach)).astype(np.float32)
         here[of] -= share
         parts.append(Echoes(of, range_m[other], share * strength[other]))
-    return Echoes.joined([Echoes(first.ray, range_m, strength * np.maximum(here, 0.0)), *parts])
+    return Echoes(first.ray, range_m, strength * np.maximum(here, 0.0)), parts
 
 
 def _mirrored(material: UInt8Array, cos_angle: Float32Array) -> Float32Array:

@@ -34,27 +34,36 @@ class LidarReceiver:
         self._gain_db = (receiver.channel_spread_db * (1.0 - draws)).astype(np.float32)  # a few are much weaker
         self._threshold = _REFERENCE_REFLECTANCE / receiver.range_at_10_percent_m**2
 
-    def detect(self, echoes: Echoes, normal: Float32Array) -> tuple[Echoes, Float32Array]:
+    def detect(self, first: Echoes, others: Echoes, normal: Float32Array) -> tuple[Echoes, Float32Array]:
         """Those echoes that the lidar returns.
 
         Args:
-            echoes: All echoes of N beams, column by column.
+            first: One echo of each of N beams, column by column; its strength is 0 for none.
+            others: More echoes of these beams, in any order.
             normal: (N,) standard normal numbers, by which the beams' power varies.
 
         Returns:
             M echoes by ray, nearer ones first, and (M,) their power divided by the threshold.
         """
-        gain_db = self._receiver.spread_db * normal + np.resize(self._gain_db, len(normal))
-        strength = echoes.strength * np.exp(_PER_DB * gain_db).take(echoes.ray)
-        echoes = Echoes(echoes.ray, echoes.range_m, strength)
-        rows = np.flatnonzero(self._power_over_threshold(echoes) > _NEGLIGIBLE)
-        order = np.argsort(_sort_key(echoes.ray.take(rows), echoes.range_m.take(rows)), kind="stable")
-        echoes = self._merged(echoes.of(rows.take(order)))
-        ratio = self._power_over_threshold(echoes)
-        is_detected = (ratio > 1.0) & (echoes.range_m >= self._min_range_m) & (echoes.range_m <= self._max_range_m)
-        rows = np.flatnonzero(is_detected)
-        rows = rows[self._returned(echoes.ray.take(rows), ratio.take(rows))]
-        return echoes.of(rows), ratio.take(rows)
+        gain = np.exp(_PER_DB * (self._receiver.spread_db * normal + np.resize(self._gain_db, len(normal))))
+        first = Echoes(first.ray, first.range_m, first.strength * gain)
+        others = Echoes(others.ray, others.range_m, others.strength * gain.take(others.ray))
+        ratio = self._power_over_threshold(first)
+        others = others.of(self._power_over_threshold(others) > _NEGLIGIBLE)
+        is_one_of_many = np.zeros(len(normal), bool)
+        is_one_of_many[others.ray] = True
+        alone = np.flatnonzero(self._are_detected(first.range_m, ratio) & ~is_one_of_many)
+        many = self._merged(Echoes.joined([first.of(is_one_of_many & (ratio > _NEGLIGIBLE)), others]))
+        many_ratio = self._power_over_threshold(many)
+        rows = np.flatnonzero(self._are_detected(many.range_m, many_ratio))
+        rows = rows[self._returned(many.ray.take(rows), many_ratio.take(rows))]
+        both = Echoes.joined([first.of(alone), many.of(rows)])
+        order = np.argsort(both.ray, kind="stable")
+        return both.of(order), np.concatenate([ratio.take(alone), many_ratio.take(rows)]).take(order)
+
+    def _are_detected(self, range_m: Float32Array, ratio: Float32Array) -> BoolArray:
+        """(M,) whether echoes at these ranges are detected, by their power divided by the threshold."""
+        return (ratio > 1.0) & (range_m >= self._min_range_m) & (range_m <= self._max_range_m)
 
     def keeps(self, echoes: Echoes, ratio: Float32Array, uniform: Float32Array) -> BoolArray:
         """(M,) whether the gain has followed the power of detected echoes since the pulse before, of the same channel.
@@ -114,33 +123,34 @@ class LidarReceiver:
 
     def _merged(self, echoes: Echoes) -> Echoes:
         """Echoes by ray and range, those of one pulse joined."""
-        continues = (echoes.ray[1:] == echoes.ray[:-1]) & (np.diff(echoes.range_m) <= self._receiver.pulse_m)
-        if not continues.any():
+        order = np.argsort(_sort_key(echoes.ray, echoes.range_m), kind="stable")
+        echoes = echoes.of(order)
+        starts = np.ones(len(order), bool)
+        starts[1:] = (np.diff(echoes.ray) != 0) | (np.diff(echoes.range_m) > self._receiver.pulse_m)
+        first = np.flatnonzero(starts)
+        if len(first) == len(order):
             return echoes
-        starts = np.append(True, ~continues)
-        rows = np.flatnonzero(np.append(continues, False) | ~starts)
-        first = np.flatnonzero(starts[rows])
-        range_m, strength = echoes.range_m[rows], echoes.strength[rows]
-        sums = np.add.reduceat(strength, first)
-        echoes.range_m[rows[first]] = np.add.reduceat(range_m * strength, first) / np.maximum(sums, _MIN_POWER)
-        echoes.strength[rows[first]] = sums
-        return echoes.of(starts)
+        strength = np.add.reduceat(echoes.strength, first)
+        range_m = np.add.reduceat(echoes.range_m * echoes.strength, first) / np.maximum(strength, _MIN_POWER)
+        alone = np.diff(np.append(first, len(order))) == 1
+        range_m[alone] = echoes.range_m[first[alone]]
+        return Echoes(echoes.ray[first], range_m.astype(np.float32), strength)
 
     def _returned(self, ray: Int64Array, ratio: Float32Array) -> BoolArray:
         """(M,) which of the detected echoes, by ray and range, the lidar returns.
 
         Where the strongest echo is the last one, too, dual returns have the second strongest beside it.
         """
-        is_first, is_last = np.diff(ray, prepend=-1) != 0, np.diff(ray, append=-1) != 0
+        if not len(ray):
+            return np.zeros(0, bool)
+        is_first, is_last = np.append(True, ray[1:] != ray[:-1]), np.append(ray[1:] != ray[:-1], True)
         if self._returns == "last":
             return is_last
-        returned = is_first & is_last
-        rows = np.flatnonzero(~returned)
-        by_power = rows[np.argsort(_sort_key(ray[rows], 1.0 / ratio[rows]), kind="stable")]
-        is_first = is_first[rows]  # in this order, too
+        by_power = np.argsort(_sort_key(ray, 1.0 / ratio), kind="stable")  # is_first holds in this order, too
+        returned = np.zeros(len(ray), bool)
         returned[by_power[is_first]] = True
         if self._returns == "dual":
-            second = by_power[1:][is_first[:-1] & ~is_first[1:]]
+            second = by_power[np.append(False, is_first[:-1]) & ~is_first]
             strongest_is_last = ray[returned & is_last]
             returned |= is_last
             returned[second[np.isin(ray[second], strongest_is_last)]] = True

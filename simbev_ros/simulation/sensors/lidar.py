@@ -89,6 +89,9 @@ class _Draws:
 _MIN_RAYS_PER_BLOCK = 1 << 16
 """With smaller blocks, threads wait longer for Python's global lock than they compute."""
 
+_GROUPS_PER_BLOCK = 2
+"""Groups of columns between two borders that make a block with a receiver, which calls NumPy more often for each."""
+
 
 class LidarModel:
     """A lidar of the sensor rig, as configured."""
@@ -113,11 +116,13 @@ class LidarModel:
         spacing_rad = turns * np.radians(lidar.horizontal_fov_deg) / lidar.columns
         self._beam_reach = lidar.beam_divergence_mrad * 1e-3 / 2.0 / spacing_rad
         blocks = min(max(len(self._time_s) // _MIN_RAYS_PER_BLOCK, 1), lidar.columns)
-        # Beams share edges with the next column of their block: with a receiver, blocks must not depend on cores.
+        # A receiver compares columns, though not across borders, so these must not depend on cores.
         if lidar.receiver is None:
             blocks = min(blocks, max_blocks)
-        edges = np.linspace(0, lidar.columns, blocks + 1).astype(int) * lidar.channels
-        self._blocks = [slice(start, stop) for start, stop in pairwise(edges.tolist())]
+        borders = (np.linspace(0, lidar.columns, blocks + 1).astype(int) * lidar.channels).tolist()
+        self._borders = borders[1:-1]
+        step = 1 if lidar.receiver is None or lidar.receiver.gain_step_db else _GROUPS_PER_BLOCK
+        self._blocks = [slice(start, stop) for start, stop in pairwise([*borders[:-1:step], borders[-1]])]
 
     def _aim(self, end_s: float) -> None:
         """Compute the rays of the turn that ends at a time."""
@@ -218,6 +223,12 @@ class LidarModel:
             rng = rng_of("weather")
             return rng.random(count, np.float32), air.air_echoes(count, rng)
 
+        def draw_beam() -> Float32Array:
+            uniform = rng_of("beam").random((count, 3), np.float32)
+            for border in self._borders:
+                uniform[border - lidar.channels : border, 2] = np.nan
+            return uniform
+
         range_noise = start(threads, lambda: rng_of("range_noise").standard_normal(count, np.float32))
         drop_off = start(
             threads, lambda: rng_of("drop_off").random(count, np.float32) if self._loses else np.ones(count, np.float32)
@@ -228,7 +239,7 @@ class LidarModel:
         )
         weather = start(threads, lambda: None if air.is_clear else draw_weather())
         receives = self._receiver is not None
-        beam = start(threads, lambda: rng_of("beam").random((count, 3), np.float32) if receives else None)
+        beam = start(threads, lambda: draw_beam() if receives else None)
         detection = start(threads, lambda: rng_of("detection").standard_normal(count, np.float32) if receives else None)
 
         def draws_of(block: slice) -> _Draws:
@@ -293,7 +304,7 @@ class LidarModel:
         others = Echoes.joined([*cut, *others])
         if draws.air_echoes is not None:
             first, others = (
-                Echoes(each.ray, each.range_m, each.strength * air.two_way_transmission(each.range_m, rays.directions[each.ray, 2]))
+                each.times(air.two_way_transmission(each.range_m, rays.directions[each.ray, 2]))
                 for each in (first, others)
             )
             ahead = np.flatnonzero(draws.air_echoes.range_m < hits.range_m)

@@ -55,6 +55,10 @@ class Echoes:
         rows = np.flatnonzero(rows) if rows.dtype == np.bool_ else rows
         return Echoes(self.ray.take(rows), self.range_m.take(rows), self.strength.take(rows))
 
+    def times(self, factor: Float32Array) -> "Echoes":
+        """The echoes with (M,) factors on their strengths."""
+        return Echoes(self.ray, self.range_m, self.strength * factor)
+
     @classmethod
     def joined(cls, parts: list["Echoes"]) -> "Echoes":
         """The echoes of all parts."""
@@ -188,7 +192,7 @@ def edge_echoes(first: Echoes, channels: int, reach: float, uniform: Float32Arra
         first: Echo of the first surface of each of N beams, column by column; of strength 0 at 0 m for none.
         channels: Number of beams in a column.
         reach: Half the width of a beam, divided by the distance to the next one of its channel.
-        uniform: (N,) uniform random numbers: where the edge lies between a beam and the next one.
+        uniform: (N,) uniform random numbers: where the edge lies between a beam and the next one; NaN for no edge.
     """
     range_m, strength = first.range_m, first.strength
     left = np.flatnonzero(np.abs(range_m[:-channels] - range_m[channels:]) > _MIN_JUMP_M)
@@ -199,7 +203,7 @@ def edge_echoes(first: Echoes, channels: int, reach: float, uniform: Float32Arra
         of, other, share = of[cut], other[cut], ((reach - away[cut]) / (2.0 * reach)).astype(np.float32)
         here[of] -= share
         parts.append(Echoes(of, range_m[other], share * strength[other]))
-    return Echoes(first.ray, range_m, strength * np.maximum(here, 0.0)), parts
+    return first.times(np.maximum(here, 0.0)), parts
 
 
 def _mirrored(material: UInt8Array, cos_angle: Float32Array) -> Float32Array:

@@ -46,8 +46,7 @@ class LidarReceiver:
             M echoes by ray, nearer ones first, and (M,) their power divided by the threshold.
         """
         gain = np.exp(_PER_DB * (self._receiver.spread_db * normal + np.resize(self._gain_db, len(normal))))
-        first = Echoes(first.ray, first.range_m, first.strength * gain)
-        others = Echoes(others.ray, others.range_m, others.strength * gain.take(others.ray))
+        first, others = first.times(gain), others.times(gain.take(others.ray))
         ratio = self._power_over_threshold(first)
         others = others.of(self._power_over_threshold(others) > _NEGLIGIBLE)
         is_one_of_many = np.zeros(len(normal), bool)

@@ -187,11 +187,7 @@ class LidarModel:
         rotation = pose[:3, :3].astype(np.float32)
 
         def rays_of(block: slice) -> _Rays:
-            x, y, z = self._xyz[:, block]
-            directions = np.empty((len(x), 3), np.float32)
-            for axis, (by_x, by_y, by_z) in enumerate(rotation):
-                directions[:, axis] = x * by_x + y * by_y + z * by_z
-            return _Rays(pose[None, :3, 3], directions, None)
+            return _Rays(pose[None, :3, 3], _turned(self._xyz[:, block], rotation), None)
 
         return rays_of
 
@@ -205,10 +201,10 @@ class LidarModel:
 
         def rays_of(block: slice) -> _Rays:
             poses = poses_of_columns[block.start // channels : block.stop // channels]
-            columns = pattern.directions[block].reshape(len(poses), channels, 3)
-            directions = np.einsum("cri,cji->crj", columns, poses[:, :3, :3].astype(np.float32))
+            columns = self._xyz[:, block].reshape(3, len(poses), channels)
+            directions = _turned(columns, poses[:, :3, :3].astype(np.float32))
             origins_m = np.repeat(poses[:, :3, 3], channels, axis=0)
-            return _Rays(origins_m, directions.reshape(-1, 3), -pattern.time_s[block])
+            return _Rays(origins_m, directions, -pattern.time_s[block])
 
         return rays_of
 
@@ -354,6 +350,16 @@ class LidarModel:
         for name, directions in zip("xyz", self._xyz[:, block], strict=True):
             cloud[name] = directions.take(ray) * range_m
         cloud["time"] = self._time_s[block].take(ray)
+
+
+def _turned(xyz: Float32Array, rotation: Float32Array) -> Float32Array:
+    """(N, 3) directions from (3, N) ones and a (3, 3) rotation, or from (3, C, N / C) ones and (C, 3, 3) rotations."""
+    directions = np.empty((*xyz.shape[1:], 3), np.float32)
+    x, y, z = xyz
+    for axis in range(3):
+        by_x, by_y, by_z = np.moveaxis(rotation[..., axis, :, None], -2, 0)
+        directions[..., axis] = x * by_x + y * by_y + z * by_z
+    return directions.reshape(-1, 3)
 
 
 def _joined(scans: Sequence[LidarScan]) -> LidarScan:

@@ -21,18 +21,17 @@ import numpy as np
 from simbev_ros.config.lidar import Lidar
 from simbev_ros.foundation.random import stream
 from simbev_ros.foundation.threads import start
-from simbev_ros.foundation.types import Float32Array, Float64Array, Int64Array, Table
+from simbev_ros.foundation.types import Float32Array, Int64Array, Table
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.scene.interpolation import ActorHistory
 from simbev_ros.schema.points import POINT_DTYPE, SEMANTIC_POINT_DTYPE
 from simbev_ros.schema.scene.state import WorldState, map_from_actors
 from simbev_ros.simulation.raycast.scene import Hits, RayScene
-from simbev_ros.simulation.sensors.lidar_beam import Beams, Echoes, edge_echoes, surface_echoes
+from simbev_ros.simulation.sensors.lidar_beam import Echoes, Rays, edge_echoes, surface_echoes
 from simbev_ros.simulation.sensors.lidar_echo import echo_strength, intensity, is_lost_at_low_intensity
 from simbev_ros.simulation.sensors.lidar_pattern import ScanPattern
 from simbev_ros.simulation.sensors.lidar_receiver import LidarReceiver
 from simbev_ros.simulation.sensors.lidar_weather import AirEchoes, LidarWeather
-from simbev_ros.simulation.sensors.lidar_window import find_windows
 from simbev_ros.simulation.sensors.mount import map_from_sensor
 
 
@@ -62,15 +61,6 @@ class LidarScanInProgress:
     def result(self) -> LidarScan:
         """Wait for the whole turn."""
         return _joined([block.result() for block in self.blocks])
-
-
-@dataclass(frozen=True, slots=True)
-class _Rays:
-    """(N,) rays in the map frame; if all are cast at the time stamp, ``origins_m`` is (1, 3) and ``lag_s`` None."""
-
-    origins_m: Float64Array
-    directions: Float32Array
-    lag_s: Float64Array | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,17 +171,17 @@ class LidarModel:
 
         return [partial(scan_block, block) for block in self._blocks]
 
-    def _rays(self, state: WorldState) -> Callable[[slice], _Rays]:
+    def _rays(self, state: WorldState) -> Callable[[slice], Rays]:
         """The function that returns some of the turn's rays."""
         pose = map_from_sensor(self._lidar.pose, state)
         rotation = pose[:3, :3].astype(np.float32)
 
-        def rays_of(block: slice) -> _Rays:
-            return _Rays(pose[None, :3, 3], _turned(self._xyz[:, block], rotation), None)
+        def rays_of(block: slice) -> Rays:
+            return Rays(pose[None, :3, 3], _turned(self._xyz[:, block], rotation), None)
 
         return rays_of
 
-    def _rolling_rays(self, state: WorldState, earlier: Sequence[WorldState]) -> Callable[[slice], _Rays]:
+    def _rolling_rays(self, state: WorldState, earlier: Sequence[WorldState]) -> Callable[[slice], Rays]:
         """The function that returns the rays of some whole columns."""
         pattern, channels = self.pattern, self._lidar.channels
         egos = ActorHistory.of_ego(state, earlier).at(
@@ -199,12 +189,12 @@ class LidarModel:
         )
         poses_of_columns = map_from_actors(egos) @ self._lidar.pose.ego_from_sensor
 
-        def rays_of(block: slice) -> _Rays:
+        def rays_of(block: slice) -> Rays:
             poses = poses_of_columns[block.start // channels : block.stop // channels]
             columns = self._xyz[:, block].reshape(3, len(poses), channels)
             directions = _turned(columns, poses[:, :3, :3].astype(np.float32))
             origins_m = np.repeat(poses[:, :3, 3], channels, axis=0)
-            return _Rays(origins_m, directions, -pattern.time_s[block])
+            return Rays(origins_m, directions, -pattern.time_s[block])
 
         return rays_of
 
@@ -261,7 +251,7 @@ class LidarModel:
         return cloud
 
     def _points(
-        self, hits: Hits, returned: Int64Array, rays: _Rays, air: LidarWeather, draws: _Draws, block: slice
+        self, hits: Hits, returned: Int64Array, rays: Rays, air: LidarWeather, draws: _Draws, block: slice
     ) -> Table:
         """Returns of a block of rays that are not lost."""
         lidar = self._lidar
@@ -282,7 +272,7 @@ class LidarModel:
         receiver: LidarReceiver,
         scene: RayScene,
         hits: Hits,
-        rays: _Rays,
+        rays: Rays,
         air: LidarWeather,
         draws: _Draws,
         block: slice,
@@ -291,13 +281,11 @@ class LidarModel:
         """Returns of a block of rays, by the power of their echoes."""
         assert draws.beam is not None
         assert draws.detection is not None
-        beams = Beams(rays.origins_m, rays.directions, rays.lag_s, hits, draws.beam[:, :2])
-        windows = find_windows(scene, hits)
         first, others = surface_echoes(
-            beams, windows, scene.cast, scene.actors, wetness, self._stretch, self._lidar.returns == "strongest"
+            rays, hits, draws.beam[:, :2], scene, wetness, self._stretch, self._lidar.returns == "strongest"
         )
         first, cut = edge_echoes(first, self._lidar.channels, self._beam_reach, draws.beam[:, 2])
-        others = Echoes.joined([*cut, *others])
+        others = Echoes.joined([cut, others])
         if draws.air_echoes is not None:
             first, others = (
                 each.times(air.two_way_transmission(each.range_m, rays.directions[each.ray, 2]))
@@ -327,7 +315,7 @@ class LidarModel:
         air: LidarWeather,
         echoes: Echoes,
         hits: Hits,
-        rays: _Rays,
+        rays: Rays,
         uniform: Float32Array,
         echoes_of_air: AirEchoes,
     ) -> Echoes:

@@ -7,7 +7,6 @@ different ranges, an edge lies somewhere between them, and cuts those beams that
 an echo of each side.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,10 +21,10 @@ from simbev_ros.foundation.types import (
     UInt8Array,
     UInt32Array,
 )
-from simbev_ros.simulation.raycast.scene import Hits
+from simbev_ros.simulation.raycast.scene import Hits, RayScene
 from simbev_ros.simulation.sensors.lidar_echo import surface_strength
 from simbev_ros.simulation.sensors.lidar_texture import texture_factor
-from simbev_ros.simulation.sensors.lidar_window import Windows
+from simbev_ros.simulation.sensors.lidar_window import Windows, find_windows
 
 _MAX_PANES = 3
 _CLEARANCE_M = 0.01  # from a surface to the start of what passes or is mirrored
@@ -67,57 +66,50 @@ class Echoes:
 
 
 @dataclass(frozen=True, slots=True)
-class Beams:
-    """(N,) beams and what they meet first.
+class Rays:
+    """(N,) rays in the map frame.
 
     Attributes:
-        origins_m: (N, 3) or (1, 3) origins, map frame.
-        directions: (N, 3) unit vectors, map axes.
+        origins_m: (N, 3) or (1, 3) origins.
+        directions: (N, 3) unit vectors.
         lag_s: (N,) time before the tick; None: all at the tick.
-        hits: (N,) first hits.
-        uniform: (N, 2) uniform random numbers.
     """
 
     origins_m: Float64Array
     directions: Float32Array
     lag_s: Float64Array | None
-    hits: Hits
-    uniform: Float32Array
-
-
-Cast = Callable[[Float64Array, Float32Array, Float64Array | None], Hits]
 
 
 def surface_echoes(
-    beams: Beams, windows: Windows, cast: Cast, actors: Table, wetness: float, stretch: float, strongest: bool
-) -> tuple[Echoes, list[Echoes]]:
+    rays: Rays, hits: Hits, uniform: Float32Array, scene: RayScene, wetness: float, stretch: float, strongest: bool
+) -> tuple[Echoes, Echoes]:
     """Echoes of the surfaces that beams meet first, of strength 0 for none, and of what they meet through and in these.
 
     Args:
-        beams: The beams.
-        windows: Those that first meet windows.
-        cast: Function that casts rays.
-        actors: The actors that rays hit, for their colors.
+        rays: The beams.
+        hits: (N,) first hits.
+        uniform: (N, 2) uniform random numbers.
+        scene: What the beams meet.
         wetness: 0 dry to 1 wet.
         stretch: Angle of the beam divided by half the length of a pulse, 1/m. The echo of a surface that the beam hits
             at a slant is as long as the spot is deep, and its peak lower.
         strongest: Whether to leave out what would be weaker than the surface in front of it, were it white and matte.
     """
-    there = np.isfinite(beams.hits.range_m)
+    windows, there = find_windows(scene, hits), np.isfinite(hits.range_m)
     # Most beams return, so the others take part at first, without light: this copies less than leaving them out.
-    hits = replace(beams.hits, range_m=np.where(there, beams.hits.range_m, np.float32(0.0)))
+    hits = replace(hits, range_m=np.where(there, hits.range_m, np.float32(0.0)))
     ray, share, before_m = np.arange(len(there)), there.astype(np.float32), np.zeros(len(there), np.float32)
-    origins_m, directions, found = beams.origins_m, beams.directions, []
+    origins_m, directions, found = rays.origins_m, rays.directions, []
     for number in range(_MAX_PANES):
         path_m, depth_m = before_m + hits.range_m, np.zeros(len(ray), np.float32)
-        strength = surface_strength(hits.material, hits.cos_angle, _colors(hits, actors), wetness)
+        strength = surface_strength(hits.material, hits.cos_angle, _colors(hits, scene.actors), wetness)
         slant2 = 1.0 / np.square(np.maximum(hits.cos_angle, _MIN_COS)) - 1.0
         strength *= share / np.sqrt(1.0 + np.square(np.float32(stretch) * path_m) * slant2)
         strength *= texture_factor(hits, _points_m(origins_m, directions, hits.range_m))
         if number == 0:
             rooms = _look_into(windows, hits, strength, depth_m)
         leaves = np.flatnonzero(hits.material == Material.FOLIAGE)
-        gap, depth_m[leaves] = _in_crowns(beams.uniform[ray[leaves]])
+        gap, depth_m[leaves] = _in_crowns(uniform[ray[leaves]])
         strength[leaves] *= 1.0 - gap
         found.append(Echoes(ray, path_m + depth_m, strength))
         if number == _MAX_PANES - 1:
@@ -132,11 +124,11 @@ def surface_echoes(
         directions += 2.0 * (hits.cos_angle.take(row) * mirrors)[:, None] * hits.normal.take(row, axis=0)
         origins_m = starts_m + _CLEARANCE_M * directions
         ray, before_m = ray.take(row), path_m.take(row)
-        hits = cast(origins_m, directions, None if beams.lag_s is None else beams.lag_s[ray])
+        hits = scene.cast(origins_m, directions, None if rays.lag_s is None else rays.lag_s[ray])
         rows = np.flatnonzero(np.isfinite(hits.range_m))
         hits, ray, share, before_m = hits.of(rows), ray.take(rows), share.take(rows), before_m.take(rows) + _CLEARANCE_M
         origins_m, directions = origins_m.take(rows, axis=0), directions.take(rows, axis=0)
-    return found[0], [rooms, *found[1:]]
+    return found[0], Echoes.joined([rooms, *found[1:]])
 
 
 def _points_m(origins_m: Float64Array, directions: Float32Array, range_m: Float32Array) -> Float32Array:
@@ -185,7 +177,7 @@ def _look_into(windows: Windows, hits: Hits, strength: Float32Array, depth_m: Fl
     return Echoes(windows.ray[open_], range_m[open_], room[open_])
 
 
-def edge_echoes(first: Echoes, channels: int, reach: float, uniform: Float32Array) -> tuple[Echoes, list[Echoes]]:
+def edge_echoes(first: Echoes, channels: int, reach: float, uniform: Float32Array) -> tuple[Echoes, Echoes]:
     """What edges leave of the first echoes of the beams that they cut, and echoes of their other sides.
 
     Args:
@@ -203,7 +195,7 @@ def edge_echoes(first: Echoes, channels: int, reach: float, uniform: Float32Arra
         of, other, share = of[cut], other[cut], ((reach - away[cut]) / (2.0 * reach)).astype(np.float32)
         here[of] -= share
         parts.append(Echoes(of, range_m[other], share * strength[other]))
-    return first.times(np.maximum(here, 0.0)), parts
+    return first.times(np.maximum(here, 0.0)), Echoes.joined(parts)
 
 
 def _mirrored(material: UInt8Array, cos_angle: Float32Array) -> Float32Array:

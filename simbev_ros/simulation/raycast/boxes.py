@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from simbev_ros.foundation.types import Float32Array, Float64Array, Int64Array
-from simbev_ros.simulation.raycast.embree import TriangleSet, dot_products
+from simbev_ros.simulation.raycast.embree import TriangleSet
 
 CORNERS = np.array([[x, y, z] for z in (-1.0, 1.0) for y in (-1.0, 1.0) for x in (-1.0, 1.0)])
 """(8, 3) corners of a box with half sizes of 1."""
@@ -47,7 +47,7 @@ class PartBoxes:
         first = self._faces.cast(rays)
         touched = np.flatnonzero(first.triangle >= 0)
         # A ray that starts inside a box passes it, whatever the range of the box's wall.
-        leaving = dot_products(first.normal.take(touched, axis=0), rays.take(touched, axis=0)[:, 3:]) > 0
+        leaving = np.einsum("ni,ni->n", first.normal[touched], rays[touched, 3:]) > 0
         chosen = touched[leaving | (first.range_m[touched] < limit_m[touched])]
         crossings = self._faces.crossings(rays[chosen])
         pair = crossings.ray * self._count + crossings.triangle // len(_FACES)

@@ -90,11 +90,5 @@ def relative_rays(origins_m: Float64Array, center_m: Float64Array, directions: F
     return rays
 
 
-def dot_products(first: Float32Array, second: Float32Array) -> Float32Array:
-    """(N,) dot products of (N, 3) vectors."""
-    x, y, z = (first[:, axis] * second[:, axis] for axis in range(3))
-    return x + y + z
-
-
 def _tensor(array: AnyArray) -> Any:
     return _OPEN3D.core.Tensor.from_numpy(np.ascontiguousarray(array))

@@ -24,7 +24,7 @@ from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.scene.interpolation import ActorHistory, earlier_rows
 from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.simulation.raycast.actors import ActorTriangles
-from simbev_ros.simulation.raycast.embree import dot_products, relative_rays
+from simbev_ros.simulation.raycast.embree import relative_rays
 from simbev_ros.simulation.raycast.motion import body_velocities, part_velocities
 from simbev_ros.simulation.raycast.part_stack import PartStack
 from simbev_ros.simulation.raycast.static import StaticTriangles
@@ -138,7 +138,7 @@ class RayScene:
         range_m[moving.ray], normal[moving.ray] = moving.range_m, moving.normal
         material[moving.ray], row[moving.ray], part[moving.ray] = moving.material, moving.row, moving.part
         object_id[moving.ray], tag[moving.ray] = self.actors["id"][moving.row], self.actors["tag"][moving.row]
-        facing = -dot_products(normal, directions)
+        facing = -(normal[:, 0] * directions[:, 0] + normal[:, 1] * directions[:, 1] + normal[:, 2] * directions[:, 2])
         normal[np.flatnonzero(facing < 0.0)] *= -1.0
         cos_angle = np.minimum(np.abs(facing), np.float32(1.0))
         return Hits(range_m, object_id, row, part, tag, material, normal, cos_angle, hits.triangle, hits.barycentric)

@@ -79,9 +79,6 @@ class _Draws:
 _MIN_RAYS_PER_BLOCK = 1 << 16
 """With smaller blocks, threads wait longer for Python's global lock than they compute."""
 
-_GROUPS_PER_BLOCK = 2
-"""Groups of columns between two borders that make a block with a receiver, which calls NumPy more often for each."""
-
 
 class LidarModel:
     """A lidar of the sensor rig, as configured."""
@@ -111,7 +108,8 @@ class LidarModel:
             blocks = min(blocks, max_blocks)
         borders = (np.linspace(0, lidar.columns, blocks + 1).astype(int) * lidar.channels).tolist()
         self._borders = borders[1:-1]
-        step = 1 if lidar.receiver is None or lidar.receiver.gain_step_db else _GROUPS_PER_BLOCK
+        # Receivers call NumPy so often that twice as long blocks pay, unless their gain follows from column to column.
+        step = 1 if lidar.receiver is None or lidar.receiver.gain_step_db else 2
         self._blocks = [slice(start, stop) for start, stop in pairwise([*borders[:-1:step], borders[-1]])]
 
     def _aim(self, end_s: float) -> None:

@@ -14,7 +14,7 @@ from simbev_ros.foundation.semantics import Tag
 from simbev_ros.foundation.types import Float32Array, Table
 from simbev_ros.simulation.raycast.scene import RayScene
 from simbev_ros.simulation.sensors.lidar import LidarModel
-from simbev_ros.simulation.sensors.lidar_beam import Echoes
+from simbev_ros.simulation.sensors.lidar_beam import Echoes, edge_echoes
 from simbev_ros.simulation.sensors.lidar_echo import surface_strength
 from simbev_ros.simulation.sensors.lidar_receiver import LidarReceiver
 from simbev_ros.simulation.sensors.lidar_window import find_windows
@@ -292,6 +292,15 @@ def test_weak_echoes_are_noisier() -> None:
     normal = np.ones(2, np.float32)
     measured_m = receiver.measured_m(echoes((0, 10.0, 0.1), (1, 10.0, 0.1)), np.array([1.0, 100.0], np.float32), normal)
     assert measured_m - 10.0 == pytest.approx([np.hypot(0.005, 0.03), np.hypot(0.005, 0.003)], abs=1e-5)
+
+
+def test_an_edge_shares_the_beam_that_reaches_it_and_an_edge_that_is_nowhere_none() -> None:
+    """Beams of half the width of their spacing: the first one ends at the edge, the last two do not have any."""
+    first = echoes((0, 10.0, 1.0), (1, 20.0, 0.4), (2, 20.0, 0.4), (3, 10.0, 1.0))
+    left, others = edge_echoes(first, 1, 0.25, np.array([0.0, np.nan, np.nan, 0.5], np.float32))
+    assert left.strength == pytest.approx([0.5, 0.4, 0.4, 1.0])
+    assert (others.ray.tolist(), others.range_m.tolist()) == ([0], [20.0])
+    assert others.strength == pytest.approx([0.2])
 
 
 def test_clouds_do_not_depend_on_the_number_of_threads() -> None:

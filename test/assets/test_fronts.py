@@ -14,6 +14,7 @@ from simbev_ros.assets.land.blocks import Block, Frontage
 from simbev_ros.assets.land.rows import build_rows
 from simbev_ros.assets.land.yard import Yard
 from simbev_ros.assets.materials import Material
+from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.placement.claims import Claims
 from simbev_ros.assets.placement.region_ground import RegionGround
 from simbev_ros.assets.placement.tiles import TileBuilder
@@ -40,7 +41,7 @@ def test_fittings_stay_in_front_of_their_building(kind: str) -> None:
     for seed in range(8):
         rng = stream(seed, "test")
         building = build(kind, plot, draw_wall("brick", rng), rng)
-        low_m, high_m = fittings(find_front(building, plot), rng).bounds_m
+        low_m, high_m = Mesh.merge(fittings(find_front(building, plot), rng)).bounds_m
         assert low_m[1] >= -load_kinds()[kind].front_m - 0.15
         assert max(-low_m[0], high_m[0]) <= plot.width_m / 2.0 + 0.05
         assert high_m[1] < 0.11
@@ -58,7 +59,7 @@ def test_names_of_shops_are_part_of_the_building_and_projecting_signs_are_signs(
     plot = Plot(18.0, 9.0, 14.0)
     rng = stream(0, "test")
     building = build("shop", plot, draw_wall("brick", rng), rng)
-    mesh = fittings(find_front(building, plot), stream(1, "test"))
+    mesh = Mesh.merge(fittings(find_front(building, plot), stream(1, "test")))
     signs = mesh.tag == Tag.TRAFFIC_SIGN
     names = (mesh.tag == Tag.BUILDING) & (mesh.material == Material.PLAIN)
     assert signs.any()

@@ -167,12 +167,10 @@ def gate(x_m: float, width_m: float, height_m: float, color: Color, frame: Color
     ]
 
 
-def awning(x_m: float, width_m: float, color: Color, top_m: float) -> Mesh:
-    """Build a sloping cloth awning over a shop window."""
+def awning(width_m: float, color: Color, top_m: float) -> Mesh:
+    """Build a sloping cloth awning over a shop window, its middle at x = 0."""
     profile = shapely.Polygon([(0.02, top_m), (-1.15, top_m - 0.55), (-1.15, top_m - 0.75), (0.02, top_m - 0.08)])
-    cloth = extrusion(
-        building_finish(Material.CLOTH, color), profile, x_m - width_m / 2.0, x_m + width_m / 2.0, crease_deg=0.0
-    )
+    cloth = extrusion(building_finish(Material.CLOTH, color), profile, -width_m / 2.0, width_m / 2.0, crease_deg=0.0)
     return lay_along_front(cloth)
 
 

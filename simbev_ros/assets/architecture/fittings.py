@@ -18,12 +18,11 @@ from simbev_ros.assets.street.lettering import text_mesh
 from simbev_ros.assets.street.sign_faces import VARIANTS, plate, sign_table
 from simbev_ros.assets.street.small_things import small_thing
 from simbev_ros.foundation.semantics import Tag
-from simbev_ros.foundation.types import Float64Array
 
 _FRONT_BY_FACING = np.array([[0.0, 1.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 """(4, 4) turn of a sign that faces along x into one on the front wall, which faces against y."""
 
-_WALLED = (Material.FACADE, Material.BRICK_FACADE, Material.TIMBER_FACADE, Material.CONCRETE_FACADE)
+_WALLED = tuple(map(int, (Material.FACADE, Material.BRICK_FACADE, Material.TIMBER_FACADE, Material.CONCRETE_FACADE)))
 _NAME_M, _NAME_AT, _NAME_OUT_M = 0.3, 0.905, 0.07  # letters: height; their height as a share of the shop's story
 _HANGING_M, _BRACKET_OUT_M = 2.75, 0.15
 _SCAFFOLD_SHARE, _LIFT_M = 0.05, 2.0
@@ -42,24 +41,25 @@ class Front(NamedTuple):
 def find_front(building: Mesh, plot: Plot) -> Front:
     """Measure the front wall of a building's mesh."""
     on_front = (building.normals[:, 1] < -0.9) & (np.abs(building.vertices[:, 1]) < 0.02)
-    walls = on_front & np.isin(building.material, _WALLED)
-    shops = on_front & (building.material == Material.SHOPFRONT)
-    top_m, shop_m = (float(building.vertices[own, 2].max(initial=0.0)) for own in (walls, shops))
+    material, z_m = building.material[on_front], building.vertices[on_front, 2]
+    top_m, shop_m = (
+        float(z_m[np.isin(material, own)].max(initial=0.0)) for own in (_WALLED, (int(Material.SHOPFRONT),))
+    )
     return Front(plot.width_m, top_m, shop_m)
 
 
-def fittings(front: Front, rng: np.random.Generator) -> Mesh:
+def fittings(front: Front, rng: np.random.Generator) -> list[Mesh]:
     """Draw the things at a front wall."""
-    pieces = [Mesh.empty()]
+    pieces: list[Mesh] = []
     if front.shop_m:
         pieces += _shop_names(front, rng)
         pieces += _goods(front, rng)
     if front.top_m and rng.random() < _SCAFFOLD_SHARE:
-        return Mesh.merge([*pieces, *_scaffold(front)])
+        return pieces + _scaffold(front)
     if front.top_m:
         pieces += _pipes(front, rng) if front.top_m < _MAX_PIPED_M else []
         pieces += _small_things(front, rng)
-    return Mesh.merge(pieces)
+    return pieces
 
 
 def _pipes(front: Front, rng: np.random.Generator) -> list[Mesh]:
@@ -81,7 +81,7 @@ def _small_things(front: Front, rng: np.random.Generator) -> list[Mesh]:
         for x_m in edges_m.tolist():
             draw = rng.random()
             if draw < 0.1:
-                pieces.append(_moved(_dish(), x_m, -0.25, z_m + 1.6))
+                pieces.append(_dish().shift(x_m, -0.25, z_m + 1.6))
             elif draw < 0.15:
                 color = pick_color(rng, "signal_trims")
                 pieces.append(box(building_finish(Material.PLASTIC, color), (0.3, 0.12, 0.36), (x_m, -0.08, z_m + 1.9)))
@@ -133,7 +133,7 @@ def _shop_names(front: Front, rng: np.random.Generator) -> list[Mesh]:
             low_m, high_m = sign.bounds_m
             out_m = float(high_m[1]) + _BRACKET_OUT_M
             at_m = _HANGING_M + float(high_m[2] - low_m[2]) / 2.0
-            pieces.append(_moved(sign, x_m - unit_m / 2.0 + 0.25, -out_m, at_m))
+            pieces.append(sign.shift(x_m - unit_m / 2.0 + 0.25, -out_m, at_m))
             bar = (x_m - unit_m / 2.0 + 0.25, -out_m / 2.0, at_m + float(high_m[2]) + 0.03)
             pieces.append(box(building_finish(Material.METAL, (40, 42, 44)), (0.04, out_m + 0.2, 0.04), bar))
         if rng.random() < 0.4:
@@ -149,7 +149,7 @@ def _goods(front: Front, rng: np.random.Generator) -> list[Mesh]:
         if rng.random() < 0.45:
             name = _WARES[int(rng.integers(len(_WARES)))]
             thing = small_thing(name) if name else plate("stand", int(rng.integers(VARIANTS))).mesh
-            pieces.append(_moved(thing.transform(_FRONT_BY_FACING), x_m, -0.65, 0.0 if name else 0.5))
+            pieces.append(thing.transform(_FRONT_BY_FACING).shift(x_m, -0.65, 0.0 if name else 0.5))
         x_m += rng.uniform(1.7, 3.0)
     return pieces
 
@@ -175,10 +175,4 @@ def _scaffold(front: Front) -> list[Mesh]:
 
 def _on_front(sign: Mesh, x_m: float, out_m: float, z_m: float) -> Mesh:
     """A sign flat on the front wall."""
-    return _moved(sign.transform(_FRONT_BY_FACING), x_m, -out_m, z_m)
-
-
-def _moved(mesh: Mesh, x_m: float, y_m: float, z_m: float) -> Mesh:
-    pose: Float64Array = np.eye(4)
-    pose[:3, 3] = x_m, y_m, z_m
-    return mesh.transform(pose)
+    return sign.transform(_FRONT_BY_FACING).shift(x_m, -out_m, z_m)

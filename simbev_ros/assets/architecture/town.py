@@ -169,7 +169,8 @@ def _street_floor(rng: np.random.Generator, plot: Plot, trim: Color, shops: bool
         return []
     color, count = pick_color(rng, "awnings"), max(1, round(plot.width_m / (2 * BAY_M)))
     x_positions_m = (np.arange(count) + 0.5) / count * plot.width_m - plot.width_m / 2.0
-    return [awning(float(x_m), plot.width_m / count - 1.2, color, 3.1) for x_m in x_positions_m]
+    cloth = awning(plot.width_m / count - 1.2, color, 3.1)
+    return [cloth.shift(float(x_m), 0.0, 0.0) for x_m in x_positions_m]
 
 
 def _fins(plan: shapely.Polygon, color: Color, bottom_m: float, top_m: float) -> Mesh:

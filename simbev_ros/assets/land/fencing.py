@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.assets.land.yard import Yard, quad, yaw_of
+from simbev_ros.assets.land.yard import Yard, quads, yaw_of
 from simbev_ros.assets.mesh.graded import GradedMesh
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.placement.ensemble import Base
@@ -49,7 +49,7 @@ def put_panels(
     along, half_m = step / length_m, _HALF_WIDTH_M.get(kind, _THIN_M)
     first_m = start_m + along * (length_m - count * PANEL_M[kind]) / 2.0
     positions = first_m + np.outer(np.arange(count) * PANEL_M[kind], along)
-    footprints = [quad(position, along, (0.01, PANEL_M[kind] - 0.01), (-half_m, half_m)) for position in positions]
+    footprints = quads(positions, np.tile(along, (count, 1)), (0.01, PANEL_M[kind] - 0.01), (-half_m, half_m))
     fit = shapely.contains(land, footprints) & shapely.contains(yard.inside, footprints)
     if clear is not None:
         near, _ = clear[0].query(footprints, predicate="dwithin", distance=clear[1])

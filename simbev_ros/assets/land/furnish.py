@@ -21,6 +21,7 @@ from simbev_ros.assets.placement.region_ground import RegionGround
 from simbev_ros.assets.placement.static_scene import StreetLight
 from simbev_ros.assets.placement.tiles import TileBuilder
 from simbev_ros.assets.street.curbs import curb_lines
+from simbev_ros.assets.street.light_places import Lanes
 from simbev_ros.assets.street.lights import put_lights
 from simbev_ros.assets.street.map_objects import put_map_objects
 from simbev_ros.assets.street.parking_spots import parking_spots
@@ -93,9 +94,10 @@ def furnish_region(tiles: TileBuilder, claims: Claims, ground: RegionGround) -> 
     put_cables(yard, curbs)
     put_guards(yard, curbs)
     put_boundaries(yard, blocks)
-    put_sign_posts(yard, curbs)
-    put_boards(yard, blocks)
-    put_lamp_plates(yard)
+    lanes = Lanes.of_level(ground, 0)
+    put_sign_posts(yard, curbs, lanes)
+    put_boards(yard, blocks, lanes)
+    put_lamp_plates(yard, lanes)
     put_islands(yard)
     put_median_railings(yard)
     put_along_curbs(yard, curbs)

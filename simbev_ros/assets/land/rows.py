@@ -30,6 +30,7 @@ _BEYOND_M = 3.0
 _PUSHES_M = (0.0, 4.0, 8.0, 12.0, 15.0)  # extra setbacks from a street across the region's border, into the region
 _PARTY_GAP_M = 0.12
 _FOOT_M = 0.3
+_GRID_X, _GRID_Y = np.tile(np.linspace(-0.5, 0.5, 5), 4)[:, None], np.repeat(np.linspace(0.0, 1.0, 4), 5)[:, None]
 _IVY_LANDSCAPES, _IVY_SHARE, _IVY_SPRIGS = ("temperate", "mediterranean"), 0.15, 420
 _GARAGE_KINDS = ("villa", "farmhouse")
 _FITTED_KINDS = ("town_house", "terrace", "apartments", "office", "shop")
@@ -111,16 +112,16 @@ def erect(yard: Yard, site: Site, recipe: SurroundingsRecipe, rng: np.random.Gen
     if high_m - low_m > kind.rise_m:
         return None
     plot = replace(site.plot, foundation_m=high_m - low_m + _FOOT_M)
-    mesh = walls = build(site.kind, plot, kind.draw_wall(recipe.building_style, rng), rng)
+    pieces = [walls := build(site.kind, plot, kind.draw_wall(recipe.building_style, rng), rng)]
     growth = yard.ground.stream("ivy.{:.1f}.{:.1f}".format(*site.origin_m))
     if recipe.plants in _IVY_LANDSCAPES and growth.random() < _IVY_SHARE:
-        mesh = Mesh.merge([mesh, ivy(growth, mesh, _IVY_SPRIGS)])
+        pieces.append(ivy(growth, walls, _IVY_SPRIGS))
     yard.claims.add(site.footprint)
     yard.walls.append(site.footprint)
     if site.kind in _FITTED_KINDS:
         own = yard.ground.stream(f"fittings.{site.origin_m[0]:.2f}.{site.origin_m[1]:.2f}")
-        mesh = Mesh.merge([mesh, fittings(find_front(walls, plot), own)])
-    yard.tiles.place(mesh, upright_pose(site.origin_m, high_m, site.yaw_rad))
+        pieces += fittings(find_front(walls, plot), own)
+    yard.tiles.place(Mesh.merge(pieces), upright_pose(site.origin_m, high_m, site.yaw_rad))
     return replace(site, plot=plot)
 
 
@@ -222,9 +223,8 @@ def _footprints(
 
 def _land_range_m(yard: Yard, site: Site) -> tuple[float, float]:
     """Minimum and maximum height of the land under a site."""
-    half_m, depth_m = site.plot.width_m / 2.0, site.plot.depth_m
-    x_m, y_m = np.meshgrid(np.linspace(-half_m, half_m, 5), np.linspace(-0.5, depth_m, 4))
-    positions = site.origin_m + np.outer(x_m, site.along) + np.outer(y_m, left_of(site.along))
+    x_m, y_m = _GRID_X * site.plot.width_m, _GRID_Y * (site.plot.depth_m + 0.5) - 0.5
+    positions = site.origin_m + x_m * site.along + y_m * left_of(site.along)
     height_m = yard.ground.land_m(positions)
     return float(height_m.min()), float(height_m.max())
 

@@ -101,8 +101,8 @@ class Mesh:
             normals=np.ascontiguousarray(normals, np.float32),
             uv=np.ascontiguousarray(vertices[:, :2] if uv is None else uv, np.float32),
             color=np.full((count, 3), color, np.uint8),
-            material=np.full(count, material, np.uint8),
-            tag=np.full(count, tag, np.uint8),
+            material=np.full(count, int(material), np.uint8),
+            tag=np.full(count, int(tag), np.uint8),
             part=np.full(count, part, np.uint8),
             triangles=np.ascontiguousarray(triangles, np.int32).reshape(-1, 3),
         )
@@ -151,6 +151,10 @@ class Mesh:
             normals=normals.astype(np.float32),
             triangles=self.triangles if keeps_hand else np.ascontiguousarray(self.triangles[:, ::-1]),
         )
+
+    def shift(self, x_m: float, y_m: float, z_m: float) -> "Mesh":
+        """Copy of the mesh, moved."""
+        return replace(self, vertices=(self.vertices + np.array([x_m, y_m, z_m])).astype(np.float32))
 
     def copies(self, target_from_mesh: Float64Array, tint: Float64Array | None = None) -> list["Mesh"]:
         """Transformed copies of the mesh, all in one step.

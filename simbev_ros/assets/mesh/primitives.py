@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import mapbox_earcut
 import numpy as np
@@ -31,9 +32,11 @@ _BOX_CORNERS = 0.5 * np.array(
 ).reshape(-1, 3)
 _BOX_CORNER_NORMALS = np.repeat(_BOX_NORMALS, 4, axis=0)
 _BOX_TRIANGLES = (np.arange(0, 24, 4)[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
-_BOX_UV_FROM_CORNER = np.array(  # as ``_surface_coordinates`` has it
+_BOX_UV_FROM_CORNER = np.array(  # as ``_surface_coordinates`` has it; each coordinate is one of x, y, z or its negative
     [[[-y, x, 0.0], [0.0, 0.0, 1.0]] if z == 0.0 else np.eye(3)[:2] for x, y, z in _BOX_CORNER_NORMALS]
 )
+_BOX_UV_AXIS, _BOX_UV_SIGN = np.abs(_BOX_UV_FROM_CORNER).argmax(axis=2), _BOX_UV_FROM_CORNER.sum(axis=2)
+_BOX_CORNER = np.arange(24)[:, None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +95,7 @@ def patchwork(
     triangles = joined.reshape(-1).astype(np.int32)[np.asarray(triangles).reshape(-1, 3)]
     positions = np.asarray(vertices, np.float64)[first]
     corners = positions[triangles]
-    kept = _has_area(corners)
+    kept, _ = _has_area(corners, _cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
     triangles = triangles[kept]
     normals = _corner_normals(triangles.reshape(-1), corners[kept], np.cos(np.radians(crease_deg)))
     points = positions[triangles.reshape(-1)]
@@ -142,7 +145,7 @@ def boxes(finish: Finish, size_m: Float64Array, center_m: Float64Array) -> Mesh:
         material=finish.material,
         tag=finish.tag,
         color=finish.color,
-        uv=np.einsum("ijk,nik->nij", _BOX_UV_FROM_CORNER, corners).reshape(-1, 2),
+        uv=(corners[:, _BOX_CORNER, _BOX_UV_AXIS] * _BOX_UV_SIGN + 0.0).reshape(-1, 2),
         part=finish.part,
     )
 
@@ -279,8 +282,12 @@ def plate(finish: Finish, polygon: shapely.Polygon, z_m: float) -> Mesh:
     )
 
 
+@lru_cache(maxsize=512)
 def triangulate(polygon: shapely.Polygon) -> tuple[Float64Array, Int32Array]:
-    """Triangulate a polygon into (V, 2) vertices (exterior counter-clockwise, holes clockwise) and (T, 3) triangles."""
+    """Triangulate a polygon into (V, 2) vertices (exterior counter-clockwise, holes clockwise) and (T, 3) triangles.
+
+    The arrays are read-only, because equal polygons share them.
+    """
     polygon = shapely.orient_polygons(polygon)
     rings = [np.asarray(ring.coords, np.float64)[:-1, :2] for ring in (polygon.exterior, *polygon.interiors)]
     vertices = np.concatenate(rings)
@@ -289,14 +296,17 @@ def triangulate(polygon: shapely.Polygon) -> tuple[Float64Array, Int32Array]:
     a, b, c = vertices[faces[:, 0]], vertices[faces[:, 1]], vertices[faces[:, 2]]
     area = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
     faces[area < 0] = faces[area < 0][:, ::-1]
-    return vertices, faces[area != 0]
+    faces = faces[area != 0]
+    vertices.flags.writeable = faces.flags.writeable = False
+    return vertices, faces
 
 
 def _flat_shaded(finish: Finish, corners: Float64Array) -> Mesh:
     """Flat-shaded mesh of (T, 3, 3) triangles; triangles without area are dropped."""
-    corners = corners[_has_area(corners)]
     area_normals = _cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals = np.repeat(area_normals / _length(area_normals)[:, None], 3, axis=0)
+    kept, double_area = _has_area(corners, area_normals)
+    corners = corners[kept]
+    normals = np.repeat(area_normals[kept] / double_area[kept, None], 3, axis=0)
     points = corners.reshape(-1, 3)
     return Mesh.indexed(
         points,
@@ -310,11 +320,11 @@ def _flat_shaded(finish: Finish, corners: Float64Array) -> Mesh:
     )
 
 
-def _has_area(corners: Float64Array) -> BoolArray:
-    """(T,) whether (T, 3, 3) triangles keep an area in float32."""
-    area_normals = _cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+def _has_area(corners: Float64Array, area_normals: Float64Array) -> tuple[BoolArray, Float64Array]:
+    """(T,) whether (T, 3, 3) triangles keep an area in float32, and (T,) lengths of their (T, 3) area normals."""
     longest = _length(corners - corners[:, [2, 0, 1]]).max(axis=1)
-    return _length(area_normals) > _MIN_HEIGHT_M * longest
+    double_area = _length(area_normals)
+    return double_area > _MIN_HEIGHT_M * longest, double_area
 
 
 def _cross(a: Float64Array, b: Float64Array) -> Float64Array:

@@ -1,7 +1,6 @@
 """Registry of occupied footprints: each object claims its footprint, and none may overlap an earlier claim."""
 
 from collections import defaultdict
-from collections.abc import Sequence
 
 import numpy as np
 import shapely
@@ -12,6 +11,7 @@ from simbev_ros.foundation.types import BoolArray, Float64Array
 
 _CELL_M = 24.0
 _DISC_QUADRANT_SEGMENTS = 2
+_MAX_RECENT = 400  # claims that are not in the search tree yet, before it is built again
 
 
 class Claims:
@@ -21,6 +21,7 @@ class Claims:
         self._footprints: list[BaseGeometry] = []
         self._bounds: list[tuple[float, float, float, float]] = []
         self._cells: dict[tuple[int, int], list[int]] = defaultdict(list)
+        self._tree = shapely.STRtree([])
 
     def is_free(self, footprint: BaseGeometry) -> bool:
         """Whether a footprint neither overlaps nor touches any claimed one."""
@@ -64,18 +65,12 @@ class Claims:
         free = np.full(len(xy_m), True)
         if len(xy_m) == 0 or not self._footprints:
             return free
-        taken, _ = _query_discs(self._footprints, xy_m, radius_m)
-        free[taken] = False
+        if len(self._footprints) - len(self._tree) > _MAX_RECENT:
+            self._tree = shapely.STRtree(self._footprints)
+        points = shapely.points(xy_m)
+        for tree in (self._tree, shapely.STRtree(self._footprints[len(self._tree) :])):
+            free[tree.query(points, predicate="dwithin", distance=radius_m)[0]] = False
         return free
-
-
-def _query_discs(
-    footprints: Sequence[BaseGeometry], xy_m: Float64Array, radius_m: Float64Array
-) -> tuple[np.ndarray[tuple[int], np.dtype[np.int64]], np.ndarray[tuple[int], np.dtype[np.int64]]]:
-    """Index pairs of discs and footprints that touch."""
-    tree = shapely.STRtree(np.array(footprints, object))
-    disc, footprint = tree.query(shapely.points(xy_m), predicate="dwithin", distance=radius_m)
-    return disc, footprint
 
 
 def _keep_disjoint(xy_m: Float64Array, radius_m: Float64Array) -> BoolArray:

@@ -1,6 +1,7 @@
 """Arrows and words that are painted on lanes, and bicycles on cycle lanes, as areas in plan view."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 
 import numpy as np
 import shapely
@@ -48,9 +49,8 @@ def lane_symbols(ground: RegionGround, level: int) -> Iterator[BaseGeometry]:
         directions = sorted(_directions(strip, [by_lane[name] for name in strip.following if name in by_lane]))
         abreast = any(by_lane[name].kind is LaneKind.DRIVING for name in (strip.left, strip.right) if name in by_lane)
         if directions and (abreast or rng.random() < _ARROWS_SHARE):
-            arrows = overlay.union_all([arrow(direction) for direction in directions])
             for before_m in _BEFORE_END_M:
-                yield in_map(arrows, line, line.length - before_m)
+                yield in_map(_arrows(tuple(directions)), line, line.length - before_m)
         elif rng.random() < _WORD_SHARE:
             yield in_map(word(_WORDS[int(rng.integers(len(_WORDS)))]), line, _WORD_AT_M)
 
@@ -66,6 +66,11 @@ def _heading(line_m: Float64Array) -> float:
     return float(np.arctan2(*(line_m[-1, :2] - line_m[0, :2])[::-1]))
 
 
+@lru_cache(maxsize=8)
+def _arrows(directions: tuple[int, ...]) -> BaseGeometry:
+    return overlay.union_all([arrow(direction) for direction in directions])
+
+
 def arrow(direction: int) -> BaseGeometry:
     """An arrow to the left (1), ahead (0) or to the right (-1), in lane coordinates: x ahead, y left."""
     shaft = _SHAFTS_M[direction]
@@ -75,11 +80,13 @@ def arrow(direction: int) -> BaseGeometry:
     return _pen([shaft], _PEN_M).union(head)
 
 
+@lru_cache(maxsize=1)
 def _bicycle() -> BaseGeometry:
     wheels = [shapely.Point(0.0, y_m).buffer(_WHEEL_M, quad_segs=3).exterior.buffer(0.04) for y_m in (-0.45, 0.45)]
     return overlay.union_all([*wheels, _pen([np.array(row).reshape(-1, 2) for row in _FRAME_M], 0.04)])
 
 
+@lru_cache(maxsize=8)
 def word(text: str) -> BaseGeometry:
     """A word that drivers read: its letters are stretched along the lane."""
     scale = np.array([_LETTER_M / 4.0, _LETTER_LENGTH_M / 6.0])

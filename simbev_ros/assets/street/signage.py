@@ -33,9 +33,9 @@ def is_american(network: RoadNetwork) -> bool:
     return _AMERICA_DEG[0] < network.datum.longitude_deg < _AMERICA_DEG[1]
 
 
-def put_sign_posts(yard: Yard, curbs: Sequence[CurbLine]) -> None:
+def put_sign_posts(yard: Yard, curbs: Sequence[CurbLine], lanes: Lanes) -> None:
     """Put signs on posts along sidewalks and verges; they look at the traffic of the nearest lane."""
-    american, lanes = is_american(yard.ground.network), Lanes.of_level(yard.ground, 0)
+    american = is_american(yard.ground.network)
     for number, curb in enumerate(curbs):
         entry = sign_table()["posts"][curb.recipe.use]
         rng = yard.ground.stream(f"sign_posts.{number}")
@@ -52,9 +52,9 @@ def put_sign_posts(yard: Yard, curbs: Sequence[CurbLine]) -> None:
             yard.ensemble.put(mesh, curb.position_m[at[k]], float(yaw_rad[k]), base=base)
 
 
-def put_boards(yard: Yard, blocks: Sequence[Block]) -> None:
+def put_boards(yard: Yard, blocks: Sequence[Block], lanes: Lanes) -> None:
     """Put boards on the land behind sidewalks: directions, advertisements, of agents who sell a house."""
-    american, lanes = is_american(yard.ground.network), Lanes.of_level(yard.ground, 0)
+    american = is_american(yard.ground.network)
     for block in blocks:
         entry = sign_table()["boards"][block.recipe.use]
         rng = yard.ground.stream(f"boards.{block.name}")
@@ -74,17 +74,18 @@ def put_boards(yard: Yard, blocks: Sequence[Block]) -> None:
                     yard.ensemble.put(board(name, int(rng.integers(VARIANTS))), foot_m, yaw_rad)
 
 
-def put_lamp_plates(yard: Yard) -> None:
+def put_lamp_plates(yard: Yard, lanes: Lanes) -> None:
     """Put plates and banners on some of the street lights."""
     rng, entry = yard.ground.stream("lamp_plates"), sign_table()["lamps"]
-    american, lanes = is_american(yard.ground.network), Lanes.of_level(yard.ground, 0)
-    for position_m, base in yard.lamp_posts:
-        wanted = rng.random() < entry["share"] and len(lanes.lines) > 0
+    american = is_american(yard.ground.network)
+    if not yard.lamp_posts or len(lanes.lines) == 0:
+        return
+    yaws_rad = lanes.against_rad(np.stack([position_m for position_m, _ in yard.lamp_posts]))
+    for (position_m, base), yaw_rad in zip(yard.lamp_posts, yaws_rad.tolist(), strict=True):
+        wanted = rng.random() < entry["share"]
         (name,), variant = draw_choice(entry, american, rng), int(rng.integers(VARIANTS))
         if wanted:
-            yard.ensemble.put(
-                _on_lamp(name, variant), position_m, float(lanes.against_rad(position_m[None])[0]), base=base
-            )
+            yard.ensemble.put(_on_lamp(name, variant), position_m, yaw_rad, base=base)
 
 
 def put_islands(yard: Yard) -> None:

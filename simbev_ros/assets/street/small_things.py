@@ -74,19 +74,25 @@ def _groups(
 ) -> Iterator[tuple[str, np.ndarray[tuple[int], np.dtype[np.float64]]]]:
     """Names of things, and the (N,) distances at which they stand along a line."""
     spacing_m = _table()["spacing_m"][side].get(recipe.use)
-    weights = {name: float(entry.get(side, {}).get(recipe.use, 0.0)) for name, entry in _table()["things"].items()}
-    total = sum(weights.values())
-    if spacing_m is None or total == 0.0:
+    weights = _weights(side, recipe.use)
+    if spacing_m is None or not weights:
         return
     s_m = float(rng.uniform(0.2, 1.0)) * spacing_m
     while s_m < length_m:
-        name = list(weights)[int(rng.choice(len(weights), p=np.array(list(weights.values())) / total))]
+        name = list(weights)[int(rng.choice(len(weights), p=list(weights.values())))]
         step_m = _table()["things"][name].get("row")
         count = 1 if step_m is None else 1 + int(rng.integers(1, max(2, int(_table()["row_m"] / step_m))))
         at_m = s_m + np.arange(count) * (step_m or 0.0)
         if rng.random() < 2.0 * recipe.furniture_density:
             yield name, at_m[at_m < length_m]
         s_m = float(at_m[-1]) + spacing_m * float(rng.uniform(0.5, 1.5))
+
+
+@lru_cache(maxsize=32)
+def _weights(side: str, use: str) -> dict[str, float]:
+    """Shares of the things on one side of a use's sidewalks."""
+    weights = {name: float(entry.get(side, {}).get(use, 0.0)) for name, entry in _table()["things"].items()}
+    return {name: weight / sum(weights.values()) for name, weight in weights.items() if weight}
 
 
 @lru_cache(maxsize=1)

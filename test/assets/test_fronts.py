@@ -1,6 +1,7 @@
-"""Terraces stand wall to wall in one line, and what is fixed to fronts stays within the space of their building."""
+"""Terraces stand wall to wall, centers are closed, and what is fixed to fronts stays within its building's space."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,14 +11,16 @@ from simbev_ros.assets.architecture.fittings import find_front, fittings
 from simbev_ros.assets.architecture.kinds import build, load_kinds
 from simbev_ros.assets.architecture.plot import Plot
 from simbev_ros.assets.architecture.walls import draw_wall
-from simbev_ros.assets.land.blocks import Block, Frontage
+from simbev_ros.assets.land.blocks import Block, Frontage, blocks_of
 from simbev_ros.assets.land.rows import build_rows
+from simbev_ros.assets.land.town import lay_out_town
 from simbev_ros.assets.land.yard import Yard
 from simbev_ros.assets.materials import Material
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.placement.claims import Claims
 from simbev_ros.assets.placement.region_ground import RegionGround
 from simbev_ros.assets.placement.tiles import TileBuilder
+from simbev_ros.foundation.geometry.plan_view import left_of
 from simbev_ros.foundation.random import stream
 from simbev_ros.foundation.semantics import Tag
 from simbev_ros.maps.build import load_network
@@ -88,3 +91,24 @@ def test_houses_of_a_terrace_continue_the_front_and_the_eaves_before_them() -> N
         np.testing.assert_allclose(left.origin_m[1], right.origin_m[1], atol=1e-6)
         assert left.plot.height_m == right.plot.height_m
     assert len({site.setback_m for site in sites}) > 1
+
+
+def test_most_of_a_center_is_built_along_the_back_of_its_sidewalks_which_stay_free() -> None:
+    network = load_network(MapSpec(name="Blocks", seed=0))
+    recipe = SurroundingsRecipe(
+        use="downtown", building_density=0.95, building_setback_m=0.3, building_height_m={"uniform": [9, 20]}
+    )
+    ground = RegionGround.from_network(network, Region(0, 0), Terrain(network))
+    yard = Yard(ground, TileBuilder(), Claims(), shapely.Point())
+    blocks = [replace(block, recipe=recipe) for block in blocks_of(ground, [(recipe, ground.region.area)], yard.fast)]
+    blocks = [block for block in blocks if 5_000.0 < block.land.area < 30_000.0]
+    for block in blocks:
+        lay_out_town(yard, block)
+    built = shapely.union_all(yard.walls)
+    lines = [line for block in blocks for line in block.frontage if not line.beyond]
+    stations = [np.stack(line.stations(1.0), axis=1) for line in lines if line.length_m > 40.0]
+    position_m, along = np.moveaxis(np.concatenate(stations), 1, 0)
+    fronted = shapely.contains_xy(built, position_m + 5.0 * left_of(along))
+    assert len(fronted) > 300
+    assert fronted.mean() > 0.8
+    assert shapely.area(shapely.intersection(built, ground.streets[0].area)) == 0.0

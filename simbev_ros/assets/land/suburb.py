@@ -68,7 +68,7 @@ def _garden(yard: Yard, block: Block, site: Site, rng: np.random.Generator) -> N
     """Barriers around a plot, a mailbox at its gate, bins beside the house."""
     half_m, depth_m = site.plot.width_m / 2.0 + _SIDE_M, site.plot.depth_m + _GARDEN_DEPTH_M
     edge_m = site.street_m
-    if rng.random() < block.recipe.fence_density:
+    if rng.random() < 1.5 * block.recipe.fence_density:
         kind = _FRONT_BARRIERS[int(rng.integers(len(_FRONT_BARRIERS)))]
         fence_line(
             yard, kind, site.map_point(-half_m, edge_m + 0.7), site.map_point(half_m, edge_m + 0.7), block.land, rng

@@ -21,11 +21,11 @@ from simbev_ros.foundation.geometry.plan_view import left_of
 _MAX_HOUSE_HEIGHT_M, _MAX_APARTMENTS_HEIGHT_M = 7.5, 24.0
 _YARD_DEPTH_M = 27.0
 _PARK_SHARE, _MAX_PARK_M2 = 0.13, 30_000.0
-_HOUSES, _TERRACE_SHARE = ("town_house", "terrace"), 0.5
+_HOUSES, _TERRACE_SHARE = ("town_house", "terrace"), 0.6
 _PATH_M, _GATE_M, _MIN_BARRIER_M = 1.3, 1.1, 1.5
 _FRONT_BARRIERS = ("hedge", "picket", "low_wall", "railed_wall", "railing", "railing", "low_wall")
 _DRIVE_SHARE, _DRIVE_SHARE_OF_DEPTH, _BESIDE_HOUSE_M = 0.8, 0.6, 0.55
-_GARDEN_M2, _COURT_M2, _PLAZA_M2 = 230.0, 200.0, 260.0
+_GARDEN_M2, _COURT_M2, _PLAZA_M2 = 270.0, 300.0, 260.0
 _MAX_COURT_M2 = 40_000.0
 
 
@@ -110,7 +110,7 @@ def _pave_drives(yard: Yard, block: Block, sites: list[Site]) -> None:
 def _fence_in(yard: Yard, block: Block, site: Site, rng: np.random.Generator) -> None:
     """A hedge, a fence or a wall along the front of a house's garden, open at the path."""
     kind = _FRONT_BARRIERS[int(rng.integers(len(_FRONT_BARRIERS)))]
-    if rng.random() > 1.5 * block.recipe.fence_density:
+    if rng.random() > 2.0 * block.recipe.fence_density:
         return
     y_m = site.street_m + (0.3 if site.kind == "terrace" else 0.55)
     door_m, half_m = door_x_m(site.plot.width_m), site.plot.width_m / 2.0 + (0.0 if site.kind == "terrace" else 0.5)

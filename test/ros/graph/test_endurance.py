@@ -10,8 +10,9 @@ pytestmark = [pytest.mark.graph, pytest.mark.slow]
 
 NODES = {"supervisor", "fork server", "world", "camera", "lidar+radar", "gnss+imu", "annotator"}
 FILES = {"/dev/shm", "temporary files"}
-MAX_WARM_UP_MIB = 400.0
-"""The first minute of a graph is warm-up, which a run this short cannot leave out."""
+MAX_WARM_UP_MIB = 1100.0
+"""The first minute of a graph is warm-up, which a run this short cannot leave out; processes keep up to 1 GiB of what
+they have freed (``foundation.process_memory``)."""
 
 
 def test_descriptors_threads_and_files_stay_flat_in_a_live_scene_and_over_many_scenes() -> None:

@@ -23,10 +23,10 @@ from simbev_ros.maps.roads.lane_kind import LaneKind
 
 _STRETCH_M = (9.0, 30.0)
 _BEHIND_WALK_M, _PANELS_IN_BENDS, _BEND_M = 0.3, 3, 0.45  # in bends, frontages are only approximate
-_GUARDED_M, _GUARDED_SHARE = 20.0, 0.9
+_GUARDED_M, _GUARDED_SHARE = 26.0, 0.95
 _GUARD_AT_CURB_M = -0.1  # nearer to the curb than the line of posts
 _GUARD_ROOM_M = 0.12
-_RAILED_SHARE, _CLEAR_OF_END_M, _PANELS_ON_MEDIANS, _ON_MEDIANS = 0.75, 5.0, 4, ("guard", "railing", "guard")
+_RAILED_SHARE, _CLEAR_OF_END_M, _PANELS_ON_MEDIANS, _ON_MEDIANS = 0.9, 5.0, 4, ("guard", "railing", "guard")
 
 
 def put_boundaries(yard: Yard, blocks: Sequence[Block]) -> None:

@@ -23,9 +23,9 @@ _YARD_DEPTH_M = 27.0
 _PARK_SHARE, _MAX_PARK_M2 = 0.13, 30_000.0
 _HOUSES, _TERRACE_SHARE = ("town_house", "terrace"), 0.6
 _PATH_M, _GATE_M, _MIN_BARRIER_M = 1.3, 1.1, 1.5
-_FRONT_BARRIERS = ("hedge", "picket", "low_wall", "railed_wall", "railing", "railing", "low_wall")
+_FRONT_BARRIERS = ("hedge", "picket", "railed_wall", "railed_wall", "railing", "railing", "low_wall")
 _DRIVE_SHARE, _DRIVE_SHARE_OF_DEPTH, _BESIDE_HOUSE_M = 0.8, 0.6, 0.55
-_GARDEN_M2, _COURT_M2, _PLAZA_M2 = 270.0, 300.0, 260.0
+_GARDEN_M2, _COURT_M2, _PLAZA_M2 = 330.0, 330.0, 260.0
 _MAX_COURT_M2 = 40_000.0
 
 

@@ -194,35 +194,26 @@ def _barred(
 
 
 def _bars_along(finish: Finish, x_m: Float64Array, z_m: Sequence[float], radius_m: float) -> Mesh:
-    """Upright three-sided bars at (N,) positions along x, pointed at both ends."""
+    """Upright three-sided bars at (N,) positions along x."""
     turn = np.pi / 6.0 + np.arange(3) * (2.0 * np.pi / 3.0)
     ring = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(3)])
-    point_m = min(0.06, 4.0 * radius_m)
     low, high = np.array([0.0, 0.0, z_m[0]]), np.array([0.0, 0.0, z_m[1]])
-    tips = np.array([[0.0, 0.0, z_m[0] - point_m], [0.0, 0.0, z_m[1] + point_m]])
-    corners = np.concatenate([ring * radius_m + low, ring * radius_m + high, tips])
+    corners = np.concatenate([ring * radius_m + low, ring * radius_m + high])
     count = len(x_m)
     vertices = np.tile(corners, (count, 1, 1))
     vertices[..., 0] += x_m[:, None]
-    normals = np.concatenate([ring, ring, [[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]]])
-    faces = np.arange(0, 8 * count, 8)[:, None, None] + _BAR_TRIANGLES
+    faces = np.arange(0, 6 * count, 6)[:, None, None] + _BAR_TRIANGLES
     return Mesh.indexed(
         vertices.reshape(-1, 3),
         faces.reshape(-1, 3).astype(np.int32),
-        normals=np.tile(normals, (count, 1)),
+        normals=np.tile(ring, (2 * count, 1)),
         material=finish.material,
         tag=finish.tag,
         color=finish.color,
     )
 
 
-_BAR_TRIANGLES = np.array(
-    [
-        triangle
-        for k, j in ((0, 1), (1, 2), (2, 0))
-        for triangle in ((k, j, j + 3), (k, j + 3, k + 3), (k + 3, j + 3, 7), (j, k, 6))
-    ]
-)
+_BAR_TRIANGLES = np.array([[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4], [2, 0, 3], [2, 3, 5], [0, 2, 1], [3, 4, 5]])
 _BUILDERS: Mapping[str, Callable[[np.random.Generator], Mesh | GradedMesh]] = {
     "picket": _picket,
     "boards": _boards,

@@ -33,7 +33,7 @@ from simbev_ros.maps.roads.lane_kind import LaneKind
 
 _SHELTERED_SHARE = 0.2
 _SMALL_THINGS_M = 20.0
-_TREE_LINED_SHARE, _TREE_ROOM_M = 0.75, 1.1
+_TREE_LINED_SHARE, _TREE_ROOM_M = 0.68, 1.1
 _MEDIAN_M, _MEDIAN_SPACING, _CLEAR_OF_END_M = 2.6, 1.5, 14.0
 _POLE_SPACING_M = 42.0
 _POLED_USES, _POLED_STREETS = ("farmland", "suburb", "woods"), ("suburb", "residential")

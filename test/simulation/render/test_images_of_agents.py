@@ -139,7 +139,7 @@ def test_the_same_holds_for_images_from_compute_shaders(make_renderer: Callable[
 
 @pytest.fixture
 def shadow_passes(monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Names of the programs with which static geometry has been drawn into shadow maps, so far."""
+    """Names of the programs with which static geometry has been drawn into shadow maps and maps of open sky, so far."""
     passes = []
     draw_around = StaticGeometry.draw_around
 
@@ -158,16 +158,16 @@ def test_the_static_shadow_of_agents_that_take_turns_is_drawn_once_per_cell(
     renderer.set_agents(2)
 
     def passes(*positions_m: float) -> int:
-        """Number of squares drawn in two rounds with the two agents at these positions."""
+        """Number of maps drawn in two rounds with the two agents at these positions."""
         already = len(shadow_passes)
         for agent in (EGO, CAR) * 2:
             look_down(renderer, agent, two_cars(dict(zip(STANDING, positions_m, strict=True))))
         return len(shadow_passes) - already
 
-    assert passes(*STANDING.values()) == 4, "a near and a far square for each agent"
+    assert passes(*STANDING.values()) == 6, "a near and a far square and the open sky for each agent"
     assert passes(*STANDING.values()) == 0
     assert passes(6.0, 40.0) == 1, "one agent has entered the next small cell of the same large one"
-    assert passes(6.0, 70.0) == 2, "the other one has entered other cells of both sizes"
+    assert passes(6.0, 70.0) == 3, "the other one has entered other cells of all sizes"
     assert passes(6.0, 6.5) == 0, "agents in the same cells share what is drawn"
 
 

@@ -181,7 +181,8 @@ def test_drivers_ignore_what_the_configuration_says_and_pedestrians_have_wheelch
 
 @pytest.mark.slow
 def test_vehicles_and_pedestrians() -> None:
-    changes = {"hazards": Hazards(count=0), "traffic": Traffic()}  # hazards occupy start positions
+    # Hazards occupy start positions, and companions walk at one speed.
+    changes = {"hazards": Hazards(count=0), "traffic": Traffic(group_probability=0)}
     scenario = load_scenario("paper").model_copy(update=changes)
     starts = start_positions(scenario, load_network(PLANNED.map))
     shares, pedestrian_counts, vehicles, walking_speeds_mps = [], [], [], []

@@ -48,6 +48,7 @@ USES: tuple[str, ...] = get_args(SurroundingsRecipe.model_fields["use"].annotati
 """Names of the land uses that the column ``use`` indexes."""
 
 _AFTER_JUNCTION_M, _BEFORE_JUNCTION_M = 9.0, 6.0
+_BAY_MARGIN_M = 0.1
 _KEEP_FROM_CROSSING_M, _KEEP_FROM_DRIVE_M = 5.0, 1.0
 _CONTINUES_M, _CONTINUES_COSINE = 6.0, 0.9  # gap and angle to the parking lane that follows
 _MIN_WIDTH_M, _MAX_WIDTH_M = 2.3, 3.4
@@ -84,7 +85,10 @@ def parking_spots(yard: Yard, zones: Zones) -> Table:
 
 
 def _bay_spots(ground: RegionGround, bays: list[Bay]) -> Table:
-    """Spots of bays and drives, at the height of their paving."""
+    """Spots of the bays and drives that keep off sidewalks, at the height of their paving."""
+    sidewalk = ground.streets[0].sidewalk
+    shapely.prepare(sidewalk)
+    bays = [bay for bay in bays if not sidewalk.intersects(_area(bay))]
     spots = np.zeros(len(bays), SPOT_DTYPE)
     center_m = np.array([bay.center_m for bay in bays]).reshape(-1, 2)
     spots["x"], spots["y"] = center_m.T
@@ -93,6 +97,13 @@ def _bay_spots(ground: RegionGround, bays: list[Bay]) -> Table:
     spots["kind"] = [SpotKind.DRIVE if bay.is_drive else SpotKind.BAY for bay in bays]
     _set_on_ground(spots, center_m, lambda xy_m: ground.land_m(xy_m) + PATH_RISE_M)
     return spots
+
+
+def _area(bay: Bay) -> shapely.Polygon:
+    """Where a vehicle in a bay may stand."""
+    along = np.array([np.cos(bay.yaw_rad), np.sin(bay.yaw_rad)]) * (bay.length_m / 2.0 + _BAY_MARGIN_M)
+    across = left_of(along) * (bay.width_m / bay.length_m)
+    return shapely.Polygon(bay.center_m + np.array([along + across, across - along, -along - across, along - across]))
 
 
 def _curbs(ground: RegionGround) -> Iterator[_Curb]:

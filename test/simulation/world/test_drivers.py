@@ -57,7 +57,7 @@ def test_distracted_drivers_run_red_lights_but_keep_their_distance_to_leaders():
 @pytest.mark.slow
 @pytest.mark.parametrize(("ignored", "vehicles_hit"), [("vehicles", 2), ("pedestrians", 1)])
 def test_drivers_collide_with_what_they_ignore_alone(ignored, vehicles_hit):
-    spec = changed(scene(vehicles=40, pedestrians=120, ticks=500), ignores=("lights", ignored))
+    spec = changed(scene(vehicles=40, pedestrians=240, ticks=800), ignores=("lights", ignored))
     collisions = [event.ids for state in run(spec) for event in state.events if event.type == "collision"]
     assert len(collisions) >= 3
     assert {sum(actor <= len(spec.vehicles) for actor in ids) for ids in collisions} == {vehicles_hit}

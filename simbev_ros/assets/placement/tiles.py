@@ -78,10 +78,10 @@ class TileBuilder:
         else:
             for key, copy in zip(keys, copies, strict=True):
                 self._seen[key].append(copy)
-        stands = map_from_mesh.copy()
-        if follow_m is not None:
-            stands[:, 2, 3] += follow_m(stands[:, :2, 3])
-        self.placed_objects.append((mesh, stands))
+        if follow_m is not None:  # their own height is above the land
+            map_from_mesh = map_from_mesh.copy()
+            map_from_mesh[:, 2, 3] += follow_m(map_from_mesh[:, :2, 3])
+        self.placed_objects.append((mesh, map_from_mesh))
 
     def drape(
         self, area: BaseGeometry, facets: Facets, *builders: Callable[[Cut], ByTile], surface: str = "", level: int = 0

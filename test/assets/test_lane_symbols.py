@@ -5,6 +5,7 @@ import pytest
 import shapely
 
 from simbev_ros.assets.placement.region_ground import RegionGround
+from simbev_ros.assets.roads.curb_paint import curb_paint
 from simbev_ros.assets.roads.symbols import arrow, in_map, lane_symbols, word
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.land.terrain import Terrain
@@ -46,3 +47,17 @@ def test_symbols_lie_within_lanes() -> None:
     lanes = shapely.union_all(shapely.buffer(strip_polygons(strips), 0.01))
     assert len(symbols) > 10
     assert all(lanes.contains(symbol) for symbol in symbols)
+
+
+def test_lines_along_curbs_lie_on_lanes_beside_sidewalks_and_clear_of_crosswalks() -> None:
+    network = load_network(MapSpec(name="Blocks", seed=0))
+    ground = RegionGround.from_network(network, Region(0, 0), Terrain(network))
+    areas = np.concatenate([paint for _, paint in curb_paint(ground, 0)])
+    areas = areas[~shapely.is_empty(areas)]
+    strips = network.layout.near(ground.region.area, 20.0).strips_of(LaneKind.DRIVING, level=0)
+    walk = ground.streets[0].sidewalk
+    assert len(areas) > 10
+    assert shapely.contains(shapely.union_all(shapely.buffer(strip_polygons(strips), 0.01)), areas).all()
+    assert shapely.distance(areas, walk).min() == pytest.approx(0.25, abs=0.12)  # the outer one of two, or one
+    assert shapely.distance(areas, walk).max() < 0.5
+    assert shapely.distance(areas, ground.streets[0].crosswalk).min() > 1.0

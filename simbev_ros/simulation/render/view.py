@@ -17,7 +17,8 @@ from simbev_ros.simulation.render.frame import CameraView
 from simbev_ros.simulation.render.lighting.exposure import ShutterTimes, exposure_gain, shutter_times
 
 NEAR_M = 0.1
-FAR_M = 2000.0
+FAR_M = 10_000.0
+"""Beyond the hills at the horizon (``assets/regions/far_land.py``), seen across a whole town."""
 _MARGIN_STEP_PX, _WIDTH_PER_MARGIN = 12, 64
 """Margin in which the G-buffer of a rolling shutter has what other rows' times show: a multiple of the steps of shading
 (``quality_steps``), about this part of the image's width."""

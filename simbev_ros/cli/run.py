@@ -2,7 +2,7 @@
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 from rich.console import Console
@@ -30,6 +30,12 @@ Security = Annotated[
 Reliable = Annotated[
     bool, typer.Option("--reliable", help="With --live: sensor topics are reliable, for subscribers with default QoS.")
 ]
+PaceOption = Annotated[
+    Literal["real-time", "auto"],
+    typer.Option(
+        "--pace", help="With --live; auto: the clock slows down when this machine cannot keep up, and nothing is lost."
+    ),
+]
 Serve = Annotated[
     bool, typer.Option("--serve", help="Play the scenes that ROS nodes ask for (/world/load_scene, /world/run_scene).")
 ]
@@ -40,6 +46,7 @@ def run(
     config: Config,
     live: Live = False,
     reliable: Reliable = False,
+    pace: PaceOption = "real-time",
     record: Record = None,
     domain: Domain = None,
     network: Network = False,
@@ -60,6 +67,8 @@ def run(
     simbev run live --live                       stream in real time
 
     simbev run live --live --reliable            and for subscribers with ROS's default QoS, such as RViz's displays
+
+    simbev run live --live --pace auto           in real time, or slower if need be, without loss
 
     simbev run my.yaml --record datasets/first   as fast as it goes, every message recorded
 
@@ -83,6 +92,8 @@ def run(
     scenario = with_evaluation(load_scenario(config), evaluate, stack or ())
     if reliable:
         scenario = _with_reliable_topics(scenario, live=live)
+    if pace == "auto":
+        scenario, live = _with_slowing_clock(scenario, live=live), False
     if domain is None and not os.environ.get("ROS_DOMAIN_ID"):
         domain = 0
     _print_environment(domain, console, network=network)
@@ -99,6 +110,14 @@ def _with_reliable_topics(scenario: "Scenario", *, live: bool) -> "Scenario":
     if not live:
         raise InputError("--reliable: is for --live; in lockstep, all topics are reliable")
     graph = scenario.graph.model_copy(update={"live_reliability": "reliable"})
+    return scenario.model_copy(update={"graph": graph})
+
+
+def _with_slowing_clock(scenario: "Scenario", *, live: bool) -> "Scenario":
+    """The configuration in lockstep, but not faster than real time."""
+    if not live:
+        raise InputError("--pace auto: is for --live; in lockstep, the clock always waits for the slowest node")
+    graph = scenario.graph.model_copy(update={"max_real_time_factor": scenario.graph.max_real_time_factor or 1.0})
     return scenario.model_copy(update={"graph": graph})
 
 

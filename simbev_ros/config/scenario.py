@@ -246,6 +246,12 @@ class GraphConfig(Model):
         "best_effort",
         description="reliability of sensor topics in real time; reliable: for subscribers with ROS's default QoS, too",
     )
+    max_real_time_factor: float | None = Field(
+        None,
+        ge=0.01,
+        le=100,
+        description="in lockstep, simulated time per wall time is at most this; none: as fast as possible",
+    )
     silence_timeout_s: float = Field(
         60.0,
         ge=1,

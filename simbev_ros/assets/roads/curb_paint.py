@@ -20,7 +20,10 @@ _STYLES = (
     (0.15, Paint.SOLID, PaintColor.YELLOW),
     (0.05, Paint.SOLID, PaintColor.WHITE),
 )
-_WIDTH_M, _INSET_M = 0.075, 0.3  # TSRGD 2016, schedule 7, diagrams 1017 and 1018.1: lines of 75 mm, 250 mm from the curb
+_WIDTH_M, _INSET_M = (
+    0.075,
+    0.3,
+)  # TSRGD 2016, schedule 7, diagrams 1017 and 1018.1: lines of 75 mm, 250 mm from the curb
 _CLEAR_M = 1.2  # of crosswalks and stop lines
 
 

@@ -15,10 +15,12 @@ from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import Header, String
 
+from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.ros.conventions.arguments import PLAIN, RosArguments
 from simbev_ros.ros.conventions.diagnostics import hardware_id
 from simbev_ros.ros.conventions.names import NamespacedNode, NodeName, ros_name
 from simbev_ros.ros.graph.joining_advice import JoiningAdvice, OutsidePublisher
+from simbev_ros.ros.graph.pace_watch import PaceWatch
 from simbev_ros.ros.msgs import topics
 from simbev_ros.ros.msgs.qos import LATCHED, STEERING, rclpy_qos
 from simbev_ros.ros.msgs.signing import Signer, content_of, signed_json
@@ -69,6 +71,7 @@ class GraphMonitor:
         signer: Signs requests, and checks that messages come from the graph's nodes.
         ros: ROS arguments of all nodes of the graph.
         writers: Names of the nodes that report one tick more than a scene has, when their files are closed.
+        pace: Watches whether the graph keeps its pace.
 
     Attributes:
         behind_world: Ticks finished by the participants.
@@ -86,6 +89,7 @@ class GraphMonitor:
         ros: RosArguments = PLAIN,
         *,
         writers: Iterable[str] = (),
+        pace: PaceWatch | None = None,
     ) -> None:
         self._names_by_id = {hardware_id(node): node.name for node in nodes}
         self._nodes = tuple(self._names_by_id.values())
@@ -95,6 +99,7 @@ class GraphMonitor:
         self.behind_world = LockstepWindow(participants, window_ticks=1, outside=self._outside)
         self.world = LockstepWindow(["world"], window_ticks=1)
         self.writers = LockstepWindow(writers, window_ticks=1)
+        self._pace = pace or PaceWatch()
         self.end: SceneEnd | None = None
         self._joining = JoiningAdvice(self._outside, domain, ros_name(topics.READY, ros.namespace))
         self._advised: set[str] = set()
@@ -125,6 +130,7 @@ class GraphMonitor:
         """Ask the world node to play a scene."""
         self._start_scene(request.spec)
         self._joining.start_scene(request.spec)
+        self._pace.start_scene(NS_PER_S / request.spec.tick_ns)
         self._scene, self.end = request.spec.name, None
         self._progress_s = time.monotonic()
         self._heard_s = dict.fromkeys(self._nodes, self._progress_s)
@@ -171,11 +177,13 @@ class GraphMonitor:
         return self._joining.advice(waiting, self._outside_publishers()) if waiting else []
 
     def new_advice(self) -> list[str]:
-        """The advice that has not been returned yet; call it often while the graph waits."""
+        """What has not been returned yet: advice, and that the graph falls behind; call it often."""
         now_s = time.monotonic()
-        if not self._outside or now_s < self._next_advice_s:
+        if now_s < self._next_advice_s:
             return []
         self._next_advice_s = now_s + _ADVICE_PERIOD_S
+        if (slow := self._pace.news()) is not None:
+            return [slow]
         new = [words for words in self.advice(self.silent_nodes(_PATIENCE_S)) if words not in self._advised]
         self._advised.update(new)
         return new
@@ -247,7 +255,9 @@ class GraphMonitor:
             with suppress(KeyError, ValueError):  # others may use the topic, too
                 name = self._names_by_id[status.hardware_id]
                 self._note_sign_of_life(name)
-                self._loads[name].add({entry.key: entry.value for entry in status.values})
+                values = {entry.key: entry.value for entry in status.values}
+                self._loads[name].add(values)
+                self._pace.add(name, values)
 
     def _note_sign_of_life(self, name: str) -> None:
         if name in self._heard_s:

@@ -27,6 +27,7 @@ from simbev_ros.ros.graph.exposure import LOCAL, NEEDS_SROS, Exposure
 from simbev_ros.ros.graph.loading_watch import LoadingWatch
 from simbev_ros.ros.graph.monitor import SUPERVISOR, GraphMonitor
 from simbev_ros.ros.graph.node_starter import NodeStarter
+from simbev_ros.ros.graph.pace_watch import PaceWatch
 from simbev_ros.ros.graph.plan import WRITERS, ProcessPlan, figures_file, plan_processes
 from simbev_ros.ros.graph.process import GraphProcess, NodeProcess, StackProcess
 from simbev_ros.ros.graph.resources import GraphResources
@@ -136,8 +137,12 @@ class GraphSession:
         names = [node.ros_name(self._ros.namespace) for nodes in plans for node in nodes]
         reporting = [*(name.name for name in names[1:]), *self._scenario.participants]
         writers = [node.name for nodes in plans for node in nodes if node.kind in WRITERS]
+        factor = 1.0 if self._live else self._scenario.graph.max_real_time_factor or 0.0
+        pace = PaceWatch(factor, live=self._live)
         try:
-            self._monitor = GraphMonitor(self.domain, names, reporting, Signer(key), self._ros, writers=writers)
+            self._monitor = GraphMonitor(
+                self.domain, names, reporting, Signer(key), self._ros, writers=writers, pace=pace
+            )
         except rclpy_implementation.RCLError as error:
             if os.environ.get("ROS_SECURITY_ENABLE") != "true":
                 raise

@@ -112,7 +112,10 @@ class WorldNode(GraphNode):
             "window_ticks", 3, "Number of ticks that the world may be ahead of the slowest participant", minimum=1
         )
         self._lockstep = LockstepWindow(participants, 1 if self.live else window_ticks, self._outside)
-        self._pacer = Pacer(live=self.live)
+        max_factor = self.declare_read_only(
+            "max_real_time_factor", 0.0, "Simulated time per wall time is at most this; 0: unlimited", minimum=0.0
+        )
+        self._pacer = Pacer(1.0 if self.live else max_factor)
         self._scene: _LoadedScene | None = None
         self._commands: dict[str, Any] = {}
         self._next_tick = 0
@@ -126,7 +129,7 @@ class WorldNode(GraphNode):
         self.create_service(Trigger, "/world/step", self._step)
         self.create_service(Trigger, "/world/reset", self._reset)
         ConditionServices(self, self._running)
-        self.create_wall_timer(0.005 if self.live else 0.02, self.advance)
+        self.create_wall_timer(0.005 if self._pacer.max_real_time_factor else 0.02, self.advance)
         self.create_wall_timer(_CLOCK_PERIOD_S, self._repeat_clock)
 
     def _on_request(self, message: String) -> None:

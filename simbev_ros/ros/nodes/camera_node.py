@@ -136,9 +136,13 @@ class CameraNode(Participant):
             if state.tick % group.period_ticks:
                 continue
             frame = RenderFrame(group.view.ego_state(state), group.previous)
+            outputs = self._due_outputs(group.cameras)
+            if not self.is_sensed(state.tick):  # the flow of the first image needs the image before it
+                is_needed = state.tick + group.period_ticks == 0
+                outputs = [output for output in outputs if is_needed and output.modality == "flow"]
             with self.meter.part("draw"):
-                outputs = self._render(group, self._due_outputs(group.cameras), frame)
-            if state.tick >= 0:  # images of the lead-in only warm up the renderer
+                outputs = self._render(group, outputs, frame)
+            if state.tick >= 0:
                 self._outputs += outputs
             group.previous = frame.world
 

@@ -105,17 +105,18 @@ class LidarNode(Participant):
         return tick >= 0 and any(mounted.is_due(tick) for group in self._groups for mounted in group.lidars)
 
     def process(self, spec: SceneSpec, state: WorldState) -> None:
-        """Start to cast the clouds that are due; clouds of the lead-in only warm up the ray caster."""
+        """Start to cast the clouds that are due; live, clouds of the lead-in only warm up the ray caster."""
         self._wait_for_threads()
         self._scanning = []
-        scenes = self._scenes.take(len(self._groups))
-        for group, rays in zip(self._groups, scenes, strict=True):
+        groups = self._groups if self.is_sensed(state.tick) else []
+        scenes = self._scenes.take(len(groups))
+        for group, rays in zip(groups, scenes, strict=True):
             if due := [mounted for mounted in group.lidars if mounted.is_due(state.tick)]:
                 self._scan(rays, group, due, group.view.ego_state(state))
         expired_tick = state.tick - max((group.settings.turn_ticks for group in self._groups), default=0)
         self._states = [each for each in (*self._states, state) if each.tick > expired_tick]
         with self.meter.part("place"):
-            for group, rays in zip(self._groups, scenes, strict=True):
+            for group, rays in zip(groups, scenes, strict=True):
                 self._scenes.build_ahead(rays, group.view.ego_state(state))
 
     def finish(self, spec: SceneSpec, state: WorldState) -> None:

@@ -137,6 +137,10 @@ class Participant(GraphNode):
         """Whether the node publishes anything at a tick; at other ticks its load is not measured."""
         return tick >= 0
 
+    def is_sensed(self, tick: int) -> bool:
+        """Whether to draw or cast at a tick; in the lead-in only live, so that the first sample is not late."""
+        return tick >= 0 or self.live
+
     def process(self, spec: SceneSpec, state: WorldState) -> None:
         """Do the work of one tick, including lead-in ticks (negative, nothing is published).
 

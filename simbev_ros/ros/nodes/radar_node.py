@@ -69,7 +69,8 @@ class RadarNode(Participant):
 
     def process(self, spec: SceneSpec, state: WorldState) -> None:
         """Cast and publish the scans that are due."""
-        for carrier, rays in zip(self._carriers, self._scenes.take(len(self._carriers)), strict=True):
+        carriers = self._carriers if self.is_sensed(state.tick) else []
+        for carrier, rays in zip(carriers, self._scenes.take(len(carriers)), strict=True):
             if due := [mounted for mounted in carrier.radars if mounted.is_due(state.tick)]:
                 self._scan(rays, due, carrier.view, carrier.view.ego_state(state))
         self._previous = state
@@ -81,7 +82,7 @@ class RadarNode(Participant):
             rays.update(state, vector(state.ego, "x y z"), self._scenes.reach_m, state.ego_ids)
         with self.meter.part("cast"):
             clouds = scan_radars([model for model, _ in due], rays, state, self._previous)
-        if state.tick >= 0:  # scans of the lead-in only warm up the ray caster
+        if state.tick >= 0:  # live, scans of the lead-in only warm up the ray caster
             for (model, topic), cloud in zip(due, clouds, strict=True):
                 frame = f"{view.agent}/{model.radar.name}"
                 self.publish(topic.name, message_from_table(cloud, state.stamp_ns, frame))

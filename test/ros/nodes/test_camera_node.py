@@ -95,12 +95,25 @@ def test_a_picture_is_made_in_the_forms_that_have_readers(
         assert deserialize_message(message, kind).header.frame_id == "ego/fast_optical"
 
 
-def test_images_of_the_lead_in_are_drawn_but_not_published(
+def test_of_the_lead_in_only_the_image_that_the_first_flow_refers_to_is_drawn(
     node: Any, spec: SceneSpec, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    set_readers(node, monkeypatch, FAST)
-    assert play(node, spec, [-1]).requests == [(16, ("rgb",), -1, None)]
-    assert node.sent == []
+    set_readers(node, monkeypatch, FAST, SLOW)
+    assert play(node, spec, range(-4, 1)).requests == [
+        (32, ("flow",), -2, -4),
+        (16, ("rgb",), 0, -1),
+        (32, ("flow",), 0, -2),
+    ]
+    assert all(message.header.stamp.nanosec == 0 for _, message in node.sent if isinstance(message, Image))
+
+
+def test_live_images_of_the_lead_in_are_drawn_but_not_published(
+    spec: SceneSpec, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with started_camera_node(spec, monkeypatch, "-p", "live:=true") as node:
+        set_readers(node, monkeypatch, FAST)
+        assert play(node, spec, [-1]).requests == [(16, ("rgb",), -1, None)]
+        assert node.sent == []
 
 
 def test_a_frame_is_encoded_while_the_next_one_is_drawn_and_sent_in_order(
@@ -118,7 +131,7 @@ def test_a_frame_is_encoded_while_the_next_one_is_drawn_and_sent_in_order(
         state = state_at(spec, tick)
         node.process(spec, state)
         if tick == 1:
-            assert [tick for *_, tick, _ in renderer.requests] == [-1, 0, 1] and node.reported == [-1]
+            assert [tick for *_, tick, _ in renderer.requests] == [0, 1] and node.reported == [-1]
             may_encode.set()
         node.finish(spec, state)
     assert node.reported[:2] == [-1, 0]

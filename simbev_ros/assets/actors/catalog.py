@@ -27,12 +27,16 @@ def load_models() -> tuple[ActorModel, ...]:
 
 
 def _coarser(index: int) -> tuple[CoarserMesh, ...]:
-    """Read the coarser meshes of one model; see ``ActorModel.build_coarser``."""
+    """The coarser meshes of one model; see ``ActorModel.build_coarser``."""
+    return _all_coarser()[index]
 
+
+@lru_cache(maxsize=1)
+def _all_coarser() -> list[tuple[CoarserMesh, ...]]:
     def write(path: Path) -> None:
         write_coarser(path, (model.build_coarser() for model in _built()))
 
-    return read_cached(_folder() / "coarser.npz", _KIND, partial(read_coarser, index=index), write)
+    return read_cached(_folder() / "coarser.npz", _KIND, read_coarser, write)
 
 
 def _built() -> Iterator[ActorModel]:

@@ -1,4 +1,4 @@
-"""Reads and writes the scene of one region as an NPZ file of flat arrays."""
+"""Reads and writes the scene of one region as a file of flat arrays, which is mapped: processes share one copy."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -10,28 +10,29 @@ from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.mesh_arrays import mesh_arrays, meshes_from
 from simbev_ros.assets.placement.static_scene import StreetLight, Tile
 from simbev_ros.assets.regions.region_scene import RegionScene, Streetside
+from simbev_ros.foundation.files.mapped_arrays import map_arrays, write_arrays
 from simbev_ros.foundation.types import AnyArray
 
 _COARSE = "seen from afar"
 
 
 def write_region(path: Path, scene: RegionScene) -> None:
-    """Write a scene with at least one tile to an NPZ file."""
-    np.savez(path, allow_pickle=False, **dict(_arrays(scene)))
+    """Write a scene with at least one tile."""
+    write_arrays(path, dict(_arrays(scene)))
 
 
 def read_region(path: Path) -> RegionScene:
-    """Read a scene from a file that ``write_region`` wrote; arrays are identical.
+    """Read a scene from a file that ``write_region`` wrote; arrays are identical, but read-only.
 
     Raises:
         One of ``foundation.errors.NPZ_DAMAGE``: The file is damaged.
     """
-    with path.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
-        meshes = meshes_from(arrays)
-        origins_m, levels, lights_m = arrays["origin_m"], arrays["level"].tolist(), arrays["street_light_m"]
-        details = arrays["detail"].tolist()
-        obstacles, plazas, parking_spots = arrays["obstacle"], plazas_from(arrays), arrays["parking_spot"]
-        owners = list(zip(arrays["tile"].tolist(), arrays["name"].tolist(), strict=True))
+    arrays = map_arrays(path)
+    meshes = meshes_from(arrays)
+    origins_m, levels, lights_m = arrays["origin_m"], arrays["level"].tolist(), arrays["street_light_m"]
+    details = arrays["detail"].tolist()
+    obstacles, plazas, parking_spots = arrays["obstacle"], plazas_from(arrays), arrays["parking_spot"]
+    owners = list(zip(arrays["tile"].tolist(), arrays["name"].tolist(), strict=True))
     by_tile: list[dict[str, Mesh]] = [{} for _ in origins_m]
     for (row, name), mesh in zip(owners, meshes, strict=True):
         by_tile[row][name] = mesh
@@ -50,8 +51,8 @@ def read_region(path: Path) -> RegionScene:
 
 def read_streetside(path: Path) -> Streetside:
     """Read only the roadside data of a region, without the meshes; raises like ``read_region``."""
-    with path.open("rb") as stream, np.load(stream, allow_pickle=False) as arrays:
-        return Streetside(arrays["street_light_m"], arrays["obstacle"], plazas_from(arrays), arrays["parking_spot"])
+    arrays = map_arrays(path)
+    return Streetside(arrays["street_light_m"], arrays["obstacle"], plazas_from(arrays), arrays["parking_spot"])
 
 
 def _arrays(scene: RegionScene) -> Iterator[tuple[str, AnyArray]]:

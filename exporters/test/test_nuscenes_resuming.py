@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from made_up_scene import made_up_scene
+from made_up_scene import SENSORS, labeled_at, made_up_scene, made_up_spec, record_made_up
 from nuscenes_tables import digest, export, tables_of
 from typer.testing import CliRunner
 
@@ -74,6 +74,25 @@ def test_a_part_with_other_settings_is_replaced(tmp_path: Path) -> None:
         export(tmp_path / "set", tmp_path / "out", keyframe_hz=3)  # the existing part is kept
     assert not list((tmp_path / "out").glob("sweeps/*/*"))
     assert len(list((tmp_path / "out/samples/RADAR_FRONT").iterdir())) == 23
+
+
+def test_frames_without_labels_are_sweeps_and_never_keyframes(tmp_path: Path) -> None:
+    spec = labeled_at(made_up_spec(SENSORS, ticks=12), 4)
+    made = record_made_up(tmp_path / "set/scenes/train/Blocks-0000", spec)
+    assert ["boxes" in values for values in made.ticks] == [tick % 5 == 0 for tick in range(12)]
+    export(tmp_path / "set", tmp_path / "out", keyframe_hz=None)
+    tables = tables_of(tmp_path / "out")
+    start_us = spec.start_ns // 1000
+    assert [(row["timestamp"] - start_us) // 50_000 for row in tables["sample"]] == [0, 5, 10]
+    data = [row for row in tables["sample_data"] if "RADAR_FRONT" in row["filename"]]
+    is_key = {(row["timestamp"] - start_us) // 50_000: row["is_key_frame"] for row in data}
+    assert is_key == {tick: tick % 5 == 0 for tick in range(12)}
+    export(tmp_path / "set", tmp_path / "slow", keyframe_hz=2)
+    assert len(tables_of(tmp_path / "slow")["sample"]) == 2
+    with pytest.raises(
+        InputError, match=r"^keyframe_hz: 10 does not divide the 4 frames/s with labels of .*Blocks-0000$"
+    ):
+        export(tmp_path / "set", tmp_path / "fast", keyframe_hz=10)
 
 
 DEEP = b"[" * 100_000

@@ -13,7 +13,7 @@ from simbev_ros.foundation.geometry.voxel_grid import VoxelGrid
 
 _MAX_VOXELS = 150_000_000
 _RELATIVE_TOLERANCE = 1e-6
-_RATE = "rate of the labels, which must divide the tick rate; none: every tick"
+_RATE = "rate of these labels, which must divide that of all labels or be a multiple of it; none: that of all labels"
 
 
 class Bev(Model):
@@ -79,6 +79,14 @@ class VectorMapPatch(Model):
 class Annotation(Model):
     """Labels that are produced: boxes, the bird's-eye view, occupancy and the vector map."""
 
+    rate_hz: float | None = Field(
+        None,
+        gt=0,
+        le=1000,
+        exclude_if=lambda value: value is None,
+        description="rate of all labels, which must divide the tick rate; none: every tick. Motion follows from every "
+        "tick, so the labels of a tick do not depend on it",
+    )
     box_radius_m: float = Field(120.0, gt=0, le=1000, description="maximum distance of labeled boxes from the ego")
     views: bool = Field(True, description="whether cameras with instance images get 2D boxes and visibility")
     bev: Bev = Bev()

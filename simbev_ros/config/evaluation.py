@@ -54,9 +54,9 @@ class Evaluation(Model):
     )
     answers_to: _Topic | None = Field(
         None,
-        description="input topic of the stack: latency is measured from its arrival, and the ticks with a message are "
-        "evaluated; none: the first lidar's points, else the first camera's camera_info, which comes with its images; "
-        "for an included stack, the slowest sensor that it sees",
+        description="input topic of the stack: latency is measured from its arrival, and the ticks with a message "
+        "and labels are evaluated; none: the first lidar's points, else the first camera's camera_info, which comes "
+        "with its images; for an included stack, the slowest sensor that it sees",
     )
     participant: ParticipantName | None = Field(
         None, description="name of the stack on /sync/ready; the world then waits for it"

@@ -41,23 +41,42 @@ def require_fitting_rates(keys: Keys, rig: Rig, annotation: Annotation | None, t
                 f"sensor {sensor.name}: rate_hz {rate_hz:g} neither divides the tick rate {tick_hz:g} Hz nor "
                 f"is a multiple of it; allowed are {allowed} and {2 * tick_hz:g}, {3 * tick_hz:g}, …",
             )
+    if annotation is not None:
+        _require_fitting_labels((*keys, "annotation"), annotation, tick_hz)
+
+
+def _require_fitting_labels(keys: Keys, annotation: Annotation, tick_hz: float) -> None:
+    """Check the rates of an agent's labels."""
+    if annotation.rate_hz is not None:
+        require_fitting_rate((*keys, "rate_hz"), annotation.rate_hz, tick_hz)
     for name in ("occupancy", "vector_map"):
-        rate_hz = getattr(getattr(annotation, name, None), "rate_hz", None)
-        if rate_hz is not None and not _is_whole(tick_hz / rate_hz):
-            raise FieldError(
-                (*keys, "annotation", name),
-                f"rate_hz {rate_hz:g} does not divide the tick rate {tick_hz:g} Hz; allowed are {allowed}",
-            )
+        rate_hz = getattr(getattr(annotation, name), "rate_hz", None)
+        if rate_hz is None:
+            continue
+        for base_hz, base in ((tick_hz, "the tick rate"), (annotation.rate_hz or tick_hz, "annotation.rate_hz")):
+            is_faster = base_hz < tick_hz and _is_whole(rate_hz / base_hz)  # it is then made with all other labels
+            if not _is_whole(base_hz / rate_hz) and not is_faster:
+                raise FieldError(
+                    (*keys, name),
+                    f"rate_hz {rate_hz:g} does not divide {base} {base_hz:g} Hz; "
+                    f"allowed are {_dividing_rates(base_hz)}",
+                )
 
 
-def require_fitting_rate(keys: Keys, rate_hz: float, tick_hz: float) -> None:
-    """Check the rate of something that is sent at some ticks.
+def require_fitting_rate(keys: Keys, rate_hz: float, base_hz: float, base: str = "the tick rate") -> None:
+    """Check the rate of something that is made at some ticks.
+
+    Args:
+        keys: Path of the rate in the configuration.
+        rate_hz: The rate.
+        base_hz: The rate of what it is made of.
+        base: Words for that rate.
 
     Raises:
-        FieldError: It does not divide the tick rate.
+        FieldError: It does not divide the other one.
     """
-    if not _is_whole(tick_hz / rate_hz):
-        words = f"{rate_hz:g} does not divide the tick rate {tick_hz:g} Hz; allowed are {_dividing_rates(tick_hz)}"
+    if not _is_whole(base_hz / rate_hz):
+        words = f"{rate_hz:g} does not divide {base} {base_hz:g} Hz; allowed are {_dividing_rates(base_hz)}"
         raise FieldError(keys, words)
 
 

@@ -372,7 +372,12 @@ class Scenario(Model):
     @model_validator(mode="after")
     def _agents_can_exchange_messages(self) -> Self:
         if self.v2x is not None:
-            require_fitting_rate(("v2x", "rate_hz"), self.v2x.rate_hz, 1 / self.time.tick_s)
+            rate = ("v2x", "rate_hz"), self.v2x.rate_hz
+            require_fitting_rate(*rate, 1 / self.time.tick_s)
+            for agent, labels in ((self.ego, None), *((each, each.annotation) for each in self.agents)):
+                labels_hz = (labels or self.annotation).rate_hz
+                if agent.v2x and labels_hz is not None:  # messages contain boxes
+                    require_fitting_rate(*rate, labels_hz, "annotation.rate_hz")
             if len(self.v2x_agents) < 2:
                 raise FieldError(["v2x"], f"needs at least 2 agents that take part; found {len(self.v2x_agents)}")
         return self

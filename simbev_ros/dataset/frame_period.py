@@ -16,10 +16,11 @@ def frame_period(scene: Scene, rate_hz: float, parameter: str) -> int:
         parameter: Name of the setting that the rate comes from, for the message.
 
     Raises:
-        InputError: The rate does not divide that of the scene's frames.
+        InputError: The rate does not divide that of the scene's frames, or that of its labels.
     """
-    tick_hz = NS_PER_S / scene.spec.tick_ns
+    tick_hz, labels = NS_PER_S / scene.spec.tick_ns, scene.view.label_period_ticks()
     period = round(tick_hz / rate_hz)
-    if period < 1 or abs(tick_hz / period - rate_hz) > _TOLERANCE_HZ:
-        raise InputError(f"{rate_hz:g} does not divide the {tick_hz:g} frames/s of {scene.path}", parameter=parameter)
+    if period < 1 or abs(tick_hz / period - rate_hz) > _TOLERANCE_HZ or period % labels:
+        frames = f"{tick_hz:g} frames/s" if labels == 1 else f"{tick_hz / labels:g} frames/s with labels"
+        raise InputError(f"{rate_hz:g} does not divide the {frames} of {scene.path}", parameter=parameter)
     return period

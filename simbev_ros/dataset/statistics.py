@@ -38,9 +38,9 @@ class SceneFacts:
         hazards: Number of hazard areas by kind; only kinds that there are.
         collisions: Number of collisions between actors.
         boxes: Number of boxes in the sampled frames.
-        sampled_frames: Number of frames that were read.
+        labeled_frames: Number of sampled frames with boxes.
         distance_m: Distance that the ego drove, measured along its positions in the sampled frames.
-        moments: (sampled_frames,) ``MOMENT_DTYPE``, one row per sampled frame.
+        moments: (K,) ``MOMENT_DTYPE``, one row per sampled frame.
     """
 
     name: str
@@ -57,7 +57,7 @@ class SceneFacts:
     collisions: int
     weather: Weather
     boxes: int
-    sampled_frames: int
+    labeled_frames: int
     distance_m: float
     moments: Table
 
@@ -119,7 +119,8 @@ def statistics_of(
     """
     if not any(len(scene) for scene in dataset.scenes):
         raise InputError(f"{dataset.path}: it has no finished scene")
-    every = max(1, sum(len(scene) for scene in dataset.scenes) // MAX_FRAMES)
+    every, labels = sum(map(len, dataset.scenes)) // MAX_FRAMES, dataset.scenes[0].view.label_period_ticks()
+    every = next(n for n in range(max(1, every), 0, -1) if n % labels == 0 or labels % n == 0)
     batches = {scene.path: _batches(dataset, scene, every) for scene in dataset.scenes}
     work = [batch for each in batches.values() for batch in each]
     total, done = sum(len(batch.ticks) for batch in work), 0
@@ -172,7 +173,7 @@ def _scene_facts(scene: Scene, tally: Tally) -> SceneFacts:
         collisions=0 if events is None else int((events.stamps_ns >= spec.start_ns).sum()),
         weather=spec.weather,
         boxes=int(tally.counts["boxes"].sum()),
-        sampled_frames=tally.frames,
+        labeled_frames=tally.labeled_frames,
         distance_m=float(np.linalg.norm(np.diff(ego_m, axis=0), axis=1).sum()),
         moments=tally.moments,
     )

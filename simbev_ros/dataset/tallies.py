@@ -32,6 +32,7 @@ MOMENT_DTYPE = np.dtype(
         ("ego_m", "<f8", (2,)),  # position, map frame; NaN in frames without odometry, as in a bag that ends early
         ("speed_mps", "<f8"),  # of the ego; NaN as well
         ("boxes", "<i8", (_CLASSES,)),  # number of boxes of each class
+        ("labeled", "?"),  # whether the frame has boxes
     ]
 )
 """One row per frame of a scene."""
@@ -105,12 +106,17 @@ class Tally:
             if "odom" in frame:
                 tally._add_ego(frame["odom"][-1], moment)
             if "boxes" in frame:
-                moment["boxes"] = tally._add_boxes(_boxes(frame))
+                moment["boxes"], moment["labeled"] = tally._add_boxes(_boxes(frame)), True
             if "bev/labels" in frame:
                 tally._add_grid(frame["bev/labels"], frame.scene.view.annotation.bev.cell_m)
             if "world/actors" in frame:
                 tally._add_actors(frame, with_kinds=with_actors and index == 0)
         return tally
+
+    @property
+    def labeled_frames(self) -> int:
+        """Number of frames with boxes."""
+        return int(self.counts["all_per_frame"].sum())
 
     def add_counts(self, other: "Tally") -> None:
         """Add the counts of other frames, also on another map; ``moments`` and ``visited`` are left unchanged."""

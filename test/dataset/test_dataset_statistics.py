@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from made_up_scene import MadeUp, made_up_scene
+from made_up_scene import SENSORS, MadeUp, labeled_at, made_up_scene, made_up_spec, record_made_up
 
 from simbev_ros.dataset import open_dataset
 from simbev_ros.dataset import statistics as statistics_module
@@ -15,6 +15,7 @@ from simbev_ros.dataset.statistics import Statistics, statistics_of
 from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.types import Table
 from simbev_ros.scene.legend import legend
+from simbev_ros.show.pages.scene_figures import key_figures
 
 
 @pytest.fixture(scope="module")
@@ -138,4 +139,14 @@ def test_two_scenes_with_the_same_name_are_both_counted(tmp_path: Path) -> None:
     for split, ticks in (("train", 5), ("val", 3)):
         made_up_scene(tmp_path / "scenes" / split / "Blocks-0000", split=split, ticks=ticks)
     statistics = statistics_of(open_dataset(tmp_path), Processes(2))
-    assert [scene.sampled_frames for scene in statistics.scenes] == [5, 3] and statistics.tally.frames == 8
+    assert [scene.labeled_frames for scene in statistics.scenes] == [5, 3] and statistics.tally.frames == 8
+
+
+def test_frames_without_labels_do_not_count_as_frames_without_boxes(tmp_path: Path) -> None:
+    spec = labeled_at(made_up_spec(SENSORS, ticks=12), 4)
+    record_made_up(tmp_path / "scenes/train/Blocks-0000", spec)
+    statistics = statistics_of(open_dataset(tmp_path))
+    (facts,) = statistics.scenes
+    assert (statistics.tally.frames, statistics.tally.labeled_frames, facts.labeled_frames) == (12, 3, 3)
+    assert np.flatnonzero(facts.moments["labeled"]).tolist() == [0, 5, 10]
+    assert facts.boxes == 3 * 12 and ("12", "boxes a frame") in key_figures(statistics)

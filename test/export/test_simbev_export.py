@@ -13,7 +13,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from made_up_scene import SENSORS, MadeUp, made_up_scene
+from made_up_scene import SENSORS, MadeUp, labeled_at, made_up_scene, made_up_spec, record_made_up
 from PIL import Image
 from scipy.spatial.transform import Rotation
 from typer.testing import CliRunner
@@ -447,3 +447,14 @@ def test_a_damaged_record_is_one_line(tmp_path: Path) -> None:
         record.write_bytes(record.read_bytes().replace(b'"files": ', b'"other": '))
     with pytest.raises(InputError, match=rf"\A{tmp_path}/out/\.parts: cannot be read: 'files'\Z"):
         export(tmp_path / "set", tmp_path / "out")
+
+
+def test_a_frame_without_labels_is_no_frame_of_the_layout(tmp_path: Path) -> None:
+    spec = labeled_at(made_up_spec(SENSORS, ticks=24), 4)
+    record_made_up(tmp_path / "set/scenes/train/Blocks-0000", spec)
+    export(tmp_path / "set", tmp_path / "out")
+    info = json.loads((tmp_path / "out/infos/simbev_infos_train.json").read_text())
+    frames = info["data"]["scene_0000"]["scene_data"]
+    assert [frame["frame"] for frame in frames] == [0, 5, 10, 15, 20]
+    assert all({"GT_DET", "GT_SEG", "HD_MAP", "LIDAR", "RGB-CAM_FRONT"} <= frame.keys() for frame in frames)
+    assert len(list((tmp_path / "out/sweeps/LIDAR").iterdir())) == 5

@@ -19,6 +19,7 @@ _IMAGES = {
     "rgb": np.zeros((16, 16, 3), np.uint8),
     "semantic": np.zeros((16, 16), np.uint8),
     "flow": np.zeros((16, 16, 2), np.float32),
+    "instance": np.zeros((16, 16), np.uint16),
 }
 
 

@@ -41,6 +41,7 @@ SENSORS: list[dict[str, Any]] = [
 SIGNALS = [{"programme": name, "opendrive_id": place} for name, place in (("A", None), ("A", "A_3"), ("B", "B_0"))]
 _ENCODINGS = {"rgb": "rgb8", "semantic": "mono8", "instance": "mono16", "depth": "32FC1", "flow": "32FC2"}
 _TYPED = {"world/actors": table_messages.ACTORS, "world/signals": table_messages.SIGNALS, "boxes": table_messages.BOXES}
+_LABELS = ("boxes", "bev/labels", "hd_map", "occupancy/points")
 _WEATHER = {
     **dict.fromkeys(("cloudiness", "precipitation", "precipitation_deposits", "wetness", "wind_intensity"), 10),
     **dict.fromkeys(("sun_azimuth_deg", "sun_altitude_deg", "fog_density", "fog_distance_m", "fog_falloff"), 5),
@@ -106,6 +107,8 @@ def record_made_up(
             ]
             for view, rng in agents:
                 values = _values(rng, view, tick)
+                if tick % view.label_period_ticks():
+                    values = {key: value for key, value in values.items() if key not in _LABELS}
                 (made.ticks if view.is_ego else made.others[view.agent]).append(values)
                 messages += _messages(view, values, tick, typed=typed)
             for topic, type_name, data in messages:
@@ -185,6 +188,14 @@ def made_up_spec(
             "green_time_s": [10.0],
         }
     )
+
+
+def labeled_at(spec: SceneSpec, rate_hz: float) -> SceneSpec:
+    """The scene with labels at a rate; ``record_made_up`` writes no others."""
+    data = spec.model_dump(mode="json")
+    for agent in data["agents"]:
+        agent["annotation"]["rate_hz"] = rate_hz
+    return SceneSpec.model_validate(data)
 
 
 def _values(rng: np.random.Generator, view: AgentView, tick: int) -> dict[str, Any]:

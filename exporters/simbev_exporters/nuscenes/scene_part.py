@@ -20,7 +20,7 @@ from simbev_exporters.nuscenes.sensor_files import encode_file
 from simbev_exporters.nuscenes.taxonomy import Record, sample_data_token, scene_token, token
 from simbev_ros.dataset import Dataset, Frame, Scene
 from simbev_ros.dataset.nuscenes.channels import NO_NAMES, Channel, ChannelNames, channels_of
-from simbev_ros.dataset.nuscenes.keyframes import complete_ticks, keyframe_by_tick, keyframes_of
+from simbev_ros.dataset.nuscenes.keyframes import keyframe_by_tick, keyframes_of, swept_ticks
 from simbev_ros.dataset.parallel import report_step
 from simbev_ros.export.part_making import source_of
 from simbev_ros.export.parts import PARTS_FOLDER, Json, Part
@@ -105,10 +105,9 @@ def make_part(part: ScenePart) -> None:
             cannot be written.
         BagError: The bag is damaged or lacks data that the tables need.
     """
-    ticks, keyframes = complete_ticks(part.scene), keyframes_of(part.scene, part.keyframe_hz)
-    job = _Job(part, keyframes)
+    job = _Job(part, keyframes_of(part.scene, part.keyframe_hz))
     part.begin()
-    for tick in ticks.tolist():
+    for tick in swept_ticks(part.scene).tolist():
         job.add(part.scene[tick])
         report_step()
     part.write(part.rows_file, json.dumps(job.tables()).encode())

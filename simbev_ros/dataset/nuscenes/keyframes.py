@@ -8,7 +8,8 @@ from simbev_ros.dataset.nuscenes.channels import Channel, channels_of
 from simbev_ros.foundation.errors import BagError
 from simbev_ros.foundation.types import Int64Array
 
-_REQUIRED_KEYS = ("boxes", "odom", "world/actors")
+_MOTION_KEYS = ("odom", "world/actors")
+_REQUIRED_KEYS = ("boxes", *_MOTION_KEYS)
 
 
 def complete_ticks(scene: Scene) -> Int64Array:
@@ -24,6 +25,11 @@ def complete_ticks(scene: Scene) -> Int64Array:
     if not len(ticks) or ticks[0] != 0 or not channels_of(scene):
         raise BagError(f"{scene.path}: its first frame is not whole, or no camera, lidar or radar was recorded")
     return np.asarray(ticks, np.int64)
+
+
+def swept_ticks(scene: Scene) -> Int64Array:
+    """(T,) ticks of the frames of which sensor data can be exported: they need no boxes, unless they are keyframes."""
+    return np.flatnonzero(scene.has(_MOTION_KEYS))
 
 
 def keyframes_of(scene: Scene, keyframe_hz: float | None) -> Int64Array:

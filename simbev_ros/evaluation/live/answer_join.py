@@ -1,9 +1,9 @@
 """Joins the messages of a running scene into complete frames, for live evaluation.
 
 ``AnswerJoin`` receives ground truth, the stack's input and the stack's answers in any order, each with its tick. It
-releases frames in the order of the ticks, to be evaluated by ``live_evaluation``. There is a frame at every tick at
-which the stack's input is due. A frame leaves the join once its ground truth is there and each kind of answer that the
-stack gives has arrived or can no longer be expected. The code reads no clock: the caller passes the time.
+releases frames in the order of the ticks, to be evaluated by ``live_evaluation``. There is a frame at every tick with
+labels at which the stack's input is due. A frame leaves the join once its ground truth is there and each kind of answer
+that the stack gives has arrived or can no longer be expected. The code reads no clock: the caller passes the time.
 """
 
 from collections import Counter

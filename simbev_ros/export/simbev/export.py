@@ -120,13 +120,13 @@ def make_part(part: FramesPart) -> int:
         BagError: The bag is damaged.
     """
     scene = _open_scene(part.dataset, part.scene, part.agent, part.identity["source"])
-    made = channels(scene)
+    made, labels = channels(scene), scene.view.label_period_ticks()
     frames = []
     part.begin()
     for tick in range(part.first, part.first + part.count):
         frame = scene[tick]  # one at a time: a frame keeps its images
-        if "odom" not in frame:
-            continue  # end of a truncated bag
+        if tick % labels or "odom" not in frame:
+            continue  # readers expect labels of each frame; or the end of a truncated bag
         files = {}
         for channel in made:
             if all(key in frame for key in channel.keys) and (content := channel.encode(frame)) is not None:

@@ -3,8 +3,9 @@
 All of them follow from a scene's specification. Pure: imports no ROS.
 """
 
+import math
 from collections.abc import Container, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from simbev_ros.config.annotation import Annotation
@@ -83,12 +84,12 @@ def annotation_topics(view: AgentView) -> AnnotationTopics:
     cameras, markers = viewing_cameras(view.rig, view.annotation), "visualization_msgs/msg/MarkerArray"
 
     def topic(name: str, type_name: str, rate_hz: float | None = None) -> Topic:
-        return Topic(agent_topic(agent, name), type_name, view.scene.period_ticks(rate_hz))
+        return Topic(agent_topic(agent, name), type_name, view.label_period_ticks(rate_hz))
 
     return AnnotationTopics(
-        bev_labels=Topic(bev_labels_name(agent), "sensor_msgs/msg/Image"),
+        bev_labels=topic("bev/labels", "sensor_msgs/msg/Image"),
         bev_color=topic("bev/color", "sensor_msgs/msg/Image"),
-        boxes=Topic(boxes_name(agent), "sensor_msgs/msg/PointCloud2"),
+        boxes=topic("boxes", "sensor_msgs/msg/PointCloud2"),
         box_markers=topic("boxes/markers", markers),
         hd_map=topic("hd_map", "std_msgs/msg/String"),
         views={
@@ -109,12 +110,16 @@ def viewing_cameras(rig: Rig, annotation: Annotation) -> list[Camera]:
 def annotator_inputs(
     view: AgentView, *, compressed_images: bool, labels: Container[Label] = tuple(Label)
 ) -> dict[str, Topic]:
-    """Topics that an annotator reads, by the sensor's name.
+    """Topics that an annotator reads, by the sensor's name, with the period at which it needs their messages.
 
     Boxes need the clouds, of each lidar the noisy one if there is one, because perception receives that one; views need
     the instance images in one of their two forms. An annotator of boxes without views reads the views of another one.
     """
-    return dict(_annotator_inputs(view, compressed_images, labels))
+    period = view.label_period_ticks()
+    return {
+        sensor: replace(topic, period_ticks=math.lcm(period, topic.period_ticks))
+        for sensor, topic in _annotator_inputs(view, compressed_images, labels)
+    }
 
 
 def _annotator_inputs(

@@ -3,6 +3,7 @@
 A scene with one agent has none of them. Pure: imports no ROS.
 """
 
+import math
 from collections.abc import Iterator
 from typing import NamedTuple
 
@@ -36,8 +37,9 @@ def joint_topics(spec: SceneSpec) -> Iterator[Topic]:
 
 
 def joint_boxes_topic(spec: SceneSpec) -> Topic | None:
-    """Topic with the boxes around all agents; None: the scene has one agent."""
-    return Topic(JOINT_BOXES, _TABLE) if len(spec.agents) > 1 else None
+    """Topic with the boxes around all agents, when all of them have labels; None: the scene has one agent."""
+    period = math.lcm(*(boxes.period_ticks for boxes in joint_inputs(spec).values()))
+    return Topic(JOINT_BOXES, _TABLE, period) if len(spec.agents) > 1 else None
 
 
 def v2x_topics(spec: SceneSpec) -> dict[str, V2xTopics]:

@@ -96,6 +96,10 @@ class AnnotatedAgent:
         """Frame of the labels of the agent's surroundings."""
         return ego_frame(self.view)
 
+    def is_due(self, tick: int) -> bool:
+        """Whether a tick has labels."""
+        return tick % self.topics.boxes.period_ticks == 0
+
     def key(self, sensor: str) -> str:
         """Name of one of its sensors that is unique in the scene."""
         return f"{self.view.agent}/{sensor}"

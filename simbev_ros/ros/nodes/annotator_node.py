@@ -1,4 +1,4 @@
-"""The annotator node: publishes the labels of every tick, which are grids, boxes, occupancy, vector map and HD map.
+"""The annotator node: publishes the labels of ticks, which are grids, boxes, occupancy, vector map and HD map.
 
 Labels that follow from the world state alone are published at once. Boxes also state how many lidar and radar points
 hit them and how visible they are to the cameras, so they wait for the clouds and instance images of their tick. In
@@ -66,7 +66,7 @@ class _BoxLabels(NamedTuple):
 
 
 class AnnotatorNode(Participant):
-    """Annotates every tick of a scene for each of its agents and publishes the labels."""
+    """Annotates the ticks of a scene that have labels, for each of its agents, and publishes the labels."""
 
     reuses_large_buffers = True
 
@@ -86,7 +86,7 @@ class AnnotatorNode(Participant):
         self._views = ViewAnnotator(load_models())
         self._agents: list[AnnotatedAgent] = []
         self._inputs: dict[str, _Input] = {}
-        self._joined: JoinedInputs[list[AgentTick], _Reading] = JoinedInputs(
+        self._joined: JoinedInputs[dict[AnnotatedAgent, AgentTick], _Reading] = JoinedInputs(
             self, _LIVE_PATIENCE_TICKS, self._start_reading, self._publish_ready_boxes
         )
         self._threads = self.meter.pool("label")
@@ -139,23 +139,23 @@ class AnnotatorNode(Participant):
 
     def is_due(self, spec: SceneSpec, tick: int) -> bool:
         """Whether there is any agent to label at the tick."""
-        return tick >= 0 and bool(self._agents)
+        return tick >= 0 and any(agent.is_due(tick) for agent in self._agents)
 
     def process(self, spec: SceneSpec, state: WorldState) -> None:
         """Annotate a tick and publish all but its boxes, which wait for the messages of the sensors."""
         if state.tick < 0:
             return
-        states = [agent.view.ego_state(state) for agent in self._agents]
+        states = {agent: agent.view.ego_state(state) for agent in self._agents if agent.is_due(state.tick)}
         if Label.SURROUNDINGS in self._labels:
-            for agent, seen in zip(self._agents, states, strict=True):
+            for agent, seen in states.items():
                 with self.meter.part("label"):
                     labels = agent.annotator.surroundings(seen)
                 with self.meter.part("message"):
                     self._publish_surroundings(agent, seen, labels)
         if self._awaits_sensors:
             with self.meter.part("label"):
-                boxes = [agent.annotator.boxes(seen) for agent, seen in zip(self._agents, states, strict=True)]
-                self._joined.expect(state.tick, list(map(AgentTick, states, boxes)))
+                ticks = {agent: AgentTick(seen, agent.annotator.boxes(seen)) for agent, seen in states.items()}
+                self._joined.expect(state.tick, ticks)  # without agents as well, so that ticks leave in order
 
     @property
     def _awaits_sensors(self) -> bool:
@@ -184,14 +184,12 @@ class AnnotatorNode(Participant):
 
     def _publish_ready_boxes(self, spec: SceneSpec) -> None:
         """Start to complete boxes and views of all ticks that do not wait any longer; then publish them."""
-        for _, ticks, messages in self._joined.release():
+        for number, ticks, messages in self._joined.release():
             labels = [
-                self._boxes_thread.submit(self._complete_boxes, agent, tick, messages)
-                for agent, tick in zip(self._agents, ticks, strict=True)
+                self._boxes_thread.submit(self._complete_boxes, agent, tick, messages) for agent, tick in ticks.items()
             ]
-            self._started = labels
-            send = partial(self._publish_objects, self._agents, ticks, labels)
-            self.finish_after(spec, ticks[0].state.tick, labels, send)
+            self._started = labels or self._started
+            self.finish_after(spec, number, labels, partial(self._publish_objects, ticks, labels))
 
     def _complete_boxes(self, agent: AnnotatedAgent, tick: AgentTick, messages: Mapping[str, _Reading]) -> _BoxLabels:
         """Count the points in a tick's boxes around an agent, and the pixels that show them."""
@@ -211,11 +209,9 @@ class AnnotatorNode(Participant):
             boxes["visibility"] = visibility(boxes["id"], views.values())
         return _BoxLabels(boxes, views)
 
-    def _publish_objects(
-        self, agents: Sequence[AnnotatedAgent], ticks: Sequence[AgentTick], labels: Sequence[Future[_BoxLabels]]
-    ) -> None:
-        """Publish the boxes and views of all agents at a tick."""
-        for agent, tick, of_agent in zip(agents, ticks, labels, strict=True):
+    def _publish_objects(self, ticks: Mapping[AnnotatedAgent, AgentTick], labels: Sequence[Future[_BoxLabels]]) -> None:
+        """Publish the boxes and views of all agents with labels at a tick."""
+        for (agent, tick), of_agent in zip(ticks.items(), labels, strict=True):
             boxes, views = of_agent.result()
             if Label.BOXES in self._labels:
                 self._publish_boxes(agent, boxes, tick.state.stamp_ns)

@@ -2,9 +2,9 @@
 
 Its cameras may belong to several agents, which share the uploaded meshes and are rendered one after the other.
 
-An image is drawn, read back, encoded and sent only if its topic has a reader; a recorder is a reader like any other.
-The same holds for colored pictures. In lockstep, threads encode the images of a tick while those of the next one are
-drawn.
+An image is drawn, read back, encoded and sent only if its topic has a reader. A recorder is a reader like any other, an
+annotator is one at ticks with labels. The same holds for colored pictures. In lockstep, threads encode the images of a
+tick while those of the next one are drawn.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -136,7 +136,7 @@ class CameraNode(Participant):
             if state.tick % group.period_ticks:
                 continue
             frame = RenderFrame(group.view.ego_state(state), group.previous)
-            outputs = self._due_outputs(group.cameras)
+            outputs = self._due_outputs(group.cameras, state.tick)
             if not self.is_sensed(state.tick):  # the flow of the first image needs the image before it
                 is_needed = state.tick + group.period_ticks == 0
                 outputs = [output for output in outputs if is_needed and output.modality == "flow"]
@@ -153,14 +153,14 @@ class CameraNode(Participant):
         publish = partial(self._publish, state.stamp_ns, outputs, encoded)
         self.finish_after(spec, state.tick, encoded, publish)
 
-    def _due_outputs(self, cameras: Iterable[MountedCamera]) -> list[_Output]:
-        """All modalities of the given cameras, and which of their topics have readers now."""
+    def _due_outputs(self, cameras: Iterable[MountedCamera], tick: int) -> list[_Output]:
+        """All modalities of the given cameras, and which of their topics have readers at a tick."""
         outputs = []
         for mounted in cameras:
             for modality, topics in mounted.topics.items():
                 displays = [each for each in self.displays_of(topics.raw.name) if self.reader_count(each.topic.name)]
                 forms = (topics.raw, topics.compressed)
-                read = frozenset(topic.name for topic in forms if self.reader_count(topic.name))
+                read = frozenset(topic.name for topic in forms if self.is_needed(topic.name, tick))
                 outputs.append(_Output(mounted, modality, read, displays))
         return outputs
 

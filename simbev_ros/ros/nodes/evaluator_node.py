@@ -118,23 +118,23 @@ class EvaluatorNode(GraphNode):
         """Start evaluating a scene; if the same scene starts again, its earlier frames do not count."""
         spec = SceneSpec.from_json(specification)
         self._evaluated = self._view_of(spec)
-        answered = self._answered_topic(spec)
+        answered, labels = self._answered_topic(spec), annotation_topics(self._evaluated)
+        is_joint = self._options.truth == "joint"
+        boxes = _joint_topic(spec) if is_joint else labels.boxes
+        period = math.lcm(*(topic.period_ticks for topic in (answered, boxes, labels.bev_labels)))
         self._input_type = answered.type
         self._views = {view.agent: view for view in agent_views(spec)}
         poses = {name: POSE if name == self._evaluated.agent else pose_of(name) for name in self._views}
         others = [part for part in poses.values() if part != POSE]
-        self._join = AnswerJoin(lambda tick: tick % answered.period_ticks == 0, self._patience, others)
+        self._join = AnswerJoin(lambda tick: tick % period == 0, self._patience, others)
         self._live_evaluation = LiveEvaluation(self._evaluated, self._options)
         for name in self._answers.found:
             self._join.add_topic(name)
         for name, view in self._views.items():
             receive = self._truth(poses[name], partial(self._map_from_ego, name))
             self._subscribe(topics.odometry_topic(view), receive)
-        labels = annotation_topics(self._evaluated)
-        if self._options.truth == "joint":
-            self._subscribe(_joint_topic(spec), self._truth(BOXES, self._joint_boxes))
-        else:
-            self._subscribe(labels.boxes, self._truth(BOXES, partial(rows_from_message, dtype=BOX_DTYPE)))
+        read_boxes = self._joint_boxes if is_joint else partial(rows_from_message, dtype=BOX_DTYPE)
+        self._subscribe(boxes, self._truth(BOXES, read_boxes))
         self._subscribe(labels.bev_labels, self._truth(LABELS, labels_from_image))
         self._subscribe(answered, self._on_input, raw=True)
         self._polls_connected, self._loaded_reported, self._scene_since_s = 0, False, time.monotonic()

@@ -187,6 +187,11 @@ class GraphNode(NamespacedNode):
                         display.topic.name, display.make(stamp_ns, *(contents[each] for each in display.sources))
                     )
 
+    def is_shown(self, source: str) -> bool:
+        """Whether typed messages or displays that are made of the messages on a topic have subscribers."""
+        typed = [self._typed[source].topic] if source in self._typed else []
+        return any(map(self._is_read, (*typed, *(each.topic for each in self._displays.get(source, ())))))
+
     def _is_read(self, topic: Topic) -> bool:
         """Whether a topic is advertised and has subscribers."""
         return topic.name in self._topic_publishers and bool(self.reader_count(topic.name))

@@ -39,7 +39,7 @@ class JoinedInputs(Generic[Item, Message]):
         self._join = self._new_join()
 
     def start_scene(self, topics: Mapping[str, Topic]) -> None:
-        """Subscribe to the topics of a scene, which are named by keys."""
+        """Subscribe to the topics of a scene, which are named by keys; messages between their periods are dropped."""
         self._topics = {topic.name: topic for topic in topics.values()}
         for name in self._subscriptions.keys() - self._topics.keys():
             self._node.inputs.remove(self._subscriptions[name])
@@ -77,7 +77,8 @@ class JoinedInputs(Generic[Item, Message]):
         if spec is None or stamp_ns is None:
             return
         tick = spec.tick_of(stamp_ns)
-        if tick < 0 or self._join.is_late(tick) or self._join.has(key, tick):
+        is_needed = tick >= 0 and tick % self._topics[topic.name].period_ticks == 0
+        if not is_needed or self._join.is_late(tick) or self._join.has(key, tick):
             return
         if (message := self._read(key, payload)) is not None:
             self._join.add(key, tick, message)

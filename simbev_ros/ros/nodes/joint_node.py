@@ -24,7 +24,10 @@ class JointNode(BoxReader):
         return [topic.name]
 
     def process_boxes(self, spec: SceneSpec, state: WorldState, boxes: Mapping[str, Table]) -> None:
-        """Publish the joint boxes of a tick."""
+        """Publish the joint boxes of a tick at which all agents have labels."""
+        topic = joint_boxes_topic(spec)
+        if topic is None or state.tick % topic.period_ticks:
+            return
         joint = join_boxes([agent.name for agent in spec.agents], boxes)
         for agent, reason in joint.refused.items():
             self.ignore(f"boxes of {agent}", ValueError(reason))

@@ -111,7 +111,7 @@ class LidarNode(Participant):
         groups = self._groups if self.is_sensed(state.tick) else []
         scenes = self._scenes.take(len(groups))
         for group, rays in zip(groups, scenes, strict=True):
-            if due := [mounted for mounted in group.lidars if mounted.is_due(state.tick)]:
+            if due := [each for each in group.lidars if self._is_wanted(each, state.tick)]:
                 self._scan(rays, group, due, group.view.ego_state(state))
         expired_tick = state.tick - max((group.settings.turn_ticks for group in self._groups), default=0)
         self._states = [each for each in (*self._states, state) if each.tick > expired_tick]
@@ -123,6 +123,10 @@ class LidarNode(Participant):
         """Let the clouds be published as soon as they are complete, which finishes the tick."""
         work = [block for scanning in self._scanning for block in scanning.scan.blocks]
         self.finish_after(spec, state.tick, work, partial(self._publish, state, self._scanning))
+
+    def _is_wanted(self, mounted: _Mounted, tick: int) -> bool:
+        names = [topic.name for topic in mounted.topics if topic is not None]
+        return mounted.is_due(tick) and not self.is_for_labels(names, tick)
 
     def _wait_for_threads(self) -> None:
         """Wait until no thread uses the ray casting scenes."""

@@ -5,9 +5,10 @@ finished on /sync/ready. In lockstep the world waits for these reports.
 """
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import Future
 from dataclasses import replace
+from itertools import chain
 from typing import Any, NamedTuple
 
 from sensor_msgs.msg import PointCloud2
@@ -91,6 +92,7 @@ class Participant(GraphNode):
         )
         self.spec: SceneSpec | None = None
         self._awaited_readers: dict[str, int] = {}
+        self._annotated_periods: dict[str, int] = {}
         self._loaded_reported = False
         self._last_tick = 0
         self._unsent: deque[_Unsent] = deque()
@@ -190,7 +192,10 @@ class Participant(GraphNode):
         self._unsent.clear()
         self._join = _new_join()
         spec = SceneSpec.from_json(specification)
-        self._awaited_readers = self._expected_readers(spec, self.start_scene(spec))
+        names = self.start_scene(spec)
+        periods = dict(chain.from_iterable(map(_annotated_periods, agent_views(spec))))
+        self._annotated_periods = {name: periods[name] for name in names if self.annotated and name in periods}
+        self._awaited_readers = self._expected_readers(spec, names)
         self.get_logger().info(f"scene {spec.name} is loaded")
         self._last_tick = spec.loaded_tick
         self.spec = spec
@@ -210,15 +215,23 @@ class Participant(GraphNode):
 
     def _expected_readers(self, spec: SceneSpec, names: list[str]) -> dict[str, int]:
         """Number of readers that each topic will have."""
-        annotated_names = {name for view in agent_views(spec) for name in _annotated_names(view)}
         joined_names = {topic.name for topic in joint_inputs(spec).values()}
         return {
             name: (self.recorded and name in self._recorded_topics)
-            + (self.annotated and name in annotated_names)
+            + (name in self._annotated_periods)
             + (self._box_readers if name in joined_names else 0)
             + self._evaluated.count(name)
             for name in names
         }
+
+    def is_needed(self, name: str, tick: int) -> bool:
+        """Whether a tick's message on an advertised topic has a reader; an annotator is one at ticks with labels."""
+        return self.reader_count(name) > (tick % self._annotated_periods.get(name, 1) != 0)
+
+    def is_for_labels(self, names: Collection[str], tick: int) -> bool:
+        """Whether only an annotator reads these topics, and the tick has no labels, so that no message is needed."""
+        has_labels = all(tick % self._annotated_periods.get(name, 1) == 0 for name in names)
+        return not has_labels and not any(self.is_needed(name, tick) for name in names)
 
     def _on_actors(self, message: PointCloud2) -> None:
         if (actors := self.read(topics.ACTORS, actors_from_message, message)) is not None:
@@ -261,9 +274,9 @@ def _new_join() -> TickJoin[Table, Any]:
     return TickJoin(all_of(lambda _: (topics.SIGNALS, topics.WEATHER)), newest=True)
 
 
-def _annotated_names(view: AgentView) -> Iterator[str]:
-    """Names of the topics of an agent that annotators may read; some come twice."""
+def _annotated_periods(view: AgentView) -> Iterator[tuple[str, int]]:
+    """Topics of an agent that annotators may read, with the period at which they need them; some come twice."""
     for compressed in (False, True):
-        yield from (topic.name for topic in annotator_inputs(view, compressed_images=compressed).values())
-    only_boxes = annotator_inputs(view, compressed_images=False, labels=(Label.BOXES,))
-    yield from (topic.name for topic in only_boxes.values())
+        for labels in (tuple(Label), (Label.BOXES,)):
+            inputs = annotator_inputs(view, compressed_images=compressed, labels=labels)
+            yield from ((topic.name, topic.period_ticks) for topic in inputs.values())

@@ -71,9 +71,13 @@ class RadarNode(Participant):
         """Cast and publish the scans that are due."""
         carriers = self._carriers if self.is_sensed(state.tick) else []
         for carrier, rays in zip(carriers, self._scenes.take(len(carriers)), strict=True):
-            if due := [mounted for mounted in carrier.radars if mounted.is_due(state.tick)]:
+            if due := [each for each in carrier.radars if self._is_wanted(each, state.tick)]:
                 self._scan(rays, due, carrier.view, carrier.view.ego_state(state))
         self._previous = state
+
+    def _is_wanted(self, mounted: _Mounted, tick: int) -> bool:
+        name = mounted.topic.name
+        return mounted.is_due(tick) and (self.is_shown(name) or not self.is_for_labels([name], tick))
 
     def _scan(self, rays: RayScene, due: Sequence[_Mounted], view: AgentView, state: WorldState) -> None:
         """Scan with some radars of an agent; their rays pass through the agent and its rider."""

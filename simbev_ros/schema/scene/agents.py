@@ -3,6 +3,7 @@
 Code that serves one agent takes an ``AgentView``, code that serves a scene a ``SceneSpec``.
 """
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -66,6 +67,13 @@ class AgentView:
     def annotation(self) -> Annotation:
         """Labels that the agent gets."""
         return self.spec.annotation
+
+    def label_period_ticks(self, rate_hz: float | None = None) -> int:
+        """Number of ticks between two labels of something with this rate, such as the images of a camera.
+
+        A label is made at ticks with labels at which a sample is due as well. None: every tick.
+        """
+        return math.lcm(*map(self.scene.period_ticks, (self.annotation.rate_hz, rate_hz)))
 
     @property
     def station(self) -> StationSpec | None:

@@ -46,7 +46,7 @@ _SQUARE_PX = 520
 
 def box_figures(statistics: Statistics) -> Iterator[str]:
     """Figures of the boxes' number by class, distance, visibility, difficulty, position and sensor points."""
-    counts, frames = statistics.tally.counts, max(statistics.tally.frames, 1)
+    counts, frames = statistics.tally.counts, max(statistics.tally.labeled_frames, 1)
     colors = {name: class_color(name) for name in BOX_CLASSES if counts["boxes"][BOX_CLASSES.index(name)]}
     rows = [BOX_CLASSES.index(name) for name in colors]
     names = [words(name) for name in colors]

@@ -149,7 +149,7 @@ def _row(scene: SceneFacts, folder: str, pictured: Collection[str]) -> list[Cell
         hazard_cell(scene.hazards),
         Cell(scene.collisions),
         Cell(round(scene.duration_s, 2)),
-        Cell(round(scene.boxes / max(scene.sampled_frames, 1), 1)),
+        Cell(round(scene.boxes / max(scene.labeled_frames, 1), 1)),
         Cell(round(scene.distance_m)),
         Cell(round(scene.file_bytes / 1e6, 1)),
     ]

@@ -33,7 +33,7 @@ def key_figures(statistics: Statistics) -> list[tuple[str, str]]:
         (number(frames), "frames"),
         (number(round(minutes, 1)), "minutes"),
         (number(round(sum(scene.distance_m for scene in scenes) / 1000.0, 2)), "km driven"),
-        (number(round(int(tally.counts["boxes"].sum()) / max(tally.frames, 1), 1)), "boxes a frame"),
+        (number(round(int(tally.counts["boxes"].sum()) / max(tally.labeled_frames, 1), 1)), "boxes a frame"),
         (decimal(sum(scene.file_bytes for scene in scenes)), "recorded"),
     ]
 

@@ -183,10 +183,11 @@ def _screen(work: ScenePage, has_pictures: bool) -> str:
 def _curves(known: SceneFacts, spec: SceneSpec, square: Square | None, *, has_plan: bool) -> str:
     """HTML of the map and of the curves over time."""
     time_s = known.moments["time_s"]
-    counts = known.moments["boxes"]
+    labeled = known.moments[known.moments["labeled"]]
+    counts = labeled["boxes"]
     classes = [k for k in range(len(BOX_CLASSES)) if counts[:, k].any()]
     boxes = [Series(words(BOX_CLASSES[k]), counts[:, k], class_color(BOX_CLASSES[k])) for k in classes]
-    right = [figure("Boxes by class", curves(time_s, boxes, "s", "boxes", over_time=True))] if boxes else []
+    right = [figure("Boxes by class", curves(labeled["time_s"], boxes, "s", "boxes", over_time=True))] if boxes else []
     weather = _weather_curves(spec, known.duration_s)
     if square is None:
         return section("Over time", "".join(right) + weather)

@@ -28,14 +28,18 @@ class CameraDrawing:
         self._step = subject.image_step(name)
         self._width_px = subject.calibration[name].size_px[0] / self._step
         self._colors = np.array([class_color(each) for each in BOX_CLASSES], np.uint8)
+        self._has_boxes = False
 
     def draw(self, samples: Samples) -> None:
-        """Log the image and the boxes."""
+        """Log the image and the boxes; those of an earlier image do not fit, and vanish."""
         if (key := f"{self._name}/rgb") in samples:
             data = color_jpeg(samples.messages(key)[-1], self._step)
             self._log.add(f"{self._entity}/rgb", rr.EncodedImage(contents=data, media_type="image/jpeg"))
+            if self._has_boxes and f"{self._name}/boxes" not in samples:
+                self._log.add(f"{self._entity}/boxes", rr.Clear(recursive=True))
+                self._has_boxes = False
         if (key := f"{self._name}/boxes") in samples:
-            views = samples[key]
+            views, self._has_boxes = samples[key], True
             hidden = views["visible_px"] == 0
             self._draw_visible(views[~hidden])
             self._draw_hidden(views[hidden])

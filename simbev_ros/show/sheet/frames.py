@@ -93,12 +93,12 @@ class FrameReader:
         """Ground truth at a tick; None if the agent's pose at that tick was not recorded, or no labels are drawn."""
         if self.views.labels == "off" or self._latest(ODOMETRY, tick) != tick:
             return None
-        map_from_ego, boxes, labels = self._value(ODOMETRY, tick), self._latest(BOXES, tick), self._latest(LABELS, tick)
+        map_from_ego, labels = self._value(ODOMETRY, tick), self._latest(LABELS, tick)
         if labels is not None and self._latest(ODOMETRY, labels) != labels:
             labels = None
         return Truth(
             map_from_ego,
-            None if boxes is None else self._value(BOXES, boxes),
+            self._value(BOXES, tick) if self._latest(BOXES, tick) == tick else None,  # others have moved since
             None if labels is None else self._value(LABELS, labels),
             leveled_pose(map_from_ego if labels is None else self._value(ODOMETRY, labels)),
         )

@@ -1,6 +1,6 @@
 """All labels of a scene that can be computed from the world state alone, without sensor data.
 
-The annotation node calls an agent's ``SceneAnnotator`` for each recorded tick: a ``WorldState`` enters; 3D boxes and
+The annotation node calls an agent's ``SceneAnnotator`` for each tick with labels: a ``WorldState`` enters; 3D boxes and
 ``SurroundingsLabels`` leave (BEV grid, occupancy voxels, vector map). Point counts and visibility of boxes need sensor
 data and are added later, by ``schema.box_points`` and ``visibility``.
 """
@@ -71,7 +71,7 @@ class SceneAnnotator:
 
     def __init__(self, view: AgentView, network: RoadNetwork, meshes: MeshAnnotators) -> None:
         """Prepare the annotator with the agent's view of the scene, which has its annotation settings."""
-        self._scene, self._annotation, self._meshes = view.scene, view.annotation, meshes
+        self._view, self._annotation, self._meshes = view, view.annotation, meshes
         layout = _nearby_layout(view, network, VIEW_M)
         self._levels, self._areas = Levels(layout), hazard_areas(view.scene.hazards, layout)
         if view.annotation.bev.road == "paper":
@@ -86,7 +86,7 @@ class SceneAnnotator:
         return boxes_around_ego(state, radius_m, ego_level, self._meshes.extents, self._standing)
 
     def surroundings(self, state: WorldState) -> SurroundingsLabels:
-        """Labels of the ego's surroundings at a recorded tick."""
+        """Labels of the ego's surroundings at a tick with labels."""
         ego_level = self._levels.ego_level(state)
         occupancy, patch = self._annotation.occupancy, self._annotation.vector_map
         grid = self._meshes.bev.labels(state, self._annotation.bev.grid, ego_level, self._areas)
@@ -97,7 +97,7 @@ class SceneAnnotator:
         )
 
     def _is_due(self, wanted: Occupancy | VectorMapPatch, state: WorldState) -> bool:
-        return state.tick % self._scene.period_ticks(wanted.rate_hz) == 0
+        return state.tick % self._view.label_period_ticks(wanted.rate_hz) == 0
 
     def _voxels(self, wanted: Occupancy, state: WorldState) -> Table:
         hidden_ids = frozenset() if wanted.ego else state.ego_ids

@@ -241,7 +241,24 @@ def test_readers_are_expected_for_the_topics_of_every_agent() -> None:
     read = "/car/slow/points"
     readers = {"recorded": True, "annotated": True, "evaluated_topics": f"['{read}','{read}']"}
     with started_node("lidar", spec, **readers) as node:
-        expected = node._expected_readers(spec, node.topics)
+        node._on_scene(spec.model_dump_json(), b"")
+        expected = node._awaited_readers
     clouds = {view.agent: expected[f"/{view.agent}/slow/points"] for view in agent_views(spec)}
     assert clouds == {"ego": 2, "car": 4, "rsu": 2}, "a recorder, an annotator, and two evaluators of one topic"
     assert expected["/car/slow/semantic_points"] == 1
+
+
+@pytest.mark.parametrize("kind", ["lidar", "radar"])
+@pytest.mark.parametrize("recorded", [False, True])
+def test_what_only_annotators_read_is_sent_at_ticks_with_labels(kind: str, recorded: bool) -> None:
+    data = scene_of(kind).model_dump(mode="json")
+    for agent in data["agents"]:
+        agent["annotation"]["rate_hz"] = 10
+    spec, every_tick, of_car = SceneSpec.model_validate(data), published(kind, scene_of(kind)), f"/car/{kind}/"
+    with started_node(kind, spec, annotated=True) as node:
+        node._on_scene(spec.model_dump_json(), b"")
+        node.reader_count = lambda name: name.endswith("/points") + (recorded and name.startswith(of_car))
+        sent = play(node, spec)
+    for name, messages in every_tick.items():
+        is_needed = len(messages) == 2 or (recorded and name.startswith(of_car))
+        assert sent[name] == (messages if is_needed else messages[::2]), name

@@ -18,6 +18,7 @@ from simbev_ros.scene.drawing.draw_scene import draw_scene, planned_scenes
 from simbev_ros.schema.scene.spec import SceneSpec
 
 FAST = "/ego/fast/rgb/image_raw/compressed"
+RAW = "/ego/fast/rgb/image_raw"
 SLOW = "/ego/slow/flow/image_raw"
 
 
@@ -165,3 +166,22 @@ def test_topics_follow_image_transport(node: Any) -> None:
     names = dict(node.get_topic_names_and_types())
     assert names["/ego/slow/flow/image_raw"] == ["sensor_msgs/msg/Image"]
     assert names["/ego/slow/flow/image_raw/compressed"] == ["sensor_msgs/msg/CompressedImage"]
+
+
+def test_instances_that_only_an_annotator_reads_are_drawn_at_ticks_with_labels(
+    spec: SceneSpec, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data = spec.model_dump(mode="json")
+    camera = {"type": "camera", "name": "fast", "height_px": 16, "width_px": 16, "modalities": ["rgb", "instance"]}
+    data["agents"][0] |= {"rig": {"sensors": [camera]}, "annotation": {"rate_hz": 10}}
+    labeled = SceneSpec.model_validate(data)
+    ids = "/ego/fast/instance/image_raw"
+    with started_camera_node(labeled, monkeypatch, "-p", "annotated:=true", "-p", "compressed:=false") as node:
+        node._on_scene(labeled.model_dump_json(), b"")
+        set_readers(node, monkeypatch, ids)
+        assert [tick for *_, tick, _ in play(node, labeled, range(4)).requests] == [0, 2]
+        set_readers(node, monkeypatch, ids, RAW)
+        requests = play(node, labeled, range(4, 6)).requests[2:]
+        assert [modalities for _, modalities, *_ in requests] == [("rgb", "instance"), ("rgb",)]
+        monkeypatch.setattr(node, "reader_count", lambda name: 2 * (name == ids))
+        assert [tick for *_, tick, _ in play(node, labeled, range(6, 8)).requests[4:]] == [6, 7], "a recorder reads too"

@@ -14,7 +14,9 @@ from started_nodes import started_node
 from synthetic_world import actor, cart_model, world
 
 from simbev_ros.foundation.types import Table
+from simbev_ros.ros.msgs.joint_topics import joint_boxes_topic
 from simbev_ros.ros.msgs.tables import message_from_table, table_from_message
+from simbev_ros.ros.msgs.topic import Topic
 from simbev_ros.schema.boxes import blank_boxes
 from simbev_ros.schema.scene.agents import agent_views
 from simbev_ros.schema.scene.spec import SceneSpec
@@ -147,3 +149,20 @@ def test_annotators_wait_for_all_nodes_that_read_boxes_of_several_agents() -> No
     with started_node("joint", spec, recorded=True, box_readers=2) as node:
         assert node._expected_readers(spec, names) == dict.fromkeys(names, 3)
         assert node._expected_readers(made_up_spec([]), ["/ego/boxes"]) == {"/ego/boxes": 1}
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_boxes_are_joined_when_all_agents_have_labels(seed: int) -> None:
+    data = made_up_agents().model_dump(mode="json")
+    for agent, rate_hz in zip(data["agents"], (20, 10, None), strict=True):
+        agent["annotation"]["rate_hz"] = rate_hz
+    spec = SceneSpec.model_validate(data)
+    sparse = [event for event in arriving(spec, seed) if event[0] != "car" or event[1] % 2 == 0]
+    with started_node("joint", spec) as node:
+        sent = play(node, spec, sparse)
+    assert sent["finished"] == list(TICKS)
+    expected = [join_boxes(AGENTS, {agent: boxes_of(agent, tick) for agent in AGENTS}).rows for tick in (0, 2)]
+    assert [table_from_message(message).tobytes() for message in sent["/world/boxes"]] == [
+        rows.tobytes() for rows in expected
+    ]
+    assert joint_boxes_topic(spec) == Topic("/world/boxes", "sensor_msgs/msg/PointCloud2", 2)

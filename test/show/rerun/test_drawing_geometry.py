@@ -1,22 +1,29 @@
 """Geometry and text that the viewer draws: dashes, outer voxels, rows of cameras, the ego's outline, the sheet."""
 
 import re
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from made_up_scene import SENSORS, made_up_spec
 
 pytest.importorskip("rerun", reason="Rerun is not installed: pip install -e .[view]")
+import rerun as rr
 
 from simbev_ros.config.camera import Camera
 from simbev_ros.config.load import load_scenario
 from simbev_ros.scene.blueprints import blueprint_index, load_blueprints
 from simbev_ros.schema.scene.agents import agent_view
+from simbev_ros.schema.views import VIEW_DTYPE
+from simbev_ros.show.rerun import cameras
 from simbev_ros.show.rerun.blueprint import rows_of_cameras
 from simbev_ros.show.rerun.cameras import dashed_boxes
 from simbev_ros.show.rerun.clouds import has_free_side, thin_out
 from simbev_ros.show.rerun.ground import ego_outline_px
+from simbev_ros.show.rerun.scene_log import SceneLog
 from simbev_ros.show.rerun.scene_sheet import scene_sheet
+from simbev_ros.show.rerun.subject import Subject
 
 BOXES_PX = np.array([(10.5, 20.5, 110.5, 60.5), (3.0, 3.0, 3.4, 3.2), (5.0, 5.0, 5.0, 5.0), (0.0, 0.0, 7.0, 400.0)])
 
@@ -109,3 +116,26 @@ def test_the_sheet_escapes_markdown_in_names() -> None:
     sheet = scene_sheet(agent_view(named))
     assert r"| map | a\|b \*c\* \<img src=x\> \[d\]\(e\) |" in sheet
     assert not re.search(r"(?<!\\)[<*\[]", sheet)
+
+
+class _Image(dict[str, Any]):
+    """Samples with an image, and perhaps boxes."""
+
+    def messages(self, key: str) -> list[Any]:
+        return [self[key]]
+
+
+def test_boxes_of_an_earlier_image_vanish_with_the_first_image_without_boxes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cameras, "color_jpeg", lambda *_: b"")
+    logged: list[tuple[str, type]] = []
+    log = SimpleNamespace(
+        add=lambda entity, archetype: logged.append((entity.rpartition("cam_front/")[2], type(archetype)))
+    )
+    drawing = cameras.CameraDrawing(cast(SceneLog, log), Subject(agent_view(made_up_spec(SENSORS))), "cam_front")
+    boxes = {"cam_front/boxes": np.zeros(2, VIEW_DTYPE)}
+    counts = []
+    for labels in (boxes, boxes, {}, {}, boxes):
+        logged.clear()
+        drawing.draw(_Image({"cam_front/rgb": None, **labels}))
+        counts.append((("boxes", rr.Clear) in logged, ("boxes/visible", rr.Boxes2D) in logged))
+    assert counts == [(False, True), (False, True), (True, False), (False, False), (False, True)]

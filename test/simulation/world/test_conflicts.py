@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from simbev_ros.simulation.world.driving.backing_off import BackingOff
 from simbev_ros.simulation.world.driving.careful_drivers import CarefulDrivers
 from simbev_ros.simulation.world.kinematics.contacts import BodyBoxes
 from simbev_ros.simulation.world.kinematics.footing import ContactPoints
@@ -229,7 +230,7 @@ def test_drivers_who_stand_in_the_way_back_off_with_those_behind_if_these_are_ca
         passes and behind_m < 6.0,
     ]
     assert traffic.max_back_m.max() <= 4.0
-    assert traffic.ignored.get(0, []) == []
+    assert 0 not in traffic.ignored or passes != bool(traffic.ignored[0])
 
 
 @pytest.mark.parametrize(("patience_s", "passes"), [(np.inf, False), (4.0, True)])
@@ -240,3 +241,28 @@ def test_one_of_two_drivers_who_stand_in_each_others_way_backs_off(patience_s, p
     assert ((traffic.s_m > 5.0) == passes).all()
     assert (traffic.max_back_m > 0.0).tolist() == [passes, False]
     assert distances_m.min() > 2.6
+
+
+@pytest.mark.parametrize(("patience_s", "min_gap_m", "max_gap_m"), [(np.inf, 0.7, 1.5), (4.0, 0.1, 0.6)])
+def test_a_driver_who_has_waited_for_long_creeps_up_to_a_vehicle_that_stays(patience_s, min_gap_m, max_gap_m):
+    across = straight(5.0 + CAR_M[1] / 2.0, 0.0, 90)  # its side is at 5 m
+    traffic = LineTraffic([straight(0, 0, 0), across], [-5.0, CAR_M[0] / 2.0], [6.0, 0.0])
+    traffic.heeds[1] = False
+    traffic.drive(250, patience_s=patience_s)
+    assert min_gap_m < 5.0 - traffic.s_m[0] < max_gap_m
+    assert traffic.now_mps[0] == 0.0
+
+
+@pytest.mark.parametrize(("patience_s", "passes"), [(np.inf, False), (4.0, True)])
+def test_a_driver_who_has_stood_for_long_passes_those_near_who_have_until_it_has_driven_past(patience_s, passes):
+    """The third vehicle is far away, and the fourth one moves."""
+    traffic = LineTraffic([straight(0, 0, 0)] * 4, [0.0] * 4, [0.0] * 4)
+    drivers = BackingOff(4, traffic, TICK_S, patience_s)
+    position_m = np.array([[0.0, 0.0], [6.0, 6.0], [60.0, 6.0], [-12.0, 6.0]])
+    for speed_mps, seconds, ignored in ((0.0, 3.9, {}), (0.0, 0.3, {0: [1], 1: [0]}), (2.0, 7.0, {0: [1], 1: []})):
+        for _ in range(round(seconds / TICK_S)):
+            drivers.pass_standing(np.array([speed_mps, 0.0, 0.0, 0.1]), position_m)
+        assert traffic.ignored == (ignored if passes else {})
+    for _ in range(10):
+        drivers.pass_standing(np.array([2.0, 0.0, 0.0, 0.1]), position_m)
+    assert traffic.ignored.get(0, []) == []

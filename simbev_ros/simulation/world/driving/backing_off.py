@@ -2,6 +2,9 @@
 
 SUMO's vehicles never move backward. The body alone does, along the path on which it has come, while SUMO's vehicle
 waits; it catches up when this drives on.
+
+At junctions, SUMO's drivers also wait for others who wait for them, and then nobody drives again. Drivers who have
+stood for long therefore pass others who have stood as long, whoever has the right of way.
 """
 
 from collections.abc import Iterable
@@ -18,6 +21,8 @@ _MPS = 1.25
 _CATCH_UP_RATE = 0.15  # meters made up per meter driven
 _MAX_QUEUE = 5  # vehicles that move for one who waits
 _HOLD_S = 5.0  # time that the others have to pass
+_STANDING_MPS = 0.02
+_NEAR_M, _PASS_M = 20.0, 15.0  # from those whom a driver passes who has stood for long; distance driven to pass them
 
 
 class RightOfWay(Protocol):
@@ -37,13 +42,32 @@ class BackingOff:
         back_m: (V,) distance of each body behind SUMO's vehicle, along its path.
     """
 
-    def __init__(self, vehicles: int, traffic: RightOfWay, tick_s: float) -> None:
-        """Start where SUMO's V vehicles are."""
+    def __init__(self, vehicles: int, traffic: RightOfWay, tick_s: float, patience_s: float) -> None:
+        """Start where SUMO's V vehicles are; drivers who have stood for ``patience_s`` pass others who stand."""
         self.back_m: Float64Array = np.zeros(vehicles)
         self._traffic = traffic
         self._tick_s = tick_s
         self._target_m = np.zeros(vehicles)
         self._held: dict[int, tuple[int, float]] = {}  # those who back off → the one who waits, and the time left
+        self._patience_s = patience_s
+        self._stood_s: Float64Array = np.zeros(vehicles)
+        self._passed: dict[int, list[int]] = {}  # those who have stood for long → others who have, too
+        self._pass_m: Float64Array = np.zeros(vehicles)  # distance for which they pass them
+
+    def pass_standing(self, speed_mps: Float64Array, position_m: Float64Array) -> None:
+        """Let drivers who have stood for long pass others near them; vehicles have (V,) speeds, and are at (V, 2)."""
+        self._stood_s = np.where(speed_mps > _STANDING_MPS, 0.0, self._stood_s + self._tick_s)
+        self._pass_m = self._pass_m - speed_mps * self._tick_s
+        stuck = np.flatnonzero(self._stood_s > self._patience_s)
+        self._pass_m[stuck] = _PASS_M
+        passed = {vehicle: others for vehicle, others in self._passed.items() if self._pass_m[vehicle] > 0.0}
+        for vehicle in stuck.tolist():
+            is_near = np.hypot(*(position_m[stuck] - position_m[vehicle]).T) < _NEAR_M
+            passed[vehicle] = stuck[is_near & (stuck != vehicle)].tolist()
+        before, self._passed = self._passed, passed
+        for vehicle in sorted(before.keys() | passed.keys()):
+            if before.get(vehicle, []) != passed.get(vehicle, []):
+                self._traffic.ignore_at_junctions(vehicle, self._obstacles_of(vehicle))
 
     def advance(self, speed_mps: Float64Array) -> None:
         """Move the bodies by one tick, in which they have (V,) speeds."""
@@ -113,5 +137,6 @@ class BackingOff:
         return self._held[vehicle][0] if vehicle in self._held else None
 
     def _obstacles_of(self, waiting: int) -> list[int]:
-        """Those who back off for a driver."""
-        return sorted(vehicle for vehicle, (driver, _) in self._held.items() if driver == waiting)
+        """Those who back off for a driver, and those whom it passes."""
+        backing = {vehicle for vehicle, (driver, _) in self._held.items() if driver == waiting}
+        return sorted(backing.union(self._passed.get(waiting, ())))

@@ -7,7 +7,7 @@ of all bodies for a few seconds, at SUMO's moment, and limits the speeds of SUMO
 - Drivers who would pass each other too closely move aside.
 - Drivers do not brake where this cannot help: for a vehicle that hits them from behind or from the side.
 - A driver who has waited for long passes others who stand at a smaller distance, and creeps towards pedestrians who
-  stand in the way, so that they step aside. Drivers who stand in its way back off.
+  stand in the way, so that they step aside, and up to vehicles that do. Drivers who stand in its way back off.
 - A driver who yields is predicted as if it drove off, all others as they drive now. It therefore waits until its path
   is clear, and no two drivers wait for each other.
 """
@@ -92,7 +92,7 @@ class CarefulDrivers:
         self._predictor = TrajectoryPredictor(bodies, front_m, traffic, tick_s)
         self._look_period_ticks = max(1, round(_LOOK_PERIOD_S / tick_s))
         self._passing_offsets = PassingOffsets(self._sumo_count, self._look_period_ticks * tick_s)
-        self._backing_off = BackingOff(self._sumo_count, traffic, tick_s)
+        self._backing_off = BackingOff(self._sumo_count, traffic, tick_s, patience_s)
         self._waited_s: dict[int, float] = {}
         self._creeping: frozenset[int] = frozenset()
         self._steps = 0
@@ -140,6 +140,7 @@ class CarefulDrivers:
         looks_now = (np.arange(len(has_stopped)) + self._steps) % self._look_period_ticks == 0
         drivers = np.flatnonzero(self._heeds.any(axis=1) & ~has_stopped & looks_now)
         self._resolve_conflicts(drivers, now, position_m[:, 2], has_stopped)
+        self._backing_off.pass_standing(self._predictor.speed_mps, position_m[: self._sumo_count, :2])
         self._backing_off.advance(self._predictor.speed_mps)
         for vehicle, braking_mps2 in self.braking_mps2.items():
             speed_mps = self._traffic.speed_mps(vehicle) - braking_mps2 * self._tick_s
@@ -263,14 +264,18 @@ class CarefulDrivers:
         return np.array(sorted(waited), np.int64)
 
     def _creep(self, drivers: Int64Array, conflicts: Conflicts, predicted: PredictedTraffic) -> None:
-        """Let those of (D,) drivers creep who have yielded for long, now first of all to pedestrians who stand."""
+        """Let those of (D,) drivers creep who have yielded for long, now first of all to others who stand.
+
+        They stop in front of vehicles.
+        """
         for vehicle in drivers.tolist():
             waited_s = self._waited_s.pop(vehicle, 0.0) + _LOOK_PERIOD_S
             if vehicle in self.braking_mps2:
                 self._waited_s[vehicle] = waited_s
-        stands = (conflicts.other >= self._vehicles) & predicted.as_seen.stays[conflicts.other]
-        order = np.lexsort([stands, conflicts.first_time])
-        first = {int(conflicts.driver[row]): bool(stands[row]) for row in order[::-1]}
+        lets_creep = (conflicts.other >= self._vehicles) | (TIMES_S[conflicts.first_time] > _SLOW_CONTACT_S)
+        lets_creep &= predicted.as_seen.stays[conflicts.other]
+        order = np.lexsort([lets_creep, conflicts.first_time])
+        first = {int(conflicts.driver[row]): bool(lets_creep[row]) for row in order[::-1]}
         creeping = {vehicle for vehicle in self._patient.tolist() if first.get(vehicle, vehicle in self._creeping)}
         self._creeping = frozenset(creeping)
 

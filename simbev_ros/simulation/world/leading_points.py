@@ -79,7 +79,7 @@ class LeadingPoints:
         self.axle_m[self._steered] = sample.front_m[self._steered] - to_front_m * directions[self._steered]
         self._towed_points = TowedPoints(sample.front_m, directions[:vehicles], behind_m[:, 0], MAX_BACK_M)
         self._vehicle_avoidance = VehicleAvoidance(
-            bodies, sample.front_m - behind_m * directions[:vehicles], directions[:vehicles]
+            bodies, sample.front_m - behind_m * directions[:vehicles], directions[:vehicles], max_speed_mps
         )
         self._careful_drivers = CarefulDrivers(
             bodies,

@@ -14,6 +14,7 @@ from simbev_ros.scene.blueprints import blueprint_named
 from simbev_ros.schema.scene.state import EGO_ID, Light
 from simbev_ros.simulation.world.driving.trajectory_prediction import TIMES_S, TrajectoryPredictor
 from simbev_ros.simulation.world.kinematics.contacts import BodyBoxes
+from simbev_ros.simulation.world.kinematics.followers import PursuingPoints
 from simbev_ros.simulation.world.kinematics.motion import Motion
 from simbev_ros.simulation.world.pedestrians.vehicle_avoidance import VehicleAvoidance
 
@@ -133,3 +134,25 @@ def test_pedestrians_keep_off_a_vehicle_that_comes_forward_or_in_reverse(heading
     moved_m = avoidance.avoid_paths(point_m, axle_m, ~np.isnan(axle_m[:, 0]), pedestrian_m, pedestrian_m, TICK_S)
     assert moved_m[0] == pytest.approx([-4.0, 1.8, 0.0])
     assert avoidance.is_reversing.tolist() == [heading > 0.0]
+
+
+@pytest.mark.parametrize("speed_mps", [1.4, 3.0, 6.3, 8.0])
+@pytest.mark.parametrize("target_m", [(-6.0, 3.0), (-1.0, 2.5), (1.0, 3.0)])
+def test_the_average_path_of_a_pedestrian_around_a_vehicle_keeps_off_its_corner(
+    speed_mps: float, target_m: tuple[float, float]
+) -> None:
+    """Published positions are averages over 0.7 s; the pedestrian gets from the vehicle's front to its side."""
+    two, size_m = np.zeros(2), np.array([[4.4, 1.9, 1.5], [1.47, 0.55, 1.8]])
+    bodies = replace(body(), trail_m=two + 2.0, lead_m=two, boxes=BodyBoxes(size_m, 1))
+    max_mps = np.array([speed_mps])
+    avoidance = VehicleAvoidance(bodies, np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0]]), max_mps)
+    points = PursuingPoints(np.array([[3.5, 0.3, 0.0]]), 1.3 * max_mps * TICK_S, 4.0 * TICK_S**2)
+    positions_m = []
+    for _ in range(round(12.0 / TICK_S)):
+        desired_m = points.pursue(np.array([[*target_m, 0.0]]))
+        points.position_m = avoidance.avoid_bodies(desired_m, (1.3 * max_mps + 1.0) * TICK_S)
+        positions_m.append(points.position_m[0, :2])
+    assert positions_m[-1] == pytest.approx(target_m, abs=0.01)
+    window = np.lib.stride_tricks.sliding_window_view(positions_m, round(0.7 / TICK_S) + 1, axis=0)
+    gap_m = np.linalg.norm(np.maximum(np.abs(window.mean(axis=-1)) - size_m[0, :2] / 2.0, 0.0), axis=1)
+    assert gap_m.min() > size_m[1, 0] / 2.0

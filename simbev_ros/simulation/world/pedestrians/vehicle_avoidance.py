@@ -17,6 +17,7 @@ _EDGE_M = 0.5
 _MAX_CURVATURE_PER_M = 0.2
 _STANDING_MPS = 0.3
 _EVASION_CLEARANCE_M = 0.15  # between a vehicle and a pedestrian who walks around it
+_CORNER_S, _WALKING_MPS = 0.08, 2.1  # runners keep farther away: their published paths, averages, cut corners
 _LEVEL_TOLERANCE_M = 2.0
 
 
@@ -30,18 +31,22 @@ class VehicleAvoidance:
         is_reversing: (V,) whether each of them moves backward.
     """
 
-    def __init__(self, bodies: Bodies, point_m: Float64Array, direction: Float64Array) -> None:
+    def __init__(
+        self, bodies: Bodies, point_m: Float64Array, direction: Float64Array, max_mps: Float64Array | float = 0.0
+    ) -> None:
         """Start at rest.
 
         Args:
             bodies: All bodies; the first V are the vehicles'.
             point_m: (V, 3) their leading points, map frame.
             direction: (V, 3) unit vectors of their headings.
+            max_mps: (P,) maximum speeds of the pedestrians.
         """
         vehicles = len(point_m)
         self._trail_m, self._lead_m = bodies.trail_m[:vehicles, None], bodies.lead_m[:vehicles, None]
         self._half_m = bodies.boxes.size_m[:vehicles, :2] / 2.0
-        self._reach_m = bodies.boxes.size_m[vehicles:, 0] / 2.0 + _EVASION_CLEARANCE_M
+        clearance_m = _EVASION_CLEARANCE_M + _CORNER_S * np.maximum(max_mps - _WALKING_MPS, 0.0)
+        self._reach_m = bodies.boxes.size_m[vehicles:, 0] / 2.0 + clearance_m
         self._point_m = point_m
         self.rear_m = point_m - self._trail_m * direction
         self.center_m = point_m - self._lead_m * direction

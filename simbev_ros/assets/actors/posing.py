@@ -38,17 +38,17 @@ def pose_actors(models: Sequence[ActorModel], actors: Table, origin_m: Float64Ar
         actors: (N,) ``ACTOR_DTYPE`` rows to pose.
         origin_m: (3,) point of the map frame that becomes the origin (keeps float32 exact on large maps).
     """
-    meshes = [model.mesh for model in models]
-    vertex_counts = np.array([len(mesh.vertices) for mesh in meshes], np.int64)[actors["blueprint"]]
-    triangle_counts = np.array([len(mesh.triangles) for mesh in meshes], np.int64)[actors["blueprint"]]
+    blueprints, kind = np.unique(actors["blueprint"], return_inverse=True)
+    meshes = [models[blueprint].mesh for blueprint in blueprints.tolist()]
+    vertex_counts = np.array([len(mesh.vertices) for mesh in meshes], np.int64)[kind]
+    triangle_counts = np.array([len(mesh.triangles) for mesh in meshes], np.int64)[kind]
     first_vertex, first_triangle = ragged_starts(vertex_counts), ragged_starts(triangle_counts)
     vertices = np.empty((int(vertex_counts.sum()), 3), np.float32)
     triangles = np.empty((int(triangle_counts.sum()), 3), np.int32)
     vertex_model = np.empty(len(vertices), np.int32)
     origin_from_actor = map_from_actors(actors)
     origin_from_actor[:, :3, 3] -= origin_m
-    for blueprint in np.unique(actors["blueprint"]):
-        mesh = meshes[blueprint]
+    for blueprint, mesh in zip(blueprints.tolist(), meshes, strict=True):
         rows = np.flatnonzero(actors["blueprint"] == blueprint)
         posed = _pose_vertices(models[blueprint], actors[rows], origin_from_actor[rows])
         indices = np.arange(len(mesh.vertices), dtype=np.int32)

@@ -48,7 +48,8 @@ def map_arrays(path: Path) -> dict[str, AnyArray]:
 
 def _array(content: AnyArray, offset: int) -> AnyArray:
     """The array in the member of a ZIP file that begins at an offset."""
-    begin = offset + _LOCAL_HEADER.size + sum(_LOCAL_HEADER.unpack_from(content, offset))
+    begin = offset + _LOCAL_HEADER.size
+    begin += sum(_LOCAL_HEADER.unpack(content[offset:begin].tobytes()))
     head = BytesIO(content[begin : begin + _MAX_ARRAY_HEADER_BYTES].tobytes())
     np.lib.format.read_magic(head)
     shape, is_fortran, dtype = np.lib.format.read_array_header_1_0(head)

@@ -49,9 +49,11 @@ class BevAnnotator:
         footprints = [(_tile_footprint(tile), tile.level) for tile in static.tiles]
         self._tiles = [footprint for footprint, _ in footprints if len(footprint.triangles)]
         self._levels = np.array([level for footprint, level in footprints if len(footprint.triangles)], np.int64)
-        self._bounds_m = np.array(
-            [[each.points_m.min(axis=0), each.points_m.max(axis=0)] for each in self._tiles]
-        ).reshape(-1, 2, 2)
+        self._bounds_m = (
+            np.array([[[x.min(), x.max()] for x in each.points_m.T] for each in self._tiles])
+            .reshape(-1, 2, 2)
+            .swapaxes(1, 2)
+        )
 
     def labels(
         self,

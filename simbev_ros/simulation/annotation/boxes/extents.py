@@ -20,16 +20,17 @@ class Extents:
 
     def __init__(self, models: Sequence[ActorModel]) -> None:
         """Prepare models, indexed by blueprint."""
-        self._skeletons = Skeletons(models)
-        points = [part for model in models for part in _outermost_points(model)]
-        self._count = np.array([len(part) for part in points])
-        self._first = ragged_starts(self._count)
-        self._points_m = np.concatenate([np.empty((0, 3), np.float32), *points]).T.copy()
+        self._models, self._skeletons = models, Skeletons(models)
+        parts = np.array([len(model.parts) for model in models])
+        self._first_part, self._is_prepared = ragged_starts(parts), np.zeros(len(models), bool)
+        self._first, self._count = np.zeros((2, int(parts.sum())), np.int64)
+        self._points_m = np.empty((3, 0), np.float32)
 
     def bounds(self, actors: Table) -> tuple[Float64Array, Float64Array]:
         """Minimum and maximum x, y, z, each (N, 3), of (N,) ``ACTOR_DTYPE`` actors, each in its own frame, meters."""
         if not len(actors):
             return np.empty((0, 3)), np.empty((0, 3))
+        self._prepare(np.unique(actors["blueprint"]))
         shut = actors.copy()
         shut["doors"] = 0
         actor, part = self._skeletons.rows(shut)
@@ -38,6 +39,16 @@ class Extents:
         low_m, high_m = self._part_bounds(part, poses)
         first = np.flatnonzero(np.diff(actor, prepend=-1))
         return np.minimum.reduceat(low_m, first), np.maximum.reduceat(high_m, first)
+
+    def _prepare(self, blueprints: AnyArray) -> None:
+        """Find the points of models that are used for the first time."""
+        for blueprint in blueprints[~self._is_prepared[blueprints]].tolist():
+            points = _outermost_points(self._models[blueprint])
+            own = slice(self._first_part[blueprint], self._first_part[blueprint] + len(points))
+            self._count[own] = [len(part) for part in points]
+            self._first[own] = self._points_m.shape[1] + ragged_starts(self._count[own])
+            self._points_m = np.concatenate([self._points_m, *(part.T for part in points)], axis=1)
+            self._is_prepared[blueprint] = True
 
     def _part_bounds(self, part: AnyArray, poses: Float64Array) -> tuple[Float64Array, Float64Array]:
         """(R, 3) minimum and maximum coordinates of (R,) parts, given their (R, 4, 4) poses."""

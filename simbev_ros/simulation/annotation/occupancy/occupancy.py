@@ -23,6 +23,7 @@ from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.placement.static_scene import StaticScene
 from simbev_ros.foundation.geometry.transforms import apply, inverse
 from simbev_ros.foundation.geometry.voxel_grid import VoxelGrid
+from simbev_ros.foundation.on_demand import OnDemand
 from simbev_ros.foundation.semantics import Tag
 from simbev_ros.foundation.types import Float32Array, Float64Array, Int32Array, Int64Array, Table, UInt8Array
 from simbev_ros.schema.scene.state import WorldState, map_from_actors
@@ -65,10 +66,9 @@ class OccupancyAnnotator:
         self._tiles, self._threads = static.tiles, threads
         self._bounds_m = np.array([tile.mesh.bounds_m + tile.origin_m for tile in static.tiles]).reshape(-1, 2, 3)
         self._solids_of_tile: dict[int, Solids] = {}
-        solids = [Solids.from_mesh(model.mesh) for model in models]
-        self._is_solid = [solid.is_solid for solid in solids]
-        self._point_count = np.array([len(solid.points) for solid in solids])
-        self._models = [replace(model, mesh=_plain_mesh(solid)) for model, solid in zip(models, solids, strict=True)]
+        solids = OnDemand(len(models), lambda blueprint: Solids.from_mesh(models[blueprint].mesh))
+        self._solids_of_model = solids
+        self._models = OnDemand(len(models), lambda index: replace(models[index], mesh=_plain_mesh(solids[index])))
 
     def tags(self, state: WorldState, grid: VoxelGrid, hidden_ids: Set[int] = frozenset()) -> UInt8Array:
         """Semantic tags of the voxels around the ego.
@@ -121,8 +121,9 @@ class OccupancyAnnotator:
     def _actor_soup(self, actors: Table, grid_from_map: Float64Array, origin_m: Float64Array) -> Soup:
         """Triangles of posed actors in voxel coordinates; the nearby ``origin_m``, (3,), keeps float32 exact."""
         posed = pose_actors(self._models, actors, origin_m)
-        rank = np.repeat(_RANK_OF_TAG[actors["tag"]], self._point_count[actors["blueprint"]])
-        is_solid = [self._is_solid[blueprint] for blueprint in actors["blueprint"].tolist()]
+        solids = [self._solids_of_model[blueprint] for blueprint in actors["blueprint"].tolist()]
+        rank = np.repeat(_RANK_OF_TAG[actors["tag"]], np.array([len(each.points) for each in solids], np.int64))
+        is_solid = [each.is_solid for each in solids]
         points = _to_grid(grid_from_map, origin_m, posed.vertices)
         return Soup(points, rank, _corner_major(posed.triangles), np.concatenate([np.zeros(0, bool), *is_solid]))
 

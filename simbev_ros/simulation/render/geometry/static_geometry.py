@@ -125,9 +125,8 @@ def _pieces(tile: Tile, mesh: Mesh) -> _Pieces:
     grade = np.repeat(np.arange(len(first_of_grade)), [len(first) for first in first_of_grade])
     first = np.concatenate(first_of_grade)
     end = np.minimum(first + _PIECE_TRIANGLES, ends[grade])
-    corners = mesh.vertices[mesh.triangles]
-    low_m = np.minimum.reduceat(corners.min(axis=1), first)
-    high_m = np.maximum.reduceat(corners.max(axis=1), first)
+    corners = mesh.vertices[mesh.triangles.ravel()]
+    low_m, high_m = (extreme.reduceat(corners, 3 * first) for extreme in (np.minimum, np.maximum))
     return _Pieces(first, end, grade, np.stack([low_m, high_m], axis=1) + tile.origin_m)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from simbev_ros.assets.actors.actor_model import ActorModel
 from simbev_ros.assets.materials import Material
+from simbev_ros.foundation.on_demand import OnDemand
 from simbev_ros.foundation.tables import load_table
 from simbev_ros.foundation.types import Float64Array, Table
 from simbev_ros.schema.scene.state import Light, SignalState, map_from_actors
@@ -58,15 +59,15 @@ class VehicleLamps:
     """The lamps of all models of the catalog, found in their meshes."""
 
     def __init__(self, models: Sequence[ActorModel]) -> None:
-        """Find the lamps of (B,) models, indexed by blueprint."""
-        self._models = [_find_lamps(model) for model in models]
+        """Prepare (B,) models, indexed by blueprint."""
+        self._models = OnDemand(len(models), lambda blueprint: _find_lamps(models[blueprint]))
 
     def lit_lamps(self, actors: Table, origin_m: Float64Array) -> Table:
         """(N,) ``LAMP_DTYPE`` lit lamps of (A,) ``ACTOR_DTYPE`` rows, in a world around (3,) ``origin_m``."""
         poses = map_from_actors(actors)
         poses[:, :3, 3] -= origin_m
         parts = [np.zeros(0, LAMP_DTYPE)]
-        for blueprint in np.unique(actors["blueprint"]):
+        for blueprint in np.unique(actors["blueprint"]).tolist():
             model = self._models[blueprint]
             selected = np.flatnonzero((actors["blueprint"] == blueprint) & (actors["lights"] != 0))
             free = np.ones((len(selected), len(model.material)), bool)

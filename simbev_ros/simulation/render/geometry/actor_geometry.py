@@ -22,7 +22,7 @@ _INSTANCE_DTYPE = np.dtype([("in_row", "<u4"), ("in_first", "<u4")])
 
 
 class ActorGeometry:
-    """Uploaded meshes of the models that worlds have shown so far, and the draw calls for selected actors."""
+    """Uploaded meshes of the models that a world shows, and the draw calls for selected actors."""
 
     def __init__(
         self,
@@ -42,8 +42,8 @@ class ActorGeometry:
         needed = frozenset(world.actors["blueprint"].tolist())
         if needed <= self._held:
             return
-        self._held |= needed
-        meshes = []
+        self._held, meshes = needed, []
+        self._counts[:] = 0
         for blueprint in sorted(self._held):
             levels = self._detail.load(blueprint)
             self._counts[blueprint, : len(levels)] = [len(mesh.triangles) for mesh in levels]

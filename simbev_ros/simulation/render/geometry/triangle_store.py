@@ -44,7 +44,7 @@ class TriangleStore:
         """Upload other meshes instead of those held so far."""
         for buffer in self._buffers:
             buffer.release()
-        self._buffers = [self._context.buffer(array.tobytes()) for array in _merge_meshes(meshes)]
+        self._buffers = [self._context.buffer(array) for array in _merge_meshes(meshes)]
         self._vertices, self._triangles = self._buffers
         self._allocate(_MIN_CAPACITY)
 
@@ -78,7 +78,7 @@ class TriangleStore:
         commands[:, 4] = ragged_starts(counts)
         for buffer, content in ((self._instances, instances), (self._commands, commands)):
             buffer.orphan()
-            buffer.write(content.tobytes())
+            buffer.write(content)
         self._arrays[program].render_indirect(self._commands, count=len(first))
 
     def _allocate(self, capacity: int) -> None:
@@ -121,6 +121,7 @@ def _merge_meshes(meshes: Sequence[Mesh]) -> tuple[Table, UInt32Array]:
     vertex = triangle = 0
     for mesh in meshes:
         vertices[vertex : vertex + len(mesh.vertices)] = pack_vertices(mesh)
-        triangles[triangle : triangle + len(mesh.triangles)] = mesh.triangles + np.int64(vertex)
+        target = triangles[triangle : triangle + len(mesh.triangles)]
+        np.add(mesh.triangles.view(np.uint32), np.uint32(vertex), out=target)
         vertex, triangle = vertex + len(mesh.vertices), triangle + len(mesh.triangles)
     return vertices, triangles

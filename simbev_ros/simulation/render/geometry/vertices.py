@@ -41,9 +41,10 @@ def pack_vertices(mesh: Mesh) -> Table:
 
 def _octahedral(normals: Float32Array) -> UInt32Array:
     """(V,) pairs of snorm16: (V, 3) unit normals folded onto a square (Cigolle et al. 2014)."""
-    n = normals.astype(np.float64)
-    n /= np.maximum(np.abs(n).sum(axis=1, keepdims=True), 1e-20)
-    folded = (1.0 - np.abs(n[:, 1::-1])) * np.where(n[:, :2] >= 0.0, 1.0, -1.0)
-    square = np.where(n[:, 2:] >= 0.0, n[:, :2], folded)
-    fixed = np.round(square * 32767.0).astype(np.int64) & 0xFFFF
-    return (fixed[:, 0] | fixed[:, 1] << 16).astype(np.uint32)
+    n = normals.T.astype(np.float64, order="C")  # rows are several times as fast as columns
+    size = np.abs(n)
+    n /= np.maximum(size[0] + size[1] + size[2], 1e-20)
+    folded = (1.0 - np.abs(n[1::-1])) * np.where(n[:2] >= 0.0, 1.0, -1.0)
+    square = np.where(n[2] >= 0.0, n[:2], folded)
+    low, high = np.round(square * 32767.0).astype(np.int32).view(np.uint32) & np.uint32(0xFFFF)
+    return low | high << np.uint32(16)

@@ -8,6 +8,7 @@ from simbev_ros.cli.console import make_console
 from simbev_ros.cli.scene_options import SHIPPED
 from simbev_ros.cli.timing_report import Json, show_timing
 from simbev_ros.config.load import load_scenario
+from simbev_ros.foundation.errors import InputError
 from simbev_ros.foundation.files.limits import MAX_AGENTS
 from tools.bench.cli.data import city, evaluate, reading, record
 from tools.bench.cli.endurance import endurance
@@ -31,7 +32,7 @@ bench = typer.Typer(rich_markup_mode="rich", no_args_is_help=True, add_completio
 
 @bench.callback()
 def _bench() -> None:
-    """Time cameras, rays, labels, recorder, world or agents, or work on datasets; watch long runs.
+    """Time scenes, cameras, rays, labels, recorder, world or agents, or work on datasets; watch long runs.
 
     [bold]Examples[/]
 
@@ -82,6 +83,30 @@ def world(
         ],
         as_json=as_json,
     )
+
+
+@bench.command()
+def scene(
+    maps: Annotated[str, typer.Option(help="Two maps: that of two scenes, and another one.")] = "Town03,Town02",
+    workers: Annotated[int, typer.Option(help="Number of graphs side by side.", min=1, max=100)] = 1,
+    as_json: Json = False,
+) -> None:
+    """Time whole scenes with four cameras at 1 Hz, core-seconds by phase and process: first, same town, another town.
+
+    The parts of loading are timed in one process without a graph; several processes of a graph may need the same part.
+
+    [bold]Example[/]
+
+    python -m tools.bench scene --maps Town12,Town04 --workers 8
+    """
+    from simbev_ros.cli.production_display import SceneDisplay
+    from tools.bench.scene_timing import CASES, timed_scenes
+
+    if len(names := maps.split(",")) != 2:
+        raise InputError(f"{maps}; must be two maps, separated by a comma", parameter="maps")
+    result = timed_scenes(names, workers, SceneDisplay(make_console(stderr=True)))
+    title = f"core-seconds, {result.workers:.0f} workers, peak memory of one {result.memory_mib:.0f} MiB"
+    show_timing(result, title, ("", *CASES), result.rows(), as_json=as_json)
 
 
 @bench.command()

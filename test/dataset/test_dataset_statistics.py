@@ -150,3 +150,14 @@ def test_frames_without_labels_do_not_count_as_frames_without_boxes(tmp_path: Pa
     assert (statistics.tally.frames, statistics.tally.labeled_frames, facts.labeled_frames) == (12, 3, 3)
     assert np.flatnonzero(facts.moments["labeled"]).tolist() == [0, 5, 10]
     assert facts.boxes == 3 * 12 and ("12", "boxes a frame") in key_figures(statistics)
+
+
+@pytest.mark.parametrize(("max_frames", "every", "labeled"), [(24, 1, 5), (3, 5, 5), (2, 10, 3)])
+def test_sampled_frames_have_labels(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, max_frames: int, every: int, labeled: int
+) -> None:
+    spec = labeled_at(made_up_spec(SENSORS, ticks=24), 4)
+    record_made_up(tmp_path / "scenes/train/Blocks-0000", spec)
+    monkeypatch.setattr(statistics_module, "MAX_FRAMES", max_frames)
+    statistics = statistics_of(open_dataset(tmp_path))
+    assert (statistics.every, statistics.tally.labeled_frames) == (every, labeled)

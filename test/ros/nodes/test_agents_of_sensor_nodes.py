@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from made_up_scene import made_up_spec
+from made_up_scene import labeled_at, made_up_spec
 from several_agents import car, roadside_unit, with_agents
 from started_nodes import started_node
 from synthetic_world import actor, box, cart_model, mesh, sheet, static_scene, world
@@ -251,10 +251,7 @@ def test_readers_are_expected_for_the_topics_of_every_agent() -> None:
 @pytest.mark.parametrize("kind", ["lidar", "radar"])
 @pytest.mark.parametrize("recorded", [False, True])
 def test_what_only_annotators_read_is_sent_at_ticks_with_labels(kind: str, recorded: bool) -> None:
-    data = scene_of(kind).model_dump(mode="json")
-    for agent in data["agents"]:
-        agent["annotation"]["rate_hz"] = 10
-    spec, every_tick, of_car = SceneSpec.model_validate(data), published(kind, scene_of(kind)), f"/car/{kind}/"
+    spec, every_tick, of_car = labeled_at(scene_of(kind), 10), published(kind, scene_of(kind)), f"/car/{kind}/"
     with started_node(kind, spec, annotated=True) as node:
         node._on_scene(spec.model_dump_json(), b"")
         node.reader_count = lambda name: name.endswith("/points") + (recorded and name.startswith(of_car))

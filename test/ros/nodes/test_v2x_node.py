@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from display_topics import display_topics
-from made_up_scene import made_up_spec
+from made_up_scene import labeled_at, made_up_spec
 from rclpy.serialization import serialize_message
 from several_agents import made_up_agents
 from started_nodes import started_node
@@ -16,6 +16,7 @@ from synthetic_world import actor, cart_model, world
 from simbev_ros.drawing.displays.detections import DETECTIONS_3D
 from simbev_ros.foundation.types import Table
 from simbev_ros.ros.msgs.displays import scene_displays
+from simbev_ros.ros.msgs.joint_topics import joint_inputs
 from simbev_ros.ros.msgs.tables import message_from_table, table_from_message
 from simbev_ros.ros.msgs.topics import manifest
 from simbev_ros.schema.boxes import blank_boxes
@@ -59,7 +60,9 @@ def play(node: Any, spec: SceneSpec, readers: int = 0) -> dict[str, list[Any]]:
     for tick in TICKS:
         node.process(spec, state_at(tick))
         node.finish(spec, state_at(tick))
-        for name in AGENTS if tick >= 0 and len(spec.agents) > 1 else ():
+        for name, topic in joint_inputs(spec).items() if tick >= 0 else ():
+            if tick % topic.period_ticks:
+                continue
             payload = serialize_message(message_from_table(boxes_of(tick), spec.stamp_ns(tick), "map"))
             node._joined._subscriptions[f"/{name}/boxes"].callback(payload)
     return dict(sent)
@@ -85,6 +88,15 @@ def test_messages_are_published_when_sent_and_at_every_tick_as_they_arrive() -> 
             assert (table.dtype, table.tobytes()) == (rows.dtype, rows.tobytes())
             assert message.header.frame_id == "map"
     assert [len(table_from_message(message)) for message in found["/ego/v2x"]] == [0, 2, 0, 2, 0, 2]
+
+
+def test_messages_do_not_depend_on_the_rate_of_labels_that_divides_theirs() -> None:
+    slow = labeled_at(scene(), 10)
+    assert {topic.period_ticks for topic in joint_inputs(slow).values()} == {2}
+    with started_node("v2x", scene()) as node:
+        every_tick = play(node, scene())
+    with started_node("v2x", slow) as node:
+        assert play(node, slow) == every_tick
 
 
 def test_the_topics_are_those_of_the_manifest_and_of_the_displays() -> None:

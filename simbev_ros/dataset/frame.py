@@ -28,8 +28,8 @@ _MESSAGES = "v2x"
 class Frame(Mapping[str, Any]):
     """Mapping from keys to an agent's sensor data and labels of one tick; each is decoded on first access and kept.
 
-    A sensor that is slower than the tick rate has no key in most frames; ``last`` gives its latest sample. A sensor
-    with several samples per tick, such as a fast IMU, has all samples since the previous tick.
+    A sensor or label that is slower than the tick rate has no key in most frames; ``last`` gives its latest sample. A
+    sensor with several samples per tick, such as a fast IMU, has all samples since the previous tick.
 
     Attributes:
         scene: The scene that the frame belongs to.

@@ -7,6 +7,7 @@ import pytest
 from sheet_scenes import BEV, BOXES, ODOMETRY, rpy_of, write_scene
 
 from simbev_ros.foundation.geometry.transforms import rotations_from_rpy
+from simbev_ros.foundation.semantics import BEV_CLASSES
 from simbev_ros.show.sheet.frames import FrameReader, SheetFrame
 from simbev_ros.show.sheet.views import find_views
 
@@ -39,6 +40,16 @@ def test_older_labels_are_level_at_the_egos_pose_at_their_stamp(tmp_path: Path) 
     assert truth.map_from_grid[:3, :3] == pytest.approx(rotations_from_rpy(np.array([0, 0, 0.2])))
     assert truth.map_from_ego[0, 3] == 4
     assert truth.boxes is None, "their objects have moved since"
+
+
+def test_older_labels_lack_what_may_have_moved(tmp_path: Path) -> None:
+    car = 1 << BEV_CLASSES.index("car")
+    everything = frames(tmp_path / "a", {RGB: [car + 2, car + 3], BEV: [car + 2], ODOMETRY: [*range(car + 4)]})
+    seen = {frame.ticks[RGB]: frame.truths[RGB].labels for frame in everything if RGB in frame.truths}
+    assert {tick: int(labels[0, 0]) for tick, labels in seen.items() if labels is not None} == {
+        car + 2: car + 2,
+        car + 3: 2,
+    }
 
 
 def test_ground_truth_of_a_silent_topic_expires(tmp_path: Path) -> None:

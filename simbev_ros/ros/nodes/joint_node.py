@@ -20,13 +20,13 @@ class JointNode(BoxReader):
         super().start_scene(spec)
         if (topic := joint_boxes_topic(spec)) is None:
             return []
+        self._period_ticks = topic.period_ticks
         self.advertise(topic)
         return [topic.name]
 
     def process_boxes(self, spec: SceneSpec, state: WorldState, boxes: Mapping[str, Table]) -> None:
         """Publish the joint boxes of a tick at which all agents have labels."""
-        topic = joint_boxes_topic(spec)
-        if topic is None or state.tick % topic.period_ticks:
+        if state.tick % self._period_ticks:
             return
         joint = join_boxes([agent.name for agent in spec.agents], boxes)
         for agent, reason in joint.refused.items():

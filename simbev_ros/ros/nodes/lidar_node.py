@@ -126,7 +126,7 @@ class LidarNode(Participant):
 
     def _is_wanted(self, mounted: _Mounted, tick: int) -> bool:
         names = [topic.name for topic in mounted.topics if topic is not None]
-        return mounted.is_due(tick) and not self.is_for_labels(names, tick)
+        return mounted.is_due(tick) and not self.is_superfluous(names, tick)
 
     def _wait_for_threads(self) -> None:
         """Wait until no thread uses the ray casting scenes."""

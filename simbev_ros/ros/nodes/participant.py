@@ -226,10 +226,11 @@ class Participant(GraphNode):
 
     def is_needed(self, name: str, tick: int) -> bool:
         """Whether a tick's message on an advertised topic has a reader; an annotator is one at ticks with labels."""
-        return self.reader_count(name) > (tick % self._annotated_periods.get(name, 1) != 0)
+        idle_annotators = int(tick % self._annotated_periods.get(name, 1) != 0)
+        return self.reader_count(name) > idle_annotators
 
-    def is_for_labels(self, names: Collection[str], tick: int) -> bool:
-        """Whether only an annotator reads these topics, and the tick has no labels, so that no message is needed."""
+    def is_superfluous(self, names: Collection[str], tick: int) -> bool:
+        """Whether a tick's messages are not needed: the tick has no labels, and only an annotator reads the topics."""
         has_labels = all(tick % self._annotated_periods.get(name, 1) == 0 for name in names)
         return not has_labels and not any(self.is_needed(name, tick) for name in names)
 

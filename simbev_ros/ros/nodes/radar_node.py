@@ -77,7 +77,7 @@ class RadarNode(Participant):
 
     def _is_wanted(self, mounted: _Mounted, tick: int) -> bool:
         name = mounted.topic.name
-        return mounted.is_due(tick) and (self.is_shown(name) or not self.is_for_labels([name], tick))
+        return mounted.is_due(tick) and (self.is_shown(name) or not self.is_superfluous([name], tick))
 
     def _scan(self, rays: RayScene, due: Sequence[_Mounted], view: AgentView, state: WorldState) -> None:
         """Scan with some radars of an agent; their rays pass through the agent and its rider."""

@@ -13,6 +13,7 @@ import numpy as np
 from simbev_ros.dataset.scene import Scene
 from simbev_ros.foundation.types import AnyArray
 from simbev_ros.foundation.units import NS_PER_S
+from simbev_ros.show.sheet.ground_tint import GROUND_BITS
 from simbev_ros.show.sheet.truth import Truth, leveled_pose
 from simbev_ros.show.sheet.views import BOXES, LABELS, ODOMETRY, TRUTH, Views
 
@@ -96,10 +97,11 @@ class FrameReader:
         map_from_ego, labels = self._value(ODOMETRY, tick), self._latest(LABELS, tick)
         if labels is not None and self._latest(ODOMETRY, labels) != labels:
             labels = None
+        bits = ~np.uint16(0) if labels == tick else GROUND_BITS  # what moves has moved since
         return Truth(
             map_from_ego,
-            self._value(BOXES, tick) if self._latest(BOXES, tick) == tick else None,  # others have moved since
-            None if labels is None else self._value(LABELS, labels),
+            self._value(BOXES, tick) if self._latest(BOXES, tick) == tick else None,
+            None if labels is None else self._value(LABELS, labels) & bits,
             leveled_pose(map_from_ego if labels is None else self._value(ODOMETRY, labels)),
         )
 

@@ -19,7 +19,8 @@ from simbev_ros.show.sheet.truth import Truth
 GROUND_CLASSES = ("road", "hazard", "road_line", "sidewalk", "crosswalk")
 """Bird's-eye-view classes that lie on the ground."""
 
-_GROUND_BITS = np.uint16(sum(1 << BEV_CLASSES.index(name) for name in GROUND_CLASSES))
+GROUND_BITS = np.uint16(sum(1 << BEV_CLASSES.index(name) for name in GROUND_CLASSES))
+"""Their bits; other classes may move."""
 _GROUND_TAGS = np.isin(np.arange(256), [Tag.ROAD, Tag.SIDEWALK, Tag.TERRAIN, Tag.ROAD_LINE, Tag.GROUND, Tag.BRIDGE])
 
 _HEIGHT_M, _SLOPE = 0.4, 0.05
@@ -72,7 +73,7 @@ def ground_labels(
     ground &= (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
     found = truth.labels[row[ground], column[ground]]
     labels = np.zeros(depth.size, np.uint16)
-    labels[seen[ground]] = np.where(found & ~_GROUND_BITS, 0, found) if tags is None else found
+    labels[seen[ground]] = np.where(found & ~GROUND_BITS, 0, found) if tags is None else found
     return labels.reshape(size_px[::-1])
 
 

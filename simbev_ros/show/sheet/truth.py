@@ -15,7 +15,8 @@ class Truth:
     Attributes:
         map_from_ego: (4, 4) pose of the ego at that time.
         boxes: (N,) rows of /ego/boxes, map frame; None if there are none at that time.
-        labels: (rows, columns) uint16 bird's-eye-view labels; None if there are no recent ones.
+        labels: (rows, columns) uint16 bird's-eye-view labels; None if there are no recent ones. Those of an earlier
+            time contain only the classes that lie on the ground.
         map_from_grid: (4, 4) pose of the labels' grid: leveled_pose, along the ego's heading at the labels' stamp.
     """
 

@@ -4,7 +4,7 @@ SUMO's vehicles never move backward. The body alone does, along the path on whic
 waits; it catches up when this drives on.
 
 At junctions, SUMO's drivers also wait for others who wait for them, and then nobody drives again. Drivers who have
-stood for long therefore pass others who have stood as long, whoever has the right of way.
+stood for long therefore pass others who have, too, even those with the right of way.
 """
 
 from collections.abc import Iterable

@@ -74,7 +74,7 @@ def make_preview(
         require_agent(agent, [*scene.agents, ALL] if len(scene.agents) > 1 else scene.agents, bag)
     seen = scene if agent in (None, ALL) else scene.of_agent(agent)
     shown = _all_agents(scene) if agent == ALL else _one_agent(seen, labels)
-    index = shown.frames // 2 if frame is None else frame
+    index = shown.middle if frame is None else frame
     if not 0 <= index < shown.frames:
         raise InputError(f"--frame {index}: {bag} has frames 0 to {shown.frames - 1}")
     name = bag if agent is None else f"{bag}.{agent}"
@@ -93,11 +93,13 @@ class _Shown(NamedTuple):
 
     Attributes:
         frames: Number of frames.
+        middle: Index of the frame in the middle, with boxes if any frame has them.
         write_picture: Writes the frame with an index to a file as PNG.
         write_video: Writes all frames to a file as MP4, and calls a function after each.
     """
 
     frames: int
+    middle: int
     write_picture: Callable[[int, Path], None]
     write_video: Callable[[Path, Callable[[], None]], None]
 
@@ -109,11 +111,13 @@ def _one_agent(scene: "Scene", labels: LabelPlacement) -> _Shown:
     from simbev_ros.show.sheet.views import find_views
 
     reader = FrameReader(scene, find_views(scene, labels))
-    return _Shown(len(reader.ticks), partial(write_picture, reader), partial(write_video, reader))
+    return _Shown(len(reader.ticks), reader.middle, partial(write_picture, reader), partial(write_video, reader))
 
 
 def _all_agents(scene: "Scene") -> _Shown:
     """Recorded data of all agents of a scene."""
+    from simbev_ros.show.sheet.frames import middle_frame
     from simbev_ros.show.sheet.preview import write_agents_picture, write_agents_video
 
-    return _Shown(len(scene), partial(write_agents_picture, scene), partial(write_agents_video, scene))
+    middle = middle_frame(scene.has(["world/boxes"]))
+    return _Shown(len(scene), middle, partial(write_agents_picture, scene), partial(write_agents_video, scene))

@@ -2,11 +2,12 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
-from sheet_scenes import write_scene
+from sheet_scenes import BOXES, ODOMETRY, write_scene
 
 from simbev_ros.foundation.errors import BagError
-from simbev_ros.show.sheet.frames import FrameReader
+from simbev_ros.show.sheet.frames import FrameReader, middle_frame
 from simbev_ros.show.sheet.views import find_views
 
 FAST, SLOW = "cam_back/rgb", "cam_front/rgb"
@@ -41,3 +42,16 @@ def test_a_silent_sensor_is_left_out(tmp_path: Path) -> None:
 def test_a_bag_without_anything_to_show_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BagError, match="no images, semantic points"):
         find_views(write_scene(tmp_path / "a", {}))
+
+
+@pytest.mark.parametrize(
+    ("labeled", "middle"), [([], 4), ([*range(8)], 4), ([0, 5], 5), ([0, 3, 6], 3), ([0], 0), ([7], 7)]
+)
+def test_the_frame_in_the_middle_has_boxes_if_any_has(labeled: list[int], middle: int) -> None:
+    assert middle_frame(np.isin(np.arange(8), labeled)) == middle
+
+
+def test_the_middle_is_that_of_the_frames_that_are_shown(tmp_path: Path) -> None:
+    scene = write_scene(tmp_path / "a", {FAST: [*range(2, 8)], BOXES: [0, 3], ODOMETRY: [*range(8)]})
+    reader = FrameReader(scene, find_views(scene))
+    assert reader.ticks[reader.middle] == 3

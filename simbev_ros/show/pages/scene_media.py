@@ -53,7 +53,7 @@ def write_media(bag: AnyPath, folder: Path, *, video: bool) -> bool:
     except BagError:  # the bag is sound, but has nothing that can be shown
         return False
     reader = FrameReader(scene, views)
-    (frame,) = reader.frames(len(reader.ticks) // 2, 1)
+    (frame,) = reader.frames(reader.middle, 1)
     sheet = draw_sheet(reader, frame, _VIDEO_WIDTH_PX * 3 // 2)
     camera = next(
         (name for name in sorted(views.cameras, key=main_camera_rank) if views.cameras[name] in frame.arrays), ""

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from simbev_ros.dataset.scene import Scene
-from simbev_ros.foundation.types import AnyArray
+from simbev_ros.foundation.types import AnyArray, BoolArray
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.show.sheet.ground_tint import GROUND_BITS
 from simbev_ros.show.sheet.truth import Truth, leveled_pose
@@ -61,6 +61,11 @@ class FrameReader:
         shown = np.any([scene.has([key]) for key in views.keys], axis=0)
         self.ticks: list[int] = np.flatnonzero(shown).tolist()
         self._value = lru_cache(maxsize=len(views.read_keys) + _TRUTHS_HELD * len(TRUTH))(self._read)
+
+    @property
+    def middle(self) -> int:
+        """Index of the frame in the middle, see ``middle_frame``."""
+        return middle_frame(self.scene.has([BOXES])[self.ticks])
 
     @property
     def rate_hz(self) -> float:
@@ -113,3 +118,9 @@ class FrameReader:
         """Value of a key at a tick; the odometry as (4, 4) map_from_ego."""
         frame = self.scene[tick]
         return frame.map_from_ego if key == ODOMETRY else frame[key]
+
+
+def middle_frame(has_boxes: BoolArray) -> int:
+    """Index of the frame nearest to the middle of (N,) frames; of those with boxes, if there are any."""
+    frames = np.flatnonzero(has_boxes if has_boxes.any() else ~has_boxes).tolist()
+    return min(frames, key=lambda frame: abs(frame - len(has_boxes) // 2), default=0)

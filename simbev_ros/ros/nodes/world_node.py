@@ -18,6 +18,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from simbev_ros.assets.regions.region_scene import Streetside
 from simbev_ros.assets.regions.static_cache import load_streetside
+from simbev_ros.foundation.latest_value import LatestValue
 from simbev_ros.foundation.process_memory import freeze_after_loading
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
@@ -50,6 +51,7 @@ from simbev_ros.scene.reach import loaded_reach
 from simbev_ros.scene.request import SceneRequest, SceneStop
 from simbev_ros.schema.scene.agents import AgentView, agent_views
 from simbev_ros.schema.scene.lights import street_lights
+from simbev_ros.schema.scene.map_spec import MapSpec
 from simbev_ros.schema.scene.spec import SceneSpec
 from simbev_ros.schema.scene.state import WorldState
 from simbev_ros.simulation.replay.replay import Replay
@@ -117,6 +119,7 @@ class WorldNode(GraphNode):
         )
         self._pacer = Pacer(1.0 if self.live else max_factor)
         self._scene: _LoadedScene | None = None
+        self._networks = LatestValue[MapSpec, RoadNetwork]()
         self._commands: dict[str, Any] = {}
         self._next_tick = 0
         self._stop: SceneStop | None = None
@@ -155,7 +158,7 @@ class WorldNode(GraphNode):
     def _load(self, request: SceneRequest, views: Sequence[AgentView]) -> tuple[StateSource, WorldDisplays]:
         """Load and announce a scene; return the source of its states, and its displays."""
         spec = request.spec
-        network = load_network(spec.map)
+        network = self._networks.get(spec.map, lambda: load_network(spec.map))
         for topic in (topics.end_topic(), *topics.world_topics(spec)):
             self.advertise(topic)
         self.advertise_derived(spec)

@@ -9,9 +9,11 @@ import numpy as np
 import shapely
 
 from simbev_ros.foundation.errors import SimulationError
+from simbev_ros.foundation.latest_value import LatestValue
 from simbev_ros.foundation.types import Int64Array, Table
 from simbev_ros.foundation.units import NS_PER_S
 from simbev_ros.maps.network import RoadNetwork
+from simbev_ros.maps.roads.layout import Layout
 from simbev_ros.maps.roads.tunnels import Tunnels
 from simbev_ros.scene.weather_course import WeatherCourse
 from simbev_ros.schema.scene.agents import agent_views
@@ -152,13 +154,23 @@ class Actors:
             self._population.hold_crashed(body, front_m, yaw_rad)
 
 
+_grounds = LatestValue[Layout, GroundSurface]()
+"""The ground of the latest scene; its sidewalks take longer to build than all else in it."""
+
+
 def _ground(spec: SceneSpec, network: RoadNetwork, sample: TrafficSample) -> GroundSurface:
     """The ground that actors can reach; prepares the sidewalks that pedestrians can reach."""
     layout = network.layout.near(_reachable_area(spec, network, sample), _GROUND_MARGIN_M)
-    ground = GroundSurface(layout, walks_on_land=not network.verges.is_empty)
+    if _sizes(layout) == _sizes(network.layout):  # nothing is left out
+        layout = network.layout
+    ground = _grounds.get(layout, lambda: GroundSurface(layout, walks_on_land=not network.verges.is_empty))
     max_speed_mps = max((pedestrian.max_speed_mps for pedestrian in spec.pedestrians), default=0.0)
     ground.prepare(sample.pedestrian_m, max_speed_mps * (spec.warm_up_ticks + spec.ticks) * spec.tick_ns / NS_PER_S)
     return ground
+
+
+def _sizes(layout: Layout) -> tuple[int, ...]:
+    return len(layout.strips), len(layout.crosswalks), len(layout.stop_lines)
 
 
 def _reachable_area(spec: SceneSpec, network: RoadNetwork, sample: TrafficSample) -> shapely.Polygon:

@@ -63,3 +63,14 @@ def test_a_scene_that_ends_with_a_collision_leaves_no_trace_in_the_next_one():
         simulation.step()
         simulation._population.hold_crashed(0, np.array([5.0, 5.0, 0.0]), 0.0)
     assert [state.actors.tobytes() for state in run(spec)] == [state.actors.tobytes() for state in first]
+
+
+def test_scenes_on_one_map_share_its_ground_and_have_the_bytes_that_they_have_alone():
+    spec, grounds, states = scene(ticks=20), [], []
+    for network in (load_network(spec.map), blocks(), blocks()):
+        with Simulation(spec, network) as simulation:
+            grounds.append(simulation._actors.ground)
+            states.append([simulation.step().actors.tobytes() for _ in range(spec.warm_up_ticks + spec.ticks)])
+    alone, first, second = grounds
+    assert first is second and first is not alone
+    assert states[0] == states[1] == states[2]

@@ -4,8 +4,10 @@ from collections.abc import Sequence
 from itertools import chain
 from pathlib import Path
 
+from simbev_ros.assets.actors.catalog import build_models
 from simbev_ros.assets.regions.region_pool import build_regions
 from simbev_ros.assets.regions.static_cache import StaticCache
+from simbev_ros.config.camera import Camera
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.network import RoadNetwork
 from simbev_ros.maps.region import Region, regions_of
@@ -30,11 +32,13 @@ def load_roads(spec: MapSpec, observer: ProductionObserver = SILENT) -> RoadNetw
 
 
 def build_surroundings(specs: Sequence[SceneSpec], observer: ProductionObserver = SILENT) -> None:
-    """Fill the cache with the static scene around each scene's route; every node loads it from there.
+    """Fill the cache with the static scene around each scene's route, and with actors if there are cameras.
 
     Raises:
         InputError: The cache cannot be written.
     """
+    if any(agent.rig.of_type(Camera) for spec in specs for agent in spec.agents):
+        build_models()
     for map_spec in dict.fromkeys(spec.map for spec in specs):
         network = load_network(map_spec)
         seen = [regions_of(network.layout, loaded_reach(spec, network)) for spec in specs if spec.map == map_spec]

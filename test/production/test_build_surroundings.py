@@ -5,11 +5,14 @@ from pathlib import Path
 import pytest
 from analytic_maps import hilly_road
 
+from simbev_ros.assets.actors import catalog
 from simbev_ros.assets.regions.static_cache import StaticCache
+from simbev_ros.config.scenario import Scenario
 from simbev_ros.maps.region import Region
 from simbev_ros.production import ProductionObserver, surroundings
+from simbev_ros.production.drawing import draw_scenes
 from simbev_ros.production.events import ProductionEvent, SurroundingsStarted
-from simbev_ros.production.surroundings import build_missing_regions
+from simbev_ros.production.surroundings import build_missing_regions, build_surroundings
 from simbev_ros.schema.scene.map_spec import MapSpec
 
 SPEC = MapSpec(name="analytic", seed=0)
@@ -36,3 +39,29 @@ def test_only_what_is_missing_after_the_wait_is_built(
     monkeypatch.setattr(surroundings, "build_regions", lambda _spec, regions, *_: built.extend(regions))
     build_missing_regions(SPEC, hilly_road(), [EAST, WEST], observer, tmp_path)
     assert (tuple(built), observer.announced) == (left, announced)
+
+
+@pytest.mark.parametrize("missing", [(), ("exact.npz",), ("coarser.npz",)])
+def test_actors_are_built_before_nodes_would_wait_for_one_another(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, missing: tuple[str, ...]
+) -> None:
+    for name in {"exact.npz", "coarser.npz"}.difference(missing):
+        (tmp_path / name).touch()
+    loaded: list[str] = []
+    monkeypatch.setattr(catalog, "_folder", lambda: tmp_path)
+    monkeypatch.setattr(catalog, "load_models", lambda: loaded.append("exact"))
+    monkeypatch.setattr(catalog, "_all_coarser", lambda: loaded.append("coarser"))
+    catalog.build_models()
+    assert loaded == (["exact", "coarser"] if missing else [])
+
+
+@pytest.mark.parametrize(("sensors", "calls"), [([{"type": "camera", "name": "front"}], 1), ([], 0)])
+def test_only_cameras_need_actors_ahead(
+    monkeypatch: pytest.MonkeyPatch, sensors: list[dict[str, str]], calls: int
+) -> None:
+    built: list[None] = []
+    monkeypatch.setattr(surroundings, "build_models", lambda: built.append(None))
+    monkeypatch.setattr(surroundings, "build_missing_regions", lambda *_: None)
+    values = {"scenes": [{"map": "Blocks", "train": 1}], "rig": {"sensors": sensors}, "traffic": {"vehicles": 0}}
+    build_surroundings(draw_scenes(Scenario.model_validate(values)))
+    assert len(built) == calls

@@ -13,6 +13,7 @@ from simbev_ros.foundation.cache.fingerprint import fingerprint
 from simbev_ros.scene.blueprints import load_blueprints
 
 _KIND = "models"
+_EXACT, _COARSER = "exact.npz", "coarser.npz"
 
 
 @lru_cache(maxsize=1)
@@ -23,7 +24,14 @@ def load_models() -> tuple[ActorModel, ...]:
         InputError: The cache cannot be written.
     """
     read = partial(read_models, blueprints=load_blueprints(), coarser=_coarser)
-    return read_cached(_folder() / "exact.npz", _KIND, read, lambda path: write_models(path, tuple(_built())))
+    return read_cached(_folder() / _EXACT, _KIND, read, lambda path: write_models(path, tuple(_built())))
+
+
+def build_models() -> None:
+    """Build the models that the cache lacks, which takes minutes: before any process has others wait for it."""
+    if not all((_folder() / name).is_file() for name in (_EXACT, _COARSER)):
+        load_models()
+        _all_coarser()
 
 
 def _coarser(index: int) -> tuple[CoarserMesh, ...]:
@@ -36,7 +44,7 @@ def _all_coarser() -> list[tuple[CoarserMesh, ...]]:
     def write(path: Path) -> None:
         write_coarser(path, (model.build_coarser() for model in _built()))
 
-    return read_cached(_folder() / "coarser.npz", _KIND, read_coarser, write)
+    return read_cached(_folder() / _COARSER, _KIND, read_coarser, write)
 
 
 def _built() -> Iterator[ActorModel]:

@@ -101,7 +101,7 @@ def timed_scenes(maps: Sequence[str], workers: int = 1, observer: ProductionObse
     Args:
         maps: Two towns or map files.
         workers: Number of graphs side by side, each in a process of its own if there are several.
-        observer: Receives the progress of a single graph.
+        observer: Receives the progress of what is built first.
 
     Raises:
         InputError: A scene cannot be drawn.
@@ -142,7 +142,7 @@ def _timed_graph(maps: Sequence[str], observer: ProductionObserver) -> SceneCost
         for case, entry in zip(CASES, entries, strict=True):
             specs[case] = drawer.draw(entry)
             build_surroundings([specs[case]], observer)
-            scenes[case] = _timed_scene(session, specs[case], clock, observer)
+            scenes[case] = _timed_scene(session, specs[case], clock)
             meter.look(session.pids().values())
         memory_mib = meter.cost(session.pids().values(), 1).memory_mib
         nodes_s, own_s = clock.total_s() - time.process_time(), time.process_time()
@@ -182,9 +182,7 @@ def _await_quiet(session: GraphSession) -> None:
         session.wait(_QUIET_S)
 
 
-def _timed_scene(
-    session: GraphSession, spec: SceneSpec, clock: _PhaseClock, observer: ProductionObserver
-) -> dict[str, _Phase]:
+def _timed_scene(session: GraphSession, spec: SceneSpec, clock: _PhaseClock) -> dict[str, _Phase]:
     """Play a scene; return the processor time of each phase and process."""
     phases: dict[str, _Phase] = {"draw": clock.phase()}
     ahead = [("load", spec.loaded_tick), ("lead-in", -1), ("ticks", spec.ticks - 1)]
@@ -193,7 +191,7 @@ def _timed_scene(
         while ahead and tick is not None and tick >= ahead[0][1]:
             phases[ahead.pop(0)[0]] = clock.phase()
 
-    play_on(session, spec, observer, on_tick=look)
+    play_on(session, spec, on_tick=look)  # a display of the progress would cost as much as the supervisor
     phases["close"] = clock.phase()
     return phases
 

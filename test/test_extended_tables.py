@@ -29,7 +29,7 @@ import numpy as np
 from simbev_ros.config.evaluation import Evaluation
 from simbev_ros.assets.actors.shape import build_model, load_shape
 from simbev_ros.foundation.semantics import BEV_CLASSES, BOX_CLASSES, MOVING_CLASSES
-from simbev_ros.scene.blueprints import blueprint_named
+from simbev_ros.scene.blueprints import blueprint_named, load_blueprints
 from simbev_ros.schema.boxes import difficulty
 from simbev_ros.schema.nuscenes import category_of_blueprint
 from simbev_ros.schema.palette import bev_color, chart_color, class_color
@@ -37,7 +37,8 @@ from simbev_ros.scene.legend import legend
 from simbev_ros.simulation.annotation.boxes.boxes import class_of_blueprint
 
 assert (BOX_CLASSES.index("tram"), BEV_CLASSES.index("tram")) == (10, 14) and "tram" in MOVING_CLASSES
-assert class_of_blueprint()[-1] == 10 and legend()["box_classes"][10] == "tram"
+index = [blueprint.name for blueprint in load_blueprints()].index("vehicle.tram")
+assert class_of_blueprint()[index] == 10 and legend()["box_classes"][10] == "tram"
 assert difficulty(np.array([10, 10]), np.array([10.0, 90.0]), np.array([200, 200])).tolist() == [0, 2]
 assert bev_color(np.array([1 << 14], np.uint16))[0].tolist() == list(class_color("tram")) == list(chart_color("tram"))
 tram = blueprint_named("vehicle.tram")

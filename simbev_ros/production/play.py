@@ -1,13 +1,13 @@
 """Playing scenes on a node graph, with or without recording: the core of ``simbev run``, ``demo`` and ``replay``."""
 
 from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
 from simbev_ros.config.scenario import Scenario
-from simbev_ros.foundation.errors import GraphError, SimbevError
+from simbev_ros.foundation.errors import DiskError, GraphError, SimbevError
 from simbev_ros.foundation.files.whole_files import require_writable
 from simbev_ros.production.drawing import draw_scenes
 from simbev_ros.production.events import (
@@ -161,7 +161,8 @@ def play_on(
             write_scene_log(log_to, attempt, f"{end.reason} after tick {end.tick}", session.new_output())
     except SimbevError as error:
         if log_to is not None:
-            write_scene_log(log_to, attempt, str(error), session.new_output(), failed=True)
+            with suppress(DiskError):  # a full disk may be the reason
+                write_scene_log(log_to, attempt, str(error), session.new_output(), failed=True)
         raise
     finally:
         observer.notify(SceneEnded(spec.name, end))

@@ -38,7 +38,8 @@ def build_surroundings(specs: Sequence[SceneSpec], observer: ProductionObserver 
         InputError: The cache cannot be written.
     """
     if any(agent.rig.of_type(Camera) for spec in specs for agent in spec.agents):
-        build_models()
+        with observe_step(observer, "vehicles and people"):
+            build_models()
     for map_spec in dict.fromkeys(spec.map for spec in specs):
         network = load_network(map_spec)
         seen = [regions_of(network.layout, loaded_reach(spec, network)) for spec in specs if spec.map == map_spec]

@@ -51,7 +51,7 @@ def test_whatever_is_killed_the_dataset_is_that_of_one_graph(simbev: Simbev, fin
     command.wait_for(lambda: len(files(two)) >= 2)
     os.kill(find(WORKER)[0], signal.SIGKILL)
     command.wait_for(lambda: len(files(two)) >= 5 and len(find(WORKER)) == 2)
-    os.kill(find(NODE)[0], signal.SIGKILL)
+    os.kill(find(NODE)[-1], signal.SIGKILL)  # the newest: others may still be ending with their worker
     command.wait_for(lambda: len(files(two)) >= 9)
     command.process.kill()  # alone: its workers have to notice
     command.process.wait()

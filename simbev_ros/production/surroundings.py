@@ -32,14 +32,13 @@ def load_roads(spec: MapSpec, observer: ProductionObserver = SILENT) -> RoadNetw
 
 
 def build_surroundings(specs: Sequence[SceneSpec], observer: ProductionObserver = SILENT) -> None:
-    """Fill the cache with the static scene around each scene's route, and with actors if there are cameras.
+    """Fill the cache with the static scene around each scene's route, and with models of actors.
 
     Raises:
         InputError: The cache cannot be written.
     """
-    if any(agent.rig.of_type(Camera) for spec in specs for agent in spec.agents):
-        with observe_step(observer, "vehicles and people"):
-            build_models()
+    with observe_step(observer, "vehicles and people"):
+        build_models(coarser=any(agent.rig.of_type(Camera) for spec in specs for agent in spec.agents))
     for map_spec in dict.fromkeys(spec.map for spec in specs):
         network = load_network(map_spec)
         seen = [regions_of(network.layout, loaded_reach(spec, network)) for spec in specs if spec.map == map_spec]

@@ -54,3 +54,22 @@ def test_python_objects_are_refused(path: Path) -> None:
     np.savez(path, objects=np.array([{}], object), allow_pickle=True)
     with pytest.raises(NPZ_DAMAGE):
         map_arrays(path)
+
+
+def test_maps_hold_no_descriptor_and_end_with_their_last_array(tmp_path: Path) -> None:
+    def descriptors() -> int:
+        return len(list(Path("/proc/self/fd").iterdir()))
+
+    def maps() -> int:
+        return Path("/proc/self/maps").read_text().count(str(path))
+
+    path = tmp_path / "arrays.npz"
+    write_arrays(path, {"a": np.arange(5.0), "b": np.arange(3)})
+    before = descriptors()
+    arrays = map_arrays(path)
+    assert descriptors() == before and maps() == 1
+    kept = arrays.pop("b")[1:]
+    arrays.clear()
+    assert maps() == 1 and kept.tolist() == [1, 2] and not kept.flags.writeable
+    del kept
+    assert maps() == 0

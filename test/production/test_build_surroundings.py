@@ -41,27 +41,28 @@ def test_only_what_is_missing_after_the_wait_is_built(
     assert (tuple(built), observer.announced) == (left, announced)
 
 
+@pytest.mark.parametrize("coarser", [False, True])
 @pytest.mark.parametrize("missing", [(), ("exact.npz",), ("coarser.npz",)])
 def test_actors_are_built_before_nodes_would_wait_for_one_another(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, missing: tuple[str, ...]
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, missing: tuple[str, ...], coarser: bool
 ) -> None:
     for name in {"exact.npz", "coarser.npz"}.difference(missing):
         (tmp_path / name).touch()
     loaded: list[str] = []
     monkeypatch.setattr(catalog, "_folder", lambda: tmp_path)
-    monkeypatch.setattr(catalog, "load_models", lambda: loaded.append("exact"))
-    monkeypatch.setattr(catalog, "_all_coarser", lambda: loaded.append("coarser"))
-    catalog.build_models()
-    assert loaded == (["exact", "coarser"] if missing else [])
+    monkeypatch.setattr(catalog, "load_models", lambda: loaded.append("exact.npz"))
+    monkeypatch.setattr(catalog, "_all_coarser", lambda: loaded.append("coarser.npz"))
+    catalog.build_models(coarser=coarser)
+    assert loaded == [name for name in missing if coarser or name == "exact.npz"]
 
 
-@pytest.mark.parametrize(("sensors", "calls"), [([{"type": "camera", "name": "front"}], 1), ([], 0)])
-def test_only_cameras_need_actors_ahead(
-    monkeypatch: pytest.MonkeyPatch, sensors: list[dict[str, str]], calls: int
+@pytest.mark.parametrize(("sensors", "coarser"), [([{"type": "camera", "name": "front"}], True), ([], False)])
+def test_only_cameras_need_coarser_meshes(
+    monkeypatch: pytest.MonkeyPatch, sensors: list[dict[str, str]], coarser: bool
 ) -> None:
-    built: list[None] = []
-    monkeypatch.setattr(surroundings, "build_models", lambda: built.append(None))
+    built: list[bool] = []
+    monkeypatch.setattr(surroundings, "build_models", lambda *, coarser: built.append(coarser))
     monkeypatch.setattr(surroundings, "build_missing_regions", lambda *_: None)
     values = {"scenes": [{"map": "Blocks", "train": 1}], "rig": {"sensors": sensors}, "traffic": {"vehicles": 0}}
     build_surroundings(draw_scenes(Scenario.model_validate(values)))
-    assert len(built) == calls
+    assert built == [coarser]

@@ -27,10 +27,15 @@ def load_models() -> tuple[ActorModel, ...]:
     return read_cached(_folder() / _EXACT, _KIND, read, lambda path: write_models(path, tuple(_built())))
 
 
-def build_models() -> None:
-    """Build the models that the cache lacks, which takes minutes: before any process has others wait for it."""
-    if not all((_folder() / name).is_file() for name in (_EXACT, _COARSER)):
+def build_models(*, coarser: bool) -> None:
+    """Build the models that the cache lacks, which takes minutes: before any process has others wait for it.
+
+    Args:
+        coarser: Whether cameras need the coarser meshes as well.
+    """
+    if not (_folder() / _EXACT).is_file():
         load_models()
+    if coarser and not (_folder() / _COARSER).is_file():
         _all_coarser()
 
 

@@ -3,7 +3,11 @@
 The format is NPZ without compression, in which the data of each array begins at a multiple of 64 bytes.
 """
 
+import ctypes
+import mmap
+import os
 import struct
+import weakref
 import zipfile
 from collections.abc import Mapping
 from io import BytesIO
@@ -19,6 +23,10 @@ _LOCAL_HEADER = struct.Struct("<26xHH")
 _PADDING_ID = 0xD935
 """Type of an extra field that aligns a member, as in Android's packages."""
 _MAX_ARRAY_HEADER_BYTES = 1 << 16
+_LIBRARY = ctypes.CDLL(None, use_errno=True)
+_LIBRARY.mmap.restype = ctypes.c_void_p
+_LIBRARY.mmap.argtypes = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int, ctypes.c_int, ctypes.c_int, ctypes.c_long
+_LIBRARY.munmap.argtypes = ctypes.c_void_p, ctypes.c_size_t
 
 
 def write_arrays(path: Path, arrays: Mapping[str, AnyArray]) -> None:
@@ -42,8 +50,22 @@ def map_arrays(path: Path) -> dict[str, AnyArray]:
     """
     with zipfile.ZipFile(path) as archive:
         members = archive.infolist()
-    content = np.memmap(path, np.uint8, "r")
+    content = _map(path)
     return {member.filename.removesuffix(".npy"): _array(content, member.header_offset) for member in members}
+
+
+def _map(path: Path) -> AnyArray:
+    """The bytes of a file, read-only; Python's own maps each hold a descriptor, of which a town would need too many."""
+    with path.open("rb") as stream:
+        size = os.fstat(stream.fileno()).st_size
+        address = _LIBRARY.mmap(None, size, mmap.PROT_READ, mmap.MAP_SHARED, stream.fileno(), 0)
+    if address in (None, ctypes.c_void_p(-1).value):
+        raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()), str(path))
+    memory = (ctypes.c_uint8 * size).from_address(address)
+    weakref.finalize(memory, _LIBRARY.munmap, address, size).atexit = False
+    content: AnyArray = np.frombuffer(memoryview(memory), np.uint8)
+    content.flags.writeable = False
+    return content
 
 
 def _array(content: AnyArray, offset: int) -> AnyArray:

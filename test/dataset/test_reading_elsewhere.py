@@ -87,6 +87,8 @@ def test_forked_processes_read_with_threads_and_a_cache_of_their_own(path: Path)
     expected = [_sums(scene, tick) for tick in range(written.TICKS)]
     with multiprocessing.get_context("fork").Pool(2) as pool:
         found = pool.starmap_async(_sums, [(scene, tick) for tick in range(written.TICKS)]).get(60)
+        pool.close()  # its processes end by themselves: they may have inherited a handler of SIGTERM
+        pool.join()
     assert found == expected
 
 

@@ -90,10 +90,7 @@ def run(
 
     ros, console = ros_arguments(context, namespace), make_console()
     scenario = with_evaluation(load_scenario(config), evaluate, stack or ())
-    if reliable:
-        scenario = _with_reliable_topics(scenario, live=live)
-    if pace == "auto":
-        scenario, live = _with_slowing_clock(scenario, live=live), False
+    scenario, live = _with_live_options(scenario, live=live, reliable=reliable, slows=pace == "auto")
     if domain is None and not os.environ.get("ROS_DOMAIN_ID"):
         domain = 0
     _print_environment(domain, console, network=network)
@@ -105,20 +102,19 @@ def run(
             console.print(f"recorded {bag}", soft_wrap=True)
 
 
-def _with_reliable_topics(scenario: "Scenario", *, live: bool) -> "Scenario":
-    """The configuration with reliable sensor topics in real time."""
-    if not live:
-        raise InputError("--reliable: is for --live; in lockstep, all topics are reliable")
-    graph = scenario.graph.model_copy(update={"live_reliability": "reliable"})
-    return scenario.model_copy(update={"graph": graph})
-
-
-def _with_slowing_clock(scenario: "Scenario", *, live: bool) -> "Scenario":
-    """The configuration in lockstep, but not faster than real time."""
-    if not live:
-        raise InputError("--pace auto: is for --live; in lockstep, the clock always waits for the slowest node")
-    graph = scenario.graph.model_copy(update={"max_real_time_factor": scenario.graph.max_real_time_factor or 1.0})
-    return scenario.model_copy(update={"graph": graph})
+def _with_live_options(scenario: "Scenario", *, live: bool, reliable: bool, slows: bool) -> tuple["Scenario", bool]:
+    """The configuration with the options of real time, and whether nodes skip ticks; a clock that slows is lockstep."""
+    changes: dict[str, Any] = {}
+    if reliable:
+        if not live:
+            raise InputError("--reliable: is for --live; in lockstep, all topics are reliable")
+        changes["live_reliability"] = "reliable"
+    if slows:
+        if not live:
+            raise InputError("--pace auto: is for --live; in lockstep, the clock always waits for the slowest node")
+        changes["max_real_time_factor"] = scenario.graph.max_real_time_factor or 1.0
+    graph = scenario.graph.model_copy(update=changes)
+    return scenario.model_copy(update={"graph": graph}), live and not slows
 
 
 def _print_environment(domain: int | None, console: Console, *, network: bool) -> None:

@@ -259,6 +259,10 @@ class GraphConfig(Model):
         description="time without a sign of life from a node that ends the scene; computing while loading is one",
     )
 
+    def real_time_factor(self, *, live: bool) -> float:
+        """Simulated time per wall time at which a graph is meant to run; 0: as fast as it can."""
+        return 1.0 if live else self.max_real_time_factor or 0.0
+
 
 class Scenario(Model):
     """The whole configuration file."""

@@ -20,10 +20,7 @@ _STYLES = (
     (0.15, Paint.SOLID, PaintColor.YELLOW),
     (0.05, Paint.SOLID, PaintColor.WHITE),
 )
-_WIDTH_M, _INSET_M = (
-    0.075,
-    0.3,
-)  # TSRGD 2016, schedule 7, diagrams 1017 and 1018.1: lines of 75 mm, 250 mm from the curb
+_WIDTH_M, _INSET_M = 0.075, 0.3  # TSRGD 2016, diagrams 1017 and 1018.1: lines of 75 mm, 250 mm from the curb
 _CLEAR_M = 1.2  # of crosswalks and stop lines
 
 
@@ -34,13 +31,16 @@ def curb_paint(ground: RegionGround, level: int) -> Iterator[tuple[PaintColor, A
     shares = np.cumsum([share for share, _, _ in _STYLES])
     borders = defaultdict(list)
     for strip in layout.strips_of(LaneKind.DRIVING, level=level):
-        _, paint, color = _STYLES[int(np.searchsorted(shares, _draw(ground.network.seed, strip.road)))]
+        drawn = stream(ground.network.seed, f"curb_paint.{strip.road}").random()
+        _, paint, color = _STYLES[int(np.searchsorted(shares, drawn))]
+        if paint is Paint.NONE or strip.junction:
+            continue
         for along_m, line, name, outward in (
             (strip.left_m, strip.left_line, strip.left, 1.0),
             (strip.right_m, strip.right_line, strip.right, -1.0),
         ):
             beside_walk = name in by_lane and by_lane[name].kind is LaneKind.SIDEWALK
-            if beside_walk and not strip.junction and line.paint in (Paint.NONE, Paint.CURB):
+            if beside_walk and line.paint in (Paint.NONE, Paint.CURB):
                 borders[color].append(Border(along_m, paint, _WIDTH_M, outward, _INSET_M))
     stops = [shapely.LineString(line.ends_m[:, :2]) for line in layout.stop_lines if line.level == level]
     crossing = overlay.union_all([ground.streets[level].crosswalk, *stops])
@@ -48,7 +48,3 @@ def curb_paint(ground: RegionGround, level: int) -> Iterator[tuple[PaintColor, A
     for color, lines in borders.items():
         areas = overlay.intersection(painted_bands(lines)[1], ground.region.area)
         yield color, overlay.difference(areas, clear)
-
-
-def _draw(seed: int, road: str) -> float:
-    return float(stream(seed, f"curb_paint.{road}").random())

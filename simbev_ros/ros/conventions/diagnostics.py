@@ -13,7 +13,7 @@ from simbev_ros.ros.nodes.load_meter import BUSY
 
 LOAD, FREQUENCY = "load", "Frequency Status"
 """Tasks: what a node's ticks cost; and whether it keeps up, which diagnostic_updater calls so."""
-_TOLERANCE = 0.1
+TOLERANCE = 0.1
 """Fraction by which a rate may be too low without a warning, as in diagnostic_updater."""
 
 
@@ -63,7 +63,7 @@ def frequency_status(name: NodeName, load: Mapping[str, float]) -> DiagnosticSta
     """
     window_s, rate_hz = load["window_s"], load["rate_hz"]
     due_hz = (load["ticks"] + load["late"]) / window_s
-    minimum_hz = due_hz * (1.0 - _TOLERANCE)
+    minimum_hz = due_hz * (1.0 - TOLERANCE)
     level, words = DiagnosticStatus.OK, "Desired frequency met" if due_hz else "No tick was due"
     if rate_hz < minimum_hz:
         level, words = DiagnosticStatus.WARN, f"Frequency too low: {load['late']:g} ticks late"

@@ -3,9 +3,9 @@
 from collections import Counter
 from collections.abc import Mapping
 
+from simbev_ros.ros.conventions.diagnostics import TOLERANCE
 from simbev_ros.ros.nodes.load_meter import BUSY
 
-_TOLERANCE = 0.1  # as in the nodes' frequency statuses
 _WINDOWS, _STARTING = 2, 2
 """Number of readings in a row, one a second, that show a node as slow; and number of the world's first ones in a scene,
 while others still load, which count for nothing."""
@@ -39,11 +39,10 @@ class PaceWatch:
         self._latest[name] = reading
         if name == _WORLD:
             self._world_readings += 1
-            is_slow = reading["ticks"] / reading["window_s"] < (1.0 - _TOLERANCE) * self._due_hz
-            self._slow[name] = (self._slow[name] + 1) * (is_slow and self._world_readings > _STARTING)
+            is_slow = reading["ticks"] / reading["window_s"] < (1.0 - TOLERANCE) * self._due_hz
         else:
-            is_slow = reading["late"] > _TOLERANCE * (reading["ticks"] + reading["late"])
-            self._slow[name] = (self._slow[name] + 1) * (is_slow and self._world_readings > _STARTING)
+            is_slow = self._late_share(name) > TOLERANCE
+        self._slow[name] = self._slow[name] + 1 if is_slow and self._world_readings > _STARTING else 0
 
     def news(self) -> str | None:
         """A sentence, once a scene, if the graph is too slow."""

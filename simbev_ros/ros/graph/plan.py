@@ -96,7 +96,7 @@ def plan_processes(
         "outside_participants": list(scenario.participants),
         "state_readers": state_readers,
         "window_ticks": _window_ticks(scenario, cores),
-        "max_real_time_factor": 1.0 if live else scenario.graph.max_real_time_factor or 0.0,
+        "max_real_time_factor": scenario.graph.real_time_factor(live=live),
     }
     return [(NodePlan("world", "world", parameters),), *behind]
 

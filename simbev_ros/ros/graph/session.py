@@ -137,8 +137,7 @@ class GraphSession:
         names = [node.ros_name(self._ros.namespace) for nodes in plans for node in nodes]
         reporting = [*(name.name for name in names[1:]), *self._scenario.participants]
         writers = [node.name for nodes in plans for node in nodes if node.kind in WRITERS]
-        factor = 1.0 if self._live else self._scenario.graph.max_real_time_factor or 0.0
-        pace = PaceWatch(factor, live=self._live)
+        pace = PaceWatch(self._scenario.graph.real_time_factor(live=self._live), live=self._live)
         try:
             self._monitor = GraphMonitor(
                 self.domain, names, reporting, Signer(key), self._ros, writers=writers, pace=pace

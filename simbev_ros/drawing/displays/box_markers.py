@@ -1,16 +1,17 @@
 """Markers of boxes, actors, traffic lights and street lights."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
-from simbev_ros.drawing.displays.markers import SPHERE, balls, lines, replacing_markers, solid
+from simbev_ros.drawing.displays.markers import CUBE, SPHERE, balls, lines, replacing_markers
 from simbev_ros.drawing.displays.messages import MAP_FRAME, build, color, stamped
+from simbev_ros.drawing.displays.serialized_markers import Solids
 from simbev_ros.foundation.geometry.transforms import quaternion_from_rpy, rotations_from_rpy
 from simbev_ros.foundation.semantics import BOX_CLASSES, Tag
 from simbev_ros.foundation.types import Float64Array, Table
-from simbev_ros.schema.palette import class_color, signal_color
+from simbev_ros.schema.palette import class_color, rgb_channels, signal_color
 from simbev_ros.schema.scene.state import SignalState
 
 _BOX_ALPHA, _ACTOR_ALPHA = 0.5, 0.9
@@ -35,8 +36,8 @@ def box_markers(boxes: Table, stamp_ns: int) -> bytes:
     """
     header = stamped(stamp_ns, MAP_FRAME)
     names = [BOX_CLASSES[number] for number in boxes["class"].tolist()]
-    colors = [color(class_color(name), _BOX_ALPHA) for name in names]
-    return replacing_markers(header, _cubes_and_lines(header, boxes, _columns(boxes, "x y z"), names, colors))
+    rgba = _CLASS_RGBA[boxes["class"]]
+    return replacing_markers(header, _cubes_and_lines(header, boxes, _columns(boxes, "x y z"), names, rgba))
 
 
 def world_markers(actors: Table, signals: Table, lamps: Table, stamp_ns: int) -> bytes:
@@ -55,34 +56,32 @@ def world_markers(actors: Table, signals: Table, lamps: Table, stamp_ns: int) ->
     ground_m, rpy_rad = _columns(actors, "x y z"), _columns(actors, "roll pitch yaw")
     center_m = ground_m + rotations_from_rpy(rpy_rad)[:, :, 2] * actors["height"][:, None] / 2.0
     names = [Tag(tag).name.lower() for tag in actors["tag"].tolist()]
-    colors = [color((code >> 16, code >> 8 & 255, code & 255), _ACTOR_ALPHA) for code in actors["color"].tolist()]
-    cubes = _cubes_and_lines(header, actors, center_m, names, colors)
-    return replacing_markers(header, [*cubes, *_signal_balls(header, signals), *_lamp_balls(header, lamps)])
+    rgba = _rgba(map(rgb_channels, actors["color"].tolist()), _ACTOR_ALPHA)
+    cubes = _cubes_and_lines(header, actors, center_m, names, rgba)
+    return replacing_markers(header, [*cubes, _signal_balls(signals), *_lamp_balls(header, lamps)])
 
 
 def _cubes_and_lines(
-    header: Any, table: Table, center_m: Float64Array, names: Sequence[str], colors: Sequence[Any]
+    header: Any, table: Table, center_m: Float64Array, names: Sequence[str], rgba: Float64Array
 ) -> Iterator[Any]:
     """Cubes, and lines for heading and velocity."""
     rpy_rad, size_m = _columns(table, "roll pitch yaw"), _columns(table, "length width height")
     velocity_mps = _columns(table, "vx vy vz")
     forward, _, up = np.moveaxis(rotations_from_rpy(rpy_rad) * size_m[:, None] / 2.0, -1, 0)
-    orientations = quaternion_from_rpy(rpy_rad).tolist()
-    rows = zip(names, table["id"].tolist(), center_m.tolist(), orientations, size_m.tolist(), colors, strict=True)
-    yield from (solid(header, *row) for row in rows)
+    yield Solids(CUBE, names, table["id"], center_m, quaternion_from_rpy(rpy_rad), size_m, rgba)
     moving = np.linalg.norm(velocity_mps, axis=1) > _MIN_SPEED_MPS
     yield from lines(header, "heading", center_m + up, center_m + up + forward, _HEADING, _LINE_WIDTH_M)
     ends_m = (center_m + velocity_mps)[moving]
     yield from lines(header, "velocity", center_m[moving], ends_m, _VELOCITY, _LINE_WIDTH_M)
 
 
-def _signal_balls(header: Any, signals: Table) -> Iterator[Any]:
+def _signal_balls(signals: Table) -> Solids:
     """A sphere at each signal head."""
-    for position, identity, state in zip(
-        _columns(signals, "x y z").tolist(), signals["id"].tolist(), signals["state"].tolist(), strict=True
-    ):
-        ball = (position, [0.0, 0.0, 0.0, 1.0], [_SIGNAL_SIZE_M] * 3)
-        yield solid(header, "traffic_light", identity, *ball, color(signal_color(SignalState(state).name)), SPHERE)
+    count = len(signals)
+    rgba = _rgba((signal_color(SignalState(state).name) for state in signals["state"].tolist()), 1.0)
+    upright, size_m = np.tile([0.0, 0.0, 0.0, 1.0], (count, 1)), np.full((count, 3), _SIGNAL_SIZE_M)
+    names = ["traffic_light"] * count
+    return Solids(SPHERE, names, signals["id"], _columns(signals, "x y z"), upright, size_m, rgba)
 
 
 def _lamp_balls(header: Any, lamps: Table) -> Iterator[Any]:
@@ -97,3 +96,11 @@ def _lamp_balls(header: Any, lamps: Table) -> Iterator[Any]:
 def _columns(table: Table, names: str) -> Float64Array:
     """(N, columns) of a table's fields."""
     return np.stack([table[name] for name in names.split()], axis=-1).astype(np.float64)
+
+
+def _rgba(rgb: Iterable[tuple[int, int, int]], alpha: float) -> Float64Array:
+    """(N, 4) colors, 0..1, of sRGB, 0..255."""
+    return np.array([(*each, 255.0 * alpha) for each in rgb]).reshape(-1, 4) / 255.0
+
+
+_CLASS_RGBA = _rgba(map(class_color, BOX_CLASSES), _BOX_ALPHA)

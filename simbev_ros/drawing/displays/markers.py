@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from simbev_ros.drawing.displays.messages import MARKERS, build, points, pose, serialize, vector
+from simbev_ros.drawing.displays.messages import build, points, pose, vector
+from simbev_ros.drawing.displays.serialized_markers import Lines, serialized_markers
 from simbev_ros.foundation.types import Float64Array
 
 CUBE, SPHERE, LINE_LIST, SPHERE_LIST = 1, 2, 5, 7
@@ -15,37 +16,18 @@ _DELETE_ALL = 3
 _UPRIGHT = [0.0, 0.0, 0.0, 1.0]
 
 
-def replacing_markers(header: Any, markers: Iterable[Any]) -> bytes:
+def replacing_markers(header: Any, parts: Iterable[Any]) -> bytes:
     """MarkerArray in which a DELETEALL comes before the markers.
 
     It removes markers that have disappeared, so none needs a lifetime, which would run out if a simulation is paused or
     slower than its clock.
+
+    Args:
+        header: Header of the markers.
+        parts: Marker messages, ``Solids`` and ``Lines``.
     """
     first = build("visualization_msgs/msg/Marker", header=header, action=_DELETE_ALL)
-    return serialize(build(MARKERS, markers=[first, *markers]))
-
-
-def solid(
-    header: Any,
-    name: str,
-    identity: int,
-    position_m: list[float],
-    xyzw: list[float],
-    size_m: list[float],
-    color: Any,
-    kind: int = CUBE,
-) -> Any:
-    """A cube, or a sphere inscribed in one."""
-    return build(
-        "visualization_msgs/msg/Marker",
-        header=header,
-        ns=name,
-        id=identity,
-        type=kind,
-        pose=pose(position_m, xyzw),
-        scale=vector(*size_m),
-        color=color,
-    )
+    return serialized_markers(header, [first, *parts])
 
 
 def balls(header: Any, name: str, centers_m: Float64Array, colors: list[Any], size_m: float) -> Iterator[Any]:
@@ -66,10 +48,10 @@ def balls(header: Any, name: str, centers_m: Float64Array, colors: list[Any], si
 
 def lines(
     header: Any, name: str, starts_m: Float64Array, ends_m: Float64Array, color: Any, width_m: float
-) -> Iterator[Any]:
+) -> Iterator[Lines]:
     """One marker with a line between each pair of (N, 3) points; no marker if there are none."""
     if len(starts_m):
-        yield build(
+        marker = build(
             "visualization_msgs/msg/Marker",
             header=header,
             ns=name,
@@ -77,5 +59,5 @@ def lines(
             pose=pose([0.0, 0.0, 0.0], _UPRIGHT),
             scale=vector(width_m, width_m, width_m),
             color=color,
-            points=points(np.stack([starts_m, ends_m], axis=1).reshape(-1, 3)),
         )
+        yield Lines(marker, np.stack([starts_m, ends_m], axis=1).reshape(-1, 3))

@@ -62,10 +62,11 @@ class AnnotationTopics:
 
     @property
     def by_label(self) -> dict[Label, tuple[Topic, ...]]:
-        """Recorded topics by what they are about."""
-        boxes, views = (self.boxes, self.box_markers), tuple(self.views.values())
-        others = tuple(topic for topic in self.recorded if topic not in (*boxes, *views))
-        return {Label.BOXES: boxes, Label.VIEWS: views, Label.SURROUNDINGS: others}
+        """Recorded topics by what they are about, without the displays that are made of them."""
+        views = tuple(self.views.values())
+        apart = (self.boxes, *views, self.bev_color, self.box_markers)
+        others = tuple(topic for topic in self.recorded if topic not in apart)
+        return {Label.BOXES: (self.boxes,), Label.VIEWS: views, Label.SURROUNDINGS: others}
 
 
 def boxes_name(agent: str) -> str:

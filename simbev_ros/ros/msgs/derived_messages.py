@@ -1,10 +1,13 @@
-"""Messages that the recorder makes of others: /tf of /world/actors, typed messages of tables and JSON."""
+"""Messages that the recorder makes of others: /tf of /world/actors, typed messages of tables and JSON, displays."""
 
 from collections.abc import Callable, Container, Iterable, Mapping
 
+from simbev_ros.recording.arrays import image_array, point_array
 from simbev_ros.ros.msgs import topics
+from simbev_ros.ros.msgs.displays import SceneDisplay, recorded_displays
 from simbev_ros.ros.msgs.transforms import SceneTransforms, serialize_transforms
 from simbev_ros.ros.msgs.typed_topics import TypedTopic
+from simbev_ros.schema.messages.message_types import types_with
 from simbev_ros.schema.scene.spec import SceneSpec
 
 Maker = Callable[[bytes, int], bytes]
@@ -27,6 +30,9 @@ def message_makers(
     for each in typed:
         if each.topic.name in recorded:
             makers.setdefault(each.source.name, {})[each.topic.name] = each.convert
+    for display in recorded_displays(spec):
+        if display.topic.name in recorded:
+            makers.setdefault(display.sources[0], {})[display.topic.name] = _drawing(display)
     return makers
 
 
@@ -34,3 +40,14 @@ def _transforms(spec: SceneSpec) -> Maker:
     """Maker of /tf."""
     transforms = SceneTransforms(spec)
     return lambda payload, stamp_ns: serialize_transforms(transforms.of_actors(payload, stamp_ns))
+
+
+def _drawing(display: SceneDisplay) -> Maker:
+    """Maker of a display of one image or table."""
+    source = display.source_type
+    read = image_array if source.endswith("/Image") else point_array
+
+    def draw(payload: bytes, stamp_ns: int) -> bytes:
+        return display.make(stamp_ns, read(types_with(source).deserialize_cdr(payload, source)))
+
+    return draw

@@ -36,10 +36,12 @@ class SceneDisplay:
         topic: The topic.
         sources: Names of the topics of which it is made, images by the raw one; each message of the first one leads
             to one of this topic.
+        source_type: ROS type of the first one.
     """
 
     topic: Topic
     sources: tuple[str, ...]
+    source_type: str
     _row: MessageDisplay
     _frame: str
     _view: AgentView
@@ -62,6 +64,12 @@ def scene_displays(spec: SceneSpec) -> tuple[SceneDisplay, ...]:
     )
 
 
+def recorded_displays(spec: SceneSpec) -> tuple[SceneDisplay, ...]:
+    """Displays that bags contain, each made of one topic."""
+    recorded = {topic.name for topic in topics.manifest(spec, compressed_images=False)}
+    return tuple(display for display in scene_displays(spec) if display.topic.name in recorded)
+
+
 def _of_agent(rows: list[MessageDisplay], known: Mapping[str, Topic], view: AgentView) -> Iterator[SceneDisplay]:
     """Displays of an agent whose data the scene has."""
     cameras = [camera.name for camera in view.rig.of_type(Camera)]
@@ -82,7 +90,7 @@ def _display(row: MessageDisplay, known: Mapping[str, Topic], view: AgentView, s
         keeps_newest=row.keeps_newest,
     )
     frame = f"{agent}/{sensor}_optical" if sensor else ego_frame(view)
-    return SceneDisplay(topic, tuple(source.name for source in sources), row, frame, view)
+    return SceneDisplay(topic, tuple(source.name for source in sources), sources[0].type, row, frame, view)
 
 
 def _data_of(view: AgentView) -> Iterator[tuple[str, Topic]]:

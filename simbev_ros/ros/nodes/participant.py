@@ -23,6 +23,7 @@ from simbev_ros.foundation.types import Table
 from simbev_ros.ros.conventions.names import NodeName
 from simbev_ros.ros.msgs import topics
 from simbev_ros.ros.msgs.annotation_topics import Label, annotator_inputs
+from simbev_ros.ros.msgs.displays import recorded_displays
 from simbev_ros.ros.msgs.joint_topics import joint_inputs
 from simbev_ros.ros.msgs.qos import STATE, STATE_READER, rclpy_qos
 from simbev_ros.ros.msgs.stamps import stamp_of
@@ -216,8 +217,10 @@ class Participant(GraphNode):
     def _expected_readers(self, spec: SceneSpec, names: list[str]) -> dict[str, int]:
         """Number of readers that each topic will have."""
         joined_names = {topic.name for topic in joint_inputs(spec).values()}
+        displays = (each for each in recorded_displays(spec) if each.topic.name in self._recorded_topics)
+        drawn = {each.sources[0] for each in displays}
         return {
-            name: (self.recorded and name in self._recorded_topics)
+            name: (self.recorded and (name in self._recorded_topics or name in drawn))
             + (name in self._annotated_periods)
             + (self._box_readers if name in joined_names else 0)
             + self._evaluated.count(name)

@@ -110,8 +110,9 @@ class RecorderNode(GraphNode):
             self._writer.add_attachment(MAP_SOURCE_ATTACHMENT, "application/x-bzip2", load_source(spec.map))
         for topic in self._manifest.values():
             self._writer.add_topic(topic.name, topic.type, self.offered_qos(topic), separate_chunks=topic.sensor)
+        made = {name for of_source in self._makers.values() for name in of_source}
         for topic in sent:
-            if topic.name in self._manifest or topic.name in self._makers:
+            if topic.name not in made and (topic.name in self._manifest or topic.name in self._makers):
                 self._subscribe(topic)
         self._record_own(topics.SCENE, spec.start_ns, payload)
         for name, make in self._makers.get(topics.SCENE, {}).items():
@@ -120,7 +121,7 @@ class RecorderNode(GraphNode):
 
     def _subscribe(self, topic: Topic) -> None:
         """Subscribe to a topic, once; to a latched topic again for each scene, to receive its current value only."""
-        if topic.name in (topics.SCENE, topics.TF, topics.TF_STATIC):
+        if topic.name in (topics.SCENE, topics.TF_STATIC):
             return
         if topic.name in self._subscriptions_by_topic:
             if topic.period_ticks > 0:

@@ -8,10 +8,15 @@ from typing import TypeVar
 _Result = TypeVar("_Result")
 
 
+CORES_VARIABLE = "SIMBEV_ROS_CORES"
+"""Environment variable with the number of cores that a process and its children plan with, if they share a machine."""
+
+
 def usable_cores() -> int:
-    """Number of CPU cores that this process may use; those of the machine where the system has no such limit."""
+    """Number of CPU cores to plan with: those that this process may use, or fewer if its parent says so."""
     allowed = getattr(os, "sched_getaffinity", None)  # not on macOS and Windows
-    return len(allowed(0)) if allowed is not None else os.cpu_count() or 1
+    cores = len(allowed(0)) if allowed is not None else os.cpu_count() or 1
+    return min(cores, int(os.environ.get(CORES_VARIABLE, cores)))
 
 
 def start(threads: ThreadPoolExecutor | None, work: Callable[[], _Result]) -> Callable[[], _Result]:

@@ -29,8 +29,8 @@ class FakeWorker:
 
     all: ClassVar[list["FakeWorker"]] = []
 
-    def __init__(self, worker: Worker, settings: Settings) -> None:
-        self.worker, self.settings = worker, settings
+    def __init__(self, worker: Worker, settings: Settings, cores: int) -> None:
+        self.worker, self.settings, self.cores = worker, settings, cores
         self.messages: list[Any] = [Signal.READY]
         self.given: list[int] = []
         self.is_ended = False
@@ -99,6 +99,12 @@ def test_each_worker_has_a_gpu_and_a_folder_of_its_own(pool: Start, tmp_path: Pa
     settings = [worker.settings for worker in FakeWorker.all]
     assert [each.rendering for each in settings] == share_gpus(2, settings[0].scenario)
     assert [each.staging for each in settings] == [tmp_path / "worker-1", tmp_path / "worker-2"]
+
+
+def test_many_workers_plan_with_few_cores(pool: Start, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(local_pool, "usable_cores", lambda: 16)
+    make(pool("auto", 20), 20)
+    assert [worker.cores for worker in FakeWorker.all] == [16, 11, 11, 11]
 
 
 def test_there_are_never_more_workers_than_scenes(pool: Start) -> None:

@@ -9,7 +9,7 @@ from simbev_ros.config.rendering import Rendering
 from simbev_ros.config.scenario import Scenario
 from simbev_ros.production.scene_cost import SceneCost
 from simbev_ros.production.workers import machine_capacity as module
-from simbev_ros.production.workers.machine_capacity import fitting_workers, share_gpus
+from simbev_ros.production.workers.machine_capacity import cores_of_worker, fitting_workers, share_gpus
 from simbev_ros.simulation.render.gl import devices
 from simbev_ros.simulation.render.gl.devices import EglDevice
 
@@ -99,3 +99,8 @@ def test_workers_fit_by_cores_memory_and_domains(
     machine(free_mib=free_mib)
     cost = SceneCost(wall_s=10.0, cpu_s=10.0 * used, memory_mib=1000.0, frames=10)
     assert fitting_workers(cost, cores) == workers
+
+
+@pytest.mark.parametrize(("workers", "share"), [(1, 16), (2, 16), (3, 11), (8, 4), (28, 2), (100, 1)])
+def test_a_worker_plans_with_twice_its_share_of_the_cores(workers: int, share: int) -> None:
+    assert cores_of_worker(workers, 16) == share

@@ -15,7 +15,7 @@ from simbev_ros.production.observer import SILENT, ProductionObserver
 from simbev_ros.production.scene_ending import MadeScene
 from simbev_ros.production.upload import UploaderFactory, no_upload
 from simbev_ros.production.workers.local_worker import LocalWorker
-from simbev_ros.production.workers.machine_capacity import fitting_workers, share_gpus
+from simbev_ros.production.workers.machine_capacity import cores_of_worker, fitting_workers, share_gpus
 from simbev_ros.production.workers.messages import Settings
 from simbev_ros.production.workers.supervised_pool import SupervisedPool
 from simbev_ros.production.workers.worker_pool import Worker
@@ -27,9 +27,10 @@ THIS_MACHINE = "this machine"
 
 @dataclass(slots=True)
 class _Slot:
-    """The devices that a worker renders on, None: as configured; and its name."""
+    """The devices that a worker renders on, None: as configured; the number of cores that it plans with; its name."""
 
     rendering: Rendering | None
+    cores: int
     worker: str = ""
 
 
@@ -71,10 +72,12 @@ class LocalPool(SupervisedPool):
         """Make slots for a number of workers; those on other devices are stopped when they are idle."""
         before = {slot.worker: slot.rendering for slot in self._slots}
         self._slots = []
-        for rendering in share_gpus(max(min(workers, self._scenes), 1), self._scenario):
+        workers = max(min(workers, self._scenes), 1)
+        cores = cores_of_worker(workers, usable_cores())
+        for rendering in share_gpus(workers, self._scenario):
             kept = next((name for name, devices in before.items() if devices == rendering), "")
             before.pop(kept, None)
-            self._slots.append(_Slot(rendering, kept))
+            self._slots.append(_Slot(rendering, cores, kept))
 
     def idle(self) -> Sequence[Worker]:
         """Workers that have a slot and wait for a scene."""
@@ -89,13 +92,13 @@ class LocalPool(SupervisedPool):
         present = {handle.worker.name for handle in self._handles}
         for slot in self._slots:
             if slot.worker not in present:
-                slot.worker = self._start_worker(slot.rendering)
+                slot.worker = self._start_worker(slot.rendering, slot.cores)
 
-    def _start_worker(self, rendering: Rendering | None) -> str:
+    def _start_worker(self, rendering: Rendering | None, cores: int) -> str:
         worker = Worker(f"worker-{next(self._numbers)}", THIS_MACHINE)
         folder, uploader = self._staging / worker.name, self._uploader_for(worker.name)
         settings = Settings(self._scenario, folder, rendering=rendering, uploader=uploader)
-        self._add_worker(LocalWorker(worker, settings))
+        self._add_worker(LocalWorker(worker, settings, cores))
         return worker.name
 
     def _record_cost(self, scene: MadeScene) -> None:

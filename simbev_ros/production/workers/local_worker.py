@@ -11,6 +11,7 @@ from typing import Any
 
 from simbev_ros.dataset.plan import PlannedEntry
 from simbev_ros.foundation.installation.import_order import module_command
+from simbev_ros.foundation.threads import CORES_VARIABLE
 from simbev_ros.production.workers.messages import Settings
 from simbev_ros.production.workers.supervised_pool import WorkerLost
 from simbev_ros.production.workers.worker_pool import Worker
@@ -29,9 +30,10 @@ class LocalWorker:
     Args:
         worker: Its name and machine.
         settings: What it needs to begin.
+        cores: Number of cores that it plans its graph with; None: all.
     """
 
-    def __init__(self, worker: Worker, settings: Settings) -> None:
+    def __init__(self, worker: Worker, settings: Settings, cores: int | None = None) -> None:
         self.worker = worker
         self._log = tempfile.TemporaryFile(prefix="simbev_ros-worker-")  # noqa: SIM115
         ours, theirs = socket.socketpair()
@@ -42,7 +44,12 @@ class LocalWorker:
                 stdin=subprocess.DEVNULL,
                 stdout=self._log,
                 stderr=subprocess.STDOUT,
-                env={"OPENBLAS_NUM_THREADS": "1", **inherited, SUPERVISOR_VARIABLE: str(os.getpid())},
+                env={
+                    "OPENBLAS_NUM_THREADS": "1",
+                    **inherited,
+                    **({} if cores is None else {CORES_VARIABLE: str(cores)}),
+                    SUPERVISOR_VARIABLE: str(os.getpid()),
+                },
                 pass_fds=[theirs.fileno()],
                 start_new_session=True,  # Ctrl-C reaches it through the driver
             )

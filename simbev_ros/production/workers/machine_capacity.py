@@ -1,9 +1,11 @@
-"""Capacity of a machine for workers side by side: how many fit, and which GPUs each one renders on.
+"""Capacity of a machine for workers side by side: how many fit, and which GPUs and cores each one uses.
 
-Cores are not shared out. On 16 cores two graphs that could use all of them made 18 % more frames than two with eight
-cores each, and four made 9 % more than with four each: where one waits, another computes.
+Cores are not reserved: where one graph waits, another computes. On 16 cores two graphs that could use all of them made
+18 % more frames than two with eight cores each, and four made 9 % more than with four each. But with many workers each
+one needs few processes and threads, which cost time to start and memory.
 """
 
+import math
 from typing import Literal
 
 from simbev_ros.config.camera import Camera
@@ -15,6 +17,8 @@ from simbev_ros.simulation.render.gl.devices import accessible_gpus, software_re
 
 MEMORY_MARGIN = 1.2
 """Factor on the measured memory of a graph: later scenes may need more."""
+_CORES_OF_SHARE = 2
+"""Factor on a worker's share of the cores."""
 _MIN_CORES, _MAX_CORES = 0.1, 3.0
 """Bounds of the cores that a graph is counted with. Short scenes are too short to measure; and alone, graphs use more
 cores than they need, with many idle moments: on 16 cores one graph made 8.5 frames/s of the paper's rig with 10.6 cores
@@ -36,6 +40,11 @@ def share_gpus(workers: int, scenario: Scenario) -> list[Rendering | None]:
         return [None] * workers
     shares = (gpus[k::workers] or gpus[k % len(gpus) : k % len(gpus) + 1] for k in range(workers))
     return [scenario.rendering.model_copy(update={"gpus": share}) for share in shares]
+
+
+def cores_of_worker(workers: int, cores: int) -> int:
+    """Number of cores that each of some workers on a machine with ``cores`` of them plans its graph with."""
+    return min(math.ceil(_CORES_OF_SHARE * cores / workers), cores)
 
 
 def fitting_workers(cost: SceneCost, cores: int) -> int:

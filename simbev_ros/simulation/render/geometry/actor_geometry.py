@@ -4,6 +4,7 @@ An actor's level depends only on the world and the view. Poses come from the tab
 """
 
 from collections.abc import Mapping, Sequence
+from itertools import chain
 
 import moderngl
 import numpy as np
@@ -18,6 +19,8 @@ from simbev_ros.simulation.render.geometry.rigid_table import RigidTable
 from simbev_ros.simulation.render.geometry.triangle_store import TriangleStore
 from simbev_ros.simulation.render.view import View
 
+_ROOM = 1.5
+"""Size of the buffers by that of the models which a world shows; more models come with the traffic."""
 _INSTANCE_DTYPE = np.dtype([("in_row", "<u4"), ("in_first", "<u4")])
 
 
@@ -38,18 +41,22 @@ class ActorGeometry:
         self._held: frozenset[int] = frozenset()
 
     def hold(self, world: WorldState) -> None:
-        """Upload the models of a world's actors unless they are held."""
+        """Upload the models of a world's actors unless they are held; without room for more, all others are dropped."""
         needed = frozenset(world.actors["blueprint"].tolist())
         if needed <= self._held:
             return
-        self._held, meshes = needed, []
-        self._counts[:] = 0
-        for blueprint in sorted(self._held):
-            levels = self._detail.load(blueprint)
-            self._counts[blueprint, : len(levels)] = [len(mesh.triangles) for mesh in levels]
-            meshes += levels
-        self.store.replace(meshes)
-        self._ends = np.cumsum(self._counts).reshape(self._counts.shape)
+        added = sorted(needed - self._held)
+        first, levels = self.store.triangles, [self._detail.load(blueprint) for blueprint in added]
+        if self._held and self.store.add([*chain.from_iterable(levels)]):
+            self._held |= needed
+        else:
+            self._held, added = needed, sorted(needed)
+            first, levels = 0, [self._detail.load(blueprint) for blueprint in added]
+            self.store.replace([*chain.from_iterable(levels)], _ROOM)
+        self._counts[added] = 0
+        for blueprint, meshes in zip(added, levels, strict=True):
+            self._counts[blueprint, : len(meshes)] = [len(mesh.triangles) for mesh in meshes]
+        self._ends[added] = first + np.cumsum(self._counts[added]).reshape(len(added), -1)
 
     def draw(
         self,

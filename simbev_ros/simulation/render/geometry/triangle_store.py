@@ -1,5 +1,6 @@
 """Triangle meshes on the GPU, from which any runs of triangles are drawn by one indirect call, each run instanced."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -17,7 +18,12 @@ _MIN_CAPACITY = 1024
 
 
 class TriangleStore:
-    """Concatenated meshes, and the vertex arrays of programs that draw them."""
+    """Concatenated meshes, and the vertex arrays of programs that draw them.
+
+    Attributes:
+        vertices: Number of vertices that are held.
+        triangles: Number of triangles that are held.
+    """
 
     def __init__(
         self,
@@ -40,13 +46,39 @@ class TriangleStore:
         self._buffers: list[moderngl.Buffer] = []
         self.replace(meshes)
 
-    def replace(self, meshes: Sequence[Mesh]) -> None:
-        """Upload other meshes instead of those held so far."""
+    def replace(self, meshes: Sequence[Mesh], room: float = 1.0) -> None:
+        """Upload other meshes instead of those held so far, into buffers that are larger by a factor."""
         for buffer in self._buffers:
             buffer.release()
-        self._buffers = [self._context.buffer(array) for array in _merge_meshes(meshes)]
+        arrays = _merge_meshes(meshes)
+        self._buffers = [self._context.buffer(reserve=math.ceil(room * array.nbytes)) for array in arrays]
         self._vertices, self._triangles = self._buffers
+        self.vertices = self.triangles = 0
+        self._write(*arrays)
         self._allocate(_MIN_CAPACITY)
+
+    def add(self, meshes: Sequence[Mesh]) -> bool:
+        """Upload more meshes behind those held so far; return False if there is no room for them."""
+        added = _merge_meshes(meshes, self.vertices)
+        if any(end > buffer.size for end, buffer in zip(self._ends(*added), self._buffers, strict=True)):
+            return False
+        self._write(*added)
+        return True
+
+    def _write(self, vertices: Table, triangles: UInt32Array) -> None:
+        """Write behind what the buffers hold."""
+        for array, end, buffer in zip(
+            (vertices, triangles), self._ends(vertices, triangles), self._buffers, strict=True
+        ):
+            buffer.write(array, offset=end - array.nbytes)
+        self.vertices, self.triangles = self.vertices + len(vertices), self.triangles + len(triangles)
+
+    def _ends(self, vertices: Table, triangles: UInt32Array) -> tuple[int, int]:
+        """Bytes of both buffers that are in use once these are behind what they hold."""
+        return (
+            (self.vertices + len(vertices)) * vertices.itemsize,
+            (self.triangles + len(triangles)) * 3 * triangles.itemsize,
+        )
 
     def program(self, name: str) -> moderngl.Program:
         """The program of a name, for setting uniforms."""
@@ -113,8 +145,11 @@ def _layout(dtype: np.dtype[Any], program: moderngl.Program, divisor: str = "") 
     return (" ".join(formats) + divisor, *used)
 
 
-def _merge_meshes(meshes: Sequence[Mesh]) -> tuple[Table, UInt32Array]:
-    """Packed vertices and (T, 3) corners of all meshes; one zero row if there are none: buffers cannot be empty."""
+def _merge_meshes(meshes: Sequence[Mesh], first: int = 0) -> tuple[Table, UInt32Array]:
+    """Packed vertices, counted from ``first``, and (T, 3) corners of all meshes; without any one zero row of each.
+
+    Buffers cannot be empty.
+    """
     count = sum(len(mesh.vertices) for mesh in meshes)
     vertices = np.zeros(max(count, 1), VERTEX_DTYPE)
     triangles = np.zeros((max(sum(len(mesh.triangles) for mesh in meshes), 1), 3), np.uint32)
@@ -122,6 +157,6 @@ def _merge_meshes(meshes: Sequence[Mesh]) -> tuple[Table, UInt32Array]:
     for mesh in meshes:
         vertices[vertex : vertex + len(mesh.vertices)] = pack_vertices(mesh)
         target = triangles[triangle : triangle + len(mesh.triangles)]
-        np.add(mesh.triangles.view(np.uint32), np.uint32(vertex), out=target)
+        np.add(mesh.triangles.view(np.uint32), np.uint32(first + vertex), out=target)
         vertex, triangle = vertex + len(mesh.vertices), triangle + len(mesh.triangles)
     return vertices, triangles

@@ -11,6 +11,7 @@ closes when the supervisor dies, and then ends its processes and all that they h
 
 import atexit
 import gc
+import inspect
 import json
 import os
 import select
@@ -43,6 +44,7 @@ def main() -> None:
     channel = socket.socket(fileno=int(sys.argv[1]))
     for kind in sys.argv[2:]:
         nodes.node_class(kind)
+    inspect.getmodule(inspect.currentframe())  # fills a table of all modules, which the first log message needs
     gc.collect()
     gc.freeze()  # a collection would copy the pages that all processes share
     arguments = _ForkServer(channel).serve()

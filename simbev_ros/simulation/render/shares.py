@@ -10,6 +10,8 @@ _CORES_FOR_TWO = 8
 """Cores per GPU with which two processes are faster than one, as one prepares a frame while the other one waits."""
 _THREADS_VARIABLE = "LP_NUM_THREADS"
 """Variable with the number of threads that Mesa's llvmpipe renders with; each process reads it when it starts."""
+_SLEEPING = {"__GL_YIELD": "USLEEP"}
+"""NVIDIA's driver waits for the GPU in a loop that keeps a core busy; told to sleep, it needs a tenth of one."""
 
 
 def camera_processes(rendering: Rendering, cameras: int) -> int:
@@ -27,7 +29,8 @@ def camera_processes(rendering: Rendering, cameras: int) -> int:
 def drawing_environment(processes: int) -> dict[str, str]:
     """Environment variables for each rendering process of a machine, unless the user has set them."""
     threads = max(usable_cores() // max(processes, 1), 1)
-    return {_THREADS_VARIABLE: os.environ.get(_THREADS_VARIABLE, str(threads))}
+    variables = {_THREADS_VARIABLE: str(threads), **_SLEEPING}
+    return {name: os.environ.get(name, value) for name, value in variables.items()}
 
 
 def _default_processes(rendering: Rendering) -> int:

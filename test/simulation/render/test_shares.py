@@ -11,6 +11,7 @@ from simbev_ros.simulation.render.gl import devices
 from simbev_ros.simulation.render.gl.devices import EglDevice, accessible_gpus
 from simbev_ros.simulation.render.shares import camera_processes, drawing_environment
 
+STEERING = ("LIBGL_ALWAYS_SOFTWARE", "GALLIUM_DRIVER", "MESA_LOADER_DRIVER_OVERRIDE")
 MESA = EglDevice(9, "Mesa's software renderer", software=True)
 
 Machine = Callable[..., None]
@@ -19,7 +20,7 @@ Machine = Callable[..., None]
 @pytest.fixture
 def machine(monkeypatch: pytest.MonkeyPatch) -> Machine:
     """Mock the cores and devices of this machine."""
-    for name in ("LIBGL_ALWAYS_SOFTWARE", "GALLIUM_DRIVER", "MESA_LOADER_DRIVER_OVERRIDE", "LP_NUM_THREADS"):
+    for name in (*STEERING, "LP_NUM_THREADS", "__GL_YIELD"):
         monkeypatch.delenv(name, raising=False)
 
     def build(cores: int, *gpus: EglDevice) -> None:
@@ -81,5 +82,7 @@ def test_processes_share_the_cores_unless_the_user_sets_the_threads(
 ) -> None:
     machine(8)
     assert [drawing_environment(number)["LP_NUM_THREADS"] for number in (0, 1, 3, 16)] == ["8", "8", "2", "1"]
+    assert drawing_environment(1)["__GL_YIELD"] == "USLEEP"
     monkeypatch.setenv("LP_NUM_THREADS", "5")
-    assert drawing_environment(2) == {"LP_NUM_THREADS": "5"}
+    monkeypatch.setenv("__GL_YIELD", "NOTHING")
+    assert drawing_environment(2) == {"LP_NUM_THREADS": "5", "__GL_YIELD": "NOTHING"}

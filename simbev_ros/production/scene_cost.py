@@ -10,8 +10,8 @@ from pathlib import Path
 
 import psutil
 
-_INTERVAL_S, _GPU_TIMEOUT_S = 5.0, 5.0
-"""Interval between measurements of memory and GPUs, for which the kernel adds up the pages of each process."""
+_INTERVAL_S, _GPU_TIMEOUT_S = 20.0, 5.0
+"""Interval between measurements of memory and GPUs: the kernel adds up the pages of each process, a tool starts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ class CostMeter:
 
     def __init__(self, pids: Iterable[int]) -> None:
         self._began_s, self._cpu_before_s = time.monotonic(), _cpu_s(pids)
-        self._next_look_s, self._memory_mib = self._began_s, 0.0
+        self._next_look_s, self._memory_mib = self._began_s + _INTERVAL_S / 4.0, 0.0  # the scene is in full swing
         self._gpus: list[float] = []
 
     def look(self, pids: Iterable[int]) -> None:

@@ -19,3 +19,9 @@ def canonical_cdr(payload: bytes, type_name: str) -> memoryview:
         return types.serialize_cdr(types.deserialize_cdr(payload, type_name), type_name)
     except SerdeError as error:
         raise ValueError(str(error)) from None
+
+
+def text_of_string(message: memoryview) -> memoryview:
+    """The text, in UTF-8, of a canonical std_msgs/msg/String; a part of its memory."""
+    start = 8  # after the encapsulation and the length, which counts the zero at the end
+    return message[start : start + int.from_bytes(message[4:start], "little") - 1]

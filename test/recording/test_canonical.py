@@ -1,8 +1,9 @@
 """Serialized messages do not depend on the previous contents of memory."""
 
+import pytest
 from ros_messages import header, message, serialize
 
-from simbev_ros.recording.canonical import canonical_cdr
+from simbev_ros.recording.canonical import canonical_cdr, text_of_string
 
 POINT = "geometry_msgs/msg/PointStamped"
 
@@ -13,3 +14,9 @@ def test_padding_becomes_zeros_and_nothing_else_changes() -> None:
     assert clean[gap] == b"\0\0"
     dirty = clean[: gap.start] + b"\xaa\x55" + clean[gap.stop :]
     assert canonical_cdr(dirty, POINT) == clean
+
+
+@pytest.mark.parametrize("text", ["", "a", "Straße", "x" * 1000])
+def test_the_text_of_a_string_is_found_in_its_bytes(text: str) -> None:
+    payload = canonical_cdr(serialize("std_msgs/msg/String", data=text), "std_msgs/msg/String")
+    assert bytes(text_of_string(payload)) == text.encode()

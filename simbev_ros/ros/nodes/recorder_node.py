@@ -17,10 +17,11 @@ from std_msgs.msg import String
 
 from simbev_ros.config.scenario import Recording
 from simbev_ros.foundation.errors import DiskError
+from simbev_ros.foundation.process_memory import return_freed_memory
 from simbev_ros.maps.build import load_source
 from simbev_ros.recording.accounting import Accounting, Schedule, Verdict
 from simbev_ros.recording.bag_writer import SceneBagWriter
-from simbev_ros.recording.canonical import canonical_cdr
+from simbev_ros.recording.canonical import canonical_cdr, text_of_string
 from simbev_ros.recording.layout import (
     CONFIG_ATTACHMENT,
     LEAD_IN_ATTACHMENT,
@@ -209,8 +210,7 @@ class RecorderNode(GraphNode):
         if tick == 0:
             writer.add_attachment(LEAD_IN_ATTACHMENT, "application/json", lead_in_attachment(self._lead_in))
         if topics.MAP in messages:
-            map_text = deserialize_message(bytes(messages[topics.MAP][0][1]), String).data
-            writer.add_attachment(MAP_ATTACHMENT, "application/xml", map_text.encode())
+            writer.add_attachment(MAP_ATTACHMENT, "application/xml", bytes(text_of_string(messages[topics.MAP][0][1])))
         entries = [
             (stamp_ns, topic, payload)
             for topic in self._manifest.values()
@@ -220,6 +220,8 @@ class RecorderNode(GraphNode):
             self._tracker.add_frame(stamp_ns, table_from_message(deserialize_message(bytes(payload), PointCloud2)))
         for stamp_ns, topic, payload in sorted(entries, key=lambda entry: entry[0]):
             writer.write(topic.name, stamp_ns, payload)
+        if topics.MAP in messages:
+            return_freed_memory()  # the map of a large town passes through several copies of 50 MB
 
     def _finish_after_last(self, spec: SceneSpec) -> None:
         """Finish the bag if it contains the last tick and all events, which may arrive after their tick."""

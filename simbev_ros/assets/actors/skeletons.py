@@ -1,10 +1,11 @@
 """Computes the poses of the rigid parts of many actors of many models in one vectorized step."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
-from simbev_ros.assets.actors.actor_model import ActorModel, Part
+from simbev_ros.assets.actors.actor_model import ActorModel, Cycle, Part
 from simbev_ros.foundation.geometry.ragged import ragged_indices
 from simbev_ros.foundation.types import Float64Array, Int64Array, Table
 
@@ -19,6 +20,7 @@ class Skeletons:
         """Collect the parts of models, indexed by blueprint."""
         counts = np.array([len(model.parts) for model in models], np.int64)
         self._cycles = [model.cycle for model in models]
+        self._has_cycle = np.array([cycle is not None for cycle in self._cycles], bool)
         self._end = np.cumsum(counts)
         self._first = self._end - counts
         parts = [part for model in models for part in model.parts]
@@ -47,16 +49,12 @@ class Skeletons:
         is_open = actors["doors"][actor] >> self._door[part] & 1
         angle_z = self._steers[part] * actors["steer"][actor] + self._opening_rad[part] * is_open
         body = np.flatnonzero(part == self._first[actors["blueprint"][actor]])
-        rise_m = np.zeros(len(body))
-        for blueprint in np.unique(actors["blueprint"]):
-            cycle = self._cycles[blueprint]
-            if cycle is not None:
-                alike = np.flatnonzero(actors["blueprint"] == blueprint)
-                speed_mps = np.hypot(actors["vx"][alike], actors["vy"][alike]).astype(np.float64)
-                turn_rad, rise_m[alike] = cycle.interpolate(speed_mps, actors["gait"][alike].astype(np.float64))
-                angle_y[body[alike, None] + np.arange(turn_rad.shape[1])] += turn_rad
+        walker, turn_rad, walker_rise_m = self._strides(actors)
+        if len(walker):
+            count = np.diff(np.append(body, len(actor)))[walker]
+            angle_y[np.repeat(body[walker], count) + ragged_indices(count)[1]] += turn_rad
         poses = _rotations_about(self._pivot_m[part], angle_y, angle_z)
-        poses[body, 2, 3] += rise_m
+        poses[body[walker], 2, 3] += walker_rise_m
         depth = self._depth[part]
         for level in range(1, int(depth.max(initial=0)) + 1):
             rows = np.flatnonzero(depth == level)
@@ -64,11 +62,53 @@ class Skeletons:
         return poses
 
 
+    def _strides(self, actors: Table) -> tuple[Int64Array, Float64Array, Float64Array]:
+        """(A,) actors with a cycle, alike ones in sequence, (R,) rotations about y of their parts, and (A,) rises."""
+        walker = np.flatnonzero(self._has_cycle[actors["blueprint"]])
+        walker = walker[np.argsort(actors["blueprint"][walker], kind="stable")]
+        if not len(walker):
+            return walker, np.empty(0), np.empty(0)
+        blueprints, starts = np.unique(actors["blueprint"][walker], return_index=True)
+        cycles = [cycle for blueprint in blueprints.tolist() if (cycle := self._cycles[blueprint])]
+        alike = [slice(*ends) for ends in pairwise([*starts.tolist(), len(walker)])]
+        speed_mps = np.hypot(actors["vx"][walker], actors["vy"][walker]).astype(np.float64)
+        return walker, *_interpolate(cycles, alike, speed_mps, actors["gait"][walker].astype(np.float64))
+
+
 def part_poses(model: ActorModel, actors: Table) -> Float64Array:
     """(N, P, 4, 4) transforms as in ``Skeletons.poses``, for (N,) ``ACTOR_DTYPE`` actors that share a model."""
     alike = actors.copy()
     alike["blueprint"] = 0
     return Skeletons((model,)).poses(alike).reshape(len(actors), len(model.parts), 4, 4)
+
+
+def _interpolate(
+    cycles: Sequence[Cycle], alike: Sequence[slice], speed_mps: Float64Array, gait_rad: Float64Array
+) -> tuple[Float64Array, Float64Array]:
+    """Rotations, part by part, and (A,) rises of A actors, bilinear in speed and gait; ``alike`` have the same cycle."""
+    speeds, steps, parts = np.repeat(
+        [(*cycle.rise_m.shape, cycle.turn_rad.shape[2]) for cycle in cycles],
+        [own.stop - own.start for own in alike],
+        axis=0,
+    ).T
+    row = np.concatenate(
+        [
+            np.interp(speed_mps[own], cycle.speed_mps, np.arange(len(cycle.speed_mps)))
+            for cycle, own in zip(cycles, alike, strict=True)
+        ]
+    )
+    slow = np.minimum(row.astype(np.int64), speeds - 2)
+    step = gait_rad / (2.0 * np.pi) * steps
+    before = np.floor(step).astype(np.int64)
+    faster, later = row - slow, step - before
+    shares = np.stack([(1.0 - faster) * (1.0 - later), (1.0 - faster) * later, faster * (1.0 - later), faster * later])
+    samples = (slow + np.array([[0], [0], [1], [1]])) * steps + (before + np.array([[0], [1], [0], [1]])) % steps
+    turns, rises = [], []
+    for cycle, own in zip(cycles, alike, strict=True):
+        turns.append(cycle.turn_rad.reshape(cycle.rise_m.size, -1)[samples[:, own]].reshape(4, -1))
+        rises.append(cycle.rise_m.ravel()[samples[:, own]])
+    turn_rad = np.repeat(shares, parts, axis=1) * np.concatenate(turns, axis=1)
+    return turn_rad.sum(axis=0), (shares * np.concatenate(rises, axis=1)).sum(axis=0)
 
 
 def _numbers(part: Part) -> tuple[float, ...]:

@@ -1,34 +1,45 @@
 """Plan view of actors for the BEV grid: selects the triangles of posed actors that can cover a cell center.
 
 ``BevAnnotator`` passes in the actors near the grid and rasterizes the triangles that leave. Meshes are much finer than
-cells, so nearly all triangles are dropped after a lookup of the cells of their corners. Positions are float32 in cells
-around the ego, accurate to 0.02 mm up to 100 m.
+cells, so they are divided into blocks of neighboring triangles. Most blocks are dropped because their bounds contain no
+cell center, and so are most triangles of the others. Positions are float32 in cells around the ego, accurate to 0.02 mm
+up to 100 m.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import pairwise
-from typing import Self
 
 import numpy as np
 
 from simbev_ros.assets.actors.actor_model import ActorModel
 from simbev_ros.assets.actors.skeletons import Skeletons
-from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.foundation.geometry.grid import BevGrid
-from simbev_ros.foundation.on_demand import OnDemand
-from simbev_ros.foundation.types import Float32Array, Float64Array, Int32Array, Int64Array, Table
+from simbev_ros.foundation.geometry.ragged import ragged_indices
+from simbev_ros.foundation.types import Float32Array, Float64Array, Int64Array, Table
 from simbev_ros.schema.scene.state import map_from_actors
-from simbev_ros.simulation.annotation.bev.raster import corners_near_centers
+from simbev_ros.simulation.annotation.bev.raster import near_centers
+from simbev_ros.simulation.annotation.part_rows import PartRows
+
+_BLOCK = 8
+"""Triangles per block: smaller blocks are dropped more often, but there are more of them."""
+
+_LARGE_M = 0.15
+"""Triangles larger than this have blocks of their own, so that those of small ones stay small."""
+
+_VOXEL_M, _VOXEL_BITS = 0.02, 10
+"""Triangles in voxels that follow each other in Morton order are neighbors; bits of a voxel's index along an axis."""
+
+_ROUNDING_CELLS = 1e-3
+"""Upper bound of the errors of float32 positions."""
 
 
 class ActorPlans:
-    """Plan-view meshes of the actor models, ready to be posed."""
+    """Meshes of the actor models in blocks, ready to be posed."""
 
     def __init__(self, models: Sequence[ActorModel]) -> None:
         """Prepare models, indexed by blueprint."""
-        self._plans = OnDemand(len(models), lambda blueprint: _Plan.from_mesh(models[blueprint].mesh))
         self._skeletons = Skeletons(models)
+        self._blocks = PartRows(models, _blocks, (3 * _BLOCK, 4))
+        self._bounds_m = np.empty((6, 0), np.float32)
 
     def corners_near_centers(
         self, actors: Table, cells_from_map: Float64Array, grid: BevGrid
@@ -43,54 +54,87 @@ class ActorPlans:
         Returns:
             (2, 3, K) continuous (row, column) of the three corners of each triangle, and (K,) row of its actor.
         """
-        owner, _ = self._skeletons.rows(actors)
+        if not len(actors):
+            return np.empty((2, 3, 0)), np.empty(0, np.int64)
+        self._prepare(actors)
+        is_lone = np.bincount(actors["blueprint"])[actors["blueprint"]] == 1
+        lone_last = np.argsort(is_lone, kind="stable")
+        actors, first_lone = actors[lone_last], len(actors) - np.count_nonzero(is_lone)
+        owner, part = self._skeletons.rows(actors)
         map_from_part = map_from_actors(actors)[owner] @ self._skeletons.poses(actors)
-        cells_from_part = (cells_from_map[:, :2] @ map_from_part[:, :2]).swapaxes(0, 1)
-        cells_from_part[:, :, 3] += cells_from_map[:, 2:]
-        cells_from_part = cells_from_part.astype(np.float32, order="C")
-        first = np.searchsorted(owner, np.arange(len(actors)))
-        corner_parts, row_parts = [np.empty((2, 3, 0))], [np.empty(0, np.int64)]
-        for blueprint in np.unique(actors["blueprint"]).tolist():
-            plan, same_model = self._plans[blueprint], np.flatnonzero(actors["blueprint"] == blueprint)
-            points_cells = plan.pose(cells_from_part, first[same_model])
-            corners, triangle = corners_near_centers(points_cells, plan.triangles, grid.rows, grid.columns)
-            corner_parts.append(corners)
-            row_parts.append(same_model[triangle // max(len(plan.triangles), 1)])
-        return np.concatenate(corner_parts, axis=2), np.concatenate(row_parts)
+        cells_from_part = cells_from_map[:, :2] @ map_from_part[:, :2]
+        cells_from_part[:, :, 3] += cells_from_map[:, 2]
+        cells_from_part = cells_from_part.astype(np.float32)
+        row, block = self._near_blocks(cells_from_part, part, grid)
+        lone = int(np.searchsorted(row, np.searchsorted(owner, first_lone)))
+        corners = _pose(cells_from_part[row], self._blocks.values[block], lone)
+        near = np.flatnonzero(near_centers(corners, grid.rows, grid.columns))
+        return corners[:, :, near].astype(np.float64), lone_last[owner[row[near // _BLOCK]]]
+
+    def _prepare(self, actors: Table) -> None:
+        """Make the blocks of models that are used for the first time, and their bounds: centers, then half extents."""
+        self._blocks.prepare(actors["blueprint"])
+        new_m = self._blocks.values[self._bounds_m.shape[1] :, :, :3]
+        if len(new_m):
+            low_m, high_m = new_m.min(axis=1).T, new_m.max(axis=1).T
+            bounds_m = np.concatenate([(low_m + high_m) / 2, (high_m - low_m) / 2])
+            self._bounds_m = np.concatenate([self._bounds_m, bounds_m], axis=1)
+
+    def _near_blocks(
+        self, cells_from_part: Float32Array, part: Int64Array, grid: BevGrid
+    ) -> tuple[Int64Array, Int64Array]:
+        """Blocks with a cell center in their bounds: (K,) row of the (R,) parts and (K,) index of the block."""
+        count = self._blocks.count[part]
+        block = self._blocks.indices(part)
+        bounds_m = np.take(self._bounds_m, block, axis=1)
+        near = np.ones(len(block), bool)
+        for axis, cells in enumerate((grid.rows, grid.columns)):
+            x, y, z, offset = np.repeat(np.ascontiguousarray(cells_from_part[:, axis].T), count, axis=1)
+            center = x * bounds_m[0] + y * bounds_m[1] + z * bounds_m[2] + offset
+            reach = np.abs(x) * bounds_m[3] + np.abs(y) * bounds_m[4] + np.abs(z) * bounds_m[5]
+            near &= np.abs(center - np.rint(center).clip(0, cells - 1)) <= reach + np.float32(_ROUNDING_CELLS)
+        return np.repeat(np.arange(len(part)), count)[near], block[near]
 
 
-@dataclass(frozen=True, slots=True)
-class _Plan:
-    """A model's mesh with duplicate vertices merged, ordered by rigid part.
+def _pose(cells_from_part: Float32Array, corners_m: Float32Array, lone: int) -> Float32Array:
+    """(2, 3, K B) row and column of the three corners of the triangles of (K,) blocks.
 
-    Attributes:
-        points: (4, V) float32 homogeneous positions, m, actor frame, rest pose.
-        triangles: (T, 3) int32 indices of points.
-        parts: Indices of the parts that have points.
-        starts: Index of the first point of each of these parts, then V.
+    The order in which BLAS adds decides the last bit. It differs for actors that are the only ones of their model;
+    their blocks are those from ``lone`` on.
     """
+    corners = np.empty((2, 3, len(corners_m), _BLOCK), np.float32)
+    several = corners_m[:lone] @ np.ascontiguousarray(cells_from_part[:lone].swapaxes(1, 2))
+    corners[:, :, :lone] = several.reshape(-1, 3, _BLOCK, 2).transpose(3, 1, 0, 2)
+    single = cells_from_part[lone:, :, None] @ corners_m[lone:, None].swapaxes(2, 3)
+    corners[:, :, lone:] = single.reshape(-1, 2, 3, _BLOCK).transpose(1, 2, 0, 3)
+    return corners.reshape(2, 3, -1)
 
-    points: Float32Array
-    triangles: Int32Array
-    parts: tuple[int, ...]
-    starts: tuple[int, ...]
 
-    @classmethod
-    def from_mesh(cls, mesh: Mesh) -> Self:
-        """Merge the vertices of a mesh that differ only in normal or color."""
-        keys = [*mesh.vertices.T, mesh.part]
-        order = np.lexsort(keys)
-        new = np.append(True, np.any([np.diff(key[order]) != 0 for key in keys], axis=0))[: len(order)]
-        number = np.empty(len(order), np.int32)
-        number[order] = np.cumsum(new) - 1
-        kept = order[new]
-        parts, starts = np.unique(mesh.part[kept], return_index=True)
-        points = np.vstack([mesh.vertices[kept].T, np.ones(len(kept), np.float32)])
-        return cls(points, number[mesh.triangles], tuple(parts.tolist()), (*starts.tolist(), len(kept)))
+def _blocks(model: ActorModel) -> list[Float32Array]:
+    """The triangles of each part in blocks, (C, 3 B, 4) homogeneous: first, second and third corners of B triangles.
 
-    def pose(self, cells_from_part: Float32Array, first: Int64Array) -> Float32Array:
-        """(2, N, V) rows and columns of N actors; their parts' transforms, (2, R, 4), begin at (N,) ``first``."""
-        points_cells = np.empty((2, len(first), self.points.shape[1]), np.float32)
-        for part, (start, end) in zip(self.parts, pairwise(self.starts), strict=True):
-            np.matmul(cells_from_part[:, first + part], self.points[:, start:end], out=points_cells[:, :, start:end])
-        return points_cells
+    A block that is not full repeats its last triangle.
+    """
+    mesh = model.mesh
+    corners_m = mesh.vertices[mesh.triangles]
+    low_m, high_m = corners_m.min(axis=1), corners_m.max(axis=1)
+    part, is_large = mesh.part[mesh.triangles[:, 0]], (high_m - low_m).max(axis=1) > _LARGE_M
+    order = np.lexsort((_morton((low_m + high_m) / 2), is_large, part))
+    group = 2 * part[order].astype(np.int64) + is_large[order]
+    first = np.flatnonzero(np.diff(group, prepend=-1))
+    end = np.append(first[1:], len(order))
+    of_group, number = ragged_indices(-(-(end - first) // _BLOCK))
+    index = np.minimum((first[of_group] + number * _BLOCK)[:, None] + np.arange(_BLOCK), end[of_group, None] - 1)
+    points_m = corners_m[order[index]].swapaxes(1, 2).reshape(-1, 3 * _BLOCK, 3)
+    blocks = np.concatenate([points_m, np.ones_like(points_m[:, :, :1])], axis=2)
+    ends = np.cumsum(np.bincount(group[first[of_group]] // 2, minlength=len(model.parts)))
+    return np.split(blocks, ends[:-1])
+
+
+def _morton(points_m: Float32Array) -> Int64Array:
+    """(T,) Morton codes of (T, 3) points: neighbors in space have mostly similar codes."""
+    if not len(points_m):
+        return np.empty(0, np.int64)
+    voxel = ((points_m - points_m.min(axis=0)) / _VOXEL_M).astype(np.int64).clip(max=(1 << _VOXEL_BITS) - 1)
+    bits = voxel[:, :, None] >> np.arange(_VOXEL_BITS) & 1
+    return (bits << (3 * np.arange(_VOXEL_BITS) + np.arange(3)[:, None])).sum(axis=(1, 2))

@@ -22,27 +22,31 @@ _CENTER_BITS = np.int32(0x10001)
 
 
 def corners_near_centers(
-    points_cells: Float32Array | Float64Array, triangles: Int32Array, rows: int, columns: int
+    points_cells: Float64Array, triangles: Int32Array, rows: int, columns: int
 ) -> tuple[Float64Array, Int64Array]:
     """Select the triangles whose bounding rectangle contains a cell center; few triangles of a fine mesh do.
 
     Args:
-        points_cells: (2, ..., V) continuous (row, column) of points, cell centers at integers; the middle axes are
-            poses of the same mesh.
-        triangles: (T, 3) indices into the last axis.
+        points_cells: (2, V) continuous (row, column) of points, cell centers at integers.
+        triangles: (T, 3) indices of points.
         rows: Number of rows of the grid, below 2**14.
         columns: Number of columns of the grid, below 2**14.
 
     Returns:
-        (2, 3, K) float64 (row, column) of their three corners, and (K,) their flat indices in (..., T).
+        (2, 3, K) (row, column) of their three corners, and (K,) their indices.
     """
-    steps = _grid_steps(points_cells[0], rows) << 16 | _grid_steps(points_cells[1], columns)
-    a, b, c = (np.take(steps, corner, axis=-1) for corner in triangles.T)
-    differs = (a ^ b) | (a ^ c) | (a & _CENTER_BITS)
-    near = np.flatnonzero((differs > _COLUMN_BITS) & ((differs & _COLUMN_BITS) != 0))
-    mesh, triangle = np.divmod(near, max(len(triangles), 1))
-    corner = triangles[triangle].T + mesh * points_cells.shape[-1]
-    return np.take(points_cells.reshape(2, -1), corner, axis=1).astype(np.float64), near
+    steps = _packed_steps(points_cells, rows, columns)
+    near = np.flatnonzero(_differ(*(np.take(steps, corner) for corner in triangles.T)))
+    return np.take(points_cells, triangles[near].T, axis=1), near
+
+
+def near_centers(corners_cells: Float32Array, rows: int, columns: int) -> BoolArray:
+    """Whether the bounding rectangles of triangles contain a cell center, from their (2, 3, …) corners."""
+    near = np.ones(corners_cells.shape[2:], bool)
+    for (a, b, c), count in zip(corners_cells, (rows, columns), strict=True):
+        low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
+        near &= (np.ceil(np.maximum(low, 0)) <= np.minimum(high, count - 1))
+    return near
 
 
 def covered_cells(corners_cells: Float64Array, planes: UInt8Array, shape: tuple[int, int, int]) -> BoolArray:
@@ -87,10 +91,21 @@ class _Spans:
     high: Float64Array
 
 
+def _packed_steps(points_cells: Float32Array | Float64Array, rows: int, columns: int) -> Int32Array:
+    """(…) steps of (2, …) points along both axes of the grid."""
+    return _grid_steps(points_cells[0], rows) << 16 | _grid_steps(points_cells[1], columns)
+
+
 def _grid_steps(coordinates: Float32Array | Float64Array, count: int) -> Int32Array:
     """Steps of coordinates along a grid axis: odd at the centers 0..count-1, even between them."""
     clipped = np.clip(coordinates, -0.5, count - 0.5)
     return (np.ceil(clipped) + np.floor(clipped)).astype(np.int32) + np.int32(1)
+
+
+def _differ(a: Int32Array, b: Int32Array, c: Int32Array) -> BoolArray:
+    """Whether the packed steps of three corners, along both axes, differ or are at a center."""
+    differs = (a ^ b) | (a ^ c) | (a & _CENTER_BITS)
+    return (differs > _COLUMN_BITS) & ((differs & _COLUMN_BITS) != 0)
 
 
 def _integer_range(low: Float64Array, high: Float64Array, count: int) -> tuple[Int64Array, Int64Array]:
@@ -102,9 +117,12 @@ def _integer_range(low: Float64Array, high: Float64Array, count: int) -> tuple[I
 
 def _edges(row: Float64Array, column: Float64Array) -> _Edges:
     """Edges of triangles with (3, T) corners."""
-    order = np.argsort(row, axis=0, kind="stable")
-    row = np.take_along_axis(row, order, axis=0)
-    column = np.take_along_axis(column, order, axis=0)
+    row, column = row.copy(), column.copy()
+    for lower in (0, 1, 0):  # a stable sort by row
+        pair = slice(lower, lower + 2)
+        low, high = row[pair]
+        column[pair] = np.where(high < low, column[pair][::-1], column[pair])
+        row[pair] = np.minimum(low, high), np.maximum(low, high)
     return _Edges(
         middle=row[1],
         long=(row[0], column[0], _slope(row[2] - row[0], column[2] - column[0])),
@@ -113,8 +131,7 @@ def _edges(row: Float64Array, column: Float64Array) -> _Edges:
 
 
 def _slope(rise: Float64Array, run: Float64Array) -> Float64Array:
-    flat = rise < _FLAT_EDGE_ROWS
-    return np.where(flat, 0.0, run) / np.where(flat, 1.0, rise)
+    return np.divide(run, rise, out=np.zeros_like(run), where=rise >= _FLAT_EDGE_ROWS)
 
 
 def _spans(edges: _Edges, first_row: Int64Array, last_row: Int64Array) -> _Spans:
@@ -132,9 +149,15 @@ def _spans(edges: _Edges, first_row: Int64Array, last_row: Int64Array) -> _Spans
 
 
 def _fill_spans(line: Int64Array, first: Int64Array, last: Int64Array, shape: tuple[int, int, int]) -> BoolArray:
-    """Draw spans into planes, by a running sum of +1 at their start and -1 after their end."""
+    """Draw spans into planes: cell by cell, or if they overlap a lot, by a running sum of +1 and -1 at their ends."""
     planes, rows, columns = shape
-    nonempty = first <= last
+    length = (last - first + 1).clip(0)
+    if length.sum() < planes * rows * columns // 4:
+        span, offset = ragged_indices(length)
+        filled = np.zeros(shape, bool)
+        filled.reshape(-1)[(line * columns + first)[span] + offset] = True
+        return filled
+    nonempty = length > 0
     start = line[nonempty] * (columns + 1)
     steps = np.zeros(planes * rows * (columns + 1), np.int32)
     np.add.at(steps, start + first[nonempty], np.int32(1))

@@ -1,46 +1,62 @@
-"""Arrays with rows for each rigid part of each actor model, such as its outermost points, made on demand."""
+"""Arrays with rows for each rigid part of each actor model, such as its outermost points; those of the catalog cached."""
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import numpy as np
 
+from simbev_ros.assets.actors import catalog
 from simbev_ros.assets.actors.actor_model import ActorModel
+from simbev_ros.foundation.cache.entries import default_cache_dir, entry_path
+from simbev_ros.foundation.cache.files import read_cached
+from simbev_ros.foundation.cache.fingerprint import fingerprint
+from simbev_ros.foundation.files.mapped_arrays import map_arrays, write_arrays
 from simbev_ros.foundation.geometry.ragged import ragged_indices, ragged_starts
 from simbev_ros.foundation.types import AnyArray, Float32Array, Int64Array
+from simbev_ros.scene.blueprints import load_blueprints
+
+_KIND = "parts"
+_Make = Callable[[ActorModel], Sequence[Float32Array]]
 
 
 class PartRows:
-    """Rows of one array that belong to the parts of models; those of a model are made when it is first used.
+    """Rows of one array that belong to the parts of models.
 
     Attributes:
-        values: (V, …) float32 rows of all models that were used.
-        count: (P,) number of rows of each part, numbered through all models as in ``Skeletons``; 0 if not made yet.
+        values: (V, …) float32 rows of all parts of all models.
+        count: (P,) number of rows of each part, numbered through all models as in ``Skeletons``.
     """
 
-    def __init__(
-        self, models: Sequence[ActorModel], make: Callable[[ActorModel], Sequence[Float32Array]], shape: tuple[int, ...]
-    ) -> None:
-        """Prepare models, indexed by blueprint; ``make`` returns the rows of each part, which have this shape."""
-        self._models, self._make = models, make
-        parts = np.array([len(model.parts) for model in models], np.int64)
-        self._first_part, self._is_made = ragged_starts(parts), np.zeros(len(models), bool)
-        self._first, self.count = np.zeros((2, int(parts.sum())), np.int64)
-        self.values: Float32Array = np.empty((0, *shape), np.float32)
+    def __init__(self, models: Sequence[ActorModel], make: _Make) -> None:
+        """Make the rows of models, indexed by blueprint.
 
-    def prepare(self, blueprints: AnyArray) -> None:
-        """Make the rows of those of (N,) blueprints that are used for the first time."""
-        made = [self.values]
-        for blueprint in np.unique(blueprints[~self._is_made[blueprints]]).tolist():
-            parts = self._make(self._models[blueprint])
-            own = slice(self._first_part[blueprint], self._first_part[blueprint] + len(parts))
-            self.count[own] = [len(rows) for rows in parts]
-            self._first[own] = sum(map(len, made)) + ragged_starts(self.count[own])
-            self._is_made[blueprint] = True
-            made += parts
-        if len(made) > 1:
-            self.values = np.concatenate(made)
+        Args:
+            models: At least one model. Processes share the arrays of the whole catalog, which are made only once.
+            make: Function of a module that returns the rows of each part of a model.
+        """
+        is_catalog = len(models) == len(load_blueprints()) and models is catalog.load_models()
+        arrays = _cached(make) if is_catalog else _arrays(models, make)
+        self.values, self.count = arrays["values"], arrays["count"]
+        self._first = ragged_starts(self.count)
 
     def indices(self, parts: Int64Array) -> Int64Array:
         """Index into ``values`` of each row of (R,) parts, part by part."""
         part, offset = ragged_indices(self.count[parts])
         return self._first[parts][part] + offset
+
+
+def _arrays(models: Sequence[ActorModel], make: _Make) -> dict[str, AnyArray]:
+    rows = [rows for model in models for rows in make(model)]
+    return {"values": np.concatenate(rows), "count": np.array([len(each) for each in rows])}
+
+
+def _cached(make: _Make) -> dict[str, AnyArray]:
+    """The arrays of the catalog's models."""
+
+    def write(path: Path) -> None:
+        write_arrays(path, _arrays(catalog.load_models(), make))
+
+    name = make.__name__.strip("_")
+    version = fingerprint(__name__, make.__module__)
+    path = entry_path(default_cache_dir() / _KIND, name, version, name.encode()) / "rows.npz"
+    return read_cached(path, _KIND, map_arrays, write)

@@ -38,8 +38,8 @@ class ActorPlans:
     def __init__(self, models: Sequence[ActorModel]) -> None:
         """Prepare models, indexed by blueprint."""
         self._skeletons = Skeletons(models)
-        self._blocks = PartRows(models, _blocks, (3 * _BLOCK, 4))
-        self._bounds_m = np.empty((6, 0), np.float32)
+        self._blocks = PartRows(models, _blocks)
+        self._bounds_m = np.ascontiguousarray(PartRows(models, _bounds).values.T)
 
     def corners_near_centers(
         self, actors: Table, cells_from_map: Float64Array, grid: BevGrid
@@ -56,7 +56,6 @@ class ActorPlans:
         """
         if not len(actors):
             return np.empty((2, 3, 0)), np.empty(0, np.int64)
-        self._prepare(actors)
         is_lone = np.bincount(actors["blueprint"])[actors["blueprint"]] == 1
         lone_last = np.argsort(is_lone, kind="stable")
         actors, first_lone = actors[lone_last], len(actors) - np.count_nonzero(is_lone)
@@ -71,21 +70,11 @@ class ActorPlans:
         near = np.flatnonzero(near_centers(corners, grid.rows, grid.columns))
         return corners[:, :, near].astype(np.float64), lone_last[owner[row[near // _BLOCK]]]
 
-    def _prepare(self, actors: Table) -> None:
-        """Make the blocks of models that are used for the first time, and their bounds: centers, then half extents."""
-        self._blocks.prepare(actors["blueprint"])
-        new_m = self._blocks.values[self._bounds_m.shape[1] :, :, :3]
-        if len(new_m):
-            low_m, high_m = new_m.min(axis=1).T, new_m.max(axis=1).T
-            bounds_m = np.concatenate([(low_m + high_m) / 2, (high_m - low_m) / 2])
-            self._bounds_m = np.concatenate([self._bounds_m, bounds_m], axis=1)
-
     def _near_blocks(
         self, cells_from_part: Float32Array, part: Int64Array, grid: BevGrid
     ) -> tuple[Int64Array, Int64Array]:
         """Blocks with a cell center in their bounds: (K,) row of the (R,) parts and (K,) index of the block."""
-        count = self._blocks.count[part]
-        block = self._blocks.indices(part)
+        count, block = self._blocks.count[part], self._blocks.indices(part)
         bounds_m = np.take(self._bounds_m, block, axis=1)
         near = np.ones(len(block), bool)
         for axis, cells in enumerate((grid.rows, grid.columns)):
@@ -129,6 +118,15 @@ def _blocks(model: ActorModel) -> list[Float32Array]:
     blocks = np.concatenate([points_m, np.ones_like(points_m[:, :, :1])], axis=2)
     ends = np.cumsum(np.bincount(group[first[of_group]] // 2, minlength=len(model.parts)))
     return np.split(blocks, ends[:-1])
+
+
+def _bounds(model: ActorModel) -> list[Float32Array]:
+    """(C, 6) centers and half extents of the bounds of the blocks of each part."""
+    bounds = []
+    for corners_m in _blocks(model):
+        low_m, high_m = corners_m[:, :, :3].min(axis=1), corners_m[:, :, :3].max(axis=1)
+        bounds.append(np.concatenate([(low_m + high_m) / 2, (high_m - low_m) / 2], axis=1))
+    return bounds
 
 
 def _morton(points_m: Float32Array) -> Int64Array:

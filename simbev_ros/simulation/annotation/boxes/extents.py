@@ -13,6 +13,12 @@ from simbev_ros.assets.actors.actor_model import ActorModel
 from simbev_ros.assets.actors.skeletons import Skeletons
 from simbev_ros.foundation.geometry.ragged import ragged_starts
 from simbev_ros.foundation.types import AnyArray, BoolArray, Float32Array, Float64Array, Table
+from simbev_ros.schema.scene.state import ACTOR_DTYPE
+from simbev_ros.simulation.annotation.part_rows import PartRows
+
+_POSE_COLUMNS = ("id", "blueprint", "wheel", "gait", "steer", "vx", "vy")
+"""Columns that decide where an actor's parts are in its own frame."""
+_POSE_DTYPE = np.dtype([(name, ACTOR_DTYPE[name]) for name in _POSE_COLUMNS])
 
 
 class Extents:
@@ -20,42 +26,44 @@ class Extents:
 
     def __init__(self, models: Sequence[ActorModel]) -> None:
         """Prepare models, indexed by blueprint."""
-        self._models, self._skeletons = models, Skeletons(models)
-        parts = np.array([len(model.parts) for model in models])
-        self._first_part, self._is_prepared = ragged_starts(parts), np.zeros(len(models), bool)
-        self._first, self._count = np.zeros((2, int(parts.sum())), np.int64)
-        self._points_m = np.empty((3, 0), np.float32)
+        self._skeletons, self._points = Skeletons(models), PartRows(models, _outermost_points)
+        self._latest = np.empty(0, _POSE_DTYPE)
+        self._latest_bounds_m = np.empty((2, 0, 3))
 
     def bounds(self, actors: Table) -> tuple[Float64Array, Float64Array]:
-        """Minimum and maximum x, y, z, each (N, 3), of (N,) ``ACTOR_DTYPE`` actors, each in its own frame, meters."""
-        if not len(actors):
-            return np.empty((0, 3)), np.empty((0, 3))
-        self._prepare(np.unique(actors["blueprint"]))
+        """Minimum and maximum x, y, z, each (N, 3), of (N,) ``ACTOR_DTYPE`` actors, each in its own frame, meters.
+
+        Those of actors whose parts have not moved since the last call are kept.
+        """
+        latest = np.zeros(len(actors), _POSE_DTYPE)
+        for name in _POSE_COLUMNS:
+            latest[name] = actors[name]
+        _, row, row_before = np.intersect1d(actors["id"], self._latest["id"], return_indices=True)
+        is_same = latest[row] == self._latest[row_before]
+        moves, bounds_m = np.ones(len(actors), bool), np.empty((2, len(actors), 3))
+        moves[row[is_same]] = False
+        bounds_m[:, row[is_same]] = self._latest_bounds_m[:, row_before[is_same]]
+        if moves.any():
+            bounds_m[:, moves] = self._moved_bounds(actors[moves])
+        self._latest, self._latest_bounds_m = latest, bounds_m
+        return bounds_m[0], bounds_m[1]
+
+    def _moved_bounds(self, actors: Table) -> tuple[Float64Array, Float64Array]:
+        """Result of ``bounds`` for at least one actor."""
         shut = actors.copy()
         shut["doors"] = 0
         actor, part = self._skeletons.rows(shut)
-        has_points = self._count[part] > 0
+        has_points = self._points.count[part] > 0
         poses, actor, part = self._skeletons.poses(shut)[has_points], actor[has_points], part[has_points]
         low_m, high_m = self._part_bounds(part, poses)
         first = np.flatnonzero(np.diff(actor, prepend=-1))
         return np.minimum.reduceat(low_m, first), np.maximum.reduceat(high_m, first)
 
-    def _prepare(self, blueprints: AnyArray) -> None:
-        """Find the points of models that are used for the first time."""
-        for blueprint in blueprints[~self._is_prepared[blueprints]].tolist():
-            points = _outermost_points(self._models[blueprint])
-            own = slice(self._first_part[blueprint], self._first_part[blueprint] + len(points))
-            self._count[own] = [len(part) for part in points]
-            self._first[own] = self._points_m.shape[1] + ragged_starts(self._count[own])
-            self._points_m = np.concatenate([self._points_m, *(part.T for part in points)], axis=1)
-            self._is_prepared[blueprint] = True
-
     def _part_bounds(self, part: AnyArray, poses: Float64Array) -> tuple[Float64Array, Float64Array]:
         """(R, 3) minimum and maximum coordinates of (R,) parts, given their (R, 4, 4) poses."""
-        count = self._count[part]
+        count = self._points.count[part]
         start = ragged_starts(count)
-        index = np.arange(int(count.sum())) + np.repeat(self._first[part] - start, count)
-        points_m = self._points_m[:, index]
+        points_m = np.ascontiguousarray(self._points.values[self._points.indices(part)].T)
         turns = np.repeat(poses[:, :3, :3].reshape(-1, 9).T.astype(np.float32), count, axis=1).reshape(3, 3, -1)
         posed_m = np.einsum("ijk,jk->ik", turns, points_m)
         low_m, high_m = (np.asarray(each.reduceat(posed_m, start, axis=1).T) for each in (np.minimum, np.maximum))

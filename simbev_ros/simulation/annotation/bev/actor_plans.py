@@ -14,12 +14,12 @@ from simbev_ros.assets.actors.actor_model import ActorModel
 from simbev_ros.assets.actors.skeletons import Skeletons
 from simbev_ros.foundation.geometry.grid import BevGrid
 from simbev_ros.foundation.geometry.ragged import ragged_indices
-from simbev_ros.foundation.types import Float32Array, Float64Array, Int64Array, Table
+from simbev_ros.foundation.types import BoolArray, Float32Array, Float64Array, Int64Array, Table
 from simbev_ros.schema.scene.state import map_from_actors
 from simbev_ros.simulation.annotation.bev.raster import near_centers
 from simbev_ros.simulation.annotation.part_rows import PartRows
 
-_BLOCK = 8
+_BLOCK = 12
 """Triangles per block: smaller blocks are dropped more often, but there are more of them."""
 
 _LARGE_M = 0.15
@@ -57,8 +57,9 @@ class ActorPlans:
         if not len(actors):
             return np.empty((2, 3, 0)), np.empty(0, np.int64)
         is_lone = np.bincount(actors["blueprint"])[actors["blueprint"]] == 1
-        lone_last = np.argsort(is_lone, kind="stable")
-        actors, first_lone = actors[lone_last], len(actors) - np.count_nonzero(is_lone)
+        inside = np.flatnonzero(_near_grid(actors, cells_from_map, grid))
+        chosen = inside[np.argsort(is_lone[inside], kind="stable")]
+        actors, first_lone = actors[chosen], len(chosen) - np.count_nonzero(is_lone[chosen])
         owner, part = self._skeletons.rows(actors)
         map_from_part = map_from_actors(actors)[owner] @ self._skeletons.poses(actors)
         cells_from_part = cells_from_map[:, :2] @ map_from_part[:, :2]
@@ -68,7 +69,7 @@ class ActorPlans:
         lone = int(np.searchsorted(row, np.searchsorted(owner, first_lone)))
         corners = _pose(cells_from_part[row], self._blocks.values[block], lone)
         near = np.flatnonzero(near_centers(corners, grid.rows, grid.columns))
-        return corners[:, :, near].astype(np.float64), lone_last[owner[row[near // _BLOCK]]]
+        return corners[:, :, near].astype(np.float64), chosen[owner[row[near // _BLOCK]]]
 
     def _near_blocks(
         self, cells_from_part: Float32Array, part: Int64Array, grid: BevGrid
@@ -83,6 +84,14 @@ class ActorPlans:
             reach = np.abs(x) * bounds_m[3] + np.abs(y) * bounds_m[4] + np.abs(z) * bounds_m[5]
             near &= np.abs(center - np.rint(center).clip(0, cells - 1)) <= reach + np.float32(_ROUNDING_CELLS)
         return np.repeat(np.arange(len(part)), count)[near], block[near]
+
+
+def _near_grid(actors: Table, cells_from_map: Float64Array, grid: BevGrid) -> BoolArray:
+    """(N,) whether actors can touch the grid."""
+    position = cells_from_map[:, :2] @ np.stack([actors["x"], actors["y"]]) + cells_from_map[:, 2:]
+    reach = np.hypot(actors["length"], actors["width"]) / grid.cell_m
+    size = np.array([[grid.rows], [grid.columns]])
+    return ((position > -reach) & (position < size + reach)).all(axis=0)
 
 
 def _pose(cells_from_part: Float32Array, corners_m: Float32Array, lone: int) -> Float32Array:

@@ -102,8 +102,9 @@ class BevAnnotator:
 
 def _labels(corners_cells: Float64Array, planes: UInt8Array, grid: BevGrid) -> UInt16Array:
     """(rows, columns) bits of the planes that cover each cell, from (2, 3, T) triangles and their (T,) planes."""
-    drawn, number = np.unique(planes, return_inverse=True)  # every plane takes time, even an empty one
-    covered = covered_cells(corners_cells, number.astype(np.uint8), (len(drawn), grid.rows, grid.columns))
+    is_drawn = np.bincount(planes, minlength=len(BEV_CLASSES)) > 0  # every plane takes time, even an empty one
+    drawn, number = np.flatnonzero(is_drawn), np.cumsum(is_drawn) - 1
+    covered = covered_cells(corners_cells, number[planes].astype(np.uint8), (len(drawn), grid.rows, grid.columns))
     labels = np.zeros((grid.rows, grid.columns), np.uint16)
     for bit, plane in zip(drawn.tolist(), covered, strict=True):
         labels |= plane.astype(np.uint16) << np.uint16(bit)

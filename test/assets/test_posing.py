@@ -4,6 +4,7 @@ from scipy.spatial.transform import Rotation
 from simbev_ros.assets.actors.actor_model import ActorModel, Cycle
 from simbev_ros.assets.actors.catalog import load_models
 from simbev_ros.assets.actors.posing import pose_actors
+from simbev_ros.assets.actors.skeletons import Skeletons
 from simbev_ros.foundation.types import Float64Array, Table
 from simbev_ros.schema.scene.state import ACTOR_DTYPE
 
@@ -96,3 +97,11 @@ def test_no_actors_give_empty_arrays_of_the_documented_types() -> None:
     assert posed.vertices.shape == posed.triangles.shape == (0, 3)
     types = [array.dtype for array in (posed.vertices, posed.triangles, posed.triangle_row, posed.vertex_model)]
     assert types == [np.float32, np.int32, np.uint32, np.int32]
+
+
+def test_parts_have_the_same_poses_to_the_bit_whatever_other_actors_there_are() -> None:
+    actors, skeletons = random_actors(3 * len(load_models())), Skeletons(load_models())
+    owner, _ = skeletons.rows(actors)
+    together = skeletons.poses(actors)
+    for row in range(0, len(actors), 5):
+        np.testing.assert_array_equal(skeletons.poses(actors[row : row + 1]), together[owner == row])

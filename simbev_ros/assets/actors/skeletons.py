@@ -61,7 +61,6 @@ class Skeletons:
             poses[rows] = poses[rows - self._to_parent[part[rows]]] @ poses[rows]
         return poses
 
-
     def _strides(self, actors: Table) -> tuple[Int64Array, Float64Array, Float64Array]:
         """(A,) actors with a cycle, alike ones in sequence, (R,) rotations about y of their parts, and (A,) rises."""
         walker = np.flatnonzero(self._has_cycle[actors["blueprint"]])
@@ -85,7 +84,7 @@ def part_poses(model: ActorModel, actors: Table) -> Float64Array:
 def _interpolate(
     cycles: Sequence[Cycle], alike: Sequence[slice], speed_mps: Float64Array, gait_rad: Float64Array
 ) -> tuple[Float64Array, Float64Array]:
-    """Rotations, part by part, and (A,) rises of A actors, bilinear in speed and gait; ``alike`` have the same cycle."""
+    """Rotations of all parts and (A,) rises of A actors, bilinear in speed and gait; ``alike`` ones share a cycle."""
     speeds, steps, parts = np.repeat(
         [(*cycle.rise_m.shape, cycle.turn_rad.shape[2]) for cycle in cycles],
         [own.stop - own.start for own in alike],

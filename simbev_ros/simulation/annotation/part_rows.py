@@ -1,4 +1,4 @@
-"""Arrays with rows for each rigid part of each actor model, such as its outermost points; those of the catalog cached."""
+"""Rows for each rigid part of each actor model, such as its outermost points; those of the catalog are cached."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -15,7 +15,6 @@ from simbev_ros.foundation.geometry.ragged import ragged_indices, ragged_starts
 from simbev_ros.foundation.types import AnyArray, Float32Array, Int64Array
 from simbev_ros.scene.blueprints import load_blueprints
 
-_KIND = "parts"
 _Make = Callable[[ActorModel], Sequence[Float32Array]]
 
 
@@ -56,7 +55,7 @@ def _cached(make: _Make) -> dict[str, AnyArray]:
     def write(path: Path) -> None:
         write_arrays(path, _arrays(catalog.load_models(), make))
 
-    name = make.__name__.strip("_")
+    kind, name = make.__module__.rpartition(".")[2], make.__name__.strip("_")
     version = fingerprint(__name__, make.__module__)
-    path = entry_path(default_cache_dir() / _KIND, name, version, name.encode()) / "rows.npz"
-    return read_cached(path, _KIND, map_arrays, write)
+    path = entry_path(default_cache_dir() / kind, name, version, name.encode()) / "rows.npz"
+    return read_cached(path, "models", map_arrays, write)

@@ -114,3 +114,15 @@ def test_planar_parts_are_included(flat: bool) -> None:
 
 def test_no_actors_give_empty_bounds() -> None:
     assert [each.shape for each in EXTENTS.bounds(np.zeros(0, ACTOR_DTYPE))] == [(0, 3), (0, 3)]
+
+
+def test_bounds_follow_actors_that_move_appear_and_leave_whatever_was_asked_before() -> None:
+    actors, extents, random = moving(copies=3), Extents(MODELS), np.random.default_rng(6)
+    for _ in range(6):
+        chosen = random.permutation(np.flatnonzero(random.random(len(actors)) < 0.7))
+        for name in ("wheel", "gait", "steer", "vx", "vy", "x", "yaw"):
+            actors[name][random.random(len(actors)) < 0.1] += 0.3
+        expected = Extents(MODELS).bounds(actors[chosen])
+        np.testing.assert_array_equal(extents.bounds(actors[chosen]), expected)
+    actors["blueprint"][:] = actors["blueprint"][::-1].copy()  # the same ids in another scene
+    np.testing.assert_array_equal(extents.bounds(actors), Extents(MODELS).bounds(actors))

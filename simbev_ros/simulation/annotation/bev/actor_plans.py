@@ -19,17 +19,18 @@ from simbev_ros.schema.scene.state import map_from_actors
 from simbev_ros.simulation.annotation.bev.raster import near_centers
 from simbev_ros.simulation.annotation.part_rows import PartRows
 
-_BLOCK = 12
+_BLOCK = 8
 """Triangles per block: smaller blocks are dropped more often, but there are more of them."""
 
 _LARGE_M = 0.15
 """Triangles larger than this have blocks of their own, so that those of small ones stay small."""
 
-_VOXEL_M, _VOXEL_BITS = 0.02, 10
-"""Triangles in voxels that follow each other in Morton order are neighbors; bits of a voxel's index along an axis."""
+_VOXEL_M = 0.02
+_SPREAD = ((np.arange(1 << 10)[:, None] >> np.arange(10) & 1) << 3 * np.arange(10)).sum(axis=1)
+"""Voxels that follow each other in Morton order are neighbors: numbers of 10 bits, with two zeros after each bit."""
 
-_ROUNDING_CELLS = 1e-3
-"""Upper bound of the errors of float32 positions."""
+_ROUNDING_CELLS, _ROUNDING = 1e-3, 1e-6
+"""Upper bound of the errors of float32 positions: absolute, and relative to the number of cells along an axis."""
 
 
 class ActorPlans:
@@ -62,12 +63,12 @@ class ActorPlans:
         actors, first_lone = actors[chosen], len(chosen) - np.count_nonzero(is_lone[chosen])
         owner, part = self._skeletons.rows(actors)
         map_from_part = map_from_actors(actors)[owner] @ self._skeletons.poses(actors)
-        cells_from_part = cells_from_map[:, :2] @ map_from_part[:, :2]
-        cells_from_part[:, :, 3] += cells_from_map[:, 2]
-        cells_from_part = cells_from_part.astype(np.float32)
+        in_cells = cells_from_map[:, :2] @ map_from_part[:, :2]
+        in_cells[:, :, 3] += cells_from_map[:, 2]
+        cells_from_part = in_cells.astype(np.float32)
         row, block = self._near_blocks(cells_from_part, part, grid)
         lone = int(np.searchsorted(row, np.searchsorted(owner, first_lone)))
-        corners = _pose(cells_from_part[row], self._blocks.values[block], lone)
+        corners = _pose(cells_from_part.take(row, axis=0), self._blocks.values.take(block, axis=0), lone)
         near = np.flatnonzero(near_centers(corners, grid.rows, grid.columns))
         return corners[:, :, near].astype(np.float64), chosen[owner[row[near // _BLOCK]]]
 
@@ -82,7 +83,8 @@ class ActorPlans:
             x, y, z, offset = np.repeat(np.ascontiguousarray(cells_from_part[:, axis].T), count, axis=1)
             center = x * bounds_m[0] + y * bounds_m[1] + z * bounds_m[2] + offset
             reach = np.abs(x) * bounds_m[3] + np.abs(y) * bounds_m[4] + np.abs(z) * bounds_m[5]
-            near &= np.abs(center - np.rint(center).clip(0, cells - 1)) <= reach + np.float32(_ROUNDING_CELLS)
+            slack = np.float32(_ROUNDING_CELLS + _ROUNDING * cells)
+            near &= np.abs(center - np.rint(center).clip(0, cells - 1)) <= reach + slack
         return np.repeat(np.arange(len(part)), count)[near], block[near]
 
 
@@ -140,8 +142,6 @@ def _bounds(model: ActorModel) -> list[Float32Array]:
 
 def _morton(points_m: Float32Array) -> Int64Array:
     """(T,) Morton codes of (T, 3) points: neighbors in space have mostly similar codes."""
-    if not len(points_m):
-        return np.empty(0, np.int64)
-    voxel = ((points_m - points_m.min(axis=0)) / _VOXEL_M).astype(np.int64).clip(max=(1 << _VOXEL_BITS) - 1)
-    bits = voxel[:, :, None] >> np.arange(_VOXEL_BITS) & 1
-    return (bits << (3 * np.arange(_VOXEL_BITS) + np.arange(3)[:, None])).sum(axis=(1, 2))
+    lowest_m = points_m.min(axis=0, initial=np.inf)
+    x, y, z = ((points_m - lowest_m) / _VOXEL_M).astype(np.int64).clip(max=len(_SPREAD) - 1).T
+    return _SPREAD[x] | _SPREAD[y] << 1 | _SPREAD[z] << 2

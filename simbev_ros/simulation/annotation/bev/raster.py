@@ -37,7 +37,7 @@ def corners_near_centers(
     """
     steps = _packed_steps(points_cells, rows, columns)
     near = np.flatnonzero(_differ(*(np.take(steps, corner) for corner in triangles.T)))
-    return np.take(points_cells, triangles[near].T, axis=1), near
+    return np.take(points_cells, triangles.take(near, axis=0).T, axis=1), near
 
 
 def near_centers(corners_cells: Float32Array, rows: int, columns: int) -> BoolArray:
@@ -45,7 +45,7 @@ def near_centers(corners_cells: Float32Array, rows: int, columns: int) -> BoolAr
     near = np.ones(corners_cells.shape[2:], bool)
     for (a, b, c), count in zip(corners_cells, (rows, columns), strict=True):
         low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
-        near &= (np.ceil(np.maximum(low, 0)) <= np.minimum(high, count - 1))
+        near &= np.ceil(np.maximum(low, 0)) <= np.minimum(high, count - 1)
     return near
 
 

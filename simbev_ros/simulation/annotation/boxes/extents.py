@@ -27,6 +27,7 @@ class Extents:
     def __init__(self, models: Sequence[ActorModel]) -> None:
         """Prepare models, indexed by blueprint."""
         self._skeletons, self._points = Skeletons(models), PartRows(models, _outermost_points)
+        self._points_m = np.ascontiguousarray(self._points.values.T)
         self._latest = np.empty(0, _POSE_DTYPE)
         self._latest_bounds_m = np.empty((2, 0, 3))
 
@@ -63,7 +64,7 @@ class Extents:
         """(R, 3) minimum and maximum coordinates of (R,) parts, given their (R, 4, 4) poses."""
         count = self._points.count[part]
         start = ragged_starts(count)
-        points_m = np.ascontiguousarray(self._points.values[self._points.indices(part)].T)
+        points_m = np.take(self._points_m, self._points.indices(part), axis=1)
         turns = np.repeat(poses[:, :3, :3].reshape(-1, 9).T.astype(np.float32), count, axis=1).reshape(3, 3, -1)
         posed_m = np.einsum("ijk,jk->ik", turns, points_m)
         low_m, high_m = (np.asarray(each.reduceat(posed_m, start, axis=1).T) for each in (np.minimum, np.maximum))

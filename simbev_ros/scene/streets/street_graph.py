@@ -288,7 +288,7 @@ class StreetGraph:
 
     def is_dead_end(self, edge: str) -> bool:
         """Whether no edge follows an edge."""
-        return not len(related(self._after_edge, self._streets.edges.index(edge)))
+        return not len(related(self._after_edge, self._streets.edge_number[edge]))
 
     def draw_route(self, start_lane: str, length_m: float, rng: np.random.Generator) -> tuple[str, ...]:
         """Draw a random route from a lane: its edges, at least ``length_m`` long beyond the first edge.
@@ -348,7 +348,7 @@ class StreetGraph:
 
     def first_lane(self, edge: str) -> str:
         """Id of the first lane of an edge that the class may use."""
-        on_edge = self._streets.edge == self._streets.edges.index(edge)
+        on_edge = self._streets.edge == self._streets.edge_number[edge]
         return self._streets.lanes[int(np.flatnonzero(on_edge & self._starts)[0])].id
 
     def _draw_onward(
@@ -371,8 +371,10 @@ class StreetGraph:
         """
         distance_m = self._streets.edge_length_m[following] + self._beyond_m[following]
         choices = following[distance_m >= min(length_m, distance_m.max())]
-        onward = choices[~np.isin(choices, related(self._turns, edge))]
-        return onward if len(onward) and not self._streets.is_closed else choices
+        if self._streets.is_closed or not len(turns := related(self._turns, edge)):
+            return choices
+        onward = choices[~np.isin(choices, turns)]
+        return onward if len(onward) else choices
 
 
 def _edges_after(streets: Streets, usable: BoolArray) -> csr_array:

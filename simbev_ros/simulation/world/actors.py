@@ -135,7 +135,8 @@ class Actors:
         doors = self._doors.advance_doors(sample.front_m, step)
         signals = self._signals[0] | np.where(crashed[:vehicles], HAZARD_LIGHTS, 0)
         moving = self._table.fill(motion, signals, doors, self._jaywalking[0], step)
-        return np.concatenate([moving, self._props, self._parked.rows_at(step, moving)])
+        # without a dtype, NumPy would promote the columns one by one
+        return np.concatenate([moving, self._props, self._parked.rows_at(step, moving)], dtype=moving.dtype)
 
     def _event(self, impact: Impact) -> Event:
         a, b = sorted(int(self._ids[body]) for body in impact.bodies)

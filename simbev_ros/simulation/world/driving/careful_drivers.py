@@ -228,6 +228,8 @@ class CarefulDrivers:
         Returns:
             (N,) decelerations, and (N,) whether braking is useless because the driver already blocks the other's path.
         """
+        if not len(conflicts.driver):
+            return np.zeros(0), np.zeros(0, bool)
         first_contacts, entry_time = predicted.first_contacts(conflicts), predicted.entry_time(conflicts)
         gap_m, reach_m = first_contacts.gap_m[:, 0], first_contacts.reach_m[:, 0]
         # A pedestrian who steps in front of a vehicle blocks its path; the vehicle waits nevertheless.

@@ -5,10 +5,10 @@ map frame. Trajectories come from ``trajectory_prediction``; what drivers do abo
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from simbev_ros.foundation.geometry.plan_view import left_of
 from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
@@ -61,7 +61,7 @@ class FirstContacts:
     alignment: Float64Array
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class PredictedTraffic:
     """Predicted trajectories of G bodies, from the viewpoint of the drivers.
 
@@ -77,7 +77,7 @@ class PredictedTraffic:
     own: PredictedTrajectories
     as_seen: PredictedTrajectories
 
-    @property
+    @cached_property
     def radius_m(self) -> Float64Array:
         """(G,) radii of the circles around the boxes."""
         return np.hypot(*self.half_m.T)
@@ -135,18 +135,12 @@ class PredictedTraffic:
 
     def _candidate_pairs(self, drivers: Int64Array) -> tuple[Int64Array, Int64Array]:
         """(N,) drivers and (N,) bodies whose trajectories come close."""
-        if not len(drivers):
-            return drivers, drivers
-        radius_m, middle_m = self.radius_m, self.as_seen.middle_m
-        reach_m = self.as_seen.span_m / 2.0 + radius_m
-        driver_middle_m = self.own.middle_m[drivers]
-        driver_reach_m = self.own.span_m[drivers] / 2.0 + (radius_m[drivers] + MARGINS_M[0])
-        found = cKDTree(middle_m).query_ball_point(driver_middle_m, driver_reach_m + reach_m.max(), return_sorted=True)
-        number = np.repeat(np.arange(len(drivers)), [len(each) for each in found])
-        driver, other = drivers[number], np.concatenate(found).astype(np.int64)
-        gap_m = np.linalg.norm(driver_middle_m[number] - middle_m[other], axis=1)
-        near = (driver != other) & (gap_m < driver_reach_m[number] + reach_m[other])
-        near &= np.abs(self.height_m[driver] - self.height_m[other]) < _LEVEL_TOLERANCE_M
+        reach_m = self.as_seen.span_m / 2.0 + self.radius_m
+        driver_reach_m = self.own.span_m[drivers] / 2.0 + (self.radius_m[drivers] + MARGINS_M[0])
+        x_m, y_m = self.own.middle_m[drivers].T[..., None] - self.as_seen.middle_m.T[:, None]
+        number, other = np.nonzero(np.sqrt(x_m * x_m + y_m * y_m) < driver_reach_m[:, None] + reach_m)
+        driver = drivers[number]
+        near = (driver != other) & (np.abs(self.height_m[driver] - self.height_m[other]) < _LEVEL_TOLERANCE_M)
         return driver[near], other[near]
 
     def _margins_m(self, driver: Int64Array, other: Int64Array) -> Float64Array:

@@ -1,6 +1,7 @@
 """Short-term trajectory prediction: vehicles along the lanes of their routes, pedestrians straight ahead."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -28,7 +29,7 @@ class RouteGeometry(Protocol):
         """(N, K, 3) positions of N vehicles' fronts after (N, K) distances, (N, K) further to the left than now."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class PredictedTrajectories:
     """Predicted poses of N bodies at the K times ``TIMES_S`` from now, in plan.
 
@@ -40,17 +41,17 @@ class PredictedTrajectories:
     center_m: Float64Array
     forward: Float64Array
 
-    @property
+    @cached_property
     def middle_m(self) -> Float64Array:
         """(N, 2) midpoint of the first and the last position."""
         return (self.center_m[:, 0] + self.center_m[:, -1]) / 2.0
 
-    @property
+    @cached_property
     def span_m(self) -> Float64Array:
         """(N,) distance between the first and the last position."""
         return np.linalg.norm(self.center_m[:, -1] - self.center_m[:, 0], axis=1)
 
-    @property
+    @cached_property
     def stays(self) -> BoolArray:
         """(N,) whether each body hardly moves."""
         return self.span_m <= _MIN_SPAN_M

@@ -18,6 +18,7 @@ _MIN_IMPACT_MPS = 1.0  # bodies that slide together have no relative speed; at t
 _MIN_JOLT_MPS2 = 11.0  # minimum acceleration that counts as an impact for a body pushed by others
 _BISECTION_STEPS = 8  # halvings of the tick of an impact: 4 mm for a step of 1 m
 _MOMENTUM_SWEEPS = 8  # sweeps over all contacts of a tick, until bodies pushed by each other share one velocity
+_MAX_DRIFT_M = 1.5  # along each axis, between two searches for bodies near each other
 _MAX_EXACT_ROUNDS = 4  # rounds of consequential impacts within a tick; bodies that touch later stay where they were
 
 
@@ -60,7 +61,8 @@ class Collisions:
         self._last_step_m = np.zeros_like(position_m)
         self._mass = boxes.size_m.prod(axis=1)
         self._mass[len(self._mass) - parked :] = _IMMOVABLE
-        self._initial_pairs = _pair_set(boxes.touching_pairs(position_m, rpy_rad[:, 2]))
+        self._searched_m, self._near_pairs = np.full((len(position_m), 2), np.inf), np.zeros((0, 2), np.int64)
+        self._initial_pairs = _pair_set(self._touching_pairs(position_m, rpy_rad))
         self._reported_pairs: set[tuple[int, int]] = set()
         self._contacts: dict[tuple[int, int], None] = {}
 
@@ -86,7 +88,7 @@ class Collisions:
         fraction = np.ones((len(step_m), 1))
         position_m = np.where(crashed, self._position_m + step_m, desired_m)
         rpy_rad = np.where(crashed, self._rpy_rad, desired_rad)
-        touching = self._boxes.touching_pairs(position_m, rpy_rad[:, 2])
+        touching = self._touching_pairs(position_m, rpy_rad)
         rounds = 0
         while len(pairs := self._new_pairs(touching)):
             self._collide(pairs, position_m)
@@ -98,7 +100,7 @@ class Collisions:
             np.minimum.at(fraction, pairs, fraction[pairs] * np.reshape(free, (-1, 1, 1)))
             position_m = np.where(fraction < 1.0, self._position_m + fraction * step_m, position_m)
             rpy_rad = np.where(fraction < 1.0, self._rpy_rad + fraction * turn_rad, rpy_rad)
-            touching = self._boxes.touching_pairs(position_m, rpy_rad[:, 2])
+            touching = self._touching_pairs(position_m, rpy_rad)
             rounds += 1
         # Not earlier: until here a body may have been put back to where it touched at first.
         self._initial_pairs &= _pair_set(touching)
@@ -106,6 +108,13 @@ class Collisions:
         self._last_step_m = position_m - self._position_m
         self._position_m, self._rpy_rad = position_m, rpy_rad
         return position_m, rpy_rad
+
+    def _touching_pairs(self, position_m: Float64Array, rpy_rad: Float64Array) -> Int64Array:
+        """The touching pairs among those that were near each other at the latest search."""
+        if np.abs(position_m[:, :2] - self._searched_m).max(initial=0.0) > _MAX_DRIFT_M:
+            self._searched_m = position_m[:, :2].copy()
+            self._near_pairs = self._boxes.near_pairs(position_m, 3.0 * _MAX_DRIFT_M)
+        return self._boxes.touching_pairs(position_m, rpy_rad[:, 2], self._near_pairs)
 
     def _sliding_step_m(self) -> Float64Array:
         """(G, 3) steps of this tick with locked wheels."""

@@ -1,6 +1,7 @@
 """Contacts between bodies: boxes that overlap in plan and in height, found with separating axes around each vehicle."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -9,7 +10,7 @@ from simbev_ros.foundation.geometry.plan_view import left_of
 from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class BodyBoxes:
     """Boxes of G bodies that follow points; the origin is the center of a box's bottom face.
 
@@ -21,23 +22,36 @@ class BodyBoxes:
     size_m: Float64Array
     vehicles: int
 
-    def touching_pairs(self, position_m: Float64Array, yaw_rad: Float64Array) -> Int64Array:
-        """(K, 2) pairs of bodies, ascending, whose boxes overlap at (G, 3) positions and (G,) headings.
+    @cached_property
+    def _radius_m(self) -> Float64Array:
+        """(G,) radii of circles around the boxes in plan."""
+        return np.hypot(self.size_m[:, 0], self.size_m[:, 1]) / 2.0
 
-        At least one of each pair is a vehicle; contacts between pedestrians are ignored.
+    def near_pairs(self, position_m: Float64Array, slack_m: float) -> Int64Array:
+        """(K, 2) pairs of bodies that may touch at (G, 3) positions, or if their distance changes by ``slack_m``.
+
+        The first body of each pair is a vehicle with the lower index; contacts between pedestrians are ignored.
         """
         if not self.vehicles:
             return np.zeros((0, 2), np.int64)
-        radius_m = np.hypot(self.size_m[:, 0], self.size_m[:, 1]) / 2.0
-        tree = cKDTree(position_m[:, :2])
-        centers_m = position_m[: self.vehicles, :2]
-        candidates = tree.query_ball_point(centers_m, radius_m[: self.vehicles] + radius_m.max(), return_sorted=False)
-        counts = np.array([len(each) for each in candidates])
-        other = np.concatenate(candidates).astype(np.int64)
-        pairs = np.column_stack([np.repeat(np.arange(self.vehicles), counts), other])
-        pairs = pairs[pairs[:, 0] < pairs[:, 1]]
+        reach_m = self._radius_m[: self.vehicles] + self._radius_m.max() + slack_m
+        found = cKDTree(position_m[:, :2]).query_ball_point(
+            position_m[: self.vehicles, :2], reach_m, return_sorted=False
+        )
+        vehicle = np.repeat(np.arange(self.vehicles), [len(each) for each in found])
+        pairs = np.column_stack([vehicle, np.concatenate(found).astype(np.int64)])
+        return pairs[pairs[:, 0] < pairs[:, 1]]
+
+    def touching_pairs(
+        self, position_m: Float64Array, yaw_rad: Float64Array, pairs: Int64Array | None = None
+    ) -> Int64Array:
+        """(K, 2) pairs of bodies, ascending, whose boxes overlap at (G, 3) positions and (G,) headings.
+
+        Only some ``pairs`` are examined if given, as from ``near_pairs``.
+        """
+        pairs = self.near_pairs(position_m, 0.0) if pairs is None else pairs
         gap_m = position_m[pairs[:, 1]] - position_m[pairs[:, 0]]
-        reach_m = radius_m[pairs].sum(axis=1)
+        reach_m = self._radius_m[pairs].sum(axis=1)
         min_gap_m, max_gap_m = -self.size_m[pairs[:, 1], 2], self.size_m[pairs[:, 0], 2]
         is_near = (np.hypot(gap_m[:, 0], gap_m[:, 1]) < reach_m) & (min_gap_m < gap_m[:, 2]) & (gap_m[:, 2] < max_gap_m)
         pairs = pairs[is_near]

@@ -54,6 +54,8 @@ class GroundSurface:
         if not len(self._deck_level):
             return level
         near = np.flatnonzero(self._near_decks(point_m))
+        if not len(near):
+            return level
         row, deck = self._decks.query(shapely.points(point_m[near, :2]), predicate="intersects")
         point = near[row]
         deck_level = self._deck_level[deck]
@@ -86,9 +88,8 @@ class GroundSurface:
         """(N,) height of the ground above ``heights_m`` at (N, 3) points: the default height of sidewalks, or land."""
         cells = np.column_stack([self.levels(point_m), np.floor(point_m[:, :2] / _CELL_M).astype(np.int64)])
         raised_m = np.zeros(len(point_m))
-        keys, cell = np.unique(cells, axis=0, return_inverse=True)
-        for number, key in enumerate(keys.tolist()):
-            rows = cell.ravel() == number
+        for key in set(map(tuple, cells.tolist())):
+            rows = (cells == key).all(axis=1)
             for area, height_m in self._raised_areas(*key):
                 raised_m[rows] = np.where(shapely.contains_xy(area, point_m[rows, :2]), height_m, raised_m[rows])
         return raised_m

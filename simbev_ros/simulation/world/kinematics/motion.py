@@ -94,7 +94,8 @@ class _MovingAverage:
     def average(self) -> Float64Array:
         """The average around the middle; exactly the middle value where nothing changed."""
         middle = self.middle
-        return middle + np.tensordot(self._weights, np.stack(self._values) - middle, axes=1)
+        deviation = (np.stack(self._values) - middle).reshape(len(self._values), -1)
+        return middle + np.dot(self._weights[None], deviation).reshape(middle.shape)
 
 
 class Motion:

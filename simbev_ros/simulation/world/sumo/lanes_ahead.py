@@ -43,7 +43,7 @@ class LanesAhead:
         """(N, K, 3) positions of N fronts after (N, K) distances, (N, K) further left in their lanes than now."""
         path_position_m = self._position_m[vehicle, None] + distance_m
         end_m = self._end_m[vehicle]
-        number = np.sum(path_position_m[..., None] >= end_m[:, None, :-1], axis=-1)
+        number = np.sum(path_position_m >= end_m.T[:-1, :, None], axis=0)
         before_m = np.concatenate([np.zeros((len(vehicle), 1)), end_m[:, :-1]], axis=1)
         path_position_m = path_position_m - np.take_along_axis(before_m, number, axis=1)
         row = np.take_along_axis(self._row[vehicle], number, axis=1)

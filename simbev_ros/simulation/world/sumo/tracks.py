@@ -34,7 +34,8 @@ class LaneTracks:
         fraction = (np.arange(len(row)) - first[row]) / self._last[row]
         self._station_m = _limit_stretch(lines, row, fraction, _abreast_stations(lines, row, middle[row], fraction))
         self._lines = Polylines(lines.values(lines.parameter(row, self._station_m)), first)
-        self._left = self._lines.offset_to_left(np.ones(len(row)))[:, :2] - self._lines.points_m[:, :2]
+        left = self._lines.offset_to_left(np.ones(len(row)))[:, :2] - self._lines.points_m[:, :2]
+        self._point_and_left = np.concatenate([self._lines.points_m, left], axis=1)
 
     def sumo_position_m(self, lane: str, s_m: float) -> float:
         """SUMO's lane position of a point at a distance along a lane's center line."""
@@ -70,9 +71,9 @@ class LaneTracks:
         """(N, 3) map positions as in ``positions_m``, for lanes given by (N,) row indices."""
         fraction = np.clip(position_m / np.maximum(self._sumo_length_m[row], 1e-9), 0.0, 1.0)
         parameter = self._lines.first[row] + fraction * self._last[row]
-        positions_m = self._lines.values(parameter)
-        positions_m[:, :2] += left_m[:, None] * self._lines.values(parameter, self._left)
-        return positions_m
+        values = self._lines.values(parameter, self._point_and_left)
+        values[:, :2] += left_m[:, None] * values[:, 3:]
+        return values[:, :3]
 
 
 def _middle_lanes(lanes: Sequence[Lane]) -> Int64Array:

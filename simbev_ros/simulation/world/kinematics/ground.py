@@ -17,7 +17,8 @@ from simbev_ros.maps.roads.elevation import Elevation
 from simbev_ros.maps.roads.lane_kind import CURB_HEIGHT_M, PAVED_KINDS
 from simbev_ros.maps.roads.layout import Layout
 from simbev_ros.maps.roads.raised_lanes import RaisedLanes
-from simbev_ros.maps.roads.surface import sidewalk_surface, strip_polygons, surfaces_of
+from simbev_ros.maps.roads.surface import strip_polygons, surfaces_of
+from simbev_ros.scene.cached_method import cached_method
 
 _LEVEL_TOLERANCE_M = 1.25  # half the clearance between two levels
 _OVERHANG_M = 0.5  # distance by which wheels may stand beside the lanes of a structure
@@ -26,19 +27,48 @@ _PATCH_M = 32.0
 _SEAM_M = 0.1  # half the gap between adjacent lanes that does not count
 
 
-class GroundSurface:
-    """The surfaces of a map's roads; sidewalks are built on demand and cached."""
+class RaisedAreas:
+    """Sidewalks of a map, and the land beside streets if people walk on it; built on demand, cell by cell, and cached.
+
+    They take longer to build than all else in the ground, so the scenes of a map share them.
+    """
 
     def __init__(self, layout: Layout, walks_on_land: bool = False) -> None:
         """For a layout; ``walks_on_land``: people walk on the land beside the streets, as there are no sidewalks."""
         self._layout, self._walks_on_land = layout, walks_on_land
+
+    @cached_method(maxsize=256)
+    def in_cell(self, level: int, column: int, row: int) -> tuple[tuple[BaseGeometry, float], ...]:
+        """The areas of a level in a cell of the grid, prepared, with their heights above the carriageway's plane."""
+        x_m, y_m = column * _CELL_M, row * _CELL_M
+        area = shapely.box(x_m, y_m, x_m + _CELL_M, y_m + _CELL_M)
+        streets = surfaces_of(self._layout, level, area)
+        areas: list[tuple[BaseGeometry, float]] = [(streets.sidewalk, CURB_HEIGHT_M)]
+        if self._walks_on_land and level == 0:
+            taken = overlay.union_all([streets.road, streets.shoulder, streets.median, streets.sidewalk])
+            areas.append((overlay.difference(area, taken), LAND_HEIGHT_M))
+        if raised := self._raised_lanes(level):
+            areas = [(overlay.difference(each, raised.area), high_m) for each, high_m in areas]
+        shapely.prepare([each for each, _ in areas])
+        return tuple(areas)
+
+    @cached_method()
+    def _raised_lanes(self, level: int) -> RaisedLanes:
+        return RaisedLanes.of_level(self._layout, level)
+
+
+class GroundSurface:
+    """The surfaces of a map's roads."""
+
+    def __init__(self, layout: Layout, raised_areas: RaisedAreas | None = None) -> None:
+        """For a layout; None: the raised areas are its sidewalks."""
+        self._layout, self._raised_areas = layout, raised_areas or RaisedAreas(layout)
         self._elevation = Elevation(layout)
         self._raised_lanes = [RaisedLanes.of_level(layout, level) for level in layout.levels]
         raised = [strip for strip in layout.strips if strip.level > 0]
         self._deck_level = np.array([strip.level for strip in raised], np.int64)
         self._decks = shapely.STRtree(shapely.buffer(strip_polygons(raised), _OVERHANG_M))
         self._first_m, self._patches = _covered_patches(self._decks)
-        self._raised: dict[tuple[int, int, int], tuple[tuple[BaseGeometry, float], ...]] = {}
 
     @cached_property
     def is_level(self) -> bool:
@@ -90,7 +120,7 @@ class GroundSurface:
         raised_m = np.zeros(len(point_m))
         for key in set(map(tuple, cells.tolist())):
             rows = (cells == key).all(axis=1)
-            for area, height_m in self._raised_areas(*key):
+            for area, height_m in self._raised_areas.in_cell(*key):
                 raised_m[rows] = np.where(shapely.contains_xy(area, point_m[rows, :2]), height_m, raised_m[rows])
         return raised_m
 
@@ -110,24 +140,7 @@ class GroundSurface:
         cells = np.floor((point_m[:, None, :2] + around) / _CELL_M).astype(np.int64).reshape(-1, 2)
         for column, row in np.unique(cells, axis=0).tolist():
             for level in self._layout.levels:
-                self._raised_areas(level, column, row)
-
-    def _raised_areas(self, level: int, column: int, row: int) -> tuple[tuple[BaseGeometry, float], ...]:
-        """Areas of a grid cell with heights, cached: sidewalks, and the land beside streets if it is walked on."""
-        key = level, column, row
-        if key not in self._raised:
-            x_m, y_m = column * _CELL_M, row * _CELL_M
-            area = shapely.box(x_m, y_m, x_m + _CELL_M, y_m + _CELL_M)
-            areas = [(sidewalk_surface(self._layout, level, area), CURB_HEIGHT_M)]
-            if self._walks_on_land and level == 0:
-                streets = surfaces_of(self._layout, level, area)
-                taken = overlay.union_all([streets.road, streets.shoulder, streets.median, streets.sidewalk])
-                areas.append((overlay.difference(area, taken), LAND_HEIGHT_M))
-            if self._raised_lanes[level]:
-                areas = [(overlay.difference(each, self._raised_lanes[level].area), high_m) for each, high_m in areas]
-            self._raised[key] = tuple(areas)
-            shapely.prepare([each for each, _ in areas])
-        return self._raised[key]
+                self._raised_areas.in_cell(level, column, row)
 
 
 def _covered_patches(decks: shapely.STRtree) -> tuple[Float64Array, BoolArray]:

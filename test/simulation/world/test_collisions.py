@@ -62,6 +62,15 @@ def test_two_cars_head_on_stop_against_each_other_and_stay():
     assert collisions.crashed.all()
 
 
+def test_cars_that_start_far_from_each_other_crash_where_they_meet():
+    boxes = BodyBoxes(np.array([CAR_M, CAR_M]), 2)
+    start_m, velocity_mps = np.array([[-150.0, 0, 0], [90.0, 0, 0]]), np.array([[50.0, 0, 0], [-30.0, 0, 0]])
+    _, impacts, _ = play(boxes, start_m, velocity_mps, np.array([0.0, np.pi]))
+    (tick,) = [tick for tick, at_tick in enumerate(impacts, 1) if at_tick]
+    assert tick == np.ceil((240.0 - 4.6) / (80.0 * TICK_S))
+    assert impacts[tick - 1][0].position_m[0] == pytest.approx(0.0, abs=1.5)
+
+
 def test_a_car_hit_from_behind_is_pushed_until_both_have_braked():
     boxes = BodyBoxes(np.array([CAR_M, CAR_M]), 2)
     start_m, velocity_mps = np.array([[-12.3, 0, 0], [0.0, 0, 0]]), np.array([[12.0, 0, 0], [0.0, 0, 0]])

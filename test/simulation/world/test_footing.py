@@ -4,13 +4,14 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import shapely
 
 from simbev_ros.foundation.geometry.transforms import rotations_from_rpy
 from simbev_ros.maps.roads.lane_kind import CURB_HEIGHT_M, LaneKind
 from simbev_ros.maps.roads.layout import Layout, Strip
 from simbev_ros.simulation.world.kinematics.contacts import BodyBoxes
 from simbev_ros.simulation.world.kinematics.footing import ContactPoints, GroundPlanes
-from simbev_ros.simulation.world.kinematics.ground import GroundSurface
+from simbev_ros.simulation.world.kinematics.ground import GroundSurface, RaisedAreas
 from simbev_ros.simulation.world.kinematics.motion import Bodies, Motion
 
 TICK_S = 0.05
@@ -156,3 +157,16 @@ def test_a_sidewalk_rises_by_the_curb_height_on_its_own_level_only():
     )
     points_m = np.array([[50.0, 5.5, 6.0], [50.0, 5.5, 0.0], [50.0, 0.0, 6.0]])
     assert ground.raised_m(points_m).tolist() == [CURB_HEIGHT_M, 0.0, 0.0]
+
+
+def test_the_ground_of_a_part_of_a_map_has_the_sidewalks_that_it_has_alone():
+    road = strip("road", line(lambda x: 0.0), width_m=10.0)
+    walk = strip("walk", line(lambda x: 0.0) + np.array([0.0, 6.5, 0.0]), width_m=3.0, kind=LaneKind.SIDEWALK)
+    far = strip("far", line(lambda x: 0.0) + np.array([2000.0, 6.5, 0.0]), width_m=3.0, kind=LaneKind.SIDEWALK)
+    whole = layout(road, walk, far)
+    part = whole.near(shapely.box(0.0, -20.0, 100.0, 20.0), 50.0)
+    points_m = np.column_stack([np.full(141, 50.0), np.linspace(-14.0, 14.0, 141), np.zeros(141)])
+    raised_m = GroundSurface(part, RaisedAreas(whole)).raised_m(points_m)
+    assert len(part.strips) == 2
+    assert raised_m.tolist() == GroundSurface(part).raised_m(points_m).tolist()
+    assert np.array_equal(raised_m > 0.0, (points_m[:, 1] > 5.0) & (points_m[:, 1] < 8.0))

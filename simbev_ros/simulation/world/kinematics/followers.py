@@ -89,6 +89,7 @@ class TowedPoints:
         count = int(np.ceil((behind_m.max(initial=0.0) + max_back_m) / _SPACING_M)) + 2
         back_m = _SPACING_M * np.arange(1, count + 1)
         self._trail_m: Float64Array = lead_m[:, None] - back_m[:, None] * direction[:, None]
+        self._length_m = np.linalg.norm(np.diff(self._trail_m, axis=1), axis=2)
 
     def follow(self, lead_m: Float64Array, back_m: Float64Array) -> tuple[Float64Array, Float64Array]:
         """One tick later, with leaders that have fallen back along their paths by (G,) meters.
@@ -98,9 +99,10 @@ class TowedPoints:
             where the distance is 0.
         """
         trail_m = np.concatenate([lead_m[:, None], self._trail_m], axis=1)
-        length_m = np.linalg.norm(np.diff(trail_m, axis=1), axis=2)
-        has_moved = length_m[:, 0] >= _SPACING_M
-        self._trail_m = np.where(has_moved[:, None, None], trail_m[:, :-1], self._trail_m)
+        step_m = np.linalg.norm(self._trail_m[:, 0] - lead_m, axis=1)
+        length_m = np.concatenate([step_m[:, None], self._length_m], axis=1)
+        has_moved = step_m >= _SPACING_M
+        self._trail_m[has_moved], self._length_m[has_moved] = trail_m[has_moved, :-1], length_m[has_moved, :-1]
         path_m = np.cumsum(length_m, axis=1)
 
         def points_behind(behind_m: Float64Array) -> Float64Array:

@@ -80,22 +80,26 @@ class GroundSurface:
 
     def levels(self, point_m: Float64Array) -> Int64Array:
         """(N,) levels of (N, 3) points, map frame."""
-        level = np.zeros(len(point_m), np.int64)
-        if not len(self._deck_level):
-            return level
-        near = np.flatnonzero(self._near_decks(point_m))
+        return self._levels_and_heights(point_m)[0]
+
+    def _levels_and_heights(self, point_m: Float64Array) -> tuple[Int64Array, Float64Array]:
+        """(N,) levels of (N, 3) points, and (N,) heights of the carriageway's plane where the level is not 0."""
+        level, level_height_m = np.zeros(len(point_m), np.int64), np.zeros(len(point_m))
+        near = np.flatnonzero(self._near_decks(point_m)) if len(self._deck_level) else level[:0]
         if not len(near):
-            return level
+            return level, level_height_m
         row, deck = self._decks.query(shapely.points(point_m[near, :2]), predicate="intersects")
         point = near[row]
         deck_level = self._deck_level[deck]
         nearest_m = np.full(len(point_m), _LEVEL_TOLERANCE_M)
         for number in np.unique(deck_level).tolist():
             rows = np.unique(point[deck_level == number])
-            gap_m = np.abs(self._elevation.height_m(point_m[rows, :2], number) - point_m[rows, 2])
+            height_m = self._elevation.height_m(point_m[rows, :2], number)
+            gap_m = np.abs(height_m - point_m[rows, 2])
             is_nearer = gap_m < nearest_m[rows]
-            level[rows[is_nearer]], nearest_m[rows[is_nearer]] = number, gap_m[is_nearer]
-        return level
+            nearer = rows[is_nearer]
+            level[nearer], nearest_m[nearer], level_height_m[nearer] = number, gap_m[is_nearer], height_m[is_nearer]
+        return level, level_height_m
 
     def _near_decks(self, point_m: Float64Array) -> BoolArray:
         """(N,) whether (N, 3) points lie in patches with structures; a fast test that excludes most points."""
@@ -105,13 +109,13 @@ class GroundSurface:
 
     def heights_m(self, point_m: Float64Array) -> Float64Array:
         """(N,) heights of the carriageway's plane, or of lanes that the map raises, at (N, 3) points."""
-        level = self.levels(point_m)
-        height_m = np.empty(len(point_m))
-        for number in np.unique(level).tolist():
-            rows = level == number
-            height_m[rows] = self._elevation.height_m(point_m[rows, :2], number)
-            if self._raised_lanes[number]:
-                height_m[rows] += np.nan_to_num(self._raised_lanes[number].rise_m(point_m[rows, :2]))
+        level, height_m = self._levels_and_heights(point_m)
+        rows = np.flatnonzero(level == 0)
+        height_m[rows] = self._elevation.height_m(point_m[rows, :2])
+        for number, lanes in enumerate(self._raised_lanes):
+            if lanes:
+                rows = np.flatnonzero(level == number)
+                height_m[rows] += np.nan_to_num(lanes.rise_m(point_m[rows, :2]))
         return height_m
 
     def raised_m(self, point_m: Float64Array) -> Float64Array:

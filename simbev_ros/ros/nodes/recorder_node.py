@@ -209,7 +209,7 @@ class RecorderNode(GraphNode):
         messages = self._waiting.pop(tick, _message_lists())
         if tick == 0:
             writer.add_attachment(LEAD_IN_ATTACHMENT, "application/json", lead_in_attachment(self._lead_in))
-        if topics.MAP in messages:
+        if messages[topics.MAP]:
             writer.add_attachment(MAP_ATTACHMENT, "application/xml", bytes(text_of_string(messages[topics.MAP][0][1])))
         entries = [
             (stamp_ns, topic, payload)
@@ -220,7 +220,7 @@ class RecorderNode(GraphNode):
             self._tracker.add_frame(stamp_ns, table_from_message(deserialize_message(bytes(payload), PointCloud2)))
         for stamp_ns, topic, payload in sorted(entries, key=lambda entry: entry[0]):
             writer.write(topic.name, stamp_ns, payload)
-        if topics.MAP in messages:
+        if messages[topics.MAP]:
             return_freed_memory()  # the map of a large town passes through several copies of 50 MB
 
     def _finish_after_last(self, spec: SceneSpec) -> None:

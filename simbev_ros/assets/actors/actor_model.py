@@ -3,8 +3,6 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-
 from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.foundation.semantics import Tag
 from simbev_ros.foundation.types import Float32Array, Float64Array
@@ -48,25 +46,6 @@ class Cycle:
     speed_mps: Float64Array
     turn_rad: Float32Array
     rise_m: Float32Array
-
-    def interpolate(self, speed_mps: Float64Array, gait_rad: Float64Array) -> tuple[Float64Array, Float64Array]:
-        """(A, P) rotations and (A,) rises of A actors at (A,) speeds and gait angles, interpolated bilinearly."""
-        count, steps = self.rise_m.shape
-        row = np.interp(speed_mps, self.speed_mps, np.arange(count))
-        slow = np.minimum(row.astype(np.int64), count - 2)
-        step = gait_rad / (2.0 * np.pi) * steps
-        before = np.floor(step).astype(np.int64)
-        faster, later = row - slow, step - before
-        turn_rad, rise_m = np.zeros((len(row), self.turn_rad.shape[2])), np.zeros(len(row))
-        for m, n, share in (
-            (slow, before, (1.0 - faster) * (1.0 - later)),
-            (slow, before + 1, (1.0 - faster) * later),
-            (slow + 1, before, faster * (1.0 - later)),
-            (slow + 1, before + 1, faster * later),
-        ):
-            turn_rad += share[:, None] * self.turn_rad[m, n % steps]
-            rise_m += share * self.rise_m[m, n % steps]
-        return turn_rad, rise_m
 
 
 @dataclass(frozen=True, slots=True)

@@ -41,11 +41,19 @@ TURNS = """
 from simbev_ros.scene.streets.tight_turns import np, tight_lanes
 tight_lanes(network, np.empty((0, 2), np.int64))
 """
+PARTS = """
+from simbev_ros.assets.actors.catalog import build_model, load_blueprints, load_shape
+from simbev_ros.simulation.annotation.parts.part_rows import _CACHED
+blueprint = load_blueprints()[0]
+for make in _CACHED:
+    make(build_model(blueprint, load_shape(blueprint.name)))
+"""
 PROGRAMS = {
     ("simbev_ros.maps.build",): MAP,
     ("simbev_ros.maps.build", "simbev_ros.assets.regions.static_cache"): MAP + REGION,
     ("simbev_ros.assets.actors.catalog",): MODEL,
     ("simbev_ros.maps.build", "simbev_ros.scene.streets.tight_turns"): MAP + TURNS,
+    ("simbev_ros.simulation.annotation.parts.part_rows",): PARTS,
 }
 """The program that builds the content of each cache, by the root modules whose fingerprints are in its key."""
 WATCHED = """

@@ -7,14 +7,14 @@ vehicle's box, whereas limbs are part of a pedestrian's, as in nuScenes (annotat
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
 from simbev_ros.assets.actors.actor_model import ActorModel
 from simbev_ros.assets.actors.skeletons import Skeletons
 from simbev_ros.foundation.geometry.ragged import ragged_starts
-from simbev_ros.foundation.types import AnyArray, BoolArray, Float32Array, Float64Array, Table
+from simbev_ros.foundation.types import AnyArray, Float64Array, Table
 from simbev_ros.schema.scene.state import ACTOR_DTYPE
-from simbev_ros.simulation.annotation.part_rows import PartRows
+from simbev_ros.simulation.annotation.parts.outermost import outermost_points
+from simbev_ros.simulation.annotation.parts.part_rows import PartRows
 
 _POSE_COLUMNS = ("id", "blueprint", "wheel", "gait", "steer", "vx", "vy")
 """Columns that decide where an actor's parts are in its own frame."""
@@ -26,7 +26,7 @@ class Extents:
 
     def __init__(self, models: Sequence[ActorModel]) -> None:
         """Prepare models, indexed by blueprint."""
-        self._skeletons, self._points = Skeletons(models), PartRows(models, _outermost_points)
+        self._skeletons, self._points = Skeletons(models), PartRows(models, outermost_points)
         self._points_m = np.ascontiguousarray(self._points.values.T)
         self._latest = np.empty(0, _POSE_DTYPE)
         self._latest_bounds_m = np.empty((2, 0, 3))
@@ -69,34 +69,3 @@ class Extents:
         posed_m = np.einsum("ijk,jk->ik", turns, points_m)
         low_m, high_m = (np.asarray(each.reduceat(posed_m, start, axis=1).T) for each in (np.minimum, np.maximum))
         return low_m + poses[:, :3, 3], high_m + poses[:, :3, 3]
-
-
-def _outermost_points(model: ActorModel) -> list[Float32Array]:
-    """Points of each part, (P, 3), that can be outermost; for static parts together, the corners of their bounds."""
-    moves = _moving_parts(model)
-    points_of_part = [model.mesh.vertices[model.mesh.part == index] for index in range(len(model.parts))]
-    if moves[0]:
-        return [_hull(points) for points in points_of_part]
-    static = np.concatenate([points for points, is_moving in zip(points_of_part, moves, strict=True) if not is_moving])
-    corners = np.stack(np.meshgrid(*np.stack([static.min(axis=0), static.max(axis=0)]).T), axis=-1).reshape(-1, 3)
-    moving_points = [
-        _hull(points) if is_moving else points[:0] for points, is_moving in zip(points_of_part, moves, strict=True)
-    ]
-    return [corners, *moving_points[1:]]
-
-
-def _moving_parts(model: ActorModel) -> BoolArray:
-    """(P,) whether a part moves, other than as a door."""
-    moves = np.full(len(model.parts), model.cycle is not None)
-    for index, part in enumerate(model.parts):
-        moves[index] |= part.spins or part.steers or part.cranks or (part.parent >= 0 and moves[part.parent])
-    return moves
-
-
-def _hull(points: Float32Array) -> Float32Array:
-    """The corners of the convex hull of (P, 3) points."""
-    try:
-        corners: Float32Array = points[ConvexHull(points).vertices]
-    except QhullError:  # all points in one plane
-        corners = np.unique(points, axis=0)
-    return corners

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from simbev_ros.assets.actors import catalog
 from simbev_ros.assets.actors.actor_model import ActorModel
+from simbev_ros.assets.actors.catalog import load_models
 from simbev_ros.foundation.cache.entries import default_cache_dir, entry_path
 from simbev_ros.foundation.cache.files import read_cached
 from simbev_ros.foundation.cache.fingerprint import fingerprint
@@ -14,8 +14,13 @@ from simbev_ros.foundation.files.mapped_arrays import map_arrays, write_arrays
 from simbev_ros.foundation.geometry.ragged import ragged_indices, ragged_starts
 from simbev_ros.foundation.types import AnyArray, Float32Array, Int64Array
 from simbev_ros.scene.blueprints import load_blueprints
+from simbev_ros.simulation.annotation.parts.blocks import block_bounds, blocks
+from simbev_ros.simulation.annotation.parts.outermost import outermost_points
 
+_KIND = "parts"
 _Make = Callable[[ActorModel], Sequence[Float32Array]]
+_CACHED: tuple[_Make, ...] = (blocks, block_bounds, outermost_points)
+"""All that is made, so that the fingerprint of this module covers it."""
 
 
 class PartRows:
@@ -31,9 +36,9 @@ class PartRows:
 
         Args:
             models: At least one model. Processes share the arrays of the whole catalog, which are made only once.
-            make: Function of a module that returns the rows of each part of a model.
+            make: Returns the rows of each part of a model; one of the functions of this package.
         """
-        is_catalog = len(models) == len(load_blueprints()) and models is catalog.load_models()
+        is_catalog = make in _CACHED and len(models) == len(load_blueprints()) and models is load_models()
         arrays = _cached(make) if is_catalog else _arrays(models, make)
         self.values, self.count = arrays["values"], arrays["count"]
         self._first = ragged_starts(self.count)
@@ -53,9 +58,7 @@ def _cached(make: _Make) -> dict[str, AnyArray]:
     """The arrays of the catalog's models."""
 
     def write(path: Path) -> None:
-        write_arrays(path, _arrays(catalog.load_models(), make))
+        write_arrays(path, _arrays(load_models(), make))
 
-    kind, name = make.__module__.rpartition(".")[2], make.__name__.strip("_")
-    version = fingerprint(__name__, make.__module__)
-    path = entry_path(default_cache_dir() / kind, name, version, name.encode()) / "rows.npz"
-    return read_cached(path, "models", map_arrays, write)
+    path = entry_path(default_cache_dir() / _KIND, make.__name__, fingerprint(__name__), make.__name__.encode())
+    return read_cached(path / "rows.npz", _KIND, map_arrays, write)

@@ -1,0 +1,1 @@
+"""What labels need of the rigid parts of actor models: blocks of triangles, and outermost points."""

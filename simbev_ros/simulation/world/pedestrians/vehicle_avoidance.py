@@ -5,6 +5,7 @@ keeps walking.
 """
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from simbev_ros.foundation.geometry.plan_view import left_of
 from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
@@ -60,7 +61,9 @@ class VehicleAvoidance:
     def avoid_bodies(self, pedestrian_m: Float64Array, max_m: Float64Array) -> Float64Array:
         """Push pedestrians, now at (P, 3), out of vehicles' bodies by at most (P,) meters; returns their positions."""
         reach_m = np.hypot(*self._half_m.T) + self._reach_m.max(initial=0.0)
-        vehicle, pedestrian = _pairs_within(self.center_m[:, :2], pedestrian_m[:, :2], reach_m)
+        near = cKDTree(pedestrian_m[:, :2]).query_ball_point(self.center_m[:, :2], reach_m)
+        vehicle = np.repeat(np.arange(len(near)), [len(each) for each in near])
+        pedestrian = np.array([each for some in near for each in some], np.int64)
         ahead = self.ahead[vehicle]
         axes = np.stack([ahead, left_of(ahead)], axis=1)
         gap_m = pedestrian_m[pedestrian] - self.center_m[vehicle]
@@ -113,8 +116,9 @@ class VehicleAvoidance:
         if not len(driving) or not len(desired_m):
             return desired_m
         reach_m = self._half_m[:, 0] + _CLEARANCE_M + speed_mps * _LOOK_AHEAD_S
-        number, pedestrian = _pairs_within(center_m[driving], desired_m, (reach_m + self._half_m[:, 1])[driving])
-        vehicle = driving[number]
+        near = cKDTree(desired_m).query_ball_point(center_m[driving], (reach_m + self._half_m[:, 1])[driving])
+        vehicle = np.repeat(driving, [len(each) for each in near])
+        pedestrian: Int64Array = np.concatenate(near).astype(np.int64)
         ahead = self.ahead[vehicle]
         left = left_of(ahead)
         travel = np.where(self.is_reversing[vehicle], -1.0, 1.0)
@@ -130,18 +134,6 @@ class VehicleAvoidance:
         step_m = (side * lacking_m)[:, None] * left
         position_m[:, :2] += _sum_by_pedestrian(step_m[is_grazed], pedestrian[is_grazed], len(position_m))
         return position_m
-
-
-def _pairs_within(
-    vehicle_m: Float64Array, pedestrian_m: Float64Array, reach_m: Float64Array
-) -> tuple[Int64Array, Int64Array]:
-    """(N,) vehicles, at (V, D), and (N,) pedestrians, at (P, D), within (V,) meters of them; both ascend."""
-    distance_m2 = np.zeros((len(vehicle_m), len(pedestrian_m)))
-    for vehicle_axis_m, pedestrian_axis_m in zip(vehicle_m.T, pedestrian_m.T, strict=True):
-        gap_m = vehicle_axis_m[:, None] - pedestrian_axis_m
-        distance_m2 += gap_m * gap_m
-    vehicle, pedestrian = np.nonzero(distance_m2 <= (reach_m * reach_m)[:, None])
-    return vehicle, pedestrian
 
 
 def _sum_by_pedestrian(step_m: Float64Array, pedestrian: Int64Array, count: int) -> Float64Array:

@@ -46,6 +46,7 @@ from simbev_ros.recording.reader import RawMessage
 from simbev_ros.ros.msgs.signing import Signer, signed_json
 from simbev_ros.scene.ending import SceneEnd
 from simbev_ros.scene.request import SceneRequest
+from simbev_ros.schema.boxes import BOX_DTYPE
 from simbev_ros.schema.scene.state import ACTOR_DTYPE, SIGNAL_DTYPE
 from simbev_ros.schema.trajectories import TrackRecorder, tracks_to_npz
 from simbev_ros.schema.views import VIEW_DTYPE
@@ -328,6 +329,7 @@ def _messages() -> Iterator[tuple[str, str, bytes]]:
         "weather": ros_messages.string(json.dumps(weather)),
         "request": ros_messages.string(signed_json(SceneRequest(spec=_SPEC, number=1), signer)),
         "end": ros_messages.string(signed_json(end, signer)),
+        "drawn_boxes": ros_messages.point_cloud(stamp_ns, np.zeros(2, BOX_DTYPE)),
         "typed_views": ros_messages.point_cloud(stamp_ns, np.zeros(2, VIEW_DTYPE)),
         "typed_lane": json.dumps(LANE).encode(),
         "typed_event": json.dumps(_EVENT).encode(),

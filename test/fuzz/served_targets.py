@@ -26,6 +26,7 @@ from simbev_ros.recording.image_codecs import decode_labels
 from simbev_ros.recording.reader import RawMessage, SceneBag
 from simbev_ros.reference_stack.scene import UsageError, read_scene
 from simbev_ros.ros.graph.scene_queue import SceneOrder
+from simbev_ros.ros.msgs.derived_messages import message_makers
 from simbev_ros.ros.msgs.tables import table_from_cdr
 from simbev_ros.ros.nodes.graph_node import MALFORMED, _specification
 from simbev_ros.ros.nodes.world_conditions import RunningScene, _parameters
@@ -213,6 +214,12 @@ def _make_displays(data: bytes) -> None:
                     assert each.make([latest[name] for name in each.sources])
 
 
+def _draw_boxes(data: bytes) -> None:
+    """Make what a recorder draws of boxes."""
+    (make,) = message_makers(made_up_spec(SENSORS), (), ("/ego/boxes/markers",))["/ego/boxes"].values()
+    assert make(data, 5)
+
+
 def _draw_order(data: bytes) -> None:
     """Draw the scene of an order up to its map: seed and number, eight bytes each, and a configuration."""
     seed, number = (int.from_bytes(data[start : start + 8], "little", signed=True) for start in (0, 8))
@@ -261,6 +268,7 @@ SERVED_TARGETS = (
     Target("labels", _read_labels, MALFORMED, mutation.mutate_png),
     Target("stack_scene", _load_scene, (*STACK_ERRORS, UsageError), mutation.mutate_json, corpus="scene"),
     Target("displays", _make_displays, (BagError,), corpus="bag", examples=40),
+    Target("drawn_boxes", _draw_boxes, MALFORMED),
     Target("scene_order", _draw_order, _INPUT, mutate_order, examples=15),
     Target("weather_order", _change_weather, _INPUT, mutation.mutate_yaml),
 )

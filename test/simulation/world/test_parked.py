@@ -52,7 +52,7 @@ def parked_of(actors: Table) -> Table:
     return actors[actors["behavior"] & Behavior.PARKED > 0]
 
 
-@pytest.mark.parametrize("town", ["Town02", "Town03"])
+@pytest.mark.parametrize("town", ["Town02", pytest.param("Town03", marks=pytest.mark.slow)])
 def test_no_actor_ever_touches_a_parked_vehicle(town: str) -> None:
     spec, network, spots = scene(town, hazards=1)
     with Simulation(spec, network, parking_spots=spots) as simulation:

@@ -268,7 +268,7 @@ SERVED_TARGETS = (
     Target("labels", _read_labels, MALFORMED, mutation.mutate_png),
     Target("stack_scene", _load_scene, (*STACK_ERRORS, UsageError), mutation.mutate_json, corpus="scene"),
     Target("displays", _make_displays, (BagError,), corpus="bag", examples=40),
-    Target("drawn_boxes", _draw_boxes, MALFORMED),
+    Target("drawn_boxes", _draw_boxes, (ValueError,)),
     Target("scene_order", _draw_order, _INPUT, mutate_order, examples=15),
     Target("weather_order", _change_weather, _INPUT, mutation.mutate_yaml),
 )

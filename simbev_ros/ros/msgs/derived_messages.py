@@ -2,6 +2,9 @@
 
 from collections.abc import Callable, Container, Iterable, Mapping
 
+from rosbags.serde import SerdeError
+
+from simbev_ros.foundation.errors import FOREIGN_ERRORS, SimbevError
 from simbev_ros.recording.arrays import image_array, point_array
 from simbev_ros.ros.msgs import topics
 from simbev_ros.ros.msgs.displays import SceneDisplay, recorded_displays
@@ -48,6 +51,9 @@ def _drawing(display: SceneDisplay) -> Maker:
     read = image_array if source.endswith("/Image") else point_array
 
     def draw(payload: bytes, stamp_ns: int) -> bytes:
-        return display.make(stamp_ns, read(types_with(source).deserialize_cdr(payload, source)))
+        try:
+            return display.make(stamp_ns, read(types_with(source).deserialize_cdr(payload, source)))
+        except (SimbevError, SerdeError, *FOREIGN_ERRORS) as error:
+            raise ValueError(f"{display.topic.name} cannot be made of it: {error!r:.200}") from None
 
     return draw

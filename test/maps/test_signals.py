@@ -13,7 +13,7 @@ from simbev_ros.maps.opendrive.reading.reader import read_document
 from simbev_ros.maps.opendrive.signals import read_signals
 from simbev_ros.maps.roads.lane_kind import LaneKind
 from simbev_ros.maps.roads.layout import SignalPlace, Strip
-from simbev_ros.maps.roads.surface import sidewalk_surface
+from simbev_ros.maps.roads.surface import surfaces_of
 from simbev_ros.maps.signals import place_signals
 from simbev_ros.maps.source import map_spec
 from simbev_ros.maps.sumo.net import ControlledLink, read_sumo_net
@@ -46,7 +46,7 @@ def test_a_head_shows_the_straightest_link_of_its_lane(blocks: RoadNetwork) -> N
 
 def test_poles_stand_on_the_sidewalk(blocks: RoadNetwork) -> None:
     feet = shapely.buffer(shapely.points([signal.pole_m[:2] for signal in blocks.signals]), 0.3)
-    assert shapely.contains(sidewalk_surface(blocks.layout), feet).all()
+    assert shapely.contains(surfaces_of(blocks.layout, 0).sidewalk, feet).all()
 
 
 def test_heads_face_the_drivers_waiting_at_their_line(blocks: RoadNetwork) -> None:

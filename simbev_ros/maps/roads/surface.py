@@ -78,11 +78,6 @@ def surfaces_of(layout: Layout, level: int = 0, area: shapely.Polygon | None = N
     return Surfaces(*(_polygons(part if area is None else overlay.intersection(part, area)) for part in parts))
 
 
-def sidewalk_surface(layout: Layout, level: int = 0, area: shapely.Polygon | None = None) -> MultiPolygon:
-    """The sidewalks of one level, see ``Surfaces.sidewalk``."""
-    return surfaces_of(layout, level, area).sidewalk
-
-
 def strip_polygons(strips: Sequence[Strip]) -> AnyArray:
     """(N,) polygons or multipolygons: the area of each strip."""
     shapes = [

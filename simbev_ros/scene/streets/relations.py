@@ -34,6 +34,13 @@ def related(pairs: csr_array, row: int) -> Int64Array:
     return pairs.indices[pairs.indptr[row] : pairs.indptr[row + 1]]
 
 
+def between_groups(pairs: csr_array, group: Int64Array) -> csr_array:
+    """(E, E) relation between groups, of an (L, E) relation from members to groups and the (L,) groups of members."""
+    first, second = pairs.nonzero()
+    count = pairs.shape[1]
+    return relation(group[first], second, (count, count))
+
+
 class Loops(NamedTuple):
     """The sets of edges from each of which all others of its set can be reached.
 

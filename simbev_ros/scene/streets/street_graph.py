@@ -23,6 +23,7 @@ from simbev_ros.scene.blueprints import Blueprint, VehicleFootprint
 from simbev_ros.scene.cached_method import cached_method
 from simbev_ros.scene.streets.off_tracking import is_long
 from simbev_ros.scene.streets.relations import (
+    between_groups,
     longest_path_beyond,
     loops,
     only_pairs,
@@ -91,7 +92,8 @@ class Streets:
         streets = streets_of(self._network)
         usable = streets.usable_lanes("passenger")
         after_lane = _edges_after(streets, usable)
-        after_edge = _between_edges(streets, only_pairs(after_lane, ~streets.turns.lead_back(*after_lane.nonzero())))
+        onward = only_pairs(after_lane, ~streets.turns.lead_back(*after_lane.nonzero()))
+        after_edge = between_groups(onward, streets.edge)
         _, component = connected_components(after_edge, directed=True, connection="strong")
         return len(np.unique(component[streets.edge[usable & streets.outside]])) <= 1
 
@@ -164,7 +166,7 @@ class StreetGraph:
         if not streets.is_closed:
             roomy = ~(turns & (streets.edge_length_m[streets.edge[after_lane.nonzero()[0]]] < _MIN_TURN_ROAD_M))
             after_lane, turns = only_pairs(after_lane, roomy), turns[roomy]
-        self._turns = _between_edges(streets, only_pairs(after_lane, turns))
+        self._turns = between_groups(only_pairs(after_lane, turns), streets.edge)
         without_turns = without_needless_turns(after_lane, turns, streets.edge)
         variants = without_turns, after_lane
         longest_m = 0.0 if streets.is_closed else max(map(self._longest_loop_m, variants))
@@ -181,12 +183,12 @@ class StreetGraph:
     def _set_successors(self, after_lane: csr_array) -> None:
         """Set the edges after lanes and after edges, and the lengths of the longest paths beyond edges."""
         self._after_lane = after_lane
-        self._after_edge = _between_edges(self._streets, after_lane)
+        self._after_edge = between_groups(after_lane, self._streets.edge)
         self._beyond_m = longest_path_beyond(self._after_edge, self._streets.edge_length_m, self._trap_m)
 
     def _longest_loop_m(self, after_lane: csr_array) -> float:
         """Total length of the edges from each of which all others can be reached, where it is greatest."""
-        after_edge = _between_edges(self._streets, after_lane)
+        after_edge = between_groups(after_lane, self._streets.edge)
         return float(loops(after_edge, self._streets.edge_length_m).length_m.max(initial=0.0))
 
     def _longest_path_beyond_lanes(self) -> Float64Array:
@@ -393,9 +395,3 @@ def _edges_after(streets: Streets, usable: BoolArray) -> csr_array:
         if not len(at_lane):
             break
     return relation(np.concatenate(lanes), np.concatenate(edges), (count, len(streets.edges)))
-
-
-def _between_edges(streets: Streets, after_lane: csr_array) -> csr_array:
-    """(E, E) relation between edges of an (L, E) relation from lanes to edges."""
-    lane, edge = after_lane.nonzero()
-    return relation(streets.edge[lane], edge, (len(streets.edges), len(streets.edges)))

@@ -23,8 +23,9 @@ from simbev_ros.simulation.world.cast import cast_of, first_prop_id
 from simbev_ros.simulation.world.doors import Doors
 from simbev_ros.simulation.world.kinematics.collisions import Impact
 from simbev_ros.simulation.world.kinematics.footing import GroundPlanes
-from simbev_ros.simulation.world.kinematics.ground import GroundSurface, RaisedAreas
+from simbev_ros.simulation.world.kinematics.ground import GroundSurface
 from simbev_ros.simulation.world.kinematics.motion import Motion
+from simbev_ros.simulation.world.kinematics.raised_areas import RaisedAreas
 from simbev_ros.simulation.world.leading_points import LeadingPoints
 from simbev_ros.simulation.world.lights import HAZARD_LIGHTS
 from simbev_ros.simulation.world.parked import ParkedVehicles
@@ -167,7 +168,7 @@ def _ground(spec: SceneSpec, network: RoadNetwork, sample: TrafficSample) -> Gro
     layout = network.layout.near(_reachable_area(spec, network, sample), _GROUND_MARGIN_M)
     if _sizes(layout) == _sizes(network.layout):  # nothing is left out
         layout = network.layout
-    raised = _raised_areas.get(network.layout, lambda: RaisedAreas(network.layout, not network.verges.is_empty))
+    raised = _raised_areas.get(network.layout, lambda: RaisedAreas.of_map(network))
     ground = _grounds.get(layout, lambda: GroundSurface(layout, raised))
     max_speed_mps = max((pedestrian.max_speed_mps for pedestrian in spec.pedestrians), default=0.0)
     ground.prepare(sample.pedestrian_m, max_speed_mps * (spec.warm_up_ticks + spec.ticks) * spec.tick_ns / NS_PER_S)

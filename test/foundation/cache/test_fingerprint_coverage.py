@@ -41,6 +41,10 @@ TURNS = """
 from simbev_ros.scene.streets.tight_turns import np, tight_lanes
 tight_lanes(network, np.empty((0, 2), np.int64))
 """
+SIDEWALKS = """
+from simbev_ros.simulation.world.kinematics.raised_areas import RaisedAreas
+RaisedAreas.of_map(network).in_cell(0, 0, 0)
+"""
 PARTS = """
 from simbev_ros.assets.actors.catalog import build_model, load_blueprints, load_shape
 from simbev_ros.simulation.annotation.parts.part_rows import _CACHED
@@ -53,6 +57,7 @@ PROGRAMS = {
     ("simbev_ros.maps.build", "simbev_ros.assets.regions.static_cache"): MAP + REGION,
     ("simbev_ros.assets.actors.catalog",): MODEL,
     ("simbev_ros.maps.build", "simbev_ros.scene.streets.tight_turns"): MAP + TURNS,
+    ("simbev_ros.maps.build", "simbev_ros.simulation.world.kinematics.raised_areas"): MAP + SIDEWALKS,
     ("simbev_ros.simulation.annotation.parts.part_rows",): PARTS,
 }
 """The program that builds the content of each cache, by the root modules whose fingerprints are in its key."""

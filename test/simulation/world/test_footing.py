@@ -11,8 +11,9 @@ from simbev_ros.maps.roads.lane_kind import CURB_HEIGHT_M, LaneKind
 from simbev_ros.maps.roads.layout import Layout, Strip
 from simbev_ros.simulation.world.kinematics.contacts import BodyBoxes
 from simbev_ros.simulation.world.kinematics.footing import ContactPoints, GroundPlanes
-from simbev_ros.simulation.world.kinematics.ground import GroundSurface, RaisedAreas
+from simbev_ros.simulation.world.kinematics.ground import GroundSurface
 from simbev_ros.simulation.world.kinematics.motion import Bodies, Motion
+from simbev_ros.simulation.world.kinematics.raised_areas import RaisedAreas
 
 TICK_S = 0.05
 WHEELS = ContactPoints(np.zeros(4, np.int64), np.array([1.4, 1.4, -1.4, -1.4]), np.array([0.8, -0.8, 0.8, -0.8]))
@@ -170,3 +171,30 @@ def test_the_ground_of_a_part_of_a_map_has_the_sidewalks_that_it_has_alone():
     assert len(part.strips) == 2
     assert raised_m.tolist() == GroundSurface(part).raised_m(points_m).tolist()
     assert np.array_equal(raised_m > 0.0, (points_m[:, 1] > 5.0) & (points_m[:, 1] < 8.0))
+
+
+def test_areas_that_are_read_from_the_cache_equal_those_that_were_built(tmp_path):
+    streets = layout(
+        strip("road", line(lambda x: 0.0), width_m=10.0),
+        strip("walk", line(lambda x: 0.0) + np.array([0.0, 6.5, 0.0]), width_m=3.0, kind=LaneKind.SIDEWALK),
+    )
+    folder = tmp_path / "sidewalks" / "map"
+    built = RaisedAreas(streets, walks_on_land=True).in_cell(0, 0, 0)
+    written = RaisedAreas(streets, walks_on_land=True, folder=folder).in_cell(0, 0, 0)
+    read = RaisedAreas(layout(strip("other", line(lambda x: 9.0))), walks_on_land=True, folder=folder).in_cell(0, 0, 0)
+    assert len(built) == 2
+    assert all(not area.is_empty for area, _ in built)
+    for areas in (written, read):
+        assert [(shapely.to_wkb(area), high_m) for area, high_m in areas] == [
+            (shapely.to_wkb(area), high_m) for area, high_m in built
+        ]
+
+
+def test_damaged_areas_in_the_cache_are_built_again(tmp_path):
+    streets = layout(strip("walk", line(lambda x: 6.5), width_m=3.0, kind=LaneKind.SIDEWALK))
+    folder = tmp_path / "sidewalks" / "map"
+    (area, _), *_ = RaisedAreas(streets, folder=folder).in_cell(0, 0, 0)
+    file = folder / "0_0_0.npz"
+    file.write_bytes(file.read_bytes()[:-20])
+    (again, _), *_ = RaisedAreas(streets, folder=folder).in_cell(0, 0, 0)
+    assert shapely.to_wkb(again) == shapely.to_wkb(area)

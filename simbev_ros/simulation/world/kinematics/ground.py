@@ -8,53 +8,19 @@ from functools import cached_property
 
 import numpy as np
 import shapely
-from shapely.geometry.base import BaseGeometry
 
-from simbev_ros.assets.placement.region_ground import LAND_HEIGHT_M
-from simbev_ros.foundation.geometry import overlay
 from simbev_ros.foundation.types import BoolArray, Float64Array, Int64Array
 from simbev_ros.maps.roads.elevation import Elevation
-from simbev_ros.maps.roads.lane_kind import CURB_HEIGHT_M, PAVED_KINDS
+from simbev_ros.maps.roads.lane_kind import PAVED_KINDS
 from simbev_ros.maps.roads.layout import Layout
 from simbev_ros.maps.roads.raised_lanes import RaisedLanes
-from simbev_ros.maps.roads.surface import strip_polygons, surfaces_of
-from simbev_ros.scene.cached_method import cached_method
+from simbev_ros.maps.roads.surface import strip_polygons
+from simbev_ros.simulation.world.kinematics.raised_areas import CELL_M, RaisedAreas
 
 _LEVEL_TOLERANCE_M = 1.25  # half the clearance between two levels
 _OVERHANG_M = 0.5  # distance by which wheels may stand beside the lanes of a structure
-_CELL_M = 512.0
 _PATCH_M = 32.0
 _SEAM_M = 0.1  # half the gap between adjacent lanes that does not count
-
-
-class RaisedAreas:
-    """Sidewalks of a map, and the land beside streets if people walk on it; built on demand, cell by cell, and cached.
-
-    They take longer to build than all else in the ground, so the scenes of a map share them.
-    """
-
-    def __init__(self, layout: Layout, walks_on_land: bool = False) -> None:
-        """For a layout; ``walks_on_land``: people walk on the land beside the streets, as there are no sidewalks."""
-        self._layout, self._walks_on_land = layout, walks_on_land
-
-    @cached_method(maxsize=256)
-    def in_cell(self, level: int, column: int, row: int) -> tuple[tuple[BaseGeometry, float], ...]:
-        """The areas of a level in a cell of the grid, prepared, with their heights above the carriageway's plane."""
-        x_m, y_m = column * _CELL_M, row * _CELL_M
-        area = shapely.box(x_m, y_m, x_m + _CELL_M, y_m + _CELL_M)
-        streets = surfaces_of(self._layout, level, area)
-        areas: list[tuple[BaseGeometry, float]] = [(streets.sidewalk, CURB_HEIGHT_M)]
-        if self._walks_on_land and level == 0:
-            taken = overlay.union_all([streets.road, streets.shoulder, streets.median, streets.sidewalk])
-            areas.append((overlay.difference(area, taken), LAND_HEIGHT_M))
-        if raised := self._raised_lanes(level):
-            areas = [(overlay.difference(each, raised.area), high_m) for each, high_m in areas]
-        shapely.prepare([each for each, _ in areas])
-        return tuple(areas)
-
-    @cached_method()
-    def _raised_lanes(self, level: int) -> RaisedLanes:
-        return RaisedLanes.of_level(self._layout, level)
 
 
 class GroundSurface:
@@ -120,7 +86,7 @@ class GroundSurface:
 
     def raised_m(self, point_m: Float64Array) -> Float64Array:
         """(N,) height of the ground above ``heights_m`` at (N, 3) points: the default height of sidewalks, or land."""
-        cells = np.column_stack([self.levels(point_m), np.floor(point_m[:, :2] / _CELL_M).astype(np.int64)])
+        cells = np.column_stack([self.levels(point_m), np.floor(point_m[:, :2] / CELL_M).astype(np.int64)])
         raised_m = np.zeros(len(point_m))
         for key in set(map(tuple, cells.tolist())):
             rows = (cells == key).all(axis=1)
@@ -140,8 +106,8 @@ class GroundSurface:
 
     def prepare(self, point_m: Float64Array, reach_m: float) -> None:
         """Build the sidewalks within ``reach_m``, at most 512 m, of (N, 3) points now instead of on demand."""
-        around = min(reach_m, _CELL_M) * np.array([(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1)])
-        cells = np.floor((point_m[:, None, :2] + around) / _CELL_M).astype(np.int64).reshape(-1, 2)
+        around = min(reach_m, CELL_M) * np.array([(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1)])
+        cells = np.floor((point_m[:, None, :2] + around) / CELL_M).astype(np.int64).reshape(-1, 2)
         for column, row in np.unique(cells, axis=0).tolist():
             for level in self._layout.levels:
                 self._raised_areas.in_cell(level, column, row)

@@ -173,6 +173,9 @@ class Traffic(Model):
     plaza_probability: float = Field(
         0.5, ge=0, le=1, description="probability that a walking pedestrian visits plazas on the way; runners do not"
     )
+    resting_share: _Probability = Field(
+        0.2, description="further people, per pedestrian, who sit or stand at benches, bus shelters, shops all the time"
+    )
     green_time_s: Annotated[Drawn, within(2, 300)] = Field(
         Distribution(uniform=(4, 28)),
         description="duration of a green phase of a traffic-light program; on map files, of its longest one",

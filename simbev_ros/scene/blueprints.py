@@ -63,12 +63,13 @@ class Blueprint(Model):
     stride_m: float = 0.0
     doors: int = 0
     wheelchair: bool = False
+    sits: bool = False
     runs_as: str = ""
 
     @property
     def on_foot(self) -> bool:
-        """Whether this is a pedestrian who walks or runs, not a wheelchair user."""
-        return self.kind == "pedestrian" and not self.wheelchair
+        """Whether this is a pedestrian who walks or runs, neither sits nor uses a wheelchair."""
+        return self.kind == "pedestrian" and not self.wheelchair and not self.sits
 
     @property
     def tall_m(self) -> float:

@@ -67,7 +67,8 @@ def _attributes(category: str, row: Any, *, moves: bool, parked: bool, ridden: b
     if category.startswith("vehicle."):
         return ["vehicle.moving" if moves else "vehicle.parked" if parked else "vehicle.stopped"]
     if category.startswith("human."):
-        return ["pedestrian.moving" if moves else "pedestrian.standing"]
+        still = "sitting_lying_down" if row["behavior"] & Behavior.SITTING else "standing"
+        return ["pedestrian.moving" if moves else f"pedestrian.{still}"]
     name = BOX_CLASSES[row["class"]]
     if name == "traffic_light":
         return [f"traffic_light.{SignalState(row['state']).name.lower()}"]

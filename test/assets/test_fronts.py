@@ -44,7 +44,7 @@ def test_fittings_stay_in_front_of_their_building(kind: str) -> None:
     for seed in range(8):
         rng = stream(seed, "test")
         building = build(kind, plot, draw_wall("brick", rng), rng)
-        low_m, high_m = Mesh.merge(fittings(find_front(building, plot), rng)).bounds_m
+        low_m, high_m = Mesh.merge(fittings(find_front(building, plot), rng)[0]).bounds_m
         assert low_m[1] >= -load_kinds()[kind].front_m - 0.15
         assert max(-low_m[0], high_m[0]) <= plot.width_m / 2.0 + 0.05
         assert high_m[1] < 0.11
@@ -62,7 +62,7 @@ def test_names_of_shops_are_part_of_the_building_and_projecting_signs_are_signs(
     plot = Plot(18.0, 9.0, 14.0)
     rng = stream(0, "test")
     building = build("shop", plot, draw_wall("brick", rng), rng)
-    mesh = Mesh.merge(fittings(find_front(building, plot), stream(1, "test")))
+    mesh = Mesh.merge(fittings(find_front(building, plot), stream(1, "test"))[0])
     signs = mesh.tag == Tag.TRAFFIC_SIGN
     names = (mesh.tag == Tag.BUILDING) & (mesh.material == Material.PLAIN)
     assert signs.any()

@@ -15,7 +15,12 @@ SECTIONS = ("time", "ego", "weather", "lights", "traffic", "hazards", "annotatio
 
 LATER: dict[str, dict[str, Any]] = {
     "weather": {"season": "summer"},
-    "traffic": {"distracted_probability": 0.0, "group_probability": 0.0, "parked": Parked(density=0)},
+    "traffic": {
+        "distracted_probability": 0.0,
+        "group_probability": 0.0,
+        "parked": Parked(density=0),
+        "resting_share": 0.0,
+    },
     "hazards": {"count": 0},
 }
 """What the paper's data did not have yet."""

@@ -11,3 +11,12 @@ def test_parked_vehicles_have_nuscenes_attribute_of_their_own() -> None:
     boxes["vx"][3] = 2.0
     expected = [["vehicle.stopped"], ["vehicle.parked"], ["vehicle.parked"], ["vehicle.moving"]]
     assert attributes_of(boxes, ["vehicle.car"] * 4, {3}, set()) == expected
+
+
+def test_people_who_sit_have_nuscenes_attribute_of_their_own() -> None:
+    boxes = blank_boxes(3)
+    boxes["id"], boxes["class"] = [1, 2, 3], BOX_CLASSES.index("pedestrian")
+    boxes["behavior"][1] = Behavior.SITTING
+    boxes["vy"][2] = 1.0
+    expected = [["pedestrian.standing"], ["pedestrian.sitting_lying_down"], ["pedestrian.moving"]]
+    assert attributes_of(boxes, ["human.pedestrian.adult"] * 3, set(), set()) == expected

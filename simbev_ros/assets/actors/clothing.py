@@ -18,6 +18,8 @@ _SHOULDERS = 0.112
 _COAT = 0.10
 """Length of a hem over the height from which an upper garment follows the thighs, as a skirt does."""
 _TUCKED = 0.06
+_ON_SEAT, _HIPS_DEPTH = -0.042, 0.06
+"""Lower end of the hips of a person who sits, above the hip joints, and half their depth, over the height."""
 _BUST, _NECK = (0.205, 0.240), 0.296
 
 
@@ -39,6 +41,9 @@ def _trunk(figure: Figure, pose: Pose) -> list[Solid]:
         return Rings(shape="rings", finish=finish, rings=rings, at=at, turn=turn, segments=segments)
 
     hips = [(z, x, depth, width * figure.hips) for z, x, depth, width in body.hips]
+    if figure.sitting:  # on the thighs, not in the seat, however the trunk leans
+        lean = abs(np.radians(pose.lean_deg))
+        hips = _between(hips, float((_ON_SEAT + _HIPS_DEPTH * np.sin(lean)) / np.cos(lean)), hips[-1][0])
     torso = _torso(figure)
     solids: list[Solid] = [layer(figure.bottom, hips, segments=10)]
     bands = figure.bands or (figure.top,)

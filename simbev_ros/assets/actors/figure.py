@@ -8,6 +8,7 @@ import numpy as np
 from simbev_ros.assets.actors.actor_model import Cycle, Part
 from simbev_ros.assets.actors.body import load_body
 from simbev_ros.assets.actors.pose import LIMBS, Pose, Seat, seated_pose, standing_pose
+from simbev_ros.assets.actors.sitting import Sitting, sitting_pose
 from simbev_ros.assets.actors.solids import AnySolid, Vector
 from simbev_ros.config.base import Model
 from simbev_ros.foundation.types import Float64Array
@@ -61,6 +62,7 @@ class Figure(Model):
         boots: Whether the shoes are boots.
         gloves: Whether the hands have black gloves.
         seat: Sitting posture of a rider; None for a figure on foot.
+        sitting: Posture of a person on a bench or chair; None for all others. Both arms are held.
         stoop_deg: Additional forward lean of the trunk on foot.
         elbow_deg: Minimum bend of the elbows on foot.
         arm_swing: Swing of the arms on foot, relative to the usual one.
@@ -101,6 +103,7 @@ class Figure(Model):
     boots: bool = False
     gloves: bool = False
     seat: Seat | None = None
+    sitting: Sitting | None = None
     stoop_deg: float = 0.0
     elbow_deg: float = 0.0
     arm_swing: float = 1.0
@@ -121,11 +124,14 @@ def figure_pose(figure: Figure, tall_m: float) -> Pose:
     body = load_body()
     x, half = body.shoe[0][1:3]
     half *= shoe_girth(figure)
-    gaits = [_own_gait(figure, gait) for gait in interpolate_gaits(_ROW_PARTS)]
+    sole = (x - half, x + half)
     held = {
         side: body.arms[name] for side, name in zip(SIDES, (figure.left_arm, figure.right_arm), strict=True) if name
     }
-    pose = standing_pose(gaits, figure.height, tall_m, figure.shoulders, (x - half, x + half), held)
+    if figure.sitting:
+        return sitting_pose(figure.sitting, figure.height, figure.girth, figure.shoulders, sole, held)
+    gaits = [_own_gait(figure, gait) for gait in interpolate_gaits(_ROW_PARTS)]
+    pose = standing_pose(gaits, figure.height, tall_m, figure.shoulders, sole, held)
     for side, bend_deg in zip(SIDES, figure.rest_deg, strict=True):
         if side not in held:
             pose.turn_rad[side]["forearm"][0] = -np.radians(bend_deg)

@@ -1,7 +1,7 @@
 """Poses of human figures: joint positions in the modeled pose, and rotations of limbs in walking, running, pedaling."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -58,6 +58,8 @@ class Seat(Model):
 class Pose:
     """Modeled pose of a figure, and rotations from that pose at M speeds and N equal steps of ``gait``.
 
+    A figure that never moves has M = 0.
+
     Attributes:
         hip: (3,) midpoint of the hip joints.
         neck: (3,) lower end of the neck.
@@ -77,10 +79,10 @@ class Pose:
     lean_deg: float
     joints: Mapping[str, Mapping[str, Float64Array]]
     foot_pitch_rad: float
-    speed_mps: Float64Array
-    turn_rad: Mapping[str, Mapping[str, Float64Array]]
-    trunk_rad: Float64Array
-    rise_m: Float64Array
+    speed_mps: Float64Array = field(default_factory=lambda: np.empty(0))
+    turn_rad: Mapping[str, Mapping[str, Float64Array]] = field(default_factory=dict)
+    trunk_rad: Float64Array = field(default_factory=lambda: np.empty((0, PHASES)))
+    rise_m: Float64Array = field(default_factory=lambda: np.empty((0, PHASES)))
 
 
 def standing_pose(

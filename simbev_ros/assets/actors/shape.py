@@ -127,7 +127,7 @@ def build_model(blueprint: Blueprint, shape: Shape) -> ActorModel:
         size_m=blueprint.size_m,
         parts=tuple(parts),
         wheel_radius_m=blueprint.wheel_radius_m,
-        cycle=figure_cycle(pose, list(index)) if pose else None,
+        cycle=figure_cycle(pose, list(index)) if pose and len(pose.speed_mps) else None,
     )
     bounds_m = model.mesh.bounds_m
     if model.cycle and blueprint.on_foot:

@@ -15,9 +15,11 @@ from simbev_ros.assets.mesh.mesh import Mesh
 from simbev_ros.assets.mesh.primitives import Finish, box, boxes, cylinder
 from simbev_ros.assets.palette import pick_color
 from simbev_ros.assets.street.lettering import text_mesh
+from simbev_ros.assets.street.rest_kinds import RestKind, rests_at_things
 from simbev_ros.assets.street.sign_faces import VARIANTS, plate, sign_table
 from simbev_ros.assets.street.small_things import small_thing
 from simbev_ros.foundation.semantics import Tag
+from simbev_ros.foundation.types import Float64Array
 
 _FRONT_BY_FACING = np.array([[0.0, 1.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 """(4, 4) turn of a sign that faces along x into one on the front wall, which faces against y."""
@@ -27,6 +29,7 @@ _NAME_M, _NAME_AT, _NAME_OUT_M = 0.3, 0.905, 0.07  # letters: height; their heig
 _HANGING_M, _BRACKET_OUT_M = 2.75, 0.15
 _SCAFFOLD_SHARE, _LIFT_M = 0.05, 2.0
 _MAX_PIPED_M = 20.0
+_GOODS_Y_M, _WINDOW_SPACING_M, _CLEAR_OF_GOODS_M = -0.65, 2.4, 1.4
 _WARES = ("crates", "racks", "table", "table_red", "pot", "")  # before shops; the last one is a stand with a menu
 
 
@@ -48,18 +51,20 @@ def find_front(building: Mesh, plot: Plot) -> Front:
     return Front(plot.width_m, top_m, shop_m)
 
 
-def fittings(front: Front, rng: np.random.Generator) -> list[Mesh]:
-    """Draw the things at a front wall."""
+def fittings(front: Front, rng: np.random.Generator) -> tuple[list[Mesh], Float64Array]:
+    """Draw the things at a front wall, and where people may sit at them or look into windows."""
     pieces: list[Mesh] = []
+    rests = np.empty((0, 5))
     if front.shop_m:
         pieces += _shop_names(front, rng)
-        pieces += _goods(front, rng)
+        goods, rests = _goods(front, rng)
+        pieces += goods
     if front.top_m and rng.random() < _SCAFFOLD_SHARE:
-        return pieces + _scaffold(front)
+        return pieces + _scaffold(front), rests[:0]
     if front.top_m:
         pieces += _pipes(front, rng) if front.top_m < _MAX_PIPED_M else []
         pieces += _small_things(front, rng)
-    return pieces
+    return pieces, rests
 
 
 def _pipes(front: Front, rng: np.random.Generator) -> list[Mesh]:
@@ -142,16 +147,22 @@ def _shop_names(front: Front, rng: np.random.Generator) -> list[Mesh]:
     return pieces
 
 
-def _goods(front: Front, rng: np.random.Generator) -> list[Mesh]:
-    """Before shops: stands with a menu, crates of fruit, racks, tables with chairs, pots with plants."""
-    pieces, x_m = [], 1.1 - front.width_m / 2.0
+def _goods(front: Front, rng: np.random.Generator) -> tuple[list[Mesh], Float64Array]:
+    """Before shops: stands with a menu, crates, racks, tables, pots with plants; and seats and spots at windows."""
+    pieces, taken_m, rests, x_m = [], [], [], 1.1 - front.width_m / 2.0
     while x_m < front.width_m / 2.0 - 1.1:
         if rng.random() < 0.45:
             name = _WARES[int(rng.integers(len(_WARES)))]
             thing = small_thing(name) if name else plate("stand", int(rng.integers(VARIANTS))).mesh
-            pieces.append(thing.transform(_FRONT_BY_FACING).shift(x_m, -0.65, 0.0 if name else 0.5))
+            pieces.append(thing.transform(_FRONT_BY_FACING).shift(x_m, _GOODS_Y_M, 0.0 if name else 0.5))
+            taken_m.append(x_m)
+            if name.startswith("table"):
+                rests += (rests_at_things()["table"] + [x_m, _GOODS_Y_M, 0.0, 0.0, 0.0]).tolist()
         x_m += rng.uniform(1.7, 3.0)
-    return pieces
+    for at_m in np.arange(1.2 - front.width_m / 2.0, front.width_m / 2.0 - 1.0, _WINDOW_SPACING_M).tolist():
+        if all(abs(at_m - other_m) > _CLEAR_OF_GOODS_M for other_m in taken_m):
+            rests.append([at_m, _GOODS_Y_M, 0.0, 90.0, RestKind.WINDOW])
+    return pieces, np.array(rests).reshape(-1, 5)
 
 
 def _scaffold(front: Front) -> list[Mesh]:

@@ -25,6 +25,7 @@ from simbev_ros.assets.street.light_places import Lanes
 from simbev_ros.assets.street.lights import put_lights
 from simbev_ros.assets.street.map_objects import put_map_objects
 from simbev_ros.assets.street.parking_spots import parking_spots
+from simbev_ros.assets.street.rest_spots import rest_spots
 from simbev_ros.assets.street.signage import put_boards, put_islands, put_lamp_plates, put_sign_posts
 from simbev_ros.assets.street.small_things import put_along_curbs, put_behind_walks
 from simbev_ros.assets.street.streetscape import (
@@ -55,12 +56,13 @@ _OPEN_USES = ("farmland", "woods", "park")
 
 
 class Furnishing(NamedTuple):
-    """Results of ``furnish_region`` for later stages: covers to lay, street lights, paved plazas, parking spots."""
+    """Results of ``furnish_region`` for later stages: covers, street lights, plazas, spots for vehicles and people."""
 
     covers: tuple[Cover, ...]
     street_lights: tuple[StreetLight, ...]
     pavements: tuple[Pavement, ...]
     parking_spots: Table
+    rests: Table
 
 
 def furnish_region(tiles: TileBuilder, claims: Claims, ground: RegionGround) -> Furnishing:
@@ -103,4 +105,4 @@ def furnish_region(tiles: TileBuilder, claims: Claims, ground: RegionGround) -> 
     put_along_curbs(yard, curbs)
     put_behind_walks(yard, blocks)
     yard.ensemble.place_all(tiles, ground)
-    return Furnishing(tuple(yard.covers), lights, tuple(yard.pavements), parking_spots(yard, zones))
+    return Furnishing(tuple(yard.covers), lights, tuple(yard.pavements), parking_spots(yard, zones), rest_spots(yard))

@@ -120,7 +120,9 @@ def erect(yard: Yard, site: Site, recipe: SurroundingsRecipe, rng: np.random.Gen
     yard.walls.append(site.footprint)
     if site.kind in _FITTED_KINDS:
         own = yard.ground.stream(f"fittings.{site.origin_m[0]:.2f}.{site.origin_m[1]:.2f}")
-        pieces += fittings(find_front(walls, plot), own)
+        things, rests = fittings(find_front(walls, plot), own)
+        pieces += things
+        yard.rests.append((rests, upright_pose(site.origin_m, high_m, site.yaw_rad)[None]))
     yard.tiles.place(Mesh.merge(pieces), upright_pose(site.origin_m, high_m, site.yaw_rad))
     return replace(site, plot=plot)
 

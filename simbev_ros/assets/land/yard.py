@@ -63,6 +63,7 @@ class Yard:
         lamp_posts: (2,) positions of street lights on the ground, and what they stand on.
         bays: Where vehicles park off the streets.
         entrances: Areas in front of drives and gates, the street included, where nobody parks.
+        rests: (K, 5) spots for people at buildings as in ``rests_at_things``, and the (N, 4, 4) poses of their frame.
         walls: Footprints of buildings, which crowns keep clear of.
         inside: The region without a margin along its border.
         signals: Search tree of the signal heads in and near the region.
@@ -80,6 +81,7 @@ class Yard:
     lamp_posts: list[tuple[Float64Array, Base]] = field(default_factory=list)
     bays: list[Bay] = field(default_factory=list)
     entrances: list[BaseGeometry] = field(default_factory=list)
+    rests: list[tuple[Float64Array, Float64Array]] = field(default_factory=list)
     walls: list[BaseGeometry] = field(default_factory=list)
     inside: shapely.Polygon = field(init=False)
     signals: shapely.STRtree = field(init=False)

@@ -14,6 +14,7 @@ from simbev_ros.assets.roads.guard_rails import put_guard_rails
 from simbev_ros.assets.roads.markings import paint_markings
 from simbev_ros.assets.roads.tunnels import build_tunnels
 from simbev_ros.assets.street.obstacles import obstacles_on
+from simbev_ros.assets.street.rest_spots import legroom
 from simbev_ros.config.weather import Season
 from simbev_ros.foundation.geometry import overlay
 from simbev_ros.maps.land.terrain import Terrain
@@ -50,6 +51,7 @@ def build_region(network: RoadNetwork, region: Region, terrain: Terrain, season:
         tiles.finish(),
         furnishing.street_lights,
         obstacles_on(walks, streets.road, tiles.placed_objects),
-        plazas_of(furnishing.pavements, ground, tiles.placed_objects),
+        plazas_of(furnishing.pavements, ground, [*tiles.placed_objects, legroom(furnishing.rests)]),
         furnishing.parking_spots,
+        furnishing.rests,
     )

@@ -46,13 +46,15 @@ def read_region(path: Path) -> RegionScene:
         obstacles,
         plazas,
         parking_spots,
+        arrays["rest"],
     )
 
 
 def read_streetside(path: Path) -> Streetside:
     """Read only the roadside data of a region, without the meshes; raises like ``read_region``."""
     arrays = map_arrays(path)
-    return Streetside(arrays["street_light_m"], arrays["obstacle"], plazas_from(arrays), arrays["parking_spot"])
+    lights_m, obstacles = arrays["street_light_m"], arrays["obstacle"]
+    return Streetside(lights_m, obstacles, plazas_from(arrays), arrays["parking_spot"], arrays["rest"])
 
 
 def _arrays(scene: RegionScene) -> Iterator[tuple[str, AnyArray]]:
@@ -65,6 +67,7 @@ def _arrays(scene: RegionScene) -> Iterator[tuple[str, AnyArray]]:
     yield "obstacle", scene.obstacles
     yield from plaza_arrays(scene.plazas)
     yield "parking_spot", scene.parking_spots
+    yield "rest", scene.rests
     yield "tile", np.array([row for row, _, _ in meshes])
     yield "name", np.array([name for _, name, _ in meshes])
     yield from mesh_arrays([mesh for _, _, mesh in meshes])

@@ -18,6 +18,7 @@ class RegionScene:
         obstacles: (K,) ``street.obstacles.OBSTACLE_DTYPE`` obstacles that pedestrians on sidewalks walk around.
         plazas: Plazas that pedestrians visit.
         parking_spots: (K,) ``street.parking_spots.SPOT_DTYPE`` spots for parked vehicles.
+        rests: (K,) ``street.rest_kinds.REST_DTYPE`` spots for people who sit or stand for long.
     """
 
     tiles: tuple[Tile, ...]
@@ -25,6 +26,7 @@ class RegionScene:
     obstacles: Table
     plazas: tuple[Plaza, ...]
     parking_spots: Table
+    rests: Table
 
 
 class Streetside(NamedTuple):
@@ -35,9 +37,11 @@ class Streetside(NamedTuple):
         obstacles: (K,) ``street.obstacles.OBSTACLE_DTYPE`` obstacles that pedestrians on sidewalks walk around.
         plazas: Plazas that pedestrians visit.
         parking_spots: (K,) ``street.parking_spots.SPOT_DTYPE`` spots for parked vehicles.
+        rests: (K,) ``street.rest_kinds.REST_DTYPE`` spots for people who sit or stand for long.
     """
 
     light_m: Float64Array
     obstacles: Table
     plazas: tuple[Plaza, ...]
     parking_spots: Table
+    rests: Table

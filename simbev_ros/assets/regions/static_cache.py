@@ -17,6 +17,7 @@ from simbev_ros.assets.regions.region_file import read_region, read_streetside, 
 from simbev_ros.assets.regions.region_scene import RegionScene, Streetside
 from simbev_ros.assets.street.obstacles import OBSTACLE_DTYPE
 from simbev_ros.assets.street.parking_spots import SPOT_DTYPE
+from simbev_ros.assets.street.rest_kinds import REST_DTYPE
 from simbev_ros.foundation.cache.entries import default_cache_dir, entry_path
 from simbev_ros.foundation.cache.files import read_cached, writing_alone
 from simbev_ros.foundation.cache.fingerprint import fingerprint
@@ -75,6 +76,7 @@ def load_streetside(
         np.concatenate([np.empty(0, OBSTACLE_DTYPE), *(region.obstacles for region in regions)]),
         tuple(plaza for region in regions for plaza in region.plazas),
         np.concatenate([np.empty(0, SPOT_DTYPE), *(region.parking_spots for region in regions)]),
+        np.concatenate([np.empty(0, REST_DTYPE), *(region.rests for region in regions)]),
     )
 
 

@@ -19,15 +19,15 @@ FOOT_M = 0.25
 def bench() -> Mesh:
     """A park bench, 1.8 m long; its seat faces x."""
     wood, iron = Finish(Material.WOOD, Tag.STATIC, (124, 88, 56)), Finish(Material.METAL, Tag.STATIC, (52, 54, 56))
-    planks = np.array([[-0.15, 0.0, 0.45], [0.0, 0.0, 0.45], [0.15, 0.0, 0.45]])
+    planks = np.array([[-0.15, 0.0, 0.43], [0.0, 0.0, 0.43], [0.15, 0.0, 0.43]])
     back = np.array([[-0.27, 0.0, 0.62], [-0.29, 0.0, 0.79]])
-    legs = np.array([[0.0, -0.7, 0.215 - FOOT_M / 2.0], [0.0, 0.7, 0.215 - FOOT_M / 2.0]])
+    legs = np.array([[0.0, -0.7, 0.21 - FOOT_M / 2.0], [0.0, 0.7, 0.21 - FOOT_M / 2.0]])
     posts = np.array([[-0.27, -0.7, 0.65], [-0.27, 0.7, 0.65]])
     return Mesh.merge(
         [
             boxes(wood, np.tile((0.13, 1.8, 0.04), (3, 1)), planks),
             boxes(wood, np.tile((0.04, 1.8, 0.12), (2, 1)), back),
-            boxes(iron, np.tile((0.42, 0.06, 0.43 + FOOT_M), (2, 1)), legs),
+            boxes(iron, np.tile((0.42, 0.06, 0.42 + FOOT_M), (2, 1)), legs),
             boxes(iron, np.tile((0.05, 0.06, 0.45), (2, 1)), posts),
         ]
     )
@@ -57,7 +57,7 @@ def bus_shelter() -> Mesh:
     steel, glass = Finish(Material.METAL, Tag.STATIC, (66, 70, 74)), Finish(Material.GLASS, Tag.STATIC, (150, 172, 178))
     posts = np.array([[x, y, 1.2] for x in (-0.7, 0.6) for y in (-1.95, 1.95)])
     sides = np.array([[-0.05, -1.95, 1.2], [-0.05, 1.95, 1.2]])
-    feet = np.array([[-0.42, -1.3, 0.225], [-0.42, 1.3, 0.225]])
+    feet = np.array([[-0.42, -1.3, 0.21], [-0.42, 1.3, 0.21]])
     return Mesh.merge(
         [
             box(Finish(Material.CONCRETE, Tag.STATIC, (140, 137, 130)), (1.8, 4.2, 0.62), (-0.05, 0.0, -0.29)),
@@ -66,8 +66,8 @@ def bus_shelter() -> Mesh:
             box(glass, (0.03, 3.8, 1.9), (-0.7, 0.0, 1.2)),
             boxes(glass, np.tile((1.2, 0.03, 1.9), (2, 1)), sides),
             box(Finish(Material.PLASTIC, Tag.STATIC, (214, 176, 96)), (0.8, 0.08, 1.3), (-0.1, 1.95, 1.25)),
-            box(Finish(Material.WOOD, Tag.STATIC, (128, 96, 64)), (0.4, 3.0, 0.06), (-0.42, 0.0, 0.48)),
-            boxes(steel, np.tile((0.06, 0.06, 0.45), (2, 1)), feet),
+            box(Finish(Material.WOOD, Tag.STATIC, (128, 96, 64)), (0.4, 3.0, 0.06), (-0.42, 0.0, 0.44)),
+            boxes(steel, np.tile((0.06, 0.06, 0.42), (2, 1)), feet),
         ]
     )
 

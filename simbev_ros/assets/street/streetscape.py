@@ -161,7 +161,8 @@ def put_small_things(yard: Yard, curbs: Sequence[CurbLine]) -> None:
             wanted = wanted and not yard.map_objects.replace((kind,), curb.position_m[k][None])[0]
             room = shapely.Point(curb.position_m[k]).buffer(radius_m, quad_segs=3)
             if wanted and yard.claim(room, yard.inside):
-                yard.ensemble.put(mesh, curb.position_m[k], curb.yaw_rad[k], base=Base.SIDEWALK)
+                yaw_rad = curb.yaw_rad[k] + (np.pi if kind is ObjectKind.BENCH else 0.0)  # one looks at the sidewalk
+                yard.ensemble.put(mesh, curb.position_m[k], yaw_rad, base=Base.SIDEWALK)
 
 
 def put_cables(yard: Yard, curbs: Sequence[CurbLine]) -> None:

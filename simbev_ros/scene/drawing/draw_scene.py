@@ -99,6 +99,7 @@ def draw_scene(
         walker_cross_factor=drawer.draw_cross_factor(),
         pedestrian_standing_share=scenario.traffic.pedestrian_standing_share,
         parked_density=sample(scenario.traffic.parked.density, stream(seed, "parked.density")),
+        resting_share=scenario.traffic.resting_share,
         hazards=hazards.hazards,
         datum=datum_spec(network.datum),
         green_time_s=tuple(

@@ -155,6 +155,9 @@ class SceneSpec(Stored):
         exclude_if=lambda value: not value,
         description="share of the usual number of parked vehicles; the world draws them for the map's spots",
     )
+    resting_share: float = Field(
+        0.0, ge=0, le=1, exclude_if=lambda value: not value, description="people who rest, per pedestrian nearby"
+    )
     hazards: tuple[HazardSpec, ...] = Field((), description="their vehicles are the last entries of ``vehicles``")
     datum: DatumSpec | None = Field(None, description="the map's position on Earth; none: an earlier version drew it")
     green_time_s: tuple[float, ...] = Field(description="one draw per traffic-light program, used in turn")

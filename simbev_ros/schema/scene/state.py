@@ -39,6 +39,7 @@ class Behavior(IntFlag):
     DISTRACTED = 2
     JAYWALKING = 4
     PARKED = 8
+    SITTING = 16
 
 
 class SignalState(IntEnum):

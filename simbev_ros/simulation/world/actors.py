@@ -33,6 +33,7 @@ from simbev_ros.simulation.world.pedestrians.excursions import Excursions
 from simbev_ros.simulation.world.pedestrians.itineraries import Leg
 from simbev_ros.simulation.world.population import Population
 from simbev_ros.simulation.world.props import prop_obstacles, prop_rows
+from simbev_ros.simulation.world.resting import resting_obstacles, resting_people
 from simbev_ros.simulation.world.sumo.traffic import TrafficSample
 from simbev_ros.simulation.world.table import ActorTable
 
@@ -42,7 +43,7 @@ _GROUND_MARGIN_M = 50.0
 
 
 class Actors:
-    """The moving actors, the static props and the parked vehicles of a scene.
+    """The moving actors, the static props, the parked vehicles and the people who rest in a scene.
 
     Attributes:
         events: Events of the latest table.
@@ -57,6 +58,7 @@ class Actors:
         excursions: Mapping[int, tuple[Leg, ...]],
         weather: WeatherCourse,
         parking_spots: Table,
+        rests: Table,
     ) -> None:
         """Start at rest, where SUMO has placed the actors.
 
@@ -68,6 +70,7 @@ class Actors:
             excursions: Legs of the pedestrians that leave SUMO's network, by their index in the specification.
             weather: Weather at each tick.
             parking_spots: (S,) ``SPOT_DTYPE``.
+            rests: (R,) ``REST_DTYPE``.
 
         Raises:
             SimulationError: An agent's vehicle could not be placed.
@@ -85,7 +88,9 @@ class Actors:
         self._props = prop_rows(spec, first_prop_id(spec), self._ground)
         first_parked_id = first_prop_id(spec) + len(self._props)
         self._parked = ParkedVehicles(spec, network, parking_spots, excursions, first_parked_id)
-        obstacles = np.concatenate([obstacles, prop_obstacles(self._props, network, self._ground)])
+        self._resting = resting_people(spec, network, rests, excursions, first_parked_id + len(self._parked.rows))
+        props = prop_obstacles(self._props, network, self._ground)
+        obstacles = np.concatenate([obstacles, props, resting_obstacles(self._resting, self._ground)])
         cast = cast_of(spec, population.vehicles, population.pedestrians)
         self._ids: Int64Array = np.append(cast.rows["id"][cast.rows["parent"] == 0], self._parked.rows["id"])
         self._half_length_m = cast.bodies.boxes.size_m[:, 0] / 2.0
@@ -137,7 +142,8 @@ class Actors:
         signals = self._signals[0] | np.where(crashed[:vehicles], HAZARD_LIGHTS, 0)
         moving = self._table.fill(motion, signals, doors, self._jaywalking[0], step)
         # without a dtype, NumPy would promote the columns one by one
-        return np.concatenate([moving, self._props, self._parked.rows_at(step, moving)], dtype=moving.dtype)
+        still = (self._props, self._parked.rows_at(step, moving), self._resting)
+        return np.concatenate([moving, *still], dtype=moving.dtype)
 
     def _event(self, impact: Impact) -> Event:
         a, b = sorted(int(self._ids[body]) for body in impact.bodies)

@@ -1,8 +1,8 @@
 """The cast of a scene: the constant columns of the actors table, and how each body hangs on one of SUMO's points.
 
 Ids: the ego is 1, then the other vehicles in the specification's order, the riders in the order of their vehicles, the
-pedestrians, the props of hazard areas, and the parked vehicles. The id of an actor that cannot be placed is not reused.
-Rows ascend by id.
+pedestrians, the props of hazard areas, the parked vehicles, and the people who rest. The id of an actor that cannot be
+placed is not reused. Rows ascend by id.
 """
 
 from collections.abc import Iterator, Sequence

@@ -90,16 +90,16 @@ class ParkedVehicles:
 
 def _draw_rows(spec: SceneSpec, network: RoadNetwork, spots: Table, excursions: Mapping[int, tuple[Leg, ...]]) -> Table:
     """Rows of the vehicles near the routes and clear of hazards and paths; the column ``doors`` holds one to open."""
-    routes = shapely.GeometryCollection(list(_routes(spec, network)))
+    routes = shapely.GeometryCollection(list(agent_routes(spec, network)))
     near = shapely.dwithin(routes, shapely.points(spots["x"], spots["y"]), _REACH_M)
     rows = np.concatenate([_rows(()), *(_take_spots(spec, spots[run]) for run in _runs(spots) if near[run].any())])
     shapes = footprints(np.column_stack([rows["length"], rows["width"]]), _xy_m(rows), rows["yaw"])
-    rows = rows[_is_clear(spec, shapes, excursions)]
+    rows = rows[is_clear(spec, shapes, excursions)]
     by_distance = np.argsort(shapely.distance(routes, shapely.points(_xy_m(rows))), kind="stable")
     return rows[np.sort(by_distance[:MAX_PARKED])]
 
 
-def _routes(spec: SceneSpec, network: RoadNetwork) -> Iterator[shapely.Geometry]:
+def agent_routes(spec: SceneSpec, network: RoadNetwork) -> Iterator[shapely.Geometry]:
     """Lines along which the agents can drive at the speed limits, and points at which agents stand."""
     for agent in spec.agents:
         if agent.vehicle is None:
@@ -194,8 +194,8 @@ def _xy_m(rows: Table) -> Float64Array:
     return np.column_stack([rows["x"], rows["y"]])
 
 
-def _is_clear(spec: SceneSpec, shapes: Any, excursions: Mapping[int, tuple[Leg, ...]]) -> BoolArray:
-    """(K,) whether footprints keep off hazard areas, what stands around them, and the paths of jaywalkers."""
+def is_clear(spec: SceneSpec, shapes: Any, excursions: Mapping[int, tuple[Leg, ...]]) -> BoolArray:
+    """(K,) which of K footprints keep off hazard areas, what stands around them, and the paths of jaywalkers."""
     things: list[shapely.Geometry] = [shapely.Polygon(hazard.outline_m) for hazard in spec.hazards]
     things += [shapely.Point(prop.x_m, prop.y_m) for hazard in spec.hazards for prop in hazard.props]
     stands = [(vehicle.blueprint, stand) for vehicle in spec.vehicles if (stand := vehicle.stands_at) is not None]

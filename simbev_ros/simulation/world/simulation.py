@@ -15,6 +15,7 @@ import numpy as np
 from simbev_ros.assets.land.plazas import Plaza
 from simbev_ros.assets.street.obstacles import OBSTACLE_DTYPE
 from simbev_ros.assets.street.parking_spots import SPOT_DTYPE
+from simbev_ros.assets.street.rest_kinds import REST_DTYPE
 from simbev_ros.foundation.files.whole_files import write_errors
 from simbev_ros.foundation.types import Float64Array, Table
 from simbev_ros.foundation.units import NS_PER_S
@@ -45,6 +46,7 @@ from simbev_ros.simulation.world.sumo.traffic import SumoTraffic
 _ON_FOOT = (LaneKind.CROSSING, LaneKind.WALKING_AREA)
 _NO_OBSTACLES = np.empty(0, OBSTACLE_DTYPE)
 _NO_SPOTS = np.empty(0, SPOT_DTYPE)
+_NO_RESTS = np.empty(0, REST_DTYPE)
 _NO_TRAFFIC = (LaneKind.PARKING, LaneKind.SHOULDER, LaneKind.MEDIAN)
 
 
@@ -62,6 +64,7 @@ class Simulation:
         obstacles: Table = _NO_OBSTACLES,
         plazas: Sequence[Plaza] = (),
         parking_spots: Table = _NO_SPOTS,
+        rests: Table = _NO_RESTS,
     ) -> None:
         """Place all actors, at rest.
 
@@ -71,6 +74,7 @@ class Simulation:
             obstacles: (K,) ``OBSTACLE_DTYPE``, which pedestrians walk around.
             plazas: Plazas that pedestrians visit.
             parking_spots: (S,) ``SPOT_DTYPE``, some of which parked vehicles take.
+            rests: (R,) ``REST_DTYPE``, some of which people take.
 
         Raises:
             SimulationError: SUMO failed, an agent's vehicle has no room, or this process runs another simulation.
@@ -99,7 +103,7 @@ class Simulation:
         try:
             self._population = Population(spec, self._sumo)
             self._actors = Actors(
-                spec, network, self._population, obstacles, demand.excursions, self.weather, parking_spots
+                spec, network, self._population, obstacles, demand.excursions, self.weather, parking_spots, rests
             )
             self._turning_room = self._turning_room_on(network)
             lengths_m = self._vehicle_lengths_m()

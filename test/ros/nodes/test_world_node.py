@@ -75,7 +75,9 @@ def node(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     """A world node without participants to wait for, which collects what it publishes in ``sent``, by topic."""
     monkeypatch.setattr(world_node, "loaded_reach", lambda *_: None)
     monkeypatch.setattr(
-        world_node, "load_streetside", lambda *_, **__: Streetside(np.zeros((0, 3)), np.zeros(0), (), np.zeros(0))
+        world_node,
+        "load_streetside",
+        lambda *_, **__: Streetside(np.zeros((0, 3)), np.zeros(0), (), np.zeros(0), np.zeros(0)),
     )
     monkeypatch.setattr(world_node, "_make_source", lambda request, *_: Parade(request.spec))
     rclpy.init(domain_id=DOMAIN)

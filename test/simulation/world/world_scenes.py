@@ -66,7 +66,7 @@ def scene(vehicles: int = 32, pedestrians: int = 24, ticks: int = 160, **changes
     waypoint_indices = rng.permutation(len(waypoints.lane))
     sidewalks = [lane for lane in blocks().lanes.values() if lane.kind is LaneKind.SIDEWALK]
     cars = [blueprint.name for blueprint in load_blueprints() if blueprint.kind == "vehicle"]
-    pedestrian_names = [blueprint.name for blueprint in load_blueprints() if blueprint.kind == "pedestrian"]
+    pedestrian_names = [blueprint.name for blueprint in load_blueprints() if blueprint.on_foot or blueprint.wheelchair]
     fields: dict[str, object] = {
         "number": 0,
         "split": "train",

@@ -65,6 +65,7 @@ class Blueprint(Model):
     wheelchair: bool = False
     sits: bool = False
     runs_as: str = ""
+    fast: str = ""
 
     @property
     def on_foot(self) -> bool:

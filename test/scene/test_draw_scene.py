@@ -156,6 +156,18 @@ def test_pedestrians_faster_than_walking_speed_run_in_sports_clothes(network: Ro
         assert runner.max_speed_mps == (2.2 if expected == "pedestrian.wheelchair" else 5.0)
 
 
+def test_only_slow_pedestrians_limp(network: RoadNetwork) -> None:
+    limping = {blueprint.name: blueprint.fast for blueprint in load_blueprints() if blueprint.fast}
+
+    def draw_pedestrians(max_speed_mps: float) -> list[str]:
+        traffic = Traffic(vehicles=0, pedestrians=400, pedestrian_max_speed_mps=max_speed_mps, group_probability=0)
+        return [each.blueprint for each in draw_scene(scenario(traffic=traffic), PLANNED, network).pedestrians]
+
+    slow, fast = draw_pedestrians(0.8), draw_pedestrians(1.2)
+    assert 1 < sum(name in limping for name in slow) < 0.15 * len(slow)
+    assert fast == [limping.get(name, name) for name in slow]
+
+
 @pytest.mark.slow
 def test_paper_draws_up_to_three_less_than_the_free_positions(network: RoadNetwork) -> None:
     traffic = Traffic(spawn_radius_m=150, pedestrians=0)

@@ -7,6 +7,7 @@ import numpy as np
 
 from simbev_ros.assets.actors.body import Ring, load_body
 from simbev_ros.assets.actors.figure import SIDES, Figure, shoe_girth, vector
+from simbev_ros.assets.actors.limbs import HAND
 from simbev_ros.assets.actors.pose import Pose
 from simbev_ros.assets.actors.solids import AnySolid, Box, Rings, Solid, Tube
 from simbev_ros.foundation.types import Float64Array
@@ -266,7 +267,7 @@ def hand_m(figure: Figure, pose: Pose, side: str) -> Float64Array:
     """(3,) middle of a hand."""
     joints = pose.joints[side]
     along = joints["wrist"] - joints["elbow"]
-    middle: Float64Array = joints["wrist"] + along / np.linalg.norm(along) * 0.05 * figure.height
+    middle: Float64Array = joints["wrist"] + along / np.linalg.norm(along) * HAND * figure.height
     return middle
 
 

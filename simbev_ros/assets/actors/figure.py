@@ -69,6 +69,8 @@ class Figure(Model):
         rest_deg: Bend of the left and the right elbow when the figure stands, of arms that swing on foot.
         left_arm: How the left arm is held on foot, a key in body.yaml; none: it swings.
         right_arm: How the right arm is held.
+        limps: Whether the left leg hurts.
+        stick: Tip of a stick that the right hand sets down with that leg, from the hand and over the height.
         carried: What the figure carries.
     """
 
@@ -110,6 +112,8 @@ class Figure(Model):
     rest_deg: tuple[float, float] = (8.0, 8.0)
     left_arm: str = ""
     right_arm: str = ""
+    limps: bool = False
+    stick: tuple[float, float, float] | None = None
     carried: tuple[Carried, ...] = ()
 
 
@@ -131,7 +135,8 @@ def figure_pose(figure: Figure, tall_m: float) -> Pose:
     if figure.sitting:
         return sitting_pose(figure.sitting, figure.height, figure.girth, figure.shoulders, sole, held)
     gaits = [_own_gait(figure, gait) for gait in interpolate_gaits(_ROW_PARTS)]
-    pose = standing_pose(gaits, figure.height, tall_m, figure.shoulders, sole, held)
+    limp = figure.limps, figure.stick
+    pose = standing_pose(gaits, figure.height, tall_m, figure.shoulders, sole, held, *limp)
     for side, bend_deg in zip(SIDES, figure.rest_deg, strict=True):
         if side not in held:
             pose.turn_rad[side]["forearm"][0] = -np.radians(bend_deg)

@@ -35,11 +35,14 @@ class Stride:
     turn_rad: Mapping[str, Float64Array]
 
 
-def stride(gait: Gait, length: float, sole: tuple[float, float]) -> Stride:
-    """Compute a stride of a length, for a sole that extends from x = ``sole[0]`` to ``sole[1]`` off the ankle."""
+def stride(gait: Gait, length: float, sole: tuple[float, float], max_hip: float = np.inf) -> Stride:
+    """Compute a stride of a length, for a sole that extends from x = ``sole[0]`` to ``sole[1]`` off the ankle.
+
+    The mean height of the hips is at most ``max_hip``.
+    """
     phase = np.arange(PHASES) / PHASES
     ahead = np.cos(2.0 * np.pi * phase)
-    hip, thigh, knee, ankle = _leg(gait, length, sole, phase)
+    hip, thigh, knee, ankle = _leg(gait, length, sole, phase, max_hip)
     turns = {
         "thigh": thigh - np.radians(gait.lean),
         "shin": knee,
@@ -51,7 +54,7 @@ def stride(gait: Gait, length: float, sole: tuple[float, float]) -> Stride:
 
 
 def _leg(
-    gait: Gait, length: float, sole: tuple[float, float], phase: Float64Array
+    gait: Gait, length: float, sole: tuple[float, float], phase: Float64Array, max_hip: float
 ) -> tuple[Float64Array, Float64Array, Float64Array, Float64Array]:
     """Height of the hips, angle of the thigh to the vertical, angles of knee and ankle, at (P,) phases."""
     if gait.stance == 1.0:
@@ -63,7 +66,7 @@ def _leg(
     share = np.clip((phase - gait.stance) / (1.0 - gait.stance), 0.0, 1.0)
     foot = _interpolate_stride(phase, down, pitch, (gait.lift_at, np.radians(gait.tuck)))
     x = _interpolate_stride(phase, down, ankle[:, 0] + ahead)
-    hip = _hip(gait, mean, phase)
+    hip = _hip(gait, min(mean, max_hip), phase)
     z = _rolled_ankle(foot, sole)[:, 1] + gait.lift * _hump(share, gait.lift_at) - hip
     thigh, shin = bend(np.column_stack([x, np.zeros_like(x), z]), THIGH, SHIN, forward=True)
     return hip, thigh, shin - thigh, foot - shin

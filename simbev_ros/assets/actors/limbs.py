@@ -6,7 +6,7 @@ from simbev_ros.foundation.types import Float64Array
 
 # Lengths relative to the body height: Drillis and Contini, "Body Segment Parameters", 1966.
 THIGH, SHIN, ANKLE = 0.245, 0.246, 0.039
-UPPER_ARM, FOREARM = 0.172, 0.150
+UPPER_ARM, FOREARM, HAND = 0.172, 0.150, 0.05  # the last one from the wrist to the middle of the hand
 HIP_HALF, SHOULDER_ABOVE_HIP, NECK_ABOVE_HIP, HEAD_ABOVE_HIP = 0.052, 0.252, 0.298, 0.400
 
 

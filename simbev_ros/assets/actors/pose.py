@@ -6,10 +6,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from simbev_ros.assets.actors.body import ArmPose
-from simbev_ros.assets.actors.gait import PHASES, stride
+from simbev_ros.assets.actors.gait import PHASES
 from simbev_ros.assets.actors.limbs import (
     ANKLE,
     FOREARM,
+    HAND,
     HEAD_ABOVE_HIP,
     HIP_HALF,
     NECK_ABOVE_HIP,
@@ -21,11 +22,13 @@ from simbev_ros.assets.actors.limbs import (
     bend_toward,
     down,
 )
+from simbev_ros.assets.actors.limping import both_strides, stick_turns
 from simbev_ros.config.base import Model
 from simbev_ros.foundation.types import Float64Array
 from simbev_ros.scene.gait import Gait, unit_mps
 
 LIMBS = ("thigh", "shin", "foot", "upper arm", "forearm")
+_ARM = LIMBS[3:]
 _SIDES = (("left", 1.0), ("right", -1.0))
 _PUSHING_MPS = 0.6
 _TURN = np.linspace(0.0, 2.0 * np.pi, PHASES, endpoint=False)
@@ -92,6 +95,8 @@ def standing_pose(
     shoulders: float,
     sole: tuple[float, float],
     held: Mapping[str, ArmPose],
+    limps: bool = False,
+    stick: tuple[float, float, float] | None = None,
 ) -> Pose:
     """Pose of a figure on foot, standing upright.
 
@@ -102,6 +107,8 @@ def standing_pose(
         shoulders: Half the shoulder distance over the height.
         sole: x of the sole's ends from the ankle, over the height.
         held: Side → pose of an arm that does not swing.
+        limps: Whether the left leg hurts.
+        stick: Tip of a stick in the right hand, from the hand and over the height, that is set down with that leg.
     """
     hip = np.array([0.0, 0.0, _STANDING * height_m])
     joints = {}
@@ -123,11 +130,20 @@ def standing_pose(
             "elbow": elbow,
             "wrist": wrist,
         }
-    strides = [stride(gait, gait.stride * tall_m / height_m, sole) for gait in gaits]
-    left = {limb: np.stack([each.turn_rad[limb] for each in strides]) for limb in LIMBS}
-    turns = {"left": left, "right": {limb: np.roll(left[limb], PHASES // 2, axis=1) for limb in LIMBS}}
+    lengths = [gait.stride * tall_m / height_m for gait in gaits]
+    rows = zip(gaits, lengths, strict=True)
+    strides, right = zip(*(both_strides(gait, own, sole, limps=limps) for gait, own in rows), strict=True)
+    turns: dict[str, dict[str, Float64Array]] = {
+        side: {limb: np.stack([each[limb] for each in of_side]) for limb in LIMBS}
+        for side, of_side in (("left", [each.turn_rad for each in strides]), ("right", right))
+    }
     for side in held:
-        turns[side] = turns[side] | {limb: np.zeros_like(left[limb]) for limb in ("upper arm", "forearm")}
+        turns[side] |= {limb: np.zeros((len(gaits), PHASES)) for limb in _ARM}
+    if stick is not None:
+        elbow, wrist = ((joints["right"][name] - joints["right"]["shoulder"]) / height_m for name in ("elbow", "wrist"))
+        tip = wrist + HAND * (wrist - elbow) / FOREARM + stick
+        arms = [stick_turns(*row, elbow, tip) for row in zip(gaits, lengths, strides, strict=True)]
+        turns["right"] |= {limb: np.stack([arm[limb] for arm in arms]) for limb in _ARM}
     return Pose(
         hip=hip,
         neck=hip + np.array([0.0, 0.0, NECK_ABOVE_HIP * height_m]),

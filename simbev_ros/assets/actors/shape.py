@@ -131,7 +131,7 @@ def build_model(blueprint: Blueprint, shape: Shape) -> ActorModel:
     )
     bounds_m = model.mesh.bounds_m
     if model.cycle and blueprint.on_foot:
-        max_walk_mps = transition_mps(blueprint.tall_m)
+        max_walk_mps = min(transition_mps(blueprint.tall_m), blueprint.max_speed_mps or np.inf)
         bounds_m = stride_bounds(model, max_walk_mps if blueprint.runs_as else model.cycle.speed_mps[-1])
     fitted = _fit(blueprint, bounds_m)
     return replace(

@@ -167,6 +167,8 @@ class SceneDrawer:
         blueprint = _draw_blueprint("pedestrian", dressed, rng, self._traffic.wheelchair_probability)
         color = blueprint.colors[int(rng.integers(len(blueprint.colors)))]
         max_speed_mps = sample(self._traffic.pedestrian_max_speed_mps, rng)
+        if blueprint.fast and max_speed_mps > blueprint.max_speed_mps:
+            blueprint = blueprint_named(blueprint.fast)
         if blueprint.runs_as and max_speed_mps > transition_mps(blueprint.tall_m):
             blueprint = blueprint_named(blueprint.runs_as)
             rng = stream(self.seed, f"pedestrians.{index}.sports")

@@ -39,4 +39,5 @@ def with_groups(pedestrians: Iterable[PedestrianSpec], seed: int, probability: f
 def _walks_at(pedestrian: PedestrianSpec, speed_mps: float) -> bool:
     """Whether a pedestrian is a walker who need not run at a speed."""
     blueprint = blueprint_named(pedestrian.blueprint)
-    return bool(blueprint.runs_as) and speed_mps <= transition_mps(blueprint.tall_m)
+    max_mps = transition_mps(blueprint.tall_m)
+    return bool(blueprint.runs_as) and speed_mps <= min(max_mps, blueprint.max_speed_mps or max_mps)

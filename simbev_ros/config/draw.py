@@ -114,6 +114,28 @@ def _paper_or_drawn_tag(value: Any) -> str:
     return "paper" if value == "paper" else "number"
 
 
+class Options(Model):
+    """Words, such as names of presets, one of which is drawn."""
+
+    choice: Annotated[tuple[str, ...], Field(min_length=1)] = Field(description="equally likely words")
+
+    def sample(self, rng: np.random.Generator) -> str:
+        """Draw a word."""
+        return self.choice[int(rng.integers(len(self.choice)))]
+
+
+def _drawn_or_chosen_tag(value: Any) -> str:
+    words = value.get("choice") if isinstance(value, dict) else getattr(value, "choice", None)
+    is_chosen = isinstance(words, (list, tuple)) and any(isinstance(word, str) for word in words)
+    return "options" if is_chosen else "distribution"
+
+
+DrawnOrChosen = Annotated[
+    Annotated[Distribution, Tag("distribution")] | Annotated[Options, Tag("options")],
+    Discriminator(_drawn_or_chosen_tag),
+]
+"""A distribution of numbers, or words of which one is drawn."""
+
 Drawn = Annotated[
     Annotated[float, Tag("number")] | Annotated[Distribution, Tag("distribution")],
     Discriminator(lambda value: "distribution" if isinstance(value, (dict, Distribution)) else "number"),

@@ -260,7 +260,7 @@ def _keys_in_data(location: Sequence[str | int], data: Any) -> list[str | int]:
     return keys
 
 
-_BRANCHES = {"number", "distribution", "paper", "poses", "poses_by_map", *SENSOR_KINDS}
+_BRANCHES = {"number", "distribution", "options", "paper", "poses", "poses_by_map", *SENSOR_KINDS}
 
 
 def _suggestion(key: str, location: Sequence[str | int]) -> str:

@@ -362,7 +362,8 @@ class Scenario(Model):
 
     @model_validator(mode="after")
     def _agents_are_consistent(self) -> Self:
-        require_heights_of_vehicle(self.rig)
+        for rig in self.rig.extremes:
+            require_heights_of_vehicle(rig)
         if self.agents:
             require_consistent_agents(self.rig, self.agents)
         require_consistent_evaluations(self.evaluation, self.agents)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from simbev_ros.config.agents import Agent, Ego, EgoDriverKind
-from simbev_ros.config.base import Model
+from simbev_ros.config.base import Model, first_problem
 from simbev_ros.config.draw import sample
 from simbev_ros.config.places import Mast, SpawnPose
 from simbev_ros.config.rig import Rig
@@ -76,7 +76,7 @@ def draw_agents(
     carriers = _CarrierDrawer(scenario, seed, network, starts, duration_s, clearance, drawn)
     masts = StationDrawer(seed, network, starts, scenario.traffic.spawn_radius_m, drawn.position_m, drawn.stations)
     carriers.draw(scenario.ego, scenario.rig.agent, "ego", partial(scenario.where, "ego"))
-    drawn.specs.append(ego_spec(scenario, drawn.vehicles[0], scenario.ego.driver))
+    drawn.specs.append(ego_spec(scenario, seed, drawn.vehicles[0], scenario.ego.driver))
     for index, agent in enumerate(scenario.agents):
         where, siblings = partial(scenario.where, "agents", index), list[StationSpec]()
         if agent.carrier is not None:
@@ -85,10 +85,10 @@ def draw_agents(
             if agent.mast is None:
                 carriers.draw(agent, name, f"agents.{name}", where)
                 vehicle, number = drawn.vehicles[-1], len(drawn.vehicles) - 1
-                drawn.specs.append(agent_on_vehicle(scenario, agent, name, vehicle, number, agent.driver))
+                drawn.specs.append(agent_on_vehicle(scenario, seed, agent, name, vehicle, number, agent.driver))
             else:
                 siblings.append(masts.draw(agent.mast, name, partial(where, "mast"), siblings))
-                drawn.specs.append(agent_on_mast(scenario, agent, agent.mast, name, siblings[-1]))
+                drawn.specs.append(agent_on_mast(scenario, seed, agent, agent.mast, name, siblings[-1]))
     return drawn.agents()
 
 
@@ -99,10 +99,10 @@ def drawn_names(agent: Agent, seed: int) -> tuple[str, ...]:
     )
 
 
-def ego_spec(scenario: Scenario, vehicle: VehicleSpec, driver: EgoDriverKind) -> AgentSpec:
+def ego_spec(scenario: Scenario, seed: int, vehicle: VehicleSpec, driver: EgoDriverKind) -> AgentSpec:
     """Specification of the ego, which rides in the scene's first vehicle."""
     return AgentSpec(
-        rig=scenario.rig,
+        rig=_drawn_rig(scenario.rig, scenario.rig.agent, seed),
         frames=scenario.frames.of_rig(scenario.rig),
         base_link_x_m=base_link_x_m(scenario.frames, blueprint_named(vehicle.blueprint)),
         annotation=scenario.annotation,
@@ -112,12 +112,18 @@ def ego_spec(scenario: Scenario, vehicle: VehicleSpec, driver: EgoDriverKind) ->
 
 
 def agent_on_vehicle(
-    scenario: Scenario, agent: Agent, name: str, vehicle: VehicleSpec, index: int, driver: EgoDriverKind
+    scenario: Scenario,
+    seed: int,
+    agent: Agent,
+    name: str,
+    vehicle: VehicleSpec,
+    index: int,
+    driver: EgoDriverKind,
 ) -> AgentSpec:
     """Specification of an agent that rides in a vehicle, which has this index in the scene."""
     frames = scenario.frames if agent.frames is None else agent.frames
     return AgentSpec(
-        rig=agent.rig.model_copy(update={"agent": name}),
+        rig=_drawn_rig(agent.rig, name, seed),
         frames=frames.of_rig(agent.rig),
         base_link_x_m=base_link_x_m(frames, blueprint_named(vehicle.blueprint)),
         annotation=scenario.annotation if agent.annotation is None else agent.annotation,
@@ -126,13 +132,30 @@ def agent_on_vehicle(
     )
 
 
-def agent_on_mast(scenario: Scenario, agent: Agent, mast: Mast, name: str, station: StationSpec) -> AgentSpec:
+def agent_on_mast(
+    scenario: Scenario, seed: int, agent: Agent, mast: Mast, name: str, station: StationSpec
+) -> AgentSpec:
     """Specification of a roadside unit; its mast raises the sensors of its rig."""
     return AgentSpec(
-        rig=_raised(agent.rig, mast.height_m).model_copy(update={"agent": name}),
+        rig=_raised(_drawn_rig(agent.rig, name, seed), mast.height_m),
         annotation=scenario.annotation if agent.annotation is None else agent.annotation,
         station=station,
     )
+
+
+def _drawn_rig(rig: Rig, name: str, seed: int) -> Rig:
+    """The rig of an agent in the scene with this seed."""
+    rig = rig.model_copy(update={"agent": name})
+    if not rig.drawn:
+        return rig
+    values = {
+        pattern: {field: drawn.sample(stream(seed, f"rig.{name}.{pattern}.{field}")) for field, drawn in fields.items()}
+        for pattern, fields in rig.drawn.items()
+    }
+    try:
+        return rig.with_values(values)
+    except ValueError as error:
+        raise InputError(f"rig.drawn of agent {name}: cannot be drawn together: {first_problem(error)}") from None
 
 
 def _raised(rig: Rig, height_m: float) -> Rig:

@@ -35,7 +35,7 @@ def replayed_agents(
             drawn.
     """
     drivers: dict[int | None, EgoDriverKind] = {each.vehicle: each.driver for each in spec.agents}
-    agents = [ego_spec(scenario, spec.vehicles[0], drivers[0])]
+    agents = [ego_spec(scenario, spec.seed, spec.vehicles[0], drivers[0])]
     if not scenario.agents:
         return tuple(agents)
     starts_m = {scenario.rig.agent: _start_m(spec, network, 0)}
@@ -48,11 +48,11 @@ def replayed_agents(
                 if rival := next((each.name for each in agents if each.vehicle == index), None):
                     raise InputError(f"{where()}: vehicle {EGO_ID + index} carries {rival}; it can carry one agent")
                 driver = drivers.get(index, "traffic")
-                agents.append(agent_on_vehicle(scenario, agent, name, spec.vehicles[index], index, driver))
+                agents.append(agent_on_vehicle(scenario, spec.seed, agent, name, spec.vehicles[index], index, driver))
                 starts_m[name] = _start_m(spec, network, index)
             else:
                 siblings.append(masts.draw(agent.mast, name, partial(where, "mast"), siblings))
-                agents.append(agent_on_mast(scenario, agent, agent.mast, name, siblings[-1]))
+                agents.append(agent_on_mast(scenario, spec.seed, agent, agent.mast, name, siblings[-1]))
     return tuple(agents)
 
 

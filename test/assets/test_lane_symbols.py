@@ -6,7 +6,7 @@ import shapely
 
 from simbev_ros.assets.placement.region_ground import RegionGround
 from simbev_ros.assets.roads.curb_paint import curb_paint
-from simbev_ros.assets.roads.symbols import arrow, in_map, lane_symbols, word
+from simbev_ros.assets.roads.symbols import arrow, country_words, in_map, lane_symbols, words
 from simbev_ros.maps.build import load_network
 from simbev_ros.maps.land.terrain import Terrain
 from simbev_ros.maps.region import Region
@@ -25,7 +25,7 @@ def test_an_arrow_bends_to_the_side_that_it_points_to(direction: int, side: floa
 
 
 def test_a_word_is_upright_for_drivers() -> None:
-    letter = word("L")
+    letter = words(("L",))
     foot = letter.intersection(shapely.box(-1.0, -1.0, 0.2, 1.0))
     stem = letter.intersection(shapely.box(1.5, -1.0, 3.0, 1.0))
     assert foot.bounds[1] < -0.12  # its foot points to the right
@@ -61,3 +61,15 @@ def test_lines_along_curbs_lie_on_lanes_beside_sidewalks_and_clear_of_crosswalks
     assert shapely.distance(areas, walk).min() == pytest.approx(0.25, abs=0.12)  # the outer one of two, or one
     assert shapely.distance(areas, walk).max() < 0.5
     assert shapely.distance(areas, ground.streets[0].crosswalk).min() > 1.0
+
+
+def test_country_words_are_those_of_the_maps_position() -> None:
+    assert country_words(load_network(MapSpec(name="Town10HD", seed=0)))["lane"][0] == ["ESCUELA"]
+    assert country_words(load_network(MapSpec(name="Blocks", seed=0)))["bus"] == ["ONLY", "BUS"]
+
+
+def test_the_first_word_of_several_is_the_farthest_and_long_words_fit_their_lane() -> None:
+    both = words(("L", "I"))
+    assert both.intersection(shapely.box(2.5, -1.0, 6.0, 1.0)).bounds[1] < -0.12  # the foot of the L
+    assert both.intersection(shapely.box(-1.0, -1.0, 2.4, 1.0)).bounds[1] > -0.12  # I has none
+    assert np.ptp(words(("SCHULE",), 2.6).bounds[1::2]) < 2.6

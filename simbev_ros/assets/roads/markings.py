@@ -13,7 +13,8 @@ from simbev_ros.assets.mesh.primitives import Finish
 from simbev_ros.assets.placement.region_ground import RegionGround
 from simbev_ros.assets.placement.tiles import TileBuilder
 from simbev_ros.assets.roads.curb_paint import curb_paint
-from simbev_ros.assets.roads.symbols import lane_symbols
+from simbev_ros.assets.roads.hatching import hatched_areas
+from simbev_ros.assets.roads.symbols import bus_paint, lane_symbols
 from simbev_ros.foundation.geometry import overlay
 from simbev_ros.foundation.semantics import Tag
 from simbev_ros.foundation.types import AnyArray
@@ -41,8 +42,9 @@ def paint_markings(tiles: TileBuilder, ground: RegionGround) -> None:
         by_color = defaultdict(list)
         for mark in lane_markings(ground.network.layout, level, ground.region.area):
             by_color[mark.color].append(mark.polygon)
-        symbols = overlay.intersection(list(lane_symbols(ground, level)), ground.region.area)
-        by_color[PaintColor.WHITE] += [part for part in symbols if not part.is_empty]
+        symbols = [*lane_symbols(ground, level), *bus_paint(ground, level), *hatched_areas(ground, level)]
+        within = overlay.intersection(symbols, ground.region.area)
+        by_color[PaintColor.WHITE] += [part for part in within if not part.is_empty]
         for color, areas in curb_paint(ground, level):
             by_color[color] += [area for area in areas if not area.is_empty]
         asphalt = overlay.union(ground.streets[level].road, ground.streets[level].shoulder)

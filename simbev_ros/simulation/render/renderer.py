@@ -228,6 +228,7 @@ class Renderer:
             hidden = () if frame.show_ego else np.flatnonzero(np.isin(world.actors["id"], list(world.ego_ids)))
             wet = world.weather.wetness > 0.0
             self._shading.glare.set_lamps(lamps[~np.isin(lamps["row"], hidden)], wet)
+            self._shading.fog_glow.set_lamps(lamps, world.weather)
         block_head = sky.block_head(world.weather, world.stamp_ns, origin_m, HALF_M)
         block_head[0, 3] *= adaptation.factor
         matrices = [*shadows, LampField.texture_from_world()]

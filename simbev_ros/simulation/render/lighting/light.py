@@ -44,6 +44,7 @@ _OVERCAST_TINT = np.array([0.97, 1.0, 1.04])
 _AMBIENT_WHITENING = 0.45
 _UPRIGHT_SHARE = 0.3
 _MAX_GLOW = 3.0
+_FOGGY = 60.0  # density of fog that scatters all light many times
 _MAX_SKY = 8.0  # maximum radiance around the sun relative to the mean, as no camera shows more
 CLEAR_HAZE_PER_M = float(np.mean(RAYLEIGH_PER_KM + MIE_EXTINCTION_PER_KM)) / 1000.0 / np.log(2.0)
 
@@ -138,7 +139,10 @@ class SkyLight:
             (self.ground_ambient, rain),
             (fog, haze_per_m),
             (origin_m % _NOISE_PERIOD_M, contact_half_m),
-            (np.array([weather.snow_cover, weather.leaf_litter, weather.flowers]) / 100.0, 0.0),
+            (
+                np.array([weather.snow_cover, weather.leaf_litter, weather.flowers]) / 100.0,
+                min(weather.fog_density / _FOGGY, 1.0),
+            ),
         ]
         return np.array([[*color, extra] for color, extra in rows])
 
@@ -229,9 +233,9 @@ def _air(
     away = ring[weight < 0.2].mean(axis=0)
     glow = np.einsum("kc,k->c", ring - away, weight) / (weight**2).sum()
     glow = np.clip(glow, 0.0, _MAX_GLOW * away.mean())
-    foggy = min(fog_density / 60.0, 1.0)
-    gray = 0.5 * (in_fog + in_fog.mean())
-    return away + (gray - away) * (0.7 * foggy), glow + (0.5 * glow.mean() - glow) * (0.75 * foggy)
+    foggy = min(fog_density / _FOGGY, 1.0)
+    mixed = 0.75 * in_fog + 0.25 * in_fog.mean()
+    return away + (mixed - away) * (0.7 * foggy), glow + (0.7 * glow.mean() - glow) * (0.5 * foggy)
 
 
 def _adaptation(light: float) -> tuple[float, float]:

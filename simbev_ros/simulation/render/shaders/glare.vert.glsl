@@ -17,7 +17,7 @@ void main() {
     float clear = clear_share(distance, in_at.z);
     float lux = in_color.a * sent_to(to_camera) / (distance * distance);
     float shown = exposure() * viewport.w / USUAL_EXPOSURE * clear;
-    shown *= distance_ahead(in_at) > 0.3 ? seen_share(in_at) : 0.0;
+    shown *= distance_ahead(in_at) > 0.3 ? seen_share(in_at, LAMP) : 0.0;
     float lamp_px = 0.09 * focal / distance;
     float point = 38.0 * pow(lux, 0.7) * shown * (1.0 - smoothstep(2.0, 6.0, lamp_px));
     float glare = 2.4 * pow(lux, 0.6) * shown;

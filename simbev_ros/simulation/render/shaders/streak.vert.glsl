@@ -24,7 +24,7 @@ void main() {
     float width = is_top ? 0.35 * intrinsics.x * height / distance + 4.0 : 0.3 * intrinsics.x * height / max(length(near.xy - camera.xy), 0.1);
     vec2 place = (is_top ? top : bottom) + side * width * (float(gl_VertexID & 1) * 2.0 - 1.0);
     v_across = vec3((float(gl_VertexID & 1) * 2.0 - 1.0) * width, is_top ? 0.0 : 1.0, width);
-    float seen = drawn ? seen_share(in_at) * wet_share(tunnel_at(foot, vec3(0.0))) : 0.0;
+    float seen = drawn ? seen_share(in_at, LAMP) * wet_share(tunnel_at(foot, vec3(0.0))) : 0.0;
     v_lamp = in_at;
     v_light = in_color.rgb * in_color.a * seen * wetness() * clear_share(distance, foot.z);
     v_facing = vec4(in_facing, in_form.x);

@@ -14,6 +14,7 @@ from simbev_ros.simulation.render.gl.programs import BLOCK_BINDINGS, TEXTURE_UNI
 from simbev_ros.simulation.render.gl.screen_pass import ScreenPass
 from simbev_ros.simulation.render.gl.targets import Targets
 from simbev_ros.simulation.render.gl.timer import Timer
+from simbev_ros.simulation.render.lighting.fog_glow import FogGlow
 from simbev_ros.simulation.render.lighting.glare import Glare
 from simbev_ros.simulation.render.shading.class_areas import create_class_areas
 from simbev_ros.simulation.render.shading.rain import Rain
@@ -46,6 +47,7 @@ class Shading:
             for lit in (False, True)
         }
         self.glare = Glare(context, library)
+        self.fog_glow = FogGlow(context, library)
         self.rain = Rain(context, library)
         self.wetness = Wetness(context, self._areas, library.quality, _GROUND)
         self._antialias = library.screen_pass("antialias.frag")
@@ -136,6 +138,7 @@ class Shading:
         with self._timer("glare, rain"):
             targets.rgb.use()
             if self._lamps_lit:
+                self.fog_glow.draw(targets.rgb)
                 self.glare.draw()
             self.rain.draw_streaks(self._lamps_lit)
             if camera_seed is not None:

@@ -2,6 +2,7 @@
 #include "light"
 #include "view"
 #include "tunnel"
+const float FROM_ABOVE = 0.45;  // increase of the radiance of fog from the horizon to the zenith, as light enters it from above
 const float FOG_FLOOR = -30.0;  // meters; below this height, the fog density is constant
 
 // Optical depth / ln 2 of fog on a straight path between two heights in the world.
@@ -19,7 +20,8 @@ vec3 air_radiance(vec3 direction) {
     float towards = max(dot(direction, sun_direction.xyz) * 0.5 + 0.5, 0.0);
     towards *= towards;
     towards *= towards;
-    return air_light.rgb + air_glow.rgb * towards * towards;
+    float from_above = 1.0 + foggy() * FROM_ABOVE * clamp(direction.z, -0.35, 0.7);
+    return (air_light.rgb + air_glow.rgb * towards * towards) * from_above;
 }
 
 // Radiance of a surface point after passing through the air to the camera.

@@ -7,6 +7,7 @@ in vec4 in_color;     // linear RGB; candela
 in vec2 in_form;      // 0 shines all around, 1 only ahead; height above the ground
 
 const float USUAL_EXPOSURE = 6.5;
+const float LAMP = 0.07;           // meters
 const float DEPTH_MARGIN = 0.35;  // distance of a lamp's center behind its lens, meters
 
 vec2 pixel_of(vec3 position) {
@@ -18,11 +19,11 @@ float distance_ahead(vec3 position) { return (clip_from_world * vec4(position, 1
 
 vec4 clip_of(vec2 pixel) { return vec4(pixel / viewport.xy * 2.0 - 1.0, 0.0, 1.0); }
 
-// Share of the lamp that is visible; parts outside the image count as visible.
-float seen_share(vec3 at) {
+// Share of the surroundings of a lamp, up to an extent in meters, that is visible; parts outside the image count as visible.
+float seen_share(vec3 at, float extent) {
     float depth = distance_ahead(at);
     vec2 middle = pixel_of(at);
-    float radius = max(0.07 * intrinsics.x / depth, 0.5), seen = 0.0;
+    float radius = max(extent * intrinsics.x / depth, 0.5), seen = 0.0;
     for (int tap = 0; tap < 9; ++tap) {
         ivec2 texel = ivec2(middle + radius * (vec2(tap % 3, tap / 3) - 1.0));
         bool outside = min(texel.x, texel.y) < 0 || texel.x >= int(viewport.x) || texel.y >= int(viewport.y);

@@ -10,7 +10,7 @@ layout(std140) uniform Light {
     vec4 ground_ambient;  // irradiance / pi from below; rain 0..1
     vec4 fog;             // per meter, start in meters, falloff per meter of height; haze per meter
     vec4 noise_origin;    // the world's origin in the map, modulo 64 m; half width of the contact map, meters
-    vec4 strewn;          // snow, fallen leaves and flowers 0..1; unused
+    vec4 strewn;          // snow, fallen leaves and flowers 0..1; fog 0..1
     mat4 near_clip_from_world;
     mat4 far_clip_from_world;
     mat4 lamp_field_from_world;
@@ -26,5 +26,6 @@ float wind() { return key_light.w; }
 float snow() { return strewn.x; }
 float leaf_litter() { return strewn.y; }
 float flowers() { return strewn.z; }
+float foggy() { return strewn.w; }
 float rain() { return ground_ambient.w; }
 float seconds() { return sky_ambient.w; }

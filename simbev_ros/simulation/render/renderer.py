@@ -237,6 +237,7 @@ class Renderer:
         self._sky_dome.draw(sky, block_head)
         self._shading.set_signals(world.signals)
         self._shading.rain.set_world(world, origin_m, adaptation.inside)
+        self._shading.spray.set_world(world, origin_m)
         self._shading.wetness.set_weather(world.weather)
 
     def _render_camera(

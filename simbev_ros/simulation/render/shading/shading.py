@@ -18,6 +18,7 @@ from simbev_ros.simulation.render.lighting.fog_glow import FogGlow
 from simbev_ros.simulation.render.lighting.glare import Glare
 from simbev_ros.simulation.render.shading.class_areas import create_class_areas
 from simbev_ros.simulation.render.shading.rain import Rain
+from simbev_ros.simulation.render.shading.spray import Spray
 from simbev_ros.simulation.render.shading.surfaces import material_block, shading_classes
 from simbev_ros.simulation.render.shading.wetness import Wetness
 
@@ -49,6 +50,7 @@ class Shading:
         self.glare = Glare(context, library)
         self.fog_glow = FogGlow(context, library)
         self.rain = Rain(context, library)
+        self.spray = Spray(context, library)
         self.wetness = Wetness(context, self._areas, library.quality, _GROUND)
         self._antialias = library.screen_pass("antialias.frag")
         self._enlarge = library.screen_pass("enlarge.frag")
@@ -140,6 +142,7 @@ class Shading:
             if self._lamps_lit:
                 self.fog_glow.draw(targets.rgb)
                 self.glare.draw()
+            self.spray.draw(self._lamps_lit)
             self.rain.draw_streaks(self._lamps_lit)
             if camera_seed is not None:
                 self.rain.draw_lens_drops(targets.rgb, targets.shaded, camera_seed)
